@@ -1,0 +1,1 @@
+"""CAN frames of a live bus or a log -> taxel frames."""

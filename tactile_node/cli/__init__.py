@@ -1,0 +1,1 @@
+"""The ``tactile`` command: one module a sub-command."""

@@ -1,0 +1,1 @@
+"""Taxel frame -> contact pattern: which taxels are pressed, together."""

@@ -1,0 +1,36 @@
+"""The errors this package raises: one small tree, every message with a way out."""
+
+
+class TactileError(Exception):
+    """Something the caller gave us cannot be used.
+
+    The message says where it happened, what was expected, what came instead and what to do:
+
+    >>> print(ConfigurationError('layout.yaml, key "rows"', expected='a whole number >= 1',
+    ...                          got="'many'", remedy='Write the number of taxel rows.'))
+    layout.yaml, key "rows": expected a whole number >= 1, got 'many'. Write the number of taxel rows.
+    """
+
+    def __init__(self, where: str, *, expected: str, got: str, remedy: str):
+        super().__init__(f'{where}: expected {expected}, got {got}. {remedy}')
+        self.where, self.expected, self.got, self.remedy = where, expected, got, remedy
+
+
+class ConfigurationError(TactileError):
+    """A configuration file or a parameter is wrong: EDS, skin layout, YAML, launch argument."""
+
+
+class BusError(TactileError):
+    """The CAN bus cannot be opened or used."""
+
+
+class DeviceError(TactileError):
+    """The CANopen device is absent, is another one, or refuses what is asked of it."""
+
+
+class LogError(TactileError):
+    """A recorded CAN log is missing, unreadable or cut short."""
+
+
+class InputError(TactileError):
+    """An array of taxels or a pattern has a shape or type that cannot be processed."""

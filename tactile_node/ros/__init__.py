@@ -1,0 +1,1 @@
+"""What nodes share: messages from results, parameters, QoS profiles."""

@@ -1,0 +1,1 @@
+"""Features -> recognised shape."""

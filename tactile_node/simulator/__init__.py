@@ -1,0 +1,1 @@
+"""A simulated CANopen skin: contacts or recordings -> CAN frames."""

@@ -1,0 +1,1 @@
+"""The synthetic world: contacts of the five shapes in general position."""

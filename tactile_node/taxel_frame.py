@@ -1,0 +1,30 @@
+"""A taxel frame: what one acquisition of one pad yields, whoever sent it and whoever reads it."""
+
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+
+
+class TaxelStatus(IntEnum):
+    """Why a taxel has, or has not, a valid value (TaxelArray.msg mirrors these numbers)."""
+
+    VALID = 0
+    STALE = 1      #: its CAN frame did not arrive in this SYNC period
+    UNMAPPED = 2   #: the skin layout maps no TPDO field to it
+    DEAD = 3       #: known to be dead, by the layout file or by the device
+    SATURATED = 4  #: at the end of its range: the value is a lower bound, still given
+
+
+class TaxelFrame(NamedTuple):
+    """All taxels of one pad in one SYNC period.
+
+    ``values`` has shape (rows, cols), row 0 and column 0 at the pad frame's origin, in the layout's SI
+    unit; it is read-only, NaN wherever ``status`` says there is no valid value, never 0 instead.
+    """
+
+    stamp: float  #: acquisition time [s, Unix epoch]: when the SYNC of this period was on the bus
+    sequence: int  #: counts SYNC periods since the driver became active, gaps are lost frames
+    values: np.ndarray  #: float32, shape (rows, cols)
+    status: np.ndarray  #: uint8 TaxelStatus, shape (rows, cols)
+    missing_can_frames: int  #: TPDOs of this period that did not arrive
