@@ -1,0 +1,172 @@
+"""Puts the TPDOs between two SYNCs together into one taxel frame. A pure state machine: no bus, no clock.
+
+A skin sends its TPDOs in a fixed order every period (the layout's) and CAN keeps one sender's order, so the
+TPDOs of one period form one *ascending run* of ranks. A taxel frame is only ever made of one run:
+
+- A rank not above the last one begins a new run: what came before it in this period belonged to an earlier
+  one and is dropped (LATE). Only an immediate repetition with equal bytes is a mere DUPLICATE.
+- After a period that ended early, ranks above its end may be its delayed tail. Such a run is suspect: dropped
+  (LATE) when a new run begins, and also when the next SYNC comes, since nothing proves it fresh.
+- A run of all ranks is a complete frame, given at once. Otherwise the next SYNC gives the frame, with NaN and
+  STALE for the taxels that are not in the run. Whatever follows a complete run within its period is SURPLUS.
+
+So a frame mixes two periods only if a SYNC, the end of the period before it and the beginning of the one
+after it are lost together. A run of all ranks after a silent period is taken to be fresh.
+"""
+
+from collections import Counter
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.canbus.layout import SkinLayout
+from tactile_node.canbus.taxel_codec import TaxelCodec
+from tactile_node.taxel_frame import TaxelFrame
+
+
+class LossReason(str, Enum):
+    """Why a TPDO of a pad went into no taxel frame."""
+
+    BEFORE_FIRST_SYNC = 'before_first_sync'
+    LATE = 'late'  #: of an earlier period, or possibly so
+    DUPLICATE = 'duplicate'  #: the same COB-ID and bytes twice in a row
+    SURPLUS = 'surplus'  #: after the period's frame was complete
+    SHORT = 'short'  #: fewer bytes than mapped
+    OVER_LONG = 'over_long'  #: more bytes than mapped: the device maps something else
+    UNFINISHED = 'unfinished'  #: the driver stopped within the period
+
+
+class Loss(NamedTuple):
+    reason: LossReason
+    can_frames: int = 1
+
+
+class PadStatistics(NamedTuple):
+    """Counts of one pad since it was opened; every TPDO received is used, lost with a reason, or pending."""
+
+    periods: int  #: SYNC periods ended
+    complete: int  #: taxel frames given with every TPDO
+    incomplete: int  #: taxel frames given with NaN
+    expected: int  #: TPDOs that the ended periods should have brought
+    received: int  #: TPDOs seen, good or not
+    used: int  #: TPDOs whose taxels were given as valid
+    pending: int  #: TPDOs of the period under way
+    losses: dict[str, int]  #: TPDOs dropped, by LossReason
+
+    @property
+    def published(self) -> int:
+        """Taxel frames given, complete or not."""
+        return self.complete + self.incomplete
+
+    @property
+    def missing(self) -> int:
+        """TPDOs expected that brought no valid taxels."""
+        return self.expected - self.used
+
+
+class FrameAssembler:
+    """The state machine of one pad. ``sync`` and ``feed`` return a TaxelFrame as soon as there is one."""
+
+    def __init__(self, layout: SkinLayout, node_id: int):
+        self._codec = TaxelCodec(layout)
+        self._ranks = {tpdo.cob_id.of(node_id): rank for rank, tpdo in enumerate(layout.tpdos)}
+        self._lengths = [tpdo.length for tpdo in layout.tpdos]
+        self._payload = bytearray(8 * len(self._lengths))
+        self._counts: Counter[str] = Counter()
+        self._losses: Counter[str] = Counter()
+        self.restart()
+
+    @property
+    def can_ids(self) -> frozenset[int]:
+        return frozenset(self._ranks)
+
+    def restart(self) -> None:
+        """Forget the period under way; the next SYNC is number 0."""
+        if getattr(self, '_run', 0):
+            self._lose(LossReason.UNFINISHED, int(self._fresh.sum()))
+        self._sequence, self._stamp = -1, None
+        self._last, self._last_data = len(self._lengths) - 1, b''
+        self._begin_period()
+
+    def sync(self, timestamp: float) -> TaxelFrame | None:
+        """A SYNC was on the bus: end the period and begin the next one; the ended frame, if not yet given."""
+        ended = self.end_period()
+        self._sequence, self._stamp = self._sequence + 1, timestamp
+        self._begin_period()
+        return ended
+
+    def feed(self, can_id: int, data: bytes, timestamp: float) -> TaxelFrame | Loss | None:
+        """One TPDO of this pad: the frame it completes, a loss, or None (taken, more to come)."""
+        rank = self._ranks[can_id]
+        self._counts['received'] += 1
+        if self._stamp is None:
+            return self._lose(LossReason.BEFORE_FIRST_SYNC)
+        repeated = rank == self._last and self._seen and data == self._last_data
+        if repeated:
+            return self._lose(LossReason.DUPLICATE)
+        loss = None
+        if self._given:
+            loss = self._lose(LossReason.SURPLUS)
+        else:
+            loss = self._place(rank, data)
+        self._last, self._last_data, self._seen = rank, bytes(data), True
+        if self._run == len(self._lengths) and not self._given:
+            return self._give()
+        return loss
+
+    def end_period(self) -> TaxelFrame | None:
+        """End the period without a next SYNC (end of a log); the frame, if it was not yet given."""
+        if self._stamp is None:
+            return None
+        self._counts['periods'] += 1
+        if self._given:
+            return None
+        if self._suspect:
+            self._drop_run()
+        frame = self._give()
+        self._stamp = None
+        return frame
+
+    def statistics(self) -> PadStatistics:
+        pending = 0 if self._given else int(self._fresh.sum())
+        counts = self._counts
+        return PadStatistics(
+            counts['periods'], counts['complete'], counts['incomplete'], counts['periods'] * len(self._lengths),
+            counts['received'], counts['used'], pending, {r.value: self._losses[r] for r in LossReason})
+
+    def _begin_period(self) -> None:
+        self._fresh = np.zeros(len(self._lengths), bool)
+        self._run = 0  # TPDOs in the run under way
+        self._previous_end = self._last  # last rank of the period before
+        self._seen = self._given = self._suspect = False
+
+    def _place(self, rank: int, data: bytes) -> Loss | None:
+        loss = None
+        if not self._seen:
+            self._suspect = rank > self._previous_end
+        elif rank <= self._last:
+            loss = self._drop_run()
+        self._run += 1
+        if len(data) != self._lengths[rank]:
+            return self._lose(LossReason.SHORT if len(data) < self._lengths[rank] else LossReason.OVER_LONG)
+        self._payload[8 * rank:8 * rank + len(data)] = data
+        self._fresh[rank] = True
+        return loss
+
+    def _drop_run(self) -> Loss:
+        dropped = int(self._fresh.sum())
+        self._fresh[:] = False
+        self._run, self._suspect = 0, False
+        return self._lose(LossReason.LATE, dropped)
+
+    def _give(self) -> TaxelFrame:
+        values, status = self._codec.decode(self._payload, self._fresh)
+        self._given = True
+        self._counts['used'] += int(self._fresh.sum())
+        self._counts['complete' if self._fresh.all() else 'incomplete'] += 1
+        return TaxelFrame(self._stamp, self._sequence, values, status, len(self._lengths) - self._run)
+
+    def _lose(self, reason: LossReason, can_frames: int = 1) -> Loss:
+        self._losses[reason] += can_frames
+        return Loss(reason, can_frames)

@@ -1,0 +1,51 @@
+"""COB-IDs as EDS and layout files write them, and the ones CiA 301 keeps for itself."""
+
+import re
+from typing import NamedTuple
+
+#: CiA 301, table "Restricted CAN-IDs": (first, last, what uses it). No PDO and no SYNC may use these.
+RESERVED = (
+    (0x000, 0x000, 'NMT'), (0x001, 0x07F, 'reserved'), (0x101, 0x180, 'reserved'),
+    (0x581, 0x5FF, 'SDO answers'), (0x601, 0x67F, 'SDO requests'), (0x6E0, 0x6FF, 'reserved'),
+    (0x701, 0x77F, 'NMT error control'), (0x780, 0x7FF, 'reserved'))
+
+DISABLED = 1 << 31  #: "PDO does not exist" in sub 1 of the PDO communication record (CiA 301)
+NO_RTR = 1 << 30  #: "no remote request allowed", same place
+ID_MASK = 0x7FF
+
+_TERM = re.compile(r'\$NODEID|0X[0-9A-F]+|[0-9]+')
+
+
+class CobId(NamedTuple):
+    """An 11-bit COB-ID, given as a number or as '$NODEID+0x180' (CiA 306)."""
+
+    base: int
+    relative: bool  #: the node-ID is added
+
+    def of(self, node_id: int) -> int:
+        return self.base + (node_id if self.relative else 0)
+
+    def __str__(self) -> str:
+        return f'{"$NODEID+" if self.relative else ""}0x{self.base:03X}'
+
+
+def parse_cob_id(written: int | str) -> CobId:
+    """Return the COB-ID of a number, '0x1A0', '$NODEID+0x180' or '0x180 + $NodeID'; ValueError otherwise.
+
+    >>> parse_cob_id('$NODEID+0x180').of(32) == 0x1A0
+    True
+    """
+    if isinstance(written, bool) or not isinstance(written, (int, str)):
+        raise ValueError(written)
+    terms = str(written).replace(' ', '').upper().split('+')
+    if not all(_TERM.fullmatch(term) for term in terms) or terms.count('$NODEID') > 1:
+        raise ValueError(written)
+    base = sum(int(term, 0) for term in terms if term != '$NODEID')
+    if not 0 <= base <= ID_MASK:
+        raise ValueError(written)
+    return CobId(base, '$NODEID' in terms)
+
+
+def reserved_for(can_id: int) -> str | None:
+    """Say what CiA 301 keeps ``can_id`` for, None when a PDO may use it."""
+    return next((use for first, last, use in RESERVED if first <= can_id <= last), None)

@@ -1,0 +1,145 @@
+"""Loads an EDS (CiA 306) through canopen; what canopen cannot read becomes a sentence naming section and key."""
+
+import re
+from configparser import DuplicateOptionError, DuplicateSectionError, Error as ParserError, RawConfigParser
+from io import StringIO
+from pathlib import Path
+from typing import NamedTuple, NoReturn
+
+from canopen import ObjectDictionary
+from canopen.objectdictionary import ODVariable
+from canopen.objectdictionary.eds import import_eds
+
+from tactile_node.canbus.layout import SkinLayout, TpdoLayout
+from tactile_node.config import config_path
+from tactile_node.errors import ConfigurationError
+
+IDENTITY = 0x1018
+TPDO_COMMUNICATION, TPDO_MAPPING = 0x1800, 0x1A00
+
+_OBJECT = re.compile(r'[0-9A-Fa-f]{4}')
+_SUBOBJECT = re.compile(r'([0-9A-Fa-f]{4})[Ss]ub([0-9A-Fa-f]+)')
+_PLAIN_TYPES = ('0x7', '0x07', '7', '0x2', '0x02', '2')  # VAR and DOMAIN: these carry the value themselves
+
+
+class Identity(NamedTuple):
+    """Object 0x1018; None where the EDS gives no value (then it is not checked)."""
+
+    vendor: int | None
+    product: int | None
+    revision: int | None
+
+    def accepts(self, device: 'Identity') -> bool:
+        """Whether ``device`` is what this EDS describes.
+
+        Vendor and product must be equal. Of the revision, the upper half (CiA 301: major, "a specific CANopen
+        behaviour") must be equal and the lower half (minor: same behaviour) must not be older.
+        """
+        same = all(ours in (None, 0, theirs) for ours, theirs in zip(self[:2], device[:2]))
+        if not same or self.revision in (None, 0):
+            return same
+        theirs = device.revision or 0
+        return theirs >> 16 == self.revision >> 16 and theirs & 0xFFFF >= self.revision & 0xFFFF
+
+    def __str__(self) -> str:
+        return ', '.join(f'{name} {"not given" if value is None else f"0x{value:X}"}'
+                         for name, value in zip(self._fields, self))
+
+
+def load_eds(path: str | Path, node_id: int) -> ObjectDictionary:
+    """Return the object dictionary of ``path`` (a file or the name of one in ``config/``) for ``node_id``.
+
+    Raises ConfigurationError when it is no EDS or canopen cannot make sense of it.
+    """
+    path = config_path(str(path))
+    try:
+        text = _decode(path.read_bytes())
+    except OSError as error:
+        raise ConfigurationError(str(path), expected='an EDS file', got=error.strerror or str(error),
+                                 remedy='Check the path and its permissions.') from error
+    _check(path, text)
+    try:
+        return import_eds(StringIO(text), node_id)
+    except Exception as error:  # canopen lets KeyError, ValueError, configparser's and others through
+        _refuse(path, 'an EDS that canopen can read', f'{type(error).__name__}: {error}'.replace('\n', ' '))
+
+
+def identity_of(dictionary: ObjectDictionary) -> Identity:
+    """What the EDS says of 0x1018."""
+    subs = dictionary[IDENTITY] if IDENTITY in dictionary else {}
+    return Identity(*(subs[sub].default if sub in subs else None for sub in (1, 2, 3)))
+
+
+def check_against(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) -> None:
+    """Raise ConfigurationError where ``layout`` uses a TPDO or an object that the EDS does not have."""
+    for tpdo in layout.tpdos:
+        where = f'{layout.source}, TPDO {tpdo.number}'
+        for record in (TPDO_COMMUNICATION, TPDO_MAPPING):
+            if record + tpdo.number - 1 not in dictionary:
+                raise ConfigurationError(
+                    where, expected=f'object 0x{record + tpdo.number - 1:04X} in {eds}', got='no such object',
+                    remedy='Correct the TPDO number, or use the EDS that belongs to this skin.')
+        _check_mapping(dictionary, tpdo, where, eds)
+
+
+def _check_mapping(dictionary: ObjectDictionary, tpdo: TpdoLayout, where: str, eds: str) -> None:
+    for index, subindex, bits in tpdo.mapping:
+        variable = _variable(dictionary, index, subindex)
+        if variable is None or len(variable) != bits:
+            raise ConfigurationError(
+                where, expected=f'object 0x{index:04X} sub {subindex} with {bits} bits in {eds}',
+                got='no such object' if variable is None else f'{len(variable)} bits',
+                remedy='Correct "map", or use the EDS that belongs to this skin.')
+
+
+def _variable(dictionary: ObjectDictionary, index: int, subindex: int) -> ODVariable | None:
+    entry = dictionary[index] if index in dictionary else None
+    if isinstance(entry, ODVariable):
+        return entry if subindex == 0 else None
+    return entry[subindex] if entry is not None and subindex in entry else None
+
+
+def _decode(content: bytes) -> str:
+    try:
+        return content.decode('utf-8-sig')
+    except UnicodeDecodeError:  # vendors' tools write their national code page in names and comments
+        return content.decode('latin-1')
+
+
+def _check(path: Path, text: str) -> None:
+    """Find, with section and key, what canopen would stumble over."""
+    parser = RawConfigParser(inline_comment_prefixes=(';',))
+    parser.optionxform = str
+    try:
+        parser.read_string(text)
+    except (DuplicateSectionError, DuplicateOptionError) as error:
+        key = f', key "{error.option}"' if isinstance(error, DuplicateOptionError) else ''
+        _refuse(path, 'every section and key once', f'section [{error.section}]{key} again in line {error.lineno}')
+    except ParserError as error:
+        _refuse(path, 'an EDS file ("[section]" lines with "key=value" lines)', str(error).splitlines()[0])
+    objects = [name for name in parser.sections() if _OBJECT.fullmatch(name) or _SUBOBJECT.fullmatch(name)]
+    if not objects:
+        _refuse(path, 'an EDS file with object sections such as [1018]', f'{len(parser.sections())} other sections')
+    for name in objects:
+        _check_object(path, parser, name)
+
+
+def _check_object(path: Path, parser: RawConfigParser, name: str) -> None:
+    sub = _SUBOBJECT.fullmatch(name)
+    if sub and not any(parser.has_section(f(sub[1])) for f in (str.upper, str.lower, str)):
+        _refuse(path, f'a section [{sub[1]}] before [{name}]', 'no such section')
+    carries_value = sub or parser.get(name, 'ObjectType', fallback='0x7').strip() in _PLAIN_TYPES
+    for key in ('ParameterName', 'DataType', 'AccessType') if carries_value else ('ParameterName',):
+        if not parser.has_option(name, key):
+            _refuse(path, f'key "{key}" in section [{name}]', 'no such key')
+    for key in ('ObjectType', 'DataType', 'PDOMapping'):
+        value = parser.get(name, key, fallback='0').strip()
+        try:
+            int(value, 0)
+        except ValueError:
+            _refuse(path, f'a number in section [{name}], key "{key}"', repr(value))
+
+
+def _refuse(path: Path, expected: str, got: str) -> NoReturn:
+    raise ConfigurationError(str(path), expected=expected, got=got,
+                             remedy="Use the device maker's EDS, or correct this one (CiA 306).")

@@ -1,0 +1,27 @@
+"""What a live bus and a recorded log have in common: the driver node sees only this."""
+
+from typing import Protocol
+
+from tactile_node.canbus.router import BusStatistics
+
+
+class FrameSource(Protocol):
+    """Taxel frames go to the ``on_frame(pad name, TaxelFrame)`` given at construction, on a thread of the source."""
+
+    def open(self) -> None:
+        """Open the bus or the log; BusError or LogError."""
+
+    def configure(self) -> None:
+        """Find the devices, check who they are and configure them; DeviceError."""
+
+    def start(self) -> None:
+        """Let frames flow; sequence numbers begin at 0."""
+
+    def stop(self) -> None:
+        """Stop the flow; ``start`` may follow."""
+
+    def close(self) -> None:
+        """Give everything back; allowed in any state, also twice."""
+
+    def statistics(self) -> BusStatistics:
+        """Counts so far."""

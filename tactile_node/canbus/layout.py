@@ -1,0 +1,102 @@
+"""The skin layout: which TPDO, object and bit means which taxel. ``layout_file`` reads it from YAML."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.canbus.cob_id import CobId
+
+MAX_TPDO_BITS = 64  # 8 bytes of a classic CAN frame
+MAX_SIDE = 1024  # taxels: bounds what a mistyped layout can allocate
+
+
+class MappedObject(NamedTuple):
+    """One entry of a TPDO mapping record (CiA 301, 0x1A00...)."""
+
+    index: int
+    subindex: int
+    bits: int
+
+    @property
+    def entry(self) -> int:
+        return self.index << 16 | self.subindex << 8 | self.bits
+
+
+class TaxelField(NamedTuple):
+    """Where a taxel's raw value starts in its TPDO.
+
+    ``start_bit`` counts from the least significant bit of byte 0 when the byte order is little (as CANopen
+    maps objects), from the most significant bit of byte 0 when it is big.
+    """
+
+    row: int
+    col: int
+    start_bit: int
+
+
+@dataclass(frozen=True)
+class ValueFormat:
+    """A taxel's raw counts and their meaning: value = scale (counts - offset), or the negative if falling."""
+
+    unit: str  #: 'Pa', 'N' or '1' (on/off)
+    scale: float  #: unit per count
+    offset: int  #: counts without load
+    bits: int
+    signed: bool
+    byte_order: str  #: 'little' or 'big'
+    falling: bool  #: counts fall under pressure
+
+    @property
+    def raw_range(self) -> tuple[int, int]:
+        """Smallest and largest count."""
+        return raw_range(self.bits, self.signed)
+
+    @property
+    def saturated_count(self) -> int | None:
+        """The count at the loaded end of the range; None for on/off taxels, which have no such end."""
+        return None if self.bits == 1 else self.raw_range[0 if self.falling else 1]
+
+    def to_value(self, counts: np.ndarray) -> np.ndarray:
+        """Counts (any shape) -> float32 in ``unit``."""
+        sign = -1.0 if self.falling else 1.0
+        return ((counts - float(self.offset)) * (sign * self.scale)).astype(np.float32)
+
+    def to_counts(self, values: np.ndarray) -> np.ndarray:
+        """Values in ``unit`` -> int64 counts, rounded and held within the range; NaN is sent as no load."""
+        load = np.nan_to_num(np.asarray(values, dtype=float) / self.scale, nan=0.0)
+        return np.clip(np.rint(self.offset + (-load if self.falling else load)), *self.raw_range).astype(np.int64)
+
+
+@dataclass(frozen=True)
+class TpdoLayout:
+    """One TPDO of a pad: its number (1 = 0x1800), COB-ID, mapped objects and the taxels in it."""
+
+    number: int
+    cob_id: CobId
+    mapping: tuple[MappedObject, ...]
+    taxels: tuple[TaxelField, ...]
+
+    @property
+    def length(self) -> int:
+        """Bytes of the CAN frame."""
+        return (sum(mapped.bits for mapped in self.mapping) + 7) // 8
+
+
+@dataclass(frozen=True)
+class SkinLayout:
+    """A pad's taxels and TPDOs; ``tpdos`` stands in the order in which the device sends them each period."""
+
+    source: str  #: the file, for messages
+    rows: int
+    cols: int
+    pitch: float  #: between neighbouring taxels [m]
+    value: ValueFormat
+    sync_cob_id: int
+    tpdos: tuple[TpdoLayout, ...]
+    dead: tuple[tuple[int, int], ...] = ()  #: (row, col) of taxels known to be dead
+
+
+def raw_range(bits: int, signed: bool) -> tuple[int, int]:
+    """Smallest and largest number of ``bits`` bits."""
+    return (-(1 << bits - 1), (1 << bits - 1) - 1) if signed else (0, (1 << bits) - 1)

@@ -1,0 +1,84 @@
+"""Reads a skin layout from YAML; ``config/sim16x16.yaml`` shows every key with its meaning."""
+
+from pathlib import Path
+
+from tactile_node.canbus.cob_id import CobId, parse_cob_id
+from tactile_node.canbus.layout import (MAX_SIDE, MappedObject, SkinLayout, TaxelField, TpdoLayout, ValueFormat,
+                                        raw_range)
+from tactile_node.canbus.layout_rules import check_layout
+from tactile_node.canbus.yaml_section import Section, load_mapping
+from tactile_node.config import config_path
+
+UNITS = ('Pa', 'N', '1')  # '1': on/off
+
+
+def load_layout(path: str | Path) -> SkinLayout:
+    """Read a skin layout; ``path`` is a file or the name of one in ``config/``.
+
+    Raises ConfigurationError naming file and key for anything wrong: see the module ``layout_rules``.
+    """
+    path = config_path(str(path))
+    top = load_mapping(path, 'a skin layout')
+    rows, cols = top.integer('rows', 1, MAX_SIDE), top.integer('cols', 1, MAX_SIDE)
+    tpdos = [top.subsection(f'tpdos[{i}]', item) for i, item in enumerate(top.sequence('tpdos'))]
+    layout = SkinLayout(
+        str(path), rows, cols, top.number('pitch', positive=True), _value_format(top.section('value')),
+        top.integer('sync_cob_id', 1, 0x7FF, 0x80), tuple(_tpdo(section) for section in tpdos),
+        tuple(top.checked_integers('dead_taxels', taxel, 2, 0, MAX_SIDE) for taxel in top.sequence('dead_taxels', [])))
+    top.done()
+    check_layout(layout)
+    return layout
+
+
+def _value_format(section: Section) -> ValueFormat:
+    bits, signed = section.integer('bits', 1, 32), section.choice('signed', (False, True), False)
+    falling = section.choice('pressure', ('rising', 'falling'), 'rising') == 'falling'
+    low, high = raw_range(bits, signed)
+    value = ValueFormat(
+        section.choice('unit', UNITS), section.number('scale', positive=True),
+        section.integer('offset', low, high, high if falling else max(low, 0)), bits, signed,
+        section.choice('byte_order', ('little', 'big'), 'little'), falling)
+    section.done()
+    return value
+
+
+def _tpdo(section: Section) -> TpdoLayout:
+    tpdo = TpdoLayout(section.integer('number', 1, 512), _cob_id(section), _mapping(section), _taxels(section))
+    section.done()
+    return tpdo
+
+
+def _cob_id(section: Section) -> CobId:
+    written = section.take('cob_id')
+    try:
+        return parse_cob_id(written)
+    except ValueError:
+        section.refuse('cob_id', expected="an 11-bit COB-ID such as 0x1A0 or '$NODEID+0x180'", got=repr(written),
+                       remedy='Write it as in the EDS, without the flags of bits 29 to 31.')
+
+
+def _mapping(section: Section) -> tuple[MappedObject, ...]:
+    """Read ``map``: a list of [index, sub, bits], or {object, sub, bits, count} for consecutive subs."""
+    written = section.take('map')
+    if isinstance(written, dict):
+        run = section.subsection('map', written)
+        index, first = run.integer('object', 1, 0xFFFF), run.integer('sub', 0, 254)
+        bits, count = run.integer('bits', 1, 64), run.integer('count', 1, 64, 1)
+        run.done()
+        return tuple(MappedObject(index, first + i, bits) for i in range(count))
+    entries = section.sequence('map')
+    return tuple(MappedObject(*section.checked_integers('map', entry, 3, 0, 0xFFFF)) for entry in entries)
+
+
+def _taxels(section: Section) -> tuple[TaxelField, ...]:
+    """Read ``taxels``: a list of [row, col, start_bit], or {first, step, count, start_bit, bit_step}."""
+    written = section.take('taxels')
+    if not isinstance(written, dict):
+        entries = section.sequence('taxels')
+        return tuple(TaxelField(*section.checked_integers('taxels', entry, 3, 0, MAX_SIDE)) for entry in entries)
+    run = section.subsection('taxels', written)
+    (row, col), (down, right) = run.integers('first', 2, 0, MAX_SIDE), run.integers('step', 2, -MAX_SIDE, MAX_SIDE)
+    count, start = run.integer('count', 1, 64), run.integer('start_bit', 0, 63, 0)
+    step = run.integer('bit_step', 1, 64)
+    run.done()
+    return tuple(TaxelField(row + i * down, col + i * right, start + i * step) for i in range(count))

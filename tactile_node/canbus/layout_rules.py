@@ -1,0 +1,88 @@
+"""What a skin layout must obey beyond being well written; each breach is a ConfigurationError."""
+
+from collections.abc import Iterator
+from typing import NoReturn
+
+from tactile_node.canbus.cob_id import reserved_for
+from tactile_node.canbus.layout import MAX_TPDO_BITS, SkinLayout, TpdoLayout
+from tactile_node.errors import ConfigurationError
+
+
+def check_layout(layout: SkinLayout) -> None:
+    """Raise ConfigurationError for the first rule that ``layout`` breaks."""
+    if not layout.tpdos:
+        _refuse(layout, 'tpdos', 'at least one TPDO', 'none', 'List the TPDOs that carry the taxels.')
+    for position, tpdo in enumerate(layout.tpdos):
+        _check_tpdo(layout, f'tpdos[{position}]', tpdo)
+    _check_unique_taxels(layout)
+    _check_unique(layout, 'number', [tpdo.number for tpdo in layout.tpdos])
+    _check_unique(layout, 'cob_id', [str(tpdo.cob_id) for tpdo in layout.tpdos])
+    _check_sync(layout)
+    for taxel in layout.dead:
+        _check_inside(layout, 'dead_taxels', *taxel)
+
+
+def _check_tpdo(layout: SkinLayout, key: str, tpdo: TpdoLayout) -> None:
+    mapped = sum(entry.bits for entry in tpdo.mapping)
+    if not 1 <= mapped <= MAX_TPDO_BITS:
+        _refuse(layout, f'{key}.map', '1..64 mapped bits in one TPDO', f'{mapped} bits',
+                'Share the objects among more TPDOs.')
+    if not tpdo.cob_id.relative and (use := reserved_for(tpdo.cob_id.base)):
+        _refuse(layout, f'{key}.cob_id', 'a COB-ID that a PDO may use', f'{tpdo.cob_id}, which CiA 301 keeps: {use}',
+                'Choose one from 0x181 to 0x57F.')
+    for field in tpdo.taxels:
+        _check_inside(layout, f'{key}.taxels', field.row, field.col)
+        end = field.start_bit + layout.value.bits
+        if end > MAX_TPDO_BITS:
+            _refuse(layout, f'{key}.taxels', 'fields within the 64 bits of a CAN frame',
+                    f'taxel ({field.row}, {field.col}) in bits {field.start_bit}..{end - 1}', 'Correct start_bit.')
+        if end > mapped:
+            _refuse(layout, f'{key}.taxels', f'fields within the {mapped} mapped bits',
+                    f'taxel ({field.row}, {field.col}) in bits {field.start_bit}..{end - 1}',
+                    'Map more objects, or correct start_bit.')
+    _check_overlap(layout, key, tpdo)
+
+
+def _check_overlap(layout: SkinLayout, key: str, tpdo: TpdoLayout) -> None:
+    fields = sorted(tpdo.taxels, key=lambda field: field.start_bit)
+    for one, other in zip(fields, fields[1:]):
+        if other.start_bit < one.start_bit + layout.value.bits:
+            _refuse(layout, f'{key}.taxels', f'fields of {layout.value.bits} bits that do not overlap',
+                    f'taxels ({one.row}, {one.col}) and ({other.row}, {other.col}) at bits {one.start_bit} and '
+                    f'{other.start_bit}', 'Correct start_bit or bit_step.')
+
+
+def _check_inside(layout: SkinLayout, key: str, row: int, col: int) -> None:
+    if not (0 <= row < layout.rows and 0 <= col < layout.cols):
+        _refuse(layout, key, f'taxels within rows 0..{layout.rows - 1} and cols 0..{layout.cols - 1}',
+                f'taxel ({row}, {col})', 'Correct the taxel, or rows and cols.')
+
+
+def _check_unique_taxels(layout: SkinLayout) -> None:
+    seen: dict[tuple[int, int], int] = {}
+    for position, field in _fields(layout):
+        first = seen.setdefault((field.row, field.col), position)
+        if first != position or sum(f[:2] == field[:2] for f in layout.tpdos[position].taxels) > 1:
+            _refuse(layout, f'tpdos[{position}].taxels', 'every taxel named once',
+                    f'taxel ({field.row}, {field.col}) also in tpdos[{first}]', 'Remove one of the two.')
+
+
+def _fields(layout: SkinLayout) -> Iterator[tuple[int, object]]:
+    return ((position, field) for position, tpdo in enumerate(layout.tpdos) for field in tpdo.taxels)
+
+
+def _check_unique(layout: SkinLayout, key: str, values: list) -> None:
+    for position, value in enumerate(values):
+        if (first := values.index(value)) != position:
+            _refuse(layout, f'tpdos[{position}].{key}', 'a value of its own for each TPDO',
+                    f'{value}, as in tpdos[{first}]', 'Give each TPDO its own.')
+
+
+def _check_sync(layout: SkinLayout) -> None:
+    if use := reserved_for(layout.sync_cob_id):
+        _refuse(layout, 'sync_cob_id', 'a COB-ID that SYNC may use', f'0x{layout.sync_cob_id:03X}: {use}',
+                'Use 0x080 unless the device is set otherwise.')
+
+
+def _refuse(layout: SkinLayout, key: str, expected: str, got: str, remedy: str) -> NoReturn:
+    raise ConfigurationError(f'{layout.source}, key "{key}"', expected=expected, got=got, remedy=remedy)

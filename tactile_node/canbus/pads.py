@@ -1,0 +1,77 @@
+"""The pads of one CAN bus: who they are, and whether they can share it."""
+
+from dataclasses import dataclass, field
+
+from canopen import ObjectDictionary
+
+from tactile_node.canbus.cob_id import reserved_for
+from tactile_node.canbus.eds import check_against, load_eds
+from tactile_node.canbus.layout import SkinLayout
+from tactile_node.canbus.layout_file import load_layout
+from tactile_node.errors import ConfigurationError
+
+EMCY = 0x80  # + node-ID, CiA 301
+MAX_NODE_ID = 127
+
+
+@dataclass(frozen=True)
+class PadSettings:
+    """One pad: its name, the CANopen node that sends it, what the node's TPDOs mean and the node's EDS."""
+
+    name: str
+    node_id: int
+    layout: SkinLayout
+    eds: str  #: path, or the name of a file in config/
+    dictionary: ObjectDictionary = field(repr=False, compare=False)
+
+
+def make_pad(name: str, node_id: int, layout: str, eds: str = '') -> PadSettings:
+    """Load layout and EDS (default: same name, suffix .eds) and check that they agree.
+
+    Raises ConfigurationError.
+    """
+    if not 1 <= node_id <= MAX_NODE_ID:
+        raise ConfigurationError(f'pad {name!r}', expected=f'a node-ID 1..{MAX_NODE_ID}', got=str(node_id),
+                                 remedy='Give the node-ID set on the device.')
+    loaded = load_layout(layout)
+    eds = eds or loaded.source.rsplit('.', 1)[0] + '.eds'
+    dictionary = load_eds(eds, node_id)
+    check_against(dictionary, loaded, eds)
+    return PadSettings(name, node_id, loaded, eds, dictionary)
+
+
+def check_pads(pads: tuple[PadSettings, ...]) -> None:
+    """Raise ConfigurationError when these pads cannot share one bus."""
+    if not pads:
+        raise ConfigurationError('pads', expected='at least one pad on the bus', got='none', remedy='Name a pad.')
+    owners: dict[int, str] = {}
+    for pad in pads:
+        _own(owners, EMCY + pad.node_id, f'EMCY of node {pad.node_id}', pad.name)
+    for sync in {pad.layout.sync_cob_id for pad in pads}:
+        _own(owners, sync, 'SYNC', 'all')
+    for pad in pads:
+        for tpdo in pad.layout.tpdos:
+            _own(owners, tpdo.cob_id.of(pad.node_id), f'TPDO {tpdo.number} of node {pad.node_id}', pad.name)
+    _check_names_and_sync(pads)
+
+
+def _own(owners: dict[int, str], can_id: int, use: str, pad: str) -> None:
+    where = f'pad {pad!r}, {use}'
+    if reason := reserved_for(can_id) or (f'more than 11 bits' if can_id > 0x7FF else None):
+        raise ConfigurationError(where, expected='a COB-ID that CiA 301 leaves free', got=f'0x{can_id:03X} ({reason})',
+                                 remedy='Change node_id, or cob_id in the layout.')
+    if other := owners.setdefault(can_id, use) != use and owners[can_id]:
+        raise ConfigurationError(where, expected='a COB-ID of its own', got=f'0x{can_id:03X}, as {other}',
+                                 remedy='Change node_id, or cob_id in the layout.')
+
+
+def _check_names_and_sync(pads: tuple[PadSettings, ...]) -> None:
+    for key in ('name', 'node_id'):
+        values = [getattr(pad, key) for pad in pads]
+        if len(set(values)) != len(values):
+            raise ConfigurationError('pads', expected=f'a {key} of its own for each', got=str(values),
+                                     remedy='Give every pad another one.')
+    syncs = {pad.layout.sync_cob_id for pad in pads}
+    if len(syncs) > 1:
+        raise ConfigurationError('pads', expected='one SYNC COB-ID on a bus', got=', '.join(map(hex, sorted(syncs))),
+                                 remedy='Use the same sync_cob_id in their layouts.')

@@ -1,0 +1,96 @@
+"""Gives each CAN frame of a bus or a log to the pad it belongs to, and counts every one that goes elsewhere."""
+
+from collections import Counter
+from collections.abc import Callable
+from typing import NamedTuple
+
+import can
+
+from tactile_node.canbus.assembler import FrameAssembler, PadStatistics
+from tactile_node.canbus.pads import PadSettings
+from tactile_node.taxel_frame import TaxelFrame
+
+OnFrame = Callable[[str, TaxelFrame], None]
+
+#: CiA 301, predefined connection set: (first, last, service)
+SERVICES = ((0x000, 0x000, 'nmt'), (0x081, 0x0FF, 'emcy'), (0x100, 0x100, 'time'), (0x581, 0x5FF, 'sdo'),
+            (0x601, 0x67F, 'sdo'), (0x701, 0x77F, 'heartbeat'))
+
+
+class BusStatistics(NamedTuple):
+    """Counts since the bus was opened. ``can_frames``: by service; 'tpdo' are the pads' own, 'foreign' nobody's."""
+
+    pads: dict[str, PadStatistics]
+    can_frames: dict[str, int]
+    queue_overruns: int = 0  #: CAN frames dropped because this process was too slow
+    sync_overruns: int = 0  #: SYNCs not sent because this process was too slow
+    consumer_errors: int = 0  #: exceptions of on_frame
+    unread: int = 0  #: lines of a log that could not be read
+
+
+class Router:
+    """Routes frames in order; not thread-safe, one thread feeds it."""
+
+    def __init__(self, pads: tuple[PadSettings, ...], on_frame: OnFrame):
+        self._assemblers = {pad.name: FrameAssembler(pad.layout, pad.node_id) for pad in pads}
+        self._owner = {can_id: (name, assembler.feed)
+                       for name, assembler in self._assemblers.items() for can_id in assembler.can_ids}
+        self._sync_id = pads[0].layout.sync_cob_id
+        self._on_frame = on_frame
+        self._counts: Counter[str] = Counter()
+
+    def restart(self) -> None:
+        for assembler in self._assemblers.values():
+            assembler.restart()
+
+    def sync(self, stamp: float) -> None:
+        """A SYNC, own or foreign: every pad's period ends and the next begins."""
+        for name, assembler in self._assemblers.items():
+            self._hand_over(name, assembler.sync(stamp))
+
+    def feed(self, can_id: int, data: bytes, stamp: float) -> None:
+        """A data frame with an 11-bit identifier."""
+        owner = self._owner.get(can_id)
+        if owner is not None:
+            self._counts['tpdo'] += 1
+            self._hand_over(owner[0], owner[1](can_id, data, stamp))
+        elif can_id == self._sync_id:
+            self._counts['sync'] += 1
+            self.sync(stamp)
+        else:
+            self._counts[service_of(can_id)] += 1
+
+    def feed_message(self, message: can.Message) -> None:
+        """Any python-can message: what is no 11-bit data frame is counted."""
+        kind = oddity_of(message)
+        if kind is None:
+            self.feed(message.arbitration_id, bytes(message.data), message.timestamp)
+        else:
+            self._counts[kind] += 1
+
+    def end(self) -> None:
+        """No more frames will come: give the frames of the last period."""
+        for name, assembler in self._assemblers.items():
+            self._hand_over(name, assembler.end_period())
+
+    def statistics(self) -> BusStatistics:
+        pads = {name: assembler.statistics() for name, assembler in self._assemblers.items()}
+        return BusStatistics(pads, dict(self._counts))
+
+    def _hand_over(self, name: str, result: object) -> None:
+        if isinstance(result, TaxelFrame):
+            self._on_frame(name, result)
+
+
+def service_of(can_id: int) -> str:
+    """Name the CANopen service of a COB-ID that is no pad's TPDO and not SYNC."""
+    return next((name for first, last, name in SERVICES if first <= can_id <= last), 'foreign')
+
+
+def oddity_of(message: can.Message) -> str | None:
+    """Why a message can be no CANopen data frame: 'error', 'remote' or 'foreign'; None when it can."""
+    if message.is_error_frame:
+        return 'error'
+    if message.is_remote_frame:
+        return 'remote'
+    return 'foreign' if message.is_extended_id or message.is_fd else None
