@@ -1,0 +1,130 @@
+"""All features of a pattern (sections 3 to 6) by the names `tactile features` prints.
+
+N, P05, P09; for k = 5, 9: lambda{k}, info_sum{k}, info_sq{k}, info_norm{k}, x{k}, y{k}, V{k}, alpha{k}
+(degrees); the same of the reduced matrices with the suffix _border5, _border9; and of each of them the
+minimum, maximum and difference over the 46 turns.
+"""
+
+from collections.abc import Mapping
+from enum import Flag, auto
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.errors import InputError
+from tactile_node.helmholtz.eigenvalues import smallest_eigenvalues
+from tactile_node.helmholtz.gravity import gravity
+from tactile_node.helmholtz.information import information
+from tactile_node.helmholtz.operators import WEIGHTS, Stencil
+from tactile_node.helmholtz.rotation import ANGLES, turned_patterns
+from tactile_node.helmholtz.taxel_list import TaxelList, taxel_list
+
+
+class Group(Flag):
+    """Which features to compute besides N, P05, P09; eigenvalues cost most."""
+
+    NONE = 0
+    INFORMATION = auto()
+    GRAVITY = auto()
+    EIGENVALUES = auto()
+    BORDER = auto()  #: the groups above also for the reduced matrices
+    TURNED = auto()  #: min, max and dif over the turns of everything computed
+    CLASSIFIER = INFORMATION | GRAVITY | TURNED
+    ALL = INFORMATION | GRAVITY | EIGENVALUES | BORDER | TURNED
+
+
+class Turned(NamedTuple):
+    """A feature over the 46 angles; NaN (angle None) where it is undefined at every angle."""
+
+    min: float
+    max: float
+    dif: float  #: max - min
+    min_angle: int | None  #: [degrees], the first angle at which it is least
+    max_angle: int | None  #: [degrees], the first angle at which it is greatest
+
+
+class Features(NamedTuple):
+    """Features by name; NaN where one is undefined."""
+
+    values: Mapping[str, float]     #: of the pattern as it is
+    turned: Mapping[str, Turned]    #: over its turns; empty unless computed
+
+    def as_json(self) -> dict:
+        """Return what one line of `tactile features` holds: null where undefined, counts as whole numbers."""
+        turned = {name: {key: _number(value) for key, value in over._asdict().items()}
+                  for name, over in self.turned.items()}
+        return {**{name: _number(value) for name, value in self.values.items()}, 'turned': turned}
+
+
+def compute_features(mask: np.ndarray, groups: Group = Group.ALL) -> Features:
+    """Return the features of the active taxels of ``mask``, bool, shape (rows, cols).
+
+    The result does not change, not by a bit, when the pattern is moved by whole taxels.
+    Raises InputError where ``mask`` is something else.
+
+    >>> features = compute_features(np.array([[True, False], [True, True]]))
+    >>> features.values['P05'], round(features.values['lambda5'], 6)
+    (3.0, 2.585786)
+    """
+    _check(mask)
+    stack = _described(mask[np.newaxis], groups)
+    values = {name: float(value[0]) for name, value in stack.items()}
+    if not groups & Group.TURNED:
+        return Features(MappingProxyType(values), MappingProxyType({}))
+    over = _described(turned_patterns(mask), groups) if mask.any() else stack
+    return Features(MappingProxyType(values), MappingProxyType(_extremes(over)))
+
+
+def features_at_angles(mask: np.ndarray, groups: Group = Group.ALL) -> dict[str, np.ndarray]:
+    """Return every feature at each of ANGLES, shape (46,); ``mask`` must have an active taxel."""
+    _check(mask)
+    return _described(turned_patterns(mask), groups)
+
+
+def _check(mask: np.ndarray) -> None:
+    if not (isinstance(mask, np.ndarray) and mask.dtype == bool and mask.ndim == 2):
+        got = f'{mask.dtype}, shape {mask.shape}' if isinstance(mask, np.ndarray) else type(mask).__name__
+        raise InputError('pattern', expected='a bool array of shape (rows, cols)', got=got,
+                         remedy='Extract the contact pattern first (tactile_node.contact).')
+
+
+def _described(masks: np.ndarray, groups: Group) -> dict[str, np.ndarray]:
+    """Features of each of the patterns ``masks``, shape (K, rows, cols), as arrays of shape (K,)."""
+    taxels = taxel_list(masks)
+    rim = {k: taxels.border(WEIGHTS[k]) for k in Stencil}
+    found = {'N': taxels.counts, **{f'P0{k}': rim[k].sum((1, 2)) for k in Stencil}}
+    lists = {'': taxels}
+    if groups & Group.BORDER:
+        lists |= {f'_border{k}': taxel_list(rim[k]) for k in Stencil}
+    for suffix, chosen in lists.items():
+        for k in Stencil:
+            found |= {f'{name}{k}{suffix}': value for name, value in _by_stencil(chosen, k, groups)}
+    return found
+
+
+def _by_stencil(taxels: TaxelList, k: Stencil, groups: Group):
+    if groups & Group.EIGENVALUES:
+        yield 'lambda', smallest_eigenvalues(taxels, k)
+    if groups & Group.INFORMATION:
+        yield from ((f'info_{name}', value) for name, value in information(taxels, k)._asdict().items())
+    if groups & Group.GRAVITY:
+        yield from gravity(taxels, k)._asdict().items()
+
+
+def _extremes(over: dict[str, np.ndarray]) -> dict[str, Turned]:
+    values = np.array(list(over.values()), float)
+    undefined = np.isnan(values)
+    lowest = np.where(undefined, np.inf, values).argmin(1)
+    highest = np.where(undefined, -np.inf, values).argmax(1)
+    row = np.arange(len(values))
+    least, most = values[row, lowest], values[row, highest]
+    columns = (least.tolist(), most.tolist(), (most - least).tolist(), ANGLES[lowest].tolist(), ANGLES[highest].tolist())
+    return {name: Turned(*column) if column[0] == column[0] else Turned(*[float('nan')] * 3, None, None)
+            for name, column in zip(over, zip(*columns))}
+
+
+def _number(value):
+    if value is None or value != value:
+        return None
+    return int(value) if value == int(value) and abs(value) < 2 ** 53 else float(value)

@@ -1,0 +1,152 @@
+"""Section 6: the pattern turned by 0, 4, ..., 180 degrees, through fictive points between the taxels.
+
+Axes: x runs along a row (column index), y across rows (row index); a turn by +φ takes x towards y. Points are turned about
+the centre of gravity of the real ones and rounded to the nearest fine point; a coordinate half-way
+between two (within 1e-9 of it, so that no rounding error decides) is rounded up. Everything is
+computed in coordinates of the pattern's own bounding box: where it lies on the pad changes no bit.
+"""
+
+import numpy as np
+
+FINE = 5  #: fine steps to a pitch
+ANGLES = np.arange(0, 181, 4)  #: [degrees], 46 of them
+ANGLES.flags.writeable = False
+TIE = 1e-9  #: [fine steps]
+
+
+def turned_patterns(mask: np.ndarray) -> np.ndarray:
+    """Return the pattern at each of ANGLES, decimated and with its holes filled; bool, (46, rows, cols).
+
+    ``mask`` must have an active taxel. The stack has room for every angle; its origin is arbitrary.
+    """
+    return fill_holes(rotated(mask))
+
+
+def fine_lattice(mask: np.ndarray) -> np.ndarray:
+    """Return real and fictive points, bool, shape (5 rows - 4, 5 cols - 4); taxel (r, c) is at (5r, 5c).
+
+    In each 2×2 block every triple of active taxels fills its right isosceles triangle, edges included.
+
+    >>> int(fine_lattice(np.array([[True, False], [True, True]])).sum())
+    21
+    """
+    padded = np.pad(mask, ((0, 1), (0, 1))).astype(np.uint8)
+    block = padded[:-1, :-1] + 2 * padded[:-1, 1:] + 4 * padded[1:, :-1] + 8 * padded[1:, 1:]
+    cells = _BLOCK_POINTS[block]  # (rows, cols, 6, 6): the block's points, shared edges included
+    rows, cols = mask.shape
+    fine = np.ascontiguousarray(cells[:, :, :FINE, :FINE].transpose(0, 2, 1, 3)).reshape(FINE * rows, FINE * cols)
+    fine[:, FINE::FINE] |= cells[:, :-1, :FINE, FINE].transpose(0, 2, 1).reshape(FINE * rows, cols - 1)
+    fine[FINE::FINE] |= cells[:-1, :, FINE, :FINE].reshape(rows - 1, FINE * cols)
+    return fine[:FINE * rows - FINE + 1, :FINE * cols - FINE + 1]
+
+
+def rotated(mask: np.ndarray) -> np.ndarray:
+    """Return the decimated patterns at ANGLES before the hole rules; bool, shape (46, rows, cols).
+
+    Instead of turning every point forward, each taxel site is turned back: only the four fine points
+    around the place it comes from can round onto it, and each of those is tried forward.
+    """
+    mask = _cropped(mask)
+    rows, cols = np.nonzero(mask)
+    centre = FINE * np.array([cols.sum(), rows.sum()]) / len(rows)
+    # Fictive points lie between real ones; rounding moves a point by less than 1.
+    radius = FINE * np.hypot(cols - centre[0] / FINE, rows - centre[1] / FINE).max() + 1.0
+    sites, place, shape = _sites_within(centre, radius)
+    stack = np.zeros((len(ANGLES), shape[0] * shape[1]), bool)
+    stack[:, place] = _reached(fine_lattice(mask), sites - centre[:, np.newaxis], centre, radius)
+    return stack.reshape(len(ANGLES), *shape)
+
+
+def fill_holes(stack: np.ndarray) -> np.ndarray:
+    """Fill sensor-space-sensor along y, then along x, then along either diagonal; each rule reads what the rule before left.
+
+    ``stack`` is bool, shape (..., rows, cols), and is left as it was.
+    """
+    filled = stack.copy()
+    filled[..., 1:-1, :] |= stack[..., :-2, :] & stack[..., 2:, :]
+    before = filled.copy()
+    filled[..., 1:-1] |= before[..., :-2] & before[..., 2:]
+    before = filled.copy()
+    filled[..., 1:-1, 1:-1] |= before[..., :-2, :-2] & before[..., 2:, 2:]
+    filled[..., 1:-1, 1:-1] |= before[..., :-2, 2:] & before[..., 2:, :-2]
+    return filled
+
+
+def _block_points() -> np.ndarray:
+    """Fine points of a 2×2 block by its code (1, 2, 4, 8 = upper left, upper right, lower left, lower right)."""
+    row, col = np.indices((FINE + 1, FINE + 1))
+    corners = {1: (0, 0), 2: (0, FINE), 4: (FINE, 0), 8: (FINE, FINE)}
+    triangles = {7: row + col <= FINE, 14: row + col >= FINE, 11: col >= row, 13: row >= col}
+    points = np.zeros((16, FINE + 1, FINE + 1), bool)
+    for code in range(16):
+        for corner, place in corners.items():
+            points[code][place] |= bool(code & corner)
+        for triple, triangle in triangles.items():
+            points[code] |= triangle & (code & triple == triple)
+    points.flags.writeable = False
+    return points
+
+
+_BLOCK_POINTS = _block_points()
+
+
+def _turn() -> tuple[np.ndarray, np.ndarray]:
+    """cos and sin of ANGLES, shape (46, 1); exact where they are rational, so that ties are ties."""
+    cos, sin = np.cos(np.radians(ANGLES)), np.sin(np.radians(ANGLES))
+    cos[[0, 15, 30, 45]], sin[[0, 45]] = (1, 0.5, -0.5, -1), 0  # 0, 60, 120, 180 degrees
+    return cos[:, np.newaxis], sin[:, np.newaxis]
+
+
+_COS, _SIN = _turn()
+
+
+def _cropped(mask: np.ndarray) -> np.ndarray:
+    rows, cols = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+    return mask[rows[0]:rows[-1] + 1, cols[0]:cols[-1] + 1]
+
+
+def _sites_within(centre: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray, tuple[int, int]]:
+    """Taxel sites a turned point can reach: (x, y) on the fine lattice, shape (2, n); their flat place; the shape."""
+    first = np.ceil((centre - radius) / FINE).astype(int)
+    cols, rows = np.floor((centre + radius) / FINE).astype(int) - first + 1
+    x = FINE * (first[0] + np.arange(cols))
+    y = FINE * (first[1] + np.arange(rows))
+    near = (x - centre[0]) ** 2 + ((y - centre[1]) ** 2)[:, np.newaxis] <= radius * radius
+    row, col = np.nonzero(near)
+    return np.array([x[col], y[row]]), row * cols + col, (rows, cols)
+
+
+def _reached(fine: np.ndarray, offset: np.ndarray, centre: np.ndarray, radius: float) -> np.ndarray:
+    """Which sites, at ``offset`` from the centre, some active fine point rounds onto; shape (46, n)."""
+    low = np.floor(centre - radius) - 1
+    active, wide = _corner_bits(fine, -low.astype(int), int(2 * radius) + 5)
+    x = _COS * offset[0] + _SIN * offset[1] + (centre[0] - low[0])
+    y = _COS * offset[1] - _SIN * offset[0] + (centre[1] - low[1])
+    col, row = x.astype(np.int32), y.astype(np.int32)  # positive: truncation is the floor
+    bits = active[row * wide + col]
+    x -= col
+    y -= row
+    return (bits & _rounding_corners(x, y)) != 0
+
+
+def _corner_bits(fine: np.ndarray, origin: np.ndarray, wide: int) -> tuple[np.ndarray, int]:
+    """Bit 1, 2, 4, 8 of each fine cell: whether its corner (0, 0), (x+1, 0), (0, y+1), (x+1, y+1) is active."""
+    room = np.zeros((wide, wide), np.uint8)
+    room[origin[1]:origin[1] + fine.shape[0], origin[0]:origin[0] + fine.shape[1]] = fine
+    bits = room.copy()
+    bits[:, :-1] |= room[:, 1:] << 1
+    bits[:-1] |= room[1:] << 2
+    bits[:-1, :-1] |= room[1:, 1:] << 3
+    return bits.reshape(-1), wide
+
+
+def _rounding_corners(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Bits of the corners of the fine cell that, turned forward, round onto the site which came from (x, y)."""
+    u = _SIN * y - _COS * x + TIE  # where corner (0, 0) lands, relative to the site
+    v = TIE - _SIN * x - _COS * y
+    bits = np.zeros(x.shape, np.uint8)
+    for bit, (dx, dy) in {1: (0, 0), 2: (1, 0), 4: (0, 1), 8: (1, 1)}.items():
+        lands = np.abs(u + (dx * _COS - dy * _SIN)) < 0.5
+        lands &= np.abs(v + (dx * _SIN + dy * _COS)) < 0.5
+        bits |= lands.view(np.uint8) * np.uint8(bit)
+    return bits

@@ -1,0 +1,91 @@
+"""The active taxels of a stack of patterns as one list: what every feature is summed from, all at once.
+
+The 46 turned patterns of one contact (section 6) are processed together. Everything here is a whole
+number, so sums are exact: they depend neither on the order of summation nor on where the pattern lies.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class TaxelList(NamedTuple):
+    """The active taxels of K patterns, pattern by pattern, each row by row; arrays of shape (total,)
+    unless said otherwise."""
+
+    shape: tuple[int, int, int]  #: K, padded rows, padded cols
+    site: np.ndarray             #: place of the taxel in the padded, flattened stack
+    start: np.ndarray            #: number of taxels before each pattern, shape (K + 1,)
+    earlier_edge: np.ndarray     #: how many edge neighbours precede the taxel (above, left): 0-2
+    earlier_corner: np.ndarray   #: the same for diagonal neighbours (above)
+    later_edge: np.ndarray       #: how many edge neighbours follow the taxel (right, below)
+    later_corner: np.ndarray     #: the same for diagonal neighbours (below)
+
+    @property
+    def total(self) -> int:
+        return len(self.site)
+
+    @property
+    def counts(self) -> np.ndarray:
+        """N of each pattern, shape (K,)."""
+        return np.diff(self.start)
+
+    def number(self) -> np.ndarray:
+        """The taxel's number within its pattern, from 0."""
+        return np.arange(self.total) - np.repeat(self.start[:-1], self.counts)
+
+    def per_pattern(self, values: np.ndarray) -> np.ndarray:
+        """Sum whole numbers, one a taxel, over each pattern; shape (K,)."""
+        return np.diff(np.concatenate(([0], np.cumsum(values, dtype=np.int64)))[self.start])
+
+    def row_sums(self, weights) -> np.ndarray:
+        """Σ_j A(i,j) times the denominator of ``weights``."""
+        sums = (self.earlier_edge + self.later_edge).astype(np.int64) * weights.edge
+        if weights.corner:
+            sums += (self.earlier_corner + self.later_corner).astype(np.int64) * weights.corner
+        return sums + weights.centre
+
+    def border(self, weights) -> np.ndarray:
+        """Masks of the taxels whose row sum is not zero, without the padding; shape (K, rows, cols)."""
+        stack = np.zeros(self.shape, bool)
+        stack.reshape(-1)[self.site] = self.row_sums(weights) != 0
+        return stack[:, 1:-1, 1:-1]
+
+    def neighbour_pairs(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """All pairs of neighbours: index of the later, of the earlier one, and whether they share an edge."""
+        place = np.full(self.shape[0] * self.shape[1] * self.shape[2], -1, np.int32)
+        place[self.site] = np.arange(self.total, dtype=np.int32)
+        cols = self.shape[2]
+        pairs = [_pairs(place, self.site, step) for step in (1, cols, cols - 1, cols + 1)]
+        later, earlier = (np.concatenate(side) for side in zip(*pairs))
+        is_edge = np.arange(len(later)) < len(pairs[0][0]) + len(pairs[1][0])
+        return later, earlier, is_edge
+
+
+def taxel_list(masks: np.ndarray) -> TaxelList:
+    """List the active taxels of ``masks``, bool, shape (K, rows, cols)."""
+    count, rows, cols = masks.shape
+    padded = np.zeros((count, rows + 2, cols + 2), np.uint8)
+    padded[:, 1:-1, 1:-1] = masks
+    active = padded.reshape(-1)
+    site = np.flatnonzero(active)
+    start = np.searchsorted(site, np.arange(count + 1) * ((rows + 2) * (cols + 2)))
+    # The ring of inactive taxels lets one flat shift stand for a neighbour: no row runs into the next.
+    wide = cols + 2
+    side, corner = _shifted_sum(active, 1, wide), _shifted_sum(active, wide - 1, wide + 1)
+    return TaxelList(padded.shape, site, start, side[0][site], corner[0][site], side[1][site], corner[1][site])
+
+
+def _shifted_sum(active: np.ndarray, *steps: int) -> tuple[np.ndarray, np.ndarray]:
+    """Count, at each site, the active taxels ``steps`` before and ``steps`` after it."""
+    before, after = np.zeros_like(active), np.zeros_like(active)
+    for step in steps:
+        before[step:] += active[:-step]
+        after[:-step] += active[step:]
+    return before, after
+
+
+def _pairs(place: np.ndarray, site: np.ndarray, step: int) -> tuple[np.ndarray, np.ndarray]:
+    earlier = place[site - step]
+    later = np.flatnonzero(earlier >= 0)
+    return later, earlier[later]
