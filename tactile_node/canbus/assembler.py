@@ -74,7 +74,8 @@ class FrameAssembler:
         self._lengths = [tpdo.length for tpdo in layout.tpdos]
         self._payload = bytearray(8 * len(self._lengths))
         self._counts: Counter[str] = Counter()
-        self._losses: Counter[str] = Counter()
+        self._losses: Counter[LossReason] = Counter()
+        self._given, self._fresh = False, np.zeros(len(self._lengths), bool)
         self.restart()
 
     @property
@@ -83,8 +84,7 @@ class FrameAssembler:
 
     def restart(self) -> None:
         """Forget the period under way; the next SYNC is number 0."""
-        if getattr(self, '_run', 0):
-            self._lose(LossReason.UNFINISHED, int(self._fresh.sum()))
+        self._losses[LossReason.UNFINISHED] += self._pending()
         self._sequence, self._stamp = -1, None
         self._last, self._last_data = len(self._lengths) - 1, b''
         self._begin_period()
@@ -102,14 +102,9 @@ class FrameAssembler:
         self._counts['received'] += 1
         if self._stamp is None:
             return self._lose(LossReason.BEFORE_FIRST_SYNC)
-        repeated = rank == self._last and self._seen and data == self._last_data
-        if repeated:
+        if self._seen and rank == self._last and data == self._last_data:
             return self._lose(LossReason.DUPLICATE)
-        loss = None
-        if self._given:
-            loss = self._lose(LossReason.SURPLUS)
-        else:
-            loss = self._place(rank, data)
+        loss = self._lose(LossReason.SURPLUS) if self._given else self._place(rank, data)
         self._last, self._last_data, self._seen = rank, bytes(data), True
         if self._run == len(self._lengths) and not self._given:
             return self._give()
@@ -120,20 +115,20 @@ class FrameAssembler:
         if self._stamp is None:
             return None
         self._counts['periods'] += 1
-        if self._given:
-            return None
         if self._suspect:
             self._drop_run()
-        frame = self._give()
+        frame = None if self._given else self._give()
         self._stamp = None
         return frame
 
     def statistics(self) -> PadStatistics:
-        pending = 0 if self._given else int(self._fresh.sum())
-        counts = self._counts
+        counts, pending = self._counts, self._pending()
         return PadStatistics(
             counts['periods'], counts['complete'], counts['incomplete'], counts['periods'] * len(self._lengths),
             counts['received'], counts['used'], pending, {r.value: self._losses[r] for r in LossReason})
+
+    def _pending(self) -> int:
+        return 0 if self._given else int(self._fresh.sum())
 
     def _begin_period(self) -> None:
         self._fresh = np.zeros(len(self._lengths), bool)

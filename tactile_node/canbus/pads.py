@@ -21,8 +21,8 @@ class PadSettings:
     name: str
     node_id: int
     layout: SkinLayout
-    eds: str  #: path, or the name of a file in config/
-    dictionary: ObjectDictionary = field(repr=False, compare=False)
+    eds: str = ''  #: path; only a live bus needs it
+    dictionary: ObjectDictionary | None = field(default=None, repr=False, compare=False)
 
 
 def make_pad(name: str, node_id: int, layout: str, eds: str = '') -> PadSettings:
@@ -49,18 +49,18 @@ def check_pads(pads: tuple[PadSettings, ...]) -> None:
         _own(owners, EMCY + pad.node_id, f'EMCY of node {pad.node_id}', pad.name)
     for sync in {pad.layout.sync_cob_id for pad in pads}:
         _own(owners, sync, 'SYNC', 'all')
+    _check_names_and_sync(pads)
     for pad in pads:
         for tpdo in pad.layout.tpdos:
             _own(owners, tpdo.cob_id.of(pad.node_id), f'TPDO {tpdo.number} of node {pad.node_id}', pad.name)
-    _check_names_and_sync(pads)
 
 
 def _own(owners: dict[int, str], can_id: int, use: str, pad: str) -> None:
     where = f'pad {pad!r}, {use}'
-    if reason := reserved_for(can_id) or (f'more than 11 bits' if can_id > 0x7FF else None):
+    if reason := reserved_for(can_id) or ('more than 11 bits' if can_id > 0x7FF else None):
         raise ConfigurationError(where, expected='a COB-ID that CiA 301 leaves free', got=f'0x{can_id:03X} ({reason})',
                                  remedy='Change node_id, or cob_id in the layout.')
-    if other := owners.setdefault(can_id, use) != use and owners[can_id]:
+    if (other := owners.setdefault(can_id, where)) != where:
         raise ConfigurationError(where, expected='a COB-ID of its own', got=f'0x{can_id:03X}, as {other}',
                                  remedy='Change node_id, or cob_id in the layout.')
 

@@ -29,13 +29,16 @@ class BusStatistics(NamedTuple):
 
 
 class Router:
-    """Routes frames in order; not thread-safe, one thread feeds it."""
+    """Routes frames in order; not thread-safe, one thread feeds it.
 
-    def __init__(self, pads: tuple[PadSettings, ...], on_frame: OnFrame):
+    With ``foreign_sync`` the SYNCs on the bus part the periods; else only calls of ``sync`` do.
+    """
+
+    def __init__(self, pads: tuple[PadSettings, ...], on_frame: OnFrame, foreign_sync: bool = True):
         self._assemblers = {pad.name: FrameAssembler(pad.layout, pad.node_id) for pad in pads}
         self._owner = {can_id: (name, assembler.feed)
                        for name, assembler in self._assemblers.items() for can_id in assembler.can_ids}
-        self._sync_id = pads[0].layout.sync_cob_id
+        self._foreign_sync, self._sync_id = foreign_sync, pads[0].layout.sync_cob_id
         self._on_frame = on_frame
         self._counts: Counter[str] = Counter()
 
@@ -56,7 +59,8 @@ class Router:
             self._hand_over(owner[0], owner[1](can_id, data, stamp))
         elif can_id == self._sync_id:
             self._counts['sync'] += 1
-            self.sync(stamp)
+            if self._foreign_sync:
+                self.sync(stamp)
         else:
             self._counts[service_of(can_id)] += 1
 

@@ -1,0 +1,87 @@
+"""python-can's bus and canopen's network, joined so that nothing a listener does can stop the reception."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import can
+from canopen import Network
+
+from tactile_node.canbus.logs import CanLogWriter
+from tactile_node.errors import BusError
+
+RECEIVE_TIMEOUT = 0.1  # s the notifier waits at most, hence how long close() may take
+
+_REMEDIES = {
+    'socketcan': 'Is the interface up? "ip link set {channel} up type can bitrate {bitrate}"; "ip link" lists them.',
+    'slcan': 'Check the device path, and that you may open it (group dialout).'}
+
+
+def open_bus(interface: str, channel: str, bitrate: int, options: Mapping[str, Any]) -> can.BusABC:
+    """Open a python-can bus; BusError says which, why not and what to do."""
+    given = dict(options)
+    if interface == 'slcan' and channel.startswith('/dev/pts/'):
+        given.setdefault('sleep_after_open', 0.0)  # a pseudo-terminal does not reset an Arduino
+    try:
+        return can.Bus(interface=interface, channel=channel, bitrate=bitrate, ignore_config=True, **given)
+    except Exception as error:  # each backend of python-can raises its own: CanError, OSError, ValueError, ImportError
+        remedy = _REMEDIES.get(interface, 'Check interface, channel, and that its driver is installed.')
+        raise BusError(f'CAN bus {interface} {channel}', expected=f'a bus that opens at {bitrate} bit/s',
+                       got=f'{type(error).__name__}: {error}',
+                       remedy=remedy.format(channel=channel, bitrate=bitrate)) from error
+
+
+class BusNetwork(Network):
+    """A canopen Network with its own reception: every message first goes to ``on_message``, then to canopen.
+
+    One object lasts from open to close; after a bus fault it is thrown away (a notifier that died stays dead).
+    """
+
+    def __init__(self, bus: can.BusABC, on_message: Callable[[can.Message], None],
+                 on_failure: Callable[[Exception], None], record: CanLogWriter | None = None):
+        super().__init__(bus)
+        self._record = record
+        self.receiver = can.Notifier(bus, [_Receiver(self, on_message, on_failure, record)], RECEIVE_TIMEOUT)
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        """Send a frame from any thread; BusError when the bus does not take it."""
+        message = can.Message(arbitration_id=can_id, data=data, is_extended_id=False, is_remote_frame=remote,
+                              is_rx=False)
+        with self.send_lock:
+            if self._record:
+                self._record.write_sent(message)
+            try:
+                self.bus.send(message)
+            except (can.CanError, OSError, ValueError) as error:
+                raise BusError(f'CAN bus {self.bus.channel_info}', expected=f'to send 0x{can_id:03X}', got=str(error),
+                               remedy='Check cable, termination and whether any other node acknowledges.') from error
+
+    def close(self) -> None:
+        """Stop receiving, close the bus and the recording; allowed on a dead bus."""
+        self.receiver.stop(timeout=10 * RECEIVE_TIMEOUT)
+        try:
+            self.bus.shutdown()
+        except (can.CanError, OSError):  # an adapter that was pulled out cannot say goodbye
+            pass
+        if self._record:
+            self._record.close()
+
+
+class _Receiver(can.Listener):
+    def __init__(self, network: BusNetwork, on_message: Callable, on_failure: Callable, record: CanLogWriter | None):
+        self._subscribers, self._on_message, self._record = network.subscribers, on_message, record
+        self._on_failure = on_failure
+
+    def on_message_received(self, msg: can.Message) -> None:
+        if self._record:
+            self._record.write(msg)
+        self._on_message(msg)
+        if msg.is_error_frame or msg.is_remote_frame or msg.is_extended_id:
+            return
+        for callback in self._subscribers.get(msg.arbitration_id, ()):
+            callback(msg.arbitration_id, msg.data, msg.timestamp)
+
+    def on_error(self, exc: Exception) -> None:
+        self._on_failure(exc)
+
+    def stop(self) -> None:
+        """Nothing to give back."""

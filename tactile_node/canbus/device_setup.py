@@ -1,0 +1,141 @@
+"""Brings one CANopen device to where its TPDOs can be started: found, identified, configured (CiA 301, 302-2)."""
+
+import time
+from collections.abc import Callable
+
+from canopen import RemoteNode, SdoAbortedError, SdoCommunicationError
+
+from tactile_node.canbus.cob_id import DISABLED, ID_MASK, NO_RTR
+from tactile_node.canbus.eds import IDENTITY, TPDO_COMMUNICATION, TPDO_MAPPING, Identity, identity_of
+from tactile_node.canbus.heartbeat import Heartbeats
+from tactile_node.canbus.layout import TpdoLayout
+from tactile_node.canbus.pads import PadSettings
+from tactile_node.errors import DeviceError
+
+SYNC_COB_ID, HEARTBEAT_TIME = 0x1005, 0x1017
+EVERY_SYNC = 1  # transmission type: synchronous, at every SYNC
+REMINDER = 2.0  # s between two sentences about the same wait
+
+
+class DeviceSetup:
+    """The steps of one pad's device; each raises DeviceError when the device does not go along."""
+
+    def __init__(self, node: RemoteNode, pad: PadSettings, heartbeats: Heartbeats, log: Callable[[str], None]):
+        self._node, self._pad, self._heartbeats, self._log = node, pad, heartbeats, log
+        self._who = f'node {pad.node_id} (pad {pad.name!r})'
+
+    def run(self, boot_timeout: float, heartbeat_ms: int) -> None:
+        """Find the device within ``boot_timeout`` [s], check who it is, configure it."""
+        self._wait_for_device(boot_timeout)
+        self._check_identity()
+        self._set_if_listed(SYNC_COB_ID, self._pad.layout.sync_cob_id, 4, 'SYNC COB-ID')
+        self._set_if_listed(HEARTBEAT_TIME, heartbeat_ms, 2, 'heartbeat time')
+        written = sum(self._configure(tpdo) for tpdo in self._pad.layout.tpdos)
+        self._log(f'{self._who}: {len(self._pad.layout.tpdos)} TPDOs ready, {written} of them newly written.')
+
+    def _wait_for_device(self, timeout: float) -> None:
+        begun = reminded = time.monotonic()
+        while True:
+            try:
+                self._node.sdo.upload(IDENTITY, 1)
+                return
+            except SdoAbortedError:  # it answers; what it lacks is the next step's matter
+                return
+            except SdoCommunicationError:
+                now = time.monotonic()
+            if now - begun >= timeout:
+                raise DeviceError(self._who, expected=f'an answer by SDO within {timeout:g} s', got=self._silence(),
+                                  remedy='Check power, wiring, termination, bit rate and node-ID.')
+            if reminded == begun or now - reminded >= REMINDER:
+                self._log(f'Waiting for {self._who} to answer by SDO: {self._silence()} so far.')
+                reminded = now
+
+    def _silence(self) -> str:
+        state = self._heartbeats.state(self._pad.node_id)
+        return 'no sign of it' if state is None else f'only its heartbeat (NMT state 0x{state:02X})'
+
+    def _check_identity(self) -> None:
+        ours = identity_of(self._pad.dictionary)
+        theirs = Identity(*(self._read(IDENTITY, sub, missing=None) for sub in (1, 2, 3)))
+        if not ours.accepts(theirs):
+            raise DeviceError(f'{self._who}, object 0x1018', expected=f'{ours} as in {self._pad.eds}', got=str(theirs),
+                              remedy='Check the node-ID, or give the EDS and layout of this device.')
+        self._log(f'{self._who} is there: {theirs}.')
+
+    def _set_if_listed(self, index: int, value: int, size: int, what: str) -> None:
+        if index not in self._pad.dictionary:
+            self._log(f'{self._who}: its EDS has no object 0x{index:04X}, so its {what} stays as it is.')
+        elif self._read(index, 0, missing=None) != value:
+            self._write(index, 0, value, size)
+
+    def _configure(self, tpdo: TpdoLayout) -> bool:
+        """Make the device send ``tpdo`` as the layout says; True when anything had to be written."""
+        communication, mapping = TPDO_COMMUNICATION + tpdo.number - 1, TPDO_MAPPING + tpdo.number - 1
+        entries = [mapped.entry for mapped in tpdo.mapping]
+        current = self._read(communication, 1)
+        wanted = tpdo.cob_id.of(self._pad.node_id) | current & NO_RTR
+        same_mapping = self._mapping(mapping) == entries
+        if current == wanted and same_mapping and self._read(communication, 2) == EVERY_SYNC:
+            return False
+        self._write(communication, 1, current | DISABLED, 4)  # CiA 301: no change while the PDO exists
+        self._write(communication, 2, EVERY_SYNC, 1)
+        if not same_mapping:
+            self._write_mapping(mapping, entries)
+        self._write(communication, 1, wanted, 4)
+        self._verify(tpdo, communication, wanted)
+        return True
+
+    def _mapping(self, index: int) -> list[int]:
+        return [self._read(index, sub) for sub in range(1, self._read(index, 0) + 1)]
+
+    def _write_mapping(self, index: int, entries: list[int]) -> None:
+        self._write(index, 0, 0, 1)
+        for sub, entry in enumerate(entries, 1):
+            self._write(index, sub, entry, 4)
+        self._write(index, 0, len(entries), 1)
+        if (now := self._mapping(index)) != entries:
+            self._lies(f'0x{index:04X}', ' '.join(f'{e:08X}' for e in entries), ' '.join(f'{e:08X}' for e in now))
+
+    def _verify(self, tpdo: TpdoLayout, index: int, wanted: int) -> None:
+        now = self._read(index, 1)
+        if now & (DISABLED | ID_MASK) != wanted & ID_MASK:
+            self._lies(f'0x{index:04X} sub 1 (COB-ID of TPDO {tpdo.number})', f'0x{wanted:08X}', f'0x{now:08X}')
+
+    def _lies(self, what: str, expected: str, got: str) -> None:
+        raise DeviceError(f'{self._who}, {what}', expected=f'{expected}, as just written', got=f'{got} read back',
+                          remedy="The device cannot be configured so: adapt the layout to the device's own mapping.")
+
+    def _read(self, index: int, sub: int, **if_absent: int | None) -> int | None:
+        """Read an unsigned number; an aborted read gives ``missing`` when given."""
+        try:
+            return int.from_bytes(self._transfer('read', index, sub), 'little')
+        except SdoAbortedError as error:
+            if 'missing' in if_absent:
+                return if_absent['missing']
+            self._refused('be read', index, sub, error)
+
+    def _write(self, index: int, sub: int, value: int, size: int) -> None:
+        try:
+            self._transfer('write', index, sub, value.to_bytes(size, 'little'))
+        except SdoAbortedError as error:
+            self._refused(f'be set to 0x{value:X}', index, sub, error)
+
+    def _transfer(self, verb: str, index: int, sub: int, data: bytes = b'') -> bytes:
+        for last_try in (False, True):
+            try:
+                if verb == 'read':
+                    return self._node.sdo.upload(index, sub)
+                self._node.sdo.download(index, sub, data)
+                return b''
+            except SdoAbortedError:
+                raise
+            except SdoCommunicationError as error:
+                if last_try:
+                    raise DeviceError(f'{self._who}, object 0x{index:04X} sub {sub}', expected=f'an answer to a {verb}',
+                                      got=f'{error}', remedy='Check the wiring and whether the device is on.') from error
+        return b''
+
+    def _refused(self, what: str, index: int, sub: int, error: SdoAbortedError) -> None:
+        raise DeviceError(f'{self._who}, object 0x{index:04X} sub {sub}', expected=f'that it can {what}',
+                          got=f'SDO abort: {error}',
+                          remedy="Compare the layout with the device's manual, or use its own EDS.") from error

@@ -1,0 +1,120 @@
+"""Plays a recorded CAN log in place of a bus: same assemblers, same counts, the log's own stamps."""
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import can
+
+from tactile_node.canbus.logs import CanLogReader
+from tactile_node.canbus.pads import PadSettings, check_pads
+from tactile_node.canbus.router import BusStatistics, OnFrame, Router
+from tactile_node.errors import LogError
+
+logger = logging.getLogger(__name__)
+
+
+class LogSource:
+    """A log as FrameSource. ``pace`` 1.0 is the recorded one, 2.0 twice as fast, None as fast as possible.
+
+    ``on_frame`` is called in step on the replaying thread, so a slow consumer slows the log and loses nothing.
+    With ``loop`` the log begins again at its end, stamps shifted by its length. ``stop`` pauses, ``start`` goes on
+    at the next CAN frame. ``finished`` is set when the log has ended, ``failure`` says when it ended badly.
+    """
+
+    def __init__(self, path: str, pads: tuple[PadSettings, ...], on_frame: OnFrame, pace: float | None = 1.0,
+                 loop: bool = False, log: Callable[[str], None] = logger.info):
+        check_pads(pads)
+        self._path, self._pace, self._loop, self._log = path, pace, loop, log
+        self._on_frame, self._router = on_frame, Router(tuple(pads), self._deliver)
+        self._messages: Iterator[can.Message] | None = None
+        self._thread: threading.Thread | None = None
+        self._stopping, self.finished = threading.Event(), threading.Event()
+        self._consumer_errors, self._unread, self.failure = 0, 0, None
+
+    def open(self) -> None:
+        """Open the log; LogError when it is missing, unreadable or without a CAN frame."""
+        if self._messages is not None:
+            return
+        self.finished.clear()
+        self._reader = CanLogReader(self._path)
+        next(iter(CanLogReader(self._path)))  # raises LogError now rather than on the thread
+        self._messages = self._all_messages()
+        self._log(f'Playing {self._path}.')
+
+    def configure(self) -> None:
+        """Nothing to configure: a log does not listen."""
+
+    def start(self) -> None:
+        if self._thread is None and self._messages is not None:
+            self._stopping.clear()
+            self._thread = threading.Thread(target=self._play, args=(self._messages,), name='replay', daemon=True)
+            self._thread.start()
+
+    def stop(self) -> None:
+        self._stopping.set()
+        if self._thread is not None and self._thread is not threading.current_thread():
+            self._thread.join()
+        self._thread = None
+
+    def close(self) -> None:
+        self.stop()
+        self._messages = None
+
+    def statistics(self) -> BusStatistics:
+        unread = self._unread + (self._reader.unread if hasattr(self, '_reader') else 0)
+        return self._router.statistics()._replace(unread=unread, consumer_errors=self._consumer_errors)
+
+    def _all_messages(self) -> Iterator[can.Message]:
+        shift = 0.0
+        while True:
+            first = last = None
+            for message in self._reader:
+                first = message.timestamp if first is None else first
+                last = message.timestamp
+                message.timestamp += shift
+                yield message
+            if not self._loop:
+                return
+            self._unread += self._reader.unread
+            shift += last - first
+
+    def _play(self, messages: Iterator[can.Message]) -> None:
+        clock = _Pacer(self._pace, self._stopping)
+        try:
+            for message in messages:
+                clock.wait_until(message.timestamp)
+                self._router.feed_message(message)
+                if self._stopping.is_set():
+                    return
+        except LogError as error:
+            self.failure = str(error)
+            self._log(self.failure)
+        self._router.end()
+        self.finished.set()
+        self._log(f'{self._path} has ended: {self._reader.can_frames} CAN frames, {self._reader.unread} lines unread'
+                  f'{f" ({self._reader.problem})" if self._reader.unread else ""}.')
+
+    def _deliver(self, name: str, frame: object) -> None:
+        try:
+            self._on_frame(name, frame)
+        except Exception:  # the consumer's fault must not end the log; it is counted and told
+            self._consumer_errors += 1
+            logger.exception('on_frame of pad %r failed', name)
+
+
+class _Pacer:
+    """Waits until the recorded time has come; the clock starts with the first message."""
+
+    def __init__(self, pace: float | None, stopping: threading.Event):
+        self._pace, self._stopping, self._origin = pace, stopping, None
+
+    def wait_until(self, recorded: float) -> None:
+        if self._pace is None:
+            return
+        if self._origin is None:
+            self._origin = time.monotonic() - recorded / self._pace
+        ahead = self._origin + recorded / self._pace - time.monotonic()
+        if ahead > 0:
+            self._stopping.wait(ahead)

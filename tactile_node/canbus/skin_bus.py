@@ -1,0 +1,200 @@
+"""A live CAN bus with the skin's pads on it: opened, configured, started, stopped, closed."""
+
+import logging
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from queue import SimpleQueue
+from typing import Any
+
+import can
+
+from tactile_node.canbus.bus_network import BusNetwork, open_bus
+from tactile_node.canbus.device_setup import DeviceSetup
+from tactile_node.canbus.heartbeat import HEARTBEAT, Heartbeats, NmtState
+from tactile_node.canbus.logs import CanLogWriter
+from tactile_node.canbus.pads import PadSettings, check_pads
+from tactile_node.canbus.router import BusStatistics, OnFrame, Router, oddity_of
+from tactile_node.canbus.sync_producer import SyncProducer
+from tactile_node.errors import BusError, DeviceError
+
+logger = logging.getLogger(__name__)
+
+NMT, NMT_START, NMT_ENTER_PRE_OPERATIONAL = 0x000, 0x01, 0x80
+OWN_SYNC, RESTART, END = -1, -2, -3  # events in the receive queue beside CAN frames
+
+
+@dataclass(frozen=True)
+class BusSettings:
+    """How to reach the bus; ``options`` go to python-can's Bus as they are."""
+
+    interface: str
+    channel: str
+    bitrate: int = 1_000_000
+    sync_period: float = 0.02  #: [s]
+    produce_sync: bool = True  #: False: another device sends SYNC
+    boot_timeout: float = 5.0  #: how long each device may take to answer [s]
+    heartbeat_ms: int = 100  #: written to each device's 0x1017
+    queue_limit: int = 20_000  #: CAN frames that may wait for the worker
+    record: str = ''  #: log file for everything on the bus, own frames included
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+class SkinBus:
+    """One CAN bus and its pads. Implements FrameSource; see there for the order of calls.
+
+    Threads: python-can's notifier only copies frames into a queue; one worker assembles them and calls
+    ``on_frame``; the SYNC producer has its own. SDO runs on the caller's thread.
+    """
+
+    def __init__(self, settings: BusSettings, pads: tuple[PadSettings, ...], on_frame: OnFrame,
+                 log: Callable[[str], None] = logger.info):
+        check_pads(pads)
+        self._settings, self._pads, self._log = settings, tuple(pads), log
+        self._on_frame = on_frame
+        self._router = Router(self._pads, self._deliver, foreign_sync=not settings.produce_sync)
+        self._heartbeats, self._odd = Heartbeats(), Counter()
+        self._queue: SimpleQueue = SimpleQueue()
+        self._network: BusNetwork | None = None
+        self._sync: SyncProducer | None = None
+        self._overruns = self._sync_overruns = self._consumer_errors = 0
+        self._failure: str | None = None
+
+    @property
+    def failure(self) -> str | None:
+        """Why the bus no longer receives, None while it does. Only close() and open() mend it."""
+        return self._failure
+
+    def open(self) -> None:
+        """Open the bus and begin to receive. Raises BusError, LogError (``record``)."""
+        if self._network is not None:
+            return
+        self._failure = None
+        settings = self._settings
+        record = CanLogWriter(settings.record) if settings.record else None
+        bus = open_bus(settings.interface, settings.channel, settings.bitrate, settings.options)
+        self._queue = SimpleQueue()
+        self._worker = threading.Thread(target=self._work, args=(self._queue,), name='assembler', daemon=True)
+        self._worker.start()
+        self._network = BusNetwork(bus, self._received, self._fail, record)
+        self._log(f'CAN bus {settings.interface} {settings.channel} is open.')
+
+    def configure(self) -> None:
+        """Find, identify and configure every pad's device. Raises DeviceError, BusError."""
+        network = self._opened()
+        for pad in self._pads:
+            self._command(NMT_ENTER_PRE_OPERATIONAL, pad)
+            node = network.add_node(pad.node_id, pad.dictionary)
+            DeviceSetup(node, pad, self._heartbeats, self._log).run(
+                self._settings.boot_timeout, self._settings.heartbeat_ms)
+
+    def start(self) -> None:
+        """Start the devices and SYNC. Raises DeviceError when a device does not become OPERATIONAL."""
+        self._opened()
+        if self._sync is not None:
+            return
+        self._queue.put((RESTART, b'', 0.0))
+        begun = time.monotonic()
+        for pad in self._pads:
+            self._command(NMT_START, pad)
+        self._sync = SyncProducer(self._settings.sync_period, self._send_sync)
+        if self._settings.produce_sync:
+            self._sync.start()
+        for pad in self._pads:
+            self._confirm_operational(pad, begun)
+
+    def stop(self) -> None:
+        """SYNC off, devices pre-operational; a bus that no longer works is left as it is."""
+        if self._network is None or self._sync is None:
+            return
+        self._sync.stop()
+        self._sync_overruns += self._sync.overruns
+        self._sync = None
+        for pad in self._pads:
+            try:
+                self._command(NMT_ENTER_PRE_OPERATIONAL, pad)
+            except BusError as error:
+                self._log(f'Pad {pad.name!r} could not be stopped: {error}')
+
+    def close(self) -> None:
+        """Stop and give the bus back."""
+        self.stop()
+        if self._network is not None:
+            self._network.close()
+            self._network = None
+            self._queue.put((END, b'', 0.0))
+            if threading.current_thread() is not self._worker:
+                self._worker.join()
+
+    def statistics(self) -> BusStatistics:
+        """Counts since construction."""
+        counted = self._router.statistics()
+        running = self._sync.overruns if self._sync else 0
+        return counted._replace(can_frames=dict(Counter(counted.can_frames) + self._odd),
+                                queue_overruns=self._overruns, sync_overruns=self._sync_overruns + running,
+                                consumer_errors=self._consumer_errors)
+
+    def _opened(self) -> BusNetwork:
+        if self._network is None:
+            raise BusError('CAN bus', expected='an open bus', got='a closed one', remedy='Call open() first.')
+        return self._network
+
+    def _command(self, command: int, pad: PadSettings) -> None:
+        self._opened().send_message(NMT, bytes([command, pad.node_id]))
+
+    def _confirm_operational(self, pad: PadSettings, since: float) -> None:
+        patience = 1.0 + 3e-3 * self._settings.heartbeat_ms
+        if not self._heartbeats.wait_for(pad.node_id, NmtState.OPERATIONAL, since, patience):
+            state = self._heartbeats.state(pad.node_id)
+            heard = 'no heartbeat' if state is None else f'heartbeat with NMT state 0x{state:02X}'
+            self.stop()
+            raise DeviceError(f'node {pad.node_id} (pad {pad.name!r})', expected='OPERATIONAL after NMT start', got=heard,
+                              remedy='See whether it sends EMCY: a device with an error may refuse to start.')
+
+    def _send_sync(self) -> None:
+        """The SYNC goes into the queue before it goes on the bus: no TPDO can overtake it."""
+        self._queue.put((OWN_SYNC, b'', time.time()))
+        try:
+            self._opened().send_message(self._pads[0].layout.sync_cob_id, b'')
+        except BusError as error:
+            self._fail(error)
+
+    def _received(self, message: can.Message) -> None:
+        """On the notifier's thread: copy, enqueue, return."""
+        odd = oddity_of(message)
+        if odd is not None:
+            self._odd[odd] += 1
+        elif self._queue.qsize() < self._settings.queue_limit:
+            can_id, data = message.arbitration_id, bytes(message.data)
+            self._queue.put((can_id, data, message.timestamp))
+            if can_id >> 7 == HEARTBEAT >> 7:
+                self._heartbeats.feed(can_id, data)
+        else:
+            self._overruns += 1
+
+    def _fail(self, error: Exception) -> None:
+        if self._failure is None:
+            self._failure = str(error)
+            self._log(f'CAN bus {self._settings.interface} {self._settings.channel} has failed: {error}')
+
+    def _work(self, queue: SimpleQueue) -> None:
+        feed, sync = self._router.feed, self._router.sync
+        while True:
+            can_id, data, stamp = queue.get()
+            if can_id >= 0:
+                feed(can_id, data, stamp)
+            elif can_id == OWN_SYNC:
+                sync(stamp)
+            elif can_id == RESTART:
+                self._router.restart()
+            else:
+                return
+
+    def _deliver(self, name: str, frame: Any) -> None:
+        try:
+            self._on_frame(name, frame)
+        except Exception:  # the consumer's fault must not stop the bus; it is counted and told
+            self._consumer_errors += 1
+            logger.exception('on_frame of pad %r failed', name)
