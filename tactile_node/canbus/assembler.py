@@ -10,6 +10,9 @@ TPDOs of one period form one *ascending run* of ranks. A taxel frame is only eve
 - A run of all ranks is a complete frame, given at once. Otherwise the next SYNC gives the frame, with NaN and
   STALE for the taxels that are not in the run. Whatever follows a complete run within its period is SURPLUS.
 
+Where TPDOs and SYNC are stamped by one clock (``one_clock``), a TPDO stamped before its SYNC is LATE by proof: a
+driver that lags behind its bus drops frames rather than publish them under a later stamp.
+
 So a frame mixes two periods only if a SYNC, the end of the period before it and the beginning of the one
 after it are lost together. A run of all ranks after a silent period is taken to be fresh.
 """
@@ -45,10 +48,9 @@ class Loss(NamedTuple):
 class PadStatistics(NamedTuple):
     """Counts of one pad since it was opened; every TPDO received is used, lost with a reason, or pending."""
 
-    periods: int  #: SYNC periods ended
     complete: int  #: taxel frames given with every TPDO
     incomplete: int  #: taxel frames given with NaN
-    expected: int  #: TPDOs that the ended periods should have brought
+    expected: int  #: TPDOs that these taxel frames should have brought
     received: int  #: TPDOs seen, good or not
     used: int  #: TPDOs whose taxels were given as valid
     pending: int  #: TPDOs of the period under way
@@ -56,7 +58,7 @@ class PadStatistics(NamedTuple):
 
     @property
     def published(self) -> int:
-        """Taxel frames given, complete or not."""
+        """Taxel frames given, complete or not: one for each SYNC period."""
         return self.complete + self.incomplete
 
     @property
@@ -68,8 +70,8 @@ class PadStatistics(NamedTuple):
 class FrameAssembler:
     """The state machine of one pad. ``sync`` and ``feed`` return a TaxelFrame as soon as there is one."""
 
-    def __init__(self, layout: SkinLayout, node_id: int):
-        self._codec = TaxelCodec(layout)
+    def __init__(self, layout: SkinLayout, node_id: int, one_clock: bool = True):
+        self._codec, self._one_clock = TaxelCodec(layout), one_clock
         self._ranks = {tpdo.cob_id.of(node_id): rank for rank, tpdo in enumerate(layout.tpdos)}
         self._lengths = [tpdo.length for tpdo in layout.tpdos]
         self._payload = bytearray(8 * len(self._lengths))
@@ -102,6 +104,9 @@ class FrameAssembler:
         self._counts['received'] += 1
         if self._stamp is None:
             return self._lose(LossReason.BEFORE_FIRST_SYNC)
+        if self._one_clock and timestamp < self._stamp:
+            self._previous_end = rank
+            return self._lose(LossReason.LATE)
         if self._seen and rank == self._last and data == self._last_data:
             return self._lose(LossReason.DUPLICATE)
         loss = self._lose(LossReason.SURPLUS) if self._given else self._place(rank, data)
@@ -114,7 +119,6 @@ class FrameAssembler:
         """End the period without a next SYNC (end of a log); the frame, if it was not yet given."""
         if self._stamp is None:
             return None
-        self._counts['periods'] += 1
         if self._suspect:
             self._drop_run()
         frame = None if self._given else self._give()
@@ -123,9 +127,10 @@ class FrameAssembler:
 
     def statistics(self) -> PadStatistics:
         counts, pending = self._counts, self._pending()
+        expected = (counts['complete'] + counts['incomplete']) * len(self._lengths)
         return PadStatistics(
-            counts['periods'], counts['complete'], counts['incomplete'], counts['periods'] * len(self._lengths),
-            counts['received'], counts['used'], pending, {r.value: self._losses[r] for r in LossReason})
+            counts['complete'], counts['incomplete'], expected, counts['received'], counts['used'], pending,
+            {r.value: self._losses[r] for r in LossReason})
 
     def _pending(self) -> int:
         return 0 if self._given else int(self._fresh.sum())

@@ -31,11 +31,13 @@ class BusStatistics(NamedTuple):
 class Router:
     """Routes frames in order; not thread-safe, one thread feeds it.
 
-    With ``foreign_sync`` the SYNCs on the bus part the periods; else only calls of ``sync`` do.
+    With ``foreign_sync`` the SYNCs on the bus part the periods; else only calls of ``sync`` do. ``one_clock`` says
+    that the stamps given to ``sync`` and ``feed`` can be compared.
     """
 
-    def __init__(self, pads: tuple[PadSettings, ...], on_frame: OnFrame, foreign_sync: bool = True):
-        self._assemblers = {pad.name: FrameAssembler(pad.layout, pad.node_id) for pad in pads}
+    def __init__(self, pads: tuple[PadSettings, ...], on_frame: OnFrame, foreign_sync: bool = True,
+                 one_clock: bool = True):
+        self._assemblers = {pad.name: FrameAssembler(pad.layout, pad.node_id, one_clock) for pad in pads}
         self._owner = {can_id: (name, assembler.feed)
                        for name, assembler in self._assemblers.items() for can_id in assembler.can_ids}
         self._foreign_sync, self._sync_id = foreign_sync, pads[0].layout.sync_cob_id

@@ -23,6 +23,7 @@ from tactile_node.errors import BusError, DeviceError
 logger = logging.getLogger(__name__)
 
 NMT, NMT_START, NMT_ENTER_PRE_OPERATIONAL = 0x000, 0x01, 0x80
+HOST_STAMPED = ('socketcan', 'virtual')  # interfaces that stamp reception by the clock our own SYNC is stamped by
 OWN_SYNC, RESTART, END = -1, -2, -3  # events in the receive queue beside CAN frames
 
 
@@ -54,7 +55,8 @@ class SkinBus:
         check_pads(pads)
         self._settings, self._pads, self._log = settings, tuple(pads), log
         self._on_frame = on_frame
-        self._router = Router(self._pads, self._deliver, foreign_sync=not settings.produce_sync)
+        one_clock = not settings.produce_sync or settings.interface in HOST_STAMPED
+        self._router = Router(self._pads, self._deliver, not settings.produce_sync, one_clock)
         self._heartbeats, self._odd = Heartbeats(), Counter()
         self._queue: SimpleQueue = SimpleQueue()
         self._network: BusNetwork | None = None

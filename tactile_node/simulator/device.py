@@ -1,0 +1,217 @@
+"""A CANopen skin made of software: what the driver meets on a bus when no hardware is there."""
+
+import logging
+import threading
+from collections.abc import Callable
+from typing import NamedTuple
+
+import canopen
+import numpy as np
+from canopen import SdoAbortedError
+
+from tactile_node.canbus.cob_id import DISABLED, ID_MASK
+from tactile_node.canbus.eds import TPDO_COMMUNICATION, TPDO_MAPPING
+from tactile_node.canbus.heartbeat import NmtState
+from tactile_node.canbus.layout import SkinLayout
+from tactile_node.canbus.pads import PadSettings
+from tactile_node.canbus.taxel_codec import TaxelCodec
+
+logger = logging.getLogger(__name__)
+
+#: seconds since the device became operational -> taxel values (rows, cols) in the layout's unit
+TaxelSource = Callable[[float], np.ndarray]
+
+SYNC_COB_ID = 0x1005
+NMT_RESETS = (0x81, 0x82)  # reset node, reset communication
+ABORT_WRONG_STATE, ABORT_NOT_MAPPABLE, ABORT_TOO_LONG = 0x08000022, 0x06040041, 0x06040042
+MAX_PDO_BITS = 64
+
+
+class _Piece(NamedTuple):
+    """A mapped object's place: from which word of the taxels, which bits, to which bits of the TPDO."""
+
+    rank: int | None  #: None: the object holds no taxels
+    start: int
+    bits: int
+    to: int
+
+
+class _Tpdo(NamedTuple):
+    """A TPDO as the master has configured it."""
+
+    can_id: int
+    every: int  #: sent at each so many SYNCs; 0: when its bytes have changed
+    length: int
+    pieces: tuple[_Piece, ...]
+    whole: int | None  #: the rank of the layout's TPDO that it equals
+
+
+class SimulatedDevice:
+    """One pad as a CANopen slave on ``network``: boot-up, heartbeat, NMT, SDO server, synchronous TPDOs.
+
+    What it sends is what has been written to 0x1005, 0x1800... and 0x1A00..., not what the layout says; the layout
+    says which mapped object holds which taxel. ``source`` is called once a SYNC while OPERATIONAL.
+    """
+
+    def __init__(self, network: canopen.Network, pad: PadSettings, source: TaxelSource):
+        self._network, self._pad, self._source = network, pad, source
+        self._codec = TaxelCodec(pad.layout)
+        self._places = _object_places(pad.layout)
+        self._node = canopen.LocalNode(pad.node_id, pad.dictionary)
+        self._node.add_write_callback(self._before_write)
+        self._node.add_read_callback(self._read_taxels)
+        self._words = [bytes(8)] * len(pad.layout.tpdos)
+        self._tpdos: list[_Tpdo] | None = None
+        self._sent: dict[int, bytes] = {}
+        self._started, self._syncs, self._lock = 0.0, 0, threading.RLock()
+        self.frames_sent = 0
+
+    def boot(self) -> None:
+        """Power on: appear on the bus with a boot-up message, then PRE-OPERATIONAL."""
+        self._network.add_node(self._node)
+        self._network.unsubscribe(0, self._node.nmt.on_command)
+        self._network.subscribe(0, self._on_nmt)
+        self._subscribe_sync()
+        self._announce()
+
+    def power_off(self) -> None:
+        """Vanish from the bus without a word; ``boot`` brings it back with its defaults."""
+        with self._lock:
+            self._node.nmt.stop_heartbeat()
+            self._network.unsubscribe(0, self._on_nmt)
+            self._network.unsubscribe(self._sync_id, self._on_sync)
+            self._network.subscribe(0, self._node.nmt.on_command)  # remove_network expects it
+            del self._network[self._pad.node_id]
+            self._forget()
+
+    @property
+    def operational(self) -> bool:
+        return self._node.nmt.state == 'OPERATIONAL'
+
+    def _announce(self) -> None:
+        self._node.nmt.state = 'INITIALISING'  # sends boot-up
+        self._node.nmt.state = 'PRE-OPERATIONAL'
+
+    def _forget(self) -> None:
+        self._node.data_store.clear()
+        self._tpdos = None
+
+    def _subscribe_sync(self) -> None:
+        self._sync_id = self._number(SYNC_COB_ID, 0) & ID_MASK
+        self._network.subscribe(self._sync_id, self._on_sync)
+
+    def _on_nmt(self, _can_id: int, data: bytes, timestamp: float) -> None:
+        if len(data) < 2 or data[1] not in (0, self._pad.node_id):
+            return
+        with self._lock:
+            if data[0] in NMT_RESETS:
+                self._node.nmt.stop_heartbeat()
+                self._forget()
+                self._network.unsubscribe(self._sync_id, self._on_sync)
+                self._subscribe_sync()
+                self._announce()
+                return
+            was_operational = self.operational
+            self._node.nmt.on_command(0, data, timestamp)
+            if self.operational and not was_operational:
+                self._started, self._syncs = timestamp, 0
+                self._sent.clear()
+
+    def _on_sync(self, _can_id: int, _data: bytes, timestamp: float) -> None:
+        with self._lock:
+            if not self.operational:
+                return
+            payload = self._codec.encode(self._source(timestamp - self._started))
+            self._words = [payload[i:i + 8] for i in range(0, len(payload), 8)]
+            self._syncs += 1
+            if self._tpdos is None:
+                self._tpdos = self._configured_tpdos()
+            for tpdo in self._tpdos:
+                self._send(tpdo)
+
+    def _send(self, tpdo: _Tpdo) -> None:
+        if tpdo.every and self._syncs % tpdo.every:
+            return
+        data = self._data(tpdo)
+        if not tpdo.every and self._sent.get(tpdo.can_id) == data:
+            return
+        self._sent[tpdo.can_id] = data
+        self._network.send_message(tpdo.can_id, data)
+        self.frames_sent += 1
+
+    def _data(self, tpdo: _Tpdo) -> bytes:
+        if tpdo.whole is not None:
+            return self._words[tpdo.whole][:tpdo.length]
+        word = sum(self._bits(piece) << piece.to for piece in tpdo.pieces)
+        return word.to_bytes(8, 'little')[:tpdo.length]
+
+    def _bits(self, piece: _Piece) -> int:
+        if piece.rank is None:
+            return 0
+        return int.from_bytes(self._words[piece.rank], 'little') >> piece.start & (1 << piece.bits) - 1
+
+    def _configured_tpdos(self) -> list[_Tpdo]:
+        """Compile the communication and mapping records as they stand now."""
+        numbers = [i for i in range(512) if TPDO_COMMUNICATION + i in self._node.object_dictionary]
+        compiled = (self._compile(number) for number in numbers)
+        return [tpdo for tpdo in compiled if tpdo is not None]
+
+    def _compile(self, number: int) -> _Tpdo | None:
+        cob_id = self._number(TPDO_COMMUNICATION + number, 1)
+        kind = self._number(TPDO_COMMUNICATION + number, 2)
+        count = self._number(TPDO_MAPPING + number, 0)
+        if cob_id & DISABLED or kind > 240 or not count:  # above 240: not synchronous
+            return None
+        pieces, bits = [], 0
+        for sub in range(1, count + 1):
+            entry = self._number(TPDO_MAPPING + number, sub)
+            rank, start, _ = self._places.get(entry >> 8, (None, 0, 0))
+            pieces.append(_Piece(rank, start, entry & 0xFF, bits))
+            bits += entry & 0xFF
+        whole = all(p.rank == pieces[0].rank is not None and p.start == p.to for p in pieces)
+        return _Tpdo(cob_id & ID_MASK, kind, (bits + 7) // 8, tuple(pieces), pieces[0].rank if whole else None)
+
+    def _number(self, index: int, sub: int) -> int:
+        return int.from_bytes(self._node.get_data(index, sub), 'little')
+
+    def _read_taxels(self, index: int, subindex: int, od: object) -> int | None:
+        place = self._places.get(index << 8 | subindex)
+        if place is None:
+            return None
+        value = self._bits(_Piece(*place, 0))
+        signed = getattr(od, 'data_type', 0) in canopen.objectdictionary.SIGNED_TYPES
+        return value - (value >> place[2] - 1 << place[2]) if signed else value
+
+    def _before_write(self, index: int, subindex: int, data: bytes, **_: object) -> None:
+        """CiA 301's rules for PDO records; raises the SDO abort that a strict device sends."""
+        communication = TPDO_COMMUNICATION + (index & 0x1FF)
+        if TPDO_MAPPING <= index < TPDO_MAPPING + 512:
+            if not self._number(communication, 1) & DISABLED:
+                raise SdoAbortedError(ABORT_WRONG_STATE)
+            self._check_mapping(index, subindex, int.from_bytes(data, 'little'))
+        elif index == communication and subindex == 1:
+            now, new = self._number(index, 1), int.from_bytes(data, 'little')
+            if not now & DISABLED and (now ^ new) & ID_MASK:
+                raise SdoAbortedError(ABORT_WRONG_STATE)
+        self._tpdos = None
+
+    def _check_mapping(self, index: int, subindex: int, value: int) -> None:
+        if subindex == 0:
+            bits = sum(self._number(index, sub) & 0xFF for sub in range(1, value + 1))
+            if bits > MAX_PDO_BITS:
+                raise SdoAbortedError(ABORT_TOO_LONG)
+        elif self._number(index, 0) != 0:
+            raise SdoAbortedError(ABORT_WRONG_STATE)
+        elif value and value >> 8 not in self._places:
+            raise SdoAbortedError(ABORT_NOT_MAPPABLE)
+
+
+def _object_places(layout: SkinLayout) -> dict[int, tuple[int, int, int]]:
+    """{index << 8 | sub: (rank, first bit, bits)} of every object that holds taxels."""
+    places = {}
+    for rank, tpdo in enumerate(layout.tpdos):
+        start = 0
+        for index, sub, bits in tpdo.mapping:
+            places[index << 8 | sub] = (rank, start, bits)
+            start += bits
+    return places

@@ -1,0 +1,46 @@
+"""Simulated pads on one python-can bus."""
+
+from collections.abc import Callable
+
+import can
+
+from tactile_node.canbus.bus_network import BusNetwork, open_bus
+from tactile_node.canbus.pads import PadSettings, check_pads
+from tactile_node.simulator.device import SimulatedDevice, TaxelSource
+
+
+class SkinSimulator:
+    """Devices for ``pads``, each with its ``sources[pad.name]``, from ``start`` to ``stop`` on one bus.
+
+    >>> from tactile_node.canbus.pads import make_pad
+    >>> import numpy as np
+    >>> simulator = SkinSimulator([make_pad('left', 32, 'sim16x16.yaml')], {'left': lambda t: np.zeros((16, 16))})
+    >>> simulator.start('virtual', 'skin'); simulator.stop()
+    """
+
+    def __init__(self, pads: list[PadSettings], sources: dict[str, TaxelSource],
+                 on_failure: Callable[[Exception], None] = lambda error: None):
+        check_pads(tuple(pads))
+        self._pads, self._sources, self._on_failure = pads, sources, on_failure
+        self._network: BusNetwork | None = None
+        self.devices: dict[str, SimulatedDevice] = {}
+
+    def start(self, interface: str, channel: str, bitrate: int = 1_000_000) -> None:
+        """Open the bus by name and boot the devices; BusError."""
+        self.start_on(open_bus(interface, channel, bitrate, {}))
+
+    def start_on(self, bus: can.BusABC) -> None:
+        """Boot the devices on ``bus``, which is closed by ``stop``."""
+        self._network = BusNetwork(bus, lambda message: None, self._on_failure)
+        for pad in self._pads:
+            device = self.devices[pad.name] = SimulatedDevice(self._network, pad, self._sources[pad.name])
+            device.boot()
+
+    def stop(self) -> None:
+        """Switch the devices off and close the bus."""
+        for device in self.devices.values():
+            device.power_off()
+        self.devices.clear()
+        if self._network is not None:
+            self._network.close()
+            self._network = None

@@ -1,0 +1,126 @@
+"""A serial CAN adapter made of a pseudo-terminal: the device side of the slcan ASCII protocol (Lawicel CAN232).
+
+The bus behind the adapter is whoever holds this object; the program with ``interface: slcan`` and
+``channel: <port>`` sees an ordinary adapter.
+"""
+
+import os
+import pty
+import select
+import termios
+import time
+import tty
+from collections import deque
+from pathlib import Path
+
+import can
+
+OK, REFUSED = b'\r', b'\a'
+MAX_WAITING = 1 << 16  # bytes not yet read by the other side; beyond this frames are dropped, as an adapter does
+VERSION, SERIAL = b'V1013\r', b'NTS01\r'
+
+
+class SlcanPty(can.BusABC):
+    """A python-can bus whose wire is the pseudo-terminal ``port``; ``link`` gives that port a lasting name."""
+
+    def __init__(self, link: str = ''):
+        self._master, self._port_fd = pty.openpty()  # our own end of the port stays open, so clients may come and go
+        tty.setraw(self._port_fd)
+        os.set_blocking(self._master, False)
+        self.port = os.ttyname(self._port_fd)
+        self._link = Path(link) if link else None
+        if self._link:
+            self._link.unlink(missing_ok=True)
+            self._link.symlink_to(self.port)
+        self._open, self._unsent, self._line = False, bytearray(), bytearray()
+        self._received: deque[can.Message] = deque()
+        self.channel_info, self.dropped = f'slcan on {self.port}', 0
+        super().__init__(self.port)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Hand a frame to the client if it has opened the channel; dropped and counted when it does not read."""
+        if not self._open:
+            return
+        if len(self._unsent) > MAX_WAITING:
+            self.dropped += 1
+        else:
+            self._write(encode(msg))
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        deadline = None if timeout is None else time.monotonic() + timeout
+        while not self._received:
+            left = None if deadline is None else max(0.0, deadline - time.monotonic())
+            readable, writable, _ = select.select([self._master], [self._master] if self._unsent else [], [], left)
+            if writable:
+                self._write(b'')
+            if readable:
+                self._read()
+            elif not writable and left is not None:
+                return None, False
+        return self._received.popleft(), False
+
+    def _read(self) -> None:
+        for byte in os.read(self._master, 4096):
+            if byte != OK[0]:
+                self._line.append(byte)
+            else:
+                self._write(self._answer(bytes(self._line)))
+                self._line.clear()
+
+    def _answer(self, line: bytes) -> bytes:
+        command = line[:1]
+        if command in (b't', b'T', b'r', b'R'):
+            message = decode(line)
+            if message is None or not self._open:
+                return REFUSED
+            self._received.append(message)
+            return (b'z' if command in (b't', b'r') else b'Z') + OK
+        if command in (b'O', b'L', b'C'):
+            return self._set_open(command != b'C')
+        return {b'V': VERSION, b'N': SERIAL, b'F': b'F00\r'}.get(command, OK if command in b'SsMmZX' else REFUSED)
+
+    def _set_open(self, is_open: bool) -> bytes:
+        if not is_open:  # what a client before did not read is no news to the next
+            self._unsent.clear()
+            termios.tcflush(self._port_fd, termios.TCIFLUSH)
+        self._open = is_open
+        return OK
+
+    def _write(self, data: bytes) -> None:
+        self._unsent += data
+        try:
+            written = os.write(self._master, self._unsent)
+        except BlockingIOError:
+            return
+        del self._unsent[:written]
+
+    def shutdown(self) -> None:
+        """Take the port away."""
+        if not self._is_shutdown:
+            super().shutdown()
+            if self._link:
+                self._link.unlink(missing_ok=True)
+            os.close(self._master)
+            os.close(self._port_fd)
+
+
+def encode(message: can.Message) -> bytes:
+    """A frame as slcan line: ``t1A02AABB`` is COB-ID 0x1A0 with bytes AA BB."""
+    kind = 'r' if message.is_remote_frame else 't'
+    head = f'{kind.upper()}{message.arbitration_id:08X}' if message.is_extended_id else (
+        f'{kind}{message.arbitration_id:03X}')
+    data = '' if message.is_remote_frame else message.data.hex().upper()
+    return f'{head}{message.dlc:d}{data}\r'.encode()
+
+
+def decode(line: bytes) -> can.Message | None:
+    """The inverse, without the final CR; None when it is no frame."""
+    try:
+        digits = 8 if line[:1].isupper() else 3
+        length, remote = int(line[1 + digits:2 + digits]), line[:1] in b'rR'
+        data = bytes.fromhex(line[2 + digits:].decode())
+        if length > 8 or len(data) != (0 if remote else length):
+            return None
+        return can.Message(time.time(), int(line[1:1 + digits], 16), digits == 8, remote, dlc=length, data=data)
+    except ValueError:
+        return None
