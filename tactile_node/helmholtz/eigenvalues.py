@@ -4,7 +4,7 @@ All matrices are laid along the diagonal of one banded matrix, and LAPACK's band
 together: inverse iteration from a positive vector (which the ground state of an M-matrix is never
 orthogonal to), with each matrix shifted to just below its own Rayleigh quotient. An iterate x with
 residual r = A x - θ x has an eigenvalue within ‖r‖/‖x‖ of θ; it is accepted at 2e-10 θ. What does not
-get there (nearly equal eigenvalues of weakly joined parts) goes to a dense solver.
+get there in time (nearly equal eigenvalues of weakly joined parts) goes to a dense solver.
 """
 
 from typing import NamedTuple
@@ -16,47 +16,76 @@ from tactile_node.helmholtz.operators import WEIGHTS, Stencil
 from tactile_node.helmholtz.taxel_list import TaxelList
 
 TOLERANCE = 2e-10  #: of the residual, relative to the eigenvalue
-ROUNDS = 6  #: factorisations, each with a better shift
-SOLVES = 3  #: inverse iterations a factorisation
+SOLVES = (4, 4, 3, 2, 2, 2, 2)  #: inverse iterations with each shift; the last is the last attempt
+MARGIN = 1.2  #: of the shift below the Rayleigh quotient, in residuals
 COLUMNS = 20_000  #: taxels treated together, to stay within the processor's cache
 
 
-def smallest_eigenvalues(taxels: TaxelList, stencil: Stencil) -> np.ndarray:
-    """Return Λ of each of the K patterns of ``taxels``, shape (K,); NaN for an empty one."""
-    found = np.full(len(taxels.counts), np.nan)
-    matrices = _banded(taxels, stencil)
-    filled = np.flatnonzero(taxels.counts)
-    for part in _parts(taxels.counts[filled]):
-        found[filled[part]] = _solve(_selected(matrices, filled[part]))
-    return found
+class Problem(NamedTuple):
+    """The matrices A of all patterns of a list by one stencil."""
+
+    taxels: TaxelList
+    stencil: Stencil
+
+
+def smallest_eigenvalues(problems: list[Problem]) -> list[np.ndarray]:
+    """Return Λ of each of the patterns of each problem, shape (K,); NaN for an empty one.
+
+    Problems of like size are solved fastest together.
+    """
+    sizes = np.concatenate([problem.taxels.counts for problem in problems])
+    found = np.full(len(sizes), np.nan)
+    matrices, filled = _banded(problems, sizes[sizes > 0]), np.flatnonzero(sizes)
+    for part in _parts(matrices.sizes):
+        found[filled[part]] = _solve(matrices.part(part))
+    return np.split(found, np.cumsum([len(problem.taxels.counts) for problem in problems])[:-1])
 
 
 class Banded(NamedTuple):
     """Matrices side by side on one diagonal, as LAPACK's lower band storage, transposed.
 
     ``band`` has shape (total, bandwidth + 1): row j holds A(j, j), A(j+1, j), ...; matrix k has the rows
-    ``start[k]:start[k + 1]``.
+    ``start[k]:start[k + 1]``, ``sizes[k]`` of them.
     """
 
     band: np.ndarray
+    sizes: np.ndarray
     start: np.ndarray
 
-    @property
-    def sizes(self) -> np.ndarray:
-        return np.diff(self.start)
+    @classmethod
+    def of(cls, band: np.ndarray, sizes: np.ndarray) -> 'Banded':
+        return cls(band, sizes, np.concatenate(([0], np.cumsum(sizes))))
+
+    def part(self, chosen: slice) -> 'Banded':
+        start = self.start[:-1][chosen]
+        sizes = self.sizes[chosen]
+        return Banded.of(self.band[start[0]:start[-1] + sizes[-1]], sizes)
+
+    def where(self, keep: np.ndarray) -> 'Banded':
+        return self if keep.all() else Banded.of(self.band[np.repeat(keep, self.sizes)], self.sizes[keep])
 
 
-def _banded(taxels: TaxelList, stencil: Stencil) -> Banded:
-    weights = WEIGHTS[stencil]
-    later, earlier, is_edge = taxels.neighbour_pairs()
+def _banded(problems: list[Problem], sizes: np.ndarray) -> Banded:
+    entries = [_entries(problem) for problem in problems]
+    width = max(int(distance.max(initial=0)) for _, distance, _ in entries) + 1
+    band = np.zeros((int(sizes.sum()), width))
+    first = 0
+    for (taxels, stencil), (column, distance, values) in zip(problems, entries):
+        rows = band[first:first + taxels.total]
+        rows[:, 0] = WEIGHTS[stencil].centre / WEIGHTS[stencil].denominator
+        rows.reshape(-1)[column * width + distance] = values
+        first += taxels.total
+    return Banded.of(band, sizes)
+
+
+def _entries(problem: Problem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Column, distance from the diagonal, and value of the entries below it."""
+    weights = WEIGHTS[problem.stencil]
+    later, earlier, is_edge = problem.taxels.neighbour_pairs()
     if not weights.corner:
         later, earlier, is_edge = later[is_edge], earlier[is_edge], True
-    width = int((later - earlier).max(initial=0)) + 1
-    band = np.zeros((taxels.total, width))
-    band[:, 0] = weights.centre / weights.denominator
-    band.reshape(-1)[earlier * width + (later - earlier)] = np.where(
-        is_edge, weights.edge / weights.denominator, weights.corner / weights.denominator)
-    return Banded(band, taxels.start)
+    values = np.where(is_edge, weights.edge / weights.denominator, weights.corner / weights.denominator)
+    return earlier, later - earlier, values
 
 
 def _parts(sizes: np.ndarray) -> list[slice]:
@@ -65,46 +94,39 @@ def _parts(sizes: np.ndarray) -> list[slice]:
     return [slice(a, b) for a, b in zip(cuts, [*cuts[1:], len(sizes)])]
 
 
-def _selected(matrices: Banded, chosen: np.ndarray) -> Banded:
-    keep = np.zeros(len(matrices.sizes), bool)
-    keep[chosen] = True
-    band = matrices.band[np.repeat(keep, matrices.sizes)]
-    return Banded(band, np.concatenate(([0], np.cumsum(matrices.sizes[keep]))))
-
-
 def _solve(matrices: Banded) -> np.ndarray:
     """Smallest eigenvalue of each matrix; none is empty."""
     found = np.full(len(matrices.sizes), np.nan)
-    pending, shift, x = np.arange(len(found)), np.zeros(len(found)), np.ones(len(matrices.band))
-    for _ in range(ROUNDS):
-        part = _selected(matrices, pending)
-        factor, failed = _factorise(part, shift)
-        if failed is None:
-            value, residual, x = _iterate(factor, part, shift, x)
-            done = residual <= TOLERANCE * value
-            found[pending[done]] = value[done]
-            keep, shift = ~done, value - 1.2 * residual
-        else:  # the shift was above its smallest eigenvalue: leave that matrix to the dense solver
-            keep = np.arange(len(pending)) != failed
-        x, pending, shift = x[np.repeat(keep, part.sizes)], pending[keep], shift[keep]
-        if not len(pending):
+    pending, shift, x, left = np.arange(len(found)), np.zeros(len(found)), np.ones(len(matrices.band)), matrices
+    for solves in SOLVES:
+        factor, shift = _factorise(left, shift)
+        value, residual, x = _iterate(factor, left, shift, x, solves)
+        keep = residual > TOLERANCE * value
+        found[pending[~keep]] = value[~keep]
+        if not keep.any():
             break
-    for left in np.flatnonzero(np.isnan(found)):
-        found[left] = _dense(matrices.band[matrices.start[left]:matrices.start[left + 1]])
+        x, pending, left = x[np.repeat(keep, left.sizes)], pending[keep], left.where(keep)
+        shift = (value - MARGIN * residual)[keep]
+    for hard in np.flatnonzero(np.isnan(found)):
+        found[hard] = _dense(matrices.part(slice(hard, hard + 1)).band)
     return found
 
 
-def _factorise(part: Banded, shift: np.ndarray) -> tuple[np.ndarray, int | None]:
-    """Cholesky factor of A - shift, or the first matrix that is not positive definite."""
-    band = part.band.copy()
-    band[:, 0] -= np.repeat(shift, part.sizes)
-    factor, info = lapack.dpbtrf(band.T, lower=1, overwrite_ab=1)
-    return factor, None if info == 0 else int(np.searchsorted(part.start, info - 1, 'right')) - 1
+def _factorise(part: Banded, shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Cholesky factor of A - shift, and the shift: 0 where the one asked for was above the smallest eigenvalue."""
+    while True:
+        band = part.band.copy()
+        band[:, 0] -= np.repeat(shift, part.sizes)
+        factor, failed = lapack.dpbtrf(band.T, lower=1, overwrite_ab=1)
+        if failed == 0:
+            return factor, shift
+        shift = shift.copy()
+        shift[np.searchsorted(part.start, failed - 1, 'right') - 1] = 0.0
 
 
-def _iterate(factor: np.ndarray, part: Banded, shift: np.ndarray, x: np.ndarray):
-    """Return Rayleigh quotient, residual norm (both of shape (K,)) and iterate after SOLVES solves."""
-    for _ in range(SOLVES):
+def _iterate(factor: np.ndarray, part: Banded, shift: np.ndarray, x: np.ndarray, solves: int):
+    """Return Rayleigh quotient, residual norm (both of shape (K,)) and iterate after some solves."""
+    for _ in range(solves):
         previous = x
         solution, _ = lapack.dpbtrs(factor, x, lower=1)
         scale = 1 / np.sqrt(np.add.reduceat(solution * solution, part.start[:-1]))

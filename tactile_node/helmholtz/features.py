@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.errors import InputError
-from tactile_node.helmholtz.eigenvalues import smallest_eigenvalues
+from tactile_node.helmholtz.eigenvalues import Problem, smallest_eigenvalues
 from tactile_node.helmholtz.gravity import gravity
 from tactile_node.helmholtz.information import information
 from tactile_node.helmholtz.operators import WEIGHTS, Stencil
-from tactile_node.helmholtz.rotation import ANGLES, turned_patterns
+from tactile_node.helmholtz.rotation import ANGLES, turned_patterns, with_turned
 from tactile_node.helmholtz.taxel_list import TaxelList, taxel_list
 
 
@@ -44,6 +44,9 @@ class Turned(NamedTuple):
     max_angle: int | None  #: [degrees], the first angle at which it is greatest
 
 
+UNDEFINED = Turned(np.nan, np.nan, np.nan, None, None)
+
+
 class Features(NamedTuple):
     """Features by name; NaN where one is undefined."""
 
@@ -65,15 +68,14 @@ def compute_features(mask: np.ndarray, groups: Group = Group.ALL) -> Features:
 
     >>> features = compute_features(np.array([[True, False], [True, True]]))
     >>> features.values['P05'], round(features.values['lambda5'], 6)
-    (3.0, 2.585786)
+    (3, 2.585786)
     """
     _check(mask)
-    stack = _described(mask[np.newaxis], groups)
-    values = {name: float(value[0]) for name, value in stack.items()}
-    if not groups & Group.TURNED:
-        return Features(MappingProxyType(values), MappingProxyType({}))
-    over = _described(turned_patterns(mask), groups) if mask.any() else stack
-    return Features(MappingProxyType(values), MappingProxyType(_extremes(over)))
+    turn = groups & Group.TURNED and mask.any()
+    stack = _described(with_turned(mask) if turn else mask[np.newaxis], groups)
+    values = {name: value[0].item() for name, value in stack.items()}
+    turned = _extremes(stack, 1 if turn else 0) if groups & Group.TURNED else {}
+    return Features(MappingProxyType(values), MappingProxyType(turned))
 
 
 def features_at_angles(mask: np.ndarray, groups: Group = Group.ALL) -> dict[str, np.ndarray]:
@@ -93,35 +95,42 @@ def _described(masks: np.ndarray, groups: Group) -> dict[str, np.ndarray]:
     """Features of each of the patterns ``masks``, shape (K, rows, cols), as arrays of shape (K,)."""
     taxels = taxel_list(masks)
     rim = {k: taxels.border(WEIGHTS[k]) for k in Stencil}
-    found = {'N': taxels.counts, **{f'P0{k}': rim[k].sum((1, 2)) for k in Stencil}}
-    lists = {'': taxels}
-    if groups & Group.BORDER:
-        lists |= {f'_border{k}': taxel_list(rim[k]) for k in Stencil}
-    for suffix, chosen in lists.items():
+    found = {'N': taxels.counts, **{f'P0{k}': np.count_nonzero(rim[k], (1, 2)) for k in Stencil}}
+    whole = {'': taxels}
+    reduced = {f'_border{k}': taxel_list(rim[k]) for k in Stencil} if groups & Group.BORDER else {}
+    eigenvalues = _eigenvalues(whole) | _eigenvalues(reduced) if groups & Group.EIGENVALUES else {}
+    for suffix, chosen in (whole | reduced).items():
         for k in Stencil:
-            found |= {f'{name}{k}{suffix}': value for name, value in _by_stencil(chosen, k, groups)}
+            if groups & Group.EIGENVALUES:
+                found[f'lambda{k}{suffix}'] = eigenvalues[suffix, k]
+            if groups & Group.INFORMATION:
+                found |= _named('info_{}{}{}', information(chosen, k), k, suffix)
+            if groups & Group.GRAVITY:
+                found |= _named('{}{}{}', gravity(chosen, k), k, suffix)
     return found
 
 
-def _by_stencil(taxels: TaxelList, k: Stencil, groups: Group):
-    if groups & Group.EIGENVALUES:
-        yield 'lambda', smallest_eigenvalues(taxels, k)
-    if groups & Group.INFORMATION:
-        yield from ((f'info_{name}', value) for name, value in information(taxels, k)._asdict().items())
-    if groups & Group.GRAVITY:
-        yield from gravity(taxels, k)._asdict().items()
+def _eigenvalues(lists: dict[str, TaxelList]) -> dict[tuple[str, Stencil], np.ndarray]:
+    problems = {(suffix, k): Problem(taxels, k) for suffix, taxels in lists.items() for k in Stencil}
+    return dict(zip(problems, smallest_eigenvalues(list(problems.values())))) if problems else {}
 
 
-def _extremes(over: dict[str, np.ndarray]) -> dict[str, Turned]:
-    values = np.array(list(over.values()), float)
+def _named(pattern: str, found: tuple, k: Stencil, suffix: str) -> dict[str, np.ndarray]:
+    return {pattern.format(name, int(k), suffix): value for name, value in zip(found._fields, found)}
+
+
+def _extremes(over: dict[str, np.ndarray], first: int) -> dict[str, Turned]:
+    """Minimum, maximum and difference from pattern ``first`` of the stack on."""
+    values = np.array(list(over.values()), float)[:, first:]
     undefined = np.isnan(values)
     lowest = np.where(undefined, np.inf, values).argmin(1)
     highest = np.where(undefined, -np.inf, values).argmax(1)
     row = np.arange(len(values))
     least, most = values[row, lowest], values[row, highest]
-    columns = (least.tolist(), most.tolist(), (most - least).tolist(), ANGLES[lowest].tolist(), ANGLES[highest].tolist())
-    return {name: Turned(*column) if column[0] == column[0] else Turned(*[float('nan')] * 3, None, None)
-            for name, column in zip(over, zip(*columns))}
+    angles = (ANGLES[lowest].tolist(), ANGLES[highest].tolist())
+    columns = zip(least.tolist(), most.tolist(), (most - least).tolist(), *angles)
+    return {name: Turned(*column) if column[0] == column[0] else UNDEFINED
+            for name, column in zip(over, columns)}
 
 
 def _number(value):

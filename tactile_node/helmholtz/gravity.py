@@ -26,13 +26,13 @@ def gravity(taxels: TaxelList, stencil: Stencil) -> Gravity:
     A pair of neighbours i > j weighs A(i,j) at (i-1)/(N-1), (j-1)/(N-1); summed over i the weights are
     those of the neighbours before each taxel, summed over j those of the neighbours after it.
     """
-    weights, number = WEIGHTS[stencil], taxels.number()
+    weights = WEIGHTS[stencil]
     before = _weigh(taxels.earlier_edge, taxels.earlier_corner, weights)
     after = _weigh(taxels.later_edge, taxels.later_corner, weights)
     with np.errstate(invalid='ignore', divide='ignore'):
         scale = taxels.per_pattern(before) * (taxels.counts - 1)
-        x = taxels.per_pattern(before * number) / scale
-        y = taxels.per_pattern(after * number) / scale
+        x = taxels.per_pattern(before * taxels.number) / scale
+        y = taxels.per_pattern(after * taxels.number) / scale
     return Gravity(x, y, np.sqrt(x * x + y * y), np.degrees(np.arctan2(x, y)))
 
 

@@ -17,9 +17,19 @@ TIE = 1e-9  #: [fine steps]
 def turned_patterns(mask: np.ndarray) -> np.ndarray:
     """Return the pattern at each of ANGLES, decimated and with its holes filled; bool, (46, rows, cols).
 
-    ``mask`` must have an active taxel. The stack has room for every angle; its origin is arbitrary.
+    ``mask`` must have an active taxel. The stack has room for every angle.
     """
-    return fill_holes(rotated(mask))
+    return fill_holes(rotated(mask)[0])
+
+
+def with_turned(mask: np.ndarray) -> np.ndarray:
+    """Return the pattern as it is, followed by its turned patterns; bool, shape (47, rows, cols)."""
+    turned, (row, col) = rotated(mask)
+    stack = np.zeros((len(ANGLES) + 1, *turned.shape[1:]), bool)
+    original = _cropped(mask)
+    stack[0, row:row + original.shape[0], col:col + original.shape[1]] = original
+    stack[1:] = fill_holes(turned)
+    return stack
 
 
 def fine_lattice(mask: np.ndarray) -> np.ndarray:
@@ -40,8 +50,10 @@ def fine_lattice(mask: np.ndarray) -> np.ndarray:
     return fine[:FINE * rows - FINE + 1, :FINE * cols - FINE + 1]
 
 
-def rotated(mask: np.ndarray) -> np.ndarray:
+def rotated(mask: np.ndarray) -> tuple[np.ndarray, tuple[int, int]]:
     """Return the decimated patterns at ANGLES before the hole rules; bool, shape (46, rows, cols).
+
+    Beside it, where in them the bounding box of ``mask`` begins (row, col).
 
     Instead of turning every point forward, each taxel site is turned back: only the four fine points
     around the place it comes from can round onto it, and each of those is tried forward.
@@ -51,10 +63,12 @@ def rotated(mask: np.ndarray) -> np.ndarray:
     centre = FINE * np.array([cols.sum(), rows.sum()]) / len(rows)
     # Fictive points lie between real ones; rounding moves a point by less than 1.
     radius = FINE * np.hypot(cols - centre[0] / FINE, rows - centre[1] / FINE).max() + 1.0
-    sites, place, shape = _sites_within(centre, radius)
-    stack = np.zeros((len(ANGLES), shape[0] * shape[1]), bool)
-    stack[:, place] = _reached(fine_lattice(mask), sites - centre[:, np.newaxis], centre, radius)
-    return stack.reshape(len(ANGLES), *shape)
+    sites, first = _sites_within(centre, radius)
+    col, row = sites // FINE - first[:, np.newaxis]
+    wide, high = col.max() + 1, row.max() + 1
+    stack = np.zeros((len(ANGLES), high * wide), bool)
+    stack[:, row * wide + col] = _reached(fine_lattice(mask), sites - centre[:, np.newaxis], centre, radius)
+    return stack.reshape(len(ANGLES), high, wide), (-first[1], -first[0])
 
 
 def fill_holes(stack: np.ndarray) -> np.ndarray:
@@ -105,15 +119,14 @@ def _cropped(mask: np.ndarray) -> np.ndarray:
     return mask[rows[0]:rows[-1] + 1, cols[0]:cols[-1] + 1]
 
 
-def _sites_within(centre: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray, tuple[int, int]]:
-    """Taxel sites a turned point can reach: (x, y) on the fine lattice, shape (2, n); their flat place; the shape."""
+def _sites_within(centre: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """Taxel sites a turned point can reach: (x, y) on the fine lattice, shape (2, n); the first (col, row)."""
     first = np.ceil((centre - radius) / FINE).astype(int)
     cols, rows = np.floor((centre + radius) / FINE).astype(int) - first + 1
     x = FINE * (first[0] + np.arange(cols))
     y = FINE * (first[1] + np.arange(rows))
-    near = (x - centre[0]) ** 2 + ((y - centre[1]) ** 2)[:, np.newaxis] <= radius * radius
-    row, col = np.nonzero(near)
-    return np.array([x[col], y[row]]), row * cols + col, (rows, cols)
+    row, col = np.nonzero((x - centre[0]) ** 2 + ((y - centre[1]) ** 2)[:, np.newaxis] <= radius * radius)
+    return np.array([x[col], y[row]]), first
 
 
 def _reached(fine: np.ndarray, offset: np.ndarray, centre: np.ndarray, radius: float) -> np.ndarray:

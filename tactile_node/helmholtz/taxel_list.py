@@ -16,6 +16,8 @@ class TaxelList(NamedTuple):
     shape: tuple[int, int, int]  #: K, padded rows, padded cols
     site: np.ndarray             #: place of the taxel in the padded, flattened stack
     start: np.ndarray            #: number of taxels before each pattern, shape (K + 1,)
+    counts: np.ndarray           #: N of each pattern, shape (K,)
+    number: np.ndarray           #: of the taxel within its pattern, from 0
     earlier_edge: np.ndarray     #: how many edge neighbours precede the taxel (above, left): 0-2
     earlier_corner: np.ndarray   #: the same for diagonal neighbours (above)
     later_edge: np.ndarray       #: how many edge neighbours follow the taxel (right, below)
@@ -25,18 +27,12 @@ class TaxelList(NamedTuple):
     def total(self) -> int:
         return len(self.site)
 
-    @property
-    def counts(self) -> np.ndarray:
-        """N of each pattern, shape (K,)."""
-        return np.diff(self.start)
-
-    def number(self) -> np.ndarray:
-        """The taxel's number within its pattern, from 0."""
-        return np.arange(self.total) - np.repeat(self.start[:-1], self.counts)
-
     def per_pattern(self, values: np.ndarray) -> np.ndarray:
         """Sum whole numbers, one a taxel, over each pattern; shape (K,)."""
-        return np.diff(np.concatenate(([0], np.cumsum(values, dtype=np.int64)))[self.start])
+        running = np.zeros(self.total + 1, np.int64)
+        np.cumsum(values, out=running[1:])
+        before = running[self.start]
+        return before[1:] - before[:-1]
 
     def row_sums(self, weights) -> np.ndarray:
         """Σ_j A(i,j) times the denominator of ``weights``."""
@@ -73,7 +69,10 @@ def taxel_list(masks: np.ndarray) -> TaxelList:
     # The ring of inactive taxels lets one flat shift stand for a neighbour: no row runs into the next.
     wide = cols + 2
     side, corner = _shifted_sum(active, 1, wide), _shifted_sum(active, wide - 1, wide + 1)
-    return TaxelList(padded.shape, site, start, side[0][site], corner[0][site], side[1][site], corner[1][site])
+    counts = start[1:] - start[:-1]
+    number = np.arange(len(site)) - np.repeat(start[:-1], counts)
+    return TaxelList(padded.shape, site, start, counts, number,
+                     side[0][site], corner[0][site], side[1][site], corner[1][site])
 
 
 def _shifted_sum(active: np.ndarray, *steps: int) -> tuple[np.ndarray, np.ndarray]:

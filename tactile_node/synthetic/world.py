@@ -1,0 +1,106 @@
+"""The synthetic world: contacts of five shapes in general position, the ground truth of every figure.
+
+Lengths and places are in taxel pitches, with taxel (row, col) centred at x = col, y = row; a turn takes
+x towards y. General position: turn uniform over the whole circle, the centre of area anywhere within
+one taxel in the middle of the pad. The classes of the benchmark (issue: "the synthetic world"):
+circle; square; rectangle, ratio of sides uniform 1.5-3; right triangle, ratio of legs uniform 1.5-2.5,
+either hand; isosceles triangle, apex angle uniform 40-75 degrees. Size is set by the area in taxels.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_node.synthetic.polygon import distance_inside
+
+CLASSES = ('circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle')
+PAD = 36  #: rows and columns of the benchmark's pad
+
+
+@dataclass(frozen=True)
+class Contact:
+    """One contact: what touches, where, how turned, how large [pitches, radians].
+
+    ``dimensions`` by shape: circle (radius,); square (side,); rectangle (long, short side);
+    right_triangle (leg along x, leg along y, hand: +1, or -1 mirrored); isosceles_triangle (base, height).
+    ``x``, ``y``: its centre of area.
+    """
+
+    shape: str
+    dimensions: tuple[float, ...]
+    x: float
+    y: float
+    turn: float = 0.0
+
+    @property
+    def area(self) -> float:
+        """Area [taxels]."""
+        a, b = self.dimensions[0], self.dimensions[min(1, len(self.dimensions) - 1)]
+        return {'circle': np.pi * a * a, 'square': a * a, 'rectangle': a * b}.get(self.shape, a * b / 2)
+
+    def outline(self, points: int = 64) -> np.ndarray:
+        """Vertices as (x, y), shape (n, 2), in the sense from x to y; a circle as a polygon of ``points``."""
+        corners = _outline(self.shape, self.dimensions, points)
+        cos, sin = np.cos(self.turn), np.sin(self.turn)
+        return corners @ np.array([[cos, sin], [-sin, cos]]) + (self.x, self.y)
+
+    def depth(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Signed distance of points from the outline, positive inside (exact inside and near an edge)."""
+        if self.shape == 'circle':
+            return self.dimensions[0] - np.hypot(x - self.x, y - self.y)
+        return distance_inside(self.outline(), x, y)
+
+    def pattern(self, rows: int = PAD, cols: int = PAD) -> np.ndarray:
+        """On/off pattern, bool, shape (rows, cols): a taxel is active when its centre is inside."""
+        y, x = np.indices((rows, cols), float)
+        return self.depth(x, y) >= 0
+
+
+def random_contact(rng: np.random.Generator, shape: str, area: float, rows: int = PAD, cols: int = PAD) -> Contact:
+    """Draw a contact of ``shape`` and ``area`` [taxels] in general position, in the middle of a pad.
+
+    >>> random_contact(np.random.default_rng(1), 'square', 49).dimensions
+    (7.0,)
+    """
+    dimensions = _dimensions(rng, shape, area)
+    x, y = rng.uniform(-0.5, 0.5, 2) + ((cols - 1) / 2, (rows - 1) / 2)
+    return Contact(shape, dimensions, float(x), float(y), float(rng.uniform(0, 2 * np.pi)))
+
+
+def random_pattern(rng: np.random.Generator, shape: str, area: float) -> np.ndarray:
+    """Draw the on/off pattern of a contact in general position, on a pad large enough for it."""
+    room = max(PAD, int(np.ceil(4 * np.sqrt(area))) + 4)
+    return random_contact(rng, shape, area, room, room).pattern(room, room)
+
+
+def _dimensions(rng: np.random.Generator, shape: str, area: float) -> tuple[float, ...]:
+    if shape == 'circle':
+        return (float(np.sqrt(area / np.pi)),)
+    if shape == 'square':
+        return (float(np.sqrt(area)),)
+    if shape == 'rectangle':
+        ratio = rng.uniform(1.5, 3)
+        return (float(np.sqrt(area * ratio)), float(np.sqrt(area / ratio)))
+    if shape == 'right_triangle':
+        ratio, hand = rng.uniform(1.5, 2.5), float(rng.choice((-1.0, 1.0)))
+        return (float(np.sqrt(2 * area * ratio)), float(np.sqrt(2 * area / ratio)), hand)
+    if shape == 'isosceles_triangle':
+        slope = 2 * np.tan(np.radians(rng.uniform(40, 75)) / 2)  # base / height
+        return (float(np.sqrt(2 * area * slope)), float(np.sqrt(2 * area / slope)))
+    raise ValueError(f'{shape!r} is not one of {", ".join(CLASSES)}')
+
+
+def _outline(shape: str, size: tuple[float, ...], points: int) -> np.ndarray:
+    """Vertices about the centre of area, not turned."""
+    if shape == 'circle':
+        angle = np.arange(points) * (2 * np.pi / points)
+        return size[0] * np.column_stack((np.cos(angle), np.sin(angle)))
+    if shape in ('square', 'rectangle'):
+        a, b = size[0] / 2, size[-1] / 2
+        return np.array([[-a, -b], [a, -b], [a, b], [-a, b]])
+    if shape == 'right_triangle':
+        a, b, hand = size
+        corners = np.array([[0, 0], [a, 0], [0, b]]) - (a / 3, b / 3)
+        return corners if hand > 0 else (corners * (1, -1))[::-1]
+    base, height = size
+    return np.array([[-base / 2, -height / 3], [base / 2, -height / 3], [0, 2 * height / 3]])
