@@ -1,0 +1,18 @@
+"""Ctrl-C and SIGTERM as an event, so that a command can end in order: log closed, devices off."""
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+
+@contextmanager
+def interruption() -> Iterator[threading.Event]:
+    """Give an event that SIGINT or SIGTERM sets; the signals' meaning before is restored at the end."""
+    asked = threading.Event()
+    before = {number: signal.signal(number, lambda *_: asked.set()) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield asked
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
