@@ -1,0 +1,61 @@
+"""`tactile demo`: a simulated gripper skin with two pads is touched by all five shapes, and every stage shown."""
+
+import argparse
+import shutil
+from pathlib import Path
+
+from tactile_node.errors import ConfigurationError
+
+MADE = ('bag', 'can.log', 'touches.csv', 'touches.png')
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> None:
+    parser = subparsers.add_parser('demo', help='simulated gripper skin: five shapes, from CAN frame to topic',
+                                   description=__doc__)
+    parser.add_argument('--output', type=Path, default=Path('demo_output'), help='folder for bag, log, picture, table')
+    parser.add_argument('--seed', type=int, default=2026, help='of the touches')
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    from tactile_node.demo import report
+    from tactile_node.demo.session import DemoSession  # rclpy and matplotlib: only where they are needed
+    folder = _emptied(args.output)
+    with DemoSession(folder, args.seed) as session:
+        session.play()
+    verdicts = session.verdicts()
+    report.write_csv(verdicts, folder / 'touches.csv')
+    report.draw(verdicts, folder / 'touches.png')
+    print(report.table(verdicts))
+    return _conclude(folder, session, verdicts)
+
+
+def _emptied(folder: Path) -> Path:
+    """Return ``folder`` without an earlier run's results; nothing else in it is touched."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        shutil.rmtree(folder / 'bag', ignore_errors=True)
+        for name in MADE:
+            if (folder / name).is_file():
+                (folder / name).unlink()
+    except OSError as error:
+        raise ConfigurationError(f'--output {folder}', expected='a folder that can be written', got=str(error),
+                                 remedy='Name another one.') from error
+    return folder
+
+
+def _conclude(folder: Path, session, verdicts: list) -> int:
+    """Say what lies where; 0 only when every touch was judged and every result is there."""
+    right = sum(verdict.right for verdict in verdicts)
+    print(f'\n{right} of {len(verdicts)} touches recognised; latency SYNC to shape: {session.latency()}; '
+          f'{session.watcher.incomplete} taxel frames incomplete.')
+    missing = [name for name in MADE if not (folder / name).exists()]
+    if session.bag.messages == 0:
+        missing.append('messages in the bag')
+    if len(verdicts) < session.touches:
+        missing.append(f'{session.touches - len(verdicts)} of {session.touches} touches on the shape topic')
+    if missing:
+        print(f'Missing: {", ".join(missing)}.')
+        return 1
+    print(f'In {folder}/: ' + ', '.join(MADE) + f' ({session.bag.messages} messages in the bag).')
+    return 0

@@ -1,0 +1,1 @@
+"""`tactile demo`: a scripted gripper skin, watched from taxel to shape."""

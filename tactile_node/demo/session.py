@@ -1,0 +1,105 @@
+"""One run of the demo: simulated skin, driver, processors, classifiers, recorder and watcher in one process."""
+
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+
+from tactile_node.canbus.pads import make_pad
+from tactile_node.demo.observation import Verdict, judge
+from tactile_node.demo.terminal import LivePictures
+from tactile_node.demo.touches import GAP, TouchedPad, scripted_touches
+from tactile_node.demo.watcher import Watcher
+from tactile_node.nodes.system import make_system
+from tactile_node.ros.bag import BagRecorder
+from tactile_node.ros.qos import frames_qos
+from tactile_node.simulator.skin_simulator import SkinSimulator
+
+PADS, NODE_IDS, LAYOUT = ('left', 'right'), (32, 64), 'sim16x16.yaml'
+CHANNEL = 'tactile_demo'
+FULL_SCALE = 100e3  # Pa, of LAYOUT
+SYNC_PERIOD = 0.04  # s: 25 frames a second of each pad
+DRAW_PERIOD = 0.1  # s
+TOPICS = (('taxels', 'TaxelArray'), ('features', 'ContactFeatures'), ('shape', 'ContactShape'))
+
+
+class DemoSession:
+    """A context: everything is up inside, and down again after it."""
+
+    def __init__(self, folder: Path, seed: int):
+        pads = [make_pad(name, node_id, LAYOUT) for name, node_id in zip(PADS, NODE_IDS)]
+        rows, cols = pads[0].layout.rows, pads[0].layout.cols
+        self._touches = {name: scripted_touches(seed + i, rows, cols) for i, name in enumerate(PADS)}
+        sources = {name: TouchedPad(touches, rows, cols, seed + len(PADS) + i)
+                   for i, (name, touches) in enumerate(self._touches.items())}
+        self._simulator = SkinSimulator(pads, {name: self._timed(source) for name, source in sources.items()})
+        self._folder, self._origin, self._executor = folder, None, None
+        self._pictures = LivePictures()
+
+    def __enter__(self) -> 'DemoSession':
+        rclpy.init()
+        self._simulator.start('virtual', CHANNEL)
+        self._system = make_system(PADS, {
+            'interface': 'virtual', 'channel': CHANNEL, 'node_ids': list(NODE_IDS), 'layouts': [LAYOUT],
+            'sync_period': SYNC_PERIOD, 'record': str(self._folder / 'can.log')})
+        self.watcher = Watcher(PADS, lambda stamp: stamp - (self._origin or stamp), FULL_SCALE)
+        topics = [(f'/{pad}/{name}', kind) for pad in PADS for name, kind in TOPICS]
+        self.bag = BagRecorder(self.watcher, self._folder / 'bag', topics, frames_qos(50))
+        self._executor = SingleThreadedExecutor()
+        self._system.add_to(self._executor)
+        self._executor.add_node(self.watcher)
+        self._spinning = threading.Thread(target=self._executor.spin, name='executor')
+        self._spinning.start()
+        return self
+
+    def __exit__(self, *exception) -> None:
+        self._system.driver.trigger_deactivate()
+        self._executor.shutdown()
+        self._spinning.join()
+        self.bag.close()
+        self._system.destroy()
+        self.watcher.destroy_node()
+        self._simulator.stop()
+        rclpy.try_shutdown()
+
+    def play(self) -> None:
+        """Run the script of touches to its end, drawing what the pads see."""
+        self._system.driver.autostart()
+        end = max(touches[-1].end for touches in self._touches.values()) + GAP
+        middles = [(touch.begin + touch.end) / 2 for touch in self._touches[PADS[0]]]
+        begun = time.monotonic()
+        while (now := time.monotonic() - begun) < end:
+            views = self.watcher.views()
+            if len(views) == len(PADS):
+                self._pictures.show(views, f'{now:4.1f} of {end:.1f} s, {len(self.watcher.seen[PADS[0]])} frames a pad')
+                if middles and now > middles[0]:
+                    middles.pop(0)
+                    self._pictures.keep(views)
+            time.sleep(DRAW_PERIOD)
+
+    def verdicts(self) -> list[Verdict]:
+        """What was made of each touch."""
+        return [verdict for pad, touches in self._touches.items()
+                for verdict in judge(pad, touches, self.watcher.seen[pad])]
+
+    def latency(self) -> str:
+        """Median and 99th percentile of the time from SYNC to the shape's arrival."""
+        if not self.watcher.latency:
+            return 'none seen'
+        median, high = np.percentile(self.watcher.latency, (50, 99)) * 1e3
+        return f'median {median:.1f} ms, 99 % within {high:.1f} ms'
+
+    @property
+    def touches(self) -> int:
+        return sum(map(len, self._touches.values()))
+
+    def _timed(self, source):
+        """The first sample of either pad tells when the script's clock began [Unix time]."""
+        def sample(seconds: float):
+            if self._origin is None:
+                self._origin = time.time() - seconds
+            return source(seconds)
+        return sample

@@ -1,0 +1,62 @@
+"""The script of the demo: which shape touches which pad when, and what the pad then measures."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_node.synthetic.pressure import Skin, pressure_frame
+from tactile_node.synthetic.world import CLASSES, Contact, random_contact
+
+AREAS = (30.0, 50.0, 80.0)  # taxels
+TOUCH, GAP, RAMP = 0.8, 0.3, 0.1  # how long an object is held, is away, is being pressed on [s]
+PRESSURE = 0.6  # of full scale
+SKIN = Skin(noise=0.01)
+MARGIN = 0.5  # pitches an object keeps from the pad's edge
+
+
+@dataclass(frozen=True)
+class Touch:
+    """One object pressed on one pad from ``begin`` to ``end`` [s since the skin became operational]."""
+
+    contact: Contact
+    begin: float
+    end: float
+
+    def load(self, time: float) -> float:
+        """How hard the object presses at ``time``, 0 ... 1."""
+        return float(np.clip(min(time - self.begin, self.end - time) / RAMP, 0, 1))
+
+    def is_steady(self, time: float) -> bool:
+        return self.begin + RAMP <= time <= self.end - RAMP
+
+
+def scripted_touches(seed: int, rows: int, cols: int) -> tuple[Touch, ...]:
+    """Return every shape at every area once, in random order, turned and placed at random."""
+    rng = np.random.default_rng(seed)
+    kinds = [(shape, area) for area in AREAS for shape in CLASSES]
+    rng.shuffle(kinds)
+    begins = GAP + (TOUCH + GAP) * np.arange(len(kinds))
+    return tuple(Touch(_fitting(rng, shape, float(area), rows, cols), float(begin), float(begin) + TOUCH)
+                 for (shape, area), begin in zip(kinds, begins))
+
+
+class TouchedPad:
+    """What a pad measures while ``touches`` happen: a TaxelSource for the simulated skin."""
+
+    def __init__(self, touches: tuple[Touch, ...], rows: int, cols: int, seed: int):
+        self._touches, self._shape, self._rng = touches, (rows, cols), np.random.default_rng(seed)
+
+    def __call__(self, time: float) -> np.ndarray:
+        """Return taxel values [Pa], shape (rows, cols)."""
+        touch = next((touch for touch in self._touches if touch.begin <= time <= touch.end), None)
+        if touch is None:
+            return pressure_frame(None, self._rng, *self._shape, skin=SKIN)
+        return pressure_frame(touch.contact, self._rng, *self._shape, pressure=PRESSURE * touch.load(time), skin=SKIN)
+
+
+def _fitting(rng: np.random.Generator, shape: str, area: float, rows: int, cols: int) -> Contact:
+    while True:
+        contact = random_contact(rng, shape, area, rows, cols)
+        outline = contact.outline()
+        if (outline.min(0) >= MARGIN).all() and (outline.max(0) <= (cols - 1 - MARGIN, rows - 1 - MARGIN)).all():
+            return contact

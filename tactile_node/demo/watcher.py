@@ -1,0 +1,56 @@
+"""The node that watches a demo: pairs taxels with shapes for the screen and for the table."""
+
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+
+import numpy as np
+from rclpy.node import Node
+
+from tactile_node.demo.observation import Seen
+from tactile_node.demo.terminal import PadView
+from tactile_node.ros.messages import SHAPE_NUMBERS, taxel_values
+from tactile_node.ros.qos import frames_qos
+from tactile_skin.msg import ContactShape, TaxelArray
+
+KEPT = 100  # taxel arrays that may wait for their shape
+
+
+class Watcher(Node):
+    """Listens to `taxels` and `shape` of each of ``pads``; ``clock`` tells an acquisition stamp as demo time [s]."""
+
+    def __init__(self, pads: tuple[str, ...], clock: Callable[[float], float], full_scale: float, **options):
+        super().__init__('demo_watcher', **options)
+        self._clock, self._full_scale = clock, full_scale
+        self._waiting = {pad: OrderedDict() for pad in pads}
+        self.seen: dict[str, list[Seen]] = {pad: [] for pad in pads}
+        self.latency: list[float] = []  #: [s] from SYNC to the shape's arrival here
+        self.incomplete = 0  #: taxel arrays with missing CAN frames
+        qos = frames_qos(50)
+        for pad in pads:
+            self.create_subscription(TaxelArray, f'{pad}/taxels', lambda message, pad=pad: self._taxels(pad, message), qos)
+            self.create_subscription(ContactShape, f'{pad}/shape', lambda message, pad=pad: self._shape(pad, message), qos)
+
+    def views(self) -> list[PadView]:
+        """Return what to draw now, for the pads of which something is known."""
+        return [PadView(pad, seen[-1].taxels / self._full_scale, _words(seen[-1])) for pad, seen in self.seen.items() if seen]
+
+    def _taxels(self, pad: str, message: TaxelArray) -> None:
+        waiting = self._waiting[pad]
+        waiting[message.sequence] = taxel_values(message)
+        self.incomplete += message.missing_can_frames > 0
+        if len(waiting) > KEPT:
+            waiting.popitem(last=False)
+
+    def _shape(self, pad: str, message: ContactShape) -> None:
+        taxels = self._waiting[pad].pop(message.sequence, None)
+        stamp = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
+        self.latency.append(time.time() - stamp)
+        if taxels is not None:
+            names = {shape.value: float(message.probabilities[number]) for shape, number in SHAPE_NUMBERS.items()}
+            self.seen[pad].append(Seen(self._clock(stamp), names, np.array(taxels)))
+
+
+def _words(seen: Seen) -> str:
+    name = max(seen.probabilities, key=seen.probabilities.get)
+    return f'{name.replace("_", " ")} {seen.probabilities[name]:.0%}'

@@ -1,0 +1,155 @@
+"""The skin driver: a lifecycle node around one CAN bus, or a recorded log in its place.
+
+configure = open the bus, check identities, write the configuration; activate = NMT start;
+deactivate = pre-operational; cleanup = close.
+"""
+
+import sys
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+
+from tactile_node.canbus.frame_source import FrameSource
+from tactile_node.canbus.log_source import LogSource
+from tactile_node.canbus.pads import PadSettings, make_pad
+from tactile_node.canbus.skin_bus import BusSettings, SkinBus
+from tactile_node.errors import ConfigurationError, TactileError
+from tactile_node.nodes.run import run_node
+from tactile_node.ros.diagnostics import BusDiagnostics
+from tactile_node.ros.messages import taxel_array_message
+from tactile_node.ros.parameters import DRIVER, declare, one_each, values
+from tactile_node.ros.qos import frames_qos
+from tactile_node.taxel_frame import TaxelFrame
+from tactile_skin.msg import TaxelArray
+
+DIAGNOSTICS_PERIOD = 1.0  # [s], REP-107
+LISTENER_PATIENCE = 10.0  # how long a log waits for its first subscriber [s]
+
+
+class DriverNode(LifecycleNode):
+    """Publishes `<pad>/taxels` for each pad while active, /diagnostics while configured."""
+
+    def __init__(self, **options):
+        super().__init__('skin_driver', **options)
+        declare(self, DRIVER)
+        self._source: FrameSource | None = None
+        self._publishers_of: dict = {}
+        self._error: TactileError | None = None
+
+    def autostart(self) -> None:
+        """Configure and activate, as the parameter `autostart` says. Raises what went wrong."""
+        if not self.get_parameter('autostart').value:
+            return
+        for transition in (self.trigger_configure, self.trigger_activate):
+            if transition() != TransitionCallbackReturn.SUCCESS:
+                raise self._error
+
+    @property
+    def source(self) -> FrameSource | None:
+        """The bus or the log, None while unconfigured."""
+        return self._source
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        return self._attempt(self._configure)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        if isinstance(self._source, LogSource):
+            self._wait_for_listeners()
+        return self._attempt(self._source.start)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        return self._attempt(self._source.stop)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self._release()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self._release()
+        return TransitionCallbackReturn.SUCCESS
+
+    def destroy_node(self) -> None:
+        self._release()
+        super().destroy_node()
+
+    def _attempt(self, step) -> TransitionCallbackReturn:
+        """Run a step of the lifecycle; a failure is told once, in a sentence, and leaves nothing open."""
+        try:
+            step()
+        except TactileError as error:
+            self._error = error
+            self.get_logger().error(str(error))
+            self._release()
+            return TransitionCallbackReturn.FAILURE
+        return TransitionCallbackReturn.SUCCESS
+
+    def _configure(self) -> None:
+        settings = values(self, DRIVER)
+        pads = _pads(settings)
+        frame_ids = one_each('frame_ids', settings.frame_ids, settings.pads)
+        qos = frames_qos(settings.queue_depth)
+        self._publishers_of = {
+            pad.name: (self.create_publisher(TaxelArray, f'{pad.name}/taxels', qos), pad.layout,
+                       frame_id or f'{pad.name}_pad') for pad, frame_id in zip(pads, frame_ids)}
+        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._findings = BusDiagnostics(self.get_name(), f'{settings.interface} {settings.channel}')
+        self._source = self._make_source(settings, pads)
+        self._timer = self.create_timer(DIAGNOSTICS_PERIOD, self._publish_diagnostics)
+        self._source.open()
+        self._source.configure()
+
+    def _make_source(self, settings, pads: tuple[PadSettings, ...]) -> FrameSource:
+        log = self.get_logger().info
+        if settings.replay:
+            return LogSource(settings.replay, pads, self._publish, pace=settings.replay_pace or None, log=log)
+        bus = BusSettings(settings.interface, settings.channel, settings.bitrate, settings.sync_period,
+                          settings.produce_sync, settings.boot_timeout, record=settings.record)
+        return SkinBus(bus, pads, self._publish, log=log)
+
+    def _wait_for_listeners(self) -> None:
+        """A log waits, a skin does not: let whoever is being launched subscribe before the first frame."""
+        deadline = time.monotonic() + LISTENER_PATIENCE
+        publishers = [publisher for publisher, _, _ in self._publishers_of.values()]
+        while not all(publisher.get_subscription_count() for publisher in publishers):
+            if time.monotonic() > deadline:
+                self.get_logger().warning('Nobody listens to the taxels; the log is played all the same.')
+                return
+            time.sleep(0.02)  # rclpy has no event for a matched subscription that works without spinning
+
+    def _publish(self, pad: str, frame: TaxelFrame) -> None:
+        publisher, layout, frame_id = self._publishers_of[pad]
+        publisher.publish(taxel_array_message(frame, layout.pitch, layout.value.unit, frame_id))
+
+    def _publish_diagnostics(self) -> None:
+        message = self._findings.message(self._source.statistics(), self._source.failure)
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
+
+    def _release(self) -> None:
+        if self._source is None:
+            return
+        self._source.close()
+        self._source = None
+        for publisher, _, _ in self._publishers_of.values():
+            self.destroy_publisher(publisher)
+        self._publishers_of = {}
+        self.destroy_publisher(self._diagnostics)
+        self.destroy_timer(self._timer)
+
+
+def _pads(settings) -> tuple[PadSettings, ...]:
+    names = settings.pads
+    if not names or len(settings.node_ids) != len(names):
+        raise ConfigurationError('parameter node_ids', expected=f'a node-ID for each of the pads {names}',
+                                 got=str(list(settings.node_ids)), remedy='Give pads and node_ids the same length.')
+    layouts, eds = one_each('layouts', settings.layouts, names), one_each('eds', settings.eds, names)
+    return tuple(make_pad(*each) for each in zip(names, settings.node_ids, layouts, eds))
+
+
+def main() -> int:
+    return run_node(DriverNode, DriverNode.autostart)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

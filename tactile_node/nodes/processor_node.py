@@ -1,0 +1,73 @@
+"""Taxel array -> contact pattern -> features, on topics."""
+
+import sys
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.node import Node
+
+from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.errors import TactileError
+from tactile_node.helmholtz.features import compute_features
+from tactile_node.nodes.run import run_node
+from tactile_node.ros.messages import features_message, taxel_values
+from tactile_node.ros.parameters import PROCESSOR, declare, feature_groups, pressed_thresholds, values
+from tactile_node.ros.qos import frames_qos
+from tactile_skin.msg import ContactFeatures, TaxelArray
+
+
+class ProcessorNode(Node):
+    """Publishes `features` for every message on `taxels`. Raises ConfigurationError for a wrong parameter."""
+
+    def __init__(self, **options):
+        super().__init__('processor', **options)
+        declare(self, PROCESSOR)
+        self._apply(values(self, PROCESSOR))
+        self._qos = frames_qos(self._settings.queue_depth)
+        self._publisher = self.create_publisher(ContactFeatures, 'features', self._qos)
+        if self._settings.queue_depth:
+            self._subscribe()
+        else:
+            self._waiting = self.create_timer(0.02, self._subscribe_once_heard)
+        self.add_on_set_parameters_callback(self._on_parameters)
+
+    def _subscribe(self) -> None:
+        self.create_subscription(TaxelArray, 'taxels', self._on_taxels, self._qos)
+
+    def _subscribe_once_heard(self) -> None:
+        """Where nothing may be lost, take the first frame only when somebody listens to its features."""
+        if self._publisher.get_subscription_count():
+            self.destroy_timer(self._waiting)
+            self._subscribe()
+
+    def _apply(self, settings) -> None:
+        """Take ``settings``; the contact in progress is found anew with them."""
+        self._groups = feature_groups(settings.features)
+        self._settings, self._extractors = settings, {}
+
+    def _on_parameters(self, parameters) -> SetParametersResult:
+        changed = {parameter.name: parameter.value for parameter in parameters}
+        settings = values(self, PROCESSOR)
+        vars(settings).update((name, value) for name, value in changed.items() if hasattr(settings, name))
+        try:
+            self._apply(settings)
+        except TactileError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _extractor(self, unit: str) -> PatternExtractor:
+        if unit not in self._extractors:
+            self._extractors[unit] = PatternExtractor(*pressed_thresholds(self._settings, unit))
+        return self._extractors[unit]
+
+    def _on_taxels(self, message: TaxelArray) -> None:
+        pattern = self._extractor(message.unit).extract(taxel_values(message))
+        features = compute_features(pattern.mask, self._groups)
+        self._publisher.publish(features_message(message, pattern, features))
+
+
+def main() -> int:
+    return run_node(ProcessorNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,46 @@
+"""Writes topics into an MCAP bag that `ros2 bag` and Foxglove read, without rosbag2 being installed."""
+
+from importlib import import_module
+from pathlib import Path
+
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from tactile_node.config import package_file
+
+PACKAGE = 'tactile_skin'
+MESSAGES = ('TaxelArray', 'FeatureRange', 'ContactFeatures', 'ContactShape')
+
+
+class BagRecorder:
+    """Records ``topics`` (name, message name) that ``node`` can see, from construction to close, as they are serialised."""
+
+    def __init__(self, node: Node, folder: Path, topics: list[tuple[str, str]], qos: QoSProfile):
+        types = get_typestore(Stores.ROS2_JAZZY)
+        for name in MESSAGES:
+            text = package_file(f'msg/{name}.msg').read_text(encoding='utf-8')
+            types.register(get_types_from_msg(text, f'{PACKAGE}/msg/{name}'))
+        self.messages, self._clock = 0, node.get_clock()
+        self._writer = Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP)
+        self._writer.open()
+        module = import_module(f'{PACKAGE}.msg')
+        for topic, name in topics:
+            connection = self._writer.add_connection(
+                topic, f'{PACKAGE}/msg/{name}', typestore=types, offered_qos_profiles=[_RELIABLE])
+            node.create_subscription(getattr(module, name), topic, self._writing_to(connection), qos, raw=True)
+
+    def close(self) -> None:
+        self._writer.close()
+
+    def _writing_to(self, connection):
+        def write(serialised: bytes) -> None:
+            self._writer.write(connection, self._clock.now().nanoseconds, serialised)
+            self.messages += 1
+        return write
+
+
+_RELIABLE = Qos(QosHistory.KEEP_LAST, 50, QosReliability.RELIABLE, QosDurability.VOLATILE, QosTime(0, 0), QosTime(0, 0),
+                QosLiveliness.AUTOMATIC, QosTime(0, 0), False)

@@ -1,0 +1,114 @@
+"""Every parameter of every node, in one place: name, default, range, meaning."""
+
+import math
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.node import Node
+
+from tactile_node.errors import ConfigurationError
+from tactile_node.helmholtz.features import Group
+
+
+class Parameter(NamedTuple):
+    """One row; ``low`` and ``high`` bound a number, ``live`` says that a change takes effect at once."""
+
+    name: str
+    default: Any
+    description: str
+    low: float = -math.inf
+    high: float = math.inf
+    live: bool = False
+
+
+QUEUE_DEPTH = Parameter(
+    'queue_depth', 50, 'messages a publisher or subscription keeps; 0 keeps all (fast replay)', 0, 100_000)
+
+DRIVER = (
+    Parameter('interface', 'socketcan', 'python-can interface: socketcan, slcan, virtual, pcan, kvaser, ...'),
+    Parameter('channel', 'can0', 'channel of the interface: can0, /dev/ttyACM0, PCAN_USBBUS1, ...'),
+    Parameter('bitrate', 1_000_000, 'bit rate of the bus [bit/s]', 10_000, 1_000_000),
+    Parameter('replay', '', 'a recorded CAN log to play in place of the bus; empty: use the bus'),
+    Parameter('replay_pace', 1.0, 'speed of the replay, 1 = as recorded, 0 = as fast as possible', 0, 1000),
+    Parameter('record', '', 'a file to record the bus to; the suffix chooses the format; empty: do not'),
+    Parameter('pads', ['pad'], 'names of the pads on this bus; topics are <name>/taxels'),
+    Parameter('node_ids', [32], 'CANopen node-ID of each pad'),
+    Parameter('layouts', ['sim16x16.yaml'], 'skin layout of each pad, or one for all: a file, or a name in config/'),
+    Parameter('eds', [''], 'EDS of each pad, or one for all; empty: named as the layout, suffix .eds'),
+    Parameter('frame_ids', [''], 'frame of each pad (taxel (0, 0), x along columns, z outwards); empty: <name>_pad'),
+    Parameter('sync_period', 0.02, 'time between two SYNCs, that is two frames [s]', 0.001, 10),
+    Parameter('produce_sync', True, 'send SYNC ourselves; false: another node on the bus does'),
+    Parameter('boot_timeout', 5.0, 'how long to wait for each device to answer at configure [s]', 0.1, 3600),
+    Parameter('autostart', True, 'configure and activate at start; false: leave it to a lifecycle manager'),
+    QUEUE_DEPTH,
+)
+
+PROCESSOR = (
+    Parameter('press_threshold', 0.0, 'a taxel is pressed from here on [unit of the taxels]; '
+              '0: by the unit (30 kPa, 0.1 N, 0.5 for on/off)', 0, 1e9, live=True),
+    Parameter('release_ratio', 0.8, 'a pressed taxel is released below this part of press_threshold',
+              0.0, 1.0, live=True),
+    Parameter('features', ['classifier'], 'groups of features to compute beside those the classifier needs: '
+              'information, gravity, eigenvalues, border, turned, all', live=True),
+    QUEUE_DEPTH,
+)
+
+CLASSIFIER = (
+    Parameter('method', 'volf', 'volf: the three planes of Volf, Dvořák and Vlček'),
+    Parameter('curves', 'volf_curves.yaml', 'curves of the three planes, written by `tactile fit`'),
+    QUEUE_DEPTH,
+)
+
+
+def declare(node: Node, table: tuple[Parameter, ...]) -> None:
+    """Declare the rows of ``table`` on ``node``; what is not live is read-only once declared."""
+    for row in table:
+        descriptor = ParameterDescriptor(name=row.name, description=row.description, read_only=not row.live)
+        if math.isfinite(row.high):
+            _bound(descriptor, row)
+        node.declare_parameter(row.name, row.default, descriptor)
+
+
+def values(node: Node, table: tuple[Parameter, ...]) -> SimpleNamespace:
+    """Return the present values of the rows of ``table`` as attributes."""
+    return SimpleNamespace(**{row.name: node.get_parameter(row.name).value for row in table})
+
+
+def _bound(descriptor: ParameterDescriptor, row: Parameter) -> None:
+    if isinstance(row.default, float):
+        descriptor.floating_point_range = [FloatingPointRange(from_value=float(row.low), to_value=float(row.high))]
+    else:
+        descriptor.integer_range = [IntegerRange(from_value=int(row.low), to_value=int(row.high), step=1)]
+
+
+#: A taxel is pressed from here on, by the unit of the taxels, unless press_threshold says otherwise.
+PRESSED_BY_UNIT = {'Pa': 30e3, 'N': 0.1, '1': 0.5}
+
+
+def pressed_thresholds(settings: SimpleNamespace, unit: str) -> tuple[float, float]:
+    """Return the press and release thresholds [``unit``]. Raises ConfigurationError for an unknown unit."""
+    press = settings.press_threshold or PRESSED_BY_UNIT.get(unit)
+    if press is None:
+        raise ConfigurationError('parameter press_threshold', expected=f'a threshold for taxels in {unit!r}', got='0',
+                                 remedy=f'Only for {", ".join(PRESSED_BY_UNIT)} there is a default; set one.')
+    return press, press * settings.release_ratio
+
+
+def feature_groups(names: list[str]) -> Group:
+    """Return the named groups and the classifier's. Raises ConfigurationError for a name that is none."""
+    groups = Group.CLASSIFIER
+    for name in names:
+        if name.upper() not in Group.__members__:
+            raise ConfigurationError('parameter features', expected='names of ' + ', '.join(Group.__members__).lower(),
+                                     got=repr(name), remedy='See `tactile features --help` for what each computes.')
+        groups |= Group[name.upper()]
+    return groups
+
+
+def one_each(parameter: str, given: list[str], pads: list[str]) -> list[str]:
+    """Return a value for each pad from one for all or one each. Raises ConfigurationError otherwise."""
+    if len(given) not in (1, len(pads)):
+        raise ConfigurationError(f'parameter {parameter}', expected=f'one value, or one for each of the pads {pads}',
+                                 got=str(list(given)), remedy='Give as many values as pads.')
+    return list(given) * (len(pads) if len(given) == 1 else 1)
