@@ -1,0 +1,60 @@
+"""The rules of docs/architecture.md: who may import whom."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / 'tactile_node'
+NUMERICAL = {'contact', 'helmholtz', 'shape', 'synthetic'}
+#: folder -> folders of ours it may import beside itself and the top-level modules
+ALLOWED = {
+    'canbus': set(), 'contact': set(), 'helmholtz': {'contact'}, 'shape': {'contact', 'helmholtz', 'synthetic'},
+    'synthetic': set(), 'simulator': {'canbus', 'synthetic'}, 'ros': {'canbus', *NUMERICAL},
+    'nodes': {'canbus', 'ros', *NUMERICAL}}
+ROS = {'rclpy', 'tactile_skin', 'std_msgs', 'diagnostic_msgs', 'geometry_msgs', 'rcl_interfaces', 'builtin_interfaces',
+       'lifecycle_msgs', 'launch', 'launch_ros'}
+CAN = {'can', 'canopen'}
+
+
+def imports(path: Path) -> set[str]:
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found.add(node.module)
+    return found
+
+
+def modules(folder: str) -> list[Path]:
+    found = sorted((PACKAGE / folder).rglob('*.py'))
+    assert found, f'no module in {folder}'
+    return found
+
+
+@pytest.mark.parametrize('folder', ALLOWED)
+def test_a_stage_imports_only_what_lies_before_it(folder):
+    for path in modules(folder):
+        ours = {name.split('.')[1] for name in imports(path) if name.startswith('tactile_node.')}
+        folders = {name for name in ours if (PACKAGE / name).is_dir()}
+        assert folders <= ALLOWED[folder] | {folder}, path
+
+
+@pytest.mark.parametrize('folder', sorted(NUMERICAL))
+def test_the_numerical_core_knows_neither_ros_nor_can(folder):
+    for path in modules(folder):
+        assert not {name.split('.')[0] for name in imports(path)} & (ROS | CAN), path
+
+
+@pytest.mark.parametrize('folder', ['canbus', 'simulator'])
+def test_the_can_side_knows_no_ros(folder):
+    for path in modules(folder):
+        assert not {name.split('.')[0] for name in imports(path)} & ROS, path
+
+
+def test_only_commands_and_the_demo_import_nodes():
+    for path in PACKAGE.rglob('*.py'):
+        if path.relative_to(PACKAGE).parts[0] not in ('nodes', 'cli', 'demo'):
+            assert not any(name.startswith('tactile_node.nodes') for name in imports(path)), path

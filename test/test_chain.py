@@ -1,0 +1,116 @@
+"""A recorded log of real touches through driver, processor and classifier: three processes, real DDS."""
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from candump import DATA, read_candump
+
+rclpy = pytest.importorskip('rclpy')
+pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
+
+from tactile_node.ros.qos import frames_qos  # noqa: E402
+from tactile_skin.msg import ContactFeatures, ContactShape, TaxelArray  # noqa: E402
+
+LOG, LAYOUT, NODE_ID, TPDOS = 'nus_ring_session.log.gz', 'nus_sinapse_64x64.yaml', 32, 64
+SYNC = 0x080
+PATIENCE = 60.0  # s
+
+
+@contextmanager
+def running(*parameters: str, role: str, namespace: str) -> Iterator[subprocess.Popen]:
+    """One of our nodes as its own process; it must not have ended by itself when the block does."""
+    words = [word for parameter in parameters for word in ('-p', parameter)]
+    process = subprocess.Popen(
+        [sys.executable, '-m', f'tactile_node.nodes.{role}_node', '--ros-args', '-r', f'__ns:={namespace}', *words])
+    try:
+        yield process
+        assert process.poll() is None, f'{role} ended with {process.returncode}'
+    finally:
+        process.terminate()
+        assert process.wait(20) == 0
+
+
+class Listener:
+    """Everything on the three topics, in order of arrival."""
+
+    def __init__(self):
+        self.node = rclpy.create_node('listener')
+        self.heard = {name: [] for name in ('taxels', 'features', 'shape')}
+        for name, kind in zip(self.heard, (TaxelArray, ContactFeatures, ContactShape)):
+            self.node.create_subscription(kind, f'/hand/finger/{name}', self.heard[name].append, frames_qos(0))
+
+    def wait_for_shapes(self, count: int) -> None:
+        deadline = time.monotonic() + PATIENCE
+        while len(self.heard['shape']) < count and time.monotonic() < deadline:
+            rclpy.spin_once(self.node, timeout_sec=0.1)
+
+
+@pytest.fixture(scope='module')
+def heard() -> dict:
+    """The three topics' messages of a replay of LOG as fast as possible."""
+    periods = sum(line.can_id == SYNC for line in read_candump(LOG))
+    rclpy.init()
+    listener = Listener()
+    driver = (f'replay:={DATA / LOG}', 'replay_pace:=0.0', "pads:=['finger']", f'node_ids:=[{NODE_ID}]',
+              f"layouts:=['{LAYOUT}']", 'queue_depth:=0')
+    with (running('queue_depth:=0', role='classifier', namespace='/hand/finger'),
+          running('queue_depth:=0', role='processor', namespace='/hand/finger'),
+          running(*driver, role='driver', namespace='/hand')):
+        listener.wait_for_shapes(periods)
+    listener.node.destroy_node()
+    rclpy.shutdown()
+    return listener.heard
+
+
+@pytest.fixture(scope='module')
+def syncs() -> list[float]:
+    return [line.stamp for line in read_candump(LOG) if line.can_id == SYNC]
+
+
+def seconds(message) -> float:
+    return message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
+
+
+@pytest.mark.parametrize('topic', ['taxels', 'features', 'shape'])
+def test_every_sync_period_comes_out_once_in_order_with_its_own_stamp(heard, syncs, topic):
+    messages = heard[topic]
+    assert [message.sequence for message in messages] == list(range(len(syncs)))
+    assert [seconds(message) for message in messages] == pytest.approx(syncs, abs=1e-6)
+    assert {message.header.frame_id for message in messages} == {'finger_pad'}
+
+
+def test_every_tpdo_of_the_log_is_published_or_counted_as_missing(heard, syncs):
+    lines = read_candump(LOG)
+    bases = {0x180, 0x280, 0x380, 0x480}
+    tpdos = sum((line.can_id & 0x780) in bases and len(line.data) == 8 for line in lines)
+    missing = sum(message.missing_can_frames for message in heard['taxels'])
+    assert tpdos + missing == len(syncs) * TPDOS
+    assert tpdos > 0
+
+
+def test_taxels_are_the_bits_of_the_log(heard, syncs):
+    """The middle frame, read by hand: TPDO of row r is the 64 taxels of the row, bit 0 first."""
+    lines, middle = read_candump(LOG), len(syncs) // 2
+    begin, end = (next(i for i, line in enumerate(lines) if line.can_id == SYNC and line.stamp == stamp)
+                  for stamp in syncs[middle:middle + 2])
+    rows = [line for line in lines[begin + 1:end] if len(line.data) == 8 and line.can_id & 0x780 in
+            (0x180, 0x280, 0x380, 0x480)]
+    rows.sort(key=lambda line: line.can_id)
+    expected = [float(int.from_bytes(line.data, 'little') >> bit & 1) for line in rows for bit in range(64)]
+    message = heard['taxels'][middle]
+    assert list(message.values) == expected
+    assert (message.rows, message.cols, message.unit) == (64, 64, '1')
+    assert 20 < sum(expected) < 400
+
+
+def test_shape_speaks_of_the_same_contact_as_features(heard):
+    for features, shape in zip(heard['features'], heard['shape']):
+        assert shape.taxels == sum(features.pattern)
+        assert sum(shape.probabilities) == pytest.approx(1, abs=1e-5)
+        assert (shape.shape == ContactShape.NONE) == (shape.taxels == 0)
+        assert (shape.shape == ContactShape.UNKNOWN) >= (0 < shape.taxels < 15)
