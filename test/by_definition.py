@@ -80,8 +80,8 @@ def fine_points(mask):
 
 
 def _triangle(r, c, missing):
-    inside = [lambda i, j: i + j >= 5, lambda i, j: i >= j, lambda i, j: j >= i, lambda i, j: i + j <= 5][missing]
-    return {(5 * c + j, 5 * r + i) for i in range(6) for j in range(6) if inside(i, j)}
+    inside = [lambda i, j: i + j >= 5, lambda i, j: i >= j, lambda i, j: j >= i, lambda i, j: i + j <= 5]
+    return {(5 * c + j, 5 * r + i) for i in range(6) for j in range(6) if inside[missing](i, j)}
 
 
 def turned(mask, degrees):

@@ -23,20 +23,21 @@ class PatternExtractor:
     """Extracts the contact pattern of successive frames of one pad.
 
     A taxel becomes pressed at ``press_threshold`` or above and is released below ``release_threshold``
-    (same unit as the values). A taxel without a valid value (NaN, infinite) is not in the pattern, but keeps its
-    hysteresis state for when it is valid again. One exception: invalid taxels fully enclosed by the
-    contact are filled in, for a dead taxel under an object is no hole of the object.
+    (same unit as the values). A taxel without a valid value (NaN, infinite) is not in the pattern, but
+    keeps its hysteresis state for when it is valid again. One exception: invalid taxels fully enclosed by
+    the contact are filled in, for a dead taxel under an object is no hole of the object.
 
+    With ``largest`` False the pattern is every pressed taxel of the pad, not the largest contact alone.
     Raises ConfigurationError unless 0 < release_threshold <= press_threshold.
     """
 
-    def __init__(self, press_threshold: float, release_threshold: float):
+    def __init__(self, press_threshold: float, release_threshold: float, *, largest: bool = True):
         if not 0 < release_threshold <= press_threshold < np.inf:
             raise ConfigurationError(
                 'press and release thresholds', expected='0 < release <= press, finite',
                 got=f'press {press_threshold}, release {release_threshold}',
                 remedy='Give both in the unit of the taxel values, release a little lower than press.')
-        self._press, self._release = press_threshold, release_threshold
+        self._press, self._release, self._largest = press_threshold, release_threshold, largest
         self._pressed: np.ndarray | None = None
 
     def reset(self) -> None:
@@ -44,16 +45,15 @@ class PatternExtractor:
         self._pressed = None
 
     def extract(self, values: np.ndarray) -> ContactPattern:
-        """Return the contact pattern of a frame, float, shape (rows, cols) (another shape than before starts anew).
+        """Return the contact pattern of a frame, float, shape (rows, cols).
 
-        Raises InputError where ``values`` is not such an array.
+        A frame of another shape than the one before starts anew. Raises InputError for anything else.
         """
         values = _frame(values)
         valid = np.isfinite(values)
-        pressed = self._update(values, valid)
-        mask, contacts = largest_contact(pressed & valid)
-        if not valid.all():
-            mask = _with_enclosed(mask, ~valid)
+        pressed = self._update(values, valid) & valid
+        largest, contacts = largest_contact(pressed)
+        mask = _with_enclosed(largest if self._largest else pressed, valid)
         return ContactPattern(_read_only(mask), _read_only(np.where(valid, values, np.nan)), contacts)
 
     def _update(self, values: np.ndarray, valid: np.ndarray) -> np.ndarray:
@@ -78,18 +78,16 @@ def largest_contact(active: np.ndarray) -> tuple[np.ndarray, int]:
     return labels == sizes[1:].argmax() + 1, contacts
 
 
-def _with_enclosed(mask: np.ndarray, invalid: np.ndarray) -> np.ndarray:
-    """Add the 8-connected groups of invalid taxels whose every neighbour is in ``mask``, none at the pad's edge."""
-    labels, count = ndimage.label(invalid, EIGHT_CONNECTED)
-    around = np.pad(mask, 1)
-    labels = np.pad(labels, 1)
-    # Smallest neighbourhood of a group that touches anything but itself and the contact is open.
-    open_site = ~around & (labels == 0)
-    touches_open = ndimage.binary_dilation(open_site, EIGHT_CONNECTED)
-    open_groups = np.zeros(count + 1, bool)
-    open_groups[labels[touches_open]] = True
-    open_groups[0] = True
-    return mask | ~open_groups[labels[1:-1, 1:-1]]
+def _with_enclosed(mask: np.ndarray, valid: np.ndarray) -> np.ndarray:
+    """Add the groups of invalid taxels with only taxels of ``mask`` around them; the pad's edge is open."""
+    if valid.all():
+        return mask
+    labels, count = ndimage.label(np.pad(~valid, 1), EIGHT_CONNECTED)
+    outside = ~np.pad(mask, 1) & (labels == 0)
+    is_open = np.zeros(count + 1, bool)
+    is_open[labels[ndimage.binary_dilation(outside, EIGHT_CONNECTED)]] = True
+    is_open[0] = True
+    return mask | ~is_open[labels[1:-1, 1:-1]]
 
 
 def _frame(values: np.ndarray) -> np.ndarray:

@@ -97,7 +97,8 @@ def _parts(sizes: np.ndarray) -> list[slice]:
 def _solve(matrices: Banded) -> np.ndarray:
     """Smallest eigenvalue of each matrix; none is empty."""
     found = np.full(len(matrices.sizes), np.nan)
-    pending, shift, x, left = np.arange(len(found)), np.zeros(len(found)), np.ones(len(matrices.band)), matrices
+    left, pending, shift = matrices, np.arange(len(found)), np.zeros(len(found))
+    x = np.ones(len(matrices.band))
     for solves in SOLVES:
         factor, shift = _factorise(left, shift)
         value, residual, x = _iterate(factor, left, shift, x, solves)
@@ -113,7 +114,7 @@ def _solve(matrices: Banded) -> np.ndarray:
 
 
 def _factorise(part: Banded, shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Cholesky factor of A - shift, and the shift: 0 where the one asked for was above the smallest eigenvalue."""
+    """Cholesky factor of A - shift, and the shift: 0 where that asked for exceeds the smallest eigenvalue."""
     while True:
         band = part.band.copy()
         band[:, 0] -= np.repeat(shift, part.sizes)

@@ -1,9 +1,10 @@
 """Section 6: the pattern turned by 0, 4, ..., 180 degrees, through fictive points between the taxels.
 
-Axes: x runs along a row (column index), y across rows (row index); a turn by +φ takes x towards y. Points are turned about
-the centre of gravity of the real ones and rounded to the nearest fine point; a coordinate half-way
-between two (within 1e-9 of it, so that no rounding error decides) is rounded up. Everything is
-computed in coordinates of the pattern's own bounding box: where it lies on the pad changes no bit.
+Axes: x runs along a row (column index), y across rows (row index); a turn by +φ takes x towards y.
+Points are turned about the centre of gravity of the real ones and rounded to the nearest fine point; a
+coordinate half-way between two (within 1e-9 of it, so that no rounding error decides) is rounded up.
+Everything is computed in coordinates of the pattern's own bounding box: where it lies on the pad changes
+no bit.
 """
 
 import numpy as np
@@ -44,7 +45,7 @@ def fine_lattice(mask: np.ndarray) -> np.ndarray:
     block = padded[:-1, :-1] + 2 * padded[:-1, 1:] + 4 * padded[1:, :-1] + 8 * padded[1:, 1:]
     cells = _BLOCK_POINTS[block]  # (rows, cols, 6, 6): the block's points, shared edges included
     rows, cols = mask.shape
-    fine = np.ascontiguousarray(cells[:, :, :FINE, :FINE].transpose(0, 2, 1, 3)).reshape(FINE * rows, FINE * cols)
+    fine = cells[:, :, :FINE, :FINE].transpose(0, 2, 1, 3).reshape(FINE * rows, FINE * cols)
     fine[:, FINE::FINE] |= cells[:, :-1, :FINE, FINE].transpose(0, 2, 1).reshape(FINE * rows, cols - 1)
     fine[FINE::FINE] |= cells[:-1, :, FINE, :FINE].reshape(rows - 1, FINE * cols)
     return fine[:FINE * rows - FINE + 1, :FINE * cols - FINE + 1]
@@ -72,9 +73,9 @@ def rotated(mask: np.ndarray) -> tuple[np.ndarray, tuple[int, int]]:
 
 
 def fill_holes(stack: np.ndarray) -> np.ndarray:
-    """Fill sensor-space-sensor along y, then along x, then along either diagonal; each rule reads what the rule before left.
+    """Fill sensor-space-sensor along y, then along x, then along either diagonal.
 
-    ``stack`` is bool, shape (..., rows, cols), and is left as it was.
+    Each rule reads what the rule before it left. ``stack``, bool, shape (..., rows, cols), is not changed.
     """
     filled = stack.copy()
     filled[..., 1:-1, :] |= stack[..., :-2, :] & stack[..., 2:, :]
@@ -87,7 +88,7 @@ def fill_holes(stack: np.ndarray) -> np.ndarray:
 
 
 def _block_points() -> np.ndarray:
-    """Fine points of a 2×2 block by its code (1, 2, 4, 8 = upper left, upper right, lower left, lower right)."""
+    """Fine points of a 2×2 block by its code: 1, 2 = upper left, right taxel, 4, 8 = lower left, right."""
     row, col = np.indices((FINE + 1, FINE + 1))
     corners = {1: (0, 0), 2: (0, FINE), 4: (FINE, 0), 8: (FINE, FINE)}
     triangles = {7: row + col <= FINE, 14: row + col >= FINE, 11: col >= row, 13: row >= col}
@@ -120,7 +121,7 @@ def _cropped(mask: np.ndarray) -> np.ndarray:
 
 
 def _sites_within(centre: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """Taxel sites a turned point can reach: (x, y) on the fine lattice, shape (2, n); the first (col, row)."""
+    """Taxel sites a turned point can reach: fine (x, y), shape (2, n); and the first (col, row)."""
     first = np.ceil((centre - radius) / FINE).astype(int)
     cols, rows = np.floor((centre + radius) / FINE).astype(int) - first + 1
     x = FINE * (first[0] + np.arange(cols))
@@ -143,7 +144,7 @@ def _reached(fine: np.ndarray, offset: np.ndarray, centre: np.ndarray, radius: f
 
 
 def _corner_bits(fine: np.ndarray, origin: np.ndarray, wide: int) -> tuple[np.ndarray, int]:
-    """Bit 1, 2, 4, 8 of each fine cell: whether its corner (0, 0), (x+1, 0), (0, y+1), (x+1, y+1) is active."""
+    """Bits 1, 2, 4, 8 of each fine cell: its corners (x, y), (x+1, y), (x, y+1), (x+1, y+1) are active."""
     room = np.zeros((wide, wide), np.uint8)
     room[origin[1]:origin[1] + fine.shape[0], origin[0]:origin[0] + fine.shape[1]] = fine
     bits = room.copy()
@@ -154,7 +155,7 @@ def _corner_bits(fine: np.ndarray, origin: np.ndarray, wide: int) -> tuple[np.nd
 
 
 def _rounding_corners(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Bits of the corners of the fine cell that, turned forward, round onto the site which came from (x, y)."""
+    """Bits of the corners of a fine cell that, turned, round onto the site that comes from (x, y) in it."""
     u = _SIN * y - _COS * x + TIE  # where corner (0, 0) lands, relative to the site
     v = TIE - _SIN * x - _COS * y
     bits = np.zeros(x.shape, np.uint8)

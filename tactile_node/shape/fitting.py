@@ -28,7 +28,7 @@ class Samples(NamedTuple):
 
 def draw_samples(rng: np.random.Generator, patterns: int, areas: tuple[float, float] = AREAS,
                  progress: Callable[[int], None] = lambda done: None) -> Samples:
-    """Draw ``patterns`` patterns, the classes in turn, areas log-uniform; those under SMALLEST taxels anew."""
+    """Draw patterns, the classes in turn, areas log-uniform; those under SMALLEST taxels are drawn anew."""
     rows, labels = [], []
     names = [shape.value for shape in SHAPES]
     while len(rows) < patterns:
@@ -56,7 +56,7 @@ def fit_planes(samples: Samples, third: tuple[str, str]) -> dict[str, Plane]:
 
 
 def recognised(planes: Mapping[str, Plane], samples: Samples) -> dict[str, np.ndarray]:
-    """Which patterns are recognised rightly, bool, shape (n,): by the curves as published, and by the largest probability."""
+    """Which patterns are recognised rightly, bool, shape (n,): by the curves alone, by probability."""
     logits = np.array([plane.height(samples.of(plane.horizontal), samples.of(plane.vertical))
                        for plane in planes.values()])
     return {'by_curves': by_curves(logits) == samples.labels,

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import expit
 
-DEGREE = 3
+DEGREE = 4
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,8 @@ def fit_plane(horizontal_name: tuple[str, str], vertical_name: tuple[str, str], 
         slope = np.exp(parameters[-2] + parameters[-1] * (u - centre))
         logit = sign * (v - powers @ parameters[:-2]) * slope
         pull = -expit(-logit)
-        gradient = np.concatenate((-(pull * sign * slope) @ powers, [pull @ logit, (pull * logit) @ (u - centre)]))
+        steepness = [pull @ logit, (pull * logit) @ (u - centre)]
+        gradient = np.concatenate((-(pull * sign * slope) @ powers, steepness))
         return np.logaddexp(0, -logit).mean(), gradient / len(u)
 
     middle = (v[is_above].mean() + v[~is_above].mean()) / 2

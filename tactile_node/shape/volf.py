@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import yaml
+from scipy.special import expit
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import Features, Group
@@ -59,11 +60,14 @@ class VolfClassifier:
         count = features.values['N']
         if count == 0:
             return Recognition.certain(Shape.NONE)
-        logits = [plane.height(*(plane_feature(features, name) for name in (plane.horizontal, plane.vertical)))
-                  for plane in self.planes.values()] if count >= SMALLEST else [np.nan]
+        if count < SMALLEST:
+            return Recognition.certain(Shape.UNKNOWN)
+        points = [[plane_feature(features, axis) for axis in (plane.horizontal, plane.vertical)]
+                  for plane in self.planes.values()]
+        logits = np.array([plane.height(*point) for plane, point in zip(self.planes.values(), points)])
         if np.isnan(logits).any():
             return Recognition.certain(Shape.UNKNOWN)
-        return Recognition.of(dict(zip(SHAPES, down_the_tree(np.array(logits)))))
+        return Recognition.of(dict(zip(SHAPES, down_the_tree(logits))))
 
 
 def down_the_tree(logits: np.ndarray) -> np.ndarray:
@@ -71,9 +75,9 @@ def down_the_tree(logits: np.ndarray) -> np.ndarray:
 
     Each plane passes on to the next what its curve leaves below.
     """
-    above, below = 1 / (1 + np.exp(-np.clip(logits, -500, 500))), 1 / (1 + np.exp(np.clip(logits, -500, 500)))
-    reached = np.cumprod(np.concatenate((np.ones((1, *logits.shape[1:])), below)), axis=0)
-    return reached * np.concatenate((above, np.ones((1, *logits.shape[1:]))))
+    one = np.ones((1, *logits.shape[1:]))
+    reached = np.cumprod(np.concatenate((one, expit(-logits))), axis=0)
+    return reached * np.concatenate((expit(logits), one))
 
 
 def by_curves(logits: np.ndarray) -> np.ndarray:
@@ -88,7 +92,7 @@ def _plane(data: Mapping) -> Plane:
     numbers = [tuple(float(value) for value in data[key]) for key in ('curve', 'steepness', 'fitted')]
     sizes = [len(values) for values in (*names, *numbers[1:])]
     if sizes != [2, 2, 2, 2] or not numbers[0] or not np.isfinite(np.concatenate(numbers)).all():
-        raise ValueError('a plane needs two names an axis, a curve, and two finite numbers for steepness and fitted')
+        raise ValueError('a plane without two names an axis, a curve, two finite numbers each for the rest')
     return Plane(*names, *numbers)
 
 

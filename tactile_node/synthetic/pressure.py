@@ -30,7 +30,8 @@ def coverage(contact: Contact, rows: int = PAD, cols: int = PAD) -> np.ndarray:
 
 
 def pressure_frame(contact: Contact | None, rng: np.random.Generator, rows: int = PAD, cols: int = PAD, *,
-                   pressure: float = 0.5, tilt: tuple[float, float] = (0.0, 0.0), skin: Skin = Skin()) -> np.ndarray:
+                   pressure: float = 0.5, tilt: tuple[float, float] = (0.0, 0.0),
+                   skin: Skin = Skin()) -> np.ndarray:
     """Return taxel values [Pa], float, shape (rows, cols); ``contact`` None is an untouched pad.
 
     ``pressure``: mean pressure [fraction of full scale]; ``tilt``: relative rise of pressure a pitch

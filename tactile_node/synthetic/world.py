@@ -56,7 +56,8 @@ class Contact:
         return self.depth(x, y) >= 0
 
 
-def random_contact(rng: np.random.Generator, shape: str, area: float, rows: int = PAD, cols: int = PAD) -> Contact:
+def random_contact(rng: np.random.Generator, shape: str, area: float,
+                   rows: int = PAD, cols: int = PAD) -> Contact:
     """Draw a contact of ``shape`` and ``area`` [taxels] in general position, in the middle of a pad.
 
     >>> random_contact(np.random.default_rng(1), 'square', 49).dimensions

@@ -1,0 +1,120 @@
+"""What `features` and `classify` share: reading frames from .npy, writing JSON lines."""
+
+import argparse
+import io
+import json
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from zipfile import BadZipFile
+
+import numpy as np
+
+from tactile_node.contact.pattern import ContactPattern, PatternExtractor, largest_contact
+from tactile_node.errors import InputError
+
+PRESS, RELEASE = 0.3, 0.2  #: default thresholds, fractions of the full scale
+
+
+def add_array_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the input, the output and the thresholds."""
+    parser.add_argument('frames', nargs='?', default='-', metavar='FRAMES.npy',
+                        help='array (K, rows, cols) or (rows, cols), bool, integer or float; NaN and '
+                             'infinite are taxels without a valid value; "-" or nothing: standard input')
+    parser.add_argument('-o', '--output', metavar='FILE', help='write there instead of to standard output')
+    numeric = parser.add_argument_group(
+        'thresholds of integer and float arrays (a bool array says itself what is pressed)',
+        'Frames of a file follow each other in time: a taxel is pressed from --press until below --release.')
+    numeric.add_argument('--press', type=float, default=PRESS, metavar='FRACTION',
+                         help='of the full scale, default %(default)s')
+    numeric.add_argument('--release', type=float, metavar='FRACTION',
+                         help=f'of the full scale, default {RELEASE} (or --press where that is lower)')
+    numeric.add_argument('--full-scale', type=float, metavar='VALUE',
+                         help='in the unit of the values; default: the largest valid value in the file')
+
+
+def read_frames(path: str) -> np.ndarray:
+    """Read an array as (K, rows, cols), bool or float (values that are not finite as NaN).
+
+    Raises InputError where there is no such array.
+    """
+    frames = _load(path)
+    if frames.dtype.kind not in 'biuf':
+        raise _unusable(path, f'numbers of type {frames.dtype}')
+    if frames.ndim == 2:
+        frames = frames[np.newaxis]
+    if frames.ndim != 3 or 0 in frames.shape[1:]:
+        raise _unusable(path, f'shape {frames.shape}')
+    if frames.dtype == bool:
+        return frames
+    frames = frames.astype(float)
+    frames[~np.isfinite(frames)] = np.nan
+    return frames
+
+
+def patterns(frames: np.ndarray, args: argparse.Namespace, *, largest: bool) -> Iterator[ContactPattern]:
+    """Yield the contact pattern of each frame; of a bool frame, all active taxels unless ``largest``."""
+    if frames.dtype == bool:
+        for frame in frames:
+            mask, contacts = largest_contact(frame)
+            yield ContactPattern(mask if largest else frame, frame.astype(float), contacts)
+        return
+    extractor = _extractor(frames, args, largest)
+    yield from map(extractor.extract, frames)
+
+
+def write_lines(records: Iterable[dict], path: str | None) -> None:
+    """Write each record as one line of strict JSON."""
+    with _opened(path) as stream:
+        for record in records:
+            stream.write(json.dumps(record, allow_nan=False) + '\n')
+
+
+def _load(path: str) -> np.ndarray:
+    try:
+        # Standard input cannot be rewound, which numpy wants.
+        source = io.BytesIO(sys.stdin.buffer.read()) if path == '-' else path
+        loaded = np.load(source, allow_pickle=False)
+    except OSError as error:
+        raise _unusable(path, error.strerror or str(error)) from None
+    except EOFError:
+        raise _unusable(path, 'nothing') from None
+    except MemoryError:
+        raise _unusable(path, 'more than fits into memory') from None
+    except (ValueError, BadZipFile) as error:
+        # numpy takes whatever is not its own format for a pickle, which we never load.
+        got = 'another format, or Python objects' if 'pickle' in str(error) else ' '.join(str(error).split())
+        raise _unusable(path, got) from None
+    if not isinstance(loaded, np.ndarray):
+        raise _unusable(path, 'an archive of several arrays (.npz)')
+    return loaded
+
+
+def _extractor(frames: np.ndarray, args: argparse.Namespace, largest: bool) -> PatternExtractor:
+    full_scale = args.full_scale
+    if full_scale is None:
+        full_scale = np.nanmax(frames, initial=0.0)
+    release = min(RELEASE, args.press) if args.release is None else args.release
+    full_scale = full_scale if full_scale != 0 else 1.0
+    return PatternExtractor(args.press * full_scale, release * full_scale, largest=largest)
+
+
+@contextmanager
+def _opened(path: str | None):
+    if path is None or path == '-':
+        yield sys.stdout
+        return
+    try:
+        stream = open(path, 'w', encoding='utf-8')
+    except OSError as error:
+        raise InputError(f'output {path!r}', expected='a file that can be written', got=error.strerror,
+                         remedy='Give another path.') from None
+    with stream:
+        yield stream
+
+
+def _unusable(path: str, got: str) -> InputError:
+    return InputError('standard input' if path == '-' else f'file {path!r}',
+                      expected='a .npy array (K, rows, cols) or (rows, cols), bool, integer or float',
+                      got=got,
+                      remedy='Write one with numpy.save.')

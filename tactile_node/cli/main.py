@@ -1,0 +1,66 @@
+"""The program `tactile`: finds the sub-command and turns every error of ours into one line."""
+
+import argparse
+import os
+import sys
+from importlib import import_module
+
+from tactile_node.errors import TactileError
+
+#: name, module (imported only when asked for; its add_parser(subparsers) sets ``run``), help
+COMMANDS = (
+    ('features', 'tactile_node.cli.features', 'print every quantity of the paper, a JSON line a frame'),
+    ('classify', 'tactile_node.cli.classify', 'print the recognised shape, a JSON line a frame'),
+    ('fit', 'tactile_node.cli.fit', "fit the classifier's curves on synthetic patterns"),
+    ('bringup', 'tactile_node.cli.bringup', 'run all ROS 2 nodes of one bus in this process'),
+    ('demo', 'tactile_node.cli.demo', 'simulated gripper skin: five shapes, from CAN frame to topic'),
+    ('simulate', 'tactile_node.cli.simulate', 'be a CANopen skin that touches shapes or repeats a recording'),
+    ('record', 'tactile_node.cli.record', 'record a CAN log from a live bus'),
+    ('replay', 'tactile_node.cli.replay', 'play a CAN log without ROS'),
+)
+
+_ROS = 'Source a ROS 2 workspace that holds tactile_skin, or run `make demo` once.'
+NEEDS = {'rclpy': _ROS, 'rcl_interfaces': _ROS, 'tactile_skin': _ROS,
+         'can': 'Install python-can.', 'canopen': 'Install canopen.'}
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run `tactile` with ``argv`` and return its exit code: 2 for bad input, 130 for Ctrl-C."""
+    argv = sys.argv[1:] if argv is None else argv
+    try:
+        args = _parser(argv[0] if argv else '').parse_args(argv)
+        status = args.run(args)
+        sys.stdout.flush()
+        return status
+    except TactileError as error:
+        print(f'tactile: error: {error}', file=sys.stderr)
+        return 2
+    except ModuleNotFoundError as error:
+        if error.name not in NEEDS:
+            raise
+        print(f'tactile: error: {argv[0]} needs the Python module {error.name}, which is not there. '
+              f'{NEEDS[error.name]}', file=sys.stderr)
+        return 2
+    except BrokenPipeError:
+        # The reader (head, less) has gone; keep Python from failing again when it flushes at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except KeyboardInterrupt:
+        return 130
+
+
+def _parser(chosen: str) -> argparse.ArgumentParser:
+    """Parser of all sub-commands, complete for the ``chosen`` one alone, so that no other is imported."""
+    parser = argparse.ArgumentParser(
+        prog='tactile', description='Contact shape from a tactile skin on a CAN bus.')
+    commands = parser.add_subparsers(required=True, metavar='COMMAND')
+    for name, module, text in COMMANDS:
+        if name == chosen:
+            import_module(module).add_parser(commands)
+        else:
+            commands.add_parser(name, help=text)
+    return parser
+
+
+if __name__ == '__main__':
+    sys.exit(main())
