@@ -5,8 +5,9 @@ TPDOs of one period form one *ascending run* of ranks. A taxel frame is only eve
 
 - A rank not above the last one begins a new run: what came before it in this period belonged to an earlier
   one and is dropped (LATE). Only an immediate repetition with equal bytes is a mere DUPLICATE.
-- After a period that ended early, ranks above its end may be its delayed tail. Such a run is suspect: dropped
-  (LATE) when a new run begins, and also when the next SYNC comes, since nothing proves it fresh.
+- After a period that ended early, ranks above its end may be its delayed tail; after a silent one, any may. Such
+  a run is suspect: dropped (LATE) when a new run begins, and also when the next SYNC comes, since nothing
+  proves it fresh. So the first sweep after silence is given up, even a whole one.
 - A run of all ranks is a complete frame, given at once. Otherwise the next SYNC gives the frame, with NaN and
   STALE for the taxels that are not in the run. Whatever follows a complete run within its period is SURPLUS.
 
@@ -14,7 +15,7 @@ Where TPDOs and SYNC are stamped by one clock (``one_clock``), a TPDO stamped be
 driver that lags behind its bus drops frames rather than publish them under a later stamp.
 
 So a frame mixes two periods only if a SYNC, the end of the period before it and the beginning of the one
-after it are lost together. A run of all ranks after a silent period is taken to be fresh.
+after it are lost together.
 """
 
 from collections import Counter
@@ -77,7 +78,7 @@ class FrameAssembler:
         self._payload = bytearray(8 * len(self._lengths))
         self._counts: Counter[str] = Counter()
         self._losses: Counter[LossReason] = Counter()
-        self._given, self._fresh = False, np.zeros(len(self._lengths), bool)
+        self._given, self._seen, self._fresh = False, True, np.zeros(len(self._lengths), bool)
         self.restart()
 
     @property
@@ -90,6 +91,7 @@ class FrameAssembler:
         self._sequence, self._stamp = -1, None
         self._last, self._last_data = len(self._lengths) - 1, b''
         self._begin_period()
+        self._seen = True  # as after a whole period: nothing of an earlier one is to come
 
     def sync(self, timestamp: float) -> TaxelFrame | None:
         """A SYNC was on the bus: end the period and begin the next one; the ended frame, if not yet given."""
@@ -111,7 +113,7 @@ class FrameAssembler:
             return self._lose(LossReason.DUPLICATE)
         loss = self._lose(LossReason.SURPLUS) if self._given else self._place(rank, data)
         self._last, self._last_data, self._seen = rank, bytes(data), True
-        if self._run == len(self._lengths) and not self._given:
+        if self._run == len(self._lengths) and not (self._given or self._suspect):
             return self._give()
         return loss
 
@@ -138,7 +140,7 @@ class FrameAssembler:
     def _begin_period(self) -> None:
         self._fresh = np.zeros(len(self._lengths), bool)
         self._run = 0  # TPDOs in the run under way
-        self._previous_end = self._last  # last rank of the period before
+        self._previous_end = self._last if self._seen else -1  # last rank of the period before
         self._seen = self._given = self._suspect = False
 
     def _place(self, rank: int, data: bytes) -> Loss | None:

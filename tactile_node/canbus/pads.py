@@ -44,12 +44,12 @@ def check_pads(pads: tuple[PadSettings, ...]) -> None:
     """Raise ConfigurationError when these pads cannot share one bus."""
     if not pads:
         raise ConfigurationError('pads', expected='at least one pad on the bus', got='none', remedy='Name a pad.')
+    _check_names_and_sync(pads)
     owners: dict[int, str] = {}
     for pad in pads:
         _own(owners, EMCY + pad.node_id, f'EMCY of node {pad.node_id}', pad.name)
     for sync in {pad.layout.sync_cob_id for pad in pads}:
         _own(owners, sync, 'SYNC', 'all')
-    _check_names_and_sync(pads)
     for pad in pads:
         for tpdo in pad.layout.tpdos:
             _own(owners, tpdo.cob_id.of(pad.node_id), f'TPDO {tpdo.number} of node {pad.node_id}', pad.name)

@@ -1,0 +1,69 @@
+"""What the CAN tests share: a pad small enough to compute by hand, and a driver and a skin on one virtual bus."""
+
+import queue
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tactile_node.canbus.layout_file import load_layout
+from tactile_node.canbus.pads import make_pad
+from tactile_node.canbus.skin_bus import BusSettings, SkinBus
+from tactile_node.simulator.skin_simulator import SkinSimulator
+
+#: 3 x 2 taxels, one row a TPDO: value = 2 (counts - 10) Pa
+TINY = '''
+rows: 3
+cols: 2
+pitch: 0.003
+value: {unit: Pa, scale: 2.0, offset: 10, bits: 8}
+tpdos:
+- {number: 1, cob_id: $NODEID+0x180, map: [[0x2000, 1, 16]], taxels: [[0, 0, 0], [0, 1, 8]]}
+- {number: 2, cob_id: $NODEID+0x280, map: [[0x2000, 2, 16]], taxels: [[1, 0, 0], [1, 1, 8]]}
+- {number: 3, cob_id: $NODEID+0x380, map: [[0x2000, 3, 16]], taxels: [[2, 0, 0], [2, 1, 8]]}
+'''
+
+
+def tiny_layout(folder: Path, text: str = TINY):
+    path = folder / 'layout.yaml'
+    path.write_text(text)
+    return load_layout(path)
+
+
+def wait_until(condition, timeout: float = 5.0) -> bool:
+    end = time.monotonic() + timeout
+    while not condition() and time.monotonic() < end:
+        threading.Event().wait(0.002)
+    return condition()
+
+
+class Bench:
+    """A simulated skin and a driver on a virtual bus of their own; use with ``with``."""
+
+    def __init__(self, channel: str, layout: str = 'sim16x16.yaml', nodes: tuple[int, ...] = (32,), source=None,
+                 **settings: Any):
+        self.pads = [make_pad(f'pad{node}', node, layout) for node in nodes]
+        rows, cols = self.pads[0].layout.rows, self.pads[0].layout.cols
+        still = np.zeros((rows, cols))
+        self.simulator = SkinSimulator(self.pads, {pad.name: source or (lambda t: still) for pad in self.pads})
+        self.channel, self.frames, self.said = channel, queue.Queue(), []
+        self.driver = SkinBus(BusSettings('virtual', channel, **settings), tuple(self.pads),
+                              lambda name, frame: self.frames.put((name, frame)), self.said.append)
+
+    def __enter__(self) -> 'Bench':
+        self.simulator.start('virtual', self.channel)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.driver.close()
+        self.simulator.stop()
+
+    def run(self) -> None:
+        self.driver.open()
+        self.driver.configure()
+        self.driver.start()
+
+    def take(self, count: int) -> list:
+        return [self.frames.get(timeout=5) for _ in range(count)]

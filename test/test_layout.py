@@ -1,0 +1,134 @@
+"""Skin layouts: what they decode to, and what is refused."""
+
+import re
+
+import numpy as np
+import pytest
+from can_bench import TINY, tiny_layout
+
+from tactile_node.canbus.layout_file import load_layout
+from tactile_node.canbus.pads import PadSettings, check_pads, make_pad
+from tactile_node.canbus.taxel_codec import TaxelCodec
+from tactile_node.errors import ConfigurationError
+from tactile_node.taxel_frame import TaxelStatus
+
+
+def one_tpdo(value: str, taxels: str, rows: int = 1, cols: int = 1) -> str:
+    return f'''
+rows: {rows}
+cols: {cols}
+pitch: 0.001
+value: {{{value}}}
+tpdos:
+- {{number: 1, cob_id: 0x181, map: [[0x2000, 1, 64]], taxels: {taxels}}}
+'''
+
+
+@pytest.mark.parametrize(('value', 'start_bit', 'payload', 'expected'), [
+    ('unit: Pa, scale: 1.0, bits: 8', 8, '00 2A 00 00 00 00 00 00', 42),
+    ('unit: Pa, scale: 0.5, bits: 12', 4, '5F 2A 00 00 00 00 00 00', 0x2A5 / 2),
+    ('unit: Pa, scale: 1.0, bits: 12, byte_order: big', 4, '0F 2A 00 00 00 00 00 00', 0xF2A),
+    ('unit: Pa, scale: 1.0, bits: 16, byte_order: big', 16, '00 00 12 34 00 00 00 00', 0x1234),
+    ('unit: N, scale: 1.0, bits: 16, signed: true', 0, 'FE FF 00 00 00 00 00 00', -2),
+    ('unit: N, scale: 2.0, bits: 16, signed: true, offset: 100, pressure: falling', 0, '5A 00 00 00 00 00 00 00', 20),
+    ('unit: Pa, scale: 1.0, bits: 8, pressure: falling', 0, 'FA 00 00 00 00 00 00 00', 5),  # offset: 255 by default
+    ('unit: Pa, scale: 1.0, bits: 32', 32, '00 00 00 00 00 00 00 80', 2.0 ** 31),
+    ("unit: '1', scale: 1.0, bits: 1", 63, '00 00 00 00 00 00 00 80', 1)])
+def test_decodes_and_encodes(tmp_path, value, start_bit, payload, expected):
+    codec = TaxelCodec(tiny_layout(tmp_path, one_tpdo(value, f'[[0, 0, {start_bit}]]')))
+    values, status = codec.decode(bytes.fromhex(payload), np.array([True]))
+    assert values[0, 0] == expected and status[0, 0] == TaxelStatus.VALID
+    sent = codec.encode(np.array([[float(expected)]]))
+    np.testing.assert_array_equal(codec.decode(sent, np.array([True]))[0], values)
+
+
+def test_unmapped_and_dead_taxels_are_nan(tmp_path):
+    text = one_tpdo('unit: Pa, scale: 1.0, bits: 8', '{first: [0, 0], step: [0, 1], count: 3, bit_step: 8}', cols=4)
+    values, status = TaxelCodec(tiny_layout(tmp_path, text + 'dead_taxels: [[0, 1]]\n')).decode(
+        bytes(range(8)), np.array([True]))
+    np.testing.assert_array_equal(values, [[0, np.nan, 2, np.nan]])
+    assert status.tolist() == [[TaxelStatus.VALID, TaxelStatus.DEAD, TaxelStatus.VALID, TaxelStatus.UNMAPPED]]
+
+
+@pytest.mark.parametrize('name', ['sim16x16.yaml', 'sim8x8_16bit.yaml', 'nus_sinapse_64x64.yaml'])
+def test_example_skins_name_every_taxel_and_agree_with_their_eds(name):
+    pad = make_pad('pad', 32, name)
+    check_pads((pad,))
+    taxels = {(field.row, field.col) for tpdo in pad.layout.tpdos for field in tpdo.taxels}
+    assert len(taxels) == pad.layout.rows * pad.layout.cols
+
+
+BAD = {
+    'not YAML': ('rows: [1', 'line 1'),
+    'no mapping': ('- 1\n- 2\n', 'mapping'),
+    'empty': ('', 'nothing'),
+    'missing key': (TINY.replace('pitch: 0.003', ''), 'key "pitch"'),
+    'misspelt key': (TINY.replace('pitch', 'pich'), 'Did you mean "pich"'),
+    'unknown key': (TINY + 'colour: red\n', 'key "colour"'),
+    'unknown inner key': (TINY.replace('bits: 8', 'bits: 8, scal: 3'), 'Did you mean "scale"'),
+    'wrong type': (TINY.replace('rows: 3', 'rows: many'), 'key "rows"'),
+    'true as number': (TINY.replace('rows: 3', 'rows: true'), 'key "rows"'),
+    'pitch of 0': (TINY.replace('0.003', '0'), 'key "pitch"'),
+    'unit': (TINY.replace('unit: Pa', 'unit: psi'), 'key "value.unit"'),
+    'bits': (TINY.replace('bits: 8', 'bits: 33'), 'key "value.bits"'),
+    'no TPDO': (TINY.split('tpdos')[0] + 'tpdos: []\n', 'at least one TPDO'),
+    'taxel twice': (TINY.replace('[2, 1, 8]', '[0, 0, 8]'), 'taxel (0, 0) also in tpdos[0]'),
+    'taxel twice in one TPDO': (TINY.replace('[2, 1, 8]', '[2, 0, 8]'), 'taxel (2, 0)'),
+    'taxel outside': (TINY.replace('[2, 1, 8]', '[3, 1, 8]'), 'taxel (3, 1)'),
+    'dead taxel outside': (TINY + 'dead_taxels: [[0, 2]]\n', 'key "dead_taxels"'),
+    'beyond the mapped bits': (TINY.replace('[2, 1, 8]', '[2, 1, 9]'), 'within the 16 mapped bits'),
+    'beyond the frame': (TINY.replace('[2, 1, 8]', '[2, 1, 60]'), '64 bits of a CAN frame'),
+    'overlap': (TINY.replace('[2, 1, 8]', '[2, 1, 7]'), 'do not overlap'),
+    'too much mapped': (TINY.replace('[[0x2000, 3, 16]]', '[[0x2000, 3, 64], [0x2000, 4, 8]]'), '72 bits'),
+    'nothing mapped': (TINY.replace('[[0x2000, 3, 16]]', '[]'), '0 bits'),
+    'COB-ID twice': (TINY.replace('0x380', '0x180'), 'tpdos[2].cob_id'),
+    'COB-ID kept by CiA 301': (TINY.replace('$NODEID+0x380', '0x601'), 'SDO requests'),
+    'COB-ID no number': (TINY.replace('$NODEID+0x380', '$NODE+0x380'), 'key "tpdos[2].cob_id"'),
+    'COB-ID too large': (TINY.replace('$NODEID+0x380', '0x800'), 'key "tpdos[2].cob_id"'),
+    'TPDO number twice': (TINY.replace('number: 3', 'number: 2'), 'tpdos[2].number'),
+    'SYNC on a kept COB-ID': (TINY + 'sync_cob_id: 0x701\n', 'key "sync_cob_id"')}
+
+
+@pytest.mark.parametrize(('text', 'says'), BAD.values(), ids=BAD)
+def test_bad_layout_is_refused_with_file_and_key(tmp_path, text, says):
+    with pytest.raises(ConfigurationError, match=re.escape(says)) as refused:
+        tiny_layout(tmp_path, text)
+    assert 'layout.yaml' in str(refused.value) and refused.value.remedy
+
+
+def test_missing_layout_says_where_it_looked():
+    with pytest.raises(ConfigurationError, match='nowhere.yaml'):
+        load_layout('nowhere.yaml')
+
+
+def test_binary_file_is_no_layout(tmp_path):
+    (tmp_path / 'x.yaml').write_bytes(b'\x80\xff\x00\x01')
+    with pytest.raises(ConfigurationError, match='x.yaml'):
+        load_layout(tmp_path / 'x.yaml')
+
+
+@pytest.mark.parametrize(('pads', 'says'), [
+    ([('a', 32), ('b', 34)], 'COB-ID of its own'), ([('a', 32), ('a', 64)], 'name of its own'),
+    ([('a', 32), ('b', 32)], 'node_id of its own'), ([], 'at least one')])
+def test_pads_that_cannot_share_a_bus(pads, says):
+    layout = load_layout('sim16x16.yaml')
+    with pytest.raises(ConfigurationError, match=says):
+        check_pads(tuple(PadSettings(name, node, layout) for name, node in pads))
+
+
+def test_node_id_may_move_a_cob_id_to_a_kept_one(tmp_path):
+    layout = tiny_layout(tmp_path, TINY.replace('0x380', '0x570'))
+    check_pads((PadSettings('a', 0x0F, layout),))  # 0x57F, the last one before the SDO answers' range
+    with pytest.raises(ConfigurationError, match='0x590 .SDO answers'):
+        check_pads((PadSettings('a', 0x20, layout),))
+
+
+def test_two_pads_of_the_demo_share_a_bus():
+    layout = load_layout('sim16x16.yaml')
+    check_pads(tuple(PadSettings(name, node, layout) for name, node in (('left', 32), ('right', 64))))
+
+
+def test_sync_must_be_no_tpdo(tmp_path):
+    layout = tiny_layout(tmp_path, TINY + 'sync_cob_id: 0x185\n')
+    with pytest.raises(ConfigurationError, match='as pad .*SYNC'):
+        check_pads((PadSettings('a', 5, layout),))

@@ -1,0 +1,217 @@
+"""Recorded logs: read, written, played; every CAN frame accounted for."""
+
+import gzip
+import queue
+import threading
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+from can_bench import tiny_layout
+
+from tactile_node.canbus.layout_file import load_layout
+from tactile_node.canbus.log_source import LogSource
+from tactile_node.canbus.logs import CanLogReader, CanLogWriter
+from tactile_node.canbus.pads import PadSettings
+from tactile_node.errors import LogError
+from tactile_node.simulator.recording import load_recording
+
+DATA = Path(__file__).parent / 'data'
+RING = DATA / 'nus_ring_session.log.gz'
+
+
+def play(path, pads, **options):
+    """Everything the log gives: [(pad, frame)], the source."""
+    frames = []
+    source = LogSource(str(path), pads, lambda name, frame: frames.append((name, frame)),
+                       **{'pace': None, 'log': lambda text: None} | options)
+    source.open()
+    source.start()
+    assert source.finished.wait(20)
+    source.close()
+    return frames, source
+
+
+def nus_pad():
+    return (PadSettings('pad', 32, load_layout('nus_sinapse_64x64.yaml')),)
+
+
+def test_ring_session_accounts_for_every_can_frame():
+    frames, source = play(RING, nus_pad())
+    with gzip.open(RING, 'rt') as log:
+        ids = [int(line.split()[2].split('#')[0], 16) for line in log]
+    pad, counted = source.statistics().pads['pad'], source.statistics().can_frames
+    syncs, tpdos = ids.count(0x80), sum(0x180 < i < 0x500 for i in ids)
+    assert (syncs, tpdos) == (77, 77 * 64)  # every poll of the recording, 64 rows
+    assert pad.complete == len(frames) == syncs and pad.used == pad.received == tpdos
+    assert sum(pad.losses.values()) == pad.pending == pad.incomplete == source.statistics().unread == 0
+    assert counted == {'nmt': ids.count(0), 'sdo': sum(i in (0x620, 0x5A0) for i in ids), 'sync': syncs,
+                       'heartbeat': ids.count(0x720), 'tpdo': tpdos}
+    assert sum(counted.values()) == len(ids)
+
+
+def test_ring_session_shows_the_ring():
+    """The recording's README: a ring is seen while pressed, 9 to 29 taxels stay on after release."""
+    frames, _ = play(RING, nus_pad())
+    stamps = np.array([frame.stamp for _, frame in frames])
+    values = np.array([frame.values for _, frame in frames])
+    held = values[stamps - stamps[0] < 15][-1]  # 4.3 s + 15 s: pressed since 12.3 s, released from 20.1 s on
+    row, col = np.nonzero(held)
+    centre, radius = (row.mean(), col.mean()), np.hypot(row - row.mean(), col - col.mean())
+    assert held.sum() > 50 and set(np.unique(values)) == {0.0, 1.0}
+    assert held[round(centre[0]), round(centre[1])] == 0 and np.median(radius) > 4  # hollow
+    assert values[0].sum() == 0 and values[-1].sum() < 30
+    assert (np.diff(stamps) > 0).all() and abs(stamps[-1] - stamps[0] - (24.755 - 4.313)) < 1e-5
+
+
+def test_log_equals_the_recording_it_was_made_from(tmp_path):
+    """Events written by hand: pressed, pressed again, released; noise lines counted."""
+    events = tmp_path / 'events.txt'
+    events.write_bytes(b'5 0 0 0\r\n\r\n70 1 2 1\r\n70 63 63 1\r\n\r\n134 1 2 0\r\nnoise\r\n134 64 0 1\r\n130 1 1 1\r\n'
+                       b'134 1 1 7\r\n')
+    recording = load_recording(events)
+    assert recording.skipped == {'not_four_numbers': 1, 'outside_the_array': 1, 'stamp_fell': 1, 'unknown_polarity': 1}
+    np.testing.assert_allclose(recording.stamps, [0.005, 0.070, 0.134])
+    assert [np.argwhere(frame).tolist() for frame in recording.frames] == [[], [[1, 2], [63, 63]], [[63, 63]]]
+    assert [recording.at(t).sum() for t in (0, 0.064, 0.066, 0.128, 0.130, 99)] == [0, 0, 2, 2, 1, 1]
+
+
+def test_two_pads_in_one_log():
+    layout = load_layout('sim16x16.yaml')
+    frames, source = play(DATA / 'sim16x16_two_pads.log.gz',
+                          (PadSettings('left', 32, layout), PadSettings('right', 64, layout)))
+    left, right = ([f for n, f in frames if n == name] for name in ('left', 'right'))
+    assert len(left) == len(right) > 100 and not any(f.missing_can_frames for f in left + right)
+    for one, other in zip(left, right):
+        np.testing.assert_array_equal(one.values, other.values[:, ::-1])
+    assert max(np.nanmax(frame.values) for frame in left) > 50_000
+    assert sum(source.statistics().can_frames.values()) == sum(
+        p.received for p in source.statistics().pads.values()) + sum(
+        source.statistics().can_frames[k] for k in ('nmt', 'sdo', 'sync', 'heartbeat'))
+
+
+def test_unasked_pad_is_counted_as_foreign():
+    layout = load_layout('sim16x16.yaml')
+    frames, source = play(DATA / 'sim16x16_two_pads.log.gz', (PadSettings('left', 32, layout),))
+    assert source.statistics().can_frames['foreign'] == source.statistics().can_frames['tpdo'] == 32 * len(frames)
+
+
+SYNC, ROWS = '(1.0) can0 080#', ('(1.1) can0 181#0A0B', '(1.2) can0 281#0A0A', '(1.3) can0 381#0A0A')
+
+
+def tiny_log(folder, *lines, name='x.log'):
+    path = folder / name
+    path.write_text('\n'.join(lines) + '\n')
+    return path
+
+
+def tiny_pads(folder):
+    return (PadSettings('pad', 1, tiny_layout(folder)),)
+
+
+def test_oddities_of_a_log_are_counted_by_service(tmp_path):
+    log = tiny_log(tmp_path, '(0.1) can0 181#0A0A', SYNC, ROWS[0], '(1.1) can0 00000181#0F0F', '(1.1) can0 281#R',
+                   '(1.1) can0 20000080#', '(1.1) can0 081#', '(1.1) can0 281##00A0B', ROWS[1], ROWS[2],
+                   '(1.4) can0 555#01', '(1.5) can0 100#01')
+    frames, source = play(log, tiny_pads(tmp_path))
+    assert len(frames) == 1 and frames[0][1].values[0].tolist() == [0, 2]
+    assert source.statistics().can_frames == {'tpdo': 4, 'sync': 1, 'foreign': 3, 'remote': 1, 'error': 1, 'emcy': 1,
+                                              'time': 1}
+    assert source.statistics().pads['pad'].losses['before_first_sync'] == 1
+
+
+def test_period_cut_off_by_the_end_is_given_with_nan(tmp_path):
+    frames, source = play(tiny_log(tmp_path, SYNC, ROWS[0], ROWS[1]), tiny_pads(tmp_path))
+    assert [f.missing_can_frames for _, f in frames] == [1] and np.isnan(frames[0][1].values[2]).all()
+
+
+def test_bad_lines_are_counted_and_the_rest_is_read(tmp_path):
+    log = tiny_log(tmp_path, SYNC, 'garbage', ROWS[0], '(1.15) can0 28', ROWS[1], ROWS[2], '(1.4) can0 0')
+    frames, source = play(log, tiny_pads(tmp_path))
+    assert source.statistics().unread == 3 and source.statistics().pads['pad'].complete == len(frames) == 1
+
+
+def test_truncated_gzip_is_read_up_to_its_end(tmp_path):
+    whole = RING.read_bytes()
+    cut = tmp_path / 'cut.log.gz'
+    cut.write_bytes(whole[:len(whole) // 2])
+    frames, source = play(cut, nus_pad())
+    assert 10 < len(frames) < 77 and source.statistics().unread == 1
+
+
+@pytest.mark.parametrize(('name', 'content'), [
+    ('empty.log', b''), ('prose.log', b'This is no log.\nNor is this.\n'), ('x.pdf', b'abc'), ('bin.log', bytes(range(256))),
+    ('no.log.gz', b'not gzip'), ('x.blf', b'LOGG'), ('x.asc', b''), ('x.trc', b'nonsense\n')])
+def test_a_log_without_can_frames_is_an_error(tmp_path, name, content):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(LogError, match=name):
+        LogSource(str(tmp_path / name), tiny_pads(tmp_path), lambda *_: None).open()
+
+
+def test_missing_log(tmp_path):
+    with pytest.raises(LogError, match='no such file'):
+        LogSource(str(tmp_path / 'none.log'), tiny_pads(tmp_path), lambda *_: None).open()
+
+
+@pytest.mark.parametrize('suffix', ['.log', '.log.gz', '.asc', '.blf', '.csv', '.trc', '.db'])
+def test_what_is_written_can_be_read(tmp_path, suffix):
+    path = tmp_path / f'x{suffix}'
+    writer = CanLogWriter(path)
+    sent = [(0x181, b'\x0A\x0B', 1.7e9), (0x080, b'', 1.7e9 + 0.5), (0x7FF, bytes(range(8)), 1.7e9 + 1)]
+    for can_id, data, stamp in sent:
+        writer.write(can.Message(stamp, can_id, False, data=data, channel=1))
+    writer.close()
+    writer.write(can.Message())  # a late message after closing is no error
+    read = [(m.arbitration_id, bytes(m.data)) for m in CanLogReader(path)]
+    assert read == [(can_id, data) for can_id, data, _ in sent] and writer.can_frames == 3
+
+
+def test_log_that_cannot_be_written(tmp_path):
+    with pytest.raises(LogError, match='pdf'):
+        CanLogWriter(tmp_path / 'x.pdf')
+    with pytest.raises(LogError, match='nowhere'):
+        CanLogWriter(tmp_path / 'nowhere' / 'x.log')
+
+
+def test_pace_stop_and_start_lose_nothing(tmp_path):
+    """Recorded over 0.3 s, played at ten times the pace, stopped from within on_frame, then started again."""
+    lines = [f'({k / 100 + i / 1000}) can0 {can_id}#{"" if i == 0 else "0A0A"}'
+             for k in range(30) for i, can_id in enumerate(('080', '181', '281', '381'))]
+    stamps = []
+
+    def on_frame(_name, frame):
+        stamps.append(frame.stamp)
+        if len(stamps) == 10:
+            source.stop()
+
+    source = LogSource(str(tiny_log(tmp_path, *lines)), tiny_pads(tmp_path), on_frame, pace=10, log=lambda text: None)
+    source.open()
+    source.start()
+    thread = next(t for t in threading.enumerate() if t.name == 'replay')
+    thread.join(5)
+    assert len(stamps) == 10 and not source.finished.is_set()
+    source.start()
+    assert source.finished.wait(5)
+    source.close()
+    np.testing.assert_allclose(stamps, np.arange(30) / 100)
+
+
+def test_loop_keeps_stamps_rising(tmp_path):
+    frames = queue.Queue()
+    source = LogSource(str(tiny_log(tmp_path, SYNC, *ROWS)), tiny_pads(tmp_path), lambda _n, frame: frames.put(frame),
+                       pace=None, loop=True, log=lambda text: None)
+    source.open()
+    source.start()
+    stamps = [frames.get(timeout=5).stamp for _ in range(4)]
+    source.close()
+    np.testing.assert_allclose(stamps, [1.0, 1.3, 1.6, 1.9])
+
+
+def test_consumer_that_fails_is_counted(tmp_path, caplog):
+    source = LogSource(str(tiny_log(tmp_path, SYNC, *ROWS)), tiny_pads(tmp_path), lambda *_: 1 / 0, pace=None)
+    source.open()
+    source.start()
+    assert source.finished.wait(5)
+    source.close()
+    assert source.statistics().consumer_errors == 1 and 'division by zero' in caplog.text
