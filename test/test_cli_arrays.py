@@ -1,0 +1,142 @@
+"""`tactile features` and `tactile classify` as a user runs them."""
+
+import io
+import json
+import subprocess
+import sys
+
+import by_definition
+import numpy as np
+import pytest
+from patterns import assorted
+
+from tactile_node.cli.main import main
+from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.synthetic.pressure import Skin, pressure_frame
+from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.synthetic.world import random_contact
+
+
+@pytest.fixture
+def tactile(tmp_path, capsys):
+    """Run a sub-command on an array; its JSON lines."""
+    def run(command, array, *options):
+        np.save(tmp_path / 'frames.npy', array)
+        assert main([command, str(tmp_path / 'frames.npy'), *options]) == 0
+        return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    return run
+
+
+def test_features_of_every_active_taxel(tactile):
+    for mask in assorted().values():
+        line = tactile('features', mask)[0]
+        for name, value in by_definition.of_pattern(mask).items():
+            assert line[name] == (None if np.isnan(value) else pytest.approx(value, rel=1e-9, abs=1e-12)), name
+
+
+def test_a_line_a_frame(tactile):
+    frames = np.zeros((3, 8, 8), bool)
+    frames[1, 2:5, 2:7] = True
+    assert [line['N'] for line in tactile('features', frames)] == [0, 15, 0]
+    assert [line['frame'] for line in tactile('classify', frames)] == [0, 1, 2]
+    assert [line['shape'] for line in tactile('classify', frames)][::2] == ['none', 'none']
+    assert tactile('features', frames[:0]) == []
+
+
+def test_classify_takes_the_largest_contact_and_features_only_on_request(tactile):
+    mask = np.zeros((9, 9), bool)
+    mask[0, :2] = mask[4:8, 4:8] = True
+    assert tactile('classify', mask)[0]['N'] == 16 and tactile('classify', mask)[0]['contacts'] == 2
+    assert tactile('features', mask)[0]['N'] == 18
+    assert tactile('features', mask, '--largest-contact')[0]['N'] == 16
+
+
+@pytest.mark.parametrize('kind', [float, np.float32, np.uint8, int])
+def test_numbers_0_and_1_are_as_good_as_bool(tactile, kind):
+    mask = assorted()['shape 2']
+    assert tactile('classify', mask.astype(kind)) == tactile('classify', mask)
+    assert tactile('features', mask.astype(kind)) == tactile('features', mask)
+
+
+def test_pressures_in_any_unit_go_through_the_nodes_extraction(tactile):
+    rng = generator(Purpose.TEST, 9)
+    contact = random_contact(rng, 'square', 60)
+    frames = np.array([pressure_frame(contact, rng, skin=Skin(noise=0.01, dead=0.02)) for _ in range(3)])
+    top = np.nanmax(frames)
+    extractor = PatternExtractor(0.3 * top, 0.2 * top)
+    expected = [int(extractor.extract(frame).mask.sum()) for frame in frames]
+    assert [line['N'] for line in tactile('classify', frames)] == expected
+    assert [line['N'] for line in tactile('classify', frames / 1000)] == expected
+    assert tactile('classify', frames, '--full-scale', '1e9')[0]['shape'] == 'none'
+
+
+def test_frames_of_a_file_follow_each_other(tactile):
+    frames = np.full((3, 4, 4), 1.0)
+    frames[1], frames[2] = 0.25, 0.1
+    assert [line['N'] for line in tactile('features', frames)] == [16, 16, 0]
+    assert [line['N'] for line in tactile('features', frames, '--release', '0.3')] == [16, 0, 0]
+
+
+@pytest.mark.parametrize('values', [np.full((2, 3, 3), np.nan), np.zeros((2, 3, 3)), -np.ones((2, 3, 3)),
+                                    np.full((2, 3, 3), np.inf)])
+def test_frames_without_a_contact(tactile, values):
+    assert [line['shape'] for line in tactile('classify', values)] == ['none', 'none']
+
+
+def test_standard_input_and_output_file(tmp_path):
+    buffer = io.BytesIO()
+    np.save(buffer, np.ones((4, 5), bool))
+    command = [sys.executable, '-m', 'tactile_node.cli.main', 'classify', '--output', tmp_path / 'lines.json']
+    result = subprocess.run(command, input=buffer.getvalue(), capture_output=True, check=True)
+    assert result.stdout == b'' and json.loads((tmp_path / 'lines.json').read_text())['N'] == 20
+
+
+def test_a_reader_that_leaves_is_no_error(tmp_path):
+    np.save(tmp_path / 'many.npy', np.zeros((3000, 4, 4), bool))
+    command = f'{sys.executable} -m tactile_node.cli.main classify {tmp_path}/many.npy | head -n 1'
+    result = subprocess.run(['bash', '-o', 'pipefail', '-c', command], capture_output=True, text=True)
+    assert result.returncode == 0 and result.stderr == '' and len(result.stdout.splitlines()) == 1
+
+
+def test_neither_ros_nor_can_is_imported():
+    code = ('import sys; from tactile_node.cli.main import main; import tactile_node.cli.classify, '
+            'tactile_node.cli.features; sys.exit(bool({"rclpy", "can", "canopen"} & set(sys.modules)))')
+    assert subprocess.run([sys.executable, '-c', code]).returncode == 0
+
+
+def saved(array, **options):
+    buffer = io.BytesIO()
+    np.save(buffer, array, **options)
+    return buffer.getvalue()
+
+
+def archived(array):
+    buffer = io.BytesIO()
+    np.savez(buffer, array)
+    return buffer.getvalue()
+
+
+BAD = {'missing': None, 'empty': b'', 'text': b'1 2 3\n', 'cut short': saved(np.ones((5, 5)))[:-9],
+       'objects': saved(np.array([{}], object)), 'archive': archived(np.ones((2, 2))), 'broken archive': b'PK\x03\x04...',
+       'one axis': saved(np.ones(5)), 'four axes': saved(np.ones((1, 1, 2, 2))), 'no taxels': saved(np.ones((2, 0, 3))),
+       'complex': saved(np.ones((2, 2), complex)), 'strings': saved(np.array([['a']])),
+       'dates': saved(np.array([['2020-01-01']], 'M8[D]'))}
+
+
+@pytest.mark.parametrize('command', ['features', 'classify'])
+@pytest.mark.parametrize('content', BAD.values(), ids=BAD)
+def test_bad_input_is_one_line_and_exit_code_2(tmp_path, capsys, command, content):
+    path = tmp_path / 'frames.npy'
+    if content is not None:
+        path.write_bytes(content)
+    assert main([command, str(path)]) == 2
+    out, err = capsys.readouterr()
+    assert out == '' and err.count('\n') == 1 and err.startswith('tactile: error: ') and str(path) in err
+
+
+@pytest.mark.parametrize('options', [['--press', '-1'], ['--release', '0.9'], ['--full-scale', 'nan'],
+                                     ['--output', '/no/such/folder/x']])
+def test_bad_options(tmp_path, capsys, options):
+    np.save(tmp_path / 'frames.npy', np.ones((3, 3)))
+    assert main(['features', str(tmp_path / 'frames.npy'), *options]) == 2
+    assert capsys.readouterr().err.count('\n') == 1

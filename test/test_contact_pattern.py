@@ -1,0 +1,104 @@
+"""Taxel values -> contact pattern."""
+
+import numpy as np
+import pytest
+
+from tactile_node.contact.pattern import PatternExtractor, largest_contact
+from tactile_node.errors import ConfigurationError, InputError
+
+NAN = np.nan
+
+
+def extract(*frames, **options):
+    """Mask after the last of ``frames``, thresholds 5 and 3."""
+    extractor = PatternExtractor(5, 3, **options)
+    return [extractor.extract(np.array(frame, float)) for frame in frames][-1]
+
+
+def test_hysteresis():
+    assert extract([[4.9]]).mask.tolist() == [[False]]
+    assert extract([[5]]).mask.tolist() == [[True]]
+    assert extract([[5]], [[3]]).mask.tolist() == [[True]], 'held down to the release threshold'
+    assert extract([[5]], [[2.9]], [[4]]).mask.tolist() == [[False]], 'once released, it must be pressed again'
+
+
+@pytest.mark.parametrize('invalid', [NAN, np.inf, -np.inf])
+def test_invalid_taxel_is_out_but_keeps_its_state(invalid):
+    assert extract([[5]], [[invalid]]).mask.tolist() == [[False]]
+    assert extract([[5]], [[invalid]], [[4]]).mask.tolist() == [[True]]
+    assert extract([[invalid]], [[4]]).mask.tolist() == [[False]]
+    assert np.isnan(extract([[invalid]]).values).all()
+
+
+def test_largest_of_several_contacts():
+    pattern = extract([[9, 0, 9, 9], [0, 0, 0, 9], [9, 0, 0, 0]])
+    assert pattern.contacts == 3
+    assert pattern.mask.tolist() == [[False, False, True, True], [False, False, False, True], [False] * 4]
+
+
+def test_taxels_that_touch_by_a_corner_are_one_contact():
+    assert extract([[9, 0], [0, 9]]).contacts == 1
+
+
+def test_equally_large_contacts_the_first_is_taken():
+    mask, contacts = largest_contact(np.array([[1, 0, 1]], bool))
+    assert (mask.tolist(), contacts) == ([[True, False, False]], 2)
+
+
+def test_all_contacts_on_request():
+    pattern = extract([[9, 0, 9]], largest=False)
+    assert (pattern.mask.tolist(), pattern.contacts) == ([[True, False, True]], 2)
+
+
+def test_enclosed_invalid_taxels_are_filled():
+    frame = np.full((5, 6), 9.0)
+    frame[1:3, 2:4] = NAN
+    assert extract(frame).mask.all()
+
+
+@pytest.mark.parametrize('opening', [(0, 2), (1, 1), (3, 3)])
+def test_invalid_taxels_beside_an_open_one_are_not_filled(opening):
+    frame = np.full((5, 6), 9.0)
+    frame[1:3, 2:4] = NAN
+    frame[opening] = 0
+    np.testing.assert_array_equal(extract(frame).mask, frame == 9)
+
+
+def test_invalid_taxels_at_the_pads_edge_are_not_filled():
+    frame = np.full((3, 3), 9.0)
+    frame[0, 1] = NAN
+    assert not extract(frame).mask[0, 1]
+
+
+@pytest.mark.parametrize('frame', [np.zeros((3, 3)), np.full((3, 3), NAN), np.full((3, 3), -9.0)])
+def test_nothing_pressed(frame):
+    pattern = extract(frame)
+    assert pattern.contacts == 0 and not pattern.mask.any()
+
+
+def test_reset_and_another_shape_forget():
+    extractor = PatternExtractor(5, 3)
+    extractor.extract(np.full((2, 2), 9.0))
+    assert not extractor.extract(np.full((2, 3), 4.0)).mask.any()
+    extractor.extract(np.full((2, 3), 9.0))
+    extractor.reset()
+    assert not extractor.extract(np.full((2, 3), 4.0)).mask.any()
+
+
+def test_results_are_read_only_and_the_input_stays():
+    frame = np.array([[9.0, np.inf]])
+    pattern = PatternExtractor(5, 3).extract(frame)
+    assert not pattern.mask.flags.writeable and not pattern.values.flags.writeable
+    assert frame.flags.writeable and np.isinf(frame[0, 1])
+
+
+@pytest.mark.parametrize('press, release', [(0, 0), (1, 2), (NAN, 1), (1, NAN), (np.inf, 1), (-1, -2)])
+def test_wrong_thresholds_are_refused(press, release):
+    with pytest.raises(ConfigurationError, match='0 < release <= press'):
+        PatternExtractor(press, release)
+
+
+@pytest.mark.parametrize('frame', [np.zeros(3), np.zeros((1, 2, 3)), np.zeros((0, 3)), np.zeros((2, 2), complex)])
+def test_what_is_no_frame_is_refused(frame):
+    with pytest.raises(InputError, match='rows, cols'):
+        PatternExtractor(5, 3).extract(frame)

@@ -1,0 +1,104 @@
+"""The synthetic world: its shapes are what they are said to be."""
+
+import numpy as np
+import pytest
+
+from tactile_node.synthetic.pressure import Skin, coverage, pressure_frame
+from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.synthetic.world import CLASSES, Contact, random_contact, random_pattern
+
+
+def polygon_area(vertices):
+    x, y = vertices.T
+    return 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+
+
+def angles(vertices):
+    """Inner angles of a polygon [degrees], sorted."""
+    before, after = np.roll(vertices, 1, 0) - vertices, np.roll(vertices, -1, 0) - vertices
+    cosine = (before * after).sum(1) / np.hypot(*before.T) / np.hypot(*after.T)
+    return np.sort(np.degrees(np.arccos(cosine)))
+
+
+def sides(vertices):
+    return np.sort(np.hypot(*(np.roll(vertices, -1, 0) - vertices).T))
+
+
+@pytest.mark.parametrize('shape', CLASSES)
+def test_area_centre_and_pattern(shape):
+    rng = generator(Purpose.TEST, 2)
+    taxels = []
+    for _ in range(200):
+        contact = random_contact(rng, shape, 50)
+        outline = contact.outline(400)
+        assert polygon_area(outline) == pytest.approx(50, rel=1e-4)
+        if shape != 'circle':
+            assert contact.area == pytest.approx(50)
+        if len(outline) == 3:
+            np.testing.assert_allclose(outline.mean(0), (contact.x, contact.y))
+        taxels.append(contact.pattern().sum())
+        assert np.hypot(contact.x - 17.5, contact.y - 17.5) <= np.sqrt(0.5)
+    # Centres in general position: the mean number of taxels is the area.
+    assert np.mean(taxels) == pytest.approx(50, abs=4 * np.std(taxels) / np.sqrt(200) + 1e-9)
+
+
+def test_shapes_stay_in_the_classes_of_the_benchmark():
+    rng = generator(Purpose.TEST, 3)
+    for _ in range(100):
+        outlines = {shape: random_contact(rng, shape, 60).outline() for shape in CLASSES[1:]}
+        np.testing.assert_allclose(angles(outlines['square']), 90)
+        np.testing.assert_allclose(sides(outlines['square']), np.sqrt(60))
+        np.testing.assert_allclose(angles(outlines['rectangle']), 90)
+        assert 1.5 <= sides(outlines['rectangle'])[3] / sides(outlines['rectangle'])[0] <= 3
+        assert angles(outlines['right_triangle'])[2] == pytest.approx(90)
+        legs = sides(outlines['right_triangle'])[:2]
+        assert 1.5 <= legs[1] / legs[0] <= 2.5
+        corners = angles(outlines['isosceles_triangle'])
+        apex = [a for a in corners if np.isclose(corners, a).sum() == 1 or np.allclose(corners, 60)]
+        assert 40 <= apex[0] <= 75 and np.isclose(np.diff(corners), 0).any()
+
+
+def test_both_hands_of_right_triangles_are_drawn():
+    rng = generator(Purpose.TEST, 4)
+    assert {random_contact(rng, 'right_triangle', 60).dimensions[2] for _ in range(40)} == {-1.0, 1.0}
+
+
+def test_taxel_is_active_when_its_centre_is_inside():
+    mask = Contact('rectangle', (4.2, 2.2), x=5.0, y=3.0).pattern(8, 12)
+    expected = np.zeros((8, 12), bool)
+    expected[2:5, 3:8] = True
+    np.testing.assert_array_equal(mask, expected)
+
+
+def test_turn_takes_x_towards_y():
+    mask = Contact('rectangle', (4.2, 2.2), x=5.0, y=3.0, turn=np.pi / 2).pattern(8, 12)
+    assert mask.sum(0).max() == 5 and mask.sum(1).max() == 3
+
+
+def test_coverage_sums_to_the_area():
+    for shape in CLASSES:
+        contact = random_contact(generator(Purpose.TEST, 5), shape, 80)
+        covered = coverage(contact)
+        assert covered.sum() == pytest.approx(80, rel=0.01)
+        assert ((covered > 0) & (covered < 1)).any()
+    half = coverage(Contact('rectangle', (3.0, 3.0), x=5.0, y=5.0), 11, 11)
+    np.testing.assert_allclose(half[5, 2:9], [0, 0, 1, 1, 1, 0, 0])
+
+
+def test_pressure_frame():
+    contact, rng = Contact('square', (6.0,), x=7.5, y=7.5), generator(Purpose.TEST, 6)
+    plain = pressure_frame(contact, rng, 16, 16, pressure=0.25, skin=Skin(full_scale=80_000))
+    assert plain.max() == 20_000 and plain.sum() == pytest.approx(36 * 20_000)
+    tilted = pressure_frame(contact, rng, 16, 16, tilt=(0.1, 0.0))
+    assert (np.diff(tilted[7, 5:11]) > 0).all() and tilted[5, 7] == tilted[10, 7]
+    blurred = pressure_frame(contact, rng, 16, 16, skin=Skin(blur=0.5))
+    assert blurred.sum() == pytest.approx(36 * 50_000, rel=1e-6) and (blurred > 0).sum() > 36
+    faulty = pressure_frame(None, rng, 100, 100, skin=Skin(noise=0.01, dead=0.03))
+    assert np.isnan(faulty).mean() == pytest.approx(0.03, abs=0.007)
+    assert np.nanstd(faulty) == pytest.approx(1000, rel=0.05)
+
+
+def test_seeds_repeat_and_purposes_do_not_share():
+    draws = [random_pattern(generator(purpose, seed), 'rectangle', 90)
+             for purpose, seed in [(Purpose.TRAINING, 0), (Purpose.TRAINING, 0), (Purpose.EVALUATION, 0)]]
+    assert (draws[0] == draws[1]).all() and (draws[0] != draws[2]).any()
