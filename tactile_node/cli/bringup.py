@@ -2,7 +2,7 @@
 
 import argparse
 import threading
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 
 from tactile_node.canbus.pads import make_pad
 from tactile_node.cli.interruption import interruption
@@ -43,6 +43,7 @@ def run(args: argparse.Namespace) -> int:
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
+    from tactile_node.nodes.spinning import spinning
     from tactile_node.nodes.system import make_system
     pads, node_ids = args.pads.split(','), _numbers('--node-id', args.node_id)
     with ExitStack() as stack:
@@ -55,36 +56,22 @@ def run(args: argparse.Namespace) -> int:
         system = make_system(pads, _driver_parameters(args, node_ids), args.namespace,
                              {'queue_depth': 0} if args.replay else {})
         stack.callback(system.destroy)
-        stack.enter_context(_spinning(system))
+        spinner = stack.enter_context(spinning(system.nodes))  # autostart may wait for other nodes' callbacks
         system.driver.autostart()
-        return _replay(system, asked) if args.replay else _wait(asked)
+        return _replay(system, spinner, asked) if args.replay else _wait(spinner, asked)
 
 
-@contextmanager
-def _spinning(system):
-    """Spin the nodes on a thread: autostart waits for other nodes' callbacks."""
-    from rclpy.executors import SingleThreadedExecutor
-    executor = SingleThreadedExecutor()
-    system.add_to(executor)
-    thread = threading.Thread(target=executor.spin, name='executor')
-    thread.start()
-    try:
-        yield
-    finally:
-        executor.shutdown()
-        thread.join()
-
-
-def _wait(asked: threading.Event) -> int:
-    asked.wait()
+def _wait(spinner, asked: threading.Event) -> int:
+    while not asked.wait(0.2):
+        spinner.check()
     return 0
 
 
-def _replay(system, asked: threading.Event) -> int:
+def _replay(system, spinner, asked: threading.Event) -> int:
     """Wait for the log's end and for the last of its frames to come out as a shape; tell what became of all."""
     source = system.driver.source
     while not source.finished.wait(0.1) and not asked.is_set():
-        pass
+        spinner.check()
     published = sum(pad.published for pad in source.statistics().pads.values())
     recognised, patience = -1, DRAIN_PATIENCE
     while patience > 0 and not asked.wait(0.05):

@@ -24,9 +24,10 @@ def run(args: argparse.Namespace) -> int:
     with DemoSession(folder, args.seed) as session:
         session.play()
     verdicts = session.verdicts()
-    report.write_csv(verdicts, folder / 'touches.csv')
-    report.draw(verdicts, folder / 'touches.png')
-    print(report.table(verdicts))
+    if verdicts:
+        report.write_csv(verdicts, folder / 'touches.csv')
+        report.draw(verdicts, folder / 'touches.png')
+        print(report.table(verdicts))
     return _conclude(folder, session, verdicts)
 
 

@@ -1,18 +1,17 @@
 """One run of the demo: simulated skin, driver, processors, classifiers, recorder and watcher in one process."""
 
-import threading
 import time
 from pathlib import Path
 
 import numpy as np
 import rclpy
-from rclpy.executors import SingleThreadedExecutor
 
 from tactile_node.canbus.pads import make_pad
 from tactile_node.demo.observation import Verdict, judge
 from tactile_node.demo.terminal import LivePictures
 from tactile_node.demo.touches import GAP, TouchedPad, scripted_touches
 from tactile_node.demo.watcher import Watcher
+from tactile_node.nodes.spinning import Spinner
 from tactile_node.nodes.system import make_system
 from tactile_node.ros.bag import BagRecorder
 from tactile_node.ros.qos import frames_qos
@@ -36,7 +35,7 @@ class DemoSession:
         sources = {name: TouchedPad(touches, rows, cols, seed + len(PADS) + i)
                    for i, (name, touches) in enumerate(self._touches.items())}
         self._simulator = SkinSimulator(pads, {name: self._timed(source) for name, source in sources.items()})
-        self._folder, self._origin, self._executor = folder, None, None
+        self._folder, self._origin = folder, None
         self._pictures = LivePictures()
 
     def __enter__(self) -> 'DemoSession':
@@ -48,17 +47,12 @@ class DemoSession:
         self.watcher = Watcher(PADS, lambda stamp: stamp - (self._origin or stamp), FULL_SCALE)
         topics = [(f'/{pad}/{name}', kind) for pad in PADS for name, kind in TOPICS]
         self.bag = BagRecorder(self.watcher, self._folder / 'bag', topics, frames_qos(50))
-        self._executor = SingleThreadedExecutor()
-        self._system.add_to(self._executor)
-        self._executor.add_node(self.watcher)
-        self._spinning = threading.Thread(target=self._executor.spin, name='executor')
-        self._spinning.start()
+        self._spinner = Spinner((*self._system.nodes, self.watcher))
         return self
 
     def __exit__(self, *exception) -> None:
         self._system.driver.trigger_deactivate()
-        self._executor.shutdown()
-        self._spinning.join()
+        self._spinner.stop()
         self.bag.close()
         self._system.destroy()
         self.watcher.destroy_node()
@@ -72,6 +66,7 @@ class DemoSession:
         middles = [(touch.begin + touch.end) / 2 for touch in self._touches[PADS[0]]]
         begun = time.monotonic()
         while (now := time.monotonic() - begun) < end:
+            self._spinner.check()
             views = self.watcher.views()
             if len(views) == len(PADS):
                 self._pictures.show(views, f'{now:4.1f} of {end:.1f} s, {len(self.watcher.seen[PADS[0]])} frames a pad')

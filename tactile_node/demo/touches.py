@@ -1,13 +1,13 @@
 """The script of the demo: which shape touches which pad when, and what the pad then measures."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tactile_node.synthetic.pressure import Skin, pressure_frame
 from tactile_node.synthetic.world import CLASSES, Contact, random_contact
 
-AREAS = (30.0, 50.0, 80.0)  # taxels
+AREAS = (25.0, 40.0, 60.0)  # taxels
 TOUCH, GAP, RAMP = 0.8, 0.3, 0.1  # how long an object is held, is away, is being pressed on [s]
 PRESSURE = 0.6  # of full scale
 SKIN = Skin(noise=0.01)
@@ -55,8 +55,11 @@ class TouchedPad:
 
 
 def _fitting(rng: np.random.Generator, shape: str, area: float, rows: int, cols: int) -> Contact:
+    """Draw until the contact fits on the pad, anywhere on it."""
     while True:
         contact = random_contact(rng, shape, area, rows, cols)
-        outline = contact.outline()
-        if (outline.min(0) >= MARGIN).all() and (outline.max(0) <= (cols - 1 - MARGIN, rows - 1 - MARGIN)).all():
-            return contact
+        low, high = contact.outline().min(0), contact.outline().max(0)
+        room = np.array((cols - 1, rows - 1)) - 2 * MARGIN - (high - low)
+        if (room >= 0).all():
+            dx, dy = MARGIN + rng.uniform(0, 1, 2) * room - low
+            return replace(contact, x=contact.x + float(dx), y=contact.y + float(dy))

@@ -17,11 +17,11 @@ KEPT = 100  # taxel arrays that may wait for their shape
 
 
 class Watcher(Node):
-    """Listens to `taxels` and `shape` of each of ``pads``; ``clock`` tells an acquisition stamp as demo time [s]."""
+    """Listens to `taxels` and `shape` of each of ``pads``; ``demo_time`` tells an acquisition stamp in it [s]."""
 
-    def __init__(self, pads: tuple[str, ...], clock: Callable[[float], float], full_scale: float, **options):
+    def __init__(self, pads: tuple[str, ...], demo_time: Callable[[float], float], full_scale: float, **options):
         super().__init__('demo_watcher', **options)
-        self._clock, self._full_scale = clock, full_scale
+        self._demo_time, self._full_scale = demo_time, full_scale
         self._waiting = {pad: OrderedDict() for pad in pads}
         self.seen: dict[str, list[Seen]] = {pad: [] for pad in pads}
         self.latency: list[float] = []  #: [s] from SYNC to the shape's arrival here
@@ -48,7 +48,7 @@ class Watcher(Node):
         self.latency.append(time.time() - stamp)
         if taxels is not None:
             names = {shape.value: float(message.probabilities[number]) for shape, number in SHAPE_NUMBERS.items()}
-            self.seen[pad].append(Seen(self._clock(stamp), names, np.array(taxels)))
+            self.seen[pad].append(Seen(self._demo_time(stamp), names, np.array(taxels)))
 
 
 def _words(seen: Seen) -> str:

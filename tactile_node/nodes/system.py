@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -23,10 +22,6 @@ class System(NamedTuple):
     def nodes(self) -> tuple[Node, ...]:
         """All of them, the driver, which feeds the others, first."""
         return (self.driver, *self.processors, *self.classifiers)
-
-    def add_to(self, executor: SingleThreadedExecutor) -> None:
-        for node in self.nodes:
-            executor.add_node(node)
 
     def destroy(self) -> None:
         for node in self.nodes:

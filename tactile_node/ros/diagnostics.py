@@ -67,6 +67,6 @@ def _bus_values(statistics: BusStatistics) -> dict[str, int]:
 
 
 def _pad_values(pad: PadStatistics) -> dict[str, int]:
-    return {'sync_periods': pad.periods, 'frames_complete': pad.complete, 'frames_incomplete': pad.incomplete,
+    return {'frames_complete': pad.complete, 'frames_incomplete': pad.incomplete,
             'tpdos_expected': pad.expected, 'tpdos_received': pad.received, 'tpdos_used': pad.used,
             **{f'tpdos_dropped_{reason}': count for reason, count in pad.losses.items()}}
