@@ -3,6 +3,7 @@
 import queue
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -32,11 +33,11 @@ def tiny_layout(folder: Path, text: str = TINY):
     return load_layout(path)
 
 
-def wait_until(condition, timeout: float = 5.0) -> bool:
+def wait_until(condition: Callable[[], bool], timeout: float = 5.0) -> bool:
     end = time.monotonic() + timeout
-    while not condition() and time.monotonic() < end:
+    while not (met := condition()) and time.monotonic() < end:
         threading.Event().wait(0.002)
-    return condition()
+    return met
 
 
 class Bench:
@@ -67,3 +68,8 @@ class Bench:
 
     def take(self, count: int) -> list:
         return [self.frames.get(timeout=5) for _ in range(count)]
+
+    def forget(self) -> None:
+        """Drop the frames not yet taken; for a stopped driver."""
+        while not self.frames.empty():
+            self.frames.get()

@@ -1,13 +1,19 @@
 """python-can's bus and canopen's network, joined so that nothing a listener does can stop the reception."""
 
-from collections.abc import Callable, Mapping
+import logging
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import can
-from canopen import Network
+from canopen import Network, ObjectDictionary
+from canopen.sdo import SdoClient
 
 from tactile_node.canbus.logs import CanLogWriter
 from tactile_node.errors import BusError
+
+logger = logging.getLogger(__name__)
 
 RECEIVE_TIMEOUT = 0.1  # s the notifier waits at most, hence how long close() may take
 
@@ -42,18 +48,29 @@ class BusNetwork(Network):
         self._record = record
         self.receiver = can.Notifier(bus, [_Receiver(self, on_message, on_failure, record)], RECEIVE_TIMEOUT)
 
-    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """Send a frame from any thread; BusError when the bus does not take it."""
-        message = can.Message(arbitration_id=can_id, data=data, is_extended_id=False, is_remote_frame=remote,
-                              is_rx=False)
+    def send_message(self, can_id: int, data: bytes, remote: bool = False, stamp: float | None = None) -> None:
+        """Send a frame from any thread, recorded with ``stamp`` or now; BusError when the bus does not take it."""
+        message = can.Message(time.time() if stamp is None else stamp, can_id, False, data=data,
+                              is_remote_frame=remote, is_rx=False)
         with self.send_lock:
             if self._record:
-                self._record.write_sent(message)
+                self._record.write(message)
             try:
                 self.bus.send(message)
             except (can.CanError, OSError, ValueError) as error:
                 raise BusError(f'CAN bus {self.bus.channel_info}', expected=f'to send 0x{can_id:03X}', got=str(error),
                                remedy='Check cable, termination and whether any other node acknowledges.') from error
+
+    @contextmanager
+    def sdo_client(self, node_id: int, dictionary: ObjectDictionary) -> Iterator[SdoClient]:
+        """SDO with one device. Not canopen's RemoteNode: that also keeps every EMCY for ever."""
+        client = SdoClient(0x600 + node_id, 0x580 + node_id, dictionary)
+        client.network = self
+        self.subscribe(client.tx_cobid, client.on_response)
+        try:
+            yield client
+        finally:
+            self.unsubscribe(client.tx_cobid, client.on_response)
 
     def close(self) -> None:
         """Stop receiving, close the bus and the recording; allowed on a dead bus."""
@@ -77,11 +94,17 @@ class _Receiver(can.Listener):
         self._on_message(msg)
         if msg.is_error_frame or msg.is_remote_frame or msg.is_extended_id:
             return
-        for callback in self._subscribers.get(msg.arbitration_id, ()):
-            callback(msg.arbitration_id, msg.data, msg.timestamp)
+        for callback in tuple(self._subscribers.get(msg.arbitration_id, ())):
+            try:
+                callback(msg.arbitration_id, msg.data, msg.timestamp)
+            except BusError as error:  # the answer to it could not be sent
+                self._on_failure(error)
+            except Exception:  # canopen over a malformed frame; the reception must go on
+                logger.exception('CAN frame 0x%03X#%s', msg.arbitration_id, msg.data.hex())
 
     def on_error(self, exc: Exception) -> None:
         self._on_failure(exc)
+        time.sleep(RECEIVE_TIMEOUT)  # python-can calls again at once, and a dead adapter fails at once
 
     def stop(self) -> None:
         """Nothing to give back."""

@@ -3,7 +3,8 @@
 import time
 from collections.abc import Callable
 
-from canopen import RemoteNode, SdoAbortedError, SdoCommunicationError
+from canopen import SdoAbortedError, SdoCommunicationError
+from canopen.sdo import SdoClient
 
 from tactile_node.canbus.cob_id import DISABLED, ID_MASK, NO_RTR
 from tactile_node.canbus.eds import IDENTITY, TPDO_COMMUNICATION, TPDO_MAPPING, Identity, identity_of
@@ -20,8 +21,8 @@ REMINDER = 2.0  # s between two sentences about the same wait
 class DeviceSetup:
     """The steps of one pad's device; each raises DeviceError when the device does not go along."""
 
-    def __init__(self, node: RemoteNode, pad: PadSettings, heartbeats: Heartbeats, log: Callable[[str], None]):
-        self._node, self._pad, self._heartbeats, self._log = node, pad, heartbeats, log
+    def __init__(self, sdo: SdoClient, pad: PadSettings, heartbeats: Heartbeats, log: Callable[[str], None]):
+        self._sdo, self._pad, self._heartbeats, self._log = sdo, pad, heartbeats, log
         self._who = f'node {pad.node_id} (pad {pad.name!r})'
 
     def run(self, boot_timeout: float, heartbeat_ms: int) -> None:
@@ -37,7 +38,7 @@ class DeviceSetup:
         begun = reminded = time.monotonic()
         while True:
             try:
-                self._node.sdo.upload(IDENTITY, 1)
+                self._sdo.upload(IDENTITY, 1)
                 return
             except SdoAbortedError:  # it answers; what it lacks is the next step's matter
                 return
@@ -124,8 +125,8 @@ class DeviceSetup:
         for last_try in (False, True):
             try:
                 if verb == 'read':
-                    return self._node.sdo.upload(index, sub)
-                self._node.sdo.download(index, sub, data)
+                    return self._sdo.upload(index, sub)
+                self._sdo.download(index, sub, data)
                 return b''
             except SdoAbortedError:
                 raise

@@ -28,7 +28,7 @@ class CanLogWriter:
                            got=str(error), remedy='Check folder, permissions and suffix.') from error
 
     def write(self, message: can.Message) -> None:
-        """Write a received message."""
+        """Write one message; after ``close`` nothing happens."""
         with self._lock:
             if self._writer is None:
                 return
@@ -38,11 +38,6 @@ class CanLogWriter:
             if now - self._flushed > FLUSH_PERIOD:
                 self._flush()
                 self._flushed = now
-
-    def write_sent(self, message: can.Message) -> None:
-        """Write a message about to be sent, stamped now."""
-        message.timestamp = time.time()
-        self.write(message)
 
     def close(self) -> None:
         with self._lock:

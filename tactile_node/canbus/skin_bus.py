@@ -24,6 +24,7 @@ logger = logging.getLogger(__name__)
 
 NMT, NMT_START, NMT_ENTER_PRE_OPERATIONAL = 0x000, 0x01, 0x80
 HOST_STAMPED = ('socketcan', 'virtual')  # interfaces that stamp reception by the clock our own SYNC is stamped by
+CONSUMER_PATIENCE = 2.0  # s that close() waits for an on_frame under way
 OWN_SYNC, RESTART, END = -1, -2, -3  # events in the receive queue beside CAN frames
 
 
@@ -88,9 +89,9 @@ class SkinBus:
         network = self._opened()
         for pad in self._pads:
             self._command(NMT_ENTER_PRE_OPERATIONAL, pad)
-            node = network.add_node(pad.node_id, pad.dictionary)
-            DeviceSetup(node, pad, self._heartbeats, self._log).run(
-                self._settings.boot_timeout, self._settings.heartbeat_ms)
+            with network.sdo_client(pad.node_id, pad.dictionary) as sdo:
+                DeviceSetup(sdo, pad, self._heartbeats, self._log).run(
+                    self._settings.boot_timeout, self._settings.heartbeat_ms)
 
     def start(self) -> None:
         """Start the devices and SYNC. Raises DeviceError when a device does not become OPERATIONAL."""
@@ -128,7 +129,7 @@ class SkinBus:
             self._network = None
             self._queue.put((END, b'', 0.0))
             if threading.current_thread() is not self._worker:
-                self._worker.join()
+                self._worker.join(CONSUMER_PATIENCE)
 
     def statistics(self) -> BusStatistics:
         """Counts since construction."""
@@ -157,9 +158,10 @@ class SkinBus:
 
     def _send_sync(self) -> None:
         """The SYNC goes into the queue before it goes on the bus: no TPDO can overtake it."""
-        self._queue.put((OWN_SYNC, b'', time.time()))
+        stamp = time.time()
+        self._queue.put((OWN_SYNC, b'', stamp))
         try:
-            self._opened().send_message(self._pads[0].layout.sync_cob_id, b'')
+            self._opened().send_message(self._pads[0].layout.sync_cob_id, b'', stamp=stamp)
         except BusError as error:
             self._fail(error)
 
@@ -168,11 +170,12 @@ class SkinBus:
         odd = oddity_of(message)
         if odd is not None:
             self._odd[odd] += 1
-        elif self._queue.qsize() < self._settings.queue_limit:
-            can_id, data = message.arbitration_id, bytes(message.data)
+            return
+        can_id, data = message.arbitration_id, bytes(message.data)
+        if can_id >> 7 == HEARTBEAT >> 7:
+            self._heartbeats.feed(can_id, data)
+        if self._queue.qsize() < self._settings.queue_limit:
             self._queue.put((can_id, data, message.timestamp))
-            if can_id >> 7 == HEARTBEAT >> 7:
-                self._heartbeats.feed(can_id, data)
         else:
             self._overruns += 1
 

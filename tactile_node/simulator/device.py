@@ -22,6 +22,7 @@ logger = logging.getLogger(__name__)
 TaxelSource = Callable[[float], np.ndarray]
 
 SYNC_COB_ID = 0x1005
+NMT_START = 0x01
 NMT_RESETS = (0x81, 0x82)  # reset node, reset communication
 ABORT_WRONG_STATE, ABORT_NOT_MAPPABLE, ABORT_TOO_LONG = 0x08000022, 0x06040041, 0x06040042
 MAX_PDO_BITS = 64
@@ -65,6 +66,7 @@ class SimulatedDevice:
         self._sent: dict[int, bytes] = {}
         self._started, self._syncs, self._lock = 0.0, 0, threading.RLock()
         self.frames_sent = 0
+        self.refuses_start = False  #: as a device with an error that stays PRE-OPERATIONAL
 
     def boot(self) -> None:
         """Power on: appear on the bus with a boot-up message, then PRE-OPERATIONAL."""
@@ -83,6 +85,10 @@ class SimulatedDevice:
             self._network.subscribe(0, self._node.nmt.on_command)  # remove_network expects it
             del self._network[self._pad.node_id]
             self._forget()
+
+    def lie(self, index: int, subindex: int, data: bytes) -> None:
+        """From now until the next reset answer ``data`` when asked for this object."""
+        self._node.data_store.setdefault(index, {})[subindex] = data
 
     @property
     def operational(self) -> bool:
@@ -110,6 +116,8 @@ class SimulatedDevice:
                 self._network.unsubscribe(self._sync_id, self._on_sync)
                 self._subscribe_sync()
                 self._announce()
+                return
+            if self.refuses_start and data[0] == NMT_START:
                 return
             was_operational = self.operational
             self._node.nmt.on_command(0, data, timestamp)

@@ -1,0 +1,197 @@
+"""The simulated skin as a device: what it sends byte by byte, what it refuses, and its slcan adapter."""
+
+import os
+import select
+import struct
+
+import can
+import numpy as np
+import pytest
+from can_bench import wait_until
+
+from tactile_node.canbus.layout_file import load_layout
+from tactile_node.canbus.pads import make_pad
+from tactile_node.simulator.skin_simulator import SkinSimulator
+from tactile_node.simulator.slcan_pty import SlcanPty, decode, encode
+from tactile_node.simulator.touches import touch_program
+
+START, SYNC = (0x000, '0120'), (0x080, '')
+
+
+class Wire:
+    """A bare CAN bus beside one 16x16 pad, node 32, whose taxel (r, c) reads 16 r + c counts."""
+
+    def __init__(self):
+        counts = np.arange(256).reshape(16, 16)
+        pad = make_pad('pad', 32, 'sim16x16.yaml')
+        self.bus = can.Bus('wire', interface='virtual')
+        self.simulator = SkinSimulator([pad], {'pad': lambda t: counts * 392.156862745})
+        self.simulator.start('virtual', 'wire')
+
+    def send(self, can_id, data):
+        self.bus.send(can.Message(arbitration_id=can_id, is_extended_id=False, data=bytes.fromhex(data)))
+
+    def sdo(self, request):
+        """The answer to an SDO request, as hex."""
+        self.send(0x620, request)
+        while (answer := self.bus.recv(2)).arbitration_id != 0x5A0:
+            pass
+        return answer.data.hex().upper()
+
+    def enable(self, number, flags='00'):
+        cob_id = 0x1A0 + number - 1
+        assert self.sdo(f'230{number - 1}1801{struct.pack("<H", cob_id).hex()}00{flags}').startswith('60')
+
+    def take(self, count):
+        return [(m.arbitration_id, m.data.hex().upper()) for m in (self.bus.recv(2) for _ in range(count))]
+
+    def silent(self):
+        return self.bus.recv(0.1) is None
+
+
+@pytest.fixture
+def wire():
+    wire = Wire()
+    yield wire
+    wire.simulator.stop()
+    wire.bus.shutdown()
+
+
+def test_boots_and_keeps_silent_until_configured(wire):
+    assert wire.take(1) == [(0x720, '00')]
+    wire.send(*START)
+    wire.send(*SYNC)
+    assert wire.silent()
+
+
+def test_enabled_tpdos_follow_sync_only_while_operational(wire):
+    wire.take(1)
+    wire.enable(1)
+    wire.enable(2)
+    wire.send(*SYNC)
+    assert wire.silent()  # pre-operational
+    wire.send(*START)
+    wire.send(*SYNC)
+    assert wire.take(2) == [(0x1A0, '0001020304050607'), (0x1A1, '08090A0B0C0D0E0F')]
+    wire.send(0x000, '0200')  # all nodes: stop
+    wire.send(*SYNC)
+    assert wire.silent()
+
+
+def test_written_mapping_transmission_type_and_cob_id_are_obeyed(wire):
+    """TPDO 1: 0x210F sub 16 then 0x2101 sub 1 (counts 255 and 16), on 0x3AA, at every second SYNC."""
+    wire.take(1)
+    for request in ('2F001A0000000000', '23001A0108100F21', '23001A0208010121', '2F001A0002000000', '2F00180202000000',
+                    '23001801AA030000'):
+        assert wire.sdo(request).startswith('60')
+    wire.send(*START)
+    wire.send(*SYNC)
+    wire.send(*SYNC)
+    assert wire.take(1) == [(0x3AA, 'FF10')] and wire.silent()
+
+
+def test_sdo_reads_the_taxels(wire):
+    wire.take(1)
+    wire.enable(1)
+    wire.send(*START)
+    wire.send(*SYNC)
+    wire.take(1)
+    assert wire.sdo('4003210400000000') == '4F03210433000000'  # 0x2103 sub 4: row 3, column 3: 0x33
+
+
+@pytest.mark.parametrize(('requests', 'answer'), [
+    (['4000300000000000'], '8000300000000206'),  # no such object
+    (['4000180900000000'], '8000180911000906'),  # no such sub-index
+    (['2301100000000000'], '8001100002000106'),  # read only: the error register
+    (['2B00180202000000'], '8000180210000706'),  # two bytes for one
+    (['23001A0108010121'], '80001A0122000008'),  # mapping not opened with 0
+    (['2F001A0000000000', '23001A0108000030'], '80001A0141000406'),  # an object that is not there
+    (['23001801A0010000', '2F001A0000000000'], '80001A0022000008'),  # mapping of an enabled TPDO
+    (['23001801A0010000', '23001801AA010000'], '8000180122000008')])  # COB-ID of an enabled TPDO
+def test_refusals_of_a_strict_device(wire, requests, answer):
+    wire.take(1)
+    assert [wire.sdo(request) for request in requests][-1] == answer
+
+
+def test_reset_forgets_the_configuration_and_boots(wire):
+    wire.take(1)
+    wire.enable(1)
+    wire.send(*START)
+    wire.send(0x000, '8120')
+    assert wire.take(1) == [(0x720, '00')]
+    assert wire.sdo('4000180100000000') == '43001801A0010080'  # disabled again
+
+
+def test_heartbeat_comes_when_it_is_asked_for(wire):
+    wire.take(1)
+    assert wire.silent()
+    assert wire.sdo('2B1710000A000000').startswith('60')  # 10 ms
+    assert wire.take(1) == [(0x720, '7F')]
+    wire.send(*START)
+    assert wait_until(lambda: wire.take(1) == [(0x720, '05')])
+
+
+def test_touches_press_and_let_go():
+    layout = load_layout('sim16x16.yaml')
+    program = touch_program(layout, ('circle',), areas=(50,), seed=3, hold=1.0, pause=0.5)
+    assert [touch.contact.shape for touch in program.touches] == ['circle'] and program.duration == 2.0
+    assert program(0.2).max() == program(1.7).max() == 0 and program.touch_at(0.2) is None
+    full = program(1.0)
+    assert program.touch_at(1.0) is program.touches[0] and program.touch_at(3.0) is program.touches[0]
+    assert abs(full.sum() / full.max() - 50) < 1.5  # 60 000 Pa on the area of 50 taxels
+    assert full.max() == pytest.approx(60_000, rel=1e-3) and program(0.55).max() == pytest.approx(30_000, rel=1e-3)
+    on_off = touch_program(load_layout('nus_sinapse_64x64.yaml'), ('square',), areas=(400,), seed=3)(1.0)
+    assert set(np.unique(on_off)) == {0, 1} and abs(on_off.sum() - 400) < 25
+
+
+@pytest.mark.parametrize(('line', 'can_id', 'data', 'extended', 'remote'), [
+    ('t1A02AA0B', 0x1A0, 'AA0B', False, False), ('t0800', 0x080, '', False, False),
+    ('T0000012381122334455667788', 0x123, '1122334455667788', True, False), ('r1800', 0x180, '', False, True),
+    ('R1FFFFFFF3', 0x1FFFFFFF, '', True, True)])
+def test_slcan_lines(line, can_id, data, extended, remote):
+    message = decode(line.encode())
+    assert (message.arbitration_id, message.data.hex().upper(), message.is_extended_id, message.is_remote_frame) == (
+        can_id, data, extended, remote)
+    assert encode(message) == line.encode() + b'\r'
+
+
+@pytest.mark.parametrize('line', ['t', 't1A0', 't1A09AA', 't1A02AA', 'tXYZ0', 't1A02AABBCC', 'T1A00', 't1A01GG'])
+def test_slcan_lines_that_are_none(line):
+    assert decode(line.encode()) is None
+
+
+def test_slcan_adapter_answers_as_the_protocol_says():
+    with SlcanPty() as adapter:
+        port = os.open(adapter.port, os.O_RDWR | os.O_NOCTTY)
+
+        def ask(line):
+            os.write(port, line)
+            message = adapter.recv(0.02)
+            assert select.select([port], [], [], 1)[0]
+            return os.read(port, 100), message
+
+        assert ask(b'V\r')[0] == b'V1013\r' and ask(b'S8\r')[0] == b'\r' and ask(b'?\r')[0] == b'\a'
+        assert ask(b't08000\r')[0] == ask(b't0800\r')[0] == b'\a'  # too long; not open yet
+        assert ask(b'O\r')[0] == b'\r'
+        answer, message = ask(b't12320A0B\r')
+        assert answer == b'z\r' and (message.arbitration_id, bytes(message.data)) == (0x123, b'\x0A\x0B')
+        adapter.send(can.Message(arbitration_id=0x1A0, is_extended_id=False, data=[1]))
+        assert os.read(port, 100) == b't1A0101\r'
+        os.close(port)
+
+
+def test_client_that_does_not_read_costs_frames_not_memory():
+    with SlcanPty() as adapter:
+        port = os.open(adapter.port, os.O_RDWR | os.O_NOCTTY)
+        os.write(port, b'O\r')
+        adapter.recv(0.02)
+        message = can.Message(arbitration_id=0x1A0, is_extended_id=False, data=bytes(8))
+        for _ in range(20_000):
+            adapter.send(message)
+        assert adapter.dropped > 10_000
+        os.write(port, b'C\rO\r')  # the next client finds an empty line
+        adapter.recv(0.02)
+        os.set_blocking(port, False)
+        adapter.send(can.Message(arbitration_id=0x123, is_extended_id=False))
+        assert os.read(port, 100_000).split(b'\r')[-2] == b't1230'
+        os.close(port)

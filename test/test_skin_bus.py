@@ -1,0 +1,243 @@
+"""The driver's bus against the simulated skin on virtual buses: boot-up, configuration, streaming, refusals."""
+
+import threading
+
+import can
+import numpy as np
+import pytest
+from can_bench import Bench, wait_until
+
+from tactile_node.canbus.log_source import LogSource
+from tactile_node.canbus.skin_bus import BusSettings, SkinBus
+from tactile_node.errors import BusError, DeviceError, LogError
+from tactile_node.taxel_frame import TaxelStatus
+
+
+def test_boot_up_configuration_and_values(tmp_path):
+    """The values are multiples of the layout's count: row r, column c sends r + c counts."""
+    counts = np.add.outer(np.arange(16), np.arange(16))
+    record = tmp_path / 'session.log'
+    with Bench('boot', source=lambda t: counts * 392.156862745, sync_period=0.01, record=str(record)) as bench:
+        bench.run()
+        frames = [frame for _, frame in bench.take(10)]
+    assert [frame.sequence for frame in frames] == list(range(10))
+    for frame in frames:
+        np.testing.assert_allclose(frame.values, counts * 392.156862745, rtol=1e-6)
+        assert (frame.status == TaxelStatus.VALID).all() and frame.missing_can_frames == 0
+    assert (np.diff([frame.stamp for frame in frames]) > 0).all()
+    sent = [line.split()[2] for line in record.read_text().splitlines()]
+    order = [sent.index(step) for step in (
+        '000#8020',  # NMT: pre-operational
+        '620#4018100100000000',  # SDO: upload 0x1018 sub 1
+        '620#23001801A0010080',  # download 0x1800 sub 1: 0x800001A0, disabled
+        '620#23001801A0010000',  # download 0x1800 sub 1: 0x000001A0
+        '000#0120', '080#')]  # NMT start, SYNC
+    assert order == sorted(order)
+    assert sent[-1].startswith('000#8020') or '000#8020' in sent[order[-1]:]  # stopped at the end
+
+
+def test_two_pads_on_one_bus():
+    with Bench('two', nodes=(32, 64), sync_period=0.01) as bench:
+        bench.run()
+        frames = bench.take(20)
+        bench.driver.stop()
+        statistics = bench.driver.statistics()
+    for name in ('pad32', 'pad64'):
+        assert [f.sequence for n, f in frames if n == name][:8] == list(range(8))
+        pad = statistics.pads[name]
+        assert pad.received == pad.used + pad.pending + sum(pad.losses.values()) > 0
+    assert statistics.queue_overruns == statistics.consumer_errors == 0
+
+
+@pytest.mark.parametrize(('layout', 'high'), [('sim8x8_16bit.yaml', 12.5), ('nus_sinapse_64x64.yaml', 1.0)])
+def test_another_makers_skin_is_only_another_file(layout, high):
+    side = {'sim8x8_16bit.yaml': 8, 'nus_sinapse_64x64.yaml': 64}[layout]
+    wanted = np.zeros((side, side))
+    wanted[1, 2] = wanted[side - 1, 0] = high
+    with Bench(layout, layout, source=lambda t: wanted, sync_period=0.02) as bench:
+        bench.run()
+        (_, frame), = bench.take(1)
+    np.testing.assert_allclose(frame.values, wanted, atol=1e-6)
+
+
+def test_recorded_session_plays_back_the_same_frames(tmp_path):
+    record, played = tmp_path / 'live.log', []
+    with Bench('record', source=lambda t: np.full((16, 16), 392.156862745 * int(t * 100 % 200)), sync_period=0.01,
+               record=str(record)) as bench:
+        bench.run()
+        live = [frame for _, frame in bench.take(20)]
+    source = LogSource(str(record), tuple(bench.pads), lambda _n, f: played.append(f), pace=None)
+    source.open()
+    source.start()
+    assert source.finished.wait(10)
+    source.close()
+    for one, other in zip(live, played):
+        np.testing.assert_array_equal(one.values, other.values)
+        assert one.sequence == other.sequence and abs(one.stamp - other.stamp) < 2e-6
+    assert source.statistics().can_frames['tpdo'] == source.statistics().pads['pad32'].received >= 20 * 32
+
+
+def test_stop_and_start_again():
+    with Bench('again', sync_period=0.01) as bench:
+        bench.run()
+        bench.take(3)
+        bench.driver.stop()
+        device = bench.simulator.devices['pad32']
+        assert wait_until(lambda: not device.operational)
+        sent = device.frames_sent
+        assert wait_until(lambda: bench.driver.statistics().pads['pad32'].received == sent)
+        bench.forget()
+        bench.driver.start()
+        assert bench.take(2)[0][1].sequence == 0
+        bench.driver.stop()
+        bench.driver.close()
+        bench.driver.close()
+        bench.forget()
+        bench.run()  # from nothing once more
+        assert bench.take(1)[0][1].sequence == 0
+
+
+def test_all_calls_are_allowed_in_any_state():
+    with Bench('states') as bench:
+        bench.driver.stop()
+        bench.driver.close()
+        for call in (bench.driver.configure, bench.driver.start):
+            with pytest.raises(BusError, match='open'):
+                call()
+        bench.driver.open()
+        bench.driver.open()
+
+
+def test_threads_end_with_the_bus():
+    before = set(threading.enumerate())
+    with Bench('threads', sync_period=0.01) as bench:
+        bench.run()
+        bench.take(2)
+    assert wait_until(lambda: set(threading.enumerate()) <= before)
+
+
+def test_sync_of_another_producer_parts_the_periods():
+    with Bench('foreign', produce_sync=False) as bench, can.Bus('foreign', interface='virtual') as other:
+        bench.run()
+        for sequence in range(3):
+            other.send(can.Message(arbitration_id=0x80, is_extended_id=False))
+            assert bench.take(1)[0][1].sequence == sequence
+        assert bench.driver.statistics().can_frames['sync'] == 3
+
+
+def test_absent_tpdo_is_missing_not_zero():
+    """Another master switches TPDO 3 (row 1, columns 0..7) off after the configuration."""
+    with Bench('absent', source=lambda t: np.full((16, 16), 3921.56862745), produce_sync=False) as bench, \
+            can.Bus('absent', interface='virtual') as other:
+        bench.run()
+        while other.recv(0):
+            pass
+        other.send(can.Message(arbitration_id=0x620, is_extended_id=False, data=bytes.fromhex('23021801A2010080')))
+        assert wait_until(lambda: other.recv(5).data.hex() == '6002180100000000', 1)  # 0x1802 sub 1 is written
+        other.send(can.Message(arbitration_id=0x80, is_extended_id=False))
+        assert wait_until(lambda: bench.driver.statistics().pads['pad32'].received == 31)
+        other.send(can.Message(arbitration_id=0x80, is_extended_id=False))
+        frame = bench.take(1)[0][1]
+    assert frame.missing_can_frames == 1
+    stale = np.zeros((16, 16), bool)
+    stale[1, :8] = True
+    assert (np.isnan(frame.values) == stale).all() and (frame.status[stale] == TaxelStatus.STALE).all()
+    np.testing.assert_allclose(frame.values[~stale], 3921.56862745, rtol=1e-6)
+
+
+def test_no_device_on_the_bus():
+    with Bench('silent', boot_timeout=0.5) as bench:
+        bench.simulator.stop()
+        bench.driver.open()
+        with pytest.raises(DeviceError, match='node 32.*no sign of it.*power, wiring'):
+            bench.driver.configure()
+        assert any('Waiting for node 32' in sentence for sentence in bench.said)
+
+
+def test_second_pad_missing_names_its_node():
+    with Bench('half', nodes=(32, 64), boot_timeout=0.5) as bench:
+        bench.simulator.devices['pad64'].power_off()
+        bench.driver.open()
+        with pytest.raises(DeviceError, match="node 64 .pad 'pad64'"):
+            bench.driver.configure()
+        bench.simulator.devices['pad64'].boot()
+        bench.driver.configure()
+
+
+@pytest.mark.parametrize(('sub', 'value', 'says'), [
+    (1, 0x99, 'vendor 0x99'), (2, 0x1, 'product 0x1'), (3, 0x0002_0000, 'revision 0x20000')])
+def test_wrong_identity_is_refused(sub, value, says):
+    with Bench(f'identity{sub}') as bench:
+        pad = bench.simulator.devices['pad32']
+        pad.lie(0x1018, sub, value.to_bytes(4, 'little'))
+        bench.driver.open()
+        with pytest.raises(DeviceError, match='0x1018') as refused:
+            bench.driver.configure()
+        assert says in str(refused.value)
+
+
+def test_newer_minor_revision_is_accepted():
+    with Bench('minor') as bench:
+        bench.simulator.devices['pad32'].lie(0x1018, 3, (0x0001_0007).to_bytes(4, 'little'))
+        bench.driver.open()
+        bench.driver.configure()
+
+
+def test_device_that_refuses_operational():
+    with Bench('stubborn') as bench:
+        bench.driver.open()
+        bench.driver.configure()
+        bench.simulator.devices['pad32'].refuses_start = True
+        with pytest.raises(DeviceError, match='OPERATIONAL after NMT start.*0x7F'):
+            bench.driver.start()
+
+
+@pytest.mark.parametrize(('interface', 'channel', 'says'), [
+    ('socketcan', 'nocan7', 'ip link set nocan7 up'), ('slcan', '/dev/nothing', '/dev/nothing'),
+    ('nonsense', 'x', 'nonsense')])
+def test_bus_that_cannot_be_opened(interface, channel, says):
+    pads = Bench('unused').pads
+    with pytest.raises(BusError) as refused:
+        SkinBus(BusSettings(interface, channel), tuple(pads), lambda *_: None).open()
+    assert says in str(refused.value) and f'{interface} {channel}' in str(refused.value)
+
+
+def test_record_that_cannot_be_written_leaves_the_bus_closed(tmp_path):
+    driver = SkinBus(BusSettings('virtual', 'norecord', record=str(tmp_path / 'x.pdf')), tuple(Bench('u').pads),
+                     lambda *_: None)
+    with pytest.raises(LogError):
+        driver.open()
+    driver.close()
+
+
+def test_consumer_that_fails_does_not_stop_the_bus(caplog):
+    with Bench('failing', sync_period=0.01) as bench:
+        bench.driver = SkinBus(BusSettings('virtual', 'failing', sync_period=0.01), tuple(bench.pads), lambda *_: 1 / 0)
+        bench.run()
+        assert wait_until(lambda: bench.driver.statistics().consumer_errors >= 3)
+
+
+def test_slow_consumer_overruns_the_queue_and_it_is_counted():
+    gate = threading.Event()
+    with Bench('slow') as bench:
+        bench.driver = SkinBus(BusSettings('virtual', 'slow', sync_period=0.01, queue_limit=100), tuple(bench.pads),
+                               lambda *_: gate.wait())
+        bench.run()
+        overrun = wait_until(lambda: bench.driver.statistics().queue_overruns > 0)
+        gate.set()
+        assert overrun
+
+
+def test_error_and_foreign_frames_do_not_disturb():
+    with Bench('noisy', sync_period=0.01) as bench, can.Bus('noisy', interface='virtual') as other:
+        bench.run()
+        for message in (can.Message(is_error_frame=True), can.Message(arbitration_id=0x1A0, is_extended_id=True, data=[9]),
+                        can.Message(arbitration_id=0x1A0, is_extended_id=False, is_remote_frame=True),
+                        can.Message(arbitration_id=0x0A0, is_extended_id=False),  # an empty EMCY
+                        can.Message(arbitration_id=0x733, is_extended_id=False),  # an empty heartbeat
+                        can.Message(arbitration_id=0x555, is_extended_id=False, data=[1])):
+            other.send(message)
+        counted = bench.driver.statistics
+        assert wait_until(lambda: counted().can_frames.get('foreign') == 2)
+        assert counted().can_frames['error'] == counted().can_frames['remote'] == counted().can_frames['emcy'] == 1
+        assert not any(frame.missing_can_frames for _, frame in bench.take(5)) and bench.driver.failure is None
