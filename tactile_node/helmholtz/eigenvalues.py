@@ -10,15 +10,22 @@ get there in time (nearly equal eigenvalues of weakly joined parts) goes to a de
 from typing import NamedTuple
 
 import numpy as np
+from scipy import ndimage
 from scipy.linalg import lapack
 
 from tactile_node.helmholtz.operators import WEIGHTS, Stencil
 from tactile_node.helmholtz.taxel_list import TaxelList
 
 TOLERANCE = 2e-10  #: of the residual, relative to the eigenvalue
-SOLVES = (4, 4, 3, 2, 2, 2, 2)  #: inverse iterations with each shift; the last is the last attempt
+SOLVES = (3, 5, 3, 2, 2, 2, 2)  #: inverse iterations with each shift; the last is the last attempt
 MARGIN = 1.2  #: of the shift below the Rayleigh quotient, in residuals
+GUESS = 0.7 * np.pi * 2.404825557695773 ** 2  #: first shift times area; a disc has the least (Faber-Krahn)
 COLUMNS = 20_000  #: taxels treated together, to stay within the processor's cache
+
+_PLANE = np.zeros((3, 3, 3), bool)  # nothing joins one pattern to the next
+_NEIGHBOURS = {Stencil.FIVE: _PLANE.copy(), Stencil.NINE: _PLANE.copy()}
+_NEIGHBOURS[Stencil.FIVE][1] = [[0, 1, 0], [1, 1, 1], [0, 1, 0]]
+_NEIGHBOURS[Stencil.NINE][1] = True
 
 
 class Problem(NamedTuple):
@@ -33,12 +40,49 @@ def smallest_eigenvalues(problems: list[Problem]) -> list[np.ndarray]:
 
     Problems of like size are solved fastest together.
     """
-    sizes = np.concatenate([problem.taxels.counts for problem in problems])
-    found = np.full(len(sizes), np.nan)
-    matrices, filled = _banded(problems, sizes[sizes > 0]), np.flatnonzero(sizes)
-    for part in _parts(matrices.sizes):
-        found[filled[part]] = _solve(matrices.part(part))
-    return np.split(found, np.cumsum([len(problem.taxels.counts) for problem in problems])[:-1])
+    parts = [_connected(problem) for problem in problems]
+    matrices = _banded(parts)
+    values = np.concatenate([_solve(matrices.part(chunk)) for chunk in _chunks(matrices.sizes)] or [np.zeros(0)])
+    cuts = np.cumsum([len(part.sizes) for part in parts])[:-1]
+    return [_least(part, problem.taxels, found)
+            for part, problem, found in zip(parts, problems, np.split(values, cuts))]
+
+
+class Parts(NamedTuple):
+    """The connected parts of all patterns of a problem: A falls into one block for each of them."""
+
+    sizes: np.ndarray     #: taxels of each part
+    pattern: np.ndarray   #: which pattern each part belongs to, rising
+    column: np.ndarray    #: of each entry of A below the diagonal, taxels numbered part by part
+    distance: np.ndarray  #: of each entry from the diagonal
+    values: np.ndarray    #: the entries
+    diagonal: float
+
+
+def _connected(problem: Problem) -> Parts:
+    taxels, weights = problem.taxels, WEIGHTS[problem.stencil]
+    active = np.zeros(taxels.shape, bool)
+    active.reshape(-1)[taxels.site] = True
+    label = ndimage.label(active, _NEIGHBOURS[problem.stencil])[0].reshape(-1)[taxels.site]
+    order = np.argsort(label, kind='stable')
+    sizes = np.bincount(label)[1:] if len(label) else np.zeros(0, int)
+    place = np.empty(taxels.total, np.intp)
+    place[order] = np.arange(taxels.total)
+    later, earlier, is_edge = taxels.neighbour_pairs()
+    if not weights.corner:
+        later, earlier, is_edge = later[is_edge], earlier[is_edge], True
+    values = np.where(is_edge, weights.edge / weights.denominator, weights.corner / weights.denominator)
+    column = place[earlier]
+    first = order[np.cumsum(sizes) - sizes]
+    pattern = np.searchsorted(taxels.start, first, 'right') - 1
+    return Parts(sizes, pattern, column, place[later] - column, values, weights.centre / weights.denominator)
+
+
+def _least(part: Parts, taxels: TaxelList, values: np.ndarray) -> np.ndarray:
+    """The smallest of the parts' eigenvalues of each pattern."""
+    least = np.full(len(taxels.counts), np.inf)
+    np.minimum.at(least, part.pattern, values)
+    return np.where(taxels.counts > 0, least, np.nan)
 
 
 class Banded(NamedTuple):
@@ -65,30 +109,19 @@ class Banded(NamedTuple):
         return self if keep.all() else Banded.of(self.band[np.repeat(keep, self.sizes)], self.sizes[keep])
 
 
-def _banded(problems: list[Problem], sizes: np.ndarray) -> Banded:
-    entries = [_entries(problem) for problem in problems]
-    width = max(int(distance.max(initial=0)) for _, distance, _ in entries) + 1
-    band = np.zeros((int(sizes.sum()), width))
-    first = 0
-    for (taxels, stencil), (column, distance, values) in zip(problems, entries):
-        rows = band[first:first + taxels.total]
-        rows[:, 0] = WEIGHTS[stencil].centre / WEIGHTS[stencil].denominator
-        rows.reshape(-1)[column * width + distance] = values
-        first += taxels.total
+def _banded(parts: list[Parts]) -> Banded:
+    sizes = np.concatenate([part.sizes for part in parts])
+    width = max(int(part.distance.max(initial=0)) for part in parts) + 1
+    band, first = np.zeros((int(sizes.sum()), width)), 0
+    for part in parts:
+        rows = band[first:first + int(part.sizes.sum())]
+        rows[:, 0] = part.diagonal
+        rows.reshape(-1)[part.column * width + part.distance] = part.values
+        first += len(rows)
     return Banded.of(band, sizes)
 
 
-def _entries(problem: Problem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Column, distance from the diagonal, and value of the entries below it."""
-    weights = WEIGHTS[problem.stencil]
-    later, earlier, is_edge = problem.taxels.neighbour_pairs()
-    if not weights.corner:
-        later, earlier, is_edge = later[is_edge], earlier[is_edge], True
-    values = np.where(is_edge, weights.edge / weights.denominator, weights.corner / weights.denominator)
-    return earlier, later - earlier, values
-
-
-def _parts(sizes: np.ndarray) -> list[slice]:
+def _chunks(sizes: np.ndarray) -> list[slice]:
     """Cut a row of matrices into slices of about COLUMNS columns each."""
     cuts = np.flatnonzero(np.diff(np.cumsum(sizes) // COLUMNS, prepend=-1))
     return [slice(a, b) for a, b in zip(cuts, [*cuts[1:], len(sizes)])]
@@ -97,7 +130,8 @@ def _parts(sizes: np.ndarray) -> list[slice]:
 def _solve(matrices: Banded) -> np.ndarray:
     """Smallest eigenvalue of each matrix; none is empty."""
     found = np.full(len(matrices.sizes), np.nan)
-    left, pending, shift = matrices, np.arange(len(found)), np.zeros(len(found))
+    left, pending = matrices, np.arange(len(found))
+    shift = np.where(matrices.sizes < 9, 0, GUESS / (np.sqrt(matrices.sizes) + 1) ** 2)
     x = np.ones(len(matrices.band))
     for solves in SOLVES:
         factor, shift = _factorise(left, shift)
@@ -127,15 +161,21 @@ def _factorise(part: Banded, shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 def _iterate(factor: np.ndarray, part: Banded, shift: np.ndarray, x: np.ndarray, solves: int):
     """Return Rayleigh quotient, residual norm (both of shape (K,)) and iterate after some solves."""
-    for _ in range(solves):
-        previous = x
-        solution, _ = lapack.dpbtrs(factor, x, lower=1)
-        scale = 1 / np.sqrt(np.add.reduceat(solution * solution, part.start[:-1]))
-        x = solution * np.repeat(scale, part.sizes)
-    excess = scale * np.add.reduceat(x * previous, part.start[:-1])  # Rayleigh quotient - shift
-    # (A - shift) x = scale * previous, so the residual needs no product with A.
-    residual = np.repeat(scale, part.sizes) * previous - np.repeat(excess, part.sizes) * x
-    return shift + excess, np.sqrt(np.add.reduceat(residual * residual, part.start[:-1])), x
+    for _ in range(solves - 1):
+        x, _ = lapack.dpbtrs(factor, x, lower=1)
+    previous = x * np.repeat(1 / _norms(x, part), part.sizes)
+    x, _ = lapack.dpbtrs(factor, previous, lower=1)
+    scale = 1 / _norms(x, part)
+    scales = np.repeat(scale, part.sizes)
+    x *= scales
+    previous *= scales
+    # (A - shift) x = previous, scaled: neither the quotient nor the residual needs a product with A.
+    excess = np.add.reduceat(x * previous, part.start[:-1])
+    return shift + excess, _norms(previous - np.repeat(excess, part.sizes) * x, part), x
+
+
+def _norms(x: np.ndarray, part: Banded) -> np.ndarray:
+    return np.sqrt(np.add.reduceat(x * x, part.start[:-1]))
 
 
 def _dense(band: np.ndarray) -> float:

@@ -25,13 +25,21 @@ class Group(Flag):
     """Which features to compute besides N, P05, P09; eigenvalues cost most."""
 
     NONE = 0
-    INFORMATION = auto()
-    GRAVITY = auto()
+    INFORMATION5 = auto()
+    INFORMATION9 = auto()
+    GRAVITY5 = auto()
+    GRAVITY9 = auto()
     EIGENVALUES = auto()
     BORDER = auto()  #: the groups above also for the reduced matrices
     TURNED = auto()  #: min, max and dif over the turns of everything computed
-    CLASSIFIER = INFORMATION | GRAVITY | TURNED
+    INFORMATION = INFORMATION5 | INFORMATION9
+    GRAVITY = GRAVITY5 | GRAVITY9
+    CLASSIFIER = INFORMATION5 | GRAVITY9 | TURNED  #: what the paper's planes need
     ALL = INFORMATION | GRAVITY | EIGENVALUES | BORDER | TURNED
+
+
+INFORMATION = {Stencil.FIVE: Group.INFORMATION5, Stencil.NINE: Group.INFORMATION9}
+GRAVITY = {Stencil.FIVE: Group.GRAVITY5, Stencil.NINE: Group.GRAVITY9}
 
 
 class Turned(NamedTuple):
@@ -94,18 +102,20 @@ def _check(mask: np.ndarray) -> None:
 def _described(masks: np.ndarray, groups: Group) -> dict[str, np.ndarray]:
     """Features of each of the patterns ``masks``, shape (K, rows, cols), as arrays of shape (K,)."""
     taxels = taxel_list(masks)
-    rim = {k: taxels.border(WEIGHTS[k]) for k in Stencil}
-    found = {'N': taxels.counts, **{f'P0{k}': np.count_nonzero(rim[k], (1, 2)) for k in Stencil}}
-    whole = {'': taxels}
-    reduced = {f'_border{k}': taxel_list(rim[k]) for k in Stencil} if groups & Group.BORDER else {}
+    found = {'N': taxels.counts}
+    for k in Stencil:
+        found[f'P0{k}'] = taxels.per_pattern(taxels.row_sums(WEIGHTS[k]) != 0)
+    whole, reduced = {'': taxels}, {}
+    if groups & Group.BORDER:
+        reduced = {f'_border{k}': taxel_list(taxels.border(WEIGHTS[k])) for k in Stencil}
     eigenvalues = _eigenvalues(whole) | _eigenvalues(reduced) if groups & Group.EIGENVALUES else {}
     for suffix, chosen in (whole | reduced).items():
         for k in Stencil:
             if groups & Group.EIGENVALUES:
                 found[f'lambda{k}{suffix}'] = eigenvalues[suffix, k]
-            if groups & Group.INFORMATION:
+            if groups & INFORMATION[k]:
                 found |= _named('info_{}{}{}', information(chosen, k), k, suffix)
-            if groups & Group.GRAVITY:
+            if groups & GRAVITY[k]:
                 found |= _named('{}{}{}', gravity(chosen, k), k, suffix)
     return found
 
