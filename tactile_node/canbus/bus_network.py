@@ -17,6 +17,7 @@ logger = logging.getLogger(__name__)
 
 RECEIVE_TIMEOUT = 0.1  # s the notifier waits at most, hence how long close() may take
 
+_NOT_INSTALLED = 'Check the name, and install what this interface needs (slcan: pyserial).'
 _REMEDIES = {
     'socketcan': 'Is the interface up? "ip link set {channel} up type can bitrate {bitrate}"; "ip link" lists them.',
     'slcan': 'Check the device path, and that you may open it (group dialout).'}
@@ -30,7 +31,8 @@ def open_bus(interface: str, channel: str, bitrate: int, options: Mapping[str, A
     try:
         return can.Bus(interface=interface, channel=channel, bitrate=bitrate, ignore_config=True, **given)
     except Exception as error:  # each backend of python-can raises its own: CanError, OSError, ValueError, ImportError
-        remedy = _REMEDIES.get(interface, 'Check interface, channel, and that its driver is installed.')
+        missing = isinstance(error, (can.CanInterfaceNotImplementedError, ImportError))
+        remedy = _NOT_INSTALLED if missing else _REMEDIES.get(interface, 'Check interface, channel, and that its driver is installed.')
         raise BusError(f'CAN bus {interface} {channel}', expected=f'a bus that opens at {bitrate} bit/s',
                        got=f'{type(error).__name__}: {error}',
                        remedy=remedy.format(channel=channel, bitrate=bitrate)) from error

@@ -1,0 +1,146 @@
+"""``tactile simulate``, ``record`` and ``replay``, also as programs of their own joined by a pseudo-terminal."""
+
+import argparse
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+from can_bench import Bench, wait_until
+
+from tactile_node.canbus.logs import CanLogReader
+from tactile_node.canbus.pads import make_pad
+from tactile_node.canbus.skin_bus import BusSettings, SkinBus
+from tactile_node.cli import record, replay, simulate
+from tactile_node.errors import BusError, ConfigurationError, LogError
+
+ROOT = Path(__file__).resolve().parents[1]
+DATA = ROOT / 'test' / 'data'
+TACTILE = 'import sys; from tactile_node.cli.main import main; sys.exit(main())'
+
+
+def run(module, *words):
+    parser = argparse.ArgumentParser()
+    module.add_parser(parser.add_subparsers())
+    args = parser.parse_args([module.__name__.rsplit('.', 1)[1], *map(str, words)])
+    return module.run(args)
+
+
+def spawn(*words):
+    return subprocess.Popen([sys.executable, '-c', TACTILE, *map(str, words)], cwd=ROOT, text=True,
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+def test_driver_and_skin_are_two_programs_joined_by_slcan(tmp_path):
+    link, frames = tmp_path / 'skin', []
+    skin = spawn('simulate', '--pty', '--link', link, '--node-id', 32, '--node-id', 64, '--shapes', 'square')
+    try:
+        port = skin.stdout.readline().split()[-1]
+        assert port.startswith('/dev/pts/') and os.readlink(link) == port
+        driver = SkinBus(BusSettings('slcan', port, sync_period=0.04),
+                         (make_pad('left', 32, 'sim16x16.yaml'), make_pad('right', 64, 'sim16x16.yaml')),
+                         lambda name, frame: frames.append((name, frame)))
+        driver.open()
+        driver.configure()
+        driver.start()
+        assert wait_until(lambda: any(np.nanmax(f.values) > 0 for _, f in frames[-2:]) and len(frames) > 40)
+        driver.close()
+    finally:
+        skin.send_signal(signal.SIGTERM)
+        assert skin.wait(10) == 0, skin.stderr.read()
+    statistics = driver.statistics()
+    for name in ('left', 'right'):
+        pad = statistics.pads[name]
+        assert pad.complete > 0.9 * pad.published > 10
+        assert pad.received == pad.used + pad.pending + sum(pad.losses.values())
+    assert not link.is_symlink()
+
+
+def test_record_of_a_silent_bus_says_so(tmp_path):
+    skin = spawn('simulate', '--pty')  # its boot-up message was sent before anyone listened
+    try:
+        port = skin.stdout.readline().split()[-1]
+        recorder = spawn('record', '--interface', 'slcan', '--channel', port, '--duration', 0.2, tmp_path / 'x.log')
+        assert recorder.wait(10) == 1 and '0 CAN frames' in recorder.stdout.read()
+    finally:
+        skin.send_signal(signal.SIGTERM)
+        skin.wait(10)
+
+
+def test_killed_recording_is_readable(tmp_path):
+    log = tmp_path / 'x.log.gz'
+    code = f'''
+import can, time
+from tactile_node.canbus.logs import CanLogWriter
+writer = CanLogWriter({str(log)!r})
+for i in range(300):
+    writer.write(can.Message(i, 0x181, False, data=[i % 256]))
+    time.sleep(0.002)
+print('written', flush=True)
+time.sleep(60)
+'''
+    process = subprocess.Popen([sys.executable, '-c', code], cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == 'written\n'
+    process.kill()
+    process.wait()
+    reader = CanLogReader(log)
+    assert len(list(reader)) > 200 and reader.unread <= 1
+
+
+def test_record_from_a_live_bus(tmp_path, capsys):
+    log = tmp_path / 'x.log'
+    with Bench('commands', sync_period=0.01) as bench:
+        bench.run()
+        assert run(record, '--interface', 'virtual', '--channel', 'commands', '--duration', 0.5, log) == 0
+    ids = [message.arbitration_id for message in CanLogReader(log)]
+    assert f'{len(ids)} CAN frames' in capsys.readouterr().out
+    assert ids.count(0x080) > 10 and ids.count(0x1A0) > 10 and ids.count(0x720) > 0
+
+
+def test_replay_writes_frames_and_says_what_became_of_each_can_frame(tmp_path, capsys):
+    output = tmp_path / 'frames.npy'
+    assert run(replay, DATA / 'nus_ring_session.log.gz', '--layout', 'nus_sinapse_64x64.yaml', '--output', output) == 0
+    frames = np.load(output)
+    assert frames.shape == (77, 64, 64) and frames.dtype == np.float32 and not np.isnan(frames).any()
+    said = capsys.readouterr().out
+    assert '77 taxel frames, 77 complete, 0 incomplete' in said and '4928 used, none lost' in said
+
+
+def test_replay_of_two_pads_writes_two_files(tmp_path):
+    assert run(replay, DATA / 'sim16x16_two_pads.log.gz', '--node-id', 32, '--node-id', 64, '--output',
+               tmp_path / 'x.npy') == 0
+    left, right = np.load(tmp_path / 'x_pad32.npy'), np.load(tmp_path / 'x_pad64.npy')
+    np.testing.assert_array_equal(left, right[:, :, ::-1])
+
+
+def test_replay_without_a_sync_fails(tmp_path, capsys):
+    (tmp_path / 'x.log').write_text('(1.0) can0 1A0#0011223344556677\n')
+    assert run(replay, tmp_path / 'x.log') == 1
+    assert '0 taxel frames' in (said := capsys.readouterr().out) and '1 before_first_sync' in said
+
+
+def test_simulate_repeats_a_recording(tmp_path):
+    events = tmp_path / 'events.txt'
+    events.write_text('0 1 2 1\n')
+    port = can.Bus('repeat', interface='virtual')
+    assert run(simulate, '--interface', 'virtual', '--channel', 'repeat', '--layout', 'nus_sinapse_64x64.yaml',
+               '--recording', events, '--duration', 0.01) == 0
+    assert port.recv(1).arbitration_id == 0x720
+    port.shutdown()
+
+
+@pytest.mark.parametrize(('module', 'words', 'error'), [
+    (replay, ('none.log',), LogError), (replay, (DATA / 'README.md',), LogError),
+    (replay, (DATA / 'nus_ring_session.log.gz', '--layout', 'none.yaml'), ConfigurationError),
+    (simulate, ('--interface', 'virtual', '--eds', DATA / 'README.md'), ConfigurationError),
+    (simulate, ('--interface', 'virtual', '--node-id', '200'), ConfigurationError),
+    (simulate, ('--interface', 'virtual', '--recording', DATA / 'README.md'), ConfigurationError),
+    (simulate, ('--interface', 'nonsense'), BusError), (record, ('--interface', 'nonsense', 'x.log'), BusError),
+    (record, ('--interface', 'virtual', 'x.pdf'), LogError)])
+def test_bad_input_is_one_of_our_errors(module, words, error):
+    with pytest.raises(error):
+        run(module, *words)
