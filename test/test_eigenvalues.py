@@ -6,7 +6,8 @@ import pytest
 from patterns import assorted, blob, ring, shapes
 
 from tactile_node.helmholtz.eigenvalues import Problem, smallest_eigenvalues
-from tactile_node.helmholtz.operators import Stencil, matrix
+from tactile_node.helmholtz.operators import WEIGHTS, Stencil, matrix
+from tactile_node.helmholtz.rotation import turned_patterns
 from tactile_node.helmholtz.taxel_list import taxel_list
 
 
@@ -61,6 +62,18 @@ def test_eigenvalue_falls_when_the_pattern_grows():
             smaller = mask.copy()
             smaller[tuple(np.argwhere(mask)[-1])] = False
             assert smallest(mask, stencil) < smallest(smaller, stencil)
+
+
+@pytest.mark.parametrize('seed', range(6))
+def test_only_extremes_are_those_of_all(seed):
+    mask = shapes(20 + 15 * seed)[seed % 5] if seed < 5 else blob(3)
+    taxels = taxel_list(turned_patterns(mask))
+    rim = taxel_list(taxels.border(WEIGHTS[Stencil.NINE]))
+    problems = [Problem(chosen, k) for chosen in (taxels, rim) for k in Stencil]
+    for every, some in zip(smallest_eigenvalues(problems), smallest_eigenvalues(problems, 2)):
+        np.testing.assert_allclose(some[:2], every[:2], rtol=1e-9)
+        assert np.nanmin(some[2:]) == pytest.approx(np.nanmin(every[2:]), rel=1e-9)
+        assert np.nanmax(some[2:]) == pytest.approx(np.nanmax(every[2:]), rel=1e-9)
 
 
 def membrane(name, size):

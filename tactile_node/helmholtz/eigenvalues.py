@@ -1,23 +1,26 @@
 """Section 3: Λ, the smallest eigenvalue of A, of many patterns at once.
 
-All matrices are laid along the diagonal of one banded matrix, and LAPACK's banded Cholesky solves them
-together: inverse iteration from a positive vector (which the ground state of an M-matrix is never
-orthogonal to), with each matrix shifted to just below its own Rayleigh quotient. An iterate x with
-residual r = A x - θ x has an eigenvalue within ‖r‖/‖x‖ of θ; it is accepted at 2e-10 θ. What does not
-get there in time (nearly equal eigenvalues of weakly joined parts) goes to a dense solver.
+The connected parts of all patterns are laid along the diagonal of one banded matrix and solved together:
+inverse iteration from a positive vector (the ground state of an M-matrix is never orthogonal to it), each
+part shifted to just below its own Rayleigh quotient. An iterate x, ‖x‖ = 1, with residual
+r = A x - θ x has an eigenvalue within ‖r‖ of θ; it is accepted at 2e-10 θ. What does not get there in time
+(nearly equal eigenvalues of weakly joined parts) goes to a dense solver.
+
+Where only the extremes over the turns are asked for, patterns that cannot be extreme are left out early:
+Cholesky's success certifies that Λ is above the shift, and the Rayleigh quotient is never below Λ.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 from scipy import ndimage
-from scipy.linalg import lapack
 
+from tactile_node.helmholtz.banded import Banded
 from tactile_node.helmholtz.operators import WEIGHTS, Stencil
 from tactile_node.helmholtz.taxel_list import TaxelList
 
 TOLERANCE = 2e-10  #: of the residual, relative to the eigenvalue
-SOLVES = (3, 5, 3, 2, 2, 2, 2)  #: inverse iterations with each shift; the last is the last attempt
+SOLVES = (4, 6, 3, 2, 2, 2, 2)  #: inverse iterations with each shift; the last is the last attempt
 MARGIN = 1.2  #: of the shift below the Rayleigh quotient, in residuals
 GUESS = 0.7 * np.pi * 2.404825557695773 ** 2  #: first shift times area; a disc has the least (Faber-Krahn)
 COLUMNS = 20_000  #: taxels treated together, to stay within the processor's cache
@@ -35,17 +38,22 @@ class Problem(NamedTuple):
     stencil: Stencil
 
 
-def smallest_eigenvalues(problems: list[Problem]) -> list[np.ndarray]:
+def smallest_eigenvalues(problems: list[Problem], extremes_from: int | None = None) -> list[np.ndarray]:
     """Return Λ of each of the patterns of each problem, shape (K,); NaN for an empty one.
 
-    Problems of like size are solved fastest together.
+    With ``extremes_from`` f, the patterns from f on are there for their least and greatest Λ only: NaN
+    for those that are neither. Problems of like size are solved fastest together.
     """
     parts = [_connected(problem) for problem in problems]
-    matrices = _banded(parts)
-    values = np.concatenate([_solve(matrices.part(chunk)) for chunk in _chunks(matrices.sizes)] or [np.zeros(0)])
-    cuts = np.cumsum([len(part.sizes) for part in parts])[:-1]
-    return [_least(part, problem.taxels, found)
-            for part, problem, found in zip(parts, problems, np.split(values, cuts))]
+    counts = [len(problem.taxels.counts) for problem in problems]
+    first = np.cumsum([0, *counts])
+    owner = np.concatenate([part.pattern + offset for part, offset in zip(parts, first)])
+    contest = np.concatenate([_contest(count, i, extremes_from) for i, count in enumerate(counts)])
+    matrices, found = _banded(parts), np.full(first[-1], np.nan)
+    for chunk in _chunks(matrices.sizes, owner):
+        patterns, own = np.unique(owner[chunk], return_inverse=True)
+        found[patterns] = _solve(matrices.part(chunk), own, contest[patterns])
+    return np.split(found, first[1:-1])
 
 
 class Parts(NamedTuple):
@@ -65,7 +73,7 @@ def _connected(problem: Problem) -> Parts:
     active.reshape(-1)[taxels.site] = True
     label = ndimage.label(active, _NEIGHBOURS[problem.stencil])[0].reshape(-1)[taxels.site]
     order = np.argsort(label, kind='stable')
-    sizes = np.bincount(label)[1:] if len(label) else np.zeros(0, int)
+    sizes = np.bincount(label, minlength=1)[1:]
     place = np.empty(taxels.total, np.intp)
     place[order] = np.arange(taxels.total)
     later, earlier, is_edge = taxels.neighbour_pairs()
@@ -73,40 +81,13 @@ def _connected(problem: Problem) -> Parts:
         later, earlier, is_edge = later[is_edge], earlier[is_edge], True
     values = np.where(is_edge, weights.edge / weights.denominator, weights.corner / weights.denominator)
     column = place[earlier]
-    first = order[np.cumsum(sizes) - sizes]
-    pattern = np.searchsorted(taxels.start, first, 'right') - 1
+    pattern = np.searchsorted(taxels.start, order[np.cumsum(sizes) - sizes], 'right') - 1
     return Parts(sizes, pattern, column, place[later] - column, values, weights.centre / weights.denominator)
 
 
-def _least(part: Parts, taxels: TaxelList, values: np.ndarray) -> np.ndarray:
-    """The smallest of the parts' eigenvalues of each pattern."""
-    least = np.full(len(taxels.counts), np.inf)
-    np.minimum.at(least, part.pattern, values)
-    return np.where(taxels.counts > 0, least, np.nan)
-
-
-class Banded(NamedTuple):
-    """Matrices side by side on one diagonal, as LAPACK's lower band storage, transposed.
-
-    ``band`` has shape (total, bandwidth + 1): row j holds A(j, j), A(j+1, j), ...; matrix k has the rows
-    ``start[k]:start[k + 1]``, ``sizes[k]`` of them.
-    """
-
-    band: np.ndarray
-    sizes: np.ndarray
-    start: np.ndarray
-
-    @classmethod
-    def of(cls, band: np.ndarray, sizes: np.ndarray) -> 'Banded':
-        return cls(band, sizes, np.concatenate(([0], np.cumsum(sizes))))
-
-    def part(self, chosen: slice) -> 'Banded':
-        start = self.start[:-1][chosen]
-        sizes = self.sizes[chosen]
-        return Banded.of(self.band[start[0]:start[-1] + sizes[-1]], sizes)
-
-    def where(self, keep: np.ndarray) -> 'Banded':
-        return self if keep.all() else Banded.of(self.band[np.repeat(keep, self.sizes)], self.sizes[keep])
+def _contest(count: int, problem: int, extremes_from: int | None) -> np.ndarray:
+    """Which contest for the extremes each pattern takes part in; -1 is none."""
+    return np.where(np.arange(count) < (count if extremes_from is None else extremes_from), -1, problem)
 
 
 def _banded(parts: list[Parts]) -> Banded:
@@ -121,67 +102,75 @@ def _banded(parts: list[Parts]) -> Banded:
     return Banded.of(band, sizes)
 
 
-def _chunks(sizes: np.ndarray) -> list[slice]:
-    """Cut a row of matrices into slices of about COLUMNS columns each."""
-    cuts = np.flatnonzero(np.diff(np.cumsum(sizes) // COLUMNS, prepend=-1))
+def _chunks(sizes: np.ndarray, owner: np.ndarray) -> list[slice]:
+    """Cut a row of parts into slices of about COLUMNS columns each, never within a pattern."""
+    block = (np.cumsum(sizes) // COLUMNS)[np.searchsorted(owner, owner)]
+    cuts = np.flatnonzero(np.diff(block, prepend=-1))
     return [slice(a, b) for a, b in zip(cuts, [*cuts[1:], len(sizes)])]
 
 
-def _solve(matrices: Banded) -> np.ndarray:
-    """Smallest eigenvalue of each matrix; none is empty."""
-    found = np.full(len(matrices.sizes), np.nan)
-    left, pending = matrices, np.arange(len(found))
+def _solve(matrices: Banded, owner: np.ndarray, contest: np.ndarray) -> np.ndarray:
+    """Λ of each pattern (of len(contest)); ``owner``: which pattern each matrix belongs to."""
+    left, pending, x = matrices, np.arange(len(owner)), np.ones(len(matrices.band))
     shift = np.where(matrices.sizes < 9, 0, GUESS / (np.sqrt(matrices.sizes) + 1) ** 2)
-    x = np.ones(len(matrices.band))
+    low, high = np.zeros(len(owner)), np.full(len(owner), np.inf)
     for solves in SOLVES:
-        factor, shift = _factorise(left, shift)
-        value, residual, x = _iterate(factor, left, shift, x, solves)
-        keep = residual > TOLERANCE * value
-        found[pending[~keep]] = value[~keep]
-        if not keep.any():
+        factor, shift = left.factorised(shift)
+        low[pending] = np.maximum(low[pending], shift)
+        keep = _needed(low, high, owner, contest)[pending]
+        x, pending, shift = x[left.spread(keep)], pending[keep], shift[keep]
+        left, factor = left.where(keep), factor.where(keep)
+        if not len(pending):
             break
-        x, pending, left = x[np.repeat(keep, left.sizes)], pending[keep], left.where(keep)
+        value, residual, x = _iterate(factor, shift, x, solves)
+        keep, high[pending] = residual > TOLERANCE * value, value
+        low[pending[~keep]] = value[~keep]
+        x, pending, left = x[left.spread(keep)], pending[keep], left.where(keep)
         shift = (value - MARGIN * residual)[keep]
-    for hard in np.flatnonzero(np.isnan(found)):
-        found[hard] = _dense(matrices.part(slice(hard, hard + 1)).band)
-    return found
+        if not len(pending):
+            break
+    for hard in pending:
+        low[hard] = high[hard] = np.linalg.eigvalsh(matrices.dense(hard), UPLO='L')[0]
+    return _decided(low, high, owner, contest)
 
 
-def _factorise(part: Banded, shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Cholesky factor of A - shift, and the shift: 0 where that asked for exceeds the smallest eigenvalue."""
-    while True:
-        band = part.band.copy()
-        band[:, 0] -= np.repeat(shift, part.sizes)
-        factor, failed = lapack.dpbtrf(band.T, lower=1, overwrite_ab=1)
-        if failed == 0:
-            return factor, shift
-        shift = shift.copy()
-        shift[np.searchsorted(part.start, failed - 1, 'right') - 1] = 0.0
-
-
-def _iterate(factor: np.ndarray, part: Banded, shift: np.ndarray, x: np.ndarray, solves: int):
-    """Return Rayleigh quotient, residual norm (both of shape (K,)) and iterate after some solves."""
+def _iterate(factor: Banded, shift: np.ndarray, x: np.ndarray, solves: int):
+    """Return Rayleigh quotients, residual norms (both of shape (K,)) and iterates after some solves."""
     for _ in range(solves - 1):
-        x, _ = lapack.dpbtrs(factor, x, lower=1)
-    previous = x * np.repeat(1 / _norms(x, part), part.sizes)
-    x, _ = lapack.dpbtrs(factor, previous, lower=1)
-    scale = 1 / _norms(x, part)
-    scales = np.repeat(scale, part.sizes)
-    x *= scales
-    previous *= scales
+        x = factor.solved(x)
+    previous = x * factor.spread(1 / factor.norms(x))
+    x = factor.solved(previous)
+    scale = factor.spread(1 / factor.norms(x))
+    x *= scale
+    previous *= scale
     # (A - shift) x = previous, scaled: neither the quotient nor the residual needs a product with A.
-    excess = np.add.reduceat(x * previous, part.start[:-1])
-    return shift + excess, _norms(previous - np.repeat(excess, part.sizes) * x, part), x
+    excess = factor.sums(x * previous)
+    return shift + excess, factor.norms(previous - factor.spread(excess) * x), x
 
 
-def _norms(x: np.ndarray, part: Banded) -> np.ndarray:
-    return np.sqrt(np.add.reduceat(x * x, part.start[:-1]))
+def _needed(low: np.ndarray, high: np.ndarray, owner: np.ndarray, contest: np.ndarray) -> np.ndarray:
+    """Which matrices may still decide a pattern's Λ that is asked for, all Λ being in [low, high]."""
+    least, most = _of_patterns(low, high, owner, contest)
+    return _may_win(least, most, contest)[owner] & (low <= most[owner])
 
 
-def _dense(band: np.ndarray) -> float:
-    size, width = band.shape
-    full = np.zeros((size, size))
-    for offset in range(min(width, size)):
-        column = np.arange(size - offset)
-        full[column + offset, column] = band[column, offset]
-    return float(np.linalg.eigvalsh(full, UPLO='L')[0])
+def _of_patterns(low, high, owner, contest) -> tuple[np.ndarray, np.ndarray]:
+    """Bounds of the patterns' Λ: a pattern has the least of its parts'."""
+    bounds = np.full((2, len(contest)), np.inf)
+    np.minimum.at(bounds[0], owner, low)
+    np.minimum.at(bounds[1], owner, high)
+    return bounds[0], bounds[1]
+
+
+def _may_win(least: np.ndarray, most: np.ndarray, contest: np.ndarray) -> np.ndarray:
+    """Which patterns are in no contest, or may have its smallest or its greatest Λ."""
+    may = contest < 0
+    for each in np.unique(contest[~may]):
+        inside = contest == each
+        may |= inside & ((least <= most[inside].min()) | (most >= least[inside].max()))
+    return may
+
+
+def _decided(low: np.ndarray, high: np.ndarray, owner: np.ndarray, contest: np.ndarray) -> np.ndarray:
+    least, most = _of_patterns(low, high, owner, contest)
+    return np.where(_may_win(least, most, contest), most, np.nan)

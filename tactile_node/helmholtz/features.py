@@ -80,7 +80,7 @@ def compute_features(mask: np.ndarray, groups: Group = Group.ALL) -> Features:
     """
     _check(mask)
     turn = groups & Group.TURNED and mask.any()
-    stack = _described(with_turned(mask) if turn else mask[np.newaxis], groups)
+    stack = _described(with_turned(mask) if turn else mask[np.newaxis], groups, 1 if turn else None)
     values = {name: value[0].item() for name, value in stack.items()}
     turned = _extremes(stack, 1 if turn else 0) if groups & Group.TURNED else {}
     return Features(MappingProxyType(values), MappingProxyType(turned))
@@ -99,8 +99,11 @@ def _check(mask: np.ndarray) -> None:
                          remedy='Extract the contact pattern first (tactile_node.contact).')
 
 
-def _described(masks: np.ndarray, groups: Group) -> dict[str, np.ndarray]:
-    """Features of each of the patterns ``masks``, shape (K, rows, cols), as arrays of shape (K,)."""
+def _described(masks: np.ndarray, groups: Group, extremes_from: int | None = None) -> dict[str, np.ndarray]:
+    """Features of each of the patterns ``masks``, shape (K, rows, cols), as arrays of shape (K,).
+
+    Eigenvalues from pattern ``extremes_from`` on are NaN where they are neither smallest nor greatest.
+    """
     taxels = taxel_list(masks)
     found = {'N': taxels.counts}
     for k in Stencil:
@@ -108,7 +111,9 @@ def _described(masks: np.ndarray, groups: Group) -> dict[str, np.ndarray]:
     whole, reduced = {'': taxels}, {}
     if groups & Group.BORDER:
         reduced = {f'_border{k}': taxel_list(taxels.border(WEIGHTS[k])) for k in Stencil}
-    eigenvalues = _eigenvalues(whole) | _eigenvalues(reduced) if groups & Group.EIGENVALUES else {}
+    eigenvalues = {}
+    if groups & Group.EIGENVALUES:
+        eigenvalues = _eigenvalues(whole, extremes_from) | _eigenvalues(reduced, extremes_from)
     for suffix, chosen in (whole | reduced).items():
         for k in Stencil:
             if groups & Group.EIGENVALUES:
@@ -120,9 +125,9 @@ def _described(masks: np.ndarray, groups: Group) -> dict[str, np.ndarray]:
     return found
 
 
-def _eigenvalues(lists: dict[str, TaxelList]) -> dict[tuple[str, Stencil], np.ndarray]:
+def _eigenvalues(lists: dict[str, TaxelList], extremes_from) -> dict[tuple[str, Stencil], np.ndarray]:
     problems = {(suffix, k): Problem(taxels, k) for suffix, taxels in lists.items() for k in Stencil}
-    return dict(zip(problems, smallest_eigenvalues(list(problems.values())))) if problems else {}
+    return dict(zip(problems, smallest_eigenvalues(list(problems.values()), extremes_from))) if lists else {}
 
 
 def _named(pattern: str, found: tuple, k: Stencil, suffix: str) -> dict[str, np.ndarray]:
@@ -144,6 +149,6 @@ def _extremes(over: dict[str, np.ndarray], first: int) -> dict[str, Turned]:
 
 
 def _number(value):
-    if value is None or value != value:
+    if value is None or np.isnan(value):
         return None
     return int(value) if value == int(value) and abs(value) < 2 ** 53 else float(value)

@@ -1,0 +1,67 @@
+"""Symmetric positive definite band matrices laid side by side, factorised and solved as one by LAPACK."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import lapack
+
+
+class Banded(NamedTuple):
+    """Matrices side by side on one diagonal, as LAPACK's lower band storage, transposed.
+
+    ``band`` has shape (total, bandwidth + 1): row j holds A(j, j), A(j+1, j), ...; matrix k has the rows
+    ``start[k]:start[k + 1]``, ``sizes[k]`` of them. A Cholesky factor is stored in the same way.
+    """
+
+    band: np.ndarray
+    sizes: np.ndarray
+    start: np.ndarray
+
+    @classmethod
+    def of(cls, band: np.ndarray, sizes: np.ndarray) -> 'Banded':
+        return cls(band, sizes, np.concatenate(([0], np.cumsum(sizes))))
+
+    def part(self, chosen: slice) -> 'Banded':
+        start, sizes = self.start[:-1][chosen], self.sizes[chosen]
+        return Banded.of(self.band[start[0]:start[-1] + sizes[-1]], sizes)
+
+    def where(self, keep: np.ndarray) -> 'Banded':
+        return self if keep.all() else Banded.of(self.band[np.repeat(keep, self.sizes)], self.sizes[keep])
+
+    def factorised(self, shift: np.ndarray) -> tuple['Banded', np.ndarray]:
+        """Cholesky factors of A - shift, and the shifts: each is certainly below the smallest eigenvalue.
+
+        Where the one asked for is not, it is 0 instead.
+        """
+        while True:
+            band = self.band.copy()
+            band[:, 0] -= np.repeat(shift, self.sizes)
+            factor, failed = lapack.dpbtrf(band.T, lower=1, overwrite_ab=1)
+            if failed == 0:
+                return Banded(factor.T, self.sizes, self.start), shift
+            shift = shift.copy()
+            shift[np.searchsorted(self.start, failed - 1, 'right') - 1] = 0.0
+
+    def solved(self, right: np.ndarray) -> np.ndarray:
+        """Solution of L Lᵀ x = right, of the factors L held here."""
+        return lapack.dpbtrs(self.band.T, right, lower=1)[0]
+
+    def norms(self, x: np.ndarray) -> np.ndarray:
+        """Euclidean norm of each matrix's share of the vector ``x``."""
+        return np.sqrt(self.sums(x * x))
+
+    def sums(self, x: np.ndarray) -> np.ndarray:
+        return np.add.reduceat(x, self.start[:-1])
+
+    def spread(self, each: np.ndarray) -> np.ndarray:
+        """One value a matrix -> one a row."""
+        return np.repeat(each, self.sizes)
+
+    def dense(self, index: int) -> np.ndarray:
+        """Matrix ``index`` in full, its lower triangle only."""
+        rows = self.band[self.start[index]:self.start[index + 1]]
+        full = np.zeros((len(rows), len(rows)))
+        for offset in range(min(rows.shape[1], len(rows))):
+            column = np.arange(len(rows) - offset)
+            full[column + offset, column] = rows[column, offset]
+        return full
