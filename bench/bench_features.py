@@ -11,15 +11,16 @@ import numpy as np
 
 sys.path[:0] = [str(Path(__file__).resolve().parents[1]), str(Path(__file__).resolve().parents[1] / 'test')]
 
-import by_definition  # noqa: E402
-from tactile_node.config import config_path  # noqa: E402
-from tactile_node.contact.pattern import PatternExtractor  # noqa: E402
-from tactile_node.helmholtz.features import Group, compute_features  # noqa: E402
-from tactile_node.helmholtz.operators import Stencil, border, matrix  # noqa: E402
-from tactile_node.helmholtz.rotation import turned_patterns  # noqa: E402
-from tactile_node.shape.volf import GROUPS, VolfClassifier  # noqa: E402
-from tactile_node.synthetic.seeds import Purpose, generator  # noqa: E402
-from tactile_node.synthetic.world import CLASSES, random_pattern  # noqa: E402
+import by_definition
+
+from tactile_node.config import config_path
+from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.helmholtz.features import Group, compute_features
+from tactile_node.helmholtz.operators import Stencil, border, matrix
+from tactile_node.helmholtz.rotation import turned_patterns
+from tactile_node.shape.volf import GROUPS, VolfClassifier
+from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.synthetic.world import CLASSES, random_pattern
 
 TAXELS = 100
 

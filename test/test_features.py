@@ -10,7 +10,12 @@ from patterns import L_OF_THREE, assorted, cropped, ring, shapes, specks
 
 from tactile_node.errors import InputError
 from tactile_node.helmholtz.features import Group, compute_features
-from tactile_node.helmholtz.rotation import ANGLES, fill_holes, fine_lattice, turned_patterns
+from tactile_node.helmholtz.rotation import (
+    ANGLES,
+    fill_holes,
+    fine_lattice,
+    turned_patterns,
+)
 
 
 def assert_same(found, expected, name):

@@ -14,6 +14,7 @@ from tactile_node.shape.volf import GROUPS, VolfClassifier, by_curves, down_the_
 from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import CLASSES, random_pattern
 
+ONE_PLANE = 'planes: {rectangle: {horizontal: %s, steepness: [1, 1], fitted: [0, 1]}}'
 AXES = ('value', 'N'), ('dif', 'alpha9')
 
 
@@ -99,10 +100,8 @@ def test_vectorised_figures_agree_with_single_recognitions(classifier):
 
 @pytest.mark.parametrize('content, message', [
     (None, 'No such file'), ('planes: [', 'expected'), ('{}', 'planes'), ('planes: {rectangle: 3}', 'written by'),
-    ('just text', 'written by'), ('planes: {rectangle: {horizontal: [a], vertical: [b, c], curve: [1], '
-                                  'steepness: [1, 1], fitted: [0, 1]}}', 'two names'),
-    ('planes: {rectangle: {horizontal: [a, b], vertical: [b, c], curve: [.nan], steepness: [1, 1], '
-     'fitted: [0, 1]}}', 'finite')])
+    ('just text', 'written by'), (ONE_PLANE % '[a], vertical: [b, c], curve: [1]', 'two names'),
+    (ONE_PLANE % '[a, b], vertical: [b, c], curve: [.nan]', 'finite')])
 def test_curves_that_are_none_are_refused(tmp_path, content, message):
     path = tmp_path / 'curves.yaml'
     if content is not None:

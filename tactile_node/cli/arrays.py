@@ -5,12 +5,16 @@ import io
 import json
 import sys
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from zipfile import BadZipFile
 
 import numpy as np
 
-from tactile_node.contact.pattern import ContactPattern, PatternExtractor, largest_contact
+from tactile_node.contact.pattern import (
+    ContactPattern,
+    PatternExtractor,
+    largest_contact,
+)
 from tactile_node.errors import InputError
 
 PRESS, RELEASE = 0.3, 0.2  #: default thresholds, fractions of the full scale
@@ -104,12 +108,12 @@ def _opened(path: str | None):
     if path is None or path == '-':
         yield sys.stdout
         return
-    try:
-        stream = open(path, 'w', encoding='utf-8')
-    except OSError as error:
-        raise InputError(f'output {path!r}', expected='a file that can be written', got=error.strerror,
-                         remedy='Give another path.') from None
-    with stream:
+    with ExitStack() as stack:
+        try:
+            stream = stack.enter_context(open(path, 'w', encoding='utf-8'))
+        except OSError as error:
+            raise InputError(f'output {path!r}', expected='a file that can be written', got=error.strerror,
+                             remedy='Give another path.') from None
         yield stream
 
 

@@ -2,7 +2,12 @@
 
 import argparse
 
-from tactile_node.cli.arrays import add_array_arguments, patterns, read_frames, write_lines
+from tactile_node.cli.arrays import (
+    add_array_arguments,
+    patterns,
+    read_frames,
+    write_lines,
+)
 from tactile_node.helmholtz.features import compute_features
 
 

@@ -7,7 +7,14 @@ import numpy as np
 import yaml
 
 from tactile_node.errors import InputError
-from tactile_node.shape.fitting import AREAS, READINGS, Samples, draw_samples, fit_planes, recognised
+from tactile_node.shape.fitting import (
+    AREAS,
+    READINGS,
+    Samples,
+    draw_samples,
+    fit_planes,
+    recognised,
+)
 from tactile_node.shape.plane import Plane
 from tactile_node.synthetic.seeds import Purpose, generator
 

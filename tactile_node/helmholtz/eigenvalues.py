@@ -23,7 +23,7 @@ TOLERANCE = 2e-10  #: of the residual, relative to the eigenvalue
 SOLVES = (4, 6, 3, 2, 2, 2, 2)  #: inverse iterations with each shift; the last is the last attempt
 MARGIN = 1.2  #: of the shift below the Rayleigh quotient, in residuals
 GUESS = 0.7 * np.pi * 2.404825557695773 ** 2  #: first shift times area; a disc has the least (Faber-Krahn)
-COLUMNS = 20_000  #: taxels treated together, to stay within the processor's cache
+COLUMNS = 5_000  #: taxels treated together, to stay within the processor's cache
 
 _PLANE = np.zeros((3, 3, 3), bool)  # nothing joins one pattern to the next
 _NEIGHBOURS = {Stencil.FIVE: _PLANE.copy(), Stencil.NINE: _PLANE.copy()}

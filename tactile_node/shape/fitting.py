@@ -7,7 +7,14 @@ import numpy as np
 
 from tactile_node.helmholtz.features import compute_features
 from tactile_node.shape.plane import Plane, fit_plane
-from tactile_node.shape.volf import GROUPS, SHAPES, SMALLEST, by_curves, down_the_tree, plane_feature
+from tactile_node.shape.volf import (
+    GROUPS,
+    SHAPES,
+    SMALLEST,
+    by_curves,
+    down_the_tree,
+    plane_feature,
+)
 from tactile_node.synthetic.world import CLASSES, random_pattern
 
 AREAS = (13.0, 300.0)  #: training areas, log-uniform [taxels]
