@@ -35,11 +35,13 @@ def shapes(area: float) -> list[np.ndarray]:
 
 def assorted() -> dict[str, np.ndarray]:
     """One pattern of every kind that has ever been a special case."""
-    named = {'one taxel': np.ones((1, 1), bool), 'row': np.ones((1, 20), bool), 'column': np.ones((15, 1), bool),
+    named = {'one taxel': np.ones((1, 1), bool), 'row': np.ones((1, 20), bool),
+             'column': np.ones((15, 1), bool),
              'diagonal': np.eye(9, dtype=bool), 'two apart': np.array([[True, False, False, True]]),
              'ring': ring(), 'rectangle': np.ones((5, 8), bool), 'L': L_OF_THREE,
              'dumbbell': np.pad(np.ones((3, 3), bool), ((0, 0), (0, 7))) | np.pad(
-                 np.ones((3, 3), bool), ((0, 0), (7, 0))) | (np.arange(3) == 1)[:, None] & np.ones((3, 10), bool)}
+                 np.ones((3, 3), bool), ((0, 0), (7, 0))) | (
+                     np.arange(3) == 1)[:, None] & np.ones((3, 10), bool)}
     return (named | {f'specks {seed}': specks(seed) for seed in range(12)}
             | {f'blob {seed}': blob(seed) for seed in range(4)}
             | {f'shape {i}': mask for i, mask in enumerate(shapes(30))})

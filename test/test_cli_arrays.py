@@ -31,7 +31,8 @@ def test_features_of_every_active_taxel(tactile):
     for mask in assorted().values():
         line = tactile('features', mask)[0]
         for name, value in by_definition.of_pattern(mask).items():
-            assert line[name] == (None if np.isnan(value) else pytest.approx(value, rel=1e-9, abs=1e-12)), name
+            expected = None if np.isnan(value) else pytest.approx(value, rel=1e-9, abs=1e-12)
+            assert line[name] == expected, name
 
 
 def test_a_line_a_frame(tactile):
@@ -94,7 +95,8 @@ def test_standard_input_and_output_file(tmp_path):
 def test_a_reader_that_leaves_is_no_error(tmp_path):
     np.save(tmp_path / 'many.npy', np.zeros((3000, 4, 4), bool))
     command = f'{sys.executable} -m tactile_node.cli.main classify {tmp_path}/many.npy | head -n 1'
-    result = subprocess.run(['bash', '-o', 'pipefail', '-c', command], capture_output=True, text=True, check=False)
+    result = subprocess.run(['bash', '-o', 'pipefail', '-c', command],
+                            capture_output=True, text=True, check=False)
     assert result.returncode == 0 and result.stderr == '' and len(result.stdout.splitlines()) == 1
 
 
@@ -117,8 +119,10 @@ def archived(array):
 
 
 BAD = {'missing': None, 'empty': b'', 'text': b'1 2 3\n', 'cut short': saved(np.ones((5, 5)))[:-9],
-       'objects': saved(np.array([{}], object)), 'archive': archived(np.ones((2, 2))), 'broken archive': b'PK\x03\x04...',
-       'one axis': saved(np.ones(5)), 'four axes': saved(np.ones((1, 1, 2, 2))), 'no taxels': saved(np.ones((2, 0, 3))),
+       'objects': saved(np.array([{}], object)), 'archive': archived(np.ones((2, 2))),
+       'broken archive': b'PK\x03\x04...',
+       'one axis': saved(np.ones(5)), 'four axes': saved(np.ones((1, 1, 2, 2))),
+       'no taxels': saved(np.ones((2, 0, 3))),
        'complex': saved(np.ones((2, 2), complex)), 'strings': saved(np.array([['a']])),
        'dates': saved(np.array([['2020-01-01']], 'M8[D]'))}
 

@@ -19,7 +19,7 @@ def test_hysteresis():
     assert extract([[4.9]]).mask.tolist() == [[False]]
     assert extract([[5]]).mask.tolist() == [[True]]
     assert extract([[5]], [[3]]).mask.tolist() == [[True]], 'held down to the release threshold'
-    assert extract([[5]], [[2.9]], [[4]]).mask.tolist() == [[False]], 'once released, it must be pressed again'
+    assert extract([[5]], [[2.9]], [[4]]).mask.tolist() == [[False]], 'released, it must be pressed again'
 
 
 @pytest.mark.parametrize('invalid', [NAN, np.inf, -np.inf])
@@ -98,7 +98,8 @@ def test_wrong_thresholds_are_refused(press, release):
         PatternExtractor(press, release)
 
 
-@pytest.mark.parametrize('frame', [np.zeros(3), np.zeros((1, 2, 3)), np.zeros((0, 3)), np.zeros((2, 2), complex)])
+@pytest.mark.parametrize('frame', [np.zeros(3), np.zeros((1, 2, 3)), np.zeros((0, 3)),
+                                   np.zeros((2, 2), complex)])
 def test_what_is_no_frame_is_refused(frame):
     with pytest.raises(InputError, match='rows, cols'):
         PatternExtractor(5, 3).extract(frame)

@@ -15,7 +15,8 @@ def smallest(mask, stencil):
     return smallest_eigenvalues([Problem(taxel_list(mask[np.newaxis]), stencil)])[0][0]
 
 
-@pytest.mark.parametrize('rows, cols', [(1, 1), (1, 2), (1, 40), (40, 1), (2, 2), (3, 3), (5, 9), (16, 16), (60, 50)])
+@pytest.mark.parametrize('rows, cols', [(1, 1), (1, 2), (1, 40), (40, 1), (2, 2), (3, 3), (5, 9), (16, 16),
+                                        (60, 50)])
 def test_rectangles_have_their_closed_form(rows, cols):
     a, b = np.cos(np.pi / (rows + 1)), np.cos(np.pi / (cols + 1))
     mask = np.ones((rows, cols), bool)
@@ -33,7 +34,7 @@ def test_dense_solver_agrees(stencil):
 @pytest.mark.parametrize('gap', [0, 1, 2])
 @pytest.mark.parametrize('stencil', Stencil)
 def test_nearly_equal_eigenvalues_of_weakly_joined_squares(gap, stencil):
-    """Two 8×8 squares, one perhaps short of a corner, joined by a thread: a double eigenvalue, or nearly one."""
+    """Two 8×8 squares, one perhaps short of a corner, joined by a thread: a double eigenvalue or nearly."""
     mask = np.zeros((8, 20), bool)
     mask[:, :8] = mask[:, 12:] = True
     mask[0, 0] = gap != 1
@@ -77,7 +78,7 @@ def test_only_extremes_are_those_of_all(seed):
 
 
 def membrane(name, size):
-    """Mask of a shape of ``size`` steps, lattice points on its outline outside, and its membrane eigenvalue."""
+    """Mask of a shape of ``size`` steps, its outline's lattice points outside; its membrane eigenvalue."""
     y, x = np.indices((size + 2, size + 2)).astype(float)
     if name == 'right isosceles triangle':
         return (x > 0) & (y > 0) & (x + y < size), 5 * np.pi ** 2

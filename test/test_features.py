@@ -37,7 +37,8 @@ def test_every_feature_is_that_of_the_definition(name):
 def test_every_turned_pattern_is_that_of_the_definition(name):
     mask = assorted()[name]
     for angle, turned in zip(ANGLES, turned_patterns(mask)):
-        np.testing.assert_array_equal(cropped(turned), cropped(by_definition.turned(mask, int(angle))), f'{angle}°')
+        np.testing.assert_array_equal(cropped(turned),
+                                      cropped(by_definition.turned(mask, int(angle))), f'{angle}°')
 
 
 @pytest.mark.parametrize('name', ['one taxel', 'row', 'two apart', 'L', 'specks 3', 'blob 1', 'shape 3'])
@@ -59,7 +60,8 @@ def test_angle_of_an_extreme_is_where_it_occurs():
 def test_worked_example_of_three_taxels():
     values = compute_features(L_OF_THREE).values
     expected = {'lambda5': 4 - math.sqrt(2), 'info_sum5': 8, 'info_sq5': 22, 'info_norm5': 22 / 3, 'x5': 0.75,
-                'y5': 0.25, 'V5': 0.790569, 'alpha5': 71.565051, 'P05': 3, 'lambda9': 2.303515, 'alpha9': 74.054604}
+                'y5': 0.25, 'V5': 0.790569, 'alpha5': 71.565051, 'P05': 3, 'lambda9': 2.303515,
+                'alpha9': 74.054604}
     for name, value in expected.items():
         assert values[name] == pytest.approx(value, abs=5e-7), name
 
@@ -144,7 +146,7 @@ def test_undefined_is_null_in_json():
 
 def test_empty_pattern():
     line = compute_features(np.zeros((4, 5), bool)).as_json()
-    assert (line['N'], line['P05'], line['info_sum5'], line['lambda5'], line['info_norm5']) == (0, 0, 0, None, None)
+    assert [line[name] for name in ('N', 'P05', 'info_sum5', 'lambda5', 'info_norm5')] == [0, 0, 0, None, None]
 
 
 def test_groups_select():

@@ -69,7 +69,8 @@ def test_nothing_is_none_and_little_is_unknown(classifier):
     assert recognise(classifier, scattered).shape == Shape.UNKNOWN, 'no two taxels are neighbours'
 
 
-@pytest.mark.parametrize('mask', [np.ones((5, 20), bool), ring(), np.ones((60, 60), bool), np.ones((1, 30), bool)])
+@pytest.mark.parametrize('mask', [np.ones((5, 20), bool), ring(), np.ones((60, 60), bool),
+                                  np.ones((1, 30), bool)])
 def test_probabilities_of_all_seven_sum_to_one(classifier, mask):
     recognition = recognise(classifier, mask)
     assert set(recognition.probabilities) == set(Shape)
@@ -79,7 +80,7 @@ def test_probabilities_of_all_seven_sum_to_one(classifier, mask):
 
 
 def test_recognition_is_far_above_chance(classifier):
-    """Five classes: chance is 20 %. A bound against breakage, not the figure we claim (see the reproduction)."""
+    """Five classes: chance is 20 %. A bound against breakage, not the figure we claim."""
     rng = generator(Purpose.TEST, 7)
     right = [recognise(classifier, random_pattern(rng, shape, 75)).shape.value == shape
              for _ in range(40) for shape in CLASSES]
@@ -99,7 +100,8 @@ def test_vectorised_figures_agree_with_single_recognitions(classifier):
 
 
 @pytest.mark.parametrize('content, message', [
-    (None, 'No such file'), ('planes: [', 'expected'), ('{}', 'planes'), ('planes: {rectangle: 3}', 'written by'),
+    (None, 'No such file'), ('planes: [', 'expected'), ('{}', 'planes'),
+    ('planes: {rectangle: 3}', 'written by'),
     ('just text', 'written by'), (ONE_PLANE % '[a], vertical: [b, c], curve: [1]', 'two names'),
     (ONE_PLANE % '[a, b], vertical: [b, c], curve: [.nan]', 'finite')])
 def test_curves_that_are_none_are_refused(tmp_path, content, message):

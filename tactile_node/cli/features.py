@@ -20,7 +20,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
                         help='describe the largest 8-connected contact only, as the processor node does; '
                              'without it all active taxels of a frame are one pattern')
     parser.epilog = ('Prints {"frame": k, "N": ..., "P05": ..., "lambda5": ..., ..., "turned": {name: '
-                     '{"min", "max", "dif", "min_angle", "max_angle"}}}; null is undefined, angles are in degrees.')
+                     '{"min", "max", "dif", "min_angle", "max_angle"}}}; null is undefined, '
+                     'angles are in degrees.')
 
 
 def run(args: argparse.Namespace) -> int:
