@@ -1,4 +1,4 @@
-"""What the CAN tests share: a pad small enough to compute by hand, and a driver and a skin on one virtual bus."""
+"""What the CAN tests share: a pad small enough to compute by hand, a driver and a skin on one bus."""
 
 import queue
 import threading
@@ -43,12 +43,14 @@ def wait_until(condition: Callable[[], bool], timeout: float = 5.0) -> bool:
 class Bench:
     """A simulated skin and a driver on a virtual bus of their own; use with ``with``."""
 
-    def __init__(self, channel: str, layout: str = 'sim16x16.yaml', nodes: tuple[int, ...] = (32,), source=None,
+    def __init__(self, channel: str, layout: str = 'sim16x16.yaml', nodes: tuple[int, ...] = (32,),
+                 source=None,
                  **settings: Any):
         self.pads = [make_pad(f'pad{node}', node, layout) for node in nodes]
         rows, cols = self.pads[0].layout.rows, self.pads[0].layout.cols
         still = np.zeros((rows, cols))
-        self.simulator = SkinSimulator(self.pads, {pad.name: source or (lambda t: still) for pad in self.pads})
+        self.simulator = SkinSimulator(self.pads,
+                                       {pad.name: source or (lambda t: still) for pad in self.pads})
         self.channel, self.frames, self.said = channel, queue.Queue(), []
         self.driver = SkinBus(BusSettings('virtual', channel, **settings), tuple(self.pads),
                               lambda name, frame: self.frames.put((name, frame)), self.said.append)

@@ -1,4 +1,4 @@
-"""The assembler, byte by byte. In every test 3 TPDOs (node 1: 0x181, 0x281, 0x381) carry a row of 2 taxels each."""
+"""The assembler, byte by byte. 3 TPDOs (node 1: 0x181, 0x281, 0x381) carry a row of 2 taxels each."""
 
 import numpy as np
 import pytest
@@ -63,7 +63,8 @@ def test_missing_tpdo_gives_nan_at_the_next_sync(assembler, lost, values):
     frame = assembler.sync(1)
     check(frame, values, missing=1)
     assert (frame.status == np.where(np.isnan(values), STALE, VALID)).all()
-    check(send(assembler, *period, at=1.5), [[0, 0], [2, 2], [4, 4]], sequence=1)  # the next period is whole again
+    # the next period is whole again
+    check(send(assembler, *period, at=1.5), [[0, 0], [2, 2], [4, 4]], sequence=1)
     assert assembler.statistics().missing == 1 and balanced(assembler)
 
 
@@ -73,7 +74,7 @@ def test_silent_period_is_all_stale(assembler):
 
 
 def test_first_sweep_after_silence_is_given_up(assembler):
-    """Rows 1 and 2 may be of the silent period 0, row 3 of period 1 with its rows 1 and 2 lost: nothing tells."""
+    """Rows 1, 2 may be of the silent period 0, row 3 of period 1 with its rows 1, 2 lost: nothing tells."""
     sweep = [(ROW_1, '0B0B'), (ROW_2, '0B0B'), (ROW_3, '0B0B')]
     assembler.sync(0)
     assembler.sync(1)
@@ -112,7 +113,7 @@ def test_lone_possible_tail_is_not_published_as_fresh(assembler):
 
 
 def test_every_period_crossing_the_sync_is_never_mixed(assembler):
-    """A device so slow that row 3 always comes after the next SYNC: rows 1 and 2 only, each of its own period."""
+    """A device so slow that row 3 always comes after the next SYNC: rows 1 and 2 only."""
     assembler.sync(0)
     for period in range(1, 5):
         count = f'{10 + period:02X}' * 2
@@ -129,7 +130,8 @@ def test_tpdo_stamped_before_its_sync_is_late(assembler):
     check(assembler.sync(11.0), np.full((3, 2), NAN), missing=3)
     for can_id in (ROW_1, ROW_2, ROW_3):
         assert send(assembler, (can_id, '0F0F'), at=10.2) == Loss(LossReason.LATE)
-    check(send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=11.2), np.zeros((3, 2)), sequence=1)
+    check(send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=11.2), np.zeros((3, 2)),
+          sequence=1)
     assert balanced(assembler)
 
 
@@ -161,7 +163,8 @@ def test_frames_after_a_complete_one_are_surplus(assembler):
     assert send(assembler, (ROW_1, '0F0F')) == Loss(LossReason.SURPLUS)
     assert assembler.sync(1) is None
     send(assembler, (ROW_2, '0F0F'), (ROW_3, '0F0F'), at=1.1)  # the rest of the surplus sweep
-    check(send(assembler, (ROW_1, '0B0B'), (ROW_2, '0B0B'), (ROW_3, '0B0B'), at=1.5), np.full((3, 2), 2), sequence=1)
+    check(send(assembler, (ROW_1, '0B0B'), (ROW_2, '0B0B'), (ROW_3, '0B0B'), at=1.5), np.full((3, 2), 2),
+          sequence=1)
     assert balanced(assembler)
 
 
@@ -192,12 +195,13 @@ def test_restart_counts_the_unfinished_and_begins_at_zero(assembler):
 
 
 def test_random_loss_and_delay_never_mixes_periods(assembler):
-    """Each period sends its own number in all taxels; frames are lost and delayed in order across SYNCs at random."""
+    """Each period sends its number in all taxels; frames are lost, and delayed across SYNCs in order."""
     rng = np.random.default_rng(5)
     backlog, given = [], []
     for period in range(3000):
         given.append((period - 1, assembler.sync(period)))
-        backlog += [(can_id, bytes([period % 250 + 5] * 2)) for can_id in (ROW_1, ROW_2, ROW_3) if rng.random() > 0.1]
+        backlog += [(can_id, bytes([period % 250 + 5] * 2))
+                    for can_id in (ROW_1, ROW_2, ROW_3) if rng.random() > 0.1]
         keep = int(rng.integers(0, 3)) if rng.random() < 0.3 else 0  # the last ones come after the next SYNC
         now, backlog = backlog[:len(backlog) - keep], backlog[len(backlog) - keep:]
         given += [(period, assembler.feed(can_id, data, period + 0.5)) for can_id, data in now]

@@ -51,7 +51,8 @@ BAD = {
     'section twice': (SMALL + '[1018]\nParameterName=x\n', '[1018] again'),
     'key twice': (SMALL + 'DataType=0x0007\n', '"DataType" again'),
     'no DataType': (SMALL.replace('DataType=0x0007\n', ''), 'key "DataType" in section [1018sub1]'),
-    'no AccessType': (SMALL.replace('AccessType=ro\nDefaultValue=0x12', 'DefaultValue=0x12'), 'key "AccessType"'),
+    'no AccessType': (SMALL.replace('AccessType=ro\nDefaultValue=0x12', 'DefaultValue=0x12'),
+                      'key "AccessType"'),
     'no ParameterName': (SMALL.replace('ParameterName=Identity\n', ''), 'in section [1018]'),
     'type no number': (SMALL.replace('0x0007', 'UNSIGNED32'), 'section [1018sub1], key "DataType"'),
     'sub without object': (SMALL + '[2000sub1]\nParameterName=x\nDataType=5\nAccessType=ro\n', '[2000]'),
@@ -77,7 +78,8 @@ def test_layout_must_fit_the_eds(tmp_path, change, says):
 
 @pytest.mark.parametrize(('device', 'accepted'), [
     ((1, 2, 0x0003_0004), True), ((1, 2, 0x0003_0009), True), ((1, 2, 0x0003_0003), False),
-    ((1, 2, 0x0004_0004), False), ((9, 2, 0x0003_0004), False), ((1, 9, 0x0003_0004), False), ((1, 2, None), False)])
+    ((1, 2, 0x0004_0004), False), ((9, 2, 0x0003_0004), False), ((1, 9, 0x0003_0004), False),
+    ((1, 2, None), False)])
 def test_identity_rule(device, accepted):
     assert Identity(1, 2, 0x0003_0004).accepts(Identity(*device)) is accepted
 

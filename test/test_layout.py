@@ -30,8 +30,10 @@ tpdos:
     ('unit: Pa, scale: 1.0, bits: 12, byte_order: big', 4, '0F 2A 00 00 00 00 00 00', 0xF2A),
     ('unit: Pa, scale: 1.0, bits: 16, byte_order: big', 16, '00 00 12 34 00 00 00 00', 0x1234),
     ('unit: N, scale: 1.0, bits: 16, signed: true', 0, 'FE FF 00 00 00 00 00 00', -2),
-    ('unit: N, scale: 2.0, bits: 16, signed: true, offset: 100, pressure: falling', 0, '5A 00 00 00 00 00 00 00', 20),
-    ('unit: Pa, scale: 1.0, bits: 8, pressure: falling', 0, 'FA 00 00 00 00 00 00 00', 5),  # offset: 255 by default
+    ('unit: N, scale: 2.0, bits: 16, signed: true, offset: 100, pressure: falling', 0,
+     '5A 00 00 00 00 00 00 00', 20),
+    # offset: 255 by default
+    ('unit: Pa, scale: 1.0, bits: 8, pressure: falling', 0, 'FA 00 00 00 00 00 00 00', 5),
     ('unit: Pa, scale: 1.0, bits: 32', 32, '00 00 00 00 00 00 00 80', 2.0 ** 31),
     ("unit: '1', scale: 1.0, bits: 1", 63, '00 00 00 00 00 00 00 80', 1)])
 def test_decodes_and_encodes(tmp_path, value, start_bit, payload, expected):
@@ -43,7 +45,8 @@ def test_decodes_and_encodes(tmp_path, value, start_bit, payload, expected):
 
 
 def test_unmapped_and_dead_taxels_are_nan(tmp_path):
-    text = one_tpdo('unit: Pa, scale: 1.0, bits: 8', '{first: [0, 0], step: [0, 1], count: 3, bit_step: 8}', cols=4)
+    text = one_tpdo('unit: Pa, scale: 1.0, bits: 8', '{first: [0, 0], step: [0, 1], count: 3, bit_step: 8}',
+                    cols=4)
     values, status = TaxelCodec(tiny_layout(tmp_path, text + 'dead_taxels: [[0, 1]]\n')).decode(
         bytes(range(8)), np.array([True]))
     np.testing.assert_array_equal(values, [[0, np.nan, 2, np.nan]])

@@ -68,10 +68,11 @@ def test_ring_session_shows_the_ring():
 def test_log_equals_the_recording_it_was_made_from(tmp_path):
     """Events written by hand: pressed, pressed again, released; noise lines counted."""
     events = tmp_path / 'events.txt'
-    events.write_bytes(b'5 0 0 0\r\n\r\n70 1 2 1\r\n70 63 63 1\r\n\r\n134 1 2 0\r\nnoise\r\n134 64 0 1\r\n130 1 1 1\r\n'
-                       b'134 1 1 7\r\n')
+    events.write_bytes(b'5 0 0 0\r\n\r\n70 1 2 1\r\n70 63 63 1\r\n\r\n134 1 2 0\r\nnoise\r\n'
+                       b'134 64 0 1\r\n130 1 1 1\r\n134 1 1 7\r\n')
     recording = load_recording(events)
-    assert recording.skipped == {'not_four_numbers': 1, 'outside_the_array': 1, 'stamp_fell': 1, 'unknown_polarity': 1}
+    assert recording.skipped == {'not_four_numbers': 1, 'outside_the_array': 1, 'stamp_fell': 1,
+                                 'unknown_polarity': 1}
     np.testing.assert_allclose(recording.stamps, [0.005, 0.070, 0.134])
     assert [np.argwhere(frame).tolist() for frame in recording.frames] == [[], [[1, 2], [63, 63]], [[63, 63]]]
     assert [recording.at(t).sum() for t in (0, 0.064, 0.066, 0.128, 0.130, 99)] == [0, 0, 2, 2, 1, 1]
@@ -94,7 +95,8 @@ def test_two_pads_in_one_log():
 def test_unasked_pad_is_counted_as_foreign():
     layout = load_layout('sim16x16.yaml')
     frames, source = play(DATA / 'sim16x16_two_pads.log.gz', (PadSettings('left', 32, layout),))
-    assert source.statistics().can_frames['foreign'] == source.statistics().can_frames['tpdo'] == 32 * len(frames)
+    counted = source.statistics().can_frames
+    assert counted['foreign'] == counted['tpdo'] == 32 * len(frames)
 
 
 SYNC, ROWS = '(1.0) can0 080#', ('(1.1) can0 181#0A0B', '(1.2) can0 281#0A0A', '(1.3) can0 381#0A0A')
@@ -111,12 +113,14 @@ def tiny_pads(folder):
 
 
 def test_oddities_of_a_log_are_counted_by_service(tmp_path):
-    log = tiny_log(tmp_path, '(0.1) can0 181#0A0A', SYNC, ROWS[0], '(1.1) can0 00000181#0F0F', '(1.1) can0 281#R',
+    log = tiny_log(tmp_path, '(0.1) can0 181#0A0A', SYNC, ROWS[0], '(1.1) can0 00000181#0F0F',
+                   '(1.1) can0 281#R',
                    '(1.1) can0 20000080#', '(1.1) can0 081#', '(1.1) can0 281##00A0B', ROWS[1], ROWS[2],
                    '(1.4) can0 555#01', '(1.5) can0 100#01')
     frames, source = play(log, tiny_pads(tmp_path))
     assert len(frames) == 1 and frames[0][1].values[0].tolist() == [0, 2]
-    assert source.statistics().can_frames == {'tpdo': 4, 'sync': 1, 'foreign': 3, 'remote': 1, 'error': 1, 'emcy': 1,
+    assert source.statistics().can_frames == {'tpdo': 4, 'sync': 1, 'foreign': 3, 'remote': 1, 'error': 1,
+                                              'emcy': 1,
                                               'time': 1}
     assert source.statistics().pads['pad'].losses['before_first_sync'] == 1
 
@@ -141,7 +145,8 @@ def test_truncated_gzip_is_read_up_to_its_end(tmp_path):
 
 
 @pytest.mark.parametrize(('name', 'content'), [
-    ('empty.log', b''), ('prose.log', b'This is no log.\nNor is this.\n'), ('x.pdf', b'abc'), ('bin.log', bytes(range(256))),
+    ('empty.log', b''), ('prose.log', b'This is no log.\nNor is this.\n'), ('x.pdf', b'abc'),
+    ('bin.log', bytes(range(256))),
     ('no.log.gz', b'not gzip'), ('x.blf', b'LOGG'), ('x.asc', b''), ('x.trc', b'nonsense\n')])
 def test_a_log_without_can_frames_is_an_error(tmp_path, name, content):
     (tmp_path / name).write_bytes(content)
@@ -185,7 +190,8 @@ def test_pace_stop_and_start_lose_nothing(tmp_path):
         if len(stamps) == 10:
             source.stop()
 
-    source = LogSource(str(tiny_log(tmp_path, *lines)), tiny_pads(tmp_path), on_frame, pace=10, log=lambda text: None)
+    source = LogSource(str(tiny_log(tmp_path, *lines)), tiny_pads(tmp_path), on_frame, pace=10,
+                       log=lambda text: None)
     source.open()
     source.start()
     thread = next(t for t in threading.enumerate() if t.name == 'replay')
@@ -199,8 +205,8 @@ def test_pace_stop_and_start_lose_nothing(tmp_path):
 
 def test_loop_keeps_stamps_rising(tmp_path):
     frames = queue.Queue()
-    source = LogSource(str(tiny_log(tmp_path, SYNC, *ROWS)), tiny_pads(tmp_path), lambda _n, frame: frames.put(frame),
-                       pace=None, loop=True, log=lambda text: None)
+    source = LogSource(str(tiny_log(tmp_path, SYNC, *ROWS)), tiny_pads(tmp_path),
+                       lambda _name, frame: frames.put(frame), pace=None, loop=True, log=lambda text: None)
     source.open()
     source.start()
     stamps = [frames.get(timeout=5).stamp for _ in range(4)]

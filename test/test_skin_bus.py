@@ -1,4 +1,4 @@
-"""The driver's bus against the simulated skin on virtual buses: boot-up, configuration, streaming, refusals."""
+"""The driver's bus against the simulated skin: boot-up, configuration, streaming, refusals."""
 
 import threading
 
@@ -8,8 +8,9 @@ import pytest
 from can_bench import Bench, wait_until
 
 from tactile_node.canbus.log_source import LogSource
+from tactile_node.canbus.pads import PadSettings
 from tactile_node.canbus.skin_bus import BusSettings, SkinBus
-from tactile_node.errors import BusError, DeviceError, LogError
+from tactile_node.errors import BusError, ConfigurationError, DeviceError, LogError
 from tactile_node.taxel_frame import TaxelStatus
 
 
@@ -17,7 +18,8 @@ def test_boot_up_configuration_and_values(tmp_path):
     """The values are multiples of the layout's count: row r, column c sends r + c counts."""
     counts = np.add.outer(np.arange(16), np.arange(16))
     record = tmp_path / 'session.log'
-    with Bench('boot', source=lambda t: counts * 392.156862745, sync_period=0.01, record=str(record)) as bench:
+    with Bench('boot', source=lambda t: counts * 392.156862745, sync_period=0.01,
+               record=str(record)) as bench:
         bench.run()
         frames = [frame for _, frame in bench.take(10)]
     assert [frame.sequence for frame in frames] == list(range(10))
@@ -62,7 +64,8 @@ def test_another_makers_skin_is_only_another_file(layout, high):
 
 def test_recorded_session_plays_back_the_same_frames(tmp_path):
     record, played = tmp_path / 'live.log', []
-    with Bench('record', source=lambda t: np.full((16, 16), 392.156862745 * int(t * 100 % 200)), sync_period=0.01,
+    with Bench('record', source=lambda t: np.full((16, 16), 392.156862745 * int(t * 100 % 200)),
+               sync_period=0.01,
                record=str(record)) as bench:
         bench.run()
         live = [frame for _, frame in bench.take(20)]
@@ -132,8 +135,10 @@ def test_absent_tpdo_is_missing_not_zero():
         bench.run()
         while other.recv(0):
             pass
-        other.send(can.Message(arbitration_id=0x620, is_extended_id=False, data=bytes.fromhex('23021801A2010080')))
-        assert wait_until(lambda: other.recv(5).data.hex() == '6002180100000000', 1)  # 0x1802 sub 1 is written
+        other.send(can.Message(arbitration_id=0x620, is_extended_id=False,
+                               data=bytes.fromhex('23021801A2010080')))
+        # 0x1802 sub 1 is written
+        assert wait_until(lambda: other.recv(5).data.hex() == '6002180100000000', 1)
         other.send(can.Message(arbitration_id=0x80, is_extended_id=False))
         assert wait_until(lambda: bench.driver.statistics().pads['pad32'].received == 31)
         other.send(can.Message(arbitration_id=0x80, is_extended_id=False))
@@ -202,8 +207,15 @@ def test_bus_that_cannot_be_opened(interface, channel, says):
     assert says in str(refused.value) and f'{interface} {channel}' in str(refused.value)
 
 
+def test_live_pad_needs_its_eds():
+    pad = Bench('unused').pads[0]
+    with pytest.raises(ConfigurationError, match='make_pad'):
+        SkinBus(BusSettings('virtual', 'x'), (PadSettings('pad', 32, pad.layout),), lambda *_: None)
+
+
 def test_record_that_cannot_be_written_leaves_the_bus_closed(tmp_path):
-    driver = SkinBus(BusSettings('virtual', 'norecord', record=str(tmp_path / 'x.pdf')), tuple(Bench('u').pads),
+    driver = SkinBus(BusSettings('virtual', 'norecord', record=str(tmp_path / 'x.pdf')),
+                     tuple(Bench('u').pads),
                      lambda *_: None)
     with pytest.raises(LogError):
         driver.open()
@@ -212,7 +224,8 @@ def test_record_that_cannot_be_written_leaves_the_bus_closed(tmp_path):
 
 def test_consumer_that_fails_does_not_stop_the_bus(caplog):
     with Bench('failing', sync_period=0.01) as bench:
-        bench.driver = SkinBus(BusSettings('virtual', 'failing', sync_period=0.01), tuple(bench.pads), lambda *_: 1 / 0)
+        bench.driver = SkinBus(BusSettings('virtual', 'failing', sync_period=0.01), tuple(bench.pads),
+                               lambda *_: 1 / 0)
         bench.run()
         assert wait_until(lambda: bench.driver.statistics().consumer_errors >= 3)
 
@@ -220,7 +233,8 @@ def test_consumer_that_fails_does_not_stop_the_bus(caplog):
 def test_slow_consumer_overruns_the_queue_and_it_is_counted():
     gate = threading.Event()
     with Bench('slow') as bench:
-        bench.driver = SkinBus(BusSettings('virtual', 'slow', sync_period=0.01, queue_limit=100), tuple(bench.pads),
+        bench.driver = SkinBus(BusSettings('virtual', 'slow', sync_period=0.01, queue_limit=100),
+                               tuple(bench.pads),
                                lambda *_: gate.wait())
         bench.run()
         overrun = wait_until(lambda: bench.driver.statistics().queue_overruns > 0)
@@ -231,7 +245,8 @@ def test_slow_consumer_overruns_the_queue_and_it_is_counted():
 def test_error_and_foreign_frames_do_not_disturb():
     with Bench('noisy', sync_period=0.01) as bench, can.Bus('noisy', interface='virtual') as other:
         bench.run()
-        for message in (can.Message(is_error_frame=True), can.Message(arbitration_id=0x1A0, is_extended_id=True, data=[9]),
+        for message in (can.Message(is_error_frame=True),
+                        can.Message(arbitration_id=0x1A0, is_extended_id=True, data=[9]),
                         can.Message(arbitration_id=0x1A0, is_extended_id=False, is_remote_frame=True),
                         can.Message(arbitration_id=0x0A0, is_extended_id=False),  # an empty EMCY
                         can.Message(arbitration_id=0x733, is_extended_id=False),  # an empty heartbeat
@@ -239,5 +254,6 @@ def test_error_and_foreign_frames_do_not_disturb():
             other.send(message)
         counted = bench.driver.statistics
         assert wait_until(lambda: counted().can_frames.get('foreign') == 2)
-        assert counted().can_frames['error'] == counted().can_frames['remote'] == counted().can_frames['emcy'] == 1
-        assert not any(frame.missing_can_frames for _, frame in bench.take(5)) and bench.driver.failure is None
+        assert [counted().can_frames[kind] for kind in ('error', 'remote', 'emcy')] == [1, 1, 1]
+        assert [frame.missing_can_frames for _, frame in bench.take(5)] == [0] * 5
+        assert bench.driver.failure is None

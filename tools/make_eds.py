@@ -21,7 +21,8 @@ SKINS = {  # layout: product name, product number, type of the mapped objects
 def main() -> None:
     for name, (product, number, taxel_type) in SKINS.items():
         path = CONFIG / f'{name}.eds'
-        path.write_text('\n'.join(eds_lines(load_layout(CONFIG / f'{name}.yaml'), product, number, taxel_type)) + '\n')
+        path.write_text('\n'.join(eds_lines(load_layout(CONFIG / f'{name}.yaml'), product, number,
+                                            taxel_type)) + '\n')
         print(path.name)
 
 
@@ -84,13 +85,15 @@ def record(index: str, name: str, kind: str, entries: list[tuple], count: int | 
            count_access: str = 'ro', mappable: int = 0) -> list[str]:
     lines = section(index, ParameterName=name, ObjectType='0x9' if kind == 'RECORD' else '0x8',
                     SubNumber=len(entries) + 1)
-    lines += variable(f'{index}sub0', 'Number of entries', U8, count_access, len(entries) if count is None else count)
+    lines += variable(f'{index}sub0', 'Number of entries', U8, count_access,
+                      len(entries) if count is None else count)
     for sub, (entry, data_type, access, default) in enumerate(entries, 1):
         lines += variable(f'{index}sub{sub:X}', entry, data_type, access, default, mappable)
     return lines
 
 
-def variable(title: str, name: str, data_type: str, access: str, default: int | str, mappable: int = 0) -> list[str]:
+def variable(title: str, name: str, data_type: str, access: str, default: int | str,
+             mappable: int = 0) -> list[str]:
     return section(title, ParameterName=name, ObjectType='0x7', DataType=data_type, AccessType=access,
                    DefaultValue=default, PDOMapping=mappable)
 

@@ -1,8 +1,8 @@
 """Writes the CAN logs of test/data: ``python tools/make_test_logs.py FOLDER_OF_NUS_RECORDINGS``.
 
-The real driver meets the simulated skin on a virtual bus, as in a live session: boot-up, SDO, NMT, SYNC, TPDOs. Only
-time is made, not measured: each SYNC stands at its poll's stamp and the frames after it follow at the pace of
-a 1 Mbit/s bus, so that the logs look like a real bus's and come out the same on a slow machine.
+The real driver meets the simulated skin on a virtual bus, as in a live session: boot-up, SDO, NMT, SYNC,
+TPDOs. Only time is made, not measured: each SYNC stands at its poll's stamp and the frames after it follow at
+the pace of a 1 Mbit/s bus, so that the logs look like a real bus's and come out the same on a slow machine.
 """
 
 import gzip
@@ -39,7 +39,8 @@ def main() -> None:
     moved = slice(1, 201)  # from the first contact on, 12 s
     nus = [make_pad('pad', 32, 'nus_sinapse_64x64.yaml')]
     session(DATA / 'nus_ring_session.log.gz', nus, ring.stamps, replayed(nus, ring.frames))
-    session(DATA / 'nus_square_excerpt.log.gz', nus, square.stamps[moved], replayed(nus, square.frames[moved]))
+    session(DATA / 'nus_square_excerpt.log.gz', nus, square.stamps[moved],
+            replayed(nus, square.frames[moved]))
     gripper = [make_pad('left', 32, 'sim16x16.yaml'), make_pad('right', 64, 'sim16x16.yaml')]
     stamps, sources = five_shapes(gripper)
     session(DATA / 'sim16x16_two_pads.log.gz', gripper, stamps, sources)
@@ -65,7 +66,8 @@ def session(path: Path, pads: list[PadSettings], stamps: np.ndarray, sources: di
     wire, recorded = can.Bus('session', interface='virtual', receive_own_messages=True), []
     notifier = can.Notifier(wire, [recorded.append], 0.05)
     simulator = SkinSimulator(pads, sources)
-    driver = SkinBus(BusSettings('virtual', 'session', produce_sync=False), tuple(pads), lambda *_: arrived.release())
+    driver = SkinBus(BusSettings('virtual', 'session', produce_sync=False), tuple(pads),
+                     lambda *_: arrived.release())
     simulator.start('virtual', 'session')
     driver.open()
     driver.configure()

@@ -5,14 +5,14 @@ TPDOs of one period form one *ascending run* of ranks. A taxel frame is only eve
 
 - A rank not above the last one begins a new run: what came before it in this period belonged to an earlier
   one and is dropped (LATE). Only an immediate repetition with equal bytes is a mere DUPLICATE.
-- After a period that ended early, ranks above its end may be its delayed tail; after a silent one, any may. Such
-  a run is suspect: dropped (LATE) when a new run begins, and also when the next SYNC comes, since nothing
-  proves it fresh. So the first sweep after silence is given up, even a whole one.
+- After a period that ended early, ranks above its end may be its delayed tail; after a silent one, any may.
+  Such a run is suspect: dropped (LATE) when a new run begins, and also when the next SYNC comes, since
+  nothing proves it fresh. So the first sweep after silence is given up, even a whole one.
 - A run of all ranks is a complete frame, given at once. Otherwise the next SYNC gives the frame, with NaN and
   STALE for the taxels that are not in the run. Whatever follows a complete run within its period is SURPLUS.
 
-Where TPDOs and SYNC are stamped by one clock (``one_clock``), a TPDO stamped before its SYNC is LATE by proof: a
-driver that lags behind its bus drops frames rather than publish them under a later stamp.
+Where TPDOs and SYNC are stamped by one clock (``one_clock``), a TPDO stamped before its SYNC is LATE by
+proof: a driver that lags behind its bus drops frames rather than publish them under a later stamp.
 
 So a frame mixes two periods only if a SYNC, the end of the period before it and the beginning of the one
 after it are lost together.

@@ -11,6 +11,7 @@ from canopen import Network, ObjectDictionary
 from canopen.sdo import SdoClient
 
 from tactile_node.canbus.logs import CanLogWriter
+from tactile_node.canbus.slcan_bus import BulkSlcanBus
 from tactile_node.errors import BusError
 
 logger = logging.getLogger(__name__)
@@ -19,7 +20,7 @@ RECEIVE_TIMEOUT = 0.1  # s the notifier waits at most, hence how long close() ma
 
 _NOT_INSTALLED = 'Check the name, and install what this interface needs (slcan: pyserial).'
 _REMEDIES = {
-    'socketcan': 'Is the interface up? "ip link set {channel} up type can bitrate {bitrate}"; "ip link" lists them.',
+    'socketcan': 'Is it up? "ip link set {channel} up type can bitrate {bitrate}"; "ip link" lists them.',
     'slcan': 'Check the device path, and that you may open it (group dialout).'}
 
 
@@ -29,10 +30,13 @@ def open_bus(interface: str, channel: str, bitrate: int, options: Mapping[str, A
     if interface == 'slcan' and channel.startswith('/dev/pts/'):
         given.setdefault('sleep_after_open', 0.0)  # a pseudo-terminal does not reset an Arduino
     try:
+        if interface == 'slcan':
+            return BulkSlcanBus(channel, bitrate=bitrate, **given)
         return can.Bus(interface=interface, channel=channel, bitrate=bitrate, ignore_config=True, **given)
-    except Exception as error:  # each backend of python-can raises its own: CanError, OSError, ValueError, ImportError
+    except Exception as error:
+        # Each backend of python-can raises its own: CanError, OSError, ValueError, ImportError
         missing = isinstance(error, (can.CanInterfaceNotImplementedError, ImportError))
-        remedy = _NOT_INSTALLED if missing else _REMEDIES.get(interface, 'Check interface, channel, and that its driver is installed.')
+        remedy = _NOT_INSTALLED if missing else _REMEDIES.get(interface, 'Check interface and channel.')
         raise BusError(f'CAN bus {interface} {channel}', expected=f'a bus that opens at {bitrate} bit/s',
                        got=f'{type(error).__name__}: {error}',
                        remedy=remedy.format(channel=channel, bitrate=bitrate)) from error
@@ -41,7 +45,8 @@ def open_bus(interface: str, channel: str, bitrate: int, options: Mapping[str, A
 class BusNetwork(Network):
     """A canopen Network with its own reception: every message first goes to ``on_message``, then to canopen.
 
-    One object lasts from open to close; after a bus fault it is thrown away (a notifier that died stays dead).
+    One object lasts from open to close; after a bus fault it is thrown away (a notifier that died stays
+    dead).
     """
 
     def __init__(self, bus: can.BusABC, on_message: Callable[[can.Message], None],
@@ -50,8 +55,9 @@ class BusNetwork(Network):
         self._record = record
         self.receiver = can.Notifier(bus, [_Receiver(self, on_message, on_failure, record)], RECEIVE_TIMEOUT)
 
-    def send_message(self, can_id: int, data: bytes, remote: bool = False, stamp: float | None = None) -> None:
-        """Send a frame from any thread, recorded with ``stamp`` or now; BusError when the bus does not take it."""
+    def send_message(self, can_id: int, data: bytes, remote: bool = False,
+                     stamp: float | None = None) -> None:
+        """Send a frame from any thread, recorded with ``stamp`` or now; BusError when that fails."""
         message = can.Message(time.time() if stamp is None else stamp, can_id, False, data=data,
                               is_remote_frame=remote, is_rx=False)
         with self.send_lock:
@@ -60,8 +66,9 @@ class BusNetwork(Network):
             try:
                 self.bus.send(message)
             except (can.CanError, OSError, ValueError) as error:
-                raise BusError(f'CAN bus {self.bus.channel_info}', expected=f'to send 0x{can_id:03X}', got=str(error),
-                               remedy='Check cable, termination and whether any other node acknowledges.') from error
+                raise BusError(f'CAN bus {self.bus.channel_info}', expected=f'to send 0x{can_id:03X}',
+                               got=str(error),
+                               remedy='Check cable and termination; another node must acknowledge.') from error
 
     @contextmanager
     def sdo_client(self, node_id: int, dictionary: ObjectDictionary) -> Iterator[SdoClient]:
@@ -86,7 +93,8 @@ class BusNetwork(Network):
 
 
 class _Receiver(can.Listener):
-    def __init__(self, network: BusNetwork, on_message: Callable, on_failure: Callable, record: CanLogWriter | None):
+    def __init__(self, network: BusNetwork, on_message: Callable, on_failure: Callable,
+                 record: CanLogWriter | None):
         self._subscribers, self._on_message, self._record = network.subscribers, on_message, record
         self._on_failure = on_failure
 

@@ -1,4 +1,4 @@
-"""Brings one CANopen device to where its TPDOs can be started: found, identified, configured (CiA 301, 302-2)."""
+"""Finds, identifies and configures one CANopen device, up to NMT start (CiA 301, 302-2)."""
 
 import time
 from collections.abc import Callable
@@ -45,7 +45,8 @@ class DeviceSetup:
             except SdoCommunicationError:
                 now = time.monotonic()
             if now - begun >= timeout:
-                raise DeviceError(self._who, expected=f'an answer by SDO within {timeout:g} s', got=self._silence(),
+                raise DeviceError(self._who, expected=f'an answer by SDO within {timeout:g} s',
+                                  got=self._silence(),
                                   remedy='Check power, wiring, termination, bit rate and node-ID.')
             if reminded == begun or now - reminded >= REMINDER:
                 self._log(f'Waiting for {self._who} to answer by SDO: {self._silence()} so far.')
@@ -59,7 +60,8 @@ class DeviceSetup:
         ours = identity_of(self._pad.dictionary)
         theirs = Identity(*(self._read(IDENTITY, sub, missing=None) for sub in (1, 2, 3)))
         if not ours.accepts(theirs):
-            raise DeviceError(f'{self._who}, object 0x1018', expected=f'{ours} as in {self._pad.eds}', got=str(theirs),
+            raise DeviceError(f'{self._who}, object 0x1018', expected=f'{ours} as in {self._pad.eds}',
+                              got=str(theirs),
                               remedy='Check the node-ID, or give the EDS and layout of this device.')
         self._log(f'{self._who} is there: {theirs}.')
 
@@ -95,16 +97,19 @@ class DeviceSetup:
             self._write(index, sub, entry, 4)
         self._write(index, 0, len(entries), 1)
         if (now := self._mapping(index)) != entries:
-            self._lies(f'0x{index:04X}', ' '.join(f'{e:08X}' for e in entries), ' '.join(f'{e:08X}' for e in now))
+            self._lies(f'0x{index:04X}', ' '.join(f'{e:08X}' for e in entries),
+                       ' '.join(f'{e:08X}' for e in now))
 
     def _verify(self, tpdo: TpdoLayout, index: int, wanted: int) -> None:
         now = self._read(index, 1)
         if now & (DISABLED | ID_MASK) != wanted & ID_MASK:
-            self._lies(f'0x{index:04X} sub 1 (COB-ID of TPDO {tpdo.number})', f'0x{wanted:08X}', f'0x{now:08X}')
+            self._lies(f'0x{index:04X} sub 1 (COB-ID of TPDO {tpdo.number})', f'0x{wanted:08X}',
+                       f'0x{now:08X}')
 
     def _lies(self, what: str, expected: str, got: str) -> None:
-        raise DeviceError(f'{self._who}, {what}', expected=f'{expected}, as just written', got=f'{got} read back',
-                          remedy="The device cannot be configured so: adapt the layout to the device's own mapping.")
+        raise DeviceError(f'{self._who}, {what}', expected=f'{expected}, as just written',
+                          got=f'{got} read back',
+                          remedy="Adapt the layout to the device's own mapping: it does not take another.")
 
     def _read(self, index: int, sub: int, **if_absent: int | None) -> int | None:
         """Read an unsigned number; an aborted read gives ``missing`` when given."""
@@ -132,11 +137,13 @@ class DeviceSetup:
                 raise
             except SdoCommunicationError as error:
                 if last_try:
-                    raise DeviceError(f'{self._who}, object 0x{index:04X} sub {sub}', expected=f'an answer to a {verb}',
-                                      got=f'{error}', remedy='Check the wiring and whether the device is on.') from error
+                    raise DeviceError(f'{self._who}, object 0x{index:04X} sub {sub}',
+                                      expected=f'an answer to a {verb}',
+                                      got=f'{error}',
+                                      remedy='Check the wiring and whether the device is on.') from error
         return b''
 
     def _refused(self, what: str, index: int, sub: int, error: SdoAbortedError) -> None:
         raise DeviceError(f'{self._who}, object 0x{index:04X} sub {sub}', expected=f'that it can {what}',
                           got=f'SDO abort: {error}',
-                          remedy="Compare the layout with the device's manual, or use its own EDS.") from error
+                          remedy="Compare the layout with the device's manual and EDS.") from error

@@ -1,4 +1,4 @@
-"""Loads an EDS (CiA 306) through canopen; what canopen cannot read becomes a sentence naming section and key."""
+"""Loads an EDS (CiA 306) through canopen; what that cannot read becomes a sentence with section and key."""
 
 import re
 from configparser import DuplicateOptionError, DuplicateSectionError, Error as ParserError, RawConfigParser
@@ -114,12 +114,14 @@ def _check(path: Path, text: str) -> None:
         parser.read_string(text)
     except (DuplicateSectionError, DuplicateOptionError) as error:
         key = f', key "{error.option}"' if isinstance(error, DuplicateOptionError) else ''
-        _refuse(path, 'every section and key once', f'section [{error.section}]{key} again in line {error.lineno}')
+        _refuse(path, 'every section and key once',
+                f'section [{error.section}]{key} again in line {error.lineno}')
     except ParserError as error:
         _refuse(path, 'an EDS file ("[section]" lines with "key=value" lines)', str(error).splitlines()[0])
     objects = [name for name in parser.sections() if _OBJECT.fullmatch(name) or _SUBOBJECT.fullmatch(name)]
     if not objects:
-        _refuse(path, 'an EDS file with object sections such as [1018]', f'{len(parser.sections())} other sections')
+        _refuse(path, 'an EDS file with object sections such as [1018]',
+                f'{len(parser.sections())} other sections')
     for name in objects:
         _check_object(path, parser, name)
 

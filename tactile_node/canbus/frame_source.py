@@ -6,7 +6,7 @@ from tactile_node.canbus.router import BusStatistics
 
 
 class FrameSource(Protocol):
-    """Taxel frames go to the ``on_frame(pad name, TaxelFrame)`` given at construction, on a thread of the source."""
+    """Gives taxel frames to ``on_frame(pad name, TaxelFrame)``, on a thread of its own."""
 
     def open(self) -> None:
         """Open the bus or the log; BusError or LogError."""

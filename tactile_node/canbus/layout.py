@@ -65,7 +65,8 @@ class ValueFormat:
     def to_counts(self, values: np.ndarray) -> np.ndarray:
         """Values in ``unit`` -> int64 counts, rounded and held within the range; NaN is sent as no load."""
         load = np.nan_to_num(np.asarray(values, dtype=float) / self.scale, nan=0.0)
-        return np.clip(np.rint(self.offset + (-load if self.falling else load)), *self.raw_range).astype(np.int64)
+        return np.clip(np.rint(self.offset + (-load if self.falling else load)),
+                       *self.raw_range).astype(np.int64)
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from tactile_node.canbus.cob_id import CobId, parse_cob_id
-from tactile_node.canbus.layout import (MAX_SIDE, MappedObject, SkinLayout, TaxelField, TpdoLayout, ValueFormat,
-                                        raw_range)
+from tactile_node.canbus.layout import (MAX_SIDE, MappedObject, SkinLayout, TaxelField, TpdoLayout,
+                                        ValueFormat, raw_range)
 from tactile_node.canbus.layout_rules import check_layout
 from tactile_node.canbus.yaml_section import Section, load_mapping
 from tactile_node.config import config_path
@@ -24,7 +24,8 @@ def load_layout(path: str | Path) -> SkinLayout:
     layout = SkinLayout(
         str(path), rows, cols, top.number('pitch', positive=True), _value_format(top.section('value')),
         top.integer('sync_cob_id', 1, 0x7FF, 0x80), tuple(_tpdo(section) for section in tpdos),
-        tuple(top.checked_integers('dead_taxels', taxel, 2, 0, MAX_SIDE) for taxel in top.sequence('dead_taxels', [])))
+        tuple(top.checked_integers('dead_taxels', taxel, 2, 0, MAX_SIDE)
+              for taxel in top.sequence('dead_taxels', [])))
     top.done()
     check_layout(layout)
     return layout
@@ -43,7 +44,8 @@ def _value_format(section: Section) -> ValueFormat:
 
 
 def _tpdo(section: Section) -> TpdoLayout:
-    tpdo = TpdoLayout(section.integer('number', 1, 512), _cob_id(section), _mapping(section), _taxels(section))
+    tpdo = TpdoLayout(section.integer('number', 1, 512), _cob_id(section), _mapping(section),
+                      _taxels(section))
     section.done()
     return tpdo
 
@@ -53,7 +55,8 @@ def _cob_id(section: Section) -> CobId:
     try:
         return parse_cob_id(written)
     except ValueError:
-        section.refuse('cob_id', expected="an 11-bit COB-ID such as 0x1A0 or '$NODEID+0x180'", got=repr(written),
+        section.refuse('cob_id', expected="an 11-bit COB-ID such as 0x1A0 or '$NODEID+0x180'",
+                       got=repr(written),
                        remedy='Write it as in the EDS, without the flags of bits 29 to 31.')
 
 
@@ -75,9 +78,11 @@ def _taxels(section: Section) -> tuple[TaxelField, ...]:
     written = section.take('taxels')
     if not isinstance(written, dict):
         entries = section.sequence('taxels')
-        return tuple(TaxelField(*section.checked_integers('taxels', entry, 3, 0, MAX_SIDE)) for entry in entries)
+        return tuple(TaxelField(*section.checked_integers('taxels', entry, 3, 0, MAX_SIDE))
+                     for entry in entries)
     run = section.subsection('taxels', written)
-    (row, col), (down, right) = run.integers('first', 2, 0, MAX_SIDE), run.integers('step', 2, -MAX_SIDE, MAX_SIDE)
+    row, col = run.integers('first', 2, 0, MAX_SIDE)
+    down, right = run.integers('step', 2, -MAX_SIDE, MAX_SIDE)
     count, start = run.integer('count', 1, 64), run.integer('start_bit', 0, 63, 0)
     step = run.integer('bit_step', 1, 64)
     run.done()

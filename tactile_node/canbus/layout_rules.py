@@ -28,14 +28,16 @@ def _check_tpdo(layout: SkinLayout, key: str, tpdo: TpdoLayout) -> None:
         _refuse(layout, f'{key}.map', '1..64 mapped bits in one TPDO', f'{mapped} bits',
                 'Share the objects among more TPDOs.')
     if not tpdo.cob_id.relative and (use := reserved_for(tpdo.cob_id.base)):
-        _refuse(layout, f'{key}.cob_id', 'a COB-ID that a PDO may use', f'{tpdo.cob_id}, which CiA 301 keeps: {use}',
+        _refuse(layout, f'{key}.cob_id', 'a COB-ID that a PDO may use',
+                f'{tpdo.cob_id}, which CiA 301 keeps: {use}',
                 'Choose one from 0x181 to 0x57F.')
     for field in tpdo.taxels:
         _check_inside(layout, f'{key}.taxels', field.row, field.col)
         end = field.start_bit + layout.value.bits
         if end > MAX_TPDO_BITS:
             _refuse(layout, f'{key}.taxels', 'fields within the 64 bits of a CAN frame',
-                    f'taxel ({field.row}, {field.col}) in bits {field.start_bit}..{end - 1}', 'Correct start_bit.')
+                    f'taxel ({field.row}, {field.col}) in bits {field.start_bit}..{end - 1}',
+                    'Correct start_bit.')
         if end > mapped:
             _refuse(layout, f'{key}.taxels', f'fields within the {mapped} mapped bits',
                     f'taxel ({field.row}, {field.col}) in bits {field.start_bit}..{end - 1}',
@@ -48,8 +50,8 @@ def _check_overlap(layout: SkinLayout, key: str, tpdo: TpdoLayout) -> None:
     for one, other in zip(fields, fields[1:]):
         if other.start_bit < one.start_bit + layout.value.bits:
             _refuse(layout, f'{key}.taxels', f'fields of {layout.value.bits} bits that do not overlap',
-                    f'taxels ({one.row}, {one.col}) and ({other.row}, {other.col}) at bits {one.start_bit} and '
-                    f'{other.start_bit}', 'Correct start_bit or bit_step.')
+                    f'taxels ({one.row}, {one.col}) and ({other.row}, {other.col}) '
+                    f'at bits {one.start_bit} and {other.start_bit}', 'Correct start_bit or bit_step.')
 
 
 def _check_inside(layout: SkinLayout, key: str, row: int, col: int) -> None:

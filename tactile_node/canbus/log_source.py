@@ -18,9 +18,10 @@ logger = logging.getLogger(__name__)
 class LogSource:
     """A log as FrameSource. ``pace`` 1.0 is the recorded one, 2.0 twice as fast, None as fast as possible.
 
-    ``on_frame`` is called in step on the replaying thread, so a slow consumer slows the log and loses nothing.
-    With ``loop`` the log begins again at its end, stamps shifted by its length. ``stop`` pauses, ``start`` goes on
-    at the next CAN frame. ``finished`` is set when the log has ended, ``failure`` says when it ended badly.
+    ``on_frame`` is called in step on the replaying thread, so a slow consumer slows the log and loses
+    nothing. With ``loop`` the log begins again at its end, stamps shifted by its length. ``stop`` pauses,
+    ``start`` goes on at the next CAN frame. ``finished`` is set when the log has ended, ``failure`` says when
+    it ended badly.
     """
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], on_frame: OnFrame, pace: float | None = 1.0,
@@ -49,7 +50,8 @@ class LogSource:
     def start(self) -> None:
         if self._thread is None and self._messages is not None:
             self._stopping.clear()
-            self._thread = threading.Thread(target=self._play, args=(self._messages,), name='replay', daemon=True)
+            self._thread = threading.Thread(target=self._play, args=(self._messages,), name='replay',
+                                            daemon=True)
             self._thread.start()
 
     def stop(self) -> None:
@@ -93,8 +95,9 @@ class LogSource:
             self._log(self.failure)
         self._router.end()
         self.finished.set()
-        self._log(f'{self._path} has ended: {self._reader.can_frames} CAN frames, {self._reader.unread} lines unread'
-                  f'{f" ({self._reader.problem})" if self._reader.unread else ""}.')
+        reader = self._reader
+        self._log(f'{self._path} has ended: {reader.can_frames} CAN frames, {reader.unread} lines unread'
+                  f'{f" ({reader.problem})" if reader.unread else ""}.')
 
     def _deliver(self, name: str, frame: object) -> None:
         try:

@@ -1,4 +1,4 @@
-"""CAN logs in any format python-can knows by suffix: candump ``.log``, ``.asc``, ``.blf``, ``.trc``..., also ``.gz``."""
+"""CAN logs in the formats python-can knows by suffix: candump ``.log``, ``.asc``, ``.blf``, ``.log.gz``..."""
 
 import threading
 import time
@@ -24,7 +24,8 @@ class CanLogWriter:
         try:
             self._writer: can.io.MessageWriter | None = can.Logger(str(path))
         except (OSError, ValueError, ImportError) as error:
-            raise LogError(str(path), expected='a log file that can be written (.log, .log.gz, .asc, .blf, .trc...)',
+            raise LogError(str(path),
+                           expected='a log file that can be written (.log, .log.gz, .asc, .blf, .trc...)',
                            got=str(error), remedy='Check folder, permissions and suffix.') from error
 
     def write(self, message: can.Message) -> None:
@@ -52,7 +53,7 @@ class CanLogWriter:
 
 
 class CanLogReader:
-    """Iterates over a log's messages. ``unread`` counts lines (or the broken rest) left out, ``problem`` says why.
+    """Iterates over a log's messages; ``unread`` counts lines (or broken rests) left out, ``problem`` says why.
 
     Raises LogError when the file is missing, of no known format, or holds no CAN frame at all.
     """
@@ -68,7 +69,8 @@ class CanLogReader:
         try:
             reader = can.LogReader(self.path)
         except Exception as error:  # each format's reader raises its own errors over a bad header
-            self._refuse(f'{type(error).__name__}: {error}', 'Give a log in a format and with a suffix python-can reads.')
+            self._refuse(f'{type(error).__name__}: {error}',
+                         'Give a log in a format and with a suffix python-can reads.')
         with reader:
             yield from self._messages(reader)
         if not self.can_frames:
@@ -83,10 +85,10 @@ class CanLogReader:
                     self.can_frames += 1
                     yield message
                 return
-            except (EOFError, OSError, UnicodeDecodeError) as error:  # a cut-short .gz, bytes that are no text
+            except (EOFError, OSError, UnicodeDecodeError) as error:  # a .gz cut short, no text
                 self._unread(error)
                 return
-            except Exception as error:  # the readers raise ValueError, IndexError, KeyError... over a bad line
+            except Exception as error:  # over a bad line: ValueError, IndexError, KeyError...
                 self._unread(error)
                 if not by_lines:
                     return

@@ -43,7 +43,8 @@ def make_pad(name: str, node_id: int, layout: str, eds: str = '') -> PadSettings
 def check_pads(pads: tuple[PadSettings, ...]) -> None:
     """Raise ConfigurationError when these pads cannot share one bus."""
     if not pads:
-        raise ConfigurationError('pads', expected='at least one pad on the bus', got='none', remedy='Name a pad.')
+        raise ConfigurationError('pads', expected='at least one pad on the bus', got='none',
+                                 remedy='Name a pad.')
     _check_names_and_sync(pads)
     owners: dict[int, str] = {}
     for pad in pads:
@@ -55,10 +56,19 @@ def check_pads(pads: tuple[PadSettings, ...]) -> None:
             _own(owners, tpdo.cob_id.of(pad.node_id), f'TPDO {tpdo.number} of node {pad.node_id}', pad.name)
 
 
+def check_dictionaries(pads: tuple[PadSettings, ...]) -> None:
+    """Raise ConfigurationError for a pad without the EDS that a live bus needs."""
+    for pad in pads:
+        if pad.dictionary is None:
+            raise ConfigurationError(f'pad {pad.name!r}', expected='an EDS, for a live bus', got='none',
+                                     remedy='Make the pad with make_pad(name, node_id, layout, eds).')
+
+
 def _own(owners: dict[int, str], can_id: int, use: str, pad: str) -> None:
     where = f'pad {pad!r}, {use}'
     if reason := reserved_for(can_id) or ('more than 11 bits' if can_id > 0x7FF else None):
-        raise ConfigurationError(where, expected='a COB-ID that CiA 301 leaves free', got=f'0x{can_id:03X} ({reason})',
+        raise ConfigurationError(where, expected='a COB-ID that CiA 301 leaves free',
+                                 got=f'0x{can_id:03X} ({reason})',
                                  remedy='Change node_id, or cob_id in the layout.')
     if (other := owners.setdefault(can_id, where)) != where:
         raise ConfigurationError(where, expected='a COB-ID of its own', got=f'0x{can_id:03X}, as {other}',
@@ -73,5 +83,6 @@ def _check_names_and_sync(pads: tuple[PadSettings, ...]) -> None:
                                      remedy='Give every pad another one.')
     syncs = {pad.layout.sync_cob_id for pad in pads}
     if len(syncs) > 1:
-        raise ConfigurationError('pads', expected='one SYNC COB-ID on a bus', got=', '.join(map(hex, sorted(syncs))),
+        raise ConfigurationError('pads', expected='one SYNC COB-ID on a bus',
+                                 got=', '.join(map(hex, sorted(syncs))),
                                  remedy='Use the same sync_cob_id in their layouts.')

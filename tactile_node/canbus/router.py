@@ -1,4 +1,4 @@
-"""Gives each CAN frame of a bus or a log to the pad it belongs to, and counts every one that goes elsewhere."""
+"""Gives each CAN frame of a bus or a log to the pad it belongs to, and counts all others by service."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -18,7 +18,7 @@ SERVICES = ((0x000, 0x000, 'nmt'), (0x081, 0x0FF, 'emcy'), (0x100, 0x100, 'time'
 
 
 class BusStatistics(NamedTuple):
-    """Counts since the bus was opened. ``can_frames``: by service; 'tpdo' are the pads' own, 'foreign' nobody's."""
+    """Counts since construction. ``can_frames``: by service; 'tpdo' the pads' own, 'foreign' nobody's."""
 
     pads: dict[str, PadStatistics]
     can_frames: dict[str, int]
@@ -31,8 +31,8 @@ class BusStatistics(NamedTuple):
 class Router:
     """Routes frames in order; not thread-safe, one thread feeds it.
 
-    With ``foreign_sync`` the SYNCs on the bus part the periods; else only calls of ``sync`` do. ``one_clock`` says
-    that the stamps given to ``sync`` and ``feed`` can be compared.
+    With ``foreign_sync`` the SYNCs on the bus part the periods; else only calls of ``sync`` do. ``one_clock``
+    says that the stamps given to ``sync`` and ``feed`` can be compared.
     """
 
     def __init__(self, pads: tuple[PadSettings, ...], on_frame: OnFrame, foreign_sync: bool = True,

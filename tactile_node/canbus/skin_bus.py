@@ -15,7 +15,7 @@ from tactile_node.canbus.bus_network import BusNetwork, open_bus
 from tactile_node.canbus.device_setup import DeviceSetup
 from tactile_node.canbus.heartbeat import HEARTBEAT, Heartbeats, NmtState
 from tactile_node.canbus.logs import CanLogWriter
-from tactile_node.canbus.pads import PadSettings, check_pads
+from tactile_node.canbus.pads import PadSettings, check_dictionaries, check_pads
 from tactile_node.canbus.router import BusStatistics, OnFrame, Router, oddity_of
 from tactile_node.canbus.sync_producer import SyncProducer
 from tactile_node.errors import BusError, DeviceError
@@ -23,7 +23,8 @@ from tactile_node.errors import BusError, DeviceError
 logger = logging.getLogger(__name__)
 
 NMT, NMT_START, NMT_ENTER_PRE_OPERATIONAL = 0x000, 0x01, 0x80
-HOST_STAMPED = ('socketcan', 'virtual')  # interfaces that stamp reception by the clock our own SYNC is stamped by
+# Interfaces that stamp reception by the clock our own SYNC is stamped by
+HOST_STAMPED = ('socketcan', 'virtual')
 CONSUMER_PATIENCE = 2.0  # s that close() waits for an on_frame under way
 OWN_SYNC, RESTART, END = -1, -2, -3  # events in the receive queue beside CAN frames
 
@@ -54,6 +55,7 @@ class SkinBus:
     def __init__(self, settings: BusSettings, pads: tuple[PadSettings, ...], on_frame: OnFrame,
                  log: Callable[[str], None] = logger.info):
         check_pads(pads)
+        check_dictionaries(pads)
         self._settings, self._pads, self._log = settings, tuple(pads), log
         self._on_frame = on_frame
         one_clock = not settings.produce_sync or settings.interface in HOST_STAMPED
@@ -153,7 +155,8 @@ class SkinBus:
             state = self._heartbeats.state(pad.node_id)
             heard = 'no heartbeat' if state is None else f'heartbeat with NMT state 0x{state:02X}'
             self.stop()
-            raise DeviceError(f'node {pad.node_id} (pad {pad.name!r})', expected='OPERATIONAL after NMT start', got=heard,
+            raise DeviceError(f'node {pad.node_id} (pad {pad.name!r})',
+                              expected='OPERATIONAL after NMT start', got=heard,
                               remedy='See whether it sends EMCY: a device with an error may refuse to start.')
 
     def _send_sync(self) -> None:

@@ -17,7 +17,7 @@ class TaxelCodec:
     """
 
     def __init__(self, layout: SkinLayout):
-        fields = [(rank, f) for rank, tpdo in enumerate(layout.tpdos) for f in sorted(tpdo.taxels, key=lambda f: f[2])]
+        fields = [(rank, field) for rank, tpdo in enumerate(layout.tpdos) for field in tpdo.taxels]
         bits, big = layout.value.bits, layout.value.byte_order == 'big'
         starts = np.array([f.start_bit for _, f in fields], np.uint64)
         self._shape, self._value = (layout.rows, layout.cols), layout.value
@@ -41,7 +41,8 @@ class TaxelCodec:
         counts = self._counts(payload)
         state = np.where(fresh[self._rank], TaxelStatus.VALID, TaxelStatus.STALE)
         if self._value.saturated_count is not None:
-            state[(counts == self._value.saturated_count) & (state == TaxelStatus.VALID)] = TaxelStatus.SATURATED
+            at_end = counts == self._value.saturated_count
+            state[at_end & (state == TaxelStatus.VALID)] = TaxelStatus.SATURATED
         status = self._unmapped.copy()
         status[self._taxel] = state
         status[self._dead] = TaxelStatus.DEAD

@@ -20,7 +20,8 @@ def load_mapping(path: Path, about: str) -> 'Section':
         raise ConfigurationError(str(path), expected=f'{about} (YAML)', got=error.strerror or str(error),
                                  remedy='Check the path and its permissions.') from error
     except UnicodeDecodeError as error:
-        raise ConfigurationError(str(path), expected=f'{about} (YAML text in UTF-8)', got='bytes that are no text',
+        raise ConfigurationError(str(path), expected=f'{about} (YAML text in UTF-8)',
+                                 got='bytes that are no text',
                                  remedy='Give the YAML file, not a binary one.') from error
     except yaml.YAMLError as error:
         raise ConfigurationError(str(path), expected=f'{about} (YAML)', got=_one_line(error),
@@ -49,7 +50,8 @@ class Section:
 
     def refuse(self, key: str, *, expected: str, got: str, remedy: str) -> NoReturn:
         """Raise the ConfigurationError of ``key``."""
-        raise ConfigurationError(f'{self._where}, key "{self._name(key)}"', expected=expected, got=got, remedy=remedy)
+        raise ConfigurationError(f'{self._where}, key "{self._name(key)}"', expected=expected, got=got,
+                                 remedy=remedy)
 
     def take(self, key: str, default: Any = _NO_DEFAULT) -> Any:
         self._asked.append(key)
@@ -86,7 +88,8 @@ class Section:
     def sequence(self, key: str, default: Any = _NO_DEFAULT) -> list:
         value = self.take(key, default)
         if not isinstance(value, (list, tuple)):
-            self.refuse(key, expected='a list', got=_kind(value), remedy='Write it as [a, b] or as lines with "-".')
+            self.refuse(key, expected='a list', got=_kind(value),
+                        remedy='Write it as [a, b] or as lines with "-".')
         return list(value)
 
     def integers(self, key: str, count: int, low: int, high: int) -> tuple[int, ...]:
@@ -94,7 +97,8 @@ class Section:
 
     def checked_integers(self, key: str, value: Any, count: int, low: int, high: int) -> tuple[int, ...]:
         if not isinstance(value, (list, tuple)) or len(value) != count:
-            self.refuse(key, expected=f'a list of {count} whole numbers', got=_kind(value), remedy='Correct the list.')
+            self.refuse(key, expected=f'a list of {count} whole numbers', got=_kind(value),
+                        remedy='Correct the list.')
         return tuple(self.checked_integer(key, item, low, high) for item in value)
 
     def section(self, key: str, default: Any = _NO_DEFAULT) -> 'Section':
@@ -109,7 +113,8 @@ class Section:
     def done(self) -> None:
         for key in self._mapping:
             if key not in self._asked:
-                self.refuse(str(key), expected=f'one of the keys {", ".join(self._asked)}', got='an unknown key',
+                self.refuse(str(key), expected=f'one of the keys {", ".join(self._asked)}',
+                            got='an unknown key',
                             remedy=f'Remove it.{self._hint(str(key), self._asked)}')
 
     def _name(self, key: str) -> str:

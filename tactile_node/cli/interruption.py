@@ -10,7 +10,8 @@ from contextlib import contextmanager
 def interruption() -> Iterator[threading.Event]:
     """Give an event that SIGINT or SIGTERM sets; the signals' meaning before is restored at the end."""
     asked = threading.Event()
-    before = {number: signal.signal(number, lambda *_: asked.set()) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.signal(number, lambda *_: asked.set())
+              for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield asked
     finally:

@@ -11,8 +11,10 @@ from tactile_node.errors import BusError
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser = subparsers.add_parser('record', help='record a CAN log from a live bus')
-    parser.add_argument('file', help='log to write; the suffix is the format: .log (candump), .log.gz, .asc, .blf, .trc')
-    parser.add_argument('--interface', default='socketcan', help='python-can interface (default: %(default)s)')
+    parser.add_argument('file',
+                        help='log to write, format by suffix: .log (candump), .log.gz, .asc, .blf, .trc')
+    parser.add_argument('--interface', default='socketcan',
+                        help='python-can interface (default: %(default)s)')
     parser.add_argument('--channel', default='can0', help='its channel (default: %(default)s)')
     parser.add_argument('--bitrate', type=int, default=1_000_000, help='[bit/s] (default: %(default)s)')
     parser.add_argument('--duration', type=float, default=float('inf'), help='[s] (default: until Ctrl-C)')

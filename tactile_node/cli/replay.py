@@ -1,4 +1,4 @@
-"""``tactile replay``: play a CAN log without ROS; taxel frames as .npy, and what became of every CAN frame."""
+"""``tactile replay``: play a CAN log without ROS; taxel frames as .npy, and the fate of every CAN frame."""
 
 import argparse
 import sys
@@ -19,8 +19,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('log', help='CAN log: .log (candump), .log.gz, .asc, .blf, .trc...')
     parser.add_argument('--layout', default='sim16x16.yaml', help='skin layout (default: %(default)s)')
     parser.add_argument('--node-id', type=int, action='append', help='repeat for more pads (default: 32)')
-    parser.add_argument('--pace', type=float, help='1: as recorded, 2: twice as fast (default: as fast as possible)')
-    parser.add_argument('--output', metavar='FILE', help='taxel frames as .npy, shape (K, rows, cols), NaN = invalid; '
+    parser.add_argument('--pace', type=float,
+                        help='1: as recorded, 2: twice as fast (default: as fast as possible)')
+    parser.add_argument('--output', metavar='FILE', help='.npy of shape (K, rows, cols), NaN = invalid; '
                         '- is standard output; with more pads the name gets _pad32 and so on')
     parser.set_defaults(run=run)
 
@@ -49,11 +50,13 @@ def summary(statistics: BusStatistics) -> str:
     """A table of what was published and where every CAN frame went."""
     lines = []
     for name, pad in statistics.pads.items():
-        losses = ', '.join(f'{count} {reason}' for reason, count in pad.losses.items() if count) or 'none lost'
-        lines.append(f'{name}: {pad.published} taxel frames, {pad.complete} complete, {pad.incomplete} incomplete; '
-                     f'TPDOs: {pad.expected} expected, {pad.received} received, {pad.used} used, {losses}')
+        losses = ', '.join(f'{n} {reason}' for reason, n in pad.losses.items() if n) or 'none lost'
+        lines.append(f'{name}: {pad.published} taxel frames, {pad.complete} complete, '
+                     f'{pad.incomplete} incomplete; TPDOs: {pad.expected} expected, {pad.received} received, '
+                     f'{pad.used} used, {losses}')
     services = ', '.join(f'{count} {service}' for service, count in sorted(statistics.can_frames.items()))
-    lines.append(f'CAN frames: {sum(statistics.can_frames.values())} ({services}); lines unread: {statistics.unread}')
+    total = sum(statistics.can_frames.values())
+    lines.append(f'CAN frames: {total} ({services}); lines unread: {statistics.unread}')
     return '\n'.join(lines)
 
 
@@ -63,4 +66,5 @@ def _save(output: str, frames: dict[str, list[np.ndarray]]) -> None:
         if output == '-':
             np.save(sys.stdout.buffer, np.array(values))
         else:
-            np.save(path if len(frames) == 1 else path.with_name(f'{path.stem}_{name}{path.suffix}'), np.array(values))
+            np.save(path if len(frames) == 1 else path.with_name(f'{path.stem}_{name}{path.suffix}'),
+                    np.array(values))

@@ -15,18 +15,23 @@ from tactile_node.synthetic.world import CLASSES
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('simulate', help='be a CANopen skin that touches shapes or repeats a recording')
-    parser.add_argument('--interface', default='socketcan', help='python-can interface (default: %(default)s)')
+    parser = subparsers.add_parser('simulate',
+                                   help='be a CANopen skin that touches shapes or repeats a recording')
+    parser.add_argument('--interface', default='socketcan',
+                        help='python-can interface (default: %(default)s)')
     parser.add_argument('--channel', default='vcan0', help='its channel (default: %(default)s)')
     parser.add_argument('--bitrate', type=int, default=1_000_000, help='[bit/s] (default: %(default)s)')
-    parser.add_argument('--pty', action='store_true', help='offer an slcan adapter on a pseudo-terminal instead')
+    parser.add_argument('--pty', action='store_true',
+                        help='offer an slcan adapter on a pseudo-terminal instead')
     parser.add_argument('--link', default='', metavar='PATH', help='with --pty: a symbolic link to the port')
     parser.add_argument('--layout', default='sim16x16.yaml', help='skin layout (default: %(default)s)')
     parser.add_argument('--eds', default='', help="EDS (default: the layout's name with .eds)")
     parser.add_argument('--node-id', type=int, action='append', help='repeat for more pads (default: 32)')
-    parser.add_argument('--shapes', nargs='+', choices=CLASSES, default=CLASSES, help='what touches (default: all)')
+    parser.add_argument('--shapes', nargs='+', choices=CLASSES, default=CLASSES,
+                        help='what touches (default: all)')
     parser.add_argument('--seed', type=int, default=0, help='of the touches (default: %(default)s)')
-    parser.add_argument('--recording', metavar='FILE', help='repeat this event recording (64x64 layout) instead')
+    parser.add_argument('--recording', metavar='FILE',
+                        help='repeat this event recording (64x64 layout) instead')
     parser.add_argument('--duration', type=float, help='end after so many seconds (default: at Ctrl-C)')
     parser.set_defaults(run=run)
 
@@ -36,7 +41,8 @@ def run(args: argparse.Namespace) -> int:
     pads = [make_pad(f'pad{node}', node, args.layout, args.eds) for node in args.node_id or [32]]
     failures: list[Exception] = []
     with interruption() as asked:
-        simulator = SkinSimulator(pads, _sources(args, pads), lambda error: (failures.append(error), asked.set()))
+        simulator = SkinSimulator(pads, _sources(args, pads),
+                                  lambda error: (failures.append(error), asked.set()))
         bus = SlcanPty(args.link) if args.pty else open_bus(args.interface, args.channel, args.bitrate, {})
         simulator.start_on(bus)
         nodes = ', '.join(str(pad.node_id) for pad in pads)
@@ -52,7 +58,8 @@ def _sources(args: argparse.Namespace, pads: list[PadSettings]) -> dict[str, Tax
     """One source a pad; every second pad sees the touch from behind, as in a gripper."""
     if args.recording:
         if (pads[0].layout.rows, pads[0].layout.cols) != (SIDE, SIDE):
-            raise ConfigurationError('--recording', expected=f'a layout of {SIDE}x{SIDE} taxels', got=args.layout,
+            raise ConfigurationError('--recording', expected=f'a layout of {SIDE}x{SIDE} taxels',
+                                     got=args.layout,
                                      remedy='Add --layout nus_sinapse_64x64.yaml.')
         return dict.fromkeys((pad.name for pad in pads), load_recording(args.recording).at)
     program = touch_program(pads[0].layout, tuple(args.shapes), seed=args.seed)

@@ -50,8 +50,8 @@ class _Tpdo(NamedTuple):
 class SimulatedDevice:
     """One pad as a CANopen slave on ``network``: boot-up, heartbeat, NMT, SDO server, synchronous TPDOs.
 
-    What it sends is what has been written to 0x1005, 0x1800... and 0x1A00..., not what the layout says; the layout
-    says which mapped object holds which taxel. ``source`` is called once a SYNC while OPERATIONAL.
+    What it sends is what has been written to 0x1005, 0x1800... and 0x1A00..., not what the layout says; the
+    layout says which mapped object holds which taxel. ``source`` is called once a SYNC while OPERATIONAL.
     """
 
     def __init__(self, network: canopen.Network, pad: PadSettings, source: TaxelSource):
@@ -177,7 +177,8 @@ class SimulatedDevice:
             pieces.append(_Piece(rank, start, entry & 0xFF, bits))
             bits += entry & 0xFF
         whole = all(p.rank == pieces[0].rank is not None and p.start == p.to for p in pieces)
-        return _Tpdo(cob_id & ID_MASK, kind, (bits + 7) // 8, tuple(pieces), pieces[0].rank if whole else None)
+        return _Tpdo(cob_id & ID_MASK, kind, (bits + 7) // 8, tuple(pieces),
+                     pieces[0].rank if whole else None)
 
     def _number(self, index: int, sub: int) -> int:
         return int.from_bytes(self._node.get_data(index, sub), 'little')

@@ -1,6 +1,7 @@
 """The event recordings of the NUS SINAPSE 64x64 array (MIT licence; see test/data/README.md) as taxel frames.
 
-Text, one event a line: ``stamp x y polarity``; polarity 1 = pressed, 0 = released; blank lines part the polls.
+Text, one event a line: ``stamp x y polarity``; polarity 1 = pressed, 0 = released; blank lines part the
+polls.
 """
 
 from bisect import bisect_right
@@ -25,7 +26,7 @@ class Event(NamedTuple):
 
 
 class Recording(NamedTuple):
-    """``stamps`` [s], shape (polls,), rising; ``frames`` bool, shape (polls, 64, 64): pressed after each poll."""
+    """``stamps`` [s], shape (polls,); ``frames`` bool, shape (polls, 64, 64): pressed after each poll."""
 
     stamps: np.ndarray
     frames: np.ndarray

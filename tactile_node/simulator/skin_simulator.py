@@ -14,7 +14,8 @@ class SkinSimulator:
 
     >>> from tactile_node.canbus.pads import make_pad
     >>> import numpy as np
-    >>> simulator = SkinSimulator([make_pad('left', 32, 'sim16x16.yaml')], {'left': lambda t: np.zeros((16, 16))})
+    >>> pad = make_pad('left', 32, 'sim16x16.yaml')
+    >>> simulator = SkinSimulator([pad], {'left': lambda t: np.zeros((16, 16))})
     >>> simulator.start('virtual', 'skin'); simulator.stop()
     """
 

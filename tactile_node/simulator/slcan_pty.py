@@ -1,4 +1,4 @@
-"""A serial CAN adapter made of a pseudo-terminal: the device side of the slcan ASCII protocol (Lawicel CAN232).
+"""A serial CAN adapter on a pseudo-terminal: the device side of the slcan protocol (Lawicel CAN232).
 
 The bus behind the adapter is whoever holds this object; the program with ``interface: slcan`` and
 ``channel: <port>`` sees an ordinary adapter.
@@ -8,6 +8,7 @@ import os
 import pty
 import select
 import termios
+import threading
 import time
 import tty
 from collections import deque
@@ -16,15 +17,17 @@ from pathlib import Path
 import can
 
 OK, REFUSED = b'\r', b'\a'
-MAX_WAITING = 1 << 16  # bytes not yet read by the other side; beyond this frames are dropped, as an adapter does
+# Bytes not yet read by the other side; beyond this frames are dropped, as an adapter does
+MAX_WAITING = 1 << 16
 VERSION, SERIAL = b'V1013\r', b'NTS01\r'
 
 
 class SlcanPty(can.BusABC):
-    """A python-can bus whose wire is the pseudo-terminal ``port``; ``link`` gives that port a lasting name."""
+    """A python-can bus whose wire is the pseudo-terminal ``port``; ``link`` gives it a lasting name."""
 
     def __init__(self, link: str = ''):
-        self._master, self._port_fd = pty.openpty()  # our own end of the port stays open, so clients may come and go
+        # Our own end of the port stays open, so clients may come and go
+        self._master, self._port_fd = pty.openpty()
         tty.setraw(self._port_fd)
         os.set_blocking(self._master, False)
         self.port = os.ttyname(self._port_fd)
@@ -32,13 +35,14 @@ class SlcanPty(can.BusABC):
         if self._link:
             self._link.unlink(missing_ok=True)
             self._link.symlink_to(self.port)
+        self._lock = threading.Lock()  # heartbeats are sent by a thread of their own
         self._open, self._unsent, self._line = False, bytearray(), bytearray()
         self._received: deque[can.Message] = deque()
         self.channel_info, self.dropped = f'slcan on {self.port}', 0
         super().__init__(self.port)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Hand a frame to the client if it has opened the channel; dropped and counted when it does not read."""
+        """Hand a frame to the client that has opened the channel; dropped, counted when it does not read."""
         if not self._open:
             return
         if len(self._unsent) > MAX_WAITING:
@@ -50,7 +54,8 @@ class SlcanPty(can.BusABC):
         deadline = None if timeout is None else time.monotonic() + timeout
         while not self._received:
             left = None if deadline is None else max(0.0, deadline - time.monotonic())
-            readable, writable, _ = select.select([self._master], [self._master] if self._unsent else [], [], left)
+            readable, writable, _ = select.select([self._master], [self._master] if self._unsent else [], [],
+                                                  left)
             if writable:
                 self._write(b'')
             if readable:
@@ -77,22 +82,25 @@ class SlcanPty(can.BusABC):
             return (b'z' if command in (b't', b'r') else b'Z') + OK
         if command in (b'O', b'L', b'C'):
             return self._set_open(command != b'C')
-        return {b'V': VERSION, b'N': SERIAL, b'F': b'F00\r'}.get(command, OK if command in b'SsMmZX' else REFUSED)
+        return {b'V': VERSION, b'N': SERIAL, b'F': b'F00\r'}.get(command,
+                                                                 OK if command in b'SsMmZX' else REFUSED)
 
     def _set_open(self, is_open: bool) -> bytes:
         if not is_open:  # what a client before did not read is no news to the next
-            self._unsent.clear()
+            with self._lock:
+                self._unsent.clear()
             termios.tcflush(self._port_fd, termios.TCIFLUSH)
         self._open = is_open
         return OK
 
     def _write(self, data: bytes) -> None:
-        self._unsent += data
-        try:
-            written = os.write(self._master, self._unsent)
-        except BlockingIOError:
-            return
-        del self._unsent[:written]
+        with self._lock:
+            self._unsent += data
+            try:
+                written = os.write(self._master, self._unsent)
+            except BlockingIOError:
+                return
+            del self._unsent[:written]
 
     def shutdown(self) -> None:
         """Take the port away."""
@@ -121,6 +129,7 @@ def decode(line: bytes) -> can.Message | None:
         data = bytes.fromhex(line[2 + digits:].decode())
         if length > 8 or len(data) != (0 if remote else length):
             return None
-        return can.Message(time.time(), int(line[1:1 + digits], 16), digits == 8, remote, dlc=length, data=data)
+        return can.Message(time.time(), int(line[1:1 + digits], 16), digits == 8, remote, dlc=length,
+                           data=data)
     except ValueError:
         return None

@@ -15,7 +15,7 @@ MEAN_PRESSURE = 0.6  # of full scale
 
 @dataclass(frozen=True)
 class Touch:
-    """``contact`` presses from ``begin`` to ``end`` [s]; ``values``, shape (rows, cols), when fully pressed."""
+    """``contact`` presses from ``begin`` to ``end`` [s]; ``values``, shape (rows, cols), at full pressure."""
 
     contact: Contact
     begin: float
@@ -46,9 +46,10 @@ class TouchProgram:
         return touch if touch.load(t % self.duration) == 1 else None
 
 
-def touch_program(layout: SkinLayout, shapes: tuple[str, ...] = CLASSES, areas: tuple[float, ...] = (40, 60, 80),
+def touch_program(layout: SkinLayout, shapes: tuple[str, ...] = CLASSES,
+                  areas: tuple[float, ...] = (40, 60, 80),
                   seed: int = 0, hold: float = 1.0, pause: float = 0.5) -> TouchProgram:
-    """Every shape in every area [taxels], in general position, each held ``hold`` and parted by ``pause`` [s]."""
+    """Every shape in every area [taxels], in general position, held ``hold``, parted by ``pause`` [s]."""
     rng, touches, now = np.random.default_rng(seed), [], pause
     for area in areas:
         for shape in shapes:
@@ -63,4 +64,5 @@ def _values(layout: SkinLayout, contact: Contact, rng: np.random.Generator) -> n
     if layout.value.bits == 1:
         return contact.pattern(layout.rows, layout.cols)
     full = abs(float(layout.value.to_value(np.array(layout.value.saturated_count))))
-    return pressure_frame(contact, rng, layout.rows, layout.cols, pressure=MEAN_PRESSURE, skin=Skin(full_scale=full))
+    return pressure_frame(contact, rng, layout.rows, layout.cols, pressure=MEAN_PRESSURE,
+                          skin=Skin(full_scale=full))
