@@ -68,7 +68,7 @@ class BusNetwork(Network):
             except (can.CanError, OSError, ValueError) as error:
                 raise BusError(f'CAN bus {self.bus.channel_info}', expected=f'to send 0x{can_id:03X}',
                                got=str(error),
-                               remedy='Check cable and termination; another node must acknowledge.') from error
+                               remedy='Check cable, termination and the other nodes.') from error
 
     @contextmanager
     def sdo_client(self, node_id: int, dictionary: ObjectDictionary) -> Iterator[SdoClient]:

@@ -53,7 +53,7 @@ class CanLogWriter:
 
 
 class CanLogReader:
-    """Iterates over a log's messages; ``unread`` counts lines (or broken rests) left out, ``problem`` says why.
+    """Iterates over a log's messages; ``unread`` counts lines (or broken rests) left out, ``problem`` why.
 
     Raises LogError when the file is missing, of no known format, or holds no CAN frame at all.
     """
