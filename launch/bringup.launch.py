@@ -86,7 +86,7 @@ def end_with(driver: Node) -> RegisterEventHandler:
 
 
 def lossless(given: dict) -> dict:
-    return {'queue_depth': 0} if given['replay'] else {}
+    return {'lossless': True} if given['replay'] else {}
 
 
 def params_file(given: dict) -> list:

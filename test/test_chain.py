@@ -42,7 +42,7 @@ class Listener:
         self.node = rclpy.create_node('listener')
         self.heard = {name: [] for name in ('taxels', 'features', 'shape')}
         for name, kind in zip(self.heard, (TaxelArray, ContactFeatures, ContactShape)):
-            self.node.create_subscription(kind, f'/hand/finger/{name}', self.heard[name].append, frames_qos(0))
+            self.node.create_subscription(kind, f'/hand/finger/{name}', self.heard[name].append, frames_qos(50, lossless=True))
 
     def wait_for_shapes(self, count: int) -> None:
         deadline = time.monotonic() + PATIENCE
@@ -57,9 +57,9 @@ def heard() -> dict:
     rclpy.init()
     listener = Listener()
     driver = (f'replay:={DATA / LOG}', 'replay_pace:=0.0', "pads:=['finger']", f'node_ids:=[{NODE_ID}]',
-              f"layouts:=['{LAYOUT}']", 'queue_depth:=0')
-    with (running('queue_depth:=0', role='classifier', namespace='/hand/finger'),
-          running('queue_depth:=0', role='processor', namespace='/hand/finger'),
+              f"layouts:=['{LAYOUT}']", 'lossless:=true')
+    with (running('lossless:=true', role='classifier', namespace='/hand/finger'),
+          running('lossless:=true', role='processor', namespace='/hand/finger'),
           running(*driver, role='driver', namespace='/hand')):
         listener.wait_for_shapes(periods)
     listener.node.destroy_node()

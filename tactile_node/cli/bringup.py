@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
                    signal_handler_options=SignalHandlerOptions.NO)
         stack.callback(rclpy.try_shutdown)
         system = make_system(pads, _driver_parameters(args, node_ids), args.namespace,
-                             {'queue_depth': 0} if args.replay else {})
+                             {'lossless': True} if args.replay else {})
         stack.callback(system.destroy)
         spinner = stack.enter_context(spinning(system.nodes))  # autostart may wait for other nodes' callbacks
         system.driver.autostart()
@@ -99,7 +99,7 @@ def _driver_parameters(args: argparse.Namespace, node_ids: list[int]) -> dict:
              'replay': args.replay, 'node_ids': node_ids, 'layouts': args.layout.split(','),
              'eds': args.eds.split(',')}
     if args.replay:
-        given |= {'replay_pace': args.pace, 'queue_depth': 0}
+        given |= {'replay_pace': args.pace, 'lossless': True}
     return {name: value for name, value in given.items() if value is not None}
 
 

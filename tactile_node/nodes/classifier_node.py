@@ -21,7 +21,7 @@ class ClassifierNode(Node):
         declare(self, CLASSIFIER)
         settings = values(self, CLASSIFIER)
         self._classifier, self._method = VolfClassifier.from_file(config_path(settings.curves)), settings.method
-        qos = frames_qos(settings.queue_depth)
+        qos = frames_qos(settings.queue_depth, settings.lossless)
         self.recognised = 0  #: messages published
         self._publisher = self.create_publisher(ContactShape, 'shape', qos)
         self.create_subscription(ContactFeatures, 'features', self._on_features, qos)

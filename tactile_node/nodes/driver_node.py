@@ -5,7 +5,6 @@ deactivate = pre-operational; cleanup = close.
 """
 
 import sys
-import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -15,6 +14,7 @@ from tactile_node.canbus.log_source import LogSource
 from tactile_node.canbus.pads import PadSettings, make_pad
 from tactile_node.canbus.skin_bus import BusSettings, SkinBus
 from tactile_node.errors import ConfigurationError, TactileError
+from tactile_node.nodes.replay_gate import ReplayGate
 from tactile_node.nodes.run import run_node
 from tactile_node.ros.diagnostics import BusDiagnostics
 from tactile_node.ros.messages import taxel_array_message
@@ -24,7 +24,6 @@ from tactile_node.taxel_frame import TaxelFrame
 from tactile_skin.msg import TaxelArray
 
 DIAGNOSTICS_PERIOD = 1.0  # [s], REP-107
-LISTENER_PATIENCE = 10.0  # how long a log waits for its first subscriber [s]
 
 
 class DriverNode(LifecycleNode):
@@ -35,6 +34,7 @@ class DriverNode(LifecycleNode):
         declare(self, DRIVER)
         self._source: FrameSource | None = None
         self._publishers_of: dict = {}
+        self._gate: ReplayGate | None = None
         self._error: TactileError | None = None
 
     def autostart(self) -> None:
@@ -54,8 +54,6 @@ class DriverNode(LifecycleNode):
         return self._attempt(self._configure)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        if isinstance(self._source, LogSource):
-            self._wait_for_listeners()
         return self._attempt(self._source.start)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -88,7 +86,7 @@ class DriverNode(LifecycleNode):
         settings = values(self, DRIVER)
         pads = _pads(settings)
         frame_ids = one_each('frame_ids', settings.frame_ids, settings.pads)
-        qos = frames_qos(settings.queue_depth)
+        qos = frames_qos(settings.queue_depth, settings.lossless)
         self._publishers_of = {
             pad.name: (self.create_publisher(TaxelArray, f'{pad.name}/taxels', qos), pad.layout,
                        frame_id or f'{pad.name}_pad') for pad, frame_id in zip(pads, frame_ids)}
@@ -102,22 +100,21 @@ class DriverNode(LifecycleNode):
     def _make_source(self, settings, pads: tuple[PadSettings, ...]) -> FrameSource:
         log = self.get_logger().info
         if settings.replay:
+            self._gate = self._make_gate(settings)
             return LogSource(settings.replay, pads, self._publish, pace=settings.replay_pace or None, log=log)
         bus = BusSettings(settings.interface, settings.channel, settings.bitrate, settings.sync_period,
                           settings.produce_sync, settings.boot_timeout, record=settings.record)
         return SkinBus(bus, pads, self._publish, log=log)
 
-    def _wait_for_listeners(self) -> None:
-        """A log waits, a skin does not: let whoever is being launched subscribe before the first frame."""
-        deadline = time.monotonic() + LISTENER_PATIENCE
-        publishers = [publisher for publisher, _, _ in self._publishers_of.values()]
-        while not all(publisher.get_subscription_count() for publisher in publishers):
-            if time.monotonic() > deadline:
-                self.get_logger().warning('Nobody listens to the taxels; the log is played all the same.')
-                return
-            time.sleep(0.02)  # rclpy has no event for a matched subscription that works without spinning
+    def _make_gate(self, settings) -> ReplayGate | None:
+        """Only a log played as fast as possible needs one, and only where nothing may be lost."""
+        if settings.replay_pace or not settings.lossless:
+            return None
+        return ReplayGate(self, settings.pads, frames_qos(settings.queue_depth, settings.lossless))
 
     def _publish(self, pad: str, frame: TaxelFrame) -> None:
+        if self._gate is not None:
+            self._gate.wait(pad, frame.sequence)
         publisher, layout, frame_id = self._publishers_of[pad]
         publisher.publish(taxel_array_message(frame, layout.pitch, layout.value.unit, frame_id))
 

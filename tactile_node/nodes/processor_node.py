@@ -22,22 +22,10 @@ class ProcessorNode(Node):
         super().__init__('processor', **options)
         declare(self, PROCESSOR)
         self._apply(values(self, PROCESSOR))
-        self._qos = frames_qos(self._settings.queue_depth)
-        self._publisher = self.create_publisher(ContactFeatures, 'features', self._qos)
-        if self._settings.queue_depth:
-            self._subscribe()
-        else:
-            self._waiting = self.create_timer(0.02, self._subscribe_once_heard)
+        qos = frames_qos(self._settings.queue_depth, self._settings.lossless)
+        self._publisher = self.create_publisher(ContactFeatures, 'features', qos)
+        self.create_subscription(TaxelArray, 'taxels', self._on_taxels, qos)
         self.add_on_set_parameters_callback(self._on_parameters)
-
-    def _subscribe(self) -> None:
-        self.create_subscription(TaxelArray, 'taxels', self._on_taxels, self._qos)
-
-    def _subscribe_once_heard(self) -> None:
-        """Where nothing may be lost, take the first frame only when somebody listens to its features."""
-        if self._publisher.get_subscription_count():
-            self.destroy_timer(self._waiting)
-            self._subscribe()
 
     def _apply(self, settings) -> None:
         """Take ``settings``; the contact in progress is found anew with them."""

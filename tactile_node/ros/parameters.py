@@ -22,8 +22,10 @@ class Parameter(NamedTuple):
     live: bool = False
 
 
-QUEUE_DEPTH = Parameter(
-    'queue_depth', 50, 'messages a publisher or subscription keeps; 0 keeps all (fast replay)', 0, 100_000)
+QUEUE = (
+    Parameter('queue_depth', 50, 'messages a publisher or subscription keeps', 1, 100_000),
+    Parameter('lossless', False, 'for replays: publishers keep 5000 messages, also for subscribers that come late'),
+)
 
 DRIVER = (
     Parameter('interface', 'socketcan', 'python-can interface: socketcan, slcan, virtual, pcan, kvaser, ...'),
@@ -41,7 +43,7 @@ DRIVER = (
     Parameter('produce_sync', True, 'send SYNC ourselves; false: another node on the bus does'),
     Parameter('boot_timeout', 5.0, 'how long to wait for each device to answer at configure [s]', 0.1, 3600),
     Parameter('autostart', True, 'configure and activate at start; false: leave it to a lifecycle manager'),
-    QUEUE_DEPTH,
+    *QUEUE,
 )
 
 PROCESSOR = (
@@ -51,13 +53,13 @@ PROCESSOR = (
               0.0, 1.0, live=True),
     Parameter('features', ['classifier'], 'groups of features to compute beside those the classifier needs: '
               'information, gravity, eigenvalues, border, turned, all', live=True),
-    QUEUE_DEPTH,
+    *QUEUE,
 )
 
 CLASSIFIER = (
     Parameter('method', 'volf', 'volf: the three planes of Volf, Dvořák and Vlček'),
     Parameter('curves', 'volf_curves.yaml', 'curves of the three planes, written by `tactile fit`'),
-    QUEUE_DEPTH,
+    *QUEUE,
 )
 
 

@@ -1,10 +1,17 @@
-"""QoS of our topics: reliable, so that RViz and any other subscriber can read them; see REP-2003 for the rest."""
+"""QoS of our topics: reliable, so that RViz and any other subscriber can read them."""
 
-from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+REPLAY_DEPTH = 5000  # messages, also for subscribers that come late
 
 
-def frames_qos(depth: int) -> QoSProfile:
-    """Return the profile of the three frame topics; depth 0 keeps all, so that a fast replay loses nothing."""
-    if depth == 0:
-        return QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_ALL)
-    return QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=depth)
+def frames_qos(depth: int, lossless: bool = False) -> QoSProfile:
+    """Return the profile of the three frame topics.
+
+    ``lossless``, for replays: publishers keep REPLAY_DEPTH messages for subscribers that come late. (KEEP_ALL
+    would do for more, but a publish then fails while a reader is slow.)
+    """
+    if lossless:
+        return QoSProfile(reliability=ReliabilityPolicy.RELIABLE, depth=REPLAY_DEPTH,
+                          durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    return QoSProfile(reliability=ReliabilityPolicy.RELIABLE, depth=depth)

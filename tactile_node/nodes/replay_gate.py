@@ -1,0 +1,35 @@
+"""Holds a log played as fast as possible back to the pace at which its frames come out as shapes."""
+
+import threading
+
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+from tactile_skin.msg import ContactShape
+
+WINDOW = 500  # frames that may be under way; well below qos.REPLAY_DEPTH
+PATIENCE = 10.0  # how long no shape may come before the log is played without them [s]
+
+
+class ReplayGate:
+    """One gate for all pads of a log; ``wait`` is called on the log's thread, shapes arrive on the node's."""
+
+    def __init__(self, node: Node, pads: list[str], qos: QoSProfile):
+        self._log, self._open = node.get_logger().warning, False
+        self._seen, self._progress = dict.fromkeys(pads, -1), threading.Condition()
+        self._subscriptions = [
+            node.create_subscription(ContactShape, f'{pad}/shape', lambda message, pad=pad: self._on_shape(pad, message),
+                                     qos) for pad in pads]
+
+    def wait(self, pad: str, sequence: int) -> None:
+        """Return when fewer than WINDOW frames before ``sequence`` still lack their shape."""
+        with self._progress:
+            while not self._open and sequence - self._seen[pad] > WINDOW:
+                if not self._progress.wait(PATIENCE):
+                    self._open = True
+                    self._log(f'No shape for {PATIENCE:.0f} s: the log is played without waiting for any.')
+
+    def _on_shape(self, pad: str, message: ContactShape) -> None:
+        with self._progress:
+            self._seen[pad] = message.sequence
+            self._progress.notify_all()
