@@ -33,7 +33,7 @@ def tiny_layout(folder: Path, text: str = TINY):
     return load_layout(path)
 
 
-def wait_until(condition: Callable[[], bool], timeout: float = 5.0) -> bool:
+def wait_until(condition: Callable[[], bool], timeout: float = 20.0) -> bool:
     end = time.monotonic() + timeout
     while not (met := condition()) and time.monotonic() < end:
         threading.Event().wait(0.002)
