@@ -1,0 +1,1 @@
+"""Recognitions of successive frames as one."""

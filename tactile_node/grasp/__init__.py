@@ -1,0 +1,1 @@
+"""Two opposing pads as one grasp."""

@@ -1,0 +1,1 @@
+"""Pose and size of a contact whose shape is known, with covariance; and what needs no shape."""

@@ -1,0 +1,94 @@
+"""The outlines of the five shapes as functions of few parameters: what is fitted.
+
+Conventions are those of `synthetic.world.Contact`: the origin of a shape's own frame is its centre of
+area; a turn takes x towards y.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.shape.recognition import Shape
+
+CIRCLE_CORNERS = 32  #: a circle is a polygon of the same area
+
+
+class Outline(NamedTuple):
+    """A family of polygons, linear in its dimensions: corner i is ``template[i] @ dimensions``, then turned."""
+
+    dimensions: tuple[str, ...]  #: their names
+    template: np.ndarray         #: shape (corners, 2, len(dimensions)), in the sense from x to y
+    symmetry: int                #: a turn by 2π/symmetry changes nothing; 0: any turn
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of what is fitted: the place, the turn if it has one, the dimensions."""
+        return ('x', 'y', *(('turn',) if self.symmetry else ()), *self.dimensions)
+
+    def split(self, parameters: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
+        """Return centre (2,), turn and dimensions of ``parameters``."""
+        if not self.symmetry:
+            return parameters[:2], 0.0, parameters[2:]
+        return parameters[:2], float(parameters[2]), parameters[3:]
+
+    def corners(self, parameters: np.ndarray) -> np.ndarray:
+        """Return the corners, shape (corners, 2)."""
+        centre, turn, dimensions = self.split(parameters)
+        return self.template @ dimensions @ _rotation(turn) + centre
+
+    def motions(self, parameters: np.ndarray) -> np.ndarray:
+        """Return d corners / d parameters, shape (parameters, corners, 2)."""
+        _, turn, dimensions = self.split(parameters)
+        rotation = _rotation(turn)
+        motions = np.zeros((len(self.parameters), len(self.template), 2))
+        motions[0, :, 0] = motions[1, :, 1] = 1
+        if self.symmetry:
+            motions[2] = self.template @ dimensions @ rotation @ [[0, 1], [-1, 0]]
+        for i in range(len(self.dimensions)):
+            motions[i - len(self.dimensions)] = self.template[:, :, i] @ rotation
+        return motions
+
+
+def outline_of(shape: Shape, hand: int = 1) -> Outline:
+    """Return the outline of one of the five shapes; ``hand`` (1 or -1, mirrored) is the right triangle's.
+
+    >>> outline_of(Shape.RECTANGLE).parameters
+    ('x', 'y', 'turn', 'long', 'short')
+    """
+    if shape is Shape.RIGHT_TRIANGLE and hand < 0:
+        return _MIRRORED
+    return OUTLINES[shape]
+
+
+def _rotation(turn: float) -> np.ndarray:
+    """For row vectors."""
+    cos, sin = np.cos(turn), np.sin(turn)
+    return np.array(((cos, sin), (-sin, cos)))
+
+
+def _template(*corners: tuple[tuple[float, ...], tuple[float, ...]]) -> np.ndarray:
+    """Of corners given as ((x by dimension), (y by dimension))."""
+    template = np.array(corners, float)
+    template.flags.writeable = False
+    return template
+
+
+def _circle() -> np.ndarray:
+    angle = np.arange(CIRCLE_CORNERS) * (2 * np.pi / CIRCLE_CORNERS)
+    same_area = np.sqrt(2 * np.pi / CIRCLE_CORNERS / np.sin(2 * np.pi / CIRCLE_CORNERS))
+    return _template(*(((same_area * np.cos(a),), (same_area * np.sin(a),)) for a in angle))
+
+
+OUTLINES = {
+    Shape.CIRCLE: Outline(('radius',), _circle(), 0),
+    Shape.SQUARE: Outline(('side',), _template(
+        ((-.5,), (-.5,)), ((.5,), (-.5,)), ((.5,), (.5,)), ((-.5,), (.5,))), 4),
+    Shape.RECTANGLE: Outline(('long', 'short'), _template(
+        ((-.5, 0), (0, -.5)), ((.5, 0), (0, -.5)), ((.5, 0), (0, .5)), ((-.5, 0), (0, .5))), 2),
+    Shape.RIGHT_TRIANGLE: Outline(('long_leg', 'short_leg'), _template(
+        ((-1 / 3, 0), (0, -1 / 3)), ((2 / 3, 0), (0, -1 / 3)), ((-1 / 3, 0), (0, 2 / 3))), 1),
+    Shape.ISOSCELES_TRIANGLE: Outline(('base', 'height'), _template(
+        ((-.5, 0), (0, -1 / 3)), ((.5, 0), (0, -1 / 3)), ((0, 0), (0, 2 / 3))), 1),
+}
+_MIRRORED = OUTLINES[Shape.RIGHT_TRIANGLE]._replace(template=_template(
+    ((-1 / 3, 0), (0, 1 / 3)), ((-1 / 3, 0), (0, -2 / 3)), ((2 / 3, 0), (0, 1 / 3))))
