@@ -5,7 +5,7 @@ import threading
 from contextlib import ExitStack
 
 from tactile_node.canbus.pads import make_pad
-from tactile_node.cli.interruption import interruption
+from tactile_node.interruption import interruption
 from tactile_node.cli.replay import summary
 from tactile_node.errors import ConfigurationError
 from tactile_node.simulator.skin_simulator import SkinSimulator
@@ -43,6 +43,7 @@ def run(args: argparse.Namespace) -> int:
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
+    from tactile_node.nodes.run import wait
     from tactile_node.nodes.spinning import spinning
     from tactile_node.nodes.system import make_system
     pads, node_ids = args.pads.split(','), _numbers('--node-id', args.node_id)
@@ -58,13 +59,10 @@ def run(args: argparse.Namespace) -> int:
         stack.callback(system.destroy)
         spinner = stack.enter_context(spinning(system.nodes))  # autostart may wait for other nodes' callbacks
         system.driver.autostart()
-        return _replay(system, spinner, asked) if args.replay else _wait(spinner, asked)
-
-
-def _wait(spinner, asked: threading.Event) -> int:
-    while not asked.wait(0.2):
-        spinner.check()
-    return 0
+        if args.replay:
+            return _replay(system, spinner, asked)
+        wait(spinner, asked)
+        return 0
 
 
 def _replay(system, spinner, asked: threading.Event) -> int:

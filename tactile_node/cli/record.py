@@ -5,7 +5,7 @@ import time
 
 from tactile_node.canbus.bus_network import open_bus
 from tactile_node.canbus.logs import CanLogWriter
-from tactile_node.cli.interruption import interruption
+from tactile_node.interruption import interruption
 from tactile_node.errors import BusError
 
 

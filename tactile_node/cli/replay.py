@@ -10,7 +10,7 @@ from tactile_node.canbus.layout_file import load_layout
 from tactile_node.canbus.log_source import LogSource
 from tactile_node.canbus.pads import PadSettings
 from tactile_node.canbus.router import BusStatistics
-from tactile_node.cli.interruption import interruption
+from tactile_node.interruption import interruption
 from tactile_node.errors import LogError
 
 

@@ -4,7 +4,7 @@ import argparse
 
 from tactile_node.canbus.bus_network import open_bus
 from tactile_node.canbus.pads import PadSettings, make_pad
-from tactile_node.cli.interruption import interruption
+from tactile_node.interruption import interruption
 from tactile_node.errors import ConfigurationError
 from tactile_node.simulator.device import TaxelSource
 from tactile_node.simulator.recording import SIDE, load_recording

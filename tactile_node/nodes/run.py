@@ -4,30 +4,39 @@ import sys
 from collections.abc import Callable
 
 import rclpy
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 
 from tactile_node.errors import TactileError
+from tactile_node.interruption import interruption
+from tactile_node.nodes.spinning import Spinner, spinning
 
 
 def run_node(make: Callable[[], Node], start: Callable[[Node], None] = lambda node: None) -> int:
-    """Spin the node that ``make`` returns, after ``start`` has been called on it.
+    """Spin the node that ``make`` returns until SIGINT or SIGTERM, after ``start`` has been called on it.
 
-    Returns the exit code: 0 after Ctrl-C or shutdown, 2 for a TactileError, whose sentence goes to stderr.
+    Signals are ours, not rclpy's, which invalidates the context under the executor's feet.
+    Returns the exit code: 0 when asked to end, 2 for a TactileError, whose sentence goes to stderr.
     """
-    rclpy.init()
-    try:
-        node = make()
+    with interruption() as asked:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         try:
-            start(node)
-            rclpy.spin(node)
+            node = make()
+            try:
+                with spinning([node]) as spinner:
+                    start(node)
+                    wait(spinner, asked)
+            finally:
+                node.destroy_node()
+        except TactileError as error:
+            print(f'{sys.argv[0].rsplit("/", 1)[-1]}: error: {error}', file=sys.stderr)
+            return 2
         finally:
-            node.destroy_node()
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except TactileError as error:
-        print(f'{sys.argv[0].rsplit("/", 1)[-1]}: error: {error}', file=sys.stderr)
-        return 2
-    finally:
-        rclpy.try_shutdown()
+            rclpy.try_shutdown()
     return 0
+
+
+def wait(spinner: Spinner, asked) -> None:
+    """Return when the event ``asked`` is set; raise what a callback has raised meanwhile."""
+    while not asked.wait(0.2):
+        spinner.check()
