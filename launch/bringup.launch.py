@@ -44,7 +44,7 @@ def bringup(context) -> list:
         given |= {'interface': 'slcan', 'channel': link}
     driver = driver_node(given, names)
     chain = [node for name in names for node in pad_nodes(given, name)]
-    return [*chain, *(simulated(given, link, driver) if simulate else [driver]), end_with(driver)]
+    return [*chain, *(simulated(given, link, driver) if simulate else [driver]), end_with(driver, 'the skin driver')]
 
 
 def driver_node(given: dict, names: list) -> Node:
@@ -76,13 +76,14 @@ def simulated(given: dict, link: str, driver: Node) -> list:
         if not started and b'Simulated skin' in event.text:
             started.append(True)
             return [driver]
-    return [skin, RegisterEventHandler(OnProcessIO(target_action=skin, on_stdout=when_ready))]
+    return [skin, RegisterEventHandler(OnProcessIO(target_action=skin, on_stdout=when_ready)),
+            end_with(skin, 'the simulated skin')]
 
 
-def end_with(driver: Node) -> RegisterEventHandler:
-    """Without its driver the rest has nothing to do."""
-    return RegisterEventHandler(OnProcessExit(target_action=driver, on_exit=[
-        EmitEvent(event=Shutdown(reason='the skin driver has ended'))]))
+def end_with(process, name: str) -> RegisterEventHandler:
+    """Without it the rest has nothing to do."""
+    return RegisterEventHandler(OnProcessExit(target_action=process, on_exit=[
+        EmitEvent(event=Shutdown(reason=f'{name} has ended'))]))
 
 
 def lossless(given: dict) -> dict:

@@ -17,3 +17,9 @@ def interruption() -> Iterator[threading.Event]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def ignore_interruptions() -> None:
+    """For the last moments of a process: a second Ctrl-C must not make a clean end look like a crash."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)

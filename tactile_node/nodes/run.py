@@ -8,7 +8,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from tactile_node.errors import TactileError
-from tactile_node.interruption import interruption
+from tactile_node.interruption import ignore_interruptions, interruption
 from tactile_node.nodes.spinning import Spinner, spinning
 
 
@@ -33,6 +33,7 @@ def run_node(make: Callable[[], Node], start: Callable[[Node], None] = lambda no
             return 2
         finally:
             rclpy.try_shutdown()
+            ignore_interruptions()
     return 0
 
 
