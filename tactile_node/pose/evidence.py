@@ -1,0 +1,83 @@
+"""Which taxels speak of a contact's outline: its own and those around it, without holes and invalid ones."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import ndimage
+
+from tactile_node.errors import InputError
+from tactile_node.pose.coverage import Window
+
+MARGIN = 2  #: taxels around the contact that are looked at
+
+
+class Evidence(NamedTuple):
+    """The part of a frame that a fit uses; arrays of shape (rows, cols) of the window."""
+
+    window: Window
+    values: np.ndarray  #: in units of ``level``; 0 where not used
+    used: np.ndarray    #: bool
+    solid: np.ndarray   #: >= 0, values with invalid taxels and holes of the contact filled: for moments
+    level: float        #: typical value of the contact, in the unit of the frame
+    on_off: bool        #: values are 0 and 1 only
+
+
+def gather(values: np.ndarray, mask: np.ndarray) -> Evidence:
+    """Return what ``values`` (NaN: invalid) say of the contact ``mask``, both (rows, cols).
+
+    ``values`` that are bool, or the numbers 0 and 1 only, are an on/off pattern. Raises InputError.
+    """
+    values, mask = _checked(values, mask)
+    window = _window(mask)
+    values, mask = values[window.slices], mask[window.slices]
+    valid = np.isfinite(values)
+    values = np.where(valid, values, 0.0)
+    near = _around(mask, MARGIN)
+    hole = _holes(mask)
+    used = valid & near
+    if hole is not None:
+        used &= ~(_around(hole, 1) & ~_around(_outside(mask, hole), 1))
+    of_contact = values[mask & valid]
+    level = float(np.median(of_contact)) if of_contact.size else 0.0
+    on_off = bool(((values == 0) | (values == 1)).all())
+    values = values / level if level > 0 else mask.astype(float)
+    solid = np.where(mask & ~valid, 1.0, values * (mask if on_off else _around(mask, 1)))
+    if hole is not None:
+        solid[hole] = 1.0
+    return Evidence(window, values, used, np.maximum(solid, 0), level, on_off)
+
+
+def _checked(values: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    values, mask = np.asarray(values), np.asarray(mask)
+    if values.ndim != 2 or values.shape != mask.shape or values.dtype.kind not in 'biuf':
+        raise InputError('frame and contact mask', expected='two arrays of real numbers of one shape (rows, cols)',
+                         got=f'{values.dtype} {values.shape} and {mask.shape}', remedy='Pass both of one frame.')
+    if not mask.any():
+        raise InputError('contact mask', expected='at least one taxel', got='none',
+                         remedy='Fit only where something touches the pad.')
+    return values.astype(float, copy=False), mask.astype(bool, copy=False)
+
+
+def _window(mask: np.ndarray) -> Window:
+    rows, cols = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+    row, col = max(rows[0] - MARGIN, 0), max(cols[0] - MARGIN, 0)
+    return Window(int(row), int(col), int(min(rows[-1] + MARGIN + 1, mask.shape[0]) - row),
+                  int(min(cols[-1] + MARGIN + 1, mask.shape[1]) - col))
+
+
+def _around(mask: np.ndarray, reach: int) -> np.ndarray:
+    """Dilate by a square."""
+    rows, cols = (np.abs(np.subtract.outer(np.arange(n), np.arange(n))) <= reach for n in mask.shape)
+    return rows.astype(np.float32) @ mask.astype(np.float32) @ cols.astype(np.float32) > 0.5
+
+
+def _holes(mask: np.ndarray) -> np.ndarray | None:
+    """Return what ``mask`` encloses, None for nothing (the usual case)."""
+    labels, count = ndimage.label(np.pad(~mask, 1, constant_values=True))
+    if count <= 1:
+        return None
+    return labels[1:-1, 1:-1] > 1
+
+
+def _outside(mask: np.ndarray, hole: np.ndarray) -> np.ndarray:
+    return ~mask & ~hole

@@ -1,0 +1,101 @@
+"""A first guess of pose and size from moments up to the fourth: closed forms, exact for whole shapes.
+
+A uniform triangle is an affine image of the equilateral one: after whitening, its third moment points to
+the corners. A rectangle's sides are sqrt(12 variance). The taxel's own square adds variance 1/12 and,
+in the fourth moment, -1/60.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.shape.recognition import Shape
+
+WHITE_CORNERS = np.sqrt(8)  #: from the centre of the equilateral triangle of variance 1 to its corners
+EQUALLY_GOOD = 0.15         #: other corners are tried when they fit nearly as well [radians, log of lengths]
+
+
+class Guess(NamedTuple):
+    """Where a fit may start."""
+
+    parameters: np.ndarray  #: of the shape's outline [pitches]
+    hand: int = 1
+
+
+class Moments(NamedTuple):
+    """Of weighted taxels; places as complex numbers x + iy."""
+
+    centre: complex
+    covariance: np.ndarray
+    weights: np.ndarray   #: sum to 1
+    offsets: np.ndarray   #: complex, from the centre
+
+
+def moments_of(x: np.ndarray, y: np.ndarray, weights: np.ndarray) -> Moments:
+    """``weights`` >= 0, not all 0; all of the same length."""
+    weights, place = weights / weights.sum(), x + 1j * y
+    centre = weights @ place
+    offsets = place - centre
+    xx, yy, xy = weights @ offsets.real**2, weights @ offsets.imag**2, weights @ (offsets.real * offsets.imag)
+    least = 0.05  # a line of taxels still has some width
+    covariance = np.array(((max(xx - 1 / 12, least), xy), (xy, max(yy - 1 / 12, least))))
+    return Moments(centre, covariance, weights, offsets)
+
+
+def guesses(shape: Shape, moments: Moments) -> list[Guess]:
+    """Return one or more starts for a fit of ``shape``, the likeliest first."""
+    x, y = moments.centre.real, moments.centre.imag
+    if shape is Shape.CIRCLE:
+        return [Guess(np.array((x, y, np.sqrt(2 * np.trace(moments.covariance)))))]
+    if shape is Shape.SQUARE:
+        fourth = moments.weights @ moments.offsets**4 + 1 / 60
+        return [Guess(np.array((x, y, np.angle(-fourth) / 4, np.sqrt(6 * np.trace(moments.covariance)))))]
+    if shape is Shape.RECTANGLE:
+        variance, axes = np.linalg.eigh(moments.covariance)
+        short, long = np.sqrt(12 * np.maximum(variance, 0.02))
+        return [Guess(np.array((x, y, np.arctan2(axes[1, 1], axes[0, 1]), long, short)))]
+    corners = _triangle(moments)
+    return (_right if shape is Shape.RIGHT_TRIANGLE else _isosceles)(corners)
+
+
+def _triangle(moments: Moments) -> np.ndarray:
+    """Return the corners (complex, in the sense from x to y) of the triangle of these moments."""
+    variance, axes = np.linalg.eigh(moments.covariance)
+    scale = np.sqrt(np.maximum(variance, 0.02))
+    if np.linalg.det(axes) < 0:
+        axes = axes * (1, -1)
+    places = np.stack((moments.offsets.real, moments.offsets.imag), 1) @ axes / scale
+    white = places @ (1, 1j)
+    angle = (np.angle(moments.weights @ white**3) + 2 * np.pi * np.arange(3)) / 3
+    corners = WHITE_CORNERS * np.column_stack((np.cos(angle), np.sin(angle))) * scale @ axes.T
+    return corners @ (1, 1j) + moments.centre
+
+
+def _right(corners: np.ndarray) -> list[Guess]:
+    following, preceding = np.roll(corners, -1) - corners, np.roll(corners, 1) - corners
+    angles = np.abs(np.angle(preceding / following))
+    return [_right_at(corners.mean(), following[i], preceding[i]) for i in _best(np.abs(angles - np.pi / 2))]
+
+
+def _right_at(centre: complex, following: complex, preceding: complex) -> Guess:
+    hand = 1 if abs(following) >= abs(preceding) else -1
+    long, short = (following, preceding) if hand > 0 else (preceding, following)
+    return Guess(np.array((centre.real, centre.imag, np.angle(long), abs(long), abs(short))), hand)
+
+
+def _isosceles(corners: np.ndarray) -> list[Guess]:
+    following, preceding = np.roll(corners, -1) - corners, np.roll(corners, 1) - corners
+    unequal = np.abs(np.log(np.abs(following) / np.abs(preceding)))
+    return [_isosceles_at(corners, i) for i in _best(unequal)]
+
+
+def _isosceles_at(corners: np.ndarray, apex: int) -> Guess:
+    centre = corners.mean()
+    up = corners[apex] - centre
+    base = abs(corners[(apex + 2) % 3] - corners[(apex + 1) % 3])
+    return Guess(np.array((centre.real, centre.imag, np.angle(up) - np.pi / 2, base, 1.5 * abs(up))))
+
+
+def _best(misfit: np.ndarray) -> list[int]:
+    order = np.argsort(misfit)
+    return [int(i) for i in order if misfit[i] <= misfit[order[0]] + EQUALLY_GOOD]

@@ -1,0 +1,86 @@
+"""What a skin shows of a contact: taxel values as a function of outline, pressure and blur.
+
+A pressure skin shows (level + tilt_x X + tilt_y Y) times the covered fraction of the taxel, blurred by the
+elastomer: a sampled Gaussian with taps proportional to spread^(k²), spread = exp(-1 / 2σ²). An on/off skin
+shows 1 where a taxel's centre is inside; over all sub-taxel shifts that is the covered fraction on average.
+"""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from tactile_node.pose.coverage import Window, coverage
+from tactile_node.pose.outlines import Outline
+
+
+class Prediction(NamedTuple):
+    """Taxel values by a model."""
+
+    values: np.ndarray    #: (rows * cols,)
+    jacobian: np.ndarray  #: (parameters, rows * cols)
+    rim: np.ndarray       #: (rows * cols,), covered * (1 - covered): how much of the outline crosses a taxel
+
+
+class Model(Protocol):
+    """Parameters are the outline's, then the model's own ``extras``."""
+
+    outline: Outline
+    start: np.ndarray      #: first values of the extras
+    precision: np.ndarray  #: 1 / variance of the extras beforehand, about ``start``
+
+    def predict(self, parameters: np.ndarray) -> Prediction: ...
+
+
+class PatternModel:
+    """On/off values."""
+
+    start = precision = np.empty(0)
+
+    def __init__(self, outline: Outline, window: Window):
+        self.outline, self._window = outline, window
+
+    def predict(self, parameters: np.ndarray) -> Prediction:
+        covered, change = coverage(self.outline.corners(parameters), self.outline.motions(parameters), self._window)
+        covered = covered.reshape(-1)
+        return Prediction(covered, change.reshape(len(change), -1), covered * (1 - covered))
+
+
+class PressureModel:
+    """Values in units of a typical pressure, so that ``level`` is about 1."""
+
+    TILT_SPREAD = 0.06    #: standard deviation expected of the tilt [relative rise a pitch]
+    BLUR_SPREAD = 0.15    #: and of the neighbour's share; 0.135 is a blur of half a pitch
+    start = np.array((1.0, 0.0, 0.0, 0.02))
+    precision = np.array((0.0, TILT_SPREAD**-2, TILT_SPREAD**-2, BLUR_SPREAD**-2))
+
+    def __init__(self, outline: Outline, window: Window, centre: np.ndarray):
+        self.outline, self._window = outline, window
+        self._x = window.col + np.arange(window.cols) - centre[0]
+        self._y = (window.row + np.arange(window.rows) - centre[1])[:, np.newaxis]
+        self._row_distance, self._col_distance = _distances(window.rows), _distances(window.cols)
+
+    def predict(self, parameters: np.ndarray) -> Prediction:
+        geometry, (level, tilt_x, tilt_y, spread) = parameters[:-4], parameters[-4:]
+        covered, change = coverage(self.outline.corners(geometry), self.outline.motions(geometry), self._window)
+        pressure = level + tilt_x * self._x + tilt_y * self._y
+        sharp = np.concatenate((change * pressure, (covered, covered * self._x, covered * self._y)))
+        rows, d_rows = _blur(spread, self._row_distance)
+        cols, d_cols = _blur(spread, self._col_distance)
+        blurred = rows @ sharp @ cols
+        contact = covered * pressure
+        d_spread = d_rows @ contact @ cols + rows @ contact @ d_cols
+        jacobian = np.concatenate((blurred, d_spread[np.newaxis])).reshape(len(parameters), -1)
+        covered = covered.reshape(-1)
+        return Prediction(parameters[-4:-1] @ jacobian[-4:-1], jacobian, covered * (1 - covered))
+
+
+def _distances(count: int) -> np.ndarray:
+    return np.minimum(np.abs(np.subtract.outer(np.arange(count), np.arange(count))), 3)
+
+
+def _blur(spread: float, distances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the (symmetric) matrix that blurs along one axis and its derivative by ``spread``."""
+    taps = np.array((1.0, spread, spread**4, 0.0))
+    d_taps = np.array((0.0, 1.0, 4 * spread**3, 0.0))
+    total, d_total = 1 + 2 * spread + 2 * spread**4, 2 + 8 * spread**3
+    return (taps / total)[distances], (d_taps / total - taps * (d_total / total**2))[distances]
