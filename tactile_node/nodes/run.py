@@ -18,6 +18,13 @@ def run_node(make: Callable[[], Node], start: Callable[[Node], None] = lambda no
     Signals are ours, not rclpy's, which invalidates the context under the executor's feet.
     Returns the exit code: 0 when asked to end, 2 for a TactileError, whose sentence goes to stderr.
     """
+    try:
+        return _run(make, start)
+    finally:
+        ignore_interruptions()
+
+
+def _run(make: Callable[[], Node], start: Callable[[Node], None]) -> int:
     with interruption() as asked:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         try:
@@ -33,7 +40,6 @@ def run_node(make: Callable[[], Node], start: Callable[[Node], None] = lambda no
             return 2
         finally:
             rclpy.try_shutdown()
-            ignore_interruptions()
     return 0
 
 
