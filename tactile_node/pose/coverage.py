@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-FAR = -1e6  #: left of everything
+FAR = -1e6    #: left of everything
+TINY = 1e-12  #: an edge along the lattice is tilted by so much
 
 
 class Window(NamedTuple):
@@ -28,39 +29,49 @@ def coverage(corners: np.ndarray, motions: np.ndarray, window: Window) -> tuple[
     within a taxel give d area = ∫ N · motion dt, and area = ∫ N_x (x - left) dt + the length of the taxel's
     right side within the polygon; that length is what all edges to the left have let in.
     """
-    start, stop = corners, np.roll(corners, -1, axis=0)
-    normal = (stop - start)[:, ::-1] * (1.0, -1.0)
-    before, after = _stretches(start, stop, window)
-    moved = np.concatenate(((motions * normal).sum(-1), (np.roll(motions, -1, axis=1) * normal).sum(-1)), axis=1)
-    normal_x = np.concatenate((normal[:, 0], normal[:, 0]))
-    start_stop_x = np.concatenate((start[:, 0], stop[:, 0]))
-    rows = np.concatenate(((normal_x * start_stop_x)[None], normal_x[None], moved))
-    flux = (rows @ np.concatenate((before, after)).reshape(2 * len(corners), -1)).reshape(
-        len(rows), window.rows, window.cols + 1)
+    edges = len(corners)
+    following = np.arange(1, edges + 1) % edges
+    stop = corners[following]
+    edge = stop - corners
+    normal = edge[:, ::-1] * (1.0, -1.0)
+    rows = np.empty((2 + len(motions), 2 * edges))
+    rows[1, :edges] = rows[1, edges:] = normal[:, 0]
+    rows[0, :edges], rows[0, edges:] = normal[:, 0] * corners[:, 0], normal[:, 0] * stop[:, 0]
+    by_corner = motions * normal
+    rows[2:, :edges] = by_corner[..., 0] + by_corner[..., 1]
+    by_corner = motions[:, following] * normal
+    rows[2:, edges:] = by_corner[..., 0] + by_corner[..., 1]
+    stretches = _stretches(corners, edge, window).reshape(2 * edges, -1)
+    flux = (rows @ stretches).reshape(len(rows), window.rows, window.cols + 1)
     left = window.col - 0.5 + np.arange(window.cols)
     right_side = -flux[1].cumsum(1)[:, 1:]
     return flux[0, :, 1:] - left * flux[1, :, 1:] + right_side, flux[2:, :, 1:]
 
 
-def _stretches(start: np.ndarray, stop: np.ndarray, window: Window) -> tuple[np.ndarray, np.ndarray]:
-    """Return ∫ (1 - t) dt and ∫ t dt of each edge within each taxel, shape (edges, rows, 1 + cols).
+def _stretches(start: np.ndarray, edge: np.ndarray, window: Window) -> np.ndarray:
+    """Return ∫ (1 - t) dt and ∫ t dt of each edge within each taxel, shape (2, edges, rows, 1 + cols).
 
     The first column is all that lies left of the window: a contact may be cut off by the pad's edge.
     """
-    edge = stop - start
-    edge = np.where(np.abs(edge) < 1e-12, 1e-12, edge)
-    x_lines = window.col - 1.5 + np.arange(window.cols + 2)
-    x_lines[0] = FAR
-    y_lines = window.row - 0.5 + np.arange(window.rows + 1)
-    x0, x1 = _between((x_lines - start[:, :1]) / edge[:, :1])
-    y0, y1 = _between((y_lines - start[:, 1:]) / edge[:, 1:])
-    t0 = np.maximum(x0[:, None, :], y0[:, :, None])
-    length = np.maximum(np.minimum(x1[:, None, :], y1[:, :, None]) - t0, 0)
-    after = length * (t0 + 0.5 * length)
-    return length - after, after
-
-
-def _between(crossings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return where an edge enters and leaves each strip between two neighbouring lines, within 0...1."""
-    clipped = np.minimum(np.maximum(crossings, 0), 1)
-    return (np.minimum(clipped[:, :-1], clipped[:, 1:]), np.maximum(clipped[:, :-1], clipped[:, 1:]))
+    edge = np.where(np.abs(edge) < TINY, TINY, edge)
+    lines = np.empty((len(start), window.cols + window.rows + 3))
+    x_lines, y_lines = lines[:, :window.cols + 2], lines[:, window.cols + 2:]
+    x_lines[:] = np.arange(window.col - 1.5, window.col + window.cols)
+    x_lines[:, 0] = FAR
+    y_lines[:] = np.arange(window.row - 0.5, window.row + window.rows)
+    x_lines -= start[:, :1]
+    x_lines /= edge[:, :1]
+    y_lines -= start[:, 1:]
+    y_lines /= edge[:, 1:]
+    np.minimum(np.maximum(lines, 0, out=lines), 1, out=lines)
+    enters = np.minimum(lines[:, :-1], lines[:, 1:])  # each strip between two lines; the one across is not used
+    leaves = np.maximum(lines[:, :-1], lines[:, 1:])
+    cols, rows = slice(window.cols + 1), slice(window.cols + 2, None)
+    begin = np.maximum(enters[:, None, cols], enters[:, rows, None])
+    length = np.minimum(leaves[:, None, cols], leaves[:, rows, None])
+    length -= begin
+    np.maximum(length, 0, out=length)
+    stretches = np.empty((2, *length.shape))
+    np.multiply(length, begin + 0.5 * length, out=stretches[1])
+    np.subtract(length, stretches[1], out=stretches[0])
+    return stretches

@@ -6,14 +6,14 @@ import numpy as np
 
 from tactile_node.pose.evidence import Evidence, gather
 from tactile_node.pose.first_guess import Guess, guesses, moments_of
-from tactile_node.pose.least_squares import Solution, minimise
+from tactile_node.pose.least_squares import Solution, evaluate, minimise
 from tactile_node.pose.noise import covariance_scale, weights_after
 from tactile_node.pose.outlines import OUTLINES, Outline, outline_of
 from tactile_node.pose.skin_model import Model, PatternModel, PressureModel
 from tactile_node.shape.recognition import Shape
 
-COARSE = 0.03  #: when the first pass stops [pitches]
-FINE = 0.003   #: and the second
+COARSE = 0.1  #: when the first pass stops [pitches]
+FINE = 0.02   #: and the second
 
 
 class ShapeFit(NamedTuple):
@@ -76,22 +76,20 @@ def _coarse(evidence: Evidence, shape: Shape, guess: Guess) -> tuple[Model, Solu
         model = PressureModel(outline, evidence.window, guess.parameters[:2])
     weights = 400.0 * evidence.used.reshape(-1)  # values are good to about 1/20
     start = np.concatenate((guess.parameters, model.start))
-    return model, minimise(model, start, evidence.values.reshape(-1), weights, tolerance=COARSE)
+    values = evidence.values.reshape(-1)
+    at = evaluate(model, start, model.predict(start), values, weights)
+    return model, minimise(model, at, values, weights, tolerance=COARSE, max_steps=10)
 
 
 def _fine(evidence: Evidence, model: Model, solution: Solution, shape: Shape) -> tuple[Solution, np.ndarray, float]:
     """Return the solution with weights by the noise found, the covariance of the outline and the residual."""
     values, used = evidence.values.reshape(-1), evidence.used.reshape(-1)
-    weights = weights_after(solution.prediction, values, used, evidence.on_off)
-    solution = minimise(model, solution.parameters, values, weights, tolerance=FINE, max_steps=6)
-    weights = weights_after(solution.prediction, values, used, evidence.on_off)
-    jacobian = solution.prediction.jacobian
-    information = (jacobian * weights) @ jacobian.T
-    extras = model.precision.size
-    if extras:
-        information[-extras:, -extras:] += np.diag(model.precision)
-    count = len(solution.parameters) - extras
-    covariance = np.linalg.inv(information)[:count, :count] * covariance_scale(shape, evidence.on_off)
+    for max_steps in (6, 0):  # the weights of the covariance are those of the last residuals
+        weights = weights_after(solution.prediction, values, used, evidence.on_off)
+        solution = evaluate(model, solution.parameters, solution.prediction, values, weights)
+        solution = minimise(model, solution, values, weights, tolerance=FINE, max_steps=max_steps)
+    count = len(model.outline.parameters)
+    covariance = np.linalg.inv(solution.information)[:count, :count] * covariance_scale(shape, evidence.on_off)
     residual = (values - solution.prediction.values)[used]
     return solution, covariance, float(np.sqrt(residual @ residual / max(len(residual), 1)))
 

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg.lapack import dposv
 
 from tactile_node.pose.skin_model import Model, Prediction
 
@@ -19,14 +20,17 @@ class Solution(NamedTuple):
     cost: float              #: weighted sum of squares, prior included
 
 
-def minimise(model: Model, parameters: np.ndarray, values: np.ndarray, weights: np.ndarray, *,
-             tolerance: float = 1e-3, max_steps: int = 12) -> Solution:
-    """Minimise sum weights (values - model)², starting at ``parameters``; stops below ``tolerance`` [pitches]."""
-    damping = 1e-3
-    best = _evaluate(model, parameters, values, weights)
+def minimise(model: Model, at: Solution, values: np.ndarray, weights: np.ndarray, *, tolerance: float,
+             max_steps: int) -> Solution:
+    """Minimise sum weights (values - model)² from ``at``; the last step is shorter than ``tolerance`` [pitches].
+
+    Steps converge quadratically: what is left then is of the order of ``tolerance`` squared.
+    """
+    damping, best = 1e-3, at
     for _ in range(max_steps):
         step = _step(model, best, values, weights, damping)
-        trial = _evaluate(model, _bounded(model, best.parameters + step), values, weights)
+        parameters = _bounded(model, best.parameters + step)
+        trial = evaluate(model, parameters, model.predict(parameters), values, weights)
         size = np.abs(trial.parameters - best.parameters).max()
         if trial.cost <= best.cost:
             best, damping = trial, damping / 10
@@ -37,24 +41,29 @@ def minimise(model: Model, parameters: np.ndarray, values: np.ndarray, weights: 
     return best
 
 
-def _evaluate(model: Model, parameters: np.ndarray, values: np.ndarray, weights: np.ndarray) -> Solution:
-    prediction = model.predict(parameters)
+def evaluate(model: Model, parameters: np.ndarray, prediction: Prediction, values: np.ndarray,
+             weights: np.ndarray) -> Solution:
+    """Return what ``weights`` make of ``prediction``, the model's at ``parameters``."""
     information = (prediction.jacobian * weights) @ prediction.jacobian.T
     residual = values - prediction.values
     cost = weights @ residual**2
-    if model.precision.size:
-        own = slice(-model.precision.size, None)
-        information[own, own] += np.diag(model.precision)
-        cost += model.precision @ (parameters[own] - model.start)**2
+    extras = model.precision.size
+    if extras:
+        information.reshape(-1)[::len(parameters) + 1][-extras:] += model.precision
+        cost += model.precision @ (parameters[-extras:] - model.start)**2
     return Solution(parameters, prediction, information, float(cost))
 
 
 def _step(model: Model, at: Solution, values: np.ndarray, weights: np.ndarray, damping: float) -> np.ndarray:
     slope = at.prediction.jacobian @ (weights * (values - at.prediction.values))
-    if model.precision.size:
-        slope[-model.precision.size:] += model.precision * (model.start - at.parameters[-model.precision.size:])
-    damped = at.information + np.diag(damping * np.diag(at.information) + 1e-9)
-    step = np.linalg.solve(damped, slope)
+    extras = model.precision.size
+    if extras:
+        slope[-extras:] += model.precision * (model.start - at.parameters[-extras:])
+    damped = at.information.copy()
+    diagonal = damped.reshape(-1)[::len(slope) + 1]
+    diagonal *= 1 + damping
+    diagonal += 1e-9
+    step = dposv(damped, slope)[1]
     return step * min(1.0, MAX_STEP / max(np.abs(step).max(), 1e-12))
 
 

@@ -6,7 +6,7 @@ from tactile_node.pose.skin_model import Prediction
 from tactile_node.shape.recognition import Shape
 
 SMALLEST_NOISE = 0.002  #: of a value [fraction of level]: no skin is better
-RIM_NOISE = 0.012       #: of a taxel at the rim beforehand: what the model leaves out
+RIM_NOISE = 0.018       #: of a taxel at the rim beforehand: what the model leaves out
 RIM_COUNT = 20          #: worth of that belief [taxels]
 OUTLIER = 3.0           #: beyond so many standard deviations a taxel loses weight (Huber)
 PATTERN_NOISE = 0.02    #: least variance of an on/off taxel
@@ -19,7 +19,7 @@ def weights_after(prediction: Prediction, values: np.ndarray, used: np.ndarray, 
     residual = np.abs(values - prediction.values)
     at_rim = prediction.rim > 1e-6
     flat = residual[used & ~at_rim]
-    noise = max(SMALLEST_NOISE, 1.4826 * float(np.median(flat)) if flat.size else 0.0) ** 2
+    noise = max(SMALLEST_NOISE, 1.4826 * float(np.partition(flat, flat.size // 2)[flat.size // 2]) if flat.size else 0.0) ** 2
     rim = residual[used & at_rim]
     own = max(rim @ rim - noise * rim.size, 0.0)
     rim_noise = (RIM_COUNT * RIM_NOISE**2 + own) / (RIM_COUNT + rim.size)

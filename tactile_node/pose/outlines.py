@@ -36,17 +36,17 @@ class Outline(NamedTuple):
         centre, turn, dimensions = self.split(parameters)
         return self.template @ dimensions @ _rotation(turn) + centre
 
-    def motions(self, parameters: np.ndarray) -> np.ndarray:
-        """Return d corners / d parameters, shape (parameters, corners, 2)."""
-        _, turn, dimensions = self.split(parameters)
-        rotation = _rotation(turn)
-        motions = np.zeros((len(self.parameters), len(self.template), 2))
+    def moving(self, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the corners and d corners / d parameters, shape (parameters, corners, 2)."""
+        centre, turn, dimensions = self.split(parameters)
+        motions = np.zeros((len(parameters), len(self.template), 2))
         motions[0, :, 0] = motions[1, :, 1] = 1
+        by_dimension = motions[-len(dimensions):]
+        np.matmul(self.template.transpose(2, 0, 1), _rotation(turn), out=by_dimension)
+        arms = sum(by_dimension[i] * dimension for i, dimension in enumerate(dimensions))
         if self.symmetry:
-            motions[2] = self.template @ dimensions @ rotation @ [[0, 1], [-1, 0]]
-        for i in range(len(self.dimensions)):
-            motions[i - len(self.dimensions)] = self.template[:, :, i] @ rotation
-        return motions
+            motions[2, :, 0], motions[2, :, 1] = -arms[:, 1], arms[:, 0]
+        return arms + centre, motions
 
 
 def outline_of(shape: Shape, hand: int = 1) -> Outline:

@@ -40,7 +40,7 @@ class PatternModel:
         self.outline, self._window = outline, window
 
     def predict(self, parameters: np.ndarray) -> Prediction:
-        covered, change = coverage(self.outline.corners(parameters), self.outline.motions(parameters), self._window)
+        covered, change = coverage(*self.outline.moving(parameters), self._window)
         covered = covered.reshape(-1)
         return Prediction(covered, change.reshape(len(change), -1), covered * (1 - covered))
 
@@ -61,26 +61,33 @@ class PressureModel:
 
     def predict(self, parameters: np.ndarray) -> Prediction:
         geometry, (level, tilt_x, tilt_y, spread) = parameters[:-4], parameters[-4:]
-        covered, change = coverage(self.outline.corners(geometry), self.outline.motions(geometry), self._window)
+        covered, change = coverage(*self.outline.moving(geometry), self._window)
         pressure = level + tilt_x * self._x + tilt_y * self._y
-        sharp = np.concatenate((change * pressure, (covered, covered * self._x, covered * self._y)))
-        rows, d_rows = _blur(spread, self._row_distance)
-        cols, d_cols = _blur(spread, self._col_distance)
-        blurred = rows @ sharp @ cols
-        contact = covered * pressure
-        d_spread = d_rows @ contact @ cols + rows @ contact @ d_cols
-        jacobian = np.concatenate((blurred, d_spread[np.newaxis])).reshape(len(parameters), -1)
-        covered = covered.reshape(-1)
+        count = len(parameters)
+        sharp = np.empty((count, *covered.shape))
+        np.multiply(change, pressure, out=sharp[:-4])
+        sharp[-4] = covered
+        np.multiply(covered, self._x, out=sharp[-3])
+        np.multiply(covered, self._y, out=sharp[-2])
+        np.multiply(covered, pressure, out=sharp[-1])
+        taps, d_taps = _taps(spread)
+        rows, cols, d_rows = taps[self._row_distance], taps[self._col_distance], d_taps[self._row_distance]
+        jacobian = sharp @ cols
+        contact = d_rows @ jacobian[-1] + rows @ (sharp[-1] @ d_taps[self._col_distance])
+        jacobian = rows @ jacobian
+        jacobian[-1] = contact
+        jacobian, covered = jacobian.reshape(count, -1), covered.reshape(-1)
         return Prediction(parameters[-4:-1] @ jacobian[-4:-1], jacobian, covered * (1 - covered))
 
 
 def _distances(count: int) -> np.ndarray:
-    return np.minimum(np.abs(np.subtract.outer(np.arange(count), np.arange(count))), 3)
+    place = np.arange(count)
+    return np.minimum(np.abs(place[:, np.newaxis] - place), 3)
 
 
-def _blur(spread: float, distances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the (symmetric) matrix that blurs along one axis and its derivative by ``spread``."""
+def _taps(spread: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return a blurring kernel at the distances 0, 1, 2, more and its derivative by ``spread``."""
     taps = np.array((1.0, spread, spread**4, 0.0))
     d_taps = np.array((0.0, 1.0, 4 * spread**3, 0.0))
     total, d_total = 1 + 2 * spread + 2 * spread**4, 2 + 8 * spread**3
-    return (taps / total)[distances], (d_taps / total - taps * (d_total / total**2))[distances]
+    return taps / total, d_taps / total - taps * (d_total / total**2)
