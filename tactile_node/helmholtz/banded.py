@@ -22,16 +22,20 @@ class Banded(NamedTuple):
         return cls(band, sizes, np.concatenate(([0], np.cumsum(sizes))))
 
     def part(self, chosen: slice) -> 'Banded':
-        start, sizes = self.start[:-1][chosen], self.sizes[chosen]
-        return Banded.of(self.band[start[0]:start[-1] + sizes[-1]], sizes)
+        return Banded.of(self.band[self.rows(chosen)], self.sizes[chosen])
 
     def where(self, keep: np.ndarray) -> 'Banded':
         return self if keep.all() else Banded.of(self.band[np.repeat(keep, self.sizes)], self.sizes[keep])
 
-    def factorised(self, shift: np.ndarray) -> tuple['Banded', np.ndarray]:
+    def rows(self, chosen: slice) -> slice:
+        """Rows of ``band`` that hold the matrices ``chosen``."""
+        first, last, _ = chosen.indices(len(self.sizes))
+        return slice(self.start[first], self.start[last])
+
+    def factorised(self, shift: np.ndarray, certain: np.ndarray) -> tuple['Banded', np.ndarray]:
         """Cholesky factors of A - shift, and the shifts: each is certainly below the smallest eigenvalue.
 
-        Where the one asked for is not, it is 0 instead.
+        Where the one asked for is not, a little less than the lower bound known to be ``certain`` is taken.
         """
         while True:
             band = self.band.copy()
@@ -40,7 +44,8 @@ class Banded(NamedTuple):
             if failed == 0:
                 return Banded(factor.T, self.sizes, self.start), shift
             shift = shift.copy()
-            shift[np.searchsorted(self.start, failed - 1, 'right') - 1] = 0.0
+            wrong = np.searchsorted(self.start, failed - 1, 'right') - 1
+            shift[wrong] = min(certain[wrong] * (1 - 1e-9), shift[wrong] / 2)
 
     def solved(self, right: np.ndarray) -> np.ndarray:
         """Solution of L Lᵀ x = right, of the factors L held here."""
@@ -52,6 +57,10 @@ class Banded(NamedTuple):
 
     def sums(self, x: np.ndarray) -> np.ndarray:
         return np.add.reduceat(x, self.start[:-1])
+
+    def least(self, x: np.ndarray) -> np.ndarray:
+        """Least element of each matrix's share of the vector ``x``."""
+        return np.minimum.reduceat(x, self.start[:-1])
 
     def spread(self, each: np.ndarray) -> np.ndarray:
         """One value a matrix -> one a row."""

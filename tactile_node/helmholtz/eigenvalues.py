@@ -1,13 +1,17 @@
 """Section 3: Λ, the smallest eigenvalue of A, of many patterns at once.
 
-The connected parts of all patterns are laid along the diagonal of one banded matrix and solved together:
-inverse iteration from a positive vector (the ground state of an M-matrix is never orthogonal to it), each
-part shifted to just below its own Rayleigh quotient. An iterate x, ‖x‖ = 1, with residual
-r = A x - θ x has an eigenvalue within ‖r‖ of θ; it is accepted at 2e-10 θ. What does not get there in time
-(nearly equal eigenvalues of weakly joined parts) goes to a dense solver.
+The connected parts of all patterns are laid along the diagonal of one banded matrix and solved together by
+inverse iteration from a positive vector, which in an M-matrix stays positive and so finds the ground state.
+Each round gives certain bounds of every Λ:
 
-Where only the extremes over the turns are asked for, patterns that cannot be extreme are left out early:
-Cholesky's success certifies that Λ is above the shift, and the Rayleigh quotient is never below Λ.
+- from above the Rayleigh quotient θ of the iterate;
+- from below, as (A - s) x = x' with x, x' > 0 entails Λ >= s + min x'_i / x_i (Collatz-Wielandt); and any s
+  for which A - s has a Cholesky factor.
+
+An iterate x, ‖x‖ = 1, has an eigenvalue within ‖A x - θ x‖ of θ; it is accepted at 2e-10 θ. Otherwise the
+next round shifts to just below θ. Where only the extremes over the turns are asked for, what cannot be extreme
+by these bounds is left out, most of it after the first round. What does not converge in time (nearly equal
+eigenvalues of weakly joined parts) goes to a dense solver.
 """
 
 from typing import NamedTuple
@@ -20,15 +24,14 @@ from tactile_node.helmholtz.operators import WEIGHTS, Stencil
 from tactile_node.helmholtz.taxel_list import TaxelList
 
 TOLERANCE = 2e-10  #: of the residual, relative to the eigenvalue
-SOLVES = (4, 6, 3, 2, 2, 2, 2)  #: inverse iterations with each shift; the last is the last attempt
+SOLVES = (3, 4, 4, 3, 2, 2, 2)  #: inverse iterations of each round
 MARGIN = 1.2  #: of the shift below the Rayleigh quotient, in residuals
 GUESS = 0.7 * np.pi * 2.404825557695773 ** 2  #: first shift times area; a disc has the least (Faber-Krahn)
+BELOW = 0.02  #: how far the first shift stays below the least row sum, which is a lower bound itself
 COLUMNS = 5_000  #: taxels treated together, to stay within the processor's cache
 
-_PLANE = np.zeros((3, 3, 3), bool)  # nothing joins one pattern to the next
-_NEIGHBOURS = {Stencil.FIVE: _PLANE.copy(), Stencil.NINE: _PLANE.copy()}
-_NEIGHBOURS[Stencil.FIVE][1] = [[0, 1, 0], [1, 1, 1], [0, 1, 0]]
-_NEIGHBOURS[Stencil.NINE][1] = True
+_NEIGHBOURS = {Stencil.FIVE: ndimage.generate_binary_structure(2, 1),
+               Stencil.NINE: ndimage.generate_binary_structure(2, 2)}
 
 
 class Problem(NamedTuple):
@@ -42,17 +45,16 @@ def smallest_eigenvalues(problems: list[Problem], extremes_from: int | None = No
     """Return Λ of each of the patterns of each problem, shape (K,); NaN for an empty one.
 
     With ``extremes_from`` f, the patterns from f on are there for their least and greatest Λ only: NaN
-    for those that are neither. Problems of like size are solved fastest together.
+    for those that are neither.
     """
     parts = [_connected(problem) for problem in problems]
     counts = [len(problem.taxels.counts) for problem in problems]
     first = np.cumsum([0, *counts])
     owner = np.concatenate([part.pattern + offset for part, offset in zip(parts, first)])
     contest = np.concatenate([_contest(count, i, extremes_from) for i, count in enumerate(counts)])
-    matrices, found = _banded(parts), np.full(first[-1], np.nan)
-    for chunk in _chunks(matrices.sizes, owner):
-        patterns, own = np.unique(owner[chunk], return_inverse=True)
-        found[patterns] = _solve(matrices.part(chunk), own, contest[patterns])
+    some, owner = np.unique(owner, return_inverse=True)
+    found = np.full(first[-1], np.nan)
+    found[some] = _solve(_banded(parts), np.concatenate([part.least for part in parts]), owner, contest[some])
     return np.split(found, first[1:-1])
 
 
@@ -61,6 +63,7 @@ class Parts(NamedTuple):
 
     sizes: np.ndarray     #: taxels of each part
     pattern: np.ndarray   #: which pattern each part belongs to, rising
+    least: np.ndarray     #: least row sum of each part, a lower bound of its Λ
     column: np.ndarray    #: of each entry of A below the diagonal, taxels numbered part by part
     distance: np.ndarray  #: of each entry from the diagonal
     values: np.ndarray    #: the entries
@@ -71,9 +74,12 @@ def _connected(problem: Problem) -> Parts:
     taxels, weights = problem.taxels, WEIGHTS[problem.stencil]
     active = np.zeros(taxels.shape, bool)
     active.reshape(-1)[taxels.site] = True
-    label = ndimage.label(active, _NEIGHBOURS[problem.stencil])[0].reshape(-1)[taxels.site]
+    # One below the other: the ring around each keeps the patterns apart.
+    stacked = active.reshape(-1, taxels.shape[2])
+    label = ndimage.label(stacked, _NEIGHBOURS[problem.stencil])[0].reshape(-1)[taxels.site]
     order = np.argsort(label, kind='stable')
     sizes = np.bincount(label, minlength=1)[1:]
+    start = np.cumsum(sizes) - sizes
     place = np.empty(taxels.total, np.intp)
     place[order] = np.arange(taxels.total)
     later, earlier, is_edge = taxels.neighbour_pairs()
@@ -81,8 +87,11 @@ def _connected(problem: Problem) -> Parts:
         later, earlier, is_edge = later[is_edge], earlier[is_edge], True
     values = np.where(is_edge, weights.edge / weights.denominator, weights.corner / weights.denominator)
     column = place[earlier]
-    pattern = np.searchsorted(taxels.start, order[np.cumsum(sizes) - sizes], 'right') - 1
-    return Parts(sizes, pattern, column, place[later] - column, values, weights.centre / weights.denominator)
+    pattern = np.searchsorted(taxels.start, order[start], 'right') - 1
+    sums = taxels.row_sums(weights)[order] / weights.denominator
+    least = np.minimum.reduceat(sums, start) if len(sizes) else sums
+    return Parts(sizes, pattern, least, column, place[later] - column, values,
+                 weights.centre / weights.denominator)
 
 
 def _contest(count: int, problem: int, extremes_from: int | None) -> np.ndarray:
@@ -102,50 +111,51 @@ def _banded(parts: list[Parts]) -> Banded:
     return Banded.of(band, sizes)
 
 
-def _chunks(sizes: np.ndarray, owner: np.ndarray) -> list[slice]:
-    """Cut a row of parts into slices of about COLUMNS columns each, never within a pattern."""
-    block = (np.cumsum(sizes) // COLUMNS)[np.searchsorted(owner, owner)]
-    cuts = np.flatnonzero(np.diff(block, prepend=-1))
-    return [slice(a, b) for a, b in zip(cuts, [*cuts[1:], len(sizes)])]
-
-
-def _solve(matrices: Banded, owner: np.ndarray, contest: np.ndarray) -> np.ndarray:
+def _solve(matrices: Banded, least: np.ndarray, owner: np.ndarray, contest: np.ndarray) -> np.ndarray:
     """Λ of each pattern (of len(contest)); ``owner``: which pattern each matrix belongs to."""
     left, pending, x = matrices, np.arange(len(owner)), np.ones(len(matrices.band))
-    shift = np.where(matrices.sizes < 9, 0, GUESS / (np.sqrt(matrices.sizes) + 1) ** 2)
     low, high = np.zeros(len(owner)), np.full(len(owner), np.inf)
+    shift = np.maximum(least - BELOW, np.where(left.sizes < 9, 0, GUESS / (np.sqrt(left.sizes) + 1) ** 2))
     for solves in SOLVES:
-        factor, shift = left.factorised(shift)
-        low[pending] = np.maximum(low[pending], shift)
-        keep = _needed(low, high, owner, contest)[pending]
-        x, pending, shift = x[left.spread(keep)], pending[keep], shift[keep]
-        left, factor = left.where(keep), factor.where(keep)
         if not len(pending):
             break
-        value, residual, x = _iterate(factor, shift, x, solves)
-        keep, high[pending] = residual > TOLERANCE * value, value
-        low[pending[~keep]] = value[~keep]
-        x, pending, left = x[left.spread(keep)], pending[keep], left.where(keep)
-        shift = (value - MARGIN * residual)[keep]
-        if not len(pending):
-            break
+        below, value, residual, x = _round(left, shift, low[pending], x, solves)
+        done = residual <= TOLERANCE * value
+        low[pending] = np.where(done, value, np.maximum(low[pending], below))
+        high[pending] = value
+        keep = ~done & _needed(low, high, owner, contest)[pending]
+        x, left, pending = x[left.spread(keep)], left.where(keep), pending[keep]
+        shift = np.maximum(low[pending], (value - MARGIN * residual)[keep])
     for hard in pending:
         low[hard] = high[hard] = np.linalg.eigvalsh(matrices.dense(hard), UPLO='L')[0]
     return _decided(low, high, owner, contest)
 
 
-def _iterate(factor: Banded, shift: np.ndarray, x: np.ndarray, solves: int):
-    """Return Rayleigh quotients, residual norms (both of shape (K,)) and iterates after some solves."""
+def _round(matrices: Banded, shift, low, x, solves: int) -> list[np.ndarray]:
+    """Lower bounds, Rayleigh quotients, residual norms, each of shape (K,), and iterates after some solves."""
+    return [np.concatenate(column) for column in zip(*(
+        _iterate(*matrices.part(chunk).factorised(shift[chunk], low[chunk]), x[matrices.rows(chunk)], solves)
+        for chunk in _chunks(matrices.sizes)))]
+
+
+def _chunks(sizes: np.ndarray) -> list[slice]:
+    """Cut a row of matrices into slices of about COLUMNS columns each."""
+    cuts = np.flatnonzero(np.diff(np.cumsum(sizes) // COLUMNS, prepend=-1))
+    return [slice(a, b) for a, b in zip(cuts, [*cuts[1:], len(sizes)])]
+
+
+def _iterate(factor: Banded, shift: np.ndarray, x: np.ndarray, solves: int) -> tuple[np.ndarray, ...]:
     for _ in range(solves - 1):
         x = factor.solved(x)
     previous = x * factor.spread(1 / factor.norms(x))
     x = factor.solved(previous)
+    below = shift + factor.least(previous / x)
     scale = factor.spread(1 / factor.norms(x))
     x *= scale
     previous *= scale
     # (A - shift) x = previous, scaled: neither the quotient nor the residual needs a product with A.
     excess = factor.sums(x * previous)
-    return shift + excess, factor.norms(previous - factor.spread(excess) * x), x
+    return below, shift + excess, factor.norms(previous - factor.spread(excess) * x), x
 
 
 def _needed(low: np.ndarray, high: np.ndarray, owner: np.ndarray, contest: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ from tactile_node.helmholtz.gravity import gravity
 from tactile_node.helmholtz.information import information
 from tactile_node.helmholtz.operators import WEIGHTS, Stencil
 from tactile_node.helmholtz.rotation import ANGLES, turned_patterns, with_turned
-from tactile_node.helmholtz.taxel_list import TaxelList, taxel_list
+from tactile_node.helmholtz.taxel_list import TaxelList, ringed_taxel_list, taxel_list
 
 
 class Group(Flag):
@@ -80,7 +80,8 @@ def compute_features(mask: np.ndarray, groups: Group = Group.ALL) -> Features:
     """
     _check(mask)
     turn = groups & Group.TURNED and mask.any()
-    stack = _described(with_turned(mask) if turn else mask[np.newaxis], groups, 1 if turn else None)
+    taxels = ringed_taxel_list(with_turned(mask)) if turn else taxel_list(mask[np.newaxis])
+    stack = _described(taxels, groups, 1 if turn else None)
     values = {name: value[0].item() for name, value in stack.items()}
     turned = _extremes(stack, 1 if turn else 0) if groups & Group.TURNED else {}
     return Features(MappingProxyType(values), MappingProxyType(turned))
@@ -89,7 +90,7 @@ def compute_features(mask: np.ndarray, groups: Group = Group.ALL) -> Features:
 def features_at_angles(mask: np.ndarray, groups: Group = Group.ALL) -> dict[str, np.ndarray]:
     """Return every feature at each of ANGLES, shape (46,); ``mask`` must have an active taxel."""
     _check(mask)
-    return _described(turned_patterns(mask), groups)
+    return _described(taxel_list(turned_patterns(mask)), groups)
 
 
 def _check(mask: np.ndarray) -> None:
@@ -99,12 +100,11 @@ def _check(mask: np.ndarray) -> None:
                          remedy='Extract the contact pattern first (tactile_node.contact).')
 
 
-def _described(masks: np.ndarray, groups: Group, extremes_from: int | None = None) -> dict[str, np.ndarray]:
-    """Features of each of the patterns ``masks``, shape (K, rows, cols), as arrays of shape (K,).
+def _described(taxels: TaxelList, groups: Group, extremes_from: int | None = None) -> dict[str, np.ndarray]:
+    """Features of each of the K patterns of ``taxels``, as arrays of shape (K,).
 
     Eigenvalues from pattern ``extremes_from`` on are NaN where they are neither smallest nor greatest.
     """
-    taxels = taxel_list(masks)
     found = {'N': taxels.counts}
     for k in Stencil:
         found[f'P0{k}'] = taxels.per_pattern(taxels.row_sums(WEIGHTS[k]) != 0)
@@ -113,7 +113,7 @@ def _described(masks: np.ndarray, groups: Group, extremes_from: int | None = Non
         reduced = {f'_border{k}': taxel_list(taxels.border(WEIGHTS[k])) for k in Stencil}
     eigenvalues = {}
     if groups & Group.EIGENVALUES:
-        eigenvalues = _eigenvalues(whole, extremes_from) | _eigenvalues(reduced, extremes_from)
+        eigenvalues = _eigenvalues(whole | reduced, extremes_from)
     for suffix, chosen in (whole | reduced).items():
         for k in Stencil:
             if groups & Group.EIGENVALUES:
@@ -127,7 +127,7 @@ def _described(masks: np.ndarray, groups: Group, extremes_from: int | None = Non
 
 def _eigenvalues(lists: dict[str, TaxelList], extremes_from) -> dict[tuple[str, Stencil], np.ndarray]:
     problems = {(suffix, k): Problem(taxels, k) for suffix, taxels in lists.items() for k in Stencil}
-    return dict(zip(problems, smallest_eigenvalues(list(problems.values()), extremes_from))) if lists else {}
+    return dict(zip(problems, smallest_eigenvalues(list(problems.values()), extremes_from)))
 
 
 def _named(pattern: str, found: tuple, k: Stencil, suffix: str) -> dict[str, np.ndarray]:

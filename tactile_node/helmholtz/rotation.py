@@ -7,6 +7,8 @@ Everything is computed in coordinates of the pattern's own bounding box: where i
 no bit.
 """
 
+import math
+
 import numpy as np
 
 FINE = 5  #: fine steps to a pitch
@@ -20,16 +22,18 @@ def turned_patterns(mask: np.ndarray) -> np.ndarray:
 
     ``mask`` must have an active taxel. The stack has room for every angle.
     """
-    return fill_holes(rotated(mask)[0])
+    return with_turned(mask)[1:, 1:-1, 1:-1]
 
 
 def with_turned(mask: np.ndarray) -> np.ndarray:
-    """Return the pattern as it is, followed by its turned patterns; bool, shape (47, rows, cols)."""
-    turned, (row, col) = rotated(mask)
-    stack = np.zeros((len(ANGLES) + 1, *turned.shape[1:]), bool)
+    """Return the pattern as it is, followed by its turned patterns; bool, shape (47, rows, cols).
+
+    A ring of inactive taxels surrounds each.
+    """
     original = _cropped(mask)
+    stack, (row, col) = rotated(original)
+    fill_holes(stack)
     stack[0, row:row + original.shape[0], col:col + original.shape[1]] = original
-    stack[1:] = fill_holes(turned)
     return stack
 
 
@@ -41,10 +45,11 @@ def fine_lattice(mask: np.ndarray) -> np.ndarray:
     >>> int(fine_lattice(np.array([[True, False], [True, True]])).sum())
     21
     """
-    padded = np.pad(mask, ((0, 1), (0, 1))).astype(np.uint8)
-    block = padded[:-1, :-1] + 2 * padded[:-1, 1:] + 4 * padded[1:, :-1] + 8 * padded[1:, 1:]
-    cells = _BLOCK_POINTS[block]  # (rows, cols, 6, 6): the block's points, shared edges included
     rows, cols = mask.shape
+    block = np.zeros((rows + 1, cols + 1), np.uint8)
+    for bit, (down, right) in enumerate(((0, 0), (0, 1), (1, 0), (1, 1))):
+        block[1 - down:rows + 1 - down, 1 - right:cols + 1 - right] += mask.view(np.uint8) << np.uint8(bit)
+    cells = _BLOCK_POINTS[block[1:, 1:]]  # (rows, cols, 6, 6): the block's points, shared edges included
     fine = cells[:, :, :FINE, :FINE].transpose(0, 2, 1, 3).reshape(FINE * rows, FINE * cols)
     fine[:, FINE::FINE] |= cells[:, :-1, :FINE, FINE].transpose(0, 2, 1).reshape(FINE * rows, cols - 1)
     fine[FINE::FINE] |= cells[:-1, :, FINE, :FINE].reshape(rows - 1, FINE * cols)
@@ -52,39 +57,41 @@ def fine_lattice(mask: np.ndarray) -> np.ndarray:
 
 
 def rotated(mask: np.ndarray) -> tuple[np.ndarray, tuple[int, int]]:
-    """Return the decimated patterns at ANGLES before the hole rules; bool, shape (46, rows, cols).
+    """Return the decimated patterns at ANGLES before the hole rules; bool, shape (47, rows, cols).
 
-    Beside it, where in them the bounding box of ``mask`` begins (row, col).
+    The first is left empty, and a ring of inactive taxels surrounds each. Beside it, where in them
+    ``mask``, cropped to its active taxels, begins (row, col).
 
     Instead of turning every point forward, each taxel site is turned back: only the four fine points
     around the place it comes from can round onto it, and each of those is tried forward.
     """
-    mask = _cropped(mask)
     rows, cols = np.nonzero(mask)
     centre = FINE * np.array([cols.sum(), rows.sum()]) / len(rows)
     # Fictive points lie between real ones; rounding moves a point by less than 1.
-    radius = FINE * np.hypot(cols - centre[0] / FINE, rows - centre[1] / FINE).max() + 1.0
+    radius = FINE * math.sqrt(((cols - centre[0] / FINE) ** 2 + (rows - centre[1] / FINE) ** 2).max()) + 1.0
     sites, first = _sites_within(centre, radius)
-    col, row = sites // FINE - first[:, np.newaxis]
-    wide, high = col.max() + 1, row.max() + 1
-    stack = np.zeros((len(ANGLES), high * wide), bool)
-    stack[:, row * wide + col] = _reached(fine_lattice(mask), sites - centre[:, np.newaxis], centre, radius)
-    return stack.reshape(len(ANGLES), high, wide), (-first[1], -first[0])
+    col, row = sites // FINE - first[:, np.newaxis] + 1
+    wide, high = int(col.max()) + 2, int(row.max()) + 2
+    stack = np.zeros((len(ANGLES) + 1, high, wide), bool)
+    place = np.arange(1, len(ANGLES) + 1)[:, np.newaxis] * (high * wide) + (row * wide + col)
+    reached = _reached(fine_lattice(mask), sites - centre[:, np.newaxis], centre, radius)
+    stack.reshape(-1)[place.reshape(-1)[reached]] = True
+    return stack, (1 - int(first[1]), 1 - int(first[0]))
 
 
-def fill_holes(stack: np.ndarray) -> np.ndarray:
-    """Fill sensor-space-sensor along y, then along x, then along either diagonal.
+def fill_holes(stack: np.ndarray) -> None:
+    """Fill sensor-space-sensor along y, then along x, then along either diagonal, in place.
 
-    Each rule reads what the rule before it left. ``stack``, bool, shape (..., rows, cols), is not changed.
+    Each rule reads what the rule before it left. ``stack``: bool, shape (K, rows, cols), contiguous, a ring
+    of inactive taxels around each pattern.
     """
-    filled = stack.copy()
-    filled[..., 1:-1, :] |= stack[..., :-2, :] & stack[..., 2:, :]
-    before = filled.copy()
-    filled[..., 1:-1] |= before[..., :-2] & before[..., 2:]
-    before = filled.copy()
-    filled[..., 1:-1, 1:-1] |= before[..., :-2, :-2] & before[..., 2:, 2:]
-    filled[..., 1:-1, 1:-1] |= before[..., :-2, 2:] & before[..., 2:, :-2]
-    return filled
+    # The ring lets one flat shift stand for a neighbour: of the two sites on either side of a taxel of the
+    # ring, one is in the ring again, so the ring stays inactive.
+    flat, wide = stack.reshape(-1), stack.shape[2]
+    for steps in ((wide,), (1,), (wide + 1, wide - 1)):
+        holes = [flat[:-2 * step] & flat[2 * step:] for step in steps]
+        for step, hole in zip(steps, holes):
+            flat[step:-step] |= hole
 
 
 def _block_points() -> np.ndarray:
@@ -106,13 +113,14 @@ _BLOCK_POINTS = _block_points()
 
 
 def _turn() -> tuple[np.ndarray, np.ndarray]:
-    """cos and sin of ANGLES, shape (46, 1); exact where they are rational, so that ties are ties."""
+    """cos and sin of ANGLES, shape (46,); exact where they are rational, so that ties are ties."""
     cos, sin = np.cos(np.radians(ANGLES)), np.sin(np.radians(ANGLES))
     cos[[0, 15, 30, 45]], sin[[0, 45]] = (1, 0.5, -0.5, -1), 0  # 0, 60, 120, 180 degrees
-    return cos[:, np.newaxis], sin[:, np.newaxis]
+    return cos, sin
 
 
 _COS, _SIN = _turn()
+_BACK = np.block([[_COS, -_SIN], [_SIN, _COS]]).T.copy()  # turns (x, y) back by each angle: all x, all y
 
 
 def _cropped(mask: np.ndarray) -> np.ndarray:
@@ -131,16 +139,21 @@ def _sites_within(centre: np.ndarray, radius: float) -> tuple[np.ndarray, np.nda
 
 
 def _reached(fine: np.ndarray, offset: np.ndarray, centre: np.ndarray, radius: float) -> np.ndarray:
-    """Which sites, at ``offset`` from the centre, some active fine point rounds onto; shape (46, n)."""
+    """At which angle and site, at ``offset`` (2, n) from the centre, some active fine point arrives.
+
+    Returned as indices into a flattened (46, n).
+    """
     low = np.floor(centre - radius) - 1
     active, wide = _corner_bits(fine, -low.astype(int), int(2 * radius) + 5)
-    x = _COS * offset[0] + _SIN * offset[1] + (centre[0] - low[0])
-    y = _COS * offset[1] - _SIN * offset[0] + (centre[1] - low[1])
-    col, row = x.astype(np.int32), y.astype(np.int32)  # positive: truncation is the floor
-    bits = active[row * wide + col]
-    x -= col
-    y -= row
-    return (bits & _rounding_corners(x, y)) != 0
+    x, y = (_BACK @ offset).reshape(2, -1) + (centre - low)[:, np.newaxis]
+    # All is positive, so truncation is the floor.
+    bits = active[y.astype(np.int32) * wide + x.astype(np.int32)]
+    some = bits != 0
+    near, counts = np.flatnonzero(some), np.count_nonzero(some.reshape(len(ANGLES), -1), axis=1)
+    x, y = x[near], y[near]
+    x -= np.floor(x)
+    y -= np.floor(y)
+    return near[_rounds_onto(bits[near], x, y, np.repeat(_COS, counts), np.repeat(_SIN, counts))]
 
 
 def _corner_bits(fine: np.ndarray, origin: np.ndarray, wide: int) -> tuple[np.ndarray, int]:
@@ -154,13 +167,12 @@ def _corner_bits(fine: np.ndarray, origin: np.ndarray, wide: int) -> tuple[np.nd
     return bits.reshape(-1), wide
 
 
-def _rounding_corners(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Bits of the corners of a fine cell that, turned, round onto the site that comes from (x, y) in it."""
-    u = _SIN * y - _COS * x + TIE  # where corner (0, 0) lands, relative to the site
-    v = TIE - _SIN * x - _COS * y
-    bits = np.zeros(x.shape, np.uint8)
-    for bit, (dx, dy) in {1: (0, 0), 2: (1, 0), 4: (0, 1), 8: (1, 1)}.items():
-        lands = np.abs(u + (dx * _COS - dy * _SIN)) < 0.5
-        lands &= np.abs(v + (dx * _SIN + dy * _COS)) < 0.5
-        bits |= lands.view(np.uint8) * np.uint8(bit)
-    return bits
+def _rounds_onto(bits, x, y, cos, sin) -> np.ndarray:
+    """Whether an active corner (``bits``) of a fine cell, turned, rounds onto the site from (x, y) in it."""
+    u = sin * y - cos * x + TIE  # where corner (0, 0) lands, relative to the site
+    v = TIE - sin * x - cos * y
+    arriving = np.zeros(len(bits), np.uint8)
+    for bit, du, dv in ((1, 0, 0), (2, cos, sin), (4, -sin, cos), (8, cos - sin, cos + sin)):
+        lands = np.maximum(np.abs(u + du), np.abs(v + dv)) < 0.5
+        arriving |= lands.view(np.uint8) * np.uint8(bit)
+    return (arriving & bits) != 0

@@ -60,28 +60,34 @@ class TaxelList(NamedTuple):
 
 def taxel_list(masks: np.ndarray) -> TaxelList:
     """List the active taxels of ``masks``, bool, shape (K, rows, cols)."""
-    count, rows, cols = masks.shape
-    padded = np.zeros((count, rows + 2, cols + 2), np.uint8)
-    padded[:, 1:-1, 1:-1] = masks
-    active = padded.reshape(-1)
+    ringed = np.zeros((masks.shape[0], masks.shape[1] + 2, masks.shape[2] + 2), bool)
+    ringed[:, 1:-1, 1:-1] = masks
+    return ringed_taxel_list(ringed)
+
+
+def ringed_taxel_list(masks: np.ndarray) -> TaxelList:
+    """The same for ``masks`` (contiguous) each of which is surrounded by a ring of inactive taxels already.
+
+    The ring lets one flat shift stand for a neighbour: no row runs into the next.
+    """
+    count, rows, wide = masks.shape
+    active = masks.reshape(-1)
     site = np.flatnonzero(active)
-    start = np.searchsorted(site, np.arange(count + 1) * ((rows + 2) * (cols + 2)))
-    # The ring of inactive taxels lets one flat shift stand for a neighbour: no row runs into the next.
-    wide = cols + 2
-    side, corner = _shifted_sum(active, 1, wide), _shifted_sum(active, wide - 1, wide + 1)
+    start = np.searchsorted(site, np.arange(count + 1) * (rows * wide))
     counts = start[1:] - start[:-1]
     number = np.arange(len(site)) - np.repeat(start[:-1], counts)
-    return TaxelList(padded.shape, site, start, counts, number,
-                     side[0][site], corner[0][site], side[1][site], corner[1][site])
+    flags = active.view(np.uint8)
+    side, corner = _following(flags, 1, wide), _following(flags, wide - 1, wide + 1)
+    before = [flags[site - near] + flags[site - far] for near, far in ((1, wide), (wide - 1, wide + 1))]
+    return TaxelList(masks.shape, site, start, counts, number, before[0], before[1], side[site], corner[site])
 
 
-def _shifted_sum(active: np.ndarray, *steps: int) -> tuple[np.ndarray, np.ndarray]:
-    """Count, at each site, the active taxels ``steps`` before and ``steps`` after it."""
-    before, after = np.zeros_like(active), np.zeros_like(active)
-    for step in steps:
-        before[step:] += active[:-step]
-        after[:-step] += active[step:]
-    return before, after
+def _following(active: np.ndarray, near: int, far: int) -> np.ndarray:
+    """Count, at each site, the active taxels ``near`` and ``far`` places after it."""
+    after = np.zeros_like(active)
+    after[:-near] = active[near:]
+    after[:-far] += active[far:]
+    return after
 
 
 def _pairs(place: np.ndarray, site: np.ndarray, step: int) -> tuple[np.ndarray, np.ndarray]:
