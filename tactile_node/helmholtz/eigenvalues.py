@@ -175,9 +175,11 @@ def _of_patterns(low, high, owner, contest) -> tuple[np.ndarray, np.ndarray]:
 def _may_win(least: np.ndarray, most: np.ndarray, contest: np.ndarray) -> np.ndarray:
     """Which patterns are in no contest, or may have its smallest or its greatest Λ."""
     may = contest < 0
-    for each in np.unique(contest[~may]):
-        inside = contest == each
-        may |= inside & ((least <= most[inside].min()) | (most >= least[inside].max()))
+    inside = contest[~may]
+    smallest, greatest = np.full((2, contest.max(initial=0) + 1), np.inf)
+    np.minimum.at(smallest, inside, most[~may])
+    np.minimum.at(greatest, inside, -least[~may])
+    may[~may] = (least[~may] <= smallest[inside]) | (most[~may] >= -greatest[inside])
     return may
 
 

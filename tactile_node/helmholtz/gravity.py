@@ -37,5 +37,5 @@ def gravity(taxels: TaxelList, stencil: Stencil) -> Gravity:
 
 
 def _weigh(edge: np.ndarray, corner: np.ndarray, weights) -> np.ndarray:
-    weighed = edge.astype(np.int64) * -weights.edge
-    return weighed + corner * np.int64(-weights.corner) if weights.corner else weighed
+    weighed = edge * np.int32(-weights.edge)
+    return weighed + corner * np.int32(-weights.corner) if weights.corner else weighed

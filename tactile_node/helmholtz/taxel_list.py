@@ -29,17 +29,17 @@ class TaxelList(NamedTuple):
 
     def per_pattern(self, values: np.ndarray) -> np.ndarray:
         """Sum whole numbers, one a taxel, over each pattern; shape (K,)."""
-        running = np.zeros(self.total + 1, np.int64)
-        np.cumsum(values, out=running[1:])
-        before = running[self.start]
-        return before[1:] - before[:-1]
+        some, sums = np.flatnonzero(self.counts), np.zeros(len(self.counts), np.int64)
+        sums[some] = np.add.reduceat(values, self.start[some], dtype=np.int64) if len(some) else 0
+        return sums
 
     def row_sums(self, weights) -> np.ndarray:
         """Σ_j A(i,j) times the denominator of ``weights``."""
-        sums = (self.earlier_edge + self.later_edge).astype(np.int64) * weights.edge
+        sums = (self.earlier_edge + self.later_edge) * np.int16(weights.edge)
         if weights.corner:
-            sums += (self.earlier_corner + self.later_corner).astype(np.int64) * weights.corner
-        return sums + weights.centre
+            sums += (self.earlier_corner + self.later_corner) * np.int16(weights.corner)
+        sums += np.int16(weights.centre)
+        return sums
 
     def border(self, weights) -> np.ndarray:
         """Masks of the taxels whose row sum is not zero, without the padding; shape (K, rows, cols)."""
@@ -75,7 +75,7 @@ def ringed_taxel_list(masks: np.ndarray) -> TaxelList:
     site = np.flatnonzero(active)
     start = np.searchsorted(site, np.arange(count + 1) * (rows * wide))
     counts = start[1:] - start[:-1]
-    number = np.arange(len(site)) - np.repeat(start[:-1], counts)
+    number = np.arange(len(site), dtype=np.int32) - np.repeat(start[:-1].astype(np.int32), counts)
     flags = active.view(np.uint8)
     side, corner = _following(flags, 1, wide), _following(flags, wide - 1, wide + 1)
     before = [flags[site - near] + flags[site - far] for near, far in ((1, wide), (wide - 1, wide + 1))]
