@@ -9,7 +9,7 @@ class leads by more than ``lead``. So a change is followed after at most
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import ceil, exp, log
+from math import exp, log
 from typing import NamedTuple
 
 import numpy as np
@@ -26,29 +26,34 @@ class FusionSettings:
 
     correlation_time: float = 0.05  #: frames this far apart err independently [s]
     memory: float = 0.5             #: time constant of forgetting [s]
-    floor: float = 0.01             #: smallest probability that a frame is believed about a class
-    lead: float = 6.0               #: most that the leading class may be ahead [log of odds]
+    floor: float = 0.001            #: smallest probability that a frame is believed about a class
+    lead: float = 8.0               #: most that the leading class may be ahead [log of odds]
     switch: float = 1.0             #: how far another class must lead to be reported instead [log of odds]
     max_gap: float = 0.5            #: after a longer silence, start anew [s]
 
     def __post_init__(self):
         values = (self.correlation_time, self.memory, self.floor, self.lead, self.max_gap)
         if not (all(0 < value < float('inf') for value in values) and self.floor < 1 / len(TOUCHING)
-                and 0 <= self.switch < self.lead):
+                and 0 <= self.switch < min(self.lead, self.memory / self.correlation_time)):
             raise ConfigurationError(
-                'fusion settings', expected=f'times > 0, floor below 1/{len(TOUCHING)}, 0 <= switch < lead',
+                'fusion settings', expected=f'times > 0, floor below 1/{len(TOUCHING)}, 0 <= switch < lead '
+                'and < memory / correlation_time',
                 got=str(self), remedy='Leave them out for the defaults.')
 
     def gain(self, period: float) -> float:
         """Return what a frame counts, ``period`` [s] after the one before."""
         return min(1.0, period / self.correlation_time)
 
-    def frames_to_follow(self, period: float, odds: float = 9.0) -> int:
+    def frames_to_follow(self, period: float, odds: float = 10.0) -> int:
         """Return the most frames, ``period`` [s] apart, until a new shape is reported.
 
-        When each gives it at least ``odds`` against the shape reported before. Fading, which only helps, is left out.
+        When each gives it at least ``odds`` (3...100) against every other shape, however long another was held.
         """
-        return ceil((self.lead + self.switch) / (self.gain(period) * log(min(odds, 1 / self.floor))))
+        ahead, frames = -self.lead, 0
+        while ahead < self.switch:
+            ahead = ahead * exp(-period / self.memory) + self.gain(period) * log(odds)
+            frames += 1
+        return frames
 
 
 class FusedRecognition(NamedTuple):

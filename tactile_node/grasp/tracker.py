@@ -120,9 +120,7 @@ class GraspTracker:
         fresh = len(known) == 2 and abs(sides[0].stamp - sides[1].stamp) <= self._settings.max_skew
         if contact is not GraspContact.TWO_SIDED or not fresh:
             return GraspState(stamp, sides, contact, fresh, None, 0.0, False)
-        held = stamp - max(self._anchors[side].stamp for side in SIDES)
-        # Both must have been seen to hold: the older of the two latest results limits it.
-        held = max(0.0, held - abs(sides[0].stamp - sides[1].stamp))
+        held = max(0.0, min(side.stamp for side in sides) - max(self._anchors[side].stamp for side in SIDES))
         return GraspState(stamp, sides, contact, fresh, self._line(sides, gap), held, held >= self._settings.min_hold)
 
     def _line(self, sides: tuple[SideResult, SideResult], gap: float) -> Line:

@@ -1,0 +1,84 @@
+"""A grasp planner's client: takes each grasp of two tactile pads and says how to correct it.
+
+    python examples/planner_client.py --ros-args -r grasp:=/gripper/grasp
+"""
+
+from math import atan2, degrees, hypot, pi
+from typing import NamedTuple
+
+MIN_CONFIDENCE = 0.8         # below, on either side: let go and try elsewhere
+MAX_OFFSET = 0.002           # of the two contacts' centres across the closing direction [m]
+MAX_TURN = 5 * pi / 180      # of the object's edges against the pad's [rad]
+
+
+class Side(NamedTuple):
+    """What of one pad's ContactShape decides; turn and its symmetry as in the message (0: a circle, any turn)."""
+
+    touched: bool
+    confidence: float
+    centre: tuple[float, float]         # of the contact, in the pad's frame [m]
+    aim: tuple[float, float]            # where on the pad it should be [m]
+    turn: float = 0.0                   # [rad]
+    symmetry: int = 0
+
+
+class Correction(NamedTuple):
+    """What to do next; moves and turns are the gripper's, in the left pad's frame."""
+
+    action: str                         # 'wait', 'regrasp', 'shift', 'turn' or 'lift'
+    shift: tuple[float, float] = (0.0, 0.0)  # [m]
+    turn: float = 0.0                   # about the pad's z [rad]
+
+
+def choose(left: Side, right: Side, offset: float, stable: bool) -> Correction:
+    """Decide on the worst flaw first. ``offset`` [m]: of the two centres across the closing direction."""
+    if not (left.touched and right.touched):
+        return Correction('wait')
+    if min(left.confidence, right.confidence) < MIN_CONFIDENCE:
+        return Correction('regrasp' if stable else 'wait')  # more frames may still tell, unless nothing moves
+    shift = (left.centre[0] - left.aim[0], left.centre[1] - left.aim[1])
+    if hypot(*shift) > MAX_OFFSET or offset > MAX_OFFSET:
+        return Correction('shift', shift) if hypot(*shift) > MAX_OFFSET else Correction('regrasp')
+    turn = nearest_edge(left.turn, left.symmetry)
+    if abs(turn) > MAX_TURN:
+        return Correction('turn', turn=turn)
+    return Correction('lift' if stable else 'wait')
+
+
+def nearest_edge(turn: float, symmetry: int) -> float:
+    """Return the smallest turn of the gripper that brings the object's long edge along one of the pad's axes."""
+    quarter = pi / 2
+    return 0.0 if symmetry == 0 else (turn + quarter / 2) % quarter - quarter / 2
+
+
+def yaw(orientation) -> float:
+    """Turn about z of a quaternion message [rad]."""
+    q = orientation
+    return atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y**2 + q.z**2))
+
+
+def main() -> None:
+    import rclpy
+    from rclpy.qos import qos_profile_sensor_data
+    from tactile_skin.msg import ContactShape, Grasp
+
+    def side(shape: ContactShape, aim: tuple[float, float]) -> Side:
+        place = shape.pose.pose
+        return Side(shape.shape != ContactShape.NONE, shape.confidence if shape.fit_valid else 0.0,
+                    (place.position.x, place.position.y), aim, yaw(place.orientation), shape.symmetry)
+
+    def on_grasp(grasp: Grasp) -> None:
+        aim = tuple(node.get_parameter('aim').value)
+        correction = choose(*(side(shape, aim) for shape in grasp.sides), grasp.offset, grasp.stable)
+        node.get_logger().info(f'{correction.action}: shift {correction.shift[0] * 1e3:.1f}, '
+                               f'{correction.shift[1] * 1e3:.1f} mm, turn {degrees(correction.turn):.1f} degrees')
+
+    rclpy.init()
+    node = rclpy.create_node('planner_client')
+    node.declare_parameter('aim', [0.015, 0.015])
+    node.create_subscription(Grasp, 'grasp', on_grasp, qos_profile_sensor_data)
+    rclpy.spin(node)
+
+
+if __name__ == '__main__':
+    main()

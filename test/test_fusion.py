@@ -1,0 +1,99 @@
+"""Fusion: surer with time, bounded latency, tempered by correlation, reset by NONE."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tactile_node.errors import ConfigurationError
+from tactile_node.fusion.recognitions import FusionSettings, RecognitionFusion
+from tactile_node.shape.recognition import Shape
+from tactile_node.synthetic.seeds import Purpose, generator
+
+PERIOD = 0.01
+SQUARE = {Shape.SQUARE: 0.6, Shape.CIRCLE: 0.3, Shape.UNKNOWN: 0.1}
+CIRCLE = {Shape.SQUARE: 0.08, Shape.CIRCLE: 0.8, Shape.UNKNOWN: 0.08, Shape.RECTANGLE: 0.04}
+
+
+def feed(fusion, frames, start=0.0, period=PERIOD):
+    return [fusion.update(start + i * period, frame) for i, frame in enumerate(frames)]
+
+
+def test_the_first_frame_is_taken_as_it_is():
+    fused = RecognitionFusion(FusionSettings(floor=1e-9, lead=50.0)).update(5.0, SQUARE)
+    assert fused.recognition.shape is Shape.SQUARE
+    assert fused.recognition.confidence == pytest.approx(0.6)
+    assert (fused.since, fused.held, fused.frames) == (5.0, 0.0, 1)
+
+
+def test_frames_a_correlation_time_apart_multiply_as_bayes_rule_says():
+    settings = FusionSettings(correlation_time=0.1, memory=1e9, floor=1e-9, lead=50.0, max_gap=1.0)
+    first, second = feed(RecognitionFusion(settings), [SQUARE, SQUARE], period=0.1)
+    assert second.recognition.confidence == pytest.approx(0.36 / (0.36 + 0.09 + 0.01))
+
+
+def test_frames_half_a_correlation_time_apart_count_half():
+    settings = FusionSettings(correlation_time=0.2, memory=1e9, floor=1e-9, lead=50.0, max_gap=1.0)
+    second = feed(RecognitionFusion(settings), [SQUARE, SQUARE], period=0.1)[1]
+    weights = [p**1.5 for p in (0.6, 0.3, 0.1)]
+    assert second.recognition.confidence == pytest.approx(weights[0] / sum(weights), rel=1e-6)
+
+
+def test_a_hundred_milliseconds_are_surer_than_one_frame():
+    fused = feed(RecognitionFusion(), [SQUARE] * 11)
+    confidence = [each.recognition.confidence for each in fused]
+    assert confidence == sorted(confidence) and confidence[-1] > 0.75
+    assert fused[-1].held == pytest.approx(0.1) and fused[-1].frames == 11
+
+
+@pytest.mark.parametrize('period', [0.005, 0.01, 0.02, 0.1])
+def test_a_change_is_followed_within_the_stated_frames_and_not_by_one(period):
+    settings = FusionSettings()
+    fusion = RecognitionFusion(settings)
+    feed(fusion, [SQUARE] * 300, period=period)
+    after = feed(fusion, [CIRCLE] * 400, 300 * period, period)
+    follows = [each.recognition.shape for each in after].index(Shape.CIRCLE) + 1
+    assert 1 < follows <= settings.frames_to_follow(period, 10.0)
+    assert after[follows - 1].since == pytest.approx((300 + follows - 1) * period)
+
+
+def test_none_is_reported_at_once_and_forgets():
+    fusion = RecognitionFusion()
+    feed(fusion, [SQUARE] * 50)
+    empty = fusion.update(0.5, {Shape.NONE: 1.0})
+    again = fusion.update(0.51, CIRCLE)
+    assert empty.recognition.shape is Shape.NONE and empty.held == 0
+    assert again.recognition.shape is Shape.CIRCLE and again.frames == 1
+
+
+@pytest.mark.parametrize('stamp', [0.1, 9.0])
+def test_a_stamp_that_jumps_starts_anew(stamp):
+    fusion = RecognitionFusion()
+    feed(fusion, [SQUARE] * 50)
+    assert fusion.update(stamp, CIRCLE).recognition.shape is Shape.CIRCLE
+
+
+def test_flicker_between_two_classes_is_quietened():
+    rng = generator(Purpose.TEST, 4)
+    share = rng.uniform(0.25, 0.8, 400)  # right three times out of four, roughly
+    frames = [{Shape.SQUARE: p, Shape.CIRCLE: 1 - p} for p in share]
+    fused = [each.recognition.shape for each in feed(RecognitionFusion(), frames)]
+    single = [max(frame, key=frame.get) for frame in frames]
+
+    def changes(shapes):
+        return sum(a is not b for a, b in zip(shapes, shapes[1:]))
+
+    assert changes(single) > 100 and changes(fused) <= 2
+
+
+def test_what_is_believed_sums_to_one_and_survives_certain_frames():
+    fused = feed(RecognitionFusion(), [{Shape.SQUARE: 1.0}, {Shape.CIRCLE: 1.0}, {Shape.UNKNOWN: 1.0}] * 20)
+    for each in fused:
+        total = math.fsum(each.recognition.probabilities.values())
+        assert total == pytest.approx(1) and np.isfinite(total)
+
+
+@pytest.mark.parametrize('wrong', [{'memory': 0.0}, {'floor': 0.5}, {'switch': 9.0}, {'lead': float('nan')}])
+def test_settings_that_cannot_work_are_refused(wrong):
+    with pytest.raises(ConfigurationError):
+        FusionSettings(**wrong)
