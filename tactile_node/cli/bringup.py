@@ -46,16 +46,18 @@ def run(args: argparse.Namespace) -> int:
     from tactile_node.nodes.run import wait
     from tactile_node.nodes.spinning import spinning
     from tactile_node.nodes.system import make_system
+    from tactile_node.ros.complaints import told_as_ours
     pads, node_ids = args.pads.split(','), _numbers('--node-id', args.node_id)
     with ExitStack() as stack:
         asked = stack.enter_context(interruption())
         if args.simulate:
             _simulate(args, pads, node_ids, stack)
-        rclpy.init(args=['--ros-args', '--params-file', args.params_file] if args.params_file else [],
-                   signal_handler_options=SignalHandlerOptions.NO)
         stack.callback(rclpy.try_shutdown)
-        system = make_system(pads, _driver_parameters(args, node_ids), args.namespace,
-                             {'lossless': True} if args.replay else {})
+        with told_as_ours():
+            rclpy.init(args=['--ros-args', '--params-file', args.params_file] if args.params_file else [],
+                       signal_handler_options=SignalHandlerOptions.NO)
+            system = make_system(pads, _driver_parameters(args, node_ids), args.namespace,
+                                 {'lossless': True} if args.replay else {})
         stack.callback(system.destroy)
         spinner = stack.enter_context(spinning(system.nodes))  # autostart may wait for other nodes' callbacks
         system.driver.autostart()

@@ -13,6 +13,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser = subparsers.add_parser('demo', help='simulated gripper skin: five shapes, from CAN frame to topic',
                                    description=__doc__)
     parser.add_argument('--output', type=Path, default=Path('demo_output'), help='folder for bag, log, picture, table')
+    parser.add_argument('--areas', type=float, nargs='+', default=(25.0, 40.0, 60.0), metavar='N',
+                        help='sizes of the touches [taxels]; every shape comes at each (default: 25 40 60)')
     parser.add_argument('--seed', type=int, default=2026, help='of the touches')
     parser.set_defaults(run=run)
 
@@ -21,7 +23,7 @@ def run(args: argparse.Namespace) -> int:
     from tactile_node.demo import report
     from tactile_node.demo.session import DemoSession  # rclpy and matplotlib: only where they are needed
     folder = _emptied(args.output)
-    with DemoSession(folder, args.seed) as session:
+    with DemoSession(folder, args.seed, args.areas) as session:
         session.play()
     verdicts = session.verdicts()
     if verdicts:

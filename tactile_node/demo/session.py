@@ -1,6 +1,7 @@
 """One run of the demo: simulated skin, driver, processors, classifiers, recorder and watcher in one process."""
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -28,10 +29,10 @@ TOPICS = (('taxels', 'TaxelArray'), ('features', 'ContactFeatures'), ('shape', '
 class DemoSession:
     """A context: everything is up inside, and down again after it."""
 
-    def __init__(self, folder: Path, seed: int):
+    def __init__(self, folder: Path, seed: int, areas: Sequence[float]):
         pads = [make_pad(name, node_id, LAYOUT) for name, node_id in zip(PADS, NODE_IDS)]
         rows, cols = pads[0].layout.rows, pads[0].layout.cols
-        self._touches = {name: scripted_touches(seed + i, rows, cols) for i, name in enumerate(PADS)}
+        self._touches = {name: scripted_touches(seed + i, areas, rows, cols) for i, name in enumerate(PADS)}
         sources = {name: TouchedPad(touches, rows, cols, seed + len(PADS) + i)
                    for i, (name, touches) in enumerate(self._touches.items())}
         self._simulator = SkinSimulator(pads, {name: self._timed(source) for name, source in sources.items()})

@@ -1,13 +1,15 @@
 """The script of the demo: which shape touches which pad when, and what the pad then measures."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tactile_node.errors import ConfigurationError
 from tactile_node.synthetic.pressure import Skin, pressure_frame
 from tactile_node.synthetic.world import CLASSES, Contact, random_contact
 
-AREAS = (25.0, 40.0, 60.0)  # taxels
+LARGEST = 60.0  # taxels: what every shape finds room for on 16x16
 TOUCH, GAP, RAMP = 0.8, 0.3, 0.1  # how long an object is held, is away, is being pressed on [s]
 PRESSURE = 0.6  # of full scale
 SKIN = Skin(noise=0.01)
@@ -30,10 +32,16 @@ class Touch:
         return self.begin + RAMP <= time <= self.end - RAMP
 
 
-def scripted_touches(seed: int, rows: int, cols: int) -> tuple[Touch, ...]:
-    """Return every shape at every area once, in random order, turned and placed at random."""
+def scripted_touches(seed: int, areas: Sequence[float], rows: int, cols: int) -> tuple[Touch, ...]:
+    """Return every shape at every one of ``areas`` [taxels], in random order, turned and placed at random.
+
+    Raises ConfigurationError for an area that not every shape finds room for.
+    """
+    if not all(0 < area <= LARGEST for area in areas):
+        raise ConfigurationError('--areas', expected=f'areas up to {LARGEST:.0f} taxels', got=str(areas),
+                                 remedy='The pad has no room for more.')
     rng = np.random.default_rng(seed)
-    kinds = [(shape, area) for area in AREAS for shape in CLASSES]
+    kinds = [(shape, area) for area in areas for shape in CLASSES]
     rng.shuffle(kinds)
     begins = GAP + (TOUCH + GAP) * np.arange(len(kinds))
     return tuple(Touch(_fitting(rng, shape, float(area), rows, cols), float(begin), float(begin) + TOUCH)

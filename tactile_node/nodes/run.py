@@ -10,6 +10,7 @@ from rclpy.signals import SignalHandlerOptions
 from tactile_node.errors import TactileError
 from tactile_node.interruption import ignore_interruptions, interruption
 from tactile_node.nodes.spinning import Spinner, spinning
+from tactile_node.ros.complaints import told_as_ours
 
 
 def run_node(make: Callable[[], Node], start: Callable[[Node], None] = lambda node: None) -> int:
@@ -26,9 +27,10 @@ def run_node(make: Callable[[], Node], start: Callable[[Node], None] = lambda no
 
 def _run(make: Callable[[], Node], start: Callable[[Node], None]) -> int:
     with interruption() as asked:
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         try:
-            node = make()
+            with told_as_ours():
+                rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+                node = make()
             try:
                 with spinning([node]) as spinner:
                     start(node)

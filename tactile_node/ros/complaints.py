@@ -1,0 +1,31 @@
+"""What rclpy raises for a wrong name, parameter or parameter file, as errors of ours."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from rclpy.exceptions import (InvalidNamespaceException, InvalidNodeNameException, InvalidParameterTypeException,
+                              InvalidParameterValueException, InvalidTopicNameException)
+from rclpy.impl.implementation_singleton import rclpy_implementation
+
+from tactile_node.errors import ConfigurationError
+
+NAMES = (InvalidNamespaceException, InvalidNodeNameException, InvalidTopicNameException)
+VALUES = (InvalidParameterTypeException, InvalidParameterValueException)
+
+
+@contextmanager
+def told_as_ours() -> Iterator[None]:
+    """Raise ConfigurationError for what rclpy raises inside the block."""
+    try:
+        yield
+    except NAMES as error:
+        raise ConfigurationError('namespace or pad name', expected='letters, digits and underscores',
+                                 got=' '.join(str(error).split()), remedy='Rename it.') from None
+    except VALUES as error:
+        raise ConfigurationError('a parameter', expected='a value of its type within its range', got=str(error),
+                                 remedy='`ros2 param describe` tells both.') from None
+    except rclpy_implementation.RCLError as error:
+        if 'params file' not in str(error):
+            raise
+        raise ConfigurationError('parameter file', expected='a ROS 2 parameter file (YAML)',
+                                 got=str(error).split(', at /')[0], remedy='Check path and indentation.') from None

@@ -1,0 +1,68 @@
+"""`tactile bringup` and `tactile demo` as a user meets them: results, and sentences for what cannot work."""
+
+import csv
+
+import pytest
+
+from candump import DATA, read_candump
+from tactile_node.cli.main import main
+
+pytest.importorskip('rclpy')
+pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
+
+
+def test_a_log_comes_out_whole_and_the_command_says_so(capsys):
+    name = 'sim16x16_two_pads.log.gz'
+    lines = read_candump(name)
+    syncs = sum(line.can_id == 0x080 for line in lines)
+    assert main(['bringup', '--replay', str(DATA / name), '--pace', '0', '--pads', 'left,right',
+                 '--node-id', '32,64']) == 0
+    told = capsys.readouterr().out
+    assert f'Shapes: {2 * syncs} of {2 * syncs} taxel frames' in told
+    assert f'CAN frames: {len(lines)} ' in told
+
+
+@pytest.fixture
+def short_patience(tmp_path):
+    file = tmp_path / 'parameters.yaml'
+    file.write_text('/**:\n  ros__parameters:\n    boot_timeout: 0.3\n')
+    return ['--params-file', str(file)]
+
+
+@pytest.mark.parametrize('words, expected', [
+    (['--replay', '/nowhere.log'], 'no such file'),
+    (['--interface', 'virtual', '--eds', __file__], 'expected an EDS file'),
+    (['--interface', 'virtual', '--channel', 'empty'], 'Check power, wiring, termination, bit rate and node-ID'),
+    (['--interface', 'nosuch'], 'Check interface and channel'),
+    (['--interface', 'virtual', '--layout', '/nowhere.yaml'], '/nowhere.yaml'),
+    (['--interface', 'virtual', '--pads', 'left,right'], 'a node-ID for each of the pads'),
+    (['--interface', 'virtual', '--pads', 'le ft'], 'letters, digits and underscores'),
+    (['--interface', 'virtual', '--bitrate', '5'], 'within its range'),
+    (['--interface', 'virtual', '--node-id', 'one'], 'whole numbers'),
+])
+def test_what_cannot_work_ends_with_a_sentence_and_code_2(words, expected, short_patience, capsys):
+    assert main(['bringup', *short_patience, *words]) == 2
+    told = capsys.readouterr().err.strip()
+    assert told.startswith('tactile: error: ') and '\n' not in told
+    assert expected in told
+
+
+def test_a_missing_parameter_file_is_told(capsys):
+    assert main(['bringup', '--interface', 'virtual', '--params-file', '/nowhere.yaml']) == 2
+    assert 'a ROS 2 parameter file' in capsys.readouterr().err
+
+
+def test_demo_leaves_bag_log_table_and_picture(tmp_path, capsys):
+    assert main(['demo', '--areas', '40', '--output', str(tmp_path)]) == 0
+    from rosbags.rosbag2 import Reader
+    with Reader(tmp_path / 'bag') as bag:
+        counts = {connection.topic: connection.msgcount for connection in bag.connections}
+    assert set(counts) == {f'/{pad}/{topic}' for pad in ('left', 'right') for topic in ('taxels', 'features', 'shape')}
+    assert min(counts.values()) > 50
+    with (tmp_path / 'touches.csv').open(encoding='utf-8') as file:
+        touches = list(csv.DictReader(file))
+    assert sorted(touch['true'] for touch in touches) == sorted(
+        2 * ['circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle'])
+    assert (tmp_path / 'touches.png').read_bytes().startswith(b'\x89PNG')
+    assert b'#' in (tmp_path / 'can.log').read_bytes()
+    assert 'touches recognised' in capsys.readouterr().out
