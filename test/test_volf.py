@@ -2,19 +2,27 @@
 
 import numpy as np
 import pytest
+import yaml
 from patterns import ring
 
 from tactile_node.config import config_path
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import compute_features
-from tactile_node.shape.fitting import draw_samples, recognised
-from tactile_node.shape.plane import fit_plane
+from tactile_node.shape.fitting import (
+    READINGS,
+    Samples,
+    count_shares,
+    draw_samples,
+    fit_classifier,
+    recognised,
+)
+from tactile_node.shape.plane import Plane, fit_curve
 from tactile_node.shape.recognition import Shape
-from tactile_node.shape.volf import GROUPS, VolfClassifier, by_curves, down_the_tree
+from tactile_node.shape.volf import GROUPS, VolfClassifier, by_curves
 from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import CLASSES, random_pattern
 
-ONE_PLANE = 'planes: {rectangle: {horizontal: %s, steepness: [1, 1], fitted: [0, 1]}}'
+ONE_PLANE = 'planes: {rectangle: {horizontal: %s, levels: [0, 1]}}'
 AXES = ('value', 'N'), ('dif', 'alpha9')
 
 
@@ -28,36 +36,59 @@ def recognise(classifier, mask):
 
 
 def test_a_known_curve_is_found_again():
-    """Points scattered about v = 2 - 0.5 u with logistic noise: maximum likelihood returns line and slope."""
+    """Points on either side of v = 2 - 0.5 u, one in five on the wrong one: the best curve is the line."""
     rng = np.random.default_rng(1)
-    u = rng.uniform(1, 4, 20_000)
-    v = rng.uniform(-1, 3, 20_000)
-    is_above = rng.random(20_000) < 1 / (1 + np.exp(-5 * (v - (2 - 0.5 * u))))
-    plane = fit_plane(*AXES, np.exp(u) - 1, np.exp(v) - 0.01, is_above)
-    at = np.array([1.5, 2.5, 3.5])
-    np.testing.assert_allclose(plane.curve_at(np.exp(at) - 1), np.exp(2 - 0.5 * at) - 0.01, rtol=0.06)
-    assert plane.above(np.exp(2) - 1, np.exp(1.0) - 0.01) == pytest.approx(0.5, abs=0.06)
-    assert plane.above(np.exp(2) - 1, np.exp(1.4) - 0.01) == pytest.approx(1 / (1 + np.exp(-2)), abs=0.06)
+    u, v = rng.uniform(1, 4, 20_000), rng.uniform(-1, 3, 20_000)
+    gain = np.where((v > 2 - 0.5 * u) == (rng.random(20_000) < 0.8), 1.0, -1.0)
+    knots, levels = fit_curve(u, v, gain)
+    plane = Plane(*AXES, tuple(knots), tuple(levels))
+    at = np.linspace(1.1, 3.9, 15)
+    np.testing.assert_allclose(np.log(plane.curve_at(np.exp(at) - 1) + 0.01), 2 - 0.5 * at, atol=0.12)
 
 
-def test_curve_goes_on_straight_beyond_the_fitted_range():
-    rng = np.random.default_rng(2)
-    u, v = rng.uniform(1, 4, (2, 2000))
-    plane = fit_plane(*AXES, np.exp(u) - 1, np.exp(v) - 0.01, v > 1 + 0.1 * u * u)
-    outside = np.log(0.01 + plane.curve_at(np.exp(np.array([4.5, 5.0, 5.5])) - 1))
-    assert np.diff(outside, 2) == pytest.approx(0, abs=1e-9)
+def test_no_straight_line_wins_more_than_the_fitted_curve():
+    rng = np.random.default_rng(3)
+    u, v = rng.uniform(1, 4, 3000), rng.normal(0, 1, 3000)
+    gain = np.where(v + rng.normal(0, 0.7, 3000) > np.sin(u), 1.0, -1.0)
+    won = gain[v > np.interp(u, *fit_curve(u, v, gain))].sum()
+    lines = [gain[v > a + b * (u - 2.5)].sum() for a in np.linspace(-1, 1, 41) for b in np.linspace(-1, 1, 41)]
+    assert won > max(lines)
 
 
-def test_probabilities_go_down_the_tree():
-    logits = np.log(np.array([1 / 4, 1.0, 2.0, 3.0]))  # above with 1/5, 1/2, 2/3, 3/4
-    expected = [1 / 5, 4 / 5 / 2, 2 / 5 * 2 / 3, 2 / 15 * 3 / 4, 2 / 15 / 4]
-    np.testing.assert_allclose(down_the_tree(logits), expected)
-    np.testing.assert_allclose(down_the_tree(np.array([-1e4, -1e4, 1e4, 0.0])), [0, 0, 1, 0, 0])
+def test_curve_goes_on_straight_beyond_its_ends():
+    plane = Plane(*AXES, (1.0, 2.0, 4.0), (3.0, 2.0, 3.0))
+    at = np.array([0.0, 0.5, 1.5, 3.0, 5.0])
+    np.testing.assert_allclose(np.log(plane.curve_at(np.exp(at) - 1) + 0.01), [4, 3.5, 2.5, 2.5, 3.5])
+    assert plane.height(np.exp(5.0) - 1, np.exp(3.75) - 0.01) == pytest.approx(0.25)
+
+
+def test_shares_are_counted_by_answer_and_band():
+    labels = np.array([0, 0, 1, 4])
+    samples = Samples({('value', 'N'): np.array([15, 19, 19, 20])}, labels)
+    shares = count_shares(np.array([0, 0, 0, 4]), samples)
+    np.testing.assert_allclose(shares.sum(2), 1)
+    assert shares[0, 0].tolist() == pytest.approx([3.1 / 4.5, 1.1 / 4.5, *[0.1 / 4.5] * 3])
+    assert shares[1, 4, 4] == pytest.approx(2.1 / 2.5) and shares[7, 2, 2] == pytest.approx(1.1 / 1.5)
 
 
 def test_curves_alone_take_the_first_that_is_exceeded():
     logits = np.array([[1, -1, -1, -1, -1], [1, 1, -1, -1, -1], [1, 1, 1, -1, -1], [1, 1, 1, 1, -1]])
     assert by_curves(logits).tolist() == [0, 1, 2, 3, 4]
+
+
+def test_fitting_wins_where_the_planes_part_the_classes():
+    """Five clusters that the tree can part: all are recognised; the first curve spares the second's class."""
+    rng = np.random.default_rng(4)
+    labels = np.arange(2000) % 5
+    middle = {('value', 'N'): [50] * 5, ('dif', 'alpha9'): [8, 4, 1, 1, 1], ('min', 'P05'): [20] * 5,
+              ('min', 'info_norm5'): [1, 1, 2, 1, 1], ('dif', 'P05'): [5] * 5,
+              ('dif', 'info_norm5'): [1, 1, 1, 2, 1]}
+    samples = Samples({name: np.array(values)[labels] * rng.uniform(0.9, 1.1, 2000)
+                       for name, values in middle.items()}, labels)
+    for third in READINGS.values():
+        classifier = fit_classifier(samples, third)
+        for right in recognised(classifier, samples).values():
+            assert right.all()
 
 
 def test_nothing_is_none_and_little_is_unknown(classifier):
@@ -96,17 +127,32 @@ def test_vectorised_figures_agree_with_single_recognitions(classifier):
         mask = random_pattern(rng, shape, float(np.exp(rng.uniform(*np.log((13.0, 300.0))))))
         if mask.sum() >= 15:
             singles.append(recognise(classifier, mask).shape.value == shape)
-    assert recognised(classifier.planes, samples)['most_probable'].tolist() == singles
+    assert recognised(classifier, samples)['most_probable'].tolist() == singles
 
 
 @pytest.mark.parametrize('content, message', [
     (None, 'No such file'), ('planes: [', 'expected'), ('{}', 'planes'),
     ('planes: {rectangle: 3}', 'written by'),
-    ('just text', 'written by'), (ONE_PLANE % '[a], vertical: [b, c], curve: [1]', 'two names'),
-    (ONE_PLANE % '[a, b], vertical: [b, c], curve: [.nan]', 'finite')])
+    ('just text', 'written by'), (ONE_PLANE % '[a], vertical: [b, c], knots: [1, 2]', 'two names'),
+    (ONE_PLANE % '[a, b], vertical: [b, c], knots: [1, 2, 3]', 'as many levels'),
+    (ONE_PLANE % '[a, b], vertical: [b, c], knots: [.nan, 1]', 'finite'),
+    (ONE_PLANE % '[a, b], vertical: [b, c], knots: [2, 1]', 'do not rise')])
 def test_curves_that_are_none_are_refused(tmp_path, content, message):
     path = tmp_path / 'curves.yaml'
     if content is not None:
         path.write_text(content)
+    with pytest.raises(ConfigurationError, match=message):
+        VolfClassifier.from_file(path)
+
+
+@pytest.mark.parametrize('change, message', [
+    (lambda shares: shares.pop('circle'), 'circle'),
+    (lambda shares: shares['circle'].pop(), 'written by'),
+    (lambda shares: shares['circle'][0].__setitem__(0, -1.0), 'probabilities')])
+def test_shares_that_are_none_are_refused(tmp_path, change, message):
+    data = yaml.safe_load(config_path('volf_curves.yaml').read_text())
+    change(data['shares'])
+    path = tmp_path / 'curves.yaml'
+    path.write_text(yaml.safe_dump(data))
     with pytest.raises(ConfigurationError, match=message):
         VolfClassifier.from_file(path)

@@ -9,23 +9,25 @@ import yaml
 from tactile_node.errors import InputError
 from tactile_node.shape.fitting import (
     AREAS,
+    COLUMNS,
     READINGS,
     Samples,
     draw_samples,
-    fit_planes,
+    fit_classifier,
     recognised,
 )
-from tactile_node.shape.plane import Plane
+from tactile_node.shape.volf import BANDS, SHAPES, VolfClassifier
 from tactile_node.synthetic.seeds import Purpose, generator
 
 HEADER = '''\
 # Curves of the paper's classifier (section 7), fitted on synthetic patterns in general position.
 # Written by `{command}`; do not edit.
-# Curve: polynomial in u = ln(1 + horizontal), lowest power first, giving v = ln(0.01 + vertical);
-# see tactile_node/shape/plane.py. Rates are the share of patterns recognised, by largest probability or by
-# the curves alone; both readings of the third plane are given, the one better in training is kept.
+# A curve is a chain of straight lines on the axes u = ln(1 + horizontal) (knots), v = ln(0.01 + vertical)
+# (levels), see tactile_node/shape/plane.py. Shares: how often each class (circle last, in the order of
+# the answers) was the truth where the curves gave an answer, a row a band of N, on training patterns.
+# Rates are the share of patterns recognised by the curves alone and by the largest share; both readings of
+# the third plane are given, the one better in training is kept.
 '''
-BANDS = ((15, 20), (20, 25), (25, 35), (35, 50), (50, 75), (75, 100), (100, 150), (150, 300))  #: of N
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
@@ -46,11 +48,12 @@ def run(args: argparse.Namespace) -> int:
                          remedy='Ask for more.')
     training = _draw(Purpose.TRAINING, args.seed, args.patterns)
     validation = _draw(Purpose.VALIDATION, args.seed, args.validation)
-    readings = {name: fit_planes(training, third) for name, third in READINGS.items()}
+    readings = {name: fit_classifier(training, third) for name, third in READINGS.items()}
     # Chosen on the training patterns, so that the validation figure stays unbiased.
-    kept = max(readings, key=lambda name: _rate(readings[name], training))
+    kept = max(readings, key=lambda name: recognised(readings[name], training)['by_curves'].mean())
     _write(args, kept, readings, training, validation)
-    print(f'third plane read as in the {kept}: {_rate(readings[kept], validation):.1%} of {args.validation} '
+    rate = recognised(readings[kept], validation)['most_probable'].mean()
+    print(f'third plane read as in the {kept}: {rate:.1%} of {args.validation} '
           f'validation patterns recognised, written to {args.output}')
     return 0
 
@@ -66,23 +69,20 @@ def _draw(purpose: Purpose, seed: int, patterns: int) -> Samples:
     return samples
 
 
-def _rate(planes: dict[str, Plane], samples: Samples) -> float:
-    return _mean(recognised(planes, samples)['most_probable'])
-
-
 def _write(args, kept: str, readings: dict, training: Samples, validation: Samples) -> None:
     command = f'tactile fit --patterns {args.patterns} --validation {args.validation} --seed {args.seed}'
-    right = recognised(readings[kept], validation)['most_probable']
-    count = validation.of(('value', 'N'))
     data = {
         'provenance': {
             'command': command, 'training_areas': list(AREAS),
-            'third_plane_readings': {name: _accuracy(planes, training, validation)
-                                     for name, planes in readings.items()},
+            'third_plane_readings': {name: _accuracy(classifier, training, validation)
+                                     for name, classifier in readings.items()},
             'third_plane_kept': kept,
-            'validation_by_taxels': {f'{low}-{high - 1}': _mean(right[(count >= low) & (count < high)])
-                                     for low, high in BANDS}},
-        'planes': {name: _plain(plane) for name, plane in readings[kept].items()}}
+            'validation_by_taxels': _by_band(readings[kept], validation)},
+        'planes': {name: {key: list(value) if isinstance(value[0], str) else np.round(value, 6).tolist()
+                          for key, value in vars(plane).items()}
+                   for name, plane in readings[kept].planes.items()},
+        'shares': {shape.value: np.round(readings[kept].shares[:, index], 4).tolist()
+                   for index, shape in enumerate(SHAPES)}}
     try:
         with open(args.output, 'w', encoding='utf-8') as stream:
             stream.write(HEADER.format(command=command))
@@ -92,16 +92,18 @@ def _write(args, kept: str, readings: dict, training: Samples, validation: Sampl
                          remedy='Give another path with --output.') from None
 
 
+def _by_band(classifier: VolfClassifier, samples: Samples) -> dict[str, float]:
+    """Share recognised by the curves in each band of N."""
+    right, count = recognised(classifier, samples)['by_curves'], samples.of(COLUMNS[0])
+    bands = zip(BANDS, (*BANDS[1:], np.inf))
+    return {f'from {low}': _mean(right[(count >= low) & (count < high)]) for low, high in bands}
+
+
 def _mean(right: np.ndarray) -> float:
-    return round(float(right.mean()), 4)
+    return round(float(right.mean()), 4) if len(right) else float('nan')
 
 
-def _accuracy(planes: dict[str, Plane], training: Samples, validation: Samples) -> dict[str, float]:
-    return {f'{stage}_{way}': _mean(recognised(planes, samples)[way])
-            for stage, samples in (('training', training), ('validation', validation))
-            for way in ('most_probable', 'by_curves')}
-
-
-def _plain(plane: Plane) -> dict[str, list]:
-    return {name: [value if isinstance(value, str) else float(np.round(value, 9)) for value in values]
-            for name, values in vars(plane).items()}
+def _accuracy(classifier: VolfClassifier, training: Samples, validation: Samples) -> dict[str, float]:
+    stages = {'training': training, 'validation': validation}
+    return {f'{stage}_{way}': _mean(right) for stage, samples in stages.items()
+            for way, right in recognised(classifier, samples).items()}

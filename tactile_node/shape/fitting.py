@@ -6,13 +6,15 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.helmholtz.features import compute_features
-from tactile_node.shape.plane import Plane, fit_plane
+from tactile_node.shape.plane import Plane, axes, fit_curve
 from tactile_node.shape.volf import (
+    BANDS,
     GROUPS,
     SHAPES,
     SMALLEST,
+    VolfClassifier,
+    band_of,
     by_curves,
-    down_the_tree,
     plane_feature,
 )
 from tactile_node.synthetic.world import CLASSES, random_pattern
@@ -20,6 +22,7 @@ from tactile_node.synthetic.world import CLASSES, random_pattern
 AREAS = (13.0, 300.0)  #: training areas, log-uniform [taxels]
 COLUMNS = (('value', 'N'), ('dif', 'alpha9'), ('min', 'P05'), ('min', 'info_norm5'),
            ('dif', 'P05'), ('dif', 'info_norm5'))
+PASSES = 6
 READINGS = {'caption': ('min', 'P05'), 'text': ('dif', 'P05')}  #: the third plane's horizontal axis
 
 
@@ -51,20 +54,59 @@ def draw_samples(rng: np.random.Generator, patterns: int, areas: tuple[float, fl
 
 
 def fit_planes(samples: Samples, third: tuple[str, str]) -> dict[str, Plane]:
-    """Fit the four curves in the order of decision, each on what the curves before it should leave."""
-    axes = [(COLUMNS[0], COLUMNS[1]), (COLUMNS[0], COLUMNS[1]), (COLUMNS[2], COLUMNS[3]), (third, COLUMNS[5])]
-    planes = {}
-    for index, (horizontal, vertical) in enumerate(axes):
-        left = samples.labels >= index
-        planes[SHAPES[index].value] = fit_plane(
-            horizontal, vertical, samples.of(horizontal)[left], samples.of(vertical)[left],
-            samples.labels[left] == index)
-    return planes
+    """Fit the four curves so that as many patterns as possible are recognised by them, as published.
+
+    One curve after the other is made the best one there is, given the others, from the last to the first,
+    until nothing is gained: a pattern counts for a curve where it gets so far and where the curve's decision
+    makes the difference between right and wrong.
+    """
+    names = [COLUMNS[:2], COLUMNS[:2], COLUMNS[2:4], (third, COLUMNS[5])]
+    features = [(samples.of(horizontal), samples.of(vertical)) for horizontal, vertical in names]
+    curves = [None] * len(names)
+    # To begin with every pattern gets as far as it should, and no farther.
+    heights = np.where(samples.labels == np.arange(len(names))[:, None], 1.0, -1.0)
+    most = -1
+    for _ in range(PASSES):
+        for index in reversed(range(len(names))):
+            knots, levels = fit_curve(*axes(*features[index]), _gain(heights, samples.labels, index))
+            curves[index] = Plane(*names[index], tuple(knots.tolist()), tuple(levels.tolist()))
+            heights[index] = curves[index].height(*features[index])
+        right = int((by_curves(heights) == samples.labels).sum())
+        if right <= most:
+            break
+        most, best = right, list(curves)
+    return {SHAPES[index].value: plane for index, plane in enumerate(best)}
 
 
-def recognised(planes: Mapping[str, Plane], samples: Samples) -> dict[str, np.ndarray]:
+def _gain(heights: np.ndarray, labels: np.ndarray, index: int) -> np.ndarray:
+    """What it wins to have each pattern above curve ``index``: 1, -1, or 0 where that changes nothing."""
+    gets_there = ~(heights[:index] > 0).any(0)
+    otherwise = index + 1 + by_curves(heights[index + 1:])
+    return gets_there * ((labels == index).astype(float) - (labels == otherwise))
+
+
+def answers(planes: Mapping[str, Plane], samples: Samples) -> np.ndarray:
+    """Index into volf.SHAPES of what the curves say of each pattern, shape (n,)."""
+    return by_curves(np.array([plane.height(samples.of(plane.horizontal), samples.of(plane.vertical))
+                               for plane in planes.values()]))
+
+
+def count_shares(answer: np.ndarray, samples: Samples) -> np.ndarray:
+    """Share of each true class where the curves give each answer, by BANDS; shape (bands, 5, 5)."""
+    counts = np.full((len(BANDS), len(SHAPES), len(SHAPES)), 0.1)  # no class is ever quite impossible
+    counts += np.eye(len(SHAPES))  # and an answer never given in training stands for itself
+    np.add.at(counts, (band_of(samples.of(COLUMNS[0])), answer, samples.labels), 1)
+    return counts / counts.sum(2, keepdims=True)
+
+
+def recognised(classifier: VolfClassifier, samples: Samples) -> dict[str, np.ndarray]:
     """Which patterns are recognised rightly, bool, shape (n,): by the curves alone, by probability."""
-    logits = np.array([plane.height(samples.of(plane.horizontal), samples.of(plane.vertical))
-                       for plane in planes.values()])
-    return {'by_curves': by_curves(logits) == samples.labels,
-            'most_probable': down_the_tree(logits).argmax(0) == samples.labels}
+    answer = answers(classifier.planes, samples)
+    probable = classifier.shares[band_of(samples.of(COLUMNS[0])), answer].argmax(1)
+    return {'by_curves': answer == samples.labels, 'most_probable': probable == samples.labels}
+
+
+def fit_classifier(samples: Samples, third: tuple[str, str]) -> VolfClassifier:
+    """Fit the curves and count how far they can be trusted."""
+    planes = fit_planes(samples, third)
+    return VolfClassifier(planes, count_shares(answers(planes, samples), samples))

@@ -1,18 +1,17 @@
 """A plane of two features parted by a curve (section 7), and the fitting of such a curve.
 
-The curve is a polynomial on doubly logarithmic axes, u = ln(1 + horizontal), v = ln(0.01 + vertical):
-the features scale with powers of the pattern's size. Beyond the fitted range it goes on straight.
-How sure a point's side is follows from its height above the curve by a logistic function whose
-steepness may change along the curve.
+The curve is a chain of straight lines on doubly logarithmic axes, u = ln(1 + horizontal),
+v = ln(0.01 + vertical): the features scale with powers of the pattern's size. Beyond its ends it goes on
+straight.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize
-from scipy.special import expit
 
-DEGREE = 4
+KNOTS = 9
+LEVELS = 41   #: heights tried at each knot, first over the whole plane, then about what was found
+STIFF = 5.0   #: patterns a curve must gain for a kink that misses the neighbours' middle by 1 in v
 
 
 @dataclass(frozen=True)
@@ -21,28 +20,22 @@ class Plane:
 
     horizontal: tuple[str, str]      #: kind ('value', 'min', 'max' or 'dif') and feature name
     vertical: tuple[str, str]
-    curve: tuple[float, ...]         #: polynomial coefficients in u, lowest power first
-    steepness: tuple[float, float]   #: logarithm of the logistic's slope: first + second · u
-    fitted: tuple[float, float]      #: range of u that training patterns covered
+    knots: tuple[float, ...]         #: u of the curve's corners, rising
+    levels: tuple[float, ...]        #: v of the curve's corners
 
     def height(self, horizontal: np.ndarray, vertical: np.ndarray) -> np.ndarray:
-        """Logit of being above the curve; its sign is the side."""
+        """How far points lie above the curve, along v; the sign is the side."""
         u, v = axes(horizontal, vertical)
-        inner = np.clip(u, *self.fitted)
-        slope = np.polynomial.Polynomial(self.curve).deriv()(inner)
-        curve = np.polynomial.Polynomial(self.curve)(inner) + slope * (u - inner)
-        return (v - curve) * np.exp(self.steepness[0] + self.steepness[1] * inner)
-
-    def above(self, horizontal: np.ndarray, vertical: np.ndarray) -> np.ndarray:
-        """Probability of being of the class above the curve."""
-        return expit(self.height(horizontal, vertical))
+        return v - self._curve(u)
 
     def curve_at(self, horizontal: np.ndarray) -> np.ndarray:
         """The curve itself, in the vertical feature's own unit, for drawing it."""
-        u, _ = axes(horizontal, 0.0)
-        inner = np.clip(u, *self.fitted)
-        polynomial = np.polynomial.Polynomial(self.curve)
-        return np.exp(polynomial(inner) + polynomial.deriv()(inner) * (u - inner)) - 0.01
+        return np.exp(self._curve(axes(horizontal, 0.0)[0])) - 0.01
+
+    def _curve(self, u: np.ndarray) -> np.ndarray:
+        inner = np.interp(u, self.knots, self.levels)
+        before, after = (np.diff(self.levels) / np.diff(self.knots))[[0, -1]]
+        return inner + before * np.minimum(u - self.knots[0], 0) + after * np.maximum(u - self.knots[-1], 0)
 
 
 def axes(horizontal, vertical) -> tuple[np.ndarray, np.ndarray]:
@@ -50,24 +43,43 @@ def axes(horizontal, vertical) -> tuple[np.ndarray, np.ndarray]:
     return np.log(1 + np.asarray(horizontal, float)), np.log(0.01 + np.asarray(vertical, float))
 
 
-def fit_plane(horizontal_name: tuple[str, str], vertical_name: tuple[str, str], horizontal: np.ndarray,
-              vertical: np.ndarray, is_above: np.ndarray) -> Plane:
-    """Fit a curve by maximum likelihood; ``is_above``: bool, which points belong above it."""
-    u, v = axes(horizontal, vertical)
-    sign = np.where(is_above, 1.0, -1.0)
-    centre, powers = u.mean(), np.vander(u - u.mean(), DEGREE + 1, increasing=True)
+def fit_curve(u: np.ndarray, v: np.ndarray, gain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return knots and levels of the chain of lines with the greatest sum of ``gain`` above it.
 
-    def loss(parameters):
-        """Mean log-loss and its gradient; parameters: curve about ``centre``, then steepness."""
-        slope = np.exp(parameters[-2] + parameters[-1] * (u - centre))
-        logit = sign * (v - powers @ parameters[:-2]) * slope
-        pull = -expit(-logit)
-        steepness = [pull @ logit, (pull * logit) @ (u - centre)]
-        gradient = np.concatenate((-(pull * sign * slope) @ powers, steepness))
-        return np.logaddexp(0, -logit).mean(), gradient / len(u)
+    ``gain``, shape (n,): what is won by having a point above the curve instead of below, negative where it
+    is lost. Found by dynamic programming over the heights at the knots: nothing better exists on its grid,
+    wherever one starts; a second, finer grid lies about the first one's answer.
+    """
+    some = gain != 0
+    u, v, gain = u[some], v[some], gain[some]
+    knots = np.linspace(u.min(), u.max(), KNOTS)
+    grid = np.tile(np.linspace(*np.quantile(v, (0.001, 0.999)), LEVELS), (KNOTS, 1))
+    coarse = _best_chain(u, v, gain, knots, grid)
+    step = grid[0, 1] - grid[0, 0]
+    return knots, _best_chain(u, v, gain, knots, coarse[:, None] + np.linspace(-1.5, 1.5, LEVELS) * step)
 
-    middle = (v[is_above].mean() + v[~is_above].mean()) / 2
-    found = minimize(loss, np.array([middle, *[0.0] * DEGREE, 1.0, 0.0]), jac=True, method='BFGS').x
-    curve = np.polynomial.Polynomial(found[:-2])(np.polynomial.Polynomial([-centre, 1.0]))
-    return Plane(horizontal_name, vertical_name, tuple(map(float, curve.coef)),
-                 (float(found[-2] - found[-1] * centre), float(found[-1])), (float(u.min()), float(u.max())))
+
+def _best_chain(u, v, gain, knots: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """Best heights at ``knots``, one of each row of ``grid``, shape (knots, levels)."""
+    segment = np.clip(np.searchsorted(knots, u, 'right') - 1, 0, len(knots) - 2)
+    won = []
+    for k, (left, right) in enumerate(zip(knots, knots[1:])):
+        inside = segment == k
+        share = (u[inside] - left) / (right - left)
+        won.append(_gain_of_lines(share, v[inside], gain[inside], grid[k], grid[k + 1]))
+    best, choices = won[0], []  # best[a, b]: of all chains that end in the heights a, b
+    for k in range(1, len(won)):
+        kink = np.abs(grid[k - 1][:, None, None] - 2 * grid[k][:, None] + grid[k + 1])
+        total = best[:, :, None] - STIFF * kink
+        choices.append(total.argmax(0))
+        best = total.max(0) + won[k]
+    path = list(np.unravel_index(best.argmax(), best.shape))
+    for choice in reversed(choices):
+        path.insert(0, choice[path[0], path[1]])
+    return grid[np.arange(len(knots)), path]
+
+
+def _gain_of_lines(share, v, gain, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Sum of gains above each line from a height ``left`` to a height ``right``, shape (left, right)."""
+    rising = right * share[:, None]
+    return np.array([gain @ (v[:, None] > rising + (height * (1 - share))[:, None]) for height in left])

@@ -4,7 +4,9 @@
 2. (min P05, min I5): isosceles triangle | circle and square;
 3. (dif P05 or min P05, dif I5): square | circle.
 
-The curves are data (config/volf_curves.yaml), fitted by `tactile fit`.
+The curves are data (config/volf_curves.yaml), fitted by `tactile fit`. The paper gives no probabilities:
+ours are how often each class was the truth among the training patterns of which the curves said the same,
+in the same band of N.
 """
 
 from collections.abc import Mapping
@@ -12,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from scipy.special import expit
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import Features, Group
@@ -22,6 +23,7 @@ from tactile_node.shape.recognition import Recognition, Shape
 GROUPS = Group.CLASSIFIER  #: the features the classifier reads
 SMALLEST = 15  #: a pattern of fewer taxels is UNKNOWN
 PLANES = ('rectangle', 'right_triangle', 'isosceles_triangle', 'square')
+BANDS = (15, 20, 25, 35, 50, 75, 100, 150)  #: of N, by their least taxel
 SHAPES = (Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE, Shape.SQUARE, Shape.CIRCLE)
 
 
@@ -32,17 +34,20 @@ def plane_feature(features: Features, name: tuple[str, str]) -> float:
 
 
 class VolfClassifier:
-    """Recognises shapes by ``planes``: the curve below each shape of PLANES, in this order of decision."""
+    """Recognises shapes by ``planes``: the curve below each shape of PLANES, in this order of decision.
 
-    def __init__(self, planes: Mapping[str, Plane]):
-        self.planes = dict(planes)
+    ``shares``, shape (bands, 5, 5): by band of N and the curves' answer, the probability of each of SHAPES.
+    """
+
+    def __init__(self, planes: Mapping[str, Plane], shares: np.ndarray):
+        self.planes, self.shares = dict(planes), shares
 
     @classmethod
     def from_file(cls, path: str | Path) -> 'VolfClassifier':
         """Read the curves that `tactile fit` wrote; ConfigurationError where they are not."""
         try:
             data = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
-            return cls({name: _plane(data['planes'][name]) for name in PLANES})
+            return cls({name: _plane(data['planes'][name]) for name in PLANES}, _shares(data['shares']))
         except OSError as error:
             raise _unusable(path, error.strerror or str(error)) from None
         except (yaml.YAMLError, UnicodeDecodeError) as error:
@@ -64,36 +69,41 @@ class VolfClassifier:
             return Recognition.certain(Shape.UNKNOWN)
         points = [[plane_feature(features, axis) for axis in (plane.horizontal, plane.vertical)]
                   for plane in self.planes.values()]
-        logits = np.array([plane.height(*point) for plane, point in zip(self.planes.values(), points)])
-        if np.isnan(logits).any():
+        heights = np.array([plane.height(*point) for plane, point in zip(self.planes.values(), points)])
+        if np.isnan(heights).any():
             return Recognition.certain(Shape.UNKNOWN)
-        return Recognition.of(dict(zip(SHAPES, down_the_tree(logits))))
+        shares = self.shares[band_of(count), by_curves(heights)]
+        return Recognition.of(dict(zip(SHAPES, shares.tolist())))
 
 
-def down_the_tree(logits: np.ndarray) -> np.ndarray:
-    """Probabilities of SHAPES, shape (5, ...), from the planes' logits, shape (4, ...).
-
-    Each plane passes on to the next what its curve leaves below.
-    """
-    one = np.ones((1, *logits.shape[1:]))
-    reached = np.cumprod(np.concatenate((one, expit(-logits))), axis=0)
-    return reached * np.concatenate((expit(logits), one))
+def band_of(count: np.ndarray) -> np.ndarray:
+    """Index into BANDS of a number of taxels."""
+    return np.searchsorted(BANDS[1:], count, 'right')
 
 
-def by_curves(logits: np.ndarray) -> np.ndarray:
-    """Index into SHAPES by the curves alone, as published: the first curve the pattern lies above."""
-    above = np.concatenate((logits > 0, np.ones((1, *logits.shape[1:]), bool)))
+def by_curves(heights: np.ndarray) -> np.ndarray:
+    """Index into the shapes that remain: the first curve a pattern lies above; ``heights``: (curves, ...)."""
+    above = np.concatenate((heights > 0, np.ones((1, *heights.shape[1:]), bool)))
     return above.argmax(0)
 
 
 def _plane(data: Mapping) -> Plane:
     """One plane of the file; KeyError, TypeError, ValueError where it is not one."""
     names = [tuple(map(str, data[key])) for key in ('horizontal', 'vertical')]
-    numbers = [tuple(float(value) for value in data[key]) for key in ('curve', 'steepness', 'fitted')]
-    sizes = [len(values) for values in (*names, *numbers[1:])]
-    if sizes != [2, 2, 2, 2] or not numbers[0] or not np.isfinite(np.concatenate(numbers)).all():
-        raise ValueError('a plane without two names an axis, a curve, two finite numbers each for the rest')
-    return Plane(*names, *numbers)
+    knots, levels = (tuple(float(value) for value in data[key]) for key in ('knots', 'levels'))
+    if [len(name) for name in names] != [2, 2] or not 2 <= len(knots) == len(levels):
+        raise ValueError('a plane without two names an axis and as many levels as knots, at least two')
+    if not np.isfinite(knots + levels).all() or not (np.diff(knots) > 0).all():
+        raise ValueError('a curve that is not finite, or whose knots do not rise')
+    return Plane(*names, knots, levels)
+
+
+def _shares(data: Mapping) -> np.ndarray:
+    """Probabilities by band and answer; KeyError, TypeError, ValueError where they are none."""
+    shares = np.array([data[shape.value] for shape in SHAPES], float).swapaxes(0, 1)
+    if shares.shape != (len(BANDS), len(SHAPES), len(SHAPES)) or not (shares >= 0).all():
+        raise ValueError(f'shares that are not {len(BANDS)} rows of {len(SHAPES)} probabilities an answer')
+    return shares / shares.sum(2, keepdims=True)
 
 
 def _unusable(path: str | Path, got: str) -> ConfigurationError:
