@@ -11,7 +11,8 @@ NUMERICAL = {'contact', 'helmholtz', 'shape', 'synthetic', 'pose', 'fusion', 'gr
 #: folder -> folders of ours it may import beside itself and the top-level modules
 ALLOWED = {
     'canbus': set(), 'contact': set(), 'helmholtz': {'contact'}, 'shape': {'contact', 'helmholtz', 'synthetic'},
-    'pose': {'shape'}, 'fusion': {'shape'}, 'grasp': {'shape'}, 'synthetic': set(), 'simulator': {'canbus', 'synthetic'}, 'ros': {'canbus', *NUMERICAL},
+    'pose': {'shape'}, 'fusion': {'shape'}, 'grasp': {'shape'}, 'synthetic': set(),
+    'simulator': {'canbus', 'synthetic'}, 'ros': {'canbus', *NUMERICAL},
     'nodes': {'canbus', 'ros', *NUMERICAL}}
 ROS = {'rclpy', 'tactile_skin', 'std_msgs', 'diagnostic_msgs', 'geometry_msgs', 'rcl_interfaces', 'builtin_interfaces',
        'lifecycle_msgs', 'launch', 'launch_ros'}

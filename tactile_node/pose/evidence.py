@@ -12,12 +12,12 @@ MARGIN = 2  #: taxels around the contact that are looked at
 
 
 class Evidence(NamedTuple):
-    """The part of a frame that a fit uses; arrays of shape (rows, cols) of the window."""
+    """The part of a frame that a fit uses; ``values`` and ``used`` are flat, row by row of the window."""
 
     window: Window
     values: np.ndarray  #: in units of ``level``; 0 where not used
     used: np.ndarray    #: bool
-    solid: np.ndarray   #: >= 0, values with invalid taxels and holes of the contact filled: for moments
+    solid: np.ndarray   #: (rows, cols), >= 0, values with invalid taxels and holes of the contact filled: for moments
     level: float        #: typical value of the contact, in the unit of the frame
     on_off: bool        #: values are 0 and 1 only
 
@@ -36,7 +36,7 @@ def gather(values: np.ndarray, mask: np.ndarray) -> Evidence:
     hole = _holes(mask)
     used = valid & near
     if hole is not None:
-        used &= ~(_around(hole, 1) & ~_around(_outside(mask, hole), 1))
+        used &= ~(_around(hole, 1) & ~_around(~mask & ~hole, 1))
     of_contact = values[mask & valid]
     level = float(np.median(of_contact)) if of_contact.size else 0.0
     on_off = bool(((values == 0) | (values == 1)).all())
@@ -44,7 +44,7 @@ def gather(values: np.ndarray, mask: np.ndarray) -> Evidence:
     solid = np.where(mask & ~valid, 1.0, values * (mask if on_off else _around(mask, 1)))
     if hole is not None:
         solid[hole] = 1.0
-    return Evidence(window, values, used, np.maximum(solid, 0), level, on_off)
+    return Evidence(window, values.reshape(-1), used.reshape(-1), np.maximum(solid, 0), level, on_off)
 
 
 def _checked(values: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -78,6 +78,3 @@ def _holes(mask: np.ndarray) -> np.ndarray | None:
         return None
     return labels[1:-1, 1:-1] > 1
 
-
-def _outside(mask: np.ndarray, hole: np.ndarray) -> np.ndarray:
-    return ~mask & ~hole

@@ -12,7 +12,6 @@ import numpy as np
 from tactile_node.shape.recognition import Shape
 
 WHITE_CORNERS = np.sqrt(8)  #: from the centre of the equilateral triangle of variance 1 to its corners
-EQUALLY_GOOD = 0.15         #: other corners are tried when they fit nearly as well [radians, log of lengths]
 
 
 class Guess(NamedTuple):
@@ -42,8 +41,11 @@ def moments_of(x: np.ndarray, y: np.ndarray, weights: np.ndarray) -> Moments:
     return Moments(centre, covariance, weights, offsets)
 
 
-def guesses(shape: Shape, moments: Moments) -> list[Guess]:
-    """Return one or more starts for a fit of ``shape``, the likeliest first."""
+def guesses(shape: Shape, moments: Moments, margin: float) -> list[Guess]:
+    """Return one or more starts for a fit of ``shape``, the likeliest first.
+
+    Of a triangle's corners, all that fit within ``margin`` as well as the best [radians; log of lengths].
+    """
     x, y = moments.centre.real, moments.centre.imag
     if shape is Shape.CIRCLE:
         return [Guess(np.array((x, y, np.sqrt(2 * np.trace(moments.covariance)))))]
@@ -55,7 +57,7 @@ def guesses(shape: Shape, moments: Moments) -> list[Guess]:
         short, long = np.sqrt(12 * np.maximum(variance, 0.02))
         return [Guess(np.array((x, y, np.arctan2(axes[1, 1], axes[0, 1]), long, short)))]
     corners = _triangle(moments)
-    return (_right if shape is Shape.RIGHT_TRIANGLE else _isosceles)(corners)
+    return (_right if shape is Shape.RIGHT_TRIANGLE else _isosceles)(corners, margin)
 
 
 def _triangle(moments: Moments) -> np.ndarray:
@@ -71,10 +73,10 @@ def _triangle(moments: Moments) -> np.ndarray:
     return corners @ (1, 1j) + moments.centre
 
 
-def _right(corners: np.ndarray) -> list[Guess]:
+def _right(corners: np.ndarray, margin: float) -> list[Guess]:
     following, preceding = np.roll(corners, -1) - corners, np.roll(corners, 1) - corners
     angles = np.abs(np.angle(preceding / following))
-    return [_right_at(corners.mean(), following[i], preceding[i]) for i in _best(np.abs(angles - np.pi / 2))]
+    return [_right_at(corners.mean(), following[i], preceding[i]) for i in _best(np.abs(angles - np.pi / 2), margin)]
 
 
 def _right_at(centre: complex, following: complex, preceding: complex) -> Guess:
@@ -83,10 +85,10 @@ def _right_at(centre: complex, following: complex, preceding: complex) -> Guess:
     return Guess(np.array((centre.real, centre.imag, np.angle(long), abs(long), abs(short))), hand)
 
 
-def _isosceles(corners: np.ndarray) -> list[Guess]:
+def _isosceles(corners: np.ndarray, margin: float) -> list[Guess]:
     following, preceding = np.roll(corners, -1) - corners, np.roll(corners, 1) - corners
     unequal = np.abs(np.log(np.abs(following) / np.abs(preceding)))
-    return [_isosceles_at(corners, i) for i in _best(unequal)]
+    return [_isosceles_at(corners, i) for i in _best(unequal, margin)]
 
 
 def _isosceles_at(corners: np.ndarray, apex: int) -> Guess:
@@ -96,6 +98,6 @@ def _isosceles_at(corners: np.ndarray, apex: int) -> Guess:
     return Guess(np.array((centre.real, centre.imag, np.angle(up) - np.pi / 2, base, 1.5 * abs(up))))
 
 
-def _best(misfit: np.ndarray) -> list[int]:
+def _best(misfit: np.ndarray, margin: float) -> list[int]:
     order = np.argsort(misfit)
-    return [int(i) for i in order if misfit[i] <= misfit[order[0]] + EQUALLY_GOOD]
+    return [int(i) for i in order if misfit[i] <= misfit[order[0]] + margin]

@@ -14,6 +14,10 @@ from tactile_node.shape.recognition import Shape
 
 COARSE = 0.1  #: when the first pass stops [pitches]
 FINE = 0.02   #: and the second
+FIRST_NOISE = 0.05    #: of a value in the first pass [fraction of level]
+MARGIN = 0.15         #: corners of a triangle are tried when their angles, or log lengths, are so close
+MARGIN_ON_OFF = 0.35
+AMBIGUOUS = 6.0       #: two fits whose sums of squares differ by less cannot be told apart
 
 
 class ShapeFit(NamedTuple):
@@ -22,7 +26,8 @@ class ShapeFit(NamedTuple):
     shape: Shape
     centre: tuple[float, float]        #: centre of area [m]
     turn: float                        #: of the shape's x axis, x to y positive [rad]; 0 for a circle
-    symmetry: int                      #: a turn by 2π/symmetry looks the same; 0: any turn does
+    symmetry: int                      #: a turn by 2π/symmetry looks the same; 0: any turn does; 3: an isosceles
+    #: triangle that these taxels do not tell from an equilateral one, its apex may be any corner
     hand: int                          #: right triangle: 1, or -1 when mirrored; else 0
     dimension_names: tuple[str, ...]   #: as in `outlines.OUTLINES`
     dimensions: tuple[float, ...]      #: [m]
@@ -61,52 +66,72 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float =
     if shape not in OUTLINES:
         return None
     evidence = gather(values, mask)
+    candidates = [_coarse(evidence, shape, guess) for guess in _guesses(evidence, shape)]
+    best = min(candidates, key=lambda candidate: candidate.solution.cost)
+    weights = weights_after(shape, best.solution.prediction, evidence)
+    candidates = sorted((_fine(evidence, candidate, weights) for candidate in candidates),
+                        key=lambda candidate: candidate.solution.cost)
+    ambiguous = len(candidates) > 1 and candidates[1].solution.cost - candidates[0].solution.cost < AMBIGUOUS
+    return _result(shape, pitch, evidence, candidates[0], ambiguous)
+
+
+class _Candidate(NamedTuple):
+    model: Model
+    solution: Solution
+    hand: int
+
+
+def _guesses(evidence: Evidence, shape: Shape) -> list[Guess]:
     y, x = np.indices(evidence.solid.shape).reshape(2, -1)
     moments = moments_of(x + evidence.window.col, y + evidence.window.row, evidence.solid.reshape(-1))
-    fits = [(_coarse(evidence, shape, guess), guess) for guess in guesses(shape, moments)]
-    (model, solution), guess = min(fits, key=lambda fit: fit[0][1].cost)
-    return _result(shape, guess.hand, pitch, evidence, *_fine(evidence, model, solution, shape))
+    return guesses(shape, moments, MARGIN_ON_OFF if evidence.on_off else MARGIN)
 
 
-def _coarse(evidence: Evidence, shape: Shape, guess: Guess) -> tuple[Model, Solution]:
+def _coarse(evidence: Evidence, shape: Shape, guess: Guess) -> _Candidate:
     outline = outline_of(shape, guess.hand)
     if evidence.on_off:
         model: Model = PatternModel(outline, evidence.window)
     else:
         model = PressureModel(outline, evidence.window, guess.parameters[:2])
-    weights = 400.0 * evidence.used.reshape(-1)  # values are good to about 1/20
+    weights = evidence.used / FIRST_NOISE**2
     start = np.concatenate((guess.parameters, model.start))
-    values = evidence.values.reshape(-1)
-    at = evaluate(model, start, model.predict(start), values, weights)
-    return model, minimise(model, at, values, weights, tolerance=COARSE, max_steps=10)
+    at = evaluate(model, start, model.predict(start), evidence.values, weights)
+    return _Candidate(model, minimise(model, at, evidence.values, weights, tolerance=COARSE, max_steps=10), guess.hand)
 
 
-def _fine(evidence: Evidence, model: Model, solution: Solution, shape: Shape) -> tuple[Solution, np.ndarray, float]:
-    """Return the solution with weights by the noise found, the covariance of the outline and the residual."""
-    values, used = evidence.values.reshape(-1), evidence.used.reshape(-1)
-    for max_steps in (6, 0):  # the weights of the covariance are those of the last residuals
-        weights = weights_after(solution.prediction, values, used, evidence.on_off)
-        solution = evaluate(model, solution.parameters, solution.prediction, values, weights)
-        solution = minimise(model, solution, values, weights, tolerance=FINE, max_steps=max_steps)
+def _fine(evidence: Evidence, candidate: _Candidate, weights: np.ndarray) -> _Candidate:
+    model, solution, _ = candidate
+    at = evaluate(model, solution.parameters, solution.prediction, evidence.values, weights)
+    return candidate._replace(
+        solution=minimise(model, at, evidence.values, weights, tolerance=FINE, max_steps=6))
+
+
+def _covariance(evidence: Evidence, shape: Shape, model: Model, solution: Solution) -> np.ndarray:
+    """Of the outline's parameters, with weights by the last residuals."""
+    weights = weights_after(shape, solution.prediction, evidence)
+    information = evaluate(model, solution.parameters, solution.prediction, evidence.values, weights).information
     count = len(model.outline.parameters)
-    covariance = np.linalg.inv(solution.information)[:count, :count] * covariance_scale(shape, evidence.on_off)
-    residual = (values - solution.prediction.values)[used]
-    return solution, covariance, float(np.sqrt(residual @ residual / max(len(residual), 1)))
+    return np.linalg.inv(information)[:count, :count] * covariance_scale(shape, evidence.on_off)
 
 
-def _result(shape: Shape, hand: int, pitch: float, evidence: Evidence, solution: Solution, covariance: np.ndarray,
-            residual: float) -> ShapeFit:
-    outline = outline_of(shape, hand)
-    parameters, hand, covariance = _canonical(shape, hand, solution.parameters[:len(covariance)], covariance)
+def _residual(evidence: Evidence, solution: Solution) -> float:
+    residual = (evidence.values - solution.prediction.values)[evidence.used]
+    return float(np.sqrt(residual @ residual / max(len(residual), 1)))
+
+
+def _result(shape: Shape, pitch: float, evidence: Evidence, found: _Candidate, ambiguous: bool) -> ShapeFit:
+    covariance = _covariance(evidence, shape, found.model, found.solution)
+    parameters, hand, covariance = _canonical(shape, found.hand, found.solution.parameters[:len(covariance)], covariance)
     outline = outline_of(shape, hand)
     scale = np.array([1.0 if name == 'turn' else pitch for name in outline.parameters])
     corners = outline.corners(parameters) * pitch
     covariance = covariance * np.outer(scale, scale)
     corners.flags.writeable = covariance.flags.writeable = False
     centre, turn, dimensions = outline.split(parameters * scale)
-    return ShapeFit(shape, tuple(centre.tolist()), turn, outline.symmetry,
-                    hand if shape is Shape.RIGHT_TRIANGLE else 0, outline.dimensions, tuple(dimensions.tolist()),
-                    covariance, residual, corners)
+    symmetry = 3 if ambiguous and shape is Shape.ISOSCELES_TRIANGLE else outline.symmetry
+    return ShapeFit(shape, tuple(centre.tolist()), turn, symmetry, hand if shape is Shape.RIGHT_TRIANGLE else 0,
+                    outline.dimensions, tuple(dimensions.tolist()), covariance, _residual(evidence, found.solution),
+                    corners)
 
 
 def _canonical(shape: Shape, hand: int, parameters: np.ndarray,

@@ -1,31 +1,56 @@
 """What a fit believes of the values: their noise, found from the fit's own residuals, and its calibration."""
 
+from typing import NamedTuple
+
 import numpy as np
 
+from tactile_node.pose.evidence import Evidence
 from tactile_node.pose.skin_model import Prediction
 from tactile_node.shape.recognition import Shape
 
 SMALLEST_NOISE = 0.002  #: of a value [fraction of level]: no skin is better
-RIM_NOISE = 0.018       #: of a taxel at the rim beforehand: what the model leaves out
+FELT = 0.05             #: taxels that feel less of the outline tell the noise
 RIM_COUNT = 20          #: worth of that belief [taxels]
 OUTLIER = 3.0           #: beyond so many standard deviations a taxel loses weight (Huber)
+TO_DEVIATION = 1.4826   #: from the median of absolute normal values
 PATTERN_NOISE = 0.02    #: least variance of an on/off taxel
 
 
-def weights_after(prediction: Prediction, values: np.ndarray, used: np.ndarray, on_off: bool) -> np.ndarray:
-    """Return 1 / variance of each value given a first fit, 0 where not ``used``, less for outliers."""
-    if on_off:
-        return used / (prediction.rim + PATTERN_NOISE)
-    residual = np.abs(values - prediction.values)
-    at_rim = prediction.rim > 1e-6
-    flat = residual[used & ~at_rim]
-    noise = max(SMALLEST_NOISE, 1.4826 * float(np.partition(flat, flat.size // 2)[flat.size // 2]) if flat.size else 0.0) ** 2
-    rim = residual[used & at_rim]
+class Calibration(NamedTuple):
+    """Of one shape."""
+
+    rim: float       #: noise of a taxel that feels the whole outline: what the model leaves out [fraction of level]
+    pressure: float  #: factor of the covariance
+    on_off: float    #: the same for on/off patterns, whose noise is only a picture of what is not known
+
+
+#: Factors found by `bench/bench_pose.py --calibrate` on training seeds; rim noise chosen there, so that clean frames
+#: and noisy ones ask for nearly the same factor.
+CALIBRATION = {
+    Shape.CIRCLE: Calibration(0.018, 1.0, 1.0),
+    Shape.SQUARE: Calibration(0.020, 1.0, 1.0),
+    Shape.RECTANGLE: Calibration(0.021, 1.0, 1.0),
+    Shape.RIGHT_TRIANGLE: Calibration(0.030, 1.0, 1.0),
+    Shape.ISOSCELES_TRIANGLE: Calibration(0.024, 1.0, 1.0),
+}
+
+
+def weights_after(shape: Shape, prediction: Prediction, evidence: Evidence) -> np.ndarray:
+    """Return 1 / variance of each value given a first fit, 0 where not used, less for outliers."""
+    if evidence.on_off:
+        return evidence.used / (prediction.rim + PATTERN_NOISE)
+    residual, at_rim = np.abs(evidence.values - prediction.values), prediction.rim > FELT
+    flat = residual[evidence.used & ~at_rim]
+    noise = max(SMALLEST_NOISE, TO_DEVIATION * float(np.partition(flat, flat.size // 2)[flat.size // 2])
+                if flat.size else 0.0) ** 2
+    rim = residual[evidence.used & at_rim]
     own = max(rim @ rim - noise * rim.size, 0.0)
-    rim_noise = (RIM_COUNT * RIM_NOISE**2 + own) / (RIM_COUNT + rim.size)
-    variance = noise + rim_noise * at_rim
-    return used / variance * np.minimum(1, OUTLIER * np.sqrt(variance) / np.maximum(residual, 1e-12))
+    rim_noise = (RIM_COUNT * CALIBRATION[shape].rim**2 + own) / (RIM_COUNT + rim.size)
+    variance = noise + rim_noise * np.minimum(prediction.rim, 1)
+    return evidence.used / variance * np.minimum(1, OUTLIER * np.sqrt(variance) / np.maximum(residual, 1e-12))
 
 
 def covariance_scale(shape: Shape, on_off: bool) -> float:
-    return 1.0
+    """Return the factor that makes the 95 % regions of this kind of fit contain 95 % of the training contacts."""
+    calibration = CALIBRATION[shape]
+    return calibration.on_off if on_off else calibration.pressure

@@ -2,14 +2,15 @@
 
 A pressure skin shows (level + tilt_x X + tilt_y Y) times the covered fraction of the taxel, blurred by the
 elastomer: a sampled Gaussian with taps proportional to spread^(k²), spread = exp(-1 / 2σ²). An on/off skin
-shows 1 where a taxel's centre is inside; over all sub-taxel shifts that is the covered fraction on average.
+shows 1 where a taxel's centre is inside.
 """
 
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from scipy.special import expit
 
-from tactile_node.pose.coverage import Window, coverage
+from tactile_node.pose.coverage import Window, coverage, depth_inside
 from tactile_node.pose.outlines import Outline
 
 
@@ -18,7 +19,7 @@ class Prediction(NamedTuple):
 
     values: np.ndarray    #: (rows * cols,)
     jacobian: np.ndarray  #: (parameters, rows * cols)
-    rim: np.ndarray       #: (rows * cols,), covered * (1 - covered): how much of the outline crosses a taxel
+    rim: np.ndarray       #: (rows * cols,), how much of the outline a taxel feels
 
 
 class Model(Protocol):
@@ -32,17 +33,21 @@ class Model(Protocol):
 
 
 class PatternModel:
-    """On/off values."""
+    """On/off values: a logistic step across the outline, for where a taxel's centre is inside."""
 
+    EDGE = 0.1  #: its width [pitches]
     start = precision = np.empty(0)
 
     def __init__(self, outline: Outline, window: Window):
-        self.outline, self._window = outline, window
+        self.outline = outline
+        rows, cols = np.indices((window.rows, window.cols)).reshape(2, -1)
+        self._places = np.stack((cols + window.col, rows + window.row)).astype(float)
 
     def predict(self, parameters: np.ndarray) -> Prediction:
-        covered, change = coverage(*self.outline.moving(parameters), self._window)
-        covered = covered.reshape(-1)
-        return Prediction(covered, change.reshape(len(change), -1), covered * (1 - covered))
+        depth, change = depth_inside(*self.outline.moving(parameters), self._places)
+        inside = expit(depth / self.EDGE)
+        rim = inside * (1 - inside)
+        return Prediction(inside, change * (rim / self.EDGE), rim)
 
 
 class PressureModel:
@@ -76,8 +81,9 @@ class PressureModel:
         contact = d_rows @ jacobian[-1] + rows @ (sharp[-1] @ d_taps[self._col_distance])
         jacobian = rows @ jacobian
         jacobian[-1] = contact
-        jacobian, covered = jacobian.reshape(count, -1), covered.reshape(-1)
-        return Prediction(parameters[-4:-1] @ jacobian[-4:-1], jacobian, covered * (1 - covered))
+        jacobian = jacobian.reshape(count, -1)
+        rim = np.sqrt(jacobian[0]**2 + jacobian[1]**2)  # the change by a pitch of displacement
+        return Prediction(parameters[-4:-1] @ jacobian[-4:-1], jacobian, rim)
 
 
 def _distances(count: int) -> np.ndarray:

@@ -1,0 +1,118 @@
+"""What bench_pose measures on: frames of contacts of known pose, errors against it, simple alternatives."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import spatial
+
+from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.pose.fit import ShapeFit
+from tactile_node.pose.first_guess import guesses, moments_of
+from tactile_node.pose.outlines import OUTLINES, outline_of
+from tactile_node.shape.recognition import Shape
+from tactile_node.synthetic.pressure import Skin, pressure_frame
+from tactile_node.synthetic.world import Contact, random_contact
+
+PAD = 36
+PRESS, RELEASE = 15_000.0, 12_000.0  # of a mean pressure of 50 000 Pa
+
+
+class Condition(NamedTuple):
+    """How frames are made; ``skin`` None: on/off patterns."""
+
+    skin: Skin | None
+    tilt: float = 0.0  #: uniform up to this, along x and y [relative rise a pitch]
+
+
+CONDITIONS = {
+    'clean': Condition(Skin()),
+    'noise 1 %': Condition(Skin(noise=0.01)),
+    'tilt 4 %': Condition(Skin(), 0.04),
+    'blur 0.5': Condition(Skin(blur=0.5)),
+    'dead 3 %': Condition(Skin(dead=0.03)),
+    'all four': Condition(Skin(noise=0.01, blur=0.5, dead=0.03), 0.04),
+    'on/off': Condition(None),
+}
+
+
+class Sample(NamedTuple):
+    contact: Contact
+    values: np.ndarray
+    mask: np.ndarray
+
+
+def draw(rng: np.random.Generator, shape: str, area: float, condition: Condition) -> Sample:
+    contact = random_contact(rng, shape, area, PAD, PAD)
+    if condition.skin is None:
+        pattern = contact.pattern(PAD, PAD)
+        return Sample(contact, pattern, pattern)
+    tilt = tuple(rng.uniform(-condition.tilt, condition.tilt, 2))
+    values = pressure_frame(contact, rng, PAD, PAD, tilt=tilt, skin=condition.skin)
+    return Sample(contact, values, PatternExtractor(PRESS, RELEASE).extract(values).mask)
+
+
+class Error(NamedTuple):
+    """Of one fit, in pitches, degrees, percent."""
+
+    centre: float
+    turn: float
+    length: float       #: the worst dimension's
+    vector: np.ndarray  #: of all parameters, the turn by the fit's symmetry
+
+
+def truth(contact: Contact) -> tuple[np.ndarray, int]:
+    """Parameters of the contact's outline and its hand."""
+    outline = OUTLINES[Shape(contact.shape)]
+    turn = (contact.turn,) if outline.symmetry else ()
+    hand = int(contact.dimensions[2]) if contact.shape == 'right_triangle' else 1
+    return np.array((contact.x, contact.y, *turn, *contact.dimensions[:len(outline.dimensions)])), hand
+
+
+def error(parameters: np.ndarray, symmetry: int, contact: Contact) -> Error:
+    true, _ = truth(contact)
+    vector = parameters - true
+    if symmetry:
+        period = 2 * np.pi / symmetry
+        vector[2] = (vector[2] + period / 2) % period - period / 2
+    count = len(OUTLINES[Shape(contact.shape)].dimensions)
+    return Error(float(np.hypot(*vector[:2])), float(np.degrees(abs(vector[2]))) if symmetry else np.nan,
+                 float(np.abs(vector[-count:] / true[-count:]).max() * 100), vector)
+
+
+def by_moments(sample: Sample) -> np.ndarray:
+    """Closed forms from moments of the contact's own values up to the fourth: `pose.first_guess` alone."""
+    values = np.where(sample.mask & np.isfinite(sample.values), sample.values, 0).astype(float)
+    rows, cols = np.nonzero(values > 0)
+    shape = Shape(sample.contact.shape)
+    return guesses(shape, moments_of(cols, rows, values[rows, cols]), 0.0)[0].parameters
+
+
+def by_rectangle(sample: Sample) -> np.ndarray:
+    """The least rectangle about the contact's taxel squares; its sides as the shape's dimensions."""
+    rows, cols = np.nonzero(sample.mask)
+    squares = np.concatenate([np.column_stack((cols + dx, rows + dy)) for dx in (-.5, .5) for dy in (-.5, .5)])
+    hull = squares[spatial.ConvexHull(squares).vertices]
+    edges = np.roll(hull, -1, axis=0) - hull
+    angles = np.arctan2(edges[:, 1], edges[:, 0])
+    cos, sin = np.cos(angles), np.sin(angles)
+    turned = np.stack((hull @ np.stack((cos, sin)), hull @ np.stack((-sin, cos))))
+    low, high = turned.min(1), turned.max(1)
+    best = int(np.prod(high - low, axis=0).argmin())
+    (width, height), turn = (high - low)[:, best], angles[best]
+    middle = (high + low)[:, best] / 2 @ [[cos[best], sin[best]], [-sin[best], cos[best]]]
+    if height > width:
+        width, height, turn = height, width, turn + np.pi / 2
+    outline = OUTLINES[Shape(sample.contact.shape)]
+    if not outline.symmetry:
+        return np.array((*middle, (width + height) / 4))
+    dimensions = ((width + height) / 2,) if len(outline.dimensions) == 1 else (width, height)
+    return np.array((*middle, turn, *dimensions))
+
+
+def true_outline(contact: Contact) -> np.ndarray:
+    parameters, hand = truth(contact)
+    return outline_of(Shape(contact.shape), hand).corners(parameters)
+
+
+def same_hand(fit: ShapeFit, contact: Contact) -> bool:
+    return not fit.hand or fit.hand == truth(contact)[1]
