@@ -44,6 +44,7 @@ def bringup(context) -> list:
         given |= {'interface': 'slcan', 'channel': link}
     driver = driver_node(given, names)
     chain = [node for name in names for node in pad_nodes(given, name)]
+    chain += grasp_nodes(given, names)
     return [*chain, *(simulated(given, link, driver) if simulate else [driver]), end_with(driver, 'the skin driver')]
 
 
@@ -62,6 +63,15 @@ def pad_nodes(given: dict, name: str) -> list:
     return [Node(package=PACKAGE, executable=f'{role}_node', name=role, namespace=namespace,
                  parameters=[*params_file(given), lossless(given)], output='screen')
             for role in ('processor', 'classifier')]
+
+
+def grasp_nodes(given: dict, names: list) -> list:
+    """Two pads are taken to face each other; where is for the parameter file to say."""
+    if len(names) != 2:
+        return []
+    pads = {'left_pad': names[0], 'right_pad': names[1]}
+    return [Node(package=PACKAGE, executable='grasp_node', name='grasp', namespace=given['namespace'],
+                 parameters=[*params_file(given), pads], output='screen')]
 
 
 def simulated(given: dict, link: str, driver: Node) -> list:

@@ -21,8 +21,10 @@ from tactile_node.simulator.skin_simulator import SkinSimulator
 PADS, NODE_IDS, LAYOUT = ('left', 'right'), (32, 64), 'sim16x16.yaml'
 CHANNEL = 'tactile_demo'
 FULL_SCALE = 100e3  # Pa, of LAYOUT
-SYNC_PERIOD = 0.04  # s: 25 frames a second of each pad
+SYNC_PERIOD = 0.05  # s: 20 frames a second of each pad
 DRAW_PERIOD = 0.1  # s
+DRAIN_PATIENCE = 5.0  # s without a shape: no more will come
+DEPTH = 1000  # messages: on a slow machine the demo is late rather than incomplete
 TOPICS = (('taxels', 'TaxelArray'), ('features', 'ContactFeatures'), ('shape', 'ContactShape'))
 
 
@@ -44,15 +46,14 @@ class DemoSession:
         self._simulator.start('virtual', CHANNEL)
         self._system = make_system(PADS, {
             'interface': 'virtual', 'channel': CHANNEL, 'node_ids': list(NODE_IDS), 'layouts': [LAYOUT],
-            'sync_period': SYNC_PERIOD, 'record': str(self._folder / 'can.log')})
+            'sync_period': SYNC_PERIOD, 'queue_depth': DEPTH, 'record': str(self._folder / 'can.log')}, chain={'queue_depth': DEPTH})
         self.watcher = Watcher(PADS, lambda stamp: stamp - (self._origin or stamp), FULL_SCALE)
-        topics = [(f'/{pad}/{name}', kind) for pad in PADS for name, kind in TOPICS]
-        self.bag = BagRecorder(self.watcher, self._folder / 'bag', topics, frames_qos(50))
+        topics = [(f'/{pad}/{name}', kind) for pad in PADS for name, kind in TOPICS] + [('/grasp', 'Grasp')]
+        self.bag = BagRecorder(self.watcher, self._folder / 'bag', topics, frames_qos(DEPTH))
         self._spinner = Spinner((*self._system.nodes, self.watcher))
         return self
 
     def __exit__(self, *exception) -> None:
-        self._system.driver.trigger_deactivate()
         self._spinner.stop()
         self.bag.close()
         self._system.destroy()
@@ -74,6 +75,19 @@ class DemoSession:
                 if middles and now > middles[0]:
                     middles.pop(0)
                     self._pictures.keep(views)
+            time.sleep(DRAW_PERIOD)
+        self._system.driver.trigger_deactivate()
+        self._drain()
+
+    def _drain(self) -> None:
+        """Wait until every taxel frame has come out as a shape, or none has for a while."""
+        seen, patience = -1, DRAIN_PATIENCE
+        while patience > 0:
+            self._spinner.check()
+            before, seen = seen, len(self.watcher.latency)
+            patience = DRAIN_PATIENCE if seen > before else patience - DRAW_PERIOD
+            if seen == sum(pad.published for pad in self._system.driver.source.statistics().pads.values()):
+                return
             time.sleep(DRAW_PERIOD)
 
     def verdicts(self) -> list[Verdict]:

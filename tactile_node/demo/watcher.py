@@ -9,11 +9,13 @@ from rclpy.node import Node
 
 from tactile_node.demo.observation import Seen
 from tactile_node.demo.terminal import PadView
-from tactile_node.ros.messages import SHAPE_NUMBERS, taxel_values
+from tactile_node.ros.basics import seconds
 from tactile_node.ros.qos import frames_qos
+from tactile_node.ros.shape_messages import SHAPE_NUMBERS
+from tactile_node.ros.taxel_messages import taxel_values
 from tactile_skin.msg import ContactShape, TaxelArray
 
-KEPT = 100  # taxel arrays that may wait for their shape
+KEPT = 1000  # taxel arrays that may wait for their shape
 
 
 class Watcher(Node):
@@ -26,7 +28,7 @@ class Watcher(Node):
         self.seen: dict[str, list[Seen]] = {pad: [] for pad in pads}
         self.latency: list[float] = []  #: [s] from SYNC to the shape's arrival here
         self.incomplete = 0  #: taxel arrays with missing CAN frames
-        qos = frames_qos(50)
+        qos = frames_qos(KEPT)
         for pad in pads:
             self.create_subscription(TaxelArray, f'{pad}/taxels', lambda message, pad=pad: self._taxels(pad, message), qos)
             self.create_subscription(ContactShape, f'{pad}/shape', lambda message, pad=pad: self._shape(pad, message), qos)
@@ -44,7 +46,7 @@ class Watcher(Node):
 
     def _shape(self, pad: str, message: ContactShape) -> None:
         taxels = self._waiting[pad].pop(message.sequence, None)
-        stamp = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
+        stamp = seconds(message.header.stamp)
         self.latency.append(time.time() - stamp)
         if taxels is not None:
             names = {shape.value: float(message.probabilities[number]) for shape, number in SHAPE_NUMBERS.items()}

@@ -1,35 +1,67 @@
-"""Features -> recognised shape, on topics."""
+"""Features -> recognised shape, fused over time, with pose and size, on topics."""
 
 import sys
 
+from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.node import Node
 
 from tactile_node.config import config_path
+from tactile_node.fusion.recognitions import FusedRecognition, RecognitionFusion
 from tactile_node.nodes.run import run_node
-from tactile_node.ros.messages import features_of, shape_message
+from tactile_node.pose.fit import ShapeFit, fit_shape
+from tactile_node.pose.moments import contact_moments
+from tactile_node.ros.basics import seconds
+from tactile_node.ros.feature_messages import features_of, pattern_of
 from tactile_node.ros.parameters import CLASSIFIER, declare, values
 from tactile_node.ros.qos import frames_qos
+from tactile_node.ros.shape_messages import Findings, pose_message, shape_message
+from tactile_node.shape.recognition import Recognition, Shape
 from tactile_node.shape.volf import VolfClassifier
 from tactile_skin.msg import ContactFeatures, ContactShape
 
 
 class ClassifierNode(Node):
-    """Publishes `shape` for every message on `features`. Raises ConfigurationError for a wrong parameter."""
+    """Publishes `shape` for every message on `features`, and `pose` while the contact has one.
+
+    Raises ConfigurationError for a wrong parameter.
+    """
 
     def __init__(self, **options):
         super().__init__('classifier', **options)
         declare(self, CLASSIFIER)
-        settings = values(self, CLASSIFIER)
-        self._classifier, self._method = VolfClassifier.from_file(config_path(settings.curves)), settings.method
-        qos = frames_qos(settings.queue_depth, settings.lossless)
+        self._settings = values(self, CLASSIFIER)
+        self._classifier = VolfClassifier.from_file(config_path(self._settings.curves))
+        self._fusion = RecognitionFusion()
+        qos = frames_qos(self._settings.queue_depth, self._settings.lossless)
         self.recognised = 0  #: messages published
         self._publisher = self.create_publisher(ContactShape, 'shape', qos)
+        self._poses = self.create_publisher(PoseWithCovarianceStamped, 'pose', qos)
         self.create_subscription(ContactFeatures, 'features', self._on_features, qos)
 
     def _on_features(self, message: ContactFeatures) -> None:
-        recognition = self._classifier.recognise(features_of(message))
-        self._publisher.publish(shape_message(message, recognition, self._method))
+        shape = shape_message(message, self._find(message), self._settings.method, self._settings.solid_height)
+        self._publisher.publish(shape)
+        if shape.fit_valid:
+            self._poses.publish(pose_message(shape))
         self.recognised += 1
+
+    def _find(self, message: ContactFeatures) -> Findings:
+        pattern = pattern_of(message)
+        frame = self._classifier.recognise(features_of(message))
+        fused = self._fused(seconds(message.header.stamp), frame)
+        moments = contact_moments(pattern.values, pattern.mask, message.pitch, message.unit)
+        return Findings(frame, fused, self._fitted(message, pattern, fused.recognition.shape), moments)
+
+    def _fused(self, stamp: float, frame: Recognition) -> FusedRecognition:
+        if self._settings.fuse:
+            return self._fusion.update(stamp, frame.probabilities)
+        return FusedRecognition(frame, stamp, 0.0, 1)
+
+    def _fitted(self, message: ContactFeatures, pattern, shape: Shape) -> ShapeFit | None:
+        if not self._settings.fit or not pattern.mask.any():
+            return None
+        taxels = pattern.mask if message.unit == '1' else pattern.values
+        return fit_shape(taxels, pattern.mask, shape, message.pitch)
 
 
 def main() -> int:

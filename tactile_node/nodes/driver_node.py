@@ -17,7 +17,7 @@ from tactile_node.errors import ConfigurationError, TactileError
 from tactile_node.nodes.replay_gate import ReplayGate
 from tactile_node.nodes.run import run_node
 from tactile_node.ros.diagnostics import BusDiagnostics
-from tactile_node.ros.messages import taxel_array_message
+from tactile_node.ros.taxel_messages import taxel_array_message
 from tactile_node.ros.parameters import DRIVER, declare, one_each, values
 from tactile_node.ros.qos import frames_qos
 from tactile_node.taxel_frame import TaxelFrame

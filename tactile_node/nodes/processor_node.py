@@ -9,9 +9,10 @@ from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.errors import TactileError
 from tactile_node.helmholtz.features import compute_features
 from tactile_node.nodes.run import run_node
-from tactile_node.ros.messages import features_message, taxel_values
+from tactile_node.ros.feature_messages import features_message
 from tactile_node.ros.parameters import PROCESSOR, declare, feature_groups, pressed_thresholds, values
 from tactile_node.ros.qos import frames_qos
+from tactile_node.ros.taxel_messages import taxel_values
 from tactile_skin.msg import ContactFeatures, TaxelArray
 
 

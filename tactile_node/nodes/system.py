@@ -8,20 +8,23 @@ from rclpy.parameter import Parameter
 
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.driver_node import DriverNode
+from tactile_node.nodes.grasp_node import GraspNode
 from tactile_node.nodes.processor_node import ProcessorNode
 
 
 class System(NamedTuple):
-    """The nodes of one bus: a driver, and a processor and a classifier for each pad."""
+    """The nodes of one bus: a driver, a processor and a classifier for each pad, and a grasp of two pads."""
 
     driver: DriverNode
     processors: tuple[ProcessorNode, ...]
     classifiers: tuple[ClassifierNode, ...]
+    grasp: GraspNode | None  #: where there are two pads
 
     @property
     def nodes(self) -> tuple[Node, ...]:
         """All of them, the driver, which feeds the others, first."""
-        return (self.driver, *self.processors, *self.classifiers)
+        grasp = (self.grasp,) if self.grasp else ()
+        return (self.driver, *self.processors, *self.classifiers, *grasp)
 
     def destroy(self) -> None:
         for node in self.nodes:
@@ -38,7 +41,14 @@ def make_system(pads: Sequence[str], driver: Mapping[str, Any], namespace: str =
     processors = tuple(ProcessorNode(namespace=f'{namespace}/{pad}', **options) for pad in pads)
     classifiers = tuple(ClassifierNode(namespace=f'{namespace}/{pad}', **options) for pad in pads)
     overrides = _overrides({'pads': list(pads), **driver})
-    return System(DriverNode(namespace=namespace, parameter_overrides=overrides), processors, classifiers)
+    return System(DriverNode(namespace=namespace, parameter_overrides=overrides), processors, classifiers,
+                  _grasp(pads, namespace))
+
+
+def _grasp(pads: Sequence[str], namespace: str) -> GraspNode | None:
+    if len(pads) != 2:
+        return None
+    return GraspNode(namespace=namespace, parameter_overrides=_overrides({'left_pad': pads[0], 'right_pad': pads[1]}))
 
 
 def _overrides(values: Mapping[str, Any]) -> list[Parameter]:

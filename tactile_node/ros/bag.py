@@ -12,7 +12,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from tactile_node.config import package_file
 
 PACKAGE = 'tactile_skin'
-MESSAGES = ('TaxelArray', 'FeatureRange', 'ContactFeatures', 'ContactShape')
+MESSAGES = ('TaxelArray', 'FeatureRange', 'ContactFeatures', 'ContactShape', 'Grasp')
 
 
 class BagRecorder:

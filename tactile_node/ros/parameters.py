@@ -23,7 +23,7 @@ class Parameter(NamedTuple):
 
 
 QUEUE = (
-    Parameter('queue_depth', 50, 'messages a publisher or subscription keeps', 1, 100_000),
+    Parameter('queue_depth', 10, 'messages a publisher or subscription keeps; the oldest goes first', 1, 100_000),
     Parameter('lossless', False, 'for replays: publishers keep 5000 messages, also for subscribers that come late'),
 )
 
@@ -59,6 +59,24 @@ PROCESSOR = (
 CLASSIFIER = (
     Parameter('method', 'volf', 'volf: the three planes of Volf, Dvořák and Vlček'),
     Parameter('curves', 'volf_curves.yaml', 'curves of the three planes, written by `tactile fit`'),
+    Parameter('fuse', True, 'successive frames together say the shape; false: each frame alone'),
+    Parameter('fit', True, 'fit pose and size; false: leave them out'),
+    Parameter('solid_height', 0.0, 'height of the solid added to each shape [m]; 0: none', 0, 10),
+    *QUEUE,
+)
+
+GRASP = (
+    Parameter('left_pad', 'left', 'name of the left pad'),
+    Parameter('right_pad', 'right', 'name of the right pad, facing the left one'),
+    Parameter('frame_id', 'gripper', 'frame of the gripper, in which the grasp is told'),
+    Parameter('left_xyz', [0.0, 0.0, 0.0], 'taxel (0, 0) of the left pad in the gripper frame, gripper closed [m]'),
+    Parameter('left_rpy', [0.0, 0.0, 0.0], 'roll, pitch, yaw of the left pad in the gripper frame [rad]'),
+    Parameter('right_xyz', [0.0, 0.03, 0.0], 'taxel (0, 0) of the right pad in the gripper frame, gripper closed [m]'),
+    Parameter('right_rpy', [math.pi, 0.0, 0.0], 'roll, pitch, yaw of the right pad in the gripper frame [rad]'),
+    Parameter('gap', 0.0, 'opening of the gripper [m]', 0, 1),
+    Parameter('centre_tolerance', 0.001, 'how far a held contact\'s centre may move [m]', 1e-6, 1),
+    Parameter('min_hold', 0.2, 'how long shapes and centres must hold for a stable grasp [s]', 0, 3600),
+    Parameter('max_skew', 0.1, 'how far the two pads\' stamps may be apart [s]', 1e-3, 3600),
     *QUEUE,
 )
 

@@ -1,0 +1,46 @@
+"""The shapes under two opposing pads -> one grasp, on a topic."""
+
+import sys
+
+from rclpy.node import Node
+
+from tactile_node.grasp.gripper import Gripper, PadPose
+from tactile_node.grasp.tracker import SIDES, GraspSettings, GraspTracker
+from tactile_node.nodes.run import run_node
+from tactile_node.ros.grasp_messages import grasp_message, side_result
+from tactile_node.ros.parameters import GRASP, declare, values
+from tactile_node.ros.qos import frames_qos
+from tactile_skin.msg import ContactShape, Grasp
+
+
+class GraspNode(Node):
+    """Publishes `grasp` for every `<pad>/shape` of its two pads. Raises ConfigurationError for a wrong parameter."""
+
+    def __init__(self, **options):
+        super().__init__('grasp', **options)
+        declare(self, GRASP)
+        self._settings = settings = values(self, GRASP)
+        gripper = Gripper(PadPose(tuple(settings.left_xyz), tuple(settings.left_rpy)),
+                          PadPose(tuple(settings.right_xyz), tuple(settings.right_rpy)))
+        self._tracker = GraspTracker(GraspSettings(gripper, settings.centre_tolerance, settings.min_hold,
+                                                   settings.max_skew))
+        self._latest = {side: ContactShape() for side in SIDES}
+        qos = frames_qos(settings.queue_depth)
+        self._publisher = self.create_publisher(Grasp, 'grasp', qos)
+        for side, pad in zip(SIDES, (settings.left_pad, settings.right_pad)):
+            self.create_subscription(ContactShape, f'{pad}/shape',
+                                     lambda message, side=side: self._on_shape(side, message), qos)
+
+    def _on_shape(self, side: str, message: ContactShape) -> None:
+        self._latest[side] = message
+        state = self._tracker.update(side, side_result(message), self._settings.gap)
+        sides = [self._latest[side] for side in SIDES]
+        self._publisher.publish(grasp_message(state, sides, self._settings.gap, self._settings.frame_id))
+
+
+def main() -> int:
+    return run_node(GraspNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,53 @@
+"""Contact patterns and features as messages, and back."""
+
+import numpy as np
+
+from tactile_node.contact.pattern import ContactPattern
+from tactile_node.helmholtz.features import Features, Turned
+from tactile_node.ros.basics import as_array
+from tactile_node.ros.taxel_messages import taxel_values
+from tactile_skin.msg import ContactFeatures, FeatureRange, TaxelArray
+
+
+def features_message(taxels: TaxelArray, pattern: ContactPattern, features: Features) -> ContactFeatures:
+    """An empty pattern has no features: the list stays empty."""
+    return ContactFeatures(
+        header=taxels.header, sequence=taxels.sequence, contacts=pattern.contacts,
+        missing_can_frames=taxels.missing_can_frames, rows=taxels.rows, cols=taxels.cols, pitch=taxels.pitch,
+        pattern=as_array('B', pattern.mask, np.uint8), unit=taxels.unit, values=taxels.values,
+        features=_feature_ranges(features) if pattern.contacts else [])
+
+
+def features_of(message: ContactFeatures) -> Features:
+    """Return the features of ``message``, as `compute_features` gave them to its sender."""
+    values, turned = {'N': 0.0}, {}
+    for feature in message.features:
+        values[feature.name] = feature.value
+        turned[feature.name] = Turned(feature.min, feature.max, feature.dif, _angle(feature.min_angle),
+                                      _angle(feature.max_angle))
+    return Features(values, turned)
+
+
+def _feature_ranges(features: Features) -> list[FeatureRange]:
+    undefined = Turned(*[float('nan')] * 3, None, None)
+    return [_feature_range(name, value, features.turned.get(name, undefined))
+            for name, value in features.values.items()]
+
+
+def _feature_range(name: str, value: float, turned: Turned) -> FeatureRange:
+    return FeatureRange(name=name, value=float(value), min=turned.min, max=turned.max, dif=turned.dif,
+                        min_angle=_degrees(turned.min_angle), max_angle=_degrees(turned.max_angle))
+
+
+def _degrees(angle: int | None) -> float:
+    return float('nan') if angle is None else float(angle)
+
+
+def _angle(degrees: float) -> int | None:
+    return None if degrees != degrees else int(degrees)
+
+
+def pattern_of(message: ContactFeatures) -> ContactPattern:
+    """Return the contact pattern that ``message`` was made from."""
+    mask = np.frombuffer(message.pattern, np.uint8).reshape(message.rows, message.cols).astype(bool)
+    return ContactPattern(mask, taxel_values(message), message.contacts)

@@ -1,0 +1,93 @@
+"""Recognised, fused and fitted contacts as messages."""
+
+from typing import NamedTuple
+
+import numpy as np
+from geometry_msgs.msg import Point, Point32, Polygon, PoseWithCovariance, PoseWithCovarianceStamped
+from shape_msgs.msg import Mesh, MeshTriangle, SolidPrimitive
+
+from tactile_node.fusion.recognitions import FusedRecognition
+from tactile_node.pose.fit import ShapeFit
+from tactile_node.pose.moments import ContactMoments
+from tactile_node.pose.solids import pose_covariance, prism, solid
+from tactile_node.ros.basics import duration_message
+from tactile_node.shape.recognition import Recognition, Shape
+from tactile_skin.msg import ContactFeatures, ContactShape
+
+#: ContactShape.msg numbers of our shapes, also the index into its probabilities.
+SHAPE_NUMBERS = {
+    Shape.NONE: ContactShape.NONE, Shape.UNKNOWN: ContactShape.UNKNOWN, Shape.CIRCLE: ContactShape.CIRCLE,
+    Shape.SQUARE: ContactShape.SQUARE, Shape.RECTANGLE: ContactShape.RECTANGLE,
+    Shape.RIGHT_TRIANGLE: ContactShape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE: ContactShape.ISOSCELES_TRIANGLE}
+SHAPES = {number: shape for shape, number in SHAPE_NUMBERS.items()}
+SOLIDS = {'box': SolidPrimitive.BOX, 'cylinder': SolidPrimitive.CYLINDER}
+
+
+class Findings(NamedTuple):
+    """All that is known of one frame's contact."""
+
+    frame: Recognition
+    fused: FusedRecognition
+    fit: ShapeFit | None
+    moments: ContactMoments
+
+
+def shape_message(features: ContactFeatures, found: Findings, method: str, solid_height: float) -> ContactShape:
+    """``solid_height`` [m]: of the solid to add, 0 for none."""
+    fused = found.fused.recognition
+    message = ContactShape(
+        header=features.header, sequence=features.sequence, shape=SHAPE_NUMBERS[fused.shape],
+        confidence=fused.confidence, probabilities=_probabilities(fused), frame_shape=SHAPE_NUMBERS[found.frame.shape],
+        frame_probabilities=_probabilities(found.frame), held=duration_message(found.fused.held),
+        fused_frames=found.fused.frames, method=method, taxels=sum(features.pattern),
+        missing_can_frames=features.missing_can_frames, residual=float('nan'))
+    _add_moments(message, found.moments)
+    if found.fit is not None:
+        _add_fit(message, found.fit)
+        if solid_height > 0:
+            _add_solid(message, found.fit, solid_height)
+    return message
+
+
+def pose_message(shape: ContactShape) -> PoseWithCovarianceStamped:
+    """The fitted pose alone, as localisation tools take it."""
+    return PoseWithCovarianceStamped(header=shape.header, pose=shape.pose)
+
+
+def _probabilities(recognition: Recognition) -> np.ndarray:
+    probabilities = np.zeros(len(SHAPE_NUMBERS), np.float32)
+    for shape, number in SHAPE_NUMBERS.items():
+        probabilities[number] = recognition.probabilities[shape]
+    return probabilities
+
+
+def _add_moments(message: ContactShape, moments: ContactMoments) -> None:
+    x, y = moments.centre_of_pressure
+    message.force, message.centre_of_pressure = moments.force, Point(x=x, y=y)
+    message.contact_area, message.principal_axis = moments.area, moments.principal_axis
+
+
+def _add_fit(message: ContactShape, fit: ShapeFit) -> None:
+    message.fit_valid, message.pose = True, _pose(fit)
+    message.symmetry, message.hand = fit.symmetry, fit.hand
+    message.dimension_names, message.dimensions = fit.dimension_names, fit.dimensions
+    message.parameter_names, message.covariance = fit.parameter_names, fit.covariance.reshape(-1)
+    message.residual = fit.residual
+    message.outline = Polygon(points=[Point32(x=x, y=y) for x, y in fit.outline.tolist()])
+
+
+def _pose(fit: ShapeFit) -> PoseWithCovariance:
+    message = PoseWithCovariance(covariance=pose_covariance(fit).reshape(-1))
+    message.pose.position.x, message.pose.position.y = fit.centre
+    message.pose.orientation.z, message.pose.orientation.w = float(np.sin(fit.turn / 2)), float(np.cos(fit.turn / 2))
+    return message
+
+
+def _add_solid(message: ContactShape, fit: ShapeFit, height: float) -> None:
+    primitive = solid(fit, height)
+    if primitive is not None:
+        message.solid = SolidPrimitive(type=SOLIDS[primitive.kind], dimensions=primitive.dimensions)
+        return
+    vertices, triangles = prism(fit, height)
+    message.mesh = Mesh(vertices=[Point(x=x, y=y, z=z) for x, y, z in vertices.tolist()],
+                        triangles=[MeshTriangle(vertex_indices=corners) for corners in triangles.astype(np.uint32)])

@@ -1,0 +1,23 @@
+"""Taxel frames as messages, and back."""
+
+import numpy as np
+
+from tactile_node.ros.basics import as_array, time_message
+from tactile_node.taxel_frame import TaxelFrame
+from tactile_skin.msg import TaxelArray
+
+
+def taxel_array_message(frame: TaxelFrame, pitch: float, unit: str, frame_id: str) -> TaxelArray:
+    """``pitch`` [m], ``unit`` and ``frame_id`` are the pad's."""
+    message = TaxelArray(
+        sequence=frame.sequence, rows=frame.values.shape[0], cols=frame.values.shape[1], pitch=pitch, unit=unit,
+        values=as_array('f', frame.values, np.float32), status=as_array('B', frame.status, np.uint8),
+        missing_can_frames=frame.missing_can_frames)
+    message.header.stamp = time_message(frame.stamp)
+    message.header.frame_id = frame_id
+    return message
+
+
+def taxel_values(message) -> np.ndarray:
+    """Return the values of a TaxelArray or ContactFeatures, float32, shape (rows, cols), NaN = no valid value."""
+    return np.frombuffer(message.values, np.float32).reshape(message.rows, message.cols)
