@@ -1,5 +1,6 @@
 """Small conversions that every message needs."""
 
+import math
 from array import array
 
 import numpy as np
@@ -8,14 +9,14 @@ from builtin_interfaces.msg import Duration, Time
 
 def time_message(seconds: float) -> Time:
     """Seconds since the Unix epoch -> Time."""
-    nanoseconds = round(seconds * 1e9)
-    return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
+    sec, nanosec = _split(seconds)
+    return Time(sec=sec, nanosec=nanosec)
 
 
 def duration_message(seconds: float) -> Duration:
     """Seconds -> Duration."""
-    nanoseconds = round(seconds * 1e9)
-    return Duration(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
+    sec, nanosec = _split(seconds)
+    return Duration(sec=sec, nanosec=nanosec)
 
 
 def seconds(time: Time) -> float:
@@ -26,3 +27,10 @@ def seconds(time: Time) -> float:
 def as_array(code: str, values: np.ndarray, dtype: type) -> array:
     """As array.array: rclpy checks any other sequence element by element."""
     return array(code, np.ascontiguousarray(values, dtype).tobytes())
+
+
+def _split(seconds: float) -> tuple[int, int]:
+    """Seconds and nanoseconds; the parts apart, for their product with 1e9 would exceed a float's 53 bits."""
+    whole = math.floor(seconds)
+    nanoseconds = round((seconds - whole) * 1e9)
+    return whole + nanoseconds // 10**9, nanoseconds % 10**9

@@ -1,0 +1,136 @@
+"""What the stages found arrives in the messages, in the units and order that msg/ promises."""
+
+import math
+
+import numpy as np
+import pytest
+
+pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
+
+from tactile_node.contact.pattern import ContactPattern  # noqa: E402
+from tactile_node.fusion.recognitions import FusedRecognition  # noqa: E402
+from tactile_node.grasp.tracker import GraspTracker  # noqa: E402
+from tactile_node.helmholtz.features import Group, compute_features  # noqa: E402
+from tactile_node.pose.fit import fit_shape  # noqa: E402
+from tactile_node.pose.moments import contact_moments  # noqa: E402
+from tactile_node.ros.feature_messages import features_message, features_of, pattern_of  # noqa: E402
+from tactile_node.ros.grasp_messages import grasp_message, side_result  # noqa: E402
+from tactile_node.ros.shape_messages import Findings, pose_message, shape_message  # noqa: E402
+from tactile_node.ros.taxel_messages import taxel_array_message, taxel_values  # noqa: E402
+from tactile_node.shape.recognition import Recognition, Shape  # noqa: E402
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus  # noqa: E402
+from tactile_skin.msg import ContactShape, Grasp  # noqa: E402
+
+PITCH = 0.002
+STAMP = 1_700_000_000.25
+
+
+def taxels(values, missing=0):
+    values = np.asarray(values, np.float32)
+    status = np.where(np.isnan(values), TaxelStatus.STALE, TaxelStatus.VALID).astype(np.uint8)
+    return taxel_array_message(TaxelFrame(STAMP, 7, values, status, missing), PITCH, 'Pa', 'left_pad')
+
+
+def block(rows, cols, value=50e3):
+    """A full block of taxels in the middle of a pad of 16x16."""
+    values = np.zeros((16, 16), np.float32)
+    values[4:4 + rows, 3:3 + cols] = value
+    return values
+
+
+def features(values):
+    message = taxels(values)
+    mask = np.asarray(values) > 0
+    return features_message(message, ContactPattern(mask, taxel_values(message), int(mask.any())),
+                            compute_features(mask, Group.ALL))
+
+
+def shape(values, kind, solid_height=0.0):
+    message = features(values)
+    pattern = pattern_of(message)
+    frame = Recognition.of({kind: 0.75, Shape.UNKNOWN: 0.25})
+    fit = fit_shape(pattern.values, pattern.mask, kind, PITCH)
+    moments = contact_moments(pattern.values, pattern.mask, PITCH, 'Pa')
+    return shape_message(message, Findings(frame, FusedRecognition(frame, STAMP - 1.5, 1.5, 30), fit, moments),
+                         'learned', solid_height)
+
+
+def test_taxels_keep_values_nan_status_and_stamp():
+    values = block(2, 3)
+    values[0, 0] = np.nan
+    message = taxels(values, missing=2)
+    assert np.array_equal(taxel_values(message), values, equal_nan=True)
+    assert message.status[0] == message.STALE and message.status[1] == message.VALID
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1_700_000_000, 250_000_000)
+    assert (message.sequence, message.missing_can_frames, message.header.frame_id) == (7, 2, 'left_pad')
+
+
+def test_features_survive_the_message():
+    values = block(3, 5)
+    computed, received = compute_features(values > 0, Group.ALL), features_of(features(values))
+    assert received.values == pytest.approx(dict(computed.values), nan_ok=True)
+    for name, turned in computed.turned.items():
+        assert received.turned[name] == pytest.approx(turned, nan_ok=True)
+
+
+def test_an_empty_pad_has_no_features():
+    message = features(np.zeros((16, 16), np.float32))
+    assert not message.features and message.contacts == 0
+    assert features_of(message).values['N'] == 0
+
+
+def test_shape_message_tells_a_rectangle_in_metres():
+    message = shape(block(4, 9), Shape.RECTANGLE)
+    assert message.shape == message.frame_shape == ContactShape.RECTANGLE
+    assert message.confidence == pytest.approx(0.75)
+    assert message.probabilities[ContactShape.UNKNOWN] == pytest.approx(0.25)
+    assert (message.held.sec, message.held.nanosec, message.fused_frames) == (1, 500_000_000, 30)
+    assert list(message.dimension_names) == ['long', 'short'] and message.symmetry == 2
+    assert list(message.dimensions) == pytest.approx([9 * PITCH, 4 * PITCH], rel=0.02)
+    # Columns 3 ... 11 and rows 4 ... 7: the centre lies between them.
+    assert message.pose.pose.position.x == pytest.approx(7 * PITCH, abs=0.02 * PITCH)
+    assert message.pose.pose.position.y == pytest.approx(5.5 * PITCH, abs=0.02 * PITCH)
+    assert abs(message.pose.pose.orientation.z) < math.sin(math.radians(1) / 2)
+    assert message.contact_area == pytest.approx(36 * PITCH**2)
+    assert message.force == pytest.approx(36 * 50e3 * PITCH**2)
+    assert message.centre_of_pressure.x == pytest.approx(7 * PITCH)
+    assert message.principal_axis == pytest.approx(0)
+    assert len(message.outline.points) == 4 and len(message.covariance) == 25
+    assert pose_message(message).pose == message.pose
+
+
+def test_solids_are_added_on_request():
+    box = shape(block(4, 9), Shape.RECTANGLE, 0.01).solid
+    assert box.type == box.BOX and list(box.dimensions) == pytest.approx([0.018, 0.008, 0.01], rel=0.02)
+    assert not shape(block(4, 9), Shape.RECTANGLE).solid.dimensions
+    values = np.zeros((16, 16), np.float32)
+    for row in range(8):
+        values[row + 3, 3:11 - row] = 50e3
+    prism = shape(values, Shape.RIGHT_TRIANGLE, 0.01).mesh
+    assert len(prism.vertices) == 6 and len(prism.triangles) == 8
+    assert {vertex.z for vertex in prism.vertices} == {0.0, 0.01}
+
+
+def test_without_a_shape_there_is_no_fit():
+    message = shape(block(4, 9), Shape.UNKNOWN)
+    assert not message.fit_valid and math.isnan(message.residual) and not message.dimensions
+
+
+def test_two_pads_become_one_grasp():
+    message, tracker = shape(block(6, 6), Shape.SQUARE), GraspTracker()
+    tracker.update('left', side_result(message))
+    state = tracker.update('right', side_result(message))
+    grasp = grasp_message(state, [message, message], 0.0, 'gripper')
+    assert grasp.contact == Grasp.TWO_SIDED and grasp.fresh and grasp.same_shape and not grasp.stable
+    assert grasp.header.frame_id == 'gripper' and grasp.header.stamp == message.header.stamp
+    # Default pads: the right one turned by pi about x, so y of the right centre is the left one's mirrored.
+    assert grasp.right_centre.x == pytest.approx(grasp.left_centre.x)
+    assert grasp.right_centre.y == pytest.approx(-grasp.left_centre.y)
+    assert grasp.width == pytest.approx(2 * grasp.left_centre.y)
+
+
+def test_one_touched_pad_is_no_line():
+    message, tracker = shape(block(6, 6), Shape.SQUARE), GraspTracker()
+    state = tracker.update('left', side_result(message))
+    grasp = grasp_message(state, [message, ContactShape()], 0.0, 'gripper')
+    assert grasp.contact == Grasp.ONE_SIDED and math.isnan(grasp.width) and math.isnan(grasp.midpoint.x)
