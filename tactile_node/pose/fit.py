@@ -71,8 +71,16 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float =
     weights = weights_after(shape, best.solution.prediction, evidence)
     candidates = sorted((_fine(evidence, candidate, weights) for candidate in candidates),
                         key=lambda candidate: candidate.solution.cost)
-    ambiguous = len(candidates) > 1 and candidates[1].solution.cost - candidates[0].solution.cost < AMBIGUOUS
-    return _result(shape, pitch, evidence, candidates[0], ambiguous)
+    return _in_metres(shape, pitch, evidence, candidates[0], _together(shape, evidence, candidates))
+
+
+class _Estimate(NamedTuple):
+    """In pitches, canonical."""
+
+    parameters: np.ndarray
+    covariance: np.ndarray
+    hand: int
+    symmetry: int
 
 
 class _Candidate(NamedTuple):
@@ -119,19 +127,40 @@ def _residual(evidence: Evidence, solution: Solution) -> float:
     return float(np.sqrt(residual @ residual / max(len(residual), 1)))
 
 
-def _result(shape: Shape, pitch: float, evidence: Evidence, found: _Candidate, ambiguous: bool) -> ShapeFit:
+def _together(shape: Shape, evidence: Evidence, candidates: list[_Candidate]) -> _Estimate:
+    """The best candidate; the others, as far as they are likely too, widen its covariance."""
+    estimates = [_estimate(shape, evidence, candidate) for candidate in candidates]
+    best, costs = estimates[0], np.array([candidate.solution.cost for candidate in candidates])
+    if shape is Shape.ISOSCELES_TRIANGLE and any(
+            cost - costs[0] < AMBIGUOUS and abs(other.parameters[2] - best.parameters[2]) > 1
+            for cost, other in zip(costs[1:], estimates[1:])):
+        best = best._replace(symmetry=3)
+    shares = np.exp((costs[0] - costs) / 2)
+    covariance = np.zeros_like(best.covariance)
+    for share, estimate in zip(shares / shares.sum(), estimates):
+        apart = estimate.parameters - best.parameters
+        if best.symmetry:
+            apart[2] = _nearest_zero(apart[2], best.symmetry)
+        covariance += share * (estimate.covariance + np.outer(apart, apart))
+    return best._replace(covariance=covariance)
+
+
+def _estimate(shape: Shape, evidence: Evidence, found: _Candidate) -> _Estimate:
     covariance = _covariance(evidence, shape, found.model, found.solution)
     parameters, hand, covariance = _canonical(shape, found.hand, found.solution.parameters[:len(covariance)], covariance)
-    outline = outline_of(shape, hand)
+    return _Estimate(parameters, covariance, hand, OUTLINES[shape].symmetry)
+
+
+def _in_metres(shape: Shape, pitch: float, evidence: Evidence, found: _Candidate, estimate: _Estimate) -> ShapeFit:
+    outline = outline_of(shape, estimate.hand)
     scale = np.array([1.0 if name == 'turn' else pitch for name in outline.parameters])
-    corners = outline.corners(parameters) * pitch
-    covariance = covariance * np.outer(scale, scale)
+    corners = outline.corners(estimate.parameters) * pitch
+    covariance = estimate.covariance * np.outer(scale, scale)
     corners.flags.writeable = covariance.flags.writeable = False
-    centre, turn, dimensions = outline.split(parameters * scale)
-    symmetry = 3 if ambiguous and shape is Shape.ISOSCELES_TRIANGLE else outline.symmetry
-    return ShapeFit(shape, tuple(centre.tolist()), turn, symmetry, hand if shape is Shape.RIGHT_TRIANGLE else 0,
-                    outline.dimensions, tuple(dimensions.tolist()), covariance, _residual(evidence, found.solution),
-                    corners)
+    centre, turn, dimensions = outline.split(estimate.parameters * scale)
+    hand = estimate.hand if shape is Shape.RIGHT_TRIANGLE else 0
+    return ShapeFit(shape, tuple(centre.tolist()), turn, estimate.symmetry, hand, outline.dimensions,
+                    tuple(dimensions.tolist()), covariance, _residual(evidence, found.solution), corners)
 
 
 def _canonical(shape: Shape, hand: int, parameters: np.ndarray,
@@ -146,6 +175,11 @@ def _canonical(shape: Shape, hand: int, parameters: np.ndarray,
         parameters, covariance = parameters[swap], covariance[np.ix_(swap, swap)]
         parameters[2] += hand * np.pi / 2
         hand = -hand if shape is Shape.RIGHT_TRIANGLE else hand
-    period = 2 * np.pi / outline.symmetry
-    parameters[2] = -((-parameters[2] + period / 2) % period - period / 2)
+    parameters[2] = _nearest_zero(parameters[2], outline.symmetry)
     return parameters, hand, covariance
+
+
+def _nearest_zero(turn: float, symmetry: int) -> float:
+    """Of all turns that look the same, in (-π/symmetry, π/symmetry]."""
+    period = 2 * np.pi / symmetry
+    return -((period / 2 - turn) % period - period / 2)

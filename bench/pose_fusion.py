@@ -1,0 +1,81 @@
+"""Simulated sequences of frames: how soon a change of shape is followed, how much the shape flickers."""
+
+from time import process_time
+
+import numpy as np
+from pose_world import PAD, PRESS, RELEASE
+
+from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.errors import TactileError
+from tactile_node.fusion.recognitions import FusionSettings, RecognitionFusion
+from tactile_node.shape.methods import METHODS, make_recogniser
+from tactile_node.shape.recognition import Shape
+from tactile_node.synthetic.pressure import Skin, pressure_frame
+from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.synthetic.world import CLASSES, Contact, random_contact
+
+PERIOD = 0.01   # [s]
+FRAMES = 60     # of each of two shapes, one straight after the other
+CREEP = 0.01    # how far a contact moves a frame [pitches]
+SKIN = Skin(blur=0.5, noise=0.02, dead=0.0)
+SEQUENCES = 40
+
+
+def measure(report) -> None:
+    settings = FusionSettings()
+    report.say('## Fusion of successive frames')
+    report.say(f'{SEQUENCES} sequences at {1 / PERIOD:.0f} Hz: {FRAMES} frames of one shape, then at once {FRAMES} of another '
+               f'(no frame between them empty), creeping {CREEP} pitch a frame, blur {SKIN.blur}, noise {SKIN.noise:.0%}. '
+               'Flicker: changes of the shape reported, beside the true one, per 100 frames.')
+    report.say(f'Stated latency: {settings.frames_to_follow(PERIOD, 100.0)} frames when each is 100:1 for the new shape, '
+               f'{settings.frames_to_follow(PERIOD, 10.0)} at 10:1; contact and loss of contact: none.')
+    report.say()
+    rows = []
+    for method in METHODS:
+        for area in (20, 50):
+            try:
+                rows.append([str(method), str(area), *_row(make_recogniser(method), area)])
+            except TactileError as error:
+                rows.append([str(method), str(area), f'not measured: {error}', *[''] * 6])
+    report.table(['recogniser', 'N', 'right, single frames', 'right, fused (all frames)', 'right, fused from 100 ms on', 'flicker single', 'flicker fused',
+                  'frames to follow a change, median; 95 %; most', 'fusion, ms a frame'], rows)
+
+
+def _row(recogniser, area: float) -> list[str]:
+    single, fused, settled, flicker, follows, spent, frames = 0, 0, [], [0, 0], [], 0.0, 0
+    for number in range(SEQUENCES):
+        rng = generator(Purpose.EVALUATION, 77_000 + number)
+        truth, recognised = _sequence(rng, recogniser, area)
+        fusion = RecognitionFusion()
+        begin = process_time()
+        said = [fusion.update(i * PERIOD, each.probabilities).recognition.shape for i, each in enumerate(recognised)]
+        spent += process_time() - begin
+        alone = [each.shape for each in recognised]
+        right = np.array([a is b for a, b in zip(said, truth)])
+        single += sum(a is b for a, b in zip(alone, truth))
+        fused += right.sum()
+        settled += [*right[10:FRAMES], *right[FRAMES + 20:]]
+        for i, shapes in enumerate((alone, said)):
+            flicker[i] += max(0, sum(a is not b for a, b in zip(shapes, shapes[1:])) - 1)
+        frames += len(truth)
+        if right[FRAMES:].any():
+            follows.append(int(right[FRAMES:].argmax()) + 1)
+    return [f'{single / frames:.1%}', f'{fused / frames:.1%}', f'{np.mean(settled):.1%}',
+            *(f'{count / frames * 100:.2f}' for count in flicker),
+            f'{np.median(follows):.0f}; {np.percentile(follows, 95):.0f}; {max(follows)} ({SEQUENCES - len(follows)} never)',
+            f'{spent / frames * 1e3:.3f}']
+
+
+def _sequence(rng: np.random.Generator, recogniser, area: float):
+    shapes = rng.choice(len(CLASSES), 2, replace=False)
+    truth, recognised, extractor = [], [], PatternExtractor(PRESS, RELEASE)
+    for index in shapes:
+        contact = random_contact(rng, CLASSES[index], area, PAD, PAD)
+        heading = rng.uniform(0, 2 * np.pi)
+        for i in range(FRAMES):
+            moved = Contact(contact.shape, contact.dimensions, contact.x + CREEP * i * np.cos(heading),
+                            contact.y + CREEP * i * np.sin(heading), contact.turn)
+            pattern = extractor.extract(pressure_frame(moved, rng, PAD, PAD, skin=SKIN))
+            recognised.append(recogniser.recognise(pattern))
+            truth.append(Shape(contact.shape))
+    return truth, recognised
