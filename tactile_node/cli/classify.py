@@ -8,9 +8,7 @@ from tactile_node.cli.arrays import (
     read_frames,
     write_lines,
 )
-from tactile_node.config import config_path
-from tactile_node.helmholtz.features import compute_features
-from tactile_node.shape.volf import GROUPS, VolfClassifier
+from tactile_node.shape.methods import DEFAULT, FILES, LEARNED, METHODS, VOLF, make_recogniser
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
@@ -18,19 +16,23 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
                                    help='print the recognised shape, a JSON line a frame')
     parser.set_defaults(run=run)
     add_array_arguments(parser)
-    parser.add_argument('--curves', default='volf_curves.yaml', metavar='FILE',
-                        help="the classifier's curves, default config/%(default)s")
+    parser.add_argument('--method', choices=list(METHODS), default=DEFAULT,
+                        help='learned: network on pattern and pressures; volf: the paper; default %(default)s')
+    parser.add_argument('--weights', default='', metavar='FILE',
+                        help=f'of --method learned, default config/{FILES[LEARNED]}')
+    parser.add_argument('--curves', default='', metavar='FILE',
+                        help=f'of --method volf, default config/{FILES[VOLF]}')
     parser.epilog = ('Prints {"frame": k, "shape": ..., "confidence": ..., "probabilities": {name: ...}, '
                      '"N": ..., "contacts": ...}: N taxels in the largest of so many contacts.')
 
 
 def run(args: argparse.Namespace) -> int:
-    classifier = VolfClassifier.from_file(config_path(args.curves))
+    recogniser = make_recogniser(args.method, {LEARNED: args.weights, VOLF: args.curves}[args.method])
     frames = read_frames(args.frames)
 
     def records():
         for k, pattern in enumerate(patterns(frames, args, largest=True)):
-            recognition = classifier.recognise(compute_features(pattern.mask, GROUPS))
+            recognition = recogniser.recognise(pattern)
             yield {'frame': k, **recognition.as_json(),
                    'N': int(pattern.mask.sum()), 'contacts': pattern.contacts}
 

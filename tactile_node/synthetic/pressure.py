@@ -5,9 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from tactile_node.synthetic.world import PAD, Contact
+from tactile_node.synthetic.variants import Touching
+from tactile_node.synthetic.world import PAD
 
 SUBSAMPLES = 8  #: a taxel's coverage is counted on 8×8 points
+HALF_DIAGONAL = 0.708  #: of a taxel [pitches]
 
 
 @dataclass(frozen=True)
@@ -20,16 +22,28 @@ class Skin:
     dead: float = 0.0              #: fraction of taxels without a valid value (NaN), drawn anew a frame
 
 
-def coverage(contact: Contact, rows: int = PAD, cols: int = PAD) -> np.ndarray:
+def coverage(contact: Touching, rows: int = PAD, cols: int = PAD) -> np.ndarray:
     """Return the fraction of each taxel's square that the contact covers, shape (rows, cols)."""
+    covered, near = np.zeros((rows, cols)), _window(contact, rows, cols)
+    y, x = np.indices((rows, cols))[(slice(None), *near)].astype(float)
+    depth = contact.depth(x, y)
+    part = (depth >= 0).astype(float)
+    rim = np.abs(depth) < HALF_DIAGONAL  # only there a taxel can be covered in part
     step = (np.arange(SUBSAMPLES) + 0.5) / SUBSAMPLES - 0.5
-    y, x = np.meshgrid((np.arange(rows)[:, None] + step).reshape(-1),
-                       (np.arange(cols)[:, None] + step).reshape(-1), indexing='ij')
-    inside = contact.depth(x, y) >= 0
-    return inside.reshape(rows, SUBSAMPLES, cols, SUBSAMPLES).mean((1, 3))
+    dy, dx = (offset.reshape(-1) for offset in np.meshgrid(step, step, indexing='ij'))
+    part[rim] = (contact.depth(x[rim][:, None] + dx, y[rim][:, None] + dy) >= 0).mean(1)
+    covered[near] = part
+    return covered
 
 
-def pressure_frame(contact: Contact | None, rng: np.random.Generator, rows: int = PAD, cols: int = PAD, *,
+def _window(contact: Touching, rows: int, cols: int) -> tuple[slice, slice]:
+    """The part of the pad that the contact can touch."""
+    low = np.floor(np.array([contact.y, contact.x]) - contact.reach).astype(int)
+    high = np.ceil(np.array([contact.y, contact.x]) + contact.reach).astype(int) + 1
+    return slice(*np.clip((low[0], high[0]), 0, rows)), slice(*np.clip((low[1], high[1]), 0, cols))
+
+
+def pressure_frame(contact: Touching | None, rng: np.random.Generator, rows: int = PAD, cols: int = PAD, *,
                    pressure: float = 0.5, tilt: tuple[float, float] = (0.0, 0.0),
                    skin: Skin = Skin()) -> np.ndarray:
     """Return taxel values [Pa], float, shape (rows, cols); ``contact`` None is an untouched pad.

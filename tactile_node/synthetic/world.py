@@ -38,6 +38,13 @@ class Contact:
         a, b = self.dimensions[0], self.dimensions[min(1, len(self.dimensions) - 1)]
         return {'circle': np.pi * a * a, 'square': a * a, 'rectangle': a * b}.get(self.shape, a * b / 2)
 
+    @property
+    def reach(self) -> float:
+        """Distance of its farthest point from the centre [pitches]."""
+        if self.shape == 'circle':
+            return self.dimensions[0]
+        return float(np.hypot(*_outline(self.shape, self.dimensions, 0).T).max())
+
     def outline(self, points: int = 64) -> np.ndarray:
         """Vertices as (x, y), shape (n, 2), in the sense from x to y; a circle as a polygon of ``points``."""
         corners = _outline(self.shape, self.dimensions, points)

@@ -1,0 +1,126 @@
+"""What is evaluated: patterns nobody was trained on, by condition, kind of frame and size."""
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.contact.pattern import ContactPattern, PatternExtractor
+from tactile_node.shape.geometry import describe
+from tactile_node.shape.patch import joined, make_patch
+from tactile_node.synthetic.field import (
+    NOMINAL_ON_OFF,
+    NOMINAL_PRESSURE,
+    Conditions,
+    field_frame,
+)
+from tactile_node.synthetic.outliers import EVALUATED
+from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.synthetic.world import CLASSES
+from training.samples import LEVEL_STEPS, UNKNOWN, Samples
+
+ROOT = Path(__file__).resolve().parents[2]
+PRESS, RELEASE = 0.3, 0.24  #: the processor's thresholds for pressures [fraction of full scale]
+CLEAN = 'clean'
+#: changes to the nominal conditions of either kind of frame
+FIELD: dict[str, dict] = {
+    'dead taxels, 10 % (NaN)': {'dead': 0.10},
+    'stuck taxels, 3 % (unknown)': {'stuck': 0.03},
+    'two silent rows or columns': {'silent_lines': 2},
+    'elastomer blur 1 pitch': {'blur': 1.0},
+    'noise 5 % of full scale': {'noise': 0.05},
+    'tilt 60 % over the radius': {'tilt': 0.6},
+    'threshold 0.35 instead of 0.5': {'threshold': 0.35},
+    'threshold 0.7 instead of 0.5': {'threshold': 0.7},
+    'a sixth cut off by the edge': {'cut': 1 / 6},
+    'a third cut off by the edge': {'cut': 1 / 3},
+    'a second contact, half as large': {'second': 0.5, 'gap': 4.0},
+    'hollow, wall 0.4 of inner radius': {'wall': 0.4},
+    'rounded corners, 0.4 of inner radius': {'rounding': 0.4},
+}
+
+
+class Case(NamedTuple):
+    """Patterns of one condition and size; ``labels`` index CLASSES, UNKNOWN for outliers; ``samples`` are
+    their patches, for the anchors."""
+
+    condition: str
+    on_off: bool
+    area: float
+    patterns: list[ContactPattern]
+    samples: Samples
+
+    @property
+    def labels(self) -> np.ndarray:
+        return self.samples.labels
+
+
+def make_case(seed: int, condition: str, on_off: bool, area: float, count: int, purpose=Purpose.EVALUATION,
+              kinds=CLASSES) -> Case:
+    """Draw ``count`` patterns, ``kinds`` in turn. A contact that presses no taxel counts as not recognised."""
+    rng, nominal = generator(purpose, seed), NOMINAL_ON_OFF if on_off else NOMINAL_PRESSURE
+    conditions = replace(nominal, **FIELD.get(condition, {}))
+    patterns = [extracted(field_frame(rng, kinds[k % len(kinds)], area, conditions), conditions)
+                for k in range(count)]
+    labels = np.array([CLASSES.index(kinds[k % len(kinds)]) if kinds[k % len(kinds)] in CLASSES else UNKNOWN
+                       for k in range(count)])
+    return Case(condition, on_off, area, patterns, patches(patterns, labels, bool(conditions.second)))
+
+
+def extracted(frame: np.ndarray, conditions: Conditions) -> ContactPattern:
+    """As the processor node does; its threshold drifts with the conditions'."""
+    if conditions.on_off:
+        return PatternExtractor(0.5, 0.4).extract(frame)
+    drift = conditions.threshold / Conditions.threshold
+    return PatternExtractor(PRESS * drift, RELEASE * drift).extract(frame)
+
+
+def patches(patterns: list[ContactPattern], labels: np.ndarray, largest: bool = False) -> Samples:
+    """The anchors' view: torn pieces joined, or the largest contact alone where ``largest``."""
+    made = []
+    for pattern in patterns:
+        mask = pattern.mask if largest else joined(pattern)
+        if not mask.any():
+            mask = np.zeros_like(mask)
+            mask[0, 0] = True
+        made.append(make_patch(pattern.values, mask))
+    levels = np.array([np.clip(patch.level * LEVEL_STEPS + 0.5, 0, 255) for patch in made]).astype(np.uint8)
+    unseen = np.array([patch.unseen * 255 + 0.5 for patch in made]).astype(np.uint8)
+    return Samples(levels, unseen, np.array([describe(patch) for patch in made]), labels)
+
+
+def clean_cases(areas, count: int) -> Iterator[Case]:
+    for on_off in (True, False):
+        for area in areas:
+            yield make_case(1000 * on_off + int(area), CLEAN, on_off, area, count)
+
+
+def field_cases(areas, count: int) -> Iterator[Case]:
+    for number, condition in enumerate(FIELD):
+        for on_off in (True, False):
+            for area in areas:
+                yield make_case(10_000 * (number + 1) + 1000 * on_off + int(area), condition, on_off, area, count)
+
+
+def outlier_cases(areas, count: int) -> Iterator[Case]:
+    for number, kind in enumerate(EVALUATED):
+        for on_off in (True, False):
+            for area in areas:
+                yield make_case(500_000 + 10_000 * number + 1000 * on_off + int(area), kind, on_off, area, count,
+                                kinds=(kind,))
+
+
+def recorded(log: str) -> list[ContactPattern]:
+    """The contact patterns of a recorded session of the real 64x64 array, by `tactile replay`."""
+    with tempfile.TemporaryDirectory() as folder:
+        output = Path(folder) / 'frames.npy'
+        subprocess.run([sys.executable, '-m', 'tactile_node.cli.main', 'replay', str(ROOT / 'test/data' / log),
+                        '--layout', 'nus_sinapse_64x64.yaml', '--output', str(output)], check=True, cwd=ROOT,
+                       stdout=subprocess.DEVNULL)
+        extractor = PatternExtractor(0.5, 0.4)
+        return [extractor.extract(frame) for frame in np.load(output)]

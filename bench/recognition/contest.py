@@ -1,0 +1,100 @@
+"""Ours and the anchors on the same cases."""
+
+from collections.abc import Iterable
+from time import perf_counter
+from typing import NamedTuple, Protocol
+
+import numpy as np
+import torch
+
+from bench.recognition.anchors import Single
+from bench.recognition.cases import Case
+from bench.recognition.figures import Rate, calibration_error
+from tactile_node.contact.pattern import ContactPattern
+from tactile_node.shape.recogniser import SHAPES, ShapeRecogniser
+from tactile_node.shape.recognition import Shape
+from training.samples import UNKNOWN, Samples
+
+ORDER = (*SHAPES, Shape.UNKNOWN, Shape.NONE)
+OURS = 'ours'
+
+
+class Anchor(Protocol):
+    name: str
+
+    def probabilities(self, samples: Samples) -> np.ndarray: ...
+
+    def one(self, sample: Single) -> np.ndarray: ...
+
+
+class Result(NamedTuple):
+    """What each contestant made of a case: name -> probabilities (K, 5 or more), classes first."""
+
+    case: Case
+    answers: dict[str, np.ndarray]
+
+    def right(self, name: str) -> np.ndarray:
+        return self.answers[name].argmax(1) == self.case.labels
+
+    def rate(self, name: str) -> Rate:
+        right = self.right(name)
+        return Rate(int(right.sum()), len(right))
+
+
+class Contest:
+    """``anchors`` by kind of frame: on/off -> [CNN, trees]."""
+
+    def __init__(self, ours: ShapeRecogniser, anchors: dict[bool, list[Anchor]]):
+        self.ours, self.anchors = ours, anchors
+
+    def run(self, case: Case) -> Result:
+        answers = {OURS: answers_of(self.ours, case.patterns)}
+        for anchor in self.anchors[case.on_off]:
+            answers[anchor.name] = anchor.probabilities(case.samples)
+        return Result(case, answers)
+
+    def times(self, case: Case, repeat: int) -> dict[str, float]:
+        """Median time of a single frame [s], the contestants in turn frame by frame.
+
+        Ours from the contact pattern; the anchors from a patch already made (which is not counted).
+        """
+        taken: dict[str, list[float]] = {}
+        for k in np.arange(repeat) % len(case.patterns):
+            single = _single(case.samples, k)
+            calls = {OURS: (self.ours.recognise, case.patterns[k])}
+            calls |= {anchor.name: (anchor.one, single) for anchor in self.anchors[case.on_off]}
+            for name, (function, argument) in calls.items():
+                begin = perf_counter()
+                function(argument)
+                taken.setdefault(name, []).append(perf_counter() - begin)
+        return {name: float(np.median(times)) for name, times in taken.items()}
+
+
+def answers_of(recogniser: ShapeRecogniser, patterns: Iterable[ContactPattern]) -> np.ndarray:
+    """Probabilities in ORDER, (K, 7)."""
+    found = [recogniser.recognise(pattern).probabilities for pattern in patterns]
+    return np.array([[probabilities[shape] for shape in ORDER] for probabilities in found])
+
+
+def calibration(results: list[Result], name: str) -> float:
+    """Expected calibration error over all patterns of ``results``."""
+    confidence = np.concatenate([result.answers[name].max(1) for result in results])
+    return calibration_error(confidence, np.concatenate([result.right(name) for result in results]))
+
+
+def foreign_score(result: Result, name: str) -> np.ndarray:
+    """How little a contestant takes patterns for a known shape, (K,)."""
+    answers = result.answers[name]
+    return answers[:, UNKNOWN] + answers[:, UNKNOWN + 1:].sum(1) if name == OURS else 1 - answers.max(1)
+
+
+def rejection_at_loss(known: list[Result], outliers: list[Result], name: str, loss: float = 0.02) -> Rate:
+    """Rate of ``outliers`` above the score that a fraction ``loss`` of ``known`` exceeds."""
+    limit = np.quantile(np.concatenate([foreign_score(result, name) for result in known]), 1 - loss)
+    scores = np.concatenate([foreign_score(result, name) for result in outliers])
+    return Rate(int((scores > limit).sum()), len(scores))
+
+
+def _single(samples: Samples, k: int) -> Single:
+    image = torch.as_tensor(samples.inputs([k])[0])
+    return Single(image, samples.levels[k], float(np.exp(samples.geometry[k, 2])))

@@ -1,0 +1,82 @@
+"""The tables as text, CSV and Markdown, and the pictures of failures; nothing in them is typed by hand."""
+
+import csv
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+
+from bench.recognition.contest import OURS, ORDER, Result
+from tactile_node.shape.recognition import Shape
+
+matplotlib.use('Agg')
+import matplotlib.pyplot as plt  # noqa: E402
+
+KIND = {True: 'on/off', False: 'pressures'}
+GENERATED = '<!-- Written by bench/bench_recognition.py; not to be edited. -->\n'
+
+
+class Table:
+    """A heading, a line about it, columns and rows of text."""
+
+    def __init__(self, heading: str, text: str, columns: list[str]):
+        self.heading, self.text, self.columns, self.rows = heading, text, columns, []
+
+    def add(self, *row) -> None:
+        self.rows.append([str(value) for value in row])
+
+    def markdown(self) -> str:
+        lines = [f'## {self.heading}\n', self.text, '', '| ' + ' | '.join(self.columns) + ' |',
+                 '| ' + ' | '.join('---' for _ in self.columns) + ' |']
+        return '\n'.join([*lines, *('| ' + ' | '.join(row) + ' |' for row in self.rows), ''])
+
+    def plain(self) -> str:
+        widths = [max(map(len, column)) for column in zip(self.columns, *self.rows)]
+        lines = ['  '.join(value.ljust(width) for value, width in zip(row, widths)).rstrip()
+                 for row in (self.columns, *self.rows)]
+        return '\n'.join([f'\n{self.heading}: {self.text}', *lines])
+
+
+def write_csv(path: Path, results: list[Result]) -> None:
+    """One line a case and contestant."""
+    with path.open('w', newline='', encoding='utf-8') as stream:
+        writer = csv.writer(stream)
+        writer.writerow(['condition', 'frames', 'area_taxels', 'contestant', 'right', 'count', 'rate', 'low', 'high'])
+        for result in results:
+            for name in result.answers:
+                rate = result.rate(name)
+                writer.writerow([result.case.condition, KIND[result.case.on_off], result.case.area, name, rate.right,
+                                 rate.count, f'{rate.value:.5f}', *(f'{bound:.5f}' for bound in rate.interval)])
+
+
+def write_page(path: Path, title: str, tables: list[Table], pictures: list[tuple[str, str]]) -> None:
+    text = [GENERATED, f'# {title}\n', *(table.markdown() for table in tables)]
+    text += [f'## {caption}\n\n![{caption}]({file})\n' for file, caption in pictures]
+    path.write_text('\n'.join(text), encoding='utf-8')
+
+
+def draw_failures(path: Path, results: list[Result], columns: int = 8, rows: int = 3) -> int:
+    """Draw the first failures of ours, the conditions in turn; return how many there are in all."""
+    failed = [[(result, k) for k in np.flatnonzero(~result.right(OURS))] for result in results]
+    turns = [one for turn in range(max(map(len, failed), default=0)) for one in
+             (case[turn] for case in failed if turn < len(case))]
+    figure, axes = plt.subplots(rows, columns, figsize=(columns * 1.5, rows * 1.9))
+    for axis, (result, k) in zip(axes.flat, turns):
+        _draw(axis, result, k)
+    for axis in axes.flat:
+        axis.axis('off')
+    figure.tight_layout(pad=0.3)
+    figure.savefig(path, dpi=80)
+    plt.close(figure)
+    return len(turns)
+
+
+def _draw(axis, result: Result, k: int) -> None:
+    pattern, answer = result.case.patterns[k], result.answers[OURS][k]
+    touched = np.argwhere(pattern.mask)
+    low, high = (touched.min(0) - 3, touched.max(0) + 4) if len(touched) else (np.zeros(2, int), np.full(2, 12))
+    low = np.maximum(low, 0)
+    axis.imshow(np.ma.masked_invalid(pattern.values[low[0]:high[0], low[1]:high[1]]), cmap='viridis')
+    true = ORDER[result.case.labels[k]].value if result.case.labels[k] < len(Shape) else '?'
+    axis.set_title(f'{result.case.condition[:22]}\n{true[:14]}:\n{ORDER[answer.argmax()].value[:14]} '
+                   f'{answer.max():.2f}', fontsize=6)

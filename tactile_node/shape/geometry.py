@@ -1,0 +1,80 @@
+"""Patch -> numbers that do not change when the contact is turned: moments and the hull's width.
+
+Moments: J. Flusser, On the independence of rotation moment invariants, Pattern Recognition 33 (2000).
+Hull: the support function h(a) = max of x cos a + y sin a over the contact; its area is the integral of
+(h^2 - h'^2) / 2, its width at a is h(a) + h(a + 180 degrees).
+"""
+
+from math import comb
+
+import numpy as np
+
+from tactile_node.shape.patch import SIDE, Patch
+
+DIRECTIONS = 48
+ANGLE = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
+TOWARDS = np.array([np.sin(ANGLE), np.cos(ANGLE)])
+PLACE = np.arange(SIDE, dtype=float)
+HARMONICS = 8
+ORDERS = ((2, 0), (1, 1), (3, 0), (2, 1), (4, 0), (3, 1), (2, 2), (5, 0), (6, 0))  #: of complex moments c_pq
+HIGHEST = 6
+COUNT = 8 + len(ORDERS) + HARMONICS  #: numbers a patch
+
+
+def _expansion(p: int, q: int) -> np.ndarray:
+    """(x + iy)^p (x - iy)^q as coefficients of y^a x^b, shape ((HIGHEST + 1)^2,)."""
+    found = np.zeros((HIGHEST + 1, HIGHEST + 1), complex)
+    for j in range(p + 1):
+        for k in range(q + 1):
+            found[j + k, p - j + q - k] += comb(p, j) * comb(q, k) * 1j ** j * (-1j) ** k
+    return found.reshape(-1)
+
+
+EXPANSIONS = np.array([_expansion(p, q) for p, q in ORDERS]).T
+POWERS = np.arange(HIGHEST + 1)[:, None]
+BEFORE = np.arange(-1, DIRECTIONS - 1)
+
+
+def describe(patch: Patch) -> np.ndarray:
+    """Return the numbers of ``patch``, float32, shape (COUNT,)."""
+    return describe_all(patch.level[None], patch.unseen[None], np.array([patch.scale]))[0]
+
+
+def describe_all(levels: np.ndarray, unseen: np.ndarray, scales: np.ndarray) -> np.ndarray:
+    """Return the numbers of K patches, (K, COUNT), of (K, SIDE, SIDE) levels and unseen, (K,) scales."""
+    weight = np.clip(levels, 0, 1.5).astype(float)
+    down, across = weight.sum(2), weight.sum(1)
+    total = down.sum(1)
+    y, x = (PLACE - (profile @ PLACE / total)[:, None] for profile in (down, across))
+    sizes = np.array([np.log(total * scales ** 2), 10 / (total * scales ** 2), np.log(scales), unseen.mean((1, 2))])
+    return np.concatenate((sizes.T, _moments(weight, y, x, total), _hull(levels > 0.5, y, x, total)),
+                          1).astype(np.float32)
+
+
+def _moments(weight: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray) -> np.ndarray:
+    """Magnitudes of the complex moments, weight in sum 1, lengths in units of the root of the area."""
+    unit = 1 / np.sqrt(total)[:, None]
+    raw = ((y * unit)[:, None] ** POWERS) @ weight @ ((x * unit)[..., None] ** POWERS.T)
+    return np.abs(raw.reshape(len(total), -1) @ EXPANSIONS) / total[:, None]
+
+
+def _hull(inside: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray) -> np.ndarray:
+    """Of the cells more than half covered: fill of hull and of the least box, widths, harmonics."""
+    k, row, col = inside.nonzero()
+    first = inside.reshape(len(inside), -1).sum(1).cumsum()
+    empty = np.diff(first, prepend=0) == 0
+    if empty.any():  # nothing half covered: the numbers of a single cell
+        inside = inside.copy()
+        inside[empty, SIDE // 2, SIDE // 2] = True
+        return _hull(inside, y, x, total)
+    reach = np.array([y[k, row], x[k, col]]).T @ TOWARDS
+    support = np.maximum.reduceat(reach, np.append(0, first[:-1]), 0) + 0.5
+    half, quarter = DIRECTIONS // 2, DIRECTIONS // 4
+    width = support[:, :half] + support[:, half:]
+    box = width[:, :quarter] * width[:, quarter:]
+    harmonics = np.abs(np.fft.rfft(support)[:, :HARMONICS + 1]) / DIRECTIONS
+    slope = (support - support[:, BEFORE]) * (DIRECTIONS / (2 * np.pi))
+    area = np.pi * (support ** 2 - slope ** 2).sum(1) / DIRECTIONS
+    fills = [total / np.maximum(area, 1), total / box.min(1), width.min(1) / width.max(1),
+             harmonics[:, 0] / np.sqrt(total)]
+    return np.column_stack((*fills, harmonics[:, 1:] / harmonics[:, :1]))

@@ -1,0 +1,103 @@
+"""The learned recogniser: contact pattern -> patch and geometry -> two small networks -> probabilities.
+
+One network is for on/off taxels, one for pressures. Each gives five logits, one a class, and one that
+the contact is none of them; each set is divided by its own temperature, found on validation patterns.
+The weights are data (config/recogniser.npz), written by training/train.py.
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+from zipfile import BadZipFile
+
+import numpy as np
+
+from tactile_node.contact.pattern import ContactPattern
+from tactile_node.errors import ConfigurationError
+from tactile_node.shape.geometry import COUNT, describe
+from tactile_node.shape.network import TAPS, Network
+from tactile_node.shape.patch import Patch, joined, make_patch
+from tactile_node.shape.recognition import Recognition, Shape
+
+SHAPES = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE)
+SMALLEST = 5  #: a pattern of fewer taxels is UNKNOWN: it stands for a contact of less than nine taxels' area
+LAYERS = len(TAPS) + 3
+KINDS = ('on_off', 'graded')
+
+
+class Calibration(NamedTuple):
+    """From logits to probabilities; ``foreign`` is the logit of being none of the five classes."""
+
+    temperature: float          #: of the classes
+    foreign_temperature: float
+    foreign_bias: float         #: subtracted after it: how much evidence it takes to say UNKNOWN
+
+    def probabilities(self, logits: np.ndarray) -> np.ndarray:
+        """Return the probabilities of the five classes and of UNKNOWN, (K, 6), of logits (K, 6)."""
+        scaled = logits[:, :-1] / self.temperature
+        odds = np.exp(scaled - scaled.max(1, keepdims=True))
+        foreign = 1 / (1 + np.exp(self.foreign_bias - logits[:, -1] / self.foreign_temperature))
+        return np.column_stack((odds / odds.sum(1, keepdims=True) * (1 - foreign)[:, None], foreign))
+
+
+class ShapeRecogniser:
+    """Recognises the shape of a contact from on/off taxels or, better, from pressures."""
+
+    def __init__(self, networks: dict[str, Network], calibrations: dict[str, Calibration]):
+        self._networks, self._calibrations = networks, calibrations
+
+    @classmethod
+    def from_file(cls, path: str | Path) -> 'ShapeRecogniser':
+        """Read what training/train.py wrote; ConfigurationError where it is not that."""
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                return cls({kind: _network(data, kind) for kind in KINDS},
+                           {kind: Calibration(*map(float, data[f'{kind}_calibration'])) for kind in KINDS})
+        except OSError as error:
+            raise _unusable(path, error.strerror or str(error)) from None
+        except KeyError as error:
+            raise _unusable(path, f'no array {error}') from None
+        except (ValueError, TypeError, EOFError, AttributeError, BadZipFile) as error:
+            raise _unusable(path, ' '.join(str(error).split())) from None
+
+    def recognise(self, pattern: ContactPattern) -> Recognition:
+        """Return the most probable shape; NONE for an empty pattern, UNKNOWN below SMALLEST taxels.
+
+        Pieces that may belong to one torn contact are looked at as one; where that is no known
+        shape, the largest of them alone.
+        """
+        taxels = np.count_nonzero(pattern.mask)
+        if not taxels:
+            return Recognition.certain(Shape.NONE)
+        whole = joined(pattern)
+        found = self._recognised(pattern.values, whole)
+        if found.shape is Shape.UNKNOWN and np.count_nonzero(whole) > taxels:
+            found = self._recognised(pattern.values, pattern.mask)
+        return found
+
+    def _recognised(self, values: np.ndarray, mask: np.ndarray) -> Recognition:
+        if np.count_nonzero(mask) < SMALLEST:
+            return Recognition.certain(Shape.UNKNOWN)
+        probabilities = self.probabilities([make_patch(values, mask)])[0]
+        return Recognition.of(dict(zip((*SHAPES, Shape.UNKNOWN), probabilities.tolist())))
+
+    def probabilities(self, patches: list[Patch]) -> np.ndarray:
+        """Return the probabilities of SHAPES and of UNKNOWN for patches all graded or all not, (K, 6)."""
+        kind = KINDS[patches[0].graded]
+        images = np.stack([np.stack((patch.level, patch.unseen), -1) for patch in patches])
+        logits = self._networks[kind](images, np.stack([describe(patch) for patch in patches]))
+        return self._calibrations[kind].probabilities(logits.astype(float))
+
+
+def _network(data, kind: str) -> Network:
+    def arrays(name: str) -> tuple[np.ndarray, ...]:
+        return tuple(data[f'{kind}_{name}{layer}'].astype(np.float32) for layer in range(LAYERS))
+    network = Network(arrays('kernel'), arrays('bias'), data[f'{kind}_middle'], data[f'{kind}_spread'])
+    fits = [kernel.shape[1:] == bias.shape for kernel, bias in zip(network.kernels, network.biases)]
+    if not all(fits) or network.middle.shape != (COUNT,) or network.kernels[-1].shape[1] != len(SHAPES) + 1:
+        raise ValueError(f'arrays of {kind} that do not fit together')
+    return network
+
+
+def _unusable(path: str | Path, got: str) -> ConfigurationError:
+    return ConfigurationError(f'weights of the recogniser, {path}', expected='a file written by training/train.py',
+                              got=got, remedy='Use config/recogniser.npz, or run `make train`.')

@@ -1,0 +1,139 @@
+"""Field conditions: what a skin on a robot makes of a contact, as frames and with the contact's truth.
+
+Pressures are fractions of full scale; nominal conditions are those the benchmark's clean figures are of.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import ndimage
+
+from tactile_node.synthetic.outliers import random_outlier
+from tactile_node.synthetic.pressure import coverage
+from tactile_node.synthetic.variants import (
+    Hollow,
+    Rounded,
+    Touching,
+    inscribed_radius,
+)
+from tactile_node.synthetic.world import CLASSES, PAD, random_contact
+
+THINNEST_WALL = 1.25  #: [pitches]: a thinner rim falls to pieces
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What may be wrong with a contact and a skin, each absent at its default.
+
+    The frame of an on/off skin is thresholded at ``threshold`` (fraction of the contact's pressure); with
+    neither blur, noise, tilt nor another threshold a taxel is on when its centre is inside.
+    """
+
+    on_off: bool = False
+    pressure: float = 0.5         #: mean under the contact [fraction of full scale]
+    tilt: float = 0.0             #: relative rise of the pressure over the contact's mean radius
+    blur: float = 0.0             #: standard deviation of the elastomer's spread [pitches]
+    noise: float = 0.0            #: standard deviation [fraction of full scale]
+    dead: float = 0.0             #: fraction of taxels known to be dead, NaN
+    stuck: float = 0.0            #: fraction of taxels stuck at nothing or at the contact's pressure, unknown
+    silent_lines: int = 0         #: rows or columns next to each other that answer nothing, unknown
+    threshold: float = 0.5
+    cut: float = 0.0              #: at most this fraction of the contact is beyond the pad's edge
+    second: float = 0.0           #: area of a second contact apart from the first [fraction of the first]
+    gap: float = 4.0              #: at least so far from the first [pitches]
+    wall: float = 0.0             #: rim of a hollow contact [fraction of its inscribed radius], 0: solid
+    rounding: float = 0.0         #: corners' radius [fraction of its inscribed radius]
+
+
+NOMINAL_PRESSURE = Conditions(tilt=0.2, blur=0.5, noise=0.01, dead=0.03)
+NOMINAL_ON_OFF = Conditions(on_off=True)
+
+
+def random_touching(rng: np.random.Generator, kind: str, area: float, conditions: Conditions,
+                    rows: int = PAD, cols: int = PAD) -> Touching:
+    """Draw a contact of ``kind`` (a class, or an outlier's) and ``area`` [taxels], hollow or rounded."""
+    if kind not in CLASSES:
+        return random_outlier(rng, kind, area, rows, cols)
+    contact = touching = random_contact(rng, kind, area, rows, cols)
+    if conditions.rounding and kind != 'circle':
+        touching = Rounded(contact, conditions.rounding * inscribed_radius(contact))
+    if conditions.wall:
+        touching = Hollow(touching, max(conditions.wall * inscribed_radius(contact), THINNEST_WALL))
+    return touching
+
+
+def field_frame(rng: np.random.Generator, kind: str, area: float, conditions: Conditions,
+                least_side: int = PAD) -> np.ndarray:
+    """Draw a frame of one contact of ``kind``: float, NaN where dead, pressures or 0 and 1.
+
+    The pad is square, ``least_side`` or more taxels wide, so that the contact has room on it.
+    """
+    side = max(least_side, int(np.ceil(3.2 * np.sqrt(area))) + 8)
+    touching = random_touching(rng, kind, area, conditions, side, side)
+    analog = not conditions.on_off or (conditions.tilt, conditions.blur, conditions.noise,
+                                       conditions.threshold) != (0, 0, 0, 0.5)
+    covered = coverage(touching, side, side) if analog else _centres_inside(touching, side)
+    if conditions.cut:
+        covered = _cut(rng, covered, conditions.cut)
+    values = covered * _pressures(rng, touching, area, conditions, covered.shape)
+    if conditions.second:
+        values = _with_second(rng, values, area, conditions, analog)
+    if conditions.blur:
+        values = ndimage.gaussian_filter(values, conditions.blur, mode='constant', truncate=3.0)
+    if conditions.noise:
+        values += conditions.noise * rng.standard_normal(values.shape)
+    if conditions.on_off:
+        values = (values >= conditions.threshold * conditions.pressure).astype(float)
+    return _with_faults(rng, values, conditions)
+
+
+def _centres_inside(touching: Touching, side: int) -> np.ndarray:
+    y, x = np.indices((side, side), float)
+    return (touching.depth(x, y) >= 0).astype(float)
+
+
+def _pressures(rng, touching: Touching, area: float, conditions: Conditions, shape) -> np.ndarray:
+    if not conditions.tilt:
+        return np.full(shape, conditions.pressure)
+    angle, radius = rng.uniform(0, 2 * np.pi), np.sqrt(area / np.pi)
+    y, x = np.indices(shape, float)
+    rise = (np.cos(angle) * (x - touching.x) + np.sin(angle) * (y - touching.y)) * conditions.tilt / radius
+    return np.clip(conditions.pressure * (1 + rise), 0, 1)
+
+
+def _cut(rng, covered: np.ndarray, most: float) -> np.ndarray:
+    """Drop rows or columns of the pad from one side, with up to ``most`` of the contact."""
+    turned = np.rot90(covered, rng.integers(4))
+    lost = np.cumsum(turned.sum(1)) / turned.sum()
+    return turned[np.searchsorted(lost, most, side='right'):]
+
+
+def _with_second(rng, values: np.ndarray, area: float, conditions: Conditions, analog: bool) -> np.ndarray:
+    """Add another contact of any class, ``gap`` or more away from the first; none where it has no room."""
+    wide = np.pad(values, PAD // 2)
+    room = ndimage.distance_transform_edt(wide == 0)
+    other = random_contact(rng, CLASSES[rng.integers(len(CLASSES))], area * conditions.second, 4, 4)
+    places = np.argwhere(np.abs(room - other.reach - conditions.gap) < 0.8)
+    if not len(places):
+        return values
+    row, col = places[rng.integers(len(places))]
+    moved = replace(other, x=col + other.x - 1.5, y=row + other.y - 1.5)
+    y, x = np.indices(wide.shape, float)
+    second = coverage(moved, *wide.shape) if analog else moved.depth(x, y) >= 0
+    inner = slice(PAD // 2, -(PAD // 2))
+    return np.maximum(wide, conditions.pressure * second)[inner, inner]
+
+
+def _with_faults(rng, values: np.ndarray, conditions: Conditions) -> np.ndarray:
+    level = 1.0 if conditions.on_off else conditions.pressure
+    if conditions.stuck:
+        stuck = rng.random(values.shape) < conditions.stuck
+        values[stuck] = level * rng.integers(0, 2, stuck.sum())
+    if conditions.silent_lines:
+        lines = values if rng.random() < 0.5 else values.T
+        touched = np.flatnonzero((lines > level / 2).any(1))
+        first = rng.choice(touched) if len(touched) else 0
+        lines[first:first + conditions.silent_lines] = 0
+    if conditions.dead:
+        values[rng.random(values.shape) < conditions.dead] = np.nan
+    return values

@@ -1,0 +1,95 @@
+"""Contacts that are not quite the five shapes: rounded corners, hollow ones.
+
+Everything here, as `world.Contact` does, has a centre ``x``, ``y``, a ``reach`` (no point of it lies
+farther from the centre) and ``depth(x, y)``: positive inside, changing by no more than 1 a pitch, so
+that a taxel whose centre is deeper than half its diagonal is covered whole.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from tactile_node.synthetic.world import Contact
+
+
+class Touching(Protocol):
+    """What can touch a pad."""
+
+    x: float
+    y: float
+    reach: float
+
+    def depth(self, x: np.ndarray, y: np.ndarray) -> np.ndarray: ...
+
+
+@dataclass(frozen=True)
+class Rounded:
+    """``contact``, not a circle, with corners rounded to ``radius`` [pitches], below its inscribed circle's."""
+
+    contact: Contact
+    radius: float
+
+    @property
+    def x(self) -> float:
+        return self.contact.x
+
+    @property
+    def y(self) -> float:
+        return self.contact.y
+
+    @property
+    def reach(self) -> float:
+        return self.contact.reach
+
+    def depth(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Exact: the points within ``radius`` of the outline shrunk by ``radius``."""
+        corners = _shrunk(self.contact.outline(), self.radius)
+        following = np.roll(corners, -1, axis=0) - corners
+        across = np.stack((x, y), -1)[..., np.newaxis, :] - corners
+        along = np.clip((across * following).sum(-1) / (following ** 2).sum(-1), 0, 1)[..., np.newaxis]
+        distance = np.sqrt(((across - along * following) ** 2).sum(-1)).min(-1)
+        outside = (across[..., 1] * following[:, 0] - across[..., 0] * following[:, 1] < 0).any(-1)
+        return self.radius + np.where(outside, -distance, distance)
+
+
+@dataclass(frozen=True)
+class Hollow:
+    """Only the rim of ``solid``, ``wall`` pitches wide."""
+
+    solid: Touching
+    wall: float
+
+    @property
+    def x(self) -> float:
+        return self.solid.x
+
+    @property
+    def y(self) -> float:
+        return self.solid.y
+
+    @property
+    def reach(self) -> float:
+        return self.solid.reach
+
+    def depth(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        depth = self.solid.depth(x, y)
+        return np.minimum(depth, self.wall - depth)
+
+
+def inscribed_radius(contact: Contact) -> float:
+    """Radius of the largest circle inside ``contact`` [pitches]."""
+    if contact.shape == 'circle':
+        return contact.dimensions[0]
+    if contact.shape in ('square', 'rectangle'):
+        return min(contact.dimensions) / 2
+    corners = contact.outline()
+    return 2 * contact.area / np.hypot(*(np.roll(corners, -1, axis=0) - corners).T).sum()
+
+
+def _shrunk(corners: np.ndarray, by: float) -> np.ndarray:
+    """Move every edge of a convex polygon inwards."""
+    edge = np.roll(corners, -1, axis=0) - corners
+    normal = np.column_stack((-edge[:, 1], edge[:, 0])) / np.hypot(*edge.T)[:, np.newaxis]
+    before = np.roll(normal, 1, axis=0)
+    return corners + by * (normal + before) / (1 + (normal * before).sum(1))[:, np.newaxis]

@@ -1,0 +1,207 @@
+"""The learned recogniser: what it must say whatever its weights, and that its weights say something."""
+
+import numpy as np
+import pytest
+
+from tactile_node.config import config_path
+from tactile_node.contact.pattern import ContactPattern, PatternExtractor
+from tactile_node.errors import ConfigurationError
+from tactile_node.helmholtz.features import Group, compute_features
+from tactile_node.shape.geometry import COUNT, describe
+from tactile_node.shape.methods import DEFAULT, LEARNED, METHODS, VOLF, make_recogniser
+from tactile_node.shape.network import Network
+from tactile_node.shape.patch import ROOM, SIDE, joined, make_patch
+from tactile_node.shape.recogniser import Calibration, ShapeRecogniser
+from tactile_node.shape.recognition import Shape
+from tactile_node.shape.volf import GROUPS
+from tactile_node.synthetic.field import (
+    NOMINAL_ON_OFF,
+    NOMINAL_PRESSURE,
+    Conditions,
+    field_frame,
+)
+from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.synthetic.world import CLASSES, Contact, random_contact
+
+
+@pytest.fixture(scope='module')
+def recogniser():
+    return ShapeRecogniser.from_file(config_path('recogniser.npz'))
+
+
+def pattern_of(frame, press=0.3):
+    return PatternExtractor(press, 0.8 * press).extract(np.asarray(frame, float))
+
+
+def naive(network, image, geometry):
+    """The network by definition: loops over places and taps."""
+    flow = image
+    for kernel, bias, taps in zip(network.kernels[:2], network.biases[:2], (4, 3)):
+        padded = np.pad(flow, ((1, 1), (1, 1), (0, 0)))
+        side = len(flow) // 2
+        out = np.zeros((side, side, len(bias)))
+        for row in range(side):
+            for col in range(side):
+                window = padded[2 * row:2 * row + taps, 2 * col:2 * col + taps]
+                out[row, col] = np.maximum(window.reshape(-1) @ kernel + bias, 0)
+        flow = out
+    flow = np.concatenate((flow.reshape(-1), (geometry - network.middle) / network.spread))
+    for kernel, bias in zip(network.kernels[2:-1], network.biases[2:-1]):
+        flow = np.maximum(flow @ kernel + bias, 0)
+    return flow @ network.kernels[-1] + network.biases[-1]
+
+
+def test_network_is_the_one_it_says():
+    rng = np.random.default_rng(5)
+    sizes = [(32, 4), (36, 6), (25 * 6 + 3, 7), (7, 6)]
+    network = Network(tuple(rng.normal(size=size).astype(np.float32) for size in sizes),
+                      tuple(rng.normal(size=size[1]).astype(np.float32) for size in sizes),
+                      np.array([1.0, 2, 3]), np.array([1.0, 2, 4]))
+    images, geometry = rng.random((3, SIDE, SIDE, 2)).astype(np.float32), rng.random((3, 3))
+    for found, image, numbers in zip(network(images, geometry), images, geometry):
+        np.testing.assert_allclose(found, naive(network, image, numbers), rtol=1e-3, atol=1e-3)
+
+
+def test_calibration():
+    """Equal logits share what is not foreign; the bias is where foreign is as probable as not."""
+    even = Calibration(2.0, 1.0, 3.0).probabilities(np.array([[7.0] * 5 + [3.0]]))
+    np.testing.assert_allclose(even, [[0.1] * 5 + [0.5]])
+    warm, hot = (Calibration(t, 1.0, 50.0).probabilities(np.array([[1.0, 0, 0, 0, 0, 0]])) for t in (0.5, 2.0))
+    assert warm[0, 0] == pytest.approx(np.e ** 2 / (np.e ** 2 + 4)) and hot[0, 0] < warm[0, 0]
+
+
+@pytest.mark.parametrize('turned', [lambda a: a[::-1], lambda a: a[:, ::-1], lambda a: a.T, np.rot90])
+def test_patch_of_turned_and_moved_contact_is_the_same(turned):
+    contact = Contact('right_triangle', (11.0, 6.0, 1.0), x=14.3, y=15.1, turn=0.4)
+    frame = contact.pattern(36, 40).astype(float)
+    patch = make_patch(frame, frame > 0)
+    for other in (turned(frame), np.roll(turned(frame), (3, 2), (0, 1))):
+        found = make_patch(other, other > 0)
+        np.testing.assert_array_equal(found.level, patch.level)
+        np.testing.assert_allclose(describe(found), describe(patch))
+    assert patch.level.sum() == frame.sum() and not patch.graded and patch.scale == 1
+
+
+def test_patch_of_pressures_has_level_one_and_fills_dead_taxels():
+    frame = 40e3 * Contact('rectangle', (8.0, 6.0), x=9.5, y=9.5).pattern(20, 20)
+    frame[6, 6] = frame[9, 9] = np.nan
+    frame[0, 0] = 20e3
+    patch = make_patch(frame, frame > 30e3)
+    inside = patch.level > 0.01
+    np.testing.assert_allclose(patch.level[inside & (patch.unseen == 0)], 1, rtol=1e-6)
+    frame[9, 4] = 20e3  # at the rim, half covered
+    assert make_patch(frame, frame > 30e3).graded
+    assert np.isclose(make_patch(frame, frame > 30e3).level, 0.5, atol=0.02).any()
+
+
+def test_wide_contact_is_scaled_into_the_patch():
+    mask = np.ones((5, 2 * ROOM), bool)
+    patch = make_patch(np.pad(mask, 4).astype(float), np.pad(mask, 4))
+    assert patch.scale == 2 and patch.level.sum() * 4 == pytest.approx(mask.sum())
+    assert (patch.level > 0.01).any(0).sum() == ROOM
+
+
+def test_torn_contact_is_joined_and_a_second_one_is_not():
+    torn = np.zeros((12, 20), bool)
+    torn[2:9, 2:5] = torn[2:9, 7:10] = True  # two silent columns between
+    assert joined(pattern_of(torn)).sum() == 42
+    apart = np.zeros((12, 20), bool)
+    apart[2:9, 2:5] = apart[2:9, 8:10] = True  # three taxels between
+    assert joined(pattern_of(apart)).sum() == 21
+
+
+def test_hull_numbers_of_a_square_and_a_strip():
+    """Fill of the least box about 1, its sides' ratio as drawn (box of taxel centres, widened by a taxel)."""
+    square, strip = (np.zeros((20, 20), bool) for _ in range(2))
+    square[5:13, 5:13], strip[9:11, 2:18] = True, True
+    for mask, ratio in ((square, 8 / (7 * 2 ** 0.5 + 1)), (strip, 2 / np.hypot(15, 1))):
+        numbers = describe(make_patch(mask.astype(float), mask))
+        assert numbers.shape == (COUNT,) and np.isfinite(numbers).all()
+        fill, widths = numbers[4 + 9 + 1], numbers[4 + 9 + 2]
+        assert fill == pytest.approx(1, abs=1e-3)
+        assert widths == pytest.approx(ratio, rel=0.1)
+        assert numbers[0] == pytest.approx(np.log(mask.sum()))
+
+
+def test_nothing_and_next_to_nothing(recogniser):
+    assert recogniser.recognise(pattern_of(np.zeros((9, 9)))).shape is Shape.NONE
+    few = np.zeros((9, 9))
+    few[4, 3:7] = 1
+    assert recogniser.recognise(pattern_of(few)).shape is Shape.UNKNOWN
+    assert recogniser.recognise(pattern_of(np.full((9, 9), np.nan))).shape is Shape.NONE
+
+
+@pytest.mark.parametrize('shape', CLASSES)
+def test_large_clean_contacts_are_recognised(recogniser, shape):
+    """100 taxels: hardly any contact can be mistaken, in either kind of frame; whatever the unit."""
+    rng = generator(Purpose.TEST, 40)
+    for conditions in (NOMINAL_ON_OFF, NOMINAL_PRESSURE):
+        found = []
+        for _ in range(20):
+            frame = field_frame(rng, shape, 100, conditions)
+            recognition = recogniser.recognise(pattern_of(frame))
+            found.append(recognition.shape.value)
+            assert sum(recognition.probabilities.values()) == pytest.approx(1)
+            scaled = recogniser.recognise(pattern_of(frame * 80e3, 0.3 * 80e3))
+            assert scaled.probabilities[scaled.shape] == pytest.approx(recognition.confidence, abs=1e-3)
+        assert found.count(shape) >= 19
+
+
+def test_torn_ring_is_a_circle_and_two_contacts_are_the_larger(recogniser):
+    y, x = np.indices((40, 40), float)
+    radius = np.hypot(x - 19.2, y - 18.7)
+    ring = (radius < 9) & (radius > 6.5)
+    ring[:, [15, 16]] = False
+    assert recogniser.recognise(pattern_of(ring)).shape is Shape.CIRCLE
+    two = Contact('square', (9.0,), x=12.3, y=12.1, turn=0.3).pattern(40, 40)
+    two |= Contact('circle', (3.0,), x=27.3, y=27.1).pattern(40, 40)
+    assert recogniser.recognise(pattern_of(two)).shape is Shape.SQUARE
+
+
+def test_works_from_the_mask_alone(recogniser):
+    mask = random_contact(generator(Purpose.TEST, 41), 'rectangle', 80).pattern()
+    nothing_else = ContactPattern(mask, mask.astype(float), 1)
+    assert recogniser.recognise(nothing_else).shape is Shape.RECTANGLE
+
+
+def test_methods_have_one_interface():
+    mask = random_contact(generator(Purpose.TEST, 42), 'circle', 100).pattern()
+    pattern = pattern_of(mask)
+    assert set(METHODS) == {LEARNED, VOLF} and DEFAULT == LEARNED
+    learned, volf = make_recogniser(LEARNED), make_recogniser(VOLF)
+    assert learned.groups is Group.NONE and volf.groups is GROUPS
+    assert learned.recognise(pattern).shape is Shape.CIRCLE
+    given = volf.recognise(pattern, compute_features(pattern.mask, GROUPS))
+    assert given == volf.recognise(pattern)
+    with pytest.raises(ConfigurationError, match="one of learned, volf, got 'magic'"):
+        make_recogniser('magic')
+
+
+@pytest.mark.parametrize('content', ['nothing', 'text', 'other arrays', 'cut', 'wrong sizes'])
+def test_files_that_are_no_weights_are_refused(tmp_path, content):
+    path, weights = tmp_path / 'weights.npz', config_path('recogniser.npz')
+    with np.load(weights) as data:
+        arrays = dict(data)
+    if content == 'text':
+        path.write_text('planes: {}')
+    elif content == 'other arrays':
+        np.savez(path, a=np.zeros(3))
+    elif content == 'cut':
+        path.write_bytes(weights.read_bytes()[:5000])
+    elif content == 'wrong sizes':
+        np.savez(path, **arrays | {'on_off_bias0': np.zeros(3)})
+    with pytest.raises(ConfigurationError, match='weights of the recogniser'):
+        ShapeRecogniser.from_file(path)
+
+
+def test_frames_of_the_field_have_their_faults():
+    rng = generator(Purpose.TEST, 43)
+    dead = field_frame(rng, 'circle', 60, Conditions(dead=0.2))
+    assert np.isnan(dead).mean() == pytest.approx(0.2, abs=0.05)
+    cut = [np.nansum(field_frame(rng, 'square', 60, Conditions(on_off=True, cut=1 / 3))) for _ in range(20)]
+    assert all(60 * 2 / 3 - 5 <= taxels < 60 for taxels in cut)
+    hollow = field_frame(rng, 'circle', 150, Conditions(on_off=True, wall=0.3))
+    assert hollow[len(hollow) // 2 - 1:, len(hollow) // 2 - 1:][:2, :2].sum() == 0
+    two = pattern_of(field_frame(rng, 'square', 60, Conditions(on_off=True, second=0.5)))
+    assert two.contacts == 2
+    assert set(np.unique(field_frame(rng, 'square', 60, Conditions(on_off=True, noise=0.05)))) == {0, 1}

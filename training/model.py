@@ -1,0 +1,56 @@
+"""The recogniser's network in torch, and from there to arrays."""
+
+import numpy as np
+import torch
+from torch import nn
+
+from tactile_node.shape.geometry import COUNT
+from tactile_node.shape.network import STRIDE, TAPS
+from tactile_node.shape.patch import SIDE
+
+CHANNELS = (2, 24, 48)
+HIDDEN = (128, 64)
+
+
+class Model(nn.Module):
+    """The same computation as tactile_node.shape.network, for training."""
+
+    def __init__(self, middle: np.ndarray, spread: np.ndarray, outputs: int = 6):
+        super().__init__()
+        self.convolutions = nn.ModuleList(nn.Conv2d(a, b, taps, STRIDE, 1)
+                                          for a, b, taps in zip(CHANNELS, CHANNELS[1:], TAPS))
+        side = SIDE // 4
+        sizes = (CHANNELS[-1] * side * side + COUNT, *HIDDEN, outputs)
+        self.dense = nn.ModuleList(nn.Linear(a, b) for a, b in zip(sizes, sizes[1:]))
+        self.register_buffer('middle', torch.as_tensor(middle))
+        self.register_buffer('spread', torch.as_tensor(spread))
+
+    def forward(self, images: torch.Tensor, geometry: torch.Tensor) -> torch.Tensor:
+        for convolution in self.convolutions:
+            images = torch.relu(convolution(images))
+        standard = torch.clamp((geometry - self.middle) / self.spread, -5, 5)
+        flow = torch.cat((images.flatten(1), standard), 1)
+        for layer in self.dense[:-1]:
+            flow = torch.relu(layer(flow))
+        return self.dense[-1](flow)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The weights as network.Network takes them, channels last; float16 keeps the file small."""
+        found = {}
+        for layer, convolution in enumerate(self.convolutions):
+            weight = convolution.weight.detach().numpy()  # out, in, row, col
+            found[f'kernel{layer}'] = weight.transpose(2, 3, 1, 0).reshape(-1, weight.shape[0])
+            found[f'bias{layer}'] = convolution.bias.detach().numpy()
+        for layer, dense in enumerate(self.dense, len(self.convolutions)):
+            weight = dense.weight.detach().numpy()
+            found[f'kernel{layer}'] = (_channels_last(weight) if layer == len(self.convolutions) else weight).T
+            found[f'bias{layer}'] = dense.bias.detach().numpy()
+        found = {name: np.ascontiguousarray(array, np.float16) for name, array in found.items()}
+        return found | {'middle': self.middle.numpy(), 'spread': self.spread.numpy()}
+
+
+def _channels_last(weight: np.ndarray) -> np.ndarray:
+    """The first dense layer's inputs from (channel, row, col) to (row, col, channel) order."""
+    channels, side = CHANNELS[-1], SIDE // 4
+    image = weight[:, :-COUNT].reshape(-1, channels, side, side).transpose(0, 2, 3, 1)
+    return np.concatenate((image.reshape(len(weight), -1), weight[:, -COUNT:]), 1)

@@ -1,0 +1,109 @@
+"""Labelled contacts under nominal and field conditions: what recogniser and anchors are trained on."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.contact.pattern import ContactPattern, PatternExtractor
+from tactile_node.shape.geometry import COUNT, describe
+from tactile_node.shape.patch import SIDE, joined, make_patch
+from tactile_node.synthetic.field import Conditions, field_frame
+from tactile_node.synthetic.outliers import TRAINED
+from tactile_node.synthetic.world import CLASSES
+
+LABELS = (*CLASSES, 'unknown')
+UNKNOWN = len(CLASSES)
+SMALLEST = 5           #: taxels of a pattern worth a sample
+LEVEL_STEPS = 160.0    #: levels are kept as whole numbers of this fraction
+
+FAULTS: dict[str, Callable[[np.random.Generator], dict]] = {
+    'dead': lambda rng: {'dead': rng.uniform(0.03, 0.15)},
+    'stuck': lambda rng: {'stuck': rng.uniform(0.0, 0.05), 'silent_lines': int(rng.integers(0, 3))},
+    'blur': lambda rng: {'blur': rng.uniform(0.5, 1.2)},
+    'noise': lambda rng: {'noise': rng.uniform(0.01, 0.08)},
+    'tilt': lambda rng: {'tilt': rng.uniform(0.2, 0.8)},
+    'threshold': lambda rng: {'threshold': rng.uniform(0.2, 0.85)},
+    'cut': lambda rng: {'cut': rng.uniform(0.05, 1 / 3)},
+    'second': lambda rng: {'second': rng.uniform(0.15, 0.6), 'gap': rng.uniform(3.5, 9)},
+    'hollow': lambda rng: {'wall': rng.uniform(0.2, 0.7)},
+    'hollow and torn': lambda rng: {'wall': rng.uniform(0.1, 0.5), 'stuck': rng.uniform(0.0, 0.03),
+                                    'silent_lines': int(rng.integers(0, 3)), 'rounding': rng.uniform(0, 0.3)},
+    'rounded': lambda rng: {'rounding': rng.uniform(0.1, 0.6)},
+}
+
+
+class Samples(NamedTuple):
+    """``levels``, ``unseen``: uint8, (K, SIDE, SIDE); ``geometry``: float32, (K, COUNT); ``labels``: (K,)."""
+
+    levels: np.ndarray
+    unseen: np.ndarray
+    geometry: np.ndarray
+    labels: np.ndarray
+
+    def inputs(self, chosen) -> tuple[np.ndarray, np.ndarray]:
+        """Images, float32, (K, 2, SIDE, SIDE), and geometry of the ``chosen`` samples."""
+        images = np.stack((self.levels[chosen] / np.float32(LEVEL_STEPS),
+                           self.unseen[chosen] / np.float32(255)), 1)
+        return images.astype(np.float32), self.geometry[chosen]
+
+
+def random_area(rng: np.random.Generator) -> float:
+    """Small contacts more often than large ones: they are harder."""
+    low, high = (7, 60) if rng.random() < 0.8 else (40, 300)
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def random_conditions(rng: np.random.Generator, on_off: bool, faulty: float = 0.45) -> Conditions:
+    """Nominal conditions, or in a fraction ``faulty`` with one or two faults."""
+    known = {'on_off': True} if on_off else {
+        'pressure': rng.uniform(0.35, 0.8), 'tilt': rng.uniform(0, 0.4), 'blur': rng.uniform(0.3, 0.7),
+        'noise': rng.uniform(0, 0.02), 'dead': rng.uniform(0, 0.06), 'threshold': rng.uniform(0.4, 0.75)}
+    if rng.random() < faulty:
+        for name in rng.choice(list(FAULTS), rng.integers(1, 3), replace=False):
+            known |= FAULTS[name](rng)
+    if known.get('second') and known.get('silent_lines'):
+        known['silent_lines'] = 0
+    return Conditions(**known)
+
+
+def pattern_of(frame: np.ndarray, conditions: Conditions) -> ContactPattern:
+    """The contact pattern of a frame as the processor extracts it."""
+    press = 0.5 if conditions.on_off else conditions.threshold * conditions.pressure
+    return PatternExtractor(press, 0.8 * press).extract(frame)
+
+
+def random_sample(rng: np.random.Generator, on_off: bool, faulty: float = 0.45,
+                  outliers: float = 0.18) -> tuple[ContactPattern, np.ndarray, int]:
+    """Draw a pattern, the mask of its contact and its label."""
+    while True:
+        label = UNKNOWN if rng.random() < outliers else int(rng.integers(len(CLASSES)))
+        kind = TRAINED[rng.integers(len(TRAINED))] if label == UNKNOWN else CLASSES[label]
+        conditions, area = random_conditions(rng, on_off, faulty), random_area(rng)
+        if label == UNKNOWN:
+            area = max(area, 12.0)
+        pattern = pattern_of(field_frame(rng, kind, area, conditions, 12), conditions)
+        if pattern.mask.sum() < SMALLEST:
+            continue
+        mask = joined(pattern)
+        if conditions.second and mask.sum() > 1.15 * pattern.mask.sum():
+            if rng.random() < 0.5:
+                return pattern, mask, UNKNOWN  # two contacts taken for one
+            mask = pattern.mask
+        return pattern, mask, label
+
+
+def draw(rng: np.random.Generator, count: int, on_off: bool, progress: Callable[[int], None] = lambda done: None,
+         **options) -> Samples:
+    """Draw ``count`` samples; options as of `random_sample`."""
+    levels, unseen = (np.empty((count, SIDE, SIDE), np.uint8) for _ in range(2))
+    geometry, labels = np.empty((count, COUNT), np.float32), np.empty(count, np.int64)
+    for k in range(count):
+        pattern, mask, labels[k] = random_sample(rng, on_off, **options)
+        patch = make_patch(pattern.values, mask)
+        levels[k] = np.clip(patch.level * LEVEL_STEPS + 0.5, 0, 255)
+        unseen[k] = patch.unseen * 255 + 0.5
+        geometry[k] = describe(patch)
+        if k % 5000 == 0:
+            progress(k)
+    return Samples(levels, unseen, geometry, labels)
