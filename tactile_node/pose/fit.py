@@ -6,7 +6,7 @@ import numpy as np
 
 from tactile_node.pose.evidence import Evidence, gather
 from tactile_node.pose.first_guess import Guess, guesses, moments_of
-from tactile_node.pose.least_squares import Solution, evaluate, minimise
+from tactile_node.pose.least_squares import Problem, Solution, evaluate, minimise
 from tactile_node.pose.noise import covariance_scale, weights_after
 from tactile_node.pose.outlines import OUTLINES, Outline, outline_of
 from tactile_node.pose.skin_model import Model, PatternModel, PressureModel
@@ -69,7 +69,7 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float =
     candidates = [_coarse(evidence, shape, guess) for guess in _guesses(evidence, shape)]
     best = min(candidates, key=lambda candidate: candidate.solution.cost)
     weights = weights_after(shape, best.solution.prediction, evidence)
-    candidates = sorted((_fine(evidence, candidate, weights) for candidate in candidates),
+    candidates = sorted((_fine(candidate, weights) for candidate in candidates),
                         key=lambda candidate: candidate.solution.cost)
     return _in_metres(shape, pitch, evidence, candidates[0], _together(shape, evidence, candidates))
 
@@ -84,7 +84,7 @@ class _Estimate(NamedTuple):
 
 
 class _Candidate(NamedTuple):
-    model: Model
+    problem: Problem
     solution: Solution
     hand: int
 
@@ -101,24 +101,31 @@ def _coarse(evidence: Evidence, shape: Shape, guess: Guess) -> _Candidate:
         model: Model = PatternModel(outline, evidence.window)
     else:
         model = PressureModel(outline, evidence.window, guess.parameters[:2])
-    weights = evidence.used / FIRST_NOISE**2
     start = np.concatenate((guess.parameters, model.start))
-    at = evaluate(model, start, model.predict(start), evidence.values, weights)
-    return _Candidate(model, minimise(model, at, evidence.values, weights, tolerance=COARSE, max_steps=10), guess.hand)
+    precision = np.concatenate((_vague(outline, guess.parameters), model.precision))
+    problem = Problem(model, evidence.values, evidence.used / FIRST_NOISE**2, start, precision)
+    at = evaluate(problem, start, model.predict(start))
+    return _Candidate(problem, minimise(problem, at, tolerance=COARSE, max_steps=10), guess.hand)
 
 
-def _fine(evidence: Evidence, candidate: _Candidate, weights: np.ndarray) -> _Candidate:
-    model, solution, _ = candidate
-    at = evaluate(model, solution.parameters, solution.prediction, evidence.values, weights)
-    return candidate._replace(
-        solution=minimise(model, at, evidence.values, weights, tolerance=FINE, max_steps=6))
+def _vague(outline: Outline, guess: np.ndarray) -> np.ndarray:
+    """Of a guess, 1 / variance: lengths may be wrong by themselves, the place by the largest of them, the turn is any."""
+    _, _, dimensions = outline.split(guess)
+    lengths = np.concatenate(([dimensions.max()] * 2, *([[1.8]] if outline.symmetry else []), dimensions))
+    return 1 / np.maximum(lengths, 1)**2
 
 
-def _covariance(evidence: Evidence, shape: Shape, model: Model, solution: Solution) -> np.ndarray:
+def _fine(candidate: _Candidate, weights: np.ndarray) -> _Candidate:
+    problem = candidate.problem._replace(weights=weights)
+    at = evaluate(problem, candidate.solution.parameters, candidate.solution.prediction)
+    return candidate._replace(problem=problem, solution=minimise(problem, at, tolerance=FINE, max_steps=6))
+
+
+def _covariance(evidence: Evidence, shape: Shape, found: _Candidate) -> np.ndarray:
     """Of the outline's parameters, with weights by the last residuals."""
-    weights = weights_after(shape, solution.prediction, evidence)
-    information = evaluate(model, solution.parameters, solution.prediction, evidence.values, weights).information
-    count = len(model.outline.parameters)
+    problem = found.problem._replace(weights=weights_after(shape, found.solution.prediction, evidence))
+    information = evaluate(problem, found.solution.parameters, found.solution.prediction).information
+    count = len(problem.model.outline.parameters)
     return np.linalg.inv(information)[:count, :count] * covariance_scale(shape, evidence.on_off)
 
 
@@ -146,7 +153,7 @@ def _together(shape: Shape, evidence: Evidence, candidates: list[_Candidate]) ->
 
 
 def _estimate(shape: Shape, evidence: Evidence, found: _Candidate) -> _Estimate:
-    covariance = _covariance(evidence, shape, found.model, found.solution)
+    covariance = _covariance(evidence, shape, found)
     parameters, hand, covariance = _canonical(shape, found.hand, found.solution.parameters[:len(covariance)], covariance)
     return _Estimate(parameters, covariance, hand, OUTLINES[shape].symmetry)
 

@@ -56,7 +56,7 @@ class PressureModel:
     TILT_SPREAD = 0.06    #: standard deviation expected of the tilt [relative rise a pitch]
     BLUR_SPREAD = 0.15    #: and of the neighbour's share; 0.135 is a blur of half a pitch
     start = np.array((1.0, 0.0, 0.0, 0.02))
-    precision = np.array((0.0, TILT_SPREAD**-2, TILT_SPREAD**-2, BLUR_SPREAD**-2))
+    precision = np.array((1.0, TILT_SPREAD**-2, TILT_SPREAD**-2, BLUR_SPREAD**-2))
 
     def __init__(self, outline: Outline, window: Window, centre: np.ndarray):
         self.outline, self._window = outline, window
