@@ -7,11 +7,12 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'tactile_node'
-NUMERICAL = {'contact', 'helmholtz', 'shape', 'synthetic', 'pose', 'fusion', 'grasp'}
+NUMERICAL = {'contact', 'helmholtz', 'shape', 'synthetic', 'pose', 'fusion', 'grasp', 'reproduction'}
 #: folder -> folders of ours it may import beside itself and the top-level modules
 ALLOWED = {
     'canbus': set(), 'contact': set(), 'helmholtz': {'contact'}, 'shape': {'contact', 'helmholtz', 'synthetic'},
     'pose': {'shape'}, 'fusion': {'shape'}, 'grasp': {'shape'}, 'synthetic': set(),
+    'reproduction': {'helmholtz', 'shape', 'synthetic'},
     'simulator': {'canbus', 'synthetic'}, 'ros': {'canbus', *NUMERICAL},
     'nodes': {'canbus', 'ros', *NUMERICAL}}
 ROS = {'rclpy', 'tactile_skin', 'std_msgs', 'diagnostic_msgs', 'geometry_msgs', 'rcl_interfaces', 'builtin_interfaces',

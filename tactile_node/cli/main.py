@@ -12,6 +12,7 @@ COMMANDS = (
     ('features', 'tactile_node.cli.features', 'print every quantity of the paper, a JSON line a frame'),
     ('classify', 'tactile_node.cli.classify', 'print the recognised shape, a JSON line a frame'),
     ('fit', 'tactile_node.cli.fit', "fit the classifier's curves on synthetic patterns"),
+    ('reproduce', 'tactile_node.cli.reproduce', "re-draw the paper's figures and re-measure its claims"),
     ('bringup', 'tactile_node.cli.bringup', 'run all ROS 2 nodes of one bus in this process'),
     ('demo', 'tactile_node.cli.demo', 'simulated gripper skin: five shapes, from CAN frame to topic'),
     ('simulate', 'tactile_node.cli.simulate', 'be a CANopen skin that touches shapes or repeats a recording'),
@@ -21,7 +22,7 @@ COMMANDS = (
 
 _ROS = 'Source a ROS 2 workspace that holds tactile_skin, or run `make demo` once.'
 NEEDS = {'rclpy': _ROS, 'rcl_interfaces': _ROS, 'tactile_skin': _ROS,
-         'can': 'Install python-can.', 'canopen': 'Install canopen.'}
+         'can': 'Install python-can.', 'canopen': 'Install canopen.', 'matplotlib': 'Install matplotlib.'}
 
 
 def main(argv: list[str] | None = None) -> int:

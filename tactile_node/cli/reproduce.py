@@ -1,0 +1,60 @@
+"""`tactile reproduce`: the paper's figures re-drawn, its claims re-measured, as a page and as CSV."""
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+from tactile_node.config import config_path
+from tactile_node.errors import InputError
+from tactile_node.shape.volf import VolfClassifier
+
+LEAST_TRAINING = 600
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> None:
+    parser = subparsers.add_parser('reproduce', description=__doc__,
+                                   help="re-draw the paper's figures and re-measure its claims")
+    parser.set_defaults(run=run)
+    parser.add_argument('-o', '--output', required=True, metavar='DIR', help='made where it does not exist')
+    parser.add_argument('--patterns', type=int, default=2000, metavar='N',
+                        help='fresh patterns at each size, default %(default)s')
+    parser.add_argument('--training', type=int, default=12_000, metavar='N',
+                        help='patterns for the curves fitted anew and for the learner, default %(default)s')
+    parser.add_argument('--seed', type=int, default=0, help='default %(default)s')
+    parser.add_argument('--jobs', type=int, default=os.cpu_count() or 1, help='processes, default %(default)s')
+    parser.add_argument('--curves', default='volf_curves.yaml', metavar='FILE',
+                        help="the published method's curves, default config/%(default)s")
+
+
+def run(args: argparse.Namespace) -> int:
+    if args.patterns < 15 or args.training < LEAST_TRAINING or args.seed < 0 or args.jobs < 1:
+        raise InputError('arguments of reproduce', expected='--patterns >= 15, --seed >= 0, --jobs >= 1 and '
+                         f'--training >= {LEAST_TRAINING}', got=f'--patterns {args.patterns} --seed {args.seed} '
+                         f'--jobs {args.jobs} --training {args.training}', remedy='Ask for more.')
+    classifier = VolfClassifier.from_file(config_path(args.curves))
+    folder = _folder(args.output)
+    # Here, so that without matplotlib the reason is given before the work is done, and help needs none of it.
+    from tactile_node.reproduction.experiments import measure
+    from tactile_node.reproduction.page import write_page
+
+    results = measure(classifier, args.patterns, args.training, args.seed, args.jobs, _show)
+    _show('drawing the figures')
+    command = f'tactile reproduce --patterns {args.patterns} --training {args.training} --seed {args.seed}'
+    written = write_page(folder, results, command)
+    print(file=sys.stderr)
+    print(*written, sep='\n')
+    return 0
+
+
+def _folder(path: str) -> Path:
+    try:
+        Path(path).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f'output {path!r}', expected='a folder that can be made', got=error.strerror,
+                         remedy='Give another path with --output.') from None
+    return Path(path)
+
+
+def _show(text: str) -> None:
+    print(f'\r{text:70}', end='', file=sys.stderr, flush=True)

@@ -1,0 +1,81 @@
+"""Figures 6 to 8 of the paper, the planes with our patterns and curves, and recognition against size."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from tactile_node.reproduction.experiments import PUBLISHED, SIZES, Method, Results
+from tactile_node.shape.fitting import Samples
+from tactile_node.shape.plane import Plane
+from tactile_node.shape.recognition import Shape
+from tactile_node.shape.volf import SHAPES
+
+COLOURS = {Shape.RECTANGLE: '#d97706', Shape.RIGHT_TRIANGLE: '#b91c1c', Shape.ISOSCELES_TRIANGLE: '#7c3aed',
+           Shape.SQUARE: '#1d4ed8', Shape.CIRCLE: '#059669'}
+SHOWN = 600  #: patterns of each class in a cloud
+HIGHEST = 0.97  #: quantile up to which a cloud is shown; a few lie far above
+LABELS = {('value', 'N'): 'N', ('dif', 'alpha9'): 'dif α9 [degrees]', ('min', 'P05'): 'min P05',
+          ('min', 'info_norm5'): 'min I5', ('dif', 'P05'): 'dif P05', ('dif', 'info_norm5'): 'dif I5'}
+MARKS = ('o', 's', 'D', '^', 'v', 'P', 'X')
+
+
+def first_plane(samples: Samples, planes: dict[str, Plane]) -> Figure:
+    """Fig. 6: two curves, rectangle | right triangle | the rest."""
+    return _cloud(samples, [planes['rectangle'], planes['right_triangle']], SHAPES)
+
+
+def second_plane(samples: Samples, planes: dict[str, Plane]) -> Figure:
+    """Fig. 7: isosceles triangles above, circles and squares below."""
+    return _cloud(samples, [planes['isosceles_triangle']], SHAPES[2:])
+
+
+def third_plane(samples: Samples, planes: dict[str, Plane]) -> Figure:
+    """Fig. 8: squares above, circles below."""
+    return _cloud(samples, [planes['square']], SHAPES[3:])
+
+
+def _cloud(samples: Samples, curves: list[Plane], shapes) -> Figure:
+    figure = Figure(figsize=(6.4, 4.3), layout='constrained')
+    horizontal, vertical = curves[0].horizontal, curves[0].vertical
+    axes = figure.add_subplot(xlabel=LABELS[horizontal], ylabel=LABELS[vertical])
+    jitter = np.random.default_rng(0)  # counts are whole numbers; spread out to be seen
+    for shape in shapes:
+        chosen = np.flatnonzero(samples.labels == SHAPES.index(shape))[:SHOWN]
+        x = samples.of(horizontal)[chosen] + jitter.uniform(-0.35, 0.35, len(chosen))
+        axes.plot(x, samples.of(vertical)[chosen], '.', ms=3, color=COLOURS[shape], label=shape.value,
+                  rasterized=True)
+    drawn = np.isin(samples.labels, [SHAPES.index(shape) for shape in shapes])
+    x = np.linspace(samples.of(horizontal)[drawn].min(), samples.of(horizontal)[drawn].max(), 400)
+    for style, plane in zip(('-', '--'), curves):
+        axes.plot(x, plane.curve_at(x), style, color='black', lw=1.5)
+    axes.set_ylim(0, 1.15 * np.quantile(samples.of(vertical)[drawn], HIGHEST))
+    axes.legend(markerscale=3, frameon=False, fontsize=9)
+    return figure
+
+
+def rates_by_size(results: Results) -> Figure:
+    """Recognition of every method against size, with 95 % intervals, and the published points."""
+    figure = Figure(figsize=(9.6, 5.6), layout='constrained')
+    axes = figure.add_subplot(xlabel='area [taxels]', ylabel='recognised', xscale='log', ylim=(0.3, 1.02))
+    for number, (method, mark) in enumerate(zip(results.methods, MARKS)):
+        _line(axes, method, mark, 'black' if number == 0 else f'C{number - 1}', 2.2 if number == 0 else 1.2)
+    for size, text in PUBLISHED.items():
+        axes.annotate(f'paper: {text}', (size, _number(text)), (-8, 6), textcoords='offset points', fontsize=9,
+                      color='#c2410c', ha='right')
+        axes.plot(size, _number(text), '*', ms=13, color='#c2410c')
+    axes.set_xticks(SIZES, SIZES)
+    axes.set_xticks([], minor=True)
+    axes.grid(alpha=0.3)
+    axes.legend(frameon=False, fontsize=8, loc='upper left', bbox_to_anchor=(0, -0.12), ncol=2)
+    return figure
+
+
+def _line(axes, method: Method, mark: str, colour: str, width: float) -> None:
+    rates = method.rates.values()
+    spread = [[rate.share - rate.low for rate in rates], [rate.high - rate.share for rate in rates]]
+    axes.errorbar(list(method.rates), [rate.share for rate in rates], spread, marker=mark, ms=4, lw=width,
+                  capsize=2, color=colour, label=method.name)
+
+
+def _number(text: str) -> float:
+    """'more than 90 %' -> 0.9."""
+    return float(text.rstrip(' %').split()[-1]) / 100

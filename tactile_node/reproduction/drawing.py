@@ -1,0 +1,87 @@
+"""Draws patterns and the features of the paper's planes, on several processes."""
+
+from collections.abc import Callable, Iterable
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import nullcontext
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.helmholtz.features import Group, features_at_angles
+from tactile_node.reproduction.worlds import draw_pattern
+from tactile_node.shape.fitting import COLUMNS, Samples
+from tactile_node.shape.volf import SHAPES
+from tactile_node.synthetic.seeds import Purpose, generator
+
+BATCH = 250  #: patterns a process draws at a time
+
+
+class Wanted(NamedTuple):
+    """Patterns to draw: ``areas`` are equal for one size, else log-uniform between the two [taxels]."""
+
+    world: str
+    purpose: Purpose
+    patterns: int
+    areas: tuple[float, float]
+
+
+class Drawn(NamedTuple):
+    """Features of the planes over all 46 angles, and over those only that keep half of the taxels."""
+
+    every: Samples
+    kept: Samples
+
+
+def draw(wanted: dict[str, Wanted], seed: int, jobs: int, progress: Callable[[str], None]) -> dict[str, Drawn]:
+    """Draw what is ``wanted``, by name. The result does not depend on ``jobs``."""
+    tasks, names = [], []
+    for name, each in wanted.items():
+        for first in range(0, each.patterns, BATCH):
+            names.append(name)
+            tasks.append((each, first, min(BATCH, each.patterns - first)))
+    streams = {purpose: generator(purpose, seed).spawn(len(tasks)) for purpose in Purpose}
+    tasks = [(*task, streams[task[0].purpose][i]) for i, task in enumerate(tasks)]
+    rows = {name: [] for name in wanted}
+    with ProcessPoolExecutor(jobs) if jobs > 1 else nullcontext() as pool:
+        for done, (name, batch) in enumerate(zip(names, _mapped(pool, tasks)), 1):
+            rows[name].append(batch)
+            progress(f'patterns drawn: {done / len(tasks):.0%}')
+    return {name: _samples(np.concatenate(batches)) for name, batches in rows.items()}
+
+
+def _mapped(pool: Executor | None, tasks: list) -> Iterable[np.ndarray]:
+    return map(draw_batch, tasks) if pool is None else pool.map(draw_batch, tasks)
+
+
+def draw_batch(task: tuple[Wanted, int, int, np.random.Generator]) -> np.ndarray:
+    """Rows of the features of COLUMNS over all angles, over those kept, and the label; shape (n, 13)."""
+    wanted, first, count, rng = task
+    low, high = np.log(wanted.areas)
+    rows = []
+    while len(rows) < count:
+        label = (first + len(rows)) % len(SHAPES)
+        mask = draw_pattern(wanted.world, rng, SHAPES[label].value, float(np.exp(rng.uniform(low, high))))
+        row = [*plane_features(mask), label]
+        if not np.isnan(row).any():  # alpha9 is undefined where no two taxels are neighbours
+            rows.append(row)
+    return np.array(rows)
+
+
+def plane_features(mask: np.ndarray) -> list[float]:
+    """Features of COLUMNS over all angles, then over the angles that keep at least half of the taxels."""
+    at = features_at_angles(mask, Group.INFORMATION5 | Group.GRAVITY9)
+    count = int(mask.sum())
+    found = []
+    for angles in (slice(None), at['N'] >= count / 2):
+        for kind, name in COLUMNS:
+            values = at[name][angles]
+            values = values[~np.isnan(values)]
+            least, most = (values.min(), values.max()) if len(values) else (np.nan, np.nan)
+            found.append({'value': count, 'min': least, 'max': most, 'dif': most - least}[kind])
+    return found
+
+
+def _samples(rows: np.ndarray) -> Drawn:
+    half = len(COLUMNS)
+    labels = rows[:, -1].astype(int)
+    return Drawn(*(Samples(dict(zip(COLUMNS, rows[:, first:first + half].T)), labels) for first in (0, half)))

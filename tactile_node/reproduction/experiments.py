@@ -1,0 +1,119 @@
+"""What is measured: the paper's method as published, and why it does not reach the published figures here."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.helmholtz.features import Group, features_at_angles
+from tactile_node.reproduction.drawing import Drawn, Wanted, draw
+from tactile_node.reproduction.neighbours import NearestNeighbours
+from tactile_node.reproduction.rates import Rate, confusion, lost_in_plane, rate
+from tactile_node.reproduction.worlds import WORLDS, draw_pattern
+from tactile_node.shape.fitting import (
+    AREAS,
+    READINGS,
+    Samples,
+    answers,
+    fit_classifier,
+)
+from tactile_node.shape.volf import SHAPES, VolfClassifier
+from tactile_node.synthetic.seeds import Purpose, generator
+
+SIZES = (15, 20, 25, 30, 35, 50, 75, 100)  #: areas [taxels] at which recognition is measured
+PUBLISHED = {20: 'about 70 %', 35: 'more than 90 %', 100: 'about 99.9 %'}
+VANISHING = 25  #: area at which the angles that lose taxels are looked for
+FEWER = 3  #: the worlds beside the benchmark get so many times fewer patterns
+
+
+class Method(NamedTuple):
+    """A way to recognise, and what it reached at each of SIZES."""
+
+    name: str
+    rates: dict[int, Rate]
+
+
+class Results(NamedTuple):
+    """All that the page shows."""
+
+    methods: list[Method]                   #: the first is the method as published
+    confusions: dict[int, np.ndarray]       #: of the method as published, by size
+    lost: dict[int, dict[int, float]]       #: by size and plane
+    readings: dict[str, Rate]               #: of the third plane, on validation patterns
+    clouds: Samples                         #: training patterns, for the figures
+    classifier: VolfClassifier              #: as published, curves of config/
+    long_clouds: Samples                    #: the same of the world of long rectangles
+    long_classifier: VolfClassifier
+    vanished: dict[int, float]              #: share of patterns with an angle that keeps less than half
+    remaining: np.ndarray                   #: share of taxels that each of ANGLES keeps, at VANISHING taxels
+    neighbours: int
+
+
+def measure(classifier: VolfClassifier, patterns: int, training: int, seed: int, jobs: int,
+            progress: Callable[[str], None]) -> Results:
+    """Measure everything; ``patterns`` at each size, of the benchmark's world."""
+    drawn = draw(_wanted(patterns, training), seed, jobs, progress)
+    every = {size: drawn[f'benchmark {size}'].every for size in SIZES}
+    said = {size: answers(classifier.planes, samples) for size, samples in every.items()}
+    methods = [Method('as published, the three planes', {size: rate(said[size] == every[size].labels)
+                                                         for size in SIZES})]
+    fitted = {}
+    for world in WORLDS:
+        for kept in (False, True):
+            if world == 'benchmark' and not kept:
+                continue
+            progress(f'fitting curves: {world}{", vanishing angles left out" if kept else ""}')
+            method, fitted[world, kept] = _refitted(drawn, world, kept)
+            methods.append(method)
+    progress('nearest neighbours')
+    learner = NearestNeighbours(drawn['benchmark training'].every, drawn['benchmark validation'].every)
+    methods.append(Method('the same six features, nearest neighbours', {
+        size: rate(learner.answers(samples) == samples.labels) for size, samples in every.items()}))
+    return Results(
+        methods, {size: confusion(said[size], every[size].labels) for size in SIZES},
+        {size: lost_in_plane(said[size], every[size].labels) for size in SIZES},
+        _readings(drawn), drawn['benchmark training'].every, classifier,
+        drawn['long rectangles training'].every, fitted['long rectangles', False],
+        {size: _vanished(drawn[f'benchmark {size}']) for size in SIZES}, _remaining(seed), learner.number)
+
+
+def _wanted(patterns: int, training: int) -> dict[str, Wanted]:
+    wanted = {}
+    for world in WORLDS:
+        fewer = 1 if world == 'benchmark' else FEWER
+        wanted[f'{world} training'] = Wanted(world, Purpose.TRAINING, training // fewer, AREAS)
+        wanted |= {f'{world} {size}': Wanted(world, Purpose.EVALUATION, patterns // fewer, (size, size))
+                   for size in SIZES}
+    return wanted | {'benchmark validation': Wanted('benchmark', Purpose.VALIDATION, training // 4, AREAS)}
+
+
+def _refitted(drawn: dict[str, Drawn], world: str, kept: bool) -> tuple[Method, VolfClassifier]:
+    """The three planes with curves fitted for ``world``, the better reading of the third in training."""
+    training = drawn[f'{world} training'][kept]
+    fits = [fit_classifier(training, third) for third in READINGS.values()]
+    best = max(fits, key=lambda fit: np.mean(answers(fit.planes, training) == training.labels))
+    rates = {}
+    for size in SIZES:
+        samples = drawn[f'{world} {size}'][kept]
+        rates[size] = rate(answers(best.planes, samples) == samples.labels)
+    name = f'three planes, {world}' + (', vanishing angles left out' if kept else '')
+    return Method(name, rates), best
+
+
+def _readings(drawn: dict[str, Drawn]) -> dict[str, Rate]:
+    training, validation = drawn['benchmark training'].every, drawn['benchmark validation'].every
+    return {name: rate(answers(fit_classifier(training, third).planes, validation) == validation.labels)
+            for name, third in READINGS.items()}
+
+
+def _vanished(drawn: Drawn) -> float:
+    """Share of patterns of which some feature changes when the vanishing angles are left out."""
+    changed = [drawn.every.of(name) != drawn.kept.of(name) for name in drawn.every.columns]
+    return float(np.mean(np.any(changed, axis=0)))
+
+
+def _remaining(seed: int) -> np.ndarray:
+    """Mean share of a pattern's taxels that each of ANGLES keeps, shape (46,)."""
+    rng = generator(Purpose.VALIDATION, seed)
+    masks = [draw_pattern('benchmark', rng, shape.value, VANISHING) for _ in range(20) for shape in SHAPES]
+    return np.mean([features_at_angles(mask, Group.NONE)['N'] / mask.sum() for mask in masks], axis=0)

@@ -1,0 +1,125 @@
+"""The page of the reproduction: one HTML file that needs nothing else, and its numbers as CSV."""
+
+import base64
+import csv
+import io
+from html import escape
+from pathlib import Path
+from string import Template
+
+from matplotlib.figure import Figure
+
+from tactile_node.reproduction import clouds, drawings
+from tactile_node.reproduction.experiments import PUBLISHED, SIZES, Method, Results
+from tactile_node.reproduction.rates import Rate
+from tactile_node.reproduction.wording import findings
+from tactile_node.reproduction.worlds import WORLDS
+from tactile_node.shape.volf import SHAPES
+
+STYLE = '''body { font: 15px/1.5 sans-serif; max-width: 62em; margin: 2em auto; padding: 0 1em; color: #222 }
+table { border-collapse: collapse; margin: 1em 0; font-size: 13px } td, th { padding: .25em .6em; text-align: right }
+th { border-bottom: 1px solid #888; text-align: right } td:first-child, th:first-child { text-align: left }
+tr.paper { color: #c2410c } tr:nth-child(even) { background: #f6f6f6 }
+figure { display: inline-block; margin: 1em 1em 1em 0; vertical-align: top } figure.wide { display: block }
+figcaption { font-size: 13px; color: #555; max-width: 44em } small { color: #777 }
+td { white-space: nowrap } td:first-child { white-space: normal }'''
+PAGE = Template('''<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><title>Volf, Dvořák, Vlček: re-drawn and re-measured</title>
+<style>$style</style></head><body>
+<h1>Volf, Dvořák, Vlček: re-drawn and re-measured</h1>
+<p>Written by <code>$command</code>. Every picture and every number on this page is computed by that command.</p>
+<h2>Recognition against size</h2>
+$rates
+$chart
+<h2>What it says</h2>
+<ul>$findings</ul>
+<h2>Which plane loses what (as published)</h2>
+$lost
+<h2>Confusion (as published): share of each true class by answer</h2>
+<details><summary>At every size</summary>$confusions</details>
+<h2>The figures</h2>
+$figures
+</body></html>
+''')
+
+
+def write_page(folder: Path, results: Results, command: str) -> list[Path]:
+    """Write index.html, rates.csv, lost.csv and confusion.csv into ``folder``; return their paths."""
+    rates, lost, confusions = _rate_rows(results), _lost_rows(results), _confusion_rows(results)
+    page = PAGE.substitute(
+        style=STYLE, command=escape(command), rates=_rate_table(results), chart=_figure(
+            clouds.rates_by_size(results), 'Recognition with 95 % intervals (Wilson); stars: published.', True),
+        findings=''.join(f'<li>{escape(text)}</li>' for text in findings(results)),
+        lost=_table(lost, percent=True), confusions=_table(confusions, percent=True), figures=_figures(results))
+    (folder / 'index.html').write_text(page, encoding='utf-8')
+    for name, rows in (('rates', rates), ('lost', lost), ('confusion', confusions)):
+        with open(folder / f'{name}.csv', 'w', encoding='utf-8', newline='') as stream:
+            csv.writer(stream).writerows(rows)
+    return [folder / 'index.html', *(folder / f'{name}.csv' for name in ('rates', 'lost', 'confusion'))]
+
+
+def _rate_rows(results: Results) -> list[list]:
+    return [['method', 'area', 'recognised', 'low95', 'high95', 'patterns'],
+            *([method.name, size, *rate] for method in results.methods for size, rate in method.rates.items())]
+
+
+def _lost_rows(results: Results) -> list[list]:
+    return [['area', 'plane 1', 'plane 2', 'plane 3', 'patterns with vanishing angles'],
+            *([size, *results.lost[size].values(), results.vanished[size]] for size in SIZES)]
+
+
+def _confusion_rows(results: Results) -> list[list]:
+    return [['true class', 'area', *(shape.value for shape in SHAPES)],
+            *([shape.value, size, *results.confusions[size][index].tolist()]
+              for size in SIZES for index, shape in enumerate(SHAPES))]
+
+
+def _rate_table(results: Results) -> str:
+    rows = [_row('th', ['recognised', *(f'{size}' for size in SIZES)]),
+            _row('td', ['the paper', *(PUBLISHED.get(size, '') for size in SIZES)], 'paper')]
+    return f'<table>{"".join(rows + [_method_row(method) for method in results.methods])}</table>'
+
+
+def _method_row(method: Method) -> str:
+    def cell(rate: Rate) -> str:
+        return f'{rate.share:.1%}<br><small>{100 * rate.low:.1f}-{100 * rate.high:.1f}</small>'
+
+    count = next(iter(method.rates.values())).patterns
+    cells = ''.join(f'<td>{cell(rate)}</td>' for rate in method.rates.values())
+    return f'<tr><td>{escape(method.name)}<br><small>{count} patterns a point</small></td>{cells}</tr>'
+
+
+def _table(rows: list[list], percent: bool) -> str:
+    def shown(value) -> str:
+        return f'{value:.1%}' if percent and isinstance(value, float) else str(value)
+
+    return f'<table>{_row("th", rows[0])}{"".join(_row("td", map(shown, row)) for row in rows[1:])}</table>'
+
+
+def _row(kind: str, cells, style: str = '') -> str:
+    return f'<tr class="{style}">' + ''.join(f'<{kind}>{escape(cell)}</{kind}>' for cell in cells) + '</tr>'
+
+
+def _figures(results: Results) -> str:
+    samples, planes = results.clouds, results.classifier.planes
+    long = results.long_clouds, results.long_classifier.planes
+    return ''.join(_figure(figure, caption) for figure, caption in (
+        (drawings.discrete_circle(), 'Fig. 1. The discrete pattern of a circle.'),
+        (drawings.circle_border(), 'Fig. 2. Border P05 (black) of the pattern of a circle.'),
+        (drawings.centre_of_gravity(), 'Fig. 3. The centre of gravity of the normalised matrix A9, of a rectangle.'),
+        (drawings.fictive_points(), 'Fig. 4. A triplet of taxels completed by fictive points.'),
+        (drawings.hole_rules(), 'Fig. 5. Rules for holes: before (above), after (below).'),
+        (clouds.first_plane(samples, planes), 'Fig. 6. dif α9 = f(N). Above the solid curve rectangles, down to '
+                                              'the dashed one right triangles, below it the rest.'),
+        (clouds.second_plane(samples, planes), 'Fig. 7. min I5 = f(min P05).'),
+        (clouds.third_plane(samples, planes), f'Fig. 8. dif I5 = f({" ".join(planes["square"].horizontal)}).'),
+        (clouds.first_plane(*long), 'Fig. 6 again, in a world of one proportion a class with rectangles '
+                                    f'{WORLDS["long rectangles"].rectangle:g}:1.')))
+
+
+def _figure(figure: Figure, caption: str, wide: bool = False) -> str:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format='svg', dpi=150, metadata={'Date': None})
+    data = base64.b64encode(buffer.getvalue()).decode()
+    return (f'<figure class="{"wide" if wide else ""}"><img src="data:image/svg+xml;base64,{data}" '
+            f'alt="{escape(caption)}"><figcaption>{escape(caption)}</figcaption></figure>')

@@ -1,0 +1,81 @@
+"""The findings in words, made from the numbers, so that a sentence cannot outlive its figure."""
+
+import numpy as np
+
+from tactile_node.helmholtz.rotation import ANGLES
+from tactile_node.reproduction.experiments import (
+    PUBLISHED,
+    SIZES,
+    VANISHING,
+    Method,
+    Results,
+)
+from tactile_node.reproduction.worlds import WORLDS
+from tactile_node.shape.recognition import Shape
+from tactile_node.shape.volf import SHAPES
+
+LARGEST = SIZES[-1]
+
+
+def findings(results: Results) -> list[str]:
+    """Return the sentences of the page's list."""
+    return [_against_the_paper(results), _third_plane(results), _where_it_goes_wrong(results),
+            _elongation(results), _vanishing(results), _learner(results)]
+
+
+def _against_the_paper(results: Results) -> str:
+    told = (f'{size} taxels: {results.methods[0].rates[size].share:.1%}, the paper {text}'
+            for size, text in PUBLISHED.items())
+    return f'The method as published, on our benchmark: {"; ".join(told)}.'
+
+
+def _third_plane(results: Results) -> str:
+    told = ' and '.join(f'{rate.share:.1%} as in the {name}' for name, rate in results.readings.items())
+    axis = ' '.join(results.classifier.planes['square'].horizontal)
+    return (f'The third plane read both ways, curves fitted anew, validation patterns of all sizes: {told}. '
+            f'The classifier of this package uses {axis}.')
+
+
+def _where_it_goes_wrong(results: Results) -> str:
+    lost = results.lost[LARGEST]
+    worst = max(lost, key=lost.get)
+    rectangle, right = (SHAPES.index(shape) for shape in (Shape.RECTANGLE, Shape.RIGHT_TRIANGLE))
+    table = results.confusions[LARGEST]
+    return (f'At {LARGEST} taxels plane {worst} loses most, {lost[worst]:.1%} of all patterns. There '
+            f'{table[rectangle, right]:.0%} of the rectangles are taken for right triangles and '
+            f'{table[right, rectangle]:.0%} the other way: dif α9 follows how long a pattern is, and a '
+            'rectangle can be as long as a right triangle.')
+
+
+def _elongation(results: Results) -> str:
+    one, long = (_method(results, f'three planes, {world}') for world in ('one proportion', 'long rectangles'))
+    return (f'With one proportion a class and rectangles {WORLDS["one proportion"].rectangle:g}:1 beside right '
+            f'triangles {WORLDS["one proportion"].right_triangle:g}:1, curves fitted for that world, {LARGEST} '
+            f'taxels give {one.rates[LARGEST].share:.1%}; with rectangles {WORLDS["long rectangles"].rectangle:g}:1 '
+            f'{long.rates[LARGEST].share:.1%}. The paper does not give its proportions.')
+
+
+def _vanishing(results: Results) -> str:
+    without = _method(results, 'three planes, benchmark, vanishing angles left out')
+    both = _method(results, 'three planes, long rectangles, vanishing angles left out')
+    small, worst = VANISHING, np.argsort(results.remaining)[:4]
+    angles = ', '.join(f'{ANGLES[angle]}° ({results.remaining[angle]:.0%})' for angle in worst)
+    return (f'At some angles the turned fine points miss many sites of the decimated lattice. Of {small} taxels the '
+            f'fewest remain, on average, at {angles}; a minimum or a difference over all angles then tells of these '
+            'angles alone. '
+            f'They change a feature of {results.vanished[small]:.0%} of the patterns of {small} taxels. '
+            f'Without the angles that keep less than half of the taxels, {small} taxels give '
+            f'{without.rates[small].share:.1%} instead of {results.methods[0].rates[small].share:.1%}; with long '
+            f'rectangles as well {both.rates[small].share:.1%} '
+            f'(and {both.rates[LARGEST].share:.1%} at {LARGEST}).')
+
+
+def _learner(results: Results) -> str:
+    learner, planes = results.methods[-1], results.methods[0]
+    return (f'The six features hold more than three planes use: the {results.neighbours} nearest training patterns '
+            f'recognise {learner.rates[20].share:.1%} at 20 taxels instead of {planes.rates[20].share:.1%}, and '
+            f'{learner.rates[LARGEST].share:.1%} at {LARGEST} instead of {planes.rates[LARGEST].share:.1%}.')
+
+
+def _method(results: Results, name: str) -> Method:
+    return next(method for method in results.methods if method.name == name)

@@ -1,0 +1,41 @@
+"""The worlds whose patterns are measured: the benchmark, and others that tell why the paper saw more."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.synthetic.world import PAD, Contact, random_pattern
+
+
+class Fixed(NamedTuple):
+    """A world in which each class has one proportion only; position and turn stay general."""
+
+    rectangle: float             #: ratio of sides
+    right_triangle: float = 2.0  #: ratio of legs
+    apex: float = 60.0           #: of the isosceles triangle [degrees]
+
+
+#: by name; None is the benchmark's world, whose proportions vary
+WORLDS = {'benchmark': None, 'one proportion': Fixed(2.0), 'long rectangles': Fixed(4.0)}
+
+
+def draw_pattern(world: str, rng: np.random.Generator, shape: str, area: float) -> np.ndarray:
+    """Draw the pattern of a contact of ``world`` in general position, bool, shape (rows, cols)."""
+    fixed = WORLDS[world]
+    if fixed is None:
+        return random_pattern(rng, shape, area)
+    room = max(PAD, int(np.ceil(6 * np.sqrt(area))) + 4)
+    x, y = rng.uniform(-0.5, 0.5, 2) + (room - 1) / 2
+    turn, hand = rng.uniform(0, 2 * np.pi), rng.choice((-1.0, 1.0))
+    return Contact(shape, _dimensions(fixed, shape, area, hand), x, y, turn).pattern(room, room)
+
+
+def _dimensions(fixed: Fixed, shape: str, area: float, hand: float) -> tuple[float, ...]:
+    if shape == 'rectangle':
+        return (np.sqrt(area * fixed.rectangle), np.sqrt(area / fixed.rectangle))
+    if shape == 'right_triangle':
+        return (np.sqrt(2 * area * fixed.right_triangle), np.sqrt(2 * area / fixed.right_triangle), hand)
+    if shape == 'isosceles_triangle':
+        slope = 2 * np.tan(np.radians(fixed.apex) / 2)  # base / height
+        return (np.sqrt(2 * area * slope), np.sqrt(2 * area / slope))
+    return {'circle': (np.sqrt(area / np.pi),), 'square': (np.sqrt(area),)}[shape]
