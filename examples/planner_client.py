@@ -3,7 +3,7 @@
     python examples/planner_client.py --ros-args -r grasp:=/gripper/grasp
 """
 
-from math import atan2, degrees, hypot, pi
+from math import atan2, degrees, hypot, pi, remainder
 from typing import NamedTuple
 
 MIN_CONFIDENCE = 0.8         # below, on either side: let go and try elsewhere
@@ -46,9 +46,9 @@ def choose(left: Side, right: Side, offset: float, stable: bool) -> Correction:
 
 
 def nearest_edge(turn: float, symmetry: int) -> float:
-    """Return the smallest turn of the gripper that brings the object's long edge along one of the pad's axes."""
-    quarter = pi / 2
-    return 0.0 if symmetry == 0 else (turn + quarter / 2) % quarter - quarter / 2
+    """Return the smallest turn of the gripper that brings the object's edge along one of the pad's axes."""
+    edges = (turn + k * 2 * pi / symmetry for k in range(symmetry))  # all that look the same
+    return min((remainder(edge, pi / 2) for edge in edges), key=abs, default=0.0)
 
 
 def yaw(orientation) -> float:
