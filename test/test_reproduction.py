@@ -84,7 +84,7 @@ def test_nearest_neighbours_tell_clusters_apart():
 
 def test_a_small_run_writes_page_and_numbers(tmp_path, capsys):
     folder = tmp_path / 'out'
-    assert main(['reproduce', '-o', str(folder), '--patterns', '30', '--training', '600', '--jobs', '1']) == 0
+    assert main(['reproduce', '-o', str(folder), '--patterns', '15', '--training', '600', '--jobs', '1']) == 0
     page = (folder / 'index.html').read_text(encoding='utf-8')
     assert page.count('<img ') == page.count('data:image/svg+xml;base64,') == 10
     assert not re.search(r'(src|href)="(?!data:)', page), 'the page needs something else'
@@ -94,7 +94,7 @@ def test_a_small_run_writes_page_and_numbers(tmp_path, capsys):
     for row in rows:
         assert float(row['low95']) <= float(row['recognised']) <= float(row['high95'])
         assert f'{float(row["recognised"]):.1%}' in page and row['method'] in page
-    assert rows[0]['method'].startswith('as published') and rows[0]['patterns'] == '30'
+    assert rows[0]['method'].startswith('as published') and rows[0]['patterns'] == '15'
     assert 'patterns drawn: 100%' in capsys.readouterr().err
 
 

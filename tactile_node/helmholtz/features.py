@@ -17,7 +17,7 @@ from tactile_node.helmholtz.eigenvalues import Problem, smallest_eigenvalues
 from tactile_node.helmholtz.gravity import gravity
 from tactile_node.helmholtz.information import information
 from tactile_node.helmholtz.operators import WEIGHTS, Stencil
-from tactile_node.helmholtz.rotation import ANGLES, turned_patterns, with_turned
+from tactile_node.helmholtz.rotation import ANGLES, with_turned
 from tactile_node.helmholtz.taxel_list import TaxelList, ringed_taxel_list, taxel_list
 
 
@@ -90,7 +90,7 @@ def compute_features(mask: np.ndarray, groups: Group = Group.ALL) -> Features:
 def features_at_angles(mask: np.ndarray, groups: Group = Group.ALL) -> dict[str, np.ndarray]:
     """Return every feature at each of ANGLES, shape (46,); ``mask`` must have an active taxel."""
     _check(mask)
-    return _described(taxel_list(turned_patterns(mask)), groups)
+    return _described(ringed_taxel_list(with_turned(mask)[1:]), groups)
 
 
 def _check(mask: np.ndarray) -> None:

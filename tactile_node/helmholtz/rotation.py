@@ -60,7 +60,7 @@ def rotated(mask: np.ndarray) -> tuple[np.ndarray, tuple[int, int]]:
     """Return the decimated patterns at ANGLES before the hole rules; bool, shape (47, rows, cols).
 
     The first is left empty, and a ring of inactive taxels surrounds each. Beside it, where in them
-    ``mask``, cropped to its active taxels, begins (row, col).
+    ``mask``, which is cropped to its active taxels, begins (row, col).
 
     Instead of turning every point forward, each taxel site is turned back: only the four fine points
     around the place it comes from can round onto it, and each of those is tried forward.
