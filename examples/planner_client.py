@@ -59,6 +59,7 @@ def yaw(orientation) -> float:
 
 def main() -> None:
     import rclpy
+    from rclpy.executors import ExternalShutdownException
     from rclpy.qos import qos_profile_sensor_data
     from tactile_skin.msg import ContactShape, Grasp
 
@@ -77,7 +78,10 @@ def main() -> None:
     node = rclpy.create_node('planner_client')
     node.declare_parameter('aim', [0.015, 0.015])
     node.create_subscription(Grasp, 'grasp', on_grasp, qos_profile_sensor_data)
-    rclpy.spin(node)
+    try:
+        rclpy.spin(node)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
 
 
 if __name__ == '__main__':
