@@ -5,7 +5,6 @@ import sys
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.node import Node
 
-from tactile_node.config import config_path
 from tactile_node.fusion.recognitions import FusedRecognition, RecognitionFusion
 from tactile_node.nodes.run import run_node
 from tactile_node.pose.fit import ShapeFit, fit_shape
@@ -15,8 +14,8 @@ from tactile_node.ros.feature_messages import features_of, pattern_of
 from tactile_node.ros.parameters import CLASSIFIER, declare, values
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.shape_messages import Findings, pose_message, shape_message
+from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.recognition import Recognition, Shape
-from tactile_node.shape.volf import VolfClassifier
 from tactile_skin.msg import ContactFeatures, ContactShape
 
 
@@ -30,7 +29,7 @@ class ClassifierNode(Node):
         super().__init__('classifier', **options)
         declare(self, CLASSIFIER)
         self._settings = values(self, CLASSIFIER)
-        self._classifier = VolfClassifier.from_file(config_path(self._settings.curves))
+        self._recogniser = make_recogniser(self._settings.method, self._settings.model)
         self._fusion = RecognitionFusion()
         qos = frames_qos(self._settings.queue_depth, self._settings.lossless)
         self.recognised = 0  #: messages published
@@ -47,7 +46,7 @@ class ClassifierNode(Node):
 
     def _find(self, message: ContactFeatures) -> Findings:
         pattern = pattern_of(message)
-        frame = self._classifier.recognise(features_of(message))
+        frame = self._recogniser.recognise(pattern, features_of(message) if self._recogniser.groups else None)
         fused = self._fused(seconds(message.header.stamp), frame)
         moments = contact_moments(pattern.values, pattern.mask, message.pitch, message.unit)
         return Findings(frame, fused, self._fitted(message, pattern, fused.recognition.shape), moments)

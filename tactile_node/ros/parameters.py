@@ -9,6 +9,7 @@ from rclpy.node import Node
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import Group
+from tactile_node.shape.methods import DEFAULT
 
 
 class Parameter(NamedTuple):
@@ -57,8 +58,8 @@ PROCESSOR = (
 )
 
 CLASSIFIER = (
-    Parameter('method', 'volf', 'volf: the three planes of Volf, Dvořák and Vlček'),
-    Parameter('curves', 'volf_curves.yaml', 'curves of the three planes, written by `tactile fit`'),
+    Parameter('method', DEFAULT, 'learned, or volf: the three planes of Volf, Dvořák and Vlček'),
+    Parameter('model', '', 'weights or curves of the method: a file, or a name in config/; empty: its own'),
     Parameter('fuse', True, 'successive frames together say the shape; false: each frame alone'),
     Parameter('fit', True, 'fit pose and size; false: leave them out'),
     Parameter('solid_height', 0.0, 'height of the solid added to each shape [m]; 0: none', 0, 10),
