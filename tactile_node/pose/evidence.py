@@ -38,7 +38,8 @@ def gather(values: np.ndarray, mask: np.ndarray) -> Evidence:
     if hole is not None:
         used &= ~(_around(hole, 1) & ~_around(~mask & ~hole, 1))
     of_contact = values[mask & valid]
-    level = float(np.median(of_contact)) if of_contact.size else 0.0
+    middle = of_contact.size // 2
+    level = float(np.partition(of_contact, middle)[middle]) if of_contact.size else 0.0
     on_off = bool(((values == 0) | (values == 1)).all())
     values = values / level if level > 0 else mask.astype(float)
     solid = np.where(mask & ~valid, 1.0, values * (mask if on_off else _around(mask, 1)))
@@ -73,8 +74,12 @@ def _around(mask: np.ndarray, reach: int) -> np.ndarray:
 
 def _holes(mask: np.ndarray) -> np.ndarray | None:
     """Return what ``mask`` encloses, None for nothing (the usual case)."""
-    labels, count = ndimage.label(np.pad(~mask, 1, constant_values=True))
-    if count <= 1:
+    between = ~mask
+    for axis in (0, 1):  # what is enclosed has taxels of the mask on all four sides; this is quick to rule out
+        between &= np.logical_or.accumulate(mask, axis) & np.flip(
+            np.logical_or.accumulate(np.flip(mask, axis), axis), axis)
+    if not between.any():
         return None
-    return labels[1:-1, 1:-1] > 1
+    labels, count = ndimage.label(np.pad(~mask, 1, constant_values=True))
+    return labels[1:-1, 1:-1] > 1 if count > 1 else None
 

@@ -12,12 +12,13 @@ from tactile_node.pose.outlines import OUTLINES, Outline, outline_of
 from tactile_node.pose.skin_model import Model, PatternModel, PressureModel
 from tactile_node.shape.recognition import Shape
 
-COARSE = 0.1  #: when the first pass stops [pitches]
-FINE = 0.02   #: and the second
+COARSE = 0.3  #: when the first pass stops [pitches]
+FINE = 0.05   #: and the second
 FIRST_NOISE = 0.05    #: of a value in the first pass [fraction of level]
 MARGIN = 0.15         #: corners of a triangle are tried when their angles, or log lengths, are so close
 MARGIN_ON_OFF = 0.35
 AMBIGUOUS = 6.0       #: two fits whose sums of squares differ by less cannot be told apart
+HOPELESS = 60.0       #: and one that is worse by more after the first pass is not refined
 
 
 class ShapeFit(NamedTuple):
@@ -69,7 +70,9 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float =
     candidates = [_coarse(evidence, shape, guess) for guess in _guesses(evidence, shape)]
     best = min(candidates, key=lambda candidate: candidate.solution.cost)
     weights = weights_after(shape, best.solution.prediction, evidence)
-    candidates = sorted((_fine(candidate, weights) for candidate in candidates),
+    candidates = [_reweighted(candidate, weights) for candidate in candidates]
+    within = min(candidate.solution.cost for candidate in candidates) + HOPELESS
+    candidates = sorted((_fine(candidate) for candidate in candidates if candidate.solution.cost < within),
                         key=lambda candidate: candidate.solution.cost)
     return _in_metres(shape, pitch, evidence, candidates[0], _together(shape, evidence, candidates))
 
@@ -115,17 +118,20 @@ def _vague(outline: Outline, guess: np.ndarray) -> np.ndarray:
     return 1 / np.maximum(lengths, 1)**2
 
 
-def _fine(candidate: _Candidate, weights: np.ndarray) -> _Candidate:
-    problem = candidate.problem._replace(weights=weights)
-    at = evaluate(problem, candidate.solution.parameters, candidate.solution.prediction)
-    return candidate._replace(problem=problem, solution=minimise(problem, at, tolerance=FINE, max_steps=6))
+def _reweighted(candidate: _Candidate, weights: np.ndarray) -> _Candidate:
+    problem, solution = candidate.problem._replace(weights=weights), candidate.solution
+    return candidate._replace(problem=problem, solution=evaluate(problem, solution.parameters, solution.prediction))
+
+
+def _fine(candidate: _Candidate) -> _Candidate:
+    solution = minimise(candidate.problem, candidate.solution, tolerance=FINE, max_steps=6)
+    return candidate._replace(solution=solution)
 
 
 def _covariance(evidence: Evidence, shape: Shape, found: _Candidate) -> np.ndarray:
     """Of the outline's parameters, with weights by the last residuals."""
-    problem = found.problem._replace(weights=weights_after(shape, found.solution.prediction, evidence))
-    information = evaluate(problem, found.solution.parameters, found.solution.prediction).information
-    count = len(problem.model.outline.parameters)
+    information = _reweighted(found, weights_after(shape, found.solution.prediction, evidence)).solution.information
+    count = len(found.problem.model.outline.parameters)
     return np.linalg.inv(information)[:count, :count] * covariance_scale(shape, evidence.on_off)
 
 

@@ -24,8 +24,8 @@ class Calibration(NamedTuple):
     on_off: float    #: the same for on/off patterns, whose noise is only a picture of what is not known
 
 
-#: Factors found by `bench/bench_pose.py --calibrate --patterns 50` on training seeds (1200 fits each); rim noise chosen there, so that clean frames
-#: and noisy ones ask for nearly the same factor.
+#: Factors found by `bench/bench_pose.py --calibrate --patterns 50` on training seeds (1200 fits each); rim noise
+#: chosen there, so that clean frames and noisy ones ask for nearly the same factor.
 CALIBRATION = {
     Shape.CIRCLE: Calibration(0.018, 1.00, 0.26),
     Shape.SQUARE: Calibration(0.020, 1.03, 0.46),
