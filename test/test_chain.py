@@ -18,7 +18,7 @@ from tactile_skin.msg import ContactFeatures, ContactShape, TaxelArray  # noqa: 
 
 LOG, LAYOUT, NODE_ID, TPDOS = 'nus_ring_session.log.gz', 'nus_sinapse_64x64.yaml', 32, 64
 SYNC = 0x080
-PATIENCE = 60.0  # s
+PATIENCE = 240.0  # s: three processes start on a machine that may be busy
 
 
 @contextmanager

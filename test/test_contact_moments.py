@@ -47,7 +47,8 @@ def test_the_axis_lies_along_the_long_side(shape, expected):
 
 
 def test_the_axis_of_a_diagonal_and_none_of_a_square():
-    assert contact_moments(np.eye(5), np.eye(5, dtype=bool), PITCH, '1').principal_axis == pytest.approx(pi / 4)
+    diagonal = np.eye(5, dtype=bool)
+    assert contact_moments(diagonal, diagonal, PITCH, '1').principal_axis == pytest.approx(pi / 4)
     assert np.isnan(contact_moments(np.ones((4, 4)), np.ones((4, 4), bool), PITCH, '1').principal_axis)
 
 

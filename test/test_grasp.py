@@ -57,7 +57,8 @@ def test_a_grasp_is_stable_once_it_has_held():
 
 
 @pytest.mark.parametrize('disturbed', [
-    lambda t: touch(t, Shape.SQUARE), lambda t: touch(t, centre=(0.0112, 0.0)), lambda t: touch(t, centre=None)])
+    lambda t: touch(t, Shape.SQUARE), lambda t: touch(t, centre=(0.0112, 0.0)),
+    lambda t: touch(t, centre=None)])
 def test_another_shape_a_slip_or_a_loss_begins_anew(disturbed):
     tracker = GraspTracker(SETTINGS)
     assert run(tracker, np.arange(0, 0.3, 0.02)).stable
@@ -103,7 +104,8 @@ def test_a_clock_set_back_begins_anew():
 
 
 def test_unknown_shapes_are_not_the_same_shape():
-    state = run(GraspTracker(SETTINGS), [0.0], left=lambda t: touch(t, Shape.UNKNOWN), right=lambda t: touch(t, Shape.UNKNOWN))
+    unknown = [lambda t: touch(t, Shape.UNKNOWN)] * 2
+    state = run(GraspTracker(SETTINGS), [0.0], 0.04, *unknown)
     assert not state.same_shape
 
 

@@ -15,12 +15,14 @@ SPEC.loader.exec_module(client)
 AIM = (0.015, 0.015)
 
 
+GOOD = client.Side(True, 0.99, AIM, AIM, 0.0, 2)
+
+
 def side(**changes):
-    return client.Side(**{'touched': True, 'confidence': 0.99, 'centre': AIM, 'aim': AIM, 'turn': 0.0, 'symmetry': 2,
-                          **changes})
+    return GOOD._replace(**changes)
 
 
-def choose(left=side(), right=side(), offset=0.0, stable=True):
+def choose(left=GOOD, right=GOOD, offset=0.0, stable=True):
     return client.choose(left, right, offset, stable)
 
 
