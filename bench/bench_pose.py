@@ -19,7 +19,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
 import numpy as np
 import pose_fusion
 import pose_pictures
-from pose_world import CONDITIONS, Sample, by_moments, by_rectangle, draw, error, same_hand
+from pose_world import CONDITIONS, by_moments, by_rectangle, draw, error, same_hand
 from scipy.stats import binom, binomtest, chi2
 
 from tactile_node.pose.fit import fit_shape
@@ -178,10 +178,10 @@ def corners(report: Report, fitted: dict) -> None:
 
 
 def times(report: Report, fitted: dict) -> None:
-    report.say('## Processor time of one fit, one core, in ms: median; 95th, 99th percentile')
+    report.say('## Processor time of one fit, one core, in ms: 10th percentile; median; 95th percentile')
     report.say()
-    rows = [[condition, *(f'{np.median(of.times):.2f}; {np.percentile(of.times, 95):.2f}, '
-                          f'{np.percentile(of.times, 99):.2f}' for of in (fitted[condition, s] for s in CLASSES))]
+    rows = [[condition, *(f'{np.percentile(of.times, 10):.2f}; {np.median(of.times):.2f}; '
+                          f'{np.percentile(of.times, 95):.2f}' for of in (fitted[condition, s] for s in CLASSES))]
             for condition in CONDITIONS]
     report.table(['frames', *CLASSES], rows)
     ten, repeats = np.ones(10), 20_000
@@ -189,7 +189,7 @@ def times(report: Report, fitted: dict) -> None:
     for _ in range(repeats):
         np.add(ten, ten)
     report.say(f'- for comparison, adding two arrays of ten numbers took {(process_time() - begin) / repeats * 1e6:.2f} us '
-               'here (about 0.4 us on an idle core of our machines): a busy machine stretches all of these')
+               'here: a busy machine stretches all of these')
     samples = fitted['dead 3 %', 'rectangle'].samples
     begin = process_time()
     for sample in samples:

@@ -12,7 +12,7 @@ MAX_TURN = 5 * pi / 180      # of the object's edges against the pad's [rad]
 
 
 class Side(NamedTuple):
-    """What of one pad's ContactShape decides; turn and its symmetry as in the message (0: a circle, any turn)."""
+    """What of one pad's ContactShape decides; turn and symmetry as in the message."""
 
     touched: bool
     confidence: float
@@ -61,6 +61,7 @@ def main() -> None:
     import rclpy
     from rclpy.executors import ExternalShutdownException
     from rclpy.qos import qos_profile_sensor_data
+
     from tactile_skin.msg import ContactShape, Grasp
 
     def side(shape: ContactShape, aim: tuple[float, float]) -> Side:
@@ -71,8 +72,9 @@ def main() -> None:
     def on_grasp(grasp: Grasp) -> None:
         aim = tuple(node.get_parameter('aim').value)
         correction = choose(*(side(shape, aim) for shape in grasp.sides), grasp.offset, grasp.stable)
-        node.get_logger().info(f'{correction.action}: shift {correction.shift[0] * 1e3:.1f}, '
-                               f'{correction.shift[1] * 1e3:.1f} mm, turn {degrees(correction.turn):.1f} degrees')
+        x, y = (1e3 * each for each in correction.shift)
+        node.get_logger().info(f'{correction.action}: shift {x:.1f}, {y:.1f} mm, '
+                               f'turn {degrees(correction.turn):.1f} degrees')
 
     rclpy.init()
     node = rclpy.create_node('planner_client')

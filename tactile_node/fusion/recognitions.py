@@ -47,7 +47,8 @@ class FusionSettings:
     def frames_to_follow(self, period: float, odds: float = 10.0) -> int:
         """Return the most frames, ``period`` [s] apart, until a new shape is reported.
 
-        When each gives it at least ``odds`` (3...100) against every other shape, however long another was held.
+        When each gives it at least ``odds`` (3...100) against every other shape, however long another
+        was held.
         """
         ahead, frames = -self.lead, 0
         while ahead < self.switch:
@@ -81,8 +82,8 @@ class RecognitionFusion:
     def update(self, stamp: float, probabilities: Mapping[Shape, float]) -> FusedRecognition:
         """Take the frame of ``stamp`` [s] and return what is now believed.
 
-        A frame whose likeliest class is NONE ends the contact: it is reported at once. A stamp that goes back or
-        comes after ``max_gap`` starts anew.
+        A frame whose likeliest class is NONE ends the contact: it is reported at once. A stamp that goes
+        back or comes after ``max_gap`` starts anew.
         """
         frame = Recognition.of(probabilities)
         passed = float('inf') if self._stamp is None else stamp - self._stamp
@@ -98,7 +99,8 @@ class RecognitionFusion:
     def _add(self, frame: Recognition, passed: float) -> None:
         seen = np.array([frame.probabilities[shape] for shape in TOUCHING])
         fading = exp(-passed / self._settings.memory)
-        evidence = self._evidence * fading + self._settings.gain(passed) * np.log(np.maximum(seen, self._settings.floor))
+        evidence = self._evidence * fading
+        evidence += self._settings.gain(passed) * np.log(np.maximum(seen, self._settings.floor))
         # Every class stays within `lead` of the one ahead, so that a change is followed in bounded time.
         self._evidence = np.maximum(evidence - evidence.max(), -self._settings.lead)
 

@@ -12,13 +12,14 @@ class PadPose:
     """A pad's frame in the gripper's when the gripper is closed (gap 0)."""
 
     xyz: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: origin: the centre of taxel (0, 0) [m]
-    rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: roll, pitch, yaw about fixed axes (URDF, REP-103) [rad]
+    rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: roll, pitch, yaw, fixed axes (URDF, REP-103) [rad]
     rotation: np.ndarray = field(init=False, repr=False, compare=False)  #: (3, 3), columns are the pad's axes
 
     def __post_init__(self):
         if len(self.xyz) != 3 or len(self.rpy) != 3 or not np.isfinite((self.xyz, self.rpy)).all():
-            raise ConfigurationError('pose of a pad in the gripper frame', expected='three finite numbers each for xyz '
-                                     'and rpy', got=f'{self.xyz}, {self.rpy}', remedy='Take both from the URDF.')
+            raise ConfigurationError(
+                'pose of a pad in the gripper frame', expected='three finite numbers each for xyz and rpy',
+                got=f'{self.xyz}, {self.rpy}', remedy='Take both from the URDF.')
         (sr, sp, sy), (cr, cp, cy) = np.sin(self.rpy), np.cos(self.rpy)
         rotation = (np.array(((cy, -sy, 0), (sy, cy, 0), (0, 0, 1)))
                     @ np.array(((cp, 0, sp), (0, 1, 0), (-sp, 0, cp)))
@@ -45,9 +46,10 @@ class Gripper:
 
     def __post_init__(self):
         if self.left.normal @ self.right.normal > -0.9:
-            raise ConfigurationError('poses of the pads', expected='pads that face each other (z axes opposed)',
-                                     got=f'z axes {self.left.normal.round(3)} and {self.right.normal.round(3)}',
-                                     remedy='Check the rpy of both; z points out of each skin.')
+            raise ConfigurationError(
+                'poses of the pads', expected='pads that face each other (z axes opposed)',
+                got=f'z axes {self.left.normal.round(3)} and {self.right.normal.round(3)}',
+                remedy='Check the rpy of both; z points out of each skin.')
 
     @property
     def closing(self) -> np.ndarray:

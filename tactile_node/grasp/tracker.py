@@ -76,9 +76,10 @@ class GraspSettings:
     max_skew: float = 0.1            #: how far the two sides' stamps may be apart [s]
 
     def __post_init__(self):
-        if not all(0 < value < np.inf for value in (self.centre_tolerance, self.max_skew)) or not 0 <= self.min_hold:
-            raise ConfigurationError('grasp settings', expected='centre_tolerance and max_skew > 0, min_hold >= 0',
-                                     got=str(self), remedy='Give metres and seconds.')
+        if not (0 < self.centre_tolerance < np.inf and 0 < self.max_skew < np.inf and 0 <= self.min_hold):
+            raise ConfigurationError(
+                'grasp settings', expected='centre_tolerance and max_skew > 0, min_hold >= 0',
+                got=str(self), remedy='Give metres and seconds.')
 
 
 class GraspTracker:
@@ -121,7 +122,8 @@ class GraspTracker:
         if contact is not GraspContact.TWO_SIDED or not fresh:
             return GraspState(stamp, sides, contact, fresh, None, 0.0, False)
         held = max(0.0, min(side.stamp for side in sides) - max(self._anchors[side].stamp for side in SIDES))
-        return GraspState(stamp, sides, contact, fresh, self._line(sides, gap), held, held >= self._settings.min_hold)
+        stable = held >= self._settings.min_hold
+        return GraspState(stamp, sides, contact, fresh, self._line(sides, gap), held, stable)
 
     def _line(self, sides: tuple[SideResult, SideResult], gap: float) -> Line:
         gripper = self._settings.gripper

@@ -22,7 +22,9 @@ class Window(NamedTuple):
 
 
 def coverage(corners: np.ndarray, motions: np.ndarray, window: Window) -> tuple[np.ndarray, np.ndarray]:
-    """Return the covered fraction of each taxel of ``window``, (rows, cols), and its derivatives, (p, rows, cols).
+    """Return the covered fraction of each taxel of ``window`` and its derivatives.
+
+    Shapes (rows, cols) and (p, rows, cols).
 
     ``corners``: (n, 2), in the sense from x to y; ``motions``: (p, n, 2), d corners / d parameter.
     By the divergence theorem: an edge's outward normal N (as long as the edge) and the stretch t0...t1 of it
@@ -64,7 +66,7 @@ def _stretches(start: np.ndarray, edge: np.ndarray, window: Window) -> np.ndarra
     y_lines -= start[:, 1:]
     y_lines /= edge[:, 1:]
     np.minimum(np.maximum(lines, 0, out=lines), 1, out=lines)
-    enters = np.minimum(lines[:, :-1], lines[:, 1:])  # each strip between two lines; the one across is not used
+    enters = np.minimum(lines[:, :-1], lines[:, 1:])  # each strip between two lines
     leaves = np.maximum(lines[:, :-1], lines[:, 1:])
     cols, rows = slice(window.cols + 1), slice(window.cols + 2, None)
     begin = np.maximum(enters[:, None, cols], enters[:, rows, None])
@@ -77,10 +79,11 @@ def _stretches(start: np.ndarray, edge: np.ndarray, window: Window) -> np.ndarra
     return stretches
 
 
-def depth_inside(corners: np.ndarray, motions: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the distance of ``places`` (2, m) from a convex polygon's outline, positive inside, and its derivatives.
+def depth_inside(corners: np.ndarray, motions: np.ndarray,
+                 places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the distance of ``places`` (2, m) from a convex polygon's outline and its derivatives.
 
-    Shapes (m,) and (p, m). Outside and beyond a corner it is the distance from the nearer edge's line.
+    Shapes (m,) and (p, m); positive inside. Outside and beyond a corner it is the distance from the nearer edge's line.
     """
     following = np.arange(1, len(corners) + 1) % len(corners)
     edge = corners[following] - corners

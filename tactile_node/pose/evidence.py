@@ -17,7 +17,7 @@ class Evidence(NamedTuple):
     window: Window
     values: np.ndarray  #: in units of ``level``; 0 where not used
     used: np.ndarray    #: bool
-    solid: np.ndarray   #: (rows, cols), >= 0, values with invalid taxels and holes of the contact filled: for moments
+    solid: np.ndarray   #: (rows, cols), values >= 0, invalid taxels and holes filled: for moments
     level: float        #: typical value of the contact, in the unit of the frame
     on_off: bool        #: values are 0 and 1 only
 
@@ -51,8 +51,9 @@ def gather(values: np.ndarray, mask: np.ndarray) -> Evidence:
 def _checked(values: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     values, mask = np.asarray(values), np.asarray(mask)
     if values.ndim != 2 or values.shape != mask.shape or values.dtype.kind not in 'biuf':
-        raise InputError('frame and contact mask', expected='two arrays of real numbers of one shape (rows, cols)',
-                         got=f'{values.dtype} {values.shape} and {mask.shape}', remedy='Pass both of one frame.')
+        raise InputError(
+            'frame and contact mask', expected='two arrays of real numbers of one shape (rows, cols)',
+            got=f'{values.dtype} {values.shape} and {mask.shape}', remedy='Pass both of one frame.')
     if not mask.any():
         raise InputError('contact mask', expected='at least one taxel', got='none',
                          remedy='Fit only where something touches the pad.')
@@ -75,7 +76,7 @@ def _around(mask: np.ndarray, reach: int) -> np.ndarray:
 def _holes(mask: np.ndarray) -> np.ndarray | None:
     """Return what ``mask`` encloses, None for nothing (the usual case)."""
     between = ~mask
-    for axis in (0, 1):  # what is enclosed has taxels of the mask on all four sides; this is quick to rule out
+    for axis in (0, 1):  # quick: what is enclosed has taxels of the mask on all four sides
         between &= np.logical_or.accumulate(mask, axis) & np.flip(
             np.logical_or.accumulate(np.flip(mask, axis), axis), axis)
     if not between.any():

@@ -76,7 +76,8 @@ def _triangle(moments: Moments) -> np.ndarray:
 def _right(corners: np.ndarray, margin: float) -> list[Guess]:
     following, preceding = np.roll(corners, -1) - corners, np.roll(corners, 1) - corners
     angles = np.abs(np.angle(preceding / following))
-    return [_right_at(corners.mean(), following[i], preceding[i]) for i in _best(np.abs(angles - np.pi / 2), margin)]
+    return [_right_at(corners.mean(), following[i], preceding[i])
+            for i in _best(np.abs(angles - np.pi / 2), margin)]
 
 
 def _right_at(centre: complex, following: complex, preceding: complex) -> Guess:

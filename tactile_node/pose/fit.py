@@ -27,8 +27,9 @@ class ShapeFit(NamedTuple):
     shape: Shape
     centre: tuple[float, float]        #: centre of area [m]
     turn: float                        #: of the shape's x axis, x to y positive [rad]; 0 for a circle
-    symmetry: int                      #: a turn by 2π/symmetry looks the same; 0: any turn does; 3: an isosceles
-    #: triangle that these taxels do not tell from an equilateral one, its apex may be any corner
+    #: A turn by 2π/symmetry looks the same; 0: any turn does; 3: an isosceles triangle that these taxels do not
+    #: tell from an equilateral one, its apex may be any corner.
+    symmetry: int
     hand: int                          #: right triangle: 1, or -1 when mirrored; else 0
     dimension_names: tuple[str, ...]   #: as in `outlines.OUTLINES`
     dimensions: tuple[float, ...]      #: [m]
@@ -112,7 +113,7 @@ def _coarse(evidence: Evidence, shape: Shape, guess: Guess) -> _Candidate:
 
 
 def _vague(outline: Outline, guess: np.ndarray) -> np.ndarray:
-    """Of a guess, 1 / variance: lengths may be wrong by themselves, the place by the largest of them, the turn is any."""
+    """1 / variance of a guess: a length may be wrong by itself, the place by the largest; the turn is any."""
     _, _, dimensions = outline.split(guess)
     lengths = np.concatenate(([dimensions.max()] * 2, *([[1.8]] if outline.symmetry else []), dimensions))
     return 1 / np.maximum(lengths, 1)**2
@@ -120,7 +121,8 @@ def _vague(outline: Outline, guess: np.ndarray) -> np.ndarray:
 
 def _reweighted(candidate: _Candidate, weights: np.ndarray) -> _Candidate:
     problem, solution = candidate.problem._replace(weights=weights), candidate.solution
-    return candidate._replace(problem=problem, solution=evaluate(problem, solution.parameters, solution.prediction))
+    solution = evaluate(problem, solution.parameters, solution.prediction)
+    return candidate._replace(problem=problem, solution=solution)
 
 
 def _fine(candidate: _Candidate) -> _Candidate:
@@ -130,7 +132,8 @@ def _fine(candidate: _Candidate) -> _Candidate:
 
 def _covariance(evidence: Evidence, shape: Shape, found: _Candidate) -> np.ndarray:
     """Of the outline's parameters, with weights by the last residuals."""
-    information = _reweighted(found, weights_after(shape, found.solution.prediction, evidence)).solution.information
+    weights = weights_after(shape, found.solution.prediction, evidence)
+    information = _reweighted(found, weights).solution.information
     count = len(found.problem.model.outline.parameters)
     return np.linalg.inv(information)[:count, :count] * covariance_scale(shape, evidence.on_off)
 
@@ -160,11 +163,13 @@ def _together(shape: Shape, evidence: Evidence, candidates: list[_Candidate]) ->
 
 def _estimate(shape: Shape, evidence: Evidence, found: _Candidate) -> _Estimate:
     covariance = _covariance(evidence, shape, found)
-    parameters, hand, covariance = _canonical(shape, found.hand, found.solution.parameters[:len(covariance)], covariance)
+    fitted = found.solution.parameters[:len(covariance)]
+    parameters, hand, covariance = _canonical(shape, found.hand, fitted, covariance)
     return _Estimate(parameters, covariance, hand, OUTLINES[shape].symmetry)
 
 
-def _in_metres(shape: Shape, pitch: float, evidence: Evidence, found: _Candidate, estimate: _Estimate) -> ShapeFit:
+def _in_metres(shape: Shape, pitch: float, evidence: Evidence, found: _Candidate,
+               estimate: _Estimate) -> ShapeFit:
     outline = outline_of(shape, estimate.hand)
     scale = np.array([1.0 if name == 'turn' else pitch for name in outline.parameters])
     corners = outline.corners(estimate.parameters) * pitch

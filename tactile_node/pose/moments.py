@@ -17,7 +17,7 @@ class ContactMoments(NamedTuple):
     centre_of_pressure: tuple[float, float]  #: [m]
     area: float                              #: taxels of the contact, invalid ones too, times pitch² [m²]
     principal_axis: float                    #: of the contact's area, x to y, in (-π/2, π/2] [rad]
-    filled: int                              #: invalid taxels of the contact, taken as the mean of their neighbours
+    filled: int                              #: invalid taxels, taken as the mean of their neighbours
 
 
 def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: str) -> ContactMoments:
@@ -39,9 +39,9 @@ def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: st
     of_contact, filled = _filled(values, mask, rows, cols)
     total = of_contact.sum()
     force = {'Pa': total * pitch**2, 'N': total, '1': np.nan}[unit]
-    centre = (of_contact @ cols / total * pitch, of_contact @ rows / total * pitch) if total > 0 else (np.nan, np.nan)
-    return ContactMoments(float(force), (float(centre[0]), float(centre[1])), len(rows) * pitch**2,
-                          _principal_axis(cols, rows), filled)
+    share = of_contact / total if total > 0 else np.full(len(rows), np.nan)
+    centre = (float(share @ cols * pitch), float(share @ rows * pitch))
+    return ContactMoments(float(force), centre, len(rows) * pitch**2, _principal_axis(cols, rows), filled)
 
 
 def _check(values: np.ndarray, mask: np.ndarray, pitch: float, unit: str) -> None:
@@ -49,14 +49,15 @@ def _check(values: np.ndarray, mask: np.ndarray, pitch: float, unit: str) -> Non
         raise InputError('frame and contact mask', expected='one shape (rows, cols)',
                          got=f'{values.shape} and {mask.shape}', remedy='Pass both of one frame.')
     if unit not in UNITS:
-        raise ConfigurationError('unit of the taxel values', expected=f'one of {", ".join(UNITS)}', got=repr(unit),
-                                 remedy='Give the unit that the skin layout gives.')
+        raise ConfigurationError('unit of the taxel values', expected=f'one of {", ".join(UNITS)}',
+                                 got=repr(unit), remedy='Give the unit that the skin layout gives.')
     if not 0 < pitch < np.inf:
         raise ConfigurationError('pitch', expected='a length > 0 in metres', got=repr(pitch),
                                  remedy='Give the distance of neighbouring taxel centres.')
 
 
-def _filled(values: np.ndarray, mask: np.ndarray, rows: np.ndarray, cols: np.ndarray) -> tuple[np.ndarray, int]:
+def _filled(values: np.ndarray, mask: np.ndarray, rows: np.ndarray,
+            cols: np.ndarray) -> tuple[np.ndarray, int]:
     """Return the contact's values >= 0 with invalid ones replaced, and how many those are."""
     of_contact = np.maximum(values[mask].astype(float), 0)
     invalid = ~np.isfinite(of_contact)

@@ -19,13 +19,13 @@ PATTERN_NOISE = 0.02    #: least variance of an on/off taxel
 class Calibration(NamedTuple):
     """Of one shape."""
 
-    rim: float       #: noise of a taxel that feels the whole outline: what the model leaves out [fraction of level]
+    rim: float       #: of a taxel that feels the whole outline: what the model leaves out [fraction of level]
     pressure: float  #: factor of the covariance
     on_off: float    #: the same for on/off patterns, whose noise is only a picture of what is not known
 
 
-#: Factors found by `bench/bench_pose.py --calibrate --patterns 50` on training seeds (1200 fits each); rim noise
-#: chosen there, so that clean frames and noisy ones ask for nearly the same factor.
+#: Factors found by `bench/bench_pose.py --calibrate --patterns 50` on training seeds (1200 fits each); rim
+#: noise chosen there, so that clean frames and noisy ones ask for nearly the same factor.
 CALIBRATION = {
     Shape.CIRCLE: Calibration(0.018, 1.00, 0.26),
     Shape.SQUARE: Calibration(0.020, 1.03, 0.46),
@@ -51,6 +51,6 @@ def weights_after(shape: Shape, prediction: Prediction, evidence: Evidence) -> n
 
 
 def covariance_scale(shape: Shape, on_off: bool) -> float:
-    """Return the factor that makes the 95 % regions of this kind of fit contain 95 % of the training contacts."""
+    """Return the factor with which 95 % regions held 95 % of the training contacts."""
     calibration = CALIBRATION[shape]
     return calibration.on_off if on_off else calibration.pressure

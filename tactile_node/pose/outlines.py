@@ -14,7 +14,7 @@ CIRCLE_CORNERS = 32  #: a circle is a polygon of the same area
 
 
 class Outline(NamedTuple):
-    """A family of polygons, linear in its dimensions: corner i is ``template[i] @ dimensions``, then turned."""
+    """Polygons linear in their dimensions: corner i is ``template[i] @ dimensions``, then turned."""
 
     dimensions: tuple[str, ...]  #: their names
     template: np.ndarray         #: shape (corners, 2, len(dimensions)), in the sense from x to y

@@ -16,7 +16,7 @@ class Solid(NamedTuple):
 
 
 def solid(fit: ShapeFit, height: float) -> Solid | None:
-    """Return the primitive that stands ``height`` [m] high on the contact; None for triangles (use `prism`)."""
+    """Return the primitive that stands ``height`` [m] high; None for triangles (use `prism`)."""
     if fit.shape is Shape.CIRCLE:
         return Solid('cylinder', (height, fit.dimensions[0]))
     if fit.shape in (Shape.SQUARE, Shape.RECTANGLE):
@@ -25,9 +25,9 @@ def solid(fit: ShapeFit, height: float) -> Solid | None:
 
 
 def prism(fit: ShapeFit, height: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return vertices (2n, 3) [m, the pad's frame, z from 0 to ``height``] and triangles (4n - 4, 3) of a closed mesh.
+    """Return vertices (2n, 3) and triangles (4n - 4, 3) of a closed mesh.
 
-    The triangles' corners run counter-clockwise seen from outside.
+    Vertices in the pad's frame [m], z from 0 to ``height``. The triangles' corners run counter-clockwise seen from outside.
     """
     count = len(fit.outline)
     base = np.column_stack((fit.outline, np.zeros(count)))
@@ -41,8 +41,8 @@ def prism(fit: ShapeFit, height: float) -> tuple[np.ndarray, np.ndarray]:
 def pose_covariance(fit: ShapeFit) -> np.ndarray:
     """Return the covariance of the fit's pose, (6, 6), in the order of geometry_msgs/PoseWithCovariance.
 
-    Place x, y, z, then turns about x, y, z: the contact lies in the pad's plane, so those of z and of the turns
-    about x and y are 0. The turn of a circle is any: the variance π²/3 of a uniform one.
+    Place x, y, z, then turns about x, y, z: the contact lies in the pad's plane, so those of z and of the
+    turns about x and y are 0. The turn of a circle is any: the variance π²/3 of a uniform one.
     """
     covariance = np.zeros((6, 6))
     kept = [0, 1, 5] if fit.symmetry else [0, 1]
