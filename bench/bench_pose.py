@@ -55,8 +55,8 @@ class Fitted:
     """All fits of one shape under one condition."""
 
     def __init__(self, shape: str, condition: str, area: float, count: int, purpose: Purpose):
-        rng = generator(purpose, SEED * 1000 + list(CONDITIONS).index(condition) * 100 + CLASSES.index(shape) * 10
-                        + AREAS.index(area))
+        rng = generator(purpose, SEED * 1000 + list(CONDITIONS).index(condition) * 100
+                        + CLASSES.index(shape) * 10 + AREAS.index(area))
         self.shape = shape
         self.samples = [draw(rng, shape, area, CONDITIONS[condition]) for _ in range(count)]
         self.fits, self.times = [], []
@@ -66,7 +66,8 @@ class Fitted:
             self.times.append((process_time() - begin) * 1e3)
         pairs = list(zip(self.fits, self.samples))
         self.errors = [error(fit.parameters, fit.symmetry, sample.contact) for fit, sample in pairs]
-        self.strict = [error(fit.parameters, OUTLINES[fit.shape].symmetry, sample.contact) for fit, sample in pairs]
+        self.strict = [error(fit.parameters, OUTLINES[fit.shape].symmetry, sample.contact)
+                       for fit, sample in pairs]
         self.hands = [same_hand(fit, sample.contact) for fit, sample in pairs]
 
     def distances(self) -> np.ndarray:
@@ -97,10 +98,12 @@ def rate(hits: int, count: int) -> str:
 
 def accuracy(report: Report, fitted: dict) -> None:
     report.say(f'## Errors at N = {AREA}, median [95 % interval]; 95th percentile')
-    report.say('Centre in pitches, turn in degrees (by the symmetry that the fit declares), length: the worst dimension.')
+    report.say('Centre in pitches, turn in degrees (by the symmetry that the fit declares), length: the worst '
+               'dimension.')
     report.say()
     rows = [[condition, shape, *(cell for kind in TARGETS for cell in (
-        median(getattr(each, kind) for each in of.errors), percentile((getattr(each, kind) for each in of.errors), 95)))]
+        median(getattr(each, kind) for each in of.errors),
+        percentile((getattr(each, kind) for each in of.errors), 95)))]
         for (condition, shape), of in fitted.items()]
     report.table(['frames', 'shape', 'centre', '95 %', 'turn', '95 %', 'length %', '95 %'], rows)
     clean = [(kind, np.nanmedian([getattr(each, kind) for each in fitted['clean', shape].errors]))
@@ -114,8 +117,8 @@ def accuracy(report: Report, fitted: dict) -> None:
 
 def alternatives(report: Report, fitted: dict) -> None:
     report.say('## Beside simple alternatives, the five shapes together: medians of centre / turn / length')
-    report.say('Moments: closed forms up to the fourth moment (which assume the shape too). Rectangle: the least one '
-               'about the taxels.')
+    report.say('Moments: closed forms up to the fourth moment (which assume the shape too). Rectangle: the least '
+               'one about the taxels.')
     report.say()
     rows = []
     for condition in CONDITIONS:
@@ -188,8 +191,9 @@ def times(report: Report, fitted: dict) -> None:
     begin = process_time()
     for _ in range(repeats):
         np.add(ten, ten)
-    report.say(f'- for comparison, adding two arrays of ten numbers took {(process_time() - begin) / repeats * 1e6:.2f} us '
-               'here: a busy machine stretches all of these')
+    add = (process_time() - begin) / repeats * 1e6
+    report.say(f'- for comparison, adding two arrays of ten numbers took {add:.2f} us here: a busy machine '
+               'stretches all of these')
     samples = fitted['dead 3 %', 'rectangle'].samples
     begin = process_time()
     for sample in samples:

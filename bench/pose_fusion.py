@@ -24,11 +24,12 @@ SEQUENCES = 40
 def measure(report) -> None:
     settings = FusionSettings()
     report.say('## Fusion of successive frames')
-    report.say(f'{SEQUENCES} sequences at {1 / PERIOD:.0f} Hz: {FRAMES} frames of one shape, then at once {FRAMES} of another '
-               f'(no frame between them empty), creeping {CREEP} pitch a frame, blur {SKIN.blur}, noise {SKIN.noise:.0%}. '
+    report.say(f'{SEQUENCES} sequences at {1 / PERIOD:.0f} Hz: {FRAMES} frames of one shape, then at once {FRAMES} '
+               f'of another (no frame between them empty), creeping {CREEP} pitch a frame, blur {SKIN.blur}, '
+               f'noise {SKIN.noise:.0%}. '
                'Flicker: changes of the shape reported, beside the true one, per 100 frames.')
-    report.say(f'Stated latency: {settings.frames_to_follow(PERIOD, 100.0)} frames when each is 100:1 for the new shape, '
-               f'{settings.frames_to_follow(PERIOD, 10.0)} at 10:1; contact and loss of contact: none.')
+    report.say(f'Stated latency: {settings.frames_to_follow(PERIOD, 100.0)} frames when each is 100:1 for the new '
+               f'shape, {settings.frames_to_follow(PERIOD, 10.0)} at 10:1; contact and loss of contact: none.')
     report.say()
     rows = []
     for method in METHODS:
@@ -37,7 +38,8 @@ def measure(report) -> None:
                 rows.append([str(method), str(area), *_row(make_recogniser(method), area)])
             except TactileError as error:
                 rows.append([str(method), str(area), f'not measured: {error}', *[''] * 6])
-    report.table(['recogniser', 'N', 'right, single frames', 'right, fused (all frames)', 'right, fused from 100 ms on', 'flicker single', 'flicker fused',
+    report.table(['recogniser', 'N', 'right, single frames', 'right, fused (all frames)',
+                  'right, fused, from 100 ms (200 ms after a change) on', 'flicker single', 'flicker fused',
                   'frames to follow a change, median; 95 %; most', 'fusion, ms a frame'], rows)
 
 
@@ -62,7 +64,8 @@ def _row(recogniser, area: float) -> list[str]:
             follows.append(int(right[FRAMES:].argmax()) + 1)
     return [f'{single / frames:.1%}', f'{fused / frames:.1%}', f'{np.mean(settled):.1%}',
             *(f'{count / frames * 100:.2f}' for count in flicker),
-            f'{np.median(follows):.0f}; {np.percentile(follows, 95):.0f}; {max(follows)} ({SEQUENCES - len(follows)} never)',
+            f'{np.median(follows):.0f}; {np.percentile(follows, 95):.0f}; {max(follows)} '
+            f'({SEQUENCES - len(follows)} never)',
             f'{spent / frames * 1e3:.3f}']
 
 

@@ -18,7 +18,7 @@ FIRST_NOISE = 0.05    #: of a value in the first pass [fraction of level]
 MARGIN = 0.15         #: corners of a triangle are tried when their angles, or log lengths, are so close
 MARGIN_ON_OFF = 0.35
 AMBIGUOUS = 6.0       #: two fits whose sums of squares differ by less cannot be told apart
-HOPELESS = 60.0       #: and one that is worse by more after the first pass is not refined
+HOPELESS = 500.0      #: and one that is worse by more after the first pass is not refined
 
 
 class ShapeFit(NamedTuple):

@@ -27,7 +27,8 @@ def solid(fit: ShapeFit, height: float) -> Solid | None:
 def prism(fit: ShapeFit, height: float) -> tuple[np.ndarray, np.ndarray]:
     """Return vertices (2n, 3) and triangles (4n - 4, 3) of a closed mesh.
 
-    Vertices in the pad's frame [m], z from 0 to ``height``. The triangles' corners run counter-clockwise seen from outside.
+    Vertices in the pad's frame [m], z from 0 to ``height``; the triangles' corners run counter-clockwise seen
+    from outside.
     """
     count = len(fit.outline)
     base = np.column_stack((fit.outline, np.zeros(count)))
