@@ -75,7 +75,7 @@ def rotated(mask: np.ndarray) -> tuple[np.ndarray, tuple[int, int]]:
     stack = np.zeros((len(ANGLES) + 1, high, wide), bool)
     place = np.arange(1, len(ANGLES) + 1)[:, np.newaxis] * (high * wide) + (row * wide + col)
     reached = _reached(fine_lattice(mask), sites - centre[:, np.newaxis], centre, radius)
-    stack.reshape(-1)[place.reshape(-1)[reached]] = True
+    stack.reshape(-1)[place.take(reached)] = True
     return stack, (1 - int(first[1]), 1 - int(first[0]))
 
 
@@ -145,15 +145,17 @@ def _reached(fine: np.ndarray, offset: np.ndarray, centre: np.ndarray, radius: f
     """
     low = np.floor(centre - radius) - 1
     active, wide = _corner_bits(fine, -low.astype(int), int(2 * radius) + 5)
-    x, y = (_BACK @ offset).reshape(2, -1) + (centre - low)[:, np.newaxis]
-    # All is positive, so truncation is the floor.
-    bits = active[y.astype(np.int32) * wide + x.astype(np.int32)]
+    x, y = (_BACK @ offset).reshape(2, len(ANGLES), -1) + (centre - low)[:, np.newaxis, np.newaxis]
+    col, row = np.floor(x), np.floor(y)
+    x -= col
+    y -= row
+    row *= wide
+    row += col
+    bits = active.take(row.astype(np.intp))
     some = bits != 0
-    near, counts = np.flatnonzero(some), np.count_nonzero(some.reshape(len(ANGLES), -1), axis=1)
-    x, y = x[near], y[near]
-    x -= np.floor(x)
-    y -= np.floor(y)
-    return near[_rounds_onto(bits[near], x, y, np.repeat(_COS, counts), np.repeat(_SIN, counts))]
+    near, counts = np.flatnonzero(some), np.count_nonzero(some, axis=1)
+    bits, x, y = bits.take(near), x.take(near), y.take(near)
+    return near[_rounds_onto(bits, x, y, np.repeat(_COS, counts), np.repeat(_SIN, counts))]
 
 
 def _corner_bits(fine: np.ndarray, origin: np.ndarray, wide: int) -> tuple[np.ndarray, int]:

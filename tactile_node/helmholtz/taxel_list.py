@@ -77,17 +77,20 @@ def ringed_taxel_list(masks: np.ndarray) -> TaxelList:
     counts = start[1:] - start[:-1]
     number = np.arange(len(site), dtype=np.int32) - np.repeat(start[:-1].astype(np.int32), counts)
     flags = active.view(np.uint8)
-    side, corner = _following(flags, 1, wide), _following(flags, wide - 1, wide + 1)
-    before = [flags[site - near] + flags[site - far] for near, far in ((1, wide), (wide - 1, wide + 1))]
-    return TaxelList(masks.shape, site, start, counts, number, before[0], before[1], side[site], corner[site])
+    (edge_before, edge_after), (corner_before, corner_after) = (
+        _neighbours(flags, 1, wide), _neighbours(flags, wide - 1, wide + 1))
+    return TaxelList(masks.shape, site, start, counts, number, edge_before.take(site),
+                     corner_before.take(site), edge_after.take(site), corner_after.take(site))
 
 
-def _following(active: np.ndarray, near: int, far: int) -> np.ndarray:
-    """Count, at each site, the active taxels ``near`` and ``far`` places after it."""
-    after = np.zeros_like(active)
+def _neighbours(active: np.ndarray, near: int, far: int) -> tuple[np.ndarray, np.ndarray]:
+    """Count, at each site, the active taxels ``near`` and ``far`` places before it, and after it."""
+    before, after = np.zeros((2, len(active)), np.uint8)
+    before[near:] = active[:-near]
+    before[far:] += active[:-far]
     after[:-near] = active[near:]
     after[:-far] += active[far:]
-    return after
+    return before, after
 
 
 def _pairs(place: np.ndarray, site: np.ndarray, step: int) -> tuple[np.ndarray, np.ndarray]:

@@ -44,6 +44,7 @@ class Results(NamedTuple):
     classifier: VolfClassifier              #: as published, curves of config/
     long_clouds: Samples                    #: the same of the world of long rectangles
     long_classifier: VolfClassifier
+    long_lost: dict[int, float]             #: in that world, vanishing angles left out, at the largest size
     vanished: dict[int, float]              #: share of patterns with an angle that keeps less than half
     remaining: np.ndarray                   #: share of taxels that each of ANGLES keeps, at VANISHING taxels
     neighbours: int
@@ -74,6 +75,7 @@ def measure(classifier: VolfClassifier, patterns: int, training: int, seed: int,
         {size: lost_in_plane(said[size], every[size].labels) for size in SIZES},
         _readings(drawn), drawn['benchmark training'].every, classifier,
         drawn['long rectangles training'].every, fitted['long rectangles', False],
+        _lost(drawn[f'long rectangles {SIZES[-1]}'].kept, fitted['long rectangles', True]),
         {size: _vanished(drawn[f'benchmark {size}']) for size in SIZES}, _remaining(seed), learner.number)
 
 
@@ -98,6 +100,10 @@ def _refitted(drawn: dict[str, Drawn], world: str, kept: bool) -> tuple[Method, 
         rates[size] = rate(answers(best.planes, samples) == samples.labels)
     name = f'three planes, {world}' + (', vanishing angles left out' if kept else '')
     return Method(name, rates), best
+
+
+def _lost(samples: Samples, classifier: VolfClassifier) -> dict[int, float]:
+    return lost_in_plane(answers(classifier.planes, samples), samples.labels)
 
 
 def _readings(drawn: dict[str, Drawn]) -> dict[str, Rate]:

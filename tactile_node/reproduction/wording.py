@@ -67,7 +67,8 @@ def _vanishing(results: Results) -> str:
             f'Without the angles that keep less than half of the taxels, {small} taxels give '
             f'{without.rates[small].share:.1%} instead of {results.methods[0].rates[small].share:.1%}; with long '
             f'rectangles as well {both.rates[small].share:.1%} '
-            f'(and {both.rates[LARGEST].share:.1%} at {LARGEST}).')
+            f'(and {both.rates[LARGEST].share:.1%} at {LARGEST}, where the planes 1, 2 and 3 then lose '
+            f'{", ".join(f"{share:.1%}" for share in results.long_lost.values())}).')
 
 
 def _learner(results: Results) -> str:
