@@ -6,6 +6,7 @@ PYTHON ?= $(firstword $(foreach v,python3.11 python3.12 python3.13 python3.10 py
 	$(shell $(v) -c 'import sys, venv, ensurepip; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' \
 	2>/dev/null && echo $(v))))
 VENV := $(CURDIR)/.venv
+BENCH_VENV := $(CURDIR)/.venv-bench
 BIN := $(VENV)/bin
 SOURCES := package.xml CMakeLists.txt setup.py setup.cfg $(shell find tactile_node msg config launch scripts -type f -not -name '*.pyc')
 
@@ -19,7 +20,7 @@ unexport PYTHONPATH
 SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test bench lint lock clean
+.PHONY: help setup demo test bench train lint lock clean
 
 help:  ## say what there is
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -51,8 +52,18 @@ demo: setup  ## simulated gripper skin, five shapes, live in the terminal; resul
 test: setup  ## everything that checks the project
 	@$(BIN)/python -m pytest test -q
 
-bench: setup  ## how fast, against the alternatives, in one run
-	@for file in bench/bench_*.py; do $(BIN)/python $$file || exit 1; done
+$(BENCH_VENV)/.installed: requirements/bench.txt | setup
+	@echo 'environment of the recognition benchmark in .venv-bench: torch, scikit-learn, OpenCV (once)'
+	@$(PYTHON) -m venv --clear $(BENCH_VENV)
+	@$(BENCH_VENV)/bin/python -m pip install --disable-pip-version-check --progress-bar off --quiet -r $<
+	@touch $@
+
+bench: setup $(BENCH_VENV)/.installed  ## how fast and how good, against the alternatives, in one run
+	@for file in $(filter-out bench/bench_recognition.py,$(wildcard bench/bench_*.py)); do $(BIN)/python $$file || exit 1; done
+	@$(BENCH_VENV)/bin/python bench/bench_recognition.py
+
+train: $(BENCH_VENV)/.installed  ## train the shape recogniser anew (about two hours on one core)
+	@$(BENCH_VENV)/bin/python -m training.train --output config/recogniser.npz
 
 lint: setup  ## style only
 	@$(BIN)/ruff check .
@@ -60,6 +71,9 @@ lint: setup  ## style only
 lock:  ## pin every version anew from requirements/*.in (needs uv)
 	@cat requirements/ros.in requirements/core.in | uv pip compile - --universal --python-version 3.10 --no-header \
 		--no-annotate --no-emit-index-url --quiet -o requirements/lock.txt
+	@# What torch needs for a GPU is left to pip: not every torch has it.
+	@uv pip compile requirements/bench.in --universal --python-version 3.10 --no-header --no-annotate \
+		--no-emit-index-url --quiet | grep -vE '^(nvidia|cuda|triton)' >requirements/bench.txt
 
 clean:  ## remove what make made
-	@rm -rf .venv build demo_output
+	@rm -rf .venv .venv-bench build demo_output bench_output

@@ -168,8 +168,8 @@ def main() -> int:
     args.output.mkdir(parents=True, exist_ok=True)
     bulk, faulty, epochs, clean_count, field_count = (
         (20_000, 1000, 2, 300, 60) if args.quick else (120_000, 15_000, 3, 3000, 400))
-    contest = Contest(ShapeRecogniser.from_file(config_path(args.weights)),
-                      train_anchors(clock, bulk, faulty, epochs))
+    anchors = train_anchors(clock, bulk, faulty, epochs)
+    contest = Contest(ShapeRecogniser.from_file(config_path(args.weights)), anchors)
     clock('time of a single frame')
     tables = [speed(contest, 100 if args.quick else 400)]
     print(tables[0].plain())

@@ -8,11 +8,12 @@ import numpy as np
 from scipy import ndimage
 
 from tactile_node.shape.geometry import describe_all
-from tactile_node.shape.patch import BRIDGED, RIM, ROOM, SIDE, standing
+from tactile_node.shape.patch import BRIDGED, RIM, ROOM, SIDE
 from tactile_node.synthetic.world import CLASSES, random_contact
 from training.samples import LEVEL_STEPS, SMALLEST, Samples
 
 PAD = 30
+CELLS = np.arange(SIDE)
 STEPS = 5  #: coverage is counted on STEPS x STEPS points
 PLANE = np.ones((1, 3, 3), np.uint8)
 FLAT = np.pad(np.ones((1, 3, 3), bool), ((1, 1), (0, 0), (0, 0)))
@@ -157,7 +158,29 @@ def _placed(values, mask, dead, low, extent, labels, graded) -> Samples:
     shown = around[0][:, :, None] & around[1][:, None, :]
     levels = np.where(shown, np.pad(level, room)[at], 0)
     unseen = np.where(shown, np.pad(dead, room)[at], 1).astype(float)
-    levels, unseen = standing(levels.astype(np.float32), unseen.astype(np.float32), extent % 2)
+    levels, unseen = _standing(levels.astype(np.float32), unseen.astype(np.float32), extent % 2)
     geometry = describe_all(levels, unseen, np.ones(len(labels)))
     return Samples(np.clip(levels * LEVEL_STEPS + 0.5, 0, 255).astype(np.uint8),
                    (unseen * 255).astype(np.uint8), geometry, labels)
+
+
+def _standing(levels: np.ndarray, unseen: np.ndarray, odd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of each of K patches' eight turns and mirrorings: longer along x, more spread to greater x and y.
+
+    ``odd``: (K, 2), 1 where the contact is an odd number of cells high, wide: half a cell off the middle.
+    """
+    (xx, xxx), (yy, yyy) = _spread(levels.sum(1)), _spread(levels.sum(2))
+    rows, cols = (np.where(skew[:, None] < 0, (SIDE - 1 - off[:, None] - CELLS) % SIDE, CELLS)
+                  for skew, off in ((yyy, odd[:, 0]), (xxx, odd[:, 1])))
+    lying = (yy > xx)[:, None, None]
+    rows, cols = np.where(lying, rows[:, None, :], rows[:, :, None]), np.where(lying, cols[:, :, None],
+                                                                               cols[:, None, :])
+    k = np.arange(len(levels))[:, None, None]
+    return levels[k, rows, cols], unseen[k, rows, cols]
+
+
+def _spread(weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Second and third central moments of K distributions (K, SIDE) along one axis."""
+    place = CELLS - (weight @ CELLS / weight.sum(1))[:, None]
+    square = weight * place * place
+    return square.sum(1), (square * place).sum(1)

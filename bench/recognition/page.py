@@ -6,7 +6,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 
-from bench.recognition.contest import OURS, ORDER, Result
+from bench.recognition.contest import ORDER, OURS, Result
 from tactile_node.shape.recognition import Shape
 
 matplotlib.use('Agg')

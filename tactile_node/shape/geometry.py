@@ -16,6 +16,7 @@ ANGLE = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
 TOWARDS = np.array([np.sin(ANGLE), np.cos(ANGLE)])
 PLACE = np.arange(SIDE, dtype=float)
 HARMONICS = 8
+WAVES = np.exp(-1j * np.outer(ANGLE, np.arange(HARMONICS + 1))) / DIRECTIONS
 ORDERS = ((2, 0), (1, 1), (3, 0), (2, 1), (4, 0), (3, 1), (2, 2), (5, 0), (6, 0))  #: of complex moments c_pq
 HIGHEST = 6
 COUNT = 8 + len(ORDERS) + HARMONICS  #: numbers a patch
@@ -60,21 +61,20 @@ def _moments(weight: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray
 
 def _hull(inside: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray) -> np.ndarray:
     """Of the cells more than half covered: fill of hull and of the least box, widths, harmonics."""
-    k, row, col = inside.nonzero()
-    first = inside.reshape(len(inside), -1).sum(1).cumsum()
-    empty = np.diff(first, prepend=0) == 0
-    if empty.any():  # nothing half covered: the numbers of a single cell
+    cells = inside.reshape(len(inside), -1).sum(1)
+    if not cells.all():  # nothing half covered: the numbers of a single cell
         inside = inside.copy()
-        inside[empty, SIDE // 2, SIDE // 2] = True
+        inside[cells == 0, SIDE // 2, SIDE // 2] = True
         return _hull(inside, y, x, total)
-    reach = np.array([y[k, row], x[k, col]]).T @ TOWARDS
-    support = np.maximum.reduceat(reach, np.append(0, first[:-1]), 0) + 0.5
+    k, row, col = inside.nonzero()
+    reach = np.array((y[k, row], x[k, col])).T @ TOWARDS
+    support = np.maximum.reduceat(reach, cells.cumsum() - cells, 0) + 0.5
     half, quarter = DIRECTIONS // 2, DIRECTIONS // 4
     width = support[:, :half] + support[:, half:]
     box = width[:, :quarter] * width[:, quarter:]
-    harmonics = np.abs(np.fft.rfft(support)[:, :HARMONICS + 1]) / DIRECTIONS
+    harmonics = np.abs(support @ WAVES)
     slope = (support - support[:, BEFORE]) * (DIRECTIONS / (2 * np.pi))
-    area = np.pi * (support ** 2 - slope ** 2).sum(1) / DIRECTIONS
-    fills = [total / np.maximum(area, 1), total / box.min(1), width.min(1) / width.max(1),
-             harmonics[:, 0] / np.sqrt(total)]
-    return np.column_stack((*fills, harmonics[:, 1:] / harmonics[:, :1]))
+    area = np.pi * (support * support - slope * slope).sum(1) / DIRECTIONS
+    fills = np.array((total / np.maximum(area, 1), total / box.min(1), width.min(1) / width.max(1),
+                      harmonics[:, 0] / np.sqrt(total)))
+    return np.concatenate((fills.T, harmonics[:, 1:] / harmonics[:, :1]), 1)

@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from tactile_node.contact.pattern import ContactPattern
+from tactile_node.contact.pattern import EIGHT_CONNECTED, ContactPattern
 
 SIDE = 20        #: rows and columns of a patch
 ROOM = 18        #: a contact wider than this is scaled down to it
 BRIDGED = 2      #: pieces with up to so many taxels between them are one contact [taxels]
-CELLS = np.arange(SIDE)
+PIECE = 3        #: fewer taxels beside a contact are no piece of it
 RIM = 2          #: how far beyond the mask partial pressures reach [taxels]
 
 
@@ -29,34 +29,61 @@ class Patch(NamedTuple):
 
 
 def joined(pattern: ContactPattern) -> np.ndarray:
-    """Return the mask with the pressed pieces near it, and those near them, bool, shape (rows, cols)."""
+    """Return the mask with the pressed pieces near it, and those near them, bool, shape (rows, cols).
+
+    Specks are left out: groups of fewer than PIECE taxels with at most one taxel between each other.
+    """
     if pattern.contacts <= 1:
         return pattern.mask
     least = np.nanmin(pattern.values[pattern.mask], initial=np.inf)
-    pressed = pattern.mask | (pattern.values >= least)
-    wide = ndimage.maximum_filter(pressed.view(np.uint8), BRIDGED + 1, mode='constant')
-    labels, _ = ndimage.label(wide, np.ones((3, 3)))
-    return pressed & (labels == labels[pattern.mask][0])
+    others = (pattern.values >= least) & ~pattern.mask
+    groups = _linked(others, 1)
+    others &= (np.bincount(groups[others], minlength=groups.max() + 1) >= PIECE)[groups]
+    pressed = pattern.mask | others
+    groups = _linked(pressed, BRIDGED)
+    return pressed & (groups == groups[pattern.mask][0])
+
+
+def _linked(taxels: np.ndarray, between: int) -> np.ndarray:
+    """Number the groups of ``taxels`` with at most so many others between neighbours; 0 is none."""
+    wide = ndimage.maximum_filter(taxels.view(np.uint8), between + 1, mode='constant')
+    return ndimage.label(wide, EIGHT_CONNECTED)[0]
 
 
 def make_patch(values: np.ndarray, mask: np.ndarray) -> Patch:
     """Return the patch of the contact ``mask``, bool with a taxel in it, of a frame ``values``."""
-    rows, cols = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-    top, bottom, left, right = int(rows[0]), int(rows[-1]) + 1, int(cols[0]), int(cols[-1]) + 1
-    around = (slice(max(top - RIM, 0), bottom + RIM), slice(max(left - RIM, 0), right + RIM))
-    near, seen = values[around], mask[around]
-    level, dead, graded = _levels(near, seen)
-    offset = around[0].start - top, around[1].start - left
-    extent = np.array((bottom - top, right - left))
-    scale, odd = float(extent.max() / ROOM), extent[None] % 2
+    rows, cols = mask.any(1).nonzero()[0], mask.any(0).nonzero()[0]
+    low, high = np.array((rows[0], cols[0])), np.array((rows[-1], cols[-1])) + 1
+    first, last = np.maximum(low - RIM, 0), np.minimum(high + RIM, mask.shape)
+    around = slice(first[0], last[0]), slice(first[1], last[1])
+    level, dead, graded = _levels(values[around], mask[around])
+    level, dead, before, extent = _standing(level, dead, low - first, high - low)
+    scale = max(extent) / ROOM
     if scale <= 1:
-        place = (SIDE - extent) // 2 + offset
-        level, unseen, scale = _placed(level, place, 0.0), _placed(dead, place, 1.0), 1.0
-    else:
-        level, unseen = _scaled(level, dead, scale, offset, extent)
-        odd = np.zeros_like(odd)
-    level, unseen = standing(level[None], unseen[None], odd)
-    return Patch(level[0], unseen[0], scale, graded)
+        place = [(SIDE - size) // 2 - margin for size, margin in zip(extent, before)]
+        return Patch(_placed(level, place, 0.0), _placed(dead, place, 1.0), 1.0, graded)
+    return Patch(*_scaled(level, dead, scale, before, extent), scale, graded)
+
+
+def _standing(level: np.ndarray, dead: np.ndarray, before: np.ndarray, extent: np.ndarray):
+    """Turn and mirror: longer along x, more spread towards greater x and y.
+
+    ``before``: taxels shown above and left of the contact's box, ``extent``: the box's rows and columns.
+    """
+    after = np.array(level.shape) - extent - before
+    (xx, xxx), (yy, yyy) = _spread(level.sum(0)), _spread(level.sum(1))
+    turn = (slice(None, None, -1 if yyy < 0 else 1), slice(None, None, -1 if xxx < 0 else 1))
+    level, dead, before = level[turn], dead[turn], np.where((yyy < 0, xxx < 0), after, before)
+    if yy > xx:
+        level, dead, before, extent = level.T, dead.T, before[::-1], extent[::-1]
+    return level, dead, before.tolist(), extent.tolist()
+
+
+def _spread(weight: np.ndarray) -> tuple[float, float]:
+    """Second and third central moments of a distribution along one axis."""
+    place = np.arange(len(weight)) - weight @ np.arange(len(weight)) / weight.sum()
+    square = weight * place * place
+    return float(square.sum()), float(square @ place)
 
 
 def _levels(values: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
@@ -81,7 +108,7 @@ def _filled(level: np.ndarray, dead: np.ndarray) -> np.ndarray:
     return np.where(dead, sums / np.maximum(count, 1 / 9), level)
 
 
-def _placed(image: np.ndarray, place: np.ndarray, beyond: float) -> np.ndarray:
+def _placed(image: np.ndarray, place: list[int], beyond: float) -> np.ndarray:
     """``image`` with its first taxel at ``place`` of the patch; ``beyond`` around it."""
     patch = np.full((SIDE, SIDE), beyond, np.float32)
     source, target = zip(*(_overlap(start, size) for start, size in zip(place, image.shape)))
@@ -94,39 +121,16 @@ def _overlap(start: int, size: int) -> tuple[slice, slice]:
     return slice(low - start, high - start), slice(low, high)
 
 
-def _scaled(level, dead, scale, offset, extent) -> tuple[np.ndarray, np.ndarray]:
+def _scaled(level, dead, scale, before, extent) -> tuple[np.ndarray, np.ndarray]:
     """Means over cells ``scale`` taxels wide, the contact in the middle."""
-    down, along = (_cells(n, scale, start, size)
-                   for n, start, size in zip(level.shape, offset, extent))
+    down, along = (_cells(n, scale, margin, size) for n, margin, size in zip(level.shape, before, extent))
     covered = down.sum(1)[:, None] * along.sum(1)
     level, dead = down @ level @ along.T, down @ dead @ along.T
     return level.astype(np.float32), np.clip(dead + 1 - covered, 0, 1).astype(np.float32)
 
 
-def _cells(n: int, scale: float, start: int, size: int) -> np.ndarray:
+def _cells(n: int, scale: float, before: int, size: int) -> np.ndarray:
     """Share of each patch cell that each of ``n`` taxels covers, shape (SIDE, n)."""
-    edge = (size - SIDE * scale) / 2 - start + scale * np.arange(SIDE + 1)
+    edge = (size - SIDE * scale) / 2 + before + scale * np.arange(SIDE + 1)
     taxel = np.arange(n)
     return np.clip(np.minimum(edge[1:, None], taxel + 1) - np.maximum(edge[:-1, None], taxel), 0, None) / scale
-
-
-def standing(levels: np.ndarray, unseen: np.ndarray, odd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of each of K patches' eight turns and mirrorings: longer along x, more spread to greater x and y.
-
-    ``odd``: (K, 2), 1 where the contact is an odd number of cells high, wide: half a cell off the middle.
-    """
-    (xx, xxx), (yy, yyy) = _spread(levels.sum(1)), _spread(levels.sum(2))
-    rows, cols = (np.where(skew[:, None] < 0, (SIDE - 1 - off[:, None] - CELLS) % SIDE, CELLS)
-                  for skew, off in ((yyy, odd[:, 0]), (xxx, odd[:, 1])))
-    lying = (yy > xx)[:, None, None]
-    rows, cols = np.where(lying, rows[:, None, :], rows[:, :, None]), np.where(lying, cols[:, :, None],
-                                                                               cols[:, None, :])
-    k = np.arange(len(levels))[:, None, None]
-    return levels[k, rows, cols], unseen[k, rows, cols]
-
-
-def _spread(weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Second and third central moments of K distributions (K, SIDE) along one axis."""
-    place = CELLS - (weight @ CELLS / weight.sum(1))[:, None]
-    square = weight * place * place
-    return square.sum(1), (square * place).sum(1)

@@ -20,6 +20,7 @@ from tactile_node.shape.recognition import Recognition, Shape
 
 SHAPES = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE)
 SMALLEST = 5  #: a pattern of fewer taxels is UNKNOWN: it stands for a contact of less than nine taxels' area
+DOUBT = 0.2   #: by so much the whole must be likelier unknown than its largest piece to be given up
 LAYERS = len(TAPS) + 3
 KINDS = ('on_off', 'graded')
 
@@ -62,17 +63,19 @@ class ShapeRecogniser:
     def recognise(self, pattern: ContactPattern) -> Recognition:
         """Return the most probable shape; NONE for an empty pattern, UNKNOWN below SMALLEST taxels.
 
-        Pieces that may belong to one torn contact are looked at as one; where that is no known
-        shape, the largest of them alone.
+        Pieces that may belong to one torn contact are looked at as one, unless that is much more
+        likely to be no known shape than the largest of them alone.
         """
         taxels = np.count_nonzero(pattern.mask)
         if not taxels:
             return Recognition.certain(Shape.NONE)
-        whole = joined(pattern)
-        found = self._recognised(pattern.values, whole)
-        if found.shape is Shape.UNKNOWN and np.count_nonzero(whole) > taxels:
-            found = self._recognised(pattern.values, pattern.mask)
-        return found
+        together = joined(pattern)
+        whole = self._recognised(pattern.values, together)
+        if whole.probabilities[Shape.UNKNOWN] <= DOUBT or np.count_nonzero(together) == taxels:
+            return whole
+        largest = self._recognised(pattern.values, pattern.mask)
+        gain = whole.probabilities[Shape.UNKNOWN] - largest.probabilities[Shape.UNKNOWN]
+        return largest if gain > DOUBT else whole
 
     def _recognised(self, values: np.ndarray, mask: np.ndarray) -> Recognition:
         if np.count_nonzero(mask) < SMALLEST:

@@ -73,9 +73,9 @@ def field_frame(rng: np.random.Generator, kind: str, area: float, conditions: Co
     analog = not conditions.on_off or (conditions.tilt, conditions.blur, conditions.noise,
                                        conditions.threshold) != (0, 0, 0, 0.5)
     covered = coverage(touching, side, side) if analog else _centres_inside(touching, side)
-    if conditions.cut:
-        covered = _cut(rng, covered, conditions.cut)
     values = covered * _pressures(rng, touching, area, conditions, covered.shape)
+    if conditions.cut:
+        values = _cut(rng, covered, values, conditions.cut)
     if conditions.second:
         values = _with_second(rng, values, area, conditions, analog)
     if conditions.blur:
@@ -101,11 +101,12 @@ def _pressures(rng, touching: Touching, area: float, conditions: Conditions, sha
     return np.clip(conditions.pressure * (1 + rise), 0, 1)
 
 
-def _cut(rng, covered: np.ndarray, most: float) -> np.ndarray:
+def _cut(rng, covered: np.ndarray, values: np.ndarray, most: float) -> np.ndarray:
     """Drop rows or columns of the pad from one side, with up to ``most`` of the contact."""
-    turned = np.rot90(covered, rng.integers(4))
+    side = rng.integers(4)
+    turned = np.rot90(covered, side)
     lost = np.cumsum(turned.sum(1)) / turned.sum()
-    return turned[np.searchsorted(lost, most, side='right'):]
+    return np.rot90(values, side)[np.searchsorted(lost, most, side='right'):].copy()
 
 
 def _with_second(rng, values: np.ndarray, area: float, conditions: Conditions, analog: bool) -> np.ndarray:

@@ -73,9 +73,8 @@ def _without(whole: Depth, part: Depth) -> Depth:
 
 
 def _ellipse(a: float, b: float, power: float = 2.0) -> Depth:
-    def depth(x, y):
-        return min(0.7, 0.4 * power) * min(a, b) * (1 - (np.abs(x / a) ** power + np.abs(y / b) ** power) ** (1 / power))
-    return depth
+    steepest = min(0.7, 0.4 * power) * min(a, b)
+    return lambda x, y: steepest * (1 - (np.abs(x / a) ** power + np.abs(y / b) ** power) ** (1 / power))
 
 
 def _radial(radius: Callable[[np.ndarray], np.ndarray]) -> Depth:
@@ -120,7 +119,8 @@ def blob(rng: np.random.Generator) -> Depth:
     weight = rng.standard_normal(4) / order ** 0.5
     weight *= 0.22 * np.sqrt(2) / np.sqrt((weight ** 2).sum())
     phase = rng.uniform(0, 2 * np.pi, 4)
-    return _radial(lambda a: np.maximum(1 + sum(w * np.cos(k * a + p) for w, k, p in zip(weight, order, phase)), 0.2))
+    waves = list(zip(weight, order, phase))
+    return _radial(lambda a: np.maximum(1 + sum(w * np.cos(k * a + p) for w, k, p in waves), 0.2))
 
 
 # Trained.
