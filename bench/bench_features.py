@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from time import process_time
 
-os.environ['OPENBLAS_NUM_THREADS'] = os.environ['OMP_NUM_THREADS'] = '1'  # read when numpy is imported
+os.environ['OPENBLAS_NUM_THREADS'] = '1'  # read when numpy is imported
 sys.path[:0] = [str(Path(__file__).resolve().parents[1]), str(Path(__file__).resolve().parents[1] / 'test')]
 
 import by_definition

@@ -55,7 +55,7 @@ def _cloud(samples: Samples, curves: list[Plane], shapes) -> Figure:
 def rates_by_size(results: Results) -> Figure:
     """Recognition of every method against size, with 95 % intervals, and the published points."""
     figure = Figure(figsize=(9.6, 5.6), layout='constrained')
-    axes = figure.add_subplot(xlabel='area [taxels]', ylabel='recognised', xscale='log', ylim=(0.3, 1.02))
+    axes = figure.add_subplot(xlabel='area [taxels]', ylabel='recognised', xscale='log', ylim=(0.3, 1.05))
     for number, (method, mark) in enumerate(zip(results.methods, MARKS)):
         _line(axes, method, mark, 'black' if number == 0 else f'C{number - 1}', 2.2 if number == 0 else 1.2)
     for size, text in PUBLISHED.items():
