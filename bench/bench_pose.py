@@ -1,6 +1,6 @@
 """Pose, size, their covariance, fusion: how good and how fast, beside simple alternatives, in one run.
 
-Run from the checkout: python bench/bench_pose.py [--patterns 300] [--calibrate]
+Run from the checkout: python bench/bench_pose.py [--patterns 200] [--calibrate]
 Writes docs/pose_results.md and docs/pose_failures.png. ``--calibrate`` instead prints the factors of
 tactile_node/pose/noise.py, found on training seeds; everything else here is measured on evaluation seeds.
 """
@@ -215,7 +215,7 @@ def calibrate(count: int) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--patterns', type=int, default=300, help='of each shape and condition; default 300')
+    parser.add_argument('--patterns', type=int, default=200, help='of each shape and condition; default 200')
     parser.add_argument('--calibrate', action='store_true')
     parser.add_argument('--output', type=Path, default=ROOT / 'docs')
     args = parser.parse_args()

@@ -13,7 +13,8 @@ from pose_world import true_outline
 def draw(fits: list, path: Path, cols: int = 5) -> None:
     """``fits``: (name, (sample, fit, error))."""
     rows = -(-len(fits) // cols)
-    figure, axes = pyplot.subplots(rows, cols, figsize=(3 * cols, 3.3 * rows), squeeze=False)
+    figure, axes = pyplot.subplots(rows, cols, figsize=(3 * cols, 3.6 * rows), squeeze=False,
+                                   layout='constrained')
     for axis in axes.flat:
         axis.axis('off')
     for axis, (name, (sample, fit, error)) in zip(axes.flat, fits):
@@ -24,7 +25,7 @@ def draw(fits: list, path: Path, cols: int = 5) -> None:
         axis.set_xlim(sample.contact.x - reach, sample.contact.x + reach)
         axis.set_ylim(sample.contact.y + reach, sample.contact.y - reach)
         turn = '' if error.turn != error.turn else f', {error.turn:.2g}°'
-        axis.set_title(f'{name}\n{fit.shape.value}\ncentre {error.centre:.2g}{turn}, length {error.length:.2g} %', fontsize=8)
-    figure.tight_layout()
+        axis.set_title(f'{name}\n{fit.shape.value}\ncentre {error.centre:.2g}{turn}, length {error.length:.2g} %',
+                       fontsize=8)
     figure.savefig(path, dpi=80)
     pyplot.close(figure)

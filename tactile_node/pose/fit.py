@@ -62,8 +62,8 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float =
     (bool). ``mask``: bool, the contact's taxels. ``pitch`` [m]. Raises InputError for anything else.
 
     >>> fit = fit_shape(np.pad(np.ones((4, 4)), 3), np.pad(np.ones((4, 4), bool), 3), Shape.SQUARE)
-    >>> fit.centre, round(fit.dimensions[0], 2)
-    ((4.5, 4.5), 4.0)
+    >>> [round(length, 1) for length in (*fit.centre, *fit.dimensions)]
+    [4.5, 4.5, 4.0]
     """
     if shape not in OUTLINES:
         return None
