@@ -37,7 +37,7 @@ def measure(report) -> None:
             try:
                 rows.append([str(method), str(area), *_row(make_recogniser(method), area)])
             except TactileError as error:
-                rows.append([str(method), str(area), f'not measured: {error}', *[''] * 6])
+                rows.append([str(method), str(area), f'not measured: {type(error).__name__}', *[''] * 6])
     report.table(['recogniser', 'N', 'right, single frames', 'right, fused (all frames)',
                   'right, fused, from 100 ms (200 ms after a change) on', 'flicker single', 'flicker fused',
                   'frames to follow a change, median; 95 %; most', 'fusion, ms a frame'], rows)
