@@ -3,29 +3,32 @@
 import os
 import tempfile
 
-from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, EmitEvent, ExecuteProcess, OpaqueFunction, RegisterEventHandler
-from launch.event_handlers import OnProcessExit, OnProcessIO
+from launch.event_handlers import OnProcessExit, OnProcessIO, OnShutdown
 from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterFile
 from launch_ros.substitutions import ExecutableInPackage
 
+from launch import LaunchDescription
+
 PACKAGE = 'tactile_skin'
 ARGUMENTS = {  # name: (default, description)
-    'interface': ('socketcan', 'python-can interface: socketcan, slcan, pcan, kvaser, ...'),
-    'channel': ('can0', 'channel of the interface'),
-    'bitrate': ('1000000', 'bit rate of the bus [bit/s]'),
+    'interface': ('', 'python-can interface: socketcan (default), slcan, pcan, kvaser, ...'),
+    'channel': ('', 'channel of the interface (default can0)'),
+    'bitrate': ('', 'bit rate of the bus [bit/s] (default 1000000)'),
     'pads': ('pad', 'names of the pads on this bus, comma-separated; topics are <name>/taxels, features, shape'),
     'node_id': ('32', 'CANopen node-ID of each pad, comma-separated'),
-    'layout': ('sim16x16.yaml', 'skin layout of each pad, comma-separated, or one for all'),
+    'layout': ('', 'skin layout of each pad, comma-separated, or one for all (default sim16x16.yaml)'),
     'eds': ('', 'EDS of each pad, comma-separated, or one for all; empty: named as the layout'),
     'namespace': ('', 'namespace of all nodes and topics'),
-    'params_file': ('', 'ROS 2 parameter file for all nodes; the arguments here win over it'),
+    'params_file': ('', 'ROS 2 parameter file for all nodes; arguments given here win over it'),
     'simulate': ('false', 'true: a simulated skin on a pseudo-terminal in place of the bus'),
     'replay': ('', 'a recorded CAN log to play in place of the bus'),
-    'autostart': ('true', 'false: leave configure and activate to a lifecycle manager'),
+    'replay_pace': ('', 'speed of the replay: 1 as recorded (default), 0 as fast as possible'),
+    'record': ('', 'a file to record the bus to'),
+    'autostart': ('', 'false: leave configure and activate to a lifecycle manager (default true)'),
 }
 
 
@@ -38,22 +41,29 @@ def generate_launch_description() -> LaunchDescription:
 def bringup(context) -> list:
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     names = split(given['pads'])
-    simulate = given['simulate'].lower() in ('true', '1', 'yes')
+    simulate = switch('simulate', given['simulate'])
     if simulate:
-        link = os.path.join(tempfile.mkdtemp(prefix='tactile_skin_'), 'skin')
+        folder = tempfile.TemporaryDirectory(prefix='tactile_skin_')
+        link = os.path.join(folder.name, 'skin')
         given |= {'interface': 'slcan', 'channel': link}
     driver = driver_node(given, names)
     chain = [node for name in names for node in pad_nodes(given, name)]
     chain += grasp_nodes(given, names)
-    return [*chain, *(simulated(given, link, driver) if simulate else [driver]), end_with(driver, 'the skin driver')]
+    if not simulate:
+        return [*chain, driver, end_with(driver, 'the skin driver')]
+    return [*chain, *simulated(given, link, driver), end_with(driver, 'the skin driver'),
+            RegisterEventHandler(OnShutdown(on_shutdown=lambda event, context: folder.cleanup()))]
 
 
 def driver_node(given: dict, names: list) -> Node:
-    parameters = {
-        'interface': given['interface'], 'channel': given['channel'], 'bitrate': int(given['bitrate']),
-        'pads': names, 'node_ids': [int(node_id, 0) for node_id in split(given['node_id'])],
-        'layouts': split(given['layout']), 'eds': split(given['eds']) or [''], 'replay': given['replay'],
-        'autostart': given['autostart'].lower() == 'true'}
+    """Only what was given: the rest is left to the parameter file and the driver's defaults."""
+    readers = {'interface': str, 'channel': str, 'replay': str, 'record': str, 'bitrate': whole, 'replay_pace': float}
+    parameters = {name: reader(given[name]) for name, reader in readers.items() if given[name]}
+    parameters |= {name: split(given[argument]) for name, argument in (('layouts', 'layout'), ('eds', 'eds'))
+                   if given[argument]}
+    if given['autostart']:
+        parameters['autostart'] = switch('autostart', given['autostart'])
+    parameters |= {'pads': names, 'node_ids': [whole(node_id) for node_id in split(given['node_id'])]}
     return Node(package=PACKAGE, executable='driver_node', name='skin_driver', namespace=given['namespace'],
                 parameters=[*params_file(given), parameters | lossless(given)], output='screen')
 
@@ -76,10 +86,10 @@ def grasp_nodes(given: dict, names: list) -> list:
 
 def simulated(given: dict, link: str, driver: Node) -> list:
     """The simulated skin as a process of its own; the driver starts once its port is there."""
-    node_ids = [word for node_id in split(given['node_id']) for word in ('--node-id', node_id)]
-    skin = ExecuteProcess(
-        cmd=[ExecutableInPackage('tactile', PACKAGE), 'simulate', '--pty', '--link', link,
-             '--layout', split(given['layout'])[0], *node_ids], output='screen')
+    words = [word for name, option in (('node_id', '--node-id'), ('layout', '--layout'), ('eds', '--eds'))
+             if given[name] for word in (option, given[name])]
+    skin = ExecuteProcess(cmd=[ExecutableInPackage('tactile', PACKAGE), 'simulate', '--pty', '--link', link, *words],
+                          output='screen')
     started = []
 
     def when_ready(event):
@@ -102,6 +112,19 @@ def lossless(given: dict) -> dict:
 
 def params_file(given: dict) -> list:
     return [ParameterFile(given['params_file'])] if given['params_file'] else []
+
+
+def switch(name: str, text: str) -> bool:
+    if text.lower() not in ('true', 'false', '1', '0', 'yes', 'no'):
+        raise ValueError(f'{name}:={text}: expected true or false')
+    return text.lower() in ('true', '1', 'yes')
+
+
+def whole(text: str) -> int:
+    try:
+        return int(text, 0)
+    except ValueError:
+        raise ValueError(f'expected a whole number, got {text!r} (bitrate, node_id)') from None
 
 
 def split(text: str) -> list:

@@ -1,6 +1,9 @@
 """`tactile bringup` and `tactile demo` as a user meets them: results, and sentences for what cannot work."""
 
 import csv
+import signal
+import subprocess
+import sys
 
 import pytest
 
@@ -67,3 +70,28 @@ def test_demo_leaves_bag_log_table_and_picture(tmp_path, capsys):
     assert (tmp_path / 'touches.png').read_bytes().startswith(b'\x89PNG')
     assert b'#' in (tmp_path / 'can.log').read_bytes()
     assert 'touches recognised' in capsys.readouterr().out
+
+
+def test_a_parameter_that_cannot_work_is_refused_at_once():
+    import rclpy
+    from rclpy.parameter import Parameter
+
+    from tactile_node.nodes.processor_node import ProcessorNode
+    rclpy.init()
+    try:
+        node = ProcessorNode()
+        results = node.set_parameters([Parameter('release_ratio', value=0.0), Parameter('features', value=['nosuch'])])
+        assert [result.successful for result in results] == [False, False]
+        assert node.set_parameters([Parameter('features', value=['all'])])[0].successful
+        node.destroy_node()
+    finally:
+        rclpy.shutdown()
+
+
+def test_ctrl_c_ends_the_demo_quietly(tmp_path):
+    process = subprocess.Popen([sys.executable, '-c', 'import sys; from tactile_node.cli.main import main; sys.exit(main())',
+                                'demo', '--output', str(tmp_path)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert any('TPDOs ready' in line for line in process.stderr)
+    process.send_signal(signal.SIGINT)
+    _, told = process.communicate(timeout=60)
+    assert process.returncode == 130 and 'Traceback' not in told

@@ -152,3 +152,29 @@ def test_simulate_repeats_a_recording(tmp_path):
 def test_bad_input_is_one_of_our_errors(module, words, error):
     with pytest.raises(error):
         run(module, *words)
+
+
+def test_replay_takes_pace_0_and_says_when_a_pad_has_no_tpdo(capsys):
+    log = DATA / 'sim16x16_two_pads.log.gz'
+    assert run(replay, log, '--pace', 0) == 0
+    assert run(replay, log, '--pace', 0, '--node-id', 5) == 1
+    assert 'check --node-id' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('words', [('--pace', '-1'), ('--pace', 'fast'), ('--node-id', '32,64', '--output', '-'),
+                                   ('--output', '/nowhere/x.npy'), ('--node-id', '0')])
+def test_replay_refuses_before_it_plays(words):
+    with pytest.raises(ConfigurationError):
+        run(replay, DATA / 'sim16x16_two_pads.log.gz', *words)
+
+
+def test_a_link_replaces_links_only(tmp_path):
+    precious, folder = tmp_path / 'precious.txt', tmp_path / 'folder'
+    precious.write_text('kept')
+    folder.mkdir()
+    for link in (precious, folder, tmp_path / 'nowhere' / 'skin'):
+        with pytest.raises(ConfigurationError):
+            run(simulate, '--pty', '--link', link, '--duration', 0)
+    assert precious.read_text() == 'kept'
+    (tmp_path / 'skin').symlink_to('/dev/null')
+    assert run(simulate, '--pty', '--link', tmp_path / 'skin', '--duration', 0) == 0

@@ -221,3 +221,13 @@ def test_consumer_that_fails_is_counted(tmp_path, caplog):
     assert source.finished.wait(5)
     source.close()
     assert source.statistics().consumer_errors == 1 and 'division by zero' in caplog.text
+
+
+def test_a_recording_is_never_overwritten(tmp_path):
+    for name in ('a.log', 'a.log.gz'):
+        paths = []
+        for _ in range(3):
+            writer = CanLogWriter(tmp_path / name)
+            writer.close()
+            paths.append(writer.path.name)
+        assert paths == [name, name.replace('a.', 'a-2.'), name.replace('a.', 'a-3.')]

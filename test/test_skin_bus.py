@@ -2,6 +2,8 @@
 
 import threading
 
+import re
+
 import can
 import numpy as np
 import pytest
@@ -200,13 +202,13 @@ def test_device_that_refuses_operational():
 
 
 @pytest.mark.parametrize(('interface', 'channel', 'says'), [
-    ('socketcan', 'nocan7', 'ip link set nocan7 up'), ('slcan', '/dev/nothing', '/dev/nothing'),
+    ('socketcan', 'nocan7', 'ip link set nocan7 up|modprobe'), ('slcan', '/dev/nothing', '/dev/nothing'),
     ('nonsense', 'x', 'nonsense')])
 def test_bus_that_cannot_be_opened(interface, channel, says):
     pads = Bench('unused').pads
     with pytest.raises(BusError) as refused:
         SkinBus(BusSettings(interface, channel), tuple(pads), lambda *_: None).open()
-    assert says in str(refused.value) and f'{interface} {channel}' in str(refused.value)
+    assert re.search(says, str(refused.value)) and f'{interface} {channel}' in str(refused.value)
 
 
 def test_live_pad_needs_its_eds():

@@ -1,5 +1,6 @@
 """python-can's bus and canopen's network, joined so that nothing a listener does can stop the reception."""
 
+import errno
 import logging
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -36,10 +37,18 @@ def open_bus(interface: str, channel: str, bitrate: int, options: Mapping[str, A
     except Exception as error:
         # Each backend of python-can raises its own: CanError, OSError, ValueError, ImportError
         missing = isinstance(error, (can.CanInterfaceNotImplementedError, ImportError))
-        remedy = _NOT_INSTALLED if missing else _REMEDIES.get(interface, 'Check interface and channel.')
+        remedy = _NOT_INSTALLED if missing else _remedy(interface, channel, error)
         raise BusError(f'CAN bus {interface} {channel}', expected=f'a bus that opens at {bitrate} bit/s',
                        got=f'{type(error).__name__}: {error}',
                        remedy=remedy.format(channel=channel, bitrate=bitrate)) from error
+
+
+def _remedy(interface: str, channel: str, error: Exception) -> str:
+    if getattr(error, 'errno', None) == errno.EAFNOSUPPORT:
+        return 'This kernel has no SocketCAN: load its modules (modprobe can can_raw), or use another interface.'
+    if interface == 'socketcan' and channel.startswith('vcan'):
+        return 'Is it there? "ip link add dev {channel} type vcan && ip link set {channel} up".'
+    return _REMEDIES.get(interface, 'Check interface and channel.')
 
 
 class BusNetwork(Network):
@@ -50,9 +59,9 @@ class BusNetwork(Network):
     """
 
     def __init__(self, bus: can.BusABC, on_message: Callable[[can.Message], None],
-                 on_failure: Callable[[Exception], None], record: CanLogWriter | None = None):
+                 on_failure: Callable[[Exception], None], record: CanLogWriter | None = None, name: str = ''):
         super().__init__(bus)
-        self._record = record
+        self._record, self._name = record, name or str(bus.channel_info)
         self.receiver = can.Notifier(bus, [_Receiver(self, on_message, on_failure, record)], RECEIVE_TIMEOUT)
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False,
@@ -66,7 +75,7 @@ class BusNetwork(Network):
             try:
                 self.bus.send(message)
             except (can.CanError, OSError, ValueError) as error:
-                raise BusError(f'CAN bus {self.bus.channel_info}', expected=f'to send 0x{can_id:03X}',
+                raise BusError(f'CAN bus {self._name}', expected=f'to send 0x{can_id:03X}',
                                got=str(error),
                                remedy='Check cable, termination and the other nodes.') from error
 

@@ -1,7 +1,8 @@
 """Loads an EDS (CiA 306) through canopen; what that cannot read becomes a sentence with section and key."""
 
 import re
-from configparser import DuplicateOptionError, DuplicateSectionError, Error as ParserError, RawConfigParser
+from configparser import DuplicateOptionError, DuplicateSectionError, RawConfigParser
+from configparser import Error as ParserError
 from io import StringIO
 from pathlib import Path
 from typing import NamedTuple, NoReturn

@@ -3,8 +3,15 @@
 from pathlib import Path
 
 from tactile_node.canbus.cob_id import CobId, parse_cob_id
-from tactile_node.canbus.layout import (MAX_SIDE, MappedObject, SkinLayout, TaxelField, TpdoLayout,
-                                        ValueFormat, raw_range)
+from tactile_node.canbus.layout import (
+    MAX_SIDE,
+    MappedObject,
+    SkinLayout,
+    TaxelField,
+    TpdoLayout,
+    ValueFormat,
+    raw_range,
+)
 from tactile_node.canbus.layout_rules import check_layout
 from tactile_node.canbus.yaml_section import Section, load_mapping
 from tactile_node.config import config_path

@@ -91,13 +91,19 @@ class LogSource:
                 if self._stopping.is_set():
                     return
         except LogError as error:
-            self.failure = str(error)
-            self._log(self.failure)
+            self._fail(str(error))
+        except Exception as error:  # whoever waits for the end must not wait for ever
+            self._fail(f'{self._path}: {type(error).__name__}: {error}')
+            logger.exception('playing %s', self._path)
         self._router.end()
         self.finished.set()
         reader = self._reader
         self._log(f'{self._path} has ended: {reader.can_frames} CAN frames, {reader.unread} lines unread'
                   f'{f" ({reader.problem})" if reader.unread else ""}.')
+
+    def _fail(self, failure: str) -> None:
+        self.failure = failure
+        self._log(failure)
 
     def _deliver(self, name: str, frame: object) -> None:
         try:

@@ -14,15 +14,18 @@ FLUSH_PERIOD = 0.5  # s: what a killed recording may lose
 
 
 class CanLogWriter:
-    """Writes CAN messages to a log as they come; thread-safe. What is older than FLUSH_PERIOD is on disk.
+    """Writes CAN messages to a log as they come; thread-safe.
 
-    Raises LogError when the file cannot be written or its suffix means no format.
+    An existing file is never overwritten: ``path`` says which one is written, ``session-2.log`` where
+    ``session.log`` is there. Text formats are flushed every FLUSH_PERIOD while messages come; the others (.blf)
+    hold what python-can buffers. Raises LogError when the file cannot be written or its suffix means no format.
     """
 
     def __init__(self, path: str | Path):
         self._lock, self._flushed, self.can_frames = threading.Lock(), time.monotonic(), 0
+        self.path = _unused(Path(path))
         try:
-            self._writer: can.io.MessageWriter | None = can.Logger(str(path))
+            self._writer: can.io.MessageWriter | None = can.Logger(str(self.path))
         except (OSError, ValueError, ImportError) as error:
             raise LogError(str(path),
                            expected='a log file that can be written (.log, .log.gz, .asc, .blf, .trc...)',
@@ -50,6 +53,16 @@ class CanLogWriter:
         stream = getattr(self._writer, 'file', None)
         if stream is not None:
             stream.flush()
+
+
+def _unused(path: Path) -> Path:
+    """``path``, or with the first number from 2 on that makes it new: log.gz keeps both of its suffixes."""
+    suffix = ''.join(path.suffixes[-2:]) if path.suffix == '.gz' else path.suffix
+    candidate, number = path, 2
+    while candidate.exists():
+        candidate = path.with_name(f'{path.name.removesuffix(suffix)}-{number}{suffix}')
+        number += 1
+    return candidate
 
 
 class CanLogReader:

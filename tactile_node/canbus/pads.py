@@ -30,10 +30,8 @@ def make_pad(name: str, node_id: int, layout: str, eds: str = '') -> PadSettings
 
     Raises ConfigurationError.
     """
-    if not 1 <= node_id <= MAX_NODE_ID:
-        raise ConfigurationError(f'pad {name!r}', expected=f'a node-ID 1..{MAX_NODE_ID}', got=str(node_id),
-                                 remedy='Give the node-ID set on the device.')
     loaded = load_layout(layout)
+    _check_node_id(PadSettings(name, node_id, loaded))
     eds = eds or loaded.source.rsplit('.', 1)[0] + '.eds'
     dictionary = load_eds(eds, node_id)
     check_against(dictionary, loaded, eds)
@@ -45,6 +43,8 @@ def check_pads(pads: tuple[PadSettings, ...]) -> None:
     if not pads:
         raise ConfigurationError('pads', expected='at least one pad on the bus', got='none',
                                  remedy='Name a pad.')
+    for pad in pads:
+        _check_node_id(pad)
     _check_names_and_sync(pads)
     owners: dict[int, str] = {}
     for pad in pads:
@@ -54,6 +54,12 @@ def check_pads(pads: tuple[PadSettings, ...]) -> None:
     for pad in pads:
         for tpdo in pad.layout.tpdos:
             _own(owners, tpdo.cob_id.of(pad.node_id), f'TPDO {tpdo.number} of node {pad.node_id}', pad.name)
+
+
+def _check_node_id(pad: PadSettings) -> None:
+    if not 1 <= pad.node_id <= MAX_NODE_ID:
+        raise ConfigurationError(f'pad {pad.name!r}', expected=f'a node-ID 1..{MAX_NODE_ID}', got=str(pad.node_id),
+                                 remedy='Give the node-ID set on the device.')
 
 
 def check_dictionaries(pads: tuple[PadSettings, ...]) -> None:

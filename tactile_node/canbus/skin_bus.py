@@ -18,7 +18,7 @@ from tactile_node.canbus.logs import CanLogWriter
 from tactile_node.canbus.pads import PadSettings, check_dictionaries, check_pads
 from tactile_node.canbus.router import BusStatistics, OnFrame, Router, oddity_of
 from tactile_node.canbus.sync_producer import SyncProducer
-from tactile_node.errors import BusError, DeviceError
+from tactile_node.errors import BusError, DeviceError, LogError
 
 logger = logging.getLogger(__name__)
 
@@ -53,10 +53,10 @@ class SkinBus:
     """
 
     def __init__(self, settings: BusSettings, pads: tuple[PadSettings, ...], on_frame: OnFrame,
-                 log: Callable[[str], None] = logger.info):
+                 log: Callable[[str], None] = logger.info, complain: Callable[[str], None] = logger.error):
         check_pads(pads)
         check_dictionaries(pads)
-        self._settings, self._pads, self._log = settings, tuple(pads), log
+        self._settings, self._pads, self._log, self._complain = settings, tuple(pads), log, complain
         self._on_frame = on_frame
         one_clock = not settings.produce_sync or settings.interface in HOST_STAMPED
         self._router = Router(self._pads, self._deliver, not settings.produce_sync, one_clock)
@@ -78,13 +78,15 @@ class SkinBus:
             return
         self._failure = None
         settings = self._settings
-        record = CanLogWriter(settings.record) if settings.record else None
         bus = open_bus(settings.interface, settings.channel, settings.bitrate, settings.options)
+        record = self._open_record(bus)
         self._queue = SimpleQueue()
         self._worker = threading.Thread(target=self._work, args=(self._queue,), name='assembler', daemon=True)
         self._worker.start()
-        self._network = BusNetwork(bus, self._received, self._fail, record)
-        self._log(f'CAN bus {settings.interface} {settings.channel} is open.')
+        self._network = BusNetwork(bus, self._received, self._fail, record,
+                                   f'{settings.interface} {settings.channel}')
+        recorded = f', recorded to {record.path}' if record else ''
+        self._log(f'CAN bus {settings.interface} {settings.channel} is open{recorded}.')
 
     def configure(self) -> None:
         """Find, identify and configure every pad's device. Raises DeviceError, BusError."""
@@ -102,9 +104,9 @@ class SkinBus:
             return
         self._queue.put((RESTART, b'', 0.0))
         begun = time.monotonic()
+        self._sync = SyncProducer(self._settings.sync_period, self._send_sync)  # from here on stop() has work to do
         for pad in self._pads:
             self._command(NMT_START, pad)
-        self._sync = SyncProducer(self._settings.sync_period, self._send_sync)
         if self._settings.produce_sync:
             self._sync.start()
         for pad in self._pads:
@@ -121,7 +123,7 @@ class SkinBus:
             try:
                 self._command(NMT_ENTER_PRE_OPERATIONAL, pad)
             except BusError as error:
-                self._log(f'Pad {pad.name!r} could not be stopped: {error}')
+                self._complain(f'Pad {pad.name!r} could not be stopped: {error}')
 
     def close(self) -> None:
         """Stop and give the bus back."""
@@ -137,9 +139,17 @@ class SkinBus:
         """Counts since construction."""
         counted = self._router.statistics()
         running = self._sync.overruns if self._sync else 0
-        return counted._replace(can_frames=dict(Counter(counted.can_frames) + self._odd),
+        return counted._replace(can_frames=dict(Counter(counted.can_frames) + Counter(dict(self._odd))),
                                 queue_overruns=self._overruns, sync_overruns=self._sync_overruns + running,
                                 consumer_errors=self._consumer_errors)
+
+    def _open_record(self, bus: can.BusABC) -> CanLogWriter | None:
+        """A log that cannot be written leaves no open bus behind."""
+        try:
+            return CanLogWriter(self._settings.record) if self._settings.record else None
+        except LogError:
+            bus.shutdown()
+            raise
 
     def _opened(self) -> BusNetwork:
         if self._network is None:
@@ -185,7 +195,8 @@ class SkinBus:
     def _fail(self, error: Exception) -> None:
         if self._failure is None:
             self._failure = str(error)
-            self._log(f'CAN bus {self._settings.interface} {self._settings.channel} has failed: {error}')
+            self._complain(f'CAN bus {self._settings.interface} {self._settings.channel} has failed: {error} '
+                           'Mend it, then deactivate, clean up and configure the driver again.')
 
     def _work(self, queue: SimpleQueue) -> None:
         feed, sync = self._router.feed, self._router.sync

@@ -1,16 +1,21 @@
 """``tactile record``: write everything on a CAN bus to a log, candump's or any other python-can knows."""
 
 import argparse
+import sys
 import time
 
 from tactile_node.canbus.bus_network import open_bus
 from tactile_node.canbus.logs import CanLogWriter
-from tactile_node.interruption import interruption
 from tactile_node.errors import BusError
+from tactile_node.interruption import interruption
+
+HINT_AFTER = 3.0  # s
+SILENCE = ('Nothing on the bus so far. A CANopen skin is silent until a master starts it: run the driver on the same '
+           'bus, or let it record: tactile bringup --record FILE.')
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('record', help='record a CAN log from a live bus')
+    parser = subparsers.add_parser('record', help='record a CAN log from a live bus', description=__doc__)
     parser.add_argument('file',
                         help='log to write, format by suffix: .log (candump), .log.gz, .asc, .blf, .trc')
     parser.add_argument('--interface', default='socketcan',
@@ -32,12 +37,12 @@ def run(args: argparse.Namespace) -> int:
             log.close()
     finally:
         bus.shutdown()
-    print(f'{log.can_frames} CAN frames in {args.file}')
+    print(f'{log.can_frames} CAN frames in {log.path}')
     return 0 if log.can_frames else 1
 
 
 def _record(bus: object, log: CanLogWriter, duration: float) -> None:
-    end = time.monotonic() + duration
+    end, hint_at = time.monotonic() + duration, time.monotonic() + HINT_AFTER
     with interruption() as asked:
         while not asked.is_set() and time.monotonic() < end:
             try:
@@ -47,3 +52,6 @@ def _record(bus: object, log: CanLogWriter, duration: float) -> None:
                                remedy='What was received so far is in the log. Check the adapter.') from error
             if message is not None:
                 log.write(message)
+            elif hint_at is not None and time.monotonic() > hint_at and not log.can_frames:
+                print(SILENCE, file=sys.stderr)
+                hint_at = None

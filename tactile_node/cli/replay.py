@@ -9,29 +9,32 @@ import numpy as np
 from tactile_node.canbus.layout_file import load_layout
 from tactile_node.canbus.log_source import LogSource
 from tactile_node.canbus.pads import PadSettings
-from tactile_node.canbus.router import BusStatistics
+from tactile_node.canbus.summary import summary
+from tactile_node.cli.options import node_ids, pace
+from tactile_node.errors import ConfigurationError, LogError
 from tactile_node.interruption import interruption
-from tactile_node.errors import LogError
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('replay', help='play a CAN log without ROS')
+    parser = subparsers.add_parser('replay', help='play a CAN log without ROS', description=__doc__)
     parser.add_argument('log', help='CAN log: .log (candump), .log.gz, .asc, .blf, .trc...')
     parser.add_argument('--layout', default='sim16x16.yaml', help='skin layout (default: %(default)s)')
-    parser.add_argument('--node-id', type=int, action='append', help='repeat for more pads (default: 32)')
-    parser.add_argument('--pace', type=float,
-                        help='1: as recorded, 2: twice as fast (default: as fast as possible)')
+    parser.add_argument('--node-id', type=node_ids, action='extend', metavar='ID,...',
+                        help='node-ID of each pad (default: 32)')
+    parser.add_argument('--pace', type=pace, default=0.0,
+                        help='1: as recorded, 2: twice as fast, 0: as fast as possible (default: %(default)s)')
     parser.add_argument('--output', metavar='FILE', help='.npy of shape (K, rows, cols), NaN = invalid; '
-                        '- is standard output; with more pads the name gets _pad32 and so on')
+                        '- is standard output, for one pad; with more pads the name gets _pad32 and so on')
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Play the log to its end; 1 when it held no taxel frame or was interrupted."""
+    """Play the log to its end; 1 when it held no taxels of these pads or was interrupted."""
     layout = load_layout(args.layout)
     pads = tuple(PadSettings(f'pad{node}', node, layout) for node in args.node_id or [32])
+    outputs = _outputs(args.output, pads)
     frames: dict[str, list[np.ndarray]] = {pad.name: [] for pad in pads}
-    source = LogSource(args.log, pads, lambda name, frame: frames[name].append(frame.values), args.pace)
+    source = LogSource(args.log, pads, lambda name, frame: frames[name].append(frame.values), args.pace or None)
     with interruption() as asked:
         source.open()
         source.start()
@@ -40,31 +43,30 @@ def run(args: argparse.Namespace) -> int:
         source.close()
     if source.failure:
         raise LogError(args.log, expected='a log to its end', got=source.failure, remedy='Record it again.')
-    print(summary(source.statistics()), file=sys.stderr if args.output == '-' else sys.stdout)
-    if args.output:
-        _save(args.output, frames)
-    return 0 if source.finished.is_set() and any(frames.values()) else 1
+    statistics = source.statistics()
+    print(summary(statistics), file=sys.stderr if args.output == '-' else sys.stdout)
+    for name, stream in outputs.items():
+        with stream:
+            np.save(stream, np.array(frames[name]).reshape(-1, layout.rows, layout.cols))
+    used = all(pad.used for pad in statistics.pads.values())
+    if not used:
+        print('A pad without any TPDO of its own: check --node-id and --layout.', file=sys.stderr)
+    return 0 if source.finished.is_set() and used else 1
 
 
-def summary(statistics: BusStatistics) -> str:
-    """A table of what was published and where every CAN frame went."""
-    lines = []
-    for name, pad in statistics.pads.items():
-        losses = ', '.join(f'{n} {reason}' for reason, n in pad.losses.items() if n) or 'none lost'
-        lines.append(f'{name}: {pad.published} taxel frames, {pad.complete} complete, '
-                     f'{pad.incomplete} incomplete; TPDOs: {pad.expected} expected, {pad.received} received, '
-                     f'{pad.used} used, {losses}')
-    services = ', '.join(f'{count} {service}' for service, count in sorted(statistics.can_frames.items()))
-    total = sum(statistics.can_frames.values())
-    lines.append(f'CAN frames: {total} ({services}); lines unread: {statistics.unread}')
-    return '\n'.join(lines)
-
-
-def _save(output: str, frames: dict[str, list[np.ndarray]]) -> None:
+def _outputs(output: str | None, pads: tuple[PadSettings, ...]) -> dict:
+    """Open the files before the log is played: what cannot be written is told at once."""
+    if output is None:
+        return {}
+    if output == '-':
+        if len(pads) > 1:
+            raise ConfigurationError('--output -', expected='one pad', got=f'{len(pads)} pads',
+                                     remedy='Name a file: each pad gets one of its own.')
+        return {pads[0].name: open(sys.stdout.fileno(), 'wb', closefd=False)}
     path = Path(output)
-    for name, values in frames.items():
-        if output == '-':
-            np.save(sys.stdout.buffer, np.array(values))
-        else:
-            np.save(path if len(frames) == 1 else path.with_name(f'{path.stem}_{name}{path.suffix}'),
-                    np.array(values))
+    paths = [path] if len(pads) == 1 else [path.with_name(f'{path.stem}_{pad.name}{path.suffix}') for pad in pads]
+    try:
+        return {pad.name: each.open('wb') for pad, each in zip(pads, paths)}
+    except OSError as error:
+        raise ConfigurationError(f'--output {output}', expected='a file that can be written',
+                                 got=error.strerror or str(error), remedy='Name another one.') from None

@@ -37,8 +37,8 @@ def write_csv(verdicts: list[Verdict], path: Path) -> None:
 
 def draw(verdicts: list[Verdict], path: Path) -> None:
     """Draw every touch: its taxels, the true outline, true and recognised name."""
-    columns = 6
-    figure, axes = pyplot.subplots(-(-len(verdicts) // columns), columns, figsize=(15, 2.9 * -(-len(verdicts) // columns)))
+    columns, lines = 6, -(-len(verdicts) // 6)
+    figure, axes = pyplot.subplots(lines, columns, figsize=(15, 2.9 * lines))
     for axis in axes.flat:
         axis.set_axis_off()
     for axis, verdict in zip(axes.flat, verdicts):

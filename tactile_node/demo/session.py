@@ -2,16 +2,19 @@
 
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 import rclpy
+from rclpy.signals import SignalHandlerOptions
 
 from tactile_node.canbus.pads import make_pad
 from tactile_node.demo.observation import Verdict, judge
 from tactile_node.demo.terminal import LivePictures
 from tactile_node.demo.touches import GAP, TouchedPad, scripted_touches
 from tactile_node.demo.watcher import Watcher
+from tactile_node.interruption import interruption
 from tactile_node.nodes.spinning import Spinner
 from tactile_node.nodes.system import make_system
 from tactile_node.ros.bag import BagRecorder
@@ -39,14 +42,16 @@ class DemoSession:
                    for i, (name, touches) in enumerate(self._touches.items())}
         self._simulator = SkinSimulator(pads, {name: self._timed(source) for name, source in sources.items()})
         self._folder, self._origin = folder, None
-        self._pictures = LivePictures()
+        self._pictures, self._stack = LivePictures(), ExitStack()
 
     def __enter__(self) -> 'DemoSession':
-        rclpy.init()
+        self._asked = self._stack.enter_context(interruption())
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         self._simulator.start('virtual', CHANNEL)
         self._system = make_system(PADS, {
             'interface': 'virtual', 'channel': CHANNEL, 'node_ids': list(NODE_IDS), 'layouts': [LAYOUT],
-            'sync_period': SYNC_PERIOD, 'queue_depth': DEPTH, 'record': str(self._folder / 'can.log')}, chain={'queue_depth': DEPTH})
+            'sync_period': SYNC_PERIOD, 'queue_depth': DEPTH, 'record': str(self._folder / 'can.log')},
+            chain={'queue_depth': DEPTH})
         self.watcher = Watcher(PADS, lambda stamp: stamp - (self._origin or stamp), FULL_SCALE)
         topics = [(f'/{pad}/{name}', kind) for pad in PADS for name, kind in TOPICS] + [('/grasp', 'Grasp')]
         self.bag = BagRecorder(self.watcher, self._folder / 'bag', topics, frames_qos(DEPTH))
@@ -60,6 +65,7 @@ class DemoSession:
         self.watcher.destroy_node()
         self._simulator.stop()
         rclpy.try_shutdown()
+        self._stack.close()
 
     def play(self) -> None:
         """Run the script of touches to its end, drawing what the pads see."""
@@ -69,6 +75,8 @@ class DemoSession:
         begun = time.monotonic()
         while (now := time.monotonic() - begun) < end:
             self._spinner.check()
+            if self._asked.is_set():
+                raise KeyboardInterrupt
             views = self.watcher.views()
             if len(views) == len(PADS):
                 self._pictures.show(views, f'{now:4.1f} of {end:.1f} s, {len(self.watcher.seen[PADS[0]])} frames a pad')

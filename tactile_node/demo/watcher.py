@@ -3,6 +3,7 @@
 import time
 from collections import OrderedDict
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from rclpy.node import Node
@@ -30,12 +31,13 @@ class Watcher(Node):
         self.incomplete = 0  #: taxel arrays with missing CAN frames
         qos = frames_qos(KEPT)
         for pad in pads:
-            self.create_subscription(TaxelArray, f'{pad}/taxels', lambda message, pad=pad: self._taxels(pad, message), qos)
-            self.create_subscription(ContactShape, f'{pad}/shape', lambda message, pad=pad: self._shape(pad, message), qos)
+            self.create_subscription(TaxelArray, f'{pad}/taxels', partial(self._taxels, pad), qos)
+            self.create_subscription(ContactShape, f'{pad}/shape', partial(self._shape, pad), qos)
 
     def views(self) -> list[PadView]:
         """Return what to draw now, for the pads of which something is known."""
-        return [PadView(pad, seen[-1].taxels / self._full_scale, _words(seen[-1])) for pad, seen in self.seen.items() if seen]
+        return [PadView(pad, seen[-1].taxels / self._full_scale, _words(seen[-1]))
+                for pad, seen in self.seen.items() if seen]
 
     def _taxels(self, pad: str, message: TaxelArray) -> None:
         waiting = self._waiting[pad]

@@ -5,25 +5,38 @@ deactivate = pre-operational; cleanup = close.
 """
 
 import sys
+from collections.abc import Callable
+from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
 
 from tactile_node.canbus.frame_source import FrameSource
+from tactile_node.canbus.layout import SkinLayout
 from tactile_node.canbus.log_source import LogSource
 from tactile_node.canbus.pads import PadSettings, make_pad
 from tactile_node.canbus.skin_bus import BusSettings, SkinBus
-from tactile_node.errors import ConfigurationError, TactileError
+from tactile_node.errors import ConfigurationError, DeviceError, TactileError
 from tactile_node.nodes.replay_gate import ReplayGate
 from tactile_node.nodes.run import run_node
 from tactile_node.ros.diagnostics import BusDiagnostics
-from tactile_node.ros.taxel_messages import taxel_array_message
 from tactile_node.ros.parameters import DRIVER, declare, one_each, values
 from tactile_node.ros.qos import frames_qos
+from tactile_node.ros.taxel_messages import taxel_array_message
 from tactile_node.taxel_frame import TaxelFrame
 from tactile_skin.msg import TaxelArray
 
 DIAGNOSTICS_PERIOD = 1.0  # [s], REP-107
+
+
+class Pad(NamedTuple):
+    """What is needed to publish a pad's frames."""
+
+    publisher: Publisher
+    layout: SkinLayout
+    frame_id: str
 
 
 class DriverNode(LifecycleNode):
@@ -33,8 +46,9 @@ class DriverNode(LifecycleNode):
         super().__init__('skin_driver', **options)
         declare(self, DRIVER)
         self._source: FrameSource | None = None
-        self._publishers_of: dict = {}
+        self._pads: dict[str, Pad] = {}
         self._gate: ReplayGate | None = None
+        self._owned: list[Callable[[], object]] = []  # what gives back all that configure has made
         self._error: TactileError | None = None
 
     def autostart(self) -> None:
@@ -43,7 +57,9 @@ class DriverNode(LifecycleNode):
             return
         for transition in (self.trigger_configure, self.trigger_activate):
             if transition() != TransitionCallbackReturn.SUCCESS:
-                raise self._error
+                raise self._error or DeviceError(
+                    'skin driver', expected='a transition that succeeds', got=f'{transition.__name__} failed',
+                    remedy='The log above says why.')
 
     @property
     def source(self) -> FrameSource | None:
@@ -87,52 +103,60 @@ class DriverNode(LifecycleNode):
         pads = _pads(settings)
         frame_ids = one_each('frame_ids', settings.frame_ids, settings.pads)
         qos = frames_qos(settings.queue_depth, settings.lossless)
-        self._publishers_of = {
-            pad.name: (self.create_publisher(TaxelArray, f'{pad.name}/taxels', qos), pad.layout,
-                       frame_id or f'{pad.name}_pad') for pad, frame_id in zip(pads, frame_ids)}
-        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._pads = {pad.name: Pad(self._make_publisher(TaxelArray, f'{pad.name}/taxels', qos), pad.layout,
+                                    frame_id or f'{pad.name}_pad') for pad, frame_id in zip(pads, frame_ids)}
+        self._diagnostics = self._make_publisher(DiagnosticArray, '/diagnostics', QoSProfile(depth=10))
         self._findings = BusDiagnostics(self.get_name(), f'{settings.interface} {settings.channel}')
         self._source = self._make_source(settings, pads)
-        self._timer = self.create_timer(DIAGNOSTICS_PERIOD, self._publish_diagnostics)
+        timer = self.create_timer(DIAGNOSTICS_PERIOD, self._publish_diagnostics)
+        self._owned.append(lambda: self.destroy_timer(timer))
         self._source.open()
         self._source.configure()
+
+    def _make_publisher(self, kind: type, topic: str, qos: QoSProfile) -> Publisher:
+        publisher = self.create_publisher(kind, topic, qos)
+        self._owned.append(lambda: self.destroy_publisher(publisher))
+        return publisher
 
     def _make_source(self, settings, pads: tuple[PadSettings, ...]) -> FrameSource:
         log = self.get_logger().info
         if settings.replay:
             self._gate = self._make_gate(settings)
-            return LogSource(settings.replay, pads, self._publish, pace=settings.replay_pace or None, log=log)
+            return LogSource(settings.replay, pads, self._publish, settings.replay_pace or None, settings.replay_loop,
+                             log)
         bus = BusSettings(settings.interface, settings.channel, settings.bitrate, settings.sync_period,
                           settings.produce_sync, settings.boot_timeout, record=settings.record)
-        return SkinBus(bus, pads, self._publish, log=log)
+        return SkinBus(bus, pads, self._publish, log, self.get_logger().error)
 
     def _make_gate(self, settings) -> ReplayGate | None:
         """Only a log played as fast as possible needs one, and only where nothing may be lost."""
         if settings.replay_pace or not settings.lossless:
             return None
-        return ReplayGate(self, settings.pads, frames_qos(settings.queue_depth, settings.lossless))
+        gate = ReplayGate(self, settings.pads, frames_qos(settings.queue_depth, settings.lossless))
+        self._owned.append(gate.destroy)
+        return gate
 
     def _publish(self, pad: str, frame: TaxelFrame) -> None:
         if self._gate is not None:
             self._gate.wait(pad, frame.sequence)
-        publisher, layout, frame_id = self._publishers_of[pad]
+        publisher, layout, frame_id = self._pads[pad]
         publisher.publish(taxel_array_message(frame, layout.pitch, layout.value.unit, frame_id))
 
     def _publish_diagnostics(self) -> None:
-        message = self._findings.message(self._source.statistics(), self._source.failure)
+        source = self._source
+        if source is None:
+            return
+        message = self._findings.message(source.statistics(), source.failure)
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
 
     def _release(self) -> None:
-        if self._source is None:
-            return
-        self._source.close()
-        self._source = None
-        for publisher, _, _ in self._publishers_of.values():
-            self.destroy_publisher(publisher)
-        self._publishers_of = {}
-        self.destroy_publisher(self._diagnostics)
-        self.destroy_timer(self._timer)
+        source, self._source = self._source, None
+        if source is not None:
+            source.close()
+        while self._owned:
+            self._owned.pop()()
+        self._gate, self._pads = None, {}
 
 
 def _pads(settings) -> tuple[PadSettings, ...]:

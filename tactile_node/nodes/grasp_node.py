@@ -1,6 +1,7 @@
 """The shapes under two opposing pads -> one grasp, on a topic."""
 
 import sys
+from functools import partial
 
 from rclpy.node import Node
 
@@ -28,8 +29,7 @@ class GraspNode(Node):
         qos = frames_qos(settings.queue_depth)
         self._publisher = self.create_publisher(Grasp, 'grasp', qos)
         for side, pad in zip(SIDES, (settings.left_pad, settings.right_pad)):
-            self.create_subscription(ContactShape, f'{pad}/shape',
-                                     lambda message, side=side: self._on_shape(side, message), qos)
+            self.create_subscription(ContactShape, f'{pad}/shape', partial(self._on_shape, side), qos)
 
     def _on_shape(self, side: str, message: ContactShape) -> None:
         self._latest[side] = message

@@ -10,7 +10,7 @@ from tactile_node.errors import TactileError
 from tactile_node.helmholtz.features import compute_features
 from tactile_node.nodes.run import run_node
 from tactile_node.ros.feature_messages import features_message
-from tactile_node.ros.parameters import PROCESSOR, declare, feature_groups, pressed_thresholds, values
+from tactile_node.ros.parameters import PRESSED_BY_UNIT, PROCESSOR, declare, feature_groups, pressed_thresholds, values
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.taxel_messages import taxel_values
 from tactile_skin.msg import ContactFeatures, TaxelArray
@@ -29,9 +29,10 @@ class ProcessorNode(Node):
         self.add_on_set_parameters_callback(self._on_parameters)
 
     def _apply(self, settings) -> None:
-        """Take ``settings``; the contact in progress is found anew with them."""
-        self._groups = feature_groups(settings.features)
-        self._settings, self._extractors = settings, {}
+        """Take ``settings`` whole or not at all; the contact in progress is found anew with them."""
+        groups = feature_groups(settings.features)
+        extractors = {unit: PatternExtractor(*pressed_thresholds(settings, unit)) for unit in PRESSED_BY_UNIT}
+        self._settings, self._groups, self._extractors = settings, groups, extractors
 
     def _on_parameters(self, parameters) -> SetParametersResult:
         changed = {parameter.name: parameter.value for parameter in parameters}
@@ -43,13 +44,8 @@ class ProcessorNode(Node):
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
-    def _extractor(self, unit: str) -> PatternExtractor:
-        if unit not in self._extractors:
-            self._extractors[unit] = PatternExtractor(*pressed_thresholds(self._settings, unit))
-        return self._extractors[unit]
-
     def _on_taxels(self, message: TaxelArray) -> None:
-        pattern = self._extractor(message.unit).extract(taxel_values(message))
+        pattern = self._extractors[message.unit].extract(taxel_values(message))
         features = compute_features(pattern.mask, self._groups)
         self._publisher.publish(features_message(message, pattern, features))
 

@@ -1,6 +1,7 @@
 """Holds a log played as fast as possible back to the pace at which its frames come out as shapes."""
 
 import threading
+from functools import partial
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -15,11 +16,10 @@ class ReplayGate:
     """One gate for all pads of a log; ``wait`` is called on the log's thread, shapes arrive on the node's."""
 
     def __init__(self, node: Node, pads: list[str], qos: QoSProfile):
-        self._log, self._open = node.get_logger().warning, False
+        self._node, self._log, self._open = node, node.get_logger().warning, False
         self._seen, self._progress = dict.fromkeys(pads, -1), threading.Condition()
         self._subscriptions = [
-            node.create_subscription(ContactShape, f'{pad}/shape', lambda message, pad=pad: self._on_shape(pad, message),
-                                     qos) for pad in pads]
+            node.create_subscription(ContactShape, f'{pad}/shape', partial(self._on_shape, pad), qos) for pad in pads]
 
     def wait(self, pad: str, sequence: int) -> None:
         """Return when fewer than WINDOW frames before ``sequence`` still lack their shape."""
@@ -28,6 +28,14 @@ class ReplayGate:
                 if not self._progress.wait(PATIENCE):
                     self._open = True
                     self._log(f'No shape for {PATIENCE:.0f} s: the log is played without waiting for any.')
+
+    def destroy(self) -> None:
+        """Listen no more, and hold nothing back any more."""
+        with self._progress:
+            self._open = True
+            self._progress.notify_all()
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
 
     def _on_shape(self, pad: str, message: ContactShape) -> None:
         with self._progress:

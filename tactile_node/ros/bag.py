@@ -16,7 +16,7 @@ MESSAGES = ('TaxelArray', 'FeatureRange', 'ContactFeatures', 'ContactShape', 'Gr
 
 
 class BagRecorder:
-    """Records ``topics`` (name, message name) that ``node`` can see, from construction to close, as they are serialised."""
+    """Records ``topics`` (name, message name) that ``node`` hears, from construction to close, as they come."""
 
     def __init__(self, node: Node, folder: Path, topics: list[tuple[str, str]], qos: QoSProfile):
         types = get_typestore(Stores.ROS2_JAZZY)

@@ -3,8 +3,13 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from rclpy.exceptions import (InvalidNamespaceException, InvalidNodeNameException, InvalidParameterTypeException,
-                              InvalidParameterValueException, InvalidTopicNameException)
+from rclpy.exceptions import (
+    InvalidNamespaceException,
+    InvalidNodeNameException,
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+    InvalidTopicNameException,
+)
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from tactile_node.errors import ConfigurationError

@@ -21,7 +21,7 @@ class BusDiagnostics:
 
     def message(self, now: BusStatistics, failure: str | None) -> DiagnosticArray:
         """``failure``: why nothing can be received any more, None while it can."""
-        before = self._before or now
+        before = self._before or _nothing_yet(now)
         self._before = now
         statuses = [self._status('bus', _bus_finding(now, before, failure), _bus_values(now))]
         statuses += [self._status(name, _pad_finding(pad, before.pads[name]), _pad_values(pad))
@@ -32,6 +32,12 @@ class BusDiagnostics:
         return DiagnosticStatus(
             level=finding.level, name=f'{self._node}: {part}', message=finding.message, hardware_id=self._hardware_id,
             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])
+
+
+def _nothing_yet(now: BusStatistics) -> BusStatistics:
+    """The same counts at zero: what was lost before the first message is lost all the same."""
+    pads = {name: PadStatistics(0, 0, 0, 0, 0, 0, dict.fromkeys(pad.losses, 0)) for name, pad in now.pads.items()}
+    return BusStatistics(pads, {})
 
 
 def _bus_finding(now: BusStatistics, before: BusStatistics, failure: str | None) -> Finding:

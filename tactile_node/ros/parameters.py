@@ -34,7 +34,9 @@ DRIVER = (
     Parameter('bitrate', 1_000_000, 'bit rate of the bus [bit/s]', 10_000, 1_000_000),
     Parameter('replay', '', 'a recorded CAN log to play in place of the bus; empty: use the bus'),
     Parameter('replay_pace', 1.0, 'speed of the replay, 1 = as recorded, 0 = as fast as possible', 0, 1000),
-    Parameter('record', '', 'a file to record the bus to; the suffix chooses the format; empty: do not'),
+    Parameter('replay_loop', False, 'begin the log again at its end, stamps going on'),
+    Parameter('record', '', 'a file to record the bus to, numbered when it exists; the suffix chooses the format; '
+              'empty: do not'),
     Parameter('pads', ['pad'], 'names of the pads on this bus; topics are <name>/taxels'),
     Parameter('node_ids', [32], 'CANopen node-ID of each pad'),
     Parameter('layouts', ['sim16x16.yaml'], 'skin layout of each pad, or one for all: a file, or a name in config/'),
@@ -51,7 +53,7 @@ PROCESSOR = (
     Parameter('press_threshold', 0.0, 'a taxel is pressed from here on [unit of the taxels]; '
               '0: by the unit (30 kPa, 0.1 N, 0.5 for on/off)', 0, 1e9, live=True),
     Parameter('release_ratio', 0.8, 'a pressed taxel is released below this part of press_threshold',
-              0.0, 1.0, live=True),
+              0.01, 1.0, live=True),
     Parameter('features', ['classifier'], 'groups of features to compute beside those the classifier needs: '
               'information, gravity, eigenvalues, border, turned, all', live=True),
     *QUEUE,

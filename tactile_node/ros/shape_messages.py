@@ -40,7 +40,7 @@ def shape_message(features: ContactFeatures, found: Findings, method: str, solid
         confidence=fused.confidence, probabilities=_probabilities(fused), frame_shape=SHAPE_NUMBERS[found.frame.shape],
         frame_probabilities=_probabilities(found.frame), held=duration_message(found.fused.held),
         fused_frames=found.fused.frames, method=method, taxels=sum(features.pattern),
-        missing_can_frames=features.missing_can_frames, residual=float('nan'))
+        missing_can_frames=features.missing_can_frames, pose=_nowhere(), residual=float('nan'))
     _add_moments(message, found.moments)
     if found.fit is not None:
         _add_fit(message, found.fit)
@@ -74,6 +74,15 @@ def _add_fit(message: ContactShape, fit: ShapeFit) -> None:
     message.parameter_names, message.covariance = fit.parameter_names, fit.covariance.reshape(-1)
     message.residual = fit.residual
     message.outline = Polygon(points=[Point32(x=x, y=y) for x, y in fit.outline.tolist()])
+
+
+def _nowhere() -> PoseWithCovariance:
+    """A pose that nobody can take for one."""
+    message = PoseWithCovariance(covariance=np.full(36, np.nan))
+    for part in (message.pose.position, message.pose.orientation):
+        for axis in part.get_fields_and_field_types():
+            setattr(part, axis, float('nan'))
+    return message
 
 
 def _pose(fit: ShapeFit) -> PoseWithCovariance:

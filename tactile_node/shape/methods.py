@@ -4,16 +4,19 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
+
 from tactile_node.config import config_path
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import Features, Group, compute_features
 from tactile_node.shape.recogniser import ShapeRecogniser
-from tactile_node.shape.recognition import Recognition
+from tactile_node.shape.recognition import Recognition, Shape
 from tactile_node.shape.volf import GROUPS, VolfClassifier
 
 LEARNED, VOLF = 'learned', 'volf'
 DEFAULT = LEARNED
+SEEN = 0.5  #: share of a pad's taxels that must have valid values before it is called untouched
 FILES = {LEARNED: 'recogniser.npz', VOLF: 'volf_curves.yaml'}  #: what each reads unless told otherwise, in config/
 
 
@@ -51,6 +54,18 @@ class Volf:
         return self._classifier.recognise(compute_features(pattern.mask, GROUPS) if features is None else features)
 
 
+class Sighted:
+    """A method that knows an empty pad from one that it cannot see: without a valid value it says UNKNOWN."""
+
+    def __init__(self, method: Recogniser):
+        self._method, self.groups = method, method.groups
+
+    def recognise(self, pattern: ContactPattern, features: Features | None = None) -> Recognition:
+        if not pattern.contacts and np.isfinite(pattern.values).mean() < SEEN:
+            return Recognition.certain(Shape.UNKNOWN)
+        return self._method.recognise(pattern, features)
+
+
 METHODS: dict[str, Callable[[Path], Recogniser]] = {LEARNED: Learned, VOLF: Volf}
 
 
@@ -62,4 +77,4 @@ def make_recogniser(method: str = DEFAULT, file: str = '') -> Recogniser:
     if method not in METHODS:
         raise ConfigurationError('recognition method', expected='one of ' + ', '.join(METHODS), got=repr(method),
                                  remedy=f'Use {DEFAULT!r} unless you want the paper as published.')
-    return METHODS[method](config_path(file or FILES[method]))
+    return Sighted(METHODS[method](config_path(file or FILES[method])))

@@ -11,7 +11,6 @@ from canopen import SdoAbortedError
 
 from tactile_node.canbus.cob_id import DISABLED, ID_MASK
 from tactile_node.canbus.eds import TPDO_COMMUNICATION, TPDO_MAPPING
-from tactile_node.canbus.heartbeat import NmtState
 from tactile_node.canbus.layout import SkinLayout
 from tactile_node.canbus.pads import PadSettings
 from tactile_node.canbus.taxel_codec import TaxelCodec

@@ -16,6 +16,8 @@ from pathlib import Path
 
 import can
 
+from tactile_node.errors import ConfigurationError
+
 OK, REFUSED = b'\r', b'\a'
 # Bytes not yet read by the other side; beyond this frames are dropped, as an adapter does
 MAX_WAITING = 1 << 16
@@ -33,8 +35,7 @@ class SlcanPty(can.BusABC):
         self.port = os.ttyname(self._port_fd)
         self._link = Path(link) if link else None
         if self._link:
-            self._link.unlink(missing_ok=True)
-            self._link.symlink_to(self.port)
+            _point(self._link, self.port)
         self._lock = threading.Lock()  # heartbeats are sent by a thread of their own
         self._open, self._unsent, self._line = False, bytearray(), bytearray()
         self._received: deque[can.Message] = deque()
@@ -106,10 +107,21 @@ class SlcanPty(can.BusABC):
         """Take the port away."""
         if not self._is_shutdown:
             super().shutdown()
-            if self._link:
-                self._link.unlink(missing_ok=True)
+            if self._link and self._link.is_symlink() and os.readlink(self._link) == self.port:
+                self._link.unlink()
             os.close(self._master)
             os.close(self._port_fd)
+
+
+def _point(link: Path, port: str) -> None:
+    """Make ``link`` a symbolic link to ``port``; only another link is replaced. Raises ConfigurationError."""
+    try:
+        if link.is_symlink():
+            link.unlink()
+        link.symlink_to(port)
+    except OSError as error:
+        raise ConfigurationError(f'--link {link}', expected='a new name, or a symbolic link to replace',
+                                 got=error.strerror or str(error), remedy='Choose another name.') from None
 
 
 def encode(message: can.Message) -> bytes:
