@@ -8,6 +8,8 @@ with seeds of its own. Writes recognition.csv, recognition.md and the pictures o
 import argparse
 import os
 import sys
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
 
@@ -71,15 +73,22 @@ def anchor_samples(on_off: bool, bulk: int, faulty: int) -> Samples:
     return joined_samples([*parts, draw(rng, faulty, on_off, faulty=1.0, outliers=0.0)])
 
 
-def train_anchors(clock: Clock, bulk: int, faulty: int, epochs: float) -> dict:
-    anchors = {}
-    for on_off in (True, False):
-        clock(f'anchors, {KIND[on_off]}: drawing {bulk + faulty} training samples')
-        samples = anchor_samples(on_off, bulk, faulty)
-        samples = Samples(*(array[samples.labels < len(CLASSES)] for array in samples))
-        clock(f'anchors, {KIND[on_off]}: training CNN ({epochs:g} epochs) and trees')
-        anchors[on_off] = [Cnn(samples, epochs), ContourTrees(samples, not on_off)]
-    return anchors
+def trained(on_off: bool, bulk: int, faulty: int, epochs: float) -> list:
+    """The CNN and the trees for one kind of frame."""
+    torch.set_num_threads(1)
+    samples = anchor_samples(on_off, bulk, faulty)
+    return [Cnn(samples, epochs), ContourTrees(samples, not on_off)]
+
+
+def train_anchors(clock: Clock, jobs: int, *amount) -> dict:
+    """Both kinds of frames at once, if ``jobs`` is 2."""
+    bulk, faulty, epochs = amount
+    clock(f'training the anchors on {bulk} + {faulty} samples of each kind of frame, the CNN for {epochs:g} epochs')
+    kinds = (True, False)
+    if jobs < 2:
+        return {on_off: trained(on_off, *amount) for on_off in kinds}
+    with ProcessPoolExecutor(2, get_context('spawn')) as pool:
+        return dict(zip(kinds, pool.map(trained, kinds, *([value] * 2 for value in amount))))
 
 
 def rates(heading: str, text: str, results: list[Result]) -> Table:
@@ -167,8 +176,8 @@ def main() -> int:
     cv2.setNumThreads(1)
     args.output.mkdir(parents=True, exist_ok=True)
     bulk, faulty, epochs, clean_count, field_count = (
-        (20_000, 1000, 2, 300, 60) if args.quick else (120_000, 15_000, 3, 3000, 400))
-    anchors = train_anchors(clock, bulk, faulty, epochs)
+        (20_000, 1000, 2, 300, 60) if args.quick else (100_000, 8_000, 4, 3000, 400))
+    anchors = train_anchors(clock, args.jobs, bulk, faulty, epochs)
     contest = Contest(ShapeRecogniser.from_file(config_path(args.weights)), anchors)
     clock('time of a single frame')
     tables = [speed(contest, 100 if args.quick else 400)]
@@ -195,6 +204,7 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('--quick', action='store_true', help='a few minutes, wide intervals, anchors half trained')
     parser.add_argument('--output', type=Path, default=ROOT / 'bench_output')
+    parser.add_argument('--jobs', type=int, default=2, help='processes that train the anchors, default %(default)s')
     parser.add_argument('--weights', default='recogniser.npz')
     return parser.parse_args()
 

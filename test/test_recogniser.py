@@ -11,7 +11,7 @@ from tactile_node.shape.geometry import COUNT, describe
 from tactile_node.shape.methods import DEFAULT, LEARNED, METHODS, VOLF, make_recogniser
 from tactile_node.shape.network import Network
 from tactile_node.shape.patch import ROOM, SIDE, joined, make_patch
-from tactile_node.shape.recogniser import Calibration, ShapeRecogniser
+from tactile_node.shape.recogniser import LOG_SIZES, Calibration, ShapeRecogniser
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import GROUPS
 from tactile_node.synthetic.field import (
@@ -63,10 +63,14 @@ def test_network_is_the_one_it_says():
 
 
 def test_calibration():
-    """Equal logits share what is not foreign; the bias is where foreign is as probable as not."""
-    even = Calibration(2.0, 1.0, 3.0).probabilities(np.array([[7.0] * 5 + [3.0]]))
+    """Equal logits share what is not foreign; at the size's bias foreign is as probable as not."""
+    biases = np.array([3.0, 1, 1, 1, 1, 1])
+    even = Calibration(2.0, biases).probabilities(np.array([[7.0] * 5 + [3.0]]), LOG_SIZES[:1])
     np.testing.assert_allclose(even, [[0.1] * 5 + [0.5]])
-    warm, hot = (Calibration(t, 1.0, 50.0).probabilities(np.array([[1.0, 0, 0, 0, 0, 0]])) for t in (0.5, 2.0))
+    between = Calibration(2.0, biases).probabilities(np.array([[7.0] * 5 + [2.0]]), LOG_SIZES[:2].mean(keepdims=True))
+    np.testing.assert_allclose(between, even)
+    warm, hot = (Calibration(t, biases + 50).probabilities(np.array([[1.0, 0, 0, 0, 0, 0]]), LOG_SIZES[:1])
+                 for t in (0.5, 2.0))
     assert warm[0, 0] == pytest.approx(np.e ** 2 / (np.e ** 2 + 4)) and hot[0, 0] < warm[0, 0]
 
 
@@ -205,3 +209,12 @@ def test_frames_of_the_field_have_their_faults():
     two = pattern_of(field_frame(rng, 'square', 60, Conditions(on_off=True, second=0.5)))
     assert two.contacts == 2
     assert set(np.unique(field_frame(rng, 'square', 60, Conditions(on_off=True, noise=0.05)))) == {0, 1}
+
+
+@pytest.mark.parametrize('method', ['learned', 'volf'])
+def test_a_pad_that_cannot_be_seen_is_not_called_untouched(method):
+    extractor, recogniser = PatternExtractor(0.5, 0.4), make_recogniser(method)
+    unseen = np.full((16, 16), np.nan)
+    assert recogniser.recognise(extractor.extract(unseen)).shape is Shape.UNKNOWN
+    unseen[:12] = 0
+    assert recogniser.recognise(extractor.extract(unseen)).shape is Shape.NONE

@@ -22,8 +22,8 @@ from training.model import Model
 from training.pools import Part, draw_parts, read_parts
 from training.samples import UNKNOWN, Samples
 
-MIX = {'bulk': 352, 'faulty': 80, 'outliers': 80}  #: of each pool in a batch
-FOREIGN_WEIGHT = 0.3
+MIX = {'bulk': 328, 'faulty': 72, 'outliers': 112}  #: of each pool in a batch
+FOREIGN_WEIGHT = 0.5
 RATE, DECAY, AVERAGED = 2e-3, 1e-3, 0.998
 
 
@@ -72,7 +72,7 @@ def exported(model: Model, kind: str, seed: int) -> dict[str, np.ndarray]:
     """The arrays of one network with its calibration."""
     found = calibrated(validation(model, kind == 'on_off', seed))
     arrays = {f'{kind}_{name}': array for name, array in model.arrays().items()}
-    return arrays | {f'{kind}_calibration': np.array(found)}
+    return arrays | {f'{kind}_temperature': np.array(found.temperature), f'{kind}_biases': found.biases}
 
 
 def main() -> int:

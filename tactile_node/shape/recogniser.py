@@ -23,21 +23,22 @@ SMALLEST = 5  #: a pattern of fewer taxels is UNKNOWN: it stands for a contact o
 DOUBT = 0.2   #: by so much the whole must be likelier unknown than its largest piece to be given up
 LAYERS = len(TAPS) + 3
 KINDS = ('on_off', 'graded')
+SIZES = (12, 17, 24, 34, 48, 68)  #: taxels at which the evidence for UNKNOWN is calibrated
+LOG_SIZES = np.log(SIZES)
 
 
 class Calibration(NamedTuple):
-    """From logits to probabilities; ``foreign`` is the logit of being none of the five classes."""
+    """From logits to probabilities."""
 
-    temperature: float          #: of the classes
-    foreign_temperature: float
-    foreign_bias: float         #: subtracted after it: how much evidence it takes to say UNKNOWN
+    temperature: float   #: of the classes
+    biases: np.ndarray   #: shape (len(SIZES),): how much evidence it takes to say UNKNOWN, by size
 
-    def probabilities(self, logits: np.ndarray) -> np.ndarray:
+    def probabilities(self, logits: np.ndarray, log_taxels: np.ndarray) -> np.ndarray:
         """Return the probabilities of the five classes and of UNKNOWN, (K, 6), of logits (K, 6)."""
         scaled = logits[:, :-1] / self.temperature
         odds = np.exp(scaled - scaled.max(1, keepdims=True))
-        foreign = 1 / (1 + np.exp(self.foreign_bias - logits[:, -1] / self.foreign_temperature))
-        return np.column_stack((odds / odds.sum(1, keepdims=True) * (1 - foreign)[:, None], foreign))
+        foreign = 1 / (1 + np.exp(np.interp(log_taxels, LOG_SIZES, self.biases) - logits[:, -1]))[:, None]
+        return np.concatenate((odds / odds.sum(1, keepdims=True) * (1 - foreign), foreign), 1)
 
 
 class ShapeRecogniser:
@@ -52,7 +53,7 @@ class ShapeRecogniser:
         try:
             with np.load(path, allow_pickle=False) as data:
                 return cls({kind: _network(data, kind) for kind in KINDS},
-                           {kind: Calibration(*map(float, data[f'{kind}_calibration'])) for kind in KINDS})
+                           {kind: _calibration(data, kind) for kind in KINDS})
         except OSError as error:
             raise _unusable(path, error.strerror or str(error)) from None
         except KeyError as error:
@@ -87,8 +88,9 @@ class ShapeRecogniser:
         """Return the probabilities of SHAPES and of UNKNOWN for patches all graded or all not, (K, 6)."""
         kind = KINDS[patches[0].graded]
         images = np.stack([np.stack((patch.level, patch.unseen), -1) for patch in patches])
-        logits = self._networks[kind](images, np.stack([describe(patch) for patch in patches]))
-        return self._calibrations[kind].probabilities(logits.astype(float))
+        geometry = np.stack([describe(patch) for patch in patches])
+        logits = self._networks[kind](images, geometry)
+        return self._calibrations[kind].probabilities(logits.astype(float), geometry[:, 0])
 
 
 def _network(data, kind: str) -> Network:
@@ -99,6 +101,13 @@ def _network(data, kind: str) -> Network:
     if not all(fits) or network.middle.shape != (COUNT,) or network.kernels[-1].shape[1] != len(SHAPES) + 1:
         raise ValueError(f'arrays of {kind} that do not fit together')
     return network
+
+
+def _calibration(data, kind: str) -> Calibration:
+    biases = data[f'{kind}_biases'].astype(float)
+    if biases.shape != LOG_SIZES.shape:
+        raise ValueError(f'{biases.shape[0]} biases of {kind}, not {len(SIZES)}')
+    return Calibration(float(data[f'{kind}_temperature']), biases)
 
 
 def _unusable(path: str | Path, got: str) -> ConfigurationError:
