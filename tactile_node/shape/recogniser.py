@@ -19,10 +19,12 @@ from tactile_node.shape.patch import Patch, joined, make_patch
 from tactile_node.shape.recognition import Recognition, Shape
 
 SHAPES = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE)
-SMALLEST = 5  #: a pattern of fewer taxels is UNKNOWN: it stands for a contact of less than nine taxels' area
+#: a pattern of fewer taxels is UNKNOWN: it stands for a contact of less than nine taxels' area, of which
+#: pressures show the rim
+SMALLEST = {'on_off': 6, 'graded': 4}
 DOUBT = 0.2   #: by so much the whole must be likelier unknown than its largest piece to be given up
 LAYERS = len(TAPS) + 3
-KINDS = ('on_off', 'graded')
+KINDS = ('on_off', 'graded')  #: of frames: without and with values between none and full
 SIZES = (12, 17, 24, 34, 48, 68)  #: taxels at which the evidence for UNKNOWN is calibrated
 LOG_SIZES = np.log(SIZES)
 
@@ -79,9 +81,10 @@ class ShapeRecogniser:
         return largest if gain > DOUBT else whole
 
     def _recognised(self, values: np.ndarray, mask: np.ndarray) -> Recognition:
-        if np.count_nonzero(mask) < SMALLEST:
+        patch = make_patch(values, mask)
+        if np.count_nonzero(mask) < SMALLEST[KINDS[patch.graded]]:
             return Recognition.certain(Shape.UNKNOWN)
-        probabilities = self.probabilities([make_patch(values, mask)])[0]
+        probabilities = self.probabilities([patch])[0]
         return Recognition.of(dict(zip((*SHAPES, Shape.UNKNOWN), probabilities.tolist())))
 
     def probabilities(self, patches: list[Patch]) -> np.ndarray:
