@@ -44,9 +44,10 @@ class Listener:
         for name, kind in zip(self.heard, (TaxelArray, ContactFeatures, ContactShape)):
             self.node.create_subscription(kind, f'/hand/finger/{name}', self.heard[name].append, frames_qos(50, lossless=True))
 
-    def wait_for_shapes(self, count: int) -> None:
+    def wait_for(self, count: int) -> None:
+        """Spin until every topic has brought ``count`` messages."""
         deadline = time.monotonic() + PATIENCE
-        while len(self.heard['shape']) < count and time.monotonic() < deadline:
+        while min(map(len, self.heard.values())) < count and time.monotonic() < deadline:
             rclpy.spin_once(self.node, timeout_sec=0.1)
 
 
@@ -61,7 +62,7 @@ def heard() -> dict:
     with (running('lossless:=true', role='classifier', namespace='/hand/finger'),
           running('lossless:=true', role='processor', namespace='/hand/finger'),
           running(*driver, role='driver', namespace='/hand')):
-        listener.wait_for_shapes(periods)
+        listener.wait_for(periods)
     listener.node.destroy_node()
     rclpy.shutdown()
     return listener.heard
@@ -113,4 +114,4 @@ def test_shape_speaks_of_the_same_contact_as_features(heard):
         assert shape.taxels == sum(features.pattern)
         assert sum(shape.probabilities) == pytest.approx(1, abs=1e-5)
         assert (shape.shape == ContactShape.NONE) == (shape.taxels == 0)
-        assert (shape.frame_shape == ContactShape.UNKNOWN) >= (0 < shape.taxels < 5)
+        assert (shape.frame_shape == ContactShape.UNKNOWN) >= (0 < shape.taxels < 3)
