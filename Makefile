@@ -20,7 +20,7 @@ unexport PYTHONPATH
 SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test bench train lint lock clean
+.PHONY: help setup demo test bench train reproduce lint lock clean
 
 help:  ## say what there is
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -49,7 +49,7 @@ $(VENV)/.built: $(VENV)/.installed $(SOURCES)
 demo: setup  ## simulated gripper skin, five shapes, live in the terminal; results in demo_output/
 	@$(BIN)/tactile demo --output demo_output
 
-test: setup  ## everything that checks the project
+test: lint  ## everything that checks the project
 	@$(BIN)/python -m pytest test -q
 
 $(BENCH_VENV)/.installed: requirements/bench.txt | setup
@@ -65,8 +65,11 @@ bench: setup $(BENCH_VENV)/.installed  ## how fast and how good, against the alt
 train: $(BENCH_VENV)/.installed  ## train the shape recogniser anew (about two hours on one core)
 	@$(BENCH_VENV)/bin/python -m training.train --output config/recogniser.npz
 
+reproduce: setup  ## the paper's figures and claims beside ours, on one page in reproduction/
+	@$(BIN)/tactile reproduce --output reproduction --jobs 2
+
 lint: setup  ## style only
-	@$(BIN)/ruff check .
+	@$(BIN)/ruff check --quiet .
 
 lock:  ## pin every version anew from requirements/*.in (needs uv)
 	@cat requirements/ros.in requirements/core.in | uv pip compile - --universal --python-version 3.10 --no-header \
@@ -76,4 +79,4 @@ lock:  ## pin every version anew from requirements/*.in (needs uv)
 		--no-emit-index-url --quiet | grep -vE '^(nvidia|cuda|triton)' >requirements/bench.txt
 
 clean:  ## remove what make made
-	@rm -rf .venv .venv-bench build demo_output bench_output
+	@rm -rf .venv .venv-bench build demo_output bench_output reproduction

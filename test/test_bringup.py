@@ -6,8 +6,8 @@ import subprocess
 import sys
 
 import pytest
-
 from candump import DATA, read_candump
+
 from tactile_node.cli.main import main
 
 pytest.importorskip('rclpy')
@@ -89,8 +89,8 @@ def test_a_parameter_that_cannot_work_is_refused_at_once():
 
 
 def test_ctrl_c_ends_the_demo_quietly(tmp_path):
-    process = subprocess.Popen([sys.executable, '-c', 'import sys; from tactile_node.cli.main import main; sys.exit(main())',
-                                'demo', '--output', str(tmp_path)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen([sys.executable, '-m', 'tactile_node.cli.main', 'demo', '--output', str(tmp_path)],
+                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert any('TPDOs ready' in line for line in process.stderr)
     process.send_signal(signal.SIGINT)
     _, told = process.communicate(timeout=60)

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
-
 from candump import DATA, read_candump
 
 rclpy = pytest.importorskip('rclpy')
@@ -41,8 +40,9 @@ class Listener:
     def __init__(self):
         self.node = rclpy.create_node('listener')
         self.heard = {name: [] for name in ('taxels', 'features', 'shape')}
+        qos = frames_qos(50, lossless=True)
         for name, kind in zip(self.heard, (TaxelArray, ContactFeatures, ContactShape)):
-            self.node.create_subscription(kind, f'/hand/finger/{name}', self.heard[name].append, frames_qos(50, lossless=True))
+            self.node.create_subscription(kind, f'/hand/finger/{name}', self.heard[name].append, qos)
 
     def wait_for(self, count: int) -> None:
         """Spin until every topic has brought ``count`` messages."""

@@ -1,8 +1,7 @@
 """The driver's bus against the simulated skin: boot-up, configuration, streaming, refusals."""
 
-import threading
-
 import re
+import threading
 
 import can
 import numpy as np

@@ -10,7 +10,8 @@ import io
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import can
@@ -48,7 +49,7 @@ def main() -> None:
 
 def replayed(pads: list[PadSettings], frames: np.ndarray) -> dict[str, TaxelSource]:
     """Each SYNC's frame in turn, whatever the time."""
-    return {pad.name: (lambda it: lambda _t: next(it))(iter(frames.astype(float))) for pad in pads}
+    return {pad.name: partial(_next, iter(frames.astype(float))) for pad in pads}
 
 
 def five_shapes(pads: list[PadSettings]) -> tuple[np.ndarray, dict[str, TaxelSource]]:
@@ -56,8 +57,12 @@ def five_shapes(pads: list[PadSettings]) -> tuple[np.ndarray, dict[str, TaxelSou
     program = touch_program(pads[0].layout, CLASSES, areas=(60,), seed=2, hold=0.6, pause=0.3)
     times = np.arange(0, program.duration, 0.04)
     left = [program(t) for t in times]
-    return times, {'left': lambda _t, it=iter(left): next(it),
-                   'right': lambda _t, it=iter(left): next(it)[:, ::-1]}
+    return times, {name: partial(_next, iter(frames))
+                   for name, frames in (('left', left), ('right', [frame[:, ::-1] for frame in left]))}
+
+
+def _next(frames: Iterator[np.ndarray], _time: float) -> np.ndarray:
+    return next(frames)
 
 
 def session(path: Path, pads: list[PadSettings], stamps: np.ndarray, sources: dict[str, TaxelSource]) -> None:
