@@ -87,8 +87,13 @@ class FrameAssembler:
 
     def restart(self) -> None:
         """Forget the period under way; the next SYNC is number 0."""
+        self._sequence = -1
+        self.resume(0)
+
+    def resume(self, lost_periods: int) -> None:
+        """Forget the period under way; the next SYNC comes ``lost_periods`` numbers later than the next one."""
         self._losses[LossReason.UNFINISHED] += self._pending()
-        self._sequence, self._stamp = -1, None
+        self._sequence, self._stamp = self._sequence + lost_periods, None
         self._last, self._last_data = len(self._lengths) - 1, b''
         self._begin_period()
         self._seen = True  # as after a whole period: nothing of an earlier one is to come

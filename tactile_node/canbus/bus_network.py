@@ -91,14 +91,12 @@ class BusNetwork(Network):
             self.unsubscribe(client.tx_cobid, client.on_response)
 
     def close(self) -> None:
-        """Stop receiving, close the bus and the recording; allowed on a dead bus."""
+        """Stop receiving and close the bus; allowed on a dead bus. The recording stays open."""
         self.receiver.stop(timeout=10 * RECEIVE_TIMEOUT)
         try:
             self.bus.shutdown()
         except (can.CanError, OSError):  # an adapter that was pulled out cannot say goodbye
             pass
-        if self._record:
-            self._record.close()
 
 
 class _Receiver(can.Listener):

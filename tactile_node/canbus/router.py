@@ -48,6 +48,11 @@ class Router:
         for assembler in self._assemblers.values():
             assembler.restart()
 
+    def resume(self, lost_periods: int) -> None:
+        """After an outage: forget the period under way, leave out the sequence numbers of those lost."""
+        for assembler in self._assemblers.values():
+            assembler.resume(lost_periods)
+
     def sync(self, stamp: float) -> None:
         """A SYNC, own or foreign: every pad's period ends and the next begins."""
         for name, assembler in self._assemblers.items():

@@ -11,9 +11,10 @@ from typing import Any
 
 import can
 
+from tactile_node.canbus.bus_monitor import NMT, BusMonitor
 from tactile_node.canbus.bus_network import BusNetwork, open_bus
 from tactile_node.canbus.device_setup import DeviceSetup
-from tactile_node.canbus.heartbeat import HEARTBEAT, Heartbeats, NmtState
+from tactile_node.canbus.heartbeat import NmtState
 from tactile_node.canbus.logs import CanLogWriter
 from tactile_node.canbus.pads import PadSettings, check_dictionaries, check_pads
 from tactile_node.canbus.router import BusStatistics, OnFrame, Router, oddity_of
@@ -22,11 +23,11 @@ from tactile_node.errors import BusError, DeviceError, LogError
 
 logger = logging.getLogger(__name__)
 
-NMT, NMT_START, NMT_ENTER_PRE_OPERATIONAL = 0x000, 0x01, 0x80
+NMT_START, NMT_ENTER_PRE_OPERATIONAL = 0x01, 0x80
 # Interfaces that stamp reception by the clock our own SYNC is stamped by
 HOST_STAMPED = ('socketcan', 'virtual')
 CONSUMER_PATIENCE = 2.0  # s that close() waits for an on_frame under way
-OWN_SYNC, RESTART, END = -1, -2, -3  # events in the receive queue beside CAN frames
+OWN_SYNC, RESTART, RESUME, END = -1, -2, -3, -4  # events in the receive queue beside CAN frames
 
 
 @dataclass(frozen=True)
@@ -53,16 +54,19 @@ class SkinBus:
     """
 
     def __init__(self, settings: BusSettings, pads: tuple[PadSettings, ...], on_frame: OnFrame,
-                 log: Callable[[str], None] = logger.info, complain: Callable[[str], None] = logger.error):
+                 log: Callable[[str], None] = logger.info, complain: Callable[[str], None] = logger.error,
+                 monitor: BusMonitor | None = None, on_failure: Callable[[str], None] | None = None):
         check_pads(pads)
         check_dictionaries(pads)
         self._settings, self._pads, self._log, self._complain = settings, tuple(pads), log, complain
-        self._on_frame = on_frame
+        self._on_frame, self._on_failure = on_frame, on_failure or self._complain_of_failure
+        self._monitor = monitor or BusMonitor(pad.node_id for pad in pads)
         one_clock = not settings.produce_sync or settings.interface in HOST_STAMPED
         self._router = Router(self._pads, self._deliver, not settings.produce_sync, one_clock)
-        self._heartbeats, self._odd = Heartbeats(), Counter()
+        self._odd = Counter()
         self._queue: SimpleQueue = SimpleQueue()
         self._network: BusNetwork | None = None
+        self._record: CanLogWriter | None = None
         self._sync: SyncProducer | None = None
         self._overruns = self._sync_overruns = self._consumer_errors = 0
         self._failure: str | None = None
@@ -76,10 +80,11 @@ class SkinBus:
         """Open the bus and begin to receive. Raises BusError, LogError (``record``)."""
         if self._network is not None:
             return
-        self._failure = None
         settings = self._settings
         bus = open_bus(settings.interface, settings.channel, settings.bitrate, settings.options)
         record = self._open_record(bus)
+        self._failure = None
+        self._monitor.restart()
         self._queue = SimpleQueue()
         self._worker = threading.Thread(target=self._work, args=(self._queue,), name='assembler', daemon=True)
         self._worker.start()
@@ -90,12 +95,15 @@ class SkinBus:
 
     def configure(self) -> None:
         """Find, identify and configure every pad's device. Raises DeviceError, BusError."""
-        network = self._opened()
         for pad in self._pads:
+            self.configure_pad(pad, self._settings.boot_timeout)
+
+    def configure_pad(self, pad: PadSettings, boot_timeout: float, pause: bool = True) -> None:
+        """Configure one pad's device, found within ``boot_timeout`` [s]; without ``pause`` while it sends."""
+        if pause:
             self._command(NMT_ENTER_PRE_OPERATIONAL, pad)
-            with network.sdo_client(pad.node_id, pad.dictionary) as sdo:
-                DeviceSetup(sdo, pad, self._heartbeats, self._log).run(
-                    self._settings.boot_timeout, self._settings.heartbeat_ms)
+        with self._opened().sdo_client(pad.node_id, pad.dictionary) as sdo:
+            DeviceSetup(sdo, pad, self._monitor.heartbeats, self._log).run(boot_timeout, self._settings.heartbeat_ms)
 
     def start(self) -> None:
         """Start the devices and SYNC. Raises DeviceError when a device does not become OPERATIONAL."""
@@ -106,11 +114,23 @@ class SkinBus:
         begun = time.monotonic()
         self._sync = SyncProducer(self._settings.sync_period, self._send_sync)  # from here on stop() has work to do
         for pad in self._pads:
-            self._command(NMT_START, pad)
+            self.start_pad(pad)
         if self._settings.produce_sync:
             self._sync.start()
         for pad in self._pads:
             self._confirm_operational(pad, begun)
+
+    def start_pad(self, pad: PadSettings) -> None:
+        """NMT start of one device; BusError. Whether it obeys, its heartbeat tells."""
+        self._command(NMT_START, pad)
+
+    def resume(self, lost_periods: int) -> None:
+        """SYNC on again after an outage; sequence numbers go on, ``lost_periods`` left out. Devices are not started."""
+        self._opened()
+        self._queue.put((RESUME, b'', float(lost_periods)))
+        self._sync = SyncProducer(self._settings.sync_period, self._send_sync)
+        if self._settings.produce_sync:
+            self._sync.start()
 
     def stop(self) -> None:
         """SYNC off, devices pre-operational; a bus that no longer works is left as it is."""
@@ -119,14 +139,21 @@ class SkinBus:
         self._sync.stop()
         self._sync_overruns += self._sync.overruns
         self._sync = None
-        for pad in self._pads:
+        for pad in self._pads if self._failure is None else ():
             try:
                 self._command(NMT_ENTER_PRE_OPERATIONAL, pad)
             except BusError as error:
                 self._complain(f'Pad {pad.name!r} could not be stopped: {error}')
 
     def close(self) -> None:
-        """Stop and give the bus back."""
+        """Stop, give the bus back and end the recording."""
+        self.disconnect()
+        if self._record is not None:
+            self._record.close()
+            self._record = None
+
+    def disconnect(self) -> None:
+        """Stop and give the bus back; the next ``open`` goes on with the same recording."""
         self.stop()
         if self._network is not None:
             self._network.close()
@@ -146,10 +173,12 @@ class SkinBus:
     def _open_record(self, bus: can.BusABC) -> CanLogWriter | None:
         """A log that cannot be written leaves no open bus behind."""
         try:
-            return CanLogWriter(self._settings.record) if self._settings.record else None
+            if self._record is None and self._settings.record:
+                self._record = CanLogWriter(self._settings.record)
         except LogError:
             bus.shutdown()
             raise
+        return self._record
 
     def _opened(self) -> BusNetwork:
         if self._network is None:
@@ -161,8 +190,8 @@ class SkinBus:
 
     def _confirm_operational(self, pad: PadSettings, since: float) -> None:
         patience = 1.0 + 3e-3 * self._settings.heartbeat_ms
-        if not self._heartbeats.wait_for(pad.node_id, NmtState.OPERATIONAL, since, patience):
-            state = self._heartbeats.state(pad.node_id)
+        if not self._monitor.heartbeats.wait_for(pad.node_id, NmtState.OPERATIONAL, since, patience):
+            state = self._monitor.heartbeats.state(pad.node_id)
             heard = 'no heartbeat' if state is None else f'heartbeat with NMT state 0x{state:02X}'
             self.stop()
             raise DeviceError(f'node {pad.node_id} (pad {pad.name!r})',
@@ -173,6 +202,7 @@ class SkinBus:
         """The SYNC goes into the queue before it goes on the bus: no TPDO can overtake it."""
         stamp = time.time()
         self._queue.put((OWN_SYNC, b'', stamp))
+        self._monitor.feed_own(0)
         try:
             self._opened().send_message(self._pads[0].layout.sync_cob_id, b'', stamp=stamp)
         except BusError as error:
@@ -183,10 +213,12 @@ class SkinBus:
         odd = oddity_of(message)
         if odd is not None:
             self._odd[odd] += 1
+            if message.is_error_frame and self._monitor.feed_error(message):
+                self._fail(BusError('CAN controller', expected='a bus it can send on', got='bus-off',
+                                    remedy='Check bit rate, wiring and termination; set restart-ms on socketcan.'))
             return
         can_id, data = message.arbitration_id, bytes(message.data)
-        if can_id >> 7 == HEARTBEAT >> 7:
-            self._heartbeats.feed(can_id, data)
+        self._monitor.feed(can_id, data)
         if self._queue.qsize() < self._settings.queue_limit:
             self._queue.put((can_id, data, message.timestamp))
         else:
@@ -195,12 +227,15 @@ class SkinBus:
     def _fail(self, error: Exception) -> None:
         if self._failure is None:
             self._failure = str(error)
-            self._complain(f'CAN bus {self._settings.interface} {self._settings.channel} has failed: {error} '
-                           'Mend it, then deactivate, clean up and configure the driver again.')
+            self._on_failure(self._failure)
+
+    def _complain_of_failure(self, failure: str) -> None:
+        self._complain(f'CAN bus {self._settings.interface} {self._settings.channel} has failed: {failure} '
+                       'Mend it, then deactivate, clean up and configure the driver again.')
 
     def _work(self, queue: SimpleQueue) -> None:
         feed, sync = self._router.feed, self._router.sync
-        while True:
+        while queue is self._queue:  # another one: the bus was opened anew while on_frame hung
             can_id, data, stamp = queue.get()
             if can_id >= 0:
                 feed(can_id, data, stamp)
@@ -208,6 +243,8 @@ class SkinBus:
                 sync(stamp)
             elif can_id == RESTART:
                 self._router.restart()
+            elif can_id == RESUME:
+                self._router.resume(int(stamp))
             else:
                 return
 

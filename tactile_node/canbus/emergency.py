@@ -1,0 +1,88 @@
+"""What a device says of its own errors: EMCY (CiA 301, 7.2.7), decoded into words and kept in bounds."""
+
+import time
+from collections import deque
+from typing import NamedTuple
+
+HISTORY = 16  # messages kept of each node
+NO_ERROR = 0x00  # high byte: error reset, or no error
+
+#: CiA 301, "Emergency error codes": the longest prefix known speaks (whole code, high byte, class)
+_CODES = {
+    0x8110: 'CAN overrun, frames lost', 0x8120: 'CAN in error passive mode', 0x8130: 'life guard or heartbeat error',
+    0x8140: 'recovered from bus-off', 0x8150: 'CAN-ID collision', 0x8210: 'PDO not processed, wrong length',
+    0x8220: 'PDO too long', 0x8230: 'DAM MPDO without its object', 0x8240: 'SYNC of unexpected length',
+    0x8250: 'RPDO timeout'}
+_HIGH_BYTES = {
+    0x00: 'error reset or no error', 0x21: 'current, input side', 0x22: 'current inside the device',
+    0x23: 'current, output side', 0x31: 'mains voltage', 0x32: 'voltage inside the device', 0x33: 'output voltage',
+    0x41: 'ambient temperature', 0x42: 'device temperature', 0x61: 'internal software', 0x62: 'user software',
+    0x63: 'data set', 0x81: 'communication', 0x82: 'protocol error', 0xF0: 'additional functions',
+    0xFF: 'specific to the device'}
+_CLASSES = {
+    0x1: 'generic error', 0x2: 'current', 0x3: 'voltage', 0x4: 'temperature', 0x5: 'device hardware',
+    0x6: 'device software', 0x7: 'additional modules', 0x8: 'monitoring', 0x9: 'external error',
+    0xF: 'additional or specific to the device'}
+#: CiA 301, object 0x1001, from bit 0 on
+_REGISTER = ('generic', 'current', 'voltage', 'temperature', 'communication', 'device profile', 'reserved',
+             'manufacturer')
+
+
+class Emergency(NamedTuple):
+    """One EMCY; what a message too short did not bring is None."""
+
+    stamp: float  #: when it was received [s, Unix epoch]
+    code: int | None
+    register: int | None  #: object 0x1001
+    manufacturer: bytes
+
+    @property
+    def is_reset(self) -> bool:
+        """True for "the error has gone"."""
+        return self.code is not None and self.code >> 8 == NO_ERROR
+
+    def __str__(self) -> str:
+        if self.code is None:
+            return 'EMCY too short to hold an error code'
+        register = '' if not self.register else f', error register: {_names(self.register)}'
+        manufacturer = f', manufacturer {self.manufacturer.hex()}' if any(self.manufacturer) else ''
+        return f'EMCY 0x{self.code:04X} ({_meaning(self.code)}){register}{manufacturer}'
+
+
+def decode_emergency(data: bytes, stamp: float) -> Emergency:
+    """Decode an EMCY of any length; real devices send short and even empty ones.
+
+    >>> str(decode_emergency(bytes.fromhex('1042090000000000'), 0.0))
+    'EMCY 0x4210 (device temperature), error register: generic, temperature'
+    """
+    code = int.from_bytes(data[:2], 'little') if len(data) >= 2 else None
+    return Emergency(stamp, code, data[2] if len(data) > 2 else None, bytes(data[3:8]))
+
+
+class EmergencyLog:
+    """The last EMCYs of one node, at most HISTORY of them, and how many there were."""
+
+    def __init__(self):
+        self._kept: deque[Emergency] = deque(maxlen=HISTORY)
+        self.count = 0
+
+    def feed(self, data: bytes) -> None:
+        self._kept.append(decode_emergency(data, time.time()))
+        self.count += 1
+
+    @property
+    def history(self) -> tuple[Emergency, ...]:
+        """Oldest first."""
+        return tuple(self._kept)
+
+    @property
+    def last(self) -> Emergency | None:
+        return self._kept[-1] if self._kept else None
+
+
+def _meaning(code: int) -> str:
+    return _CODES.get(code) or _HIGH_BYTES.get(code >> 8) or _CLASSES.get(code >> 12) or 'of no class in CiA 301'
+
+
+def _names(register: int) -> str:
+    return ', '.join(name for bit, name in enumerate(_REGISTER) if register >> bit & 1)
