@@ -6,6 +6,7 @@ import sys
 from importlib import import_module
 
 from tactile_node.errors import TactileError
+from tactile_node.interruption import ignore_interruptions
 
 #: name, module (imported only when asked for; its add_parser(subparsers) sets ``run``), help
 COMMANDS = (
@@ -50,6 +51,14 @@ def main(argv: list[str] | None = None) -> int:
         return 130
 
 
+def program() -> int:
+    """`main` as a process: a second Ctrl-C does not make its clean end look like a crash."""
+    try:
+        return main()
+    finally:
+        ignore_interruptions()
+
+
 def _parser(chosen: str) -> argparse.ArgumentParser:
     """Parser of all sub-commands, complete for the ``chosen`` one alone, so that no other is imported."""
     parser = argparse.ArgumentParser(
@@ -64,4 +73,4 @@ def _parser(chosen: str) -> argparse.ArgumentParser:
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(program())
