@@ -7,6 +7,8 @@ pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run 
 from diagnostic_msgs.msg import DiagnosticStatus  # noqa: E402
 
 from tactile_node.canbus.assembler import PadStatistics  # noqa: E402
+from tactile_node.canbus.emergency import decode_emergency  # noqa: E402
+from tactile_node.canbus.health import BusHealth, NodeHealth, Outages  # noqa: E402
 from tactile_node.canbus.router import BusStatistics  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
 
@@ -18,22 +20,70 @@ def statistics(frames=10, late=0, overruns=0):
     return BusStatistics({'left': pad}, {'tpdo': 32 * frames + late}, queue_overruns=overruns)
 
 
-def levels(diagnostics, *arguments):
-    return [status.level for status in diagnostics.message(*arguments).status]
+WELL = NodeHealth(32, 'OPERATIONAL', True, 0.05)
+
+
+def levels(diagnostics, counts, health=None):
+    return [status.level for status in diagnostics.message(counts, health or BusHealth()).status]
+
+
+def healthy_but(**changes):
+    return BusHealth(nodes={'left': WELL._replace(**changes)})
 
 
 def test_what_was_lost_before_the_first_message_is_told():
-    assert levels(BusDiagnostics('driver', 'can0'), statistics(late=3, overruns=2), None) == [WARN, WARN]
+    assert levels(BusDiagnostics('driver', 'can0'), statistics(late=3, overruns=2)) == [WARN, WARN]
 
 
 def test_the_level_speaks_of_the_time_since_the_message_before():
     diagnostics = BusDiagnostics('driver', 'can0')
-    assert levels(diagnostics, statistics(frames=10), None) == [OK, OK]
-    assert levels(diagnostics, statistics(frames=20, late=1), None) == [OK, WARN]
-    assert levels(diagnostics, statistics(frames=30, late=1), None) == [OK, OK]
-    assert levels(diagnostics, statistics(frames=30, late=1), None) == [OK, STALE]
+    assert levels(diagnostics, statistics(frames=10)) == [OK, OK]
+    assert levels(diagnostics, statistics(frames=20, late=1)) == [OK, WARN]
+    assert levels(diagnostics, statistics(frames=30, late=1)) == [OK, OK]
+    assert levels(diagnostics, statistics(frames=30, late=1)) == [OK, STALE]
 
 
 def test_a_dead_bus_is_an_error_with_its_reason():
-    status = BusDiagnostics('driver', 'can0').message(statistics(), 'unplugged').status[0]
+    status = BusDiagnostics('driver', 'can0').message(statistics(), BusHealth('unplugged')).status[0]
     assert (status.level, status.message, status.hardware_id) == (ERROR, 'unplugged', 'can0')
+
+
+@pytest.mark.parametrize('changes, level, says', [
+    ({}, OK, '20 taxel frames'),
+    ({'trouble': 'Node 32: silent.'}, ERROR, 'silent'),
+    ({'state': 'STOPPED', 'is_operational': False}, ERROR, 'STOPPED'),
+    ({'outages': Outages(1, 0.3, 'power cycle')}, WARN, 'power cycle'),
+    ({'emergencies': 1, 'last_emergency': decode_emergency(bytes.fromhex('1042090000000000'), 0.0)}, WARN, '0x4210'),
+    ({'distrusted': 3}, WARN, '3 taxel frames'),
+])
+def test_a_pad_is_ok_only_while_its_node_is(changes, level, says):
+    diagnostics = BusDiagnostics('driver', 'can0')
+    diagnostics.message(statistics(), BusHealth(nodes={'left': WELL}))
+    pad = diagnostics.message(statistics(frames=30), healthy_but(**changes)).status[1]
+    assert pad.level == level and says in pad.message
+
+
+def test_an_error_a_device_still_has_stays_told_until_it_says_that_it_has_gone():
+    diagnostics = BusDiagnostics('driver', 'can0')
+    fault, gone = (decode_emergency(bytes.fromhex(text), 0.0) for text in ('1042090000000000', '0000000000000000'))
+    seen = [levels(diagnostics, statistics(frames=10 * (i + 1)), healthy_but(emergencies=count, last_emergency=last))[1]
+            for i, (count, last) in enumerate([(0, None), (1, fault), (1, fault), (2, gone), (2, gone)])]
+    assert seen == [OK, WARN, WARN, WARN, OK]
+
+
+@pytest.mark.parametrize('health, level', [
+    (BusHealth(), OK), (BusHealth(is_error_passive=True), WARN), (BusHealth(outages=Outages(1, 0.2, 'gone')), WARN),
+    (BusHealth(foreign_commands=1, last_command='node 32 to stop'), WARN)])
+def test_the_bus_is_ok_only_while_nothing_happens_to_it(health, level):
+    assert levels(BusDiagnostics('driver', 'can0'), statistics(), health)[0] == level
+
+
+def test_values_of_a_node_are_told_by_name():
+    last = decode_emergency(bytes.fromhex('3081110000000000'), 0.0)
+    health = healthy_but(heartbeat_age=0.25, emergencies=4, last_emergency=last, outages=Outages(2, 1.5, 'reset'))
+    pad = BusDiagnostics('driver', 'can0').message(statistics(), health._replace(load=0.305)).status
+    values = {item.key: item.value for status in pad for item in status.values}
+    assert values['bus_load_percent'] == '30.5'
+    assert (values['nmt_state'], values['heartbeat_age_s'], values['outages'], values['outage_seconds']) == (
+        'OPERATIONAL', '0.25', '2', '1.50')
+    assert values['emcy_count'] == '4' and 'heartbeat error' in values['emcy_last']

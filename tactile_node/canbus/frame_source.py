@@ -2,6 +2,7 @@
 
 from typing import Protocol
 
+from tactile_node.canbus.health import BusHealth
 from tactile_node.canbus.router import BusStatistics
 
 
@@ -25,3 +26,6 @@ class FrameSource(Protocol):
 
     def statistics(self) -> BusStatistics:
         """Counts so far."""
+
+    def health(self) -> BusHealth:
+        """State of bus and nodes now."""

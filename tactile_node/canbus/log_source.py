@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 
 import can
 
+from tactile_node.canbus.health import BusHealth
 from tactile_node.canbus.logs import CanLogReader
 from tactile_node.canbus.pads import PadSettings, check_pads
 from tactile_node.canbus.router import BusStatistics, OnFrame, Router
@@ -67,6 +68,10 @@ class LogSource:
     def statistics(self) -> BusStatistics:
         unread = self._unread + (self._reader.unread if hasattr(self, '_reader') else 0)
         return self._router.statistics()._replace(unread=unread, consumer_errors=self._consumer_errors)
+
+    def health(self) -> BusHealth:
+        """A log has no nodes to watch; only its end may come early."""
+        return BusHealth(self.failure)
 
     def _all_messages(self) -> Iterator[can.Message]:
         shift = 0.0

@@ -47,7 +47,7 @@ class BusSettings:
 
 
 class SkinBus:
-    """One CAN bus and its pads. Implements FrameSource; see there for the order of calls.
+    """One CAN bus and its pads; FrameSource says the order of calls. A Supervisor keeps it going.
 
     Threads: python-can's notifier only copies frames into a queue; one worker assembles them and calls
     ``on_frame``; the SYNC producer has its own. SDO runs on the caller's thread.
@@ -68,7 +68,7 @@ class SkinBus:
         self._network: BusNetwork | None = None
         self._record: CanLogWriter | None = None
         self._sync: SyncProducer | None = None
-        self._overruns = self._sync_overruns = self._consumer_errors = 0
+        self.syncs_sent = self._overruns = self._sync_overruns = self._consumer_errors = 0
         self._failure: str | None = None
 
     @property
@@ -202,6 +202,7 @@ class SkinBus:
         """The SYNC goes into the queue before it goes on the bus: no TPDO can overtake it."""
         stamp = time.time()
         self._queue.put((OWN_SYNC, b'', stamp))
+        self.syncs_sent += 1
         self._monitor.feed_own(0)
         try:
             self._opened().send_message(self._pads[0].layout.sync_cob_id, b'', stamp=stamp)

@@ -17,7 +17,8 @@ from tactile_node.canbus.frame_source import FrameSource
 from tactile_node.canbus.layout import SkinLayout
 from tactile_node.canbus.log_source import LogSource
 from tactile_node.canbus.pads import PadSettings, make_pad
-from tactile_node.canbus.skin_bus import BusSettings, SkinBus
+from tactile_node.canbus.skin_bus import BusSettings
+from tactile_node.canbus.supervisor import Supervisor
 from tactile_node.errors import ConfigurationError, DeviceError, TactileError
 from tactile_node.nodes.replay_gate import ReplayGate
 from tactile_node.nodes.run import run_node
@@ -126,7 +127,8 @@ class DriverNode(LifecycleNode):
                              log)
         bus = BusSettings(settings.interface, settings.channel, settings.bitrate, settings.sync_period,
                           settings.produce_sync, settings.boot_timeout, record=settings.record)
-        return SkinBus(bus, pads, self._publish, log, self.get_logger().error)
+        return Supervisor(bus, pads, self._publish, log, self.get_logger().error, settings.recover,
+                          settings.heartbeat_timeout)
 
     def _make_gate(self, settings) -> ReplayGate | None:
         """Only a log played as fast as possible needs one, and only where nothing may be lost."""
@@ -146,7 +148,7 @@ class DriverNode(LifecycleNode):
         source = self._source
         if source is None:
             return
-        message = self._findings.message(source.statistics(), source.failure)
+        message = self._findings.message(source.statistics(), source.health())
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
 

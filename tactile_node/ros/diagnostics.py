@@ -1,11 +1,15 @@
-"""What the driver counts, as DiagnosticArray (REP-107): never OK while data is being discarded."""
+"""What the driver counts and sees, as DiagnosticArray (REP-107): never OK while data is being discarded."""
 
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from tactile_node.canbus.assembler import PadStatistics
+from tactile_node.canbus.health import BusHealth, NodeHealth, Outages
 from tactile_node.canbus.router import BusStatistics
+
+#: A pad of a replayed log: nothing is known of its node
+NO_NODE = NodeHealth(0, '', True, None)
 
 
 class Finding(NamedTuple):
@@ -14,21 +18,24 @@ class Finding(NamedTuple):
 
 
 class BusDiagnostics:
-    """Turns successive statistics of one bus into messages; the level speaks of the time between two of them."""
+    """Turns successive states of one bus into messages; the level speaks of the time between two of them."""
 
     def __init__(self, node: str, hardware_id: str):
         self._node, self._hardware_id, self._before = node, hardware_id, None
+        self._health_before = BusHealth()
 
-    def message(self, now: BusStatistics, failure: str | None) -> DiagnosticArray:
-        """``failure``: why nothing can be received any more, None while it can."""
-        before = self._before or _nothing_yet(now)
-        self._before = now
-        statuses = [self._status('bus', _bus_finding(now, before, failure), _bus_values(now))]
-        statuses += [self._status(name, _pad_finding(pad, before.pads[name]), _pad_values(pad))
-                     for name, pad in now.pads.items()]
+    def message(self, now: BusStatistics, health: BusHealth) -> DiagnosticArray:
+        before, health_before = self._before or _nothing_yet(now), self._health_before
+        self._before, self._health_before = now, health
+        statuses = [self._status('bus', _worst(_bus_findings(now, before, health, health_before)),
+                                 _bus_values(now, health))]
+        for name, pad in now.pads.items():
+            node, node_before = health.nodes.get(name, NO_NODE), health_before.nodes.get(name, NO_NODE)
+            findings = [*_node_findings(node, node_before, health.is_active), *_pad_findings(pad, before.pads[name])]
+            statuses.append(self._status(name, _worst(findings), _pad_values(pad) | _node_values(node)))
         return DiagnosticArray(status=statuses)
 
-    def _status(self, part: str, finding: Finding, values: dict[str, int]) -> DiagnosticStatus:
+    def _status(self, part: str, finding: Finding, values: dict[str, object]) -> DiagnosticStatus:
         return DiagnosticStatus(
             level=finding.level, name=f'{self._node}: {part}', message=finding.message, hardware_id=self._hardware_id,
             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])
@@ -40,39 +47,84 @@ def _nothing_yet(now: BusStatistics) -> BusStatistics:
     return BusStatistics(pads, {})
 
 
-def _bus_finding(now: BusStatistics, before: BusStatistics, failure: str | None) -> Finding:
-    if failure is not None:
-        return Finding(DiagnosticStatus.ERROR, failure)
+def _worst(findings: list[Finding]) -> Finding:
+    """The first of the worst ones; the others of its level are told with it."""
+    order = (DiagnosticStatus.ERROR, DiagnosticStatus.WARN, DiagnosticStatus.STALE, DiagnosticStatus.OK)
+    level = next(level for level in order if any(finding.level == level for finding in findings))
+    return Finding(level, '; '.join(finding.message for finding in findings if finding.level == level))
+
+
+def _bus_findings(now: BusStatistics, before: BusStatistics, health: BusHealth,
+                  health_before: BusHealth) -> list[Finding]:
+    if health.failure is not None:
+        return [Finding(DiagnosticStatus.ERROR, health.failure)]
     grown = [name for name, count in _bus_losses(now).items() if count > _bus_losses(before)[name]]
-    if grown:
-        return Finding(DiagnosticStatus.WARN, f'growing: {", ".join(grown)}')
-    return Finding(DiagnosticStatus.OK, 'nothing lost')
+    told = [f'growing: {", ".join(grown)}'] if grown else []
+    told += _new_outages(health.outages, health_before.outages)
+    if health.is_error_passive:
+        told.append('the CAN controller is error-passive: check bit rate, wiring, termination')
+    if health.foreign_commands > health_before.foreign_commands:
+        told.append(f'another NMT master has told {health.last_command}')
+    return [Finding(DiagnosticStatus.WARN, one) for one in told] or [Finding(DiagnosticStatus.OK, 'nothing lost')]
 
 
-def _pad_finding(now: PadStatistics, before: PadStatistics) -> Finding:
+def _node_findings(now: NodeHealth, before: NodeHealth, is_active: bool) -> list[Finding]:
+    findings = [Finding(DiagnosticStatus.ERROR, now.trouble)] if now.trouble else []
+    if not now.is_operational and not now.trouble:
+        level = DiagnosticStatus.ERROR if is_active else DiagnosticStatus.STALE
+        findings.append(Finding(level, f'node {now.node_id} is not OPERATIONAL: {now.state}'))
+    told = _new_outages(now.outages, before.outages)
+    if now.emergencies > before.emergencies or now.last_emergency is not None and not now.last_emergency.is_reset:
+        told.append(f'node {now.node_id}: {now.last_emergency}')
+    if now.distrusted > before.distrusted:
+        told.append(f'{now.distrusted - before.distrusted} taxel frames without values: the node was not configured')
+    return findings + [Finding(DiagnosticStatus.WARN, one) for one in told]
+
+
+def _new_outages(now: Outages, before: Outages) -> list[str]:
+    if now.seconds == before.seconds and now.count == before.count:
+        return []
+    return [f'no taxels for {now.seconds - before.seconds:.2f} s: {now.reason}']
+
+
+def _pad_findings(now: PadStatistics, before: PadStatistics) -> list[Finding]:
     lost = {reason: count - before.losses[reason] for reason, count in now.losses.items()
             if count > before.losses[reason]}
     missing = now.missing - before.missing
     if missing > 0 or lost:
         told = [f'{missing} TPDOs missing'] if missing > 0 else []
         told += [f'{count} TPDOs dropped ({reason})' for reason, count in lost.items()]
-        return Finding(DiagnosticStatus.WARN, ', '.join(told))
+        return [Finding(DiagnosticStatus.WARN, ', '.join(told))]
     if now.published == before.published:
-        return Finding(DiagnosticStatus.STALE, 'no taxel frames')
-    return Finding(DiagnosticStatus.OK, f'{now.published - before.published} taxel frames, none incomplete')
+        return [Finding(DiagnosticStatus.STALE, 'no taxel frames')]
+    return [Finding(DiagnosticStatus.OK, f'{now.published - before.published} taxel frames, none incomplete')]
 
 
 def _bus_losses(statistics: BusStatistics) -> dict[str, int]:
     return {'queue_overruns': statistics.queue_overruns, 'sync_overruns': statistics.sync_overruns,
-            'consumer_errors': statistics.consumer_errors, 'unread_log_lines': statistics.unread}
+            'consumer_errors': statistics.consumer_errors, 'unread_log_lines': statistics.unread,
+            'error_frames': statistics.can_frames.get('error', 0)}
 
 
-def _bus_values(statistics: BusStatistics) -> dict[str, int]:
+def _bus_values(statistics: BusStatistics, health: BusHealth) -> dict[str, object]:
     return {**{f'can_frames_{name}': count for name, count in statistics.can_frames.items()},
-            **_bus_losses(statistics)}
+            **_bus_losses(statistics), 'bus_load_percent': f'{100 * health.load:.1f}',
+            'error_passive': health.is_error_passive, 'outages': health.outages.count,
+            'outage_seconds': f'{health.outages.seconds:.2f}', 'outage_last_reason': health.outages.reason,
+            'foreign_nmt_commands': health.foreign_commands, 'foreign_nmt_last': health.last_command}
 
 
-def _pad_values(pad: PadStatistics) -> dict[str, int]:
+def _pad_values(pad: PadStatistics) -> dict[str, object]:
     return {'frames_complete': pad.complete, 'frames_incomplete': pad.incomplete,
             'tpdos_expected': pad.expected, 'tpdos_received': pad.received, 'tpdos_used': pad.used,
             **{f'tpdos_dropped_{reason}': count for reason, count in pad.losses.items()}}
+
+
+def _node_values(node: NodeHealth) -> dict[str, object]:
+    if not node.node_id:
+        return {}
+    age = 'never heard' if node.heartbeat_age is None else f'{node.heartbeat_age:.2f}'
+    return {'node_id': node.node_id, 'nmt_state': node.state, 'heartbeat_age_s': age, 'boot_ups': node.boots,
+            'emcy_count': node.emergencies, 'emcy_last': node.last_emergency or '',
+            'outages': node.outages.count, 'outage_seconds': f'{node.outages.seconds:.2f}',
+            'outage_last_reason': node.outages.reason, 'frames_distrusted': node.distrusted}

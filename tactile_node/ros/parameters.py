@@ -45,6 +45,9 @@ DRIVER = (
     Parameter('sync_period', 0.02, 'time between two SYNCs, that is two frames [s]', 0.001, 10),
     Parameter('produce_sync', True, 'send SYNC ourselves; false: another node on the bus does'),
     Parameter('boot_timeout', 5.0, 'how long to wait for each device to answer at configure [s]', 0.1, 3600),
+    Parameter('heartbeat_timeout', 0.5, 'a node not heard for so long is told as gone [s]; it sends every 0.1 s', 0.3,
+              60),
+    Parameter('recover', True, 'mend a failed bus and devices that start anew; false: only tell of them'),
     Parameter('autostart', True, 'configure and activate at start; false: leave it to a lifecycle manager'),
     *QUEUE,
 )

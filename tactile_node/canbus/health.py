@@ -1,0 +1,41 @@
+"""How a bus and its nodes are, at one moment: what the driver tells on /diagnostics."""
+
+from typing import NamedTuple
+
+from tactile_node.canbus.emergency import Emergency
+
+
+class Outages(NamedTuple):
+    """Times without taxels since construction, the one under way included."""
+
+    count: int = 0
+    seconds: float = 0.0
+    reason: str = ''  #: of the last one
+
+
+class NodeHealth(NamedTuple):
+    """One pad's node. ``trouble`` is a sentence, empty while all is well."""
+
+    node_id: int
+    state: str  #: NMT state by name
+    is_operational: bool
+    heartbeat_age: float | None  #: [s], None when it was never heard
+    trouble: str = ''
+    boots: int = 0  #: boot-up messages seen
+    emergencies: int = 0
+    last_emergency: Emergency | None = None
+    outages: Outages = Outages()
+    distrusted: int = 0  #: taxel frames given without values, since the node was not configured
+
+
+class BusHealth(NamedTuple):
+    """``failure``: why nothing can be received, None while it can; ``nodes`` by pad name, none for a log."""
+
+    failure: str | None = None
+    is_active: bool = True  #: SYNC on, nodes are to be OPERATIONAL
+    nodes: dict[str, NodeHealth] = {}  #: read only
+    outages: Outages = Outages()
+    load: float = 0.0  #: part of the bus's time in use, bit stuffing at its worst, over the last second
+    is_error_passive: bool = False
+    foreign_commands: int = 0
+    last_command: str = ''  #: of another master
