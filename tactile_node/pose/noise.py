@@ -27,11 +27,11 @@ class Calibration(NamedTuple):
 #: Factors found by `bench/bench_pose.py --calibrate --patterns 50` on training seeds (1200 fits each); rim
 #: noise chosen there, so that clean frames and noisy ones ask for nearly the same factor.
 CALIBRATION = {
-    Shape.CIRCLE: Calibration(0.018, 1.00, 0.26),
-    Shape.SQUARE: Calibration(0.020, 1.03, 0.46),
-    Shape.RECTANGLE: Calibration(0.021, 1.01, 0.43),
-    Shape.RIGHT_TRIANGLE: Calibration(0.030, 0.91, 0.48),
-    Shape.ISOSCELES_TRIANGLE: Calibration(0.024, 1.14, 0.57),
+    Shape.CIRCLE: Calibration(0.018, 1.00, 0.25),
+    Shape.SQUARE: Calibration(0.020, 1.01, 0.49),
+    Shape.RECTANGLE: Calibration(0.021, 1.06, 0.46),
+    Shape.RIGHT_TRIANGLE: Calibration(0.030, 0.96, 0.45),
+    Shape.ISOSCELES_TRIANGLE: Calibration(0.024, 1.16, 0.47),
 }
 
 
