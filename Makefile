@@ -20,7 +20,7 @@ unexport PYTHONPATH
 SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test bench train reproduce lint lock clean
+.PHONY: help setup demo test faults bench train reproduce lint lock clean
 
 help:  ## say what there is
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -67,6 +67,9 @@ train: $(BENCH_VENV)/.installed  ## train the shape recogniser anew (about two h
 
 reproduce: setup  ## the paper's figures and claims beside ours, on one page in reproduction/
 	@$(BIN)/tactile reproduce --output reproduction --jobs 2
+
+faults: setup  ## inject every fault of the catalogue, print what the user sees and how fast it is over
+	@$(BIN)/python test/fault_catalogue.py
 
 lint: setup  ## style only
 	@$(BIN)/ruff check --quiet .

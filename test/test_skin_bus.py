@@ -261,3 +261,21 @@ def test_error_and_foreign_frames_do_not_disturb():
         bench.forget()
         assert len(bench.take_whole(5)) == 5
         assert bench.driver.failure is None
+
+
+def test_sync_of_another_producer_gives_no_frames_while_inactive():
+    with Bench('inactive', produce_sync=False) as bench, can.Bus('inactive', interface='virtual') as other:
+        def sync(count):
+            for _ in range(count):
+                other.send(can.Message(arbitration_id=0x80, is_extended_id=False))
+        bench.driver.open()
+        bench.driver.configure()
+        sync(3)
+        bench.driver.start()
+        sync(2)
+        assert bench.take(1)[0][1].sequence == 0
+        bench.driver.stop()
+        sync(3)
+        assert wait_until(lambda: bench.driver.statistics().can_frames.get('sync') == 8)
+        bench.driver.close()
+        assert bench.driver.statistics().pads['pad32'].published <= 2 and bench.frames.qsize() <= 1

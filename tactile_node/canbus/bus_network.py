@@ -16,6 +16,8 @@ from tactile_node.canbus.slcan_bus import BulkSlcanBus
 from tactile_node.errors import BusError
 
 logger = logging.getLogger(__name__)
+# An SDO timeout is told by whoever asked, in a sentence; canopen's own line adds nothing and names no node
+logging.getLogger('canopen.sdo').setLevel(logging.CRITICAL)
 
 RECEIVE_TIMEOUT = 0.1  # s the notifier waits at most, hence how long close() may take
 

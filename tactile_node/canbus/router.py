@@ -40,16 +40,19 @@ class Router:
         self._assemblers = {pad.name: FrameAssembler(pad.layout, pad.node_id, one_clock) for pad in pads}
         self._owner = {can_id: (name, assembler.feed)
                        for name, assembler in self._assemblers.items() for can_id in assembler.can_ids}
+        self.is_running = True  #: False: SYNCs of others part no periods, so there are no frames
         self._foreign_sync, self._sync_id = foreign_sync, pads[0].layout.sync_cob_id
         self._on_frame = on_frame
         self._counts: Counter[str] = Counter()
 
     def restart(self) -> None:
+        self.is_running = True
         for assembler in self._assemblers.values():
             assembler.restart()
 
     def resume(self, lost_periods: int) -> None:
         """After an outage: forget the period under way, leave out the sequence numbers of those lost."""
+        self.is_running = True
         for assembler in self._assemblers.values():
             assembler.resume(lost_periods)
 
@@ -66,7 +69,7 @@ class Router:
             self._hand_over(owner[0], owner[1](can_id, data, stamp))
         elif can_id == self._sync_id:
             self._counts['sync'] += 1
-            if self._foreign_sync:
+            if self._foreign_sync and self.is_running:
                 self.sync(stamp)
         else:
             self._counts[service_of(can_id)] += 1

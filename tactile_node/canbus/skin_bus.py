@@ -4,8 +4,7 @@ import logging
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from queue import SimpleQueue
 from typing import Any
 
@@ -13,6 +12,7 @@ import can
 
 from tactile_node.canbus.bus_monitor import NMT, BusMonitor
 from tactile_node.canbus.bus_network import BusNetwork, open_bus
+from tactile_node.canbus.bus_settings import BusSettings
 from tactile_node.canbus.device_setup import DeviceSetup
 from tactile_node.canbus.heartbeat import NmtState
 from tactile_node.canbus.logs import CanLogWriter
@@ -27,23 +27,7 @@ NMT_START, NMT_ENTER_PRE_OPERATIONAL = 0x01, 0x80
 # Interfaces that stamp reception by the clock our own SYNC is stamped by
 HOST_STAMPED = ('socketcan', 'virtual')
 CONSUMER_PATIENCE = 2.0  # s that close() waits for an on_frame under way
-OWN_SYNC, RESTART, RESUME, END = -1, -2, -3, -4  # events in the receive queue beside CAN frames
-
-
-@dataclass(frozen=True)
-class BusSettings:
-    """How to reach the bus; ``options`` go to python-can's Bus as they are."""
-
-    interface: str
-    channel: str
-    bitrate: int = 1_000_000
-    sync_period: float = 0.02  #: [s]
-    produce_sync: bool = True  #: False: another device sends SYNC
-    boot_timeout: float = 5.0  #: how long each device may take to answer [s]
-    heartbeat_ms: int = 100  #: written to each device's 0x1017
-    queue_limit: int = 20_000  #: CAN frames that may wait for the worker
-    record: str = ''  #: log file for everything on the bus, own frames included
-    options: Mapping[str, Any] = field(default_factory=dict)
+OWN_SYNC, RESTART, RESUME, PAUSE, END = -1, -2, -3, -4, -5  # events in the receive queue beside CAN frames
 
 
 class SkinBus:
@@ -85,7 +69,7 @@ class SkinBus:
         record = self._open_record(bus)
         self._failure = None
         self._monitor.restart()
-        self._queue = SimpleQueue()
+        self._queue, self._router.is_running = SimpleQueue(), False
         self._worker = threading.Thread(target=self._work, args=(self._queue,), name='assembler', daemon=True)
         self._worker.start()
         self._network = BusNetwork(bus, self._received, self._fail, record,
@@ -139,6 +123,7 @@ class SkinBus:
         self._sync.stop()
         self._sync_overruns += self._sync.overruns
         self._sync = None
+        self._queue.put((PAUSE, b'', 0.0))
         for pad in self._pads if self._failure is None else ():
             try:
                 self._command(NMT_ENTER_PRE_OPERATIONAL, pad)
@@ -246,6 +231,8 @@ class SkinBus:
                 self._router.restart()
             elif can_id == RESUME:
                 self._router.resume(int(stamp))
+            elif can_id == PAUSE:
+                self._router.is_running = False
             else:
                 return
 

@@ -10,19 +10,19 @@ import threading
 import time
 from collections.abc import Callable
 
-import numpy as np
-
 from tactile_node.canbus.assembler import PadStatistics
 from tactile_node.canbus.bus_load import BusLoad
 from tactile_node.canbus.bus_monitor import BusMonitor
+from tactile_node.canbus.bus_settings import BusSettings
 from tactile_node.canbus.health import BusHealth
 from tactile_node.canbus.node_watch import Ailment, NodeWatch, Trouble
 from tactile_node.canbus.outage import Backoff, OutageClock, Reminder
 from tactile_node.canbus.pads import PadSettings
 from tactile_node.canbus.router import BusStatistics, OnFrame
-from tactile_node.canbus.skin_bus import BusSettings, SkinBus
+from tactile_node.canbus.skin_bus import SkinBus
+from tactile_node.canbus.taxel_codec import without_values
 from tactile_node.errors import BusError, DeviceError, LogError
-from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.taxel_frame import TaxelFrame
 
 logger = logging.getLogger(__name__)
 
@@ -249,15 +249,5 @@ class Supervisor:
         node = self._nodes[name]
         if not node.is_trusted:
             node.distrusted += 1
-            frame = _without_values(frame, len(node.pad.layout.tpdos))
+            frame = without_values(frame, len(node.pad.layout.tpdos))
         self._on_frame(name, frame)
-
-
-def _without_values(frame: TaxelFrame, tpdos: int) -> TaxelFrame:
-    """What a node sends that is not configured means nothing."""
-    given = np.isin(frame.status, (TaxelStatus.VALID, TaxelStatus.SATURATED))
-    status = np.where(given, np.uint8(TaxelStatus.STALE), frame.status)
-    values = np.full_like(frame.values, np.nan)
-    for array in (values, status):
-        array.setflags(write=False)
-    return frame._replace(values=values, status=status, missing_can_frames=tpdos)

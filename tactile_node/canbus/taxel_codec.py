@@ -3,7 +3,7 @@
 import numpy as np
 
 from tactile_node.canbus.layout import SkinLayout
-from tactile_node.taxel_frame import TaxelStatus
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 
 class TaxelCodec:
@@ -70,3 +70,13 @@ class TaxelCodec:
 def _read_only(array: np.ndarray) -> np.ndarray:
     array.flags.writeable = False
     return array
+
+
+def without_values(frame: TaxelFrame, tpdos: int) -> TaxelFrame:
+    """The frame with NaN and STALE in place of all values, its ``tpdos`` missing: their meaning is not known."""
+    given = np.isin(frame.status, (TaxelStatus.VALID, TaxelStatus.SATURATED))
+    status = np.where(given, np.uint8(TaxelStatus.STALE), frame.status)
+    values = np.full_like(frame.values, np.nan)
+    for array in (values, status):
+        array.setflags(write=False)
+    return frame._replace(values=values, status=status, missing_can_frames=tpdos)

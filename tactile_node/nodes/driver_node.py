@@ -13,11 +13,11 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
+from tactile_node.canbus.bus_settings import BusSettings
 from tactile_node.canbus.frame_source import FrameSource
 from tactile_node.canbus.layout import SkinLayout
 from tactile_node.canbus.log_source import LogSource
 from tactile_node.canbus.pads import PadSettings, make_pad
-from tactile_node.canbus.skin_bus import BusSettings
 from tactile_node.canbus.supervisor import Supervisor
 from tactile_node.errors import ConfigurationError, DeviceError, TactileError
 from tactile_node.nodes.replay_gate import ReplayGate

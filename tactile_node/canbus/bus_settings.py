@@ -1,0 +1,21 @@
+"""How a bus is reached and run."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class BusSettings:
+    """How to reach the bus; ``options`` go to python-can's Bus as they are."""
+
+    interface: str
+    channel: str
+    bitrate: int = 1_000_000
+    sync_period: float = 0.02  #: [s]
+    produce_sync: bool = True  #: False: another device sends SYNC
+    boot_timeout: float = 5.0  #: how long each device may take to answer [s]
+    heartbeat_ms: int = 100  #: written to each device's 0x1017
+    queue_limit: int = 20_000  #: CAN frames that may wait for the worker
+    record: str = ''  #: log file for everything on the bus, own frames included
+    options: Mapping[str, Any] = field(default_factory=dict)

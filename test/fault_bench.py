@@ -1,0 +1,105 @@
+"""Where the faults of the catalogue are injected: a supervised driver, a skin, another participant on the bus."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import can
+import numpy as np
+from can_bench import Bench, wait_until
+from faulty_bus import Adapter
+
+from tactile_node.canbus import skin_bus
+from tactile_node.canbus.skin_bus import BusSettings
+from tactile_node.canbus.supervisor import Supervisor
+from tactile_node.taxel_frame import TaxelStatus
+
+LAYOUT, SIDE, PRESSED = 'sim8x8_16bit.yaml', 8, 12.5
+PATIENCE = 20.0  # s; a busy machine may be slow, a wrong one never gets there
+
+
+class FaultBench(Bench):
+    """Pads of 8x8 taxels that all read PRESSED; every frame published is kept and checked at the end.
+
+    ``cause`` and ``end_of_cause`` mark when the fault acts; ``detected`` and ``publishing_again`` [s] are
+    measured from them.
+    """
+
+    def __init__(self, channel: str, nodes: tuple[int, ...] = (32,), recover: bool = True, **settings: Any):
+        super().__init__(channel, LAYOUT, nodes, source=lambda t: np.full((SIDE, SIDE), PRESSED))
+        self.adapter, self.kept, self.complaints = Adapter(), [], []
+        self.settings = BusSettings('virtual', channel, **{'sync_period': 0.02} | settings)
+        self.driver = Supervisor(self.settings, tuple(self.pads), self._keep, self.said.append,
+                                 self.complaints.append, recover)
+        self.detected = self.publishing_again = None
+        self._begun = self._ended = 0.0
+
+    def __enter__(self) -> 'FaultBench':
+        self._open_bus, skin_bus.open_bus = skin_bus.open_bus, self.adapter.open
+        super().__enter__()
+        self.other = can.Bus(self.channel, interface='virtual')
+        return self
+
+    def __exit__(self, *problem: object) -> None:
+        self.other.shutdown()
+        super().__exit__(*problem)
+        skin_bus.open_bus = self._open_bus
+        if problem[0] is None:
+            self._check_all()
+
+    @property
+    def device(self):
+        return self.simulator.devices['pad32']
+
+    def run(self) -> 'FaultBench':
+        super().run()
+        self.wait_for_whole('pad32')
+        return self
+
+    def send(self, can_id: int, data: str = '') -> None:
+        self.other.send(can.Message(arbitration_id=can_id, is_extended_id=False, data=bytes.fromhex(data)))
+
+    def node(self, pad: str = 'pad32'):
+        return self.driver.health().nodes[pad]
+
+    def cause(self) -> None:
+        self._begun = self._ended = time.monotonic()
+
+    def end_of_cause(self) -> None:
+        self._ended = time.monotonic()
+
+    def wait(self, condition: Callable[[], bool], what: str) -> None:
+        assert wait_until(condition, PATIENCE), f'{what}; {self.driver.health()}; {self.complaints}'
+
+    def detect(self, text: str) -> None:
+        """Wait until a complaint says ``text``."""
+        self.wait(lambda: any(text in sentence for sentence in tuple(self.complaints)), f'nobody says {text!r}')
+        self.detected = time.monotonic() - self._begun
+
+    def recover(self, *pads: str) -> None:
+        """Wait until whole frames come again that were acquired after the cause had ended."""
+        for pad in pads or ('pad32',):
+            self.wait_for_whole(pad, time.time() - (time.monotonic() - self._ended))
+        self.publishing_again = time.monotonic() - self._ended
+        self.wait(lambda: all(not node.trouble and node.is_operational
+                              for node in self.driver.health().nodes.values()), 'trouble stays')
+
+    def wait_for_whole(self, pad: str, after: float = 0.0) -> None:
+        def has_come() -> bool:
+            return any(name == pad and frame.stamp > after and not frame.missing_can_frames
+                       for name, frame in self.kept[-20:])
+        self.wait(has_come, f'no whole frames of {pad}')
+
+    def _keep(self, name: str, frame) -> None:
+        self.kept.append((name, frame))
+
+    def _check_all(self) -> None:
+        """Nothing wrong was published as valid, no sequence number and no stamp twice, in the whole run."""
+        for pad in self.pads:
+            frames = [frame for name, frame in self.kept if name == pad.name]
+            assert all((np.diff([getattr(frame, key) for frame in frames]) > 0).all() for key in ('sequence', 'stamp'))
+            for frame in frames:
+                valid = frame.status == TaxelStatus.VALID
+                assert np.isnan(frame.values[~valid]).all()
+                np.testing.assert_allclose(frame.values[valid], PRESSED, atol=0.01)
+                assert valid.all() == (frame.missing_can_frames == 0)

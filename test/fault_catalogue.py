@@ -1,0 +1,358 @@
+"""The faults a driver on a factory floor meets: each function injects one and states what the user sees.
+
+`python test/fault_catalogue.py` prints them as a table, with the times measured. Every FaultBench also checks,
+as it ends, that all taxels published as valid were right and that no sequence number or stamp came twice.
+"""
+
+import sys
+import threading
+from collections.abc import Callable
+
+import can
+from fault_bench import FaultBench
+
+ALL_TPDOS = range(1, 17)  # of the pad of 8x8 taxels
+COB_IDS = [0x1A0 + 0x100 * (i // 4) + i % 4 for i in range(16)]
+
+
+def power_cycled_in_mid_stream(channel: str) -> FaultBench:
+    """The device is configured and started again; a sentence names it, the outage is counted."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        bench.device.power_off()
+        bench.device.boot()
+        bench.end_of_cause()
+        bench.detect('has started anew')
+        bench.recover()
+        bench.wait(lambda: bench.node().outages.count == 1 and bench.node().boots == 1, 'outage not counted')
+    return bench
+
+
+def absent_then_back(channel: str) -> FaultBench:
+    """The device is told as silent, its taxels are NaN; it is used again as soon as it boots."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        bench.device.power_off()
+        bench.detect('sends neither heartbeat nor taxels')
+        bench.wait(lambda: bench.kept[-1][1].missing_can_frames == 16, 'frames of a dead pad')
+        bench.device.boot()
+        bench.end_of_cause()
+        bench.recover()
+    return bench
+
+
+def absent_at_configure_then_late(channel: str) -> FaultBench:
+    """configure says whom it waits for, and goes on when the device comes."""
+    with FaultBench(channel) as bench:
+        bench.device.power_off()
+        starter = threading.Thread(target=bench.run)
+        bench.cause()
+        starter.start()
+        bench.wait(lambda: any('Waiting for node 32' in said for said in bench.said), 'waits in silence')
+        bench.device.boot()
+        bench.end_of_cause()
+        bench.recover()
+        starter.join()
+    return bench
+
+
+def one_of_two_pads_lost(channel: str) -> FaultBench:
+    """Only that pad is told as silent; the other goes on, frame by frame."""
+    with FaultBench(channel, (32, 64)) as bench:
+        bench.run()
+        bench.wait_for_whole('pad64')
+        bench.cause()
+        bench.device.power_off()
+        bench.detect('Node 32 (pad \'pad32\'): it sends neither')
+        assert not bench.node('pad64').trouble and bench.node('pad64').outages.count == 0
+        bench.wait_for_whole('pad64', bench.kept[-1][1].stamp)
+        bench.device.boot()
+        bench.end_of_cause()
+        bench.recover('pad32', 'pad64')
+        assert bench.node('pad64').outages.count == 0
+    return bench
+
+
+def boot_up_message_lost(channel: str) -> FaultBench:
+    """A device that booted unheard sends nothing of itself: it is found by asking, and configured."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        bench.adapter.dropped = {0x720}
+        bench.device.power_off()
+        bench.device.boot()
+        bench.wait(lambda: bytes(1) in bench.adapter.lost, 'boot-up not lost')
+        bench.adapter.dropped = set()
+        bench.end_of_cause()
+        bench.detect('sends neither heartbeat nor taxels')
+        bench.recover()
+    return bench
+
+
+def another_device_comes_back(channel: str) -> FaultBench:
+    """A device of another vendor is refused: told by its identity, none of its taxels is published."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        bench.device.power_off()
+        bench.device.lie(0x1018, 1, (0x99).to_bytes(4, 'little'))
+        bench.device.boot()
+        bench.detect('vendor 0x99')
+        bench.wait(lambda: bench.node().distrusted > 0, 'its taxels are trusted')
+        assert not bench.node().is_operational
+        bench.device.power_off()
+        bench.device.boot()
+        bench.end_of_cause()
+        bench.recover()
+    return bench
+
+
+def _told_by_another_master(channel: str, command: str, says: str) -> FaultBench:
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        bench.send(0x000, command)
+        bench.end_of_cause()
+        bench.detect(says)
+        bench.recover()
+        assert bench.driver.health().foreign_commands == 1 and bench.node().outages.count <= 1
+    return bench
+
+
+def reset_by_another_master(channel: str) -> FaultBench:
+    """The other master's command is told; the device is configured and started again."""
+    return _told_by_another_master(channel, '8120', 'Another NMT master has told node 32 to reset node')
+
+
+def all_reset_by_another_master(channel: str) -> FaultBench:
+    """A reset of all nodes is told and mended like one of a single node."""
+    return _told_by_another_master(channel, '8200', 'told all nodes to reset communication')
+
+
+def stopped_by_another_master(channel: str) -> FaultBench:
+    """The command and the state STOPPED are told; the device is started again."""
+    bench = _told_by_another_master(channel, '0220', 'Another NMT master has told node 32 to stop')
+    assert any('it is not OPERATIONAL' in sentence for sentence in bench.complaints)
+    return bench
+
+
+def refuses_operational(channel: str) -> FaultBench:
+    """A device that stays PRE-OPERATIONAL is an error on /diagnostics for as long as it does."""
+    with FaultBench(channel) as bench:
+        bench.run()
+        bench.device.refuses_start = True
+        bench.cause()
+        bench.send(0x000, '8020')
+        bench.detect('it is not OPERATIONAL')
+        bench.wait(lambda: bench.node().state == 'PRE-OPERATIONAL' and bool(bench.node().trouble), 'not told')
+        bench.device.refuses_start = False
+        bench.end_of_cause()
+        bench.recover()
+    return bench
+
+
+def adapter_unplugged(channel: str) -> FaultBench:
+    """The bus is told as failed with the reason, opened again until it works; the outage is counted."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        bench.adapter.is_plugged = False
+        bench.detect('CAN bus has failed')
+        bench.wait(lambda: any('no such device' in one for one in bench.complaints), 'does not say what it waits for')
+        assert bench.driver.failure
+        bench.adapter.is_plugged = True
+        bench.end_of_cause()
+        bench.recover()
+        bench.wait(lambda: bench.driver.failure is None, 'failure stays')
+        assert bench.driver.health().outages.count == bench.node().outages.count == 1
+    return bench
+
+
+def sending_fails(channel: str) -> FaultBench:
+    """A bus on which nothing can be sent is opened again until it works."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        bench.adapter.can_send = False
+        bench.detect('Transmit buffer full')
+        bench.wait(lambda: bench.adapter.opened > 3, 'the bus is not tried again')
+        bench.adapter.can_send = True
+        bench.end_of_cause()
+        bench.recover()
+    return bench
+
+
+def bus_off(channel: str) -> FaultBench:
+    """The controller's error frame is told as bus-off, the bus opened anew."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        bench.other.send(can.Message(is_error_frame=True, arbitration_id=0x040, is_extended_id=False, data=bytes(8)))
+        bench.end_of_cause()
+        bench.detect('bus-off')
+        bench.recover()
+        assert bench.adapter.opened == 2
+    return bench
+
+
+def error_frames(channel: str) -> FaultBench:
+    """Error frames are counted; error-passive is told until it ends; the taxels go on."""
+    with FaultBench(channel) as bench:
+        bench.run()
+        for flags in (0x30, 0x10):
+            bench.other.send(can.Message(is_error_frame=True, arbitration_id=0x004, is_extended_id=False,
+                                         data=bytes([0, flags, 0, 0, 0, 0, 0, 0])))
+        bench.wait(lambda: bench.driver.health().is_error_passive, 'not told')
+        bench.wait(lambda: bench.driver.statistics().can_frames['error'] == 2, 'not counted')
+        bench.other.send(can.Message(is_error_frame=True, arbitration_id=0x004, is_extended_id=False,
+                                     data=bytes([0, 0x40, 0, 0, 0, 0, 0, 0])))
+        bench.wait(lambda: not bench.driver.health().is_error_passive, 'it stays')
+        bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
+        assert bench.driver.failure is None and bench.node().outages.count == 0
+    return bench
+
+
+def heartbeat_lost_while_taxels_flow(channel: str) -> FaultBench:
+    """It is told; no taxel is lost by it, and it counts as no outage."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        bench.adapter.dropped = {0x720}
+        bench.detect('it sends taxels but no heartbeat')
+        bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
+        bench.adapter.dropped = set()
+        bench.end_of_cause()
+        bench.recover()
+        assert bench.node().outages.count == 0
+    return bench
+
+
+def heartbeat_switched_off_by_another_master(channel: str) -> FaultBench:
+    """It is told, and switched on again while the taxels flow."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        bench.send(0x620, '2B17100000000000')  # 0x1017 = 0
+        bench.end_of_cause()
+        bench.detect('it sends taxels but no heartbeat')
+        bench.recover()
+        assert bench.node().outages.count == 0
+    return bench
+
+
+def taxels_lost_while_heartbeat_flows(channel: str) -> FaultBench:
+    """A node that is OPERATIONAL without taxels is told as such."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        bench.adapter.dropped = set(COB_IDS)
+        bench.detect('it is OPERATIONAL but sends no taxels')
+        bench.adapter.dropped = set()
+        bench.end_of_cause()
+        bench.recover()
+        bench.wait(lambda: bench.node().outages.count == 1, 'outage not counted')
+    return bench
+
+
+def tpdos_switched_off_by_another_master(channel: str) -> FaultBench:
+    """The missing taxels are told, and the configuration is written again."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        for number, can_id in zip(ALL_TPDOS, COB_IDS):
+            bench.send(0x620, f'23{number - 1:02X}1801{can_id & 0xFF:02X}{can_id >> 8:02X}0080')
+        bench.end_of_cause()
+        bench.detect('it is OPERATIONAL but sends no taxels')
+        bench.recover()
+    return bench
+
+
+def sync_of_another_producer_stops(channel: str) -> FaultBench:
+    """It is told that SYNC is missing; the device is left alone."""
+    with FaultBench(channel, produce_sync=False) as bench:
+        sync = can.Message(arbitration_id=0x080, is_extended_id=False)
+        producer = bench.other.send_periodic(sync, 0.02)
+        bench.run().cause()
+        producer.stop()
+        bench.detect('it waits for SYNC')
+        assert bench.node().is_operational
+        bench.other.send_periodic(sync, 0.02)
+        bench.end_of_cause()
+        bench.recover()
+    return bench
+
+
+def emcy_storm(channel: str) -> FaultBench:
+    """The first EMCY is told decoded, all are counted, few are told, sixteen are kept; the taxels go on."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        for i in range(2000):
+            bench.send(0x0A0, f'1042 09 {i:010X}')
+        bench.detect('EMCY 0x4210 (device temperature), error register: generic, temperature')
+        bench.wait(lambda: bench.node().emergencies == 2000, 'not all counted')
+        bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
+        history = bench.driver.monitor.emergencies[32].history
+        assert [one.manufacturer[-1] for one in history] == [i & 0xFF for i in range(1984, 2000)]
+        assert len(bench.complaints) < 10
+    return bench
+
+
+def short_emcy(channel: str) -> FaultBench:
+    """An EMCY without all of its bytes tells what it holds."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        for data in ('', '10', '1042', '104209'):
+            bench.send(0x0A0, data)
+        bench.wait(lambda: bench.node().emergencies == 4, 'not counted')
+        bench.detect('EMCY')
+        assert [(one.code, one.register) for one in bench.driver.monitor.emergencies[32].history] == [
+            (None, None), (None, None), (0x4210, None), (0x4210, 9)]
+        bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
+    return bench
+
+
+def foreign_frames(channel: str) -> FaultBench:
+    """Devices of other makers, node guarding with its toggle bit and empty heartbeats disturb nothing."""
+    with FaultBench(channel) as bench:
+        bench.run()
+        for can_id, data in ((0x555, '01'), (0x720, '85'), (0x720, ''), (0x733, '00'), (0x0B3, '10'), (0x000, '01'),
+                             (0x000, '0133'), (0x000, '')):
+            bench.send(can_id, data)
+        bench.other.send(can.Message(arbitration_id=0x720, is_extended_id=False, is_remote_frame=True))
+        bench.other.send(can.Message(arbitration_id=0x1A0, is_extended_id=True, data=bytes(8)))
+        bench.wait(lambda: bench.driver.statistics().can_frames.get('foreign') == 2, 'not counted')
+        bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
+        assert not bench.complaints and bench.node().state == 'OPERATIONAL' and not bench.node().trouble
+    return bench
+
+
+def fails_while_inactive(channel: str) -> FaultBench:
+    """Bus and device are made ready again; activate then works as ever."""
+    with FaultBench(channel) as bench:
+        bench.driver.open()
+        bench.driver.configure()
+        bench.cause()
+        bench.adapter.is_plugged = False
+        bench.detect('CAN bus has failed')
+        bench.device.power_off()
+        bench.device.boot()
+        bench.adapter.is_plugged = True
+        bench.end_of_cause()
+        bench.wait(lambda: bench.driver.failure is None and not bench.node().trouble, 'not ready')
+        assert not bench.kept
+        bench.driver.start()
+        bench.recover()
+        assert bench.kept[0][1].sequence == 0
+    return bench
+
+
+FAULTS: tuple[Callable[[str], FaultBench], ...] = (
+    power_cycled_in_mid_stream, absent_then_back, absent_at_configure_then_late, one_of_two_pads_lost,
+    boot_up_message_lost, another_device_comes_back, reset_by_another_master, all_reset_by_another_master,
+    stopped_by_another_master, refuses_operational, adapter_unplugged, sending_fails, bus_off, error_frames,
+    heartbeat_lost_while_taxels_flow, heartbeat_switched_off_by_another_master, taxels_lost_while_heartbeat_flows,
+    tpdos_switched_off_by_another_master, sync_of_another_producer_stops, emcy_storm, short_emcy, foreign_frames,
+    fails_while_inactive)
+
+
+def main() -> None:
+    """Print the catalogue, each fault injected now."""
+    print(f'{"fault":42} {"told [s]":>8} {"again [s]":>9}  what the user sees')
+    for fault in FAULTS:
+        bench = fault(f'catalogue {fault.__name__}')
+        times = [f'{time:.2f}' if time is not None else '-' for time in (bench.detected, bench.publishing_again)]
+        print(f'{fault.__name__.replace("_", " "):42} {times[0]:>8} {times[1]:>9}  {fault.__doc__}', flush=True)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

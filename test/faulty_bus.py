@@ -1,0 +1,43 @@
+"""A virtual bus whose adapter can be pulled out, and one that loses frames: what a test needs to break."""
+
+import can
+from can.interfaces.virtual import VirtualBus
+
+from tactile_node.errors import BusError
+
+
+class Adapter:
+    """Opens buses in place of ``open_bus``; every fault acts on the ones open now and on those to come."""
+
+    def __init__(self):
+        self.is_plugged = self.can_send = True
+        self.dropped = set()  #: CAN identifiers that the adapter does not hand over
+        self.lost: list[bytes] = []  #: what was not handed over
+        self.opened = 0
+
+    def open(self, interface: str, channel: str, bitrate: int, options: object) -> can.BusABC:
+        if not self.is_plugged:
+            raise BusError(f'CAN bus {interface} {channel}', expected='a bus that opens', got='no such device',
+                           remedy='Plug it in.')
+        self.opened += 1
+        return FaultyBus(self, channel)
+
+
+class FaultyBus(VirtualBus):
+    def __init__(self, adapter: Adapter, channel: str):
+        self._adapter = adapter
+        super().__init__(channel=channel)
+
+    def _recv_internal(self, timeout):
+        if not self._adapter.is_plugged:
+            raise can.CanOperationError('Network is down', 100)
+        message, filtered = super()._recv_internal(timeout)
+        if message is not None and message.arbitration_id in self._adapter.dropped:
+            self._adapter.lost.append(bytes(message.data))
+            return None, filtered
+        return message, filtered
+
+    def send(self, msg, timeout=None):
+        if not (self._adapter.is_plugged and self._adapter.can_send):
+            raise can.CanOperationError('Transmit buffer full', 105)
+        super().send(msg, timeout)

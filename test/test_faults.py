@@ -1,0 +1,49 @@
+"""The catalogue of faults: what a user sees of each, and that the taxels stay right."""
+
+import pytest
+from fault_bench import FaultBench
+from fault_catalogue import FAULTS
+
+from tactile_node.canbus.emergency import decode_emergency
+
+
+@pytest.mark.parametrize('fault', FAULTS, ids=lambda fault: fault.__name__)
+def test_fault(fault):
+    fault(f'test {fault.__name__}')
+
+
+def test_without_recovery_faults_are_told_and_left_alone():
+    with FaultBench('left alone', recover=False) as bench:
+        bench.run()
+        bench.send(0x000, '0220')
+        bench.wait(lambda: 'not OPERATIONAL' in bench.node().trouble, 'not told')
+        bench.adapter.is_plugged = False
+        bench.wait(lambda: bench.driver.failure is not None, 'not told')
+        assert bench.adapter.opened == 1 and bench.node().state == 'STOPPED'
+        assert any('deactivate, clean up and configure' in sentence for sentence in bench.complaints)
+
+
+def test_sequence_numbers_of_an_outage_of_the_bus_are_left_out():
+    """An outage of a known number of SYNC periods leaves as many numbers out, give or take the timing."""
+    with FaultBench('numbers') as bench:
+        bench.run()
+        bench.adapter.is_plugged = False
+        bench.wait(lambda: bench.adapter.opened == 1 and bench.driver.failure is not None, 'not failed')
+        bench.wait(lambda: bench.driver.health().outages.seconds > 1.0, 'the outage ends by itself')
+        bench.adapter.is_plugged = True
+        bench.recover()
+        frames = [frame for _, frame in bench.kept]
+    periods = (frames[-1].stamp - frames[0].stamp) / 0.02
+    assert frames[-1].sequence - frames[0].sequence == pytest.approx(periods, abs=0.35 * periods)
+    assert len(frames) < frames[-1].sequence - 30
+
+
+@pytest.mark.parametrize('data, told', [
+    ('0000000000000000', 'EMCY 0x0000 (error reset or no error)'),
+    ('3081110000000000', 'EMCY 0x8130 (life guard or heartbeat error), error register: generic, communication'),
+    ('0031050000000000', 'EMCY 0x3100 (mains voltage), error register: generic, voltage'),
+    ('0050010102000000', 'EMCY 0x5000 (device hardware), error register: generic, manufacturer 0102000000'),
+    ('01FF80', 'EMCY 0xFF01 (specific to the device), error register: manufacturer'),
+    ('00B0', 'EMCY 0xB000 (of no class in CiA 301)'), ('7F', 'EMCY too short to hold an error code')])
+def test_emcy_in_words(data, told):
+    assert str(decode_emergency(bytes.fromhex(data), 0.0)) == told
