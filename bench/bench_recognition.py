@@ -46,6 +46,7 @@ from tactile_node.config import config_path
 from tactile_node.shape.recogniser import ShapeRecogniser
 from tactile_node.shape.recognition import Shape
 from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.synthetic.world import CLASSES
 from training.batch import draw_many
 from training.pools import joined_samples
 from training.samples import Samples, draw
