@@ -1,0 +1,91 @@
+"""The driver node over an outage: same node, still active, /diagnostics true to what the bus does."""
+
+import time
+
+import pytest
+
+rclpy = pytest.importorskip('rclpy')
+pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
+from fault_bench import LAYOUT, FaultBench  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+
+from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
+from tactile_node.ros.qos import frames_qos  # noqa: E402
+from tactile_skin.msg import TaxelArray  # noqa: E402
+
+OK, ERROR = DiagnosticStatus.OK, DiagnosticStatus.ERROR
+PATIENCE = 60.0  # s, for a busy machine
+
+
+class Chain:
+    """The driver node on the bench's bus, and a listener; spun by whoever waits."""
+
+    def __init__(self, channel):
+        given = {'interface': 'virtual', 'channel': channel, 'pads': ['pad32'], 'node_ids': [32], 'layouts': [LAYOUT]}
+        self.driver = DriverNode(parameter_overrides=[Parameter(name, value=value) for name, value in given.items()])
+        self.listener = rclpy.create_node('listener')
+        self.taxels, self.levels, self.told = [], [], []
+        self.listener.create_subscription(TaxelArray, '/pad32/taxels', self.taxels.append, frames_qos(50, False))
+        self.listener.create_subscription(DiagnosticArray, '/diagnostics', self._diagnosed, 10)
+        self.executor = SingleThreadedExecutor()
+        for node in (self.driver, self.listener):
+            self.executor.add_node(node)
+
+    def _diagnosed(self, message):
+        self.levels.append(tuple(status.level for status in message.status))
+        self.told.append(' '.join(status.message for status in message.status))
+
+    def wait(self, condition, what):
+        end = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < end, f'{what}: {self.told[-3:]}'
+            self.executor.spin_once(timeout_sec=0.1)
+
+    def close(self):
+        self.executor.shutdown()
+        self.driver.destroy_node()
+        self.listener.destroy_node()
+
+
+@pytest.fixture
+def chain():
+    rclpy.init()
+    with FaultBench('driver node') as bench:
+        chain = Chain(bench.channel)
+        chain.bench = bench
+        try:
+            yield chain
+        finally:
+            chain.close()
+    rclpy.shutdown()
+
+
+def test_an_unplugged_adapter_is_an_error_until_it_is_back_and_the_node_stays_active(chain):
+    chain.driver.autostart()
+    chain.wait(lambda: (OK, OK) in chain.levels, 'never OK')
+    chain.bench.adapter.is_plugged = False
+    chain.wait(lambda: chain.levels[-1][0] == ERROR, 'no error')
+    chain.bench.adapter.is_plugged = True
+    back = time.time()
+    chain.wait(lambda: any(frame.header.stamp.sec > back and not frame.missing_can_frames for frame in chain.taxels),
+               'no taxels again')
+    chain.wait(lambda: chain.levels[-1] == (OK, OK), 'never OK again')
+    sequences = [frame.sequence for frame in chain.taxels]
+    assert sequences == sorted(set(sequences))
+    assert chain.driver._state_machine.current_state[1] == 'active'
+
+
+def test_a_device_that_is_gone_is_never_ok(chain):
+    chain.driver.autostart()
+    chain.wait(lambda: (OK, OK) in chain.levels, 'never OK')
+    chain.bench.device.power_off()
+    seen = len(chain.levels)
+    chain.wait(lambda: len(chain.levels) >= seen + 4, 'no diagnostics')
+    # The first message after it may speak of the second before
+    assert all(levels[1] != OK for levels in chain.levels[seen + 1:]), chain.levels[seen:]
+    assert 'neither heartbeat nor taxels' in chain.told[-1] and chain.levels[-1][1] == ERROR
+    chain.bench.device.boot()
+    chain.wait(lambda: chain.levels[-1] == (OK, OK), 'never OK again')
