@@ -271,6 +271,7 @@ def test_sync_of_another_producer_gives_no_frames_while_inactive():
         bench.driver.open()
         bench.driver.configure()
         sync(3)
+        assert wait_until(lambda: bench.driver.statistics().can_frames.get('sync') == 3)
         bench.driver.start()
         sync(2)
         assert bench.take(1)[0][1].sequence == 0
