@@ -9,6 +9,7 @@ import threading
 from collections.abc import Callable
 
 import can
+import numpy as np
 from fault_bench import FaultBench
 
 ALL_TPDOS = range(1, 17)  # of the pad of 8x8 taxels
@@ -89,15 +90,20 @@ def boot_up_message_lost(channel: str) -> FaultBench:
 
 
 def another_device_comes_back(channel: str) -> FaultBench:
-    """A device of another vendor is refused: told by its identity, none of its taxels is published."""
+    """A device of another vendor is refused, told by its identity; what it sends is published as NaN."""
     with FaultBench(channel) as bench:
         bench.run().cause()
         bench.device.power_off()
         bench.device.lie(0x1018, 1, (0x99).to_bytes(4, 'little'))
         bench.device.boot()
         bench.detect('vendor 0x99')
-        bench.wait(lambda: bench.node().distrusted > 0, 'its taxels are trusted')
-        assert not bench.node().is_operational
+        used, seen = bench.driver.statistics().pads['pad32'].used, len(bench.kept)
+        bench.send(0x620, '23001801A0010000')  # another master lets it send TPDO 1
+        bench.wait(lambda: bench.send(0x000, '0120') or bench.driver.statistics().pads['pad32'].used > used,
+                   'it does not send')
+        bench.wait(lambda: len(bench.kept) > seen + 2, 'no frames')
+        assert all(np.isnan(frame.values).all() for _, frame in bench.kept[seen:])
+        assert bench.node().trouble and bench.node().distrusted > 0
         bench.device.power_off()
         bench.device.boot()
         bench.end_of_cause()

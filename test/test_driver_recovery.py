@@ -10,6 +10,7 @@ pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
 from fault_bench import LAYOUT, FaultBench  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.lifecycle import TransitionCallbackReturn  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 
 from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
@@ -89,3 +90,14 @@ def test_a_device_that_is_gone_is_never_ok(chain):
     assert 'neither heartbeat nor taxels' in chain.told[-1] and chain.levels[-1][1] == ERROR
     chain.bench.device.boot()
     chain.wait(lambda: chain.levels[-1] == (OK, OK), 'never OK again')
+
+
+def test_activate_may_be_tried_again_after_an_outage(chain):
+    """A failed activate leaves the node inactive, that is configured, as the lifecycle says."""
+    chain.driver.trigger_configure()
+    chain.bench.adapter.is_plugged = False
+    chain.wait(lambda: chain.driver.source.failure is not None, 'not failed')
+    assert chain.driver.trigger_activate() == TransitionCallbackReturn.FAILURE
+    chain.bench.adapter.is_plugged = True
+    chain.wait(lambda: chain.driver.trigger_activate() == TransitionCallbackReturn.SUCCESS, 'not active')
+    chain.wait(lambda: chain.taxels, 'no taxels')

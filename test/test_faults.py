@@ -1,6 +1,10 @@
 """The catalogue of faults: what a user sees of each, and that the taxels stay right."""
 
+import threading
+
+import numpy as np
 import pytest
+from can_bench import wait_until
 from fault_bench import FaultBench
 from fault_catalogue import FAULTS
 
@@ -36,6 +40,45 @@ def test_sequence_numbers_of_an_outage_of_the_bus_are_left_out():
     periods = (frames[-1].stamp - frames[0].stamp) / 0.02
     assert frames[-1].sequence - frames[0].sequence == pytest.approx(periods, abs=0.35 * periods)
     assert len(frames) < frames[-1].sequence - 30
+
+
+def test_one_recording_holds_both_sides_of_an_outage(tmp_path):
+    record = tmp_path / 'session.log'
+    with FaultBench('recorded', record=str(record)) as bench:
+        bench.run().cause()
+        bench.adapter.is_plugged = False
+        bench.wait(lambda: bench.driver.health().outages.seconds > 0.3, 'the outage ends by itself')
+        bench.adapter.is_plugged = True
+        bench.end_of_cause()
+        bench.recover()
+    assert [path.name for path in tmp_path.iterdir()] == ['session.log']
+    syncs = np.array([float(line.split()[0][1:-1]) for line in record.read_text().splitlines() if ' 080#' in line])
+    gap = np.flatnonzero(np.diff(syncs) > 0.25)
+    assert len(gap) >= 1 and 0 < gap[0] < len(syncs) - 2
+
+
+def test_a_driver_amid_an_outage_closes_and_leaves_no_thread_behind():
+    before = set(threading.enumerate())
+    with FaultBench('closing') as bench:
+        bench.run()
+        bench.adapter.is_plugged = False
+        bench.wait(lambda: bench.driver.failure is not None, 'not failed')
+        bench.driver.stop()
+        bench.driver.close()
+        bench.driver.close()
+    assert wait_until(lambda: set(threading.enumerate()) <= before)
+
+
+def test_a_driver_closed_amid_an_outage_opens_again():
+    with FaultBench('again') as bench:
+        bench.run()
+        bench.adapter.is_plugged = False
+        bench.wait(lambda: bench.driver.failure is not None, 'not failed')
+        bench.driver.close()
+        bench.adapter.is_plugged = True
+        bench.kept.clear()
+        bench.run()
+        assert bench.driver.failure is None and bench.kept[0][1].sequence == 0
 
 
 @pytest.mark.parametrize('data, told', [

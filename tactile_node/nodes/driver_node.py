@@ -68,7 +68,10 @@ class DriverNode(LifecycleNode):
         return self._source
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        return self._attempt(self._configure)
+        result = self._attempt(self._configure)
+        if result != TransitionCallbackReturn.SUCCESS:
+            self._release()
+        return result
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         return self._attempt(self._source.start)
@@ -89,13 +92,12 @@ class DriverNode(LifecycleNode):
         super().destroy_node()
 
     def _attempt(self, step) -> TransitionCallbackReturn:
-        """Run a step of the lifecycle; a failure is told once, in a sentence, and leaves nothing open."""
+        """Run a step of the lifecycle; a failure is told once, in a sentence."""
         try:
             step()
         except TactileError as error:
             self._error = error
             self.get_logger().error(str(error))
-            self._release()
             return TransitionCallbackReturn.FAILURE
         return TransitionCallbackReturn.SUCCESS
 
