@@ -2,6 +2,7 @@
 
 import errno
 import logging
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -64,16 +65,22 @@ class BusNetwork(Network):
                  on_failure: Callable[[Exception], None], record: CanLogWriter | None = None, name: str = ''):
         super().__init__(bus)
         self._record, self._name = record, name or str(bus.channel_info)
+        self.order = threading.Lock()  #: whoever takes note of a frame twice holds it: both in one order
         self.receiver = can.Notifier(bus, [_Receiver(self, on_message, on_failure, record)], RECEIVE_TIMEOUT)
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False,
-                     stamp: float | None = None) -> None:
-        """Send a frame from any thread, recorded with ``stamp`` or now; BusError when that fails."""
+                     stamp: float | None = None, announce: Callable[[], None] = lambda: None) -> None:
+        """Send a frame from any thread, recorded with ``stamp`` or now; BusError when that fails.
+
+        ``announce`` is called before the frame is on the bus, in one order with the recording.
+        """
         message = can.Message(time.time() if stamp is None else stamp, can_id, False, data=data,
                               is_remote_frame=remote, is_rx=False)
         with self.send_lock:
-            if self._record:
-                self._record.write(message)
+            with self.order:
+                announce()
+                if self._record:
+                    self._record.write(message)
             try:
                 self.bus.send(message)
             except (can.CanError, OSError, ValueError) as error:
@@ -105,12 +112,13 @@ class _Receiver(can.Listener):
     def __init__(self, network: BusNetwork, on_message: Callable, on_failure: Callable,
                  record: CanLogWriter | None):
         self._subscribers, self._on_message, self._record = network.subscribers, on_message, record
-        self._on_failure = on_failure
+        self._on_failure, self._order = on_failure, network.order
 
     def on_message_received(self, msg: can.Message) -> None:
-        if self._record:
-            self._record.write(msg)
-        self._on_message(msg)
+        with self._order:
+            if self._record:
+                self._record.write(msg)
+            self._on_message(msg)
         if msg.is_error_frame or msg.is_remote_frame or msg.is_extended_id:
             return
         for callback in tuple(self._subscribers.get(msg.arbitration_id, ())):

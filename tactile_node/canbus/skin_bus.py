@@ -186,11 +186,11 @@ class SkinBus:
     def _send_sync(self) -> None:
         """The SYNC goes into the queue before it goes on the bus: no TPDO can overtake it."""
         stamp = time.time()
-        self._queue.put((OWN_SYNC, b'', stamp))
         self.syncs_sent += 1
         self._monitor.feed_own(0)
         try:
-            self._opened().send_message(self._pads[0].layout.sync_cob_id, b'', stamp=stamp)
+            self._opened().send_message(self._pads[0].layout.sync_cob_id, b'', False, stamp,
+                                        lambda: self._queue.put((OWN_SYNC, b'', stamp)))
         except BusError as error:
             self._fail(error)
 
