@@ -13,7 +13,7 @@ from training.model import Model
 from training.samples import UNKNOWN, Samples
 
 LOSS = 0.001  #: of nominal contacts of any size, the fraction that may be called unknown
-LEAST_BIAS = 0.5  #: large nominal contacts would allow less, but the same contacts in the field need it
+LEAST_BIAS = 1.5  #: large nominal contacts would allow less, but the same contacts in the field need it
 
 
 class Validation(NamedTuple):

@@ -11,13 +11,14 @@ from training.batch import draw_many
 from training.samples import Samples, draw
 
 BULK_AREAS = {'on_off': ((7, 60), (7, 30), (30, 75)), 'graded': ((7, 60), (7, 30))}
+LARGE_AREAS = ((30, 110),)
 BATCH, BATCHES, SLOW = 256, 200, 10_000
 KIND_SEED = {'on_off': 500_000, 'graded': 600_000}
-FIRST = {'bulk': 0, 'faulty': 20_000, 'outliers': 40_000}  #: seeds of a kind's parts start here
+FIRST = {'bulk': 0, 'large': 10_000, 'faulty': 20_000, 'outliers': 40_000}  #: seeds of a kind's parts start here
 
 
 class Part(NamedTuple):
-    """One file of samples; ``pool``: bulk, faulty (one or two faults each, all areas) or outliers."""
+    """One file of samples; ``pool``: bulk, large (bulk of 30 to 110 taxels), faulty (one or two faults each, all areas) or outliers."""
 
     kind: str
     pool: str
@@ -29,8 +30,8 @@ class Part(NamedTuple):
     def draw(self) -> Samples:
         rng = generator(Purpose.TRAINING, KIND_SEED[self.kind] + FIRST[self.pool] + self.number)
         on_off = self.kind == 'on_off'
-        if self.pool == 'bulk':
-            areas = BULK_AREAS[self.kind]
+        if self.pool in ('bulk', 'large'):
+            areas = BULK_AREAS[self.kind] if self.pool == 'bulk' else LARGE_AREAS
             return joined_samples(draw_many(rng, BATCH, on_off, areas[k % len(areas)]) for k in range(BATCHES))
         outliers = self.pool == 'outliers'
         return draw(rng, SLOW, on_off, faulty=0.3 if outliers else 1.0, outliers=float(outliers))

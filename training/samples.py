@@ -29,6 +29,9 @@ FAULTS: dict[str, Callable[[np.random.Generator], dict]] = {
     'hollow': lambda rng: {'wall': rng.uniform(0.2, 0.7)},
     'hollow and torn': lambda rng: {'wall': rng.uniform(0.1, 0.5), 'stuck': rng.uniform(0.0, 0.03),
                                     'silent_lines': int(rng.integers(0, 3)), 'rounding': rng.uniform(0, 0.3)},
+    'poor lines': lambda rng: {'poor_lines': rng.uniform(0.02, 0.25)},
+    'hollow with poor lines': lambda rng: {'wall': rng.uniform(0.1, 0.5), 'poor_lines': rng.uniform(0.02, 0.25),
+                                           'stuck': rng.uniform(0.0, 0.02), 'rounding': rng.uniform(0, 0.3)},
     'rounded': lambda rng: {'rounding': rng.uniform(0.1, 0.6)},
 }
 
@@ -48,9 +51,9 @@ class Samples(NamedTuple):
         return images.astype(np.float32), self.geometry[chosen]
 
 
-def random_area(rng: np.random.Generator) -> float:
-    """Small contacts more often than large ones: they are harder."""
-    low, high = (7, 60) if rng.random() < 0.8 else (40, 300)
+def random_area(rng: np.random.Generator, hollow: bool) -> float:
+    """Small contacts more often than large ones: they are harder; hollow ones are of larger objects."""
+    low, high = (7, 60) if rng.random() < 0.8 and not hollow else (40, 300)
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
@@ -62,8 +65,8 @@ def random_conditions(rng: np.random.Generator, on_off: bool, faulty: float = 0.
     if rng.random() < faulty:
         for name in rng.choice(list(FAULTS), rng.integers(1, 3), replace=False):
             known |= FAULTS[name](rng)
-    if known.get('second') and known.get('silent_lines'):
-        known['silent_lines'] = 0
+    if known.get('second'):  # what is left of the first must be the larger, and in one piece
+        known |= {'silent_lines': 0, 'poor_lines': 0.0}
     return Conditions(**known)
 
 
@@ -79,7 +82,8 @@ def random_sample(rng: np.random.Generator, on_off: bool, faulty: float = 0.45,
     while True:
         label = UNKNOWN if rng.random() < outliers else int(rng.integers(len(CLASSES)))
         kind = TRAINED[rng.integers(len(TRAINED))] if label == UNKNOWN else CLASSES[label]
-        conditions, area = random_conditions(rng, on_off, faulty), random_area(rng)
+        conditions = random_conditions(rng, on_off, faulty)
+        area = random_area(rng, conditions.wall > 0 and rng.random() < 0.7)
         if label == UNKNOWN:
             area = max(area, 12.0)
         pattern = pattern_of(field_frame(rng, kind, area, conditions, 12), conditions)

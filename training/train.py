@@ -22,7 +22,7 @@ from training.model import Model
 from training.pools import Part, draw_parts, read_parts
 from training.samples import UNKNOWN, Samples
 
-MIX = {'bulk': 328, 'faulty': 72, 'outliers': 112}  #: of each pool in a batch
+MIX = {'bulk': 260, 'large': 60, 'faulty': 130, 'outliers': 62}  #: of each pool in a batch
 FOREIGN_WEIGHT = 0.5
 RATE, DECAY, AVERAGED = 2e-3, 1e-3, 0.998
 
@@ -78,7 +78,7 @@ def exported(model: Model, kind: str, seed: int) -> dict[str, np.ndarray]:
 def main() -> int:
     args = _arguments()
     torch.set_num_threads(1)
-    arrays, parts = {}, {'bulk': args.bulk, 'faulty': args.faulty, 'outliers': args.outliers}
+    arrays, parts = {}, {'bulk': args.bulk, 'large': args.large, 'faulty': args.faulty, 'outliers': args.outliers}
     for kind in KINDS:
         pools = {}
         for pool, count in parts.items():
@@ -98,8 +98,9 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.split(':')[0])
     parser.add_argument('--output', type=Path, default=Path('config/recogniser.npz'))
     parser.add_argument('--samples', type=Path, default=Path('build/samples'), help='folder for drawn samples')
-    parser.add_argument('--steps', type=int, default=6000, help='batches of 512')
+    parser.add_argument('--steps', type=int, default=12_000, help='batches of 512')
     parser.add_argument('--bulk', type=int, default=8, help='parts of 51,200 samples')
+    parser.add_argument('--large', type=int, default=2, help='parts of 51,200 samples')
     parser.add_argument('--faulty', type=int, default=4, help='parts of 10,000 samples')
     parser.add_argument('--outliers', type=int, default=4, help='parts of 10,000 samples')
     parser.add_argument('--seed', type=int, default=1)

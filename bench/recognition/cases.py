@@ -32,6 +32,7 @@ FIELD: dict[str, dict] = {
     'dead taxels, 10 % (NaN)': {'dead': 0.10},
     'stuck taxels, 3 % (unknown)': {'stuck': 0.03},
     'two silent rows or columns': {'silent_lines': 2},
+    'a tenth of the rows and columns poor': {'poor_lines': 0.1},
     'elastomer blur 1 pitch': {'blur': 1.0},
     'noise 5 % of full scale': {'noise': 0.05},
     'tilt 60 % over the radius': {'tilt': 0.6},
@@ -41,6 +42,7 @@ FIELD: dict[str, dict] = {
     'a third cut off by the edge': {'cut': 1 / 3},
     'a second contact, half as large': {'second': 0.5, 'gap': 4.0},
     'hollow, wall 0.4 of inner radius': {'wall': 0.4},
+    'hollow, poor rows and columns': {'wall': 0.4, 'poor_lines': 0.1},
     'rounded corners, 0.4 of inner radius': {'rounding': 0.4},
 }
 

@@ -37,6 +37,7 @@ class Conditions:
     dead: float = 0.0             #: fraction of taxels known to be dead, NaN
     stuck: float = 0.0            #: fraction of taxels stuck at nothing or at the contact's pressure, unknown
     silent_lines: int = 0         #: rows or columns next to each other that answer nothing, unknown
+    poor_lines: float = 0.0       #: fraction of rows and columns that answer poorly, unknown: some of their taxels not
     threshold: float = 0.5
     cut: float = 0.0              #: at most this fraction of the contact is beyond the pad's edge
     second: float = 0.0           #: area of a second contact apart from the first [fraction of the first]
@@ -135,6 +136,11 @@ def _with_faults(rng, values: np.ndarray, conditions: Conditions) -> np.ndarray:
         touched = np.flatnonzero((lines > level / 2).any(1))
         first = rng.choice(touched) if len(touched) else 0
         lines[first:first + conditions.silent_lines] = 0
+    if conditions.poor_lines:
+        for lines in (values, values.T):
+            poor = rng.random(len(lines)) < conditions.poor_lines
+            mute = np.where(poor, rng.uniform(0.2, 1, len(lines)), 0)
+            lines[rng.random(lines.shape) < mute[:, np.newaxis]] = 0
     if conditions.dead:
         values[rng.random(values.shape) < conditions.dead] = np.nan
     return values
