@@ -18,7 +18,8 @@ FIRST = {'bulk': 0, 'large': 10_000, 'faulty': 20_000, 'outliers': 40_000}  #: s
 
 
 class Part(NamedTuple):
-    """One file of samples; ``pool``: bulk, large (bulk of 30 to 110 taxels), faulty (one or two faults each, all areas) or outliers."""
+    """One file of samples; ``pool``: bulk, large (bulk of 30 to 110 taxels), faulty (one or two faults each,
+    all areas) or outliers."""
 
     kind: str
     pool: str
