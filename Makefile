@@ -20,7 +20,7 @@ unexport PYTHONPATH
 SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test faults bench train reproduce lint lock clean
+.PHONY: help setup demo test faults bench train reproduce soak lint lock clean
 
 help:  ## say what there is
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -70,6 +70,9 @@ reproduce: setup  ## the paper's figures and claims beside ours, on one page in 
 
 faults: setup  ## inject every fault of the catalogue, print what the user sees and how fast it is over
 	@$(BIN)/python test/fault_catalogue.py
+
+soak: setup  ## two pads at the bus's full load: TPDOs lost, memory, latency over time (MINUTES=10)
+	@$(BIN)/python bench/soak.py --minutes $(or $(MINUTES),10)
 
 lint: setup  ## style only
 	@$(BIN)/ruff check --quiet .

@@ -1,0 +1,179 @@
+"""Two pads at the bus's full load for a long time: TPDOs lost, memory, latency from SYNC to taxel frame over time.
+
+Run by `make soak` (`make soak MINUTES=60`), or: python bench/soak.py [--minutes 10] [--rate 115]. The simulated skin
+is a process of its own behind a pseudo-terminal (slcan), as an adapter would be; the driver is the supervised one that
+the driver node runs. At 115 sweeps a second two pads of 16x16 taxels of 8 bits fill a bus of 1 Mbit/s
+(64 TPDOs of at most 135 bits each). Writes soak.csv and soak.png; ends with 1 when a TPDO was lost.
+"""
+
+import argparse
+import csv
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from array import array
+from pathlib import Path
+from typing import NamedTuple
+
+for library in ('OPENBLAS', 'OMP', 'MKL'):
+    os.environ[f'{library}_NUM_THREADS'] = '1'  # read when numpy is imported
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+import matplotlib
+import numpy as np
+
+from tactile_node.canbus.bus_settings import BusSettings
+from tactile_node.canbus.pads import make_pad
+from tactile_node.canbus.summary import summary
+from tactile_node.canbus.supervisor import Supervisor
+from tactile_node.taxel_frame import TaxelFrame
+
+matplotlib.use('Agg')
+import matplotlib.pyplot as plt  # noqa: E402
+
+NODES, LAYOUT = (32, 64), 'sim16x16.yaml'
+FULL_LOAD = 115.0  #: sweeps a second
+PERCENTILES = (50, 99, 99.9, 100)
+COLUMNS = ('minutes', 'taxel frames', 'of these incomplete', 'TPDOs lost', 'bus load %',
+           *(f'latency p{p:g} ms' for p in PERCENTILES), 'memory MB')
+
+
+class Row(NamedTuple):
+    """One window; counts are of this window alone."""
+
+    minutes: float
+    frames: int
+    incomplete: int
+    lost: int
+    load: float
+    latency: tuple[float, ...]  #: PERCENTILES [ms]
+    memory: float               #: resident memory of the driver's process [MB]
+
+    def cells(self) -> list[str]:
+        return [f'{self.minutes:.2f}', f'{self.frames}', f'{self.incomplete}', f'{self.lost}', f'{self.load:.1f}',
+                *(f'{value:.2f}' for value in self.latency), f'{self.memory:.1f}']
+
+
+class Latencies:
+    """From SYNC to the taxel frame in hand [s], since last asked."""
+
+    def __init__(self):
+        self._taken, self._lock = array('d'), threading.Lock()
+
+    def __call__(self, name: str, frame: TaxelFrame) -> None:
+        with self._lock:
+            self._taken.append(time.time() - frame.stamp)
+
+    def take(self) -> np.ndarray:
+        with self._lock:
+            taken, self._taken = self._taken, array('d')
+        return np.array(taken)
+
+
+class Soak:
+    """A running driver, and what has become of its taxels so far."""
+
+    def __init__(self, driver: Supervisor, latencies: Latencies):
+        self.driver, self._latencies, self.rows = driver, latencies, []
+        self._begin, self._before = time.monotonic(), np.zeros(3, int)
+
+    def row(self) -> Row:
+        counts = np.array([(pad.published, pad.incomplete, sum(pad.losses.values()))
+                           for pad in self.driver.statistics().pads.values()]).sum(0)
+        (frames, incomplete, lost), self._before = counts - self._before, counts
+        taken = self._latencies.take()
+        latency = tuple(np.percentile(taken, PERCENTILES) * 1e3) if len(taken) else (np.nan,) * len(PERCENTILES)
+        self.rows.append(Row((time.monotonic() - self._begin) / 60, frames, incomplete, lost,
+                             100 * self.driver.health().load, latency, resident()))
+        return self.rows[-1]
+
+    @property
+    def growth(self) -> float:
+        """Of memory from the end of the first tenth, when all is warm, to the end [MB]."""
+        memory = [row.memory for row in self.rows]
+        return memory[-1] - memory[len(memory) // 10]
+
+
+def resident() -> float:
+    return int(Path('/proc/self/statm').read_text().split()[1]) * os.sysconf('SC_PAGE_SIZE') / 1e6
+
+
+def simulated(folder: Path) -> tuple[subprocess.Popen, str]:
+    """Start the skin's process; return it and its port, which it has opened."""
+    port = str(folder / 'can')
+    command = [sys.executable, '-m', 'tactile_node.cli.main', 'simulate', '--pty', '--link', port, '--layout', LAYOUT,
+               '--node-id', ','.join(map(str, NODES))]
+    skin = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    if not skin.stdout.readline():
+        sys.exit('soak: the simulated skin has not started')
+    return skin, port
+
+
+def run(args: argparse.Namespace, port: str) -> Soak:
+    latencies = Latencies()
+    pads = tuple(make_pad(f'pad{node}', node, LAYOUT) for node in NODES)
+    driver = Supervisor(BusSettings('slcan', port, sync_period=1 / args.rate), pads, latencies, print, print)
+    driver.open()
+    try:
+        driver.configure()
+        driver.start()
+        soak, windows = Soak(driver, latencies), max(round(args.minutes * 60 / args.window), 1)
+        for number in range(1, windows + 1):
+            time.sleep(max(soak._begin + number * args.window - time.monotonic(), 0))
+            print('  '.join(cell.rjust(len(name)) for name, cell in zip(COLUMNS, soak.row().cells())), flush=True)
+        driver.stop()
+        print(summary(driver.statistics()))
+        return soak
+    finally:
+        driver.close()
+
+
+def write(folder: Path, rows: list[Row]) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / 'soak.csv').open('w', newline='', encoding='utf-8') as stream:
+        writer = csv.writer(stream)
+        writer.writerows([COLUMNS, *(row.cells() for row in rows)])
+    figure, (upper, lower) = plt.subplots(2, 1, figsize=(8, 6), sharex=True, layout='constrained')
+    minutes = [row.minutes for row in rows]
+    for at, percentile in enumerate(PERCENTILES):
+        label = 'most' if percentile == 100 else f'{percentile:g} %'
+        upper.plot(minutes, [row.latency[at] for row in rows], label=label)
+    upper.set(ylabel='SYNC to taxel frame [ms]', yscale='log')
+    upper.legend(ncols=4)
+    lower.plot(minutes, [row.memory for row in rows], color='k')
+    lower.set(xlabel='minutes', ylabel='resident memory [MB]', ylim=(0, None))
+    figure.savefig(folder / 'soak.png', dpi=120)
+
+
+def main() -> int:
+    args = _arguments()
+    with tempfile.TemporaryDirectory() as folder:
+        skin, port = simulated(Path(folder))
+        try:
+            print(f'two pads, {args.rate:g} sweeps/s each, {args.minutes:g} minutes; full load is {FULL_LOAD:g}')
+            print('  '.join(COLUMNS), flush=True)
+            soak = run(args, port)
+        finally:
+            skin.terminate()
+            skin.wait()
+    write(args.output, soak.rows)
+    lost = sum(row.lost for row in soak.rows)
+    print(f'TPDOs lost: {lost}; memory growth after the first tenth: {soak.growth:+.1f} MB; picture in {args.output}')
+    return int(lost > 0)
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
+    parser.add_argument('--minutes', type=float, default=10, help='default %(default)s')
+    parser.add_argument('--rate', type=float, default=FULL_LOAD, help='sweeps a second, default %(default)s')
+    parser.add_argument('--window', type=float, default=10, help='seconds a row of the table, default %(default)s')
+    parser.add_argument('--output', type=Path, default=ROOT / 'bench_output')
+    return parser.parse_args()
+
+
+if __name__ == '__main__':
+    sys.exit(main())
