@@ -20,7 +20,7 @@ unexport PYTHONPATH
 SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test faults bench train reproduce soak lint lock clean
+.PHONY: help setup demo test faults bench train reproduce soak socketcan lint lock clean
 
 help:  ## say what there is
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -51,6 +51,8 @@ demo: setup  ## simulated gripper skin, five shapes, live in the terminal; resul
 
 test: lint  ## everything that checks the project
 	@$(BIN)/python -m pytest test -q
+	@$(MAKE) --no-print-directory socketcan || { [ $$? -eq 2 ] && [ -f build/socketcan/not_run ] && \
+		printf '\n*** NOT TESTED on a real CAN stack: %s ***\n\n' "$$(cat build/socketcan/not_run)"; }
 
 $(BENCH_VENV)/.installed: requirements/bench.txt | setup
 	@echo 'environment of the recognition benchmark in .venv-bench: torch, scikit-learn, OpenCV (once)'
@@ -73,6 +75,12 @@ faults: setup  ## inject every fault of the catalogue, print what the user sees 
 
 soak: setup  ## two pads at the bus's full load: TPDOs lost, memory, latency over time (MINUTES=10)
 	@$(BIN)/python bench/soak.py --minutes $(or $(MINUTES),10)
+
+# What the virtual machine runs; it ends with 77 where it cannot be started (no apt, not x86_64).
+SOCKETCAN_TESTS := test/test_real_socketcan.py test/test_skin_bus.py
+socketcan: setup  ## the driver's tests on a real Linux CAN stack, in a small virtual machine
+	@$(BIN)/python tools/socketcan_vm.py "TACTILE_TEST_INTERFACE=socketcan OMP_NUM_THREADS=1 \
+		.venv/bin/python -m pytest -q -s -rs -p no:cacheprovider $(SOCKETCAN_TESTS)"
 
 lint: setup  ## style only
 	@$(BIN)/ruff check --quiet .

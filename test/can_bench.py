@@ -1,5 +1,6 @@
 """What the CAN tests share: a pad small enough to compute by hand, a driver and a skin on one bus."""
 
+import os
 import queue
 import threading
 import time
@@ -7,12 +8,27 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import can
 import numpy as np
 
 from tactile_node.canbus.layout_file import load_layout
 from tactile_node.canbus.pads import make_pad
 from tactile_node.canbus.skin_bus import BusSettings, SkinBus
 from tactile_node.simulator.skin_simulator import SkinSimulator
+
+#: The same tests run on a real Linux CAN stack, where all share one channel: `make socketcan`
+INTERFACE = os.environ.get('TACTILE_TEST_INTERFACE', 'virtual')
+
+
+def channel_of(name: str) -> str:
+    """The channel that stands for a test's own bus."""
+    return name if INTERFACE == 'virtual' else 'vcan0'
+
+
+def other_bus(name: str) -> can.BusABC:
+    """Another participant on the bus ``name``."""
+    return can.Bus(channel_of(name), interface=INTERFACE)
+
 
 #: 3 x 2 taxels, one row a TPDO: value = 2 (counts - 10) Pa
 TINY = '''
@@ -51,12 +67,12 @@ class Bench:
         still = np.zeros((rows, cols))
         self.simulator = SkinSimulator(self.pads,
                                        {pad.name: source or (lambda t: still) for pad in self.pads})
-        self.channel, self.frames, self.said = channel, queue.Queue(), []
-        self.driver = SkinBus(BusSettings('virtual', channel, **settings), tuple(self.pads),
+        self.channel, self.frames, self.said = channel_of(channel), queue.Queue(), []
+        self.driver = SkinBus(BusSettings(INTERFACE, self.channel, **settings), tuple(self.pads),
                               lambda name, frame: self.frames.put((name, frame)), self.said.append)
 
     def __enter__(self) -> 'Bench':
-        self.simulator.start('virtual', self.channel)
+        self.simulator.start(INTERFACE, self.channel)
         return self
 
     def __exit__(self, *_: object) -> None:

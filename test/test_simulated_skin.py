@@ -9,7 +9,7 @@ import tty
 import can
 import numpy as np
 import pytest
-from can_bench import wait_until
+from can_bench import INTERFACE, channel_of, other_bus, wait_until
 
 from tactile_node.canbus.bus_network import open_bus
 from tactile_node.canbus.layout_file import load_layout
@@ -27,9 +27,9 @@ class Wire:
     def __init__(self):
         counts = np.arange(256).reshape(16, 16)
         pad = make_pad('pad', 32, 'sim16x16.yaml')
-        self.bus = can.Bus('wire', interface='virtual')
+        self.bus = other_bus('wire')
         self.simulator = SkinSimulator([pad], {'pad': lambda t: counts * 392.156862745})
-        self.simulator.start('virtual', 'wire')
+        self.simulator.start(INTERFACE, channel_of('wire'))
 
     def send(self, can_id, data):
         self.bus.send(can.Message(arbitration_id=can_id, is_extended_id=False, data=bytes.fromhex(data)))

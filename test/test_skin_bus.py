@@ -6,7 +6,7 @@ import threading
 import can
 import numpy as np
 import pytest
-from can_bench import Bench, wait_until
+from can_bench import INTERFACE, Bench, other_bus, wait_until
 
 from tactile_node.canbus.log_source import LogSource
 from tactile_node.canbus.pads import PadSettings
@@ -123,7 +123,7 @@ def test_threads_end_with_the_bus():
 
 
 def test_sync_of_another_producer_parts_the_periods():
-    with Bench('foreign', produce_sync=False) as bench, can.Bus('foreign', interface='virtual') as other:
+    with Bench('foreign', produce_sync=False) as bench, other_bus('foreign') as other:
         bench.run()
         for sequence in range(3):
             other.send(can.Message(arbitration_id=0x80, is_extended_id=False))
@@ -134,7 +134,7 @@ def test_sync_of_another_producer_parts_the_periods():
 def test_absent_tpdo_is_missing_not_zero():
     """Another master switches TPDO 3 (row 1, columns 0..7) off after the configuration."""
     with Bench('absent', source=lambda t: np.full((16, 16), 3921.56862745), produce_sync=False) as bench, \
-            can.Bus('absent', interface='virtual') as other:
+            other_bus('absent') as other:
         bench.run()
         while other.recv(0):
             pass
@@ -227,7 +227,7 @@ def test_record_that_cannot_be_written_leaves_the_bus_closed(tmp_path):
 
 def test_consumer_that_fails_does_not_stop_the_bus(caplog):
     with Bench('failing', sync_period=0.01) as bench:
-        bench.driver = SkinBus(BusSettings('virtual', 'failing', sync_period=0.01), tuple(bench.pads),
+        bench.driver = SkinBus(BusSettings(INTERFACE, bench.channel, sync_period=0.01), tuple(bench.pads),
                                lambda *_: 1 / 0)
         bench.run()
         assert wait_until(lambda: bench.driver.statistics().consumer_errors >= 3)
@@ -236,7 +236,7 @@ def test_consumer_that_fails_does_not_stop_the_bus(caplog):
 def test_slow_consumer_overruns_the_queue_and_it_is_counted():
     gate = threading.Event()
     with Bench('slow') as bench:
-        bench.driver = SkinBus(BusSettings('virtual', 'slow', sync_period=0.01, queue_limit=100),
+        bench.driver = SkinBus(BusSettings(INTERFACE, bench.channel, sync_period=0.01, queue_limit=100),
                                tuple(bench.pads),
                                lambda *_: gate.wait())
         bench.run()
@@ -246,7 +246,7 @@ def test_slow_consumer_overruns_the_queue_and_it_is_counted():
 
 
 def test_error_and_foreign_frames_do_not_disturb():
-    with Bench('noisy', sync_period=0.01) as bench, can.Bus('noisy', interface='virtual') as other:
+    with Bench('noisy', sync_period=0.01) as bench, other_bus('noisy') as other:
         bench.run()
         for message in (can.Message(is_error_frame=True),
                         can.Message(arbitration_id=0x1A0, is_extended_id=True, data=[9]),
@@ -264,7 +264,7 @@ def test_error_and_foreign_frames_do_not_disturb():
 
 
 def test_sync_of_another_producer_gives_no_frames_while_inactive():
-    with Bench('inactive', produce_sync=False) as bench, can.Bus('inactive', interface='virtual') as other:
+    with Bench('inactive', produce_sync=False) as bench, other_bus('inactive') as other:
         def sync(count):
             for _ in range(count):
                 other.send(can.Message(arbitration_id=0x80, is_extended_id=False))

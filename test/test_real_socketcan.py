@@ -1,0 +1,128 @@
+"""The driver on Linux's own CAN stack: emulated SJA1000 controllers on one bus, and vcan. Run by `make socketcan`."""
+
+import subprocess
+import time
+
+import can
+import numpy as np
+import pytest
+from can_bench import INTERFACE, wait_until
+
+from tactile_node.canbus.bus_settings import BusSettings
+from tactile_node.canbus.pads import make_pad
+from tactile_node.canbus.supervisor import Supervisor
+from tactile_node.errors import BusError
+from tactile_node.simulator.skin_simulator import SkinSimulator
+
+pytestmark = pytest.mark.skipif(INTERFACE != 'socketcan', reason='needs SocketCAN: `make socketcan` runs it')
+PRESSED, PERIOD = 12.5, 0.25  # the emulated machine is slow
+BUS_OFF, CONTROLLER, RX_PASSIVE = 0x40, 0x04, 0x10  # linux/can/error.h
+
+
+def ip(*words: str) -> None:
+    subprocess.run(['ip', 'link', 'set', *words], check=True)
+
+
+@pytest.fixture
+def controllers():
+    """can0 and can1 at the same bit rate, up."""
+    for name in ('can0', 'can1'):
+        ip(name, 'type', 'can', 'bitrate', '1000000')
+        ip(name, 'up', 'txqueuelen', '1000')  # the skin sends a sweep at once, the default queue holds 10 frames
+    yield
+    for name in ('can0', 'can1'):
+        ip(name, 'down')
+
+
+class Driven:
+    """A supervised driver on ``channel``, a simulated skin on ``skin``; use with ``with``."""
+
+    def __init__(self, channel: str, skin: str):
+        pad = make_pad('pad32', 32, 'sim8x8_16bit.yaml')
+        self.skin, self.kept, self.complaints = skin, [], []
+        self.simulator = SkinSimulator([pad], {'pad32': lambda t: np.full((8, 8), PRESSED)})
+        self.driver = Supervisor(BusSettings('socketcan', channel, sync_period=PERIOD, boot_timeout=20), (pad,),
+                                 lambda name, frame: self.kept.append(frame), complain=self.complaints.append,
+                                 heartbeat_timeout=1.0)
+
+    def __enter__(self) -> 'Driven':
+        self.simulator.start('socketcan', self.skin)
+        self.driver.open()
+        self.driver.configure()
+        self.driver.start()
+        self.wait(lambda: self.whole_after(0), 'no whole frames')
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.driver.close()
+        self.simulator.stop()
+
+    def whole_after(self, stamp: float) -> bool:
+        return any(frame.stamp > stamp and not frame.missing_can_frames for frame in self.kept[-20:])
+
+    def wait(self, condition, what: str) -> None:
+        assert wait_until(condition, 40), f'{what}; {self.driver.health()}; {self.complaints}'
+
+    def check(self) -> None:
+        """What was published is what pressed the skin, or NaN."""
+        for frame in self.kept:
+            np.testing.assert_allclose(frame.values[np.isfinite(frame.values)], PRESSED, atol=0.01)
+
+
+def test_taxels_over_two_controllers(controllers):
+    with Driven('can0', 'can1') as bench:
+        bench.wait(lambda: sum(not frame.missing_can_frames for frame in bench.kept) >= 20, 'too few whole frames')
+        bench.check()
+    whole = [frame for frame in bench.kept if not frame.missing_can_frames]
+    assert all(np.isfinite(frame.values).all() for frame in whole)
+    statistics = bench.driver.statistics().pads['pad32']
+    print(f'\nsocketcan: {statistics}')
+    assert statistics.received >= statistics.expected - 16
+
+
+def test_network_down_and_up_again(controllers):
+    """ENETDOWN: told, nothing published meanwhile, whole frames once the interface is up again."""
+    with Driven('can0', 'can1') as bench:
+        ip('can0', 'down')
+        bench.wait(lambda: bench.driver.failure is not None, 'not told')
+        assert any('CAN bus has failed' in sentence for sentence in bench.complaints)
+        count = len(bench.kept)
+        time.sleep(1)
+        assert len(bench.kept) <= count + 1, 'taxels without a bus'
+        ip('can0', 'up')
+        up = time.time()
+        bench.wait(lambda: bench.whole_after(up), 'no whole frames again')
+        print(f'\nsocketcan: whole frames {time.time() - up:.2f} s after can0 was up again')
+        assert bench.driver.health().outages.count == 1
+        bench.check()
+
+
+def test_bus_off_reported_by_the_stack():
+    """An error frame with CAN_ERR_BUSOFF, as a controller's driver sends it up: opened anew, taxels again."""
+    with Driven('vcan0', 'vcan0') as bench, can.Bus('vcan0', interface='socketcan') as other:
+        other.send(can.Message(arbitration_id=BUS_OFF, is_error_frame=True, is_extended_id=False, data=bytes(8)))
+        begun = time.time()
+        bench.wait(lambda: any('bus-off' in sentence for sentence in bench.complaints), 'not told')
+        bench.wait(lambda: bench.whole_after(begun) and bench.driver.failure is None, 'no whole frames again')
+        print(f'\nsocketcan: whole frames {time.time() - begun:.2f} s after bus-off')
+        bench.check()
+
+
+def test_error_passive_is_told():
+    with Driven('vcan0', 'vcan0') as bench, can.Bus('vcan0', interface='socketcan') as other:
+        data = bytes([0, RX_PASSIVE, 0, 0, 0, 0, 0, 0])
+        other.send(can.Message(arbitration_id=CONTROLLER, is_error_frame=True, is_extended_id=False, data=data))
+        bench.wait(lambda: bench.driver.health().is_error_passive, 'not told')
+        stamp = time.time()
+        bench.wait(lambda: bench.whole_after(stamp), 'taxels go on')
+        bench.check()
+
+
+def test_interface_that_is_down_or_absent_is_an_error_with_a_name():
+    for channel in ('can1', 'can7'):
+        driver = Supervisor(BusSettings('socketcan', channel), (make_pad('pad32', 32, 'sim8x8_16bit.yaml'),),
+                            lambda *_: None)
+        with pytest.raises(BusError, match=channel):
+            driver.open()
+            driver.configure()
+        driver.close()
