@@ -20,7 +20,7 @@ unexport PYTHONPATH
 SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test faults bench train reproduce soak socketcan lint lock clean
+.PHONY: help setup demo test faults bench train reproduce soak socketcan fuzz lint lock clean
 
 help:  ## say what there is
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -73,11 +73,14 @@ reproduce: setup  ## the paper's figures and claims beside ours, on one page in 
 faults: setup  ## inject every fault of the catalogue, print what the user sees and how fast it is over
 	@$(BIN)/python test/fault_catalogue.py
 
+fuzz: setup  ## a million random CAN messages, ten thousand broken EDS, layout and log files
+	@$(BIN)/python test/fuzzing.py
+
 soak: setup  ## two pads at the bus's full load: TPDOs lost, memory, latency over time (MINUTES=10)
 	@$(BIN)/python bench/soak.py --minutes $(or $(MINUTES),10)
 
 # What the virtual machine runs; it ends with 77 where it cannot be started (no apt, not x86_64).
-SOCKETCAN_TESTS := test/test_real_socketcan.py test/test_skin_bus.py
+SOCKETCAN_TESTS := test/test_real_socketcan.py
 socketcan: setup  ## the driver's tests on a real Linux CAN stack, in a small virtual machine
 	@$(BIN)/python tools/socketcan_vm.py "TACTILE_TEST_INTERFACE=socketcan OMP_NUM_THREADS=1 \
 		.venv/bin/python -m pytest -q -s -rs -p no:cacheprovider $(SOCKETCAN_TESTS)"

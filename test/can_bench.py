@@ -68,7 +68,8 @@ class Bench:
         self.simulator = SkinSimulator(self.pads,
                                        {pad.name: source or (lambda t: still) for pad in self.pads})
         self.channel, self.frames, self.said = channel_of(channel), queue.Queue(), []
-        self.driver = SkinBus(BusSettings(INTERFACE, self.channel, **settings), tuple(self.pads),
+        self.settings = BusSettings(INTERFACE, self.channel, **settings)
+        self.driver = SkinBus(self.settings, tuple(self.pads),
                               lambda name, frame: self.frames.put((name, frame)), self.said.append)
 
     def __enter__(self) -> 'Bench':

@@ -2,6 +2,7 @@
 
 import threading
 import time
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -98,7 +99,7 @@ class CanLogReader:
                     self.can_frames += 1
                     yield message
                 return
-            except (EOFError, OSError, UnicodeDecodeError) as error:  # a .gz cut short, no text
+            except (EOFError, OSError, UnicodeDecodeError, zlib.error) as error:  # a .gz cut short or damaged, no text
                 self._unread(error)
                 return
             except Exception as error:  # over a bad line: ValueError, IndexError, KeyError...

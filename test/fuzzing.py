@@ -1,0 +1,290 @@
+"""Random and mutated input: files of every kind we read, CAN frames of every kind a bus can carry.
+
+Run by `make fuzz`, or: python test/fuzzing.py [--frames 1000000] [--files 10000] [--seed 1]. What breaks the rule (only
+TactileError, no hang, no loss in silence, no growing memory) is kept in build/fuzz and belongs, once mended, into
+test/data/corpus, which the tests read.
+"""
+
+import argparse
+import gzip
+import logging
+import os
+import random
+import signal
+import sys
+import tempfile
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable, Iterator
+from itertools import islice
+from pathlib import Path
+
+import can
+import numpy as np
+from can_bench import INTERFACE, TINY, Bench, wait_until
+
+from tactile_node.canbus.eds import load_eds
+from tactile_node.canbus.layout_file import load_layout
+from tactile_node.canbus.logs import CanLogReader
+from tactile_node.canbus.supervisor import Supervisor
+from tactile_node.errors import TactileError
+from tactile_node.shape.methods import VOLF, make_recogniser
+from tactile_node.shape.recogniser import ShapeRecogniser
+
+ROOT = Path(__file__).resolve().parents[1]
+CORPUS = ROOT / 'test/data/corpus'
+PATIENCE = 20  #: s that one file may take
+BURST = 2000   #: frames sent before the driver may catch up
+NASTY = ('', '0', '-1', '1e999', 'nan', '0x', '$NODEID', '$NODEID+', '99999999999999999999', '[', ']', '{', '}',
+         ': ', '- ', '=', ';', '#', '\0', '\n', '\t', '\ufeff', '&a', '*a', '!!python/object:os.system', '0x80000180',
+         'é', '%s', "'")
+LOG_SUFFIXES = ('.log', '.asc', '.blf', '.trc', '.log.gz', '.csv')
+
+
+class HangError(Exception):
+    """A file took longer than PATIENCE."""
+
+
+def read_log(path: Path) -> None:
+    for _ in CanLogReader(path):
+        pass
+
+
+#: what reads a file, by its kind; each may raise TactileError and nothing else
+READERS: dict[str, Callable[[Path], object]] = {
+    'eds': lambda path: load_eds(path, 32), 'layout': load_layout, 'log': read_log,
+    'weights': ShapeRecogniser.from_file, 'curves': lambda path: make_recogniser(VOLF, str(path))}
+
+
+def survives(kind: str, path: Path) -> str:
+    """'read' or 'refused'; any other exception than TactileError passes, HangError after PATIENCE."""
+    def hang(*_: object):
+        raise HangError(f'{path} takes longer than {PATIENCE} s')
+    before = signal.signal(signal.SIGALRM, hang)
+    signal.alarm(PATIENCE)
+    try:
+        READERS[kind](path)
+        return 'read'
+    except TactileError:
+        return 'refused'
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def originals(folder: Path) -> list[tuple[str, str, bytes]]:
+    """(kind, suffix, content) of sound files of each kind, small ones, so that many can be read."""
+    config = ROOT / 'config'
+    eds = (config / 'sim8x8_16bit.eds').read_bytes()
+    found = [('eds', '.eds', eds), ('eds', '.eds', eds[:3000]), ('layout', '.yaml', TINY.encode()),
+             ('layout', '.yaml', (config / 'sim8x8_16bit.yaml').read_bytes())]
+    messages = list(islice(can.LogReader(str(ROOT / 'test/data/sim16x16_two_pads.log.gz')), 200))
+    for suffix in LOG_SUFFIXES:
+        path = folder / f'sound{suffix}'
+        with can.Logger(str(path)) as writer:
+            for message in messages:
+                writer.on_message_received(message)
+        found.append(('log', suffix, path.read_bytes()))
+    return found
+
+
+def mutated(rng: random.Random, content: bytes, is_text: bool) -> bytes:
+    """``content`` with one to four changes of a random kind."""
+    for _ in range(rng.randint(1, 4)):
+        content = rng.choice(_TEXT_CHANGES if is_text else _CHANGES)(rng, content)
+    return content
+
+
+def _flip(rng: random.Random, content: bytes) -> bytes:
+    data = bytearray(content or b'\0')
+    for _ in range(rng.choice((1, 1, 4, 40))):
+        data[rng.randrange(len(data))] = rng.randrange(256)
+    return bytes(data)
+
+
+def _cut(rng: random.Random, content: bytes) -> bytes:
+    return content[:rng.randint(0, len(content))]
+
+
+def _moved(rng: random.Random, content: bytes) -> bytes:
+    """Take a piece out, or put it in elsewhere too."""
+    begin, to = rng.randint(0, len(content)), rng.randint(0, len(content))
+    piece = content[begin:begin + rng.choice((1, 8, 80))]
+    if rng.random() < 0.5:
+        content = content[:begin] + content[begin + len(piece):]
+    return content[:to] + piece + content[to:]
+
+
+def _line(rng: random.Random, content: bytes) -> bytes:
+    """Drop, double or swap lines."""
+    lines = content.splitlines(keepends=True) or [b'']
+    at, other = rng.randrange(len(lines)), rng.randrange(len(lines))
+    change = rng.randrange(3)
+    if change == 0:
+        del lines[at]
+    elif change == 1:
+        lines.insert(other, lines[at])
+    else:
+        lines[at], lines[other] = lines[other], lines[at]
+    return b''.join(lines)
+
+
+def _nasty(rng: random.Random, content: bytes) -> bytes:
+    """Replace a word by one that has broken parsers before."""
+    words = content.replace(b'=', b' = ').split(b' ')
+    words[rng.randrange(len(words))] = rng.choice(NASTY).encode()
+    return b' '.join(words).replace(b' = ', b'=')
+
+
+_CHANGES = (_flip, _cut, _moved)
+_TEXT_CHANGES = (*_CHANGES, _line, _line, _nasty, _nasty)
+
+
+def mutated_files(seed: int, folder: Path) -> Iterator[tuple[str, Path]]:
+    """One broken file after the other, as (kind, path); each is overwritten by a later one."""
+    rng, sound = random.Random(seed), originals(folder)
+    number = 0
+    while True:
+        for kind, suffix, content in sound:
+            is_text = suffix != '.blf'
+            if suffix == '.log.gz' and rng.random() < 0.5:  # broken inside, or the archive itself
+                content = gzip.compress(mutated(rng, gzip.decompress(content), True))
+            else:
+                content = mutated(rng, content, is_text and suffix != '.log.gz')
+            number += 1
+            path = folder / f'broken{number % 50}{suffix}'
+            path.write_bytes(content)
+            yield kind, path
+
+
+def random_message(rng: random.Random, ids: list[int]) -> can.Message:
+    """A CAN message of any kind; every other one has an identifier that somebody listens to."""
+    extended, fd = rng.random() < 0.03, rng.random() < 0.02
+    can_id = rng.choice(ids) if rng.random() < 0.5 else rng.randrange(0x800)
+    size = rng.choice((0, 1, 2, 4, 7, 8, 8, 8, 8)) if not fd else rng.choice((8, 12, 64))
+    if rng.random() < 0.01:
+        size = rng.randrange(16)  # more than 8: no controller does so, an adapter's firmware may
+    kind = rng.random()
+    stamp = rng.choice((0.0, -1.0, 1e18, float('nan'))) if kind < 0.02 else time.time()
+    return can.Message(timestamp=stamp, arbitration_id=can_id | rng.getrandbits(18) << 11 if extended else can_id,
+                       is_extended_id=extended, is_fd=fd, is_remote_frame=0.02 < kind < 0.05 and not fd,
+                       is_error_frame=0.05 < kind < 0.055, data=rng.randbytes(size), dlc=size, check=False)
+
+
+class FrameFuzz:
+    """A supervised driver of one pad on a bus that carries everything; use with ``with``."""
+
+    def __init__(self, channel: str, seed: int):
+        self._rng, self.sent, self.frames, self.bad = random.Random(seed), 0, 0, []
+        self.bench = Bench(channel, 'sim8x8_16bit.yaml')
+        self.complaints = Counter()
+        self.bench.driver = Supervisor(self.bench.settings, tuple(self.bench.pads), self._check,
+                                       lambda sentence: None, self._complain)
+        pad = self.bench.pads[0]
+        self._ids = [0x000, 0x080, 0x0A0, 0x5A0, 0x620, 0x720, *(t.cob_id.of(pad.node_id) for t in pad.layout.tpdos)]
+        self._stamp = -np.inf
+
+    def __enter__(self) -> 'FrameFuzz':
+        self.bench.__enter__()
+        self.bench.run()
+        self._other = can.Bus(self.bench.channel, interface=INTERFACE)
+        return self
+
+    def __exit__(self, *problem: object) -> None:
+        self._other.shutdown()
+        self.bench.__exit__(*problem)
+
+    def send(self, count: int) -> None:
+        """Send ``count`` messages, then wait until the driver has seen them."""
+        for _ in range(count):
+            self._other.send(random_message(self._rng, self._ids))
+        self.sent += count
+        assert wait_until(lambda: self.seen() >= self.sent, 60), f'{self.sent} sent, {self.seen()} seen'
+
+    def seen(self) -> int:
+        statistics = self.bench.driver.statistics()
+        return sum(statistics.can_frames.values()) + statistics.queue_overruns
+
+    def right_again(self) -> bool:
+        """After a reset of the node: whole frames again, of the taxels that nothing presses."""
+        self._other.send(can.Message(arbitration_id=0, data=[0x81, 32], is_extended_id=False))
+        self._still = 0
+        return wait_until(lambda: self._still > 10, 30)
+
+    def _check(self, _name: str, frame) -> None:
+        self.frames += 1
+        valid = frame.status == 0
+        if not (np.isnan(frame.values) == ~valid).all() or not frame.stamp > self._stamp:
+            self.bad.append(frame)
+        self._stamp = frame.stamp
+        self._still = getattr(self, '_still', 0) + 1 if valid.all() and (frame.values == 0).all() else 0
+
+    def _complain(self, sentence: str) -> None:
+        self.complaints[''.join(c for c in sentence if not c.isdigit())[:60]] += 1
+
+
+def resident() -> float:
+    return int(Path('/proc/self/statm').read_text().split()[1]) * os.sysconf('SC_PAGE_SIZE') / 1e6
+
+
+def fuzz_files(count: int, seed: int) -> int:
+    """Print what became of ``count`` files; return how many broke the rule."""
+    outcome, broken, kept = Counter(), 0, ROOT / 'build/fuzz'
+    kept.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as folder:
+        for number, (kind, path) in zip(range(count), mutated_files(seed, Path(folder))):
+            if number == count // 10:
+                warm = resident()
+            try:
+                outcome[f'{kind} {survives(kind, path)}'] += 1
+            except Exception as error:
+                broken += 1
+                at = traceback.extract_tb(error.__traceback__)[-1]
+                saved = kept / f'{kind}_{seed}_{number}{"".join(path.suffixes)}'
+                saved.write_bytes(path.read_bytes())
+                where = f'{Path(at.filename).name}:{at.lineno}'
+                print(f'  {saved.name}: {type(error).__name__}: {error} ({where})', flush=True)
+            if (number + 1) % 1000 == 0:
+                print(f'  {number + 1} files: {dict(sorted(outcome.items()))}', flush=True)
+    print(f'files: {count}, seed {seed}, broke the rule: {broken}; memory {resident() - warm:+.1f} MB after the first '
+          'tenth')
+    return broken
+
+
+def fuzz_frames(count: int, seed: int) -> int:
+    """Print what became of ``count`` CAN messages; return how many rules were broken."""
+    with FrameFuzz('fuzz', seed) as fuzz:
+        begin = time.monotonic()
+        for burst in range(count // BURST):
+            fuzz.send(BURST)
+            if burst == count // BURST // 10:
+                warm = resident()
+            if (burst + 1) % 50 == 0:
+                print(f'  {fuzz.sent} messages, {fuzz.sent / (time.monotonic() - begin):.0f}/s, '
+                      f'{fuzz.frames} taxel frames, memory {resident():.0f} MB', flush=True)
+        grown, right = resident() - warm, fuzz.right_again()
+        statistics = fuzz.bench.driver.statistics()
+    print(f'CAN messages: {fuzz.sent}, seed {seed}; {dict(sorted(statistics.can_frames.items()))}; '
+          f'{statistics.queue_overruns} dropped and counted')
+    print(f'{statistics.pads["pad32"]}')
+    print(f'complaints by kind: {sum(fuzz.complaints.values())} of {len(fuzz.complaints)} kinds')
+    print(f'taxel frames with a wrong mark or stamp: {len(fuzz.bad)}; right again after a reset: {right}; '
+          f'memory {grown:+.1f} MB after the first tenth')
+    return len(fuzz.bad) + (not right)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
+    parser.add_argument('--frames', type=int, default=1_000_000)
+    parser.add_argument('--files', type=int, default=10_000)
+    parser.add_argument('--seed', type=int, default=1)
+    args = parser.parse_args()
+    logging.disable(logging.CRITICAL)
+    broken = fuzz_files(args.files, args.seed) if args.files else 0
+    broken += fuzz_frames(args.frames, args.seed) if args.frames else 0
+    return int(broken > 0)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,27 @@
+"""A fixed, small share of `make fuzz`, and every input that once broke something."""
+
+from pathlib import Path
+
+import pytest
+from fuzzing import CORPUS, FrameFuzz, mutated_files, survives
+
+CASES = sorted(path for path in CORPUS.iterdir() if path.name != 'README.md')
+
+
+@pytest.mark.parametrize('path', CASES, ids=lambda path: path.name)
+def test_what_once_broke_something(path: Path):
+    """The name begins with the kind of file."""
+    assert survives(path.name.split('_')[0], path) in ('read', 'refused')
+
+
+def test_mutated_files_are_read_or_refused(tmp_path):
+    """Seed of their own; both outcomes occur, so the mutations are neither harmless nor all fatal at once."""
+    outcomes = {survives(kind, path) for (kind, path), _ in zip(mutated_files(2, tmp_path), range(300))}
+    assert outcomes == {'read', 'refused'}
+
+
+def test_random_can_messages_leave_a_driver_that_still_works():
+    with FrameFuzz('fuzzed', 3) as fuzz:
+        fuzz.send(4000)
+        assert fuzz.right_again()
+        assert not fuzz.bad and fuzz.complaints
