@@ -212,3 +212,22 @@ def test_random_loss_and_delay_never_mixes_periods(assembler):
         valid = frame.values[~np.isnan(frame.values)]
         assert frame.sequence == period
         assert (valid == 2 * (period % 250 + 5 - 10)).all()
+
+
+def test_reordered_tpdos_are_counted_apart_and_never_joined(assembler):
+    assembler.sync(0)
+    assert send(assembler, (ROW_1, '0A0A'), (ROW_3, '0A0A'), (ROW_2, '0B0B')) == Loss(LossReason.OUT_OF_ORDER, 2)
+    check(assembler.sync(1), [[NAN, NAN], [2, 2], [NAN, NAN]], missing=2)
+    losses = assembler.statistics().losses
+    assert (losses['out_of_order'], losses['late']) == (2, 0) and balanced(assembler)
+
+
+def test_incomplete_sweeps_can_be_dropped(tmp_path):
+    assembler = FrameAssembler(tiny_layout(tmp_path), 1, drop_incomplete=True)
+    assembler.sync(0)
+    send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'))
+    assert assembler.sync(1) is None
+    check(send(assembler, (ROW_1, '0B0B'), (ROW_2, '0B0B'), (ROW_3, '0B0B'), at=1.5), np.full((3, 2), 2), sequence=1)
+    statistics = assembler.statistics()
+    assert (statistics.complete, statistics.incomplete, statistics.dropped) == (1, 0, 1)
+    assert statistics.losses['incomplete'] == 2 and statistics.expected == 6 and balanced(assembler)

@@ -2,6 +2,7 @@
 
 import re
 import threading
+import time
 
 import can
 import numpy as np
@@ -280,3 +281,20 @@ def test_sync_of_another_producer_gives_no_frames_while_inactive():
         assert wait_until(lambda: bench.driver.statistics().can_frames.get('sync') == 8)
         bench.driver.close()
         assert bench.driver.statistics().pads['pad32'].published <= 2 and bench.frames.qsize() <= 1
+
+
+@pytest.mark.skipif(INTERFACE != 'virtual', reason='the kernel stamps by its own wall clock')
+def test_wall_clock_set_while_running_neither_loses_nor_turns_back_a_stamp(monkeypatch):
+    real, shift = time.time, [0.0]
+    monkeypatch.setattr(time, 'time', lambda: real() + shift[0])
+    with Bench('clock', sync_period=0.01) as bench:
+        bench.run()
+        stamps = [f.stamp for _, f in bench.take_whole(5)]
+        for jump in (-3600.0, 0.0, 500.0):  # back, put right, forward
+            shift[0] = jump
+            stamps += [f.stamp for _, f in bench.take_whole(10)]
+        bench.driver.stop()
+        statistics = bench.driver.statistics()
+    steps = np.diff(stamps)
+    assert (steps > 0).all() and (steps > 100).sum() == 1  # only forward is followed
+    assert statistics.clock_jumps == 3 and statistics.stamps_ahead == 0

@@ -4,12 +4,14 @@ A skin sends its TPDOs in a fixed order every period (the layout's) and CAN keep
 TPDOs of one period form one *ascending run* of ranks. A taxel frame is only ever made of one run:
 
 - A rank not above the last one begins a new run: what came before it in this period belonged to an earlier
-  one and is dropped (LATE). Only an immediate repetition with equal bytes is a mere DUPLICATE.
+  one and is dropped (LATE; OUT_OF_ORDER where the run did not hold that rank, so nothing speaks of two
+  periods). Only an immediate repetition with equal bytes is a mere DUPLICATE.
 - After a period that ended early, ranks above its end may be its delayed tail; after a silent one, any may.
   Such a run is suspect: dropped (LATE) when a new run begins, and also when the next SYNC comes, since
   nothing proves it fresh. So the first sweep after silence is given up, even a whole one.
 - A run of all ranks is a complete frame, given at once. Otherwise the next SYNC gives the frame, with NaN and
-  STALE for the taxels that are not in the run. Whatever follows a complete run within its period is SURPLUS.
+  STALE for the taxels that are not in the run, or none (``drop_incomplete``). Whatever follows a complete run
+  within its period is SURPLUS.
 
 Where TPDOs and SYNC are stamped by one clock (``one_clock``), a TPDO stamped before its SYNC is LATE by
 proof: a driver that lags behind its bus drops frames rather than publish them under a later stamp.
@@ -33,11 +35,13 @@ class LossReason(str, Enum):
     """Why a TPDO of a pad went into no taxel frame."""
 
     BEFORE_FIRST_SYNC = 'before_first_sync'
+    OUT_OF_ORDER = 'out_of_order'  #: a TPDO that comes before these in a sweep came after them
     LATE = 'late'  #: of an earlier period, or possibly so
     DUPLICATE = 'duplicate'  #: the same COB-ID and bytes twice in a row
     SURPLUS = 'surplus'  #: after the period's frame was complete
     SHORT = 'short'  #: fewer bytes than mapped
     OVER_LONG = 'over_long'  #: more bytes than mapped: the device maps something else
+    INCOMPLETE = 'incomplete'  #: good, of a sweep that was dropped since others were missing
     UNFINISHED = 'unfinished'  #: the driver stopped within the period
 
 
@@ -56,6 +60,7 @@ class PadStatistics(NamedTuple):
     used: int  #: TPDOs whose taxels were given as valid
     pending: int  #: TPDOs of the period under way
     losses: dict[str, int]  #: TPDOs dropped, by LossReason
+    dropped: int = 0  #: incomplete taxel frames dropped, as asked for
 
     @property
     def published(self) -> int:
@@ -71,7 +76,9 @@ class PadStatistics(NamedTuple):
 class FrameAssembler:
     """The state machine of one pad. ``sync`` and ``feed`` return a TaxelFrame as soon as there is one."""
 
-    def __init__(self, layout: SkinLayout, node_id: int, one_clock: bool = True):
+    def __init__(self, layout: SkinLayout, node_id: int, one_clock: bool = True,
+                 drop_incomplete: bool = False):
+        self._drop_incomplete = drop_incomplete
         self._codec, self._one_clock = TaxelCodec(layout), one_clock
         self._ranks = {tpdo.cob_id.of(node_id): rank for rank, tpdo in enumerate(layout.tpdos)}
         self._lengths = [tpdo.length for tpdo in layout.tpdos]
@@ -134,16 +141,16 @@ class FrameAssembler:
 
     def statistics(self) -> PadStatistics:
         counts, pending = self._counts, self._pending()
-        expected = (counts['complete'] + counts['incomplete']) * len(self._lengths)
+        expected = (counts['complete'] + counts['incomplete'] + counts['dropped']) * len(self._lengths)
         return PadStatistics(
             counts['complete'], counts['incomplete'], expected, counts['received'], counts['used'], pending,
-            {r.value: self._losses[r] for r in LossReason})
+            {r.value: self._losses[r] for r in LossReason}, counts['dropped'])
 
     def _pending(self) -> int:
         return 0 if self._given else int(self._fresh.sum())
 
     def _begin_period(self) -> None:
-        self._fresh = np.zeros(len(self._lengths), bool)
+        self._fresh, self._ranks_seen = np.zeros((2, len(self._lengths)), bool)
         self._run = 0  # TPDOs in the run under way
         self._previous_end = self._last if self._seen else -1  # last rank of the period before
         self._seen = self._given = self._suspect = False
@@ -153,21 +160,28 @@ class FrameAssembler:
         if not self._seen:
             self._suspect = rank > self._previous_end
         elif rank <= self._last:
-            loss = self._drop_run()
+            repeated = self._ranks_seen[rank]
+            loss = self._drop_run(LossReason.LATE if self._suspect or repeated else LossReason.OUT_OF_ORDER)
         self._run += 1
+        self._ranks_seen[rank] = True
         if len(data) != self._lengths[rank]:
             return self._lose(LossReason.SHORT if len(data) < self._lengths[rank] else LossReason.OVER_LONG)
         self._payload[8 * rank:8 * rank + len(data)] = data
         self._fresh[rank] = True
         return loss
 
-    def _drop_run(self) -> Loss:
+    def _drop_run(self, reason: LossReason = LossReason.LATE) -> Loss:
         dropped = int(self._fresh.sum())
-        self._fresh[:] = False
+        self._fresh[:] = self._ranks_seen[:] = False
         self._run, self._suspect = 0, False
-        return self._lose(LossReason.LATE, dropped)
+        return self._lose(reason, dropped)
 
-    def _give(self) -> TaxelFrame:
+    def _give(self) -> TaxelFrame | None:
+        if self._drop_incomplete and not self._fresh.all():
+            self._given = True
+            self._counts['dropped'] += 1
+            self._lose(LossReason.INCOMPLETE, int(self._fresh.sum()))
+            return None
         values, status = self._codec.decode(self._payload, self._fresh)
         self._given = True
         self._counts['used'] += int(self._fresh.sum())

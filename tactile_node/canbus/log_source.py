@@ -15,6 +15,8 @@ from tactile_node.errors import LogError
 
 logger = logging.getLogger(__name__)
 
+SET_BACK = 1.0  # s: two frames of one clock are recorded in a wrong order by less
+
 
 class LogSource:
     """A log as FrameSource. ``pace`` 1.0 is the recorded one, 2.0 twice as fast, None as fast as possible.
@@ -26,14 +28,15 @@ class LogSource:
     """
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], on_frame: OnFrame, pace: float | None = 1.0,
-                 loop: bool = False, log: Callable[[str], None] = logger.info):
+                 loop: bool = False, log: Callable[[str], None] = logger.info, drop_incomplete: bool = False):
         check_pads(pads)
         self._path, self._pace, self._loop, self._log = path, pace, loop, log
-        self._on_frame, self._router = on_frame, Router(tuple(pads), self._deliver)
+        self._on_frame, self._router = on_frame, Router(tuple(pads), self._deliver, drop_incomplete=drop_incomplete)
         self._messages: Iterator[can.Message] | None = None
         self._thread: threading.Thread | None = None
         self._stopping, self.finished = threading.Event(), threading.Event()
-        self._consumer_errors, self._unread, self.failure = 0, 0, None
+        self._consumer_errors = self._unread = self._jumps = 0
+        self._ahead, self.failure = 0.0, None
 
     def open(self) -> None:
         """Open the log; LogError when it is missing, unreadable or without a CAN frame."""
@@ -67,7 +70,8 @@ class LogSource:
 
     def statistics(self) -> BusStatistics:
         unread = self._unread + (self._reader.unread if hasattr(self, '_reader') else 0)
-        return self._router.statistics()._replace(unread=unread, consumer_errors=self._consumer_errors)
+        return self._router.statistics()._replace(unread=unread, consumer_errors=self._consumer_errors,
+                                                   clock_jumps=self._jumps, stamps_ahead=self._ahead)
 
     def health(self) -> BusHealth:
         """A log has no nodes to watch; only its end may come early."""
@@ -77,7 +81,13 @@ class LogSource:
         shift = 0.0
         while True:
             first = last = None
+            self._ahead = 0.0
             for message in self._reader:
+                message.timestamp += self._ahead
+                if last is not None and message.timestamp < last - SET_BACK:  # the clock was set while recording
+                    self._jumps += 1
+                    self._ahead += last - message.timestamp
+                    message.timestamp = last
                 first = message.timestamp if first is None else first
                 last = message.timestamp
                 message.timestamp += shift

@@ -25,6 +25,8 @@ class BusStatistics(NamedTuple):
     queue_overruns: int = 0  #: CAN frames dropped because this process was too slow
     sync_overruns: int = 0  #: SYNCs not sent because this process was too slow
     consumer_errors: int = 0  #: exceptions of on_frame
+    clock_jumps: int = 0  #: times the wall clock was set while stamps were taken
+    stamps_ahead: float = 0.0  #: of the wall clock, since it was set back [s]
     unread: int = 0  #: lines of a log that could not be read
 
 
@@ -36,8 +38,9 @@ class Router:
     """
 
     def __init__(self, pads: tuple[PadSettings, ...], on_frame: OnFrame, foreign_sync: bool = True,
-                 one_clock: bool = True):
-        self._assemblers = {pad.name: FrameAssembler(pad.layout, pad.node_id, one_clock) for pad in pads}
+                 one_clock: bool = True, drop_incomplete: bool = False):
+        self._assemblers = {pad.name: FrameAssembler(pad.layout, pad.node_id, one_clock, drop_incomplete)
+                            for pad in pads}
         self._owner = {can_id: (name, assembler.feed)
                        for name, assembler in self._assemblers.items() for can_id in assembler.can_ids}
         self.is_running = True  #: False: SYNCs of others part no periods, so there are no frames

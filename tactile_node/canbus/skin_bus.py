@@ -18,6 +18,7 @@ from tactile_node.canbus.heartbeat import NmtState
 from tactile_node.canbus.logs import CanLogWriter
 from tactile_node.canbus.pads import PadSettings, check_dictionaries, check_pads
 from tactile_node.canbus.router import BusStatistics, OnFrame, Router, oddity_of
+from tactile_node.canbus.stamp_clock import StampClock
 from tactile_node.canbus.sync_producer import SyncProducer
 from tactile_node.errors import BusError, DeviceError, LogError
 
@@ -46,7 +47,9 @@ class SkinBus:
         self._on_frame, self._on_failure = on_frame, on_failure or self._complain_of_failure
         self._monitor = monitor or BusMonitor(pad.node_id for pad in pads)
         one_clock = not settings.produce_sync or settings.interface in HOST_STAMPED
-        self._router = Router(self._pads, self._deliver, not settings.produce_sync, one_clock)
+        self._router = Router(self._pads, self._deliver, not settings.produce_sync, one_clock,
+                              settings.drop_incomplete)
+        self._clock, self._jumps_told = StampClock(settings.interface in HOST_STAMPED), 0
         self._odd = Counter()
         self._queue: SimpleQueue = SimpleQueue()
         self._network: BusNetwork | None = None
@@ -94,6 +97,7 @@ class SkinBus:
         self._opened()
         if self._sync is not None:
             return
+        self._clock.restart()
         self._queue.put((RESTART, b'', 0.0))
         begun = time.monotonic()
         self._sync = SyncProducer(self._settings.sync_period, self._send_sync)  # from here on stop() has work to do
@@ -153,7 +157,8 @@ class SkinBus:
         running = self._sync.overruns if self._sync else 0
         return counted._replace(can_frames=dict(Counter(counted.can_frames) + Counter(dict(self._odd))),
                                 queue_overruns=self._overruns, sync_overruns=self._sync_overruns + running,
-                                consumer_errors=self._consumer_errors)
+                                consumer_errors=self._consumer_errors, clock_jumps=self._clock.jumps,
+                                stamps_ahead=self._clock.ahead)
 
     def _open_record(self, bus: can.BusABC) -> CanLogWriter | None:
         """A log that cannot be written leaves no open bus behind."""
@@ -185,11 +190,13 @@ class SkinBus:
 
     def _send_sync(self) -> None:
         """The SYNC goes into the queue before it goes on the bus: no TPDO can overtake it."""
-        stamp = time.time()
+        stamp = self._clock.now()
+        if self._clock.jumps != self._jumps_told:
+            self._tell_of_jump()
         self.syncs_sent += 1
         self._monitor.feed_own(0)
         try:
-            self._opened().send_message(self._pads[0].layout.sync_cob_id, b'', False, stamp,
+            self._opened().send_message(self._pads[0].layout.sync_cob_id, b'', False, stamp - self._clock.ahead,
                                         lambda: self._queue.put((OWN_SYNC, b'', stamp)))
         except BusError as error:
             self._fail(error)
@@ -206,9 +213,15 @@ class SkinBus:
         can_id, data = message.arbitration_id, bytes(message.data)
         self._monitor.feed(can_id, data)
         if self._queue.qsize() < self._settings.queue_limit:
-            self._queue.put((can_id, data, message.timestamp))
+            self._queue.put((can_id, data, self._clock.of(message.timestamp)))
         else:
             self._overruns += 1
+
+    def _tell_of_jump(self) -> None:
+        self._jumps_told, ahead = self._clock.jumps, self._clock.ahead
+        self._complain('The wall clock was set. ' + (
+            f'Stamps go on from the old time, {ahead:.3f} s ahead of it, so that they never go back; '
+            'deactivate and activate the driver to take the new one.' if ahead else 'Stamps follow it.'))
 
     def _fail(self, error: Exception) -> None:
         if self._failure is None:

@@ -126,9 +126,10 @@ class DriverNode(LifecycleNode):
         if settings.replay:
             self._gate = self._make_gate(settings)
             return LogSource(settings.replay, pads, self._publish, settings.replay_pace or None, settings.replay_loop,
-                             log)
+                             log, settings.drop_incomplete)
         bus = BusSettings(settings.interface, settings.channel, settings.bitrate, settings.sync_period,
-                          settings.produce_sync, settings.boot_timeout, record=settings.record)
+                          settings.produce_sync, settings.boot_timeout, drop_incomplete=settings.drop_incomplete,
+                          record=settings.record)
         return Supervisor(bus, pads, self._publish, log, self.get_logger().error, settings.recover,
                           settings.heartbeat_timeout)
 

@@ -103,19 +103,19 @@ def _pad_findings(now: PadStatistics, before: PadStatistics) -> list[Finding]:
 def _bus_losses(statistics: BusStatistics) -> dict[str, int]:
     return {'queue_overruns': statistics.queue_overruns, 'sync_overruns': statistics.sync_overruns,
             'consumer_errors': statistics.consumer_errors, 'unread_log_lines': statistics.unread,
-            'error_frames': statistics.can_frames.get('error', 0)}
+            'error_frames': statistics.can_frames.get('error', 0), 'clock_jumps': statistics.clock_jumps}
 
 
 def _bus_values(statistics: BusStatistics, health: BusHealth) -> dict[str, object]:
     return {**{f'can_frames_{name}': count for name, count in statistics.can_frames.items()},
-            **_bus_losses(statistics), 'bus_load_percent': f'{100 * health.load:.1f}',
+            **_bus_losses(statistics), 'stamps_ahead_s': f'{statistics.stamps_ahead:.3f}', 'bus_load_percent': f'{100 * health.load:.1f}',
             'error_passive': health.is_error_passive, 'outages': health.outages.count,
             'outage_seconds': f'{health.outages.seconds:.2f}', 'outage_last_reason': health.outages.reason,
             'foreign_nmt_commands': health.foreign_commands, 'foreign_nmt_last': health.last_command}
 
 
 def _pad_values(pad: PadStatistics) -> dict[str, object]:
-    return {'frames_complete': pad.complete, 'frames_incomplete': pad.incomplete,
+    return {'frames_complete': pad.complete, 'frames_incomplete': pad.incomplete, 'frames_dropped': pad.dropped,
             'tpdos_expected': pad.expected, 'tpdos_received': pad.received, 'tpdos_used': pad.used,
             **{f'tpdos_dropped_{reason}': count for reason, count in pad.losses.items()}}
 

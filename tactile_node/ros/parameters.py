@@ -48,6 +48,8 @@ DRIVER = (
     Parameter('heartbeat_timeout', 0.5, 'a node not heard for so long is told as gone [s]; it sends every 0.1 s', 0.3,
               60),
     Parameter('recover', True, 'mend a failed bus and devices that start anew; false: only tell of them'),
+    Parameter('drop_incomplete', False, 'true: a sweep that lacks CAN frames is dropped and counted; false: it is '
+              'published with NaN, status STALE'),
     Parameter('autostart', True, 'configure and activate at start; false: leave it to a lifecycle manager'),
     *QUEUE,
 )

@@ -1,0 +1,74 @@
+"""One time line for stamps: Unix time that never goes back, whatever is done to the wall clock."""
+
+import threading
+import time
+from collections.abc import Callable
+
+JUMP = 0.01  # s between two looks: more is a clock that was set, less one that is slewed
+IN_FLIGHT = 2.0  # s after a jump in which messages stamped before it may still come
+MAX_LAG = 1.0  # s: an adapter that seems to lag more has begun to count anew
+DRIFT = 1e-4  # relative: no adapter's crystal is further off
+
+
+class StampClock:
+    """Stamps for what is sent (``now``) and received (``of``), in one epoch and never going back.
+
+    The wall clock set forward is followed. Set back, it is left: stamps go on evenly, ``ahead`` [s] of the wall
+    clock, until it has caught up or ``restart``. Each such setting counts in ``jumps``.
+
+    ``host_stamped``: messages carry this machine's wall clock (socketcan, virtual), right also when they are read
+    late. Else they carry the adapter's own clock, of unknown epoch: the least time from stamp to arrival seen
+    so far, let grow by ``DRIFT``, is taken for its offset, so a stamp is late by the quickest way through the adapter.
+    """
+
+    def __init__(self, host_stamped: bool = True, wall: Callable[[], float] | None = None,
+                 steady: Callable[[], float] = time.monotonic):
+        self._host_stamped, self._wall, self._steady = host_stamped, wall or time.time, steady
+        self._lock = threading.Lock()
+        self.jumps = 0
+        self.restart()
+
+    def restart(self) -> None:
+        """Take the wall clock as it is now; only where stamps may go back."""
+        with self._lock:
+            self.ahead = 0.0
+            self._offset, self._before, self._jumped = self._wall() - self._steady(), 0.0, -float('inf')
+            self._least: float | None = None
+            self._last = -float('inf')
+
+    def now(self) -> float:
+        """The present [s]; never less than the time before."""
+        with self._lock:
+            wall, _ = self._look()
+            self._last = max(self._last, wall + self.ahead)
+            return self._last
+
+    def of(self, timestamp: float) -> float:
+        """When the message stamped ``timestamp`` by the bus was received [s]; call it on arrival."""
+        with self._lock:
+            wall, steady = self._look()
+            if not self._host_stamped:
+                return wall + self.ahead - self._adapter_age(timestamp, steady)
+            if steady - self._jumped > IN_FLIGHT:
+                return timestamp + self.ahead
+            ages = [wall - timestamp, steady + self._before - timestamp]  # stamped after, or before the jump
+            return wall + self.ahead - min((age for age in ages if age >= 0), default=0.0)
+
+    def _look(self) -> tuple[float, float]:
+        wall, steady = self._wall(), self._steady()
+        offset = wall - steady
+        if abs(step := offset - self._offset) > JUMP:
+            self.jumps += 1
+            self._before, self._jumped = self._offset, steady
+            self.ahead = max(0.0, self.ahead - step)
+        self._offset = offset
+        return wall, steady
+
+    def _adapter_age(self, timestamp: float, steady: float) -> float:
+        lag = steady - timestamp
+        if self._least is None or lag < self._least or lag - self._least > MAX_LAG:
+            self._least = lag
+        else:
+            self._least += DRIFT * (steady - self._looked)
+        self._looked = steady
+        return max(0.0, lag - self._least)

@@ -1,0 +1,90 @@
+"""Stamps through clocks that are set, by hand-moved clocks."""
+
+import pytest
+
+from tactile_node.canbus.stamp_clock import StampClock
+
+
+class Hands:
+    """A wall and a steady clock; ``adapter`` counts from when it was plugged in."""
+
+    def __init__(self):
+        self.wall, self.steady = 1000.0, 5.0
+
+    def wait(self, seconds):
+        self.wall += seconds
+        self.steady += seconds
+
+    def clock(self, host_stamped=True):
+        return StampClock(host_stamped, lambda: self.wall, lambda: self.steady)
+
+
+@pytest.fixture
+def hands():
+    return Hands()
+
+
+def test_untouched_clocks_leave_stamps_as_they_are(hands):
+    clock = hands.clock()
+    hands.wait(3)
+    assert clock.now() == 1003 and clock.of(1002.75) == 1002.75 and clock.jumps == 0
+
+
+def test_set_back_stamps_go_on_evenly(hands):
+    clock = hands.clock()
+    hands.wait(1)
+    assert clock.now() == 1001
+    hands.wall -= 3600
+    hands.wait(1)  # the wall clock reads -2598
+    assert clock.now() == pytest.approx(1002) and clock.jumps == 1 and clock.ahead == pytest.approx(3600)
+    hands.wait(0.5)
+    assert clock.of(hands.wall - 0.1) == pytest.approx(1002.4)  # stamped 0.1 s ago by the new wall clock
+    hands.wait(5)
+    assert clock.of(hands.wall - 0.1) == pytest.approx(1007.4)
+    hands.wall += 3600  # and put right
+    assert clock.now() == pytest.approx(1007.5) and (clock.jumps, clock.ahead) == (2, 0)
+
+
+def test_message_stamped_before_the_jump_and_read_after(hands):
+    clock = hands.clock()
+    hands.wait(1)
+    for step in (-50.0, 80.0):
+        stamped = hands.wall
+        hands.wait(0.2)
+        clock.now()
+        hands.wall += step
+        age = clock.now() - clock.of(stamped)
+        assert age == pytest.approx(0.2), step
+        hands.wait(10)
+
+
+def test_set_forward_is_followed(hands):
+    clock = hands.clock()
+    hands.wall += 500
+    assert clock.now() == 1500 and clock.jumps == 1 and clock.ahead == 0
+
+
+def test_restart_takes_the_new_time(hands):
+    clock = hands.clock()
+    hands.wall -= 100
+    assert clock.now() == pytest.approx(1000)
+    clock.restart()
+    assert clock.now() == 900 and clock.ahead == 0
+
+
+def test_adapter_of_another_epoch_is_mapped_by_its_quickest_message(hands):
+    """The adapter stood at 0 when the wall clock stood at 1000; messages take 5, 2 and 9 ms through it."""
+    clock, stamps = hands.clock(host_stamped=False), []
+    for second, delay in ((1, 0.005), (2, 0.002), (3, 0.009)):
+        hands.wall, hands.steady = 1000 + second + delay, 5 + second + delay
+        stamps.append(clock.of(float(second)))
+    assert stamps == pytest.approx([1001.005, 1002.002, 1003.002], abs=2e-4)
+
+
+def test_adapter_that_counts_anew_is_mapped_anew(hands):
+    clock = hands.clock(host_stamped=False)
+    clock.of(700.0)
+    hands.wait(1)
+    assert clock.of(0.25) == pytest.approx(1001)
+    hands.wait(0.5)
+    assert clock.of(0.75) == pytest.approx(1001.5, abs=1e-3)
