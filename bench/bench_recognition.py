@@ -38,6 +38,7 @@ from bench.recognition.contest import (
     Result,
     answers_of,
     calibration,
+    fused,
     rejection_at_loss,
 )
 from bench.recognition.figures import Rate
@@ -95,14 +96,20 @@ def train_anchors(clock: Clock, jobs: int, *amount) -> dict:
 def rates(heading: str, text: str, results: list[Result]) -> Table:
     names = list(results[0].answers)
     table = Table(heading, text, ['condition', 'frames', 'area', 'patterns', *(f'{name}, %' for name in names),
-                                  'ours against the better'])
+                                  'ours unknown, %', 'ours against the better'])
     for result in results:
         best = max((result.rate(name) for name in names if name != OURS), key=lambda rate: rate.value)
         ours, (low, high) = result.rate(OURS), best.interval
         verdict = 'above' if ours.value > high else 'within' if ours.value >= low else 'BELOW'
         table.add(result.case.condition, KIND[result.case.on_off], f'{result.case.area:g}', ours.count,
-                  *(result.rate(name) for name in names), verdict)
+                  *(result.rate(name) for name in names), f'{100 * unknown(result).value:.2f}', verdict)
     return table
+
+
+def unknown(result: Result) -> Rate:
+    """Known shapes that ours calls unknown."""
+    called = result.answers[OURS].argmax(1) == ORDER.index(Shape.UNKNOWN)
+    return Rate(int(called.sum()), len(called))
 
 
 def speed(contest: Contest, repeat: int) -> Table:
@@ -147,26 +154,19 @@ def rejection(known: list[Result], outliers: list[Result]) -> Table:
 def recordings(contest: Contest) -> Table:
     """Real touches; they were never used for training or tuning."""
     table = Table('Real recordings', 'share of answers over the frames in which the object is held (at least '
-                  f'{HELD} taxels on; of the square, moved and noisy, at least 30), frame by frame without fusion [%]',
+                  f'{HELD} taxels on; of the square, moved and noisy, at least 30) [%]: frame by frame, and ours as '
+                  'the classifier node reports it, successive frames fused',
                   ['recording', 'frames', 'contestant', *(shape.value for shape in ORDER)])
     for log, least in (('nus_ring_session.log.gz', HELD), ('nus_square_excerpt.log.gz', 30)):
-        held = [pattern for pattern in recorded(log) if (pattern.values > 0.5).sum() >= least]
-        answers = {OURS: answers_of(contest.ours, held)}
-        for anchor in contest.anchors[True]:
-            answers[anchor.name] = anchor.probabilities(patches(held, np.zeros(len(held), int)))
+        stamps, patterns = recorded(log)
+        held = np.flatnonzero([(pattern.values > 0.5).sum() >= least for pattern in patterns])
+        ours = answers_of(contest.ours, patterns)
+        answers = {OURS: ours[held], f'{OURS}, fused': fused(stamps, ours)[held]}
+        samples = patches([patterns[k] for k in held], np.zeros(len(held), int))
+        answers |= {anchor.name: anchor.probabilities(samples) for anchor in contest.anchors[True]}
         for name, answer in answers.items():
             share = np.bincount(answer.argmax(1), minlength=len(ORDER)) / len(held)
             table.add(log.split('.')[0], len(held), name, *(f'{100 * s:.0f}' for s in share))
-    return table
-    return table
-
-
-def lost(clean: list[Result]) -> Table:
-    """Known shapes that ours calls unknown."""
-    table = Table('Known shapes called unknown by ours', 'clean frames [%]', ['frames', 'area', 'called unknown'])
-    for result in clean:
-        unknown = result.answers[OURS].argmax(1) == ORDER.index(Shape.UNKNOWN)
-        table.add(KIND[result.case.on_off], result.case.area, Rate(int(unknown.sum()), len(unknown)))
     return table
 
 
@@ -190,10 +190,10 @@ def main() -> int:
     outliers = [contest.run(case) for case in outlier_cases(OUTLIER_AREAS, field_count)]
     field = _run(contest, field_cases(FIELD_AREAS, field_count), clock, 'field conditions')
     tables = [rates('Clean frames', 'recognised [%], 95 % Wilson intervals; the verdict compares ours with the '
-                    'interval of the better anchor', clean), *tables, probabilities(clean), lost(clean),
+                    'interval of the better anchor', clean), *tables, probabilities(clean),
               rejection(known, outliers), recordings(contest),
-              rates('Field conditions', 'one condition changed, the rest nominal; UNKNOWN counts as not recognised',
-                    field)]
+              rates('Field conditions', 'one condition changed, the rest nominal; UNKNOWN, which the anchors cannot '
+                    'say, counts as not recognised', field)]
     for table in tables:
         print(table.plain())
     _write(args, tables, clean, field, outliers)

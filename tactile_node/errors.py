@@ -28,6 +28,10 @@ class DeviceError(TactileError):
     """The CANopen device is absent, is another one, or refuses what is asked of it."""
 
 
+class DeviceAbsentError(DeviceError):
+    """The CANopen device does not answer."""
+
+
 class LogError(TactileError):
     """A recorded CAN log is missing, unreadable or cut short."""
 

@@ -27,4 +27,4 @@ class TaxelFrame(NamedTuple):
     sequence: int  #: counts SYNC periods since the driver became active, gaps are lost frames
     values: np.ndarray  #: float32, shape (rows, cols)
     status: np.ndarray  #: uint8 TaxelStatus, shape (rows, cols)
-    missing_can_frames: int  #: TPDOs of this period that did not arrive
+    missing_can_frames: int  #: TPDOs of this period that did not arrive, or not as mapped

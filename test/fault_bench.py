@@ -1,5 +1,6 @@
 """Where the faults of the catalogue are injected: a supervised driver, a skin, another participant on the bus."""
 
+import threading
 import time
 from collections.abc import Callable
 from typing import Any
@@ -27,7 +28,8 @@ class FaultBench(Bench):
 
     def __init__(self, channel: str, nodes: tuple[int, ...] = (32,), recover: bool = True, **settings: Any):
         super().__init__(channel, LAYOUT, nodes, source=lambda t: np.full((SIDE, SIDE), PRESSED))
-        self.adapter, self.kept, self.complaints = Adapter(), [], []
+        self.adapter, self.kept, self.complaints, self.hold = Adapter(), [], [], threading.Event()
+        self.hold.set()  #: cleared: the consumer hangs
         self.settings = BusSettings('virtual', channel, **{'sync_period': 0.02} | settings)
         self.driver = Supervisor(self.settings, tuple(self.pads), self._keep, self.said.append,
                                  self.complaints.append, recover)
@@ -91,6 +93,7 @@ class FaultBench(Bench):
         self.wait(has_come, f'no whole frames of {pad}')
 
     def _keep(self, name: str, frame) -> None:
+        self.hold.wait(PATIENCE)
         self.kept.append((name, frame))
 
     def _check_all(self) -> None:

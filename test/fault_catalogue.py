@@ -4,8 +4,10 @@
 as it ends, that all taxels published as valid were right and that no sequence number or stamp came twice.
 """
 
+import itertools
 import sys
 import threading
+import time
 from collections.abc import Callable
 
 import can
@@ -84,7 +86,7 @@ def boot_up_message_lost(channel: str) -> FaultBench:
         bench.wait(lambda: bytes(1) in bench.adapter.lost, 'boot-up not lost')
         bench.adapter.dropped = set()
         bench.end_of_cause()
-        bench.detect('sends neither heartbeat nor taxels')
+        bench.detect('heartbeat')  # missing, and by chance taxels too
         bench.recover()
     return bench
 
@@ -322,6 +324,163 @@ def foreign_frames(channel: str) -> FaultBench:
     return bench
 
 
+def absent_pad_of_two(channel: str) -> FaultBench:
+    """The pad that is there works; the other is told as not answering, and joins as soon as it boots."""
+    with FaultBench(channel, (32, 64), boot_timeout=0.3) as bench:
+        bench.simulator.devices['pad64'].power_off()
+        bench.cause()
+        bench.run()
+        bench.detect('The other pads go on without it')
+        bench.wait(lambda: bool(bench.node('pad64').trouble), 'trouble not told')
+        assert all(np.isnan(frame.values).all() for name, frame in bench.kept if name == 'pad64')
+        bench.simulator.devices['pad64'].boot()
+        bench.end_of_cause()
+        bench.recover('pad64')
+    return bench
+
+
+def _tampered(channel: str, tamper: Callable, seen: Callable[[FaultBench], int]) -> FaultBench:
+    """TPDOs pass ``tamper`` until ``seen`` has counted a few."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        bench.adapter.tamper = lambda message: tamper(message) if message.arbitration_id in COB_IDS else [message]
+        bench.wait(lambda: seen(bench) >= 20, 'not counted')
+        bench.detected = time.monotonic() - bench._begun
+        bench.adapter.tamper = None
+        bench.end_of_cause()
+        bench.recover()
+        assert bench.node().outages.count == 0
+    return bench
+
+
+def _pad(bench: FaultBench):
+    return bench.driver.statistics().pads['pad32']
+
+
+def tpdos_lost(channel: str) -> FaultBench:
+    """Every seventh TPDO lost: its taxels are NaN and STALE, the TPDOs missing are counted and told as WARN."""
+    numbers = itertools.count()
+    return _tampered(channel, lambda message: [message] if next(numbers) % 7 else [], lambda bench: _pad(bench).missing)
+
+
+def tpdos_duplicated(channel: str) -> FaultBench:
+    """Each TPDO twice: the second is dropped and counted as duplicate, the taxels go on."""
+    return _tampered(channel, lambda message: [message, message], lambda bench: _pad(bench).losses['duplicate'])
+
+
+def tpdos_reordered(channel: str) -> FaultBench:
+    """Pairs of TPDOs exchanged: what came before is dropped as out of order, never mixed in."""
+    held: list[can.Message] = []
+
+    def exchange(message: can.Message) -> list[can.Message]:
+        held.append(message)
+        return [held.pop(), held.pop()] if len(held) == 2 else []
+    return _tampered(channel, exchange, lambda bench: _pad(bench).losses['out_of_order'])
+
+
+def short_tpdos(channel: str) -> FaultBench:
+    """A byte less than mapped: the TPDO is dropped as short, its taxels are NaN."""
+    def cut(message: can.Message) -> list[can.Message]:
+        return [_with_data(message, message.data[:-1])] if message.arbitration_id == COB_IDS[3] else [message]
+    return _tampered(channel, cut, lambda bench: _pad(bench).losses['short'])
+
+
+def over_long_tpdos(channel: str) -> FaultBench:
+    """A byte more than mapped (here: than CAN allows): dropped as over-long, the bus goes on."""
+    def lengthen(message: can.Message) -> list[can.Message]:
+        return [_with_data(message, message.data + b'1')] if message.arbitration_id == COB_IDS[3] else [message]
+    return _tampered(channel, lengthen, lambda bench: _pad(bench).losses['over_long'])
+
+
+def _with_data(message: can.Message, data: bytes) -> can.Message:
+    return can.Message(timestamp=message.timestamp, arbitration_id=message.arbitration_id, is_extended_id=False,
+                       data=data, dlc=len(data), check=False)
+
+
+def _configuration_disturbed(channel: str, tamper: Callable[[can.Message], list], says: str) -> FaultBench:
+    """The device starts anew while its SDO answers pass ``tamper``; until that ends its taxels are NaN."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        bench.adapter.tamper = lambda message: tamper(message) if message.arbitration_id == 0x5A0 else [message]
+        bench.device.power_off()
+        bench.device.boot()
+        bench.detect(says)
+        seen = len(bench.kept)
+        bench.wait(lambda: len(bench.kept) > seen + 2, 'no frames')
+        assert all(np.isnan(frame.values).all() for _, frame in bench.kept[seen:])
+        bench.adapter.tamper = None
+        bench.end_of_cause()
+        bench.recover()
+    return bench
+
+
+def sdo_aborted_in_configuration(channel: str) -> FaultBench:
+    """The device refuses its TPDO: object and abort code are told, it is tried again until it agrees."""
+    def abort(message: can.Message) -> list[can.Message]:  # CiA 301: 0x60 confirms a download; 0x80 aborts it
+        is_tpdo = bytes(message.data[1:3]) == bytes.fromhex('0018')
+        if message.data[0] == 0x60 and is_tpdo:
+            message = _with_data(message, b'\x80' + bytes(message.data[1:4]) + bytes.fromhex('22000008'))
+        return [message]
+    return _configuration_disturbed(channel, abort, 'SDO abort')
+
+
+def sdo_timeout_in_mid_configuration(channel: str) -> FaultBench:
+    """The device falls silent amid its configuration: the object it did not answer for is told, it is tried again."""
+    return _configuration_disturbed(
+        channel, lambda message: [] if bytes(message.data[1:3]) == bytes.fromhex('001A') else [message],
+        'object 0x1A00 sub')
+
+
+def device_that_lies_about_its_mapping(channel: str) -> FaultBench:
+    """It confirms each write and keeps another mapping: what was written and what is read back are told."""
+    def other(message: can.Message) -> list[can.Message]:  # an answer to a read of 0x1A00 sub 1
+        if message.data[0] == 0x43 and bytes(message.data[1:4]) == bytes.fromhex('001A01'):
+            message = _with_data(message, bytes(message.data[:4]) + bytes.fromhex('10020020'))
+        return [message]
+    return _configuration_disturbed(channel, other, 'read back')
+
+
+def queue_overrun(channel: str) -> FaultBench:
+    """A consumer that hangs: CAN frames beyond the queue's limit are dropped and counted, nothing stale is given."""
+    with FaultBench(channel, queue_limit=100) as bench:
+        bench.run().cause()
+        bench.hold.clear()
+        bench.wait(lambda: bench.driver.statistics().queue_overruns > 50, 'not counted')
+        bench.detected = time.monotonic() - bench._begun
+        bench.end_of_cause()
+        bench.hold.set()
+        bench.recover()
+    return bench
+
+
+def wall_clock_set_back(channel: str) -> FaultBench:
+    """An hour back: the jump is counted and told as WARN, stamps go on without going back, no TPDO is late for it."""
+    return _clock_jump(channel, -3600.0)
+
+
+def wall_clock_set_forward(channel: str) -> FaultBench:
+    """An hour on: the jump is counted and told as WARN, stamps follow at once."""
+    return _clock_jump(channel, 3600.0)
+
+
+def _clock_jump(channel: str, seconds: float) -> FaultBench:
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        real, time.time = time.time, lambda: real() + seconds
+        try:
+            bench.wait(lambda: bench.driver.statistics().clock_jumps == 1, 'not counted')
+            bench.detected = time.monotonic() - bench._begun
+            stamp = bench.kept[-1][1].stamp
+            bench.wait(lambda: sum(frame.stamp > stamp and not frame.missing_can_frames
+                                   for _, frame in bench.kept[-20:]) > 5, 'no whole frames')
+            ahead = bench.kept[-1][1].stamp - time.time()
+            assert abs(ahead - max(-seconds, 0)) < 5
+        finally:
+            time.time = real
+        bench.publishing_again = 0.0
+    return bench
+
+
 def fails_while_inactive(channel: str) -> FaultBench:
     """Bus and device are made ready again; activate then works as ever."""
     with FaultBench(channel) as bench:
@@ -348,7 +507,9 @@ FAULTS: tuple[Callable[[str], FaultBench], ...] = (
     stopped_by_another_master, refuses_operational, adapter_unplugged, sending_fails, bus_off, error_frames,
     heartbeat_lost_while_taxels_flow, heartbeat_switched_off_by_another_master, taxels_lost_while_heartbeat_flows,
     tpdos_switched_off_by_another_master, sync_of_another_producer_stops, emcy_storm, short_emcy, foreign_frames,
-    fails_while_inactive)
+    absent_pad_of_two, tpdos_lost, tpdos_duplicated, tpdos_reordered, short_tpdos, over_long_tpdos,
+    sdo_aborted_in_configuration, sdo_timeout_in_mid_configuration, device_that_lies_about_its_mapping, queue_overrun,
+    wall_clock_set_back, wall_clock_set_forward, fails_while_inactive)
 
 
 def main() -> None:

@@ -1,5 +1,8 @@
 """A virtual bus whose adapter can be pulled out, and one that loses frames: what a test needs to break."""
 
+from collections import deque
+from collections.abc import Callable, Iterable
+
 import can
 from can.interfaces.virtual import VirtualBus
 
@@ -14,6 +17,7 @@ class Adapter:
         self.dropped = set()  #: CAN identifiers that the adapter does not hand over
         self.lost: list[bytes] = []  #: what was not handed over
         self.opened = 0
+        self.tamper: Callable[[can.Message], Iterable[can.Message]] | None = None  #: what is handed over instead
 
     def open(self, interface: str, channel: str, bitrate: int, options: object) -> can.BusABC:
         if not self.is_plugged:
@@ -25,16 +29,21 @@ class Adapter:
 
 class FaultyBus(VirtualBus):
     def __init__(self, adapter: Adapter, channel: str):
-        self._adapter = adapter
+        self._adapter, self._pending = adapter, deque()
         super().__init__(channel=channel)
 
     def _recv_internal(self, timeout):
         if not self._adapter.is_plugged:
             raise can.CanOperationError('Network is down', 100)
+        if self._pending:
+            return self._pending.popleft(), False
         message, filtered = super()._recv_internal(timeout)
         if message is not None and message.arbitration_id in self._adapter.dropped:
             self._adapter.lost.append(bytes(message.data))
             return None, filtered
+        if message is not None and self._adapter.tamper is not None:
+            self._pending.extend(self._adapter.tamper(message))
+            return (self._pending.popleft(), False) if self._pending else (None, filtered)
         return message, filtered
 
     def send(self, msg, timeout=None):

@@ -174,7 +174,7 @@ def test_wrong_length_makes_its_taxels_stale(assembler, data, reason):
     assembler.sync(0)
     assert send(assembler, (ROW_1, '0A0A'), (ROW_2, data)) == Loss(reason)
     frame = send(assembler, (ROW_3, '0A0A'))
-    check(frame, [[0, 0], [NAN, NAN], [0, 0]])
+    check(frame, [[0, 0], [NAN, NAN], [0, 0]], missing=1)
     assert frame.status[1].tolist() == [STALE, STALE]
     assert assembler.statistics().incomplete == 1 and balanced(assembler)
 

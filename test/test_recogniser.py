@@ -7,7 +7,7 @@ from tactile_node.config import config_path
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import Group, compute_features
-from tactile_node.shape.geometry import COUNT, describe
+from tactile_node.shape.geometry import COUNT, ORDERS, describe
 from tactile_node.shape.methods import DEFAULT, LEARNED, METHODS, VOLF, make_recogniser
 from tactile_node.shape.network import Network
 from tactile_node.shape.patch import ROOM, SIDE, joined, make_patch
@@ -125,6 +125,20 @@ def test_hull_numbers_of_a_square_and_a_strip():
         assert fill == pytest.approx(1, abs=1e-3)
         assert widths == pytest.approx(ratio, rel=0.1)
         assert numbers[0] == pytest.approx(np.log(mask.sum()))
+
+
+def test_silent_lines_inside_leave_the_hull():
+    """A square with two silent columns: the hull's moments stay, the contact's own do not; coverage drops to 3/4."""
+    whole = np.zeros((20, 20))
+    whole[5:13, 5:13] = 1
+    torn = whole.copy()
+    torn[:, 8:10] = 0
+    solid, split = (describe(make_patch(frame, frame > 0)) for frame in (whole, torn))
+    hull, own = slice(-len(ORDERS), None), slice(4, 4 + len(ORDERS))
+    np.testing.assert_allclose(split[hull], solid[hull], atol=1e-6)
+    assert np.abs(split[own] - solid[own]).max() > 0.01
+    covered = -len(ORDERS) - 1
+    assert split[covered] == pytest.approx(0.75 * solid[covered]) and solid[covered] == pytest.approx(1, abs=0.02)
 
 
 def test_nothing_and_next_to_nothing(recogniser):

@@ -19,7 +19,8 @@ LEVEL_STEPS = 160.0    #: levels are kept as whole numbers of this fraction
 
 FAULTS: dict[str, Callable[[np.random.Generator], dict]] = {
     'dead': lambda rng: {'dead': rng.uniform(0.03, 0.15)},
-    'stuck': lambda rng: {'stuck': rng.uniform(0.0, 0.05), 'silent_lines': int(rng.integers(0, 3))},
+    'stuck': lambda rng: {'stuck': rng.uniform(0.0, 0.05)},
+    'silent lines': lambda rng: {'silent_lines': int(rng.integers(1, 4))},
     'blur': lambda rng: {'blur': rng.uniform(0.5, 1.2)},
     'noise': lambda rng: {'noise': rng.uniform(0.01, 0.08)},
     'tilt': lambda rng: {'tilt': rng.uniform(0.2, 0.8)},

@@ -22,7 +22,7 @@ from training.model import Model
 from training.pools import Part, draw_parts, read_parts
 from training.samples import UNKNOWN, Samples
 
-MIX = {'bulk': 260, 'large': 60, 'faulty': 130, 'outliers': 62}  #: of each pool in a batch
+MIX = {'bulk': 210, 'large': 50, 'faulty': 190, 'outliers': 62}  #: of each pool in a batch
 FOREIGN_WEIGHT = 0.5
 RATE, DECAY, AVERAGED = 2e-3, 1e-3, 0.998
 
@@ -98,11 +98,11 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.split(':')[0])
     parser.add_argument('--output', type=Path, default=Path('config/recogniser.npz'))
     parser.add_argument('--samples', type=Path, default=Path('build/samples'), help='folder for drawn samples')
-    parser.add_argument('--steps', type=int, default=12_000, help='batches of 512')
+    parser.add_argument('--steps', type=int, default=24_000, help='batches of 512')
     parser.add_argument('--bulk', type=int, default=8, help='parts of 51,200 samples')
     parser.add_argument('--large', type=int, default=2, help='parts of 51,200 samples')
-    parser.add_argument('--faulty', type=int, default=4, help='parts of 10,000 samples')
-    parser.add_argument('--outliers', type=int, default=4, help='parts of 10,000 samples')
+    parser.add_argument('--faulty', type=int, default=30, help='parts of 10,000 samples')
+    parser.add_argument('--outliers', type=int, default=8, help='parts of 10,000 samples')
     parser.add_argument('--seed', type=int, default=1)
     return parser.parse_args()
 

@@ -11,6 +11,7 @@ from bench.recognition.anchors import Single
 from bench.recognition.cases import Case
 from bench.recognition.figures import Rate, calibration_error
 from tactile_node.contact.pattern import ContactPattern
+from tactile_node.fusion.recognitions import RecognitionFusion
 from tactile_node.shape.recogniser import SHAPES, ShapeRecogniser
 from tactile_node.shape.recognition import Shape
 from training.samples import UNKNOWN, Samples
@@ -74,6 +75,14 @@ def answers_of(recogniser: ShapeRecogniser, patterns: Iterable[ContactPattern]) 
     """Probabilities in ORDER, (K, 7)."""
     found = [recogniser.recognise(pattern).probabilities for pattern in patterns]
     return np.array([[probabilities[shape] for shape in ORDER] for probabilities in found])
+
+
+def fused(stamps: np.ndarray, answers: np.ndarray) -> np.ndarray:
+    """What the classifier node reports of successive ``answers``, as probabilities of 0 and 1, (K, 7)."""
+    fusion = RecognitionFusion()
+    said = [fusion.update(stamp, dict(zip(ORDER, answer.tolist()))).recognition.shape
+            for stamp, answer in zip(stamps, answers)]
+    return np.eye(len(ORDER))[[ORDER.index(shape) for shape in said]]
 
 
 def calibration(results: list[Result], name: str) -> float:

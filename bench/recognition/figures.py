@@ -23,7 +23,8 @@ class Rate(NamedTuple):
         n, p = self.count, self.right / self.count
         middle = (p + Z * Z / (2 * n)) / (1 + Z * Z / n)
         half = Z / (1 + Z * Z / n) * np.sqrt(p * (1 - p) / n + Z * Z / (4 * n * n))
-        return max(middle - half, 0.0), min(middle + half, 1.0)
+        low, high = max(middle - half, 0.0), min(middle + half, 1.0)
+        return 0.0 if self.right == 0 else low, 1.0 if self.right == n else high  # exact, where rounding is not
 
     def __str__(self) -> str:
         low, high = self.interval

@@ -186,7 +186,7 @@ class FrameAssembler:
         self._given = True
         self._counts['used'] += int(self._fresh.sum())
         self._counts['complete' if self._fresh.all() else 'incomplete'] += 1
-        return TaxelFrame(self._stamp, self._sequence, values, status, len(self._lengths) - self._run)
+        return TaxelFrame(self._stamp, self._sequence, values, status, int((~self._fresh).sum()))
 
     def _lose(self, reason: LossReason, can_frames: int = 1) -> Loss:
         self._losses[reason] += can_frames

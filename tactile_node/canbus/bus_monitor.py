@@ -43,7 +43,7 @@ class BusMonitor:
     def feed(self, can_id: int, data: bytes) -> None:
         """A data frame of another node, with an 11-bit identifier."""
         self.can_frames += 1
-        self.bits += FRAME_BITS[len(data)]
+        self.bits += FRAME_BITS[min(len(data), 8)]  # more: no controller's, but an adapter may say so
         watched = self._watched.get(can_id)
         if watched is not None:
             watched(can_id, data)

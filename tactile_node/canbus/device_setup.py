@@ -11,7 +11,7 @@ from tactile_node.canbus.eds import IDENTITY, TPDO_COMMUNICATION, TPDO_MAPPING, 
 from tactile_node.canbus.heartbeat import Heartbeats
 from tactile_node.canbus.layout import TpdoLayout
 from tactile_node.canbus.pads import PadSettings
-from tactile_node.errors import DeviceError
+from tactile_node.errors import DeviceAbsentError, DeviceError
 
 SYNC_COB_ID, HEARTBEAT_TIME = 0x1005, 0x1017
 EVERY_SYNC = 1  # transmission type: synchronous, at every SYNC
@@ -45,9 +45,9 @@ class DeviceSetup:
             except SdoCommunicationError:
                 now = time.monotonic()
             if now - begun >= timeout:
-                raise DeviceError(self._who, expected=f'an answer by SDO within {timeout:g} s',
-                                  got=self._silence(),
-                                  remedy='Check power, wiring, termination, bit rate and node-ID.')
+                raise DeviceAbsentError(self._who, expected=f'an answer by SDO within {timeout:g} s',
+                                        got=self._silence(),
+                                        remedy='Check power, wiring, termination, bit rate and node-ID.')
             if reminded == begun or now - reminded >= REMINDER:
                 self._log(f'Waiting for {self._who} to answer by SDO: {self._silence()} so far.')
                 reminded = now

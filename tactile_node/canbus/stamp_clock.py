@@ -4,7 +4,7 @@ import threading
 import time
 from collections.abc import Callable
 
-JUMP = 0.01  # s between two looks: more is a clock that was set, less one that is slewed
+JUMP = 0.1  # s between two looks: less may be slewing, or a thread held up between the two
 IN_FLIGHT = 2.0  # s after a jump in which messages stamped before it may still come
 MAX_LAG = 1.0  # s: an adapter that seems to lag more has begun to count anew
 DRIFT = 1e-4  # relative: no adapter's crystal is further off
@@ -23,7 +23,7 @@ class StampClock:
 
     def __init__(self, host_stamped: bool = True, wall: Callable[[], float] | None = None,
                  steady: Callable[[], float] = time.monotonic):
-        self._host_stamped, self._wall, self._steady = host_stamped, wall or time.time, steady
+        self._host_stamped, self._wall, self._steady = host_stamped, wall or (lambda: time.time()), steady
         self._lock = threading.Lock()
         self.jumps = 0
         self.restart()

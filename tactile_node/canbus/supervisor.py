@@ -21,7 +21,7 @@ from tactile_node.canbus.pads import PadSettings
 from tactile_node.canbus.router import BusStatistics, OnFrame
 from tactile_node.canbus.skin_bus import SkinBus
 from tactile_node.canbus.taxel_codec import without_values
-from tactile_node.errors import BusError, DeviceError, LogError
+from tactile_node.errors import BusError, DeviceAbsentError, DeviceError, LogError
 from tactile_node.taxel_frame import TaxelFrame
 
 logger = logging.getLogger(__name__)
@@ -35,8 +35,9 @@ class Supervisor:
     """A SkinBus that mends itself. Implements FrameSource; see there for the order of calls.
 
     With ``recover=False`` nothing is mended, all is judged and told. ``heartbeat_timeout`` [s] counts also for a
-    node never heard. ``open``, ``configure`` and ``start`` raise what SkinBus raises: a device or bus that is not
-    there from the beginning is the caller's matter.
+    node never heard. ``open``, ``configure`` and ``start`` raise what SkinBus raises: a bus or device that is
+    not there from the beginning is the caller's matter. But while one pad of several is there, the absent ones are
+    told, and join when they come.
     """
 
     def __init__(self, settings: BusSettings, pads: tuple[PadSettings, ...], on_frame: OnFrame,
@@ -74,8 +75,15 @@ class Supervisor:
 
     def configure(self) -> None:
         with self._turn:
+            absent: list[DeviceAbsentError] = []
             for node in self._nodes.values():
-                self._configure(node, self._settings.boot_timeout, FIRST_TRIES)
+                try:
+                    self._configure(node, self._settings.boot_timeout, FIRST_TRIES)
+                except DeviceAbsentError as error:
+                    absent.append(error)
+                    if not self._recover or len(absent) == len(self._nodes):
+                        raise
+                    self._complain(f'{error} The other pads go on without it; it joins when it comes.')
             self._is_configured = True
 
     def start(self) -> None:
@@ -83,7 +91,7 @@ class Supervisor:
             if self._outage.is_running:
                 raise BusError('CAN bus', expected='one that works', got=self._outage.reason,
                                remedy='It is opened again until it works; start once it does.')
-            self._bus.start()
+            self._bus.start(without=[name for name, node in self._nodes.items() if not node.is_trusted])
             self._set_active(True)
 
     def stop(self) -> None:

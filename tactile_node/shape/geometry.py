@@ -1,4 +1,6 @@
-"""Patch -> numbers that do not change when the contact is turned: moments and the hull's width.
+"""Patch -> numbers that do not change when the contact is turned: moments of contact and hull, the hull's width.
+
+What silent taxels take from a contact's inside, its hull gives back.
 
 Moments: J. Flusser, On the independence of rotation moment invariants, Pattern Recognition 33 (2000).
 Hull: the support function h(a) = max of x cos a + y sin a over the contact; its area is the integral of
@@ -19,7 +21,7 @@ HARMONICS = 8
 WAVES = np.exp(-1j * np.outer(ANGLE, np.arange(HARMONICS + 1))) / DIRECTIONS
 ORDERS = ((2, 0), (1, 1), (3, 0), (2, 1), (4, 0), (3, 1), (2, 2), (5, 0), (6, 0))  #: of complex moments c_pq
 HIGHEST = 6
-COUNT = 8 + len(ORDERS) + HARMONICS  #: numbers a patch
+COUNT = 9 + 2 * len(ORDERS) + HARMONICS  #: numbers a patch
 
 
 def _expansion(p: int, q: int) -> np.ndarray:
@@ -48,8 +50,9 @@ def describe_all(levels: np.ndarray, unseen: np.ndarray, scales: np.ndarray) -> 
     total = down.sum(1)
     y, x = (PLACE - (profile @ PLACE / total)[:, None] for profile in (down, across))
     sizes = np.array([np.log(total * scales ** 2), 10 / (total * scales ** 2), np.log(scales), unseen.mean((1, 2))])
-    return np.concatenate((sizes.T, _moments(weight, y, x, total), _hull(levels > 0.5, y, x, total)),
-                          1).astype(np.float32)
+    support = _support(levels > 0.5, y, x)
+    return np.concatenate((sizes.T, _moments(weight, y, x, total), _widths(support, total),
+                           _hull_moments(support, y, x, total)), 1).astype(np.float32)
 
 
 def _moments(weight: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray) -> np.ndarray:
@@ -59,16 +62,20 @@ def _moments(weight: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray
     return np.abs(raw.reshape(len(total), -1) @ EXPANSIONS) / total[:, None]
 
 
-def _hull(inside: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray) -> np.ndarray:
-    """Of the cells more than half covered: fill of hull and of the least box, widths, harmonics."""
+def _support(inside: np.ndarray, y: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """The support function of the cells more than half covered, (K, DIRECTIONS), half a cell beyond centres."""
     cells = inside.reshape(len(inside), -1).sum(1)
-    if not cells.all():  # nothing half covered: the numbers of a single cell
+    if not cells.all():  # nothing half covered: as if a single cell were
         inside = inside.copy()
         inside[cells == 0, SIDE // 2, SIDE // 2] = True
-        return _hull(inside, y, x, total)
+        cells = np.maximum(cells, 1)
     k, row, col = inside.nonzero()
     reach = np.array((y[k, row], x[k, col])).T @ TOWARDS
-    support = np.maximum.reduceat(reach, cells.cumsum() - cells, 0) + 0.5
+    return np.maximum.reduceat(reach, cells.cumsum() - cells, 0) + 0.5
+
+
+def _widths(support: np.ndarray, total: np.ndarray) -> np.ndarray:
+    """Fill of hull and of the least box, widths, harmonics."""
     half, quarter = DIRECTIONS // 2, DIRECTIONS // 4
     width = support[:, :half] + support[:, half:]
     box = width[:, :quarter] * width[:, quarter:]
@@ -78,3 +85,14 @@ def _hull(inside: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray) -
     fills = np.array((total / np.maximum(area, 1), total / box.min(1), width.min(1) / width.max(1),
                       harmonics[:, 0] / np.sqrt(total)))
     return np.concatenate((fills.T, harmonics[:, 1:] / harmonics[:, :1]), 1)
+
+
+def _hull_moments(support: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray) -> np.ndarray:
+    """How much of the hull is covered, and the moments of the hull filled, its rim shaded over a cell."""
+    towards = support[:, :, None, None] + 0.5 - TOWARDS[0, :, None, None] * y[:, None, :, None]
+    depth = (towards - TOWARDS[1, :, None, None] * x[:, None, None, :]).min(1)
+    filled = np.clip(depth, 0, 1)
+    down, across = filled.sum(2), filled.sum(1)
+    area = down.sum(1)
+    y, x = (place - ((profile * place).sum(1) / area)[:, None] for profile, place in ((down, y), (across, x)))
+    return np.concatenate(((total / area)[:, None], _moments(filled, y, x, area)), 1)
