@@ -14,8 +14,8 @@ from rclpy.lifecycle import TransitionCallbackReturn  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 
 from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
-from tactile_node.ros.qos import frames_qos  # noqa: E402
-from tactile_skin.msg import TaxelArray  # noqa: E402
+from tactile_node.ros.qos import STATUS_QOS, frames_qos  # noqa: E402
+from tactile_skin.msg import SkinStatus, TaxelArray  # noqa: E402
 
 OK, ERROR = DiagnosticStatus.OK, DiagnosticStatus.ERROR
 PATIENCE = 60.0  # s, for a busy machine
@@ -101,3 +101,14 @@ def test_activate_may_be_tried_again_after_an_outage(chain):
     chain.bench.adapter.is_plugged = True
     chain.wait(lambda: chain.driver.trigger_activate() == TransitionCallbackReturn.SUCCESS, 'not active')
     chain.wait(lambda: chain.taxels, 'no taxels')
+
+
+def test_whoever_comes_late_gets_the_last_status(chain):
+    chain.driver.autostart()
+    chain.wait(lambda: (OK, OK) in chain.levels, 'never OK')
+    heard = []
+    chain.listener.create_subscription(SkinStatus, '/skin_driver/status', heard.append, STATUS_QOS)
+    chain.wait(lambda: heard, 'no status')
+    assert heard[0].active and heard[0].pads[0].nmt_state == 'OPERATIONAL' and not heard[0].failure
+    chain.driver.trigger_deactivate()
+    chain.wait(lambda: not heard[-1].active, 'deactivation not told')

@@ -24,10 +24,11 @@ from tactile_node.nodes.replay_gate import ReplayGate
 from tactile_node.nodes.run import run_node
 from tactile_node.ros.diagnostics import BusDiagnostics
 from tactile_node.ros.parameters import DRIVER, declare, one_each, values
-from tactile_node.ros.qos import frames_qos
+from tactile_node.ros.qos import STATUS_QOS, frames_qos
+from tactile_node.ros.status_message import status_message
 from tactile_node.ros.taxel_messages import taxel_array_message
 from tactile_node.taxel_frame import TaxelFrame
-from tactile_skin.msg import TaxelArray
+from tactile_skin.msg import SkinStatus, TaxelArray
 
 DIAGNOSTICS_PERIOD = 1.0  # [s], REP-107
 
@@ -41,7 +42,7 @@ class Pad(NamedTuple):
 
 
 class DriverNode(LifecycleNode):
-    """Publishes `<pad>/taxels` for each pad while active, /diagnostics while configured."""
+    """Publishes `<pad>/taxels` for each pad while active, /diagnostics and `~/status` while configured."""
 
     def __init__(self, **options):
         super().__init__('skin_driver', **options)
@@ -74,10 +75,10 @@ class DriverNode(LifecycleNode):
         return result
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        return self._attempt(self._source.start)
+        return self._attempt(self._source.start, tell=True)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        return self._attempt(self._source.stop)
+        return self._attempt(self._source.stop, tell=True)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         self._release()
@@ -91,14 +92,16 @@ class DriverNode(LifecycleNode):
         self._release()
         super().destroy_node()
 
-    def _attempt(self, step) -> TransitionCallbackReturn:
-        """Run a step of the lifecycle; a failure is told once, in a sentence."""
+    def _attempt(self, step, tell: bool = False) -> TransitionCallbackReturn:
+        """Run a step of the lifecycle; a failure is told once, in a sentence; ``tell`` the state after it."""
         try:
             step()
         except TactileError as error:
             self._error = error
             self.get_logger().error(str(error))
             return TransitionCallbackReturn.FAILURE
+        if tell:
+            self._publish_state()
         return TransitionCallbackReturn.SUCCESS
 
     def _configure(self) -> None:
@@ -109,9 +112,10 @@ class DriverNode(LifecycleNode):
         self._pads = {pad.name: Pad(self._make_publisher(TaxelArray, f'{pad.name}/taxels', qos), pad.layout,
                                     frame_id or f'{pad.name}_pad') for pad, frame_id in zip(pads, frame_ids)}
         self._diagnostics = self._make_publisher(DiagnosticArray, '/diagnostics', QoSProfile(depth=10))
+        self._status = self._make_publisher(SkinStatus, '~/status', STATUS_QOS)
         self._findings = BusDiagnostics(self.get_name(), f'{settings.interface} {settings.channel}')
         self._source = self._make_source(settings, pads)
-        timer = self.create_timer(DIAGNOSTICS_PERIOD, self._publish_diagnostics)
+        timer = self.create_timer(DIAGNOSTICS_PERIOD, self._publish_state)
         self._owned.append(lambda: self.destroy_timer(timer))
         self._source.open()
         self._source.configure()
@@ -147,13 +151,15 @@ class DriverNode(LifecycleNode):
         publisher, layout, frame_id = self._pads[pad]
         publisher.publish(taxel_array_message(frame, layout.pitch, layout.value.unit, frame_id))
 
-    def _publish_diagnostics(self) -> None:
+    def _publish_state(self) -> None:
         source = self._source
         if source is None:
             return
-        message = self._findings.message(source.statistics(), source.health())
+        counts, health = source.statistics(), source.health()
+        message = self._findings.message(counts, health)
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
+        self._status.publish(status_message(message, counts, health))
 
     def _release(self) -> None:
         source, self._source = self._source, None

@@ -5,6 +5,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 REPLAY_DEPTH = 5000  # messages, also for subscribers that come late
 
 
+STATUS_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
 def frames_qos(depth: int, lossless: bool = False) -> QoSProfile:
     """Return the profile of the three frame topics.
 

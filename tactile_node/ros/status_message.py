@@ -1,0 +1,40 @@
+"""What the driver counts and sees, as SkinStatus; its levels are those of /diagnostics."""
+
+import math
+from array import array
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+from tactile_node.canbus.assembler import PadStatistics
+from tactile_node.canbus.health import BusHealth, NodeHealth
+from tactile_node.canbus.router import BusStatistics
+from tactile_node.ros.diagnostics import NO_NODE
+from tactile_skin.msg import PadStatus, SkinStatus
+
+SEVERITY = (DiagnosticStatus.OK, DiagnosticStatus.STALE, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
+
+
+def status_message(told: DiagnosticArray, counts: BusStatistics, health: BusHealth) -> SkinStatus:
+    """``told``: what BusDiagnostics made of the same ``counts`` and ``health``: the bus, then its pads."""
+    bus, *pads = told.status
+    worst = max((status.level for status in told.status), key=SEVERITY.index)
+    return SkinStatus(
+        header=told.header, level=worst[0], message=bus.message, active=health.is_active, failure=health.failure or '',
+        bus_load=health.load, error_passive=health.is_error_passive, error_frames=counts.can_frames.get('error', 0),
+        queue_overruns=counts.queue_overruns, sync_overruns=counts.sync_overruns,
+        consumer_errors=counts.consumer_errors, clock_jumps=counts.clock_jumps, unread_log_lines=counts.unread,
+        foreign_nmt_commands=health.foreign_commands, foreign_nmt_last=health.last_command,
+        outages=health.outages.count, outage_seconds=health.outages.seconds, outage_last_reason=health.outages.reason,
+        pads=[_pad(name, status, pad, health.nodes.get(name, NO_NODE))
+              for status, (name, pad) in zip(pads, counts.pads.items())])
+
+
+def _pad(name: str, status: DiagnosticStatus, pad: PadStatistics, node: NodeHealth) -> PadStatus:
+    return PadStatus(
+        pad=name, level=status.level[0], message=status.message, node_id=node.node_id, nmt_state=node.state,
+        operational=node.is_operational, trouble=node.trouble, boots=node.boots, emcy_count=node.emergencies,
+        heartbeat_age=math.nan if node.heartbeat_age is None else node.heartbeat_age,
+        emcy_last=str(node.last_emergency or ''), outages=node.outages.count, outage_seconds=node.outages.seconds,
+        outage_last_reason=node.outages.reason, frames_complete=pad.complete, frames_incomplete=pad.incomplete,
+        frames_distrusted=node.distrusted, tpdos_expected=pad.expected, tpdos_received=pad.received,
+        tpdos_used=pad.used, drop_reasons=list(pad.losses), drop_counts=array('Q', pad.losses.values()))
