@@ -1,0 +1,42 @@
+"""docs/hardware.md explains every value and sentence that the driver can tell, and no other."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
+
+from tactile_node.canbus.assembler import LossReason, PadStatistics  # noqa: E402
+from tactile_node.canbus.health import BusHealth, NodeHealth  # noqa: E402
+from tactile_node.canbus.node_watch import Ailment  # noqa: E402
+from tactile_node.canbus.router import SERVICES, BusStatistics  # noqa: E402
+from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
+
+PAGE = (Path(__file__).resolve().parents[1] / 'docs/hardware.md').read_text(encoding='utf-8')
+
+
+def told() -> set[str]:
+    """Every key on /diagnostics."""
+    pad = PadStatistics(0, 0, 0, 0, 0, 0, {reason.value: 0 for reason in LossReason})
+    services = {service for *_, service in SERVICES} | {'tpdo', 'sync', 'foreign', 'remote'}
+    counts = BusStatistics({'pad': pad}, dict.fromkeys(services, 0))
+    health = BusHealth(nodes={'pad': NodeHealth(32, 'STOPPED', False, None)})
+    statuses = BusDiagnostics('driver', 'can0').message(counts, health).status
+    return {pair.key for status in statuses for pair in status.values} - {'node_id'}
+
+
+def explained() -> set[str]:
+    tables = PAGE.split('## What a diagnostic means')[1].split('### Sentences')[0]
+    cells = [line.split('|')[1] for line in tables.splitlines() if line.startswith('| `')]
+    names = [name for cell in cells for name in re.findall(r'`(\w+)`', cell)]
+    return {f'can_frames{name}' if name.startswith('_') else name for name in names}
+
+
+def test_every_value_is_explained_and_no_other():
+    assert explained() == told()
+
+
+@pytest.mark.parametrize('ailment', Ailment)
+def test_every_sentence_about_a_node_is_explained(ailment):
+    assert f'| {ailment.value} |' in PAGE
