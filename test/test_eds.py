@@ -86,3 +86,67 @@ def test_identity_rule(device, accepted):
 
 def test_identity_the_eds_does_not_give_is_not_checked():
     assert Identity(1, None, 0).accepts(Identity(1, 77, 88))
+
+
+TPDO = '''[1800]
+ParameterName=TPDO
+ObjectType=0x9
+SubNumber=2
+[1800sub0]
+ParameterName=count
+DataType=0x0005
+AccessType=ro
+DefaultValue=1
+[1800sub1]
+ParameterName=COB-ID
+DataType=0x0007
+AccessType=rw
+DefaultValue={}
+'''
+
+
+@pytest.mark.parametrize(('written', 'read'), [
+    ('0x80+$NODEID', 0x85), ('$NodeID + 0x180', 0x185), ('$NODEID+0x40000180', 0x4000_0185),
+    ('0x80000180+$NODEID', 0x8000_0185), ('0x185 ; free', 0x185), ('', None)])
+def test_cob_ids_as_vendors_write_them(tmp_path, written, read):
+    assert load_eds(write(tmp_path, SMALL + TPDO.format(written)), 5)[0x1800][1].default == read
+
+
+ODD = {
+    'section in lower case': SMALL.replace('DeviceInfo', 'deviceinfo'),
+    'index in lower case': SMALL + TPDO.format(1).replace('1800', '1a0f'),
+    'SUB in capitals': SMALL.replace('1018sub', '1018SUB'),
+    'inline comment on a type': SMALL.replace('DataType=0x0007', 'DataType=0x0007 ; UNSIGNED32'),
+    'empty PDOMapping and limits': SMALL + 'PDOMapping=\nLowLimit=\nHighLimit=\n',
+    'empty numbers of the device': SMALL.replace('VendorName', 'VendorNumber=\nBaudRate_1000=\nGranularity=\nVendorName'),
+    'empty commissioning': SMALL + '[DeviceComissioning]\nNodeID=\nBaudrate=\n',
+    'empty dummy': SMALL + '[DummyUsage]\nDummy0001=\n',
+    'fewer comments than told': SMALL + '[Comments]\nLines=2\nLine1=x\n',
+    'more entries told than there are': SMALL.replace('SubNumber=2', 'SubNumber=9'),
+    'no count': SMALL.replace('SubNumber=2\n', ''),
+    'a list that names absent objects': SMALL + '[OptionalObjects]\nSupportedObjects=5\n1=0x2000\n',
+    'CompactSubObj empty': SMALL.replace('SubNumber=2', 'SubNumber=2\nCompactSubObj=')}
+
+
+@pytest.mark.parametrize('text', ODD.values(), ids=ODD)
+def test_harmless_oddities_are_read(tmp_path, text):
+    assert identity_of(load_eds(write(tmp_path, text), 5)).vendor == 0x12
+
+
+def test_compact_sub_objects(tmp_path):
+    array = '[2000]\nParameterName=A\nObjectType=0x8\nDataType=0x0006\nAccessType=ro\nCompactSubObj=4\n'
+    dictionary = load_eds(write(tmp_path, SMALL + array), 5)
+    assert [len(dictionary[0x2000][sub]) for sub in range(1, 5)] == [16] * 4
+
+
+@pytest.mark.parametrize(('text', 'says'), [
+    (SMALL + '[2000]\nParameterName=A\nObjectType=0x8\nAccessType=ro\nCompactSubObj=4\n', '"DataType" in section [2000]'),
+    (SMALL.replace('DataType=0x0007', 'DataType='), '"DataType" in section [1018sub1]'),
+    (SMALL.replace('ObjectType=0x9', 'ObjectType='), '"DataType" in section [1018]'),  # CiA 306: then it is a VAR
+    (SMALL.replace('VendorName', 'BaudRate_1000=yes\nVendorName'), 'section [DeviceInfo], key "BaudRate_1000"'),
+    (SMALL.replace('VendorName', 'VendorNumber=many\nVendorName'), 'section [DeviceInfo], key "VendorNumber"'),
+    (SMALL + '[1018SUB1]\nParameterName=x\nDataType=5\nAccessType=ro\n', '[1018sub1] again as [1018SUB1]')])
+def test_harmful_oddities_are_told_by_section_and_key(tmp_path, text, says):
+    with pytest.raises(ConfigurationError) as refused:
+        load_eds(write(tmp_path, text), 5)
+    assert says in str(refused.value) and 'device.eds' in str(refused.value)

@@ -19,7 +19,12 @@ IDENTITY = 0x1018
 TPDO_COMMUNICATION, TPDO_MAPPING = 0x1800, 0x1A00
 
 _OBJECT = re.compile(r'[0-9A-Fa-f]{4}')
-_SUBOBJECT = re.compile(r'([0-9A-Fa-f]{4})[Ss]ub([0-9A-Fa-f]+)')
+_SUBOBJECT = re.compile(r'([0-9A-Fa-f]{4})[Ss][Uu][Bb]([0-9A-Fa-f]+)')
+_INFO_NUMBERS = ('VendorNumber', 'ProductNumber', 'RevisionNumber', 'Granularity', 'NrOfRXPDO', 'NrOfTXPDO',
+                 'SimpleBootUpMaster', 'SimpleBootUpSlave', 'DynamicChannelsSupported', 'GroupMessaging',
+                 'LSS_Supported')
+_TITLES = {'deviceinfo': 'DeviceInfo', 'fileinfo': 'FileInfo'}
+_IGNORED = ('Comments', 'DummyUsage', 'DeviceComissioning')  # nothing in these speaks of taxels
 _PLAIN_TYPES = ('0x7', '0x07', '7', '0x2', '0x02', '2')  # VAR and DOMAIN: these carry the value themselves
 
 
@@ -58,9 +63,11 @@ def load_eds(path: str | Path, node_id: int) -> ObjectDictionary:
     except OSError as error:
         raise ConfigurationError(str(path), expected='an EDS file', got=error.strerror or str(error),
                                  remedy='Check the path and its permissions.') from error
-    _check(path, text)
+    tidied = StringIO()
+    _checked(path, text).write(tidied)
+    tidied.seek(0)
     try:
-        return import_eds(StringIO(text), node_id)
+        return import_eds(tidied, node_id)
     except Exception as error:  # canopen lets KeyError, ValueError, configparser's and others through
         _refuse(path, 'an EDS that canopen can read', f'{type(error).__name__}: {error}'.replace('\n', ' '))
 
@@ -107,8 +114,8 @@ def _decode(content: bytes) -> str:
         return content.decode('latin-1')
 
 
-def _check(path: Path, text: str) -> None:
-    """Find, with section and key, what canopen would stumble over."""
+def _checked(path: Path, text: str) -> RawConfigParser:
+    """Find, with section and key, what canopen would stumble over; what is harmless is put right or left out."""
     parser = RawConfigParser(inline_comment_prefixes=(';',))
     parser.optionxform = str
     try:
@@ -119,12 +126,32 @@ def _check(path: Path, text: str) -> None:
                 f'section [{error.section}]{key} again in line {error.lineno}')
     except ParserError as error:
         _refuse(path, 'an EDS file ("[section]" lines with "key=value" lines)', str(error).splitlines()[0])
+    parser = _tidied(path, parser)
     objects = [name for name in parser.sections() if _OBJECT.fullmatch(name) or _SUBOBJECT.fullmatch(name)]
     if not objects:
         _refuse(path, 'an EDS file with object sections such as [1018]',
                 f'{len(parser.sections())} other sections')
     for name in objects:
         _check_object(path, parser, name)
+    for key, value in parser.items('DeviceInfo') if parser.has_section('DeviceInfo') else ():
+        if key in _INFO_NUMBERS or key.startswith('BaudRate_'):
+            _check_number(path, 'DeviceInfo', key, value)
+    return parser
+
+
+def _tidied(path: Path, parser: RawConfigParser) -> RawConfigParser:
+    """Section names as canopen wants them, no empty values (as good as absent), no comments."""
+    tidied = RawConfigParser()
+    tidied.optionxform = str
+    for name in parser.sections():
+        sub = _SUBOBJECT.fullmatch(name)
+        title = f'{sub[1]}sub{sub[2]}' if sub else _TITLES.get(name.lower(), name)
+        if title in _IGNORED:
+            continue
+        if tidied.has_section(title):
+            _refuse(path, 'every section once', f'section [{title}] again as [{name}]')
+        tidied[title] = {key: value for key, value in parser.items(name) if value}
+    return tidied
 
 
 def _check_object(path: Path, parser: RawConfigParser, name: str) -> None:
@@ -136,11 +163,16 @@ def _check_object(path: Path, parser: RawConfigParser, name: str) -> None:
         if not parser.has_option(name, key):
             _refuse(path, f'key "{key}" in section [{name}]', 'no such key')
     for key in ('ObjectType', 'DataType', 'PDOMapping'):
-        value = parser.get(name, key, fallback='0').strip()
-        try:
-            int(value, 0)
-        except ValueError:
-            _refuse(path, f'a number in section [{name}], key "{key}"', repr(value))
+        _check_number(path, name, key, parser.get(name, key, fallback='0').strip())
+    if parser.has_option(name, 'CompactSubObj') and not parser.has_option(name, 'DataType'):
+        _refuse(path, f'key "DataType" in section [{name}], which has "CompactSubObj"', 'no such key')
+
+
+def _check_number(path: Path, section: str, key: str, value: str) -> None:
+    try:
+        int(value, 0)
+    except ValueError:
+        _refuse(path, f'a number in section [{section}], key "{key}"', repr(value))
 
 
 def _refuse(path: Path, expected: str, got: str) -> NoReturn:
