@@ -15,7 +15,9 @@ U8, U16, U32, U64, I16, STRING = '0x0005', '0x0006', '0x0007', '0x001B', '0x0003
 SKINS = {  # layout: product name, product number, type of the mapped objects
     'sim16x16': ('Simulated skin 16x16', 0x1616_0008, U8),
     'sim8x8_16bit': ('Simulated skin 8x8, CiA 404 process values', 0x0808_0010, I16),
-    'nus_sinapse_64x64': ('Simulated skin 64x64, on/off', 0x4040_0001, U64)}
+    'nus_sinapse_64x64': ('Simulated skin 64x64, on/off', 0x4040_0001, U64),
+    'rows12x5_10bit': ('Simulated skin 12x5, row-multiplexed', 0x0C05_000A, U8),
+    'mpdo8x8_16bit': ('Simulated skin 8x8, MPDO', 0x0808_1001, U32)}
 
 
 def main() -> None:
@@ -33,7 +35,7 @@ def eds_lines(layout: SkinLayout, product: str, number: int, taxel_type: str) ->
                      EDSVersion='4.0', Description=product)
     lines += section('DeviceInfo', VendorName='tactile_skin', VendorNumber=hex(VENDOR), ProductName=product,
                      ProductNumber=hex(number), RevisionNumber='0x00010000', Granularity=8, NrOfRXPDO=0,
-                     NrOfTXPDO=len(layout.tpdos), LSS_Supported=0, SimpleBootUpSlave=1,
+                     NrOfTXPDO=len({tpdo.number for tpdo in layout.tpdos}), LSS_Supported=0, SimpleBootUpSlave=1,
                      **{f'BaudRate_{rate}': 1 for rate in (125, 250, 500, 800, 1000)})
     mandatory = (0x1000, 0x1001, 0x1018)
     for title, wanted in (('MandatoryObjects', lambda i: i in mandatory),
@@ -57,25 +59,26 @@ def communication_objects(layout: SkinLayout, product: str, number: int) -> dict
         0x1018: record('1018', 'Identity object', 'RECORD', [
             ('Vendor-ID', U32, 'ro', hex(VENDOR)), ('Product code', U32, 'ro', hex(number)),
             ('Revision number', U32, 'ro', '0x00010000'), ('Serial number', U32, 'ro', 1)])}
-    for tpdo in layout.tpdos:
+    for tpdo in {tpdo.number: tpdo for tpdo in layout.tpdos}.values():
         communication, mapping = 0x1800 + tpdo.number - 1, 0x1A00 + tpdo.number - 1
         cob_id = f'{"$NODEID+" if tpdo.cob_id.relative else ""}0x{0x8000_0000 | tpdo.cob_id.base:08X}'
         objects[communication] = record(
             f'{communication:X}', f'TPDO {tpdo.number} communication', 'RECORD',
             [('COB-ID', U32, 'rw', cob_id), ('Transmission type', U8, 'rw', 1)])
+        mapped_objects = () if tpdo.is_mpdo else tpdo.mapping
         entries = [(f'Mapped object {i}', U32, 'rw', f'0x{mapped.entry:08X}')
-                   for i, mapped in enumerate(tpdo.mapping, 1)]
+                   for i, mapped in enumerate(mapped_objects, 1)]
         entries += [(f'Mapped object {i}', U32, 'rw', 0) for i in range(len(entries) + 1, 9)]
         objects[mapping] = record(f'{mapping:X}', f'TPDO {tpdo.number} mapping', 'RECORD', entries,
-                                  count=len(tpdo.mapping), count_access='rw')
+                                  count=0xFE if tpdo.is_mpdo else len(tpdo.mapping), count_access='rw')
     return objects
 
 
 def taxel_objects(layout: SkinLayout, taxel_type: str) -> dict[int, list[str]]:
-    subs: dict[int, list[int]] = {}
+    subs: dict[int, set[int]] = {}
     for tpdo in layout.tpdos:
         for mapped in tpdo.mapping:
-            subs.setdefault(mapped.index, []).append(mapped.subindex)
+            subs.setdefault(mapped.index, set()).add(mapped.subindex)
     return {index: record(f'{index:X}', f'Taxels 0x{index:04X}', 'ARRAY',
                           [(f'Taxels {sub}', taxel_type, 'ro', 0) for sub in sorted(having)], mappable=1)
             for index, having in subs.items()}

@@ -40,6 +40,7 @@ class LossReason(str, Enum):
     DUPLICATE = 'duplicate'  #: the same COB-ID and bytes twice in a row
     SURPLUS = 'surplus'  #: after the period's frame was complete
     SHORT = 'short'  #: fewer bytes than mapped
+    UNKNOWN_ROW = 'unknown_row'  #: a row number, or an MPDO, that the layout does not name
     OVER_LONG = 'over_long'  #: more bytes than mapped: the device maps something else
     INCOMPLETE = 'incomplete'  #: good, of a sweep that was dropped since others were missing
     UNFINISHED = 'unfinished'  #: the driver stopped within the period
@@ -80,7 +81,10 @@ class FrameAssembler:
                  drop_incomplete: bool = False):
         self._drop_incomplete = drop_incomplete
         self._codec, self._one_clock = TaxelCodec(layout), one_clock
-        self._ranks = {tpdo.cob_id.of(node_id): rank for rank, tpdo in enumerate(layout.tpdos)}
+        self._ranks: dict[int, dict[bytes, int]] = {}  # COB-ID -> first bytes -> rank
+        for rank, tpdo in enumerate(layout.tpdos):
+            self._ranks.setdefault(tpdo.cob_id.of(node_id), {})[tpdo.prefix(node_id)] = rank
+        self._heads = {can_id: len(next(iter(ranks))) for can_id, ranks in self._ranks.items()}
         self._lengths = [tpdo.length for tpdo in layout.tpdos]
         self._payload = bytearray(8 * len(self._lengths))
         self._counts: Counter[str] = Counter()
@@ -114,8 +118,11 @@ class FrameAssembler:
 
     def feed(self, can_id: int, data: bytes, timestamp: float) -> TaxelFrame | Loss | None:
         """One TPDO of this pad: the frame it completes, a loss, or None (taken, more to come)."""
-        rank = self._ranks[can_id]
         self._counts['received'] += 1
+        head = self._heads[can_id]
+        rank = self._ranks[can_id].get(bytes(data[:head]))
+        if rank is None:
+            return self._lose(LossReason.SHORT if len(data) < head else LossReason.UNKNOWN_ROW)
         if self._stamp is None:
             return self._lose(LossReason.BEFORE_FIRST_SYNC)
         if self._one_clock and timestamp < self._stamp:

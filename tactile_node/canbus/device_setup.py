@@ -15,6 +15,8 @@ from tactile_node.errors import DeviceAbsentError, DeviceError
 
 SYNC_COB_ID, HEARTBEAT_TIME = 0x1005, 0x1017
 EVERY_SYNC = 1  # transmission type: synchronous, at every SYNC
+AT_ITS_EVENTS = 254  # transmission type: when the device's maker says; CiA 301 has MPDOs so
+SAM_MPDO = 0xFE  # sub 0 of the mapping record: a multiplexed PDO, source addressing (CiA 301)
 REMINDER = 2.0  # s between two sentences about the same wait
 
 
@@ -31,8 +33,9 @@ class DeviceSetup:
         self._check_identity()
         self._set_if_listed(SYNC_COB_ID, self._pad.layout.sync_cob_id, 4, 'SYNC COB-ID')
         self._set_if_listed(HEARTBEAT_TIME, heartbeat_ms, 2, 'heartbeat time')
-        written = sum(self._configure(tpdo) for tpdo in self._pad.layout.tpdos)
-        self._log(f'{self._who}: {len(self._pad.layout.tpdos)} TPDOs ready, {written} of them newly written.')
+        tpdos = {tpdo.number: tpdo for tpdo in self._pad.layout.tpdos}  # many frames may be one multiplexed TPDO
+        written = sum(self._configure(tpdo) for tpdo in tpdos.values())
+        self._log(f'{self._who}: {len(tpdos)} TPDOs ready, {written} of them newly written.')
 
     def _wait_for_device(self, timeout: float) -> None:
         begun = reminded = time.monotonic()
@@ -74,31 +77,32 @@ class DeviceSetup:
     def _configure(self, tpdo: TpdoLayout) -> bool:
         """Make the device send ``tpdo`` as the layout says; True when anything had to be written."""
         communication, mapping = TPDO_COMMUNICATION + tpdo.number - 1, TPDO_MAPPING + tpdo.number - 1
-        entries = [mapped.entry for mapped in tpdo.mapping]
+        entries = SAM_MPDO if tpdo.is_mpdo else [mapped.entry for mapped in tpdo.mapping]
+        kind = AT_ITS_EVENTS if tpdo.is_mpdo else EVERY_SYNC
         current = self._read(communication, 1)
         wanted = tpdo.cob_id.of(self._pad.node_id) | current & NO_RTR
         same_mapping = self._mapping(mapping) == entries
-        if current == wanted and same_mapping and self._read(communication, 2) == EVERY_SYNC:
+        if current == wanted and same_mapping and self._read(communication, 2) == kind:
             return False
         self._write(communication, 1, current | DISABLED, 4)  # CiA 301: no change while the PDO exists
-        self._write(communication, 2, EVERY_SYNC, 1)
+        self._write(communication, 2, kind, 1)
         if not same_mapping:
             self._write_mapping(mapping, entries)
         self._write(communication, 1, wanted, 4)
         self._verify(tpdo, communication, wanted)
         return True
 
-    def _mapping(self, index: int) -> list[int]:
-        return [self._read(index, sub) for sub in range(1, self._read(index, 0) + 1)]
+    def _mapping(self, index: int) -> list[int] | int:
+        count = self._read(index, 0)
+        return count if count == SAM_MPDO else [self._read(index, sub) for sub in range(1, count + 1)]
 
-    def _write_mapping(self, index: int, entries: list[int]) -> None:
+    def _write_mapping(self, index: int, entries: list[int] | int) -> None:
         self._write(index, 0, 0, 1)
-        for sub, entry in enumerate(entries, 1):
+        for sub, entry in enumerate([] if entries == SAM_MPDO else entries, 1):
             self._write(index, sub, entry, 4)
-        self._write(index, 0, len(entries), 1)
+        self._write(index, 0, SAM_MPDO if entries == SAM_MPDO else len(entries), 1)
         if (now := self._mapping(index)) != entries:
-            self._lies(f'0x{index:04X}', ' '.join(f'{e:08X}' for e in entries),
-                       ' '.join(f'{e:08X}' for e in now))
+            self._lies(f'0x{index:04X}', _mapping_text(entries), _mapping_text(now))
 
     def _verify(self, tpdo: TpdoLayout, index: int, wanted: int) -> None:
         now = self._read(index, 1)
@@ -147,3 +151,7 @@ class DeviceSetup:
         raise DeviceError(f'{self._who}, object 0x{index:04X} sub {sub}', expected=f'that it can {what}',
                           got=f'SDO abort: {error}',
                           remedy="Compare the layout with the device's manual and EDS.") from error
+
+
+def _mapping_text(entries: list[int] | int) -> str:
+    return 'an MPDO with source addressing' if entries == SAM_MPDO else ' '.join(f'{entry:08X}' for entry in entries)

@@ -71,17 +71,40 @@ class ValueFormat:
 
 @dataclass(frozen=True)
 class TpdoLayout:
-    """One TPDO of a pad: its number (1 = 0x1800), COB-ID, mapped objects and the taxels in it."""
+    """One CAN frame of a pad's sweep: its TPDO's number (1 = 0x1800), COB-ID, mapped objects and the taxels in it.
+
+    Several may share a number and COB-ID and be told apart by their first bytes: by a row number of the maker's own
+    in byte 0, or as MPDOs in source addressing mode (CiA 301), which carry node-ID, index and sub-index.
+    """
 
     number: int
     cob_id: CobId
     mapping: tuple[MappedObject, ...]
     taxels: tuple[TaxelField, ...]
+    row: int | None = None  #: byte 0 of a row-multiplexed TPDO
+    is_mpdo: bool = False  #: ``mapping`` is then the one object it carries
+    key: str = ''  #: in the layout file, for messages
+
+    @property
+    def is_multiplexed(self) -> bool:
+        return self.is_mpdo or self.row is not None
+
+    @property
+    def bits(self) -> int:
+        """Bits of the CAN frame, node-ID, index and sub-index of an MPDO included."""
+        return MAX_TPDO_BITS if self.is_mpdo else sum(mapped.bits for mapped in self.mapping)
+
+    def prefix(self, node_id: int) -> bytes:
+        """The first bytes by which a multiplexed frame is known; bit 7 of an MPDO's is 0: source addressing."""
+        if self.is_mpdo:
+            index, sub, _ = self.mapping[0]
+            return bytes([node_id, index & 0xFF, index >> 8, sub])
+        return b'' if self.row is None else bytes([self.row])
 
     @property
     def length(self) -> int:
         """Bytes of the CAN frame."""
-        return (sum(mapped.bits for mapped in self.mapping) + 7) // 8
+        return (self.bits + 7) // 8
 
 
 @dataclass(frozen=True)

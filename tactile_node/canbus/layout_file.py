@@ -16,6 +16,7 @@ from tactile_node.canbus.layout_rules import check_layout
 from tactile_node.canbus.yaml_section import Section, load_mapping
 from tactile_node.config import config_path
 
+MPDO_DATA_BITS = 32  # CiA 301: node-ID, index, sub-index and 4 bytes of data
 UNITS = ('Pa', 'N', '1')  # '1': on/off
 
 
@@ -30,7 +31,7 @@ def load_layout(path: str | Path) -> SkinLayout:
     tpdos = [top.subsection(f'tpdos[{i}]', item) for i, item in enumerate(top.sequence('tpdos'))]
     layout = SkinLayout(
         str(path), rows, cols, top.number('pitch', positive=True), _value_format(top.section('value')),
-        top.integer('sync_cob_id', 1, 0x7FF, 0x80), tuple(_tpdo(section) for section in tpdos),
+        top.integer('sync_cob_id', 1, 0x7FF, 0x80), tuple(tpdo for section in tpdos for tpdo in _tpdos(section)),
         tuple(top.checked_integers('dead_taxels', taxel, 2, 0, MAX_SIDE)
               for taxel in top.sequence('dead_taxels', [])))
     top.done()
@@ -50,11 +51,37 @@ def _value_format(section: Section) -> ValueFormat:
     return value
 
 
-def _tpdo(section: Section) -> TpdoLayout:
-    tpdo = TpdoLayout(section.integer('number', 1, 512), _cob_id(section), _mapping(section),
-                      _taxels(section))
+def _tpdos(section: Section) -> tuple[TpdoLayout, ...]:
+    """Read one entry of ``tpdos``: a plain TPDO, all rows of a multiplexed one, or a run of MPDOs."""
+    number, cob_id, key = section.integer('number', 1, 512), _cob_id(section), section.path
+    if section.take('mpdo', None) is not None:
+        run = section.section('mpdo')
+        index, first = run.integer('object', 1, 0xFFFF), run.integer('sub', 0, 254)
+        tpdos = [TpdoLayout(number, cob_id, (MappedObject(index, first + i, MPDO_DATA_BITS),), taxels,
+                            is_mpdo=True, key=key)
+                 for i, taxels in enumerate(_shifted(section, _repeats(run, 255 - first)))]
+    elif section.take('rows', None) is not None:
+        run, mapping = section.section('rows'), _mapping(section)
+        first = run.integer('first', 0, 255, 0)
+        tpdos = [TpdoLayout(number, cob_id, mapping, taxels, first + i, key=key)
+                 for i, taxels in enumerate(_shifted(section, _repeats(run, 256 - first)))]
+    else:
+        tpdos = [TpdoLayout(number, cob_id, _mapping(section), _taxels(section), key=key)]
     section.done()
-    return tpdo
+    return tuple(tpdos)
+
+
+def _repeats(run: Section, most: int) -> list[tuple[int, int]]:
+    """Read ``count`` and ``step``: how far [row, col] each frame's taxels are from the first's."""
+    count = run.integer('count', 1, most)
+    down, right = run.integers('step', 2, -MAX_SIDE, MAX_SIDE)
+    run.done()
+    return [(i * down, i * right) for i in range(count)]
+
+
+def _shifted(section: Section, shifts: list[tuple[int, int]]) -> list[tuple[TaxelField, ...]]:
+    fields = _taxels(section)
+    return [tuple(TaxelField(row + down, col + right, bit) for row, col, bit in fields) for down, right in shifts]
 
 
 def _cob_id(section: Section) -> CobId:

@@ -13,17 +13,19 @@ def check_layout(layout: SkinLayout) -> None:
     if not layout.tpdos:
         _refuse(layout, 'tpdos', 'at least one TPDO', 'none', 'List the TPDOs that carry the taxels.')
     for position, tpdo in enumerate(layout.tpdos):
-        _check_tpdo(layout, f'tpdos[{position}]', tpdo)
+        _check_tpdo(layout, tpdo.key or f'tpdos[{position}]', tpdo)
     _check_unique_taxels(layout)
-    _check_unique(layout, 'number', [tpdo.number for tpdo in layout.tpdos])
-    _check_unique(layout, 'cob_id', [str(tpdo.cob_id) for tpdo in layout.tpdos])
+    pdos = _distinct_pdos(layout)
+    _check_unique(layout, 'number', [(tpdo.number, tpdo.key) for tpdo in pdos])
+    _check_unique(layout, 'cob_id', [(str(tpdo.cob_id), tpdo.key) for tpdo in pdos])
+    _check_prefixes(layout)
     _check_sync(layout)
     for taxel in layout.dead:
         _check_inside(layout, 'dead_taxels', *taxel)
 
 
 def _check_tpdo(layout: SkinLayout, key: str, tpdo: TpdoLayout) -> None:
-    mapped = sum(entry.bits for entry in tpdo.mapping)
+    mapped = tpdo.bits
     if not 1 <= mapped <= MAX_TPDO_BITS:
         _refuse(layout, f'{key}.map', '1..64 mapped bits in one TPDO', f'{mapped} bits',
                 'Share the objects among more TPDOs.')
@@ -34,6 +36,9 @@ def _check_tpdo(layout: SkinLayout, key: str, tpdo: TpdoLayout) -> None:
     for field in tpdo.taxels:
         _check_inside(layout, f'{key}.taxels', field.row, field.col)
         end = field.start_bit + layout.value.bits
+        if field.start_bit < (head := 8 * len(tpdo.prefix(1))):
+            _refuse(layout, f'{key}.taxels', f'fields behind the {head} bits that tell the frame',
+                    f'taxel ({field.row}, {field.col}) from bit {field.start_bit}', 'Correct start_bit.')
         if end > MAX_TPDO_BITS:
             _refuse(layout, f'{key}.taxels', 'fields within the 64 bits of a CAN frame',
                     f'taxel ({field.row}, {field.col}) in bits {field.start_bit}..{end - 1}',
@@ -65,19 +70,41 @@ def _check_unique_taxels(layout: SkinLayout) -> None:
     for position, field in _fields(layout):
         first = seen.setdefault((field.row, field.col), position)
         if first != position or sum(f[:2] == field[:2] for f in layout.tpdos[position].taxels) > 1:
-            _refuse(layout, f'tpdos[{position}].taxels', 'every taxel named once',
-                    f'taxel ({field.row}, {field.col}) also in tpdos[{first}]', 'Remove one of the two.')
+            _refuse(layout, f'{layout.tpdos[position].key}.taxels', 'every taxel named once',
+                    f'taxel ({field.row}, {field.col}) also in {layout.tpdos[first].key}', 'Remove one of the two.')
 
 
 def _fields(layout: SkinLayout) -> Iterator[tuple[int, object]]:
     return ((position, field) for position, tpdo in enumerate(layout.tpdos) for field in tpdo.taxels)
 
 
-def _check_unique(layout: SkinLayout, key: str, values: list) -> None:
-    for position, value in enumerate(values):
-        if (first := values.index(value)) != position:
-            _refuse(layout, f'tpdos[{position}].{key}', 'a value of its own for each TPDO',
-                    f'{value}, as in tpdos[{first}]', 'Give each TPDO its own.')
+def _distinct_pdos(layout: SkinLayout) -> list[TpdoLayout]:
+    """Of frames that are one multiplexed PDO only the first."""
+    return [tpdo for i, tpdo in enumerate(layout.tpdos)
+            if not tpdo.is_multiplexed or not any(_is_same_pdo(tpdo, one) for one in layout.tpdos[:i])]
+
+
+def _is_same_pdo(one: TpdoLayout, other: TpdoLayout) -> bool:
+    kinds = [(tpdo.number, tpdo.cob_id, tpdo.is_mpdo, tpdo.is_multiplexed) for tpdo in (one, other)]
+    return kinds[0] == kinds[1] and (one.is_mpdo or one.mapping == other.mapping)
+
+
+def _check_prefixes(layout: SkinLayout) -> None:
+    seen = set()
+    for tpdo in filter(lambda tpdo: tpdo.is_multiplexed, layout.tpdos):
+        if (known_by := (tpdo.number, tpdo.prefix(1))) in seen:
+            _refuse(layout, tpdo.key, 'each row number, or object of an MPDO, once',
+                    f'{tpdo.prefix(1)[-3:].hex()} again',
+                    'Correct first, object, sub or count.')
+        seen.add(known_by)
+
+
+def _check_unique(layout: SkinLayout, key: str, values: list[tuple[object, str]]) -> None:
+    given = [value for value, _ in values]
+    for position, (value, where) in enumerate(values):
+        if (first := given.index(value)) != position:
+            _refuse(layout, f'{where}.{key}', 'a value of its own for each TPDO',
+                    f'{value}, as in {values[first][1]}', 'Give each TPDO its own.')
 
 
 def _check_sync(layout: SkinLayout) -> None:

@@ -48,6 +48,11 @@ class Section:
     def __init__(self, mapping: dict, where: str, path: str = ''):
         self._mapping, self._where, self._path, self._asked = mapping, where, path, []
 
+    @property
+    def path(self) -> str:
+        """Its key in the file, '' at the top."""
+        return self._path
+
     def refuse(self, key: str, *, expected: str, got: str, remedy: str) -> NoReturn:
         """Raise the ConfigurationError of ``key``."""
         raise ConfigurationError(f'{self._where}, key "{self._name(key)}"', expected=expected, got=got,

@@ -1,8 +1,9 @@
 """A CANopen skin made of software: what the driver meets on a bus when no hardware is there."""
 
 import logging
+import struct
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import canopen
@@ -25,6 +26,7 @@ NMT_START = 0x01
 NMT_RESETS = (0x81, 0x82)  # reset node, reset communication
 ABORT_WRONG_STATE, ABORT_NOT_MAPPABLE, ABORT_TOO_LONG = 0x08000022, 0x06040041, 0x06040042
 MAX_PDO_BITS = 64
+SAM_MPDO = 0xFE  # number of mapped objects of an MPDO with source addressing
 
 
 class _Piece(NamedTuple):
@@ -44,6 +46,7 @@ class _Tpdo(NamedTuple):
     length: int
     pieces: tuple[_Piece, ...]
     whole: int | None  #: the rank of the layout's TPDO that it equals
+    heads: tuple[tuple[int, bytes], ...] = ()  #: multiplexed: rank and first bytes of each frame
 
 
 class SimulatedDevice:
@@ -139,6 +142,11 @@ class SimulatedDevice:
     def _send(self, tpdo: _Tpdo) -> None:
         if tpdo.every and self._syncs % tpdo.every:
             return
+        for rank, head in tpdo.heads:
+            self._network.send_message(tpdo.can_id, head + self._words[rank][len(head):tpdo.length])
+            self.frames_sent += 1
+        if tpdo.heads:
+            return
         data = self._data(tpdo)
         if not tpdo.every and self._sent.get(tpdo.can_id) == data:
             return
@@ -167,6 +175,9 @@ class SimulatedDevice:
         cob_id = self._number(TPDO_COMMUNICATION + number, 1)
         kind = self._number(TPDO_COMMUNICATION + number, 2)
         count = self._number(TPDO_MAPPING + number, 0)
+        heads = tuple(self._heads(number + 1))
+        if count == SAM_MPDO and kind == 254 and not cob_id & DISABLED:  # its own event is the end of a scan
+            return _Tpdo(cob_id & ID_MASK, 1, 8, (), None, heads)
         if cob_id & DISABLED or kind > 240 or not count:  # above 240: not synchronous
             return None
         pieces, bits = [], 0
@@ -175,9 +186,18 @@ class SimulatedDevice:
             rank, start, _ = self._places.get(entry >> 8, (None, 0, 0))
             pieces.append(_Piece(rank, start, entry & 0xFF, bits))
             bits += entry & 0xFF
+        if heads:
+            return _Tpdo(cob_id & ID_MASK, kind, (bits + 7) // 8, tuple(pieces), None, heads)
         whole = all(p.rank == pieces[0].rank is not None and p.start == p.to for p in pieces)
         return _Tpdo(cob_id & ID_MASK, kind, (bits + 7) // 8, tuple(pieces),
                      pieces[0].rank if whole else None)
+
+    def _heads(self, number: int) -> Iterator[tuple[int, bytes]]:
+        for rank, tpdo in enumerate(self._pad.layout.tpdos):
+            if tpdo.number == number and tpdo.is_mpdo:
+                yield rank, struct.pack('<BHB', self._pad.node_id, *tpdo.mapping[0][:2])
+            elif tpdo.number == number and tpdo.row is not None:
+                yield rank, struct.pack('B', tpdo.row)
 
     def _number(self, index: int, sub: int) -> int:
         return int.from_bytes(self._node.get_data(index, sub), 'little')
@@ -204,7 +224,10 @@ class SimulatedDevice:
         self._tpdos = None
 
     def _check_mapping(self, index: int, subindex: int, value: int) -> None:
-        if subindex == 0:
+        if subindex == 0 and value == SAM_MPDO:
+            if not any(tpdo.is_mpdo for tpdo in self._pad.layout.tpdos):
+                raise SdoAbortedError(ABORT_NOT_MAPPABLE)
+        elif subindex == 0:
             bits = sum(self._number(index, sub) & 0xFF for sub in range(1, value + 1))
             if bits > MAX_PDO_BITS:
                 raise SdoAbortedError(ABORT_TOO_LONG)

@@ -1,0 +1,134 @@
+"""Row-multiplexed TPDOs and MPDOs: bytes by hand, then the simulated skin end to end."""
+
+import re
+
+import numpy as np
+import pytest
+from can_bench import Bench, tiny_layout
+
+from tactile_node.canbus.assembler import FrameAssembler, Loss, LossReason
+from tactile_node.canbus.layout_file import load_layout
+from tactile_node.canbus.pads import check_pads, make_pad
+from tactile_node.errors import ConfigurationError
+from tactile_node.taxel_frame import TaxelStatus
+
+ROWS = '''
+rows: 2
+cols: 3
+pitch: 0.004
+value: {unit: Pa, scale: 1.0, bits: 8}
+tpdos:
+- {number: 1, cob_id: 0x190, rows: {first: 7, count: 2, step: [1, 0]}, map: {object: 0x2200, sub: 1, bits: 8, count: 4},
+   taxels: {first: [0, 0], step: [0, 1], count: 3, start_bit: 8, bit_step: 8}}
+'''
+MPDO = '''
+rows: 2
+cols: 2
+pitch: 0.004
+value: {unit: N, scale: 0.5, bits: 16, signed: true}
+tpdos:
+- {number: 1, cob_id: 0x190, mpdo: {object: 0x2155, sub: 3, count: 2, step: [1, 0]},
+   taxels: {first: [0, 0], step: [0, 1], count: 2, start_bit: 32, bit_step: 16}}
+'''
+
+
+def feed(assembler, can_id, *frames):
+    return [assembler.feed(can_id, bytes.fromhex(data), 0.5) for data in frames][-1]
+
+
+def test_rows_by_hand(tmp_path):
+    assembler = FrameAssembler(tiny_layout(tmp_path, ROWS), 1)
+    assembler.sync(0)
+    assert feed(assembler, 0x190, '07010203') is None
+    frame = feed(assembler, 0x190, '08040506')
+    assert frame.values.tolist() == [[1, 2, 3], [4, 5, 6]]
+
+
+def test_ten_bits_packed_and_falling_by_hand():
+    """Row 3: counts 1023, 341, 1023, 1023, 1023 from the least significant bit on; 100 (1023 - 341) Pa."""
+    assembler = FrameAssembler(load_layout('rows12x5_10bit.yaml'), 5)
+    assembler.sync(0)
+    for row in range(12):
+        frame = feed(assembler, 0x185, f'{row:02X}' + ('FF57F5FFFFFF03' if row == 3 else 'FFFFFFFFFFFF03'))
+    wanted = np.zeros((12, 5))
+    wanted[3, 1] = 68200
+    np.testing.assert_array_equal(frame.values, wanted)
+
+
+def test_mpdos_by_hand(tmp_path):
+    """Node 5: byte 0 the node-ID with bit 7 clear, then 0x2155 little-endian, sub, two signed counts."""
+    assembler = FrameAssembler(tiny_layout(tmp_path, MPDO), 5)
+    assembler.sync(0)
+    assert feed(assembler, 0x190, '05552103E80318FC') is None
+    assert feed(assembler, 0x190, '05552104' '0200FEFF').values.tolist() == [[500, -500], [1, -1]]
+
+
+@pytest.mark.parametrize('foreign', ['85552104' '02000300',  # destination addressing: bit 7 set
+                                     '06552104' '02000300',  # another node's
+                                     '05562104' '02000300', '05552105' '02000300'])
+def test_foreign_mpdos_are_counted_and_leave_their_taxels_stale(tmp_path, foreign):
+    assembler = FrameAssembler(tiny_layout(tmp_path, MPDO), 5)
+    assembler.sync(0)
+    feed(assembler, 0x190, '05552103' '01000100')
+    assert feed(assembler, 0x190, foreign) == Loss(LossReason.UNKNOWN_ROW)
+    frame = assembler.sync(1)
+    assert frame.status.tolist() == [[TaxelStatus.VALID] * 2, [TaxelStatus.STALE] * 2]
+    assert np.isnan(frame.values[1]).all() and frame.missing_can_frames == 1
+
+
+@pytest.mark.parametrize('data', ['', '05', '055521'])
+def test_too_short_to_tell_the_object(tmp_path, data):
+    assembler = FrameAssembler(tiny_layout(tmp_path, MPDO), 5)
+    assembler.sync(0)
+    assert feed(assembler, 0x190, data) == Loss(LossReason.SHORT)
+
+
+def test_rows_of_two_periods_are_never_mixed(tmp_path):
+    """Row 8 and the SYNC were lost: rows 7, 7' are of two periods."""
+    assembler = FrameAssembler(tiny_layout(tmp_path, ROWS), 1)
+    assembler.sync(0)
+    assert feed(assembler, 0x190, '07010101', '07020202') == Loss(LossReason.LATE, 1)
+    assert feed(assembler, 0x190, '08020202').values.tolist() == [[2] * 3] * 2
+
+
+BAD = {
+    'row number over a byte': (ROWS.replace('first: 7', 'first: 255'), 'key "tpdos[0].rows.count"'),
+    'taxel on the row number': (ROWS.replace('start_bit: 8', 'start_bit: 0'), 'behind the 8 bits'),
+    'taxel on the sub-index': (MPDO.replace('start_bit: 32', 'start_bit: 24'), 'behind the 32 bits'),
+    'rows outside': (ROWS.replace('count: 2, step', 'count: 3, step'), 'taxel (2, 0)'),
+    'unknown key': (MPDO.replace('sub: 3', 'sub: 3, bits: 8'), 'key "tpdos[0].mpdo.bits"'),
+    'object twice': (MPDO.replace('rows: 2', 'rows: 4') + MPDO.split('tpdos:')[1].replace('[0, 0]', '[2, 0]'), 'again'),
+    'plain and MPDO under one number': (MPDO.replace('rows: 2', 'rows: 3')
+                                        + '- {number: 1, cob_id: 0x191, map: [[0x2000, 1, 16]], taxels: [[2, 0, 0]]}',
+                                        'tpdos[1].number'),
+    'plain and MPDO under one COB-ID': (MPDO.replace('rows: 2', 'rows: 3')
+                                        + '- {number: 2, cob_id: 0x190, map: [[0x2000, 1, 16]], taxels: [[2, 0, 0]]}',
+                                        'tpdos[1].cob_id')}
+
+
+@pytest.mark.parametrize(('text', 'says'), BAD.values(), ids=BAD)
+def test_bad_layouts(tmp_path, text, says):
+    with pytest.raises(ConfigurationError, match=re.escape(says)):
+        tiny_layout(tmp_path, text)
+
+
+@pytest.mark.parametrize(('layout', 'written', 'sent'), [
+    # row 0: five taxels of 1023 counts; the last row is number 11
+    ('rows12x5_10bit.yaml', '1A0#00FFFFFFFFFFFF03', '1A0#0B'),
+    # SDO: type 254 to 0x1800 sub 2; the last object is 0x2107 sub 4 of node 0x20
+    ('mpdo8x8_16bit.yaml', '620#2F001802FE000000', '1A0#20072104')])
+def test_simulated_skin_end_to_end(tmp_path, layout, written, sent):
+    pad = make_pad('pad', 32, layout)
+    check_pads((pad,))
+    rows, cols = pad.layout.rows, pad.layout.cols
+    wanted = pad.layout.value.scale * (np.arange(rows * cols).reshape(rows, cols) % 50)
+    wanted[0] = 0
+    log = tmp_path / 'session.log'
+    with Bench(layout, layout, source=lambda t: wanted, sync_period=0.02, record=str(log)) as bench:
+        bench.run()
+        frames = [frame for _, frame in bench.take_whole(3)]
+    for frame in frames:
+        np.testing.assert_allclose(frame.values, wanted, atol=1e-6 * pad.layout.value.scale, rtol=1e-6)
+        assert (frame.status == TaxelStatus.VALID).all()
+    text = log.read_text()
+    assert written in text and sent in text
