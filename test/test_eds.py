@@ -118,7 +118,8 @@ ODD = {
     'SUB in capitals': SMALL.replace('1018sub', '1018SUB'),
     'inline comment on a type': SMALL.replace('DataType=0x0007', 'DataType=0x0007 ; UNSIGNED32'),
     'empty PDOMapping and limits': SMALL + 'PDOMapping=\nLowLimit=\nHighLimit=\n',
-    'empty numbers of the device': SMALL.replace('VendorName', 'VendorNumber=\nBaudRate_1000=\nGranularity=\nVendorName'),
+    'empty numbers of the device': SMALL.replace('VendorName',
+                                                 'VendorNumber=\nBaudRate_1000=\nGranularity=\nVendorName'),
     'empty commissioning': SMALL + '[DeviceComissioning]\nNodeID=\nBaudrate=\n',
     'empty dummy': SMALL + '[DummyUsage]\nDummy0001=\n',
     'fewer comments than told': SMALL + '[Comments]\nLines=2\nLine1=x\n',
@@ -140,7 +141,8 @@ def test_compact_sub_objects(tmp_path):
 
 
 @pytest.mark.parametrize(('text', 'says'), [
-    (SMALL + '[2000]\nParameterName=A\nObjectType=0x8\nAccessType=ro\nCompactSubObj=4\n', '"DataType" in section [2000]'),
+    (SMALL + '[2000]\nParameterName=A\nObjectType=0x8\nAccessType=ro\nCompactSubObj=4\n',
+     '"DataType" in section [2000]'),
     (SMALL.replace('DataType=0x0007', 'DataType='), '"DataType" in section [1018sub1]'),
     (SMALL.replace('ObjectType=0x9', 'ObjectType='), '"DataType" in section [1018]'),  # CiA 306: then it is a VAR
     (SMALL.replace('VendorName', 'BaudRate_1000=yes\nVendorName'), 'section [DeviceInfo], key "BaudRate_1000"'),
