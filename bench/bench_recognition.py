@@ -113,8 +113,8 @@ def unknown(result: Result) -> Rate:
 
 
 def speed(contest: Contest, repeat: int) -> Table:
-    table = Table('Time of a single frame', f'median of {repeat} frames, one core [us]; ours from the contact pattern '
-                  'on, the anchors from a prepared patch on (its making is not counted)',
+    table = Table('Time of a single frame', f'median of {repeat} frames, one core, each by itself [us]; ours from the '
+                  'contact pattern on, the anchors from a prepared patch on (its making is not counted)',
                   ['frames', 'area', OURS, 'CNN', 'contours + trees', 'ours / CNN', 'ours / (contours + trees)'])
     for on_off in (True, False):
         for area in (20, 50, 100):

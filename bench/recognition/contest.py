@@ -1,6 +1,6 @@
 """Ours and the anchors on the same cases."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from time import perf_counter
 from typing import NamedTuple, Protocol
 
@@ -55,20 +55,16 @@ class Contest:
         return Result(case, answers)
 
     def times(self, case: Case, repeat: int) -> dict[str, float]:
-        """Median time of a single frame [s], the contestants in turn frame by frame.
+        """Median time of a single frame [s], each contestant by itself, as on a robot, one after the other.
 
         Ours from the contact pattern; the anchors from a patch already made (which is not counted).
         """
-        taken: dict[str, list[float]] = {}
-        for k in np.arange(repeat) % len(case.patterns):
-            single = _single(case.samples, k)
-            calls = {OURS: (self.ours.recognise, case.patterns[k])}
-            calls |= {anchor.name: (anchor.one, single) for anchor in self.anchors[case.on_off]}
-            for name, (function, argument) in calls.items():
-                begin = perf_counter()
-                function(argument)
-                taken.setdefault(name, []).append(perf_counter() - begin)
-        return {name: float(np.median(times)) for name, times in taken.items()}
+        chosen = np.arange(repeat) % len(case.patterns)
+        singles = [_single(case.samples, k) for k in chosen]
+        calls = {OURS: (self.ours.recognise, [case.patterns[k] for k in chosen])}
+        calls |= {anchor.name: (anchor.one, singles) for anchor in self.anchors[case.on_off]}
+        return {name: float(np.median([_time(function, one) for one in frames]))
+                for name, (function, frames) in calls.items()}
 
 
 def answers_of(recogniser: ShapeRecogniser, patterns: Iterable[ContactPattern]) -> np.ndarray:
@@ -102,6 +98,12 @@ def rejection_at_loss(known: list[Result], outliers: list[Result], name: str, lo
     limit = np.quantile(np.concatenate([foreign_score(result, name) for result in known]), 1 - loss)
     scores = np.concatenate([foreign_score(result, name) for result in outliers])
     return Rate(int((scores > limit).sum()), len(scores))
+
+
+def _time(function: Callable, argument: object) -> float:
+    begin = perf_counter()
+    function(argument)
+    return perf_counter() - begin
 
 
 def _single(samples: Samples, k: int) -> Single:

@@ -38,8 +38,8 @@ def _convolved(images: np.ndarray, kernel: np.ndarray, bias: np.ndarray, taps: i
     padded[:, 1:-1, 1:-1] = images
     high, wide = ((size + 2 - taps) // STRIDE + 1 for size in (rows, cols))
     k, r, c, one = padded.strides
-    windows = np.lib.stride_tricks.as_strided(padded, (count, high, wide, taps, taps, channels),
-                                              (k, r * STRIDE, c * STRIDE, r, c, one), writeable=False)
+    windows = np.ndarray((count, high, wide, taps, taps, channels), np.float32, padded,  # as_strided takes 10 us more
+                         strides=(k, r * STRIDE, c * STRIDE, r, c, one))
     out = windows.reshape(count * high * wide, taps * taps * channels) @ kernel
     out += bias
     np.maximum(out, 0, out=out)

