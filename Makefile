@@ -8,7 +8,7 @@ PYTHON ?= $(firstword $(foreach v,python3.11 python3.12 python3.13 python3.10 py
 VENV := $(CURDIR)/.venv
 BENCH_VENV := $(CURDIR)/.venv-bench
 BIN := $(VENV)/bin
-SOURCES := package.xml CMakeLists.txt setup.py setup.cfg $(shell find tactile_node msg config launch scripts -type f -not -name '*.pyc')
+SOURCES := package.xml CMakeLists.txt setup.py setup.cfg $(shell find tactile_node msg srv config launch scripts -type f -not -name '*.pyc')
 
 # ROS: everything stays on this machine; the environment is its own ament prefix.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST

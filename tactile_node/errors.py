@@ -32,6 +32,10 @@ class DeviceAbsentError(DeviceError):
     """The CANopen device does not answer."""
 
 
+class TareRefusedError(TactileError):
+    """A pad cannot be tared now: something presses it, or its taxels do not come."""
+
+
 class LogError(TactileError):
     """A recorded CAN log is missing, unreadable or cut short."""
 

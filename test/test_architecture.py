@@ -7,10 +7,11 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'tactile_node'
-NUMERICAL = {'contact', 'helmholtz', 'shape', 'synthetic', 'pose', 'fusion', 'grasp', 'reproduction'}
+NUMERICAL = {'conditioning', 'contact', 'helmholtz', 'shape', 'synthetic', 'pose', 'fusion', 'grasp', 'reproduction'}
 #: folder -> folders of ours it may import beside itself and the top-level modules
 ALLOWED = {
-    'canbus': set(), 'contact': set(), 'helmholtz': {'contact'}, 'shape': {'contact', 'helmholtz', 'synthetic'},
+    'canbus': set(), 'conditioning': set(), 'contact': set(), 'helmholtz': {'contact'},
+    'shape': {'contact', 'helmholtz', 'synthetic'},
     'pose': {'shape'}, 'fusion': {'shape'}, 'grasp': {'shape'}, 'synthetic': set(),
     'reproduction': {'helmholtz', 'shape', 'synthetic'},
     'simulator': {'canbus', 'synthetic'}, 'ros': {'canbus', *NUMERICAL},

@@ -2,13 +2,14 @@
 
 import time
 
+import numpy as np
 import pytest
 
 rclpy = pytest.importorskip('rclpy')
 pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
-from fault_bench import LAYOUT, FaultBench  # noqa: E402
+from fault_bench import LAYOUT, PRESSED, FaultBench  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.lifecycle import TransitionCallbackReturn  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
@@ -16,6 +17,7 @@ from rclpy.parameter import Parameter  # noqa: E402
 from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
 from tactile_node.ros.qos import STATUS_QOS, frames_qos  # noqa: E402
 from tactile_skin.msg import SkinStatus, TaxelArray  # noqa: E402
+from tactile_skin.srv import Tare  # noqa: E402
 
 OK, ERROR = DiagnosticStatus.OK, DiagnosticStatus.ERROR
 PATIENCE = 60.0  # s, for a busy machine
@@ -112,3 +114,21 @@ def test_whoever_comes_late_gets_the_last_status(chain):
     assert heard[0].active and heard[0].pads[0].nmt_state == 'OPERATIONAL' and not heard[0].failure
     chain.driver.trigger_deactivate()
     chain.wait(lambda: not heard[-1].active, 'deactivation not told')
+
+
+def test_tare_is_refused_under_load_and_takes_off_what_is_below_the_limit(chain):
+    """The skin reads PRESSED all over: with a lower limit that is a load, with a higher one an offset."""
+    chain.driver.autostart()
+    chain.wait(lambda: (OK, OK) in chain.levels, 'never OK')
+    client = chain.listener.create_client(Tare, '/skin_driver/tare')
+    answers = []
+    for limit in (0.5 * PRESSED, 2 * PRESSED):
+        assert chain.driver.set_parameters([Parameter('tare_limit', value=limit)])[0].successful
+        call = client.call_async(Tare.Request(frames=5))
+        chain.wait(call.done, 'no answer')
+        answers.append(call.result())
+    refused, done = answers
+    assert not refused.success and 'row' in refused.message and not refused.tared
+    assert done.success and done.tared == ['pad32'] and done.frames_used[0] == 5
+    assert done.largest_offset[0] == pytest.approx(PRESSED, abs=0.01) and done.noise[0] == pytest.approx(0, abs=0.01)
+    chain.wait(lambda: np.allclose(chain.taxels[-1].values, 0, atol=0.01), 'tare not taken off')

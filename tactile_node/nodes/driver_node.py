@@ -22,8 +22,9 @@ from tactile_node.canbus.supervisor import Supervisor
 from tactile_node.errors import ConfigurationError, DeviceError, TactileError
 from tactile_node.nodes.replay_gate import ReplayGate
 from tactile_node.nodes.run import run_node
+from tactile_node.nodes.tare_service import TareService
 from tactile_node.ros.diagnostics import BusDiagnostics
-from tactile_node.ros.parameters import DRIVER, declare, one_each, values
+from tactile_node.ros.parameters import DRIVER, declare, one_each, tare_limit, values
 from tactile_node.ros.qos import STATUS_QOS, frames_qos
 from tactile_node.ros.status_message import status_message
 from tactile_node.ros.taxel_messages import taxel_array_message
@@ -113,6 +114,8 @@ class DriverNode(LifecycleNode):
                                     frame_id or f'{pad.name}_pad') for pad, frame_id in zip(pads, frame_ids)}
         self._diagnostics = self._make_publisher(DiagnosticArray, '/diagnostics', QoSProfile(depth=10))
         self._status = self._make_publisher(SkinStatus, '~/status', STATUS_QOS)
+        self._tare = TareService(self, settings.pads, self._tare_limit, settings.sync_period)
+        self._owned.append(self._tare.destroy)
         self._findings = BusDiagnostics(self.get_name(), f'{settings.interface} {settings.channel}')
         self._source = self._make_source(settings, pads)
         timer = self.create_timer(DIAGNOSTICS_PERIOD, self._publish_state)
@@ -149,7 +152,11 @@ class DriverNode(LifecycleNode):
         if self._gate is not None:
             self._gate.wait(pad, frame.sequence)
         publisher, layout, frame_id = self._pads[pad]
+        frame = self._tare.feed(pad, frame)
         publisher.publish(taxel_array_message(frame, layout.pitch, layout.value.unit, frame_id))
+
+    def _tare_limit(self, pad: str) -> float:
+        return tare_limit(self.get_parameter('tare_limit').value, self._pads[pad].layout.value.unit)
 
     def _publish_state(self) -> None:
         source = self._source

@@ -48,6 +48,8 @@ DRIVER = (
     Parameter('heartbeat_timeout', 0.5, 'a node not heard for so long is told as gone [s]; it sends every 0.1 s', 0.3,
               60),
     Parameter('recover', True, 'mend a failed bus and devices that start anew; false: only tell of them'),
+    Parameter('tare_limit', 0.0, 'a taxel that reads so much counts as pressed when a tare is asked for '
+              '[unit of the taxels]; 0: by the unit (10 kPa, 0.03 N)', 0, 1e9, live=True),
     Parameter('drop_incomplete', False, 'true: a sweep that lacks CAN frames is dropped and counted; false: it is '
               'published with NaN, status STALE'),
     Parameter('autostart', True, 'configure and activate at start; false: leave it to a lifecycle manager'),
@@ -121,6 +123,19 @@ def pressed_thresholds(settings: SimpleNamespace, unit: str) -> tuple[float, flo
         raise ConfigurationError('parameter press_threshold', expected=f'a threshold for taxels in {unit!r}', got='0',
                                  remedy=f'Only for {", ".join(PRESSED_BY_UNIT)} there is a default; set one.')
     return press, press * settings.release_ratio
+
+
+#: A taxel that reads so much is pressed when a tare is asked for: less than a contact worth the name.
+TARE_LIMIT_BY_UNIT = {'Pa': 10e3, 'N': 0.03}
+
+
+def tare_limit(given: float, unit: str) -> float:
+    """Return ``given``, or the limit for ``unit``. Raises ConfigurationError where there is none."""
+    limit = given or TARE_LIMIT_BY_UNIT.get(unit)
+    if limit is None:
+        raise ConfigurationError('tare', expected='taxels in ' + ' or '.join(TARE_LIMIT_BY_UNIT), got=repr(unit),
+                                 remedy='On/off taxels have no zero to set.')
+    return limit
 
 
 def feature_groups(names: list[str]) -> Group:

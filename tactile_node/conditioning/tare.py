@@ -1,0 +1,86 @@
+"""Tare: the reading of each taxel with nothing on it, measured and taken off."""
+
+import threading
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.errors import TareRefusedError
+from tactile_node.taxel_frame import TaxelFrame
+
+
+class Tare(NamedTuple):
+    """Zero of a pad; in the taxels' unit."""
+
+    offset: np.ndarray  #: float32, (rows, cols), read-only; 0 for a taxel that had no valid value
+    frames: int         #: averaged
+    noise: float        #: standard deviation of a taxel around its zero, root mean square over the pad
+
+    @property
+    def largest(self) -> float:
+        """The offset farthest from 0."""
+        return float(self.offset.flat[np.abs(self.offset).argmax()])
+
+
+def measure(values: np.ndarray, limit: float) -> Tare:
+    """Return the zero of a pad from frames without a tare, (K, rows, cols), NaN where invalid.
+
+    Raises TareRefusedError where something presses: a taxel reads ``limit`` or more, or varies by as much. And
+    where not one taxel has a valid value in all frames.
+    """
+    known = np.isfinite(values).all(0)
+    if not known.any():
+        raise TareRefusedError('tare', expected='taxels with valid values', got='none',
+                               remedy='See /diagnostics: do all CAN frames of the pad arrive?')
+    mean = np.where(known, values.mean(0), 0)
+    varies = np.where(known, np.ptp(np.where(known, values, 0), axis=0), 0)
+    worst = np.maximum(mean, varies)
+    if (worst >= limit).any():
+        row, col = np.unravel_index(worst.argmax(), worst.shape)
+        raise TareRefusedError(
+            'tare', expected=f'nothing on the pad: all taxels below {limit:g}, and steady',
+            got=f'{np.count_nonzero(worst >= limit)} taxels above, most at row {row}, column {col}: mean '
+                f'{mean[row, col]:g}, varying by {varies[row, col]:g}',
+            remedy='Open the gripper. If nothing presses: set "offset" in the layout, or raise tare_limit.')
+    offset = mean.astype(np.float32)
+    offset.flags.writeable = False
+    return Tare(offset, len(values), float(np.sqrt(values.var(0)[known].mean())))
+
+
+class TaredPad:
+    """Takes the tare of one pad off its frames; frames come on one thread, ``tare`` is called on another.
+
+    >>> pad = TaredPad()
+    >>> pad.offset is None
+    True
+    """
+
+    def __init__(self):
+        self.offset: np.ndarray | None = None
+        self._wanted, self._taken, self._changed = 0, [], threading.Condition()
+
+    def feed(self, frame: TaxelFrame) -> TaxelFrame:
+        """Return the frame, its tare taken off."""
+        with self._changed:
+            if self._wanted and not frame.missing_can_frames:
+                self._taken.append(frame.values)
+                self._wanted -= 1
+                self._changed.notify()
+        if self.offset is None:
+            return frame
+        values = frame.values - self.offset
+        values.flags.writeable = False
+        return frame._replace(values=values)
+
+    def tare(self, frames: int, limit: float, timeout: float) -> Tare:
+        """Average the next whole ``frames`` into a new tare; TareRefusedError, also after ``timeout`` [s]."""
+        with self._changed:
+            self._taken, self._wanted = [], frames
+            complete = self._changed.wait_for(lambda: not self._wanted, timeout)
+            taken, self._taken, self._wanted = self._taken, [], 0
+        if not complete:
+            raise TareRefusedError('tare', expected=f'{frames} whole taxel frames within {timeout:.1f} s',
+                                   got=f'{len(taken)}', remedy='Activate the driver; /diagnostics says what is lost.')
+        found = measure(np.stack(taken), limit)
+        self.offset = found.offset
+        return found

@@ -1,0 +1,85 @@
+"""Tare: measured from whole frames, refused under load, taken off every frame after."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from tactile_node.conditioning.tare import TaredPad, measure
+from tactile_node.errors import TareRefusedError
+from tactile_node.taxel_frame import TaxelFrame
+
+LIMIT = 10.0
+
+
+def frames(offset: np.ndarray, noise: float, count: int = 200, seed: int = 1) -> np.ndarray:
+    return offset + noise * np.random.default_rng(seed).standard_normal((count, *offset.shape))
+
+
+def frame(values, missing=0):
+    values = np.asarray(values, np.float32)
+    return TaxelFrame(0.0, 0, values, np.zeros(values.shape, np.uint8), missing)
+
+
+def test_offsets_and_noise_are_found():
+    """Mean of K samples: standard error noise / sqrt(K); the noise itself to a few per cent over 48 taxels."""
+    offset = np.linspace(-3, 3, 48).reshape(6, 8)
+    found = measure(frames(offset, 0.5), LIMIT)
+    np.testing.assert_allclose(found.offset, offset, atol=5 * 0.5 / 200 ** 0.5)
+    assert found.noise == pytest.approx(0.5, rel=0.03) and found.frames == 200
+    assert abs(found.largest) == pytest.approx(3, abs=0.2)
+
+
+@pytest.mark.parametrize('press', ['held', 'growing', 'tapping'])
+def test_refused_while_something_presses(press):
+    values = frames(np.zeros((6, 8)), 0.1, 50)
+    values[:, 2, 3] += {'held': np.full(50, 11.0), 'growing': np.linspace(0, 11, 50),
+                        'tapping': np.arange(50) % 25 == 0}[press] * (12 if press == 'tapping' else 1)
+    with pytest.raises(TareRefusedError, match='row 2, column 3'):
+        measure(values, LIMIT)
+
+
+def test_a_taxel_without_a_valid_value_keeps_its_zero():
+    values = frames(np.ones((2, 2)), 0.0, 5)
+    values[2, 0, 1] = np.nan
+    assert measure(values, LIMIT).offset.tolist() == [[1, 0], [1, 1]]
+    with pytest.raises(TareRefusedError, match='valid'):
+        measure(np.full((5, 2, 2), np.nan), LIMIT)
+
+
+def tared(pad: TaredPad, given: list[TaxelFrame], count: int, timeout: float = 20.0):
+    """Tare on a thread while ``given`` frames come again and again."""
+    outcome = []
+
+    def run():
+        try:
+            outcome.append(pad.tare(count, LIMIT, timeout))
+        except TareRefusedError as error:
+            outcome.append(error)
+    thread = threading.Thread(target=run)
+    thread.start()
+    while thread.is_alive():
+        for one in given:
+            pad.feed(one)
+        thread.join(0.001)
+    return outcome[0]
+
+
+def test_whole_frames_alone_count_and_the_tare_is_taken_off_afterwards():
+    pad = TaredPad()
+    before = frame([[1, 2], [3, np.nan]])
+    assert pad.feed(before) is before
+    found = tared(pad, [frame([[1, 2], [3, np.nan]]), frame([[50, 50], [50, 50]], missing=1)], 4)
+    assert found.frames == 4
+    after = pad.feed(frame([[1, 3], [2, 7]]))
+    assert after.values.tolist() == [[0, 1], [-1, 7]] and not after.values.flags.writeable
+    again = tared(pad, [frame([[2, 2], [2, 2]])], 3)
+    assert again.offset.tolist() == [[2, 2], [2, 2]]  # of the skin, not of what the first tare had left
+
+
+def test_refused_leaves_the_tare_before_and_too_few_frames_are_told():
+    pad = TaredPad()
+    tared(pad, [frame([[1.0]])], 3)
+    assert 'nothing on the pad' in str(tared(pad, [frame([[50.0]])], 3))
+    assert pad.feed(frame([[1.0]])).values.tolist() == [[0.0]]
+    assert '5 whole taxel frames' in str(tared(pad, [frame([[1.0]], missing=1)], 5, timeout=0.05))
