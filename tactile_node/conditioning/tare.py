@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_node.conditioning.drift import DriftFollower
 from tactile_node.errors import TareRefusedError
 from tactile_node.taxel_frame import TaxelFrame
 
@@ -48,15 +49,18 @@ def measure(values: np.ndarray, limit: float) -> Tare:
 
 
 class TaredPad:
-    """Takes the tare of one pad off its frames; frames come on one thread, ``tare`` is called on another.
+    """Takes the zero of one pad off its frames; frames come on one thread, ``tare`` is called on another.
+
+    With ``drift`` the zero follows the taxels while nothing presses.
 
     >>> pad = TaredPad()
     >>> pad.offset is None
     True
     """
 
-    def __init__(self):
+    def __init__(self, drift: DriftFollower | None = None):
         self.offset: np.ndarray | None = None
+        self._drift = drift
         self._wanted, self._taken, self._changed = 0, [], threading.Condition()
 
     def feed(self, frame: TaxelFrame) -> TaxelFrame:
@@ -66,9 +70,12 @@ class TaredPad:
                 self._taken.append(frame.values)
                 self._wanted -= 1
                 self._changed.notify()
+        if self._drift is not None:
+            zero = np.zeros_like(frame.values) if self.offset is None else self.offset
+            self.offset = self._drift.update(frame.stamp, frame.values, zero)
         if self.offset is None:
             return frame
-        values = frame.values - self.offset
+        values = (frame.values - self.offset).astype(np.float32, copy=False)
         values.flags.writeable = False
         return frame._replace(values=values)
 

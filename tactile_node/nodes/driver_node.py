@@ -114,7 +114,8 @@ class DriverNode(LifecycleNode):
                                     frame_id or f'{pad.name}_pad') for pad, frame_id in zip(pads, frame_ids)}
         self._diagnostics = self._make_publisher(DiagnosticArray, '/diagnostics', QoSProfile(depth=10))
         self._status = self._make_publisher(SkinStatus, '~/status', STATUS_QOS)
-        self._tare = TareService(self, settings.pads, self._tare_limit, settings.sync_period)
+        self._tare = TareService(self, settings.pads, self._tare_limit, settings.sync_period,
+                                 settings.follow_drift)
         self._owned.append(self._tare.destroy)
         self._findings = BusDiagnostics(self.get_name(), f'{settings.interface} {settings.channel}')
         self._source = self._make_source(settings, pads)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from rclpy.node import Node
 
+from tactile_node.conditioning.drift import DriftFollower
 from tactile_node.conditioning.tare import TaredPad
 from tactile_node.errors import ConfigurationError, TareRefusedError
 from tactile_node.taxel_frame import TaxelFrame
@@ -15,12 +16,14 @@ FRAMES = 50  #: averaged unless the request says otherwise
 class TareService:
     """Frames of ``pads`` pass through ``feed``; a request measures their zero, on the executor's thread.
 
-    ``limit``: a pad's name -> what a taxel may read at most [unit] to count as not pressed; TareRefusedError.
+    ``limit``: a pad's name -> what a taxel may read at most [unit] to count as not pressed; ConfigurationError
+    where it has no zero. ``follow_drift``: see DriftFollower.
     """
 
-    def __init__(self, node: Node, pads: list[str], limit: Callable[[str], float], frame_period: float):
+    def __init__(self, node: Node, pads: list[str], limit: Callable[[str], float], frame_period: float,
+                 follow_drift: bool = False):
         self._node, self._limit, self._period = node, limit, frame_period
-        self._pads = {name: TaredPad() for name in pads}
+        self._pads = {name: TaredPad(DriftFollower(limit(name)) if follow_drift else None) for name in pads}
         self._service = node.create_service(Tare, '~/tare', self._answer)
 
     def feed(self, pad: str, frame: TaxelFrame) -> TaxelFrame:

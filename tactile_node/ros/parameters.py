@@ -50,6 +50,8 @@ DRIVER = (
     Parameter('recover', True, 'mend a failed bus and devices that start anew; false: only tell of them'),
     Parameter('tare_limit', 0.0, 'a taxel that reads so much counts as pressed when a tare is asked for '
               '[unit of the taxels]; 0: by the unit (10 kPa, 0.03 N)', 0, 1e9, live=True),
+    Parameter('follow_drift', False, 'the zero of the taxels follows slow drift while none reads half of tare_limit; '
+              'a grasp is never followed'),
     Parameter('drop_incomplete', False, 'true: a sweep that lacks CAN frames is dropped and counted; false: it is '
               'published with NaN, status STALE'),
     Parameter('autostart', True, 'configure and activate at start; false: leave it to a lifecycle manager'),

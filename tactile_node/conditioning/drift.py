@@ -1,0 +1,35 @@
+"""Follows the slow drift of taxels' zero while nothing presses, and leaves it alone while something does."""
+
+import numpy as np
+
+TIME_CONSTANT = 20.0  #: s in which the zero follows a small step
+RATE = 1 / 300        #: of ``limit`` a second: faster is no drift
+PRESSED = 0.5         #: of ``limit`` above its zero: a taxel that may be under a contact
+QUIET = 2.0           #: s without such a taxel before the zero is followed (again)
+
+
+class DriftFollower:
+    """The zero of one pad, followed frame by frame; ``limit``: of `tare`, in the taxels' unit.
+
+    While any taxel reads PRESSED x limit above its zero, and QUIET seconds after, the whole pad's zero stands
+    still: a grasp, also one that is there from the start, is never taken for drift, and neither are the taxels around
+    it. The price: drift beyond PRESSED x limit within one grasp needs a tare. A touch lighter than that is taken
+    for drift, at no more than RATE x limit a second.
+    """
+
+    def __init__(self, limit: float):
+        self._limit = limit
+        self._stamp = self._pressed_at = -np.inf
+
+    def update(self, stamp: float, values: np.ndarray, zero: np.ndarray) -> np.ndarray:
+        """Return the zero, (rows, cols), after a frame of ``values`` (NaN: unknown) as measured at ``stamp`` [s]."""
+        passed, self._stamp = stamp - self._stamp, stamp
+        above = np.where(np.isfinite(values), values - zero, 0)
+        if (above >= PRESSED * self._limit).any() or not 0 <= passed < QUIET:
+            self._pressed_at = stamp
+        if stamp - self._pressed_at < QUIET:
+            return zero
+        most = RATE * self._limit * passed
+        followed = zero + np.clip(above * (passed / TIME_CONSTANT), -most, most)
+        followed.flags.writeable = False
+        return followed

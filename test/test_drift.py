@@ -1,0 +1,62 @@
+"""The zero follows slow drift and never a grasp: ten minutes at 50 Hz, the drift drawn independently of the code."""
+
+import numpy as np
+import pytest
+
+from tactile_node.conditioning.drift import DriftFollower
+from tactile_node.conditioning.tare import TaredPad
+from tactile_node.taxel_frame import TaxelFrame
+
+LIMIT, RATE, SIDE, NOISE = 10e3, 50, 16, 300.0  # Pa, Hz, taxels, Pa
+GRASP = 40e3
+GRIP = np.zeros((SIDE, SIDE))
+GRIP[5:11, 5:11] = GRASP
+
+
+def given(pad: TaredPad, seconds: float, load, drift, begin: float = 0.0, seed: int = 1) -> np.ndarray:
+    """Feed ``load`` [Pa] with ``drift``(t) [Pa] and noise; the last second's mean of what comes out."""
+    rng, last = np.random.default_rng(seed), []
+    for t in begin + np.arange(int(seconds * RATE)) / RATE:
+        values = (load + drift(t) + NOISE * rng.standard_normal((SIDE, SIDE))).astype(np.float32)
+        found = pad.feed(TaxelFrame(t, 0, values, np.zeros((SIDE, SIDE), np.uint8), 0)).values
+        last = [*last[-RATE + 1:], found]
+    return np.mean(last, axis=0)
+
+
+def drifting(t: float) -> float:
+    """4 kPa in ten minutes, as a sine's first quarter."""
+    return 4e3 * np.sin(t / 600 * np.pi / 2)
+
+
+def test_slow_drift_is_followed():
+    """A zero that lags TIME_CONSTANT behind a drift of at most 10.5 Pa/s is 210 Pa off."""
+    assert np.abs(given(TaredPad(DriftFollower(LIMIT)), 600, 0.0, drifting)).max() < 210 + 5 * NOISE / RATE ** 0.5
+
+
+@pytest.mark.parametrize('before', [0.0, 30.0])
+def test_a_grasp_of_ten_minutes_keeps_its_pressure_and_leaves_no_jump(before):
+    """Also one that is there from the first frame. The skin itself does not drift here: what is lost is the code's."""
+    pad = TaredPad(DriftFollower(LIMIT))
+    if before:
+        given(pad, before, 0.0, lambda t: 0.0)
+    held = given(pad, 600, GRIP, lambda t: 0.0, begin=before)
+    assert held[5:11, 5:11].mean() == pytest.approx(GRASP, rel=0.01)
+    assert np.abs(held[5:11, 5:11] / GRASP - 1).max() < 0.01
+    released = given(pad, 1, 0.0, lambda t: 0.0, begin=before + 600)
+    assert np.abs(released).max() < 0.03 * LIMIT
+
+
+def test_a_light_lasting_touch_is_taken_for_drift_slowly():
+    """3 kPa is below half the limit: at most limit / 300 a second is lost."""
+    pad = TaredPad(DriftFollower(LIMIT))
+    given(pad, 10, 0.0, lambda t: 0.0)
+    touch = given(pad, 30, np.full((SIDE, SIDE), 3e3), lambda t: 0.0, begin=10)
+    assert touch.mean() > 3e3 - 30 * LIMIT / 300 - 100
+
+
+def test_invalid_taxels_keep_their_zero_and_a_gap_starts_the_quiet_time_anew():
+    follower, zero = DriftFollower(LIMIT), np.zeros((1, 2))
+    for t in np.arange(0, 10, 0.02):
+        zero = follower.update(t, np.array([[1e3, np.nan]]), zero)
+    assert zero[0, 0] > 100 and zero[0, 1] == 0
+    assert follower.update(100.0, np.array([[1e3, 0]]), zero) is zero
