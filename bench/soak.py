@@ -3,7 +3,8 @@
 Run by `make soak` (`make soak MINUTES=60`), or: python bench/soak.py [--minutes 10] [--rate 115]. The simulated skin
 is a process of its own behind a pseudo-terminal (slcan), as an adapter would be; the driver is the supervised one that
 the driver node runs. At 115 sweeps a second two pads of 16x16 taxels of 8 bits fill a bus of 1 Mbit/s
-(64 TPDOs of at most 135 bits each). Writes soak.csv and soak.png; ends with 1 when a TPDO was lost.
+(64 TPDOs of at most 135 bits each). Writes soak.csv and soak.png; ends with 1 when a TPDO was lost or
+came too late, which on a busy machine is the simulated skin's doing as often as the driver's.
 """
 
 import argparse
@@ -38,7 +39,7 @@ import matplotlib.pyplot as plt  # noqa: E402
 NODES, LAYOUT = (32, 64), 'sim16x16.yaml'
 FULL_LOAD = 115.0  #: sweeps a second
 PERCENTILES = (50, 99, 99.9, 100)
-COLUMNS = ('minutes', 'taxel frames', 'of these incomplete', 'TPDOs lost', 'bus load %',
+COLUMNS = ('minutes', 'taxel frames', 'of these incomplete', 'TPDOs not received', 'TPDOs dropped', 'bus load %',
            *(f'latency p{p:g} ms' for p in PERCENTILES), 'memory MB')
 
 
@@ -48,13 +49,15 @@ class Row(NamedTuple):
     minutes: float
     frames: int
     incomplete: int
-    lost: int
+    lost: int     #: TPDOs of these sweeps that were not received
+    dropped: int  #: TPDOs received too late, or of no use otherwise
     load: float
     latency: tuple[float, ...]  #: PERCENTILES [ms]
     memory: float               #: resident memory of the driver's process [MB]
 
     def cells(self) -> list[str]:
-        return [f'{self.minutes:.2f}', f'{self.frames}', f'{self.incomplete}', f'{self.lost}', f'{self.load:.1f}',
+        return [f'{self.minutes:.2f}', f'{self.frames}', f'{self.incomplete}', f'{self.lost}', f'{self.dropped}',
+                f'{self.load:.1f}',
                 *(f'{value:.2f}' for value in self.latency), f'{self.memory:.1f}']
 
 
@@ -79,15 +82,16 @@ class Soak:
 
     def __init__(self, driver: Supervisor, latencies: Latencies):
         self.driver, self._latencies, self.rows = driver, latencies, []
-        self._begin, self._before = time.monotonic(), np.zeros(3, int)
+        self._begin, self._before = time.monotonic(), np.zeros(4, int)
 
     def row(self) -> Row:
-        counts = np.array([(pad.published, pad.incomplete, sum(pad.losses.values()))
-                           for pad in self.driver.statistics().pads.values()]).sum(0)
-        (frames, incomplete, lost), self._before = counts - self._before, counts
+        pads = self.driver.statistics().pads.values()
+        counts = np.array([(pad.published, pad.incomplete, max(pad.expected - pad.received, 0),
+                            sum(pad.losses.values())) for pad in pads]).sum(0)
+        (frames, incomplete, lost, dropped), self._before = counts - self._before, counts
         taken = self._latencies.take()
         latency = tuple(np.percentile(taken, PERCENTILES) * 1e3) if len(taken) else (np.nan,) * len(PERCENTILES)
-        self.rows.append(Row((time.monotonic() - self._begin) / 60, frames, incomplete, lost,
+        self.rows.append(Row((time.monotonic() - self._begin) / 60, frames, incomplete, lost, dropped,
                              100 * self.driver.health().load, latency, resident()))
         return self.rows[-1]
 
@@ -145,7 +149,7 @@ def write(folder: Path, rows: list[Row]) -> None:
     upper.set(ylabel='SYNC to taxel frame [ms]', yscale='log')
     upper.legend(ncols=4)
     lower.plot(minutes, [row.memory for row in rows], color='k')
-    lower.set(xlabel='minutes', ylabel='resident memory [MB]', ylim=(0, None))
+    lower.set(xlabel='minutes', ylabel='resident memory [MB]', ylim=(0, 1.2 * max(row.memory for row in rows)))
     figure.savefig(folder / 'soak.png', dpi=120)
 
 
@@ -161,9 +165,10 @@ def main() -> int:
             skin.terminate()
             skin.wait()
     write(args.output, soak.rows)
-    lost = sum(row.lost for row in soak.rows)
-    print(f'TPDOs lost: {lost}; memory growth after the first tenth: {soak.growth:+.1f} MB; picture in {args.output}')
-    return int(lost > 0)
+    lost, dropped = sum(row.lost for row in soak.rows), sum(row.dropped for row in soak.rows)
+    print(f'TPDOs not received: {lost}, received and dropped: {dropped}; memory growth after the first tenth: '
+          f'{soak.growth:+.1f} MB; picture in {args.output}')
+    return int(lost + dropped > 0)
 
 
 def _arguments() -> argparse.Namespace:
