@@ -13,21 +13,49 @@ from faulty_bus import Adapter
 from tactile_node.canbus import skin_bus
 from tactile_node.canbus.skin_bus import BusSettings
 from tactile_node.canbus.supervisor import Supervisor
-from tactile_node.taxel_frame import TaxelStatus
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 LAYOUT, SIDE, PRESSED = 'sim8x8_16bit.yaml', 8, 12.5
 PATIENCE = 20.0  # s; a busy machine may be slow, a wrong one never gets there
 
 
+class Coded:
+    """Taxels that tell which they are and when they were sampled: 1 N, 0.2 N a taxel, 1 mN a sample (mod CYCLE)."""
+
+    CYCLE, TAXEL, SAMPLE = 100, 0.2, 0.001
+    place = 1 + TAXEL * np.arange(SIDE * SIDE).reshape(SIDE, SIDE)
+
+    def __init__(self):
+        self.sampled: list[float] = []  #: when each sample was taken [s, Unix epoch]
+
+    def __call__(self, _t: float) -> np.ndarray:
+        self.sampled.append(time.time())
+        return self.place + self.SAMPLE * ((len(self.sampled) - 1) % self.CYCLE)
+
+    def check(self, frame: TaxelFrame, fresh: bool) -> None:
+        """All valid taxels are in their places and of one sample; ``fresh``: taken after the frame's SYNC."""
+        valid = frame.status == TaxelStatus.VALID
+        if not valid.any():
+            return
+        samples = (frame.values[valid] - self.place[valid]) / self.SAMPLE
+        code = round(float(samples[0]))
+        np.testing.assert_allclose(samples, code, atol=0.3)
+        taken = np.array(self.sampled[code::self.CYCLE]) - frame.stamp
+        assert not fresh or ((taken > -0.005) & (taken < 0.7)).any(), f'sampled {taken} s after its SYNC'
+
+
 class FaultBench(Bench):
-    """Pads of 8x8 taxels that all read PRESSED; every frame published is kept and checked at the end.
+    """Pads of 8x8 taxels, Coded unless ``source`` says otherwise; every frame published is kept and checked at the end.
 
     ``cause`` and ``end_of_cause`` mark when the fault acts; ``detected`` and ``publishing_again`` [s] are
     measured from them.
     """
 
-    def __init__(self, channel: str, nodes: tuple[int, ...] = (32,), recover: bool = True, **settings: Any):
-        super().__init__(channel, LAYOUT, nodes, source=lambda t: np.full((SIDE, SIDE), PRESSED))
+    def __init__(self, channel: str, nodes: tuple[int, ...] = (32,), recover: bool = True, source=None,
+                 **settings: Any):
+        self._coded = Coded() if source is None else None
+        self.is_clock_true = True  #: False: stamps cannot be compared with the wall clock
+        super().__init__(channel, LAYOUT, nodes, source=source or self._coded)
         self.adapter, self.kept, self.complaints, self.hold = Adapter(), [], [], threading.Event()
         self.hold.set()  #: cleared: the consumer hangs
         self.settings = BusSettings('virtual', channel, **{'sync_period': 0.02} | settings)
@@ -104,5 +132,6 @@ class FaultBench(Bench):
             for frame in frames:
                 valid = frame.status == TaxelStatus.VALID
                 assert np.isnan(frame.values[~valid]).all()
-                np.testing.assert_allclose(frame.values[valid], PRESSED, atol=0.01)
+                if self._coded is not None:
+                    self._coded.check(frame, self.is_clock_true)
                 assert valid.all() == (frame.missing_can_frames == 0)

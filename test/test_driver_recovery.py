@@ -9,7 +9,7 @@ rclpy = pytest.importorskip('rclpy')
 pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
-from fault_bench import LAYOUT, PRESSED, FaultBench  # noqa: E402
+from fault_bench import LAYOUT, PRESSED, SIDE, FaultBench  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.lifecycle import TransitionCallbackReturn  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
@@ -56,7 +56,7 @@ class Chain:
 @pytest.fixture
 def chain():
     rclpy.init()
-    with FaultBench('driver node') as bench:
+    with FaultBench('driver node', source=lambda t: np.full((SIDE, SIDE), PRESSED)) as bench:
         chain = Chain(bench.channel)
         chain.bench = bench
         try:

@@ -25,6 +25,8 @@ NOT_STARTED = 77  #: as automake's tests say "skipped"
 PACKAGES = ('qemu-system-x86', 'linux-image-amd64', 'busybox-static', 'kmod', 'iproute2')
 MODULES = ('9pnet_virtio', 'virtio_pci', '9p', 'overlay', 'vcan', 'can-raw', 'slcan', 'kvaser_pci')
 RESULT = 'socketcan_vm: command ended with '
+BEGUN = 'socketcan_vm: command begins'
+DOWNLOAD_SECONDS = 300
 CONTROLLERS = 2
 INIT = '''#!/bin/busybox sh
 /bin/busybox --install -s /bin
@@ -42,6 +44,7 @@ for name in lo vcan0 vcan1; do
   [ $name = lo ] || chroot /root ip link add $name type vcan
   chroot /root ip link set $name up
 done
+echo "{begun}"
 chroot /root /bin/sh -c {command}
 echo "{result}$?"
 poweroff -f
@@ -64,7 +67,7 @@ def fetch(folder: Path) -> None:
     settings = [f'Dir::Cache::archives={debs.resolve()}', 'Debug::NoLocking=1', 'APT::Sandbox::User=']
     options = [word for setting in settings for word in ('-o', setting)]
     got = subprocess.run(['apt-get', *options, '-y', '-qq', '--download-only', '--reinstall', '--no-install-recommends',
-                          'install', *PACKAGES], capture_output=True, text=True)
+                          'install', *PACKAGES], capture_output=True, text=True, timeout=DOWNLOAD_SECONDS)
     if got.returncode:
         reasons = got.stderr.strip().splitlines() or ['no reason given']
         raise CannotStartError(f'apt-get could not download: {reasons[-1]}')
@@ -121,7 +124,8 @@ def with_init(folder: Path, image: Path, command: str) -> Path:
     """The initramfs and, as a second archive after it, /init with the command."""
     with tempfile.TemporaryDirectory() as name:
         init = Path(name) / 'init'
-        init.write_text(INIT.format(modules=' '.join(MODULES), command=shlex.quote(command), result=RESULT))
+        init.write_text(INIT.format(modules=' '.join(MODULES), command=shlex.quote(command), begun=BEGUN,
+                                    result=RESULT))
         init.chmod(0o755)
         whole = folder / f'initramfs_{os.getpid()}.gz'
         whole.write_bytes(image.read_bytes() + gzip.compress(archive(Path(name))))
@@ -163,17 +167,20 @@ def relay(machine: subprocess.Popen, seconds: float) -> int:
     """Print what the machine says, until it tells the command's exit code."""
     watchdog = threading.Timer(seconds, machine.kill)
     watchdog.start()
-    last = ''
+    last, begun = '', False
     try:
         for line in machine.stdout:
             line = re.sub(r'\x1b(\[[0-9;?=]*[a-zA-Z]|c)', '', line.rstrip())
             line = line.rpartition('Booting from ROM..')[2]
             if line.startswith(RESULT):
                 return int(line.removeprefix(RESULT))
-            last = line or last
+            begun, last = begun or line == BEGUN, line or last
             print(line, flush=True)
     finally:
         watchdog.cancel()
+    if begun:
+        print(f'socketcan_vm: FAILED: no result within {seconds:g} s; last: {last!r}', flush=True)
+        return 1
     raise CannotStartError(f'the machine ended, or was ended after {seconds:g} s, without a result; last: {last!r}')
 
 
@@ -190,7 +197,7 @@ def main() -> int:
             raise CannotStartError(f'Linux on x86_64 is needed, this is {sys.platform} on {platform.machine()}')
         fetch(args.folder)
         return boot(args.folder, f'cd {shlex.quote(os.getcwd())} && {args.command}', args.seconds)
-    except CannotStartError as reason:
+    except (CannotStartError, subprocess.TimeoutExpired) as reason:
         print(f'socketcan_vm: NOT RUN: {reason}', flush=True)
         why_not.parent.mkdir(parents=True, exist_ok=True)
         why_not.write_text(f'{reason}\n')
