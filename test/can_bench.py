@@ -12,7 +12,7 @@ import can
 import numpy as np
 
 from tactile_node.canbus.layout_file import load_layout
-from tactile_node.canbus.pads import make_pad
+from tactile_node.canbus.pads import make_pad, share_node_ids
 from tactile_node.canbus.skin_bus import BusSettings, SkinBus
 from tactile_node.simulator.skin_simulator import SkinSimulator
 
@@ -60,9 +60,9 @@ class Bench:
     """A simulated skin and a driver on a virtual bus of their own; use with ``with``."""
 
     def __init__(self, channel: str, layout: str = 'sim16x16.yaml', nodes: tuple[int, ...] = (32,),
-                 source=None,
-                 **settings: Any):
-        self.pads = [make_pad(f'pad{node}', node, layout) for node in nodes]
+                 source=None, **settings: Any):
+        self.pads = [make_pad(f'pad{first}', first, layout, '', further)
+                     for first, *further in share_node_ids([layout], nodes)]
         rows, cols = self.pads[0].layout.rows, self.pads[0].layout.cols
         still = np.zeros((rows, cols))
         self.simulator = SkinSimulator(self.pads,

@@ -79,7 +79,7 @@ class FaultBench(Bench):
 
     @property
     def device(self):
-        return self.simulator.devices['pad32']
+        return self.simulator.devices[32]
 
     def run(self) -> 'FaultBench':
         super().run()
@@ -90,7 +90,7 @@ class FaultBench(Bench):
         self.other.send(can.Message(arbitration_id=can_id, is_extended_id=False, data=bytes.fromhex(data)))
 
     def node(self, pad: str = 'pad32'):
-        return self.driver.health().nodes[pad]
+        return self.driver.health().nodes[pad][0]
 
     def cause(self) -> None:
         self._begun = self._ended = time.monotonic()
@@ -112,7 +112,7 @@ class FaultBench(Bench):
             self.wait_for_whole(pad, time.time() - (time.monotonic() - self._ended))
         self.publishing_again = time.monotonic() - self._ended
         self.wait(lambda: all(not node.trouble and node.is_operational
-                              for node in self.driver.health().nodes.values()), 'trouble stays')
+                              for nodes in self.driver.health().nodes.values() for node in nodes), 'trouble stays')
 
     def wait_for_whole(self, pad: str, after: float = 0.0) -> None:
         def has_come() -> bool:

@@ -328,13 +328,13 @@ def foreign_frames(channel: str) -> FaultBench:
 def absent_pad_of_two(channel: str) -> FaultBench:
     """The pad that is there works; the other is told as not answering, and joins as soon as it boots."""
     with FaultBench(channel, (32, 64), boot_timeout=0.3) as bench:
-        bench.simulator.devices['pad64'].power_off()
+        bench.simulator.devices[64].power_off()
         bench.cause()
         bench.run()
-        bench.detect('The other pads go on without it')
+        bench.detect('The others go on without it')
         bench.wait(lambda: bool(bench.node('pad64').trouble), 'trouble not told')
         assert all(np.isnan(frame.values).all() for name, frame in bench.kept if name == 'pad64')
-        bench.simulator.devices['pad64'].boot()
+        bench.simulator.devices[64].boot()
         bench.end_of_cause()
         bench.recover('pad64')
     return bench

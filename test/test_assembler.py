@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from can_bench import tiny_layout
 
-from tactile_node.canbus.assembler import FrameAssembler, Loss, LossReason
+from tactile_node.canbus.assembler import FrameAssembler
+from tactile_node.canbus.losses import Loss, LossReason
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 VALID, STALE, DEAD, SATURATED = TaxelStatus.VALID, TaxelStatus.STALE, TaxelStatus.DEAD, TaxelStatus.SATURATED
@@ -14,7 +15,7 @@ ROW_1, ROW_2, ROW_3 = 0x181, 0x281, 0x381
 
 @pytest.fixture
 def assembler(tmp_path):
-    return FrameAssembler(tiny_layout(tmp_path), 1)
+    return FrameAssembler(tiny_layout(tmp_path), (1,))
 
 
 def send(assembler, *frames, at=0.5):
@@ -136,7 +137,7 @@ def test_tpdo_stamped_before_its_sync_is_late(assembler):
 
 
 def test_stamps_of_two_clocks_are_not_compared(tmp_path):
-    assembler = FrameAssembler(tiny_layout(tmp_path), 1, one_clock=False)
+    assembler = FrameAssembler(tiny_layout(tmp_path), (1,), one_clock=False)
     assembler.sync(1e9)
     check(send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=3.0), np.zeros((3, 2)))
 
@@ -223,7 +224,7 @@ def test_reordered_tpdos_are_counted_apart_and_never_joined(assembler):
 
 
 def test_incomplete_sweeps_can_be_dropped(tmp_path):
-    assembler = FrameAssembler(tiny_layout(tmp_path), 1, drop_incomplete=True)
+    assembler = FrameAssembler(tiny_layout(tmp_path), (1,), drop_incomplete=True)
     assembler.sync(0)
     send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'))
     assert assembler.sync(1) is None

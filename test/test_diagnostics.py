@@ -6,9 +6,9 @@ pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run 
 
 from diagnostic_msgs.msg import DiagnosticStatus  # noqa: E402
 
-from tactile_node.canbus.assembler import PadStatistics  # noqa: E402
 from tactile_node.canbus.emergency import decode_emergency  # noqa: E402
 from tactile_node.canbus.health import BusHealth, NodeHealth, Outages  # noqa: E402
+from tactile_node.canbus.losses import PadStatistics  # noqa: E402
 from tactile_node.canbus.router import BusStatistics  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
 
@@ -28,7 +28,7 @@ def levels(diagnostics, counts, health=None):
 
 
 def healthy_but(**changes):
-    return BusHealth(nodes={'left': WELL._replace(**changes)})
+    return BusHealth(nodes={'left': (WELL._replace(**changes),)})
 
 
 def test_what_was_lost_before_the_first_message_is_told():
@@ -58,7 +58,7 @@ def test_a_dead_bus_is_an_error_with_its_reason():
 ])
 def test_a_pad_is_ok_only_while_its_node_is(changes, level, says):
     diagnostics = BusDiagnostics('driver', 'can0')
-    diagnostics.message(statistics(), BusHealth(nodes={'left': WELL}))
+    diagnostics.message(statistics(), BusHealth(nodes={'left': (WELL,)}))
     pad = diagnostics.message(statistics(frames=30), healthy_but(**changes)).status[1]
     assert pad.level == level and says in pad.message
 

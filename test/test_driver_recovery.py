@@ -111,7 +111,7 @@ def test_whoever_comes_late_gets_the_last_status(chain):
     heard = []
     chain.listener.create_subscription(SkinStatus, '/skin_driver/status', heard.append, STATUS_QOS)
     chain.wait(lambda: heard, 'no status')
-    assert heard[0].active and heard[0].pads[0].nmt_state == 'OPERATIONAL' and not heard[0].failure
+    assert heard[0].active and heard[0].pads[0].nodes[0].nmt_state == 'OPERATIONAL' and not heard[0].failure
     chain.driver.trigger_deactivate()
     chain.wait(lambda: not heard[-1].active, 'deactivation not told')
 

@@ -7,8 +7,8 @@ import pytest
 
 pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
 
-from tactile_node.canbus.assembler import LossReason, PadStatistics  # noqa: E402
 from tactile_node.canbus.health import BusHealth, NodeHealth  # noqa: E402
+from tactile_node.canbus.losses import LossReason, PadStatistics  # noqa: E402
 from tactile_node.canbus.node_watch import Ailment  # noqa: E402
 from tactile_node.canbus.router import SERVICES, BusStatistics  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
@@ -21,7 +21,7 @@ def told() -> set[str]:
     pad = PadStatistics(0, 0, 0, 0, 0, 0, {reason.value: 0 for reason in LossReason})
     services = {service for *_, service in SERVICES} | {'tpdo', 'sync', 'foreign', 'remote'}
     counts = BusStatistics({'pad': pad}, dict.fromkeys(services, 0))
-    health = BusHealth(nodes={'pad': NodeHealth(32, 'STOPPED', False, None)})
+    health = BusHealth(nodes={'pad': (NodeHealth(32, 'STOPPED', False, None),)})
     statuses = BusDiagnostics('driver', 'can0').message(counts, health).status
     return {pair.key for status in statuses for pair in status.values} - {'node_id'}
 

@@ -89,7 +89,7 @@ def test_stop_and_start_again():
         bench.run()
         bench.take(3)
         bench.driver.stop()
-        device = bench.simulator.devices['pad32']
+        device = bench.simulator.devices[32]
         assert wait_until(lambda: not device.operational)
         sent = device.frames_sent
         assert wait_until(lambda: bench.driver.statistics().pads['pad32'].received == sent)
@@ -165,11 +165,11 @@ def test_no_device_on_the_bus():
 
 def test_second_pad_missing_names_its_node():
     with Bench('half', nodes=(32, 64), boot_timeout=0.5) as bench:
-        bench.simulator.devices['pad64'].power_off()
+        bench.simulator.devices[64].power_off()
         bench.driver.open()
         with pytest.raises(DeviceError, match="node 64 .pad 'pad64'"):
             bench.driver.configure()
-        bench.simulator.devices['pad64'].boot()
+        bench.simulator.devices[64].boot()
         bench.driver.configure()
 
 
@@ -177,7 +177,7 @@ def test_second_pad_missing_names_its_node():
     (1, 0x99, 'vendor 0x99'), (2, 0x1, 'product 0x1'), (3, 0x0002_0000, 'revision 0x20000')])
 def test_wrong_identity_is_refused(sub, value, says):
     with Bench(f'identity{sub}') as bench:
-        pad = bench.simulator.devices['pad32']
+        pad = bench.simulator.devices[32]
         pad.lie(0x1018, sub, value.to_bytes(4, 'little'))
         bench.driver.open()
         with pytest.raises(DeviceError, match='0x1018') as refused:
@@ -187,7 +187,7 @@ def test_wrong_identity_is_refused(sub, value, says):
 
 def test_newer_minor_revision_is_accepted():
     with Bench('minor') as bench:
-        bench.simulator.devices['pad32'].lie(0x1018, 3, (0x0001_0007).to_bytes(4, 'little'))
+        bench.simulator.devices[32].lie(0x1018, 3, (0x0001_0007).to_bytes(4, 'little'))
         bench.driver.open()
         bench.driver.configure()
 
@@ -196,7 +196,7 @@ def test_device_that_refuses_operational():
     with Bench('stubborn') as bench:
         bench.driver.open()
         bench.driver.configure()
-        bench.simulator.devices['pad32'].refuses_start = True
+        bench.simulator.devices[32].refuses_start = True
         with pytest.raises(DeviceError, match='OPERATIONAL after NMT start.*0x7F'):
             bench.driver.start()
 

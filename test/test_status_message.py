@@ -8,8 +8,8 @@ pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run 
 
 from rclpy.qos import DurabilityPolicy  # noqa: E402
 
-from tactile_node.canbus.assembler import PadStatistics  # noqa: E402
 from tactile_node.canbus.health import BusHealth, NodeHealth, Outages  # noqa: E402
+from tactile_node.canbus.losses import PadStatistics  # noqa: E402
 from tactile_node.canbus.router import BusStatistics  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
 from tactile_node.ros.qos import STATUS_QOS  # noqa: E402
@@ -21,7 +21,7 @@ def message(late=0, **health):
     pad = PadStatistics(9, 1, 320, 319 + late, 318, 0, {'late': late, 'short': 1})
     counts = BusStatistics({'left': pad}, {'tpdo': 320, 'error': 4}, queue_overruns=2, clock_jumps=3)
     node = NodeHealth(32, 'OPERATIONAL', True, None, boots=1, outages=Outages(2, 1.5, 'power cycle'))
-    state = BusHealth(nodes={'left': node}, load=0.25, **health)
+    state = BusHealth(nodes={'left': (node,)}, load=0.25, **health)
     return status_message(BusDiagnostics('driver', 'can0').message(counts, state), counts, state)
 
 
@@ -29,10 +29,11 @@ def test_counts_and_state_are_in_their_fields():
     found = message(late=5)
     assert (found.error_frames, found.queue_overruns, found.clock_jumps, found.bus_load) == (4, 2, 3, 0.25)
     pad, = found.pads
-    assert (pad.pad, pad.node_id, pad.nmt_state, pad.boots) == ('left', 32, 'OPERATIONAL', 1)
+    node, = pad.nodes
+    assert (pad.pad, node.node_id, node.nmt_state, node.boots) == ('left', 32, 'OPERATIONAL', 1)
     assert (pad.frames_complete, pad.frames_incomplete, pad.tpdos_expected, pad.tpdos_used) == (9, 1, 320, 318)
     assert dict(zip(pad.drop_reasons, pad.drop_counts)) == {'late': 5, 'short': 1}
-    assert math.isnan(pad.heartbeat_age) and pad.outage_last_reason == 'power cycle'
+    assert math.isnan(node.heartbeat_age) and node.outage_last_reason == 'power cycle'
 
 
 def test_level_is_the_worst_and_failure_is_told():

@@ -17,6 +17,7 @@ SKINS = {  # layout: product name, product number, type of the mapped objects
     'sim8x8_16bit': ('Simulated skin 8x8, CiA 404 process values', 0x0808_0010, I16),
     'nus_sinapse_64x64': ('Simulated skin 64x64, on/off', 0x4040_0001, U64),
     'rows12x5_10bit': ('Simulated skin 12x5, row-multiplexed', 0x0C05_000A, U8),
+    'nodes2_12x8_12bit': ('Simulated skin, one of two nodes of 6x8', 0x0608_000C, U8),
     'mpdo8x8_16bit': ('Simulated skin 8x8, MPDO', 0x0808_1001, U32)}
 
 

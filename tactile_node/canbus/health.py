@@ -29,11 +29,11 @@ class NodeHealth(NamedTuple):
 
 
 class BusHealth(NamedTuple):
-    """``failure``: why nothing can be received, None while it can; ``nodes`` by pad name, none for a log."""
+    """``failure``: why nothing can be received, None while it can; ``nodes`` of each pad by name, none for a log."""
 
     failure: str | None = None
     is_active: bool = True  #: SYNC on, nodes are to be OPERATIONAL
-    nodes: dict[str, NodeHealth] = {}  #: read only
+    nodes: dict[str, tuple[NodeHealth, ...]] = {}  #: read only
     outages: Outages = Outages()
     load: float = 0.0  #: part of the bus's time in use, bit stuffing at its worst, over the last second
     is_error_passive: bool = False

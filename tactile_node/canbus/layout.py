@@ -1,6 +1,6 @@
 """The skin layout: which TPDO, object and bit means which taxel. ``layout_file`` reads it from YAML."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from tactile_node.canbus.cob_id import CobId
 
 MAX_TPDO_BITS = 64  # 8 bytes of a classic CAN frame
+MAX_NODES = 127  # CiA 301: node-IDs 1..127
 MAX_SIDE = 1024  # taxels: bounds what a mistyped layout can allocate
 
 
@@ -83,6 +84,7 @@ class TpdoLayout:
     taxels: tuple[TaxelField, ...]
     row: int | None = None  #: byte 0 of a row-multiplexed TPDO
     is_mpdo: bool = False  #: ``mapping`` is then the one object it carries
+    node: int = 0  #: which of the pad's nodes sends it
     key: str = ''  #: in the layout file, for messages
 
     @property
@@ -119,6 +121,11 @@ class SkinLayout:
     sync_cob_id: int
     tpdos: tuple[TpdoLayout, ...]
     dead: tuple[tuple[int, int], ...] = ()  #: (row, col) of taxels known to be dead
+    nodes: int = 1  #: CANopen nodes that make up the pad
+
+    def of_node(self, node: int) -> 'SkinLayout':
+        """The part of it that the pad's ``node``-th node sends."""
+        return replace(self, tpdos=tuple(tpdo for tpdo in self.tpdos if tpdo.node == node))
 
 
 def raw_range(bits: int, signed: bool) -> tuple[int, int]:

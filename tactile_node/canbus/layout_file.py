@@ -4,6 +4,7 @@ from pathlib import Path
 
 from tactile_node.canbus.cob_id import CobId, parse_cob_id
 from tactile_node.canbus.layout import (
+    MAX_NODES,
     MAX_SIDE,
     MappedObject,
     SkinLayout,
@@ -33,7 +34,7 @@ def load_layout(path: str | Path) -> SkinLayout:
         str(path), rows, cols, top.number('pitch', positive=True), _value_format(top.section('value')),
         top.integer('sync_cob_id', 1, 0x7FF, 0x80), tuple(tpdo for section in tpdos for tpdo in _tpdos(section)),
         tuple(top.checked_integers('dead_taxels', taxel, 2, 0, MAX_SIDE)
-              for taxel in top.sequence('dead_taxels', [])))
+              for taxel in top.sequence('dead_taxels', [])), top.integer('nodes', 1, MAX_NODES, 1))
     top.done()
     check_layout(layout)
     return layout
@@ -53,20 +54,21 @@ def _value_format(section: Section) -> ValueFormat:
 
 def _tpdos(section: Section) -> tuple[TpdoLayout, ...]:
     """Read one entry of ``tpdos``: a plain TPDO, all rows of a multiplexed one, or a run of MPDOs."""
-    number, cob_id, key = section.integer('number', 1, 512), _cob_id(section), section.path
+    number, cob_id = section.integer('number', 1, 512), _cob_id(section)
+    common = {'node': section.integer('node', 0, MAX_NODES - 1, 0), 'key': section.path}
     if section.take('mpdo', None) is not None:
         run = section.section('mpdo')
         index, first = run.integer('object', 1, 0xFFFF), run.integer('sub', 0, 254)
         tpdos = [TpdoLayout(number, cob_id, (MappedObject(index, first + i, MPDO_DATA_BITS),), taxels,
-                            is_mpdo=True, key=key)
+                            is_mpdo=True, **common)
                  for i, taxels in enumerate(_shifted(section, _repeats(run, 255 - first)))]
     elif section.take('rows', None) is not None:
         run, mapping = section.section('rows'), _mapping(section)
         first = run.integer('first', 0, 255, 0)
-        tpdos = [TpdoLayout(number, cob_id, mapping, taxels, first + i, key=key)
+        tpdos = [TpdoLayout(number, cob_id, mapping, taxels, first + i, **common)
                  for i, taxels in enumerate(_shifted(section, _repeats(run, 256 - first)))]
     else:
-        tpdos = [TpdoLayout(number, cob_id, _mapping(section), _taxels(section), key=key)]
+        tpdos = [TpdoLayout(number, cob_id, _mapping(section), _taxels(section), **common)]
     section.done()
     return tuple(tpdos)
 

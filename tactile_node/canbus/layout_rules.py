@@ -16,8 +16,13 @@ def check_layout(layout: SkinLayout) -> None:
         _check_tpdo(layout, tpdo.key or f'tpdos[{position}]', tpdo)
     _check_unique_taxels(layout)
     pdos = _distinct_pdos(layout)
-    _check_unique(layout, 'number', [(tpdo.number, tpdo.key) for tpdo in pdos])
-    _check_unique(layout, 'cob_id', [(str(tpdo.cob_id), tpdo.key) for tpdo in pdos])
+    for node in range(layout.nodes):
+        own = [tpdo for tpdo in pdos if tpdo.node == node]
+        if not own:
+            _refuse(layout, 'tpdos', f'a TPDO of each of the {layout.nodes} nodes', f'none with node: {node}',
+                    'Say which node sends each TPDO, or correct "nodes".')
+        _check_unique(layout, 'number', [(tpdo.number, tpdo.key) for tpdo in own])
+        _check_unique(layout, 'cob_id', [(str(tpdo.cob_id), tpdo.key) for tpdo in own])
     _check_prefixes(layout)
     _check_sync(layout)
     for taxel in layout.dead:
@@ -26,6 +31,9 @@ def check_layout(layout: SkinLayout) -> None:
 
 def _check_tpdo(layout: SkinLayout, key: str, tpdo: TpdoLayout) -> None:
     mapped = tpdo.bits
+    if tpdo.node >= layout.nodes:
+        _refuse(layout, f'{key}.node', f'a node 0..{layout.nodes - 1}, as "nodes" is {layout.nodes}', str(tpdo.node),
+                'Correct it, or "nodes".')
     if not 1 <= mapped <= MAX_TPDO_BITS:
         _refuse(layout, f'{key}.map', '1..64 mapped bits in one TPDO', f'{mapped} bits',
                 'Share the objects among more TPDOs.')
@@ -85,14 +93,14 @@ def _distinct_pdos(layout: SkinLayout) -> list[TpdoLayout]:
 
 
 def _is_same_pdo(one: TpdoLayout, other: TpdoLayout) -> bool:
-    kinds = [(tpdo.number, tpdo.cob_id, tpdo.is_mpdo, tpdo.is_multiplexed) for tpdo in (one, other)]
+    kinds = [(tpdo.node, tpdo.number, tpdo.cob_id, tpdo.is_mpdo, tpdo.is_multiplexed) for tpdo in (one, other)]
     return kinds[0] == kinds[1] and (one.is_mpdo or one.mapping == other.mapping)
 
 
 def _check_prefixes(layout: SkinLayout) -> None:
     seen = set()
     for tpdo in filter(lambda tpdo: tpdo.is_multiplexed, layout.tpdos):
-        if (known_by := (tpdo.number, tpdo.prefix(1))) in seen:
+        if (known_by := (tpdo.node, tpdo.number, tpdo.prefix(1))) in seen:
             _refuse(layout, tpdo.key, 'each row number, or object of an MPDO, once',
                     f'{tpdo.prefix(1)[-3:].hex()} again',
                     'Correct first, object, sub or count.')

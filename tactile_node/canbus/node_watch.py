@@ -3,10 +3,10 @@
 from enum import Enum
 from typing import NamedTuple
 
-from tactile_node.canbus.assembler import PadStatistics
 from tactile_node.canbus.bus_monitor import BusMonitor
 from tactile_node.canbus.health import NodeHealth
 from tactile_node.canbus.heartbeat import NmtState, state_name
+from tactile_node.canbus.losses import PadStatistics
 from tactile_node.canbus.outage import Backoff, OutageClock, Reminder
 from tactile_node.canbus.pads import PadSettings
 
@@ -40,9 +40,11 @@ class Trouble(NamedTuple):
 
 
 class NodeWatch:
-    """One pad's node: judged, its attempts and outages kept. Fed and asked by one thread."""
+    """One node of a pad: judged, its attempts and outages kept. Fed and asked by one thread."""
 
-    def __init__(self, pad: PadSettings, monitor: BusMonitor, heartbeat_timeout: float, data_timeout: float):
+    def __init__(self, pad: PadSettings, monitor: BusMonitor, heartbeat_timeout: float, data_timeout: float,
+                 position: int = 0):
+        self._position = position  # among the pad's nodes
         self.pad, self._monitor, self._beats = pad, monitor, monitor.heartbeats
         self._heartbeat_timeout, self._data_timeout = heartbeat_timeout, data_timeout
         self.outage, self.backoff, self.reminder = OutageClock(), Backoff(), Reminder()
@@ -80,12 +82,12 @@ class NodeWatch:
     def commanded(self, now: float, pad: PadStatistics) -> None:
         """It was told to start, or the taxels are to come from now on for another reason."""
         self._commanded = self.data_at = self._sync_at = now
-        self._used_then = pad.used
+        self._used_then = pad.used_by_node[self._position]
 
     def judge(self, now: float, is_active: bool, pad: PadStatistics, syncs: int) -> Trouble | None:
         """What is wrong with the node now, by its heartbeat, its TPDOs used and the SYNCs so far."""
-        if pad.used != self._used:
-            self._used, self.data_at = pad.used, now
+        if (used := pad.used_by_node[self._position]) != self._used:
+            self._used, self.data_at = used, now
         if syncs != self._syncs:
             self._syncs, self._sync_at = syncs, now
         ailment = self._ailment(now, is_active)
@@ -103,7 +105,7 @@ class NodeWatch:
 
     def has_taxels_again(self, pad: PadStatistics) -> bool:
         """Taxels were given as valid since the last command."""
-        return pad.used > self._used_then
+        return pad.used_by_node[self._position] > self._used_then
 
     def new_emergency(self, now: float) -> str:
         """The last EMCY as a sentence when there is one to tell, '' otherwise."""

@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import can
 
-from tactile_node.canbus.assembler import FrameAssembler, PadStatistics
+from tactile_node.canbus.assembler import FrameAssembler
+from tactile_node.canbus.losses import PadStatistics
 from tactile_node.canbus.pads import PadSettings
 from tactile_node.taxel_frame import TaxelFrame
 
@@ -39,7 +40,7 @@ class Router:
 
     def __init__(self, pads: tuple[PadSettings, ...], on_frame: OnFrame, foreign_sync: bool = True,
                  one_clock: bool = True, drop_incomplete: bool = False):
-        self._assemblers = {pad.name: FrameAssembler(pad.layout, pad.node_id, one_clock, drop_incomplete)
+        self._assemblers = {pad.name: FrameAssembler(pad.layout, pad.node_ids, one_clock, drop_incomplete)
                             for pad in pads}
         self._owner = {can_id: (name, assembler.feed)
                        for name, assembler in self._assemblers.items() for can_id in assembler.can_ids}

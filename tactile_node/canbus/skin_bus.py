@@ -44,8 +44,9 @@ class SkinBus:
         check_pads(pads)
         check_dictionaries(pads)
         self._settings, self._pads, self._log, self._complain = settings, tuple(pads), log, complain
+        self._nodes = [node for pad in pads for node in pad.nodes]
         self._on_frame, self._on_failure = on_frame, on_failure or self._complain_of_failure
-        self._monitor = monitor or BusMonitor(pad.node_id for pad in pads)
+        self._monitor = monitor or BusMonitor(node_id for pad in pads for node_id in pad.node_ids)
         one_clock = not settings.produce_sync or settings.interface in HOST_STAMPED
         self._router = Router(self._pads, self._deliver, not settings.produce_sync, one_clock,
                               settings.drop_incomplete)
@@ -82,20 +83,20 @@ class SkinBus:
 
     def configure(self) -> None:
         """Find, identify and configure every pad's device. Raises DeviceError, BusError."""
-        for pad in self._pads:
-            self.configure_pad(pad, self._settings.boot_timeout)
+        for node in self._nodes:
+            self.configure_node(node, self._settings.boot_timeout)
 
-    def configure_pad(self, pad: PadSettings, boot_timeout: float, pause: bool = True) -> None:
-        """Configure one pad's device, found within ``boot_timeout`` [s]; without ``pause`` while it sends."""
+    def configure_node(self, node: PadSettings, boot_timeout: float, pause: bool = True) -> None:
+        """Configure one of a pad's nodes, found within ``boot_timeout`` [s]; without ``pause`` while it sends."""
         if pause:
-            self._command(NMT_ENTER_PRE_OPERATIONAL, pad)
-        with self._opened().sdo_client(pad.node_id, pad.dictionary) as sdo:
-            DeviceSetup(sdo, pad, self._monitor.heartbeats, self._log).run(boot_timeout, self._settings.heartbeat_ms)
+            self._command(NMT_ENTER_PRE_OPERATIONAL, node)
+        with self._opened().sdo_client(node.node_id, node.dictionary) as sdo:
+            DeviceSetup(sdo, node, self._monitor.heartbeats, self._log).run(boot_timeout, self._settings.heartbeat_ms)
 
-    def start(self, without: Collection[str] = ()) -> None:
+    def start(self, without: Collection[int] = ()) -> None:
         """Start the devices and SYNC. Raises DeviceError when a device does not become OPERATIONAL.
 
-        Pads named in ``without`` are not there yet: they are neither started nor waited for.
+        Nodes whose node-IDs are in ``without`` are not there yet: they are neither started nor waited for.
         """
         self._opened()
         if self._sync is not None:
@@ -104,17 +105,17 @@ class SkinBus:
         self._queue.put((RESTART, b'', 0.0))
         begun = time.monotonic()
         self._sync = SyncProducer(self._settings.sync_period, self._send_sync)  # from here on stop() has work to do
-        present = [pad for pad in self._pads if pad.name not in without]
-        for pad in present:
-            self.start_pad(pad)
+        present = [node for node in self._nodes if node.node_id not in without]
+        for node in present:
+            self.start_node(node)
         if self._settings.produce_sync:
             self._sync.start()
-        for pad in present:
-            self._confirm_operational(pad, begun)
+        for node in present:
+            self._confirm_operational(node, begun)
 
-    def start_pad(self, pad: PadSettings) -> None:
+    def start_node(self, node: PadSettings) -> None:
         """NMT start of one device; BusError. Whether it obeys, its heartbeat tells."""
-        self._command(NMT_START, pad)
+        self._command(NMT_START, node)
 
     def resume(self, lost_periods: int) -> None:
         """SYNC on again after an outage; sequence numbers go on, ``lost_periods`` left out. Devices are not started."""
@@ -132,11 +133,11 @@ class SkinBus:
         self._sync_overruns += self._sync.overruns
         self._sync = None
         self._queue.put((PAUSE, b'', 0.0))
-        for pad in self._pads if self._failure is None else ():
+        for node in self._nodes if self._failure is None else ():
             try:
-                self._command(NMT_ENTER_PRE_OPERATIONAL, pad)
+                self._command(NMT_ENTER_PRE_OPERATIONAL, node)
             except BusError as error:
-                self._complain(f'Pad {pad.name!r} could not be stopped: {error}')
+                self._complain(f'Node {node.node_id} (pad {node.name!r}) could not be stopped: {error}')
 
     def close(self) -> None:
         """Stop, give the bus back and end the recording."""
@@ -179,16 +180,16 @@ class SkinBus:
             raise BusError('CAN bus', expected='an open bus', got='a closed one', remedy='Call open() first.')
         return self._network
 
-    def _command(self, command: int, pad: PadSettings) -> None:
-        self._opened().send_message(NMT, bytes([command, pad.node_id]))
+    def _command(self, command: int, node: PadSettings) -> None:
+        self._opened().send_message(NMT, bytes([command, node.node_id]))
 
-    def _confirm_operational(self, pad: PadSettings, since: float) -> None:
+    def _confirm_operational(self, node: PadSettings, since: float) -> None:
         patience = 1.0 + 3e-3 * self._settings.heartbeat_ms
-        if not self._monitor.heartbeats.wait_for(pad.node_id, NmtState.OPERATIONAL, since, patience):
-            state = self._monitor.heartbeats.state(pad.node_id)
+        if not self._monitor.heartbeats.wait_for(node.node_id, NmtState.OPERATIONAL, since, patience):
+            state = self._monitor.heartbeats.state(node.node_id)
             heard = 'no heartbeat' if state is None else f'heartbeat with NMT state 0x{state:02X}'
             self.stop()
-            raise DeviceError(f'node {pad.node_id} (pad {pad.name!r})',
+            raise DeviceError(f'node {node.node_id} (pad {node.name!r})',
                               expected='OPERATIONAL after NMT start', got=heard,
                               remedy='See whether it sends EMCY: a device with an error may refuse to start.')
 

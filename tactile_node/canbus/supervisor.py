@@ -10,11 +10,11 @@ import threading
 import time
 from collections.abc import Callable
 
-from tactile_node.canbus.assembler import PadStatistics
 from tactile_node.canbus.bus_load import BusLoad
 from tactile_node.canbus.bus_monitor import BusMonitor
 from tactile_node.canbus.bus_settings import BusSettings
 from tactile_node.canbus.health import BusHealth
+from tactile_node.canbus.losses import PadStatistics
 from tactile_node.canbus.node_watch import Ailment, NodeWatch, Trouble
 from tactile_node.canbus.outage import Backoff, OutageClock, Reminder
 from tactile_node.canbus.pads import PadSettings
@@ -46,11 +46,13 @@ class Supervisor:
         self._settings, self._on_frame, self._log, self._complain = settings, on_frame, log, complain
         self._recover = recover
         self._wake, self._closing, self._turn = threading.Event(), threading.Event(), threading.RLock()
-        self.monitor = BusMonitor([pad.node_id for pad in pads], self._wake.set)
+        self.monitor = BusMonitor([node_id for pad in pads for node_id in pad.node_ids], self._wake.set)
         self._bus = SkinBus(settings, pads, self._deliver, log, complain, self.monitor,
                             self._bus_failed if recover else None)
         data_timeout = max(heartbeat_timeout, 5 * settings.sync_period)
-        self._nodes = {pad.name: NodeWatch(pad, self.monitor, heartbeat_timeout, data_timeout) for pad in pads}
+        self._by_pad = {pad.name: [NodeWatch(node, self.monitor, heartbeat_timeout, data_timeout, i)
+                                   for i, node in enumerate(pad.nodes)] for pad in pads}
+        self._nodes = [node for nodes in self._by_pad.values() for node in nodes]
         self._outage, self._backoff = OutageClock(), Backoff()
         self._reminder, self._others = Reminder(), Reminder()
         self._load = BusLoad(settings.bitrate)
@@ -76,14 +78,14 @@ class Supervisor:
     def configure(self) -> None:
         with self._turn:
             absent: list[DeviceAbsentError] = []
-            for node in self._nodes.values():
+            for node in self._nodes:
                 try:
                     self._configure(node, self._settings.boot_timeout, FIRST_TRIES)
                 except DeviceAbsentError as error:
                     absent.append(error)
                     if not self._recover or len(absent) == len(self._nodes):
                         raise
-                    self._complain(f'{error} The other pads go on without it; it joins when it comes.')
+                    self._complain(f'{error} The others go on without it; it joins when it comes.')
             self._is_configured = True
 
     def start(self) -> None:
@@ -91,7 +93,7 @@ class Supervisor:
             if self._outage.is_running:
                 raise BusError('CAN bus', expected='one that works', got=self._outage.reason,
                                remedy='It is opened again until it works; start once it does.')
-            self._bus.start(without=[name for name, node in self._nodes.items() if not node.is_trusted])
+            self._bus.start(without=[node.pad.node_id for node in self._nodes if not node.is_trusted])
             self._set_active(True)
 
     def stop(self) -> None:
@@ -116,23 +118,24 @@ class Supervisor:
     def health(self) -> BusHealth:
         """State of the bus and its nodes now."""
         now, monitor = time.monotonic(), self.monitor
-        return BusHealth(self.failure, self._is_active, {name: node.health(now) for name, node in self._nodes.items()},
+        nodes = {name: tuple(node.health(now) for node in nodes) for name, nodes in self._by_pad.items()}
+        return BusHealth(self.failure, self._is_active, nodes,
                          self._outage.outages(now), self._load.load, monitor.is_error_passive,
                          monitor.foreign_commands, monitor.last_command)
 
     def _begin(self) -> None:
         now = time.monotonic()
-        for clock in (self._outage, *(node.outage for node in self._nodes.values())):
+        for clock in (self._outage, *(node.outage for node in self._nodes)):
             if clock.is_running:
                 clock.end(now)
-        for node in self._nodes.values():
+        for node in self._nodes:
             node.expect(now)
         self._silent_since = None
 
     def _set_active(self, is_active: bool) -> None:
         now, pads = time.monotonic(), self.statistics().pads
-        for name, node in self._nodes.items():
-            node.commanded(now, pads[name])
+        for node in self._nodes:
+            node.commanded(now, pads[node.pad.name])
             if not is_active and node.outage.is_running:
                 node.outage.end(now)
         self._is_active = is_active
@@ -157,8 +160,8 @@ class Supervisor:
             if self._bus.failure is None:
                 statistics = self.statistics()
                 syncs = self._bus.syncs_sent if self._settings.produce_sync else statistics.can_frames.get('sync', 0)
-                for name, node in self._nodes.items():
-                    self._attend_node(node, statistics.pads[name], syncs)
+                for node in self._nodes:
+                    self._attend_node(node, statistics.pads[node.pad.name], syncs)
         except Exception:
             logger.exception('supervision of the bus')
 
@@ -176,7 +179,7 @@ class Supervisor:
                 self._backoff.reset()
             return
         self._outage.begin(now, failure)
-        for node in self._nodes.values():
+        for node in self._nodes:
             node.outage.begin(now, f'the bus has failed: {failure}')
         if self._backoff.is_due(now):
             self._reopen()
@@ -195,7 +198,7 @@ class Supervisor:
         except (BusError, LogError) as error:
             self._remind(self._reminder, f'Waiting for the CAN bus: {error}')
             return
-        for node in self._nodes.values():
+        for node in self._nodes:
             node.expect(time.monotonic())
 
     def _attend_node(self, node: NodeWatch, pad: PadStatistics, syncs: int) -> None:
@@ -229,7 +232,7 @@ class Supervisor:
             if trouble.needs_configuration:
                 self._configure(node, NO_PATIENCE, pause=trouble.is_outage)
             if self._is_active:
-                self._bus.start_pad(node.pad)
+                self._bus.start_node(node.pad)
                 node.commanded(time.monotonic(), self.statistics().pads[node.pad.name])
         except (DeviceError, BusError) as error:
             if trouble.ailment is not Ailment.SILENT:
@@ -239,7 +242,7 @@ class Supervisor:
         """Configure a node; when it boots meanwhile, once more, as long as there are tries."""
         for _ in range(tries):
             boots = node.boots
-            self._bus.configure_pad(node.pad, patience, pause)
+            self._bus.configure_node(node.pad, patience, pause)
             node.configured(boots)
             if node.is_trusted:
                 return
@@ -254,8 +257,8 @@ class Supervisor:
             self._complain(sentence)
 
     def _deliver(self, name: str, frame: TaxelFrame) -> None:
-        node = self._nodes[name]
-        if not node.is_trusted:
-            node.distrusted += 1
-            frame = without_values(frame, len(node.pad.layout.tpdos))
+        for node in self._by_pad[name]:
+            if not node.is_trusted:
+                node.distrusted += 1
+                frame = without_values(frame, node.pad.layout.tpdos)
         self._on_frame(name, frame)

@@ -1,8 +1,10 @@
 """Payloads of a pad's TPDOs <-> taxel values, all taxels at once."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
-from tactile_node.canbus.layout import SkinLayout
+from tactile_node.canbus.layout import SkinLayout, TpdoLayout
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 
@@ -72,11 +74,13 @@ def _read_only(array: np.ndarray) -> np.ndarray:
     return array
 
 
-def without_values(frame: TaxelFrame, tpdos: int) -> TaxelFrame:
-    """The frame with NaN and STALE in place of all values, its ``tpdos`` missing: their meaning is not known."""
-    given = np.isin(frame.status, (TaxelStatus.VALID, TaxelStatus.SATURATED))
-    status = np.where(given, np.uint8(TaxelStatus.STALE), frame.status)
-    values = np.full_like(frame.values, np.nan)
-    for array in (values, status):
-        array.setflags(write=False)
-    return frame._replace(values=values, status=status, missing_can_frames=tpdos)
+def without_values(frame: TaxelFrame, tpdos: Iterable[TpdoLayout]) -> TaxelFrame:
+    """The frame with NaN and STALE in place of what ``tpdos`` brought: their meaning is not known."""
+    values, status, missing = frame.values.copy(), frame.status.copy(), frame.missing_can_frames
+    for tpdo in tpdos:
+        taxels = tuple(np.array([(field.row, field.col) for field in tpdo.taxels], np.intp).reshape(-1, 2).T)
+        given = np.isin(status[taxels], (TaxelStatus.VALID, TaxelStatus.SATURATED))
+        missing += bool(given.any())
+        status[taxels] = np.where(given, np.uint8(TaxelStatus.STALE), status[taxels])
+        values[taxels] = np.nan
+    return frame._replace(values=_read_only(values), status=_read_only(status), missing_can_frames=missing)

@@ -4,7 +4,7 @@ import argparse
 import threading
 from contextlib import ExitStack
 
-from tactile_node.canbus.pads import make_pad
+from tactile_node.canbus.pads import make_pad, share_node_ids
 from tactile_node.canbus.summary import summary
 from tactile_node.cli.options import for_each, names, node_ids, pace
 from tactile_node.interruption import interruption
@@ -88,9 +88,10 @@ def _replay(system, spinner, asked: threading.Event) -> int:
 def _simulate(args: argparse.Namespace, stack: ExitStack) -> None:
     """Put a simulated skin on a bus of this process and point the driver at it."""
     count = len(args.pads)
-    pads = [make_pad(*each) for each in zip(
-        args.pads, args.node_id or [32], for_each('--layout', args.layout or ['sim16x16.yaml'], count),
-        for_each('--eds', args.eds or [], count))]
+    layouts = for_each('--layout', args.layout or ['sim16x16.yaml'], count)
+    shared = share_node_ids(layouts, args.node_id or [32])
+    pads = [make_pad(name, first, layout, eds, further) for name, (first, *further), layout, eds in zip(
+        args.pads, shared, layouts, for_each('--eds', args.eds or [], count))]
     simulator = SkinSimulator(pads, gripper_sources(pads))
     args.interface, args.channel = 'virtual', SIMULATED_CHANNEL
     simulator.start(args.interface, args.channel)

@@ -8,7 +8,7 @@ import numpy as np
 
 from tactile_node.canbus.layout_file import load_layout
 from tactile_node.canbus.log_source import LogSource
-from tactile_node.canbus.pads import PadSettings
+from tactile_node.canbus.pads import PadSettings, share_node_ids
 from tactile_node.canbus.summary import summary
 from tactile_node.cli.options import node_ids, pace
 from tactile_node.errors import ConfigurationError, LogError
@@ -31,7 +31,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
 def run(args: argparse.Namespace) -> int:
     """Play the log to its end; 1 when it held no taxels of these pads or was interrupted."""
     layout = load_layout(args.layout)
-    pads = tuple(PadSettings(f'pad{node}', node, layout) for node in args.node_id or [32])
+    pads = tuple(PadSettings(f'pad{first}', first, layout, further_nodes=tuple(further))
+                 for first, *further in share_node_ids([args.layout], args.node_id or [32]))
     outputs = _outputs(args.output, pads)
     frames: dict[str, list[np.ndarray]] = {pad.name: [] for pad in pads}
     source = LogSource(args.log, pads, lambda name, frame: frames[name].append(frame.values), args.pace or None)

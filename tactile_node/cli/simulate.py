@@ -6,7 +6,7 @@ It is as silent as a real one until a master (the driver) starts it.
 import argparse
 
 from tactile_node.canbus.bus_network import open_bus
-from tactile_node.canbus.pads import PadSettings, make_pad
+from tactile_node.canbus.pads import PadSettings, make_pad, share_node_ids
 from tactile_node.cli.options import for_each, names, node_ids
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption
@@ -42,9 +42,10 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run until interrupted; 1 when the bus fails meanwhile."""
     nodes = args.node_id or [32]
-    pads = [make_pad(f'pad{node}', node, layout, eds)
-            for node, layout, eds in zip(nodes, for_each('--layout', args.layout, len(nodes)),
-                                         for_each('--eds', args.eds, len(nodes)))]
+    shared = share_node_ids(args.layout, nodes)
+    pads = [make_pad(f'pad{first}', first, layout, eds, further)
+            for (first, *further), layout, eds in zip(shared, for_each('--layout', args.layout, len(shared)),
+                                                      for_each('--eds', args.eds, len(shared)))]
     failures: list[Exception] = []
     with interruption() as asked:
         simulator = SkinSimulator(pads, _sources(args, pads), lambda error: (failures.append(error), asked.set()))

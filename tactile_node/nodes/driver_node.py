@@ -17,7 +17,7 @@ from tactile_node.canbus.bus_settings import BusSettings
 from tactile_node.canbus.frame_source import FrameSource
 from tactile_node.canbus.layout import SkinLayout
 from tactile_node.canbus.log_source import LogSource
-from tactile_node.canbus.pads import PadSettings, make_pad
+from tactile_node.canbus.pads import PadSettings, make_pad, share_node_ids
 from tactile_node.canbus.supervisor import Supervisor
 from tactile_node.errors import ConfigurationError, DeviceError, TactileError
 from tactile_node.nodes.replay_gate import ReplayGate
@@ -180,11 +180,15 @@ class DriverNode(LifecycleNode):
 
 def _pads(settings) -> tuple[PadSettings, ...]:
     names = settings.pads
-    if not names or len(settings.node_ids) != len(names):
-        raise ConfigurationError('parameter node_ids', expected=f'a node-ID for each of the pads {names}',
-                                 got=str(list(settings.node_ids)), remedy='Give pads and node_ids the same length.')
+    if not names:
+        raise ConfigurationError('parameter pads', expected='a name for each pad', got='none', remedy='Name a pad.')
     layouts, eds = one_each('layouts', settings.layouts, names), one_each('eds', settings.eds, names)
-    return tuple(make_pad(*each) for each in zip(names, settings.node_ids, layouts, eds))
+    shared = share_node_ids(layouts, settings.node_ids)
+    if len(shared) != len(names):
+        raise ConfigurationError('parameter node_ids', expected=f'a node-ID for each of the pads {names}',
+                                 got=str(list(settings.node_ids)), remedy='Give one for each node of each pad.')
+    return tuple(make_pad(name, first, layout, of_pad, further)
+                 for name, (first, *further), layout, of_pad in zip(names, shared, layouts, eds))
 
 
 def main() -> int:

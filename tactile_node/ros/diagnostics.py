@@ -4,12 +4,9 @@ from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from tactile_node.canbus.assembler import PadStatistics
 from tactile_node.canbus.health import BusHealth, NodeHealth, Outages
+from tactile_node.canbus.losses import PadStatistics
 from tactile_node.canbus.router import BusStatistics
-
-#: A pad of a replayed log: nothing is known of its node
-NO_NODE = NodeHealth(0, '', True, None)
 
 
 class Finding(NamedTuple):
@@ -30,9 +27,12 @@ class BusDiagnostics:
         statuses = [self._status('bus', _worst(_bus_findings(now, before, health, health_before)),
                                  _bus_values(now, health))]
         for name, pad in now.pads.items():
-            node, node_before = health.nodes.get(name, NO_NODE), health_before.nodes.get(name, NO_NODE)
-            findings = [*_node_findings(node, node_before, health.is_active), *_pad_findings(pad, before.pads[name])]
-            statuses.append(self._status(name, _worst(findings), _pad_values(pad) | _node_values(node)))
+            nodes = health.nodes.get(name, ())  # none of a replayed log
+            findings = []
+            for node, node_before in zip(nodes, health_before.nodes.get(name) or map(_new, nodes)):
+                findings += _node_findings(node, node_before, health.is_active)
+            findings += _pad_findings(pad, before.pads[name])
+            statuses.append(self._status(name, _worst(findings), _pad_values(pad) | _nodes_values(nodes)))
         return DiagnosticArray(status=statuses)
 
     def _status(self, part: str, finding: Finding, values: dict[str, object]) -> DiagnosticStatus:
@@ -45,6 +45,10 @@ def _nothing_yet(now: BusStatistics) -> BusStatistics:
     """The same counts at zero: what was lost before the first message is lost all the same."""
     pads = {name: PadStatistics(0, 0, 0, 0, 0, 0, dict.fromkeys(pad.losses, 0)) for name, pad in now.pads.items()}
     return BusStatistics(pads, {})
+
+
+def _new(node: NodeHealth) -> NodeHealth:
+    return NodeHealth(node.node_id, '', True, None)
 
 
 def _worst(findings: list[Finding]) -> Finding:
@@ -121,9 +125,15 @@ def _pad_values(pad: PadStatistics) -> dict[str, object]:
             **{f'tpdos_dropped_{reason}': count for reason, count in pad.losses.items()}}
 
 
+def _nodes_values(nodes: tuple[NodeHealth, ...]) -> dict[str, object]:
+    """Of several nodes the keys begin with ``node_<node-ID>_``."""
+    if len(nodes) == 1:
+        return _node_values(nodes[0])
+    return {f'node_{node.node_id}_{key.removeprefix("node_")}': value
+            for node in nodes for key, value in _node_values(node).items()}
+
+
 def _node_values(node: NodeHealth) -> dict[str, object]:
-    if not node.node_id:
-        return {}
     age = 'never heard' if node.heartbeat_age is None else f'{node.heartbeat_age:.2f}'
     return {'node_id': node.node_id, 'nmt_state': node.state, 'heartbeat_age_s': age, 'boot_ups': node.boots,
             'emcy_count': node.emergencies, 'emcy_last': node.last_emergency or '',

@@ -38,7 +38,7 @@ DRIVER = (
     Parameter('record', '', 'a file to record the bus to, numbered when it exists; the suffix chooses the format; '
               'empty: do not'),
     Parameter('pads', ['pad'], 'names of the pads on this bus; topics are <name>/taxels'),
-    Parameter('node_ids', [32], 'CANopen node-ID of each pad'),
+    Parameter('node_ids', [32], 'CANopen node-ID of each pad, of each of its nodes where its layout has several'),
     Parameter('layouts', ['sim16x16.yaml'], 'skin layout of each pad, or one for all: a file, or a name in config/'),
     Parameter('eds', [''], 'EDS of each pad, or one for all; empty: named as the layout, suffix .eds'),
     Parameter('frame_ids', [''], 'frame of each pad (taxel (0, 0), x along columns, z outwards); empty: <name>_pad'),

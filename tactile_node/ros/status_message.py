@@ -5,11 +5,10 @@ from array import array
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-from tactile_node.canbus.assembler import PadStatistics
 from tactile_node.canbus.health import BusHealth, NodeHealth
+from tactile_node.canbus.losses import PadStatistics
 from tactile_node.canbus.router import BusStatistics
-from tactile_node.ros.diagnostics import NO_NODE
-from tactile_skin.msg import PadStatus, SkinStatus
+from tactile_skin.msg import NodeStatus, PadStatus, SkinStatus
 
 SEVERITY = (DiagnosticStatus.OK, DiagnosticStatus.STALE, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
 
@@ -25,16 +24,22 @@ def status_message(told: DiagnosticArray, counts: BusStatistics, health: BusHeal
         consumer_errors=counts.consumer_errors, clock_jumps=counts.clock_jumps, unread_log_lines=counts.unread,
         foreign_nmt_commands=health.foreign_commands, foreign_nmt_last=health.last_command,
         outages=health.outages.count, outage_seconds=health.outages.seconds, outage_last_reason=health.outages.reason,
-        pads=[_pad(name, status, pad, health.nodes.get(name, NO_NODE))
+        pads=[_pad(name, status, pad, health.nodes.get(name, ()))
               for status, (name, pad) in zip(pads, counts.pads.items())])
 
 
-def _pad(name: str, status: DiagnosticStatus, pad: PadStatistics, node: NodeHealth) -> PadStatus:
+def _pad(name: str, status: DiagnosticStatus, pad: PadStatistics, nodes: tuple[NodeHealth, ...]) -> PadStatus:
     return PadStatus(
-        pad=name, level=status.level[0], message=status.message, node_id=node.node_id, nmt_state=node.state,
-        operational=node.is_operational, trouble=node.trouble, boots=node.boots, emcy_count=node.emergencies,
-        heartbeat_age=math.nan if node.heartbeat_age is None else node.heartbeat_age,
-        emcy_last=str(node.last_emergency or ''), outages=node.outages.count, outage_seconds=node.outages.seconds,
-        outage_last_reason=node.outages.reason, frames_complete=pad.complete, frames_incomplete=pad.incomplete,
-        frames_distrusted=node.distrusted, tpdos_expected=pad.expected, tpdos_received=pad.received,
-        tpdos_used=pad.used, drop_reasons=list(pad.losses), drop_counts=array('Q', pad.losses.values()))
+        pad=name, level=status.level[0], message=status.message, nodes=[_node(node) for node in nodes],
+        frames_complete=pad.complete, frames_incomplete=pad.incomplete, tpdos_expected=pad.expected,
+        tpdos_received=pad.received, tpdos_used=pad.used, drop_reasons=list(pad.losses),
+        drop_counts=array('Q', pad.losses.values()))
+
+
+def _node(node: NodeHealth) -> NodeStatus:
+    return NodeStatus(
+        node_id=node.node_id, nmt_state=node.state, operational=node.is_operational, trouble=node.trouble,
+        heartbeat_age=math.nan if node.heartbeat_age is None else node.heartbeat_age, boots=node.boots,
+        emcy_count=node.emergencies, emcy_last=str(node.last_emergency or ''), outages=node.outages.count,
+        outage_seconds=node.outages.seconds, outage_last_reason=node.outages.reason,
+        frames_distrusted=node.distrusted)

@@ -22,9 +22,10 @@ class SkinSimulator:
     def __init__(self, pads: list[PadSettings], sources: dict[str, TaxelSource],
                  on_failure: Callable[[Exception], None] = lambda error: None):
         check_pads(tuple(pads))
-        self._pads, self._sources, self._on_failure = pads, sources, on_failure
+        self._nodes = [node for pad in pads for node in pad.nodes]
+        self._sources, self._on_failure = sources, on_failure
         self._network: BusNetwork | None = None
-        self.devices: dict[str, SimulatedDevice] = {}
+        self.devices: dict[int, SimulatedDevice] = {}  #: by node-ID
 
     def start(self, interface: str, channel: str, bitrate: int = 1_000_000) -> None:
         """Open the bus by name and boot the devices; BusError."""
@@ -33,8 +34,8 @@ class SkinSimulator:
     def start_on(self, bus: can.BusABC) -> None:
         """Boot the devices on ``bus``, which is closed by ``stop``."""
         self._network = BusNetwork(bus, lambda message: None, self._on_failure)
-        for pad in self._pads:
-            device = self.devices[pad.name] = SimulatedDevice(self._network, pad, self._sources[pad.name])
+        for node in self._nodes:
+            device = self.devices[node.node_id] = SimulatedDevice(self._network, node, self._sources[node.name])
             device.boot()
 
     def stop(self) -> None:

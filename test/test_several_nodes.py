@@ -1,0 +1,142 @@
+"""A pad made of two CANopen nodes, byte by byte (node 1: 0x181, 0x281; node 5: 0x185, 0x285) and end to end."""
+
+import itertools
+
+import numpy as np
+import pytest
+from can_bench import Bench, tiny_layout, wait_until
+
+from tactile_node.canbus.assembler import FrameAssembler
+from tactile_node.canbus.losses import Loss, LossReason
+from tactile_node.canbus.pads import PadSettings, check_pads, make_pad, share_node_ids
+from tactile_node.canbus.supervisor import Supervisor
+from tactile_node.errors import ConfigurationError
+from tactile_node.taxel_frame import TaxelStatus
+
+TWO = '''
+rows: 4
+cols: 2
+pitch: 0.003
+nodes: 2
+value: {unit: Pa, scale: 1.0, offset: 0, bits: 8}
+tpdos:
+- {node: 0, number: 1, cob_id: $NODEID+0x180, map: [[0x2000, 1, 16]], taxels: [[0, 0, 0], [0, 1, 8]]}
+- {node: 0, number: 2, cob_id: $NODEID+0x280, map: [[0x2000, 2, 16]], taxels: [[1, 0, 0], [1, 1, 8]]}
+- {node: 1, number: 1, cob_id: $NODEID+0x180, map: [[0x2000, 1, 16]], taxels: [[2, 0, 0], [2, 1, 8]]}
+- {node: 1, number: 2, cob_id: $NODEID+0x280, map: [[0x2000, 2, 16]], taxels: [[3, 0, 0], [3, 1, 8]]}
+'''
+LAYOUT = 'nodes2_12x8_12bit.yaml'
+FIRST, SECOND = ((0x181, b'\x01\x02'), (0x281, b'\x03\x04')), ((0x185, b'\x05\x06'), (0x285, b'\x07\x08'))
+
+
+@pytest.fixture
+def assembler(tmp_path):
+    return FrameAssembler(tiny_layout(tmp_path, TWO), (1, 5))
+
+
+def feed(assembler, *frames):
+    return [assembler.feed(can_id, data, 9.0) for can_id, data in frames][-1]
+
+
+@pytest.mark.parametrize('order', sorted(set(itertools.permutations('AABB'))), ids=''.join)
+def test_nodes_may_interleave_as_arbitration_has_it(assembler, order):
+    senders = {'A': iter(FIRST), 'B': iter(SECOND)}
+    assembler.sync(0.0)
+    frame = feed(assembler, *(next(senders[node]) for node in order))
+    assert frame.values.tolist() == [[1, 2], [3, 4], [5, 6], [7, 8]]
+    assert assembler.statistics().used_by_node == (2, 2)
+
+
+def test_a_silent_node_takes_only_its_own_taxels(assembler):
+    assembler.sync(0.0)
+    feed(assembler, *FIRST)
+    frame = assembler.sync(1.0)
+    assert frame.values[:2].tolist() == [[1, 2], [3, 4]] and np.isnan(frame.values[2:]).all()
+    assert frame.missing_can_frames == 2 and (frame.status[2:] == TaxelStatus.STALE).all()
+    assert assembler.statistics().used_by_node == (2, 0)
+
+
+def test_the_delayed_tail_of_one_node_is_dropped_and_the_other_kept(assembler):
+    assembler.sync(0.0)
+    feed(assembler, FIRST[0], *SECOND)
+    assembler.sync(1.0)
+    old_tail = feed(assembler, (0x281, b'\x63\x63'))  # of the period before
+    assert old_tail is None  # not yet known to be old
+    late = feed(assembler, *SECOND, FIRST[0])
+    assert late == Loss(LossReason.LATE, 1)
+    frame = feed(assembler, FIRST[1])
+    assert frame.values.tolist() == [[1, 2], [3, 4], [5, 6], [7, 8]]
+
+
+def test_what_follows_one_nodes_sweep_waits_for_no_other(assembler):
+    assembler.sync(0.0)
+    assert feed(assembler, *FIRST, (0x181, b'\x63\x63')) == Loss(LossReason.SURPLUS)
+    assert feed(assembler, *SECOND).values[0].tolist() == [1, 2]
+
+
+def test_incomplete_frames_are_dropped_as_a_whole(tmp_path):
+    assembler = FrameAssembler(tiny_layout(tmp_path, TWO), (1, 5), drop_incomplete=True)
+    assembler.sync(0.0)
+    feed(assembler, *FIRST)
+    assert assembler.sync(1.0) is None
+    counts = assembler.statistics()
+    assert (counts.dropped, counts.losses['incomplete'], counts.used_by_node) == (1, 2, (0, 0))
+
+
+@pytest.mark.parametrize(('text', 'says'), [
+    (TWO.replace('nodes: 2', 'nodes: 3'), 'none with node: 2'), (TWO.replace('nodes: 2\n', ''), r'tpdos\[2\].node'),
+    (TWO.replace('node: 1, number: 2', 'node: 1, number: 1'), r'tpdos\[3\].number'),
+    (TWO.replace('nodes: 2', 'nodes: 0'), '"nodes"')])
+def test_bad_layouts(tmp_path, text, says):
+    with pytest.raises(ConfigurationError, match=says):
+        tiny_layout(tmp_path, text)
+
+
+def test_node_ids_are_shared_out_in_order():
+    assert share_node_ids([LAYOUT, 'sim16x16.yaml'], [32, 35, 64]) == [(32, 35), (64,)]
+    assert share_node_ids([LAYOUT], [32, 35, 64, 67]) == [(32, 35), (64, 67)]
+    with pytest.raises(ConfigurationError, match=r'2 \+ 1 of them'):
+        share_node_ids([LAYOUT, 'sim16x16.yaml'], [32, 64])
+
+
+def test_nodes_that_cannot_share_a_bus(tmp_path):
+    layout = tiny_layout(tmp_path, TWO)
+    for node_ids, says in (((1, 1), 'node_id of its own'), ((1,), '2 node-IDs'), ((1, 128), 'node-ID 1..127')):
+        with pytest.raises(ConfigurationError, match=says):
+            check_pads((PadSettings('pad', node_ids[0], layout, further_nodes=node_ids[1:]),))
+
+
+def wanted_of(pad):
+    rows, cols = pad.layout.rows, pad.layout.cols
+    return pad.layout.value.scale * np.arange(rows * cols).reshape(rows, cols)
+
+
+def test_simulated_skin_end_to_end():
+    pad = make_pad('pad', 32, LAYOUT, '', (35,))
+    wanted = wanted_of(pad)
+    with Bench('several', LAYOUT, (32, 35), source=lambda t: wanted) as bench:
+        bench.run()
+        for name, frame in bench.take_whole(3):
+            assert name == 'pad32'
+            np.testing.assert_allclose(frame.values, wanted, atol=1e-3)
+
+
+def test_one_node_goes_and_comes_again():
+    wanted = wanted_of(make_pad('pad', 32, LAYOUT, '', (35,)))
+    with Bench('one_goes', LAYOUT, (32, 35), source=lambda t: wanted) as bench:
+        complaints = []
+        bench.driver = Supervisor(bench.settings, tuple(bench.pads), lambda *given: bench.frames.put(given),
+                                  bench.said.append, complaints.append)
+        bench.run()
+        bench.take_whole(1)
+        bench.simulator.devices[35].power_off()
+        frame = next(frame for _, frame in iter(lambda: bench.take(1)[0], None) if np.isnan(frame.values[6:]).all())
+        np.testing.assert_allclose(frame.values[:6], wanted[:6], atol=1e-3)
+        assert wait_until(lambda: any('Node 35' in sentence for sentence in complaints))
+        first, second = bench.driver.health().nodes['pad32']
+        assert first.is_operational and not first.trouble and second.trouble
+        bench.simulator.devices[35].boot()
+        bench.forget()
+        frame, = (frame for _, frame in bench.take_whole(1))
+        np.testing.assert_allclose(frame.values, wanted, atol=1e-3)
+        assert wait_until(lambda: not any(node.trouble for node in bench.driver.health().nodes['pad32']))
