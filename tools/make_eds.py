@@ -11,13 +11,14 @@ from tactile_node.canbus.layout_file import load_layout
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
 VENDOR = 0x0000_05C1  # example number, not assigned by CiA
-U8, U16, U32, U64, I16, STRING = '0x0005', '0x0006', '0x0007', '0x001B', '0x0003', '0x0009'
+U8, U16, U32, U64, I16, STRING, DOMAIN = '0x0005', '0x0006', '0x0007', '0x001B', '0x0003', '0x0009', '0x000F'
 SKINS = {  # layout: product name, product number, type of the mapped objects
     'sim16x16': ('Simulated skin 16x16', 0x1616_0008, U8),
     'sim8x8_16bit': ('Simulated skin 8x8, CiA 404 process values', 0x0808_0010, I16),
     'nus_sinapse_64x64': ('Simulated skin 64x64, on/off', 0x4040_0001, U64),
     'rows12x5_10bit': ('Simulated skin 12x5, row-multiplexed', 0x0C05_000A, U8),
     'nodes2_12x8_12bit': ('Simulated skin, one of two nodes of 6x8', 0x0608_000C, U8),
+    'domain16x10_16bit': ('Simulated skin 16x10, polled DOMAIN', 0x100A_0010, U16),
     'mpdo8x8_16bit': ('Simulated skin 8x8, MPDO', 0x0808_1001, U32)}
 
 
@@ -76,6 +77,10 @@ def communication_objects(layout: SkinLayout, product: str, number: int) -> dict
 
 
 def taxel_objects(layout: SkinLayout, taxel_type: str) -> dict[int, list[str]]:
+    if layout.domain is not None:
+        title = f'{layout.domain.index:X}'
+        return {layout.domain.index: section(title, ParameterName='Taxels', ObjectType='0x2', DataType=DOMAIN,
+                                             AccessType='ro', PDOMapping=0)}
     subs: dict[int, set[int]] = {}
     for tpdo in layout.tpdos:
         for mapped in tpdo.mapping:

@@ -39,6 +39,8 @@ class FrameAssembler:
     ``node_ids``: those of the pad's nodes, as many as the layout has.
     """
 
+    service = 'tpdo'  #: of its CAN frames, for the counts
+
     def __init__(self, layout: SkinLayout, node_ids: Sequence[int], one_clock: bool = True,
                  drop_incomplete: bool = False):
         self._drop_incomplete = drop_incomplete

@@ -4,6 +4,7 @@ import errno
 import logging
 import threading
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
@@ -57,13 +58,16 @@ def _remedy(interface: str, channel: str, error: Exception) -> str:
 class BusNetwork(Network):
     """A canopen Network with its own reception: every message first goes to ``on_message``, then to canopen.
 
+    ``on_sent(COB-ID, data)`` is called before each own frame, and must return at once.
     One object lasts from open to close; after a bus fault it is thrown away (a notifier that died stays
     dead).
     """
 
     def __init__(self, bus: can.BusABC, on_message: Callable[[can.Message], None],
-                 on_failure: Callable[[Exception], None], record: CanLogWriter | None = None, name: str = ''):
+                 on_failure: Callable[[Exception], None], record: CanLogWriter | None = None, name: str = '',
+                 on_sent: Callable[[int, bytes], None] = lambda can_id, data: None):
         super().__init__(bus)
+        self._on_sent, self._sdo_turns = on_sent, defaultdict(threading.Lock)
         self._record, self._name = record, name or str(bus.channel_info)
         self.order = threading.Lock()  #: whoever takes note of a frame twice holds it: both in one order
         self.receiver = can.Notifier(bus, [_Receiver(self, on_message, on_failure, record)], RECEIVE_TIMEOUT)
@@ -79,6 +83,7 @@ class BusNetwork(Network):
         with self.send_lock:
             with self.order:
                 announce()
+                self._on_sent(can_id, data)
                 if self._record:
                     self._record.write(message)
             try:
@@ -90,14 +95,15 @@ class BusNetwork(Network):
 
     @contextmanager
     def sdo_client(self, node_id: int, dictionary: ObjectDictionary) -> Iterator[SdoClient]:
-        """SDO with one device. Not canopen's RemoteNode: that also keeps every EMCY for ever."""
+        """SDO with one device, one at a time. Not canopen's RemoteNode: that also keeps every EMCY for ever."""
         client = SdoClient(0x600 + node_id, 0x580 + node_id, dictionary)
         client.network = self
-        self.subscribe(client.tx_cobid, client.on_response)
-        try:
-            yield client
-        finally:
-            self.unsubscribe(client.tx_cobid, client.on_response)
+        with self._sdo_turns[node_id]:
+            self.subscribe(client.tx_cobid, client.on_response)
+            try:
+                yield client
+            finally:
+                self.unsubscribe(client.tx_cobid, client.on_response)
 
     def close(self) -> None:
         """Stop receiving and close the bus; allowed on a dead bus. The recording stays open."""

@@ -7,6 +7,7 @@ from canopen import SdoAbortedError, SdoCommunicationError
 from canopen.sdo import SdoClient
 
 from tactile_node.canbus.cob_id import DISABLED, ID_MASK, NO_RTR
+from tactile_node.canbus.domain_polling import check_domain
 from tactile_node.canbus.eds import IDENTITY, TPDO_COMMUNICATION, TPDO_MAPPING, Identity, identity_of
 from tactile_node.canbus.heartbeat import Heartbeats
 from tactile_node.canbus.layout import TpdoLayout
@@ -27,15 +28,19 @@ class DeviceSetup:
         self._sdo, self._pad, self._heartbeats, self._log = sdo, pad, heartbeats, log
         self._who = f'node {pad.node_id} (pad {pad.name!r})'
 
-    def run(self, boot_timeout: float, heartbeat_ms: int) -> None:
-        """Find the device within ``boot_timeout`` [s], check who it is, configure it."""
+    def run(self, boot_timeout: float, heartbeat_ms: int) -> bool:
+        """Find the device within ``boot_timeout`` [s], check who it is, configure it; whether it uploads by block."""
         self._wait_for_device(boot_timeout)
         self._check_identity()
-        self._set_if_listed(SYNC_COB_ID, self._pad.layout.sync_cob_id, 4, 'SYNC COB-ID')
+        if self._pad.layout.needs_sync:
+            self._set_if_listed(SYNC_COB_ID, self._pad.layout.sync_cob_id, 4, 'SYNC COB-ID')
         self._set_if_listed(HEARTBEAT_TIME, heartbeat_ms, 2, 'heartbeat time')
+        if self._pad.layout.domain is not None:
+            return check_domain(self._sdo, self._pad.layout.domain, self._who, self._log)
         tpdos = {tpdo.number: tpdo for tpdo in self._pad.layout.tpdos}  # many frames may be one multiplexed TPDO
         written = sum(self._configure(tpdo) for tpdo in tpdos.values())
         self._log(f'{self._who}: {len(tpdos)} TPDOs ready, {written} of them newly written.')
+        return False
 
     def _wait_for_device(self, timeout: float) -> None:
         begun = reminded = time.monotonic()

@@ -80,6 +80,10 @@ def identity_of(dictionary: ObjectDictionary) -> Identity:
 
 def check_against(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) -> None:
     """Raise ConfigurationError where ``layout`` uses a TPDO or an object that the EDS does not have."""
+    if (domain := layout.domain) is not None and _variable(dictionary, domain.index, domain.subindex) is None:
+        raise ConfigurationError(f'{layout.source}, domain', got='no such object',
+                                 expected=f'object 0x{domain.index:04X} sub {domain.subindex} in {eds}',
+                                 remedy='Correct "domain", or use the EDS that belongs to this skin.')
     for tpdo in layout.tpdos:
         where = f'{layout.source}, TPDO {tpdo.number}'
         for record in (TPDO_COMMUNICATION, TPDO_MAPPING):

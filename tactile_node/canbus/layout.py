@@ -9,6 +9,7 @@ from tactile_node.canbus.cob_id import CobId
 
 MAX_TPDO_BITS = 64  # 8 bytes of a classic CAN frame
 MAX_NODES = 127  # CiA 301: node-IDs 1..127
+MAX_DOMAIN_BYTES = 1 << 20  # bounds what a mistyped layout can allocate
 MAX_SIDE = 1024  # taxels: bounds what a mistyped layout can allocate
 
 
@@ -25,7 +26,7 @@ class MappedObject(NamedTuple):
 
 
 class TaxelField(NamedTuple):
-    """Where a taxel's raw value starts in its TPDO.
+    """Where a taxel's raw value starts in its TPDO or DOMAIN.
 
     ``start_bit`` counts from the least significant bit of byte 0 when the byte order is little (as CANopen
     maps objects), from the most significant bit of byte 0 when it is big.
@@ -110,8 +111,18 @@ class TpdoLayout:
 
 
 @dataclass(frozen=True)
+class DomainLayout:
+    """A DOMAIN object (CiA 301) that holds all taxels of one sample and is read by SDO, by block where possible."""
+
+    index: int
+    subindex: int
+    length: int  #: bytes
+    taxels: tuple[TaxelField, ...]
+
+
+@dataclass(frozen=True)
 class SkinLayout:
-    """A pad's taxels and TPDOs; ``tpdos`` stands in the order in which the device sends them each period."""
+    """A pad's taxels and what carries them: TPDOs, in the order in which the device sends them, or one DOMAIN."""
 
     source: str  #: the file, for messages
     rows: int
@@ -122,6 +133,17 @@ class SkinLayout:
     tpdos: tuple[TpdoLayout, ...]
     dead: tuple[tuple[int, int], ...] = ()  #: (row, col) of taxels known to be dead
     nodes: int = 1  #: CANopen nodes that make up the pad
+    domain: DomainLayout | None = None  #: polled by SDO; ``tpdos`` is then empty
+
+    @property
+    def needs_sync(self) -> bool:
+        """Whether SYNC makes the pad's nodes send."""
+        return self.domain is None
+
+    @property
+    def carriers(self) -> tuple[TpdoLayout, ...] | tuple[DomainLayout]:
+        """What brings the taxels of one period: the TPDOs, or the DOMAIN."""
+        return self.tpdos if self.domain is None else (self.domain,)
 
     def of_node(self, node: int) -> 'SkinLayout':
         """The part of it that the pad's ``node``-th node sends."""

@@ -4,8 +4,10 @@ from pathlib import Path
 
 from tactile_node.canbus.cob_id import CobId, parse_cob_id
 from tactile_node.canbus.layout import (
+    MAX_DOMAIN_BYTES,
     MAX_NODES,
     MAX_SIDE,
+    DomainLayout,
     MappedObject,
     SkinLayout,
     TaxelField,
@@ -29,12 +31,14 @@ def load_layout(path: str | Path) -> SkinLayout:
     path = config_path(str(path))
     top = load_mapping(path, 'a skin layout')
     rows, cols = top.integer('rows', 1, MAX_SIDE), top.integer('cols', 1, MAX_SIDE)
-    tpdos = [top.subsection(f'tpdos[{i}]', item) for i, item in enumerate(top.sequence('tpdos'))]
+    domain = _domain(top, rows, cols)
+    tpdos = [top.subsection(f'tpdos[{i}]', item)
+             for i, item in enumerate(top.sequence('tpdos', *([] if domain is None else [[]])))]
     layout = SkinLayout(
         str(path), rows, cols, top.number('pitch', positive=True), _value_format(top.section('value')),
         top.integer('sync_cob_id', 1, 0x7FF, 0x80), tuple(tpdo for section in tpdos for tpdo in _tpdos(section)),
         tuple(top.checked_integers('dead_taxels', taxel, 2, 0, MAX_SIDE)
-              for taxel in top.sequence('dead_taxels', [])), top.integer('nodes', 1, MAX_NODES, 1))
+              for taxel in top.sequence('dead_taxels', [])), top.integer('nodes', 1, MAX_NODES, 1), domain)
     top.done()
     check_layout(layout)
     return layout
@@ -50,6 +54,22 @@ def _value_format(section: Section) -> ValueFormat:
         section.choice('byte_order', ('little', 'big'), 'little'), falling)
     section.done()
     return value
+
+
+def _domain(top: Section, rows: int, cols: int) -> DomainLayout | None:
+    """Read ``domain``: where the object is and how the taxels lie in it, row by row or column by column."""
+    if top.take('domain', None) is None:
+        return None
+    section = top.section('domain')
+    index, sub = section.integer('object', 1, 0xFFFF), section.integer('sub', 0, 254, 0)
+    length = section.integer('bytes', 1, MAX_DOMAIN_BYTES)
+    start, step = section.integer('start_bit', 0, 8 * length, 0), section.integer('bit_step', 1, 8 * length)
+    places = [(row, col) for row in range(rows) for col in range(cols)]
+    if section.choice('order', ('rows', 'cols'), 'rows') == 'cols':
+        places.sort(key=lambda place: place[::-1])
+    section.done()
+    return DomainLayout(index, sub, length,
+                        tuple(TaxelField(row, col, start + i * step) for i, (row, col) in enumerate(places)))
 
 
 def _tpdos(section: Section) -> tuple[TpdoLayout, ...]:

@@ -4,12 +4,15 @@ from collections.abc import Iterator
 from typing import NoReturn
 
 from tactile_node.canbus.cob_id import reserved_for
-from tactile_node.canbus.layout import MAX_TPDO_BITS, SkinLayout, TpdoLayout
+from tactile_node.canbus.layout import MAX_TPDO_BITS, DomainLayout, SkinLayout, TpdoLayout
 from tactile_node.errors import ConfigurationError
 
 
 def check_layout(layout: SkinLayout) -> None:
     """Raise ConfigurationError for the first rule that ``layout`` breaks."""
+    if layout.domain is not None:
+        _check_domain(layout, layout.domain)
+        return
     if not layout.tpdos:
         _refuse(layout, 'tpdos', 'at least one TPDO', 'none', 'List the TPDOs that carry the taxels.')
     for position, tpdo in enumerate(layout.tpdos):
@@ -25,6 +28,24 @@ def check_layout(layout: SkinLayout) -> None:
         _check_unique(layout, 'cob_id', [(str(tpdo.cob_id), tpdo.key) for tpdo in own])
     _check_prefixes(layout)
     _check_sync(layout)
+    _check_dead(layout)
+
+
+def _check_domain(layout: SkinLayout, domain: DomainLayout) -> None:
+    if layout.tpdos or layout.nodes > 1:
+        _refuse(layout, 'domain', 'no "tpdos" beside it and one node', 'tpdos or nodes',
+                'Say which of the two brings the taxels.')
+    for field in domain.taxels:
+        _check_inside(layout, 'domain.taxels', field.row, field.col)
+        if (end := field.start_bit + layout.value.bits) > 8 * domain.length:
+            _refuse(layout, 'domain.taxels', f'fields within its {8 * domain.length} bits',
+                    f'taxel ({field.row}, {field.col}) in bits {field.start_bit}..{end - 1}',
+                    'Correct start_bit, bit_step or bytes.')
+    _check_overlap(layout, 'domain', domain)
+    _check_dead(layout)
+
+
+def _check_dead(layout: SkinLayout) -> None:
     for taxel in layout.dead:
         _check_inside(layout, 'dead_taxels', *taxel)
 
@@ -58,7 +79,7 @@ def _check_tpdo(layout: SkinLayout, key: str, tpdo: TpdoLayout) -> None:
     _check_overlap(layout, key, tpdo)
 
 
-def _check_overlap(layout: SkinLayout, key: str, tpdo: TpdoLayout) -> None:
+def _check_overlap(layout: SkinLayout, key: str, tpdo: TpdoLayout | DomainLayout) -> None:
     fields = sorted(tpdo.taxels, key=lambda field: field.start_bit)
     for one, other in zip(fields, fields[1:]):
         if other.start_bit < one.start_bit + layout.value.bits:

@@ -15,6 +15,7 @@ class LossReason(str, Enum):
     SHORT = 'short'  #: fewer bytes than mapped
     UNKNOWN_ROW = 'unknown_row'  #: a row number, or an MPDO, that the layout does not name
     OVER_LONG = 'over_long'  #: more bytes than mapped: the device maps something else
+    BROKEN = 'broken'  #: an SDO upload that was aborted, lacks frames or has a wrong CRC
     INCOMPLETE = 'incomplete'  #: good, of a sweep that was dropped since others were missing
     UNFINISHED = 'unfinished'  #: the driver stopped within the period
 

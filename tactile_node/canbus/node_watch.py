@@ -135,7 +135,8 @@ class NodeWatch:
             return Ailment.NOT_OPERATIONAL
         if has_data:
             return None
-        return Ailment.NO_SYNC if now - self._sync_at > self._data_timeout else Ailment.NO_TAXELS
+        waits = self.pad.layout.needs_sync and now - self._sync_at > self._data_timeout
+        return Ailment.NO_SYNC if waits else Ailment.NO_TAXELS
 
     def _telling(self) -> str:
         if self.trouble is not None:

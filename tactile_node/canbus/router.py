@@ -7,6 +7,7 @@ from typing import NamedTuple
 import can
 
 from tactile_node.canbus.assembler import FrameAssembler
+from tactile_node.canbus.domain_assembler import DomainAssembler
 from tactile_node.canbus.losses import PadStatistics
 from tactile_node.canbus.pads import PadSettings
 from tactile_node.taxel_frame import TaxelFrame
@@ -25,6 +26,7 @@ class BusStatistics(NamedTuple):
     can_frames: dict[str, int]
     queue_overruns: int = 0  #: CAN frames dropped because this process was too slow
     sync_overruns: int = 0  #: SYNCs not sent because this process was too slow
+    poll_overruns: int = 0  #: polls of a DOMAIN left out because the ones before took too long
     consumer_errors: int = 0  #: exceptions of on_frame
     clock_jumps: int = 0  #: times the wall clock was set while stamps were taken
     stamps_ahead: float = 0.0  #: of the wall clock, since it was set back [s]
@@ -40,9 +42,8 @@ class Router:
 
     def __init__(self, pads: tuple[PadSettings, ...], on_frame: OnFrame, foreign_sync: bool = True,
                  one_clock: bool = True, drop_incomplete: bool = False):
-        self._assemblers = {pad.name: FrameAssembler(pad.layout, pad.node_ids, one_clock, drop_incomplete)
-                            for pad in pads}
-        self._owner = {can_id: (name, assembler.feed)
+        self._assemblers = {pad.name: _assembler(pad, one_clock, drop_incomplete) for pad in pads}
+        self._owner = {can_id: (name, assembler.feed, assembler.service)
                        for name, assembler in self._assemblers.items() for can_id in assembler.can_ids}
         self.is_running = True  #: False: SYNCs of others part no periods, so there are no frames
         self._foreign_sync, self._sync_id = foreign_sync, pads[0].layout.sync_cob_id
@@ -69,8 +70,10 @@ class Router:
         """A data frame with an 11-bit identifier."""
         owner = self._owner.get(can_id)
         if owner is not None:
-            self._counts['tpdo'] += 1
-            self._hand_over(owner[0], owner[1](can_id, data, stamp))
+            name, feed, service = owner
+            self._counts[service] += 1
+            if self.is_running or service == 'tpdo':  # an upload of a driver that is not active is none of a sample
+                self._hand_over(name, feed(can_id, data, stamp))
         elif can_id == self._sync_id:
             self._counts['sync'] += 1
             if self._foreign_sync and self.is_running:
@@ -98,6 +101,12 @@ class Router:
     def _hand_over(self, name: str, result: object) -> None:
         if isinstance(result, TaxelFrame):
             self._on_frame(name, result)
+
+
+def _assembler(pad: PadSettings, one_clock: bool, drop_incomplete: bool) -> FrameAssembler | DomainAssembler:
+    if pad.layout.domain is not None:
+        return DomainAssembler(pad.layout, pad.node_id, drop_incomplete)
+    return FrameAssembler(pad.layout, pad.node_ids, one_clock, drop_incomplete)
 
 
 def service_of(can_id: int) -> str:

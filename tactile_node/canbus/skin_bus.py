@@ -14,12 +14,14 @@ from tactile_node.canbus.bus_monitor import NMT, BusMonitor
 from tactile_node.canbus.bus_network import BusNetwork, open_bus
 from tactile_node.canbus.bus_settings import BusSettings
 from tactile_node.canbus.device_setup import DeviceSetup
+from tactile_node.canbus.domain_assembler import SDO_REQUEST
+from tactile_node.canbus.domain_polling import DomainPolling
 from tactile_node.canbus.heartbeat import NmtState
 from tactile_node.canbus.logs import CanLogWriter
+from tactile_node.canbus.pacer import Pacer
 from tactile_node.canbus.pads import PadSettings, check_dictionaries, check_pads
 from tactile_node.canbus.router import BusStatistics, OnFrame, Router, oddity_of
 from tactile_node.canbus.stamp_clock import StampClock
-from tactile_node.canbus.sync_producer import SyncProducer
 from tactile_node.errors import BusError, DeviceError, LogError
 
 logger = logging.getLogger(__name__)
@@ -55,8 +57,9 @@ class SkinBus:
         self._queue: SimpleQueue = SimpleQueue()
         self._network: BusNetwork | None = None
         self._record: CanLogWriter | None = None
-        self._sync: SyncProducer | None = None
-        self.syncs_sent = self._overruns = self._sync_overruns = self._consumer_errors = 0
+        self._sync, self._is_running = Pacer(settings.sync_period, self._send_sync, 'sync'), False
+        self._polls = {node.node_id: self._polling(node) for node in self._nodes if node.layout.domain is not None}
+        self.syncs_sent = self._overruns = self._consumer_errors = 0
         self._failure: str | None = None
 
     @property
@@ -77,7 +80,7 @@ class SkinBus:
         self._worker = threading.Thread(target=self._work, args=(self._queue,), name='assembler', daemon=True)
         self._worker.start()
         self._network = BusNetwork(bus, self._received, self._fail, record,
-                                   f'{settings.interface} {settings.channel}')
+                                   f'{settings.interface} {settings.channel}', self._sent)
         recorded = f', recorded to {record.path}' if record else ''
         self._log(f'CAN bus {settings.interface} {settings.channel} is open{recorded}.')
 
@@ -91,7 +94,10 @@ class SkinBus:
         if pause:
             self._command(NMT_ENTER_PRE_OPERATIONAL, node)
         with self._opened().sdo_client(node.node_id, node.dictionary) as sdo:
-            DeviceSetup(sdo, node, self._monitor.heartbeats, self._log).run(boot_timeout, self._settings.heartbeat_ms)
+            setup = DeviceSetup(sdo, node, self._monitor.heartbeats, self._log)
+            is_block = setup.run(boot_timeout, self._settings.heartbeat_ms)
+        if node.node_id in self._polls:
+            self._polls[node.node_id].by_block = is_block
 
     def start(self, without: Collection[int] = ()) -> None:
         """Start the devices and SYNC. Raises DeviceError when a device does not become OPERATIONAL.
@@ -99,17 +105,16 @@ class SkinBus:
         Nodes whose node-IDs are in ``without`` are not there yet: they are neither started nor waited for.
         """
         self._opened()
-        if self._sync is not None:
+        if self._is_running:
             return
         self._clock.restart()
         self._queue.put((RESTART, b'', 0.0))
         begun = time.monotonic()
-        self._sync = SyncProducer(self._settings.sync_period, self._send_sync)  # from here on stop() has work to do
+        self._is_running = True  # from here on stop() has work to do
         present = [node for node in self._nodes if node.node_id not in without]
         for node in present:
             self.start_node(node)
-        if self._settings.produce_sync:
-            self._sync.start()
+        self._start_pacers()
         for node in present:
             self._confirm_operational(node, begun)
 
@@ -121,17 +126,16 @@ class SkinBus:
         """SYNC on again after an outage; sequence numbers go on, ``lost_periods`` left out. Devices are not started."""
         self._opened()
         self._queue.put((RESUME, b'', float(lost_periods)))
-        self._sync = SyncProducer(self._settings.sync_period, self._send_sync)
-        if self._settings.produce_sync:
-            self._sync.start()
+        self._is_running = True
+        self._start_pacers()
 
     def stop(self) -> None:
         """SYNC off, devices pre-operational; a bus that no longer works is left as it is."""
-        if self._network is None or self._sync is None:
+        if self._network is None or not self._is_running:
             return
-        self._sync.stop()
-        self._sync_overruns += self._sync.overruns
-        self._sync = None
+        self._is_running = False
+        for pacer in (self._sync, *self._polls.values()):
+            pacer.stop()
         self._queue.put((PAUSE, b'', 0.0))
         for node in self._nodes if self._failure is None else ():
             try:
@@ -159,9 +163,9 @@ class SkinBus:
     def statistics(self) -> BusStatistics:
         """Counts since construction."""
         counted = self._router.statistics()
-        running = self._sync.overruns if self._sync else 0
         return counted._replace(can_frames=dict(Counter(counted.can_frames) + Counter(dict(self._odd))),
-                                queue_overruns=self._overruns, sync_overruns=self._sync_overruns + running,
+                                queue_overruns=self._overruns, sync_overruns=self._sync.overruns,
+                                poll_overruns=sum(poll.overruns for poll in self._polls.values()),
                                 consumer_errors=self._consumer_errors, clock_jumps=self._clock.jumps,
                                 stamps_ahead=self._clock.ahead)
 
@@ -192,6 +196,22 @@ class SkinBus:
             raise DeviceError(f'node {node.node_id} (pad {node.name!r})',
                               expected='OPERATIONAL after NMT start', got=heard,
                               remedy='See whether it sends EMCY: a device with an error may refuse to start.')
+
+    def _start_pacers(self) -> None:
+        if self._settings.produce_sync and any(pad.layout.needs_sync for pad in self._pads):
+            self._sync.start()
+        for poll in self._polls.values():
+            poll.start()
+
+    def _polling(self, node: PadSettings) -> DomainPolling:
+        return DomainPolling(
+            node.layout.domain, f'node {node.node_id} (pad {node.name!r})', self._settings.sync_period,
+            lambda: self._opened().sdo_client(node.node_id, node.dictionary), self._complain, self._fail)
+
+    def _sent(self, can_id: int, data: bytes) -> None:
+        """An own frame is about to go out: of a polled pad's SDO requests the assembler has to know."""
+        if can_id - SDO_REQUEST in self._polls:
+            self._queue.put((can_id, bytes(data), self._clock.now()))
 
     def _send_sync(self) -> None:
         """The SYNC goes into the queue before it goes on the bus: no TPDO can overtake it."""

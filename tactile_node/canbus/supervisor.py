@@ -260,5 +260,5 @@ class Supervisor:
         for node in self._by_pad[name]:
             if not node.is_trusted:
                 node.distrusted += 1
-                frame = without_values(frame, node.pad.layout.tpdos)
+                frame = without_values(frame, node.pad.layout.carriers)
         self._on_frame(name, frame)

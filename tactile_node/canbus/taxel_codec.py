@@ -1,15 +1,17 @@
-"""Payloads of a pad's TPDOs <-> taxel values, all taxels at once."""
+"""Payloads of a pad's TPDOs, or its DOMAIN, <-> taxel values, all taxels at once."""
 
 from collections.abc import Iterable
 
 import numpy as np
 
-from tactile_node.canbus.layout import SkinLayout, TpdoLayout
+from tactile_node.canbus.layout import DomainLayout, SkinLayout, TpdoLayout
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
+
+TPDO_BYTES = 8
 
 
 class TaxelCodec:
-    """Precomputed index arrays of a layout; ``payload`` is 8 bytes for each TPDO, in the layout's order.
+    """Precomputed index arrays of a layout; ``payload``: 8 bytes for each TPDO in the layout's order, or the DOMAIN.
 
     >>> from tactile_node.canbus.layout_file import load_layout
     >>> codec = TaxelCodec(load_layout('sim16x16.yaml'))
@@ -19,16 +21,18 @@ class TaxelCodec:
     """
 
     def __init__(self, layout: SkinLayout):
-        fields = [(rank, field) for rank, tpdo in enumerate(layout.tpdos) for field in tpdo.taxels]
+        fields = [(rank, field) for rank, carrier in enumerate(layout.carriers) for field in carrier.taxels]
         bits, big = layout.value.bits, layout.value.byte_order == 'big'
-        starts = np.array([f.start_bit for _, f in fields], np.uint64)
+        starts = np.array([8 * TPDO_BYTES * rank + field.start_bit for rank, field in fields], np.intp)
         self._shape, self._value = (layout.rows, layout.cols), layout.value
         self._rank = np.array([rank for rank, _ in fields], np.intp)
-        self._shift = np.uint64(64 - bits) - starts if big else starts
+        self._first = starts // 8  # the byte in which a field begins: it ends within the 8 bytes from there
+        bit = (starts % 8).astype(np.uint64)
+        self._shift = np.uint64(64 - bits) - bit if big else bit
         self._taxel = np.array([f.row * layout.cols + f.col for _, f in fields], np.intp)
         self._mask = np.uint64((1 << bits) - 1)
         self._word = np.dtype('>u8' if big else '<u8')
-        self._ranks = len(layout.tpdos)
+        self.payload_bytes = TPDO_BYTES * len(layout.tpdos) if layout.domain is None else layout.domain.length
         self._unmapped = np.full(layout.rows * layout.cols, TaxelStatus.UNMAPPED, np.uint8)
         dead = np.zeros(self._shape, bool)
         for row, col in layout.dead:
@@ -54,8 +58,9 @@ class TaxelCodec:
         return _read_only(values.reshape(self._shape)), _read_only(status.reshape(self._shape))
 
     def _counts(self, payload: bytes | bytearray) -> np.ndarray:
-        words = np.frombuffer(payload, self._word).astype(np.uint64)
-        counts = ((words[self._rank] >> self._shift) & self._mask).astype(np.int64)
+        padded = np.frombuffer(bytes(payload) + bytes(8), np.uint8)
+        words = np.ndarray(len(padded) - 7, self._word, padded, strides=(1,))[self._first].astype(np.uint64)
+        counts = ((words >> self._shift) & self._mask).astype(np.int64)
         if self._value.signed:
             counts -= (counts >> (self._value.bits - 1)) << self._value.bits
         return counts
@@ -64,9 +69,10 @@ class TaxelCodec:
         """The inverse: values (rows, cols) in the layout's unit -> payload, as the device sends it."""
         counts = self._value.to_counts(np.asarray(values).reshape(-1)[self._taxel])
         fields = (counts.astype(np.uint64) & self._mask) << self._shift
-        words = np.zeros(self._ranks, np.uint64)
-        np.bitwise_or.at(words, self._rank, fields)
-        return words.astype(self._word).tobytes()
+        parts = fields.astype(self._word).view(np.uint8).reshape(-1, 8)
+        payload = np.zeros(self.payload_bytes + 8, np.uint8)
+        np.bitwise_or.at(payload, self._first[:, np.newaxis] + np.arange(8), parts)
+        return payload[:-8].tobytes()
 
 
 def _read_only(array: np.ndarray) -> np.ndarray:
@@ -74,11 +80,11 @@ def _read_only(array: np.ndarray) -> np.ndarray:
     return array
 
 
-def without_values(frame: TaxelFrame, tpdos: Iterable[TpdoLayout]) -> TaxelFrame:
-    """The frame with NaN and STALE in place of what ``tpdos`` brought: their meaning is not known."""
+def without_values(frame: TaxelFrame, carriers: Iterable[TpdoLayout | DomainLayout]) -> TaxelFrame:
+    """The frame with NaN and STALE in place of what ``carriers`` brought: their meaning is not known."""
     values, status, missing = frame.values.copy(), frame.status.copy(), frame.missing_can_frames
-    for tpdo in tpdos:
-        taxels = tuple(np.array([(field.row, field.col) for field in tpdo.taxels], np.intp).reshape(-1, 2).T)
+    for carrier in carriers:
+        taxels = tuple(np.array([(field.row, field.col) for field in carrier.taxels], np.intp).reshape(-1, 2).T)
         given = np.isin(status[taxels], (TaxelStatus.VALID, TaxelStatus.SATURATED))
         missing += bool(given.any())
         status[taxels] = np.where(given, np.uint8(TaxelStatus.STALE), status[taxels])

@@ -3,6 +3,7 @@
 import logging
 import struct
 import threading
+import time
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
@@ -15,6 +16,7 @@ from tactile_node.canbus.eds import TPDO_COMMUNICATION, TPDO_MAPPING
 from tactile_node.canbus.layout import SkinLayout
 from tactile_node.canbus.pads import PadSettings
 from tactile_node.canbus.taxel_codec import TaxelCodec
+from tactile_node.simulator.block_upload import BlockUploadServer
 
 logger = logging.getLogger(__name__)
 
@@ -64,10 +66,13 @@ class SimulatedDevice:
         self._node.add_write_callback(self._before_write)
         self._node.add_read_callback(self._read_taxels)
         self._words = [bytes(8)] * len(pad.layout.tpdos)
+        self._domain = pad.layout.domain
+        self._blocks = self._block_server()
         self._tpdos: list[_Tpdo] | None = None
         self._sent: dict[int, bytes] = {}
         self._started, self._syncs, self._lock = 0.0, 0, threading.RLock()
         self.frames_sent = 0
+        self.refuses_blocks = False  #: as a device whose SDO server knows no block upload
         self.refuses_start = False  #: as a device with an error that stays PRE-OPERATIONAL
 
     def boot(self) -> None:
@@ -75,6 +80,8 @@ class SimulatedDevice:
         self._network.add_node(self._node)
         self._network.unsubscribe(0, self._node.nmt.on_command)
         self._network.subscribe(0, self._on_nmt)
+        self._network.unsubscribe(self._node.sdo.rx_cobid, self._node.sdo.on_request)
+        self._network.subscribe(self._node.sdo.rx_cobid, self._on_sdo)
         self._subscribe_sync()
         self._announce()
 
@@ -84,7 +91,9 @@ class SimulatedDevice:
             self._node.nmt.stop_heartbeat()
             self._network.unsubscribe(0, self._on_nmt)
             self._network.unsubscribe(self._sync_id, self._on_sync)
-            self._network.subscribe(0, self._node.nmt.on_command)  # remove_network expects it
+            self._network.unsubscribe(self._node.sdo.rx_cobid, self._on_sdo)
+            self._network.subscribe(0, self._node.nmt.on_command)  # remove_network expects both
+            self._network.subscribe(self._node.sdo.rx_cobid, self._node.sdo.on_request)
             del self._network[self._pad.node_id]
             self._forget()
 
@@ -127,9 +136,23 @@ class SimulatedDevice:
                 self._started, self._syncs = timestamp, 0
                 self._sent.clear()
 
+    def _block_server(self) -> BlockUploadServer | None:
+        if self._domain is None:
+            return None
+        return BlockUploadServer(self._domain.index, self._domain.subindex, self._sample,
+                                 lambda data: self._network.send_message(self._node.sdo.tx_cobid, data))
+
+    def _sample(self) -> bytes:
+        return self._codec.encode(self._source(time.time() - self._started))
+
+    def _on_sdo(self, can_id: int, data: bytes, timestamp: float) -> None:
+        with self._lock:
+            if self._blocks is None or self.refuses_blocks or not self._blocks.takes(bytes(data)):
+                self._node.sdo.on_request(can_id, data, timestamp)
+
     def _on_sync(self, _can_id: int, _data: bytes, timestamp: float) -> None:
         with self._lock:
-            if not self.operational:
+            if not self.operational or self._domain is not None:
                 return
             payload = self._codec.encode(self._source(timestamp - self._started))
             self._words = [payload[i:i + 8] for i in range(0, len(payload), 8)]
@@ -202,7 +225,9 @@ class SimulatedDevice:
     def _number(self, index: int, sub: int) -> int:
         return int.from_bytes(self._node.get_data(index, sub), 'little')
 
-    def _read_taxels(self, index: int, subindex: int, od: object) -> int | None:
+    def _read_taxels(self, index: int, subindex: int, od: object) -> int | bytes | None:
+        if self._domain is not None and (index, subindex) == (self._domain.index, self._domain.subindex):
+            return self._sample()
         place = self._places.get(index << 8 | subindex)
         if place is None:
             return None

@@ -1,19 +1,19 @@
-"""Sends SYNC at an even pace (CiA 301: the SYNC producer of the bus)."""
+"""Does something on a bus at an even pace: sends SYNC (CiA 301: the SYNC producer), polls a device."""
 
 import threading
 import time
 from collections.abc import Callable
 
 
-class SyncProducer:
-    """Calls ``send_sync`` every ``period`` seconds on a thread of its own until stopped.
+class Pacer:
+    """Calls ``act`` every ``period`` seconds on a thread of its own until stopped.
 
     Paced by the monotonic clock against the ideal times, so delays do not add up. When a whole period was
-    missed its SYNC is skipped and counted in ``overruns``: a burst of SYNCs would tear frames.
+    missed its call is left out and counted in ``overruns``: a burst of SYNCs would tear frames.
     """
 
-    def __init__(self, period: float, send_sync: Callable[[], None]):
-        self._period, self._send_sync = period, send_sync
+    def __init__(self, period: float, act: Callable[[], None], name: str):
+        self._period, self._act, self._name = period, act, name
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self.overruns = 0
@@ -21,7 +21,7 @@ class SyncProducer:
     def start(self) -> None:
         if self._thread is None:
             self._stopping.clear()
-            self._thread = threading.Thread(target=self._run, name='sync', daemon=True)
+            self._thread = threading.Thread(target=self._run, name=self._name, daemon=True)
             self._thread.start()
 
     def stop(self) -> None:
@@ -33,7 +33,7 @@ class SyncProducer:
     def _run(self) -> None:
         due = time.monotonic()
         while not self._stopping.wait(max(0.0, due - time.monotonic())):
-            self._send_sync()
+            self._act()
             due += self._period
             missed = int((time.monotonic() - due) / self._period)
             if missed > 0:
