@@ -87,6 +87,25 @@ def test_other_objects_are_not_ours():
     assert steps(SdoUpload(0x2400, 0), *BLOCK) == [Step.NOTHING] * len(BLOCK)
 
 
+def test_whatever_is_damaged_only_the_true_bytes_are_given():
+    random = Random(11)
+    for _ in range(3000):
+        frames = [bytes.fromhex(frame[1:]) for frame in BLOCK]
+        upload, given = SdoUpload(0x2400, 1), []
+        for place in random.sample(range(len(frames)), 2):
+            damage = random.choice(('lost', 'cut', 'doubled', 'bit'))
+            frames[place] = {'lost': None, 'cut': frames[place][:random.randrange(8)], 'doubled': frames[place],
+                             'bit': bytes([*frames[place][:7], frames[place][7] ^ 0x20])}[damage]
+            if damage == 'bit':
+                which = random.randrange(place < 2, 8)  # without the flags of the first two none asks for a CRC
+                frames[place] = bytes(b ^ (1 << random.randrange(8)) * (i == which) for i, b in enumerate(frames[place]))
+        for original, frame in zip(BLOCK, frames):
+            if frame is not None:
+                step = (upload.request if original[0] == '>' else upload.response)(frame)
+                given += [upload.data] if step is Step.DONE else []
+        assert given in ([], [b'123456789'])
+
+
 @pytest.fixture
 def assembler(tmp_path):
     return DomainAssembler(tiny_layout(tmp_path, TINY), 5)

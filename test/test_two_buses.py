@@ -1,0 +1,71 @@
+"""Two pads, each on a CAN bus of its own, and a grasp node that sees both: as docs/hardware.md says."""
+
+import time
+from contextlib import ExitStack
+
+import pytest
+
+rclpy = pytest.importorskip('rclpy')
+pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
+
+import numpy as np  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+
+from tactile_node.canbus.pads import make_pad  # noqa: E402
+from tactile_node.nodes.grasp_node import GraspNode  # noqa: E402
+from tactile_node.nodes.system import make_system  # noqa: E402
+from tactile_node.simulator.skin_simulator import SkinSimulator  # noqa: E402
+from tactile_skin.msg import Grasp, TaxelArray  # noqa: E402
+
+PATIENCE = 60.0  # s, for a busy machine
+FINGERS = {'left': ('two_buses_a', 'sim16x16.yaml', 50e3), 'right': ('two_buses_b', 'domain16x10_16bit.yaml', 60e3)}
+
+
+def pressed(rows, cols, pressure):
+    values = np.zeros((rows, cols))
+    values[3:10, 2:9] = pressure
+    return lambda t: values
+
+
+@pytest.fixture
+def fingers():
+    rclpy.init()
+    with ExitStack() as stack:
+        stack.callback(rclpy.shutdown)
+        executor = SingleThreadedExecutor()
+        for name, (channel, layout, pressure) in FINGERS.items():
+            pad = make_pad(name, 32, layout)
+            skin = SkinSimulator([pad], {name: pressed(pad.layout.rows, pad.layout.cols, pressure)})
+            skin.start('virtual', channel)
+            stack.callback(skin.stop)
+            system = make_system([name], {'interface': 'virtual', 'channel': channel, 'node_ids': [32],
+                                          'layouts': [layout]}, f'{name}_finger')
+            stack.callback(system.destroy)
+            for node in system.nodes:
+                executor.add_node(node)
+            system.driver.autostart()
+        grasp = GraspNode(parameter_overrides=[Parameter(f'{name}_pad', value=f'{name}_finger/{name}')
+                                               for name in FINGERS])
+        listener = rclpy.create_node('listener')
+        for node in (grasp, listener):
+            stack.callback(node.destroy_node)
+            executor.add_node(node)
+        yield executor, listener
+        executor.shutdown()
+
+
+def test_both_come_and_the_grasp_sees_both(fingers):
+    executor, listener = fingers
+    heard = {name: [] for name in FINGERS}
+    grasps = []
+    for name in FINGERS:
+        listener.create_subscription(TaxelArray, f'{name}_finger/{name}/taxels', heard[name].append, 10)
+    listener.create_subscription(Grasp, 'grasp', grasps.append, 10)
+    end = time.monotonic() + PATIENCE
+    while not (all(heard.values()) and any(grasp.contact == Grasp.TWO_SIDED for grasp in grasps)):
+        assert time.monotonic() < end, f'{ {name: len(given) for name, given in heard.items()} }, {grasps[-1:]}'
+        executor.spin_once(timeout_sec=0.1)
+    for name, (_, _, pressure) in FINGERS.items():
+        values = np.array(heard[name][-1].values)
+        assert np.nanmax(values) == pytest.approx(pressure, rel=0.01)
