@@ -98,7 +98,8 @@ def test_whatever_is_damaged_only_the_true_bytes_are_given():
                              'bit': bytes([*frames[place][:7], frames[place][7] ^ 0x20])}[damage]
             if damage == 'bit':
                 which = random.randrange(place < 2, 8)  # without the flags of the first two none asks for a CRC
-                frames[place] = bytes(b ^ (1 << random.randrange(8)) * (i == which) for i, b in enumerate(frames[place]))
+                flip = 1 << random.randrange(8)
+                frames[place] = bytes(b ^ flip * (i == which) for i, b in enumerate(frames[place]))
         for original, frame in zip(BLOCK, frames):
             if frame is not None:
                 step = (upload.request if original[0] == '>' else upload.response)(frame)

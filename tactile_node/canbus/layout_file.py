@@ -16,8 +16,8 @@ from tactile_node.canbus.layout import (
     raw_range,
 )
 from tactile_node.canbus.layout_rules import check_layout
-from tactile_node.canbus.yaml_section import Section, load_mapping
 from tactile_node.config import config_path
+from tactile_node.yaml_section import Section, load_mapping
 
 MPDO_DATA_BITS = 32  # CiA 301: node-ID, index, sub-index and 4 bytes of data
 UNITS = ('Pa', 'N', '1')  # '1': on/off
