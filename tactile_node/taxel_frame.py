@@ -12,8 +12,9 @@ class TaxelStatus(IntEnum):
     VALID = 0
     STALE = 1      #: its CAN frame did not arrive in this SYNC period
     UNMAPPED = 2   #: the skin layout maps no TPDO field to it
-    DEAD = 3       #: known to be dead, by the layout file or by the device
+    DEAD = 3       #: known to be dead, by the layout file or by what it sent
     SATURATED = 4  #: at the end of its range: the value is a lower bound, still given
+    FAULTY = 5     #: stuck or flickering, by what it sent
 
 
 class TaxelFrame(NamedTuple):

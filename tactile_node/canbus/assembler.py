@@ -43,7 +43,7 @@ class FrameAssembler:
 
     def __init__(self, layout: SkinLayout, node_ids: Sequence[int], one_clock: bool = True,
                  drop_incomplete: bool = False):
-        self._drop_incomplete = drop_incomplete
+        self.drop_incomplete = drop_incomplete
         self._codec, self._one_clock = TaxelCodec(layout), one_clock
         self._lengths = [tpdo.length for tpdo in layout.tpdos]
         self._payload, self._fresh = bytearray(8 * len(self._lengths)), np.zeros(len(self._lengths), bool)
@@ -141,7 +141,7 @@ class FrameAssembler:
 
     def _give(self) -> TaxelFrame | None:
         self._given = True
-        if self._drop_incomplete and not self._fresh.all():
+        if self.drop_incomplete and not self._fresh.all():
             self._counts['dropped'] += 1
             self._lose(LossReason.INCOMPLETE, int(self._fresh.sum()))
             return None

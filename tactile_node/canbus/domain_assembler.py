@@ -23,7 +23,7 @@ class DomainAssembler:
     service = 'sdo'  #: of its CAN frames, for the counts
 
     def __init__(self, layout: SkinLayout, node_id: int, drop_incomplete: bool = False):
-        self._codec, self._drop_incomplete = TaxelCodec(layout), drop_incomplete
+        self._codec, self.drop_incomplete = TaxelCodec(layout), drop_incomplete
         self._upload = SdoUpload(layout.domain.index, layout.domain.subindex)
         self._request_id, self._response_id = SDO_REQUEST + node_id, SDO_RESPONSE + node_id
         self._counts: Counter[str] = Counter()
@@ -84,7 +84,7 @@ class DomainAssembler:
 
     def _give(self, data: bytes, is_fresh: bool) -> TaxelFrame | None:
         stamp, self._stamp = self._stamp, None
-        if not is_fresh and self._drop_incomplete:
+        if not is_fresh and self.drop_incomplete:
             self._counts['dropped'] += 1
             return None
         self._counts['complete' if is_fresh else 'incomplete'] += 1

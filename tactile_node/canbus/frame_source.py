@@ -24,6 +24,9 @@ class FrameSource(Protocol):
     def close(self) -> None:
         """Give everything back; allowed in any state, also twice."""
 
+    def adjust(self, drop_incomplete: bool, heartbeat_timeout: float) -> None:
+        """Change these while frames flow, or do not; see BusSettings and Supervisor."""
+
     def statistics(self) -> BusStatistics:
         """Counts so far."""
 

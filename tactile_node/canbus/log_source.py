@@ -68,6 +68,10 @@ class LogSource:
         self.stop()
         self._messages = None
 
+    def adjust(self, drop_incomplete: bool, heartbeat_timeout: float) -> None:
+        """A log has nobody whose heartbeat could fail."""
+        self._router.drop_incomplete(drop_incomplete)
+
     def statistics(self) -> BusStatistics:
         unread = self._unread + (self._reader.unread if hasattr(self, '_reader') else 0)
         return self._router.statistics()._replace(unread=unread, consumer_errors=self._consumer_errors,

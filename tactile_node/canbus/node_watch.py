@@ -57,6 +57,10 @@ class NodeWatch:
         self._used = self._used_then = self._syncs = 0
         self._last_ailment: Ailment | None = None
 
+    def set_timeouts(self, heartbeat: float, data: float) -> None:
+        """How long it may be silent [s]."""
+        self._heartbeat_timeout, self._data_timeout = heartbeat, data
+
     @property
     def who(self) -> str:
         return f'Node {self.pad.node_id} (pad {self.pad.name!r})'

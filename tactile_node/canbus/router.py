@@ -61,6 +61,11 @@ class Router:
         for assembler in self._assemblers.values():
             assembler.resume(lost_periods)
 
+    def drop_incomplete(self, is_wanted: bool) -> None:
+        """From now on drop incomplete taxel frames, or give them."""
+        for assembler in self._assemblers.values():
+            assembler.drop_incomplete = is_wanted
+
     def sync(self, stamp: float) -> None:
         """A SYNC, own or foreign: every pad's period ends and the next begins."""
         for name, assembler in self._assemblers.items():

@@ -160,6 +160,10 @@ class SkinBus:
             if threading.current_thread() is not self._worker:
                 self._worker.join(CONSUMER_PATIENCE)
 
+    def drop_incomplete(self, is_wanted: bool) -> None:
+        """From now on drop incomplete taxel frames, or give them."""
+        self._router.drop_incomplete(is_wanted)
+
     def statistics(self) -> BusStatistics:
         """Counts since construction."""
         counted = self._router.statistics()

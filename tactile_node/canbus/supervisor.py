@@ -49,8 +49,8 @@ class Supervisor:
         self.monitor = BusMonitor([node_id for pad in pads for node_id in pad.node_ids], self._wake.set)
         self._bus = SkinBus(settings, pads, self._deliver, log, complain, self.monitor,
                             self._bus_failed if recover else None)
-        data_timeout = max(heartbeat_timeout, 5 * settings.sync_period)
-        self._by_pad = {pad.name: [NodeWatch(node, self.monitor, heartbeat_timeout, data_timeout, i)
+        timeouts = self._timeouts(heartbeat_timeout)
+        self._by_pad = {pad.name: [NodeWatch(node, self.monitor, *timeouts, i)
                                    for i, node in enumerate(pad.nodes)] for pad in pads}
         self._nodes = [node for nodes in self._by_pad.values() for node in nodes]
         self._outage, self._backoff = OutageClock(), Backoff()
@@ -112,6 +112,11 @@ class Supervisor:
             thread.join()
         self._bus.close()
 
+    def adjust(self, drop_incomplete: bool, heartbeat_timeout: float) -> None:
+        self._bus.drop_incomplete(drop_incomplete)
+        for node in self._nodes:
+            node.set_timeouts(*self._timeouts(heartbeat_timeout))
+
     def statistics(self) -> BusStatistics:
         return self._bus.statistics()
 
@@ -122,6 +127,10 @@ class Supervisor:
         return BusHealth(self.failure, self._is_active, nodes,
                          self._outage.outages(now), self._load.load, monitor.is_error_passive,
                          monitor.foreign_commands, monitor.last_command)
+
+    def _timeouts(self, heartbeat_timeout: float) -> tuple[float, float]:
+        """Of heartbeat and of taxels [s]."""
+        return heartbeat_timeout, max(heartbeat_timeout, 5 * self._settings.sync_period)
 
     def _begin(self) -> None:
         now = time.monotonic()

@@ -60,7 +60,7 @@ class TaredPad:
 
     def __init__(self, drift: DriftFollower | None = None):
         self.offset: np.ndarray | None = None
-        self._drift = drift
+        self.drift = drift
         self._wanted, self._taken, self._changed = 0, [], threading.Condition()
 
     def feed(self, frame: TaxelFrame) -> TaxelFrame:
@@ -70,9 +70,9 @@ class TaredPad:
                 self._taken.append(frame.values)
                 self._wanted -= 1
                 self._changed.notify()
-        if self._drift is not None:
+        if (drift := self.drift) is not None:
             zero = np.zeros_like(frame.values) if self.offset is None else self.offset
-            self.offset = self._drift.update(frame.stamp, frame.values, zero)
+            self.offset = drift.update(frame.stamp, frame.values, zero)
         if self.offset is None:
             return frame
         values = (frame.values - self.offset).astype(np.float32, copy=False)

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
@@ -19,10 +20,14 @@ from tactile_node.canbus.layout import SkinLayout
 from tactile_node.canbus.log_source import LogSource
 from tactile_node.canbus.pads import PadSettings, make_pad, share_node_ids
 from tactile_node.canbus.supervisor import Supervisor
+from tactile_node.conditioning.conditioned_pad import ConditionedPad
+from tactile_node.conditioning.taxel_faults import FaultyTaxels
 from tactile_node.errors import ConfigurationError, DeviceError, TactileError
+from tactile_node.nodes.fault_service import FaultService
 from tactile_node.nodes.replay_gate import ReplayGate
 from tactile_node.nodes.run import run_node
 from tactile_node.nodes.tare_service import TareService
+from tactile_node.ros.conditioning import adjust, conditioned_pads
 from tactile_node.ros.diagnostics import BusDiagnostics
 from tactile_node.ros.parameters import DRIVER, declare, one_each, tare_limit, values
 from tactile_node.ros.qos import STATUS_QOS, frames_qos
@@ -40,6 +45,7 @@ class Pad(NamedTuple):
     publisher: Publisher
     layout: SkinLayout
     frame_id: str
+    conditioned: ConditionedPad
 
 
 class DriverNode(LifecycleNode):
@@ -48,6 +54,7 @@ class DriverNode(LifecycleNode):
     def __init__(self, **options):
         super().__init__('skin_driver', **options)
         declare(self, DRIVER)
+        self.add_on_set_parameters_callback(self._on_parameters)
         self._source: FrameSource | None = None
         self._pads: dict[str, Pad] = {}
         self._gate: ReplayGate | None = None
@@ -110,13 +117,16 @@ class DriverNode(LifecycleNode):
         pads = _pads(settings)
         frame_ids = one_each('frame_ids', settings.frame_ids, settings.pads)
         qos = frames_qos(settings.queue_depth, settings.lossless)
+        conditioned = conditioned_pads(pads, settings)
         self._pads = {pad.name: Pad(self._make_publisher(TaxelArray, f'{pad.name}/taxels', qos), pad.layout,
-                                    frame_id or f'{pad.name}_pad') for pad, frame_id in zip(pads, frame_ids)}
+                                    frame_id or f'{pad.name}_pad', conditioned[pad.name])
+                      for pad, frame_id in zip(pads, frame_ids)}
         self._diagnostics = self._make_publisher(DiagnosticArray, '/diagnostics', QoSProfile(depth=10))
         self._status = self._make_publisher(SkinStatus, '~/status', STATUS_QOS)
-        self._tare = TareService(self, settings.pads, self._tare_limit, settings.sync_period,
-                                 settings.follow_drift)
-        self._owned.append(self._tare.destroy)
+        tare = TareService(self, {name: pad.tared for name, pad in conditioned.items()}, self._tare_limit,
+                           settings.sync_period)
+        saving = FaultService(self, settings.faulty_taxels_file, self._faults)
+        self._owned += [tare.destroy, saving.destroy]
         self._findings = BusDiagnostics(self.get_name(), f'{settings.interface} {settings.channel}')
         self._source = self._make_source(settings, pads)
         timer = self.create_timer(DIAGNOSTICS_PERIOD, self._publish_state)
@@ -149,25 +159,42 @@ class DriverNode(LifecycleNode):
         self._owned.append(gate.destroy)
         return gate
 
+    def _on_parameters(self, parameters: list) -> SetParametersResult:
+        """Take a change that needs no new configuration, whole or not at all."""
+        settings = values(self, DRIVER)
+        vars(settings).update((each.name, each.value) for each in parameters if hasattr(settings, each.name))
+        try:
+            adjust({name: pad.conditioned for name, pad in self._pads.items()},
+                   {name: pad.layout.value.unit for name, pad in self._pads.items()}, settings)
+        except ConfigurationError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        if self._source is not None:
+            self._source.adjust(settings.drop_incomplete, settings.heartbeat_timeout)
+        return SetParametersResult(successful=True)
+
     def _publish(self, pad: str, frame: TaxelFrame) -> None:
         if self._gate is not None:
             self._gate.wait(pad, frame.sequence)
-        publisher, layout, frame_id = self._pads[pad]
-        frame = self._tare.feed(pad, frame)
+        publisher, layout, frame_id, conditioned = self._pads[pad]
+        frame = conditioned.feed(frame)
         publisher.publish(taxel_array_message(frame, layout.pitch, layout.value.unit, frame_id))
 
     def _tare_limit(self, pad: str) -> float:
         return tare_limit(self.get_parameter('tare_limit').value, self._pads[pad].layout.value.unit)
+
+    def _faults(self) -> dict[str, FaultyTaxels]:
+        return {name: pad.conditioned.faults for name, pad in self._pads.items()}
 
     def _publish_state(self) -> None:
         source = self._source
         if source is None:
             return
         counts, health = source.statistics(), source.health()
-        message = self._findings.message(counts, health)
+        faults = self._faults()
+        message = self._findings.message(counts, health, faults)
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
-        self._status.publish(status_message(message, counts, health))
+        self._status.publish(status_message(message, counts, health, faults))
 
     def _release(self) -> None:
         source, self._source = self._source, None

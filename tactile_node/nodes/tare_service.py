@@ -1,33 +1,26 @@
 """The service `~/tare` of a driver node."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from rclpy.node import Node
 
-from tactile_node.conditioning.drift import DriftFollower
 from tactile_node.conditioning.tare import TaredPad
 from tactile_node.errors import ConfigurationError, TareRefusedError
-from tactile_node.taxel_frame import TaxelFrame
 from tactile_skin.srv import Tare
 
 FRAMES = 50  #: averaged unless the request says otherwise
 
 
 class TareService:
-    """Frames of ``pads`` pass through ``feed``; a request measures their zero, on the executor's thread.
+    """A request measures the zero of ``pads`` (by name) from the frames they are fed, on the executor's thread.
 
     ``limit``: a pad's name -> what a taxel may read at most [unit] to count as not pressed; ConfigurationError
-    where it has no zero. ``follow_drift``: see DriftFollower.
+    where it has no zero.
     """
 
-    def __init__(self, node: Node, pads: list[str], limit: Callable[[str], float], frame_period: float,
-                 follow_drift: bool = False):
-        self._node, self._limit, self._period = node, limit, frame_period
-        self._pads = {name: TaredPad(DriftFollower(limit(name)) if follow_drift else None) for name in pads}
+    def __init__(self, node: Node, pads: Mapping[str, TaredPad], limit: Callable[[str], float], frame_period: float):
+        self._node, self._pads, self._limit, self._period = node, pads, limit, frame_period
         self._service = node.create_service(Tare, '~/tare', self._answer)
-
-    def feed(self, pad: str, frame: TaxelFrame) -> TaxelFrame:
-        return self._pads[pad].feed(frame)
 
     def destroy(self) -> None:
         self._node.destroy_service(self._service)

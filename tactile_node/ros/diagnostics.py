@@ -1,5 +1,7 @@
 """What the driver counts and sees, as DiagnosticArray (REP-107): never OK while data is being discarded."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -7,6 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from tactile_node.canbus.health import BusHealth, NodeHealth, Outages
 from tactile_node.canbus.losses import PadStatistics
 from tactile_node.canbus.router import BusStatistics
+from tactile_node.conditioning.taxel_faults import FaultyTaxels
 
 
 class Finding(NamedTuple):
@@ -21,7 +24,8 @@ class BusDiagnostics:
         self._node, self._hardware_id, self._before = node, hardware_id, None
         self._health_before = BusHealth()
 
-    def message(self, now: BusStatistics, health: BusHealth) -> DiagnosticArray:
+    def message(self, now: BusStatistics, health: BusHealth,
+                faults: Mapping[str, FaultyTaxels] = MappingProxyType({})) -> DiagnosticArray:
         before, health_before = self._before or _nothing_yet(now), self._health_before
         self._before, self._health_before = now, health
         statuses = [self._status('bus', _worst(_bus_findings(now, before, health, health_before)),
@@ -32,7 +36,10 @@ class BusDiagnostics:
             for node, node_before in zip(nodes, health_before.nodes.get(name) or map(_new, nodes)):
                 findings += _node_findings(node, node_before, health.is_active)
             findings += _pad_findings(pad, before.pads[name])
-            statuses.append(self._status(name, _worst(findings), _pad_values(pad) | _nodes_values(nodes)))
+            told = {'faulty_taxels': str(faults.get(name, ''))}
+            if told['faulty_taxels']:
+                findings.append(Finding(DiagnosticStatus.WARN, f'{faults[name].count} faulty taxels, {faults[name]}'))
+            statuses.append(self._status(name, _worst(findings), _pad_values(pad) | told | _nodes_values(nodes)))
         return DiagnosticArray(status=statuses)
 
     def _status(self, part: str, finding: Finding, values: dict[str, object]) -> DiagnosticStatus:

@@ -46,14 +46,20 @@ DRIVER = (
     Parameter('produce_sync', True, 'send SYNC ourselves; false: another node on the bus does'),
     Parameter('boot_timeout', 5.0, 'how long to wait for each device to answer at configure [s]', 0.1, 3600),
     Parameter('heartbeat_timeout', 0.5, 'a node not heard for so long is told as gone [s]; it sends every 0.1 s', 0.3,
-              60),
+              60, live=True),
     Parameter('recover', True, 'mend a failed bus and devices that start anew; false: only tell of them'),
     Parameter('tare_limit', 0.0, 'a taxel that reads so much counts as pressed when a tare is asked for '
               '[unit of the taxels]; 0: by the unit (10 kPa, 0.03 N)', 0, 1e9, live=True),
     Parameter('follow_drift', False, 'the zero of the taxels follows slow drift while none reads half of tare_limit; '
-              'a grasp is never followed'),
+              'a grasp is never followed', live=True),
+    Parameter('faulty_taxels', 'mask', 'taxels found dead, stuck or flickering by what they send: mask (NaN, and told) '
+              'or report (told only)', live=True),
+    Parameter('faulty_taxels_file', '', 'YAML file of taxels that are faulty from the start; `~/save_faulty_taxels` '
+              'writes those found to it; empty: none'),
+    Parameter('gain_files', [''], 'per-taxel gains of each pad, or one file for all: text, a row of the pad a line, or '
+              '.npy; empty: none'),
     Parameter('drop_incomplete', False, 'true: a sweep that lacks CAN frames is dropped and counted; false: it is '
-              'published with NaN, status STALE'),
+              'published with NaN, status STALE', live=True),
     Parameter('autostart', True, 'configure and activate at start; false: leave it to a lifecycle manager'),
     *QUEUE,
 )
@@ -129,6 +135,8 @@ def pressed_thresholds(settings: SimpleNamespace, unit: str) -> tuple[float, flo
 
 #: A taxel that reads so much is pressed when a tare is asked for: less than a contact worth the name.
 TARE_LIMIT_BY_UNIT = {'Pa': 10e3, 'N': 0.03}
+FAULTY_TAXELS = ('mask', 'report')
+ON_OFF_LIMIT = 0.5
 
 
 def tare_limit(given: float, unit: str) -> float:
@@ -138,6 +146,19 @@ def tare_limit(given: float, unit: str) -> float:
         raise ConfigurationError('tare', expected='taxels in ' + ' or '.join(TARE_LIMIT_BY_UNIT), got=repr(unit),
                                  remedy='On/off taxels have no zero to set.')
     return limit
+
+
+def rest_limit(given: float, unit: str) -> float:
+    """As `tare_limit`, for on/off taxels too: below it a taxel is not pressed."""
+    return ON_OFF_LIMIT if unit == '1' else tare_limit(given, unit)
+
+
+def masks_faulty(given: str) -> bool:
+    """Whether faulty taxels are masked. Raises ConfigurationError for what `faulty_taxels` may not be."""
+    if given not in FAULTY_TAXELS:
+        raise ConfigurationError('parameter faulty_taxels', expected=' or '.join(FAULTY_TAXELS), got=repr(given),
+                                 remedy='Choose one of these.')
+    return given == 'mask'
 
 
 def feature_groups(names: list[str]) -> Group:

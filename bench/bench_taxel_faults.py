@@ -1,0 +1,109 @@
+"""Faulty taxels: how many are found, how soon, and how many healthy ones are accused. Part of `make bench`.
+
+A pad of 16x16 taxels of 8 bits is touched 100 times by random shapes of 40 to 80 taxels, anywhere (some half off it),
+0.4 s each, 50 frames a second; with two taxels of each fault within the middle 10x10, and once with none. Thresholds
+were chosen on seeds below 10; these are others.
+"""
+
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+import numpy as np
+
+from tactile_node.canbus.layout_file import load_layout
+from tactile_node.conditioning.taxel_faults import TaxelFault, TaxelJudge
+from tactile_node.synthetic.pressure import Skin, pressure_frame
+from tactile_node.synthetic.world import CLASSES, random_contact
+
+SEEDS = range(5000, 5010)
+RATE, TOUCHES, PRESSED, RELEASED, EACH, LIMIT, NOISE = 50, 100, 20, 10, 2, 10e3, 400.0
+MARGIN = 4  # taxels around the pad in which a contact may lie too
+KINDS = tuple(kind for kind in TaxelFault if kind)
+
+
+def main() -> None:
+    layout = load_layout('sim16x16.yaml')
+    found, times, wrong, accused, healthy = dict.fromkeys(KINDS, 0), {kind: [] for kind in KINDS}, 0, 0, 0
+    for seed in SEEDS:
+        for each in (0, EACH):
+            truth = placed(np.random.default_rng(seed), layout.rows, layout.cols, each)
+            first = first_verdicts(layout, truth, seed)
+            healthy += np.count_nonzero(truth == 0)
+            for (row, col), (kind, when) in first.items():
+                accused += truth[row, col] == 0
+                wrong += truth[row, col] not in (0, kind)
+                if truth[row, col] == kind:
+                    found[kind] += 1
+                    times[kind].append(when)
+        print(f'\rseed {seed}', end='', file=sys.stderr)
+    print(file=sys.stderr)
+    for kind in KINDS:
+        print(f'{kind.name.lower():10} found {found[kind]} of {EACH * len(SEEDS)}, after '
+              f'{np.median(times[kind]):.1f} s (median), {max(times[kind]):.1f} s (most)')
+    print(f'called by another name at first: {wrong}; healthy taxels ever accused: {accused} of {healthy}')
+    print(f'{cost(layout.rows, layout.cols):.0f} us a frame of {layout.rows}x{layout.cols}')
+
+
+def placed(random: np.random.Generator, rows: int, cols: int, each: int) -> np.ndarray:
+    """Faults by taxel, none outside the middle, where touches come."""
+    truth = np.zeros((rows, cols), np.uint8)
+    middle = [(row, col) for row in range(3, rows - 3) for col in range(3, cols - 3)]
+    chosen = random.permutation(len(middle))[:each * len(KINDS)]
+    for place, kind in zip(chosen, each * KINDS):
+        truth[middle[place]] = kind
+    return truth
+
+
+def first_verdicts(layout, truth: np.ndarray, seed: int) -> dict[tuple[int, int], tuple[TaxelFault, float]]:
+    judge, first = TaxelJudge(layout.rows, layout.cols, LIMIT), {}
+    for when, values in sweeps(layout, truth, seed):
+        found = judge.update(when, values, 0.0, values >= full_scale(layout))
+        for row, col in np.argwhere(found.kinds):
+            first.setdefault((row, col), (TaxelFault(found.kinds[row, col]), when))
+    return first
+
+
+def sweeps(layout, truth: np.ndarray, seed: int) -> Iterator[tuple[float, np.ndarray]]:
+    random, full = np.random.default_rng([seed, 1]), full_scale(layout)
+    flickering, pressed = truth == TaxelFault.FLICKERING, 0.0
+    for n in range(TOUCHES * (PRESSED + RELEASED)):
+        if n % (PRESSED + RELEASED) == 0:
+            pressed = touch(random, *truth.shape, full)
+        load = n % (PRESSED + RELEASED) < PRESSED
+        values = pressed * load + NOISE * random.standard_normal(truth.shape)
+        values[truth == TaxelFault.DEAD], values[truth == TaxelFault.STUCK] = 0, 0.5 * full
+        values[truth == TaxelFault.SATURATED] = full
+        values[flickering] = 0.8 * full * random.integers(0, 2, np.count_nonzero(flickering))
+        yield n / RATE, layout.value.to_value(layout.value.to_counts(values)).astype(float)
+
+
+def touch(random: np.random.Generator, rows: int, cols: int, full: float) -> np.ndarray:
+    """Pressures of a contact drawn on a larger pad, as far as it lies on ours."""
+    size = rows + 2 * MARGIN, cols + 2 * MARGIN
+    contact = random_contact(random, random.choice(CLASSES), random.uniform(40, 80), *size)
+    down, right = random.integers(0, 2 * MARGIN, 2, endpoint=True)
+    whole = pressure_frame(contact, random, *size, pressure=0.6, skin=Skin(full_scale=full))
+    return np.nan_to_num(whole[down:down + rows, right:right + cols])
+
+
+def full_scale(layout) -> float:
+    return float(layout.value.to_value(np.array(layout.value.saturated_count)))
+
+
+def cost(rows: int, cols: int, frames: int = 5000) -> float:
+    """Microseconds a frame of noise, the usual case."""
+    judge, values = TaxelJudge(rows, cols, LIMIT), NOISE * np.random.default_rng(0).standard_normal((100, rows, cols))
+    none = np.zeros((rows, cols), bool)
+    begun = time.perf_counter()
+    for n in range(frames):
+        judge.update(n / RATE, values[n % 100], 0.0, none)
+    return 1e6 * (time.perf_counter() - begun) / frames
+
+
+if __name__ == '__main__':
+    main()

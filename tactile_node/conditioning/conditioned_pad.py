@@ -1,0 +1,54 @@
+"""All that is done to one pad's frames between the bus and whoever uses them."""
+
+import numpy as np
+
+from tactile_node.conditioning.tare import TaredPad
+from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault, TaxelJudge
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
+
+
+class ConditionedPad:
+    """Faulty taxels out, zero off, gains on, in this order: value = gain x (reading - zero), NaN where faulty.
+
+    ``known`` are faulty from the first frame; ``judge`` finds more. With ``masks`` False they are told, not taken out.
+    """
+
+    def __init__(self, tared: TaredPad, judge: TaxelJudge, known: FaultyTaxels, gains: np.ndarray | None = None):
+        self.tared, self.masks = tared, True
+        self.judge, self._known, self._gains = judge, known, gains
+        self._faults, self._judged, self._status = known, None, None
+
+    @property
+    def faults(self) -> FaultyTaxels:
+        """Known and found."""
+        return self._faults
+
+    def feed(self, frame: TaxelFrame) -> TaxelFrame:
+        """Return the frame as it is to be used."""
+        zero = 0.0 if self.tared.offset is None else self.tared.offset
+        found = self.judge.update(frame.stamp, frame.values, zero, frame.status == TaxelStatus.SATURATED)
+        if found is not self._judged:
+            self._judged = found
+            self._combine(found)
+        if self.masks and self._status is not None:
+            frame = self._without_faulty(frame)
+        frame = self.tared.feed(frame)
+        if self._gains is not None:
+            frame = frame._replace(values=_read_only(frame.values * self._gains))
+        return frame
+
+    def _combine(self, found: FaultyTaxels) -> None:
+        kinds = np.where(self._known.kinds != 0, self._known.kinds, found.kinds)
+        self._faults = FaultyTaxels(_read_only(kinds))
+        status = np.where(kinds == TaxelFault.DEAD, TaxelStatus.DEAD, TaxelStatus.FAULTY)
+        self._status = np.where(kinds != 0, status, 0).astype(np.uint8) if kinds.any() else None
+
+    def _without_faulty(self, frame: TaxelFrame) -> TaxelFrame:
+        faulty = self._status != 0
+        return frame._replace(values=_read_only(np.where(faulty, np.float32(np.nan), frame.values)),
+                              status=_read_only(np.where(faulty, self._status, frame.status)))
+
+
+def _read_only(array: np.ndarray) -> np.ndarray:
+    array.flags.writeable = False
+    return array

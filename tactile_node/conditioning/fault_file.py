@@ -1,0 +1,63 @@
+"""Faulty taxels on file: kept from one run of the driver to the next, on request."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
+from tactile_node.errors import ConfigurationError
+from tactile_node.yaml_section import load_mapping
+
+ABOUT = 'a file of faulty taxels'
+HEAD = '''# Faulty taxels, [row, col], as the skin driver found them. They are NaN from the first frame on.
+# Remove one to have it judged anew; add one that you know better.
+'''
+KINDS = tuple(kind for kind in TaxelFault if kind)
+
+
+def load_faults(path: str | Path, pads: Mapping[str, tuple[int, int]]) -> dict[str, FaultyTaxels]:
+    """Read the faulty taxels of ``pads`` (name -> rows, cols). No file, or a pad not in it: none.
+
+    Raises ConfigurationError naming file and key for anything else that is wrong.
+    """
+    kinds = {name: np.zeros(shape, np.uint8) for name, shape in pads.items()}
+    if Path(path).expanduser().exists():
+        top = load_mapping(Path(path).expanduser(), ABOUT)
+        section = top.section('pads')
+        for name, (rows, cols) in pads.items():
+            given = section.section(name, {})
+            for kind in KINDS:
+                key = kind.name.lower()
+                for taxel in given.sequence(key, []):
+                    row, col = given.checked_integers(key, taxel, 2, 0, max(rows, cols) - 1)
+                    if row >= rows or col >= cols:
+                        given.refuse(key, expected=f'taxels of {rows} rows and {cols} columns', got=f'[{row}, {col}]',
+                                     remedy='Correct or remove it.')
+                    kinds[name][row, col] = kind
+            given.done()
+        top.done()
+    for array in kinds.values():
+        array.flags.writeable = False
+    return {name: FaultyTaxels(array) for name, array in kinds.items()}
+
+
+def save_faults(path: str | Path, faults: Mapping[str, FaultyTaxels]) -> None:
+    """Write the faulty taxels of these pads; what the file says of others stays. Raises ConfigurationError."""
+    path = Path(path).expanduser()
+    pads = load_mapping(path, ABOUT).take('pads', {}) if path.exists() else {}
+    if not isinstance(pads, dict):
+        raise ConfigurationError(str(path), expected=ABOUT, got='another one', remedy='Name another file.')
+    pads |= {name: {kind.name.lower(): [list(place) for place in found.places(kind)] for kind in KINDS}
+             for name, found in faults.items()}
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        new = path.with_name(path.name + '.new')  # a crash amid writing leaves the old file
+        new.write_text(HEAD + yaml.safe_dump({'pads': pads}, default_flow_style=None, sort_keys=False),
+                       encoding='utf-8')
+        os.replace(new, path)
+    except OSError as error:
+        raise ConfigurationError(str(path), expected='a file that can be written', got=error.strerror or str(error),
+                                 remedy='Set faulty_taxels_file to another path.') from error

@@ -1,0 +1,40 @@
+"""Per-taxel gains: what makes the taxels of a pad equally sensitive."""
+
+from pathlib import Path
+
+import numpy as np
+
+from tactile_node.errors import ConfigurationError
+
+WITHIN = (0.01, 100.0)  # a gain beyond is a slip of the pen or a dead taxel
+
+
+def load_gains(path: str | Path, rows: int, cols: int) -> np.ndarray:
+    """Read gains, float32 (rows, cols), read-only, from .npy or from text: a row of the pad a line, commas or blanks.
+
+    Raises ConfigurationError for a file that cannot be read, another shape, or a gain that is none.
+    """
+    where = f'gain file {path}'
+    try:
+        is_binary = str(path).endswith('.npy')
+        gains = np.load(path, allow_pickle=False) if is_binary else _text(Path(path))
+        gains = gains.astype(np.float32)
+    except (OSError, ValueError, TypeError, AttributeError) as error:  # numpy raises all of these for broken files
+        raise ConfigurationError(where, expected='numbers, a row of the pad a line (text), or a .npy array',
+                                 got=str(error).splitlines()[0], remedy='Correct the file, or make it anew.') from error
+    if gains.shape != (rows, cols):
+        raise ConfigurationError(where, expected=f'{rows} rows of {cols} gains, as the pad has taxels',
+                                 got=f'shape {gains.shape}', remedy='Give the gains of this pad.')
+    low, high = WITHIN
+    wrong = ~((gains >= low) & (gains <= high))  # NaN too
+    if wrong.any():
+        row, col = np.argwhere(wrong)[0]
+        raise ConfigurationError(where, expected=f'gains {low:g}..{high:g}',
+                                 got=f'{gains[row, col]:g} at row {row}, column {col}',
+                                 remedy='Name a taxel without a gain in dead_taxels of the layout, with gain 1 here.')
+    gains.flags.writeable = False
+    return gains
+
+
+def _text(path: Path) -> np.ndarray:
+    return np.loadtxt(path.read_text(encoding='utf-8').replace(',', ' ').splitlines(), ndmin=2)

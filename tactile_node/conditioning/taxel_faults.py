@@ -1,0 +1,173 @@
+"""Tells taxels that cannot be believed by what they send: dead, stuck, flickering, saturated."""
+
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import maximum_filter
+
+CONTACTS = 5          #: that have to speak against a taxel, one after the other
+MIN_TOUCHED = 3       #: taxels that make a contact
+FALLEN = 0.8          #: of the taxels that rose in a contact have fallen when it is over
+RELEASED = 0.5        #: of the taxels pressed at its height may then still be: others' edges come and go in a grasp
+APART = 3.0           #: taxels by which the centres of these contacts must differ, for a dead taxel, or
+UNLIKE = 1.5          #: the factor by which their areas must
+DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
+JUMP = 2.0            #: x limit: a change from one frame to the next that counts as a jump
+ALONE = 0.5           #: x limit: a jump is alone when no neighbour changes by so much in the same frame
+MOST_NAMED = 20       # taxels of a kind in a sentence
+FLICKER_TIME = 5.0    #: s over which lone jumps are counted
+FLICKER_JUMPS = 40    #: lone jumps within that time
+
+
+class TaxelFault(IntEnum):
+    """What is wrong with a taxel."""
+
+    NONE = 0
+    DEAD = 1        #: silent while what surrounds it is pressed, in contact after contact
+    STUCK = 2       #: pressed, and does not move by one count, while contacts around it come and go
+    FLICKERING = 3  #: jumps up and down by itself
+    SATURATED = 4   #: stuck at the end of its range
+
+
+class FaultyTaxels(NamedTuple):
+    """The faulty taxels of a pad."""
+
+    kinds: np.ndarray  #: uint8 TaxelFault, (rows, cols), read-only
+
+    def places(self, kind: TaxelFault) -> list[tuple[int, int]]:
+        """(row, col) of all that are ``kind``, row by row."""
+        return [(int(row), int(col)) for row, col in np.argwhere(self.kinds == kind)]
+
+    def __str__(self) -> str:
+        """'dead: (3, 4), (5, 0); stuck: (1, 2)', MOST_NAMED of each kind at most."""
+        found = {kind: self.places(kind) for kind in TaxelFault if kind}
+        return '; '.join(f'{kind.name.lower()}: {", ".join(map(str, places[:MOST_NAMED]))}'
+                         + (f' and {len(places) - MOST_NAMED} more' if len(places) > MOST_NAMED else '')
+                         for kind, places in found.items() if places)
+
+    @property
+    def count(self) -> int:
+        return int(np.count_nonzero(self.kinds))
+
+
+class TaxelJudge:
+    """Judges the taxels of one pad, frame by frame. ``limit``: less counts as not pressed, in the taxels' unit.
+
+    Evidence is counted by *contacts*: MIN_TOUCHED taxels rise over ``limit``, nearly all of them fall again, and then
+    not many are left pressed (where more are stuck than any contact presses, none is found).
+    Time alone proves nothing: a pad that nobody touches has no dead taxels, a grasp of an hour no stuck ones.
+
+    - Dead: in CONTACTS contacts that are APART or UNLIKE (what a ring leaves out in one place it presses in another),
+      never pressed though pressed taxels lay on both sides of it, in two of four directions. Taxels in the corners
+      of a pad have no two sides and are never found so.
+    - Stuck: pressed at the end of CONTACTS contacts and the same to the bit since before the first of them. A taxel
+      that is at the end of its range then is saturated.
+    - Flickering: FLICKER_JUMPS jumps within FLICKER_TIME in which no neighbour took part.
+
+    One sign of life takes the verdict back.
+    """
+
+    def __init__(self, rows: int, cols: int, limit: float):
+        self.limit, shape = limit, (rows, cols)  # the limit may be changed at any time
+        self._last = np.full(shape, np.nan)
+        self._pressed, self._risen = np.zeros((2, *shape), bool)
+        self._height = 0  # taxels pressed at most in this contact
+        self._still = np.zeros(shape, int)   # contacts since the value last changed
+        self._silent = np.zeros(shape, int)  # contacts around it that it did not feel
+        self._range = np.zeros((2, 3, *shape))  # of these contacts: least and greatest row, column, log area
+        self._jumps, self._stamp = np.zeros(shape), -np.inf
+        self._is_saturated = np.zeros(shape, bool)
+        self.faults = FaultyTaxels(_read_only(np.zeros(shape, np.uint8)))
+
+    def update(self, stamp: float, values: np.ndarray, zero: np.ndarray | float,
+               is_saturated: np.ndarray) -> FaultyTaxels:
+        """Judge after a frame of ``values`` (rows, cols) as sent, NaN: unknown, measured at ``stamp`` [s].
+
+        ``zero`` is what the taxels read without load.
+        """
+        known = np.isfinite(values)
+        values = np.where(known, values, self._last)
+        change = np.abs(values - self._last)
+        moved = change > 0  # False where a value is the first
+        self._is_saturated = np.where(known, is_saturated, self._is_saturated)
+        is_news = self._count_jumps(stamp, change)
+        self._last, was_pressed = values, self._pressed
+        self._pressed = values - zero >= self.limit
+        self._silent[self._pressed] = 0
+        if moved.any():
+            self._still[moved] = 0
+            self._risen |= self._pressed & ~was_pressed & moved
+            is_news |= bool((self.faults.kinds[moved] != 0).any())
+        if self._is_contact_over():
+            self._count_contact()
+            is_news = True
+        if is_news:
+            self.faults = FaultyTaxels(_read_only(self._judge()))
+        return self.faults
+
+    def _count_jumps(self, stamp: float, change: np.ndarray) -> bool:
+        """Count jumps that no neighbour takes part in; True when a verdict may change."""
+        passed, self._stamp = stamp - self._stamp, stamp
+        was_flickering = self._jumps >= FLICKER_JUMPS
+        self._jumps *= np.exp(-max(passed, 0.0) / FLICKER_TIME)
+        jumps = change >= JUMP * self.limit
+        if jumps.any():
+            others = maximum_filter(np.nan_to_num(change), footprint=NEIGHBOURS, mode='constant')
+            self._jumps[jumps & (others < ALONE * self.limit)] += 1
+        return bool((was_flickering != (self._jumps >= FLICKER_JUMPS)).any())
+
+    def _is_contact_over(self) -> bool:
+        risen, pressed = np.count_nonzero(self._risen), np.count_nonzero(self._pressed)
+        self._height = max(self._height, pressed)
+        return (risen >= MIN_TOUCHED and pressed <= RELEASED * self._height
+                and np.count_nonzero(self._risen & ~self._pressed) >= FALLEN * risen)
+
+    def _count_contact(self) -> None:
+        touched, self._risen, self._height = self._risen, np.zeros_like(self._risen), 0
+        self._still += 1
+        surrounded = _surrounded(touched) & ~touched & ~self._pressed
+        places = np.argwhere(touched)
+        kind = np.array([*places.mean(0), np.log(len(places))])[:, np.newaxis, np.newaxis]
+        least, greatest = self._range
+        is_first = surrounded & (self._silent == 0)
+        least[:, is_first] = np.inf
+        greatest[:, is_first] = -np.inf
+        np.minimum(least, kind, out=least, where=surrounded)
+        np.maximum(greatest, kind, out=greatest, where=surrounded)
+        self._silent[surrounded] += 1
+
+    def _judge(self) -> np.ndarray:
+        kinds = np.zeros(self._last.shape, np.uint8)
+        down, right, larger = self._range[1] - self._range[0]
+        differ = (np.hypot(down, right) >= APART) | (larger >= np.log(UNLIKE))
+        kinds[(self._silent >= CONTACTS) & differ] = TaxelFault.DEAD
+        stuck = self._pressed & (self._still >= CONTACTS)
+        kinds[stuck] = TaxelFault.STUCK
+        kinds[stuck & self._is_saturated] = TaxelFault.SATURATED
+        kinds[self._jumps >= FLICKER_JUMPS] = TaxelFault.FLICKERING
+        return kinds
+
+
+NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], bool)
+
+
+def _surrounded(mask: np.ndarray) -> np.ndarray:
+    """Where ``mask`` holds on both sides, at a distance of 1 or 2, in two directions; on an edge, along it."""
+    rows, cols = mask.shape
+    padded = np.pad(mask, 2)
+
+    def at(down: int, right: int) -> np.ndarray:
+        return padded[2 + down:2 + down + rows, 2 + right:2 + right + cols]
+    sides = [[at(sign * down, sign * right) | at(2 * sign * down, 2 * sign * right) for sign in (1, -1)]
+             for down, right in DIRECTIONS]
+    both = np.array([one & other for one, other in sides])
+    found = both.sum(0) >= 2
+    found[[0, -1], :] |= both[0][[0, -1], :] & np.stack([sides[1][0][0], sides[1][1][-1]])
+    found[:, [0, -1]] |= both[1][:, [0, -1]] & np.stack([sides[0][0][:, 0], sides[0][1][:, -1]], axis=1)
+    return found
+
+
+def _read_only(array: np.ndarray) -> np.ndarray:
+    array.flags.writeable = False
+    return array

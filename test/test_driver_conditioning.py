@@ -1,0 +1,130 @@
+"""The driver node's conditioning as a user meets it: files, services, parameters changed while frames flow."""
+
+import time
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip('rclpy')
+pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
+from fault_bench import LAYOUT, PRESSED, SIDE, FaultBench  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+from std_srvs.srv import Trigger  # noqa: E402
+
+from tactile_node.conditioning.fault_file import load_faults  # noqa: E402
+from tactile_node.conditioning.taxel_faults import TaxelFault  # noqa: E402
+from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
+from tactile_node.ros.qos import STATUS_QOS, frames_qos  # noqa: E402
+from tactile_skin.msg import SkinStatus, TaxelArray  # noqa: E402
+
+PATIENCE = 60.0  # s, for a busy machine
+FILE = 'pads: {pad32: {dead: [[2, 3]]}}'
+
+
+class Driver:
+    """The driver node on a simulated pad that reads PRESSED everywhere, and who listens to it."""
+
+    def __init__(self, channel, **given):
+        given = {'interface': 'virtual', 'channel': channel, 'pads': ['pad32'], 'node_ids': [32],
+                 'layouts': [LAYOUT]} | given
+        self.node = DriverNode(parameter_overrides=[Parameter(name, value=value) for name, value in given.items()])
+        self.listener = rclpy.create_node('listener')
+        self.taxels, self.told, self.status = [], [], []
+        self.listener.create_subscription(TaxelArray, '/pad32/taxels', self.taxels.append, frames_qos(50, False))
+        self.listener.create_subscription(DiagnosticArray, '/diagnostics', self.told.append, 10)
+        self.listener.create_subscription(SkinStatus, '/skin_driver/status', self.status.append, STATUS_QOS)
+        self.executor = SingleThreadedExecutor()
+        for node in (self.node, self.listener):
+            self.executor.add_node(node)
+
+    def wait(self, condition):
+        end = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < end, 'it did not come'
+            self.executor.spin_once(timeout_sec=0.1)
+
+    def values(self):
+        """Of the next frame that was not yet on its way."""
+        for _ in range(10):
+            self.executor.spin_once(timeout_sec=0.0)
+        self.taxels.clear()
+        self.wait(lambda: any(not message.missing_can_frames for message in self.taxels))
+        message = next(message for message in self.taxels if not message.missing_can_frames)
+        return np.array(message.values).reshape(SIDE, SIDE)
+
+    def set(self, name, value):
+        return self.node.set_parameters([Parameter(name, value=value)])[0]
+
+
+@pytest.fixture
+def make(tmp_path):
+    rclpy.init()
+    made = []
+    with FaultBench('conditioning', source=lambda t: np.full((SIDE, SIDE), PRESSED)) as bench:
+        def driver(**given):
+            made.append(Driver(bench.channel, **given))
+            made[-1].node.autostart()
+            return made[-1]
+        yield driver
+        for each in made:
+            each.executor.shutdown()
+            each.node.destroy_node()
+            each.listener.destroy_node()
+    rclpy.shutdown()
+
+
+def test_files_act_from_the_first_frame_and_are_told(make, tmp_path):
+    faults, gains = tmp_path / 'faults.yaml', tmp_path / 'gains.txt'
+    faults.write_text(FILE)
+    np.savetxt(gains, np.full((SIDE, SIDE), 2.0))
+    driver = make(faulty_taxels_file=str(faults), gain_files=[str(gains)])
+    values = driver.values()
+    assert np.isnan(values[2, 3]) and np.count_nonzero(np.isnan(values)) == 1
+    np.testing.assert_allclose(values[0], 2 * PRESSED, rtol=1e-3)
+    driver.wait(lambda: any(status.pads and status.pads[0].faulty_taxels for status in driver.status))
+    told, = driver.status[-1].pads[0].faulty_taxels
+    assert (told.row, told.col, told.fault) == (2, 3, 'dead')
+    driver.wait(lambda: any(status.level == DiagnosticStatus.WARN and 'dead: (2, 3)' in status.message
+                            for message in driver.told for status in message.status))
+
+
+def test_faults_are_saved_on_request(make, tmp_path):
+    faults = tmp_path / 'faults.yaml'
+    faults.write_text(FILE.replace('[2, 3]', '[4, 5]'))
+    driver = make(faulty_taxels_file=str(faults))
+    faults.unlink()
+    client = driver.listener.create_client(Trigger, '/skin_driver/save_faulty_taxels')
+    driver.wait(client.service_is_ready)
+    answer = client.call_async(Trigger.Request())
+    driver.wait(answer.done)
+    assert answer.result().success and '1 faulty' in answer.result().message
+    assert load_faults(faults, {'pad32': (SIDE, SIDE)})['pad32'].places(TaxelFault.DEAD) == [(4, 5)]
+
+
+def test_without_a_file_saving_says_what_to_set(make):
+    driver = make()
+    client = driver.listener.create_client(Trigger, '/skin_driver/save_faulty_taxels')
+    driver.wait(client.service_is_ready)
+    answer = client.call_async(Trigger.Request())
+    driver.wait(answer.done)
+    assert not answer.result().success and 'faulty_taxels_file' in answer.result().message
+
+
+def test_changes_take_effect_live_or_are_refused_with_a_reason(make, tmp_path):
+    faults = tmp_path / 'faults.yaml'
+    faults.write_text(FILE)
+    driver = make(faulty_taxels_file=str(faults))
+    assert driver.set('faulty_taxels', 'report').successful
+    assert not np.isnan(driver.values()).any()
+    refused = driver.set('faulty_taxels', 'hide')
+    assert not refused.successful and 'mask or report' in refused.reason
+    assert driver.set('heartbeat_timeout', 1.0).successful and driver.set('drop_incomplete', True).successful
+    assert not driver.set('heartbeat_timeout', 0.01).successful
+    assert driver.set('follow_drift', True).successful
+    assert driver.node._pads['pad32'].conditioned.tared.drift is not None
+    for name in ('channel', 'sync_period'):
+        refused = driver.set(name, 'other' if name == 'channel' else 0.1)
+        assert not refused.successful and 'read-only' in refused.reason

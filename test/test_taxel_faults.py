@@ -1,0 +1,195 @@
+"""Faulty taxels: found by what they send, never where a healthy taxel does the same; kept on file; gains."""
+
+import numpy as np
+import pytest
+
+from tactile_node.conditioning.conditioned_pad import ConditionedPad
+from tactile_node.conditioning.fault_file import load_faults, save_faults
+from tactile_node.conditioning.gain import load_gains
+from tactile_node.conditioning.tare import TaredPad
+from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault, TaxelJudge
+from tactile_node.errors import ConfigurationError
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
+
+SIDE, LIMIT, PRESS, FULL, PERIOD = 12, 10.0, 60.0, 100.0, 0.02
+DEAD, STUCK, FLICKERING, SATURATED = (kind for kind in TaxelFault if kind)
+ROWS, COLS = np.mgrid[:SIDE, :SIDE]
+
+
+def disc(row, col, radius, hole=-1.0):
+    distance = np.hypot(ROWS - row, COLS - col)
+    return (distance <= radius) & (distance > hole)
+
+
+class Pad:
+    """A pad that is pressed by masks in turn; ``spoil(values, frame number)`` is what its faults make of it."""
+
+    def __init__(self, spoil=lambda values, n: values, noise=0.3, seed=1):
+        self.judge, self._spoil, self._noise, self._n = TaxelJudge(SIDE, SIDE, LIMIT), spoil, noise, 0
+        self._random, self.ever = np.random.default_rng(seed), np.zeros((SIDE, SIDE), np.uint8)
+
+    def frames(self, mask, count):
+        for _ in range(count):
+            values = PRESS * mask + self._noise * self._random.standard_normal((SIDE, SIDE))
+            values = np.clip(self._spoil(values, self._n), 0, FULL)
+            found = self.judge.update(PERIOD * self._n, values, 0.0, values >= FULL)
+            self.ever = np.maximum(self.ever, found.kinds)
+            self._n += 1
+        return found
+
+    def touches(self, *masks, press=10, pause=10):
+        for mask in masks:
+            self.frames(mask, press)
+            found = self.frames(np.zeros((SIDE, SIDE)), pause)
+        return found
+
+
+def places(count=8, seed=3):
+    random = np.random.default_rng(seed)
+    return [disc(*random.uniform(3, 8, 2), random.uniform(3, 4.5)) for _ in range(count)]
+
+
+def setting(place, value):
+    def spoil(values, n):
+        values[place] = value(n) if callable(value) else value
+        return values
+    return spoil
+
+
+@pytest.mark.parametrize(('value', 'kind'), [(0.0, DEAD), (42.0, STUCK), (FULL, SATURATED)])
+def test_found_after_a_few_contacts_and_nothing_else(value, kind):
+    found = Pad(setting((5, 6), value)).touches(*places())
+    assert found.places(kind) == [(5, 6)] and found.count == 1
+
+
+def test_a_dead_column_is_found_where_it_was_touched():
+    masks = places(20)
+    found = Pad(setting((slice(None), 6), 0.0)).touches(*masks)
+    reached = {(row, 6) for row in range(4, 8)}
+    assert reached <= set(found.places(DEAD)) <= {(row, 6) for row in range(SIDE)}
+
+
+def test_flickering_is_found_without_a_touch():
+    pad = Pad(setting((2, 3), lambda n: 80.0 * (n // 3 % 2)))
+    assert pad.frames(np.zeros((SIDE, SIDE)), 250).places(FLICKERING) == [(2, 3)]
+
+
+def test_flickering_is_taken_back_when_it_ends():
+    pad = Pad(setting((2, 3), lambda n: 80.0 * (n % 2 and n < 100)))
+    still = np.zeros((SIDE, SIDE))
+    assert pad.frames(still, 100).count == 1 and pad.frames(still, 1000).count == 0
+
+
+def test_a_sign_of_life_takes_the_verdict_back():
+    pad = Pad(lambda values, n: setting((5, 6), 0.0)(values, n) if n < 160 else values)
+    assert pad.touches(*places()).places(DEAD) == [(5, 6)]
+    assert pad.touches(disc(5, 6, 3)).count == 0
+
+
+def test_healthy_pads_stay_unsuspected():
+    """Never touched; held for ten minutes, its edge trembling; tapped fast; a ring over and over; a poked taxel."""
+    nothing, held, edge = np.zeros((SIDE, SIDE)), disc(6, 6, 3), disc(6, 6, 4)
+    for noise in (0.0, 0.5):
+        pad = Pad(noise=noise)
+        pad.frames(nothing, 2000)
+        for n in range(30_000 if noise else 3000):
+            pad.frames(edge if n % 7 < 3 else held, 1)
+        pad.touches(*[held] * 40, press=2, pause=2)
+        pad.touches(*[disc(6, 6, 4, hole=1.2)] * 40)
+        pad.touches(*[disc(6, 6, 0.5)] * 20)
+        assert not pad.ever.any()
+
+
+def test_a_ring_that_comes_back_a_little_beside_is_no_fault():
+    random = np.random.default_rng(9)
+    pad = Pad()
+    pad.touches(*[disc(*random.normal(6, 0.5, 2), 4, hole=1.2) for _ in range(200)], press=4, pause=4)
+    assert not pad.ever.any()
+
+
+def test_frames_without_values_are_no_evidence():
+    pad = Pad(lambda values, n: np.where(n % 3 == 0, np.nan, values))
+    pad.touches(*places())
+    assert not pad.ever.any()
+
+
+def test_places_are_told_and_bounded():
+    kinds = np.zeros((SIDE, SIDE), np.uint8)
+    kinds[3, 4], kinds[0], kinds[1, 1:11] = DEAD, STUCK, STUCK
+    assert str(FaultyTaxels(kinds)).startswith('dead: (3, 4); stuck: (0, 0), (0, 1)')
+    assert str(FaultyTaxels(kinds)).endswith('(1, 8) and 2 more')
+
+
+def frame(values, status=0):
+    values = np.asarray(values, np.float32)
+    return TaxelFrame(1.0, 0, values, np.full(values.shape, status, np.uint8), 0)
+
+
+def known(*taxels):
+    kinds = np.zeros((2, 2), np.uint8)
+    for row, col, kind in taxels:
+        kinds[row, col] = kind
+    return FaultyTaxels(kinds)
+
+
+def test_known_taxels_are_nan_from_the_first_frame_with_their_reason():
+    pad = ConditionedPad(TaredPad(), TaxelJudge(2, 2, LIMIT), known((0, 1, DEAD), (1, 0, STUCK)))
+    got = pad.feed(frame([[1, 2], [3, 4]]))
+    np.testing.assert_array_equal(got.values, np.array([[1, np.nan], [np.nan, 4]], np.float32))
+    assert got.status.tolist() == [[TaxelStatus.VALID, TaxelStatus.DEAD], [TaxelStatus.FAULTY, TaxelStatus.VALID]]
+    assert not got.values.flags.writeable
+    pad.masks = False
+    assert pad.feed(frame([[1, 2], [3, 4]])).values.tolist() == [[1, 2], [3, 4]] and pad.faults.count == 2
+
+
+def test_gains_act_on_what_is_above_zero():
+    tared, gains = TaredPad(), np.array([[1, 2], [0.5, 4]], np.float32)
+    tared.offset = np.full((2, 2), 10, np.float32)
+    pad = ConditionedPad(tared, TaxelJudge(2, 2, LIMIT), known((1, 1, DEAD)), gains)
+    np.testing.assert_array_equal(pad.feed(frame([[11, 12], [14, 20]])).values,
+                                  np.array([[1, 4], [2, np.nan]], np.float32))
+
+
+def test_gain_files(tmp_path):
+    text, binary = tmp_path / 'gains.csv', tmp_path / 'gains.npy'
+    text.write_text('# of the left finger\n1.0, 1.1, 0.9\n1, 1, 1.2\n')
+    np.save(binary, load_gains(text, 2, 3))
+    assert load_gains(binary, 2, 3).tolist() == np.array([[1, 1.1, 0.9], [1, 1, 1.2]], np.float32).tolist()
+
+
+@pytest.mark.parametrize(('content', 'says'), [
+    ('1 1\n1 1\n', '2 rows of 3 gains'), ('1 1 1\n1 x 1\n', 'numbers'), ('1 1 1\n1 0 1\n', 'row 1, column 1'),
+    ('1 1 1\n1 nan 1\n', 'row 1, column 1'), ('', 'shape'), ('1 1 1\n1 1\n', 'numbers')])
+@pytest.mark.filterwarnings('ignore:.*input contained no data')
+def test_bad_gain_files(tmp_path, content, says):
+    path = tmp_path / 'gains.txt'
+    path.write_text(content)
+    with pytest.raises(ConfigurationError, match=says):
+        load_gains(path, 2, 3)
+    with pytest.raises(ConfigurationError, match='No such file'):
+        load_gains(tmp_path / 'none.npy', 2, 3)
+    broken = tmp_path / 'broken.npy'
+    broken.write_bytes(b'\x93NUMPY\x01\x00garbage')
+    with pytest.raises(ConfigurationError, match='numbers'):
+        load_gains(broken, 2, 3)
+
+
+def test_faults_are_kept_on_file_beside_those_of_other_pads(tmp_path):
+    path = tmp_path / 'new' / 'faults.yaml'
+    save_faults(path, {'left': known((0, 1, DEAD), (1, 1, FLICKERING))})
+    save_faults(path, {'right': known((1, 0, SATURATED))})
+    left, right = load_faults(path, {'left': (2, 2), 'right': (2, 2)}).values()
+    assert left.places(DEAD) == [(0, 1)] and left.places(FLICKERING) == [(1, 1)] and left.count == 2
+    assert right.places(SATURATED) == [(1, 0)] and right.count == 1
+    assert load_faults(tmp_path / 'none.yaml', {'left': (2, 2)})['left'].count == 0
+
+
+@pytest.mark.parametrize(('content', 'says'), [
+    ('pads: {left: {dead: [[2, 0]]}}', 'left.dead'), ('pads: {left: {dead: [[0, 2]]}}', 'left.dead'),
+    ('pads: {left: {daed: [[0, 1]]}}', 'Did you mean'), ('pad: {}', 'pads'), ('pads: {left: 3}', 'left'),
+    ('[', 'YAML')])
+def test_bad_files_of_faults(tmp_path, content, says):
+    path = tmp_path / 'faults.yaml'
+    path.write_text(content)
+    with pytest.raises(ConfigurationError, match=says):
+        load_faults(path, {'left': (2, 2)})
