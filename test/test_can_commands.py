@@ -76,24 +76,27 @@ def test_record_of_a_silent_bus_says_so(tmp_path):
         skin.wait(10)
 
 
-def test_killed_recording_is_readable(tmp_path):
+@pytest.mark.parametrize('suffix', ['.log', '.log.gz', '.asc', '.blf', '.trc', '.mcap'])
+def test_killed_recording_is_readable(tmp_path, suffix):
     """kill -9 while frames 0, 1, 2... are written: what was flushed is there, in order, from the first on."""
-    log = tmp_path / 'x.log.gz'
+    log = tmp_path / f'x{suffix}'
     code = f'''
 import can, itertools, time
 from tactile_node.canbus.logs import CanLogWriter
 writer = CanLogWriter({str(log)!r})
 for i in itertools.count():
-    writer.write(can.Message(i, 0x181, False, data=i.to_bytes(4, 'little')))
+    writer.write(can.Message(1.7e9 + i, 0x181, False, data=i.to_bytes(4, 'little'), channel=1))
     time.sleep(0.001)
 '''
     process = subprocess.Popen([sys.executable, '-c', code], cwd=ROOT)
-    assert wait_until(lambda: log.exists() and log.stat().st_size > 100, 20)
+    assert wait_until(lambda: log.exists() and log.stat().st_size > 400, 20)
     process.kill()
     process.wait()
     reader = CanLogReader(log)
-    numbers = [int.from_bytes(message.data, 'little') for message in reader]
+    messages = list(reader)
+    numbers = [int.from_bytes(message.data, 'little') for message in messages]
     assert numbers == list(range(len(numbers))) and len(numbers) > 10 and reader.unread <= 1
+    assert messages[0].timestamp == pytest.approx(1.7e9, abs=0.001)
 
 
 def test_record_from_a_live_bus(tmp_path, capsys):

@@ -144,6 +144,24 @@ def test_truncated_gzip_is_read_up_to_its_end(tmp_path):
     assert 10 < len(frames) < 77 and source.statistics().unread == 1
 
 
+@pytest.mark.parametrize('suffix', ['.log.gz', '.asc', '.blf', '.trc', '.mcap'])
+def test_a_log_cut_short_is_read_up_to_the_cut_and_told(tmp_path, suffix):
+    whole, cut, random = tmp_path / f'x{suffix}', tmp_path / f'cut{suffix}', np.random.default_rng(3)
+    writer = CanLogWriter(whole)
+    for n in range(500):
+        writer.write(can.Message(1.7e9 + n, 0x181, False, data=random.bytes(8), channel=1))
+    writer.close()
+    complete = CanLogReader(whole)
+    messages = [bytes(message.data) for message in complete]
+    assert len(messages) == 500 and not complete.unread
+    cut.write_bytes(whole.read_bytes()[:int(0.62 * whole.stat().st_size) + 5])
+    reader = CanLogReader(cut)
+    found = [bytes(message.data) for message in reader]
+    assert found[:-1] == messages[:len(found) - 1] and 200 < len(found) < 400
+    assert reader.unread == 1 and f'{len(found)} CAN frames, the last at 2023-11-14 2' in reader.told
+    assert 'cut short' in reader.told or 'end-of-stream' in reader.told
+
+
 @pytest.mark.parametrize(('name', 'content'), [
     ('empty.log', b''), ('prose.log', b'This is no log.\nNor is this.\n'), ('x.pdf', b'abc'),
     ('bin.log', bytes(range(256))),
@@ -159,7 +177,7 @@ def test_missing_log(tmp_path):
         LogSource(str(tmp_path / 'none.log'), tiny_pads(tmp_path), lambda *_: None).open()
 
 
-@pytest.mark.parametrize('suffix', ['.log', '.log.gz', '.asc', '.blf', '.csv', '.trc', '.db'])
+@pytest.mark.parametrize('suffix', ['.log', '.log.gz', '.asc', '.blf', '.csv', '.trc', '.db', '.mcap'])
 def test_what_is_written_can_be_read(tmp_path, suffix):
     path = tmp_path / f'x{suffix}'
     writer = CanLogWriter(path)

@@ -116,9 +116,7 @@ class LogSource:
             logger.exception('playing %s', self._path)
         self._router.end()
         self.finished.set()
-        reader = self._reader
-        self._log(f'{self._path} has ended: {reader.can_frames} CAN frames, {reader.unread} lines unread'
-                  f'{f" ({reader.problem})" if reader.unread else ""}.')
+        self._log(f'{self._path} has ended: {self._reader.told}')
 
     def _fail(self, failure: str) -> None:
         self.failure = failure

@@ -1,16 +1,20 @@
-"""CAN logs in the formats python-can knows by suffix: candump ``.log``, ``.asc``, ``.blf``, ``.log.gz``..."""
+"""CAN logs by suffix: python-can's formats (candump ``.log``, ``.asc``, ``.blf``, ``.log.gz``...) and ROS 2 bags."""
 
+import os
 import threading
-import time
 import zlib
 from collections.abc import Iterator
+from datetime import datetime, timezone
 from pathlib import Path
 
 import can
 from can.io import CanutilsLogReader
+from can.io.generic import MessageReader, MessageWriter
 
+from tactile_node.canbus.bag_log import BagCanReader, McapCanWriter, is_bag
 from tactile_node.errors import LogError
 
+TEXT_SUFFIXES = ('.log', '.asc', '.trc')
 FLUSH_PERIOD = 0.5  # s: what a killed recording may lose
 
 
@@ -18,42 +22,62 @@ class CanLogWriter:
     """Writes CAN messages to a log as they come; thread-safe.
 
     An existing file is never overwritten: ``path`` says which one is written, ``session-2.log`` where
-    ``session.log`` is there. Text formats are flushed every FLUSH_PERIOD while messages come; the others (.blf)
-    hold what python-can buffers. Raises LogError when the file cannot be written or its suffix means no format.
+    ``session.log`` is there. Every format is flushed every FLUSH_PERIOD: that much a process that is killed may lose.
+    ``unwritten`` counts messages that the format cannot hold. Raises LogError when the file cannot be written or its
+    suffix means no format.
     """
 
     def __init__(self, path: str | Path):
-        self._lock, self._flushed, self.can_frames = threading.Lock(), time.monotonic(), 0
+        self._lock, self._is_dirty, self.can_frames, self.unwritten = threading.Lock(), False, 0, 0
         self.path = _unused(Path(path))
         try:
-            self._writer: can.io.MessageWriter | None = can.Logger(str(self.path))
+            self._writer = McapCanWriter(self.path) if self.path.suffix == '.mcap' else can.Logger(str(self.path))
         except (OSError, ValueError, ImportError) as error:
             raise LogError(str(path),
-                           expected='a log file that can be written (.log, .log.gz, .asc, .blf, .trc...)',
+                           expected='a log file that can be written (.log, .log.gz, .asc, .blf, .trc, .mcap...)',
                            got=str(error), remedy='Check folder, permissions and suffix.') from error
+        self._closed = threading.Event()
+        threading.Thread(target=self._keep_flushed, name='log', daemon=True).start()
 
     def write(self, message: can.Message) -> None:
         """Write one message; after ``close`` nothing happens."""
         with self._lock:
             if self._writer is None:
                 return
-            self._writer.on_message_received(message)
+            try:
+                self._writer.on_message_received(message)
+            except ValueError:  # the format has no place for it
+                self.unwritten += 1
+                return
             self.can_frames += 1
-            now = time.monotonic()
-            if now - self._flushed > FLUSH_PERIOD:
-                self._flush()
-                self._flushed = now
+            self._is_dirty = True
 
     def close(self) -> None:
+        self._closed.set()
         with self._lock:
             if self._writer is not None:
                 self._writer.stop()
                 self._writer = None
 
-    def _flush(self) -> None:
-        stream = getattr(self._writer, 'file', None)
-        if stream is not None:
-            stream.flush()
+    def _keep_flushed(self) -> None:
+        while not self._closed.wait(FLUSH_PERIOD):
+            with self._lock:
+                if self._is_dirty and self._writer is not None:
+                    _flush(self._writer)
+                self._is_dirty = False
+
+
+def _flush(writer: MessageWriter | McapCanWriter) -> None:
+    """Bring all that was written so far into the file, as a reader needs it."""
+    stream = getattr(writer, 'file', None)
+    if isinstance(writer, can.BLFWriter):  # python-can buffers 128 KiB and tells the begin only at the end
+        writer._flush()
+        end = stream.tell()
+        stream.seek(0)
+        writer._write_header(end)
+        stream.seek(end)
+    if stream is not None:
+        stream.flush()
 
 
 def _unused(path: Path) -> Path:
@@ -66,39 +90,72 @@ def _unused(path: Path) -> Path:
     return candidate
 
 
+def _reader(path: str) -> MessageReader:
+    """python-can's; ASC files tell when they begin, and only when asked their stamps do too."""
+    is_asc = '.asc' in Path(path).suffixes
+    return can.LogReader(path, **({'relative_timestamp': False} if is_asc else {}))
+
+
+def _shortfall(reader: MessageReader | BagCanReader, path: Path) -> str:
+    """What lets a log that was read without complaint look cut short; '' when nothing does."""
+    if isinstance(reader, can.BLFReader) and path.stat().st_size < reader.file_size:
+        return f'cut short: {path.stat().st_size} of {reader.file_size} bytes'
+    if path.suffix not in TEXT_SUFFIXES:
+        return ''
+    with path.open('rb') as file:
+        file.seek(-1, os.SEEK_END)
+        return '' if file.read() in (b'\n', b'\r') else 'cut short: it ends within a line'
+
+
 class CanLogReader:
-    """Iterates over a log's messages; ``unread`` counts lines (or broken rests) left out, ``problem`` why.
+    """Iterates over a log's messages; ``unread`` counts lines (or broken rests) left out, ``problem`` says why.
+
+    Of a log cut short, by a full disk or in a download, what is whole is given; ``told`` says where it ends.
 
     Raises LogError when the file is missing, of no known format, or holds no CAN frame at all.
     """
 
     def __init__(self, path: str | Path):
         self.path, self.unread, self.problem = str(path), 0, ''
-        self.can_frames = 0
-        if not Path(path).is_file():
+        self.can_frames, self._last = 0, 0.0
+        if not Path(path).is_file() and not (Path(path).is_dir() and is_bag(path)):
             self._refuse('no such file', 'Check the path.')
 
     def __iter__(self) -> Iterator[can.Message]:
         self.unread, self.can_frames = 0, 0
         try:
-            reader = can.LogReader(self.path)
+            reader = BagCanReader(self.path) if is_bag(self.path) else _reader(self.path)
+        except LogError:
+            raise
         except Exception as error:  # each format's reader raises its own errors over a bad header
             self._refuse(f'{type(error).__name__}: {error}',
                          'Give a log in a format and with a suffix python-can reads.')
         with reader:
             yield from self._messages(reader)
+        if self.can_frames and not self.unread and (shortfall := _shortfall(reader, Path(self.path))):
+            self.unread, self.problem = 1, shortfall
         if not self.can_frames:
             self._refuse(f'none{f" ({self.unread} lines unread: {self.problem})" if self.unread else ""}',
                          'Record it again, or check that the suffix fits the content.')
 
-    def _messages(self, reader: can.LogReader) -> Iterator[can.Message]:
+    @property
+    def told(self) -> str:
+        """What was read, in a sentence: for the end of the log."""
+        end = datetime.fromtimestamp(self._last, timezone.utc).isoformat(' ', 'milliseconds').replace('+00:00', ' UTC')
+        rest = f'; {self.unread} lines or rests unread: {self.problem}' if self.unread else ''
+        return f'{self.can_frames} CAN frames, the last at {end}{rest}.'
+
+    def _messages(self, reader: MessageReader | BagCanReader) -> Iterator[can.Message]:
         by_lines = isinstance(reader, CanutilsLogReader)
         while True:
             try:
                 for message in reader:
                     self.can_frames += 1
+                    self._last = message.timestamp
                     yield message
                 return
+            except LogError:
+                raise
             except (EOFError, OSError, UnicodeDecodeError, zlib.error) as error:  # a .gz cut short or damaged, no text
                 self._unread(error)
                 return

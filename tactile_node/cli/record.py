@@ -17,7 +17,8 @@ SILENCE = ('Nothing on the bus so far. A CANopen skin is silent until a master s
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser = subparsers.add_parser('record', help='record a CAN log from a live bus', description=__doc__)
     parser.add_argument('file',
-                        help='log to write, format by suffix: .log (candump), .log.gz, .asc, .blf, .trc')
+                        help='log to write, format by suffix: .log (candump), .log.gz, .asc, .blf, .trc, '
+                        '.mcap (ROS 2 bag)')
     parser.add_argument('--interface', default='socketcan',
                         help='python-can interface (default: %(default)s)')
     parser.add_argument('--channel', default='can0', help='its channel (default: %(default)s)')
@@ -38,6 +39,8 @@ def run(args: argparse.Namespace) -> int:
     finally:
         bus.shutdown()
     print(f'{log.can_frames} CAN frames in {log.path}')
+    if log.unwritten:
+        print(f'{log.unwritten} CAN frames left out, for which the format has no place (CAN FD).', file=sys.stderr)
     return 0 if log.can_frames else 1
 
 

@@ -17,7 +17,8 @@ from tactile_node.interruption import interruption
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser = subparsers.add_parser('replay', help='play a CAN log without ROS', description=__doc__)
-    parser.add_argument('log', help='CAN log: .log (candump), .log.gz, .asc, .blf, .trc...')
+    parser.add_argument('log', help='CAN log: .log (candump), .log.gz, .asc, .blf, .trc, or a ROS 2 bag of '
+                        'can_msgs/msg/Frame: .mcap, .db3, its folder')
     parser.add_argument('--layout', default='sim16x16.yaml', help='skin layout (default: %(default)s)')
     parser.add_argument('--node-id', type=node_ids, action='extend', metavar='ID,...',
                         help='node-ID of each pad (default: 32)')

@@ -1,0 +1,193 @@
+"""CAN frames in ROS 2 bags, as can_msgs/msg/Frame: .mcap, .db3 (rosbag2), or a bag's folder. Knows no ROS.
+
+MCAP is written without chunks and summary as it goes, so a file cut short is read up to the cut.
+"""
+
+import sqlite3
+from collections.abc import Iterable, Iterator
+from itertools import chain
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+import can
+
+from tactile_node.errors import LogError
+
+TYPE, TOPIC = 'can_msgs/msg/Frame', 'from_can_bus'  # the topic is that of ros2_socketcan
+SUFFIXES = ('.mcap', '.db3')
+#: As the package can_msgs defines it; std_msgs/Header is known to every reader
+DEFINITION = '''std_msgs/Header header
+uint32 id
+bool is_rtr
+bool is_extended
+bool is_error
+uint8 dlc
+uint8[8] data
+'''
+HEADER = '''================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+'''
+SECOND = 1_000_000_000  # ns
+
+
+class Recorded(NamedTuple):
+    """One message of a bag."""
+
+    topic: str
+    type: str
+    time: int  #: when it was recorded [ns]
+    cdr: bytes
+
+
+def is_bag(path: str | Path) -> bool:
+    """Whether it is to be read as a bag: by suffix, or a folder."""
+    return Path(path).suffix in SUFFIXES or Path(path).is_dir()
+
+
+class BagCanReader:
+    """Iterates over the CAN messages of a bag in the order in which they were recorded.
+
+    Raises LogError for a bag without a topic of can_msgs/msg/Frame, EOFError where it is cut short or damaged.
+    """
+
+    def __init__(self, path: str | Path):
+        self._path, self._types, self._seen = Path(path), _Types(path), {}
+
+    def __iter__(self) -> Iterator[can.Message]:
+        given = 0
+        try:
+            for recorded in chain.from_iterable(map(_recorded, self._files())):
+                self._seen.setdefault(recorded.topic, recorded.type)
+                if recorded.type == TYPE:
+                    given += 1
+                    yield self._types.message(recorded)
+        finally:
+            if not given and self._seen:
+                topics = ', '.join(f'{topic} ({kind})' for topic, kind in sorted(self._seen.items()))
+                raise LogError(str(self._path), expected=f'a topic of type {TYPE}', got=topics,
+                               remedy='Record the topic of your CAN driver, such as /from_can_bus of ros2_socketcan.')
+
+    def __enter__(self) -> 'BagCanReader':
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Files are closed as they are read."""
+
+    def _files(self) -> list[Path]:
+        if not self._path.is_dir():
+            return [self._path]
+        files = [file for file in self._path.iterdir() if file.suffix in SUFFIXES]
+        if not files:
+            raise LogError(str(self._path), expected='a bag: .mcap or .db3 files', got='a folder without them',
+                           remedy='Decompress a compressed bag first (ros2 bag convert).')
+        return sorted(files, key=lambda file: (len(file.name), file.name))  # bag_2 before bag_10
+
+
+class McapCanWriter:
+    """Writes CAN messages as can_msgs/msg/Frame; the surface is that of python-can's writers."""
+
+    def __init__(self, path: str | Path):
+        types = _Types(path)
+        writer = _library('mcap.writer', path)
+        self.file, self._types, self._sequence = open(path, 'wb'), types, 0
+        self._writer = writer.Writer(self.file, use_chunking=False)
+        self._writer.start(profile='ros2', library='tactile_skin')
+        schema = self._writer.register_schema(TYPE, 'ros2msg', (DEFINITION + HEADER).encode())
+        self._channel = self._writer.register_channel(TOPIC, 'cdr', schema)
+
+    def on_message_received(self, message: can.Message) -> None:
+        """Raises ValueError for a CAN FD message, which can_msgs/msg/Frame cannot hold."""
+        if message.is_fd:
+            raise ValueError('a CAN FD frame does not fit into can_msgs/msg/Frame')
+        seconds, part = divmod(message.timestamp, 1)
+        time = int(seconds) * SECOND + round(part * SECOND)  # as one number a float would round to 256 ns
+        self._sequence += 1
+        self._writer.add_message(self._channel, time, self._types.cdr(message, time), time, self._sequence)
+
+    def stop(self) -> None:
+        self._writer.finish()
+        self.file.close()
+
+
+class _Types:
+    """can_msgs/msg/Frame <-> python-can."""
+
+    def __init__(self, path: str | Path):
+        typesys = _library('rosbags.typesys', path)
+        self._store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+        self._store.register(typesys.get_types_from_msg(DEFINITION, TYPE))
+        self._frame, self._numpy = self._store.types[TYPE], _library('numpy', path)
+
+    def message(self, recorded: Recorded) -> can.Message:
+        """Stamped as the CAN driver did, or when it was recorded where it did not."""
+        try:
+            frame = self._store.deserialize_cdr(recorded.cdr, TYPE)
+        except Exception as error:  # rosbags raises what struct and numpy raise
+            raise EOFError(f'a message of {recorded.topic} that is no {TYPE}') from error
+        stamp = frame.header.stamp
+        time = stamp.sec + stamp.nanosec / SECOND if stamp.sec or stamp.nanosec else recorded.time / SECOND
+        return can.Message(time, frame.id & 0x1FFF_FFFF, frame.is_extended, frame.is_rtr, frame.is_error,
+                           dlc=min(frame.dlc, 8), data=None if frame.is_rtr else bytes(frame.data[:min(frame.dlc, 8)]))
+
+    def cdr(self, message: can.Message, time: int) -> bytes:
+        kinds, data = self._store.types, bytes(message.data).ljust(8, b'\0')
+        stamp = kinds['builtin_interfaces/msg/Time'](time // SECOND, time % SECOND)
+        header = kinds['std_msgs/msg/Header'](stamp, str(message.channel or ''))
+        frame = self._frame(header, message.arbitration_id, message.is_remote_frame, message.is_extended_id,
+                            message.is_error_frame, message.dlc, self._numpy.frombuffer(data, self._numpy.uint8))
+        return bytes(self._store.serialize_cdr(frame, TYPE))
+
+
+def _recorded(path: Path) -> Iterable[Recorded]:
+    if path.suffix == '.db3':
+        yield from _of_sqlite(path)
+        return
+    with path.open('rb') as file:
+        yield from _of_mcap(file, path)
+
+
+def _of_mcap(file: BinaryIO, path: Path) -> Iterator[Recorded]:
+    """Record after record, not by the summary at the end, which a recording that was killed lacks."""
+    reader, records = _library('mcap.stream_reader', path), _library('mcap.records', path)
+    schemas, channels, ended = {}, {}, False
+    try:
+        for record in reader.StreamReader(file).records:
+            if isinstance(record, records.Schema):
+                schemas[record.id] = record.name
+            elif isinstance(record, records.Channel):
+                channels[record.id] = record
+            elif isinstance(record, records.Message):
+                channel = channels[record.channel_id]
+                yield Recorded(channel.topic, schemas.get(channel.schema_id, ''), record.log_time, record.data)
+            ended = ended or isinstance(record, records.DataEnd)
+    except Exception as error:  # the library lets struct's and zstandard's errors through beside its own
+        if not ended:
+            raise EOFError(f'cut short or damaged ({type(error).__name__}: {error})') from error
+    if not ended:
+        raise EOFError('cut short: the recording was not ended')
+
+
+def _of_sqlite(path: Path) -> Iterator[Recorded]:
+    try:
+        with sqlite3.connect(f'file:{path}?mode=ro', uri=True) as base:
+            yield from map(Recorded._make, base.execute(
+                'SELECT topics.name, topics.type, messages.timestamp, messages.data FROM messages '
+                'JOIN topics ON messages.topic_id = topics.id ORDER BY messages.timestamp, messages.id'))
+    except sqlite3.Error as error:
+        raise EOFError(f'cut short or damaged ({error})') from error
+
+
+def _library(name: str, path: str | Path):
+    """Bags are an extra: whoever uses none needs none of their libraries."""
+    from importlib import import_module
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise LogError(str(path), expected='the libraries that bags need', got=str(error),
+                       remedy="Install them: pip install 'tactile-skin[bag]'.") from error

@@ -1,0 +1,139 @@
+"""CAN frames in ROS 2 bags: ours read by others' libraries, others' bags read by us, replayed like any log."""
+
+import gzip
+import shutil
+
+import can
+import numpy as np
+import pytest
+from test_logs import DATA, play
+
+from tactile_node.canbus.bag_log import TYPE
+from tactile_node.canbus.layout_file import load_layout
+from tactile_node.canbus.logs import CanLogReader, CanLogWriter
+from tactile_node.canbus.pads import PadSettings
+from tactile_node.errors import LogError
+
+rosbags = pytest.importorskip('rosbags.rosbag2')
+mcap = pytest.importorskip('mcap.reader')
+typesys = pytest.importorskip('rosbags.typesys')
+
+FRAME = '''std_msgs/Header header
+uint32 id
+bool is_rtr
+bool is_extended
+bool is_error
+uint8 dlc
+uint8[8] data'''
+SESSION = DATA / 'sim16x16_two_pads.log.gz'
+SENT = [can.Message(1.7e9, 0x181, False, data=b'\x0A\x0B', channel='can0'), can.Message(1.7e9 + 0.25, 0x80, False),
+        can.Message(1.7e9 + 0.5, 0x1ABCDEF, True, data=bytes(range(8))),
+        can.Message(1.7e9 + 0.75, 0x181, False, is_remote_frame=True, dlc=2),
+        can.Message(1.7e9 + 1, 0x040, False, is_error_frame=True, dlc=8, data=bytes(8))]
+
+
+def written(path, messages=SENT):
+    writer = CanLogWriter(path)
+    for message in messages:
+        writer.write(message)
+    writer.close()
+    return path
+
+
+def store():
+    types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+    types.register(typesys.get_types_from_msg(FRAME, TYPE))
+    return types
+
+
+def bag(folder, plugin, topics=(('/from_can_bus', TYPE),), stamped=True):
+    """A bag as rosbag2 makes it, by an independent writer: SENT's data frames on the first topic."""
+    types = store()
+    kinds = types.types
+    with rosbags.Writer(folder, version=9, storage_plugin=plugin) as writer:
+        for topic, kind in topics:
+            connection = writer.add_connection(topic, kind, typestore=types)
+            for message in SENT[:3]:
+                time = int(message.timestamp) * 10 ** 9 + round(message.timestamp % 1 * 1e9)
+                stamp = kinds['builtin_interfaces/msg/Time'](*divmod(time if stamped else 0, 10 ** 9))
+                header = kinds['std_msgs/msg/Header'](stamp, 'can0')
+                content = header if kind != TYPE else kinds[TYPE](
+                    header, message.arbitration_id, False, message.is_extended_id, False, message.dlc,
+                    np.frombuffer(bytes(message.data).ljust(8, b'\0'), np.uint8))
+                writer.write(connection, time, types.serialize_cdr(content, kind))
+    return folder
+
+
+def told(messages):
+    return [(m.timestamp, m.arbitration_id, m.is_extended_id, m.is_remote_frame, m.is_error_frame, m.dlc,
+             bytes(m.data)) for m in messages]
+
+
+def test_every_kind_of_frame_comes_back(tmp_path):
+    assert told(CanLogReader(written(tmp_path / 'x.mcap'))) == told(SENT)
+
+
+def test_what_we_write_others_read(tmp_path):
+    """By MCAP's own indexed reader, with the schema in the file as the only source of the type."""
+    with written(tmp_path / 'x.mcap').open('rb') as file:
+        reader = mcap.make_reader(file)
+        assert reader.get_header().profile == 'ros2' and reader.get_summary().statistics.message_count == 5
+        schemas, channels, records = zip(*reader.iter_messages())
+    schema, channel = schemas[0], channels[0]
+    assert (schema.name, schema.encoding, channel.message_encoding) == (TYPE, 'ros2msg', 'cdr')
+    types = typesys.get_typestore(typesys.Stores.EMPTY)
+    types.register(typesys.get_types_from_msg(schema.data.decode(), schema.name))
+    first = types.deserialize_cdr(records[0].data, TYPE)
+    assert (first.id, first.dlc, first.data[:2].tolist(), first.header.frame_id) == (0x181, 2, [10, 11], 'can0')
+    assert records[1].log_time == 1_700_000_000_250_000_000
+
+
+@pytest.mark.parametrize('plugin', ['MCAP', 'SQLITE3'])
+def test_bags_of_rosbag2_are_read_by_folder_and_by_file(tmp_path, plugin):
+    folder = bag(tmp_path / 'bag', rosbags.StoragePlugin[plugin])
+    file, = (file for file in folder.iterdir() if file.suffix in ('.mcap', '.db3'))
+    assert told(CanLogReader(folder)) == told(CanLogReader(file)) == told(SENT[:3])
+
+
+def test_without_stamps_the_time_of_recording_counts(tmp_path):
+    folder = bag(tmp_path / 'bag', rosbags.StoragePlugin.MCAP, stamped=False)
+    assert [message.timestamp for message in CanLogReader(folder)] == [m.timestamp for m in SENT[:3]]
+
+
+@pytest.mark.parametrize('plugin', ['MCAP', 'SQLITE3'])
+def test_a_bag_without_can_frames_is_told_by_its_topics(tmp_path, plugin):
+    folder = bag(tmp_path / 'bag', rosbags.StoragePlugin[plugin], (('/odom', 'std_msgs/msg/Header'),))
+    with pytest.raises(LogError, match='/odom .std_msgs/msg/Header.'):
+        list(CanLogReader(folder))
+    with pytest.raises(LogError, match='.mcap or .db3'):
+        list(CanLogReader(tmp_path))
+
+
+@pytest.mark.parametrize(('name', 'content'), [('x.mcap', b''), ('x.mcap', b'\x89MCAP0\r\n' + bytes(50)),
+                                               ('x.db3', b''), ('x.db3', b'SQLite format 3\0' + bytes(200))])
+def test_broken_bags_are_errors(tmp_path, name, content):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(LogError, match=name):
+        list(CanLogReader(tmp_path / name))
+
+
+def test_can_fd_has_no_place_and_is_counted(tmp_path):
+    writer = CanLogWriter(tmp_path / 'x.mcap')
+    writer.write(can.Message(1.0, 0x181, False, is_fd=True, data=bytes(12)))
+    writer.close()
+    assert (writer.can_frames, writer.unwritten) == (0, 1)
+
+
+def test_a_session_replays_from_a_bag_as_from_the_log(tmp_path):
+    layout = load_layout('sim16x16.yaml')
+    pads = (PadSettings('left', 32, layout), PadSettings('right', 64, layout))
+    log = tmp_path / 'session.log'
+    with gzip.open(SESSION) as source, log.open('wb') as target:
+        shutil.copyfileobj(source, target)
+    frames, source = play(log, pads)
+    again, bagged = play(written(tmp_path / 'session.mcap', CanLogReader(log)), pads)
+    assert source.statistics() == bagged.statistics() and len(again) == len(frames) > 10
+    for (pad, frame), (other, same) in zip(frames, again):
+        assert pad == other and frame.stamp == pytest.approx(same.stamp, abs=1e-6)
+        np.testing.assert_array_equal(frame.values, same.values)
+        np.testing.assert_array_equal(frame.status, same.status)
