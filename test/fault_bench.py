@@ -45,17 +45,18 @@ class Coded:
 
 
 class FaultBench(Bench):
-    """Pads of 8x8 taxels, Coded unless ``source`` says otherwise; every frame published is kept and checked at the end.
+    """Pads of 8x8 Coded taxels, unless ``layout`` and ``source`` say otherwise; every frame published is kept, and
+    checked at the end.
 
     ``cause`` and ``end_of_cause`` mark when the fault acts; ``detected`` and ``publishing_again`` [s] are
     measured from them.
     """
 
     def __init__(self, channel: str, nodes: tuple[int, ...] = (32,), recover: bool = True, source=None,
-                 **settings: Any):
+                 layout: str = LAYOUT, **settings: Any):
         self._coded = Coded() if source is None else None
         self.is_clock_true = True  #: False: stamps cannot be compared with the wall clock
-        super().__init__(channel, LAYOUT, nodes, source=source or self._coded)
+        super().__init__(channel, layout, nodes, source=source or self._coded)
         self.adapter, self.kept, self.complaints, self.hold = Adapter(), [], [], threading.Event()
         self.hold.set()  #: cleared: the consumer hangs
         self.settings = BusSettings('virtual', channel, **{'sync_period': 0.02} | settings)

@@ -12,7 +12,10 @@ from collections.abc import Callable
 
 import can
 import numpy as np
-from fault_bench import FaultBench
+from fault_bench import PATIENCE, FaultBench
+
+from tactile_node.conditioning.tare import TaredPad
+from tactile_node.errors import DeviceError, TareRefusedError
 
 ALLOWED = 1.0  # s from the end of a cause until taxels come again
 ALL_TPDOS = range(1, 17)  # of the pad of 8x8 taxels
@@ -502,6 +505,171 @@ def fails_while_inactive(channel: str) -> FaultBench:
     return bench
 
 
+def guarded_by_another_master(channel: str) -> FaultBench:
+    """Node guarding: requests and answers with the toggle bit change no state, count as no boot, lose no taxel."""
+    with FaultBench(channel) as bench:
+        bench.run()
+        for answer in ('05', '85') * 50:
+            bench.other.send(can.Message(arbitration_id=0x720, is_extended_id=False, is_remote_frame=True, dlc=1))
+            bench.send(0x720, answer)
+        bench.wait(lambda: bench.driver.statistics().can_frames.get('remote') == 100, 'not counted')
+        bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
+        assert not bench.complaints and (bench.node().state, bench.node().boots) == ('OPERATIONAL', 0)
+    return bench
+
+
+def other_makers_device_at_work(channel: str) -> FaultBench:
+    """A busy device of another maker: its PDOs, SDOs, EMCY, boot-ups, a SYNC and TIME of its own disturb nothing."""
+    theirs = ((0x185, '0102030405060708'), (0x285, 'FF'), (0x605, '4018100100000000'), (0x585, '4318100100000001'),
+              (0x085, '0010010000000000'), (0x705, '00'), (0x705, '7F'), (0x090, ''), (0x100, '000000000000'),
+              (0x205, '00'), (0x7E5, '0400000000000000'))
+    with FaultBench(channel) as bench:
+        bench.run()
+        before = bench.driver.statistics().pads['pad32']
+        for can_id, data in theirs * 100:
+            bench.send(can_id, data)
+        bench.wait(lambda: bench.driver.statistics().can_frames.get('foreign', 0) == 400, 'not counted')
+        bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
+        counts = bench.driver.statistics()
+        assert (counts.can_frames['emcy'], counts.can_frames['time']) == (200, 100)  # 0x090 is in the range of EMCY
+        assert not bench.complaints and bench.node().emergencies == 0
+        assert counts.pads['pad32'].losses['unknown_row'] == before.losses['unknown_row'] == 0
+    return bench
+
+
+def refuses_operational_from_the_start(channel: str) -> FaultBench:
+    """activate fails in a sentence that says which state the device is in; the bus stays open for another try."""
+    with FaultBench(channel) as bench:
+        bench.device.refuses_start = True
+        bench.driver.open()
+        bench.driver.configure()
+        bench.cause()
+        try:
+            bench.driver.start()
+            raise AssertionError('start() is content')
+        except DeviceError as error:
+            assert 'expected OPERATIONAL after NMT start' in str(error) and '0x7F' in str(error), error
+        bench.detected = time.monotonic() - bench._begun
+        assert all(np.isnan(frame.values).all() for _, frame in bench.kept)
+        bench.kept.clear()  # with each start sequence numbers begin anew
+        bench.device.refuses_start = False
+        bench.end_of_cause()
+        bench.driver.start()
+        bench.recover()
+    return bench
+
+
+def tare_under_load(channel: str) -> FaultBench:
+    """A tare while something presses is refused with the taxel that is pressed most; the zero stays as it was."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        pad, seen, outcome = TaredPad(), len(bench.kept), []
+
+        def tare() -> None:
+            try:
+                pad.tare(10, 0.5, PATIENCE)
+            except TareRefusedError as error:
+                outcome.append(str(error))
+        asking = threading.Thread(target=tare)
+        asking.start()
+        while asking.is_alive():
+            for _, frame in bench.kept[seen:]:
+                pad.feed(frame)
+                seen += 1
+            asking.join(0.01)
+        bench.detected = time.monotonic() - bench._begun
+        last = 63  # Coded: the last taxel reads most
+        assert f'row {last // 8}, column {last % 8}' in outcome[0] and pad.offset is None
+    return bench
+
+
+def one_of_a_pads_nodes_lost(channel: str) -> FaultBench:
+    """Of a pad made of two nodes, only the lost one's taxels are NaN; it is named, and used again when it boots."""
+    source = np.random.default_rng(1).uniform(100, 1000, (12, 8))
+    with FaultBench(channel, (32, 35), source=lambda t: source, layout='nodes2_12x8_12bit.yaml') as bench:
+        bench.run().cause()
+        bench.simulator.devices[35].power_off()
+        bench.detect("Node 35 (pad 'pad32'): it sends neither")
+        bench.wait(lambda: bench.kept[-1][1].missing_can_frames == 12, 'frames of half a pad')
+        values = bench.kept[-1][1].values
+        assert np.isfinite(values[:6]).all() and np.isnan(values[6:]).all()
+        bench.simulator.devices[35].boot()
+        bench.end_of_cause()
+        bench.recover()
+    return bench
+
+
+def polled_pad_power_cycled(channel: str) -> FaultBench:
+    """A pad read by SDO block upload: its polls fail, are counted and told; it is configured again as it boots."""
+    source = np.random.default_rng(2).uniform(100, 1000, (16, 10))
+    with FaultBench(channel, source=lambda t: source, layout='domain16x10_16bit.yaml') as bench:
+        bench.run().cause()
+        bench.device.power_off()
+        bench.detect('its taxels could not be read')
+        bench.wait(lambda: bench.kept[-1][1].missing_can_frames == 1, 'frames of a dead pad')
+        bench.device.boot()
+        bench.end_of_cause()
+        bench.recover()
+    return bench
+
+
+def polled_uploads_damaged(channel: str) -> FaultBench:
+    """Segments of the uploads are damaged on the bus: the CRC tells, those frames are NaN, no value is wrong."""
+    source, count = np.random.default_rng(3).uniform(100, 1000, (16, 10)), itertools.count()
+
+    def damage(message: can.Message) -> list[can.Message]:
+        if message.arbitration_id == 0x5A0 and message.data[0] < 0x80 and next(count) % 100 == 0:
+            data = bytearray(message.data)
+            data[5] ^= 1
+            message = _with_data(message, bytes(data))
+        return [message]
+    with FaultBench(channel, source=lambda t: source, layout='domain16x10_16bit.yaml') as bench:
+        bench.run().cause()
+        bench.adapter.tamper = damage
+        bench.detect('CRC')
+        bench.wait(lambda: bench.driver.statistics().pads['pad32'].losses['broken'] > 5, 'not counted')
+        bench.adapter.tamper = None
+        bench.end_of_cause()
+        bench.recover()
+        scale = bench.pads[0].layout.value.scale
+        for _, frame in bench.kept:
+            assert np.isnan(frame.values).all() or np.abs(frame.values - source).max() <= 0.5 * scale + 1e-3
+    return bench
+
+
+def _two_large_pads(channel: str, disturb: Callable[[FaultBench], None]) -> FaultBench:
+    source = np.random.default_rng(4).uniform(1e3, 9e4, (16, 16))
+    with FaultBench(channel, (32, 64), source=lambda t: source, layout='sim16x16.yaml') as bench:
+        bench.run()
+        bench.wait_for_whole('pad64')
+        bench.cause()
+        disturb(bench)
+        bench.recover('pad32', 'pad64')
+    return bench
+
+
+def adapter_of_two_large_pads_unplugged(channel: str) -> FaultBench:
+    """Two pads of 16x16 taxels, 64 TPDOs to be checked again: both are back."""
+    def disturb(bench: FaultBench) -> None:
+        bench.adapter.is_plugged = False
+        bench.detect('CAN bus has failed')
+        bench.adapter.is_plugged = True
+        bench.end_of_cause()
+    return _two_large_pads(channel, disturb)
+
+
+def two_large_pads_power_cycled(channel: str) -> FaultBench:
+    """Two pads of 16x16 taxels lose their supply together: 64 TPDOs are written anew."""
+    def disturb(bench: FaultBench) -> None:
+        for device in bench.simulator.devices.values():
+            device.power_off()
+        for device in bench.simulator.devices.values():
+            device.boot()
+        bench.end_of_cause()
+        bench.detect('has started anew')
+    return _two_large_pads(channel, disturb)
+
+
 FAULTS: tuple[Callable[[str], FaultBench], ...] = (
     power_cycled_in_mid_stream, absent_then_back, absent_at_configure_then_late, one_of_two_pads_lost,
     boot_up_message_lost, another_device_comes_back, reset_by_another_master, all_reset_by_another_master,
@@ -510,7 +678,9 @@ FAULTS: tuple[Callable[[str], FaultBench], ...] = (
     tpdos_switched_off_by_another_master, sync_of_another_producer_stops, emcy_storm, short_emcy, foreign_frames,
     absent_pad_of_two, tpdos_lost, tpdos_duplicated, tpdos_reordered, short_tpdos, over_long_tpdos,
     sdo_aborted_in_configuration, sdo_timeout_in_mid_configuration, device_that_lies_about_its_mapping, queue_overrun,
-    wall_clock_set_back, wall_clock_set_forward, fails_while_inactive)
+    wall_clock_set_back, wall_clock_set_forward, fails_while_inactive, guarded_by_another_master,
+    other_makers_device_at_work, refuses_operational_from_the_start, tare_under_load, one_of_a_pads_nodes_lost,
+    polled_pad_power_cycled, polled_uploads_damaged, adapter_of_two_large_pads_unplugged, two_large_pads_power_cycled)
 
 
 def main() -> int:

@@ -1,20 +1,23 @@
 """Random and mutated input: files of every kind we read, CAN frames of every kind a bus can carry.
 
-Run by `make fuzz`, or: python test/fuzzing.py [--frames 1000000] [--files 10000] [--seed 1]. What breaks the rule (only
-TactileError, no hang, no loss in silence, no growing memory) is kept in build/fuzz and belongs, once mended, into
-test/data/corpus, which the tests read.
+Run by `make fuzz`, or: python test/fuzzing.py [--frames 1000000] [--files 10000] [--lines 100000] [--seed 1]. What
+breaks the rule (only TactileError, no hang, no loss in silence, no exception in a callback, no growing memory) is
+kept in build/fuzz and belongs, once mended, into test/data/corpus, which the tests read.
 """
 
 import argparse
 import gzip
 import logging
 import os
+import pty
 import random
 import signal
 import sys
 import tempfile
+import threading
 import time
 import traceback
+import tty
 from collections import Counter
 from collections.abc import Callable, Iterator
 from itertools import islice
@@ -27,10 +30,12 @@ from can_bench import INTERFACE, TINY, Bench, wait_until
 from tactile_node.canbus.eds import load_eds
 from tactile_node.canbus.layout_file import load_layout
 from tactile_node.canbus.logs import CanLogReader
+from tactile_node.canbus.slcan_bus import LONGEST_LINE, BulkSlcanBus
 from tactile_node.canbus.supervisor import Supervisor
 from tactile_node.errors import TactileError
 from tactile_node.shape.methods import VOLF, make_recogniser
 from tactile_node.shape.recogniser import ShapeRecogniser
+from tactile_node.simulator.slcan_pty import encode
 
 ROOT = Path(__file__).resolve().parents[1]
 CORPUS = ROOT / 'test/data/corpus'
@@ -227,6 +232,69 @@ class FrameFuzz:
         self.complaints[''.join(c for c in sentence if not c.isdigit())[:60]] += 1
 
 
+class Tracebacks(logging.Handler):
+    """Counts exceptions that were caught and logged, by logger and type: nobody else sees those of callbacks."""
+
+    def __init__(self):
+        super().__init__(logging.ERROR)
+        self.counts: Counter[str] = Counter()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if record.exc_info or isinstance(record.msg, Exception):
+            error = record.exc_info[1] if record.exc_info else record.msg
+            self.counts[f'{record.name} on {threading.current_thread().name}: {type(error).__name__}'] += 1
+
+    @property
+    def ours(self) -> int:
+        """Those of the package; the simulated skin's SDO server is canopen's and gets the same garbage."""
+        return sum(count for where, count in self.counts.items() if where.startswith('tactile_node'))
+
+
+class SerialFuzz:
+    """An slcan adapter on a line that damages what passes; use with ``with``."""
+
+    def __init__(self, seed: int):
+        self._rng, self._master = random.Random(seed), -1
+        self.sent, self.outcome = 0, Counter()
+
+    def __enter__(self) -> 'SerialFuzz':
+        self._master, port = pty.openpty()
+        tty.setraw(port)
+        os.set_blocking(self._master, False)
+        self.bus = BulkSlcanBus(os.ttyname(port), bitrate=1_000_000, sleep_after_open=0.0)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.bus.shutdown()
+        os.close(self._master)
+
+    def send(self, count: int) -> None:
+        """Broken lines, each followed by a sound one that must come as it was sent."""
+        for _ in range(count):
+            self.sent += 1
+            mark = self.sent.to_bytes(8, 'big')
+            os.write(self._master, self._broken() + b'\r' + encode(can.Message(arbitration_id=0x7FF, data=mark,
+                                                                              is_extended_id=False)))
+            while True:
+                message = self.bus.recv(PATIENCE)
+                assert message is not None, f'sound line {self.sent} did not come'
+                if message.arbitration_id == 0x7FF and bytes(message.data) == mark:
+                    break
+                self.outcome['told as damaged' if message.is_error_frame else 'a frame by chance'] += 1
+            assert len(self.bus._buffer) <= LONGEST_LINE
+            try:
+                os.read(self._master, 1 << 16)  # what the driver's side has sent to the adapter
+            except BlockingIOError:
+                pass
+
+    def _broken(self) -> bytes:
+        rng = self._rng
+        line = encode(random_message(rng, [0x181, 0x720])) if rng.random() < 0.8 else rng.randbytes(rng.randrange(400))
+        for _ in range(rng.randint(1, 3)):
+            line = rng.choice((_flip, _cut, _moved))(rng, line)
+        return line
+
+
 def resident() -> float:
     return int(Path('/proc/self/statm').read_text().split()[1]) * os.sysconf('SC_PAGE_SIZE') / 1e6
 
@@ -277,16 +345,31 @@ def fuzz_frames(count: int, seed: int) -> int:
     return len(fuzz.bad) + (not right) + (grown > GROWTH)
 
 
+def fuzz_lines(count: int, seed: int) -> int:
+    """Print what became of ``count`` broken slcan lines; return how many rules were broken."""
+    with SerialFuzz(seed) as fuzz:
+        fuzz.send(count // 10)
+        warm = resident()
+        fuzz.send(count - count // 10)
+    print(f'slcan lines: {fuzz.sent} broken, {dict(fuzz.outcome)}; every sound line after them came; '
+          f'memory {resident() - warm:+.1f} MB after the first tenth')
+    return int(resident() - warm > GROWTH)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('--frames', type=int, default=1_000_000)
     parser.add_argument('--files', type=int, default=10_000)
+    parser.add_argument('--lines', type=int, default=100_000, help='of slcan')
     parser.add_argument('--seed', type=int, default=1)
     args = parser.parse_args()
-    logging.disable(logging.CRITICAL)
+    tracebacks = Tracebacks()
+    logging.getLogger().handlers = [tracebacks]
     broken = fuzz_files(args.files, args.seed) if args.files else 0
     broken += fuzz_frames(args.frames, args.seed) if args.frames else 0
-    return int(broken > 0)
+    broken += fuzz_lines(args.lines, args.seed) if args.lines else 0
+    print(f'exceptions caught and logged: {dict(tracebacks.counts)}')
+    return int(broken + tracebacks.ours > 0)
 
 
 if __name__ == '__main__':

@@ -132,3 +132,22 @@ def test_tare_is_refused_under_load_and_takes_off_what_is_below_the_limit(chain)
     assert done.success and done.tared == ['pad32'] and done.frames_used[0] == 5
     assert done.largest_offset[0] == pytest.approx(PRESSED, abs=0.01) and done.noise[0] == pytest.approx(0, abs=0.01)
     chain.wait(lambda: np.allclose(chain.taxels[-1].values, 0, atol=0.01), 'tare not taken off')
+
+
+def test_the_devices_own_zero_is_asked_for_only_without_load(chain):
+    chain.driver.autostart()
+    chain.wait(lambda: (OK, OK) in chain.levels, 'never OK')
+    client = chain.listener.create_client(Tare, '/skin_driver/tare')
+    answers = []
+    for limit in (0.5 * PRESSED, 2 * PRESSED):
+        assert chain.driver.set_parameters([Parameter('tare_limit', value=limit)])[0].successful
+        call = client.call_async(Tare.Request(frames=5, on_device=True))
+        chain.wait(call.done, 'no answer')
+        answers.append(call.result())
+        if len(answers) == 1:
+            np.testing.assert_allclose(chain.taxels[-1].values, PRESSED, atol=0.01)
+    refused, done = answers
+    assert not refused.success and 'row' in refused.message
+    assert done.success and f'{SIDE * SIDE} channels zeroed on the device' in done.message
+    assert done.largest_offset[0] == pytest.approx(0, abs=0.01)  # nothing was left for the driver to take off
+    chain.wait(lambda: np.allclose(chain.taxels[-1].values, 0, atol=0.01), 'not zero')

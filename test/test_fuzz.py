@@ -1,9 +1,10 @@
 """A fixed, small share of `make fuzz`, and every input that once broke something."""
 
+import logging
 from pathlib import Path
 
 import pytest
-from fuzzing import CORPUS, FrameFuzz, mutated_files, survives
+from fuzzing import CORPUS, FrameFuzz, SerialFuzz, Tracebacks, mutated_files, survives
 
 CASES = sorted(path for path in CORPUS.iterdir() if path.name != 'README.md')
 
@@ -21,7 +22,19 @@ def test_mutated_files_are_read_or_refused(tmp_path):
 
 
 def test_random_can_messages_leave_a_driver_that_still_works():
-    with FrameFuzz('fuzzed', 3) as fuzz:
-        fuzz.send(4000)
-        assert fuzz.right_again()
-        assert not fuzz.bad and fuzz.complaints
+    tracebacks = Tracebacks()
+    logging.getLogger().addHandler(tracebacks)
+    try:
+        with FrameFuzz('fuzzed', 3) as fuzz:
+            fuzz.send(4000)
+            assert fuzz.right_again()
+            assert not fuzz.bad and fuzz.complaints
+    finally:
+        logging.getLogger().removeHandler(tracebacks)
+    assert not tracebacks.ours, tracebacks.counts
+
+
+def test_broken_slcan_lines_are_told_and_the_sound_ones_come():
+    with SerialFuzz(4) as fuzz:
+        fuzz.send(500)
+        assert fuzz.outcome['told as damaged'] > 100

@@ -11,6 +11,8 @@ from tactile_node.canbus.health import BusHealth, NodeHealth  # noqa: E402
 from tactile_node.canbus.losses import LossReason, PadStatistics  # noqa: E402
 from tactile_node.canbus.node_watch import Ailment  # noqa: E402
 from tactile_node.canbus.router import SERVICES, BusStatistics  # noqa: E402
+from tactile_node.conditioning.conditioned_pad import PadCondition  # noqa: E402
+from tactile_node.conditioning.taxel_faults import TaxelJudge  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
 
 PAGE = (Path(__file__).resolve().parents[1] / 'docs/hardware.md').read_text(encoding='utf-8')
@@ -22,7 +24,8 @@ def told() -> set[str]:
     services = {service for *_, service in SERVICES} | {'tpdo', 'sync', 'foreign', 'remote'}
     counts = BusStatistics({'pad': pad}, dict.fromkeys(services, 0))
     health = BusHealth(nodes={'pad': (NodeHealth(32, 'STOPPED', False, None),)})
-    statuses = BusDiagnostics('driver', 'can0').message(counts, health).status
+    condition = PadCondition(TaxelJudge(1, 1, 1.0).faults)
+    statuses = BusDiagnostics('driver', 'can0').message(counts, health, {'pad': condition}).status
     return {pair.key for status in statuses for pair in status.values} - {'node_id'}
 
 

@@ -217,7 +217,8 @@ def test_slcan_client_reads_through_noise_on_the_line():
     os.write(master, b'\r\at1A02AABB\rz\rt1A0\rtXYZ0\r\xff\xfe\rV1013\rt1A01')
     os.write(master, b'CC\r')
     received = [client.recv(0.2) for _ in range(8)]
-    assert [bytes(m.data) for m in received if m is not None] == [b'\xAA\xBB', b'\xCC']
+    came = [(m.is_error_frame, bytes(m.data)) for m in received if m is not None]
+    assert came == [(False, b'\xAA\xBB'), (True, bytes(8)), (True, bytes(8)), (False, b'\xCC')]  # t1A0, tXYZ0
     client.shutdown()
     os.close(master)
     os.close(port)

@@ -193,3 +193,18 @@ def test_bad_files_of_faults(tmp_path, content, says):
     path.write_text(content)
     with pytest.raises(ConfigurationError, match=says):
         load_faults(path, {'left': (2, 2)})
+
+
+def test_a_pad_that_repeats_itself_to_the_bit_is_frozen_when_asked_for():
+    pad, random = ConditionedPad(TaredPad(), TaxelJudge(2, 2, LIMIT), known()), np.random.default_rng(2)
+    last = random.standard_normal((2, 2))
+    live = [frame(random.standard_normal((2, 2)))._replace(stamp=0.02 * n) for n in range(50)]
+    frozen = [frame(last)._replace(stamp=1 + 0.02 * n) for n in range(60)]
+    assert np.isfinite([pad.feed(each).values for each in live + frozen]).all()
+    assert pad.unchanged == pytest.approx(0.02 * 59) and not pad.is_frozen
+    pad = ConditionedPad(TaredPad(), TaxelJudge(2, 2, LIMIT), known())
+    pad.frozen_after = 0.5
+    given = [pad.feed(each) for each in live + frozen + [frame(-last)._replace(stamp=2.5)]]
+    valid = [bool(np.isfinite(each.values).all()) for each in given]
+    assert valid == [True] * (50 + 25) + [False] * 35 + [True]  # 0.5 s are 25 frames after the first of them
+    assert (given[-2].status == TaxelStatus.STALE).all() and not given[-2].values.flags.writeable

@@ -21,6 +21,7 @@ logger = logging.getLogger(__name__)
 # An SDO timeout is told by whoever asked, in a sentence; canopen's own line adds nothing and names no node
 logging.getLogger('canopen.sdo').setLevel(logging.CRITICAL)
 
+SDO_BYTES = 8  # CiA 301: every SDO frame has as many
 RECEIVE_TIMEOUT = 0.1  # s the notifier waits at most, hence how long close() may take
 
 _NOT_INSTALLED = 'Check the name, and install what this interface needs (slcan: pyserial).'
@@ -98,12 +99,16 @@ class BusNetwork(Network):
         """SDO with one device, one at a time. Not canopen's RemoteNode: that also keeps every EMCY for ever."""
         client = SdoClient(0x600 + node_id, 0x580 + node_id, dictionary)
         client.network = self
+
+        def on_response(can_id: int, data: bytes, timestamp: float) -> None:
+            if len(data) == SDO_BYTES:  # canopen stumbles over shorter ones
+                client.on_response(can_id, data, timestamp)
         with self._sdo_turns[node_id]:
-            self.subscribe(client.tx_cobid, client.on_response)
+            self.subscribe(client.tx_cobid, on_response)
             try:
                 yield client
             finally:
-                self.unsubscribe(client.tx_cobid, client.on_response)
+                self.unsubscribe(client.tx_cobid, on_response)
 
     def close(self) -> None:
         """Stop receiving and close the bus; allowed on a dead bus. The recording stays open."""

@@ -24,6 +24,9 @@ class FrameSource(Protocol):
     def close(self) -> None:
         """Give everything back; allowed in any state, also twice."""
 
+    def auto_zero(self, pad: str) -> int:
+        """Let the pad's devices zero themselves (CiA 404); how many channels. Raises DeviceError, BusError."""
+
     def adjust(self, drop_incomplete: bool, heartbeat_timeout: float) -> None:
         """Change these while frames flow, or do not; see BusSettings and Supervisor."""
 

@@ -10,7 +10,7 @@ class Outages(NamedTuple):
 
     count: int = 0
     seconds: float = 0.0
-    reason: str = ''  #: of the last one
+    reason: str = ''  #: what began the last one
 
 
 class NodeHealth(NamedTuple):

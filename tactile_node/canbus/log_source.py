@@ -11,7 +11,7 @@ from tactile_node.canbus.health import BusHealth
 from tactile_node.canbus.logs import CanLogReader
 from tactile_node.canbus.pads import PadSettings, check_pads
 from tactile_node.canbus.router import BusStatistics, OnFrame, Router
-from tactile_node.errors import LogError
+from tactile_node.errors import DeviceError, LogError
 
 logger = logging.getLogger(__name__)
 
@@ -67,6 +67,10 @@ class LogSource:
     def close(self) -> None:
         self.stop()
         self._messages = None
+
+    def auto_zero(self, pad: str) -> int:
+        raise DeviceError(f'pad {pad!r}', expected='a device that zeroes itself', got=f'the log {self._path}',
+                          remedy='Tare without on_device.')
 
     def adjust(self, drop_incomplete: bool, heartbeat_timeout: float) -> None:
         """A log has nobody whose heartbeat could fail."""

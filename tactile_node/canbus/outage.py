@@ -12,7 +12,7 @@ class OutageClock:
     def __init__(self):
         self._ended, self._count, self._seconds = 0.0, 0, 0.0
         self._begun: float | None = None
-        self.reason = ''
+        self.cause = self.reason = ''  # what began the last one, what goes on
 
     @property
     def is_running(self) -> bool:
@@ -21,7 +21,7 @@ class OutageClock:
     def begin(self, now: float, reason: str) -> None:
         """Begin an outage, or go on with the one under way."""
         if self._begun is None:
-            self._begun, self._count = now, self._count + 1
+            self._begun, self._count, self.cause = now, self._count + 1, reason
         self.reason = reason
 
     def end(self, now: float) -> float:
@@ -31,7 +31,7 @@ class OutageClock:
         return lasted
 
     def outages(self, now: float) -> Outages:
-        return Outages(self._count, self._seconds + self.running_for(now), self.reason)
+        return Outages(self._count, self._seconds + self.running_for(now), self.cause)
 
     def running_for(self, now: float) -> float:
         """How long the one under way has lasted [s], 0 when there is none."""

@@ -10,6 +10,7 @@ from typing import Any
 
 import can
 
+from tactile_node.canbus.auto_zero import auto_zero
 from tactile_node.canbus.bus_monitor import NMT, BusMonitor
 from tactile_node.canbus.bus_network import BusNetwork, open_bus
 from tactile_node.canbus.bus_settings import BusSettings
@@ -98,6 +99,15 @@ class SkinBus:
             is_block = setup.run(boot_timeout, self._settings.heartbeat_ms)
         if node.node_id in self._polls:
             self._polls[node.node_id].by_block = is_block
+
+    def auto_zero(self, pad: str) -> int:
+        """Let the pad's devices zero themselves; how many channels. Raises DeviceError, BusError."""
+        zeroed = 0
+        for node in self._nodes:
+            if node.name == pad:
+                with self._opened().sdo_client(node.node_id, node.dictionary) as sdo:
+                    zeroed += auto_zero(sdo, node.dictionary, f'node {node.node_id} (pad {pad!r})')
+        return zeroed
 
     def start(self, without: Collection[int] = ()) -> None:
         """Start the devices and SYNC. Raises DeviceError when a device does not become OPERATIONAL.

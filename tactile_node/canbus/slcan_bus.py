@@ -1,7 +1,8 @@
 """python-can's slcan with bulk reads.
 
 python-can reads the serial port byte by byte, a system call or two each: two pads at 25 Hz (1600 CAN
-frames/s) are too much for it. Reading all that waits takes a fraction of that.
+frames/s) are too much for it. Reading all that waits takes a fraction of that. python-can also takes what it can of
+a damaged line: here each is checked whole.
 """
 
 import time
@@ -9,14 +10,23 @@ from collections import deque
 
 import can
 from can.interfaces.slcan import slcanBus
+from can.util import CAN_FD_DLC
 
 PORT_TIMEOUT = 0.02  # s that one read of an idle port waits; data wake it at once
 ENDS = b'\r\a'  # of a line: done, refused
 ACKNOWLEDGED = (b'', b'z', b'Z')  # lines that only confirm a frame sent
 
 
+LONGEST_LINE = 160  # characters: more than a CAN FD frame takes, so the end of a line is missing
+HEXADECIMAL = frozenset('0123456789abcdefABCDEF')
+ID_DIGITS = dict.fromkeys('trdb', 3) | dict.fromkeys('TxRDB', 8)  # by the kind of frame; what else comes is none
+STAMP_DIGITS = (0, 4)  # of the time some adapters add
+#: linux/can/error.h: a violation of the protocol. The frame in a damaged line is lost, as on a damaged wire
+DAMAGED = {'arbitration_id': 0x008, 'is_extended_id': False, 'is_error_frame': True, 'data': bytes(8)}
+
+
 class BulkSlcanBus(slcanBus):
-    """An slcan bus as python-can's, with the same options; a malformed line is skipped."""
+    """An slcan bus as python-can's, with the same options; a damaged line comes as an error frame."""
 
     def __init__(self, channel: str, **options: object):
         self._lines: deque[str] = deque()
@@ -29,13 +39,36 @@ class BulkSlcanBus(slcanBus):
                 self._buffer += self.serialPortOrig.read(max(1, self.serialPortOrig.in_waiting))
             *lines, rest = self._buffer.replace(ENDS[1:], ENDS[:1]).split(ENDS[:1])
             self._buffer = bytearray(rest)
+            if len(rest) > LONGEST_LINE:
+                self._buffer.clear()
+                self._lines.append('t')  # no frame, but a damaged one
             self._lines += [line.decode('ascii', 'replace') for line in lines if line not in ACKNOWLEDGED]
             if not self._lines and end is not None and time.monotonic() >= end:
                 return None
         return self._lines.popleft()
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
-        try:
-            return super()._recv_internal(timeout)
-        except (ValueError, IndexError):  # characters lost on the serial line
-            return None, False
+        if self._queue.empty() and (line := self._read(timeout)) is not None:
+            if not is_sound(line):
+                return can.Message(time.time(), **DAMAGED), False
+            self._queue.put(line)
+        return super()._recv_internal(timeout) if self._queue.qsize() else (None, False)
+
+
+def is_sound(line: str) -> bool:
+    """Whether a line is a whole CAN frame, or none at all (an answer of the adapter).
+
+    >>> is_sound('t1812AABB'), is_sound('t1812AAB'), is_sound('t1812AABBt1812CCDD'), is_sound('V1013')
+    (True, False, False, True)
+    """
+    digits = ID_DIGITS.get(line[:1])
+    if digits is None:
+        return True
+    body = line[1:]
+    if len(body) <= digits or not HEXADECIMAL.issuperset(body):
+        return False
+    size, can_id = int(body[digits], 16), int(body[:digits], 16)
+    if line[0] in 'tTx' and size > 8 or can_id > (0x7FF if digits == 3 else 0x1FFF_FFFF):
+        return False
+    data = 0 if line[0] in 'rR' else CAN_FD_DLC[size]
+    return len(body) - digits - 1 - 2 * data in STAMP_DIGITS

@@ -112,6 +112,9 @@ class Supervisor:
             thread.join()
         self._bus.close()
 
+    def auto_zero(self, pad: str) -> int:
+        return self._bus.auto_zero(pad)
+
     def adjust(self, drop_incomplete: bool, heartbeat_timeout: float) -> None:
         self._bus.drop_incomplete(drop_incomplete)
         for node in self._nodes:
@@ -230,8 +233,8 @@ class Supervisor:
         if node.outage.is_running:
             if self._is_active and not node.has_taxels_again(pad):
                 return
-            reason, again = node.outage.reason, 'gives taxels' if self._is_active else 'is ready'
-            self._log(f'{node.who} {again} again after {node.outage.end(now):.2f} s; the outage: {reason}.')
+            cause, again = node.outage.cause, 'gives taxels' if self._is_active else 'is ready'
+            self._log(f'{node.who} {again} again after {node.outage.end(now):.2f} s; the outage: {cause}.')
         node.recovered()
 
     def _mend(self, node: NodeWatch, trouble: Trouble) -> None:

@@ -1,5 +1,7 @@
 """All that is done to one pad's frames between the bus and whoever uses them."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from tactile_node.conditioning.tare import TaredPad
@@ -7,14 +9,24 @@ from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault, Tax
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 
+class PadCondition(NamedTuple):
+    """What has been found out about a pad."""
+
+    faults: FaultyTaxels
+    unchanged: float = 0.0  #: for how long no taxel has read another value [s]
+    is_frozen: bool = False
+
+
 class ConditionedPad:
     """Faulty taxels out, zero off, gains on, in this order: value = gain x (reading - zero), NaN where faulty.
 
     ``known`` are faulty from the first frame; ``judge`` finds more. With ``masks`` False they are told, not taken out.
+    A pad whose readings do not change by one count for ``frozen_after`` [s] has stopped sampling: no value is valid,
+    all are STALE. That is for skins that are never quite still; 0: never.
     """
 
     def __init__(self, tared: TaredPad, judge: TaxelJudge, known: FaultyTaxels, gains: np.ndarray | None = None):
-        self.tared, self.masks = tared, True
+        self.tared, self.masks, self.frozen_after, self.unchanged = tared, True, 0.0, 0.0
         self.judge, self._known, self._gains = judge, known, gains
         self._faults, self._judged, self._status = known, None, None
 
@@ -22,6 +34,14 @@ class ConditionedPad:
     def faults(self) -> FaultyTaxels:
         """Known and found."""
         return self._faults
+
+    @property
+    def condition(self) -> PadCondition:
+        return PadCondition(self._faults, self.unchanged, self.is_frozen)
+
+    @property
+    def is_frozen(self) -> bool:
+        return 0 < self.frozen_after <= self.unchanged
 
     def feed(self, frame: TaxelFrame) -> TaxelFrame:
         """Return the frame as it is to be used."""
@@ -32,6 +52,9 @@ class ConditionedPad:
             self._combine(found)
         if self.masks and self._status is not None:
             frame = self._without_faulty(frame)
+        self.unchanged = frame.stamp - self.judge.changed_at
+        if self.is_frozen:
+            frame = without_any_value(frame)
         frame = self.tared.feed(frame)
         if self._gains is not None:
             frame = frame._replace(values=_read_only(frame.values * self._gains))
@@ -47,6 +70,13 @@ class ConditionedPad:
         faulty = self._status != 0
         return frame._replace(values=_read_only(np.where(faulty, np.float32(np.nan), frame.values)),
                               status=_read_only(np.where(faulty, self._status, frame.status)))
+
+
+def without_any_value(frame: TaxelFrame) -> TaxelFrame:
+    """NaN and STALE in place of every value."""
+    given = np.isin(frame.status, (TaxelStatus.VALID, TaxelStatus.SATURATED))
+    return frame._replace(values=_read_only(np.full_like(frame.values, np.nan)),
+                          status=_read_only(np.where(given, np.uint8(TaxelStatus.STALE), frame.status)))
 
 
 def _read_only(array: np.ndarray) -> np.ndarray:

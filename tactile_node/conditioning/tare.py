@@ -81,6 +81,12 @@ class TaredPad:
 
     def tare(self, frames: int, limit: float, timeout: float) -> Tare:
         """Average the next whole ``frames`` into a new tare; TareRefusedError, also after ``timeout`` [s]."""
+        found = self.measure_next(frames, limit, timeout)
+        self.offset = found.offset
+        return found
+
+    def measure_next(self, frames: int, limit: float, timeout: float) -> Tare:
+        """As ``tare``, but only measure."""
         with self._changed:
             self._taken, self._wanted = [], frames
             complete = self._changed.wait_for(lambda: not self._wanted, timeout)
@@ -88,6 +94,4 @@ class TaredPad:
         if not complete:
             raise TareRefusedError('tare', expected=f'{frames} whole taxel frames within {timeout:.1f} s',
                                    got=f'{len(taken)}', remedy='Activate the driver; /diagnostics says what is lost.')
-        found = measure(np.stack(taken), limit)
-        self.offset = found.offset
-        return found
+        return measure(np.stack(taken), limit)

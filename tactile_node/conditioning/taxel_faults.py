@@ -78,6 +78,7 @@ class TaxelJudge:
         self._range = np.zeros((2, 3, *shape))  # of these contacts: least and greatest row, column, log area
         self._jumps, self._stamp = np.zeros(shape), -np.inf
         self._is_saturated = np.zeros(shape, bool)
+        self.changed_at = -np.inf  # when any taxel last read another value [s]
         self.faults = FaultyTaxels(_read_only(np.zeros(shape, np.uint8)))
 
     def update(self, stamp: float, values: np.ndarray, zero: np.ndarray | float,
@@ -90,6 +91,8 @@ class TaxelJudge:
         values = np.where(known, values, self._last)
         change = np.abs(values - self._last)
         moved = change > 0  # False where a value is the first
+        if moved.any() or not np.isfinite(self.changed_at):
+            self.changed_at = stamp
         self._is_saturated = np.where(known, is_saturated, self._is_saturated)
         is_news = self._count_jumps(stamp, change)
         self._last, was_pressed = values, self._pressed

@@ -124,7 +124,7 @@ class DriverNode(LifecycleNode):
         self._diagnostics = self._make_publisher(DiagnosticArray, '/diagnostics', QoSProfile(depth=10))
         self._status = self._make_publisher(SkinStatus, '~/status', STATUS_QOS)
         tare = TareService(self, {name: pad.tared for name, pad in conditioned.items()}, self._tare_limit,
-                           settings.sync_period)
+                           settings.sync_period, lambda pad: self._source.auto_zero(pad))
         saving = FaultService(self, settings.faulty_taxels_file, self._faults)
         self._owned += [tare.destroy, saving.destroy]
         self._findings = BusDiagnostics(self.get_name(), f'{settings.interface} {settings.channel}')
@@ -190,11 +190,11 @@ class DriverNode(LifecycleNode):
         if source is None:
             return
         counts, health = source.statistics(), source.health()
-        faults = self._faults()
-        message = self._findings.message(counts, health, faults)
+        conditions = {name: pad.conditioned.condition for name, pad in self._pads.items()}
+        message = self._findings.message(counts, health, conditions)
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
-        self._status.publish(status_message(message, counts, health, faults))
+        self._status.publish(status_message(message, counts, health, conditions))
 
     def _release(self) -> None:
         source, self._source = self._source, None

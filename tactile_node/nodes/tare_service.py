@@ -1,25 +1,29 @@
 """The service `~/tare` of a driver node."""
 
+import math
 from collections.abc import Callable, Mapping
 
 from rclpy.node import Node
 
 from tactile_node.conditioning.tare import TaredPad
-from tactile_node.errors import ConfigurationError, TareRefusedError
+from tactile_node.errors import BusError, ConfigurationError, DeviceError, TareRefusedError
 from tactile_skin.srv import Tare
 
 FRAMES = 50  #: averaged unless the request says otherwise
+SETTLING = 3  #: frames given up after the devices have zeroed themselves
 
 
 class TareService:
     """A request measures the zero of ``pads`` (by name) from the frames they are fed, on the executor's thread.
 
     ``limit``: a pad's name -> what a taxel may read at most [unit] to count as not pressed; ConfigurationError
-    where it has no zero.
+    where it has no zero. ``auto_zero``: a pad's name -> its devices zero themselves; see FrameSource.
     """
 
-    def __init__(self, node: Node, pads: Mapping[str, TaredPad], limit: Callable[[str], float], frame_period: float):
+    def __init__(self, node: Node, pads: Mapping[str, TaredPad], limit: Callable[[str], float], frame_period: float,
+                 auto_zero: Callable[[str], int]):
         self._node, self._pads, self._limit, self._period = node, pads, limit, frame_period
+        self._auto_zero = auto_zero
         self._service = node.create_service(Tare, '~/tare', self._answer)
 
     def destroy(self) -> None:
@@ -29,8 +33,8 @@ class TareService:
         told, response.success = [], True
         for name in request.pads or self._pads:
             try:
-                told.append(self._tared(name, request.frames or FRAMES, response))
-            except (TareRefusedError, ConfigurationError) as error:
+                told.append(self._tared(name, request, response))
+            except (TareRefusedError, ConfigurationError, DeviceError, BusError) as error:
                 response.success = False
                 told.append(f'{name}: {error}')
         response.message = ' '.join(told)
@@ -41,13 +45,20 @@ class TareService:
             logger.error(response.message)
         return response
 
-    def _tared(self, name: str, frames: int, response: Tare.Response) -> str:
+    def _tared(self, name: str, request: Tare.Request, response: Tare.Response) -> str:
         if name not in self._pads:
             raise ConfigurationError('tare', expected=f'one of the pads {", ".join(self._pads)}', got=repr(name),
                                      remedy='Leave pads empty for all of them.')
-        found = self._pads[name].tare(frames, self._limit(name), 1 + 2 * frames * self._period)
+        pad, frames = self._pads[name], request.frames or FRAMES
+        given, on_device = (frames, self._limit(name), 1 + 2 * frames * self._period), ''
+        if request.on_device:
+            pad.measure_next(*given)  # refused under load, before the device takes the load for its zero
+            on_device = f'{self._auto_zero(name)} channels zeroed on the device, then '
+            pad.measure_next(SETTLING, math.inf, given[2])  # frames that were under way
+        found = pad.tare(*given)
         response.tared.append(name)
         response.frames_used.append(found.frames)
         response.noise.append(found.noise)
         response.largest_offset.append(found.largest)
-        return f'{name}: tared over {found.frames} frames, noise {found.noise:.3g}, largest offset {found.largest:.3g}.'
+        return (f'{name}: {on_device}tared over {found.frames} frames, noise {found.noise:.3g}, '
+                f'largest offset {found.largest:.3g}.')

@@ -33,6 +33,6 @@ def adjust(pads: Mapping[str, ConditionedPad], units: Mapping[str, str], setting
     rest = {name: rest_limit(settings.tare_limit, units[name]) for name in pads}
     drifting = {name: tare_limit(settings.tare_limit, units[name]) for name in pads if settings.follow_drift}
     for name, pad in pads.items():
-        pad.masks, pad.judge.limit = masks, rest[name]
+        pad.masks, pad.judge.limit, pad.frozen_after = masks, rest[name], settings.frozen_after
         if (pad.tared.drift is None) != (name not in drifting):
             pad.tared.drift = DriftFollower(drifting[name]) if name in drifting else None

@@ -9,7 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from tactile_node.canbus.health import BusHealth, NodeHealth, Outages
 from tactile_node.canbus.losses import PadStatistics
 from tactile_node.canbus.router import BusStatistics
-from tactile_node.conditioning.taxel_faults import FaultyTaxels
+from tactile_node.conditioning.conditioned_pad import PadCondition
 
 
 class Finding(NamedTuple):
@@ -25,7 +25,7 @@ class BusDiagnostics:
         self._health_before = BusHealth()
 
     def message(self, now: BusStatistics, health: BusHealth,
-                faults: Mapping[str, FaultyTaxels] = MappingProxyType({})) -> DiagnosticArray:
+                conditions: Mapping[str, PadCondition] = MappingProxyType({})) -> DiagnosticArray:
         before, health_before = self._before or _nothing_yet(now), self._health_before
         self._before, self._health_before = now, health
         statuses = [self._status('bus', _worst(_bus_findings(now, before, health, health_before)),
@@ -36,9 +36,10 @@ class BusDiagnostics:
             for node, node_before in zip(nodes, health_before.nodes.get(name) or map(_new, nodes)):
                 findings += _node_findings(node, node_before, health.is_active)
             findings += _pad_findings(pad, before.pads[name])
-            told = {'faulty_taxels': str(faults.get(name, ''))}
-            if told['faulty_taxels']:
-                findings.append(Finding(DiagnosticStatus.WARN, f'{faults[name].count} faulty taxels, {faults[name]}'))
+            told = {}
+            if (condition := conditions.get(name)) is not None:
+                findings += _condition_findings(condition)
+                told = {'faulty_taxels': condition.faults, 'unchanged_s': f'{condition.unchanged:.2f}'}
             statuses.append(self._status(name, _worst(findings), _pad_values(pad) | told | _nodes_values(nodes)))
         return DiagnosticArray(status=statuses)
 
@@ -109,6 +110,13 @@ def _pad_findings(now: PadStatistics, before: PadStatistics) -> list[Finding]:
     if now.published == before.published:
         return [Finding(DiagnosticStatus.STALE, 'no taxel frames')]
     return [Finding(DiagnosticStatus.OK, f'{now.published - before.published} taxel frames, none incomplete')]
+
+
+def _condition_findings(condition: PadCondition) -> list[Finding]:
+    told = [f'{condition.faults.count} faulty taxels, {condition.faults}'] if condition.faults.count else []
+    if condition.is_frozen:
+        told.append(f'no taxel has changed by one count for {condition.unchanged:.1f} s: has it stopped sampling?')
+    return [Finding(DiagnosticStatus.WARN, one) for one in told]
 
 
 def _bus_losses(statistics: BusStatistics) -> dict[str, int]:

@@ -56,6 +56,8 @@ DRIVER = (
               'or report (told only)', live=True),
     Parameter('faulty_taxels_file', '', 'YAML file of taxels that are faulty from the start; `~/save_faulty_taxels` '
               'writes those found to it; empty: none'),
+    Parameter('frozen_after', 0.0, 'a pad whose taxels do not change by one count for so long has stopped sampling: it '
+              'is told and its taxels are NaN [s]; for skins that are never quite still; 0: never', 0, 3600, live=True),
     Parameter('gain_files', [''], 'per-taxel gains of each pad, or one file for all: text, a row of the pad a line, or '
               '.npy; empty: none'),
     Parameter('drop_incomplete', False, 'true: a sweep that lacks CAN frames is dropped and counted; false: it is '

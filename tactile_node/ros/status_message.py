@@ -10,6 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from tactile_node.canbus.health import BusHealth, NodeHealth
 from tactile_node.canbus.losses import PadStatistics
 from tactile_node.canbus.router import BusStatistics
+from tactile_node.conditioning.conditioned_pad import PadCondition
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
 from tactile_skin.msg import FaultyTaxel, NodeStatus, PadStatus, SkinStatus
 
@@ -17,7 +18,7 @@ SEVERITY = (DiagnosticStatus.OK, DiagnosticStatus.STALE, DiagnosticStatus.WARN, 
 
 
 def status_message(told: DiagnosticArray, counts: BusStatistics, health: BusHealth,
-                   faults: Mapping[str, FaultyTaxels] = MappingProxyType({})) -> SkinStatus:
+                   conditions: Mapping[str, PadCondition] = MappingProxyType({})) -> SkinStatus:
     """``told``: what BusDiagnostics made of the same ``counts`` and ``health``: the bus, then its pads."""
     bus, *pads = told.status
     worst = max((status.level for status in told.status), key=SEVERITY.index)
@@ -28,17 +29,18 @@ def status_message(told: DiagnosticArray, counts: BusStatistics, health: BusHeal
         consumer_errors=counts.consumer_errors, clock_jumps=counts.clock_jumps, unread_log_lines=counts.unread,
         foreign_nmt_commands=health.foreign_commands, foreign_nmt_last=health.last_command,
         outages=health.outages.count, outage_seconds=health.outages.seconds, outage_last_reason=health.outages.reason,
-        pads=[_pad(name, status, pad, health.nodes.get(name, ()), faults.get(name))
+        pads=[_pad(name, status, pad, health.nodes.get(name, ()), conditions.get(name))
               for status, (name, pad) in zip(pads, counts.pads.items())])
 
 
 def _pad(name: str, status: DiagnosticStatus, pad: PadStatistics, nodes: tuple[NodeHealth, ...],
-         faults: FaultyTaxels | None) -> PadStatus:
+         condition: PadCondition | None) -> PadStatus:
     return PadStatus(
         pad=name, level=status.level[0], message=status.message, nodes=[_node(node) for node in nodes],
         frames_complete=pad.complete, frames_incomplete=pad.incomplete, tpdos_expected=pad.expected,
         tpdos_received=pad.received, tpdos_used=pad.used, drop_reasons=list(pad.losses),
-        drop_counts=array('Q', pad.losses.values()), faulty_taxels=[] if faults is None else _faulty(faults))
+        drop_counts=array('Q', pad.losses.values()), faulty_taxels=_faulty(condition.faults) if condition else [],
+        unchanged=condition.unchanged if condition else math.nan)
 
 
 def _faulty(faults: FaultyTaxels) -> list[FaultyTaxel]:

@@ -11,6 +11,7 @@ import canopen
 import numpy as np
 from canopen import SdoAbortedError
 
+from tactile_node.canbus.auto_zero import AUTO_ZERO, ZERO
 from tactile_node.canbus.cob_id import DISABLED, ID_MASK
 from tactile_node.canbus.eds import TPDO_COMMUNICATION, TPDO_MAPPING
 from tactile_node.canbus.layout import SkinLayout
@@ -27,7 +28,9 @@ SYNC_COB_ID = 0x1005
 NMT_START = 0x01
 NMT_RESETS = (0x81, 0x82)  # reset node, reset communication
 ABORT_WRONG_STATE, ABORT_NOT_MAPPABLE, ABORT_TOO_LONG = 0x08000022, 0x06040041, 0x06040042
+ABORT_WRONG_VALUE = 0x06090030
 MAX_PDO_BITS = 64
+SDO_BYTES = 8
 SAM_MPDO = 0xFE  # number of mapped objects of an MPDO with source addressing
 
 
@@ -65,6 +68,7 @@ class SimulatedDevice:
         self._node = canopen.LocalNode(pad.node_id, pad.dictionary)
         self._node.add_write_callback(self._before_write)
         self._node.add_read_callback(self._read_taxels)
+        self._zero: np.ndarray | None = None  # what its auto-zero takes off
         self._words = [bytes(8)] * len(pad.layout.tpdos)
         self._domain = pad.layout.domain
         self._blocks = self._block_server()
@@ -111,7 +115,7 @@ class SimulatedDevice:
 
     def _forget(self) -> None:
         self._node.data_store.clear()
-        self._tpdos = None
+        self._tpdos = self._zero = None
 
     def _subscribe_sync(self) -> None:
         self._sync_id = self._number(SYNC_COB_ID, 0) & ID_MASK
@@ -143,9 +147,24 @@ class SimulatedDevice:
                                  lambda data: self._network.send_message(self._node.sdo.tx_cobid, data))
 
     def _sample(self) -> bytes:
-        return self._codec.encode(self._source(time.time() - self._started))
+        return self._codec.encode(self._values(time.time()))
+
+    def _values(self, now: float) -> np.ndarray:
+        values = np.asarray(self._source(now - self._started))
+        return values if self._zero is None else values - self._zero
+
+    def _zero_channel(self, channel: int, data: bytes) -> None:
+        """Channel 1 is taxel (0, 0), row by row."""
+        if data != ZERO:
+            raise SdoAbortedError(ABORT_WRONG_VALUE)
+        values = np.asarray(self._source(time.time() - self._started))
+        zero = np.zeros(values.shape) if self._zero is None else self._zero.copy()
+        zero.flat[channel - 1] = values.flat[channel - 1]
+        self._zero = zero
 
     def _on_sdo(self, can_id: int, data: bytes, timestamp: float) -> None:
+        if len(data) != SDO_BYTES:  # no SDO request; canopen's server stumbles over it
+            return
         with self._lock:
             if self._blocks is None or self.refuses_blocks or not self._blocks.takes(bytes(data)):
                 self._node.sdo.on_request(can_id, data, timestamp)
@@ -154,7 +173,7 @@ class SimulatedDevice:
         with self._lock:
             if not self.operational or self._domain is not None:
                 return
-            payload = self._codec.encode(self._source(timestamp - self._started))
+            payload = self._codec.encode(self._values(timestamp))
             self._words = [payload[i:i + 8] for i in range(0, len(payload), 8)]
             self._syncs += 1
             if self._tpdos is None:
@@ -237,6 +256,9 @@ class SimulatedDevice:
 
     def _before_write(self, index: int, subindex: int, data: bytes, **_: object) -> None:
         """CiA 301's rules for PDO records; raises the SDO abort that a strict device sends."""
+        if index == AUTO_ZERO:
+            self._zero_channel(subindex, bytes(data))
+            return
         communication = TPDO_COMMUNICATION + (index & 0x1FF)
         if TPDO_MAPPING <= index < TPDO_MAPPING + 512:
             if not self._number(communication, 1) & DISABLED:
