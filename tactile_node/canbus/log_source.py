@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterator
 
 import can
 
+from tactile_node.canbus.consumer import Consumer, OnFrame
 from tactile_node.canbus.health import BusHealth
 from tactile_node.canbus.logs import CanLogReader
 from tactile_node.canbus.pads import PadSettings, check_pads
-from tactile_node.canbus.router import BusStatistics, OnFrame, Router
+from tactile_node.canbus.router import BusStatistics, Router
 from tactile_node.errors import DeviceError, LogError
 
 logger = logging.getLogger(__name__)
@@ -31,11 +32,12 @@ class LogSource:
                  loop: bool = False, log: Callable[[str], None] = logger.info, drop_incomplete: bool = False):
         check_pads(pads)
         self._path, self._pace, self._loop, self._log = path, pace, loop, log
-        self._on_frame, self._router = on_frame, Router(tuple(pads), self._deliver, drop_incomplete=drop_incomplete)
+        self._consumer = Consumer(on_frame)
+        self._router = Router(tuple(pads), self._consumer, drop_incomplete=drop_incomplete)
         self._messages: Iterator[can.Message] | None = None
         self._thread: threading.Thread | None = None
         self._stopping, self.finished = threading.Event(), threading.Event()
-        self._consumer_errors = self._unread = self._jumps = 0
+        self._unread = self._jumps = 0
         self._ahead, self.failure = 0.0, None
 
     def open(self) -> None:
@@ -78,7 +80,7 @@ class LogSource:
 
     def statistics(self) -> BusStatistics:
         unread = self._unread + (self._reader.unread if hasattr(self, '_reader') else 0)
-        return self._router.statistics()._replace(unread=unread, consumer_errors=self._consumer_errors,
+        return self._router.statistics()._replace(unread=unread, consumer_errors=self._consumer.errors,
                                                    clock_jumps=self._jumps, stamps_ahead=self._ahead)
 
     def health(self) -> BusHealth:
@@ -125,13 +127,6 @@ class LogSource:
     def _fail(self, failure: str) -> None:
         self.failure = failure
         self._log(failure)
-
-    def _deliver(self, name: str, frame: object) -> None:
-        try:
-            self._on_frame(name, frame)
-        except Exception:  # the consumer's fault must not end the log; it is counted and told
-            self._consumer_errors += 1
-            logger.exception('on_frame of pad %r failed', name)
 
 
 class _Pacer:

@@ -1,18 +1,16 @@
 """Gives each CAN frame of a bus or a log to the pad it belongs to, and counts all others by service."""
 
 from collections import Counter
-from collections.abc import Callable
 from typing import NamedTuple
 
 import can
 
 from tactile_node.canbus.assembler import FrameAssembler
+from tactile_node.canbus.consumer import OnFrame
 from tactile_node.canbus.domain_assembler import DomainAssembler
 from tactile_node.canbus.losses import PadStatistics
 from tactile_node.canbus.pads import PadSettings
 from tactile_node.taxel_frame import TaxelFrame
-
-OnFrame = Callable[[str, TaxelFrame], None]
 
 #: CiA 301, predefined connection set: (first, last, service)
 SERVICES = ((0x000, 0x000, 'nmt'), (0x081, 0x0FF, 'emcy'), (0x100, 0x100, 'time'), (0x581, 0x5FF, 'sdo'),

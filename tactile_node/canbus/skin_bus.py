@@ -6,7 +6,6 @@ import time
 from collections import Counter
 from collections.abc import Callable, Collection
 from queue import SimpleQueue
-from typing import Any
 
 import can
 
@@ -14,6 +13,7 @@ from tactile_node.canbus.auto_zero import auto_zero
 from tactile_node.canbus.bus_monitor import NMT, BusMonitor
 from tactile_node.canbus.bus_network import BusNetwork, open_bus
 from tactile_node.canbus.bus_settings import BusSettings
+from tactile_node.canbus.consumer import Consumer, OnFrame
 from tactile_node.canbus.device_setup import DeviceSetup
 from tactile_node.canbus.domain_assembler import SDO_REQUEST
 from tactile_node.canbus.domain_polling import DomainPolling
@@ -21,7 +21,7 @@ from tactile_node.canbus.heartbeat import NmtState
 from tactile_node.canbus.logs import CanLogWriter
 from tactile_node.canbus.pacer import Pacer
 from tactile_node.canbus.pads import PadSettings, check_dictionaries, check_pads
-from tactile_node.canbus.router import BusStatistics, OnFrame, Router, oddity_of
+from tactile_node.canbus.router import BusStatistics, Router, oddity_of
 from tactile_node.canbus.stamp_clock import StampClock
 from tactile_node.errors import BusError, DeviceError, LogError
 
@@ -48,10 +48,10 @@ class SkinBus:
         check_dictionaries(pads)
         self._settings, self._pads, self._log, self._complain = settings, tuple(pads), log, complain
         self._nodes = [node for pad in pads for node in pad.nodes]
-        self._on_frame, self._on_failure = on_frame, on_failure or self._complain_of_failure
+        self._consumer, self._on_failure = Consumer(on_frame), on_failure or self._complain_of_failure
         self._monitor = monitor or BusMonitor(node_id for pad in pads for node_id in pad.node_ids)
         one_clock = not settings.produce_sync or settings.interface in HOST_STAMPED
-        self._router = Router(self._pads, self._deliver, not settings.produce_sync, one_clock,
+        self._router = Router(self._pads, self._consumer, not settings.produce_sync, one_clock,
                               settings.drop_incomplete)
         self._clock, self._jumps_told = StampClock(settings.interface in HOST_STAMPED), 0
         self._odd = Counter()
@@ -60,7 +60,7 @@ class SkinBus:
         self._record: CanLogWriter | None = None
         self._sync, self._is_running = Pacer(settings.sync_period, self._send_sync, 'sync'), False
         self._polls = {node.node_id: self._polling(node) for node in self._nodes if node.layout.domain is not None}
-        self.syncs_sent = self._overruns = self._consumer_errors = 0
+        self.syncs_sent = self._overruns = 0
         self._failure: str | None = None
 
     @property
@@ -180,7 +180,7 @@ class SkinBus:
         return counted._replace(can_frames=dict(Counter(counted.can_frames) + Counter(dict(self._odd))),
                                 queue_overruns=self._overruns, sync_overruns=self._sync.overruns,
                                 poll_overruns=sum(poll.overruns for poll in self._polls.values()),
-                                consumer_errors=self._consumer_errors, clock_jumps=self._clock.jumps,
+                                consumer_errors=self._consumer.errors, clock_jumps=self._clock.jumps,
                                 stamps_ahead=self._clock.ahead)
 
     def _open_record(self, bus: can.BusABC) -> CanLogWriter | None:
@@ -287,10 +287,3 @@ class SkinBus:
                 self._router.is_running = False
             else:
                 return
-
-    def _deliver(self, name: str, frame: Any) -> None:
-        try:
-            self._on_frame(name, frame)
-        except Exception:  # the consumer's fault must not stop the bus; it is counted and told
-            self._consumer_errors += 1
-            logger.exception('on_frame of pad %r failed', name)

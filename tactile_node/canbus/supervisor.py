@@ -13,12 +13,13 @@ from collections.abc import Callable
 from tactile_node.canbus.bus_load import BusLoad
 from tactile_node.canbus.bus_monitor import BusMonitor
 from tactile_node.canbus.bus_settings import BusSettings
+from tactile_node.canbus.consumer import OnFrame
 from tactile_node.canbus.health import BusHealth
 from tactile_node.canbus.losses import PadStatistics
 from tactile_node.canbus.node_watch import Ailment, NodeWatch, Trouble
 from tactile_node.canbus.outage import Backoff, OutageClock, Reminder
 from tactile_node.canbus.pads import PadSettings
-from tactile_node.canbus.router import BusStatistics, OnFrame
+from tactile_node.canbus.router import BusStatistics
 from tactile_node.canbus.skin_bus import SkinBus
 from tactile_node.canbus.taxel_codec import without_values
 from tactile_node.errors import BusError, DeviceAbsentError, DeviceError, LogError
