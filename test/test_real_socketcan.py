@@ -2,6 +2,7 @@
 
 import subprocess
 import time
+from pathlib import Path
 
 import can
 import numpy as np
@@ -32,6 +33,14 @@ def controllers():
     yield
     for name in ('can0', 'can1'):
         ip(name, 'down')
+
+
+def lost_by_controllers() -> int:
+    """CAN frames that can0 could not take in, or can1 not send: the emulation is slow on a busy machine."""
+    kinds = {'can0': ('rx_dropped', 'rx_over_errors', 'rx_fifo_errors', 'rx_missed_errors'),
+             'can1': ('tx_dropped', 'tx_errors', 'tx_fifo_errors')}
+    return sum(int(Path(f'/sys/class/net/{name}/statistics/{kind}').read_text())
+               for name, of_name in kinds.items() for kind in of_name)
 
 
 class Driven:
@@ -73,11 +82,12 @@ def test_taxels_over_two_controllers(controllers):
     with Driven('can0', 'can1') as bench:
         bench.wait(lambda: sum(not frame.missing_can_frames for frame in bench.kept) >= 20, 'too few whole frames')
         bench.check()
+        sent = bench.simulator.devices[32].frames_sent
+        statistics, lost = bench.driver.statistics().pads['pad32'], lost_by_controllers()
     whole = [frame for frame in bench.kept if not frame.missing_can_frames]
     assert all(np.isfinite(frame.values).all() for frame in whole)
-    statistics = bench.driver.statistics().pads['pad32']
-    print(f'\nsocketcan: {statistics}')
-    assert statistics.received >= statistics.expected - 16
+    print(f'\nsocketcan: {sent} TPDOs sent, {lost} lost by the controllers; {statistics}')
+    assert statistics.received >= sent - lost - 16  # a sweep may be under way
 
 
 def test_network_down_and_up_again(controllers):
