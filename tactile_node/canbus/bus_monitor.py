@@ -5,11 +5,12 @@ from collections.abc import Callable, Iterable
 import can
 
 from tactile_node.canbus.emergency import EmergencyLog
+from tactile_node.canbus.health import ErrorCounters
 from tactile_node.canbus.heartbeat import HEARTBEAT, Heartbeats
 
 NMT, EMCY = 0x000, 0x080  # EMCY + node-ID
 #: linux/can/error.h: bits of an error frame's identifier; of byte 1 when the controller reports
-BUS_OFF, CONTROLLER, RESTARTED = 0x040, 0x004, 0x100
+BUS_OFF, CONTROLLER, RESTARTED, COUNTERS = 0x040, 0x004, 0x100, 0x200
 PASSIVE, ACTIVE = 0x30, 0x40
 #: bits of a standard frame by its data bytes: 47 and 8 a byte, and the most that bit stuffing adds
 FRAME_BITS = tuple(47 + 8 * n + (34 + 8 * n - 1) // 4 for n in range(9))
@@ -29,7 +30,7 @@ class BusMonitor:
         self.emergencies = {node_id: EmergencyLog() for node_id in node_ids}
         self.can_frames = self.bits = self.foreign_commands = 0
         self.last_command = ''  #: of another master to one of our nodes
-        self.is_error_passive = False
+        self.is_error_passive, self.error_counters = False, ErrorCounters()
         self._watched = {NMT: self._command}
         for node_id, log in self.emergencies.items():
             self._watched[HEARTBEAT + node_id] = self._heartbeat
@@ -38,7 +39,7 @@ class BusMonitor:
     def restart(self) -> None:
         """The bus was opened anew."""
         self.heartbeats.forget()
-        self.is_error_passive = False
+        self.is_error_passive, self.error_counters = False, ErrorCounters()
 
     def feed(self, can_id: int, data: bytes) -> None:
         """A data frame of another node, with an 11-bit identifier."""
@@ -57,8 +58,10 @@ class BusMonitor:
         kind, data = message.arbitration_id, message.data
         if kind & CONTROLLER and len(data) > 1:
             self.is_error_passive = bool(data[1] & PASSIVE) and not data[1] & ACTIVE
+        if kind & (CONTROLLER | COUNTERS) and len(data) == 8:
+            self.error_counters = ErrorCounters(data[6], data[7])
         if kind & RESTARTED:
-            self.is_error_passive = False
+            self.is_error_passive, self.error_counters = False, ErrorCounters()
         return bool(kind & BUS_OFF)
 
     def _heartbeat(self, can_id: int, data: bytes) -> None:

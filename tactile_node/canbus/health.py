@@ -28,6 +28,13 @@ class NodeHealth(NamedTuple):
     distrusted: int = 0  #: taxel frames given without values, since the node was not configured
 
 
+class ErrorCounters(NamedTuple):
+    """Of the CAN controller (ISO 11898-1), as its last error frame told: 96 warns, above 127 it is passive."""
+
+    sending: int = 0
+    receiving: int = 0
+
+
 class BusHealth(NamedTuple):
     """``failure``: why nothing can be received, None while it can; ``nodes`` of each pad by name, none for a log."""
 
@@ -37,5 +44,6 @@ class BusHealth(NamedTuple):
     outages: Outages = Outages()
     load: float = 0.0  #: part of the bus's time in use, bit stuffing at its worst, over the last second
     is_error_passive: bool = False
+    error_counters: ErrorCounters = ErrorCounters()
     foreign_commands: int = 0
     last_command: str = ''  #: of another master

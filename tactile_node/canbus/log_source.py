@@ -78,6 +78,11 @@ class LogSource:
         """A log has nobody whose heartbeat could fail."""
         self._router.drop_incomplete(drop_incomplete)
 
+    @property
+    def told(self) -> str:
+        """What was read so far, in a sentence."""
+        return self._reader.told
+
     def statistics(self) -> BusStatistics:
         unread = self._unread + (self._reader.unread if hasattr(self, '_reader') else 0)
         return self._router.statistics()._replace(unread=unread, consumer_errors=self._consumer.errors,
@@ -122,7 +127,7 @@ class LogSource:
             logger.exception('playing %s', self._path)
         self._router.end()
         self.finished.set()
-        self._log(f'{self._path} has ended: {self._reader.told}')
+        self._log(f'{self._path} has ended: {self.told}')
 
     def _fail(self, failure: str) -> None:
         self.failure = failure

@@ -128,9 +128,9 @@ class Supervisor:
         """State of the bus and its nodes now."""
         now, monitor = time.monotonic(), self.monitor
         nodes = {name: tuple(node.health(now) for node in nodes) for name, nodes in self._by_pad.items()}
-        return BusHealth(self.failure, self._is_active, nodes,
-                         self._outage.outages(now), self._load.load, monitor.is_error_passive,
-                         monitor.foreign_commands, monitor.last_command)
+        return BusHealth(self.failure, self._is_active, nodes, self._outage.outages(now), self._load.load,
+                         monitor.is_error_passive, monitor.error_counters, monitor.foreign_commands,
+                         monitor.last_command)
 
     def _timeouts(self, heartbeat_timeout: float) -> tuple[float, float]:
         """Of heartbeat and of taxels [s]."""

@@ -47,6 +47,8 @@ def run(args: argparse.Namespace) -> int:
         raise LogError(args.log, expected='a log to its end', got=source.failure, remedy='Record it again.')
     statistics = source.statistics()
     print(summary(statistics), file=sys.stderr if args.output == '-' else sys.stdout)
+    if statistics.unread:
+        print(f'{args.log}: {source.told}', file=sys.stderr)
     for name, stream in outputs.items():
         with stream:
             np.save(stream, np.array(frames[name]).reshape(-1, layout.rows, layout.cols))

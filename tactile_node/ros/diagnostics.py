@@ -130,6 +130,8 @@ def _bus_values(statistics: BusStatistics, health: BusHealth) -> dict[str, objec
     return {**{f'can_frames_{name}': count for name, count in statistics.can_frames.items()},
             **_bus_losses(statistics), 'stamps_ahead_s': f'{statistics.stamps_ahead:.3f}',
             'bus_load_percent': f'{100 * health.load:.1f}',
+            'controller_errors_sending': health.error_counters.sending,
+            'controller_errors_receiving': health.error_counters.receiving,
             'error_passive': health.is_error_passive, 'outages': health.outages.count,
             'outage_seconds': f'{health.outages.seconds:.2f}', 'outage_last_reason': health.outages.reason,
             'foreign_nmt_commands': health.foreign_commands, 'foreign_nmt_last': health.last_command}

@@ -24,7 +24,9 @@ def status_message(told: DiagnosticArray, counts: BusStatistics, health: BusHeal
     worst = max((status.level for status in told.status), key=SEVERITY.index)
     return SkinStatus(
         header=told.header, level=worst[0], message=bus.message, active=health.is_active, failure=health.failure or '',
-        bus_load=health.load, error_passive=health.is_error_passive, error_frames=counts.can_frames.get('error', 0),
+        bus_load=health.load, error_passive=health.is_error_passive,
+        controller_errors_sending=health.error_counters.sending,
+        controller_errors_receiving=health.error_counters.receiving, error_frames=counts.can_frames.get('error', 0),
         queue_overruns=counts.queue_overruns, sync_overruns=counts.sync_overruns, poll_overruns=counts.poll_overruns,
         consumer_errors=counts.consumer_errors, clock_jumps=counts.clock_jumps, unread_log_lines=counts.unread,
         foreign_nmt_commands=health.foreign_commands, foreign_nmt_last=health.last_command,
