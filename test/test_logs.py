@@ -144,7 +144,7 @@ def test_truncated_gzip_is_read_up_to_its_end(tmp_path):
     assert 10 < len(frames) < 77 and source.statistics().unread == 1
 
 
-@pytest.mark.parametrize('suffix', ['.log.gz', '.asc', '.blf', '.trc', '.mcap'])
+@pytest.mark.parametrize('suffix', ['.log', '.log.gz', '.asc', '.blf', '.trc', '.mcap'])
 def test_a_log_cut_short_is_read_up_to_the_cut_and_told(tmp_path, suffix):
     whole, cut, random = tmp_path / f'x{suffix}', tmp_path / f'cut{suffix}', np.random.default_rng(3)
     writer = CanLogWriter(whole)
@@ -157,9 +157,18 @@ def test_a_log_cut_short_is_read_up_to_the_cut_and_told(tmp_path, suffix):
     cut.write_bytes(whole.read_bytes()[:int(0.62 * whole.stat().st_size) + 5])
     reader = CanLogReader(cut)
     found = [bytes(message.data) for message in reader]
-    assert found[:-1] == messages[:len(found) - 1] and 200 < len(found) < 400
+    assert found == messages[:len(found)] and 200 < len(found) < 400
     assert reader.unread == 1 and f'{len(found)} CAN frames, the last at 2023-11-14 2' in reader.told
     assert 'cut short' in reader.told or 'end-of-stream' in reader.told
+
+
+def test_a_line_cut_short_never_reads_as_another_frame(tmp_path):
+    """Without its last digit, 381#0A0C would be 381#0A00, a whole TPDO with a wrong value."""
+    log = tmp_path / 'x.log'
+    log.write_text('\n'.join([SYNC, *ROWS[:2], '(1.3) can0 381#0A0C'])[:-1])
+    frames, source = play(log, tiny_pads(tmp_path))
+    assert [f.missing_can_frames for _, f in frames] == [1] and np.isnan(frames[0][1].values[2]).all()
+    assert source.statistics().unread == 1
 
 
 @pytest.mark.parametrize(('name', 'content'), [

@@ -22,7 +22,8 @@ class CanLogWriter:
     """Writes CAN messages to a log as they come; thread-safe.
 
     An existing file is never overwritten: ``path`` says which one is written, ``session-2.log`` where
-    ``session.log`` is there. Every format is flushed every FLUSH_PERIOD: that much a process that is killed may lose.
+    ``session.log`` is there. Every format is flushed every FLUSH_PERIOD (.db by python-can, every 5 s): that much a
+    process that is killed may lose.
     ``unwritten`` counts messages that the format cannot hold. Raises LogError when the file cannot be written or its
     suffix means no format.
     """
@@ -100,11 +101,16 @@ def _shortfall(reader: MessageReader | BagCanReader, path: Path) -> str:
     """What lets a log that was read without complaint look cut short; '' when nothing does."""
     if isinstance(reader, can.BLFReader) and path.stat().st_size < reader.file_size:
         return f'cut short: {path.stat().st_size} of {reader.file_size} bytes'
-    if path.suffix not in TEXT_SUFFIXES:
-        return ''
+    return ''
+
+
+def _ends_within_a_line(path: Path) -> bool:
+    """Whether a text log's last line lacks its end: what is left of it may read as another frame."""
+    if path.suffix not in TEXT_SUFFIXES or not path.stat().st_size:
+        return False
     with path.open('rb') as file:
         file.seek(-1, os.SEEK_END)
-        return '' if file.read() in (b'\n', b'\r') else 'cut short: it ends within a line'
+        return file.read() not in (b'\n', b'\r')
 
 
 class CanLogReader:
@@ -131,9 +137,10 @@ class CanLogReader:
             self._refuse(f'{type(error).__name__}: {error}',
                          'Give a log in a format and with a suffix python-can reads.')
         with reader:
-            yield from self._messages(reader)
-        if self.can_frames and not self.unread and (shortfall := _shortfall(reader, Path(self.path))):
-            self.unread, self.problem = 1, shortfall
+            messages, is_cut = self._messages(reader), _ends_within_a_line(Path(self.path))
+            yield from self._counted(self._without_last_line(messages) if is_cut else messages)
+        if not is_cut and not self.unread and (shortfall := _shortfall(reader, Path(self.path))):
+            self._unread(shortfall)
         if not self.can_frames:
             self._refuse(f'none{f" ({self.unread} lines unread: {self.problem})" if self.unread else ""}',
                          'Record it again, or check that the suffix fits the content.')
@@ -145,14 +152,29 @@ class CanLogReader:
         rest = f'; {self.unread} lines or rests unread: {self.problem}' if self.unread else ''
         return f'{self.can_frames} CAN frames, the last at {end}{rest}.'
 
+    def _counted(self, messages: Iterator[can.Message]) -> Iterator[can.Message]:
+        for message in messages:
+            self.can_frames += 1
+            self._last = message.timestamp
+            yield message
+
+    def _without_last_line(self, messages: Iterator[can.Message]) -> Iterator[can.Message]:
+        """The last message is of the line cut short, unless the parser has refused that line."""
+        last, unread = next(messages, None), self.unread
+        for message in messages:
+            yield last
+            last, unread = message, self.unread
+        if self.unread == unread:
+            self._unread('')
+        elif last is not None:
+            yield last
+        self.problem = 'cut short: it ends within a line, of which nothing is used'
+
     def _messages(self, reader: MessageReader | BagCanReader) -> Iterator[can.Message]:
         by_lines = isinstance(reader, CanutilsLogReader)
         while True:
             try:
-                for message in reader:
-                    self.can_frames += 1
-                    self._last = message.timestamp
-                    yield message
+                yield from reader
                 return
             except LogError:
                 raise
@@ -164,9 +186,9 @@ class CanLogReader:
                 if not by_lines:
                     return
 
-    def _unread(self, error: Exception) -> None:
+    def _unread(self, problem: Exception | str) -> None:
         self.unread += 1
-        self.problem = f'{type(error).__name__}: {error}'
+        self.problem = problem if isinstance(problem, str) else f'{type(problem).__name__}: {problem}'
 
     def _refuse(self, got: str, remedy: str) -> None:
         raise LogError(self.path, expected='a log with CAN frames', got=got, remedy=remedy)

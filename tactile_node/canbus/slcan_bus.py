@@ -60,6 +60,8 @@ def is_sound(line: str) -> bool:
 
     >>> is_sound('t1812AABB'), is_sound('t1812AAB'), is_sound('t1812AABBt1812CCDD'), is_sound('V1013')
     (True, False, False, True)
+    >>> is_sound('r123a')  # a remote frame of ten bytes
+    False
     """
     digits = ID_DIGITS.get(line[:1])
     if digits is None:
@@ -68,7 +70,7 @@ def is_sound(line: str) -> bool:
     if len(body) <= digits or not HEXADECIMAL.issuperset(body):
         return False
     size, can_id = int(body[digits], 16), int(body[:digits], 16)
-    if line[0] in 'tTx' and size > 8 or can_id > (0x7FF if digits == 3 else 0x1FFF_FFFF):
+    if line[0] in 'tTxrR' and size > 8 or can_id > (0x7FF if digits == 3 else 0x1FFF_FFFF):
         return False
     data = 0 if line[0] in 'rR' else CAN_FD_DLC[size]
     return len(body) - digits - 1 - 2 * data in STAMP_DIGITS
