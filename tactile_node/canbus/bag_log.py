@@ -5,11 +5,13 @@ MCAP is written without chunks and summary as it goes, so a file cut short is re
 
 import sqlite3
 from collections.abc import Iterable, Iterator
+from importlib import import_module
 from itertools import chain
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import NamedTuple
 
 import can
+import numpy as np
 
 from tactile_node.errors import LogError
 
@@ -122,7 +124,7 @@ class _Types:
         typesys = _library('rosbags.typesys', path)
         self._store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
         self._store.register(typesys.get_types_from_msg(DEFINITION, TYPE))
-        self._frame, self._numpy = self._store.types[TYPE], _library('numpy', path)
+        self._frame = self._store.types[TYPE]
 
     def message(self, recorded: Recorded) -> can.Message:
         """Stamped as the CAN driver did, or when it was recorded where it did not."""
@@ -140,24 +142,20 @@ class _Types:
         stamp = kinds['builtin_interfaces/msg/Time'](time // SECOND, time % SECOND)
         header = kinds['std_msgs/msg/Header'](stamp, str(message.channel or ''))
         frame = self._frame(header, message.arbitration_id, message.is_remote_frame, message.is_extended_id,
-                            message.is_error_frame, message.dlc, self._numpy.frombuffer(data, self._numpy.uint8))
+                            message.is_error_frame, message.dlc, np.frombuffer(data, np.uint8))
         return bytes(self._store.serialize_cdr(frame, TYPE))
 
 
 def _recorded(path: Path) -> Iterable[Recorded]:
-    if path.suffix == '.db3':
-        yield from _of_sqlite(path)
-        return
-    with path.open('rb') as file:
-        yield from _of_mcap(file, path)
+    return _of_sqlite(path) if path.suffix == '.db3' else _of_mcap(path)
 
 
-def _of_mcap(file: BinaryIO, path: Path) -> Iterator[Recorded]:
+def _of_mcap(path: Path) -> Iterator[Recorded]:
     """Record after record, not by the summary at the end, which a recording that was killed lacks."""
     reader, records = _library('mcap.stream_reader', path), _library('mcap.records', path)
     schemas, channels, ended = {}, {}, False
     try:
-        for record in reader.StreamReader(file).records:
+        for record in _records(reader, path):
             if isinstance(record, records.Schema):
                 schemas[record.id] = record.name
             elif isinstance(record, records.Channel):
@@ -173,6 +171,11 @@ def _of_mcap(file: BinaryIO, path: Path) -> Iterator[Recorded]:
         raise EOFError('cut short: the recording was not ended')
 
 
+def _records(reader, path: Path) -> Iterator[object]:
+    with path.open('rb') as file:
+        yield from reader.StreamReader(file).records
+
+
 def _of_sqlite(path: Path) -> Iterator[Recorded]:
     try:
         with sqlite3.connect(f'file:{path}?mode=ro', uri=True) as base:
@@ -185,7 +188,6 @@ def _of_sqlite(path: Path) -> Iterator[Recorded]:
 
 def _library(name: str, path: str | Path):
     """Bags are an extra: whoever uses none needs none of their libraries."""
-    from importlib import import_module
     try:
         return import_module(name)
     except ImportError as error:
