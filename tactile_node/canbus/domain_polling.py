@@ -18,14 +18,16 @@ LONGEST_ANSWER = 0.1  # s until a frame that does not come counts as lost: a pol
 
 
 def upload(sdo: SdoClient, domain: DomainLayout, by_block: bool) -> bytes:
-    """Read the object. Raises canopen's SdoAbortedError and SdoCommunicationError."""
-    if not by_block:
-        return sdo.upload(domain.index, domain.subindex)
+    """Read the object. Raises BusError and canopen's SdoAbortedError and SdoCommunicationError."""
     try:
+        if not by_block:
+            return sdo.upload(domain.index, domain.subindex)
         with sdo.open(domain.index, domain.subindex, 'rb', block_transfer=True) as stream:
             return stream.read()
-    except (AttributeError, ValueError) as error:  # canopen's stream over a lost last frame, or a foreign one
-        raise SdoCommunicationError(f'Block upload failed: {error}') from error
+    except (SdoAbortedError, SdoCommunicationError, BusError):
+        raise
+    except Exception as error:  # canopen's streams over a lost last frame or a foreign one: AttributeError and others
+        raise SdoCommunicationError(f'Upload failed: {type(error).__name__}: {error}') from error
 
 
 def check_domain(sdo: SdoClient, domain: DomainLayout, who: str, log: Callable[[str], None]) -> bool:
