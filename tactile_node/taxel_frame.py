@@ -29,3 +29,13 @@ class TaxelFrame(NamedTuple):
     values: np.ndarray  #: float32, shape (rows, cols)
     status: np.ndarray  #: uint8 TaxelStatus, shape (rows, cols)
     missing_can_frames: int  #: TPDOs of this period that did not arrive, or not as mapped
+
+
+def without_any_value(frame: TaxelFrame) -> TaxelFrame:
+    """NaN and STALE in place of every value."""
+    values = np.full_like(frame.values, np.nan)
+    given = np.isin(frame.status, (TaxelStatus.VALID, TaxelStatus.SATURATED))
+    status = np.where(given, np.uint8(TaxelStatus.STALE), frame.status)
+    for array in (values, status):
+        array.setflags(write=False)
+    return frame._replace(values=values, status=status)

@@ -26,6 +26,9 @@ def load_mapping(path: Path, about: str) -> 'Section':
     except yaml.YAMLError as error:
         raise ConfigurationError(str(path), expected=f'{about} (YAML)', got=_one_line(error),
                                  remedy='Correct the YAML at that line.') from error
+    except (ValueError, KeyError, IndexError, AttributeError, RecursionError) as error:  # PyYAML over odd scalars
+        raise ConfigurationError(str(path), expected=f'{about} (YAML)', got=f'{type(error).__name__}: {error}'[:200],
+                                 remedy='Correct the YAML.') from error
     if not isinstance(content, dict):
         raise ConfigurationError(str(path), expected=f'{about}: a YAML mapping of keys to values',
                                  got=_kind(content), remedy='Start from a file in config/.')

@@ -69,10 +69,12 @@ def test_segments_sent_again_count_once():
 
 
 @pytest.mark.parametrize('frames', [
+    (*SEGMENTED[:4], SEGMENTED[3]),
     (*BLOCK[:-1], '< D5 C4 31 00 00 00 00 00'), (BEGIN, ANSWER, START, SEGMENTS[0], ACKNOWLEDGE),
     (BEGIN, '< 80 00 24 01 00 00 02 06'), (BEGIN, ANSWER, '> 80 00 24 01 00 00 04 05'),
     (BEGIN, '< C6 01 24 01 09 00 00 00'), (*SEGMENTED[:3], '< 00 31 32'), (BEGIN, ANSWER, '> 40 01 20 00 00 00 00 00')],
-    ids=('wrong CRC', 'lost in the log', 'aborted by the server', 'by the client', 'another object', 'short frame',
+    ids=('segment doubled', 'wrong CRC',
+         'lost in the log', 'aborted by the server', 'by the client', 'another object', 'short frame',
          'channel taken'))
 def test_broken_uploads(frames):
     assert follow(*frames)[0] is Step.BROKEN

@@ -117,14 +117,15 @@ def test_changes_take_effect_live_or_are_refused_with_a_reason(make, tmp_path):
     faults = tmp_path / 'faults.yaml'
     faults.write_text(FILE)
     driver = make(faulty_taxels_file=str(faults))
-    assert driver.set('faulty_taxels', 'report').successful
-    assert not np.isnan(driver.values()).any()
+    assert driver.set('faulty_taxels', 'mask').successful
+    assert driver.node._pads['pad32'].conditioned.masks
     refused = driver.set('faulty_taxels', 'hide')
     assert not refused.successful and 'mask or report' in refused.reason
     assert driver.set('heartbeat_timeout', 1.0).successful and driver.set('drop_incomplete', True).successful
     assert not driver.set('heartbeat_timeout', 0.01).successful
     assert driver.set('follow_drift', True).successful
-    assert driver.node._pads['pad32'].conditioned.tared.drift is not None
+    drift = driver.node._pads['pad32'].conditioned.tared.drift
+    assert driver.set('tare_limit', 50.0).successful and drift.limit == 50.0
     for name in ('channel', 'sync_period'):
         refused = driver.set(name, 'other' if name == 'channel' else 0.1)
         assert not refused.successful and 'read-only' in refused.reason

@@ -68,10 +68,18 @@ def test_the_delayed_tail_of_one_node_is_dropped_and_the_other_kept(assembler):
     assert frame.values.tolist() == [[1, 2], [3, 4], [5, 6], [7, 8]]
 
 
-def test_what_follows_one_nodes_sweep_waits_for_no_other(assembler):
+@pytest.mark.parametrize('second', [(), SECOND[:1], SECOND[1:]], ids=['all lost', 'end lost', 'begin lost'])
+def test_a_lost_sync_never_mixes_two_periods_of_two_nodes(assembler, second):
+    """After FIRST and a part of SECOND their next sweeps follow without a SYNC between."""
+    old = [(can_id, bytes(len(data))) for can_id, data in (*FIRST, *second)]
     assembler.sync(0.0)
-    assert feed(assembler, *FIRST, (0x181, b'\x63\x63')) == Loss(LossReason.SURPLUS)
-    assert feed(assembler, *SECOND).values[0].tolist() == [1, 2]
+    feed(assembler, *old)
+    assert feed(assembler, *FIRST, *SECOND) == Loss(LossReason.LATE)
+    frame = assembler.sync(1.0)
+    assert np.isnan(frame.values).all() and frame.missing_can_frames == 4
+    counts = assembler.statistics()
+    assert counts.received == counts.losses['late'] == 6 + len(second)
+    assert feed(assembler, *FIRST, *SECOND).values.tolist() == [[1, 2], [3, 4], [5, 6], [7, 8]]
 
 
 def test_incomplete_frames_are_dropped_as_a_whole(tmp_path):

@@ -138,8 +138,42 @@ def test_known_taxels_are_nan_from_the_first_frame_with_their_reason():
     np.testing.assert_array_equal(got.values, np.array([[1, np.nan], [np.nan, 4]], np.float32))
     assert got.status.tolist() == [[TaxelStatus.VALID, TaxelStatus.DEAD], [TaxelStatus.FAULTY, TaxelStatus.VALID]]
     assert not got.values.flags.writeable
-    pad.masks = False
-    assert pad.feed(frame([[1, 2], [3, 4]])).values.tolist() == [[1, 2], [3, 4]] and pad.faults.count == 2
+    assert pad.faults.count == 2
+
+
+def test_what_is_found_is_masked_only_when_asked_for():
+    pad = ConditionedPad(TaredPad(), TaxelJudge(2, 2, LIMIT), known())
+    pad.judge.update = lambda *_: known((0, 1, DEAD))
+    assert pad.feed(frame([[1, 2], [3, 4]])).values.tolist() == [[1, 2], [3, 4]] and pad.faults.count == 1
+    pad.masks = True
+    assert np.isnan(pad.feed(frame([[1, 2], [3, 4]])).values[0, 1])
+
+
+def test_objects_that_are_held_squeezed_or_hollow_accuse_nobody():
+    """Sequences of a second reader: a saturated core, a second object tapped beside one held, a tube gripped harder."""
+    core, small = disc(6, 6, 1), disc(2, 2, 1)
+    pad = Pad(lambda values, n: np.where(core & (n >= 10), FULL, values), noise=0.0)
+    pad.frames(core, 10)
+    for _ in range(12):
+        pad.frames(disc(6, 6, 3), 20)
+        pad.frames(core, 20)
+    assert not pad.ever.any()
+    pad = Pad(noise=0.0)
+    pad.frames(small, 50)
+    for _ in range(12):
+        pad.frames(small | disc(8, 8, 2.3), 20)
+        pad.frames(small, 20)
+    assert not pad.ever.any()
+    pad = Pad()
+    pad.touches(*[disc(6, 6, 3, hole=1.2)] * 6, disc(6, 6, 4, hole=1.2), *[disc(6, 6, 3, hole=1.2)] * 6)
+    assert not pad.ever.any()
+
+
+def test_a_weak_taxel_is_not_dead():
+    pad = Pad()
+    pad._spoil = lambda values, n: setting((5, 6), values[5, 6] / 8)(values, n)
+    pad.touches(*places(20))
+    assert not pad.ever.any()
 
 
 def test_gains_act_on_what_is_above_zero():

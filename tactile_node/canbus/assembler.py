@@ -17,8 +17,11 @@ each node where several make up the pad (what follows holds for each node by its
 Where TPDOs and SYNC are stamped by one clock (``one_clock``), a TPDO stamped before its SYNC is LATE by
 proof: a driver that lags behind its bus drops frames rather than publish them under a later stamp.
 
+Where several nodes make up a pad, a run that begins anew, not suspect, tells of a SYNC that was lost: nothing of any
+node is then used until the next one (LATE).
+
 So a frame mixes two periods only if a SYNC, the end of the period before it and the beginning of the one
-after it are lost together.
+after it are lost together; or if one of several nodes is late by a whole period at every SYNC, which nothing tells.
 """
 
 from collections import Counter
@@ -59,7 +62,7 @@ class FrameAssembler:
         self._heads = {can_id: len(next(iter(ranks))) for can_id, ranks in self._ranks.items()}
         self._counts: Counter[str] = Counter()
         self._losses: Counter[LossReason] = Counter()
-        self._given = False
+        self._given = self._is_torn = False
         self.restart()
 
     @property
@@ -74,14 +77,16 @@ class FrameAssembler:
     def resume(self, lost_periods: int) -> None:
         """Forget the period under way; the next SYNC comes ``lost_periods`` numbers later than the next one."""
         self._losses[LossReason.UNFINISHED] += self._pending()
-        self._sequence, self._stamp, self._given = self._sequence + lost_periods, None, False
+        self._sequence, self._stamp = self._sequence + lost_periods, None
+        self._given = self._is_torn = False
         for run in self._runs:
             run.forget()
 
     def sync(self, timestamp: float) -> TaxelFrame | None:
         """A SYNC was on the bus: end the period and begin the next one; the ended frame, if not yet given."""
         ended = self.end_period()
-        self._sequence, self._stamp, self._given = self._sequence + 1, timestamp, False
+        self._sequence, self._stamp = self._sequence + 1, timestamp
+        self._given = self._is_torn = False
         for run in self._runs:
             run.begin_period()
         return ended
@@ -100,10 +105,16 @@ class FrameAssembler:
             return self._lose(LossReason.LATE)
         if run.repeats(rank, data):
             return self._lose(LossReason.DUPLICATE)
-        surplus = self._given or run.is_complete
-        loss = self._lose(LossReason.SURPLUS) if surplus else self._place(run, rank, data)
+        if len(self._runs) > 1 and not self._given and run.begins_anew(rank):
+            self._tear()
+        if self._is_torn:
+            loss = self._lose(LossReason.LATE)
+        elif self._given or run.is_complete:
+            loss = self._lose(LossReason.SURPLUS)
+        else:
+            loss = self._place(run, rank, data)
         run.note(rank, data)
-        if not self._given and run.is_complete and all(one.is_complete for one in self._runs):
+        if not self._given and not self._is_torn and run.is_complete and all(one.is_complete for one in self._runs):
             return self._give()
         return loss
 
@@ -128,6 +139,11 @@ class FrameAssembler:
 
     def _pending(self) -> int:
         return 0 if self._given else int(self._fresh.sum())
+
+    def _tear(self) -> None:
+        self._is_torn = True
+        for dropped in filter(None, [run.drop() for run in self._runs]):
+            self._lose(LossReason.LATE, dropped)
 
     def _place(self, run: SenderRun, rank: int, data: bytes) -> Loss | None:
         dropped = run.place(rank)

@@ -5,6 +5,7 @@ MCAP is written without chunks and summary as it goes, so a file cut short is re
 
 import sqlite3
 from collections.abc import Iterable, Iterator
+from contextlib import closing
 from importlib import import_module
 from itertools import chain
 from pathlib import Path
@@ -178,7 +179,7 @@ def _records(reader, path: Path) -> Iterator[object]:
 
 def _of_sqlite(path: Path) -> Iterator[Recorded]:
     try:
-        with sqlite3.connect(f'file:{path}?mode=ro', uri=True) as base:
+        with closing(sqlite3.connect(f'{path.resolve().as_uri()}?mode=ro', uri=True)) as base:
             yield from map(Recorded._make, base.execute(
                 'SELECT topics.name, topics.type, messages.timestamp, messages.data FROM messages '
                 'JOIN topics ON messages.topic_id = topics.id ORDER BY messages.timestamp, messages.id'))

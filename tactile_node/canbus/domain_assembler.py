@@ -42,6 +42,8 @@ class DomainAssembler:
 
     def resume(self, lost_periods: int) -> None:
         """Forget the upload under way; the next request comes ``lost_periods`` numbers later than the next one."""
+        if self._stamp is not None and self._upload.is_under_way:
+            self._losses[LossReason.UNFINISHED] += 1
         self._sequence, self._stamp = self._sequence + lost_periods, None
 
     def sync(self, timestamp: float) -> None:

@@ -38,6 +38,7 @@ class SdoUpload:
         self._waiting = _Waiting.NOTHING
         self._segments: list[bytes] = []  # of the block under way
         self._has_last = self._asks_crc = self._has_crc = False
+        self._toggle = 0  # of the next segment
         self._buffer, self.data = bytearray(), b''
 
     @property
@@ -50,7 +51,7 @@ class SdoUpload:
         kind = command >> 5
         if (kind == INITIATE_UPLOAD or kind == BLOCK_UPLOAD and not command & 3) and frame[1:4] == self._object:
             self._waiting, self._buffer, self._segments = _Waiting.ANSWER, bytearray(), []
-            self._has_last, self._asks_crc = False, kind == BLOCK_UPLOAD and bool(command & BLOCK_CRC)
+            self._toggle, self._has_last, self._asks_crc = 0, False, kind == BLOCK_UPLOAD and bool(command & BLOCK_CRC)
             return Step.BEGUN
         if not self.is_under_way:
             return Step.NOTHING
@@ -74,6 +75,9 @@ class SdoUpload:
         if self._waiting is _Waiting.BLOCK:
             return self._block_segment(frame)
         if self._waiting is _Waiting.SEGMENT and frame[0] >> 5 == SEGMENT:
+            if frame[0] >> 4 & 1 != self._toggle:  # one lost or doubled
+                return self._break()
+            self._toggle ^= 1
             self._buffer += frame[1:8 - (frame[0] >> 1 & 7)]
             return self._finish() if frame[0] & 1 else Step.NOTHING
         if self._waiting is _Waiting.END and frame[0] & 0xE3 == BLOCK << 5 | 1:

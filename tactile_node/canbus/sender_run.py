@@ -44,6 +44,10 @@ class SenderRun:
         """Whether this is the TPDO just seen, byte for byte."""
         return self._seen and rank == self._last and data == self._last_data
 
+    def begins_anew(self, rank: int) -> bool:
+        """Whether ``rank`` begins another sweep though nothing says that the one before was an old one."""
+        return self._seen and rank <= self._last and not self._suspect
+
     def place(self, rank: int) -> tuple[LossReason, int] | None:
         """Lengthen the run by ``rank``, or begin a new one: then why, and how many TPDOs, the old one is dropped."""
         dropped = None

@@ -20,6 +20,7 @@ ACKNOWLEDGED = (b'', b'z', b'Z')  # lines that only confirm a frame sent
 LONGEST_LINE = 160  # characters: more than a CAN FD frame takes, so the end of a line is missing
 HEXADECIMAL = frozenset('0123456789abcdefABCDEF')
 ID_DIGITS = dict.fromkeys('trdb', 3) | dict.fromkeys('TxRDB', 8)  # by the kind of frame; what else comes is none
+ANSWERS, LONGEST_ANSWER = ('', 'V', 'v', 'N', 'F', 'z', 'Z'), 20  # version, serial number, status flags, sent
 STAMP_DIGITS = (0, 4)  # of the time some adapters add
 #: linux/can/error.h: a violation of the protocol. The frame in a damaged line is lost, as on a damaged wire
 DAMAGED = {'arbitration_id': 0x008, 'is_extended_id': False, 'is_error_frame': True, 'data': bytes(8)}
@@ -62,10 +63,12 @@ def is_sound(line: str) -> bool:
     (True, False, False, True)
     >>> is_sound('r123a')  # a remote frame of ten bytes
     False
+    >>> is_sound('1812AABB')  # without its first letter
+    False
     """
     digits = ID_DIGITS.get(line[:1])
     if digits is None:
-        return True
+        return line[:1] in ANSWERS and len(line) <= LONGEST_ANSWER
     body = line[1:]
     if len(body) <= digits or not HEXADECIMAL.issuperset(body):
         return False

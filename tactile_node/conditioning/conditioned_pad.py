@@ -6,7 +6,9 @@ import numpy as np
 
 from tactile_node.conditioning.tare import TaredPad
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault, TaxelJudge
-from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, without_any_value
+
+LONGEST_STEP = 2.0  # s between two frames that still count as successive
 
 
 class PadCondition(NamedTuple):
@@ -20,13 +22,15 @@ class PadCondition(NamedTuple):
 class ConditionedPad:
     """Faulty taxels out, zero off, gains on, in this order: value = gain x (reading - zero), NaN where faulty.
 
-    ``known`` are faulty from the first frame; ``judge`` finds more. With ``masks`` False they are told, not taken out.
+    ``known`` are faulty and taken out from the first frame; ``judge`` finds more, which are told and, with ``masks``,
+    taken out too.
     A pad whose readings do not change by one count for ``frozen_after`` [s] has stopped sampling: no value is valid,
     all are STALE. That is for skins that are never quite still; 0: never.
     """
 
     def __init__(self, tared: TaredPad, judge: TaxelJudge, known: FaultyTaxels, gains: np.ndarray | None = None):
-        self.tared, self.masks, self.frozen_after, self.unchanged = tared, True, 0.0, 0.0
+        self.tared, self.masks, self.frozen_after, self.unchanged = tared, False, 0.0, 0.0
+        self._stamp = np.inf
         self.judge, self._known, self._gains = judge, known, gains
         self._faults, self._judged, self._status = known, None, None
 
@@ -50,9 +54,8 @@ class ConditionedPad:
         if found is not self._judged:
             self._judged = found
             self._combine(found)
-        if self.masks and self._status is not None:
-            frame = self._without_faulty(frame)
-        self.unchanged = frame.stamp - self.judge.changed_at
+        self._count_unchanged(frame)
+        frame = self._without_faulty(frame)
         if self.is_frozen:
             frame = without_any_value(frame)
         frame = self.tared.feed(frame)
@@ -60,23 +63,26 @@ class ConditionedPad:
             frame = frame._replace(values=_read_only(frame.values * self._gains))
         return frame
 
+    def _count_unchanged(self, frame: TaxelFrame) -> None:
+        """Only time in which readings came counts; stamps that go back begin anew."""
+        step, self._stamp = frame.stamp - self._stamp, frame.stamp
+        if self.judge.has_changed or step < 0:
+            self.unchanged = 0.0
+        elif step < LONGEST_STEP and np.isfinite(frame.values).any():
+            self.unchanged += step
+
     def _combine(self, found: FaultyTaxels) -> None:
         kinds = np.where(self._known.kinds != 0, self._known.kinds, found.kinds)
         self._faults = FaultyTaxels(_read_only(kinds))
         status = np.where(kinds == TaxelFault.DEAD, TaxelStatus.DEAD, TaxelStatus.FAULTY)
-        self._status = np.where(kinds != 0, status, 0).astype(np.uint8) if kinds.any() else None
+        self._status = np.where(kinds != 0, status, 0).astype(np.uint8)
 
     def _without_faulty(self, frame: TaxelFrame) -> TaxelFrame:
-        faulty = self._status != 0
+        faulty = self._status != 0 if self.masks else self._known.kinds != 0
+        if not faulty.any():
+            return frame
         return frame._replace(values=_read_only(np.where(faulty, np.float32(np.nan), frame.values)),
                               status=_read_only(np.where(faulty, self._status, frame.status)))
-
-
-def without_any_value(frame: TaxelFrame) -> TaxelFrame:
-    """NaN and STALE in place of every value."""
-    given = np.isin(frame.status, (TaxelStatus.VALID, TaxelStatus.SATURATED))
-    return frame._replace(values=_read_only(np.full_like(frame.values, np.nan)),
-                          status=_read_only(np.where(given, np.uint8(TaxelStatus.STALE), frame.status)))
 
 
 def _read_only(array: np.ndarray) -> np.ndarray:

@@ -13,23 +13,26 @@ class DriftFollower:
 
     While any taxel reads PRESSED x limit above its zero, and QUIET seconds after, the whole pad's zero stands
     still: a grasp, also one that is there from the start, is never taken for drift, and neither are the taxels around
-    it. The price: drift beyond PRESSED x limit within one grasp needs a tare. A touch lighter than that is taken
-    for drift, at no more than RATE x limit a second.
+    it. The same while a taxel that has had a value has none. The price: drift beyond PRESSED x limit within one
+    grasp needs a tare. A touch lighter than that is taken for drift, at no more than RATE x limit a second.
     """
 
     def __init__(self, limit: float):
-        self._limit = limit
+        self.limit = limit
         self._stamp = self._pressed_at = -np.inf
+        self._seen: np.ndarray | bool = False  # taxels that have had a value
 
     def update(self, stamp: float, values: np.ndarray, zero: np.ndarray) -> np.ndarray:
         """Return the zero, (rows, cols), after a frame of ``values`` (NaN: unknown) as measured at ``stamp`` [s]."""
         passed, self._stamp = stamp - self._stamp, stamp
         above = np.where(np.isfinite(values), values - zero, 0)
-        if (above >= PRESSED * self._limit).any() or not 0 <= passed < QUIET:
+        lost = self._seen & ~np.isfinite(values)  # it may be pressed: a part of the pad is gone
+        self._seen = self._seen | np.isfinite(values)
+        if lost.any() or (above >= PRESSED * self.limit).any() or not 0 <= passed < QUIET:
             self._pressed_at = stamp
         if stamp - self._pressed_at < QUIET:
             return zero
-        most = RATE * self._limit * passed
+        most = RATE * self.limit * passed
         followed = zero + np.clip(above * (passed / TIME_CONSTANT), -most, most)
         followed.flags.writeable = False
         return followed

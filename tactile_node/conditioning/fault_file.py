@@ -23,9 +23,9 @@ def load_faults(path: str | Path, pads: Mapping[str, tuple[int, int]]) -> dict[s
 
     Raises ConfigurationError naming file and key for anything else that is wrong.
     """
-    kinds = {name: np.zeros(shape, np.uint8) for name, shape in pads.items()}
-    if Path(path).expanduser().exists():
-        top = load_mapping(Path(path).expanduser(), ABOUT)
+    kinds, path = {name: np.zeros(shape, np.uint8) for name, shape in pads.items()}, _usable(path)
+    if path.exists():
+        top = load_mapping(path, ABOUT)
         section = top.section('pads')
         for name, (rows, cols) in pads.items():
             given = section.section(name, {})
@@ -46,7 +46,7 @@ def load_faults(path: str | Path, pads: Mapping[str, tuple[int, int]]) -> dict[s
 
 def save_faults(path: str | Path, faults: Mapping[str, FaultyTaxels]) -> None:
     """Write the faulty taxels of these pads; what the file says of others stays. Raises ConfigurationError."""
-    path = Path(path).expanduser()
+    path = _usable(path)
     pads = load_mapping(path, ABOUT).take('pads', {}) if path.exists() else {}
     if not isinstance(pads, dict):
         raise ConfigurationError(str(path), expected=ABOUT, got='another one', remedy='Name another file.')
@@ -61,3 +61,14 @@ def save_faults(path: str | Path, faults: Mapping[str, FaultyTaxels]) -> None:
     except OSError as error:
         raise ConfigurationError(str(path), expected='a file that can be written', got=error.strerror or str(error),
                                  remedy='Set faulty_taxels_file to another path.') from error
+
+
+def _usable(path: str | Path) -> Path:
+    """``~`` expanded. Raises ConfigurationError for a path that the system cannot even look for."""
+    try:
+        expanded = Path(path).expanduser()
+        expanded.exists()
+        return expanded
+    except (OSError, RuntimeError, ValueError) as error:
+        raise ConfigurationError(f'parameter faulty_taxels_file, {str(path)[:80]!r}', expected='a path',
+                                 got=str(error)[:200], remedy='Set it to another path.') from error

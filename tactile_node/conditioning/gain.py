@@ -18,10 +18,13 @@ def load_gains(path: str | Path, rows: int, cols: int) -> np.ndarray:
     try:
         is_binary = str(path).endswith('.npy')
         gains = np.load(path, allow_pickle=False) if is_binary else _text(Path(path))
+        if gains.dtype.kind not in 'iuf':
+            raise ValueError(f'an array of {gains.dtype}')
         gains = gains.astype(np.float32)
-    except (OSError, ValueError, TypeError, AttributeError) as error:  # numpy raises all of these for broken files
-        raise ConfigurationError(where, expected='numbers, a row of the pad a line (text), or a .npy array',
-                                 got=str(error).splitlines()[0], remedy='Correct the file, or make it anew.') from error
+    except Exception as error:  # numpy lets through what zipfile, tokenize and others raise over broken files
+        got = (str(error).splitlines() or [type(error).__name__])[0]
+        raise ConfigurationError(where, expected='numbers, a row of the pad a line (text), or a .npy array', got=got,
+                                 remedy='Correct the file, or make it anew.') from error
     if gains.shape != (rows, cols):
         raise ConfigurationError(where, expected=f'{rows} rows of {cols} gains, as the pad has taxels',
                                  got=f'shape {gains.shape}', remedy='Give the gains of this pad.')

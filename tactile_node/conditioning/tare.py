@@ -7,7 +7,7 @@ import numpy as np
 
 from tactile_node.conditioning.drift import DriftFollower
 from tactile_node.errors import TareRefusedError
-from tactile_node.taxel_frame import TaxelFrame
+from tactile_node.taxel_frame import TaxelFrame, without_any_value
 
 
 class Tare(NamedTuple):
@@ -16,6 +16,7 @@ class Tare(NamedTuple):
     offset: np.ndarray  #: float32, (rows, cols), read-only; 0 for a taxel that had no valid value
     frames: int         #: averaged
     noise: float        #: standard deviation of a taxel around its zero, root mean square over the pad
+    known: np.ndarray   #: bool, (rows, cols): where the offset was measured
 
     @property
     def largest(self) -> float:
@@ -45,7 +46,7 @@ def measure(values: np.ndarray, limit: float) -> Tare:
             remedy='Open the gripper. If nothing presses: set "offset" in the layout, or raise tare_limit.')
     offset = mean.astype(np.float32)
     offset.flags.writeable = False
-    return Tare(offset, len(values), float(np.sqrt(values.var(0)[known].mean())))
+    return Tare(offset, len(values), float(np.sqrt(values.var(0)[known].mean())), known)
 
 
 class TaredPad:
@@ -60,6 +61,7 @@ class TaredPad:
 
     def __init__(self, drift: DriftFollower | None = None):
         self.offset: np.ndarray | None = None
+        self.is_zero_known = True  #: False: no value is valid, since the device's zero is being changed
         self.drift = drift
         self._wanted, self._taken, self._changed = 0, [], threading.Condition()
 
@@ -70,9 +72,11 @@ class TaredPad:
                 self._taken.append(frame.values)
                 self._wanted -= 1
                 self._changed.notify()
-        if (drift := self.drift) is not None:
-            zero = np.zeros_like(frame.values) if self.offset is None else self.offset
-            self.offset = drift.update(frame.stamp, frame.values, zero)
+            if (drift := self.drift) is not None:
+                zero = np.zeros_like(frame.values) if self.offset is None else self.offset
+                self.offset = drift.update(frame.stamp, frame.values, zero)
+        if not self.is_zero_known:
+            return without_any_value(frame)
         if self.offset is None:
             return frame
         values = (frame.values - self.offset).astype(np.float32, copy=False)
@@ -82,7 +86,10 @@ class TaredPad:
     def tare(self, frames: int, limit: float, timeout: float) -> Tare:
         """Average the next whole ``frames`` into a new tare; TareRefusedError, also after ``timeout`` [s]."""
         found = self.measure_next(frames, limit, timeout)
-        self.offset = found.offset
+        with self._changed:  # a taxel that could not be measured keeps its zero
+            offset = found.offset if self.offset is None else np.where(found.known, found.offset, self.offset)
+            offset.flags.writeable = False
+            self.offset = offset
         return found
 
     def measure_next(self, frames: int, limit: float, timeout: float) -> Tare:

@@ -10,14 +10,15 @@ CONTACTS = 5          #: that have to speak against a taxel, one after the other
 MIN_TOUCHED = 3       #: taxels that make a contact
 FALLEN = 0.8          #: of the taxels that rose in a contact have fallen when it is over
 RELEASED = 0.5        #: of the taxels pressed at its height may then still be: others' edges come and go in a grasp
-APART = 3.0           #: taxels by which the centres of these contacts must differ, for a dead taxel, or
-UNLIKE = 1.5          #: the factor by which their areas must
+APART = 3.0           #: taxels by which the centres of these contacts must differ, for a dead taxel
+ALIVE = 0.1           #: x limit: a taxel that reads so much has felt something
 DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
 JUMP = 2.0            #: x limit: a change from one frame to the next that counts as a jump
 ALONE = 0.5           #: x limit: a jump is alone when no neighbour changes by so much in the same frame
 MOST_NAMED = 20       # taxels of a kind in a sentence
 FLICKER_TIME = 5.0    #: s over which lone jumps are counted
-FLICKER_JUMPS = 40    #: lone jumps within that time
+FLICKER_JUMPS = 40    #: lone jumps within that time, and
+FLICKER_SHARE = 0.25  #: of the frames within it
 
 
 class TaxelFault(IntEnum):
@@ -58,12 +59,13 @@ class TaxelJudge:
     not many are left pressed (where more are stuck than any contact presses, none is found).
     Time alone proves nothing: a pad that nobody touches has no dead taxels, a grasp of an hour no stuck ones.
 
-    - Dead: in CONTACTS contacts that are APART or UNLIKE (what a ring leaves out in one place it presses in another),
-      never pressed though pressed taxels lay on both sides of it, in two of four directions. Taxels in the corners
+    - Dead: in CONTACTS contacts that are APART (what a ring leaves out in one place it presses in another), not ALIVE
+      though pressed taxels lay on both sides of it, in two of four directions. Taxels in the corners
       of a pad have no two sides and are never found so.
-    - Stuck: pressed at the end of CONTACTS contacts and the same to the bit since before the first of them. A taxel
-      that is at the end of its range then is saturated.
-    - Flickering: FLICKER_JUMPS jumps within FLICKER_TIME in which no neighbour took part.
+    - Stuck: pressed, with no pressed neighbour (an object still held has several), at the end of CONTACTS contacts and
+      the same to the bit since before the first of them. One at the end of its range then is saturated.
+    - Flickering: FLICKER_JUMPS jumps within FLICKER_TIME, in FLICKER_SHARE of the frames, in which no neighbour took
+      part or was pressed or unknown.
 
     One sign of life takes the verdict back.
     """
@@ -75,10 +77,10 @@ class TaxelJudge:
         self._height = 0  # taxels pressed at most in this contact
         self._still = np.zeros(shape, int)   # contacts since the value last changed
         self._silent = np.zeros(shape, int)  # contacts around it that it did not feel
-        self._range = np.zeros((2, 3, *shape))  # of these contacts: least and greatest row, column, log area
+        self._range = np.zeros((2, 2, *shape))  # of these contacts' centres: least and greatest row, column
         self._jumps, self._stamp = np.zeros(shape), -np.inf
         self._is_saturated = np.zeros(shape, bool)
-        self.changed_at = -np.inf  # when any taxel last read another value [s]
+        self._frames, self._unknown, self.has_changed = 0.0, np.ones(shape, bool), False  # in the last frame
         self.faults = FaultyTaxels(_read_only(np.zeros(shape, np.uint8)))
 
     def update(self, stamp: float, values: np.ndarray, zero: np.ndarray | float,
@@ -91,13 +93,13 @@ class TaxelJudge:
         values = np.where(known, values, self._last)
         change = np.abs(values - self._last)
         moved = change > 0  # False where a value is the first
-        if moved.any() or not np.isfinite(self.changed_at):
-            self.changed_at = stamp
+        self.has_changed = bool(moved.any())
         self._is_saturated = np.where(known, is_saturated, self._is_saturated)
-        is_news = self._count_jumps(stamp, change)
+        is_news = self._count_jumps(stamp, change, ~known | self._unknown)
+        self._unknown = ~known
         self._last, was_pressed = values, self._pressed
         self._pressed = values - zero >= self.limit
-        self._silent[self._pressed] = 0
+        self._silent[values - zero >= ALIVE * self.limit] = 0
         if moved.any():
             self._still[moved] = 0
             self._risen |= self._pressed & ~was_pressed & moved
@@ -109,16 +111,21 @@ class TaxelJudge:
             self.faults = FaultyTaxels(_read_only(self._judge()))
         return self.faults
 
-    def _count_jumps(self, stamp: float, change: np.ndarray) -> bool:
+    def _count_jumps(self, stamp: float, change: np.ndarray, unknown: np.ndarray) -> bool:
         """Count jumps that no neighbour takes part in; True when a verdict may change."""
         passed, self._stamp = stamp - self._stamp, stamp
-        was_flickering = self._jumps >= FLICKER_JUMPS
-        self._jumps *= np.exp(-max(passed, 0.0) / FLICKER_TIME)
+        was_flickering, fading = self._is_flickering(), np.exp(-max(passed, 0.0) / FLICKER_TIME)
+        self._jumps *= fading
+        self._frames = self._frames * fading + 1
         jumps = change >= JUMP * self.limit
         if jumps.any():
-            others = maximum_filter(np.nan_to_num(change), footprint=NEIGHBOURS, mode='constant')
+            others = np.where(unknown | self._pressed, np.inf, np.nan_to_num(change))
+            others = maximum_filter(others, footprint=NEIGHBOURS, mode='constant')
             self._jumps[jumps & (others < ALONE * self.limit)] += 1
-        return bool((was_flickering != (self._jumps >= FLICKER_JUMPS)).any())
+        return bool((was_flickering != self._is_flickering()).any())
+
+    def _is_flickering(self) -> np.ndarray:
+        return self._jumps >= max(FLICKER_JUMPS, FLICKER_SHARE * self._frames)
 
     def _is_contact_over(self) -> bool:
         risen, pressed = np.count_nonzero(self._risen), np.count_nonzero(self._pressed)
@@ -131,24 +138,24 @@ class TaxelJudge:
         self._still += 1
         surrounded = _surrounded(touched) & ~touched & ~self._pressed
         places = np.argwhere(touched)
-        kind = np.array([*places.mean(0), np.log(len(places))])[:, np.newaxis, np.newaxis]
+        centre = places.mean(0)[:, np.newaxis, np.newaxis]
         least, greatest = self._range
         is_first = surrounded & (self._silent == 0)
         least[:, is_first] = np.inf
         greatest[:, is_first] = -np.inf
-        np.minimum(least, kind, out=least, where=surrounded)
-        np.maximum(greatest, kind, out=greatest, where=surrounded)
+        np.minimum(least, centre, out=least, where=surrounded)
+        np.maximum(greatest, centre, out=greatest, where=surrounded)
         self._silent[surrounded] += 1
 
     def _judge(self) -> np.ndarray:
         kinds = np.zeros(self._last.shape, np.uint8)
-        down, right, larger = self._range[1] - self._range[0]
-        differ = (np.hypot(down, right) >= APART) | (larger >= np.log(UNLIKE))
-        kinds[(self._silent >= CONTACTS) & differ] = TaxelFault.DEAD
-        stuck = self._pressed & (self._still >= CONTACTS)
+        apart = np.hypot(*(self._range[1] - self._range[0])) >= APART
+        kinds[(self._silent >= CONTACTS) & apart] = TaxelFault.DEAD
+        lonely = ~maximum_filter(self._pressed, footprint=NEIGHBOURS, mode='constant')
+        stuck = self._pressed & lonely & (self._still >= CONTACTS)
         kinds[stuck] = TaxelFault.STUCK
         kinds[stuck & self._is_saturated] = TaxelFault.SATURATED
-        kinds[self._jumps >= FLICKER_JUMPS] = TaxelFault.FLICKERING
+        kinds[self._is_flickering()] = TaxelFault.FLICKERING
         return kinds
 
 

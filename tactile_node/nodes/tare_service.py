@@ -5,11 +5,13 @@ from collections.abc import Callable, Mapping
 
 from rclpy.node import Node
 
+from tactile_node.conditioning.tare import Tare as Measured
 from tactile_node.conditioning.tare import TaredPad
 from tactile_node.errors import BusError, ConfigurationError, DeviceError, TareRefusedError
 from tactile_skin.srv import Tare
 
 FRAMES = 50  #: averaged unless the request says otherwise
+LONGEST = 10.0  #: s: the executor waits for it
 SETTLING = 3  #: frames given up after the devices have zeroed themselves
 
 
@@ -50,12 +52,26 @@ class TareService:
             raise ConfigurationError('tare', expected=f'one of the pads {", ".join(self._pads)}', got=repr(name),
                                      remedy='Leave pads empty for all of them.')
         pad, frames = self._pads[name], request.frames or FRAMES
-        given, on_device = (frames, self._limit(name), 1 + 2 * frames * self._period), ''
-        if request.on_device:
-            pad.measure_next(*given)  # refused under load, before the device takes the load for its zero
+        given = frames, self._limit(name), 1 + 2 * frames * self._period
+        if given[2] > LONGEST:
+            raise TareRefusedError('tare', expected=f'so few frames that they take at most {LONGEST:g} s',
+                                   got=f'{frames} of {self._period:g} s each', remedy='Ask for fewer.')
+        if not request.on_device:
+            return self._told(name, pad.tare(*given), response)
+        pad.measure_next(*given)  # refused under load, before the device takes the load for its zero
+        pad.is_zero_known = False
+        try:
             on_device = f'{self._auto_zero(name)} channels zeroed on the device, then '
             pad.measure_next(SETTLING, math.inf, given[2])  # frames that were under way
-        found = pad.tare(*given)
+            pad.offset = None
+            return self._told(name, pad.tare(*given), response, on_device)
+        except (TareRefusedError, DeviceError, BusError):
+            pad.offset = None  # it belonged to the zero that the device had
+            raise
+        finally:
+            pad.is_zero_known = True
+
+    def _told(self, name: str, found: Measured, response: Tare.Response, on_device: str = '') -> str:
         response.tared.append(name)
         response.frames_used.append(found.frames)
         response.noise.append(found.noise)

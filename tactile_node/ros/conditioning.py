@@ -31,8 +31,11 @@ def adjust(pads: Mapping[str, ConditionedPad], units: Mapping[str, str], setting
     """Take what may change while frames flow. Raises ConfigurationError, nothing changed then."""
     masks = masks_faulty(settings.faulty_taxels)
     rest = {name: rest_limit(settings.tare_limit, units[name]) for name in pads}
-    drifting = {name: tare_limit(settings.tare_limit, units[name]) for name in pads if settings.follow_drift}
+    drifting = {name: tare_limit(settings.tare_limit, units[name]) for name in pads
+                if settings.follow_drift and units[name] != '1'}  # on/off taxels have no zero
     for name, pad in pads.items():
         pad.masks, pad.judge.limit, pad.frozen_after = masks, rest[name], settings.frozen_after
         if (pad.tared.drift is None) != (name not in drifting):
             pad.tared.drift = DriftFollower(drifting[name]) if name in drifting else None
+        elif pad.tared.drift is not None:
+            pad.tared.drift.limit = drifting[name]

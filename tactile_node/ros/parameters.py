@@ -52,8 +52,8 @@ DRIVER = (
               '[unit of the taxels]; 0: by the unit (10 kPa, 0.03 N)', 0, 1e9, live=True),
     Parameter('follow_drift', False, 'the zero of the taxels follows slow drift while none reads half of tare_limit; '
               'a grasp is never followed', live=True),
-    Parameter('faulty_taxels', 'mask', 'taxels found dead, stuck or flickering by what they send: mask (NaN, and told) '
-              'or report (told only)', live=True),
+    Parameter('faulty_taxels', 'report', 'taxels found dead, stuck or flickering by what they send: report (told only) '
+              'or mask (NaN too); those of faulty_taxels_file are always NaN', live=True),
     Parameter('faulty_taxels_file', '', 'YAML file of taxels that are faulty from the start; `~/save_faulty_taxels` '
               'writes those found to it; empty: none'),
     Parameter('frozen_after', 0.0, 'a pad whose taxels do not change by one count for so long has stopped sampling: it '
@@ -143,7 +143,7 @@ ON_OFF_LIMIT = 0.5
 
 def tare_limit(given: float, unit: str) -> float:
     """Return ``given``, or the limit for ``unit``. Raises ConfigurationError where there is none."""
-    limit = given or TARE_LIMIT_BY_UNIT.get(unit)
+    limit = None if unit == '1' else given or TARE_LIMIT_BY_UNIT.get(unit)
     if limit is None:
         raise ConfigurationError('tare', expected='taxels in ' + ' or '.join(TARE_LIMIT_BY_UNIT), got=repr(unit),
                                  remedy='On/off taxels have no zero to set.')
