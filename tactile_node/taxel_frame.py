@@ -31,11 +31,14 @@ class TaxelFrame(NamedTuple):
     missing_can_frames: int  #: TPDOs of this period that did not arrive, or not as mapped
 
 
+def read_only(array: np.ndarray) -> np.ndarray:
+    """The array itself, no longer writeable: what passes between stages is nobody's to change."""
+    array.flags.writeable = False
+    return array
+
+
 def without_any_value(frame: TaxelFrame) -> TaxelFrame:
     """NaN and STALE in place of every value."""
-    values = np.full_like(frame.values, np.nan)
     given = np.isin(frame.status, (TaxelStatus.VALID, TaxelStatus.SATURATED))
-    status = np.where(given, np.uint8(TaxelStatus.STALE), frame.status)
-    for array in (values, status):
-        array.setflags(write=False)
-    return frame._replace(values=values, status=status)
+    return frame._replace(values=read_only(np.full_like(frame.values, np.nan)),
+                          status=read_only(np.where(given, np.uint8(TaxelStatus.STALE), frame.status)))

@@ -14,6 +14,7 @@ import numpy as np
 from tactile_node.canbus.layout_file import load_layout
 from tactile_node.canbus.pads import make_pad, share_node_ids
 from tactile_node.canbus.skin_bus import BusSettings, SkinBus
+from tactile_node.canbus.supervisor import Supervisor
 from tactile_node.simulator.skin_simulator import SkinSimulator
 
 #: The same tests run on a real Linux CAN stack, where all share one channel: `make socketcan`
@@ -79,6 +80,13 @@ class Bench:
     def __exit__(self, *_: object) -> None:
         self.driver.close()
         self.simulator.stop()
+
+    def supervise(self) -> list[str]:
+        """Take a Supervisor in place of the bare SkinBus; the list of what it will complain about."""
+        complaints: list[str] = []
+        self.driver = Supervisor(self.settings, tuple(self.pads), lambda *given: self.frames.put(given),
+                                 self.said.append, complaints.append)
+        return complaints
 
     def run(self) -> None:
         self.driver.open()

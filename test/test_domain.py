@@ -18,7 +18,6 @@ from tactile_node.canbus.log_source import LogSource
 from tactile_node.canbus.losses import Loss, LossReason
 from tactile_node.canbus.pads import PadSettings
 from tactile_node.canbus.sdo_upload import SdoUpload, Step
-from tactile_node.canbus.supervisor import Supervisor
 from tactile_node.canbus.taxel_codec import TaxelCodec
 from tactile_node.errors import ConfigurationError, DeviceError
 from tactile_node.taxel_frame import TaxelStatus
@@ -208,9 +207,7 @@ def test_simulated_skin_end_to_end_and_its_log_again(tmp_path, refuses_blocks):
 
 def test_a_polled_pad_goes_and_comes_again():
     with Bench('domain_goes', LAYOUT, source=moving()) as bench:
-        complaints = []
-        bench.driver = Supervisor(bench.settings, tuple(bench.pads), lambda *given: bench.frames.put(given),
-                                  bench.said.append, complaints.append)
+        complaints = bench.supervise()
         bench.run()
         bench.take_whole(2)
         bench.simulator.devices[32].power_off()
@@ -236,7 +233,7 @@ def test_a_bad_bus_breaks_uploads_and_no_values(monkeypatch):
         return ([], [message, message], [damaged], [damaged, message])[int(chance * 200)]
     with Bench('domain_bad', LAYOUT, source=moving()) as bench:
         monkeypatch.setattr(skin_bus, 'open_bus', adapter.open)
-        bench.driver = Supervisor(bench.settings, tuple(bench.pads), lambda *given: bench.frames.put(given))
+        bench.supervise()
         bench.run()
         adapter.tamper = tamper
         frames = bench.take_whole(30)

@@ -116,18 +116,21 @@ def test_whoever_comes_late_gets_the_last_status(chain):
     chain.wait(lambda: not heard[-1].active, 'deactivation not told')
 
 
-def test_tare_is_refused_under_load_and_takes_off_what_is_below_the_limit(chain):
-    """The skin reads PRESSED all over: with a lower limit that is a load, with a higher one an offset."""
+def tares(chain, **request):
+    """The answers to a tare with a limit that PRESSED exceeds, and with one that it does not."""
     chain.driver.autostart()
     chain.wait(lambda: (OK, OK) in chain.levels, 'never OK')
     client = chain.listener.create_client(Tare, '/skin_driver/tare')
-    answers = []
     for limit in (0.5 * PRESSED, 2 * PRESSED):
         assert chain.driver.set_parameters([Parameter('tare_limit', value=limit)])[0].successful
-        call = client.call_async(Tare.Request(frames=5))
+        call = client.call_async(Tare.Request(frames=5, **request))
         chain.wait(call.done, 'no answer')
-        answers.append(call.result())
-    refused, done = answers
+        yield call.result()
+
+
+def test_tare_is_refused_under_load_and_takes_off_what_is_below_the_limit(chain):
+    """The skin reads PRESSED all over: with a lower limit that is a load, with a higher one an offset."""
+    refused, done = tares(chain)
     assert not refused.success and 'row' in refused.message and not refused.tared
     assert done.success and done.tared == ['pad32'] and done.frames_used[0] == 5
     assert done.largest_offset[0] == pytest.approx(PRESSED, abs=0.01) and done.noise[0] == pytest.approx(0, abs=0.01)
@@ -135,18 +138,10 @@ def test_tare_is_refused_under_load_and_takes_off_what_is_below_the_limit(chain)
 
 
 def test_the_devices_own_zero_is_asked_for_only_without_load(chain):
-    chain.driver.autostart()
-    chain.wait(lambda: (OK, OK) in chain.levels, 'never OK')
-    client = chain.listener.create_client(Tare, '/skin_driver/tare')
-    answers = []
-    for limit in (0.5 * PRESSED, 2 * PRESSED):
-        assert chain.driver.set_parameters([Parameter('tare_limit', value=limit)])[0].successful
-        call = client.call_async(Tare.Request(frames=5, on_device=True))
-        chain.wait(call.done, 'no answer')
-        answers.append(call.result())
-        if len(answers) == 1:
-            np.testing.assert_allclose(chain.taxels[-1].values, PRESSED, atol=0.01)
-    refused, done = answers
+    answers = tares(chain, on_device=True)
+    refused = next(answers)
+    np.testing.assert_allclose(chain.taxels[-1].values, PRESSED, atol=0.01)
+    done = next(answers)
     assert not refused.success and 'row' in refused.message
     assert done.success and f'{SIDE * SIDE} channels zeroed on the device' in done.message
     assert done.largest_offset[0] == pytest.approx(0, abs=0.01)  # nothing was left for the driver to take off

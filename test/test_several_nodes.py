@@ -9,7 +9,6 @@ from can_bench import Bench, tiny_layout, wait_until
 from tactile_node.canbus.assembler import FrameAssembler
 from tactile_node.canbus.losses import Loss, LossReason
 from tactile_node.canbus.pads import PadSettings, check_pads, make_pad, share_node_ids
-from tactile_node.canbus.supervisor import Supervisor
 from tactile_node.errors import ConfigurationError
 from tactile_node.taxel_frame import TaxelStatus
 
@@ -132,9 +131,7 @@ def test_simulated_skin_end_to_end():
 def test_one_node_goes_and_comes_again():
     wanted = wanted_of(make_pad('pad', 32, LAYOUT, '', (35,)))
     with Bench('one_goes', LAYOUT, (32, 35), source=lambda t: wanted) as bench:
-        complaints = []
-        bench.driver = Supervisor(bench.settings, tuple(bench.pads), lambda *given: bench.frames.put(given),
-                                  bench.said.append, complaints.append)
+        complaints = bench.supervise()
         bench.run()
         bench.take_whole(1)
         bench.simulator.devices[35].power_off()

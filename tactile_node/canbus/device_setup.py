@@ -26,7 +26,7 @@ class DeviceSetup:
 
     def __init__(self, sdo: SdoClient, pad: PadSettings, heartbeats: Heartbeats, log: Callable[[str], None]):
         self._sdo, self._pad, self._heartbeats, self._log = sdo, pad, heartbeats, log
-        self._who = f'node {pad.node_id} (pad {pad.name!r})'
+        self._who = pad.who
 
     def run(self, boot_timeout: float, heartbeat_ms: int) -> bool:
         """Find the device within ``boot_timeout`` [s], check who it is, configure it; whether it uploads by block."""

@@ -35,6 +35,11 @@ class PadSettings:
         return self.node_id, *self.further_nodes
 
     @property
+    def who(self) -> str:
+        """The node and its pad, for messages."""
+        return f'node {self.node_id} (pad {self.name!r})'
+
+    @property
     def nodes(self) -> 'tuple[PadSettings, ...]':
         """The pad's nodes, each as a pad of the same name with only the TPDOs that this node sends."""
         return tuple(replace(self, node_id=node_id, layout=self.layout.of_node(i), further_nodes=())

@@ -106,7 +106,7 @@ class SkinBus:
         for node in self._nodes:
             if node.name == pad:
                 with self._opened().sdo_client(node.node_id, node.dictionary) as sdo:
-                    zeroed += auto_zero(sdo, node.dictionary, f'node {node.node_id} (pad {pad!r})')
+                    zeroed += auto_zero(sdo, node.dictionary, node.who)
         return zeroed
 
     def start(self, without: Collection[int] = ()) -> None:
@@ -207,7 +207,7 @@ class SkinBus:
             state = self._monitor.heartbeats.state(node.node_id)
             heard = 'no heartbeat' if state is None else f'heartbeat with NMT state 0x{state:02X}'
             self.stop()
-            raise DeviceError(f'node {node.node_id} (pad {node.name!r})',
+            raise DeviceError(node.who,
                               expected='OPERATIONAL after NMT start', got=heard,
                               remedy='See whether it sends EMCY: a device with an error may refuse to start.')
 
@@ -219,7 +219,7 @@ class SkinBus:
 
     def _polling(self, node: PadSettings) -> DomainPolling:
         return DomainPolling(
-            node.layout.domain, f'node {node.node_id} (pad {node.name!r})', self._settings.sync_period,
+            node.layout.domain, node.who, self._settings.sync_period,
             lambda: self._opened().sdo_client(node.node_id, node.dictionary), self._complain, self._fail)
 
     def _sent(self, can_id: int, data: bytes) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from tactile_node.canbus.layout import DomainLayout, SkinLayout, TpdoLayout
-from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, read_only
 
 TPDO_BYTES = 8
 
@@ -55,7 +55,7 @@ class TaxelCodec:
         values = np.full(status.shape, np.nan, np.float32)
         values[self._taxel] = self._value.to_value(counts)
         values[(status != TaxelStatus.VALID) & (status != TaxelStatus.SATURATED)] = np.nan
-        return _read_only(values.reshape(self._shape)), _read_only(status.reshape(self._shape))
+        return read_only(values.reshape(self._shape)), read_only(status.reshape(self._shape))
 
     def _counts(self, payload: bytes | bytearray) -> np.ndarray:
         padded = np.frombuffer(bytes(payload) + bytes(8), np.uint8)
@@ -75,11 +75,6 @@ class TaxelCodec:
         return payload[:-8].tobytes()
 
 
-def _read_only(array: np.ndarray) -> np.ndarray:
-    array.flags.writeable = False
-    return array
-
-
 def without_values(frame: TaxelFrame, carriers: Iterable[TpdoLayout | DomainLayout]) -> TaxelFrame:
     """The frame with NaN and STALE in place of what ``carriers`` brought: their meaning is not known."""
     values, status, missing = frame.values.copy(), frame.status.copy(), frame.missing_can_frames
@@ -89,4 +84,4 @@ def without_values(frame: TaxelFrame, carriers: Iterable[TpdoLayout | DomainLayo
         missing += bool(given.any())
         status[taxels] = np.where(given, np.uint8(TaxelStatus.STALE), status[taxels])
         values[taxels] = np.nan
-    return frame._replace(values=_read_only(values), status=_read_only(status), missing_can_frames=missing)
+    return frame._replace(values=read_only(values), status=read_only(status), missing_can_frames=missing)

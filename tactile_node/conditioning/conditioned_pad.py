@@ -6,7 +6,7 @@ import numpy as np
 
 from tactile_node.conditioning.tare import TaredPad
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault, TaxelJudge
-from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, without_any_value
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, read_only, without_any_value
 
 LONGEST_STEP = 2.0  # s between two frames that still count as successive
 
@@ -60,7 +60,7 @@ class ConditionedPad:
             frame = without_any_value(frame)
         frame = self.tared.feed(frame)
         if self._gains is not None:
-            frame = frame._replace(values=_read_only(frame.values * self._gains))
+            frame = frame._replace(values=read_only(frame.values * self._gains))
         return frame
 
     def _count_unchanged(self, frame: TaxelFrame) -> None:
@@ -73,7 +73,7 @@ class ConditionedPad:
 
     def _combine(self, found: FaultyTaxels) -> None:
         kinds = np.where(self._known.kinds != 0, self._known.kinds, found.kinds)
-        self._faults = FaultyTaxels(_read_only(kinds))
+        self._faults = FaultyTaxels(read_only(kinds))
         status = np.where(kinds == TaxelFault.DEAD, TaxelStatus.DEAD, TaxelStatus.FAULTY)
         self._status = np.where(kinds != 0, status, 0).astype(np.uint8)
 
@@ -81,10 +81,5 @@ class ConditionedPad:
         faulty = self._status != 0 if self.masks else self._known.kinds != 0
         if not faulty.any():
             return frame
-        return frame._replace(values=_read_only(np.where(faulty, np.float32(np.nan), frame.values)),
-                              status=_read_only(np.where(faulty, self._status, frame.status)))
-
-
-def _read_only(array: np.ndarray) -> np.ndarray:
-    array.flags.writeable = False
-    return array
+        return frame._replace(values=read_only(np.where(faulty, np.float32(np.nan), frame.values)),
+                              status=read_only(np.where(faulty, self._status, frame.status)))

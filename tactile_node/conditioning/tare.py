@@ -7,7 +7,7 @@ import numpy as np
 
 from tactile_node.conditioning.drift import DriftFollower
 from tactile_node.errors import TareRefusedError
-from tactile_node.taxel_frame import TaxelFrame, without_any_value
+from tactile_node.taxel_frame import TaxelFrame, read_only, without_any_value
 
 
 class Tare(NamedTuple):
@@ -44,9 +44,7 @@ def measure(values: np.ndarray, limit: float) -> Tare:
             got=f'{np.count_nonzero(worst >= limit)} taxels above, most at row {row}, column {col}: mean '
                 f'{mean[row, col]:g}, varying by {varies[row, col]:g}',
             remedy='Open the gripper. If nothing presses: set "offset" in the layout, or raise tare_limit.')
-    offset = mean.astype(np.float32)
-    offset.flags.writeable = False
-    return Tare(offset, len(values), float(np.sqrt(values.var(0)[known].mean())), known)
+    return Tare(read_only(mean.astype(np.float32)), len(values), float(np.sqrt(values.var(0)[known].mean())), known)
 
 
 class TaredPad:
@@ -79,17 +77,14 @@ class TaredPad:
             return without_any_value(frame)
         if self.offset is None:
             return frame
-        values = (frame.values - self.offset).astype(np.float32, copy=False)
-        values.flags.writeable = False
-        return frame._replace(values=values)
+        return frame._replace(values=read_only((frame.values - self.offset).astype(np.float32, copy=False)))
 
     def tare(self, frames: int, limit: float, timeout: float) -> Tare:
         """Average the next whole ``frames`` into a new tare; TareRefusedError, also after ``timeout`` [s]."""
         found = self.measure_next(frames, limit, timeout)
         with self._changed:  # a taxel that could not be measured keeps its zero
             offset = found.offset if self.offset is None else np.where(found.known, found.offset, self.offset)
-            offset.flags.writeable = False
-            self.offset = offset
+            self.offset = read_only(offset)
         return found
 
     def measure_next(self, frames: int, limit: float, timeout: float) -> Tare:

@@ -6,6 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import maximum_filter
 
+from tactile_node.taxel_frame import read_only
+
 CONTACTS = 5          #: that have to speak against a taxel, one after the other
 MIN_TOUCHED = 3       #: taxels that make a contact
 FALLEN = 0.8          #: of the taxels that rose in a contact have fallen when it is over
@@ -81,7 +83,7 @@ class TaxelJudge:
         self._jumps, self._stamp = np.zeros(shape), -np.inf
         self._is_saturated = np.zeros(shape, bool)
         self._frames, self._unknown, self.has_changed = 0.0, np.ones(shape, bool), False  # in the last frame
-        self.faults = FaultyTaxels(_read_only(np.zeros(shape, np.uint8)))
+        self.faults = FaultyTaxels(read_only(np.zeros(shape, np.uint8)))
 
     def update(self, stamp: float, values: np.ndarray, zero: np.ndarray | float,
                is_saturated: np.ndarray) -> FaultyTaxels:
@@ -108,7 +110,7 @@ class TaxelJudge:
             self._count_contact()
             is_news = True
         if is_news:
-            self.faults = FaultyTaxels(_read_only(self._judge()))
+            self.faults = FaultyTaxels(read_only(self._judge()))
         return self.faults
 
     def _count_jumps(self, stamp: float, change: np.ndarray, unknown: np.ndarray) -> bool:
@@ -176,8 +178,3 @@ def _surrounded(mask: np.ndarray) -> np.ndarray:
     found[[0, -1], :] |= both[0][[0, -1], :] & np.stack([sides[1][0][0], sides[1][1][-1]])
     found[:, [0, -1]] |= both[1][:, [0, -1]] & np.stack([sides[0][0][:, 0], sides[0][1][:, -1]], axis=1)
     return found
-
-
-def _read_only(array: np.ndarray) -> np.ndarray:
-    array.flags.writeable = False
-    return array

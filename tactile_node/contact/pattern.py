@@ -6,9 +6,9 @@ import numpy as np
 from scipy import ndimage
 
 from tactile_node.errors import ConfigurationError, InputError
+from tactile_node.taxel_frame import read_only
 
-EIGHT_CONNECTED = np.ones((3, 3), bool)
-EIGHT_CONNECTED.flags.writeable = False
+EIGHT_CONNECTED = read_only(np.ones((3, 3), bool))
 
 
 class ContactPattern(NamedTuple):
@@ -54,7 +54,7 @@ class PatternExtractor:
         pressed = self._update(values, valid) & valid
         largest, contacts = largest_contact(pressed)
         mask = _with_enclosed(largest if self._largest else pressed, valid)
-        return ContactPattern(_read_only(mask), _read_only(np.where(valid, values, np.nan)), contacts)
+        return ContactPattern(read_only(mask), read_only(np.where(valid, values, np.nan)), contacts)
 
     def _update(self, values: np.ndarray, valid: np.ndarray) -> np.ndarray:
         before = self._pressed
@@ -96,8 +96,3 @@ def _frame(values: np.ndarray) -> np.ndarray:
         raise InputError('taxel frame', expected='real numbers, shape (rows, cols)',
                          got=f'{values.dtype}, shape {values.shape}', remedy='Pass one frame of one pad.')
     return values.astype(float, copy=False)
-
-
-def _read_only(array: np.ndarray) -> np.ndarray:
-    array.flags.writeable = False
-    return array
