@@ -139,8 +139,10 @@ def test_tare_is_refused_under_load_and_takes_off_what_is_below_the_limit(chain)
 
 def test_the_devices_own_zero_is_asked_for_only_without_load(chain):
     answers = tares(chain, on_device=True)
-    refused = next(answers)
-    np.testing.assert_allclose(chain.taxels[-1].values, PRESSED, atol=0.01)
+    refused, answered = next(answers), len(chain.taxels)
+    chain.wait(lambda: any(not frame.missing_can_frames for frame in chain.taxels[answered:]), 'no whole frame')
+    values = np.concatenate([frame.values for frame in chain.taxels])
+    np.testing.assert_allclose(values[np.isfinite(values)], PRESSED, atol=0.01)  # the refused tare took nothing off
     done = next(answers)
     assert not refused.success and 'row' in refused.message
     assert done.success and f'{SIDE * SIDE} channels zeroed on the device' in done.message
