@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from can_bench import Bench, wait_until
 
-from tactile_node.canbus.logs import CanLogReader
+from tactile_node.canbus.logs import CanLogReader, flush
 from tactile_node.canbus.pads import make_pad
 from tactile_node.canbus.skin_bus import BusSettings, SkinBus
 from tactile_node.cli import record, replay, simulate
@@ -97,6 +97,41 @@ for i in itertools.count():
     numbers = [int.from_bytes(message.data, 'little') for message in messages]
     assert numbers == list(range(len(numbers))) and len(numbers) > 10 and reader.unread <= 1
     assert messages[0].timestamp == pytest.approx(1.7e9, abs=0.001)
+
+
+class WatchedFile:
+    """Keeps what is on disk after each write: what a kill at that moment would leave."""
+
+    def __init__(self, file, path):
+        self._file, self._path, self.states = file, path, []
+
+    def __getattr__(self, name):
+        return getattr(self._file, name)
+
+    def write(self, data):
+        self._file.write(data)
+        self._file.flush()
+        self.states.append(self._path.read_bytes())
+
+
+def test_a_blf_recording_has_right_stamps_whenever_it_is_killed(tmp_path):
+    log, killed = tmp_path / 'x.blf', tmp_path / 'killed.blf'
+    writer = can.Logger(str(log))
+    writer.file = watched = WatchedFile(writer.file, log)
+    for i in range(20):
+        writer.on_message_received(can.Message(1.7e9 + i, 0x181, False, data=[i]))
+        if i % 10 == 9:
+            flush(writer)
+    writer.stop()
+    found = []
+    for state in watched.states:
+        killed.write_bytes(state)
+        try:
+            found.append([message.timestamp - 1.7e9 for message in CanLogReader(killed)])
+        except LogError:
+            found.append([])
+    assert all(stamps == pytest.approx(range(len(stamps)), abs=0.001) for stamps in found)
+    assert {len(stamps) for stamps in found} == {0, 10, 20} and len(found[-1]) == 20
 
 
 def test_record_from_a_live_bus(tmp_path, capsys):

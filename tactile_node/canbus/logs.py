@@ -64,21 +64,28 @@ class CanLogWriter:
         while not self._closed.wait(FLUSH_PERIOD):
             with self._lock:
                 if self._is_dirty and self._writer is not None:
-                    _flush(self._writer)
+                    flush(self._writer)
                 self._is_dirty = False
 
 
-def _flush(writer: MessageWriter | McapCanWriter) -> None:
+def flush(writer: MessageWriter | McapCanWriter) -> None:
     """Bring all that was written so far into the file, as a reader needs it."""
     stream = getattr(writer, 'file', None)
     if isinstance(writer, can.BLFWriter):  # python-can buffers 128 KiB and tells the begin only at the end
+        _write_blf_header(writer)  # first: stamps count from the begin that it tells
         writer._flush()
-        end = stream.tell()
-        stream.seek(0)
-        writer._write_header(end)
-        stream.seek(end)
+        _write_blf_header(writer)
     if stream is not None:
         stream.flush()
+
+
+def _write_blf_header(writer: can.BLFWriter) -> None:
+    """Tell the begin and the size so far, on disk before anything else is written."""
+    end = writer.file.tell()
+    writer.file.seek(0)
+    writer._write_header(end)
+    writer.file.seek(end)
+    writer.file.flush()
 
 
 def _unused(path: Path) -> Path:
