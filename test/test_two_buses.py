@@ -3,12 +3,12 @@
 import time
 from contextlib import ExitStack
 
+import numpy as np
 import pytest
 
 rclpy = pytest.importorskip('rclpy')
 pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
 
-import numpy as np  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 
@@ -57,15 +57,16 @@ def fingers():
 
 def test_both_come_and_the_grasp_sees_both(fingers):
     executor, listener = fingers
-    heard = {name: [] for name in FINGERS}
+    heard = {name: [] for name in FINGERS}  # whole frames: a busy machine loses some
     grasps = []
     for name in FINGERS:
-        listener.create_subscription(TaxelArray, f'{name}_finger/{name}/taxels', heard[name].append, 10)
+        listener.create_subscription(TaxelArray, f'{name}_finger/{name}/taxels',
+                                     lambda frame, whole=heard[name]: frame.missing_can_frames or whole.append(frame),
+                                     10)
     listener.create_subscription(Grasp, 'grasp', grasps.append, 10)
     end = time.monotonic() + PATIENCE
     while not (all(heard.values()) and any(grasp.contact == Grasp.TWO_SIDED for grasp in grasps)):
         assert time.monotonic() < end, f'{ {name: len(given) for name, given in heard.items()} }, {grasps[-1:]}'
         executor.spin_once(timeout_sec=0.1)
     for name, (_, _, pressure) in FINGERS.items():
-        values = np.array(heard[name][-1].values)
-        assert np.nanmax(values) == pytest.approx(pressure, rel=0.01)
+        assert max(heard[name][-1].values) == pytest.approx(pressure, rel=0.01)
