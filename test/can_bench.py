@@ -12,7 +12,7 @@ import can
 import numpy as np
 
 from tactile_node.canbus.layout_file import load_layout
-from tactile_node.canbus.pads import make_pad, share_node_ids
+from tactile_node.canbus.pads import make_pads, with_dictionaries
 from tactile_node.canbus.skin_bus import BusSettings, SkinBus
 from tactile_node.canbus.supervisor import Supervisor
 from tactile_node.simulator.skin_simulator import SkinSimulator
@@ -62,15 +62,14 @@ class Bench:
 
     def __init__(self, channel: str, layout: str = 'sim16x16.yaml', nodes: tuple[int, ...] = (32,),
                  source=None, **settings: Any):
-        self.pads = [make_pad(f'pad{first}', first, layout, '', further)
-                     for first, *further in share_node_ids([layout], nodes)]
+        self.pads = with_dictionaries(make_pads([layout], nodes))
         rows, cols = self.pads[0].layout.rows, self.pads[0].layout.cols
         still = np.zeros((rows, cols))
         self.simulator = SkinSimulator(self.pads,
                                        {pad.name: source or (lambda t: still) for pad in self.pads})
         self.channel, self.frames, self.said = channel_of(channel), queue.Queue(), []
         self.settings = BusSettings(INTERFACE, self.channel, **settings)
-        self.driver = SkinBus(self.settings, tuple(self.pads),
+        self.driver = SkinBus(self.settings, self.pads,
                               lambda name, frame: self.frames.put((name, frame)), self.said.append)
 
     def __enter__(self) -> 'Bench':
@@ -84,7 +83,7 @@ class Bench:
     def supervise(self) -> list[str]:
         """Take a Supervisor in place of the bare SkinBus; the list of what it will complain about."""
         complaints: list[str] = []
-        self.driver = Supervisor(self.settings, tuple(self.pads), lambda *given: self.frames.put(given),
+        self.driver = Supervisor(self.settings, self.pads, lambda *given: self.frames.put(given),
                                  self.said.append, complaints.append)
         return complaints
 

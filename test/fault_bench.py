@@ -60,7 +60,7 @@ class FaultBench(Bench):
         self.adapter, self.kept, self.complaints, self.hold = Adapter(), [], [], threading.Event()
         self.hold.set()  #: cleared: the consumer hangs
         self.settings = BusSettings('virtual', channel, **{'sync_period': 0.02} | settings)
-        self.driver = Supervisor(self.settings, tuple(self.pads), self._keep, self.said.append,
+        self.driver = Supervisor(self.settings, self.pads, self._keep, self.said.append,
                                  self.complaints.append, recover)
         self.detected = self.publishing_again = None
         self._begun = self._ended = 0.0

@@ -185,7 +185,7 @@ class FrameFuzz:
         self._rng, self.sent, self.frames, self.bad = random.Random(seed), 0, 0, []
         self.bench = Bench(channel, 'sim8x8_16bit.yaml')
         self.complaints = Counter()
-        self.bench.driver = Supervisor(self.bench.settings, tuple(self.bench.pads), self._check,
+        self.bench.driver = Supervisor(self.bench.settings, self.bench.pads, self._check,
                                        lambda sentence: None, self._complain)
         pad = self.bench.pads[0]
         self._ids = [0x000, 0x080, 0x0A0, 0x5A0, 0x620, 0x720, *(t.cob_id.of(pad.node_id) for t in pad.layout.tpdos)]

@@ -7,7 +7,8 @@ import pytest
 from can_bench import TINY, tiny_layout
 
 from tactile_node.canbus.layout_file import load_layout
-from tactile_node.canbus.pads import PadSettings, check_pads, make_pad
+from tactile_node.canbus.pad_rules import check_pads
+from tactile_node.canbus.pads import PadSettings, make_pad
 from tactile_node.canbus.taxel_codec import TaxelCodec
 from tactile_node.errors import ConfigurationError
 from tactile_node.taxel_frame import TaxelStatus

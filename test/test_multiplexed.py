@@ -9,7 +9,8 @@ from can_bench import Bench, tiny_layout
 from tactile_node.canbus.assembler import FrameAssembler
 from tactile_node.canbus.layout_file import load_layout
 from tactile_node.canbus.losses import Loss, LossReason
-from tactile_node.canbus.pads import check_pads, make_pad
+from tactile_node.canbus.pad_rules import check_pads
+from tactile_node.canbus.pads import make_pad
 from tactile_node.errors import ConfigurationError
 from tactile_node.taxel_frame import TaxelStatus
 

@@ -10,7 +10,7 @@ import pytest
 from can_bench import INTERFACE, wait_until
 
 from tactile_node.canbus.bus_settings import BusSettings
-from tactile_node.canbus.pads import make_pad, share_node_ids
+from tactile_node.canbus.pads import make_pad, make_pads, with_dictionaries
 from tactile_node.canbus.supervisor import Supervisor
 from tactile_node.errors import BusError
 from tactile_node.simulator.skin_simulator import SkinSimulator
@@ -47,13 +47,12 @@ class Driven:
     """A supervised driver on ``channel``, a simulated skin on ``skin``; use with ``with``."""
 
     def __init__(self, channel: str, skin: str, layout: str = 'sim8x8_16bit.yaml', nodes: tuple[int, ...] = (32,)):
-        pads = [make_pad(f'pad{first}', first, layout, '', further)
-                for first, *further in share_node_ids([layout], nodes)]
+        pads = with_dictionaries(make_pads([layout], nodes))
         self.skin, self.kept, self.complaints = skin, [], []
         self.value = pads[0].layout.value
         pressed = np.full((pads[0].layout.rows, pads[0].layout.cols), self.pressed)
         self.simulator = SkinSimulator(pads, {pad.name: lambda t: pressed for pad in pads})
-        self.driver = Supervisor(BusSettings('socketcan', channel, sync_period=PERIOD, boot_timeout=20), tuple(pads),
+        self.driver = Supervisor(BusSettings('socketcan', channel, sync_period=PERIOD, boot_timeout=20), pads,
                                  lambda name, frame: self.kept.append(frame), complain=self.complaints.append,
                                  heartbeat_timeout=1.0)
 

@@ -8,7 +8,8 @@ from can_bench import Bench, tiny_layout, wait_until
 
 from tactile_node.canbus.assembler import FrameAssembler
 from tactile_node.canbus.losses import Loss, LossReason
-from tactile_node.canbus.pads import PadSettings, check_pads, make_pad, share_node_ids
+from tactile_node.canbus.pad_rules import check_pads
+from tactile_node.canbus.pads import PadSettings, make_pads
 from tactile_node.errors import ConfigurationError
 from tactile_node.taxel_frame import TaxelStatus
 
@@ -100,10 +101,21 @@ def test_bad_layouts(tmp_path, text, says):
 
 
 def test_node_ids_are_shared_out_in_order():
-    assert share_node_ids([LAYOUT, 'sim16x16.yaml'], [32, 35, 64]) == [(32, 35), (64,)]
-    assert share_node_ids([LAYOUT], [32, 35, 64, 67]) == [(32, 35), (64, 67)]
+    def shared(layouts, node_ids):
+        return [(pad.name, pad.node_ids) for pad in make_pads(layouts, node_ids)]
+
+    assert shared([LAYOUT, 'sim16x16.yaml'], [32, 35, 64]) == [('pad32', (32, 35)), ('pad64', (64,))]
+    assert shared([LAYOUT], [32, 35, 64, 67]) == [('pad32', (32, 35)), ('pad64', (64, 67))]
     with pytest.raises(ConfigurationError, match=r'2 \+ 1 of them'):
-        share_node_ids([LAYOUT, 'sim16x16.yaml'], [32, 64])
+        shared([LAYOUT, 'sim16x16.yaml'], [32, 64])
+
+
+def test_names_say_how_many_pads_there_are():
+    assert [pad.name for pad in make_pads(['sim16x16.yaml'], [32, 64], ['left', 'right'])] == ['left', 'right']
+    with pytest.raises(ConfigurationError, match=r'1 \+ 1 of them'):
+        make_pads(['sim16x16.yaml'], [32], ['left', 'right'])
+    with pytest.raises(ConfigurationError, match='layouts: expected one value'):
+        make_pads(['sim16x16.yaml'] * 2, [32, 33, 34], ['left', 'right', 'third'])
 
 
 def test_nodes_that_cannot_share_a_bus(tmp_path):
@@ -119,8 +131,7 @@ def wanted_of(pad):
 
 
 def test_simulated_skin_end_to_end():
-    pad = make_pad('pad', 32, LAYOUT, '', (35,))
-    wanted = wanted_of(pad)
+    wanted = wanted_of(*make_pads([LAYOUT], (32, 35)))
     with Bench('several', LAYOUT, (32, 35), source=lambda t: wanted) as bench:
         bench.run()
         for name, frame in bench.take_whole(3):
@@ -129,7 +140,7 @@ def test_simulated_skin_end_to_end():
 
 
 def test_one_node_goes_and_comes_again():
-    wanted = wanted_of(make_pad('pad', 32, LAYOUT, '', (35,)))
+    wanted = wanted_of(*make_pads([LAYOUT], (32, 35)))
     with Bench('one_goes', LAYOUT, (32, 35), source=lambda t: wanted) as bench:
         complaints = bench.supervise()
         bench.run()

@@ -73,7 +73,7 @@ def test_recorded_session_plays_back_the_same_frames(tmp_path):
                record=str(record)) as bench:
         bench.run()
         live = [frame for _, frame in bench.take(20)]
-    source = LogSource(str(record), tuple(bench.pads), lambda _n, f: played.append(f), pace=None)
+    source = LogSource(str(record), bench.pads, lambda _n, f: played.append(f), pace=None)
     source.open()
     source.start()
     assert source.finished.wait(10)
@@ -228,7 +228,7 @@ def test_record_that_cannot_be_written_leaves_the_bus_closed(tmp_path):
 
 def test_consumer_that_fails_does_not_stop_the_bus(caplog):
     with Bench('failing', sync_period=0.01) as bench:
-        bench.driver = SkinBus(BusSettings(INTERFACE, bench.channel, sync_period=0.01), tuple(bench.pads),
+        bench.driver = SkinBus(BusSettings(INTERFACE, bench.channel, sync_period=0.01), bench.pads,
                                lambda *_: 1 / 0)
         bench.run()
         assert wait_until(lambda: bench.driver.statistics().consumer_errors >= 3)
@@ -238,7 +238,7 @@ def test_slow_consumer_overruns_the_queue_and_it_is_counted():
     gate = threading.Event()
     with Bench('slow') as bench:
         bench.driver = SkinBus(BusSettings(INTERFACE, bench.channel, sync_period=0.01, queue_limit=100),
-                               tuple(bench.pads),
+                               bench.pads,
                                lambda *_: gate.wait())
         bench.run()
         overrun = wait_until(lambda: bench.driver.statistics().queue_overruns > 0)

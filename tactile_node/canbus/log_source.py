@@ -1,5 +1,6 @@
 """Plays a recorded CAN log in place of a bus: same assemblers, same counts, the log's own stamps."""
 
+import itertools
 import logging
 import threading
 import time
@@ -10,8 +11,10 @@ import can
 from tactile_node.canbus.consumer import Consumer, OnFrame
 from tactile_node.canbus.health import BusHealth
 from tactile_node.canbus.logs import CanLogReader
-from tactile_node.canbus.pads import PadSettings, check_pads
+from tactile_node.canbus.pad_rules import check_pads
+from tactile_node.canbus.pads import PadSettings
 from tactile_node.canbus.router import BusStatistics, Router
+from tactile_node.canbus.stoppable_thread import StoppableThread
 from tactile_node.errors import DeviceError, LogError
 
 logger = logging.getLogger(__name__)
@@ -34,9 +37,9 @@ class LogSource:
         self._path, self._pace, self._loop, self._log = path, pace, loop, log
         self._consumer = Consumer(on_frame)
         self._router = Router(tuple(pads), self._consumer, drop_incomplete=drop_incomplete)
+        self._reader: CanLogReader | None = None
         self._messages: Iterator[can.Message] | None = None
-        self._thread: threading.Thread | None = None
-        self._stopping, self.finished = threading.Event(), threading.Event()
+        self._thread, self.finished = StoppableThread(self._play, 'replay'), threading.Event()
         self._unread = self._jumps = 0
         self._ahead, self.failure = 0.0, None
 
@@ -46,25 +49,19 @@ class LogSource:
             return
         self.finished.clear()
         self._reader = CanLogReader(self._path)
-        next(iter(CanLogReader(self._path)))  # raises LogError now rather than on the thread
-        self._messages = self._all_messages()
+        messages = self._all_messages()
+        self._messages = itertools.chain([next(messages)], messages)  # raises LogError now rather than on the thread
         self._log(f'Playing {self._path}.')
 
     def configure(self) -> None:
         """Nothing to configure: a log does not listen."""
 
     def start(self) -> None:
-        if self._thread is None and self._messages is not None:
-            self._stopping.clear()
-            self._thread = threading.Thread(target=self._play, args=(self._messages,), name='replay',
-                                            daemon=True)
+        if self._messages is not None:
             self._thread.start()
 
     def stop(self) -> None:
-        self._stopping.set()
-        if self._thread is not None and self._thread is not threading.current_thread():
-            self._thread.join()
-        self._thread = None
+        self._thread.stop()
 
     def close(self) -> None:
         self.stop()
@@ -84,7 +81,7 @@ class LogSource:
         return self._reader.told
 
     def statistics(self) -> BusStatistics:
-        unread = self._unread + (self._reader.unread if hasattr(self, '_reader') else 0)
+        unread = self._unread + (0 if self._reader is None else self._reader.unread)
         return self._router.statistics()._replace(unread=unread, consumer_errors=self._consumer.errors,
                                                    clock_jumps=self._jumps, stamps_ahead=self._ahead)
 
@@ -112,13 +109,13 @@ class LogSource:
             self._unread += self._reader.unread
             shift += last - first
 
-    def _play(self, messages: Iterator[can.Message]) -> None:
-        clock = _Pacer(self._pace, self._stopping)
+    def _play(self, stopping: threading.Event) -> None:
+        clock = _RecordedPace(self._pace, stopping)
         try:
-            for message in messages:
+            for message in self._messages:
                 clock.wait_until(message.timestamp)
                 self._router.feed_message(message)
-                if self._stopping.is_set():
+                if stopping.is_set():
                     return
         except LogError as error:
             self._fail(str(error))
@@ -134,7 +131,7 @@ class LogSource:
         self._log(failure)
 
 
-class _Pacer:
+class _RecordedPace:
     """Waits until the recorded time has come; the clock starts with the first message."""
 
     def __init__(self, pace: float | None, stopping: threading.Event):

@@ -4,6 +4,8 @@ import threading
 import time
 from collections.abc import Callable
 
+from tactile_node.canbus.stoppable_thread import StoppableThread
+
 
 class Pacer:
     """Calls ``act`` every ``period`` seconds on a thread of its own until stopped.
@@ -13,26 +15,19 @@ class Pacer:
     """
 
     def __init__(self, period: float, act: Callable[[], None], name: str):
-        self._period, self._act, self._name = period, act, name
-        self._stopping = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._period, self._act = period, act
+        self._thread = StoppableThread(self._run, name)
         self.overruns = 0
 
     def start(self) -> None:
-        if self._thread is None:
-            self._stopping.clear()
-            self._thread = threading.Thread(target=self._run, name=self._name, daemon=True)
-            self._thread.start()
+        self._thread.start()
 
     def stop(self) -> None:
-        self._stopping.set()
-        if self._thread is not None and self._thread is not threading.current_thread():
-            self._thread.join()
-        self._thread = None
+        self._thread.stop()
 
-    def _run(self) -> None:
+    def _run(self, stopping: threading.Event) -> None:
         due = time.monotonic()
-        while not self._stopping.wait(max(0.0, due - time.monotonic())):
+        while not stopping.wait(max(0.0, due - time.monotonic())):
             self._act()
             due += self._period
             missed = int((time.monotonic() - due) / self._period)

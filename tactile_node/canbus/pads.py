@@ -1,4 +1,4 @@
-"""The pads of one CAN bus: who they are, and whether they can share it."""
+"""The pads of one CAN bus: their names, node-IDs, layouts and EDS. ``pad_rules`` says whether they can share it."""
 
 import itertools
 from collections.abc import Sequence
@@ -6,13 +6,11 @@ from dataclasses import dataclass, field, replace
 
 from canopen import ObjectDictionary
 
-from tactile_node.canbus.cob_id import reserved_for
 from tactile_node.canbus.eds import check_against, load_eds
 from tactile_node.canbus.layout import SkinLayout
 from tactile_node.canbus.layout_file import load_layout
 from tactile_node.errors import ConfigurationError
 
-EMCY = 0x80  # + node-ID, CiA 301
 MAX_NODE_ID = 127
 
 
@@ -46,58 +44,44 @@ class PadSettings:
                      for i, node_id in enumerate(self.node_ids)) if self.further_nodes else (self,)
 
 
-def make_pad(name: str, node_id: int, layout: str, eds: str = '', further_nodes: Sequence[int] = ()) -> PadSettings:
-    """Load layout and EDS (default: same name, suffix .eds) and check that they agree.
+def make_pad(name: str, node_id: int, layout: str, eds: str = '') -> PadSettings:
+    """Make the pad of one node, with its EDS; see ``make_pads``."""
+    return with_dictionaries(make_pads([layout], [node_id], [name]), [eds])[0]
 
-    Raises ConfigurationError.
+
+def make_pads(layouts: Sequence[str], node_ids: Sequence[int], names: Sequence[str] = ()) -> tuple[PadSettings, ...]:
+    """Make pads from their layouts alone, as a log needs them.
+
+    Each takes, in order, as many of ``node_ids`` as its layout has nodes; one layout may serve all pads. A pad without
+    a name is called after its first node: pad32. Raises ConfigurationError, also when the numbers do not match.
     """
-    loaded = load_layout(layout)
-    pad = PadSettings(name, node_id, loaded, further_nodes=tuple(further_nodes))
-    _check_node_ids(pad)
-    eds = eds or loaded.source.rsplit('.', 1)[0] + '.eds'
-    dictionary = load_eds(eds, node_id)
-    check_against(dictionary, loaded, eds)
-    return replace(pad, eds=eds, dictionary=dictionary)
-
-
-def share_node_ids(layouts: Sequence[str], node_ids: Sequence[int]) -> list[tuple[int, ...]]:
-    """Give each pad, in order, as many of ``node_ids`` as its layout has nodes; one layout may serve all pads.
-
-    Raises ConfigurationError when they are too many or too few.
-    """
-    nodes = [load_layout(layout).nodes for layout in layouts]
-    if len(nodes) == 1:
-        nodes *= max(1, len(node_ids) // nodes[0])
-    if sum(nodes) != len(node_ids):
-        needed = ' + '.join(map(str, nodes))
+    loaded = [load_layout(layout) for layout in one_for_each('layouts', layouts, names or layouts)]
+    if len(loaded) == 1 and not names:
+        loaded *= max(1, len(node_ids) // loaded[0].nodes)
+    if sum(layout.nodes for layout in loaded) != len(node_ids):
+        needed = ' + '.join(str(layout.nodes) for layout in loaded)
         raise ConfigurationError('node-IDs', expected=f"a node-ID for each of the pads' nodes: {needed} of them",
                                  got=str(list(node_ids)),
                                  remedy='Give one for each pad; several where its layout says "nodes".')
     left = iter(node_ids)
-    return [tuple(itertools.islice(left, count)) for count in nodes]
-
-
-def check_pads(pads: tuple[PadSettings, ...]) -> None:
-    """Raise ConfigurationError when these pads cannot share one bus."""
-    if not pads:
-        raise ConfigurationError('pads', expected='at least one pad on the bus', got='none',
-                                 remedy='Name a pad.')
+    shared = [tuple(itertools.islice(left, layout.nodes)) for layout in loaded]
+    pads = tuple(PadSettings(name, first, layout, further_nodes=tuple(further)) for name, layout, (first, *further)
+                 in zip(names or [f'pad{first}' for first, *_ in shared], loaded, shared))
     for pad in pads:
-        _check_node_ids(pad)
-    _check_names_and_sync(pads)
-    owners: dict[int, str] = {}
-    for pad in pads:
-        for node_id in pad.node_ids:
-            _own(owners, EMCY + node_id, f'EMCY of node {node_id}', pad.name)
-    for sync in {pad.layout.sync_cob_id for pad in pads}:
-        _own(owners, sync, 'SYNC', 'all')
-    for pad in pads:
-        for tpdo in pad.layout.tpdos:
-            node_id = pad.node_ids[tpdo.node]
-            _own(owners, tpdo.cob_id.of(node_id), f'TPDO {tpdo.number} of node {node_id}', pad.name)
+        check_node_ids(pad)
+    return pads
 
 
-def _check_node_ids(pad: PadSettings) -> None:
+def with_dictionaries(pads: Sequence[PadSettings], eds: Sequence[str] = ('',)) -> tuple[PadSettings, ...]:
+    """Give each pad its EDS (default: the layout's name with .eds), as a live bus needs it, and check that they agree.
+
+    Raises ConfigurationError.
+    """
+    return tuple(_with_dictionary(pad, path) for pad, path in zip(pads, one_for_each('eds', eds, pads)))
+
+
+def check_node_ids(pad: PadSettings) -> None:
+    """Raise ConfigurationError for node-IDs that CiA 301 does not know, or too many or few of them."""
     for node_id in pad.node_ids:
         if not 1 <= node_id <= MAX_NODE_ID:
             raise ConfigurationError(f'pad {pad.name!r}', expected=f'a node-ID 1..{MAX_NODE_ID}', got=str(node_id),
@@ -107,33 +91,16 @@ def _check_node_ids(pad: PadSettings) -> None:
                                  got=str(list(pad.node_ids)), remedy='Give one for each of its nodes.')
 
 
-def check_dictionaries(pads: tuple[PadSettings, ...]) -> None:
-    """Raise ConfigurationError for a pad without the EDS that a live bus needs."""
-    for pad in pads:
-        if pad.dictionary is None:
-            raise ConfigurationError(f'pad {pad.name!r}', expected='an EDS, for a live bus', got='none',
-                                     remedy='Make the pad with make_pad(name, node_id, layout, eds).')
+def one_for_each(what: str, given: Sequence[str], pads: Sequence) -> list[str]:
+    """Return a value for each pad from one for all or one each. Raises ConfigurationError otherwise."""
+    if len(given) not in (1, len(pads)):
+        raise ConfigurationError(what, expected=f'one value, or one for each of the {len(pads)} pads',
+                                 got=str(list(given)), remedy='Give as many values as pads.')
+    return list(given) * (len(pads) if len(given) == 1 else 1)
 
 
-def _own(owners: dict[int, str], can_id: int, use: str, pad: str) -> None:
-    where = f'pad {pad!r}, {use}'
-    if reason := reserved_for(can_id) or ('more than 11 bits' if can_id > 0x7FF else None):
-        raise ConfigurationError(where, expected='a COB-ID that CiA 301 leaves free',
-                                 got=f'0x{can_id:03X} ({reason})',
-                                 remedy='Change node_id, or cob_id in the layout.')
-    if (other := owners.setdefault(can_id, where)) != where:
-        raise ConfigurationError(where, expected='a COB-ID of its own', got=f'0x{can_id:03X}, as {other}',
-                                 remedy='Change node_id, or cob_id in the layout.')
-
-
-def _check_names_and_sync(pads: tuple[PadSettings, ...]) -> None:
-    for key, values in (('name', [pad.name for pad in pads]),
-                        ('node_id', [node_id for pad in pads for node_id in pad.node_ids])):
-        if len(set(values)) != len(values):
-            raise ConfigurationError('pads', expected=f'a {key} of its own for each', got=str(values),
-                                     remedy='Give every pad another one.')
-    syncs = {pad.layout.sync_cob_id for pad in pads}
-    if len(syncs) > 1:
-        raise ConfigurationError('pads', expected='one SYNC COB-ID on a bus',
-                                 got=', '.join(map(hex, sorted(syncs))),
-                                 remedy='Use the same sync_cob_id in their layouts.')
+def _with_dictionary(pad: PadSettings, path: str) -> PadSettings:
+    path = path or pad.layout.source.rsplit('.', 1)[0] + '.eds'
+    dictionary = load_eds(path, pad.node_id)
+    check_against(dictionary, pad.layout, path)
+    return replace(pad, eds=path, dictionary=dictionary)

@@ -20,7 +20,8 @@ from tactile_node.canbus.domain_polling import DomainPolling
 from tactile_node.canbus.heartbeat import NmtState
 from tactile_node.canbus.logs import CanLogWriter
 from tactile_node.canbus.pacer import Pacer
-from tactile_node.canbus.pads import PadSettings, check_dictionaries, check_pads
+from tactile_node.canbus.pad_rules import check_dictionaries, check_pads
+from tactile_node.canbus.pads import PadSettings
 from tactile_node.canbus.router import BusStatistics, Router, oddity_of
 from tactile_node.canbus.stamp_clock import StampClock
 from tactile_node.errors import BusError, DeviceError, LogError

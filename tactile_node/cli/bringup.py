@@ -4,9 +4,9 @@ import argparse
 import threading
 from contextlib import ExitStack
 
-from tactile_node.canbus.pads import make_pad, share_node_ids
+from tactile_node.canbus.pads import make_pads, with_dictionaries
 from tactile_node.canbus.summary import summary
-from tactile_node.cli.options import for_each, names, node_ids, pace
+from tactile_node.cli.options import names, node_ids, pace
 from tactile_node.interruption import interruption
 from tactile_node.simulator.gripper import gripper_sources
 from tactile_node.simulator.skin_simulator import SkinSimulator
@@ -87,11 +87,8 @@ def _replay(system, spinner, asked: threading.Event) -> int:
 
 def _simulate(args: argparse.Namespace, stack: ExitStack) -> None:
     """Put a simulated skin on a bus of this process and point the driver at it."""
-    count = len(args.pads)
-    layouts = for_each('--layout', args.layout or ['sim16x16.yaml'], count)
-    shared = share_node_ids(layouts, args.node_id or [32])
-    pads = [make_pad(name, first, layout, eds, further) for name, (first, *further), layout, eds in zip(
-        args.pads, shared, layouts, for_each('--eds', args.eds or [], count))]
+    pads = with_dictionaries(make_pads(args.layout or ['sim16x16.yaml'], args.node_id or [32], args.pads),
+                             args.eds or [''])
     simulator = SkinSimulator(pads, gripper_sources(pads))
     args.interface, args.channel = 'virtual', SIMULATED_CHANNEL
     simulator.start(args.interface, args.channel)

@@ -31,11 +31,3 @@ def pace(text: str) -> float:
         raise ConfigurationError('--pace', expected='a number >= 0', got=repr(text),
                                  remedy='1 is the recorded pace, 0 as fast as possible.')
     return value
-
-
-def for_each(option: str, given: list[str], count: int) -> list[str]:
-    """Return a value for each of ``count`` pads from none, one for all, or one each."""
-    if len(given) not in (0, 1, count):
-        raise ConfigurationError(option, expected=f'one value, or one for each of the {count} pads',
-                                 got=', '.join(given), remedy='Give as many values as pads.')
-    return given if len(given) == count else (given or ['']) * count

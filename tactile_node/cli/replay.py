@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_node.canbus.layout_file import load_layout
 from tactile_node.canbus.log_source import LogSource
-from tactile_node.canbus.pads import PadSettings, share_node_ids
+from tactile_node.canbus.pads import PadSettings, make_pads
 from tactile_node.canbus.summary import summary
 from tactile_node.cli.options import node_ids, pace
 from tactile_node.errors import ConfigurationError, LogError
@@ -31,9 +30,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Play the log to its end; 1 when it held no taxels of these pads or was interrupted."""
-    layout = load_layout(args.layout)
-    pads = tuple(PadSettings(f'pad{first}', first, layout, further_nodes=tuple(further))
-                 for first, *further in share_node_ids([args.layout], args.node_id or [32]))
+    pads = make_pads([args.layout], args.node_id or [32])
     outputs = _outputs(args.output, pads)
     frames: dict[str, list[np.ndarray]] = {pad.name: [] for pad in pads}
     source = LogSource(args.log, pads, lambda name, frame: frames[name].append(frame.values), args.pace or None)
@@ -49,6 +46,7 @@ def run(args: argparse.Namespace) -> int:
     print(summary(statistics), file=sys.stderr if args.output == '-' else sys.stdout)
     if statistics.unread:
         print(f'{args.log}: {source.told}', file=sys.stderr)
+    layout = pads[0].layout
     for name, stream in outputs.items():
         with stream:
             np.save(stream, np.array(frames[name]).reshape(-1, layout.rows, layout.cols))

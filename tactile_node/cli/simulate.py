@@ -6,8 +6,8 @@ It is as silent as a real one until a master (the driver) starts it.
 import argparse
 
 from tactile_node.canbus.bus_network import open_bus
-from tactile_node.canbus.pads import PadSettings, make_pad, share_node_ids
-from tactile_node.cli.options import for_each, names, node_ids
+from tactile_node.canbus.pads import PadSettings, make_pads, with_dictionaries
+from tactile_node.cli.options import names, node_ids
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption
 from tactile_node.simulator.device import TaxelSource
@@ -42,10 +42,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run until interrupted; 1 when the bus fails meanwhile."""
     nodes = args.node_id or [32]
-    shared = share_node_ids(args.layout, nodes)
-    pads = [make_pad(f'pad{first}', first, layout, eds, further)
-            for (first, *further), layout, eds in zip(shared, for_each('--layout', args.layout, len(shared)),
-                                                      for_each('--eds', args.eds, len(shared)))]
+    pads = with_dictionaries(make_pads(args.layout, nodes), args.eds or [''])
     failures: list[Exception] = []
     with interruption() as asked:
         simulator = SkinSimulator(pads, _sources(args, pads), lambda error: (failures.append(error), asked.set()))
@@ -60,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
     return 1 if failures else 0
 
 
-def _sources(args: argparse.Namespace, pads: list[PadSettings]) -> dict[str, TaxelSource]:
+def _sources(args: argparse.Namespace, pads: tuple[PadSettings, ...]) -> dict[str, TaxelSource]:
     if not args.recording:
         return gripper_sources(pads, tuple(args.shapes), args.seed)
     for pad in pads:

@@ -18,7 +18,7 @@ from tactile_node.canbus.bus_settings import BusSettings
 from tactile_node.canbus.frame_source import FrameSource
 from tactile_node.canbus.layout import SkinLayout
 from tactile_node.canbus.log_source import LogSource
-from tactile_node.canbus.pads import PadSettings, make_pad, share_node_ids
+from tactile_node.canbus.pads import PadSettings, make_pads, one_for_each, with_dictionaries
 from tactile_node.canbus.supervisor import Supervisor
 from tactile_node.conditioning.conditioned_pad import ConditionedPad
 from tactile_node.conditioning.taxel_faults import FaultyTaxels
@@ -29,7 +29,7 @@ from tactile_node.nodes.run import run_node
 from tactile_node.nodes.tare_service import TareService
 from tactile_node.ros.conditioning import adjust, conditioned_pads
 from tactile_node.ros.diagnostics import BusDiagnostics
-from tactile_node.ros.parameters import DRIVER, declare, one_each, tare_limit, values
+from tactile_node.ros.parameters import DRIVER, declare, tare_limit, values
 from tactile_node.ros.qos import STATUS_QOS, frames_qos
 from tactile_node.ros.status_message import status_message
 from tactile_node.ros.taxel_messages import taxel_array_message
@@ -115,7 +115,7 @@ class DriverNode(LifecycleNode):
     def _configure(self) -> None:
         settings = values(self, DRIVER)
         pads = _pads(settings)
-        frame_ids = one_each('frame_ids', settings.frame_ids, settings.pads)
+        frame_ids = one_for_each('frame_ids', settings.frame_ids, pads)
         qos = frames_qos(settings.queue_depth, settings.lossless)
         conditioned = conditioned_pads(pads, settings)
         self._pads = {pad.name: Pad(self._make_publisher(TaxelArray, f'{pad.name}/taxels', qos), pad.layout,
@@ -206,16 +206,10 @@ class DriverNode(LifecycleNode):
 
 
 def _pads(settings) -> tuple[PadSettings, ...]:
-    names = settings.pads
-    if not names:
+    if not settings.pads:
         raise ConfigurationError('parameter pads', expected='a name for each pad', got='none', remedy='Name a pad.')
-    layouts, eds = one_each('layouts', settings.layouts, names), one_each('eds', settings.eds, names)
-    shared = share_node_ids(layouts, settings.node_ids)
-    if len(shared) != len(names):
-        raise ConfigurationError('parameter node_ids', expected=f'a node-ID for each of the pads {names}',
-                                 got=str(list(settings.node_ids)), remedy='Give one for each node of each pad.')
-    return tuple(make_pad(name, first, layout, of_pad, further)
-                 for name, (first, *further), layout, of_pad in zip(names, shared, layouts, eds))
+    pads = make_pads(settings.layouts, settings.node_ids, settings.pads)
+    return pads if settings.replay else with_dictionaries(pads, settings.eds)  # a log needs none
 
 
 def main() -> int:

@@ -3,19 +3,19 @@
 from collections.abc import Mapping
 from types import SimpleNamespace
 
-from tactile_node.canbus.pads import PadSettings
+from tactile_node.canbus.pads import PadSettings, one_for_each
 from tactile_node.conditioning.conditioned_pad import ConditionedPad
 from tactile_node.conditioning.drift import DriftFollower
 from tactile_node.conditioning.fault_file import load_faults
 from tactile_node.conditioning.gain import load_gains
 from tactile_node.conditioning.tare import TaredPad
 from tactile_node.conditioning.taxel_faults import TaxelJudge
-from tactile_node.ros.parameters import masks_faulty, one_each, rest_limit, tare_limit
+from tactile_node.ros.parameters import masks_faulty, rest_limit, tare_limit
 
 
 def conditioned_pads(pads: tuple[PadSettings, ...], settings: SimpleNamespace) -> dict[str, ConditionedPad]:
     """Make them by name. Raises ConfigurationError for a wrong parameter, gain file or file of faulty taxels."""
-    gain_files = one_each('gain_files', settings.gain_files, settings.pads)
+    gain_files = one_for_each('gain_files', settings.gain_files, pads)
     shapes = {pad.name: (pad.layout.rows, pad.layout.cols) for pad in pads}
     known = load_faults(settings.faulty_taxels_file, shapes) if settings.faulty_taxels_file else {}
     made = {}

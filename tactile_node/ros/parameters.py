@@ -172,11 +172,3 @@ def feature_groups(names: list[str]) -> Group:
                                      got=repr(name), remedy='See `tactile features --help` for what each computes.')
         groups |= Group[name.upper()]
     return groups
-
-
-def one_each(parameter: str, given: list[str], pads: list[str]) -> list[str]:
-    """Return a value for each pad from one for all or one each. Raises ConfigurationError otherwise."""
-    if len(given) not in (1, len(pads)):
-        raise ConfigurationError(f'parameter {parameter}', expected=f'one value, or one for each of the pads {pads}',
-                                 got=str(list(given)), remedy='Give as many values as pads.')
-    return list(given) * (len(pads) if len(given) == 1 else 1)

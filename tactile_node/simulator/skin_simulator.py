@@ -5,7 +5,8 @@ from collections.abc import Callable
 import can
 
 from tactile_node.canbus.bus_network import BusNetwork, open_bus
-from tactile_node.canbus.pads import PadSettings, check_pads
+from tactile_node.canbus.pad_rules import check_pads
+from tactile_node.canbus.pads import PadSettings
 from tactile_node.simulator.device import SimulatedDevice, TaxelSource
 
 
