@@ -3,12 +3,15 @@
 Run by `make soak` (`make soak MINUTES=60`), or: python bench/soak.py [--minutes 10] [--rate 115]. The simulated skin
 is a process of its own behind a pseudo-terminal (slcan), as an adapter would be; the driver is the supervised one that
 the driver node runs. At 115 sweeps a second two pads of 16x16 taxels of 8 bits fill a bus of 1 Mbit/s
-(64 TPDOs of at most 135 bits each). Writes soak.csv and soak.png; ends with 1 when a TPDO was lost or
-came too late, which on a busy machine is the simulated skin's doing as often as the driver's.
+(64 TPDOs of at most 135 bits each). Where it may, all runs at a raised priority, as a robot's drivers do. A third
+process only sleeps, a millisecond at a time, and tells how long the machine itself stood still at most.
+Writes soak.csv and soak.png; ends with 1 when a TPDO was lost or came too late.
 """
 
 import argparse
 import csv
+import gc
+import multiprocessing
 import os
 import subprocess
 import sys
@@ -39,8 +42,10 @@ import matplotlib.pyplot as plt  # noqa: E402
 NODES, LAYOUT = (32, 64), 'sim16x16.yaml'
 FULL_LOAD = 115.0  #: sweeps a second
 PERCENTILES = (50, 99, 99.9, 100)
+NAP = 1e-3  #: s
+NICE = -10  #: of driver and skin
 COLUMNS = ('minutes', 'taxel frames', 'of these incomplete', 'TPDOs not received', 'TPDOs dropped', 'bus load %',
-           *(f'latency p{p:g} ms' for p in PERCENTILES), 'memory MB')
+           'machine still ms', *(f'latency p{p:g} ms' for p in PERCENTILES), 'memory MB')
 
 
 class Row(NamedTuple):
@@ -52,12 +57,13 @@ class Row(NamedTuple):
     lost: int     #: TPDOs of these sweeps that were not received
     dropped: int  #: TPDOs received too late, or of no use otherwise
     load: float
+    stall: float  #: the longest time for which the machine did not run a process that only sleeps [ms]
     latency: tuple[float, ...]  #: PERCENTILES [ms]
     memory: float               #: resident memory of the driver's process [MB]
 
     def cells(self) -> list[str]:
         return [f'{self.minutes:.2f}', f'{self.frames}', f'{self.incomplete}', f'{self.lost}', f'{self.dropped}',
-                f'{self.load:.1f}',
+                f'{self.load:.1f}', f'{self.stall:.1f}',
                 *(f'{value:.2f}' for value in self.latency), f'{self.memory:.1f}']
 
 
@@ -77,11 +83,40 @@ class Latencies:
         return np.array(taken)
 
 
+class StallWatch:
+    """A process that only sleeps: ``take`` gives by how much it overslept at most [s] since last asked."""
+
+    def __init__(self):
+        context = multiprocessing.get_context('fork')  # begun before there are threads
+        self._longest = context.Value('d', 0.0)
+        self._process = context.Process(target=self._watch, daemon=True)
+        self._process.start()
+
+    def take(self) -> float:
+        with self._longest:
+            longest, self._longest.value = self._longest.value, 0.0
+        return longest
+
+    def end(self) -> None:
+        self._process.terminate()
+        self._process.join()
+
+    def _watch(self) -> None:
+        before = time.monotonic()
+        while True:
+            time.sleep(NAP)
+            now = time.monotonic()
+            with self._longest:
+                self._longest.value = max(self._longest.value, now - before - NAP)
+            before = now
+
+
 class Soak:
     """A running driver, and what has become of its taxels so far."""
 
-    def __init__(self, driver: Supervisor, latencies: Latencies):
-        self.driver, self._latencies, self.rows = driver, latencies, []
+    def __init__(self, driver: Supervisor, latencies: Latencies, stalls: StallWatch):
+        self.driver, self._latencies, self._stalls, self.rows = driver, latencies, stalls, []
+        stalls.take()
         self._begin, self._before = time.monotonic(), np.zeros(4, int)
 
     def row(self) -> Row:
@@ -92,7 +127,7 @@ class Soak:
         taken = self._latencies.take()
         latency = tuple(np.percentile(taken, PERCENTILES) * 1e3) if len(taken) else (np.nan,) * len(PERCENTILES)
         self.rows.append(Row((time.monotonic() - self._begin) / 60, frames, incomplete, lost, dropped,
-                             100 * self.driver.health().load, latency, resident()))
+                             100 * self.driver.health().load, 1e3 * self._stalls.take(), latency, resident()))
         return self.rows[-1]
 
     @property
@@ -117,7 +152,16 @@ def simulated(folder: Path) -> tuple[subprocess.Popen, str]:
     return skin, port
 
 
-def run(args: argparse.Namespace, port: str) -> Soak:
+def priority() -> str:
+    """Raise that of this process and of all that it will start, where that is allowed; what it is now."""
+    try:
+        os.setpriority(os.PRIO_PROCESS, 0, NICE)
+    except PermissionError:
+        return f'that of any other process; nice {NICE} is not allowed here'
+    return f'nice {NICE}, driver and skin'
+
+
+def run(args: argparse.Namespace, port: str, stalls: StallWatch) -> Soak:
     latencies = Latencies()
     pads = tuple(make_pad(f'pad{node}', node, LAYOUT) for node in NODES)
     driver = Supervisor(BusSettings('slcan', port, sync_period=1 / args.rate), pads, latencies, print, print)
@@ -125,7 +169,9 @@ def run(args: argparse.Namespace, port: str) -> Soak:
     try:
         driver.configure()
         driver.start()
-        soak, windows = Soak(driver, latencies), max(round(args.minutes * 60 / args.window), 1)
+        gc.collect()
+        gc.freeze()  # as the driver node does
+        soak, windows = Soak(driver, latencies, stalls), max(round(args.minutes * 60 / args.window), 1)
         for number in range(1, windows + 1):
             time.sleep(max(soak._begin + number * args.window - time.monotonic(), 0))
             print('  '.join(cell.rjust(len(name)) for name, cell in zip(COLUMNS, soak.row().cells())), flush=True)
@@ -155,15 +201,18 @@ def write(folder: Path, rows: list[Row]) -> None:
 
 def main() -> int:
     args = _arguments()
+    print(f'priority: {priority()}')
+    stalls = StallWatch()
     with tempfile.TemporaryDirectory() as folder:
         skin, port = simulated(Path(folder))
         try:
             print(f'two pads, {args.rate:g} sweeps/s each, {args.minutes:g} minutes; full load is {FULL_LOAD:g}')
             print('  '.join(COLUMNS), flush=True)
-            soak = run(args, port)
+            soak = run(args, port, stalls)
         finally:
             skin.terminate()
             skin.wait()
+            stalls.end()
     write(args.output, soak.rows)
     lost, dropped = sum(row.lost for row in soak.rows), sum(row.dropped for row in soak.rows)
     print(f'TPDOs not received: {lost}, received and dropped: {dropped}; memory growth after the first tenth: '

@@ -4,6 +4,7 @@ It is as silent as a real one until a master (the driver) starts it.
 """
 
 import argparse
+import gc
 
 from tactile_node.canbus.bus_network import open_bus
 from tactile_node.canbus.pads import PadSettings, make_pads, with_dictionaries
@@ -50,6 +51,7 @@ def run(args: argparse.Namespace) -> int:
         simulator.start_on(bus)
         print(f'Simulated skin, node {", ".join(map(str, nodes))}, at {bus.port if args.pty else args.channel}',
               flush=True)
+        gc.freeze()  # a full collection would hold up a sweep for some 40 ms
         asked.wait(args.duration)
         simulator.stop()
     if failures:
