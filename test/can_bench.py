@@ -12,10 +12,12 @@ import can
 import numpy as np
 
 from tactile_node.canbus.layout_file import load_layout
+from tactile_node.canbus.losses import Loss, Outcome
 from tactile_node.canbus.pads import make_pads, with_dictionaries
 from tactile_node.canbus.skin_bus import BusSettings, SkinBus
 from tactile_node.canbus.supervisor import Supervisor
 from tactile_node.simulator.skin_simulator import SkinSimulator
+from tactile_node.taxel_frame import TaxelFrame
 
 #: The same tests run on a real Linux CAN stack, where all share one channel: `make socketcan`
 INTERFACE = os.environ.get('TACTILE_TEST_INTERFACE', 'virtual')
@@ -55,6 +57,12 @@ def wait_until(condition: Callable[[], bool], timeout: float = 20.0) -> bool:
     while not (met := condition()) and time.monotonic() < end:
         threading.Event().wait(0.002)
     return met
+
+
+def only(outcome: Outcome) -> TaxelFrame | Loss | None:
+    """What alone has come of a CAN frame or a SYNC; None where nothing has."""
+    assert len(outcome) <= 1, outcome
+    return outcome[0] if outcome else None
 
 
 class Bench:

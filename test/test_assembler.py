@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from can_bench import tiny_layout
+from can_bench import only, tiny_layout
 
 from tactile_node.canbus.assembler import FrameAssembler
 from tactile_node.canbus.losses import Loss, LossReason
+from tactile_node.canbus.sender_run import CATCHING_UP
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 VALID, STALE, DEAD, SATURATED = TaxelStatus.VALID, TaxelStatus.STALE, TaxelStatus.DEAD, TaxelStatus.SATURATED
@@ -21,7 +22,7 @@ def assembler(tmp_path):
 def send(assembler, *frames, at=0.5):
     """Feed (COB-ID, hex bytes) pairs; the last result."""
     results = [assembler.feed(can_id, bytes.fromhex(data), at) for can_id, data in frames]
-    return results[-1]
+    return only(results[-1])
 
 
 def check(frame, values, sequence=0, missing=0):
@@ -37,13 +38,13 @@ def balanced(assembler):
 
 
 def test_whole_period_is_given_with_its_last_tpdo(assembler):
-    assert assembler.sync(7.25) is None
+    assert only(assembler.sync(7.25)) is None
     assert send(assembler, (ROW_1, '0A0B'), at=7.3) is None
     assert send(assembler, (ROW_2, '0C0D'), at=7.3) is None
     frame = send(assembler, (ROW_3, '00FE'), at=7.3)
     check(frame, [[0, 2], [4, 6], [-20, 488]])
     assert frame.stamp == 7.25 and (frame.status == VALID).all()
-    assert assembler.sync(8.25) is None  # nothing is given twice
+    assert only(assembler.sync(8.25)) is None  # nothing is given twice
     assert assembler.statistics()[:5] == (1, 0, 3, 3, 3) and balanced(assembler)
 
 
@@ -54,54 +55,107 @@ def test_full_scale_is_saturated_and_still_given(assembler):
     assert frame.status.tolist() == [[VALID, VALID], [VALID, SATURATED], [VALID, VALID]]
 
 
-@pytest.mark.parametrize(('lost', 'values'), [
-    (ROW_1, [[NAN, NAN], [2, 2], [4, 4]]), (ROW_2, [[0, 0], [NAN, NAN], [4, 4]]),
-    (ROW_3, [[0, 0], [2, 2], [NAN, NAN]])])
-def test_missing_tpdo_gives_nan_at_the_next_sync(assembler, lost, values):
+@pytest.mark.parametrize(('lost', 'values', 'at_sync'), [
+    (ROW_1, [[NAN, NAN], [2, 2], [4, 4]], True), (ROW_2, [[0, 0], [NAN, NAN], [4, 4]], True),
+    (ROW_3, [[0, 0], [2, 2], [NAN, NAN]], False)])
+def test_missing_tpdo_gives_nan_as_soon_as_it_cannot_come(assembler, lost, values, at_sync):
+    """At the next SYNC when the sweep has ended, else when the next sweep begins."""
     period = [(ROW_1, '0A0A'), (ROW_2, '0B0B'), (ROW_3, '0C0C')]
     assembler.sync(0)
     send(assembler, *(f for f in period if f[0] != lost))
-    frame = assembler.sync(1)
+    ended, began = assembler.sync(1), send(assembler, period[0], at=1.5)
+    frame = only(ended) if at_sync else began
     check(frame, values, missing=1)
     assert (frame.status == np.where(np.isnan(values), STALE, VALID)).all()
-    # the next period is whole again
-    check(send(assembler, *period, at=1.5), [[0, 0], [2, 2], [4, 4]], sequence=1)
+    check(send(assembler, *period[1:], at=1.5), [[0, 0], [2, 2], [4, 4]], sequence=1)  # the next period is whole again
     assert assembler.statistics().missing == 1 and balanced(assembler)
 
 
-def test_silent_period_is_all_stale(assembler):
+def test_silent_periods_are_all_stale(assembler):
+    """The first one waits for what may come late; of the second nothing could be told from it."""
     assembler.sync(0)
-    check(assembler.sync(1), np.full((3, 2), NAN), missing=3)
+    assert assembler.sync(1) == ()
+    first, second = assembler.sync(2)
+    check(first, np.full((3, 2), NAN), missing=3)
+    check(second, np.full((3, 2), NAN), sequence=1, missing=3)
+    check(only(assembler.sync(3)), np.full((3, 2), NAN), sequence=2, missing=3)
 
 
-def test_first_sweep_after_silence_is_given_up(assembler):
-    """Rows 1, 2 may be of the silent period 0, row 3 of period 1 with its rows 1, 2 lost: nothing tells."""
+def test_sweeps_after_silence_are_given_up_until_none_is_late_any_more(assembler):
+    """Each may be of the period before; after CATCHING_UP periods the silent one is taken to be lost."""
     sweep = [(ROW_1, '0B0B'), (ROW_2, '0B0B'), (ROW_3, '0B0B')]
     assembler.sync(0)
     assembler.sync(1)
-    assert send(assembler, *sweep, at=1.5) is None
-    check(assembler.sync(2), np.full((3, 2), NAN), sequence=1, missing=3)
-    assert assembler.statistics().losses['late'] == 3
-    check(send(assembler, *sweep, at=2.5), np.full((3, 2), 2), sequence=2)
-    assert balanced(assembler)
+    given = []
+    for period in range(1, 1 + CATCHING_UP):
+        assert send(assembler, *sweep, at=period + 0.5) is None
+        given += assembler.sync(period + 1)
+    assert given.count(Loss(LossReason.LATE, 3)) == CATCHING_UP == assembler.statistics().losses['late'] / 3
+    frames = [result for result in given if isinstance(result, TaxelFrame)]
+    for sequence, frame in enumerate(frames):
+        check(frame, np.full((3, 2), NAN), sequence, missing=3)
+    check(send(assembler, *sweep, at=4.5), np.full((3, 2), 2), sequence=1 + CATCHING_UP)
+    assert len(frames) == 1 + CATCHING_UP and balanced(assembler)
+
+
+def test_a_sweep_that_is_late_as_a_whole_goes_back_to_its_period(assembler):
+    assembler.sync(0)
+    assembler.sync(1)
+    assert send(assembler, (ROW_1, '0B0B'), (ROW_2, '0B0B'), (ROW_3, '0B0B'), at=1.1) is None
+    *rest, last = [assembler.feed(row, b'\x0C\x0C', 1.2) for row in (ROW_1, ROW_2, ROW_3)]
+    assert rest == [(), ()]
+    check(last[0], np.full((3, 2), 2))
+    check(last[1], np.full((3, 2), 4), sequence=1)
+    assert last[0].stamp == 0 and assembler.statistics()[:5] == (2, 0, 6, 6, 6) and balanced(assembler)
+
+
+@pytest.mark.parametrize('silent', [2, 3])
+def test_after_several_silent_periods_only_a_sweep_that_can_be_no_other_is_given(assembler, silent):
+    """As many sweeps come late as were missing, then the one of this period."""
+    for stamp in range(silent + 1):
+        assembler.sync(stamp)
+    for late in range(silent):
+        for row in (ROW_1, ROW_2, ROW_3):
+            lost = only(assembler.feed(row, bytes([11 + late] * 2), silent + 0.1))
+            assert lost == (Loss(LossReason.LATE, 3) if late and row == ROW_1 else None)
+    assert send(assembler, (ROW_1, '0F0F'), at=silent + 0.2) == Loss(LossReason.LATE, 3)
+    check(send(assembler, (ROW_2, '0F0F'), (ROW_3, '0F0F'), at=silent + 0.2), np.full((3, 2), 10), sequence=silent)
+    assert assembler.statistics().incomplete == silent and balanced(assembler)
 
 
 def test_lost_first_tpdo_for_good_leaves_the_others(assembler):
     assembler.sync(0)
     for period in range(1, 4):
         send(assembler, (ROW_2, '0B0B'), (ROW_3, '0B0B'), at=period - 0.5)
-        check(assembler.sync(period), [[NAN, NAN], [2, 2], [2, 2]], sequence=period - 1, missing=1)
+        check(only(assembler.sync(period)), [[NAN, NAN], [2, 2], [2, 2]], sequence=period - 1, missing=1)
 
 
-def test_late_tail_does_not_enter_the_next_period(assembler):
+def test_a_late_tail_goes_back_to_its_period_once_the_next_sweep_is_whole(assembler):
     assembler.sync(0)
     send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'))
-    check(assembler.sync(1), [[0, 0], [0, 0], [NAN, NAN]], missing=1)
+    assert assembler.sync(1) == ()
     assert send(assembler, (ROW_3, '0F0F'), at=1.1) is None  # of the period before, after its SYNC
-    assert send(assembler, (ROW_1, '0B0B'), at=1.2) == Loss(LossReason.LATE, 1)
-    frame = send(assembler, (ROW_2, '0B0B'), (ROW_3, '0B0B'), at=1.3)
-    check(frame, [[2, 2], [2, 2], [2, 2]], sequence=1)
-    assert assembler.statistics().losses['late'] == 1 and balanced(assembler)
+    assert send(assembler, (ROW_1, '0B0B'), (ROW_2, '0B0B'), at=1.2) is None
+    first, second = assembler.feed(ROW_3, b'\x0B\x0B', 1.3)
+    check(first, [[0, 0], [0, 0], [10, 10]])
+    check(second, [[2, 2], [2, 2], [2, 2]], sequence=1)
+    assert (first.stamp, second.stamp) == (0, 1) and balanced(assembler)
+    assert assembler.statistics().losses['late'] == 0
+
+
+@pytest.mark.parametrize('after', [[ROW_1, ROW_2], [ROW_2, ROW_1], [ROW_1, ROW_1, ROW_2, ROW_3]],
+                         ids=['end lost', 'order lost', 'begun twice'])
+def test_without_a_whole_sweep_after_it_a_late_tail_is_dropped(assembler, after):
+    """The "tail" may be of the new period when the bus or the adapter has changed the order."""
+    assembler.sync(0)
+    send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'))
+    assembler.sync(1)
+    send(assembler, (ROW_3, '0F0F'), at=1.1)
+    for i, row in enumerate(after):
+        assembler.feed(row, bytes([11 + i] * 2), 1.2)
+    assembler.end_period()
+    assert assembler.statistics().missing >= 1 and assembler.statistics().losses['late'] >= 1 and balanced(assembler)
+    assert assembler.statistics().complete <= 1
 
 
 def test_lone_possible_tail_is_not_published_as_fresh(assembler):
@@ -109,31 +163,62 @@ def test_lone_possible_tail_is_not_published_as_fresh(assembler):
     send(assembler, (ROW_1, '0A0A'))
     assembler.sync(1)
     send(assembler, (ROW_2, '0F0F'), (ROW_3, '0F0F'), at=1.1)  # the tail of 0, or 1 with its first TPDO lost
-    check(assembler.sync(2), np.full((3, 2), NAN), sequence=1, missing=3)
-    assert assembler.statistics().losses['late'] == 2 and balanced(assembler)
+    first, late, second = assembler.sync(2)
+    check(first, [[0, 0], [NAN, NAN], [NAN, NAN]], missing=2)
+    check(second, np.full((3, 2), NAN), sequence=1, missing=3)
+    assert late == Loss(LossReason.LATE, 2) and balanced(assembler)
 
 
 def test_every_period_crossing_the_sync_is_never_mixed(assembler):
     """A device so slow that row 3 always comes after the next SYNC: rows 1 and 2 only."""
-    assembler.sync(0)
-    for period in range(1, 5):
-        count = f'{10 + period:02X}' * 2
-        send(assembler, (ROW_1, count), (ROW_2, count), at=period - 0.5)
-        value = 2.0 * period
-        check(assembler.sync(period), [[value] * 2, [value] * 2, [NAN] * 2], sequence=period - 1, missing=1)
-        send(assembler, (ROW_3, count), at=period + 0.1)
-    assert balanced(assembler)
+    given = []
+    for period in range(5):
+        given += assembler.sync(period)
+        if period:
+            given += assembler.feed(ROW_3, bytes([9 + period] * 2), period + 0.1)
+        for row in (ROW_1, ROW_2):
+            given += assembler.feed(row, bytes([10 + period] * 2), period + 0.2)
+    frames = [result for result in given if isinstance(result, TaxelFrame)]
+    for sequence, frame in enumerate(frames):
+        check(frame, [[2 * sequence] * 2, [2 * sequence] * 2, [NAN] * 2], sequence, missing=1)
+    assert len(frames) == 3 and balanced(assembler)
 
 
-def test_tpdo_stamped_before_its_sync_is_late(assembler):
+def test_tpdos_stamped_before_their_sync_are_of_the_period_before(assembler):
     """The driver lags: SYNC 1 is seen, then all of period 0, then all of period 1."""
     assembler.sync(10.0)
-    check(assembler.sync(11.0), np.full((3, 2), NAN), missing=3)
-    for can_id in (ROW_1, ROW_2, ROW_3):
-        assert send(assembler, (can_id, '0F0F'), at=10.2) == Loss(LossReason.LATE)
+    assert assembler.sync(11.0) == ()
+    check(send(assembler, (ROW_1, '0F0F'), (ROW_2, '0F0F'), (ROW_3, '0F0F'), at=10.2), np.full((3, 2), 10))
     check(send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=11.2), np.zeros((3, 2)),
           sequence=1)
     assert balanced(assembler)
+
+
+def test_part_of_them_too_and_what_is_older_still_is_late(assembler):
+    assembler.sync(10.0)
+    send(assembler, (ROW_1, '0F0F'), at=10.1)
+    assembler.sync(11.0)
+    check(send(assembler, (ROW_2, '0F0F'), (ROW_3, '0F0F'), at=10.2), np.full((3, 2), 10))
+    assert send(assembler, (ROW_1, '0E0E'), at=10.3) == Loss(LossReason.LATE)  # that period is given
+    check(send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=11.2), np.zeros((3, 2)), sequence=1)
+    assert balanced(assembler)
+
+
+@pytest.mark.parametrize('older', [1, 2, 3])
+def test_what_was_sent_before_the_sync_before_is_of_neither_period(assembler, older):
+    """The driver lags by two periods: SYNCs 1 and 2, then the end of period 0, period 1, period 2."""
+    sweeps = [(row, bytes([11 + period] * 2), 10.5 + period) for period in range(3) for row in (ROW_1, ROW_2, ROW_3)]
+    assembler.sync(10.0)
+    for sent in sweeps[:3 - older]:
+        assembler.feed(*sent)
+    given = [*assembler.sync(11.0), *assembler.sync(12.0)]
+    for sent in sweeps[3 - older:]:
+        given += assembler.feed(*sent)
+    frames = [result for result in given if isinstance(result, TaxelFrame)]
+    check(frames[0], [[2, 2]] * (3 - older) + [[NAN, NAN]] * older, missing=older)
+    check(frames[1], np.full((3, 2), NAN), sequence=1, missing=3)
+    check(frames[2], np.full((3, 2), 6), sequence=2)
+    assert len(frames) == 3 and assembler.statistics().losses['late'] == older + 3 and balanced(assembler)
 
 
 def test_stamps_of_two_clocks_are_not_compared(tmp_path):
@@ -154,7 +239,7 @@ def test_same_cob_id_with_other_bytes_begins_a_new_run(assembler):
     assembler.sync(0)
     assert send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_2, '0B0B')) == Loss(LossReason.LATE, 2)
     send(assembler, (ROW_3, '0B0B'))
-    check(assembler.sync(1), [[NAN, NAN], [2, 2], [2, 2]], missing=1)
+    check(only(assembler.sync(1)), [[NAN, NAN], [2, 2], [2, 2]], missing=1)
     assert balanced(assembler)
 
 
@@ -162,11 +247,12 @@ def test_frames_after_a_complete_one_are_surplus(assembler):
     assembler.sync(0)
     send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'))
     assert send(assembler, (ROW_1, '0F0F')) == Loss(LossReason.SURPLUS)
-    assert assembler.sync(1) is None
+    assert only(assembler.sync(1)) is None
     send(assembler, (ROW_2, '0F0F'), (ROW_3, '0F0F'), at=1.1)  # the rest of the surplus sweep
-    check(send(assembler, (ROW_1, '0B0B'), (ROW_2, '0B0B'), (ROW_3, '0B0B'), at=1.5), np.full((3, 2), 2),
-          sequence=1)
-    assert balanced(assembler)
+    send(assembler, (ROW_1, '0B0B'), (ROW_2, '0B0B'), at=1.5)
+    late, frame = assembler.feed(ROW_3, b'\x0B\x0B', 1.5)
+    check(frame, np.full((3, 2), 2), sequence=1)
+    assert late == Loss(LossReason.LATE, 2) and balanced(assembler)
 
 
 @pytest.mark.parametrize(('data', 'reason'), [('', LossReason.SHORT), ('0A', LossReason.SHORT),
@@ -191,34 +277,54 @@ def test_restart_counts_the_unfinished_and_begins_at_zero(assembler):
     send(assembler, (ROW_1, '0A0A'), at=1.5)
     assembler.restart()
     assert assembler.statistics().losses['unfinished'] == 1 and balanced(assembler)
-    assert assembler.sync(5) is None
+    assert only(assembler.sync(5)) is None
     check(send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=5.5), np.zeros((3, 2)))
 
 
-def test_random_loss_and_delay_never_mixes_periods(assembler):
+def random_periods(assembler, loss, most_delayed, periods=3000):
     """Each period sends its number in all taxels; frames are lost, and delayed across SYNCs in order."""
     rng = np.random.default_rng(5)
     backlog, given = [], []
-    for period in range(3000):
-        given.append((period - 1, assembler.sync(period)))
+    for period in range(periods):
+        given += assembler.sync(period)
         backlog += [(can_id, bytes([period % 250 + 5] * 2))
-                    for can_id in (ROW_1, ROW_2, ROW_3) if rng.random() > 0.1]
-        keep = int(rng.integers(0, 3)) if rng.random() < 0.3 else 0  # the last ones come after the next SYNC
-        now, backlog = backlog[:len(backlog) - keep], backlog[len(backlog) - keep:]
-        given += [(period, assembler.feed(can_id, data, period + 0.5)) for can_id, data in now]
-    frames = [(period, frame) for period, frame in given if isinstance(frame, TaxelFrame)]
-    assert len({frame.sequence for _, frame in frames}) == len(frames) >= 2999 and balanced(assembler)
+                    for can_id in (ROW_1, ROW_2, ROW_3) if rng.random() > loss]
+        delayed = int(rng.integers(0, most_delayed + 1)) if rng.random() < 0.3 else 0
+        ready = max(0, len(backlog) - delayed)
+        now, backlog = backlog[:ready], backlog[ready:]
+        for can_id, data in now:
+            given += assembler.feed(can_id, data, period + 0.5)
+    frames = [result for result in given + [*assembler.end_period()] if isinstance(result, TaxelFrame)]
+    assert [frame.sequence for frame in frames] == list(range(periods)) and balanced(assembler)
+    return [(frame.sequence, set(frame.values[~np.isnan(frame.values)] / 2 + 5)) for frame in frames]
+
+
+def test_random_loss_and_delay_never_mixes_periods(assembler):
+    for sequence, periods in random_periods(assembler, loss=0.1, most_delayed=2):
+        assert periods <= {sequence % 250}
     assert assembler.statistics().complete > 1000 and assembler.statistics().losses['late'] > 100
-    for period, frame in frames:
-        valid = frame.values[~np.isnan(frame.values)]
-        assert frame.sequence == period
-        assert (valid == 2 * (period % 250 + 5 - 10)).all()
+
+
+def test_without_loss_most_of_what_is_late_is_used(assembler):
+    """Where less than a sweep is delayed, every period is whole unless the next one ends too late as well."""
+    random_periods(assembler, loss=0.0, most_delayed=2)
+    statistics = assembler.statistics()
+    assert statistics.complete > 0.95 * 3000 and statistics.missing < 0.03 * 9000
+
+
+def test_delays_of_several_periods_do_not_mix_and_hardly_ever_stamp_late(assembler):
+    """A sender that stays behind for more than CATCHING_UP periods is told by nothing."""
+    ages = []
+    for sequence, periods in random_periods(assembler, loss=0.0, most_delayed=8):
+        assert len(periods) <= 1
+        ages += [(sequence - period) % 250 for period in periods]
+    assert len(ages) > 2500 and np.count_nonzero(ages) <= 3
 
 
 def test_reordered_tpdos_are_counted_apart_and_never_joined(assembler):
     assembler.sync(0)
     assert send(assembler, (ROW_1, '0A0A'), (ROW_3, '0A0A'), (ROW_2, '0B0B')) == Loss(LossReason.OUT_OF_ORDER, 2)
-    check(assembler.sync(1), [[NAN, NAN], [2, 2], [NAN, NAN]], missing=2)
+    check(only(assembler.end_period()), [[NAN, NAN], [2, 2], [NAN, NAN]], missing=2)
     losses = assembler.statistics().losses
     assert (losses['out_of_order'], losses['late']) == (2, 0) and balanced(assembler)
 
@@ -227,8 +333,9 @@ def test_incomplete_sweeps_can_be_dropped(tmp_path):
     assembler = FrameAssembler(tiny_layout(tmp_path), (1,), drop_incomplete=True)
     assembler.sync(0)
     send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'))
-    assert assembler.sync(1) is None
-    check(send(assembler, (ROW_1, '0B0B'), (ROW_2, '0B0B'), (ROW_3, '0B0B'), at=1.5), np.full((3, 2), 2), sequence=1)
+    assert assembler.sync(1) == ()
+    assert send(assembler, (ROW_1, '0B0B'), at=1.5) == Loss(LossReason.INCOMPLETE, 2)
+    check(send(assembler, (ROW_2, '0B0B'), (ROW_3, '0B0B'), at=1.5), np.full((3, 2), 2), sequence=1)
     statistics = assembler.statistics()
     assert (statistics.complete, statistics.incomplete, statistics.dropped) == (1, 0, 1)
     assert statistics.losses['incomplete'] == 2 and statistics.expected == 6 and balanced(assembler)

@@ -8,7 +8,7 @@ from random import Random
 import can
 import numpy as np
 import pytest
-from can_bench import Bench, tiny_layout, wait_until
+from can_bench import Bench, only, tiny_layout, wait_until
 from faulty_bus import Adapter
 
 from tactile_node.canbus import skin_bus
@@ -114,8 +114,8 @@ def assembler(tmp_path):
 
 
 def feed(assembler, *frames, at=1.0):
-    return [assembler.feed({'>': 0x605, '<': 0x585}[frame[0]], bytes.fromhex(frame[1:]), at + i)
-            for i, frame in enumerate(frames)][-1]
+    return only([assembler.feed({'>': 0x605, '<': 0x585}[frame[0]], bytes.fromhex(frame[1:]), at + i)
+            for i, frame in enumerate(frames)][-1])
 
 
 def test_an_upload_is_a_frame_stamped_with_its_request(assembler):

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from can_bench import Bench, tiny_layout
+from can_bench import Bench, only, tiny_layout
 
 from tactile_node.canbus.assembler import FrameAssembler
 from tactile_node.canbus.layout_file import load_layout
@@ -35,7 +35,7 @@ tpdos:
 
 
 def feed(assembler, can_id, *frames):
-    return [assembler.feed(can_id, bytes.fromhex(data), 0.5) for data in frames][-1]
+    return only([assembler.feed(can_id, bytes.fromhex(data), 0.5) for data in frames][-1])
 
 
 def test_rows_by_hand(tmp_path):
@@ -73,7 +73,7 @@ def test_foreign_mpdos_are_counted_and_leave_their_taxels_stale(tmp_path, foreig
     assembler.sync(0)
     feed(assembler, 0x190, '05552103' '01000100')
     assert feed(assembler, 0x190, foreign) == Loss(LossReason.UNKNOWN_ROW)
-    frame = assembler.sync(1)
+    frame = only(assembler.end_period())
     assert frame.status.tolist() == [[TaxelStatus.VALID] * 2, [TaxelStatus.STALE] * 2]
     assert np.isnan(frame.values[1]).all() and frame.missing_can_frames == 1
 

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from can_bench import Bench, tiny_layout, wait_until
+from can_bench import Bench, only, tiny_layout, wait_until
 
 from tactile_node.canbus.assembler import FrameAssembler
 from tactile_node.canbus.losses import Loss, LossReason
@@ -34,8 +34,8 @@ def assembler(tmp_path):
     return FrameAssembler(tiny_layout(tmp_path, TWO), (1, 5))
 
 
-def feed(assembler, *frames):
-    return [assembler.feed(can_id, data, 9.0) for can_id, data in frames][-1]
+def feed(assembler, *frames, at=9.0):
+    return only([assembler.feed(can_id, data, at) for can_id, data in frames][-1])
 
 
 @pytest.mark.parametrize('order', sorted(set(itertools.permutations('AABB'))), ids=''.join)
@@ -50,22 +50,30 @@ def test_nodes_may_interleave_as_arbitration_has_it(assembler, order):
 def test_a_silent_node_takes_only_its_own_taxels(assembler):
     assembler.sync(0.0)
     feed(assembler, *FIRST)
-    frame = assembler.sync(1.0)
+    frame, = assembler.end_period()
     assert frame.values[:2].tolist() == [[1, 2], [3, 4]] and np.isnan(frame.values[2:]).all()
     assert frame.missing_can_frames == 2 and (frame.status[2:] == TaxelStatus.STALE).all()
     assert assembler.statistics().used_by_node == (2, 0)
 
 
-def test_the_delayed_tail_of_one_node_is_dropped_and_the_other_kept(assembler):
+def test_the_delayed_tail_of_one_node_goes_back_once_both_sweeps_are_whole(assembler):
     assembler.sync(0.0)
     feed(assembler, FIRST[0], *SECOND)
-    assembler.sync(1.0)
-    old_tail = feed(assembler, (0x281, b'\x63\x63'))  # of the period before
-    assert old_tail is None  # not yet known to be old
-    late = feed(assembler, *SECOND, FIRST[0])
+    assert assembler.sync(10.0) == ()
+    assert feed(assembler, (0x281, b'\x63\x63'), *SECOND, FIRST[0], at=11.0) is None
+    before, frame = assembler.feed(*FIRST[1], 11.0)
+    assert before.values.tolist() == [[1, 2], [0x63, 0x63], [5, 6], [7, 8]] and before.stamp == 0.0
+    assert frame.values.tolist() == [[1, 2], [3, 4], [5, 6], [7, 8]] and frame.stamp == 10.0
+
+
+def test_it_is_dropped_when_the_other_node_does_not_end_its_sweep(assembler):
+    assembler.sync(0.0)
+    feed(assembler, FIRST[0], *SECOND)
+    assembler.sync(10.0)
+    feed(assembler, (0x281, b'\x63\x63'), SECOND[0], *FIRST, at=11.0)
+    before, late = assembler.sync(20.0)
+    assert before.values[0].tolist() == [1, 2] and np.isnan(before.values[1]).all()
     assert late == Loss(LossReason.LATE, 1)
-    frame = feed(assembler, FIRST[1])
-    assert frame.values.tolist() == [[1, 2], [3, 4], [5, 6], [7, 8]]
 
 
 @pytest.mark.parametrize('second', [(), SECOND[:1], SECOND[1:]], ids=['all lost', 'end lost', 'begin lost'])
@@ -75,7 +83,7 @@ def test_a_lost_sync_never_mixes_two_periods_of_two_nodes(assembler, second):
     assembler.sync(0.0)
     feed(assembler, *old)
     assert feed(assembler, *FIRST, *SECOND) == Loss(LossReason.LATE)
-    frame = assembler.sync(1.0)
+    frame = only(assembler.sync(1.0))
     assert np.isnan(frame.values).all() and frame.missing_can_frames == 4
     counts = assembler.statistics()
     assert counts.received == counts.losses['late'] == 6 + len(second)
@@ -86,7 +94,7 @@ def test_incomplete_frames_are_dropped_as_a_whole(tmp_path):
     assembler = FrameAssembler(tiny_layout(tmp_path, TWO), (1, 5), drop_incomplete=True)
     assembler.sync(0.0)
     feed(assembler, *FIRST)
-    assert assembler.sync(1.0) is None
+    assert only(assembler.end_period()) == Loss(LossReason.INCOMPLETE, 2)
     counts = assembler.statistics()
     assert (counts.dropped, counts.losses['incomplete'], counts.used_by_node) == (1, 2, (0, 0))
 

@@ -8,20 +8,24 @@ each node where several make up the pad (what follows holds for each node by its
   one and is dropped (LATE; OUT_OF_ORDER where the run did not hold that rank, so nothing speaks of two
   periods). Only an immediate repetition with equal bytes is a mere DUPLICATE.
 - After a period that ended early, ranks above its end may be its delayed tail; after a silent one, any may.
-  Such a run is suspect: dropped (LATE) when a new run begins, and also when the next SYNC comes, since
-  nothing proves it fresh. So the first sweep after silence is given up, even a whole one.
-- When every node's run has all its ranks, the frame is complete and given at once. Otherwise the next SYNC
-  gives the frame, with NaN and STALE for the taxels that are in no run, or none (``drop_incomplete``).
+  Such a run is suspect. When a whole run follows it before the next SYNC, it was of the period before, which gets it
+  back. Else it is dropped (LATE), since nothing proves it fresh. So after n silent periods, runs are given up, even
+  whole ones, until n more than periods have come, or for CATCHING_UP periods: then they are lost, not late.
+- When every node's run has all its ranks, the frame is complete and given at once. Otherwise it is given, with NaN and
+  STALE for the taxels that are in no run, or not (``drop_incomplete``), as soon as nothing more of it can come: at the
+  next SYNC, at the begin of the next run, or one SYNC later.
   Whatever follows a complete run within its period is SURPLUS.
 
-Where TPDOs and SYNC are stamped by one clock (``one_clock``), a TPDO stamped before its SYNC is LATE by
-proof: a driver that lags behind its bus drops frames rather than publish them under a later stamp.
+Where TPDOs and SYNC are stamped by one clock (``one_clock``), a TPDO stamped before its SYNC is of the period before
+by proof, or LATE: a driver that lags behind its bus never publishes frames under a later stamp.
 
 Where several nodes make up a pad, a run that begins anew, not suspect, tells of a SYNC that was lost: nothing of any
 node is then used until the next one (LATE).
 
 So a frame mixes two periods only if a SYNC, the end of the period before it and the beginning of the one
-after it are lost together; or if one of several nodes is late by a whole period at every SYNC, which nothing tells.
+after it are lost together. A sender that was held up for more than a period and stays behind is told by nothing:
+until it catches up its frames are stamped a period late, and mix two periods where another node of the pad is not
+behind, or where the end of one sweep and the beginning of the next one are lost.
 """
 
 from collections import Counter
@@ -30,14 +34,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from tactile_node.canbus.layout import SkinLayout
-from tactile_node.canbus.losses import Loss, LossReason, PadStatistics
-from tactile_node.canbus.sender_run import SenderRun
+from tactile_node.canbus.losses import Loss, LossReason, Outcome, PadStatistics
+from tactile_node.canbus.sender_run import WORD
+from tactile_node.canbus.sweep_period import SweepPeriod
 from tactile_node.canbus.taxel_codec import TaxelCodec
 from tactile_node.taxel_frame import TaxelFrame
 
 
 class FrameAssembler:
-    """The state machine of one pad. ``sync`` and ``feed`` return a TaxelFrame as soon as there is one.
+    """The state machine of one pad. ``sync`` and ``feed`` return taxel frames as soon as there are any, and losses.
 
     ``node_ids``: those of the pad's nodes, as many as the layout has.
     """
@@ -49,20 +54,19 @@ class FrameAssembler:
         self.drop_incomplete = drop_incomplete
         self._codec, self._one_clock = TaxelCodec(layout), one_clock
         self._lengths = [tpdo.length for tpdo in layout.tpdos]
-        self._payload, self._fresh = bytearray(8 * len(self._lengths)), np.zeros(len(self._lengths), bool)
-        self._runs = [SenderRun([rank for rank, tpdo in enumerate(layout.tpdos) if tpdo.node == node], self._fresh)
+        self._owns = [np.array([rank for rank, tpdo in enumerate(layout.tpdos) if tpdo.node == node])
                       for node in range(len(node_ids))]
-        self._senders: dict[int, SenderRun] = {}  # by COB-ID
         self._ranks: dict[int, dict[bytes, int]] = {}  # COB-ID -> first bytes -> rank
         for rank, tpdo in enumerate(layout.tpdos):
             node_id = node_ids[tpdo.node]
-            can_id = tpdo.cob_id.of(node_id)
-            self._senders[can_id] = self._runs[tpdo.node]
-            self._ranks.setdefault(can_id, {})[tpdo.prefix(node_id)] = rank
+            self._ranks.setdefault(tpdo.cob_id.of(node_id), {})[tpdo.prefix(node_id)] = rank
+        self._nodes = [tpdo.node for tpdo in layout.tpdos]  # by rank
         self._heads = {can_id: len(next(iter(ranks))) for can_id, ranks in self._ranks.items()}
         self._counts: Counter[str] = Counter()
+        self._used = [0] * len(node_ids)
         self._losses: Counter[LossReason] = Counter()
-        self._given = self._is_torn = False
+        self._before: SweepPeriod | None = None  # not yet given: its end may still come
+        self._period: SweepPeriod | None = None
         self.restart()
 
     @property
@@ -77,96 +81,128 @@ class FrameAssembler:
     def resume(self, lost_periods: int) -> None:
         """Forget the period under way; the next SYNC comes ``lost_periods`` numbers later than the next one."""
         self._losses[LossReason.UNFINISHED] += self._pending()
-        self._sequence, self._stamp = self._sequence + lost_periods, None
-        self._given = self._is_torn = False
-        for run in self._runs:
-            run.forget()
+        self._sequence += lost_periods
+        self._before = self._period = None
 
-    def sync(self, timestamp: float) -> TaxelFrame | None:
-        """A SYNC was on the bus: end the period and begin the next one; the ended frame, if not yet given."""
-        ended = self.end_period()
-        self._sequence, self._stamp = self._sequence + 1, timestamp
-        self._given = self._is_torn = False
-        for run in self._runs:
-            run.begin_period()
+    def sync(self, timestamp: float) -> Outcome:
+        """A SYNC was on the bus: end the period and begin the next one; the frames that get nothing more."""
+        ended, period = self._close_before(), self._period
+        if period is not None and not period.is_given:
+            ended += self._end(period)
+            if period.may_be_continued:
+                self._before = period
+            else:
+                ended += self._give(period)
+        self._sequence += 1
+        self._period = SweepPeriod(self._sequence, timestamp, self._owns, period)
         return ended
 
-    def feed(self, can_id: int, data: bytes, timestamp: float) -> TaxelFrame | Loss | None:
-        """One TPDO of this pad: the frame it completes, a loss, or None (taken, more to come)."""
+    def feed(self, can_id: int, data: bytes, timestamp: float) -> Outcome:
+        """One TPDO of this pad: the frames it completes, losses, or nothing (taken, more to come)."""
         self._counts['received'] += 1
-        head, run = self._heads[can_id], self._senders[can_id]
+        head, period = self._heads[can_id], self._period
         rank = self._ranks[can_id].get(bytes(data[:head]))
         if rank is None:
             return self._lose(LossReason.SHORT if len(data) < head else LossReason.UNKNOWN_ROW)
-        if self._stamp is None:
+        if period is None:
             return self._lose(LossReason.BEFORE_FIRST_SYNC)
-        if self._one_clock and timestamp < self._stamp:
-            run.came_late(rank)
-            return self._lose(LossReason.LATE)
-        if run.repeats(rank, data):
-            return self._lose(LossReason.DUPLICATE)
-        if len(self._runs) > 1 and not self._given and run.begins_anew(rank):
-            self._tear()
-        if self._is_torn:
-            loss = self._lose(LossReason.LATE)
-        elif self._given or run.is_complete:
-            loss = self._lose(LossReason.SURPLUS)
-        else:
-            loss = self._place(run, rank, data)
-        run.note(rank, data)
-        if not self._given and not self._is_torn and run.is_complete and all(one.is_complete for one in self._runs):
-            return self._give()
-        return loss
+        if self._one_clock and timestamp < period.stamp:
+            return self._feed_before(period, rank, data, timestamp)
+        outcome = self._take(period, rank, data)
+        if period.is_complete:
+            return outcome + self._settle(period) + self._give(period)
+        if self._before is not None and not period.tells_of(self._before):
+            return outcome + self._close_before()
+        return outcome
 
-    def end_period(self) -> TaxelFrame | None:
-        """End the period without a next SYNC (end of a log); the frame, if it was not yet given."""
-        if self._stamp is None:
-            return None
-        frame = None
-        if not self._given:
-            for unproved in filter(None, [run.end() for run in self._runs]):
-                self._lose(LossReason.LATE, unproved)
-            frame = self._give()
-        self._stamp = None
-        return frame
+    def end_period(self) -> Outcome:
+        """End the period without a next SYNC (end of a log); the frames not yet given."""
+        ended, period = self._close_before(), self._period
+        if period is not None and not period.is_given:
+            ended += self._end(period) + self._give(period)
+        self._period = None
+        return ended
 
     def statistics(self) -> PadStatistics:
-        counts, used = self._counts, tuple(run.used for run in self._runs)
+        counts = self._counts
         expected = (counts['complete'] + counts['incomplete'] + counts['dropped']) * len(self._lengths)
         return PadStatistics(
-            counts['complete'], counts['incomplete'], expected, counts['received'], sum(used), self._pending(),
-            {r.value: self._losses[r] for r in LossReason}, counts['dropped'], used)
+            counts['complete'], counts['incomplete'], expected, counts['received'], sum(self._used), self._pending(),
+            {r.value: self._losses[r] for r in LossReason}, counts['dropped'], tuple(self._used))
 
     def _pending(self) -> int:
-        return 0 if self._given else int(self._fresh.sum())
+        return sum(period.pending for period in (self._before, self._period) if period is not None)
 
-    def _tear(self) -> None:
-        self._is_torn = True
-        for dropped in filter(None, [run.drop() for run in self._runs]):
-            self._lose(LossReason.LATE, dropped)
+    def _feed_before(self, period: SweepPeriod, rank: int, data: bytes, timestamp: float) -> Outcome:
+        """A TPDO that was on the bus before the last SYNC."""
+        before, run = self._before, period.runs[self._nodes[rank]]
+        if before is None or run.is_seen:
+            run.came_late(rank)
+            return self._lose(LossReason.LATE)
+        run_before = before.runs[self._nodes[rank]]
+        if timestamp < before.stamp or not run_before.may_be_continued:
+            run_before.came_late(rank)
+            outcome = self._lose(LossReason.LATE)
+        else:
+            outcome = self._take(before, rank, data)
+        run.follow(run_before)
+        return outcome if period.tells_of(before) else outcome + self._close_before()
 
-    def _place(self, run: SenderRun, rank: int, data: bytes) -> Loss | None:
-        dropped = run.place(rank)
+    def _take(self, period: SweepPeriod, rank: int, data: bytes) -> Outcome:
+        run, torn = period.runs[self._nodes[rank]], ()
+        if run.repeats(rank, data):
+            return self._lose(LossReason.DUPLICATE)
+        if len(period.runs) > 1 and not period.is_given and run.begins_anew(rank):
+            torn = self._tear(period)
+        if period.is_torn:
+            outcome = torn + self._lose(LossReason.LATE)
+        elif period.is_given or run.is_complete:
+            outcome = self._lose(LossReason.SURPLUS)
+        else:
+            outcome = self._place(period, rank, data)
+        run.note(rank, data)
+        return outcome
+
+    def _tear(self, period: SweepPeriod) -> Outcome:
+        period.is_torn = True
+        return self._lose(LossReason.LATE, sum(run.drop() for run in period.runs))
+
+    def _place(self, period: SweepPeriod, rank: int, data: bytes) -> Outcome:
+        dropped = period.runs[self._nodes[rank]].place(rank)
+        outcome = () if dropped is None else self._lose(*dropped)
         if len(data) != self._lengths[rank]:
-            if dropped is not None:
-                self._lose(*dropped)
-            return self._lose(LossReason.SHORT if len(data) < self._lengths[rank] else LossReason.OVER_LONG)
-        self._payload[8 * rank:8 * rank + len(data)] = data
-        self._fresh[rank] = True
-        return None if dropped is None else self._lose(*dropped)
+            reason = LossReason.SHORT if len(data) < self._lengths[rank] else LossReason.OVER_LONG
+            return outcome + self._lose(reason)
+        period.payload.words[WORD * rank:WORD * rank + len(data)] = data
+        period.payload.fresh[rank] = True
+        return outcome
 
-    def _give(self) -> TaxelFrame | None:
-        self._given = True
-        if self.drop_incomplete and not self._fresh.all():
+    def _end(self, period: SweepPeriod) -> Outcome:
+        return self._lose(LossReason.LATE, sum(run.end() for run in period.runs))
+
+    def _settle(self, period: SweepPeriod) -> Outcome:
+        """The period is whole: what it has set aside is of the one before, or of none that counts."""
+        if self._before is None:
+            return self._end(period)
+        period.hand_back(self._before)
+        return self._close_before()
+
+    def _close_before(self) -> Outcome:
+        before, self._before = self._before, None
+        return () if before is None else self._give(before)
+
+    def _give(self, period: SweepPeriod) -> Outcome:
+        words, fresh = period.payload
+        is_whole, period.is_given = bool(fresh.all()), True
+        if self.drop_incomplete and not is_whole:
             self._counts['dropped'] += 1
-            self._lose(LossReason.INCOMPLETE, int(self._fresh.sum()))
-            return None
-        for run in self._runs:
-            run.used += run.pending
-        values, status = self._codec.decode(self._payload, self._fresh)
-        self._counts['complete' if self._fresh.all() else 'incomplete'] += 1
-        return TaxelFrame(self._stamp, self._sequence, values, status, int((~self._fresh).sum()))
+            return self._lose(LossReason.INCOMPLETE, int(fresh.sum()))
+        for node, run in enumerate(period.runs):
+            self._used[node] += run.used
+        values, status = self._codec.decode(words, fresh)
+        self._counts['complete' if is_whole else 'incomplete'] += 1
+        return (TaxelFrame(period.stamp, period.sequence, values, status, int((~fresh).sum())),)
 
-    def _lose(self, reason: LossReason, can_frames: int = 1) -> Loss:
+    def _lose(self, reason: LossReason, can_frames: int = 1) -> Outcome:
         self._losses[reason] += can_frames
-        return Loss(reason, can_frames)
+        return (Loss(reason, can_frames),) if can_frames else ()

@@ -9,7 +9,7 @@ from collections import Counter
 import numpy as np
 
 from tactile_node.canbus.layout import SkinLayout
-from tactile_node.canbus.losses import Loss, LossReason, PadStatistics
+from tactile_node.canbus.losses import Loss, LossReason, Outcome, PadStatistics
 from tactile_node.canbus.sdo_upload import SdoUpload, Step
 from tactile_node.canbus.taxel_codec import TaxelCodec
 from tactile_node.taxel_frame import TaxelFrame
@@ -46,11 +46,12 @@ class DomainAssembler:
             self._losses[LossReason.UNFINISHED] += 1
         self._sequence, self._stamp = self._sequence + lost_periods, None
 
-    def sync(self, timestamp: float) -> None:
+    def sync(self, timestamp: float) -> Outcome:
         """SYNC means nothing to a polled pad."""
+        return ()
 
-    def feed(self, can_id: int, data: bytes, timestamp: float) -> TaxelFrame | Loss | None:
-        """One frame of the SDO channel: the taxel frame that it completes or ends, a loss, or None."""
+    def feed(self, can_id: int, data: bytes, timestamp: float) -> Outcome:
+        """One frame of the SDO channel: the taxel frame that it completes or ends, a loss, or nothing."""
         if can_id == self._response_id:
             return self._take(self._upload.response(data))
         step = self._upload.request(data)
@@ -60,9 +61,9 @@ class DomainAssembler:
         self._sequence, self._stamp = self._sequence + 1, timestamp
         return ended
 
-    def end_period(self) -> TaxelFrame | None:
+    def end_period(self) -> Outcome:
         """No more of this upload will come; the frame without values, if it has not succeeded."""
-        return None if self._stamp is None else self._give(b'', False)
+        return () if self._stamp is None else self._give(b'', False)
 
     def statistics(self) -> PadStatistics:
         counts = self._counts
@@ -72,28 +73,28 @@ class DomainAssembler:
             counts['complete'], 0, {r.value: self._losses[r] for r in LossReason}, counts['dropped'],
             (counts['complete'],))
 
-    def _take(self, step: Step) -> TaxelFrame | Loss | None:
+    def _take(self, step: Step) -> Outcome:
         if self._stamp is None:
-            return None
+            return ()
         if step is Step.BROKEN:
             return self._lose(LossReason.BROKEN)
         if step is not Step.DONE:
-            return None
+            return ()
         data, wanted = self._upload.data, self._codec.payload_bytes
         if len(data) != wanted:
             return self._lose(LossReason.SHORT if len(data) < wanted else LossReason.OVER_LONG)
         return self._give(data, True)
 
-    def _give(self, data: bytes, is_fresh: bool) -> TaxelFrame | None:
+    def _give(self, data: bytes, is_fresh: bool) -> Outcome:
         stamp, self._stamp = self._stamp, None
         if not is_fresh and self.drop_incomplete:
             self._counts['dropped'] += 1
-            return None
+            return ()
         self._counts['complete' if is_fresh else 'incomplete'] += 1
         payload = data if is_fresh else bytes(self._codec.payload_bytes)
         values, status = self._codec.decode(payload, np.array([is_fresh]))
-        return TaxelFrame(stamp, self._sequence, values, status, 0 if is_fresh else 1)
+        return (TaxelFrame(stamp, self._sequence, values, status, 0 if is_fresh else 1),)
 
-    def _lose(self, reason: LossReason) -> Loss:
+    def _lose(self, reason: LossReason) -> Outcome:
         self._losses[reason] += 1
-        return Loss(reason)
+        return (Loss(reason),)

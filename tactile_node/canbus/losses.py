@@ -3,6 +3,8 @@
 from enum import Enum
 from typing import NamedTuple
 
+from tactile_node.taxel_frame import TaxelFrame
+
 
 class LossReason(str, Enum):
     """Why a TPDO of a pad went into no taxel frame."""
@@ -23,6 +25,10 @@ class LossReason(str, Enum):
 class Loss(NamedTuple):
     reason: LossReason
     can_frames: int = 1
+
+
+#: What came of a CAN frame or a SYNC, in order
+Outcome = tuple[TaxelFrame | Loss, ...]
 
 
 class PadStatistics(NamedTuple):

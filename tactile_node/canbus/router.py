@@ -8,7 +8,7 @@ import can
 from tactile_node.canbus.assembler import FrameAssembler
 from tactile_node.canbus.consumer import OnFrame
 from tactile_node.canbus.domain_assembler import DomainAssembler
-from tactile_node.canbus.losses import PadStatistics
+from tactile_node.canbus.losses import Outcome, PadStatistics
 from tactile_node.canbus.pads import PadSettings
 from tactile_node.taxel_frame import TaxelFrame
 
@@ -101,9 +101,10 @@ class Router:
         pads = {name: assembler.statistics() for name, assembler in self._assemblers.items()}
         return BusStatistics(pads, dict(self._counts))
 
-    def _hand_over(self, name: str, result: object) -> None:
-        if isinstance(result, TaxelFrame):
-            self._on_frame(name, result)
+    def _hand_over(self, name: str, outcome: Outcome) -> None:
+        for result in outcome:
+            if isinstance(result, TaxelFrame):
+                self._on_frame(name, result)
 
 
 def _assembler(pad: PadSettings, one_clock: bool, drop_incomplete: bool) -> FrameAssembler | DomainAssembler:
