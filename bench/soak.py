@@ -169,7 +169,6 @@ def run(args: argparse.Namespace, port: str, stalls: StallWatch) -> Soak:
     try:
         driver.configure()
         driver.start()
-        gc.collect()
         gc.freeze()  # as the driver node does
         soak, windows = Soak(driver, latencies, stalls), max(round(args.minutes * 60 / args.window), 1)
         for number in range(1, windows + 1):

@@ -52,7 +52,6 @@ def wait(spinner: Spinner, asked) -> None:
     All that has been made until now lives on: left to the garbage collector, it would hold up frames for some 40 ms at
     each full collection.
     """
-    gc.collect()
     gc.freeze()
     while not asked.wait(0.2):
         spinner.check()
