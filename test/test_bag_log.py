@@ -95,6 +95,11 @@ def test_bags_of_rosbag2_are_read_by_folder_and_by_file(tmp_path, plugin):
     assert told(CanLogReader(folder)) == told(CanLogReader(file)) == told(SENT[:3])
 
 
+def test_paths_may_hold_what_has_a_meaning_in_an_uri(tmp_path):
+    folder = bag(tmp_path / 'bag', rosbags.StoragePlugin.SQLITE3).rename(tmp_path / 'run #3 ?%20&mode=rw')
+    assert told(CanLogReader(folder)) == told(SENT[:3])
+
+
 def test_without_stamps_the_time_of_recording_counts(tmp_path):
     folder = bag(tmp_path / 'bag', rosbags.StoragePlugin.MCAP, stamped=False)
     assert [message.timestamp for message in CanLogReader(folder)] == [m.timestamp for m in SENT[:3]]

@@ -60,3 +60,16 @@ def test_invalid_taxels_keep_their_zero_and_a_gap_starts_the_quiet_time_anew():
         zero = follower.update(t, np.array([[1e3, np.nan]]), zero)
     assert zero[0, 0] > 100 and zero[0, 1] == 0
     assert follower.update(100.0, np.array([[1e3, 0]]), zero) is zero
+
+
+def test_the_zero_stands_still_while_a_part_of_the_pad_is_lost():
+    """What presses may be just there, where nothing is heard of it."""
+    follower, zero = DriftFollower(LIMIT), np.zeros((1, 2))
+    for t in np.arange(0, 10, 0.02):
+        zero = follower.update(t, np.array([[1e3, 1e3]]), zero)
+    assert (zero > 100).all()
+    for t in np.arange(10, 60, 0.02):
+        assert follower.update(t, np.array([[1e3, np.nan]]), zero) is zero
+    for t in np.arange(60, 70, 0.02):
+        zero, before = follower.update(t, np.array([[1e3, 1e3]]), zero), zero
+    assert (zero > before).all()

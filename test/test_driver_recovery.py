@@ -137,6 +137,13 @@ def test_tare_is_refused_under_load_and_takes_off_what_is_below_the_limit(chain)
     chain.wait(lambda: np.allclose(chain.taxels[-1].values, 0, atol=0.01), 'tare not taken off')
 
 
+def test_a_tare_that_would_hold_up_the_driver_is_refused_at_once(chain):
+    chain.driver.autostart()
+    call = chain.listener.create_client(Tare, '/skin_driver/tare').call_async(Tare.Request(frames=10_000))
+    chain.wait(call.done, 'no answer')
+    assert not call.result().success and 'at most 10 s' in call.result().message
+
+
 def test_the_devices_own_zero_is_asked_for_only_without_load(chain):
     answers = tares(chain, on_device=True)
     refused, answered = next(answers), len(chain.taxels)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_node.conditioning.tare import TaredPad, measure
-from tactile_node.errors import TareRefusedError
+from tactile_node.errors import DeviceError, TareRefusedError
 from tactile_node.taxel_frame import TaxelFrame
 
 LIMIT = 10.0
@@ -47,14 +47,15 @@ def test_a_taxel_without_a_valid_value_keeps_its_zero():
         measure(np.full((5, 2, 2), np.nan), LIMIT)
 
 
-def tared(pad: TaredPad, given: list[TaxelFrame], count: int, timeout: float = 20.0):
+def tared(pad: TaredPad, given: list[TaxelFrame], count: int, timeout: float = 20.0, zero_device=None):
     """Tare on a thread while ``given`` frames come again and again."""
     outcome = []
 
     def run():
         try:
-            outcome.append(pad.tare(count, LIMIT, timeout))
-        except TareRefusedError as error:
+            outcome.append(pad.tare(count, LIMIT, timeout) if zero_device is None else
+                           pad.tare_after(zero_device, count, LIMIT, timeout))
+        except (TareRefusedError, DeviceError) as error:
             outcome.append(error)
     thread = threading.Thread(target=run)
     thread.start()
@@ -83,3 +84,33 @@ def test_refused_leaves_the_tare_before_and_too_few_frames_are_told():
     assert 'nothing on the pad' in str(tared(pad, [frame([[50.0]])], 3))
     assert pad.feed(frame([[1.0]])).values.tolist() == [[0.0]]
     assert '5 whole taxel frames' in str(tared(pad, [frame([[1.0]], missing=1)], 5, timeout=0.05))
+
+
+def test_while_the_device_zeroes_itself_no_value_is_valid():
+    pad, seen, given = TaredPad(), [], [frame([[3.0, 4.0]])]
+    tared(pad, given, 3)
+
+    def zero_device():
+        seen.append(pad.feed(frame([[3.0, 4.0]])).values.tolist())
+        given[0] = frame([[0.25, 0.0]])
+        return 2
+
+    channels, found = tared(pad, given, 3, zero_device=zero_device)
+    assert np.isnan(seen).all() and channels == 2 and found.offset.tolist() == [[0.25, 0]]
+    assert pad.feed(frame([[1.25, 5.0]])).values.tolist() == [[1, 5]]  # nothing is left of the tare before
+
+
+def test_a_device_is_not_asked_to_take_a_load_for_its_zero():
+    pad, asked = TaredPad(), []
+    assert 'nothing on the pad' in str(tared(pad, [frame([[50.0]])], 3, zero_device=lambda: asked.append(1)))
+    assert not asked and pad.feed(frame([[50.0]])).values.tolist() == [[50]]
+
+
+def test_a_device_that_fails_leaves_the_pad_without_a_tare_and_its_values_valid():
+    def zero_device():
+        raise DeviceError('node 5', expected='that it zeroes itself', got='an abort', remedy='See its manual.')
+
+    pad = TaredPad()
+    tared(pad, [frame([[3.0]])], 3)
+    assert 'an abort' in str(tared(pad, [frame([[3.0]])], 3, zero_device=zero_device))
+    assert pad.feed(frame([[3.0]])).values.tolist() == [[3.0]]

@@ -1,6 +1,7 @@
 """Tare: the reading of each taxel with nothing on it, measured and taken off."""
 
 import threading
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -8,6 +9,8 @@ import numpy as np
 from tactile_node.conditioning.drift import DriftFollower
 from tactile_node.errors import TareRefusedError
 from tactile_node.taxel_frame import TaxelFrame, read_only, without_any_value
+
+SETTLING = 3  #: frames given up after a device has zeroed itself: some were under way
 
 
 class Tare(NamedTuple):
@@ -59,7 +62,7 @@ class TaredPad:
 
     def __init__(self, drift: DriftFollower | None = None):
         self.offset: np.ndarray | None = None
-        self.is_zero_known = True  #: False: no value is valid, since the device's zero is being changed
+        self._is_zero_known = True  # False: no value is valid, since the device's zero is being changed
         self.drift = drift
         self._wanted, self._taken, self._changed = 0, [], threading.Condition()
 
@@ -70,10 +73,10 @@ class TaredPad:
                 self._taken.append(frame.values)
                 self._wanted -= 1
                 self._changed.notify()
-            if (drift := self.drift) is not None:
+            if (drift := self.drift) is not None and self._is_zero_known:
                 zero = np.zeros_like(frame.values) if self.offset is None else self.offset
                 self.offset = drift.update(frame.stamp, frame.values, zero)
-        if not self.is_zero_known:
+        if not self._is_zero_known:
             return without_any_value(frame)
         if self.offset is None:
             return frame
@@ -86,6 +89,23 @@ class TaredPad:
             offset = found.offset if self.offset is None else np.where(found.known, found.offset, self.offset)
             self.offset = read_only(offset)
         return found
+
+    def tare_after(self, zero_device: Callable[[], int], frames: int, limit: float, timeout: float) -> tuple[int, Tare]:
+        """Let the device zero itself, then take off what is left; return what ``zero_device`` does, too.
+
+        Refused under load before the device is asked, or it would take the load for its zero. Until the new tare is
+        known no value is valid. Whatever ``zero_device`` raises leaves the pad without a tare: the one before
+        belonged to another zero.
+        """
+        self.measure_next(frames, limit, timeout)
+        with self._changed:
+            self._is_zero_known, self.offset = False, None
+        try:
+            zeroed = zero_device()
+            self.measure_next(SETTLING, np.inf, timeout)
+            return zeroed, self.tare(frames, limit, timeout)
+        finally:
+            self._is_zero_known = True
 
     def measure_next(self, frames: int, limit: float, timeout: float) -> Tare:
         """As ``tare``, but only measure."""

@@ -1,6 +1,5 @@
 """The service `~/tare` of a driver node."""
 
-import math
 from collections.abc import Callable, Mapping
 
 from rclpy.node import Node
@@ -12,7 +11,6 @@ from tactile_skin.srv import Tare
 
 FRAMES = 50  #: averaged unless the request says otherwise
 LONGEST = 10.0  #: s: the executor waits for it
-SETTLING = 3  #: frames given up after the devices have zeroed themselves
 
 
 class TareService:
@@ -58,18 +56,8 @@ class TareService:
                                    got=f'{frames} of {self._period:g} s each', remedy='Ask for fewer.')
         if not request.on_device:
             return self._told(name, pad.tare(*given), response)
-        pad.measure_next(*given)  # refused under load, before the device takes the load for its zero
-        pad.is_zero_known = False
-        try:
-            on_device = f'{self._auto_zero(name)} channels zeroed on the device, then '
-            pad.measure_next(SETTLING, math.inf, given[2])  # frames that were under way
-            pad.offset = None
-            return self._told(name, pad.tare(*given), response, on_device)
-        except (TareRefusedError, DeviceError, BusError):
-            pad.offset = None  # it belonged to the zero that the device had
-            raise
-        finally:
-            pad.is_zero_known = True
+        channels, found = pad.tare_after(lambda: self._auto_zero(name), *given)
+        return self._told(name, found, response, f'{channels} channels zeroed on the device, then ')
 
     def _told(self, name: str, found: Measured, response: Tare.Response, on_device: str = '') -> str:
         response.tared.append(name)
