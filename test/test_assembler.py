@@ -109,6 +109,17 @@ def test_a_sweep_that_is_late_as_a_whole_goes_back_to_its_period(assembler):
     assert last[0].stamp == 0 and assembler.statistics()[:5] == (2, 0, 6, 6, 6) and balanced(assembler)
 
 
+def test_a_node_that_was_started_owes_nothing(assembler):
+    """As the supervisor does after a power cycle, in mid-period."""
+    sweep = [(ROW_1, '0B0B'), (ROW_2, '0B0B'), (ROW_3, '0B0B')]
+    for stamp in range(50):
+        assembler.sync(stamp)
+    assembler.start(1)
+    assembler.sync(50)
+    check(send(assembler, *sweep, at=50.5), np.full((3, 2), 2), sequence=50)
+    assert assembler.statistics().missing == 50 * 3 and balanced(assembler)
+
+
 @pytest.mark.parametrize('silent', [2, 3])
 def test_after_several_silent_periods_only_a_sweep_that_can_be_no_other_is_given(assembler, silent):
     """As many sweeps come late as were missing, then the one of this period."""

@@ -61,6 +61,7 @@ class FrameAssembler:
             node_id = node_ids[tpdo.node]
             self._ranks.setdefault(tpdo.cob_id.of(node_id), {})[tpdo.prefix(node_id)] = rank
         self._nodes = [tpdo.node for tpdo in layout.tpdos]  # by rank
+        self._node_ids = tuple(node_ids)
         self._heads = {can_id: len(next(iter(ranks))) for can_id, ranks in self._ranks.items()}
         self._counts: Counter[str] = Counter()
         self._used = [0] * len(node_ids)
@@ -83,6 +84,11 @@ class FrameAssembler:
         self._losses[LossReason.UNFINISHED] += self._pending()
         self._sequence += lost_periods
         self._before = self._period = None
+
+    def start(self, node_id: int) -> None:
+        """This node, which did not send, was told to: nothing of an earlier period is to come from it."""
+        if self._period is not None and node_id in self._node_ids:
+            self._period.runs[self._node_ids.index(node_id)].start()
 
     def sync(self, timestamp: float) -> Outcome:
         """A SYNC was on the bus: end the period and begin the next one; the frames that get nothing more."""

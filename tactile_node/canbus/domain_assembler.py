@@ -46,6 +46,9 @@ class DomainAssembler:
             self._losses[LossReason.UNFINISHED] += 1
         self._sequence, self._stamp = self._sequence + lost_periods, None
 
+    def start(self, node_id: int) -> None:
+        """A polled pad sends nothing of its own."""
+
     def sync(self, timestamp: float) -> Outcome:
         """SYNC means nothing to a polled pad."""
         return ()

@@ -43,7 +43,7 @@ class Router:
         self._assemblers = {pad.name: _assembler(pad, one_clock, drop_incomplete) for pad in pads}
         self._owner = {can_id: (name, assembler.feed, assembler.service)
                        for name, assembler in self._assemblers.items() for can_id in assembler.can_ids}
-        self.is_running = True  #: False: SYNCs of others part no periods, so there are no frames
+        self.is_running = True  #: see ``pause``
         self._foreign_sync, self._sync_id = foreign_sync, pads[0].layout.sync_cob_id
         self._on_frame = on_frame
         self._counts: Counter[str] = Counter()
@@ -58,6 +58,15 @@ class Router:
         self.is_running = True
         for assembler in self._assemblers.values():
             assembler.resume(lost_periods)
+
+    def start(self, node_id: int) -> None:
+        """A node that did not send was told to start."""
+        for assembler in self._assemblers.values():
+            assembler.start(node_id)
+
+    def pause(self) -> None:
+        """SYNCs of others part no periods from now on, so there are no frames."""
+        self.is_running = False
 
     def drop_incomplete(self, is_wanted: bool) -> None:
         """From now on drop incomplete taxel frames, or give them."""

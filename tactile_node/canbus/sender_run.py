@@ -32,6 +32,7 @@ class SenderRun:
         self.is_seen = self._is_suspect = self._was_unproved = False
         self._aside: dict[int, bytes] = {}  # a suspect run, when the sender has begun anew
         self._behind, self._periods_behind, self._owed, self._is_owed_known = 0, 0, self._end, True
+        self._is_starting = False
         if before is not None:
             self.follow(before)
 
@@ -41,7 +42,9 @@ class SenderRun:
         A silent period adds one. They are forgotten after CATCHING_UP periods: a sweep may be lost for good.
         """
         self._periods_behind = before._periods_behind + 1 if before._was_unproved else 0
-        if before.is_seen:
+        if before._is_starting and not before.is_seen:
+            self._owed, self._behind = self._end, 0
+        elif before.is_seen:
             is_behind = 0 < self._periods_behind < CATCHING_UP
             self._owed = -1 if is_behind else before._last
             self._behind = (before._behind if is_behind else 0) + (before._last < self._end)
@@ -73,6 +76,12 @@ class SenderRun:
     @property
     def pending(self) -> int:
         return self.used + len(self._aside)
+
+    def start(self) -> None:
+        """The sender, which did not send, was started: it owes nothing for this period or for one before."""
+        self._is_starting = True
+        if not self.is_seen:
+            self._owed, self._behind, self._is_owed_known = self._end, 0, False
 
     def came_late(self, rank: int) -> None:
         """A TPDO of an earlier period: its sender had not ended that one."""

@@ -1,11 +1,9 @@
 """A live CAN bus with the skin's pads on it: opened, configured, started, stopped, closed."""
 
 import logging
-import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Collection
-from queue import SimpleQueue
 
 import can
 
@@ -13,6 +11,7 @@ from tactile_node.canbus.auto_zero import auto_zero
 from tactile_node.canbus.bus_monitor import NMT, BusMonitor
 from tactile_node.canbus.bus_network import BusNetwork, open_bus
 from tactile_node.canbus.bus_settings import BusSettings
+from tactile_node.canbus.call_queue import CallQueue
 from tactile_node.canbus.consumer import Consumer, OnFrame
 from tactile_node.canbus.device_setup import DeviceSetup
 from tactile_node.canbus.domain_assembler import SDO_REQUEST
@@ -32,13 +31,12 @@ NMT_START, NMT_ENTER_PRE_OPERATIONAL = 0x01, 0x80
 # Interfaces that stamp reception by the clock our own SYNC is stamped by
 HOST_STAMPED = ('socketcan', 'virtual')
 CONSUMER_PATIENCE = 2.0  # s that close() waits for an on_frame under way
-OWN_SYNC, RESTART, RESUME, PAUSE, END = -1, -2, -3, -4, -5  # events in the receive queue beside CAN frames
 
 
 class SkinBus:
     """One CAN bus and its pads; FrameSource says the order of calls. A Supervisor keeps it going.
 
-    Threads: python-can's notifier only copies frames into a queue; one worker assembles them and calls
+    Threads: python-can's notifier only puts frames into a CallQueue, whose thread assembles them and calls
     ``on_frame``; the SYNC producer has its own. SDO runs on the caller's thread.
     """
 
@@ -56,7 +54,7 @@ class SkinBus:
                               settings.drop_incomplete)
         self._clock, self._jumps_told = StampClock(settings.interface in HOST_STAMPED), 0
         self._odd = Counter()
-        self._queue: SimpleQueue = SimpleQueue()
+        self._calls = CallQueue('assembler')
         self._network: BusNetwork | None = None
         self._record: CanLogWriter | None = None
         self._sync, self._is_running = Pacer(settings.sync_period, self._send_sync, 'sync'), False
@@ -78,9 +76,8 @@ class SkinBus:
         record = self._open_record(bus)
         self._failure = None
         self._monitor.restart()
-        self._queue, self._router.is_running = SimpleQueue(), False
-        self._worker = threading.Thread(target=self._work, args=(self._queue,), name='assembler', daemon=True)
-        self._worker.start()
+        self._router.pause()
+        self._calls.begin()
         self._network = BusNetwork(bus, self._received, self._fail, record,
                                    f'{settings.interface} {settings.channel}', self._sent)
         recorded = f', recorded to {record.path}' if record else ''
@@ -119,7 +116,7 @@ class SkinBus:
         if self._is_running:
             return
         self._clock.restart()
-        self._queue.put((RESTART, b'', 0.0))
+        self._calls.put(self._router.restart)
         begun = time.monotonic()
         self._is_running = True  # from here on stop() has work to do
         present = [node for node in self._nodes if node.node_id not in without]
@@ -129,14 +126,16 @@ class SkinBus:
         for node in present:
             self._confirm_operational(node, begun)
 
-    def start_node(self, node: PadSettings) -> None:
-        """NMT start of one device; BusError. Whether it obeys, its heartbeat tells."""
+    def start_node(self, node: PadSettings, was_silent: bool = True) -> None:
+        """NMT start of one device, which was not sending unless said; BusError. Heartbeats tell whether it obeys."""
+        if was_silent:
+            self._calls.put(self._router.start, node.node_id)
         self._command(NMT_START, node)
 
     def resume(self, lost_periods: int) -> None:
         """SYNC on again after an outage; sequence numbers go on, ``lost_periods`` left out. Devices are not started."""
         self._opened()
-        self._queue.put((RESUME, b'', float(lost_periods)))
+        self._calls.put(self._router.resume, lost_periods)
         self._is_running = True
         self._start_pacers()
 
@@ -147,7 +146,7 @@ class SkinBus:
         self._is_running = False
         for pacer in (self._sync, *self._polls.values()):
             pacer.stop()
-        self._queue.put((PAUSE, b'', 0.0))
+        self._calls.put(self._router.pause)
         for node in self._nodes if self._failure is None else ():
             try:
                 self._command(NMT_ENTER_PRE_OPERATIONAL, node)
@@ -167,9 +166,7 @@ class SkinBus:
         if self._network is not None:
             self._network.close()
             self._network = None
-            self._queue.put((END, b'', 0.0))
-            if threading.current_thread() is not self._worker:
-                self._worker.join(CONSUMER_PATIENCE)
+            self._calls.end(CONSUMER_PATIENCE)
 
     def drop_incomplete(self, is_wanted: bool) -> None:
         """From now on drop incomplete taxel frames, or give them."""
@@ -226,7 +223,7 @@ class SkinBus:
     def _sent(self, can_id: int, data: bytes) -> None:
         """An own frame is about to go out: of a polled pad's SDO requests the assembler has to know."""
         if can_id - SDO_REQUEST in self._polls:
-            self._queue.put((can_id, bytes(data), self._clock.now()))
+            self._calls.put(self._router.feed, can_id, bytes(data), self._clock.now())
 
     def _send_sync(self) -> None:
         """The SYNC goes into the queue before it goes on the bus: no TPDO can overtake it."""
@@ -237,7 +234,7 @@ class SkinBus:
         self._monitor.feed_own(0)
         try:
             self._opened().send_message(self._pads[0].layout.sync_cob_id, b'', False, stamp - self._clock.ahead,
-                                        lambda: self._queue.put((OWN_SYNC, b'', stamp)))
+                                        lambda: self._calls.put(self._router.sync, stamp))
         except BusError as error:
             self._fail(error)
 
@@ -252,8 +249,8 @@ class SkinBus:
             return
         can_id, data = message.arbitration_id, bytes(message.data)
         self._monitor.feed(can_id, data)
-        if self._queue.qsize() < self._settings.queue_limit:
-            self._queue.put((can_id, data, self._clock.of(message.timestamp)))
+        if len(self._calls) < self._settings.queue_limit:
+            self._calls.put(self._router.feed, can_id, data, self._clock.of(message.timestamp))
         else:
             self._overruns += 1
 
@@ -271,20 +268,3 @@ class SkinBus:
     def _complain_of_failure(self, failure: str) -> None:
         self._complain(f'CAN bus {self._settings.interface} {self._settings.channel} has failed: {failure} '
                        'Mend it, then deactivate, clean up and configure the driver again.')
-
-    def _work(self, queue: SimpleQueue) -> None:
-        feed, sync = self._router.feed, self._router.sync
-        while queue is self._queue:  # another one: the bus was opened anew while on_frame hung
-            can_id, data, stamp = queue.get()
-            if can_id >= 0:
-                feed(can_id, data, stamp)
-            elif can_id == OWN_SYNC:
-                sync(stamp)
-            elif can_id == RESTART:
-                self._router.restart()
-            elif can_id == RESUME:
-                self._router.resume(int(stamp))
-            elif can_id == PAUSE:
-                self._router.is_running = False
-            else:
-                return

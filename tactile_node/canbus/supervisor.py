@@ -245,7 +245,7 @@ class Supervisor:
             if trouble.needs_configuration:
                 self._configure(node, NO_PATIENCE, pause=trouble.is_outage)
             if self._is_active:
-                self._bus.start_node(node.pad)
+                self._bus.start_node(node.pad, trouble.is_outage)
                 node.commanded(time.monotonic(), self.statistics().pads[node.pad.name])
         except (DeviceError, BusError) as error:
             if trouble.ailment is not Ailment.SILENT:
