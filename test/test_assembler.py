@@ -232,6 +232,42 @@ def test_what_was_sent_before_the_sync_before_is_of_neither_period(assembler, ol
     assert len(frames) == 3 and assembler.statistics().losses['late'] == older + 3 and balanced(assembler)
 
 
+def played(assembler, script):
+    """'S2 A1@1.5 B1': SYNC 2 at 2, row A of sweep 1 stamped 1.5, row B of it stamped now; {sequence: sweeps in it}."""
+    given, rows, now = [], {'A': ROW_1, 'B': ROW_2, 'C': ROW_3}, 0.0
+    for word in script.split():
+        name, _, stamp = word.partition('@')
+        if name[0] == 'S':
+            now = float(name[1:])
+            given += assembler.sync(now)
+        elif name == 'R':
+            assembler.resume(0)
+        else:
+            given += assembler.feed(rows[name[0]], bytes([10 + int(name[1:])] * 2), float(stamp or now + 0.5))
+    given += assembler.end_period()
+    assert balanced(assembler)
+    return {frame.sequence: set(frame.values[~np.isnan(frame.values)] / 2) for frame in given
+            if isinstance(frame, TaxelFrame)}
+
+
+@pytest.mark.parametrize(('script', 'frames'), [
+    ('S0 A0 B0 C0 S1 A1 S2 S3 B1@2.05 C1@2.1 A2@3.05 B2@3.1 C2@3.2', [{0}, {1}, set(), set()]),
+    ('S0 A0 B0 S1 S2 C0@1.05 C1@2.05 S3 A2@3.1 B2@3.15 C2@3.2', [{0}, set(), set(), set()]),
+    ('S0 R S1 A0 B0 C0 A1 B1 C1', [set(), {1}]), ('S0 A0 R S1 B0 C0 S2', [set(), set()])],
+    ids=['behind by one and lagging', 'end of one and a lagging driver', 'resumed while behind', 'resumed amid'])
+def test_sweeps_that_may_be_old_are_not_given(assembler, script, frames):
+    found = played(assembler, script)
+    for sequence, sweeps in enumerate(frames):
+        assert found.get(sequence, set()) <= sweeps, found
+
+
+def test_a_sender_that_often_leaves_out_a_period_is_not_given_up_for_ever(assembler):
+    script = ' '.join(f'S{i} A{i} B{i} C{i}' if i % 3 else f'S{i}' for i in range(90))
+    found = played(assembler, script)
+    assert sum(bool(sweeps) for sweeps in found.values()) >= 10
+    assert all(sweeps <= {sequence} for sequence, sweeps in found.items())
+
+
 def test_stamps_of_two_clocks_are_not_compared(tmp_path):
     assembler = FrameAssembler(tiny_layout(tmp_path), (1,), one_clock=False)
     assembler.sync(1e9)

@@ -76,6 +76,16 @@ def test_it_is_dropped_when_the_other_node_does_not_end_its_sweep(assembler):
     assert late == Loss(LossReason.LATE, 1)
 
 
+def test_nothing_goes_back_to_a_period_in_which_a_sync_was_lost(assembler):
+    """That it was lost is seen late: the driver lags behind the bus."""
+    assembler.sync(0.0)
+    feed(assembler, FIRST[0], at=1.0)
+    assembler.sync(10.0)
+    *torn, frame = assembler.feed(0x181, bytes(2), 6.0)  # the sweep after the lost SYNC
+    assert np.isnan(frame.values).all() and torn == [Loss(LossReason.LATE, 1)] * 2
+    assert feed(assembler, *SECOND, *SECOND, *FIRST, at=12.0).sequence == 1
+
+
 @pytest.mark.parametrize('second', [(), SECOND[:1], SECOND[1:]], ids=['all lost', 'end lost', 'begin lost'])
 def test_a_lost_sync_never_mixes_two_periods_of_two_nodes(assembler, second):
     """After FIRST and a part of SECOND their next sweeps follow without a SYNC between."""

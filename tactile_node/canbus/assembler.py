@@ -9,8 +9,9 @@ each node where several make up the pad (what follows holds for each node by its
   periods). Only an immediate repetition with equal bytes is a mere DUPLICATE.
 - After a period that ended early, ranks above its end may be its delayed tail; after a silent one, any may.
   Such a run is suspect. When a whole run follows it before the next SYNC, it was of the period before, which gets it
-  back. Else it is dropped (LATE), since nothing proves it fresh. So after n silent periods, runs are given up, even
-  whole ones, until n more than periods have come, or for CATCHING_UP periods: then they are lost, not late.
+  back. Else it is dropped (LATE), since nothing proves it fresh. So after n silent periods n runs are given up, even
+  whole ones, if they come within one period; else those of CATCHING_UP periods: what has not come by then is lost,
+  not late. A node that was started (``start``) owes nothing.
 - When every node's run has all its ranks, the frame is complete and given at once. Otherwise it is given, with NaN and
   STALE for the taxels that are in no run, or not (``drop_incomplete``), as soon as nothing more of it can come: at the
   next SYNC, at the begin of the next run, or one SYNC later.
@@ -22,10 +23,10 @@ by proof, or LATE: a driver that lags behind its bus never publishes frames unde
 Where several nodes make up a pad, a run that begins anew, not suspect, tells of a SYNC that was lost: nothing of any
 node is then used until the next one (LATE).
 
-So a frame mixes two periods only if a SYNC, the end of the period before it and the beginning of the one
-after it are lost together. A sender that was held up for more than a period and stays behind is told by nothing:
-until it catches up its frames are stamped a period late, and mix two periods where another node of the pad is not
-behind, or where the end of one sweep and the beginning of the next one are lost.
+So a frame mixes two periods only if a SYNC, the end of one sweep and the beginning of the next one are lost within
+two periods. A sender whose whole sweeps come after the next SYNC for more than CATCHING_UP periods is told by nothing:
+from then on, until it catches up, its frames are stamped a period late, and mix two periods where another node of
+the pad is not behind, or where the end of one sweep and the beginning of the next one are lost.
 """
 
 from collections import Counter
@@ -75,15 +76,18 @@ class FrameAssembler:
         return frozenset(self._ranks)
 
     def restart(self) -> None:
-        """Forget the period under way; the next SYNC is number 0."""
-        self._sequence = -1
-        self.resume(0)
+        """Forget what is under way, the nodes are silent; the next SYNC is number 0."""
+        self._forget()
+        self._sequence, self._is_trusting = -1, True
 
     def resume(self, lost_periods: int) -> None:
-        """Forget the period under way; the next SYNC comes ``lost_periods`` numbers later than the next one."""
-        self._losses[LossReason.UNFINISHED] += self._pending()
+        """After an outage: forget what is under way, leave out ``lost_periods`` sequence numbers.
+
+        What its nodes still have to send is not known, until they are told to ``start``.
+        """
+        self._forget()
         self._sequence += lost_periods
-        self._before = self._period = None
+        self._is_trusting = False
 
     def start(self, node_id: int) -> None:
         """This node, which did not send, was told to: nothing of an earlier period is to come from it."""
@@ -101,6 +105,9 @@ class FrameAssembler:
                 ended += self._give(period)
         self._sequence += 1
         self._period = SweepPeriod(self._sequence, timestamp, self._owns, period)
+        if not self._is_trusting:
+            self._is_trusting = True
+            self._period.distrust()
         return ended
 
     def feed(self, can_id: int, data: bytes, timestamp: float) -> Outcome:
@@ -135,6 +142,10 @@ class FrameAssembler:
         return PadStatistics(
             counts['complete'], counts['incomplete'], expected, counts['received'], sum(self._used), self._pending(),
             {r.value: self._losses[r] for r in LossReason}, counts['dropped'], tuple(self._used))
+
+    def _forget(self) -> None:
+        self._losses[LossReason.UNFINISHED] += self._pending()
+        self._before = self._period = None
 
     def _pending(self) -> int:
         return sum(period.pending for period in (self._before, self._period) if period is not None)
@@ -189,7 +200,7 @@ class FrameAssembler:
     def _settle(self, period: SweepPeriod) -> Outcome:
         """The period is whole: what it has set aside is of the one before, or of none that counts."""
         if self._before is None:
-            return self._end(period)
+            return self._lose(LossReason.LATE, sum(run.forget_aside() for run in period.runs))
         period.hand_back(self._before)
         return self._close_before()
 

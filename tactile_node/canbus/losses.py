@@ -39,14 +39,14 @@ class PadStatistics(NamedTuple):
     expected: int  #: TPDOs that these taxel frames should have brought
     received: int  #: TPDOs seen, good or not
     used: int  #: TPDOs whose taxels were given as valid
-    pending: int  #: TPDOs of the period under way
+    pending: int  #: TPDOs of which it is not yet known what becomes of them
     losses: dict[str, int]  #: TPDOs dropped, by LossReason
     dropped: int = 0  #: incomplete taxel frames dropped, as asked for
     used_by_node: tuple[int, ...] = ()  #: ``used``, by the pad's nodes
 
     @property
     def published(self) -> int:
-        """Taxel frames given, complete or not: one for each SYNC period."""
+        """Taxel frames given, complete or not."""
         return self.complete + self.incomplete
 
     @property

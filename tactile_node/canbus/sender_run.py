@@ -22,46 +22,50 @@ class SenderRun:
 
     ``own``: its ranks, ascending. ``before``: its run of the period before; None where nothing of an earlier period
     is to come.
+
+    While the sender may be ``_behind``, by so many runs of earlier periods, its run is suspect: it may be one of
+    these. Where it is only one, that one has none but ranks above ``_owed``; and where it can be of no other than the
+    period before, ``_is_of_before``.
     """
 
     def __init__(self, own: np.ndarray, payload: Payload, before: 'SenderRun | None'):
-        self._own, self._payload, self._end = own, payload, int(own[-1])
-        self._ranks_seen = np.zeros(len(payload.fresh), bool)
-        self._length = 0  # TPDOs in the run under way
+        self._own, self._payload, self._top = own, payload, int(own[-1])
+        self._ranks: set[int] = set()  # of the run under way
         self._last, self._last_data = -1, b''
-        self.is_seen = self._is_suspect = self._was_unproved = False
+        self.is_seen = self._is_suspect = self._was_unproved = self._is_starting = False
         self._aside: dict[int, bytes] = {}  # a suspect run, when the sender has begun anew
-        self._behind, self._periods_behind, self._owed, self._is_owed_known = 0, 0, self._end, True
-        self._is_starting = False
+        self._periods_unproved = 0
+        self._owe(0)
         if before is not None:
             self.follow(before)
 
     def follow(self, before: 'SenderRun') -> None:
-        """Count the runs of earlier periods that may still come; the first has ranks above ``_owed``.
+        """Count the runs that may still come before this period's own.
 
-        A silent period adds one. They are forgotten after CATCHING_UP periods: a sweep may be lost for good.
+        A period that ended early, or was silent, adds one. All are forgotten after CATCHING_UP unproved periods: a
+        sweep may be lost for good.
         """
-        self._periods_behind = before._periods_behind + 1 if before._was_unproved else 0
-        if before._is_starting and not before.is_seen:
-            self._owed, self._behind = self._end, 0
-        elif before.is_seen:
-            is_behind = 0 < self._periods_behind < CATCHING_UP
-            self._owed = -1 if is_behind else before._last
-            self._behind = (before._behind if is_behind else 0) + (before._last < self._end)
+        is_behind = before._behind > 0 and (before._was_unproved or not before.is_seen)
+        self._periods_unproved = before._periods_unproved + before._was_unproved if is_behind else 0
+        carried = before._behind if is_behind and self._periods_unproved < CATCHING_UP else 0
+        if before.is_seen:
+            self._owe(carried + (before._last < self._top), -1 if carried else before._last,
+                      not before._was_unproved)
+        elif before._is_starting:
+            self._owe(0)
         else:
-            self._owed, self._behind = -1, before._behind + 1
-        self._is_owed_known = self._behind == 1 and not before._was_unproved
+            self._owe(carried + 1, -1, carried == 0 and not is_behind)
 
     @property
     def is_complete(self) -> bool:
-        return self._length == len(self._own) and not self._is_suspect
+        return len(self._ranks) == len(self._own) and not self._is_suspect
 
     @property
     def may_be_continued(self) -> bool:
         """Whether the next period may bring, beyond doubt, what this one lacks."""
         if not self.is_seen:
             return self._behind == 0
-        return self._last < self._end and not self._was_unproved
+        return self._last < self._top and not self._was_unproved
 
     @property
     def is_undecided(self) -> bool:
@@ -81,11 +85,18 @@ class SenderRun:
         """The sender, which did not send, was started: it owes nothing for this period or for one before."""
         self._is_starting = True
         if not self.is_seen:
-            self._owed, self._behind, self._is_owed_known = self._end, 0, False
+            self._owe(0)
+
+    def distrust(self) -> None:
+        """It is not known what the sender has done so far."""
+        self._owe(1)
 
     def came_late(self, rank: int) -> None:
-        """A TPDO of an earlier period: its sender had not ended that one."""
-        self._behind, self._owed, self._is_owed_known = int(rank < self._end), rank, False
+        """A TPDO of an earlier period was seen: its run is under way, or ends with it."""
+        if self._behind == 0:
+            self._owe(int(rank < self._top), rank)
+        elif rank == self._top:
+            self._owe(self._behind - 1)
 
     def repeats(self, rank: int, data: bytes) -> bool:
         """Whether this is the TPDO just seen, byte for byte."""
@@ -99,12 +110,12 @@ class SenderRun:
         """Lengthen the run by ``rank``, or begin a new one: then what of the old one is dropped, and why."""
         lost = None
         if not self.is_seen:
-            self._behind -= self._behind == 1 and rank <= self._owed
+            if self._behind == 1 and rank <= self._owed:  # not what was owed, which is then lost
+                self._owe(0)
             self._is_suspect = self._behind > 0
         elif rank <= self._last:
             lost = self._begin_next(rank)
-        self._length += 1
-        self._ranks_seen[rank] = True
+        self._ranks.add(rank)
         return lost
 
     def note(self, rank: int, data: bytes) -> None:
@@ -114,11 +125,11 @@ class SenderRun:
     def end(self) -> int:
         """The period ends: drop what nothing has proved to be of any period; how many TPDOs that loses."""
         self._was_unproved = self._is_suspect
-        return self.drop() if self._is_suspect else self._forget_aside()
+        return self.drop() if self._is_suspect else self.forget_aside()
 
     def drop(self) -> int:
-        dropped = self.used + self._forget_aside()
-        self._begin_anew()
+        dropped = self.used + self.forget_aside()
+        self._begin()
         return dropped
 
     def hand_back(self, before: Payload) -> None:
@@ -128,27 +139,32 @@ class SenderRun:
             before.fresh[rank] = True
         self._aside.clear()
 
+    def forget_aside(self) -> int:
+        """Drop the run that was set aside; how many TPDOs that loses."""
+        dropped = len(self._aside)
+        self._aside.clear()
+        return dropped
+
+    def _owe(self, behind: int, above: int = -1, is_of_before: bool = False) -> None:
+        self._behind, self._owed, self._is_of_before = behind, above, is_of_before and behind == 1
+
     def _begin_next(self, rank: int) -> Loss | None:
-        if self._is_suspect and self._is_owed_known:
+        lost = None
+        if self._is_suspect and self._is_of_before:
             self._set_aside()
-            lost = None
         else:
-            was_late = self._is_suspect or bool(self._aside) or self._ranks_seen[rank]
+            was_late = self._is_suspect or bool(self._aside) or rank in self._ranks
             lost = Loss(LossReason.LATE if was_late else LossReason.OUT_OF_ORDER, self.drop())
-        self._behind = max(self._behind - 1, 0)
+        self._owe(max(self._behind - 1, 0))
         self._is_suspect = self._behind > 0
         return lost
 
     def _set_aside(self) -> None:
         words, fresh = self._payload
         self._aside = {rank: bytes(words[WORD * rank:WORD * (rank + 1)]) for rank in self._own if fresh[rank]}
-        self._begin_anew()
+        self._begin()
 
-    def _forget_aside(self) -> int:
-        dropped = len(self._aside)
-        self._aside.clear()
-        return dropped
-
-    def _begin_anew(self) -> None:
-        self._payload.fresh[self._own] = self._ranks_seen[:] = False
-        self._length, self._is_suspect = 0, False
+    def _begin(self) -> None:
+        self._payload.fresh[self._own] = False
+        self._ranks.clear()
+        self._is_suspect = False

@@ -32,8 +32,12 @@ class SweepPeriod:
 
     def tells_of(self, before: 'SweepPeriod') -> bool:
         """Whether this period may still bring what ``before`` lacks."""
-        return not self.is_torn and any(run.is_undecided and earlier.may_be_continued
-                                        for run, earlier in zip(self.runs, before.runs))
+        return not self.is_torn and not before.is_torn and any(
+            run.is_undecided and earlier.may_be_continued for run, earlier in zip(self.runs, before.runs))
+
+    def distrust(self) -> None:
+        for run in self.runs:
+            run.distrust()
 
     def hand_back(self, before: 'SweepPeriod') -> None:
         for run in self.runs:
