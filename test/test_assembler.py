@@ -386,3 +386,37 @@ def test_incomplete_sweeps_can_be_dropped(tmp_path):
     statistics = assembler.statistics()
     assert (statistics.complete, statistics.incomplete, statistics.dropped) == (1, 0, 1)
     assert statistics.losses['incomplete'] == 2 and statistics.expected == 6 and balanced(assembler)
+
+
+PERIODS = 3  # in which something happens to the TPDOs; then all is well
+
+
+def fates(of=(), begin=0):
+    """Every way in which 3 TPDOs a period get lost (None) or come, in order, in their period or in the next one."""
+    if len(of) == 3 * PERIODS:
+        yield of
+        return
+    own = len(of) // 3
+    for fate in (None, own, own + 1):
+        if fate is None or fate >= begin:
+            yield from fates((*of, fate), begin if fate is None else fate)
+
+
+def test_whatever_is_lost_or_late_by_a_period_no_frame_is_wrong(tmp_path):
+    """All 8000 ways; the first taxel's count is the period that its TPDO was sent in."""
+    layout, ways = tiny_layout(tmp_path), list(fates())
+    for fate in ways:
+        assembler, frames = FrameAssembler(layout, (1,)), []
+        for period in range(PERIODS + CATCHING_UP + 3):
+            sent = [(i % 3, i // 3) for i, comes in enumerate(fate) if comes == period]
+            sent += [(row, period) for row in range(3)] if period >= PERIODS else []
+            frames += assembler.sync(period)
+            for row, count in sent:
+                frames += assembler.feed((ROW_1, ROW_2, ROW_3)[row], bytes([10 + count] * 2), period + 0.5)
+        frames = [frame for frame in (*frames, *assembler.end_period()) if isinstance(frame, TaxelFrame)]
+        assert [frame.sequence for frame in frames] == list(range(PERIODS + CATCHING_UP + 3)) and balanced(assembler)
+        for frame in frames:
+            counts = frame.values[:, 0] / 2
+            assert (np.isnan(counts) | (counts == frame.sequence)).all(), (fate, frame)
+        assert not frames[-1].missing_can_frames, fate
+    assert len(ways) == 8000

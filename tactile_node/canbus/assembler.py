@@ -24,9 +24,9 @@ Where several nodes make up a pad, a run that begins anew, not suspect, tells of
 node is then used until the next one (LATE).
 
 So a frame mixes two periods only if a SYNC, the end of one sweep and the beginning of the next one are lost within
-two periods. A sender whose whole sweeps come after the next SYNC for more than CATCHING_UP periods is told by nothing:
-from then on, until it catches up, its frames are stamped a period late, and mix two periods where another node of
-the pad is not behind, or where the end of one sweep and the beginning of the next one are lost.
+two periods. A sender that is late over CATCHING_UP SYNCs in a row is told by nothing from then on: until it catches up,
+its frames are stamped a period late, and mix two periods where another node of the pad is not behind, or where the
+end of one sweep and the beginning of the next one are lost.
 """
 
 from collections import Counter
@@ -154,10 +154,11 @@ class FrameAssembler:
         """A TPDO that was on the bus before the last SYNC."""
         before, run = self._before, period.runs[self._nodes[rank]]
         if before is None or run.is_seen:
-            run.came_late(rank)
+            if not run.is_seen:
+                run.came_late(rank)
             return self._lose(LossReason.LATE)
         run_before = before.runs[self._nodes[rank]]
-        if timestamp < before.stamp or not run_before.may_be_continued:
+        if timestamp < before.stamp or run_before.is_doubtful:
             run_before.came_late(rank)
             outcome = self._lose(LossReason.LATE)
         else:

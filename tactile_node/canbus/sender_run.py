@@ -46,26 +46,32 @@ class SenderRun:
         sweep may be lost for good.
         """
         is_behind = before._behind > 0 and (before._was_unproved or not before.is_seen)
-        self._periods_unproved = before._periods_unproved + before._was_unproved if is_behind else 0
-        carried = before._behind if is_behind and self._periods_unproved < CATCHING_UP else 0
+        unproved = before._periods_unproved + before._was_unproved
+        if unproved == CATCHING_UP:
+            is_behind = False
+        self._periods_unproved = unproved if is_behind else 0
+        carried = before._behind if is_behind else 0
         if before.is_seen:
             self._owe(carried + (before._last < self._top), -1 if carried else before._last,
                       not before._was_unproved)
         elif before._is_starting:
             self._owe(0)
         else:
-            self._owe(carried + 1, -1, carried == 0 and not is_behind)
+            self._owe(carried + 1, -1, before._behind == 0)
 
     @property
     def is_complete(self) -> bool:
         return len(self._ranks) == len(self._own) and not self._is_suspect
 
     @property
+    def is_doubtful(self) -> bool:
+        """After its period: whether it is unknown which sweep the sender was at."""
+        return self._was_unproved if self.is_seen else self._behind > 0
+
+    @property
     def may_be_continued(self) -> bool:
         """Whether the next period may bring, beyond doubt, what this one lacks."""
-        if not self.is_seen:
-            return self._behind == 0
-        return self._last < self._top and not self._was_unproved
+        return not self.is_doubtful and self._last < self._top
 
     @property
     def is_undecided(self) -> bool:
@@ -92,8 +98,12 @@ class SenderRun:
         self._owe(1)
 
     def came_late(self, rank: int) -> None:
-        """A TPDO of an earlier period was seen: its run is under way, or ends with it."""
-        if self._behind == 0:
+        """A TPDO of an earlier period was seen, too late for anything but to tell where its sender stands."""
+        if self.is_seen:
+            if rank <= self._last:
+                self._owe(max(self._behind - 1, 0))
+            self._last = rank
+        elif self._behind == 0:
             self._owe(int(rank < self._top), rank)
         elif rank == self._top:
             self._owe(self._behind - 1)
