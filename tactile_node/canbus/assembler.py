@@ -122,7 +122,7 @@ class FrameAssembler:
         if self._one_clock and timestamp < period.stamp:
             return self._feed_before(period, rank, data, timestamp)
         outcome = self._take(period, rank, data)
-        if period.is_complete:
+        if period.runs[self._nodes[rank]].is_complete and period.is_complete:
             return outcome + self._settle(period) + self._give(period)
         if self._before is not None and not period.tells_of(self._before):
             return outcome + self._close_before()
@@ -153,9 +153,10 @@ class FrameAssembler:
     def _feed_before(self, period: SweepPeriod, rank: int, data: bytes, timestamp: float) -> Outcome:
         """A TPDO that was on the bus before the last SYNC."""
         before, run = self._before, period.runs[self._nodes[rank]]
-        if before is None or run.is_seen:
-            if not run.is_seen:
-                run.came_late(rank)
+        if run.is_seen:  # which one sender's order does not allow
+            return self._lose(LossReason.LATE)
+        if before is None:
+            run.came_late(rank)
             return self._lose(LossReason.LATE)
         run_before = before.runs[self._nodes[rank]]
         if timestamp < before.stamp or run_before.is_doubtful:
