@@ -101,9 +101,12 @@ def simulated(given: dict, link: str, driver: Node) -> list:
 
 
 def end_with(process, name: str) -> RegisterEventHandler:
-    """Without it the rest has nothing to do."""
-    return RegisterEventHandler(OnProcessExit(target_action=process, on_exit=[
-        EmitEvent(event=Shutdown(reason=f'{name} has ended'))]))
+    """Without it the rest has nothing to do; where it has failed, so has the launch (exit code 1, for systemd)."""
+    def ended(event, context):
+        if event.returncode and not context.is_shutdown:
+            raise RuntimeError(f'{name} has failed, code {event.returncode}')
+        return [EmitEvent(event=Shutdown(reason=f'{name} has ended'))]
+    return RegisterEventHandler(OnProcessExit(target_action=process, on_exit=ended))
 
 
 def lossless(given: dict) -> dict:

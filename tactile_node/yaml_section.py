@@ -11,11 +11,25 @@ from tactile_node.errors import ConfigurationError
 _NO_DEFAULT = object()
 
 
+class _Loader(yaml.SafeLoader):
+    """Refuses a key that is given twice, of which PyYAML takes the last."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
+        seen = set()
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode) and key.tag != 'tag:yaml.org,2002:merge':
+                if key.value in seen:
+                    raise yaml.constructor.ConstructorError(None, None, f'the key {key.value!r} is given twice',
+                                                            key.start_mark)
+                seen.add(key.value)
+        return super().construct_mapping(node, deep)
+
+
 def load_mapping(path: Path, about: str) -> 'Section':
     """Return the mapping at the top of the YAML file ``path``; ``about`` says what the file should be."""
     try:
         text = Path(path).read_text(encoding='utf-8')
-        content = yaml.safe_load(text)
+        content = yaml.load(text, _Loader)
     except OSError as error:
         raise ConfigurationError(str(path), expected=f'{about} (YAML)', got=error.strerror or str(error),
                                  remedy='Check the path and its permissions.') from error

@@ -5,7 +5,9 @@ as it ends, that all taxels published as valid were right and that no sequence n
 """
 
 import itertools
+import os
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable
@@ -486,6 +488,20 @@ def _clock_jump(channel: str, seconds: float) -> FaultBench:
     return bench
 
 
+def disk_full_while_recording(channel: str) -> FaultBench:
+    """The recording ends and says why, what it lacks is counted; the taxels go on."""
+    with tempfile.TemporaryDirectory() as folder, FaultBench(channel, record=f'{folder}/x.log') as bench:
+        bench.run().cause()
+        with open('/dev/full', 'wb') as full:
+            os.dup2(full.fileno(), bench.driver._bus._record._writer.file.fileno())
+        bench.detect('has ended after')
+        before = bench.driver.statistics().unrecorded
+        bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
+        assert bench.driver.statistics().unrecorded > before and 'No space left' in bench.complaints[-1]
+        assert bench.driver.failure is None and len(bench.complaints) == 1
+    return bench
+
+
 def fails_while_inactive(channel: str) -> FaultBench:
     """Bus and device are made ready again; activate then works as ever."""
     with FaultBench(channel) as bench:
@@ -680,7 +696,8 @@ FAULTS: tuple[Callable[[str], FaultBench], ...] = (
     tpdos_switched_off_by_another_master, sync_of_another_producer_stops, emcy_storm, short_emcy, foreign_frames,
     absent_pad_of_two, tpdos_lost, tpdos_duplicated, tpdos_reordered, short_tpdos, over_long_tpdos,
     sdo_aborted_in_configuration, sdo_timeout_in_mid_configuration, device_that_lies_about_its_mapping, queue_overrun,
-    wall_clock_set_back, wall_clock_set_forward, fails_while_inactive, guarded_by_another_master,
+    wall_clock_set_back, wall_clock_set_forward, disk_full_while_recording, fails_while_inactive,
+    guarded_by_another_master,
     other_makers_device_at_work, refuses_operational_from_the_start, tare_under_load, one_of_a_pads_nodes_lost,
     polled_pad_power_cycled, polled_uploads_damaged, adapter_of_two_large_pads_unplugged, two_large_pads_power_cycled)
 

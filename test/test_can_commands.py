@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from can_bench import Bench, wait_until
 
-from tactile_node.canbus.logs import CanLogReader, flush
+from tactile_node.canbus.logs import CanLogReader, CanLogWriter, flush
 from tactile_node.canbus.pads import make_pad
 from tactile_node.canbus.skin_bus import BusSettings, SkinBus
 from tactile_node.cli import record, replay, simulate
@@ -216,3 +216,23 @@ def test_a_link_replaces_links_only(tmp_path):
     assert precious.read_text() == 'kept'
     (tmp_path / 'skin').symlink_to('/dev/null')
     assert run(simulate, '--pty', '--link', tmp_path / 'skin', '--duration', 0) == 0
+
+
+@pytest.mark.parametrize('suffix', ['.log', '.log.gz', '.asc', '.blf', '.trc', '.mcap'])
+def test_a_full_disk_ends_the_recording_and_says_so_once(tmp_path, suffix):
+    told = []
+    log = CanLogWriter(tmp_path / f'x{suffix}', told.append)
+    with open('/dev/full', 'wb') as full:
+        os.dup2(full.fileno(), log._writer.file.fileno())
+    message = can.Message(1.7e9, 0x181, False, data=bytes(8), channel=1)
+    assert wait_until(lambda: log.write(message) or told)
+    log.write(message)
+    log.close()
+    assert len(told) == 1 and 'No space left' in told[0] and 'Free the disk' in told[0] and log.unwritten
+
+
+@pytest.mark.parametrize('name', ['.', '/', 'no/such/folder/x.log', 'x.nonsense'])
+def test_what_cannot_be_recorded_to_is_told(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(LogError, match='a log file that can be written'):
+        CanLogWriter(name)

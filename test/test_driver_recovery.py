@@ -10,6 +10,8 @@ pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run 
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
 from fault_bench import LAYOUT, PRESSED, SIDE, FaultBench  # noqa: E402
+from lifecycle_msgs.msg import Transition  # noqa: E402
+from lifecycle_msgs.srv import ChangeState  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.lifecycle import TransitionCallbackReturn  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
@@ -105,6 +107,22 @@ def test_activate_may_be_tried_again_after_an_outage(chain):
     chain.wait(lambda: chain.taxels, 'no taxels')
 
 
+def test_a_transition_that_does_not_fit_is_answered_and_ends_nothing(chain):
+    chain.driver.autostart()
+    client = chain.listener.create_client(ChangeState, '/skin_driver/change_state')
+    request = ChangeState.Request()
+    for number in (Transition.TRANSITION_ACTIVATE, Transition.TRANSITION_CONFIGURE, 77):
+        request.transition.id = number
+        call = client.call_async(request)
+        chain.wait(call.done, 'no answer')
+        assert not call.result().success
+    assert chain.driver._state_machine.current_state[1] == 'active'
+    request.transition.id = Transition.TRANSITION_DEACTIVATE
+    call = client.call_async(request)
+    chain.wait(call.done, 'no answer')
+    assert call.result().success
+
+
 def test_whoever_comes_late_gets_the_last_status(chain):
     chain.driver.autostart()
     chain.wait(lambda: (OK, OK) in chain.levels, 'never OK')
@@ -141,7 +159,7 @@ def test_a_tare_that_would_hold_up_the_driver_is_refused_at_once(chain):
     chain.driver.autostart()
     call = chain.listener.create_client(Tare, '/skin_driver/tare').call_async(Tare.Request(frames=10_000))
     chain.wait(call.done, 'no answer')
-    assert not call.result().success and 'at most 10 s' in call.result().message
+    assert not call.result().success and 'in 10 s at most' in call.result().message
 
 
 def test_the_devices_own_zero_is_asked_for_only_without_load(chain):

@@ -64,6 +64,7 @@ def test_example_skins_name_every_taxel_and_agree_with_their_eds(name):
 
 BAD = {
     'not YAML': ('rows: [1', 'line 1'),
+    'a key twice': (TINY + 'rows: 3\n', "'rows' is given twice in line"),
     'no mapping': ('- 1\n- 2\n', 'mapping'),
     'empty': ('', 'nothing'),
     'missing key': (TINY.replace('pitch: 0.003', ''), 'key "pitch"'),

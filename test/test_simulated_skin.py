@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 from can_bench import INTERFACE, channel_of, other_bus, wait_until
 
+from tactile_node.canbus import slcan_bus
 from tactile_node.canbus.bus_network import open_bus
 from tactile_node.canbus.layout_file import load_layout
 from tactile_node.canbus.pads import make_pad
+from tactile_node.errors import BusError
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.slcan_pty import SlcanPty, decode, encode
 from tactile_node.simulator.touches import touch_program
@@ -208,7 +210,7 @@ def test_client_that_does_not_read_costs_frames_not_memory():
 def test_slcan_client_reads_through_noise_on_the_line():
     master, port = pty.openpty()
     tty.setraw(port)
-    client = open_bus('slcan', os.ttyname(port), 500_000, {})
+    client = open_bus('slcan', os.ttyname(port), 500_000, {'sleep_after_open': 0.0})
     opening = b'C\rS6\r\rO\rO\r'  # what python-can says
     said = b''
     while len(said) < len(opening):
@@ -220,6 +222,29 @@ def test_slcan_client_reads_through_noise_on_the_line():
     came = [(m.is_error_frame, bytes(m.data)) for m in received if m is not None]
     damaged = (True, bytes(8))
     assert came == [(False, b'\xAA\xBB'), damaged, damaged, damaged, (False, b'\xCC')]  # t1A0, tXYZ0, \xff\xfe
+    client.shutdown()
+    os.close(master)
+    os.close(port)
+
+
+def test_an_slcan_port_is_for_one_process_and_can_be_opened_again():
+    with SlcanPty() as adapter, can.Notifier(adapter, [], 0.01):
+        client = open_bus('slcan', adapter.port, 500_000, {})
+        with pytest.raises(BusError, match='another process has this port open'):
+            open_bus('slcan', adapter.port, 500_000, {})
+        client.shutdown()
+        open_bus('slcan', adapter.port, 500_000, {}).shutdown()
+
+
+def test_an_slcan_adapter_that_does_not_answer_is_opened_again_when_it_has_had_time_to_start(monkeypatch):
+    master, port = pty.openpty()
+    tty.setraw(port)
+    slept = []
+    monkeypatch.setattr(slcan_bus.time, 'sleep', slept.append)
+    client = open_bus('slcan', os.ttyname(port), 500_000, {})
+    assert sum(slept) == pytest.approx(slcan_bus.RESET - slcan_bus.ANSWER)
+    said = os.read(master, 100)
+    assert said.count(b'S6\r') == 2 and said.index(b'V\r') < said.rindex(b'S6\r') and said.endswith(b'O\r')
     client.shutdown()
     os.close(master)
     os.close(port)

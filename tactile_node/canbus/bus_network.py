@@ -32,13 +32,10 @@ _REMEDIES = {
 
 def open_bus(interface: str, channel: str, bitrate: int, options: Mapping[str, Any]) -> can.BusABC:
     """Open a python-can bus; BusError says which, why not and what to do."""
-    given = dict(options)
-    if interface == 'slcan' and channel.startswith('/dev/pts/'):
-        given.setdefault('sleep_after_open', 0.0)  # a pseudo-terminal does not reset an Arduino
     try:
         if interface == 'slcan':
-            return BulkSlcanBus(channel, bitrate=bitrate, **given)
-        return can.Bus(interface=interface, channel=channel, bitrate=bitrate, ignore_config=True, **given)
+            return BulkSlcanBus(channel, bitrate=bitrate, **options)
+        return can.Bus(interface=interface, channel=channel, bitrate=bitrate, ignore_config=True, **options)
     except Exception as error:
         # Each backend of python-can raises its own: CanError, OSError, ValueError, ImportError
         missing = isinstance(error, (can.CanInterfaceNotImplementedError, ImportError))

@@ -3,7 +3,7 @@
 import os
 import threading
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from datetime import datetime, timezone
 from pathlib import Path
 
@@ -24,14 +24,16 @@ class CanLogWriter:
     An existing file is never overwritten: ``path`` says which one is written, ``session-2.log`` where
     ``session.log`` is there. Every format is flushed every FLUSH_PERIOD (.db by python-can, every 5 s): that much a
     process that is killed may lose.
-    ``unwritten`` counts messages that the format cannot hold. Raises LogError when the file cannot be written or its
-    suffix means no format.
+    ``unwritten`` counts messages that the format cannot hold, or that come after the recording has failed (a full
+    disk): it ends then, ``failure`` and ``on_failure`` say why, and nothing else is harmed. Raises LogError when the
+    file cannot be written from the beginning or its suffix means no format.
     """
 
-    def __init__(self, path: str | Path):
+    def __init__(self, path: str | Path, on_failure: Callable[[str], None] = lambda failure: None):
         self._lock, self._is_dirty, self.can_frames, self.unwritten = threading.Lock(), False, 0, 0
-        self.path = _unused(Path(path))
+        self.failure, self._on_failure = '', on_failure
         try:
+            self.path = _unused(Path(path))
             self._writer = McapCanWriter(self.path) if self.path.suffix == '.mcap' else can.Logger(str(self.path))
         except (OSError, ValueError, ImportError) as error:
             raise LogError(str(path),
@@ -44,28 +46,50 @@ class CanLogWriter:
         """Write one message; after ``close`` nothing happens."""
         with self._lock:
             if self._writer is None:
+                self.unwritten += bool(self.failure)
                 return
             try:
                 self._writer.on_message_received(message)
+                self.can_frames += 1
+                self._is_dirty = True
             except ValueError:  # the format has no place for it
                 self.unwritten += 1
-                return
-            self.can_frames += 1
-            self._is_dirty = True
+            except OSError as error:
+                self.unwritten += 1
+                self._give_up(error)
 
     def close(self) -> None:
         self._closed.set()
         with self._lock:
-            if self._writer is not None:
-                self._writer.stop()
-                self._writer = None
+            writer, self._writer = self._writer, None
+            try:
+                if writer is not None:
+                    writer.stop()
+            except OSError as error:
+                self._give_up(error)
 
     def _keep_flushed(self) -> None:
         while not self._closed.wait(FLUSH_PERIOD):
             with self._lock:
-                if self._is_dirty and self._writer is not None:
-                    flush(self._writer)
+                try:
+                    if self._is_dirty and self._writer is not None:
+                        flush(self._writer)
+                except OSError as error:
+                    self._give_up(error)
                 self._is_dirty = False
+
+    def _give_up(self, error: OSError) -> None:
+        """What is on the disk stays; what the writer still holds cannot be written either."""
+        writer, self._writer = self._writer, None
+        try:
+            if writer is not None:
+                writer.stop()
+        except OSError:
+            pass
+        if not self.failure:
+            self.failure = (f'The recording {self.path} has ended after {self.can_frames} CAN frames: '
+                            f'{error.strerror or error}. Free the disk, or record elsewhere.')
+            self._on_failure(self.failure)
 
 
 def flush(writer: MessageWriter | McapCanWriter) -> None:
@@ -132,7 +156,7 @@ class CanLogReader:
         self.path, self.unread, self.problem = str(path), 0, ''
         self.can_frames, self._last = 0, 0.0
         if not Path(path).is_file() and not (Path(path).is_dir() and is_bag(path)):
-            self._refuse('no such file', 'Check the path.')
+            self._refuse('no file' if Path(path).exists() else 'no such file', 'Check the path.')
 
     def __iter__(self) -> Iterator[can.Message]:
         self.unread, self.can_frames = 0, 0

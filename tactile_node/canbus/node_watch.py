@@ -128,10 +128,13 @@ class NodeWatch:
                           self.boots, log.count, log.last, self.outage.outages(now), self.distrusted)
 
     def _ailment(self, now: float, is_active: bool) -> Ailment | None:
+        is_silent = now - max(self._beats.heard(self.pad.node_id) or 0.0, self._since) > self._heartbeat_timeout
+        if not self.is_trusted and is_silent:
+            return Ailment.SILENT
         if not self.is_trusted:
             return Ailment.BOOTED if self._configured_boots is not None else Ailment.UNCONFIGURED
         has_data = is_active and now - self.data_at <= self._data_timeout
-        if now - max(self._beats.heard(self.pad.node_id) or 0.0, self._since) > self._heartbeat_timeout:
+        if is_silent:
             return Ailment.NO_HEARTBEAT if has_data else Ailment.SILENT
         if not is_active or now - self._commanded < GRACE:
             return None

@@ -29,6 +29,7 @@ class BusStatistics(NamedTuple):
     clock_jumps: int = 0  #: times the wall clock was set while stamps were taken
     stamps_ahead: float = 0.0  #: of the wall clock, since it was set back [s]
     unread: int = 0  #: lines of a log that could not be read
+    unrecorded: int = 0  #: CAN frames that the recording lacks: it has failed, or its format has no place for them
 
 
 class Router:

@@ -179,13 +179,14 @@ class SkinBus:
                                 queue_overruns=self._overruns, sync_overruns=self._sync.overruns,
                                 poll_overruns=sum(poll.overruns for poll in self._polls.values()),
                                 consumer_errors=self._consumer.errors, clock_jumps=self._clock.jumps,
+                                unrecorded=0 if self._record is None else self._record.unwritten,
                                 stamps_ahead=self._clock.ahead)
 
     def _open_record(self, bus: can.BusABC) -> CanLogWriter | None:
         """A log that cannot be written leaves no open bus behind."""
         try:
             if self._record is None and self._settings.record:
-                self._record = CanLogWriter(self._settings.record)
+                self._record = CanLogWriter(self._settings.record, self._complain)
         except LogError:
             bus.shutdown()
             raise

@@ -1,10 +1,12 @@
-"""python-can's slcan with bulk reads.
+"""python-can's slcan with bulk reads, for one process at a time, open as soon as the adapter answers.
 
 python-can reads the serial port byte by byte, a system call or two each: two pads at 25 Hz (1600 CAN
 frames/s) are too much for it. Reading all that waits takes a fraction of that. python-can also takes what it can of
 a damaged line: here each is checked whole.
 """
 
+import fcntl
+import os
 import time
 from collections import deque
 
@@ -26,12 +28,50 @@ STAMP_DIGITS = (0, 4)  # of the time some adapters add
 DAMAGED = {'arbitration_id': 0x008, 'is_extended_id': False, 'is_error_frame': True, 'data': bytes(8)}
 
 
-class BulkSlcanBus(slcanBus):
-    """An slcan bus as python-can's, with the same options; a damaged line comes as an error frame."""
+ANSWER = 0.3  # s in which an adapter that is awake answers
+RESET = 2.0  # s that one takes which starts anew when its port is opened, as an Arduino does
 
-    def __init__(self, channel: str, **options: object):
+
+class BulkSlcanBus(slcanBus):
+    """An slcan bus as python-can's, with the same options; a damaged line comes as an error frame.
+
+    Unless ``sleep_after_open`` is given, an adapter that does not answer at once is given time to start and opened
+    again. Raises CanInitializationError where another process has the port, whose frames would be lost to one of both.
+    """
+
+    def __init__(self, channel: str, bitrate: int | None = None, sleep_after_open: float | None = None,
+                 **options: object):
         self._lines: deque[str] = deque()
-        super().__init__(channel, **{'timeout': PORT_TIMEOUT} | options)
+        self._lock = _locked(channel.split('@')[0])
+        try:
+            super().__init__(channel, bitrate=bitrate, sleep_after_open=sleep_after_open or 0.0,
+                             **{'timeout': PORT_TIMEOUT} | options)
+            if sleep_after_open is None and not self._is_awake():
+                time.sleep(RESET - ANSWER)
+                self.open() if bitrate is None else self.set_bitrate(bitrate)
+        except BaseException:
+            self._unlock()
+            raise
+
+    def shutdown(self) -> None:
+        """A dead adapter's port is given back too."""
+        try:
+            super().shutdown()
+        finally:
+            self._unlock()
+
+    def _is_awake(self) -> bool:
+        """Whether a byte comes soon: an answer, or a frame."""
+        self._write('V')
+        end = time.monotonic() + ANSWER
+        while not self._buffer and time.monotonic() < end:
+            self._buffer += self.serialPortOrig.read(1)
+        return bool(self._buffer)
+
+    def _unlock(self) -> None:
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
 
     def _read(self, timeout: float | None) -> str | None:
         end = None if timeout is None else time.monotonic() + timeout
@@ -54,6 +94,20 @@ class BulkSlcanBus(slcanBus):
                 return can.Message(time.time(), **DAMAGED), False
             self._queue.put(line)
         return super()._recv_internal(timeout) if self._queue.qsize() else (None, False)
+
+
+def _locked(port: str) -> int | None:
+    """A descriptor that keeps ``port`` from being opened by others that ask (pyserial: exclusive); None: no file."""
+    try:
+        descriptor = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    except OSError:
+        return None  # pyserial has a word for it
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        os.close(descriptor)
+        raise can.CanInitializationError('another process has this port open') from error
+    return descriptor
 
 
 def is_sound(line: str) -> bool:

@@ -29,6 +29,9 @@ logger = logging.getLogger(__name__)
 
 PERIOD = 0.02  # s between two judgements when nothing asks for one earlier
 FIRST_TRIES = 3  # configurations of a device that boots again meanwhile
+REMEDY = ' It is configured and started again.'
+REMEDIES = {Ailment.SILENT: ' It is configured and started as soon as it answers.',
+            Ailment.NO_SYNC: ' Start that device, or set produce_sync.'}
 NO_PATIENCE = 0.3  # s, one SDO request: a device that does not answer now is asked again later
 
 
@@ -181,7 +184,7 @@ class Supervisor:
     def _bus_failed(self, failure: str) -> None:
         """On any thread: tell it once and let the supervisor act."""
         if not self._outage.is_running:
-            self._complain(f'CAN bus has failed: {failure} It is closed and opened again until it works.')
+            self._complain(f'CAN bus has failed: {failure.rstrip(".")}. It is closed and opened again until it works.')
         self._wake.set()
 
     def _attend_bus(self, now: float) -> None:
@@ -225,7 +228,7 @@ class Supervisor:
         if trouble.is_outage and self._is_active:
             node.outage.begin(node.data_at, trouble.ailment.value)
         if node.reminder.is_due(trouble.ailment.value, now):
-            self._complain(trouble.sentence + (' It is configured and started again.' if self._recover else ''))
+            self._complain(trouble.sentence + (REMEDIES.get(trouble.ailment, REMEDY) if self._recover else ''))
         if self._recover and node.backoff.is_due(now):
             self._mend(node, trouble)
             node.backoff.attempted(time.monotonic())

@@ -6,7 +6,7 @@ import time
 
 from tactile_node.canbus.bus_network import open_bus
 from tactile_node.canbus.logs import CanLogWriter
-from tactile_node.errors import BusError
+from tactile_node.errors import BusError, LogError
 from tactile_node.interruption import interruption
 
 HINT_AFTER = 3.0  # s
@@ -38,6 +38,9 @@ def run(args: argparse.Namespace) -> int:
             log.close()
     finally:
         bus.shutdown()
+    if log.failure:
+        raise LogError(str(log.path), expected='a disk with room for the recording', got=log.failure,
+                       remedy='What was written before can be read.')
     print(f'{log.can_frames} CAN frames in {log.path}')
     if log.unwritten:
         print(f'{log.unwritten} CAN frames left out, for which the format has no place (CAN FD).', file=sys.stderr)
@@ -47,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
 def _record(bus: object, log: CanLogWriter, duration: float) -> None:
     end, hint_at = time.monotonic() + duration, time.monotonic() + HINT_AFTER
     with interruption() as asked:
-        while not asked.is_set() and time.monotonic() < end:
+        while not asked.is_set() and not log.failure and time.monotonic() < end:
             try:
                 message = bus.recv(0.1)
             except Exception as error:  # each backend raises its own when the adapter goes

@@ -5,6 +5,7 @@ deactivate = pre-operational; cleanup = close.
 """
 
 import sys
+import traceback
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -29,6 +30,7 @@ from tactile_node.nodes.run import run_node
 from tactile_node.nodes.tare_service import TareService
 from tactile_node.ros.conditioning import adjust, conditioned_pads
 from tactile_node.ros.diagnostics import BusDiagnostics
+from tactile_node.ros.lifecycle import outlive_unfitting_requests
 from tactile_node.ros.parameters import DRIVER, declare, tare_limit, values
 from tactile_node.ros.qos import STATUS_QOS, frames_qos
 from tactile_node.ros.status_message import status_message
@@ -53,6 +55,7 @@ class DriverNode(LifecycleNode):
 
     def __init__(self, **options):
         super().__init__('skin_driver', **options)
+        outlive_unfitting_requests(self)
         declare(self, DRIVER)
         self.add_on_set_parameters_callback(self._on_parameters)
         self._source: FrameSource | None = None
@@ -107,6 +110,9 @@ class DriverNode(LifecycleNode):
         except TactileError as error:
             self._error = error
             self.get_logger().error(str(error))
+            return TransitionCallbackReturn.FAILURE
+        except Exception:  # rclpy would swallow it without a word
+            self.get_logger().error(traceback.format_exc())
             return TransitionCallbackReturn.FAILURE
         if tell:
             self._publish_state()

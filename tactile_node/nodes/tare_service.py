@@ -10,7 +10,7 @@ from tactile_node.errors import BusError, ConfigurationError, DeviceError, TareR
 from tactile_skin.srv import Tare
 
 FRAMES = 50  #: averaged unless the request says otherwise
-LONGEST = 10.0  #: s: the executor waits for it
+LONGEST = 10.0  #: s: the executor waits for all pads of a request
 
 
 class TareService:
@@ -31,9 +31,10 @@ class TareService:
 
     def _answer(self, request: Tare.Request, response: Tare.Response) -> Tare.Response:
         told, response.success = [], True
-        for name in request.pads or self._pads:
+        names = list(dict.fromkeys(request.pads or self._pads))
+        for name in names:
             try:
-                told.append(self._tared(name, request, response))
+                told.append(self._tared(name, len(names), request, response))
             except (TareRefusedError, ConfigurationError, DeviceError, BusError) as error:
                 response.success = False
                 told.append(f'{name}: {error}')
@@ -45,15 +46,16 @@ class TareService:
             logger.error(response.message)
         return response
 
-    def _tared(self, name: str, request: Tare.Request, response: Tare.Response) -> str:
+    def _tared(self, name: str, count: int, request: Tare.Request, response: Tare.Response) -> str:
         if name not in self._pads:
             raise ConfigurationError('tare', expected=f'one of the pads {", ".join(self._pads)}', got=repr(name),
                                      remedy='Leave pads empty for all of them.')
         pad, frames = self._pads[name], request.frames or FRAMES
         given = frames, self._limit(name), 1 + 2 * frames * self._period
-        if given[2] > LONGEST:
-            raise TareRefusedError('tare', expected=f'so few frames that they take at most {LONGEST:g} s',
-                                   got=f'{frames} of {self._period:g} s each', remedy='Ask for fewer.')
+        if count * given[2] > LONGEST:
+            raise TareRefusedError('tare', expected=f'so few frames that all is done in {LONGEST:g} s at most',
+                                   got=f'{frames} of {self._period:g} s each on {count} pads',
+                                   remedy='Ask for fewer frames, or for one pad after another.')
         if not request.on_device:
             return self._told(name, pad.tare(*given), response)
         channels, found = pad.tare_after(lambda: self._auto_zero(name), *given)

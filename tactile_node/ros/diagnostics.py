@@ -123,6 +123,7 @@ def _bus_losses(statistics: BusStatistics) -> dict[str, int]:
     return {'queue_overruns': statistics.queue_overruns, 'sync_overruns': statistics.sync_overruns,
             'poll_overruns': statistics.poll_overruns,
             'consumer_errors': statistics.consumer_errors, 'unread_log_lines': statistics.unread,
+            'unrecorded_can_frames': statistics.unrecorded,
             'error_frames': statistics.can_frames.get('error', 0), 'clock_jumps': statistics.clock_jumps}
 
 

@@ -1,6 +1,7 @@
 """Every parameter of every node, in one place: name, default, range, meaning."""
 
 import math
+from difflib import get_close_matches
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -10,6 +11,8 @@ from rclpy.node import Node
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import Group
 from tactile_node.shape.methods import DEFAULT
+
+ALIKE = 0.8  # of two names: one may be the other, misspelt
 
 
 class Parameter(NamedTuple):
@@ -108,11 +111,19 @@ def declare(node: Node, table: tuple[Parameter, ...]) -> None:
         if math.isfinite(row.high):
             _bound(descriptor, row)
         node.declare_parameter(row.name, row.default, descriptor)
+    _warn_of_misspelt(node, [row.name for row in table])
 
 
 def values(node: Node, table: tuple[Parameter, ...]) -> SimpleNamespace:
     """Return the present values of the rows of ``table`` as attributes."""
     return SimpleNamespace(**{row.name: node.get_parameter(row.name).value for row in table})
+
+
+def _warn_of_misspelt(node: Node, known: list[str]) -> None:
+    """ROS takes a parameter file with any names, since one file may serve several nodes."""
+    for name in set(getattr(node, '_parameter_overrides', {})) - set(known):
+        for near in get_close_matches(name, known, 1, ALIKE):
+            node.get_logger().warning(f'parameter {name!r} is not known: is {near!r} meant?')
 
 
 def _bound(descriptor: ParameterDescriptor, row: Parameter) -> None:

@@ -29,6 +29,7 @@ def status_message(told: DiagnosticArray, counts: BusStatistics, health: BusHeal
         controller_errors_receiving=health.error_counters.receiving, error_frames=counts.can_frames.get('error', 0),
         queue_overruns=counts.queue_overruns, sync_overruns=counts.sync_overruns, poll_overruns=counts.poll_overruns,
         consumer_errors=counts.consumer_errors, clock_jumps=counts.clock_jumps, unread_log_lines=counts.unread,
+        unrecorded_can_frames=counts.unrecorded,
         foreign_nmt_commands=health.foreign_commands, foreign_nmt_last=health.last_command,
         outages=health.outages.count, outage_seconds=health.outages.seconds, outage_last_reason=health.outages.reason,
         pads=[_pad(name, status, pad, health.nodes.get(name, ()), conditions.get(name))

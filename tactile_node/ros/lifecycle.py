@@ -1,0 +1,25 @@
+"""What rclpy's lifecycle nodes lack."""
+
+from lifecycle_msgs.srv import ChangeState
+from rclpy.lifecycle import LifecycleNode
+
+
+def outlive_unfitting_requests(node: LifecycleNode) -> None:
+    """Answer a request for a transition that does not fit the node's state with success = False.
+
+    rclpy raises in its callback (RCLError: "Transition is not registered"), which would end the process; a lifecycle
+    manager that repeats itself would do that.
+    """
+    service = next(service for service in node.services if service.srv_type is ChangeState)
+    change = service.callback
+
+    def answer(request: ChangeState.Request, response: ChangeState.Response) -> ChangeState.Response:
+        try:
+            return change(request, response)
+        except RuntimeError as error:
+            node.get_logger().error(f'change_state: expected a transition that fits the present state, got '
+                                    f'{request.transition.label or request.transition.id} ({error}). '
+                                    'Ask ~/get_available_transitions.')
+            response.success = False
+            return response
+    service.callback = answer
