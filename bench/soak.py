@@ -192,7 +192,7 @@ def write(folder: Path, rows: list[Row]) -> None:
         label = 'most' if percentile == 100 else f'{percentile:g} %'
         upper.plot(minutes, [row.latency[at] for row in rows], label=label)
     upper.set(ylabel='SYNC to taxel frame [ms]', yscale='log')
-    upper.legend(ncols=4)
+    figure.legend(ncols=4, loc='outside upper center')
     lower.plot(minutes, [row.memory for row in rows], color='k')
     lower.set(xlabel='minutes', ylabel='resident memory [MB]', ylim=(0, 1.2 * max(row.memory for row in rows)))
     figure.savefig(folder / 'soak.png', dpi=120)

@@ -28,6 +28,7 @@ ARGUMENTS = {  # name: (default, description)
     'replay': ('', 'a recorded CAN log to play in place of the bus'),
     'replay_pace': ('', 'speed of the replay: 1 as recorded (default), 0 as fast as possible'),
     'record': ('', 'a file to record the bus to'),
+    'wait_at_start': ('', 'false: end where bus or device are not there at start, not wait for them (default true)'),
     'autostart': ('', 'false: leave configure and activate to a lifecycle manager (default true)'),
 }
 
@@ -61,8 +62,7 @@ def driver_node(given: dict, names: list) -> Node:
     parameters = {name: reader(given[name]) for name, reader in readers.items() if given[name]}
     parameters |= {name: split(given[argument]) for name, argument in (('layouts', 'layout'), ('eds', 'eds'))
                    if given[argument]}
-    if given['autostart']:
-        parameters['autostart'] = switch('autostart', given['autostart'])
+    parameters |= {name: switch(name, given[name]) for name in ('autostart', 'wait_at_start') if given[name]}
     parameters |= {'pads': names, 'node_ids': [whole(node_id) for node_id in split(given['node_id'])]}
     return Node(package=PACKAGE, executable='driver_node', name='skin_driver', namespace=given['namespace'],
                 parameters=[*params_file(given), parameters | lossless(given)], output='screen')

@@ -1,5 +1,6 @@
 """The driver node over an outage: same node, still active, /diagnostics true to what the bus does."""
 
+import threading
 import time
 
 import numpy as np
@@ -94,6 +95,25 @@ def test_a_device_that_is_gone_is_never_ok(chain):
     assert 'neither heartbeat nor taxels' in chain.told[-1] and chain.levels[-1][1] == ERROR
     chain.bench.device.boot()
     chain.wait(lambda: chain.levels[-1] == (OK, OK), 'never OK again')
+
+
+def test_what_is_not_there_at_start_is_waited_for_and_told_once(chain):
+    chain.bench.adapter.is_plugged = False
+    asked, told = threading.Event(), []
+    starting = threading.Thread(target=lambda: told.append(chain.driver.autostart(asked)))
+    starting.start()
+    time.sleep(1.5)
+    assert starting.is_alive() and chain.bench.adapter.opened == 0
+    chain.bench.adapter.is_plugged = True
+    chain.wait(lambda: (OK, OK) in chain.levels, 'never OK')
+    starting.join()
+
+
+def test_waiting_at_start_ends_when_asked_to(chain):
+    chain.bench.adapter.is_plugged = False
+    asked = threading.Event()
+    asked.set()
+    assert chain.driver.autostart(asked) is None
 
 
 def test_activate_may_be_tried_again_after_an_outage(chain):

@@ -5,6 +5,8 @@ deactivate = pre-operational; cleanup = close.
 """
 
 import sys
+import threading
+import time
 import traceback
 from collections.abc import Callable
 from typing import NamedTuple
@@ -19,11 +21,12 @@ from tactile_node.canbus.bus_settings import BusSettings
 from tactile_node.canbus.frame_source import FrameSource
 from tactile_node.canbus.layout import SkinLayout
 from tactile_node.canbus.log_source import LogSource
+from tactile_node.canbus.outage import Reminder
 from tactile_node.canbus.pads import PadSettings, make_pads, one_for_each, with_dictionaries
 from tactile_node.canbus.supervisor import Supervisor
 from tactile_node.conditioning.conditioned_pad import ConditionedPad
 from tactile_node.conditioning.taxel_faults import FaultyTaxels
-from tactile_node.errors import ConfigurationError, DeviceError, TactileError
+from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError, DeviceError, TactileError
 from tactile_node.nodes.fault_service import FaultService
 from tactile_node.nodes.replay_gate import ReplayGate
 from tactile_node.nodes.run import run_node
@@ -39,6 +42,7 @@ from tactile_node.taxel_frame import TaxelFrame
 from tactile_skin.msg import SkinStatus, TaxelArray
 
 DIAGNOSTICS_PERIOD = 1.0  # [s], REP-107
+RETRY_PERIOD = 0.5  # s between two attempts to configure while something is waited for at start
 
 
 class Pad(NamedTuple):
@@ -63,16 +67,29 @@ class DriverNode(LifecycleNode):
         self._gate: ReplayGate | None = None
         self._owned: list[Callable[[], object]] = []  # what gives back all that configure has made
         self._error: TactileError | None = None
+        self._reminder: Reminder | None = None  # while bus and devices are waited for at start
 
-    def autostart(self) -> None:
-        """Configure and activate, as the parameter `autostart` says. Raises what went wrong."""
+    def autostart(self, asked: threading.Event | None = None) -> None:
+        """Configure and activate, as the parameter `autostart` says. Raises what went wrong.
+
+        With `wait_at_start` a bus or device that is not there is waited for until the event ``asked`` is set.
+        """
         if not self.get_parameter('autostart').value:
             return
-        for transition in (self.trigger_configure, self.trigger_activate):
-            if transition() != TransitionCallbackReturn.SUCCESS:
-                raise self._error or DeviceError(
-                    'skin driver', expected='a transition that succeeds', got=f'{transition.__name__} failed',
-                    remedy='The log above says why.')
+        waits = asked is not None and self.get_parameter('wait_at_start').value
+        self._reminder = Reminder() if waits else None
+        try:
+            while self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
+                if not waits or not isinstance(self._error, (BusError, DeviceAbsentError)):
+                    raise self._error or _failed('configure')
+                if asked.wait(RETRY_PERIOD):
+                    return
+        except RuntimeError:  # RCLError: whoever else commands the lifecycle has done it meanwhile
+            return
+        finally:
+            self._reminder = None
+        if self.trigger_activate() != TransitionCallbackReturn.SUCCESS:
+            raise self._error or _failed('activate')
 
     @property
     def source(self) -> FrameSource | None:
@@ -105,11 +122,15 @@ class DriverNode(LifecycleNode):
 
     def _attempt(self, step, tell: bool = False) -> TransitionCallbackReturn:
         """Run a step of the lifecycle; a failure is told once, in a sentence; ``tell`` the state after it."""
+        self._error = None
         try:
             step()
         except TactileError as error:
             self._error = error
-            self.get_logger().error(str(error))
+            if self._reminder is None:
+                self.get_logger().error(str(error))
+            elif self._reminder.is_due(str(error), time.monotonic()):
+                self.get_logger().error(f'{error} It is waited for.')
             return TransitionCallbackReturn.FAILURE
         except Exception:  # rclpy would swallow it without a word
             self.get_logger().error(traceback.format_exc())
@@ -209,6 +230,11 @@ class DriverNode(LifecycleNode):
         while self._owned:
             self._owned.pop()()
         self._gate, self._pads = None, {}
+
+
+def _failed(transition: str) -> DeviceError:
+    return DeviceError('skin driver', expected=f'to {transition}', got='an unforeseen error',
+                       remedy='The log above has it.')
 
 
 def _pads(settings) -> tuple[PadSettings, ...]:

@@ -3,6 +3,7 @@
 import gc
 import sys
 from collections.abc import Callable
+from threading import Event
 
 import rclpy
 from rclpy.node import Node
@@ -14,8 +15,8 @@ from tactile_node.nodes.spinning import Spinner, spinning
 from tactile_node.ros.complaints import told_as_ours
 
 
-def run_node(make: Callable[[], Node], start: Callable[[Node], None] = lambda node: None) -> int:
-    """Spin the node that ``make`` returns until SIGINT or SIGTERM, after ``start`` has been called on it.
+def run_node(make: Callable[[], Node], start: Callable[[Node, Event], None] = lambda node, asked: None) -> int:
+    """Spin the node that ``make`` returns until SIGINT or SIGTERM, which set ``asked``; first call ``start`` on it.
 
     Signals are ours, not rclpy's, which invalidates the context under the executor's feet.
     Returns the exit code: 0 when asked to end, 2 for a TactileError, whose sentence goes to stderr.
@@ -26,7 +27,7 @@ def run_node(make: Callable[[], Node], start: Callable[[Node], None] = lambda no
         ignore_interruptions()
 
 
-def _run(make: Callable[[], Node], start: Callable[[Node], None]) -> int:
+def _run(make: Callable[[], Node], start: Callable[[Node, Event], None]) -> int:
     with interruption() as asked:
         try:
             with told_as_ours():
@@ -34,7 +35,7 @@ def _run(make: Callable[[], Node], start: Callable[[Node], None]) -> int:
                 node = make()
             try:
                 with spinning([node]) as spinner:
-                    start(node)
+                    start(node, asked)
                     wait(spinner, asked)
             finally:
                 node.destroy_node()

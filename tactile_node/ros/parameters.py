@@ -65,6 +65,7 @@ DRIVER = (
               '.npy; empty: none'),
     Parameter('drop_incomplete', False, 'true: a sweep that lacks CAN frames is dropped and counted; false: it is '
               'published with NaN, status STALE', live=True),
+    Parameter('wait_at_start', True, 'with autostart: wait for a bus or device that is not there, rather than end'),
     Parameter('autostart', True, 'configure and activate at start; false: leave it to a lifecycle manager'),
     *QUEUE,
 )
