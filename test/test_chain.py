@@ -4,7 +4,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
 import pytest
 from candump import DATA, read_candump
@@ -55,16 +55,17 @@ class Listener:
 def heard() -> dict:
     """The three topics' messages of a replay of LOG as fast as possible."""
     periods = sum(line.can_id == SYNC for line in read_candump(LOG))
-    rclpy.init()
-    listener = Listener()
     driver = (f'replay:={DATA / LOG}', 'replay_pace:=0.0', "pads:=['finger']", f'node_ids:=[{NODE_ID}]',
               f"layouts:=['{LAYOUT}']", 'lossless:=true')
-    with (running('lossless:=true', role='classifier', namespace='/hand/finger'),
-          running('lossless:=true', role='processor', namespace='/hand/finger'),
-          running(*driver, role='driver', namespace='/hand')):
+    with ExitStack() as stack:
+        rclpy.init()
+        stack.callback(rclpy.shutdown)
+        listener = Listener()
+        stack.callback(listener.node.destroy_node)
+        for role in ('classifier', 'processor'):
+            stack.enter_context(running('lossless:=true', role=role, namespace='/hand/finger'))
+        stack.enter_context(running(*driver, role='driver', namespace='/hand'))
         listener.wait_for(periods)
-    listener.node.destroy_node()
-    rclpy.shutdown()
     return listener.heard
 
 

@@ -12,7 +12,7 @@ class Spinner:
     """An executor on a thread; what a callback raised comes out of ``check`` instead of being lost with the thread."""
 
     def __init__(self, nodes: Sequence[Node]):
-        self._executor, self._error = SingleThreadedExecutor(), None
+        self._executor, self._error, self._stopping = SingleThreadedExecutor(), None, threading.Event()
         for node in nodes:
             self._executor.add_node(node)
         self._thread = threading.Thread(target=self._spin, name='executor')
@@ -24,12 +24,16 @@ class Spinner:
             raise self._error
 
     def stop(self) -> None:
-        self._executor.shutdown()
+        """End the thread first: rclpy's shutdown takes away what a callback under way still needs."""
+        self._stopping.set()
+        self._executor.create_task(lambda: None)  # something to do, or it would go on waiting
         self._thread.join()
+        self._executor.shutdown()
 
     def _spin(self) -> None:
         try:
-            self._executor.spin()
+            while not self._stopping.is_set():
+                self._executor.spin_once()
         except ExternalShutdownException:
             pass
         except Exception as error:
