@@ -497,8 +497,9 @@ def disk_full_while_recording(channel: str) -> FaultBench:
         bench.detect('has ended after')
         before = bench.driver.statistics().unrecorded
         bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
-        assert bench.driver.statistics().unrecorded > before and 'No space left' in bench.complaints[-1]
-        assert bench.driver.failure is None and len(bench.complaints) == 1
+        bench.wait(lambda: bench.driver.statistics().unrecorded > before, 'not counted')
+        told, = (sentence for sentence in bench.complaints if 'recording' in sentence)
+        assert 'No space left' in told and bench.driver.failure is None and bench.adapter.opened == 1
     return bench
 
 
