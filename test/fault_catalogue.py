@@ -18,10 +18,24 @@ from fault_bench import PATIENCE, FaultBench
 
 from tactile_node.conditioning.tare import TaredPad
 from tactile_node.errors import DeviceError, TareRefusedError
+from tactile_node.simulator.device import SimulatedDevice
 
 ALLOWED = 1.0  # s from the end of a cause until taxels come again
 ALL_TPDOS = range(1, 17)  # of the pad of 8x8 taxels
 COB_IDS = [0x1A0 + 0x100 * (i // 4) + i % 4 for i in range(16)]
+
+
+def _switch_off(bench: FaultBench, device: SimulatedDevice, says: str, missing: int) -> None:
+    """Wait until it is told and a frame lacks so many CAN frames."""
+    device.power_off()
+    bench.detect(says)
+    bench.wait(lambda: bench.kept[-1][1].missing_can_frames == missing, 'frames without its taxels')
+
+
+def _switch_on(bench: FaultBench, device: SimulatedDevice) -> None:
+    device.boot()
+    bench.end_of_cause()
+    bench.recover()
 
 
 def power_cycled_in_mid_stream(channel: str) -> FaultBench:
@@ -41,12 +55,8 @@ def absent_then_back(channel: str) -> FaultBench:
     """The device is told as silent, its taxels are NaN; it is used again as soon as it boots."""
     with FaultBench(channel) as bench:
         bench.run().cause()
-        bench.device.power_off()
-        bench.detect('sends neither heartbeat nor taxels')
-        bench.wait(lambda: bench.kept[-1][1].missing_can_frames == 16, 'frames of a dead pad')
-        bench.device.boot()
-        bench.end_of_cause()
-        bench.recover()
+        _switch_off(bench, bench.device, 'sends neither heartbeat nor taxels', missing=16)
+        _switch_on(bench, bench.device)
     return bench
 
 
@@ -113,9 +123,7 @@ def another_device_comes_back(channel: str) -> FaultBench:
         assert all(np.isnan(frame.values).all() for _, frame in bench.kept[seen:])
         assert bench.node().trouble and bench.node().distrusted > 0
         bench.device.power_off()
-        bench.device.boot()
-        bench.end_of_cause()
-        bench.recover()
+        _switch_on(bench, bench.device)
     return bench
 
 
@@ -607,14 +615,11 @@ def one_of_a_pads_nodes_lost(channel: str) -> FaultBench:
     source = np.random.default_rng(1).uniform(100, 1000, (12, 8))
     with FaultBench(channel, (32, 35), source=lambda t: source, layout='nodes2_12x8_12bit.yaml') as bench:
         bench.run().cause()
-        bench.simulator.devices[35].power_off()
-        bench.detect("Node 35 (pad 'pad32'): it sends neither")
-        bench.wait(lambda: bench.kept[-1][1].missing_can_frames == 12, 'frames of half a pad')
+        second = bench.simulator.devices[35]
+        _switch_off(bench, second, "Node 35 (pad 'pad32'): it sends neither", missing=12)
         values = bench.kept[-1][1].values
         assert np.isfinite(values[:6]).all() and np.isnan(values[6:]).all()
-        bench.simulator.devices[35].boot()
-        bench.end_of_cause()
-        bench.recover()
+        _switch_on(bench, second)
     return bench
 
 
@@ -623,12 +628,8 @@ def polled_pad_power_cycled(channel: str) -> FaultBench:
     source = np.random.default_rng(2).uniform(100, 1000, (16, 10))
     with FaultBench(channel, source=lambda t: source, layout='domain16x10_16bit.yaml') as bench:
         bench.run().cause()
-        bench.device.power_off()
-        bench.detect('its taxels could not be read')
-        bench.wait(lambda: bench.kept[-1][1].missing_can_frames == 1, 'frames of a dead pad')
-        bench.device.boot()
-        bench.end_of_cause()
-        bench.recover()
+        _switch_off(bench, bench.device, 'its taxels could not be read', missing=1)
+        _switch_on(bench, bench.device)
     return bench
 
 

@@ -56,17 +56,12 @@ class CanLogWriter:
                 self.unwritten += 1
             except OSError as error:
                 self.unwritten += 1
-                self._give_up(error)
+                self._end(error)
 
     def close(self) -> None:
         self._closed.set()
         with self._lock:
-            writer, self._writer = self._writer, None
-            try:
-                if writer is not None:
-                    writer.stop()
-            except OSError as error:
-                self._give_up(error)
+            self._end()
 
     def _keep_flushed(self) -> None:
         while not self._closed.wait(FLUSH_PERIOD):
@@ -75,20 +70,20 @@ class CanLogWriter:
                     if self._is_dirty and self._writer is not None:
                         flush(self._writer)
                 except OSError as error:
-                    self._give_up(error)
+                    self._end(error)
                 self._is_dirty = False
 
-    def _give_up(self, error: OSError) -> None:
-        """What is on the disk stays; what the writer still holds cannot be written either."""
+    def _end(self, failure: OSError | None = None) -> None:
+        """Stop the writer. After a ``failure`` what is on the disk stays, what the writer still holds is lost."""
         writer, self._writer = self._writer, None
         try:
             if writer is not None:
                 writer.stop()
-        except OSError:
-            pass
-        if not self.failure:
+        except OSError as error:
+            failure = failure or error
+        if failure is not None and not self.failure:
             self.failure = (f'The recording {self.path} has ended after {self.can_frames} CAN frames: '
-                            f'{error.strerror or error}. Free the disk, or record elsewhere.')
+                            f'{failure.strerror or failure}. Free the disk, or record elsewhere.')
             self._on_failure(self.failure)
 
 

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from tactile_node.taxel_frame import read_only
+
 TIME_CONSTANT = 20.0  #: s in which the zero follows a small step
 RATE = 1 / 300        #: of ``limit`` a second: faster is no drift
 PRESSED = 0.5         #: of ``limit`` above its zero: a taxel that may be under a contact
@@ -33,6 +35,4 @@ class DriftFollower:
         if stamp - self._pressed_at < QUIET:
             return zero
         most = RATE * self.limit * passed
-        followed = zero + np.clip(above * (passed / TIME_CONSTANT), -most, most)
-        followed.flags.writeable = False
-        return followed
+        return read_only(zero + np.clip(above * (passed / TIME_CONSTANT), -most, most))

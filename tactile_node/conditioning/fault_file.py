@@ -9,6 +9,7 @@ import yaml
 
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
 from tactile_node.errors import ConfigurationError
+from tactile_node.taxel_frame import read_only
 from tactile_node.yaml_section import load_mapping
 
 ABOUT = 'a file of faulty taxels'
@@ -39,9 +40,7 @@ def load_faults(path: str | Path, pads: Mapping[str, tuple[int, int]]) -> dict[s
                     kinds[name][row, col] = kind
             given.done()
         top.done()
-    for array in kinds.values():
-        array.flags.writeable = False
-    return {name: FaultyTaxels(array) for name, array in kinds.items()}
+    return {name: FaultyTaxels(read_only(array)) for name, array in kinds.items()}
 
 
 def save_faults(path: str | Path, faults: Mapping[str, FaultyTaxels]) -> None:

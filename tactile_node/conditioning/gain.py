@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from tactile_node.errors import ConfigurationError
+from tactile_node.taxel_frame import read_only
 
 WITHIN = (0.01, 100.0)  # a gain beyond is a slip of the pen or a dead taxel
 
@@ -35,8 +36,7 @@ def load_gains(path: str | Path, rows: int, cols: int) -> np.ndarray:
         raise ConfigurationError(where, expected=f'gains {low:g}..{high:g}',
                                  got=f'{gains[row, col]:g} at row {row}, column {col}',
                                  remedy='Name a taxel without a gain in dead_taxels of the layout, with gain 1 here.')
-    gains.flags.writeable = False
-    return gains
+    return read_only(gains)
 
 
 def _text(path: Path) -> np.ndarray:

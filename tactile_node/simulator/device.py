@@ -12,6 +12,7 @@ import numpy as np
 from canopen import SdoAbortedError
 
 from tactile_node.canbus.auto_zero import AUTO_ZERO, ZERO
+from tactile_node.canbus.bus_network import SDO_BYTES
 from tactile_node.canbus.cob_id import DISABLED, ID_MASK
 from tactile_node.canbus.eds import TPDO_COMMUNICATION, TPDO_MAPPING
 from tactile_node.canbus.layout import SkinLayout
@@ -30,7 +31,6 @@ NMT_RESETS = (0x81, 0x82)  # reset node, reset communication
 ABORT_WRONG_STATE, ABORT_NOT_MAPPABLE, ABORT_TOO_LONG = 0x08000022, 0x06040041, 0x06040042
 ABORT_WRONG_VALUE = 0x06090030
 MAX_PDO_BITS = 64
-SDO_BYTES = 8
 SAM_MPDO = 0xFE  # number of mapped objects of an MPDO with source addressing
 
 
