@@ -175,11 +175,36 @@ def test_tare_is_refused_under_load_and_takes_off_what_is_below_the_limit(chain)
     chain.wait(lambda: np.allclose(chain.taxels[-1].values, 0, atol=0.01), 'tare not taken off')
 
 
-def test_a_tare_that_would_hold_up_the_driver_is_refused_at_once(chain):
+def ask_for_tare(chain, frames):
+    client = chain.listener.create_client(Tare, '/skin_driver/tare')
+    chain.wait(client.service_is_ready, 'no service')
+    return client.call_async(Tare.Request(frames=frames))
+
+
+def test_a_tare_of_unreasonably_many_frames_is_refused_at_once(chain):
     chain.driver.autostart()
-    call = chain.listener.create_client(Tare, '/skin_driver/tare').call_async(Tare.Request(frames=10_000))
+    call = ask_for_tare(chain, 10_000)
     chain.wait(call.done, 'no answer')
-    assert not call.result().success and 'in 10 s at most' in call.result().message
+    assert not call.result().success and 'in 60 s at most' in call.result().message
+
+
+def test_the_driver_goes_on_while_a_tare_waits_for_frames(chain):
+    """Without frames it would wait for as long as they may take, half a minute."""
+    early = ask_for_tare(chain, 5)
+    chain.wait(early.done, 'no answer')
+    assert not early.result().success and 'a configured driver' in early.result().message
+    assert chain.driver.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    first, told = ask_for_tare(chain, 400), len(chain.told)
+    chain.wait(lambda: len(chain.told) > told + 2, 'no diagnostics meanwhile')
+    second = ask_for_tare(chain, 5)
+    chain.wait(second.done, 'no answer')
+    assert not second.result().success and 'one request after another' in second.result().message
+    assert not first.done()
+    begun = time.monotonic()
+    chain.driver.trigger_cleanup()
+    chain.wait(first.done, 'no answer')
+    assert time.monotonic() - begun < 20 and not first.result().success
+    assert '400 whole taxel frames' in first.result().message
 
 
 def test_the_devices_own_zero_is_asked_for_only_without_load(chain):

@@ -65,6 +65,7 @@ class TaredPad:
         self._is_zero_known = True  # False: no value is valid, since the device's zero is being changed
         self.drift = drift
         self._wanted, self._taken, self._changed = 0, [], threading.Condition()
+        self._is_given_up = False
 
     def feed(self, frame: TaxelFrame) -> TaxelFrame:
         """Return the frame, its tare taken off."""
@@ -107,13 +108,19 @@ class TaredPad:
         finally:
             self._is_zero_known = True
 
+    def give_up(self) -> None:
+        """No more frames come: whoever waits for some is refused at once."""
+        with self._changed:
+            self._is_given_up = True
+            self._changed.notify()
+
     def measure_next(self, frames: int, limit: float, timeout: float) -> Tare:
         """As ``tare``, but only measure."""
         with self._changed:
             self._taken, self._wanted = [], frames
-            complete = self._changed.wait_for(lambda: not self._wanted, timeout)
+            self._changed.wait_for(lambda: not self._wanted or self._is_given_up, timeout)
             taken, self._taken, self._wanted = self._taken, [], 0
-        if not complete:
+        if len(taken) < frames:
             raise TareRefusedError('tare', expected=f'{frames} whole taxel frames within {timeout:.1f} s',
                                    got=f'{len(taken)}', remedy='Activate the driver; /diagnostics says what is lost.')
         return measure(np.stack(taken), limit)

@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -30,7 +30,7 @@ from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError,
 from tactile_node.nodes.fault_service import FaultService
 from tactile_node.nodes.replay_gate import ReplayGate
 from tactile_node.nodes.run import run_node
-from tactile_node.nodes.tare_service import TareService
+from tactile_node.nodes.tare_service import TareService, Zeroing
 from tactile_node.ros.conditioning import adjust, conditioned_pads
 from tactile_node.ros.diagnostics import BusDiagnostics
 from tactile_node.ros.lifecycle import outlive_unfitting_requests
@@ -68,6 +68,7 @@ class DriverNode(LifecycleNode):
         self._owned: list[Callable[[], object]] = []  # what gives back all that configure has made
         self._error: TactileError | None = None
         self._reminder: Reminder | None = None  # while bus and devices are waited for at start
+        self._tare = TareService(self)
 
     def autostart(self, asked: threading.Event | None = None) -> None:
         """Configure and activate, as the parameter `autostart` says. Raises what went wrong.
@@ -150,12 +151,13 @@ class DriverNode(LifecycleNode):
                       for pad, frame_id in zip(pads, frame_ids)}
         self._diagnostics = self._make_publisher(DiagnosticArray, '/diagnostics', QoSProfile(depth=10))
         self._status = self._make_publisher(SkinStatus, '~/status', STATUS_QOS)
-        tare = TareService(self, {name: pad.tared for name, pad in conditioned.items()}, self._tare_limit,
-                           settings.sync_period, lambda pad: self._source.auto_zero(pad))
         saving = FaultService(self, settings.faulty_taxels_file, self._faults)
-        self._owned += [tare.destroy, saving.destroy]
         self._findings = BusDiagnostics(self.get_name(), f'{settings.interface} {settings.channel}')
         self._source = self._make_source(settings, pads)
+        self._tare.begin(Zeroing({name: pad.tared for name, pad in conditioned.items()},
+                                 self._tare_limit({pad.name: pad.layout.value.unit for pad in pads}),
+                                 settings.sync_period, self._source.auto_zero))
+        self._owned += [saving.destroy, self._tare.end]
         timer = self.create_timer(DIAGNOSTICS_PERIOD, self._publish_state)
         self._owned.append(lambda: self.destroy_timer(timer))
         self._source.open()
@@ -206,8 +208,9 @@ class DriverNode(LifecycleNode):
         frame = conditioned.feed(frame)
         publisher.publish(taxel_array_message(frame, layout.pitch, layout.value.unit, frame_id))
 
-    def _tare_limit(self, pad: str) -> float:
-        return tare_limit(self.get_parameter('tare_limit').value, self._pads[pad].layout.value.unit)
+    def _tare_limit(self, units: Mapping[str, str]) -> Callable[[str], float]:
+        """The limit of a pad, by its name, whenever it is asked for."""
+        return lambda pad: tare_limit(self.get_parameter('tare_limit').value, units[pad])
 
     def _faults(self) -> dict[str, FaultyTaxels]:
         return {name: pad.conditioned.faults for name, pad in self._pads.items()}

@@ -1,70 +1,126 @@
 """The service `~/tare` of a driver node."""
 
+import threading
+import traceback
 from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
+from rclpy.task import Future
 
 from tactile_node.conditioning.tare import Tare as Measured
 from tactile_node.conditioning.tare import TaredPad
-from tactile_node.errors import BusError, ConfigurationError, DeviceError, TareRefusedError
+from tactile_node.errors import ConfigurationError, TactileError, TareRefusedError
 from tactile_skin.srv import Tare
 
 FRAMES = 50  #: averaged unless the request says otherwise
-LONGEST = 10.0  #: s: the executor waits for all pads of a request
+LONGEST = 60.0  #: s for all pads of a request; who asks for more has mistaken a number
 
 
-class TareService:
-    """A request measures the zero of ``pads`` (by name) from the frames they are fed, on the executor's thread.
+class Zeroing(NamedTuple):
+    """What a tare works on.
 
     ``limit``: a pad's name -> what a taxel may read at most [unit] to count as not pressed; ConfigurationError
     where it has no zero. ``auto_zero``: a pad's name -> its devices zero themselves; see FrameSource.
     """
 
-    def __init__(self, node: Node, pads: Mapping[str, TaredPad], limit: Callable[[str], float], frame_period: float,
-                 auto_zero: Callable[[str], int]):
-        self._node, self._pads, self._limit, self._period = node, pads, limit, frame_period
-        self._auto_zero = auto_zero
-        self._service = node.create_service(Tare, '~/tare', self._answer)
+    pads: Mapping[str, TaredPad]  #: by name
+    limit: Callable[[str], float]
+    frame_period: float  #: s
+    auto_zero: Callable[[str], int]
 
-    def destroy(self) -> None:
-        self._node.destroy_service(self._service)
 
-    def _answer(self, request: Tare.Request, response: Tare.Response) -> Tare.Response:
-        told, response.success = [], True
-        names = list(dict.fromkeys(request.pads or self._pads))
+class TareService:
+    """Measures the zero of pads from the frames they are fed, on a thread of its own: the executor goes on.
+
+    It lasts as long as its node: rclpy cannot answer a request whose service is gone.
+    """
+
+    def __init__(self, node: Node):
+        self._node, self._zeroing, self._thread = node, None, None
+        group = ReentrantCallbackGroup()  # in the node's own one, a request under way would hold up all else
+        self._answered = node.create_guard_condition(lambda: None, group)  # the executor has an answer to send
+        node.create_service(Tare, '~/tare', self._answer, callback_group=group)
+
+    def begin(self, zeroing: Zeroing) -> None:
+        """From now on requests are served."""
+        self._zeroing = zeroing
+
+    def end(self) -> None:
+        """From now on requests are refused, one under way too."""
+        zeroing, self._zeroing = self._zeroing, None
+        if zeroing is not None and self._thread is not None:
+            for pad in zeroing.pads.values():
+                pad.give_up()
+            self._thread.join()
+
+    async def _answer(self, request: Tare.Request, response: Tare.Response) -> Tare.Response:
+        """Called by the executor, which goes on while a thread works."""
+        try:
+            zeroing = self._ready()
+        except TareRefusedError as error:
+            return self._told(response, False, str(error))
+        done = Future()
+        self._thread = threading.Thread(target=self._work, args=(zeroing, request, response, done), name='tare',
+                                        daemon=True)
+        self._thread.start()
+        return await done
+
+    def _ready(self) -> Zeroing:
+        if self._zeroing is None:
+            raise TareRefusedError('tare', expected='a configured driver', got='one that is not',
+                                   remedy='Configure and activate it first.')
+        if self._thread is not None and self._thread.is_alive():
+            raise TareRefusedError('tare', expected='one request after another', got='one while another is under way',
+                                   remedy='Wait for its answer.')
+        return self._zeroing
+
+    def _work(self, zeroing: Zeroing, request: Tare.Request, response: Tare.Response, done: Future) -> None:
+        told, is_done = [], True
+        names = list(dict.fromkeys(request.pads or zeroing.pads))
         for name in names:
             try:
-                told.append(self._tared(name, len(names), request, response))
-            except (TareRefusedError, ConfigurationError, DeviceError, BusError) as error:
-                response.success = False
+                told.append(_tared(zeroing, name, len(names), request, response))
+            except TactileError as error:
+                is_done = False
                 told.append(f'{name}: {error}')
-        response.message = ' '.join(told)
+            except Exception:  # the thread would take it along without a word
+                is_done = False
+                told.append(f'{name}: {traceback.format_exc()}')
+        done.set_result(self._told(response, is_done, ' '.join(told)))
+        self._answered.trigger()
+
+    def _told(self, response: Tare.Response, is_done: bool, message: str) -> Tare.Response:
+        response.success, response.message = is_done, message
         logger = self._node.get_logger()
-        if response.success:  # rclpy wants each severity to have a line of its own
-            logger.info(response.message)
+        if is_done:  # rclpy wants each severity to have a line of its own
+            logger.info(message)
         else:
-            logger.error(response.message)
+            logger.error(message)
         return response
 
-    def _tared(self, name: str, count: int, request: Tare.Request, response: Tare.Response) -> str:
-        if name not in self._pads:
-            raise ConfigurationError('tare', expected=f'one of the pads {", ".join(self._pads)}', got=repr(name),
-                                     remedy='Leave pads empty for all of them.')
-        pad, frames = self._pads[name], request.frames or FRAMES
-        given = frames, self._limit(name), 1 + 2 * frames * self._period
-        if count * given[2] > LONGEST:
-            raise TareRefusedError('tare', expected=f'so few frames that all is done in {LONGEST:g} s at most',
-                                   got=f'{frames} of {self._period:g} s each on {count} pads',
-                                   remedy='Ask for fewer frames, or for one pad after another.')
-        if not request.on_device:
-            return self._told(name, pad.tare(*given), response)
-        channels, found = pad.tare_after(lambda: self._auto_zero(name), *given)
-        return self._told(name, found, response, f'{channels} channels zeroed on the device, then ')
 
-    def _told(self, name: str, found: Measured, response: Tare.Response, on_device: str = '') -> str:
-        response.tared.append(name)
-        response.frames_used.append(found.frames)
-        response.noise.append(found.noise)
-        response.largest_offset.append(found.largest)
-        return (f'{name}: {on_device}tared over {found.frames} frames, noise {found.noise:.3g}, '
-                f'largest offset {found.largest:.3g}.')
+def _tared(zeroing: Zeroing, name: str, count: int, request: Tare.Request, response: Tare.Response) -> str:
+    if name not in zeroing.pads:
+        raise ConfigurationError('tare', expected=f'one of the pads {", ".join(zeroing.pads)}', got=repr(name),
+                                 remedy='Leave pads empty for all of them.')
+    pad, frames = zeroing.pads[name], request.frames or FRAMES
+    given = frames, zeroing.limit(name), 1 + 2 * frames * zeroing.frame_period
+    if count * given[2] > LONGEST:
+        raise TareRefusedError('tare', expected=f'so few frames that all is done in {LONGEST:g} s at most',
+                               got=f'{frames} of {zeroing.frame_period:g} s each on {count} pads',
+                               remedy='Ask for fewer frames, or for one pad after another.')
+    if not request.on_device:
+        return _noted(name, pad.tare(*given), response)
+    channels, found = pad.tare_after(lambda: zeroing.auto_zero(name), *given)
+    return _noted(name, found, response, f'{channels} channels zeroed on the device, then ')
+
+
+def _noted(name: str, found: Measured, response: Tare.Response, on_device: str = '') -> str:
+    response.tared.append(name)
+    response.frames_used.append(found.frames)
+    response.noise.append(found.noise)
+    response.largest_offset.append(found.largest)
+    return (f'{name}: {on_device}tared over {found.frames} frames, noise {found.noise:.3g}, '
+            f'largest offset {found.largest:.3g}.')
