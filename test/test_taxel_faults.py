@@ -62,6 +62,31 @@ def test_found_after_a_few_contacts_and_nothing_else(value, kind):
     assert found.places(kind) == [(5, 6)] and found.count == 1
 
 
+@pytest.mark.parametrize(('values', 'kinds'), [((42.0, 42.0), (STUCK, STUCK)), ((42.0, FULL), (STUCK, SATURATED)),
+                                               ((FULL, lambda n: 80.0 * (n % 2)), (SATURATED, FLICKERING))])
+def test_faults_side_by_side_are_found(values, kinds):
+    def spoil(given, n):
+        return setting((5, 6), values[0])(setting((6, 7), values[1])(given, n), n)
+    found = Pad(spoil).touches(*places(), pause=30)
+    assert (found.kinds[5, 6], found.kinds[6, 7], found.count) == (*kinds, 2)
+
+
+def test_a_stuck_taxel_stays_so_within_a_contact_and_while_another_begins_to_flicker():
+    flickering = setting((9, 9), lambda n: 80.0 * (n % 2) if n > 160 else 0.0)
+    pad = Pad(lambda values, n: setting((5, 6), 42.0)(flickering(values, n), n))
+    assert pad.touches(*places()).places(STUCK) == [(5, 6)]
+    for _ in range(100):
+        assert pad.frames(disc(5, 6, 2), 1).places(STUCK) == [(5, 6)]
+    assert pad.judge.faults.places(FLICKERING) == [(9, 9)]
+
+
+def test_as_many_taxels_as_make_a_contact_are_an_object_however_still():
+    row = (5, slice(5, 8))
+    pad = Pad(setting(row, 42.0), noise=0.0)
+    pad.touches(*places())
+    assert not pad.ever.any()
+
+
 def test_a_dead_column_is_found_where_it_was_touched():
     masks = places(20)
     found = Pad(setting((slice(None), 6), 0.0)).touches(*masks)

@@ -4,7 +4,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import maximum_filter
+from scipy.ndimage import label, maximum_filter
 
 from tactile_node.taxel_frame import read_only
 
@@ -64,10 +64,11 @@ class TaxelJudge:
     - Dead: in CONTACTS contacts that are APART (what a ring leaves out in one place it presses in another), not ALIVE
       though pressed taxels lay on both sides of it, in two of four directions. Taxels in the corners
       of a pad have no two sides and are never found so.
-    - Stuck: pressed, with no pressed neighbour (an object still held has several), at the end of CONTACTS contacts and
-      the same to the bit since before the first of them. One at the end of its range then is saturated.
+    - Stuck: pressed at the end of CONTACTS contacts and the same to the bit since before the first of them, alone or
+      with fewer neighbours of its like than make a contact (an object still held presses more). One at the end of its
+      range is saturated.
     - Flickering: FLICKER_JUMPS jumps within FLICKER_TIME, in FLICKER_SHARE of the frames, in which no neighbour took
-      part or was pressed or unknown.
+      part or was pressed or unknown; faulty neighbours do not count. Of two side by side none is found.
 
     One sign of life takes the verdict back.
     """
@@ -122,6 +123,7 @@ class TaxelJudge:
         jumps = change >= JUMP * self.limit
         if jumps.any():
             others = np.where(unknown | self._pressed, np.inf, np.nan_to_num(change))
+            others[self.faults.kinds != 0] = 0
             others = maximum_filter(others, footprint=NEIGHBOURS, mode='constant')
             self._jumps[jumps & (others < ALONE * self.limit)] += 1
         return bool((was_flickering != self._is_flickering()).any())
@@ -153,12 +155,21 @@ class TaxelJudge:
         kinds = np.zeros(self._last.shape, np.uint8)
         apart = np.hypot(*(self._range[1] - self._range[0])) >= APART
         kinds[(self._silent >= CONTACTS) & apart] = TaxelFault.DEAD
-        lonely = ~maximum_filter(self._pressed, footprint=NEIGHBOURS, mode='constant')
-        stuck = self._pressed & lonely & (self._still >= CONTACTS)
+        flickering = self._is_flickering()
+        stuck = self._stuck(self._pressed & ~flickering)
         kinds[stuck] = TaxelFault.STUCK
         kinds[stuck & self._is_saturated] = TaxelFault.SATURATED
-        kinds[self._is_flickering()] = TaxelFault.FLICKERING
+        kinds[flickering] = TaxelFault.FLICKERING
         return kinds
+
+    def _stuck(self, pressed: np.ndarray) -> np.ndarray:
+        """Of ``pressed``: what was stuck stays so while it does not move, and is no neighbour to others."""
+        still = pressed & (self._still >= CONTACTS)
+        before = still & np.isin(self.faults.kinds, (TaxelFault.STUCK, TaxelFault.SATURATED))
+        groups, count = label(pressed & ~before, structure=np.ones((3, 3)))
+        sizes = np.bincount(groups.ravel(), minlength=count + 1)
+        moving = np.bincount(groups.ravel(), weights=~still.ravel(), minlength=count + 1)
+        return before | still & ((sizes < MIN_TOUCHED) & (moving == 0))[groups]
 
 
 NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], bool)
