@@ -46,11 +46,14 @@ def store():
     return types
 
 
-def bag(folder, plugin, topics=(('/from_can_bus', TYPE),), stamped=True):
+def bag(folder, plugin, topics=(('/from_can_bus', TYPE),), stamped=True, compressed=False):
     """A bag as rosbag2 makes it, by an independent writer: SENT's data frames on the first topic."""
     types = store()
     kinds = types.types
-    with rosbags.Writer(folder, version=9, storage_plugin=plugin) as writer:
+    writer = rosbags.Writer(folder, version=9, storage_plugin=plugin)
+    if compressed:
+        writer.set_compression(rosbags.CompressionMode.MESSAGE, rosbags.CompressionFormat.ZSTD)
+    with writer:
         for topic, kind in topics:
             connection = writer.add_connection(topic, kind, typestore=types)
             for message in SENT[:3]:
@@ -93,6 +96,12 @@ def test_bags_of_rosbag2_are_read_by_folder_and_by_file(tmp_path, plugin):
     folder = bag(tmp_path / 'bag', rosbags.StoragePlugin[plugin])
     file, = (file for file in folder.iterdir() if file.suffix in ('.mcap', '.db3'))
     assert told(CanLogReader(folder)) == told(CanLogReader(file)) == told(SENT[:3])
+
+
+@pytest.mark.parametrize('plugin', list(rosbags.StoragePlugin))
+def test_bags_compressed_message_by_message_are_read(tmp_path, plugin):
+    folder = bag(tmp_path / 'session', plugin, compressed=True)
+    assert told(CanLogReader(folder)) == told(SENT[:3])
 
 
 def test_paths_may_hold_what_has_a_meaning_in_an_uri(tmp_path):

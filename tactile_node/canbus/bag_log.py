@@ -37,6 +37,7 @@ int32 sec
 uint32 nanosec
 '''
 SECOND = 1_000_000_000  # ns
+ZSTANDARD = b'\x28\xB5\x2F\xFD'  # RFC 8878: how such data begin; CDR begins with 00
 
 
 class Recorded(NamedTuple):
@@ -130,8 +131,8 @@ class _Types:
     def message(self, recorded: Recorded) -> can.Message:
         """Stamped as the CAN driver did, or when it was recorded where it did not."""
         try:
-            frame = self._store.deserialize_cdr(recorded.cdr, TYPE)
-        except Exception as error:  # rosbags raises what struct and numpy raise
+            frame = self._store.deserialize_cdr(_decompressed(recorded.cdr), TYPE)
+        except Exception as error:  # rosbags raises what struct, numpy and zstandard raise
             raise EOFError(f'a message of {recorded.topic} that is no {TYPE}') from error
         stamp = frame.header.stamp
         time = stamp.sec + stamp.nanosec / SECOND if stamp.sec or stamp.nanosec else recorded.time / SECOND
@@ -145,6 +146,13 @@ class _Types:
         frame = self._frame(header, message.arbitration_id, message.is_remote_frame, message.is_extended_id,
                             message.is_error_frame, message.dlc, np.frombuffer(data, np.uint8))
         return bytes(self._store.serialize_cdr(frame, TYPE))
+
+
+def _decompressed(data: bytes) -> bytes:
+    """``ros2 bag record --compression-mode message`` compresses each message by itself."""
+    if not data.startswith(ZSTANDARD):
+        return data
+    return import_module('zstandard').ZstdDecompressor().decompressobj().decompress(data)
 
 
 def _recorded(path: Path) -> Iterable[Recorded]:
