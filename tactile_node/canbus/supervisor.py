@@ -9,6 +9,8 @@ import logging
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
 
 from tactile_node.canbus.bus_load import BusLoad
 from tactile_node.canbus.bus_monitor import BusMonitor
@@ -26,6 +28,7 @@ from tactile_node.errors import BusError, DeviceAbsentError, DeviceError, LogErr
 from tactile_node.taxel_frame import TaxelFrame
 
 logger = logging.getLogger(__name__)
+Outcome = TypeVar('Outcome')
 
 PERIOD = 0.02  # s between two judgements when nothing asks for one earlier
 FIRST_TRIES = 3  # configurations of a device that boots again meanwhile
@@ -81,15 +84,11 @@ class Supervisor:
 
     def configure(self) -> None:
         with self._turn:
-            absent: list[DeviceAbsentError] = []
-            for node in self._nodes:
-                try:
-                    self._configure(node, self._settings.boot_timeout, FIRST_TRIES)
-                except DeviceAbsentError as error:
-                    absent.append(error)
-                    if not self._recover or len(absent) == len(self._nodes):
-                        raise
-                    self._complain(f'{error} The others go on without it; it joins when it comes.')
+            absent = [error for error in self._at_once(self._nodes, self._configured_at_start) if error is not None]
+            if absent and (not self._recover or len(absent) == len(self._nodes)):
+                raise absent[0]
+            for error in absent:
+                self._complain(f'{error} The others go on without it; it joins when it comes.')
             self._is_configured = True
 
     def start(self) -> None:
@@ -176,8 +175,9 @@ class Supervisor:
             if self._bus.failure is None:
                 statistics = self.statistics()
                 syncs = self._bus.syncs_sent if self._settings.produce_sync else statistics.can_frames.get('sync', 0)
-                for node in self._nodes:
-                    self._attend_node(node, statistics.pads[node.pad.name], syncs)
+                in_trouble = [node for node in self._nodes
+                              if self._attend_node(node, statistics.pads[node.pad.name], syncs)]
+                self._at_once(in_trouble, self._mend)
         except Exception:
             logger.exception('supervision of the bus')
 
@@ -217,21 +217,20 @@ class Supervisor:
         for node in self._nodes:
             node.expect(time.monotonic())
 
-    def _attend_node(self, node: NodeWatch, pad: PadStatistics, syncs: int) -> None:
+    def _attend_node(self, node: NodeWatch, pad: PadStatistics, syncs: int) -> bool:
+        """Judge it and tell; whether it is to be mended now."""
         now = time.monotonic()
         if sentence := node.new_emergency(now):
             self._complain(sentence)
         trouble = node.judge(now, self._is_active, pad, syncs)
         if trouble is None:
             self._end_outage(node, pad, now)
-            return
+            return False
         if trouble.is_outage and self._is_active:
             node.outage.begin(node.data_at, trouble.ailment.value)
         if node.reminder.is_due(trouble.ailment.value, now):
             self._complain(trouble.sentence + (REMEDIES.get(trouble.ailment, REMEDY) if self._recover else ''))
-        if self._recover and node.backoff.is_due(now):
-            self._mend(node, trouble)
-            node.backoff.attempted(time.monotonic())
+        return self._recover and node.backoff.is_due(now)
 
     def _end_outage(self, node: NodeWatch, pad: PadStatistics, now: float) -> None:
         if node.outage.is_running:
@@ -241,9 +240,12 @@ class Supervisor:
             self._log(f'{node.who} {again} again after {node.outage.end(now):.2f} s; the outage: {cause}.')
         node.recovered()
 
-    def _mend(self, node: NodeWatch, trouble: Trouble) -> None:
-        if trouble.ailment is Ailment.NO_SYNC:
-            return
+    def _mend(self, node: NodeWatch) -> None:
+        if node.trouble.ailment is not Ailment.NO_SYNC:
+            self._try_to_mend(node, node.trouble)
+        node.backoff.attempted(time.monotonic())
+
+    def _try_to_mend(self, node: NodeWatch, trouble: Trouble) -> None:
         try:
             if trouble.needs_configuration:
                 self._configure(node, NO_PATIENCE, pause=trouble.is_outage)
@@ -253,6 +255,21 @@ class Supervisor:
         except (DeviceError, BusError) as error:
             if trouble.ailment is not Ailment.SILENT:
                 self._remind(node.mending, f'Waiting for node {node.pad.node_id}: {error}')
+
+    def _configured_at_start(self, node: NodeWatch) -> DeviceAbsentError | None:
+        """None when it is configured, the error when it does not answer; any other is raised."""
+        try:
+            self._configure(node, self._settings.boot_timeout, FIRST_TRIES)
+        except DeviceAbsentError as error:
+            return error
+        return None
+
+    def _at_once(self, nodes: list[NodeWatch], act: Callable[[NodeWatch], Outcome]) -> list[Outcome]:
+        """What ``act`` returns of each, in their order: most of its time it waits for the node's answers."""
+        if len(nodes) < 2:
+            return [act(node) for node in nodes]
+        with ThreadPoolExecutor(len(nodes), 'configure') as pool:
+            return list(pool.map(act, nodes))
 
     def _configure(self, node: NodeWatch, patience: float, tries: int = 1, pause: bool = True) -> None:
         """Configure a node; when it boots meanwhile, once more, as long as there are tries."""
