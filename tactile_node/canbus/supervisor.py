@@ -1,41 +1,33 @@
 """Keeps a skin bus going: judges bus and nodes, mends what has failed, and says what it waits for.
 
 Two levels. A *bus* that fails (adapter gone, network down, bus-off) is closed and opened anew, with all that
-belongs to it. A *node* that has started anew, is silent, not OPERATIONAL or without taxels is configured and
-started again, while SYNC and the other pads go on. Between two attempts of either kind the pause doubles.
+belongs to it: here. A *node* that has started anew, is silent, not OPERATIONAL or without taxels is configured and
+started again, while SYNC and the other pads go on: NodeCare. Between two attempts of either kind the pause doubles.
 """
 
 import logging
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from typing import TypeVar
 
 from tactile_node.canbus.bus_load import BusLoad
 from tactile_node.canbus.bus_monitor import BusMonitor
 from tactile_node.canbus.bus_settings import BusSettings
 from tactile_node.canbus.consumer import OnFrame
 from tactile_node.canbus.health import BusHealth
-from tactile_node.canbus.losses import PadStatistics
-from tactile_node.canbus.node_watch import Ailment, NodeWatch, Trouble
+from tactile_node.canbus.node_care import NodeCare
+from tactile_node.canbus.node_watch import NodeWatch
 from tactile_node.canbus.outage import Backoff, OutageClock, Reminder
 from tactile_node.canbus.pads import PadSettings
 from tactile_node.canbus.router import BusStatistics
 from tactile_node.canbus.skin_bus import SkinBus
 from tactile_node.canbus.taxel_codec import without_values
-from tactile_node.errors import BusError, DeviceAbsentError, DeviceError, LogError
+from tactile_node.errors import BusError, LogError
 from tactile_node.taxel_frame import TaxelFrame
 
 logger = logging.getLogger(__name__)
-Outcome = TypeVar('Outcome')
 
 PERIOD = 0.02  # s between two judgements when nothing asks for one earlier
-FIRST_TRIES = 3  # configurations of a device that boots again meanwhile
-REMEDY = ' It is configured and started again.'
-REMEDIES = {Ailment.SILENT: ' It is configured and started as soon as it answers.',
-            Ailment.NO_SYNC: ' Start that device, or set produce_sync.'}
-NO_PATIENCE = 0.3  # s, one SDO request: a device that does not answer now is asked again later
 
 
 class Supervisor:
@@ -60,6 +52,7 @@ class Supervisor:
         self._by_pad = {pad.name: [NodeWatch(node, self.monitor, *timeouts, i)
                                    for i, node in enumerate(pad.nodes)] for pad in pads}
         self._nodes = [node for nodes in self._by_pad.values() for node in nodes]
+        self._care = NodeCare(self._bus, self._nodes, log, complain, recover)
         self._outage, self._backoff = OutageClock(), Backoff()
         self._reminder, self._others = Reminder(), Reminder()
         self._load = BusLoad(settings.bitrate)
@@ -84,11 +77,7 @@ class Supervisor:
 
     def configure(self) -> None:
         with self._turn:
-            absent = [error for error in self._at_once(self._nodes, self._configured_at_start) if error is not None]
-            if absent and (not self._recover or len(absent) == len(self._nodes)):
-                raise absent[0]
-            for error in absent:
-                self._complain(f'{error} The others go on without it; it joins when it comes.')
+            self._care.configure(self._settings.boot_timeout)
             self._is_configured = True
 
     def start(self) -> None:
@@ -175,9 +164,7 @@ class Supervisor:
             if self._bus.failure is None:
                 statistics = self.statistics()
                 syncs = self._bus.syncs_sent if self._settings.produce_sync else statistics.can_frames.get('sync', 0)
-                in_trouble = [node for node in self._nodes
-                              if self._attend_node(node, statistics.pads[node.pad.name], syncs)]
-                self._at_once(in_trouble, self._mend)
+                self._care.attend(self._is_active, statistics, syncs)
         except Exception:
             logger.exception('supervision of the bus')
 
@@ -212,82 +199,16 @@ class Supervisor:
                 self._bus.resume(int((time.monotonic() - self._silent_since) / self._settings.sync_period))
                 self._silent_since = None
         except (BusError, LogError) as error:
-            self._remind(self._reminder, f'Waiting for the CAN bus: {error}')
+            if self._reminder.is_due(str(error), time.monotonic()):
+                self._complain(f'Waiting for the CAN bus: {error}')
             return
         for node in self._nodes:
             node.expect(time.monotonic())
-
-    def _attend_node(self, node: NodeWatch, pad: PadStatistics, syncs: int) -> bool:
-        """Judge it and tell; whether it is to be mended now."""
-        now = time.monotonic()
-        if sentence := node.new_emergency(now):
-            self._complain(sentence)
-        trouble = node.judge(now, self._is_active, pad, syncs)
-        if trouble is None:
-            self._end_outage(node, pad, now)
-            return False
-        if trouble.is_outage and self._is_active:
-            node.outage.begin(node.data_at, trouble.ailment.value)
-        if node.reminder.is_due(trouble.ailment.value, now):
-            self._complain(trouble.sentence + (REMEDIES.get(trouble.ailment, REMEDY) if self._recover else ''))
-        return self._recover and node.backoff.is_due(now)
-
-    def _end_outage(self, node: NodeWatch, pad: PadStatistics, now: float) -> None:
-        if node.outage.is_running:
-            if self._is_active and not node.has_taxels_again(pad):
-                return
-            cause, again = node.outage.cause, 'gives taxels' if self._is_active else 'is ready'
-            self._log(f'{node.who} {again} again after {node.outage.end(now):.2f} s; the outage: {cause}.')
-        node.recovered()
-
-    def _mend(self, node: NodeWatch) -> None:
-        if node.trouble.ailment is not Ailment.NO_SYNC:
-            self._try_to_mend(node, node.trouble)
-        node.backoff.attempted(time.monotonic())
-
-    def _try_to_mend(self, node: NodeWatch, trouble: Trouble) -> None:
-        try:
-            if trouble.needs_configuration:
-                self._configure(node, NO_PATIENCE, pause=trouble.is_outage)
-            if self._is_active:
-                self._bus.start_node(node.pad, trouble.is_outage)
-                node.commanded(time.monotonic(), self.statistics().pads[node.pad.name])
-        except (DeviceError, BusError) as error:
-            if trouble.ailment is not Ailment.SILENT:
-                self._remind(node.mending, f'Waiting for node {node.pad.node_id}: {error}')
-
-    def _configured_at_start(self, node: NodeWatch) -> DeviceAbsentError | None:
-        """None when it is configured, the error when it does not answer; any other is raised."""
-        try:
-            self._configure(node, self._settings.boot_timeout, FIRST_TRIES)
-        except DeviceAbsentError as error:
-            return error
-        return None
-
-    def _at_once(self, nodes: list[NodeWatch], act: Callable[[NodeWatch], Outcome]) -> list[Outcome]:
-        """What ``act`` returns of each, in their order: most of its time it waits for the node's answers."""
-        if len(nodes) < 2:
-            return [act(node) for node in nodes]
-        with ThreadPoolExecutor(len(nodes), 'configure') as pool:
-            return list(pool.map(act, nodes))
-
-    def _configure(self, node: NodeWatch, patience: float, tries: int = 1, pause: bool = True) -> None:
-        """Configure a node; when it boots meanwhile, once more, as long as there are tries."""
-        for _ in range(tries):
-            boots = node.boots
-            self._bus.configure_node(node.pad, patience, pause)
-            node.configured(boots)
-            if node.is_trusted:
-                return
 
     def _tell_of_others(self) -> None:
         if self.monitor.foreign_commands != self._commands_told and self._others.is_due('NMT', time.monotonic()):
             self._commands_told = self.monitor.foreign_commands
             self._complain(f'Another NMT master has told {self.monitor.last_command}.')
-
-    def _remind(self, reminder: Reminder, sentence: str) -> None:
-        if reminder.is_due(sentence, time.monotonic()):
-            self._complain(sentence)
 
     def _deliver(self, name: str, frame: TaxelFrame) -> None:
         for node in self._by_pad[name]:

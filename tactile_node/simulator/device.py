@@ -90,8 +90,10 @@ class SimulatedDevice:
         self._announce()
 
     def power_off(self) -> None:
-        """Vanish from the bus without a word; ``boot`` brings it back with its defaults."""
+        """Vanish from the bus without a word; ``boot`` brings it back with its defaults. Off it stays off."""
         with self._lock:
+            if self._pad.node_id not in self._network:
+                return
             self._node.nmt.stop_heartbeat()
             self._network.unsubscribe(0, self._on_nmt)
             self._network.unsubscribe(self._sync_id, self._on_sync)
