@@ -32,6 +32,10 @@ class DeviceAbsentError(DeviceError):
     """The CANopen device does not answer."""
 
 
+class HalfZeroedError(DeviceError):
+    """Some of a pad's channels have zeroed themselves and others have not, or may not have."""
+
+
 class TareRefusedError(TactileError):
     """A pad cannot be tared now: something presses it, or its taxels do not come."""
 

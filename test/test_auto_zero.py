@@ -2,11 +2,12 @@
 
 import pytest
 from can_bench import Bench
+from fault_bench import FaultBench
 
-from tactile_node.canbus import auto_zero
+from tactile_node.canbus import auto_zero, skin_bus
 from tactile_node.canbus.log_source import LogSource
 from tactile_node.canbus.pads import make_pad
-from tactile_node.errors import DeviceError
+from tactile_node.errors import DeviceError, HalfZeroedError
 
 
 def test_an_eds_without_it_is_told():
@@ -20,7 +21,38 @@ def test_a_device_that_refuses_is_told_by_channel(monkeypatch):
     monkeypatch.setattr(auto_zero, 'ZERO', b'nero')
     with Bench('refuses_zero', 'sim8x8_16bit.yaml') as bench:
         bench.driver.open()
-        with pytest.raises(DeviceError, match='0x6125 sub 1: .*0 of 64 channels are zeroed'):
+        with pytest.raises(DeviceError, match='0x6125 sub 1: .*0 of 64 channels are zeroed') as refused:
+            bench.driver.auto_zero('pad32')
+        assert not isinstance(refused.value, HalfZeroedError)
+
+
+@pytest.mark.parametrize('answer', [bytes.fromhex('8025610322000008'), None])
+def test_a_device_that_is_zeroed_in_part_or_does_not_answer_is_told_apart(answer):
+    """The third channel is refused (SDO abort), or its confirmation lost: then nobody knows."""
+    def tamper(message):
+        if message.arbitration_id == 0x5A0 and bytes(message.data[:4]) == bytes.fromhex('60256103'):
+            message.data = answer
+            return [message] if answer else []
+        return [message]
+    with FaultBench(f'half zeroed {answer}') as bench:
+        bench.driver.open()
+        bench.adapter.tamper = tamper
+        with pytest.raises(HalfZeroedError, match='0x6125 sub 3: .*2 of 64 channels are zeroed'):
+            bench.driver.auto_zero('pad32')
+
+
+def test_of_a_pads_nodes_the_first_may_be_zeroed_when_the_second_refuses(monkeypatch):
+    zeroed = []
+
+    def second_refuses(_sdo, _dictionary, who):
+        if zeroed:
+            raise DeviceError(who, expected='that it takes "zero"', got='an abort', remedy='See its manual.')
+        zeroed.append(who)
+        return 5
+    monkeypatch.setattr(skin_bus, 'auto_zero', second_refuses)
+    with Bench('nodes zeroed', 'nodes2_12x8_12bit.yaml', (32, 35)) as bench:
+        bench.driver.open()
+        with pytest.raises(HalfZeroedError, match='node 35.*5 channels of other nodes are zeroed'):
             bench.driver.auto_zero('pad32')
 
 

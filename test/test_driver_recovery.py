@@ -193,18 +193,39 @@ def test_the_driver_goes_on_while_a_tare_waits_for_frames(chain):
     early = ask_for_tare(chain, 5)
     chain.wait(early.done, 'no answer')
     assert not early.result().success and 'a configured driver' in early.result().message
-    assert chain.driver.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    chain.driver.autostart()
+    chain.bench.device.power_off()
     first, told = ask_for_tare(chain, 400), len(chain.told)
     chain.wait(lambda: len(chain.told) > told + 2, 'no diagnostics meanwhile')
     second = ask_for_tare(chain, 5)
     chain.wait(second.done, 'no answer')
     assert not second.result().success and 'one request after another' in second.result().message
     assert not first.done()
-    begun = time.monotonic()
-    chain.driver.trigger_cleanup()
+    chain.driver.trigger_deactivate()
     chain.wait(first.done, 'no answer')
-    assert time.monotonic() - begun < 20 and not first.result().success
-    assert '400 whole taxel frames' in first.result().message
+    assert not first.result().success and 'one that was deactivated' in first.result().message
+    third = ask_for_tare(chain, 400)
+    chain.wait(third.done, 'no answer')
+    assert not third.result().success and 'Activate it' in third.result().message
+    chain.driver.trigger_cleanup()
+
+
+def test_a_power_cycle_after_the_devices_own_zero_leaves_no_valid_value_before_the_next_tare(chain):
+    *_, done = tares(chain, on_device=True)
+    assert done.success
+    chain.wait(lambda: np.allclose(chain.taxels[-1].values, 0, atol=0.01), 'not zero')
+    chain.bench.device.power_off()
+    chain.bench.device.boot()
+    chain.wait(lambda: 'until the next tare' in chain.told[-1], 'not told')
+    assert chain.levels[-1][1] == ERROR
+    since = len(chain.taxels)
+    chain.wait(lambda: len(chain.taxels) > since + 10, 'no frames')
+    assert all(np.isnan(frame.values).all() for frame in chain.taxels[since:])
+    again = ask_for_tare(chain, 5)
+    chain.wait(again.done, 'no answer')
+    assert again.result().success
+    chain.wait(lambda: np.allclose(chain.taxels[-1].values, 0, atol=0.01), 'not zero')
+    chain.wait(lambda: chain.levels[-1][1] == OK, 'not well again')
 
 
 def test_the_devices_own_zero_is_asked_for_only_without_load(chain):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_node.conditioning.tare import TaredPad, measure
-from tactile_node.errors import DeviceError, TareRefusedError
+from tactile_node.errors import DeviceError, HalfZeroedError, TareRefusedError
 from tactile_node.taxel_frame import TaxelFrame
 
 LIMIT = 10.0
@@ -47,14 +47,15 @@ def test_a_taxel_without_a_valid_value_keeps_its_zero():
         measure(np.full((5, 2, 2), np.nan), LIMIT)
 
 
-def tared(pad: TaredPad, given: list[TaxelFrame], count: int, timeout: float = 20.0, zero_device=None):
+def tared(pad: TaredPad, given: list[TaxelFrame], count: int, timeout: float = 20.0, zero_device=None,
+          is_kept=lambda: True):
     """Tare on a thread while ``given`` frames come again and again."""
     outcome = []
 
     def run():
         try:
             outcome.append(pad.tare(count, LIMIT, timeout) if zero_device is None else
-                           pad.tare_after(zero_device, count, LIMIT, timeout))
+                           pad.tare_after(zero_device, is_kept, count, LIMIT, timeout))
         except (TareRefusedError, DeviceError) as error:
             outcome.append(error)
     thread = threading.Thread(target=run)
@@ -106,11 +107,49 @@ def test_a_device_is_not_asked_to_take_a_load_for_its_zero():
     assert not asked and pad.feed(frame([[50.0]])).values.tolist() == [[50]]
 
 
-def test_a_device_that_fails_leaves_the_pad_without_a_tare_and_its_values_valid():
+def refuses(error):
     def zero_device():
-        raise DeviceError('node 5', expected='that it zeroes itself', got='an abort', remedy='See its manual.')
+        raise error('node 5', expected='that it zeroes itself', got='an abort', remedy='See its manual.')
+    return zero_device
 
+
+def test_a_device_that_zeroes_nothing_leaves_the_tare_before():
     pad = TaredPad()
     tared(pad, [frame([[3.0]])], 3)
-    assert 'an abort' in str(tared(pad, [frame([[3.0]])], 3, zero_device=zero_device))
-    assert pad.feed(frame([[3.0]])).values.tolist() == [[3.0]]
+    assert 'an abort' in str(tared(pad, [frame([[3.0]])], 3, zero_device=refuses(DeviceError)))
+    assert pad.feed(frame([[4.0]])).values.tolist() == [[1.0]] and not pad.doubt
+
+
+def test_of_a_device_that_zeroes_itself_in_part_no_value_is_valid_until_the_next_tare():
+    pad = TaredPad()
+    tared(pad, [frame([[3.0]])], 3)
+    tared(pad, [frame([[3.0]])], 3, zero_device=refuses(HalfZeroedError))
+    assert np.isnan(pad.feed(frame([[4.0]])).values).all() and 'in part' in pad.doubt
+    tared(pad, [frame([[1.0]])], 3)
+    assert pad.feed(frame([[4.0]])).values.tolist() == [[3.0]] and not pad.doubt
+
+
+def test_a_device_that_has_lost_its_zero_gives_no_valid_value_until_the_next_tare():
+    pad, boots = TaredPad(), []
+    tared(pad, [frame([[0.5]])], 3, zero_device=lambda: 1, is_kept=lambda: not boots)
+    assert pad.feed(frame([[4.0]])).values.tolist() == [[3.5]]
+    boots.append('power cycle')
+    assert np.isnan(pad.feed(frame([[8.0]])).values).all() and 'started anew' in pad.doubt
+    tared(pad, [frame([[4.5]])], 3)
+    assert pad.feed(frame([[8.0]])).values.tolist() == [[3.5]] and not pad.doubt
+
+
+def test_who_waits_for_frames_that_no_longer_come_is_told_why():
+    pad, refused = TaredPad(), []
+
+    def tare():
+        with pytest.raises(TareRefusedError, match='one that was deactivated'):
+            pad.tare(5, LIMIT, 20.0)
+        refused.append(True)
+    waiting = threading.Thread(target=tare)
+    waiting.start()
+    pad.give_up('one that was deactivated')
+    waiting.join(10.0)
+    assert refused
+    pad.expect()
+    assert tared(pad, [frame([[1.0]])], 3).frames == 3

@@ -4,13 +4,17 @@ from canopen import ObjectDictionary, SdoAbortedError, SdoCommunicationError
 from canopen.objectdictionary import ODVariable
 from canopen.sdo import SdoClient
 
-from tactile_node.errors import DeviceError
+from tactile_node.errors import BusError, DeviceError, HalfZeroedError
 
 AUTO_ZERO, ZERO = 0x6125, b'zero'  # the signature 0x6F72657A, least significant byte first
 
 
 def auto_zero(sdo: SdoClient, dictionary: ObjectDictionary, who: str) -> int:
-    """Zero every channel that the EDS lists; how many. Raises DeviceError where there is none, or one is refused."""
+    """Zero every channel that the EDS lists; how many.
+
+    Raises DeviceError where nothing was zeroed, HalfZeroedError where some channels were, or where the device has not
+    answered.
+    """
     where = f'{who}, object 0x{AUTO_ZERO:04X}'
     entry = dictionary[AUTO_ZERO] if AUTO_ZERO in dictionary else None
     subs = [0] if isinstance(entry, ODVariable) else [sub for sub in entry or () if sub]
@@ -20,8 +24,10 @@ def auto_zero(sdo: SdoClient, dictionary: ObjectDictionary, who: str) -> int:
     for sub in subs:
         try:
             sdo.download(AUTO_ZERO, sub, ZERO)
-        except (SdoAbortedError, SdoCommunicationError) as error:
-            raise DeviceError(f'{where} sub {sub}', expected='that it takes "zero"', got=str(error),
-                              remedy=f'{subs.index(sub)} of {len(subs)} channels are zeroed. See the manual of the '
-                                     'device, or tare without on_device.') from error
+        except (SdoAbortedError, SdoCommunicationError, BusError) as error:
+            done = subs.index(sub)
+            kind = HalfZeroedError if done or not isinstance(error, SdoAbortedError) else DeviceError
+            raise kind(f'{where} sub {sub}', expected='that it takes "zero"', got=str(error),
+                       remedy=f'{done} of {len(subs)} channels are zeroed. See the manual of the device, or tare '
+                              'without on_device.') from error
     return len(subs)

@@ -25,7 +25,13 @@ class FrameSource(Protocol):
         """Give everything back; allowed in any state, also twice."""
 
     def auto_zero(self, pad: str) -> int:
-        """Let the pad's devices zero themselves (CiA 404); how many channels. Raises DeviceError, BusError."""
+        """Let the pad's devices zero themselves (CiA 404); how many channels.
+
+        Raises DeviceError, BusError where none is zeroed, HalfZeroedError where some are.
+        """
+
+    def boots(self, pad: str) -> int:
+        """Boot-ups seen of the pad's devices: what they have not saved is lost with each."""
 
     def adjust(self, drop_incomplete: bool, heartbeat_timeout: float) -> None:
         """Change these while frames flow, or do not; see BusSettings and Supervisor."""

@@ -71,6 +71,10 @@ class LogSource:
         raise DeviceError(f'pad {pad!r}', expected='a device that zeroes itself', got=f'the log {self._path}',
                           remedy='Tare without on_device.')
 
+    def boots(self, pad: str) -> int:
+        """None of a log's is waited for."""
+        return 0
+
     def adjust(self, drop_incomplete: bool, heartbeat_timeout: float) -> None:
         """A log has nobody whose heartbeat could fail."""
         self._router.drop_incomplete(drop_incomplete)

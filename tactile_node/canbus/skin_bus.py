@@ -23,7 +23,7 @@ from tactile_node.canbus.pad_rules import check_dictionaries, check_pads
 from tactile_node.canbus.pads import PadSettings
 from tactile_node.canbus.router import BusStatistics, Router, oddity_of
 from tactile_node.canbus.stamp_clock import StampClock
-from tactile_node.errors import BusError, DeviceError, LogError
+from tactile_node.errors import BusError, DeviceError, HalfZeroedError, LogError
 
 logger = logging.getLogger(__name__)
 
@@ -99,12 +99,18 @@ class SkinBus:
             self._polls[node.node_id].by_block = is_block
 
     def auto_zero(self, pad: str) -> int:
-        """Let the pad's devices zero themselves; how many channels. Raises DeviceError, BusError."""
+        """Let the pad's devices zero themselves; how many channels. Raises DeviceError, BusError, HalfZeroedError."""
         zeroed = 0
         for node in self._nodes:
             if node.name == pad:
-                with self._opened().sdo_client(node.node_id, node.dictionary) as sdo:
-                    zeroed += auto_zero(sdo, node.dictionary, node.who)
+                try:
+                    with self._opened().sdo_client(node.node_id, node.dictionary) as sdo:
+                        zeroed += auto_zero(sdo, node.dictionary, node.who)
+                except (DeviceError, BusError) as error:
+                    if not zeroed:
+                        raise
+                    raise HalfZeroedError(error.where, expected=error.expected, got=error.got, remedy=error.remedy
+                                          + f' {zeroed} channels of other nodes are zeroed.') from error
         return zeroed
 
     def start(self, without: Collection[int] = ()) -> None:

@@ -107,6 +107,9 @@ class Supervisor:
     def auto_zero(self, pad: str) -> int:
         return self._bus.auto_zero(pad)
 
+    def boots(self, pad: str) -> int:
+        return sum(node.boots for node in self._by_pad[pad])
+
     def adjust(self, drop_incomplete: bool, heartbeat_timeout: float) -> None:
         self._bus.drop_incomplete(drop_incomplete)
         for node in self._nodes:

@@ -17,6 +17,7 @@ class PadCondition(NamedTuple):
     faults: FaultyTaxels
     unchanged: float = 0.0  #: for how long no taxel has read another value [s]
     is_frozen: bool = False
+    zero_doubt: str = ''  #: why the zero is unknown and no value valid
 
 
 class ConditionedPad:
@@ -41,7 +42,7 @@ class ConditionedPad:
 
     @property
     def condition(self) -> PadCondition:
-        return PadCondition(self._faults, self.unchanged, self.is_frozen)
+        return PadCondition(self._faults, self.unchanged, self.is_frozen, self.tared.doubt)
 
     @property
     def is_frozen(self) -> bool:

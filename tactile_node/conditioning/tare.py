@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.conditioning.drift import DriftFollower
-from tactile_node.errors import TareRefusedError
+from tactile_node.errors import HalfZeroedError, TareRefusedError
 from tactile_node.taxel_frame import TaxelFrame, read_only, without_any_value
 
+LOST_ZERO = 'its device has started anew since it zeroed itself'
 SETTLING = 3  #: frames given up after a device has zeroed itself: some were under way
 
 
@@ -62,22 +63,28 @@ class TaredPad:
 
     def __init__(self, drift: DriftFollower | None = None):
         self.offset: np.ndarray | None = None
-        self._is_zero_known = True  # False: no value is valid, since the device's zero is being changed
+        self._doubt, self._is_device_zero_kept = '', lambda: True
         self.drift = drift
         self._wanted, self._taken, self._changed = 0, [], threading.Condition()
-        self._is_given_up = False
+        self._ended = ''  # why no more frames come, '' while they may
+
+    @property
+    def doubt(self) -> str:
+        """Why the zero is unknown, so that no value is valid; '' while it is known."""
+        return self._doubt or ('' if self._is_device_zero_kept() else LOST_ZERO)
 
     def feed(self, frame: TaxelFrame) -> TaxelFrame:
         """Return the frame, its tare taken off."""
+        doubt = self.doubt
         with self._changed:
             if self._wanted and not frame.missing_can_frames:
                 self._taken.append(frame.values)
                 self._wanted -= 1
                 self._changed.notify()
-            if (drift := self.drift) is not None and self._is_zero_known:
+            if (drift := self.drift) is not None and not doubt:
                 zero = np.zeros_like(frame.values) if self.offset is None else self.offset
                 self.offset = drift.update(frame.stamp, frame.values, zero)
-        if not self._is_zero_known:
+        if doubt:
             return without_any_value(frame)
         if self.offset is None:
             return frame
@@ -89,38 +96,57 @@ class TaredPad:
         with self._changed:  # a taxel that could not be measured keeps its zero
             offset = found.offset if self.offset is None else np.where(found.known, found.offset, self.offset)
             self.offset = read_only(offset)
+            self._doubt, self._is_device_zero_kept = '', lambda: True
         return found
 
-    def tare_after(self, zero_device: Callable[[], int], frames: int, limit: float, timeout: float) -> tuple[int, Tare]:
+    def tare_after(self, zero_device: Callable[[], int], is_kept: Callable[[], bool], frames: int, limit: float,
+                   timeout: float) -> tuple[int, Tare]:
         """Let the device zero itself, then take off what is left; return what ``zero_device`` does, too.
 
         Refused under load before the device is asked, or it would take the load for its zero. Until the new tare is
-        known no value is valid. Whatever ``zero_device`` raises leaves the pad without a tare: the one before
-        belonged to another zero.
+        known no value is valid. From then on ``is_kept`` tells whether the device still has its zero (CiA 404: after a
+        reset it has not, unless it was told to save it); once it has not, no value is valid before the next tare.
+        When ``zero_device`` raises all is as before, but for HalfZeroedError: then no value is valid.
         """
         self.measure_next(frames, limit, timeout)
+        before = self._doubt, self.offset
         with self._changed:
-            self._is_zero_known, self.offset = False, None
+            self._doubt, self.offset = 'its device is zeroing itself', None
         try:
             zeroed = zero_device()
+        except HalfZeroedError as error:
+            self._doubt = f'its device has zeroed itself in part: {error}'
+            raise
+        except BaseException:
+            with self._changed:
+                self._doubt, self.offset = before
+            raise
+        try:
             self.measure_next(SETTLING, np.inf, timeout)
             return zeroed, self.tare(frames, limit, timeout)
         finally:
-            self._is_zero_known = True
+            self._doubt, self._is_device_zero_kept = '', is_kept
 
-    def give_up(self) -> None:
-        """No more frames come: whoever waits for some is refused at once."""
+    def give_up(self, why: str) -> None:
+        """No frames come until ``expect``: whoever waits for some is refused at once."""
         with self._changed:
-            self._is_given_up = True
+            self._ended = why
             self._changed.notify()
+
+    def expect(self) -> None:
+        """Frames come again."""
+        self._ended = ''
 
     def measure_next(self, frames: int, limit: float, timeout: float) -> Tare:
         """As ``tare``, but only measure."""
         with self._changed:
             self._taken, self._wanted = [], frames
-            self._changed.wait_for(lambda: not self._wanted or self._is_given_up, timeout)
+            self._changed.wait_for(lambda: not self._wanted or self._ended, timeout)
             taken, self._taken, self._wanted = self._taken, [], 0
+        if len(taken) < frames and self._ended:
+            raise TareRefusedError('tare', expected='a driver that is active', got=self._ended,
+                                   remedy='Activate it and ask again.')
         if len(taken) < frames:
             raise TareRefusedError('tare', expected=f'{frames} whole taxel frames within {timeout:.1f} s',
-                                   got=f'{len(taken)}', remedy='Activate the driver; /diagnostics says what is lost.')
+                                   got=f'{len(taken)}', remedy='See /diagnostics: it says what is lost.')
         return measure(np.stack(taken), limit)

@@ -104,9 +104,10 @@ class DriverNode(LifecycleNode):
         return result
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        return self._attempt(self._source.start, tell=True)
+        return self._attempt(self._start, tell=True)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self._tare.give_up('one that was deactivated')
         return self._attempt(self._source.stop, tell=True)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -156,12 +157,16 @@ class DriverNode(LifecycleNode):
         self._source = self._make_source(settings, pads)
         self._tare.begin(Zeroing({name: pad.tared for name, pad in conditioned.items()},
                                  self._tare_limit({pad.name: pad.layout.value.unit for pad in pads}),
-                                 settings.sync_period, self._source.auto_zero))
+                                 settings.sync_period, self._source.auto_zero, self._source.boots))
         self._owned += [saving.destroy, self._tare.end]
         timer = self.create_timer(DIAGNOSTICS_PERIOD, self._publish_state)
         self._owned.append(lambda: self.destroy_timer(timer))
         self._source.open()
         self._source.configure()
+
+    def _start(self) -> None:
+        self._source.start()
+        self._tare.expect()
 
     def _make_publisher(self, kind: type, topic: str, qos: QoSProfile) -> Publisher:
         publisher = self.create_publisher(kind, topic, qos)

@@ -22,13 +22,15 @@ class Zeroing(NamedTuple):
     """What a tare works on.
 
     ``limit``: a pad's name -> what a taxel may read at most [unit] to count as not pressed; ConfigurationError
-    where it has no zero. ``auto_zero``: a pad's name -> its devices zero themselves; see FrameSource.
+    where it has no zero. ``auto_zero``, ``boots``: a pad's name -> its devices zero themselves, have booted; see
+    FrameSource.
     """
 
     pads: Mapping[str, TaredPad]  #: by name
     limit: Callable[[str], float]
     frame_period: float  #: s
     auto_zero: Callable[[str], int]
+    boots: Callable[[str], int]
 
 
 class TareService:
@@ -44,15 +46,26 @@ class TareService:
         node.create_service(Tare, '~/tare', self._answer, callback_group=group)
 
     def begin(self, zeroing: Zeroing) -> None:
-        """From now on requests are served."""
+        """The driver is configured; see ``expect``."""
         self._zeroing = zeroing
+        self.give_up('a configured one')
+
+    def expect(self) -> None:
+        """From now on requests are served."""
+        for pad in self._zeroing.pads.values():
+            pad.expect()
+
+    def give_up(self, why: str) -> None:
+        """From now on requests are refused, one under way too."""
+        for pad in self._zeroing.pads.values():
+            pad.give_up(why)
 
     def end(self) -> None:
-        """From now on requests are refused, one under way too."""
-        zeroing, self._zeroing = self._zeroing, None
-        if zeroing is not None and self._thread is not None:
-            for pad in zeroing.pads.values():
-                pad.give_up()
+        """The driver is no longer configured; returns when a request under way is over."""
+        if self._zeroing is not None:
+            self.give_up('one that is cleaned up')
+            self._zeroing = None
+        if self._thread is not None:
             self._thread.join()
 
     async def _answer(self, request: Tare.Request, response: Tare.Response) -> Tare.Response:
@@ -113,7 +126,8 @@ def _tared(zeroing: Zeroing, name: str, count: int, request: Tare.Request, respo
                                remedy='Ask for fewer frames, or for one pad after another.')
     if not request.on_device:
         return _noted(name, pad.tare(*given), response)
-    channels, found = pad.tare_after(lambda: zeroing.auto_zero(name), *given)
+    boots = zeroing.boots(name)
+    channels, found = pad.tare_after(lambda: zeroing.auto_zero(name), lambda: zeroing.boots(name) == boots, *given)
     return _noted(name, found, response, f'{channels} channels zeroed on the device, then ')
 
 

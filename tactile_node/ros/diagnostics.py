@@ -116,7 +116,11 @@ def _condition_findings(condition: PadCondition) -> list[Finding]:
     told = [f'{condition.faults.count} faulty taxels, {condition.faults}'] if condition.faults.count else []
     if condition.is_frozen:
         told.append(f'no taxel has changed by one count for {condition.unchanged:.1f} s: has it stopped sampling?')
-    return [Finding(DiagnosticStatus.WARN, one) for one in told]
+    findings = [Finding(DiagnosticStatus.WARN, one) for one in told]
+    if condition.zero_doubt:
+        sentence = f'no value is valid until the next tare: {condition.zero_doubt}'
+        findings.append(Finding(DiagnosticStatus.ERROR, sentence))
+    return findings
 
 
 def _bus_losses(statistics: BusStatistics) -> dict[str, int]:
