@@ -26,6 +26,7 @@ ARGUMENTS = {  # name: (default, description)
     'params_file': ('', 'ROS 2 parameter file for all nodes; arguments given here win over it'),
     'simulate': ('false', 'true: a simulated skin on a pseudo-terminal in place of the bus'),
     'replay': ('', 'a recorded CAN log to play in place of the bus'),
+    'replay_channel': ('', 'of a log of several buses the one to play, as the log calls it; of a bag, the topic'),
     'replay_pace': ('', 'speed of the replay: 1 as recorded (default), 0 as fast as possible'),
     'record': ('', 'a file to record the bus to'),
     'wait_at_start': ('', 'false: end where bus or device are not there at start, not wait for them (default true)'),
@@ -58,7 +59,8 @@ def bringup(context) -> list:
 
 def driver_node(given: dict, names: list) -> Node:
     """Only what was given: the rest is left to the parameter file and the driver's defaults."""
-    readers = {'interface': str, 'channel': str, 'replay': str, 'record': str, 'bitrate': whole, 'replay_pace': float}
+    readers = {'interface': str, 'channel': str, 'replay': str, 'replay_channel': str, 'record': str, 'bitrate': whole,
+               'replay_pace': float}
     parameters = {name: reader(given[name]) for name, reader in readers.items() if given[name]}
     parameters |= {name: split(given[argument]) for name, argument in (('layouts', 'layout'), ('eds', 'eds'))
                    if given[argument]}

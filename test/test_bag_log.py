@@ -114,6 +114,12 @@ def test_without_stamps_the_time_of_recording_counts(tmp_path):
     assert [message.timestamp for message in CanLogReader(folder)] == [m.timestamp for m in SENT[:3]]
 
 
+def test_of_a_bag_of_two_buses_one_is_named_by_its_topic(tmp_path):
+    folder = bag(tmp_path / 'bag', rosbags.StoragePlugin.MCAP, (('/left/can', TYPE), ('/right/can', TYPE)))
+    assert len(list(CanLogReader(folder))) == 6
+    assert told(CanLogReader(folder, '/left/can')) == told(SENT[:3])
+
+
 @pytest.mark.parametrize('plugin', ['MCAP', 'SQLITE3'])
 def test_a_bag_without_can_frames_is_told_by_its_topics(tmp_path, plugin):
     folder = bag(tmp_path / 'bag', rosbags.StoragePlugin[plugin], (('/odom', 'std_msgs/msg/Header'),))

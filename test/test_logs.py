@@ -241,6 +241,57 @@ def test_loop_keeps_stamps_rising(tmp_path):
     np.testing.assert_allclose(stamps, [1.0, 1.3, 1.6, 1.9])
 
 
+def test_a_loop_never_completes_its_last_sweep_with_its_first_can_frames(tmp_path):
+    """A log of a running bus begins and ends amid a sweep."""
+    frames = queue.Queue()
+    lines = ('(1.0) can0 281#4444', '(1.1) can0 381#4545', '(1.2) can0 080#', '(1.3) can0 181#1414')
+    source = LogSource(str(tiny_log(tmp_path, *lines)), tiny_pads(tmp_path), lambda _name, frame: frames.put(frame),
+                       pace=None, loop=True, log=lambda text: None)
+    source.open()
+    source.start()
+    taken = [frames.get(timeout=5) for _ in range(3)]
+    source.close()
+    assert [frame.missing_can_frames for frame in taken] == [2, 2, 2]
+    assert all(np.isnan(frame.values[1:]).all() and (frame.values[0] == 20).all() for frame in taken)
+
+
+TWO_BUSES = ('(1.0) can0 080#', '(1.0) can1 080#', '(1.1) can0 181#0A0A', '(1.1) can1 181#1414', '(1.2) can0 281#0A0A',
+             '(1.2) can0 381#0A0A', '(1.2) can1 281#1414', '(1.2) can1 381#1414')
+
+
+def test_a_log_of_two_buses_with_the_same_pad_is_refused_until_one_is_named(tmp_path):
+    log, pads = tiny_log(tmp_path, *TWO_BUSES), tiny_pads(tmp_path)
+    frames, source = play(log, pads)
+    assert '0x181' in source.failure and 'can0 and on can1' in source.failure and 'replay_channel' in source.failure
+    assert not any(np.isfinite(frame.values[1:]).any() for _, frame in frames)
+    for channel, value in (('can0', 0.0), ('can1', 20.0)):
+        (_, frame), = play(log, pads, channel=channel)[0]
+        assert (frame.values == value).all()
+    with pytest.raises(LogError, match='none of channel .can7., but of can0, can1'):
+        LogSource(str(log), pads, lambda *_: None, channel='can7').open()
+
+
+@pytest.mark.parametrize('damaged', ['9000000001.1', '0.1'])
+def test_a_damaged_stamp_costs_its_own_can_frame_alone(tmp_path, damaged):
+    lines = [f'({1e9 + k + i / 10}) can0 {can_id}#{"" if i == 0 else "0A0A"}'
+             for k in range(3) for i, can_id in enumerate(('080', '181', '281', '381'))]
+    lines[5] = f'({damaged}) can0 181#0A0A'
+    frames, source = play(tiny_log(tmp_path, *lines), tiny_pads(tmp_path))
+    assert [frame.stamp for _, frame in frames] == [1e9, 1e9 + 1, 1e9 + 2]
+    assert [frame.missing_can_frames for _, frame in frames] == [0, 1, 0]
+    assert source.statistics().unread == 1 and source.statistics().clock_jumps == 0 and damaged in source.told
+
+
+def test_a_gap_is_told_and_not_waited_for(tmp_path):
+    """The clock set an hour on while recording, or an hour without SYNC."""
+    said = []
+    lines = [f'({stamp + i / 1000}) can0 {can_id}#{"" if i == 0 else "0A0A"}'
+             for stamp in (1.0, 1.1, 3601.2, 3601.3) for i, can_id in enumerate(('080', '181', '281', '381'))]
+    frames, source = play(tiny_log(tmp_path, *lines), tiny_pads(tmp_path), pace=1.0, log=said.append)
+    assert [frame.stamp for _, frame in frames] == [1.0, 1.1, 3601.2, 3601.3]
+    assert any('gap of 3600.1 s' in sentence for sentence in said)
+
+
 def test_consumer_that_fails_is_counted(tmp_path, caplog):
     source = LogSource(str(tiny_log(tmp_path, SYNC, *ROWS)), tiny_pads(tmp_path), lambda *_: 1 / 0, pace=None)
     source.open()

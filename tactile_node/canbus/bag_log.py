@@ -136,8 +136,9 @@ class _Types:
             raise EOFError(f'a message of {recorded.topic} that is no {TYPE}') from error
         stamp = frame.header.stamp
         time = stamp.sec + stamp.nanosec / SECOND if stamp.sec or stamp.nanosec else recorded.time / SECOND
+        data = bytes(frame.data[:min(frame.dlc, 8)])
         return can.Message(time, frame.id & 0x1FFF_FFFF, frame.is_extended, frame.is_rtr, frame.is_error,
-                           dlc=min(frame.dlc, 8), data=None if frame.is_rtr else bytes(frame.data[:min(frame.dlc, 8)]))
+                           channel=recorded.topic, dlc=len(data), data=None if frame.is_rtr else data)
 
     def cdr(self, message: can.Message, time: int) -> bytes:
         kinds, data = self._store.types, bytes(message.data).ljust(8, b'\0')

@@ -15,11 +15,12 @@ from tactile_node.canbus.pad_rules import check_pads
 from tactile_node.canbus.pads import PadSettings
 from tactile_node.canbus.router import BusStatistics, Router
 from tactile_node.canbus.stoppable_thread import StoppableThread
+from tactile_node.canbus.stray_stamps import SET_BACK
 from tactile_node.errors import DeviceError, LogError
 
 logger = logging.getLogger(__name__)
 
-SET_BACK = 1.0  # s: two frames of one clock are recorded in a wrong order by less
+LONGEST_WAIT = 10.0  # s: a longer gap in a log is not waited for
 
 
 class LogSource:
@@ -28,13 +29,15 @@ class LogSource:
     ``on_frame`` is called in step on the replaying thread, so a slow consumer slows the log and loses
     nothing. With ``loop`` the log begins again at its end, stamps shifted by its length. ``stop`` pauses,
     ``start`` goes on at the next CAN frame. ``finished`` is set when the log has ended, ``failure`` says when
-    it ended badly.
+    it ended badly. ``channel`` chooses one bus of a log of several; where two have the same pad it must.
     """
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], on_frame: OnFrame, pace: float | None = 1.0,
-                 loop: bool = False, log: Callable[[str], None] = logger.info, drop_incomplete: bool = False):
+                 loop: bool = False, log: Callable[[str], None] = logger.info, drop_incomplete: bool = False,
+                 channel: str = ''):
         check_pads(pads)
-        self._path, self._pace, self._loop, self._log = path, pace, loop, log
+        self._path, self._pace, self._loop, self._log, self._channel = path, pace, loop, log, channel
+        self._channels: dict[int, str] = {}  # of each TPDO
         self._consumer = Consumer(on_frame)
         self._router = Router(tuple(pads), self._consumer, drop_incomplete=drop_incomplete)
         self._reader: CanLogReader | None = None
@@ -48,7 +51,7 @@ class LogSource:
         if self._messages is not None:
             return
         self.finished.clear()
-        self._reader = CanLogReader(self._path)
+        self._reader = CanLogReader(self._path, self._channel)
         messages = self._all_messages()
         self._messages = itertools.chain([next(messages)], messages)  # raises LogError now rather than on the thread
         self._log(f'Playing {self._path}.')
@@ -110,14 +113,16 @@ class LogSource:
                 yield message
             if not self._loop:
                 return
+            self._router.end()  # or what the log begins with would complete the sweep that it ends with
             self._unread += self._reader.unread
             shift += last - first
 
     def _play(self, stopping: threading.Event) -> None:
-        clock = _RecordedPace(self._pace, stopping)
+        clock = _RecordedPace(self._pace, stopping, self._log)
         try:
             for message in self._messages:
                 clock.wait_until(message.timestamp)
+                self._check_channel(message)
                 self._router.feed_message(message)
                 if stopping.is_set():
                     return
@@ -130,16 +135,26 @@ class LogSource:
         self.finished.set()
         self._log(f'{self._path} has ended: {self.told}')
 
+    def _check_channel(self, message: can.Message) -> None:
+        """Two skins of the same node-ID on two buses would become one."""
+        can_id, channel = message.arbitration_id, str(message.channel)
+        if message.is_extended_id or can_id not in self._router.can_ids:
+            return
+        if self._channels.setdefault(can_id, channel) != channel:
+            raise LogError(self._path, expected=f'0x{can_id:03X}, a pad\'s CAN frame, on one bus',
+                           got=f'it on {self._channels[can_id]} and on {channel}',
+                           remedy='Name the bus to play: replay_channel, or --channel of tactile replay.')
+
     def _fail(self, failure: str) -> None:
         self.failure = failure
         self._log(failure)
 
 
 class _RecordedPace:
-    """Waits until the recorded time has come; the clock starts with the first message."""
+    """Waits until the recorded time has come, LONGEST_WAIT at most; the clock starts with the first message."""
 
-    def __init__(self, pace: float | None, stopping: threading.Event):
-        self._pace, self._stopping, self._origin = pace, stopping, None
+    def __init__(self, pace: float | None, stopping: threading.Event, log: Callable[[str], None]):
+        self._pace, self._stopping, self._log, self._origin = pace, stopping, log, None
 
     def wait_until(self, recorded: float) -> None:
         if self._pace is None:
@@ -147,5 +162,8 @@ class _RecordedPace:
         if self._origin is None:
             self._origin = time.monotonic() - recorded / self._pace
         ahead = self._origin + recorded / self._pace - time.monotonic()
-        if ahead > 0:
+        if ahead > LONGEST_WAIT:
+            self._log(f'The log has a gap of {ahead * self._pace:.1f} s, which is not waited for.')
+            self._origin -= ahead
+        elif ahead > 0:
             self._stopping.wait(ahead)

@@ -12,6 +12,7 @@ from can.io import CanutilsLogReader
 from can.io.generic import MessageReader, MessageWriter
 
 from tactile_node.canbus.bag_log import BagCanReader, McapCanWriter, is_bag
+from tactile_node.canbus.stray_stamps import without_strays
 from tactile_node.errors import LogError
 
 TEXT_SUFFIXES = ('.log', '.asc', '.trc')
@@ -142,19 +143,21 @@ def _ends_within_a_line(path: Path) -> bool:
 class CanLogReader:
     """Iterates over a log's messages; ``unread`` counts lines (or broken rests) left out, ``problem`` says why.
 
-    Of a log cut short, by a full disk or in a download, what is whole is given; ``told`` says where it ends.
+    Of a log of several buses only ``channel`` is read where it is given: as the log calls it, or a bag's topic. A frame
+    whose stamp is far from its neighbours' is left out as unread. Of a log cut short, by a full disk or in a download,
+    what is whole is given; ``told`` says where it ends.
 
     Raises LogError when the file is missing, of no known format, or holds no CAN frame at all.
     """
 
-    def __init__(self, path: str | Path):
-        self.path, self.unread, self.problem = str(path), 0, ''
+    def __init__(self, path: str | Path, channel: str = ''):
+        self.path, self._channel, self.unread, self.problem = str(path), channel, 0, ''
         self.can_frames, self._last = 0, 0.0
         if not Path(path).is_file() and not (Path(path).is_dir() and is_bag(path)):
             self._refuse('no file' if Path(path).exists() else 'no such file', 'Check the path.')
 
     def __iter__(self) -> Iterator[can.Message]:
-        self.unread, self.can_frames = 0, 0
+        self.unread, self.can_frames, self._others = 0, 0, set()
         try:
             reader = BagCanReader(self.path) if is_bag(self.path) else _reader(self.path)
         except LogError:
@@ -164,9 +167,13 @@ class CanLogReader:
                          'Give a log in a format and with a suffix python-can reads.')
         with reader:
             messages, is_cut = self._messages(reader), _ends_within_a_line(Path(self.path))
-            yield from self._counted(self._without_last_line(messages) if is_cut else messages)
+            whole = self._without_last_line(messages) if is_cut else messages
+            yield from self._counted(without_strays(self._of_channel(whole), self._stray))
         if not is_cut and not self.unread and (shortfall := _shortfall(reader, Path(self.path))):
             self._unread(shortfall)
+        if not self.can_frames and self._others:
+            self._refuse(f'none of channel {self._channel!r}, but of {", ".join(sorted(self._others))}',
+                         'Name one of these.')
         if not self.can_frames:
             self._refuse(f'none{f" ({self.unread} lines unread: {self.problem})" if self.unread else ""}',
                          'Record it again, or check that the suffix fits the content.')
@@ -177,6 +184,16 @@ class CanLogReader:
         end = datetime.fromtimestamp(self._last, timezone.utc).isoformat(' ', 'milliseconds').replace('+00:00', ' UTC')
         rest = f'; {self.unread} lines or rests unread: {self.problem}' if self.unread else ''
         return f'{self.can_frames} CAN frames, the last at {end}{rest}.'
+
+    def _of_channel(self, messages: Iterator[can.Message]) -> Iterator[can.Message]:
+        for message in messages:
+            if self._channel in ('', str(message.channel)):
+                yield message
+            else:
+                self._others.add(str(message.channel))
+
+    def _stray(self, message: can.Message) -> None:
+        self._unread(f'a stamp of {message.timestamp:.6f} s, far from its neighbours')
 
     def _counted(self, messages: Iterator[can.Message]) -> Iterator[can.Message]:
         for message in messages:

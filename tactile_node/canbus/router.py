@@ -1,6 +1,7 @@
 """Gives each CAN frame of a bus or a log to the pad it belongs to, and counts all others by service."""
 
 from collections import Counter
+from collections.abc import Collection
 from typing import NamedTuple
 
 import can
@@ -48,6 +49,11 @@ class Router:
         self._foreign_sync, self._sync_id = foreign_sync, pads[0].layout.sync_cob_id
         self._on_frame = on_frame
         self._counts: Counter[str] = Counter()
+
+    @property
+    def can_ids(self) -> Collection[int]:
+        """COB-IDs of the pads' taxels."""
+        return self._owner.keys()
 
     def restart(self) -> None:
         self.is_running = True

@@ -21,6 +21,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--layout', default='sim16x16.yaml', help='skin layout (default: %(default)s)')
     parser.add_argument('--node-id', type=node_ids, action='extend', metavar='ID,...',
                         help='node-ID of each pad (default: 32)')
+    parser.add_argument('--channel', default='', help='of a log of several buses the one to play, as the log calls it '
+                        "(can0); of a bag, the topic")
     parser.add_argument('--pace', type=pace, default=0.0,
                         help='1: as recorded, 2: twice as fast, 0: as fast as possible (default: %(default)s)')
     parser.add_argument('--output', metavar='FILE', help='.npy of shape (K, rows, cols), NaN = invalid; '
@@ -33,7 +35,8 @@ def run(args: argparse.Namespace) -> int:
     pads = make_pads([args.layout], args.node_id or [32])
     outputs = _outputs(args.output, pads)
     frames: dict[str, list[np.ndarray]] = {pad.name: [] for pad in pads}
-    source = LogSource(args.log, pads, lambda name, frame: frames[name].append(frame.values), args.pace or None)
+    source = LogSource(args.log, pads, lambda name, frame: frames[name].append(frame.values), args.pace or None,
+                       channel=args.channel)
     with interruption() as asked:
         source.open()
         source.start()

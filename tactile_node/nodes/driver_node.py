@@ -178,7 +178,7 @@ class DriverNode(LifecycleNode):
         if settings.replay:
             self._gate = self._make_gate(settings)
             return LogSource(settings.replay, pads, self._publish, settings.replay_pace or None, settings.replay_loop,
-                             log, settings.drop_incomplete)
+                             log, settings.drop_incomplete, settings.replay_channel)
         bus = BusSettings(settings.interface, settings.channel, settings.bitrate, settings.sync_period,
                           settings.produce_sync, settings.boot_timeout, drop_incomplete=settings.drop_incomplete,
                           record=settings.record)

@@ -37,6 +37,8 @@ DRIVER = (
     Parameter('bitrate', 1_000_000, 'bit rate of the bus [bit/s]', 10_000, 1_000_000),
     Parameter('replay', '', 'a recorded CAN log to play in place of the bus; empty: use the bus'),
     Parameter('replay_pace', 1.0, 'speed of the replay, 1 = as recorded, 0 = as fast as possible', 0, 1000),
+    Parameter('replay_channel', '', 'of a log of several buses the one to play, as the log calls it; of a bag, '
+              'the topic'),
     Parameter('replay_loop', False, 'begin the log again at its end, stamps going on'),
     Parameter('record', '', 'a file to record the bus to, numbered when it exists; the suffix chooses the format; '
               'empty: do not'),
