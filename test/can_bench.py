@@ -110,6 +110,12 @@ class Bench:
             frames += [item for item in self.take(1) if item[1].missing_can_frames == 0]
         return frames
 
+    def take_until(self, wanted: Callable[[TaxelFrame], bool]) -> TaxelFrame:
+        """The next frame that is ``wanted``."""
+        while not wanted(frame := self.take(1)[0][1]):
+            pass
+        return frame
+
     def forget(self) -> None:
         """Drop the frames not yet taken; for a stopped driver."""
         while not self.frames.empty():

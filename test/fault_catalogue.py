@@ -19,17 +19,23 @@ from fault_bench import PATIENCE, FaultBench
 from tactile_node.conditioning.tare import TaredPad
 from tactile_node.errors import DeviceError, TareRefusedError
 from tactile_node.simulator.device import SimulatedDevice
+from tactile_node.taxel_frame import TaxelFrame
 
 ALLOWED = 1.0  # s from the end of a cause until taxels come again
 ALL_TPDOS = range(1, 17)  # of the pad of 8x8 taxels
 COB_IDS = [0x1A0 + 0x100 * (i // 4) + i % 4 for i in range(16)]
 
 
-def _switch_off(bench: FaultBench, device: SimulatedDevice, says: str, missing: int) -> None:
-    """Wait until it is told and a frame lacks so many CAN frames."""
+def _switch_off(bench: FaultBench, device: SimulatedDevice, says: str, missing: int) -> TaxelFrame:
+    """Wait until it is told and a frame after that lacks so many CAN frames; return that one."""
     device.power_off()
     bench.detect(says)
-    bench.wait(lambda: bench.kept[-1][1].missing_can_frames == missing, 'frames without its taxels')
+    told = len(bench.kept)
+
+    def lacking() -> TaxelFrame | None:
+        return next((frame for _, frame in bench.kept[told:] if frame.missing_can_frames == missing), None)
+    bench.wait(lambda: lacking() is not None, 'frames without its taxels')
+    return lacking()
 
 
 def _switch_on(bench: FaultBench, device: SimulatedDevice) -> None:
@@ -616,8 +622,7 @@ def one_of_a_pads_nodes_lost(channel: str) -> FaultBench:
     with FaultBench(channel, (32, 35), source=lambda t: source, layout='nodes2_12x8_12bit.yaml') as bench:
         bench.run().cause()
         second = bench.simulator.devices[35]
-        _switch_off(bench, second, "Node 35 (pad 'pad32'): it sends neither", missing=12)
-        values = bench.kept[-1][1].values
+        values = _switch_off(bench, second, "Node 35 (pad 'pad32'): it sends neither", missing=12).values
         assert np.isfinite(values[:6]).all() and np.isnan(values[6:]).all()
         _switch_on(bench, second)
     return bench

@@ -138,7 +138,7 @@ def test_record_from_a_live_bus(tmp_path, capsys):
     log = tmp_path / 'x.log'
     with Bench('commands', sync_period=0.01) as bench:
         bench.run()
-        assert run(record, '--interface', 'virtual', '--channel', 'commands', '--duration', 0.5, log) == 0
+        assert run(record, '--interface', 'virtual', '--channel', 'commands', '--duration', 1.5, log) == 0
     ids = [message.arbitration_id for message in CanLogReader(log)]
     assert f'{len(ids)} CAN frames' in capsys.readouterr().out
     assert ids.count(0x080) > 10 and ids.count(0x1A0) > 10 and ids.count(0x720) > 0

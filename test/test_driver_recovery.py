@@ -30,7 +30,8 @@ class Chain:
     """The driver node on the bench's bus, and a listener; spun by whoever waits."""
 
     def __init__(self, channel):
-        given = {'interface': 'virtual', 'channel': channel, 'pads': ['pad32'], 'node_ids': [32], 'layouts': [LAYOUT]}
+        given = {'interface': 'virtual', 'channel': channel, 'pads': ['pad32'], 'node_ids': [32], 'layouts': [LAYOUT],
+                 'sync_period': 0.2}  # s: a stall of that length is rare; each would be a WARN
         self.driver = DriverNode(parameter_overrides=[Parameter(name, value=value) for name, value in given.items()])
         self.listener = rclpy.create_node('listener')
         self.taxels, self.levels, self.told = [], [], []
@@ -195,7 +196,7 @@ def test_the_driver_goes_on_while_a_tare_waits_for_frames(chain):
     assert not early.result().success and 'a configured driver' in early.result().message
     chain.driver.autostart()
     chain.bench.device.power_off()
-    first, told = ask_for_tare(chain, 400), len(chain.told)
+    first, told = ask_for_tare(chain, 100), len(chain.told)
     chain.wait(lambda: len(chain.told) > told + 2, 'no diagnostics meanwhile')
     second = ask_for_tare(chain, 5)
     chain.wait(second.done, 'no answer')
@@ -204,7 +205,7 @@ def test_the_driver_goes_on_while_a_tare_waits_for_frames(chain):
     chain.driver.trigger_deactivate()
     chain.wait(first.done, 'no answer')
     assert not first.result().success and 'one that was deactivated' in first.result().message
-    third = ask_for_tare(chain, 400)
+    third = ask_for_tare(chain, 100)
     chain.wait(third.done, 'no answer')
     assert not third.result().success and 'Activate it' in third.result().message
     chain.driver.trigger_cleanup()

@@ -210,19 +210,22 @@ def test_pace_stop_and_start_lose_nothing(tmp_path):
     """Recorded over 0.3 s, played at ten times the pace, stopped from within on_frame, then started again."""
     lines = [f'({k / 100 + i / 1000}) can0 {can_id}#{"" if i == 0 else "0A0A"}'
              for k in range(30) for i, can_id in enumerate(('080', '181', '281', '381'))]
-    stamps = []
+    stamps, stopped = [], threading.Event()
 
     def on_frame(_name, frame):
         stamps.append(frame.stamp)
         if len(stamps) == 10:
             source.stop()
+            stopped.set()
 
     source = LogSource(str(tiny_log(tmp_path, *lines)), tiny_pads(tmp_path), on_frame, pace=10,
                        log=lambda text: None)
     source.open()
     source.start()
-    thread = next(t for t in threading.enumerate() if t.name == 'replay')
-    thread.join(5)
+    assert stopped.wait(5)
+    for thread in threading.enumerate():
+        if thread.name == 'replay':
+            thread.join(5)
     assert len(stamps) == 10 and not source.finished.is_set()
     source.start()
     assert source.finished.wait(5)

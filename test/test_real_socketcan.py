@@ -103,7 +103,9 @@ def test_nothing_is_lost_between_linux_and_the_driver(layout, nodes):
     with Driven('vcan0', 'vcan0', layout, nodes) as bench:
         bench.wait(lambda: len(bench.kept) >= 20, 'too few frames')
         bench.driver.stop()
-        sent = sum(device.frames_sent for device in bench.simulator.devices.values())
+        devices = bench.simulator.devices.values()
+        bench.wait(lambda: not any(device.operational for device in devices), 'not stopped')
+        sent = sum(device.frames_sent for device in devices)
         bench.wait(lambda: sum(pad.received for pad in bench.driver.statistics().pads.values()) == sent,
                    f'{sent} TPDOs sent, some not received')
         print(f'\nsocketcan: {layout} on vcan: {sent} TPDOs sent, all received')

@@ -166,7 +166,7 @@ def test_one_node_goes_and_comes_again():
         bench.run()
         bench.take_whole(1)
         bench.simulator.devices[35].power_off()
-        frame = next(frame for _, frame in iter(lambda: bench.take(1)[0], None) if np.isnan(frame.values[6:]).all())
+        frame = bench.take_until(lambda frame: frame.missing_can_frames == 12 and np.isnan(frame.values[6:]).all())
         np.testing.assert_allclose(frame.values[:6], wanted[:6], atol=1e-3)
         assert wait_until(lambda: any('Node 35' in sentence for sentence in complaints))
         first, second = bench.driver.health().nodes['pad32']

@@ -7,6 +7,7 @@ import select
 import struct
 import time
 import tty
+from types import SimpleNamespace
 
 import can
 import numpy as np
@@ -245,7 +246,8 @@ def test_an_slcan_adapter_that_does_not_answer_is_opened_again_when_it_has_had_t
     master, port = pty.openpty()
     tty.setraw(port)
     slept = []
-    monkeypatch.setattr(slcan_bus.time, 'sleep', slept.append)
+    clock = SimpleNamespace(sleep=slept.append, monotonic=time.monotonic, time=time.time)
+    monkeypatch.setattr(slcan_bus, 'time', clock)
     client = open_bus('slcan', os.ttyname(port), 500_000, {})
     assert sum(slept) == pytest.approx(slcan_bus.RESET - slcan_bus.ANSWER)
     twice = rb'C\r.*S6\r.*O\r.*V\r.*S6\r.*O\r'

@@ -30,6 +30,19 @@ def test_untouched_clocks_leave_stamps_as_they_are(hands):
     assert clock.now() == 1003 and clock.of(1002.75) == 1002.75 and clock.jumps == 0
 
 
+def test_a_thread_held_up_between_the_two_clocks_sees_no_jump(hands):
+    clock = hands.clock()
+    read, delays = clock._wall, [0.3, 0.0, 0.5]
+
+    def wall():
+        shown = read()
+        hands.wait(delays.pop() if delays else 0.0)
+        return shown
+    clock._wall = wall
+    hands.wait(1)
+    assert clock.now() == pytest.approx(1001.5) and clock.now() == pytest.approx(1001.8) and clock.jumps == 0
+
+
 def test_set_back_stamps_go_on_evenly(hands):
     clock = hands.clock()
     hands.wait(1)

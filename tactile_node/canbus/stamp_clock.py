@@ -4,7 +4,9 @@ import threading
 import time
 from collections.abc import Callable
 
-JUMP = 0.1  # s between two looks: less may be slewing, or a thread held up between the two
+JUMP = 0.1  # s between two looks: less may be slewing
+HELD_UP = 0.01  # s that reading both clocks may take, or they are read again
+TRIES = 10  # a machine that is never so quick has other troubles
 IN_FLIGHT = 2.0  # s after a jump in which messages stamped before it may still come
 MAX_LAG = 1.0  # s: an adapter that seems to lag more has begun to count anew
 DRIFT = 1e-4  # relative: no adapter's crystal is further off
@@ -32,8 +34,10 @@ class StampClock:
         """Take the wall clock as it is now; only where stamps may go back."""
         with self._lock:
             self.ahead = 0.0
-            self._offset, self._before, self._jumped = self._wall() - self._steady(), 0.0, -float('inf')
+            wall, steady = self._both()
+            self._offset, self._before, self._jumped = wall - steady, 0.0, -float('inf')
             self._least: float | None = None
+            self._looked = steady
             self._last = -float('inf')
 
     def now(self) -> float:
@@ -54,8 +58,17 @@ class StampClock:
             ages = [wall - timestamp, steady + self._before - timestamp]  # stamped after, or before the jump
             return wall + self.ahead - min((age for age in ages if age >= 0), default=0.0)
 
+    def _both(self) -> tuple[float, float]:
+        """Both clocks at one time: a thread held up between the two would see a jump."""
+        steady = self._steady()
+        for _ in range(TRIES):
+            before, wall, steady = steady, self._wall(), self._steady()
+            if steady - before < HELD_UP:
+                break
+        return wall, steady
+
     def _look(self) -> tuple[float, float]:
-        wall, steady = self._wall(), self._steady()
+        wall, steady = self._both()
         offset = wall - steady
         if abs(step := offset - self._offset) > JUMP:
             self.jumps += 1
