@@ -5,7 +5,7 @@ import pytest
 
 from tactile_node.conditioning.drift import DriftFollower
 from tactile_node.conditioning.tare import TaredPad
-from tactile_node.taxel_frame import TaxelFrame
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 LIMIT, RATE, SIDE, NOISE = 10e3, 50, 16, 300.0  # Pa, Hz, taxels, Pa
 GRASP = 40e3
@@ -44,6 +44,16 @@ def test_a_grasp_of_ten_minutes_keeps_its_pressure_and_leaves_no_jump(before):
     assert np.abs(held[5:11, 5:11] / GRASP - 1).max() < 0.01
     released = given(pad, 1, 0.0, lambda t: 0.0, begin=before + 600)
     assert np.abs(released).max() < 0.03 * LIMIT
+
+
+def test_a_taxel_taken_out_as_faulty_does_not_keep_the_others_from_being_followed():
+    pad, last = TaredPad(DriftFollower(LIMIT)), None
+    for t in np.arange(0, 120, 0.02):
+        values, status = np.full((1, 2), min(t, 60) * 20.0, np.float32), np.zeros((1, 2), np.uint8)
+        if t > 10:
+            values[0, 1], status[0, 1] = np.nan, TaxelStatus.FAULTY
+        last = pad.feed(TaxelFrame(t, 0, values, status, 0)).values
+    assert abs(last[0, 0]) < 100 and np.isnan(last[0, 1])
 
 
 def test_a_light_lasting_touch_is_taken_for_drift_slowly():

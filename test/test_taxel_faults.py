@@ -56,7 +56,8 @@ def setting(place, value):
     return spoil
 
 
-@pytest.mark.parametrize(('value', 'kind'), [(0.0, DEAD), (42.0, STUCK), (FULL, SATURATED)])
+@pytest.mark.parametrize(('value', 'kind'), [(0.0, DEAD), (0.3 * LIMIT, DEAD), (0.9 * LIMIT, DEAD), (42.0, STUCK),
+                                             (FULL, SATURATED)])
 def test_found_after_a_few_contacts_and_nothing_else(value, kind):
     found = Pad(setting((5, 6), value)).touches(*places())
     assert found.places(kind) == [(5, 6)] and found.count == 1
@@ -125,11 +126,23 @@ def test_healthy_pads_stay_unsuspected():
         assert not pad.ever.any()
 
 
-def test_a_ring_that_comes_back_a_little_beside_is_no_fault():
+@pytest.mark.parametrize('hole', [1.2, 1.6, 2.1])
+@pytest.mark.parametrize('scatter', [0.5, 1.5])
+def test_a_ring_that_comes_back_a_little_beside_is_no_fault(hole, scatter):
     random = np.random.default_rng(9)
     pad = Pad()
-    pad.touches(*[disc(*random.normal(6, 0.5, 2), 4, hole=1.2) for _ in range(200)], press=4, pause=4)
+    pad.touches(*[disc(*random.normal(6, scatter, 2), hole + 2, hole=hole) for _ in range(200)], press=4, pause=4)
     assert not pad.ever.any()
+
+
+@pytest.mark.parametrize('stuck', [[(6, 6)], [(6, 6), (6, 7)]])
+def test_a_taxel_that_sticks_in_a_touch_is_found_by_the_next_ones_in_the_same_place(stuck):
+    def spoil(values, n):
+        for place in stuck if n >= 25 else ():
+            values[place] = 42.0
+        return values
+    found = Pad(spoil).touches(*[disc(6, 6, 1.5)] * 10)
+    assert found.places(STUCK) == stuck and found.count == len(stuck)
 
 
 def test_frames_without_values_are_no_evidence():

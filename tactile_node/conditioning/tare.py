@@ -8,9 +8,10 @@ import numpy as np
 
 from tactile_node.conditioning.drift import DriftFollower
 from tactile_node.errors import HalfZeroedError, TareRefusedError
-from tactile_node.taxel_frame import TaxelFrame, read_only, without_any_value
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, read_only, without_any_value
 
 LOST_ZERO = 'its device has started anew since it zeroed itself'
+FAULTY = (TaxelStatus.DEAD, TaxelStatus.FAULTY)
 SETTLING = 3  #: frames given up after a device has zeroed itself: some were under way
 
 
@@ -83,7 +84,7 @@ class TaredPad:
                 self._changed.notify()
             if (drift := self.drift) is not None and not doubt:
                 zero = np.zeros_like(frame.values) if self.offset is None else self.offset
-                self.offset = drift.update(frame.stamp, frame.values, zero)
+                self.offset = drift.update(frame.stamp, frame.values, zero, np.isin(frame.status, FAULTY))
         if doubt:
             return without_any_value(frame)
         if self.offset is None:

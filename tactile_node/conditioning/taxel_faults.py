@@ -10,7 +10,7 @@ from tactile_node.taxel_frame import read_only
 
 CONTACTS = 5          #: that have to speak against a taxel, one after the other
 MIN_TOUCHED = 3       #: taxels that make a contact
-FALLEN = 0.8          #: of the taxels that rose in a contact have fallen when it is over
+FALLEN = 0.6          #: of the taxels that rose in a contact have fallen when it is over
 RELEASED = 0.5        #: of the taxels pressed at its height may then still be: others' edges come and go in a grasp
 APART = 3.0           #: taxels by which the centres of these contacts must differ, for a dead taxel
 ALIVE = 0.1           #: x limit: a taxel that reads so much has felt something
@@ -62,8 +62,8 @@ class TaxelJudge:
     Time alone proves nothing: a pad that nobody touches has no dead taxels, a grasp of an hour no stuck ones.
 
     - Dead: in CONTACTS contacts that are APART (what a ring leaves out in one place it presses in another), not ALIVE
-      though pressed taxels lay on both sides of it, in two of four directions. Taxels in the corners
-      of a pad have no two sides and are never found so.
+      though pressed taxels lay next to it on both sides, in two of four directions: more of a hole than two taxels
+      lacks them. Taxels in the corners of a pad have no two sides and are never found so, nor are blocks of dead ones.
     - Stuck: pressed at the end of CONTACTS contacts and the same to the bit since before the first of them, alone or
       with fewer neighbours of its like than make a contact (an object still held presses more). One at the end of its
       range is saturated.
@@ -102,7 +102,7 @@ class TaxelJudge:
         self._unknown = ~known
         self._last, was_pressed = values, self._pressed
         self._pressed = values - zero >= self.limit
-        self._silent[values - zero >= ALIVE * self.limit] = 0
+        self._silent[moved & (values - zero >= ALIVE * self.limit)] = 0
         if moved.any():
             self._still[moved] = 0
             self._risen |= self._pressed & ~was_pressed & moved
@@ -176,16 +176,14 @@ NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], bool)
 
 
 def _surrounded(mask: np.ndarray) -> np.ndarray:
-    """Where ``mask`` holds on both sides, at a distance of 1 or 2, in two directions; on an edge, along it."""
+    """Where ``mask`` holds next to it on both sides, in two directions; on an edge, along it."""
     rows, cols = mask.shape
-    padded = np.pad(mask, 2)
+    padded = np.pad(mask, 1)
 
     def at(down: int, right: int) -> np.ndarray:
-        return padded[2 + down:2 + down + rows, 2 + right:2 + right + cols]
-    sides = [[at(sign * down, sign * right) | at(2 * sign * down, 2 * sign * right) for sign in (1, -1)]
-             for down, right in DIRECTIONS]
-    both = np.array([one & other for one, other in sides])
+        return padded[1 + down:1 + down + rows, 1 + right:1 + right + cols]
+    both = np.array([at(down, right) & at(-down, -right) for down, right in DIRECTIONS])
     found = both.sum(0) >= 2
-    found[[0, -1], :] |= both[0][[0, -1], :] & np.stack([sides[1][0][0], sides[1][1][-1]])
-    found[:, [0, -1]] |= both[1][:, [0, -1]] & np.stack([sides[0][0][:, 0], sides[0][1][:, -1]], axis=1)
+    found[[0, -1], :] |= both[0][[0, -1], :]
+    found[:, [0, -1]] |= both[1][:, [0, -1]]
     return found
