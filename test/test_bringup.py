@@ -25,6 +25,14 @@ def test_a_log_comes_out_whole_and_the_command_says_so(capsys):
     assert f'CAN frames: {len(lines)} ' in told
 
 
+def test_a_replay_starts_whatever_the_parameter_file_says(tmp_path, capsys):
+    file = tmp_path / 'parameters.yaml'
+    file.write_text('/**:\n  ros__parameters:\n    autostart: false\n')
+    log = str(DATA / 'sim16x16_two_pads.log.gz')
+    assert main(['bringup', '--replay', log, '--pace', '0', '--params-file', str(file)]) == 0
+    assert 'Shapes: ' in capsys.readouterr().out
+
+
 @pytest.fixture
 def short_patience(tmp_path):
     file = tmp_path / 'parameters.yaml'

@@ -17,10 +17,12 @@ from std_srvs.srv import Trigger  # noqa: E402
 from tactile_node.conditioning.fault_file import load_faults  # noqa: E402
 from tactile_node.conditioning.taxel_faults import TaxelFault  # noqa: E402
 from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
+from tactile_node.ros.parameters import DRIVER  # noqa: E402
 from tactile_node.ros.qos import STATUS_QOS, frames_qos  # noqa: E402
 from tactile_skin.msg import SkinStatus, TaxelArray  # noqa: E402
 
 PATIENCE = 60.0  # s, for a busy machine
+LIVE = {'drop_incomplete', 'heartbeat_timeout', 'faulty_taxels', 'tare_limit', 'follow_drift', 'frozen_after'}
 FILE = 'pads: {pad32: {dead: [[2, 3]]}}'
 
 
@@ -66,6 +68,7 @@ def make(tmp_path):
     with FaultBench('conditioning', source=lambda t: np.full((SIDE, SIDE), PRESSED)) as bench:
         def driver(**given):
             made.append(Driver(bench.channel, **given))
+            made[-1].bench = bench
             made[-1].node.autostart()
             return made[-1]
         yield driver
@@ -74,6 +77,14 @@ def make(tmp_path):
             each.node.destroy_node()
             each.listener.destroy_node()
     rclpy.shutdown()
+
+
+@pytest.fixture(scope='module')
+def node():
+    with rclpy.context.Context() as context:
+        node = DriverNode(context=context)
+        yield node
+        node.destroy_node()
 
 
 def test_files_act_from_the_first_frame_and_are_told(make, tmp_path):
@@ -121,11 +132,49 @@ def test_changes_take_effect_live_or_are_refused_with_a_reason(make, tmp_path):
     assert driver.node._pads['pad32'].conditioned.masks
     refused = driver.set('faulty_taxels', 'hide')
     assert not refused.successful and 'mask or report' in refused.reason
-    assert driver.set('heartbeat_timeout', 1.0).successful and driver.set('drop_incomplete', True).successful
     assert not driver.set('heartbeat_timeout', 0.01).successful
     assert driver.set('follow_drift', True).successful
     drift = driver.node._pads['pad32'].conditioned.tared.drift
     assert driver.set('tare_limit', 50.0).successful and drift.limit == 50.0
-    for name in ('channel', 'sync_period'):
-        refused = driver.set(name, 'other' if name == 'channel' else 0.1)
+    assert driver.set('frozen_after', 0.1).successful  # the skin reads the same for ever
+    driver.taxels.clear()
+    driver.wait(lambda: driver.taxels and np.isnan(driver.taxels[-1].values).all())
+    assert driver.set('frozen_after', 0.0).successful
+    driver.wait(lambda: not np.isnan(driver.taxels[-1].values).all())
+
+
+def test_how_long_a_node_may_be_silent_can_be_changed_live(make):
+    driver = make()
+    driver.wait(lambda: driver.status and driver.status[-1].active)
+    assert driver.set('heartbeat_timeout', 30.0).successful
+    driver.bench.device.power_off()
+    driver.wait(lambda: driver.status[-1].pads[0].nodes[0].heartbeat_age > 2)
+    assert not driver.status[-1].pads[0].nodes[0].trouble
+    assert driver.set('heartbeat_timeout', 0.5).successful
+    driver.wait(lambda: driver.status[-1].pads[0].nodes[0].trouble)
+
+
+def test_incomplete_frames_can_be_dropped_live(make):
+    driver = make()
+    driver.values()
+    driver.bench.adapter.tamper = lambda message: [] if message.arbitration_id == 0x1A0 else [message]
+    driver.wait(lambda: driver.taxels[-1].missing_can_frames == 1)
+    assert driver.set('drop_incomplete', True).successful
+
+    def dropped():
+        pad = driver.status[-1].pads[0]
+        return pad.drop_counts[pad.drop_reasons.index('incomplete')]
+    driver.wait(dropped)
+    driver.bench.adapter.tamper = None
+    driver.values()
+
+
+@pytest.mark.parametrize('parameter', DRIVER, ids=lambda parameter: parameter.name)
+def test_every_parameter_is_described_and_says_whether_it_can_be_changed(node, parameter):
+    told = node.describe_parameter(parameter.name)
+    assert len(told.description) > 10 and told.read_only == (parameter.name not in LIVE)
+    if type(parameter.default) in (int, float):
+        assert told.integer_range or told.floating_point_range
+    if told.read_only:
+        refused, = node.set_parameters([Parameter(parameter.name, value=parameter.default)])
         assert not refused.successful and 'read-only' in refused.reason

@@ -13,9 +13,11 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
 from fault_bench import LAYOUT, PRESSED, SIDE, FaultBench  # noqa: E402
 from lifecycle_msgs.msg import Transition  # noqa: E402
 from lifecycle_msgs.srv import ChangeState  # noqa: E402
+from rcl_interfaces.msg import Log  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.lifecycle import TransitionCallbackReturn  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
+from rclpy.time import Time  # noqa: E402
 
 from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
 from tactile_node.ros.qos import STATUS_QOS, frames_qos  # noqa: E402
@@ -100,14 +102,20 @@ def test_a_device_that_is_gone_is_never_ok(chain):
 
 def test_what_is_not_there_at_start_is_waited_for_and_told_once(chain):
     chain.bench.adapter.is_plugged = False
-    asked, told = threading.Event(), []
-    starting = threading.Thread(target=lambda: told.append(chain.driver.autostart(asked)))
+    said, heard = [], []
+    chain.listener.create_subscription(Log, '/rosout', lambda message: said.append(message.msg), 100)
+    chain.listener.create_subscription(SkinStatus, '/skin_driver/status', heard.append, STATUS_QOS)
+    starting = threading.Thread(target=chain.driver.autostart, args=(threading.Event(),))
     starting.start()
-    time.sleep(1.5)
+    chain.wait(lambda: len(heard) > 2 and heard[-1].failure, 'not told')
+    assert chain.levels[-1] == (ERROR,) and 'a bus that opens' in chain.told[-1]
+    assert heard[-1].level == SkinStatus.ERROR and 'a bus that opens' in heard[-1].failure and not heard[-1].active
     assert starting.is_alive() and chain.bench.adapter.opened == 0
+    assert sum('It is waited for.' in sentence for sentence in said) == 1
     chain.bench.adapter.is_plugged = True
     chain.wait(lambda: (OK, OK) in chain.levels, 'never OK')
     starting.join()
+    chain.wait(lambda: heard[-1].active and not heard[-1].failure, 'status not well again')
 
 
 def test_waiting_at_start_ends_when_asked_to(chain):
@@ -151,8 +159,37 @@ def test_whoever_comes_late_gets_the_last_status(chain):
     chain.listener.create_subscription(SkinStatus, '/skin_driver/status', heard.append, STATUS_QOS)
     chain.wait(lambda: heard, 'no status')
     assert heard[0].active and heard[0].pads[0].nodes[0].nmt_state == 'OPERATIONAL' and not heard[0].failure
-    chain.driver.trigger_deactivate()
-    chain.wait(lambda: not heard[-1].active, 'deactivation not told')
+
+
+def test_each_change_of_the_lifecycle_is_told_when_it_happens(chain):
+    """Not only by the next message of the timer, whose callback cannot run meanwhile."""
+    heard, told = [], []
+    chain.listener.create_subscription(SkinStatus, '/skin_driver/status', heard.append, STATUS_QOS)
+    for change in ('configure', 'activate', 'deactivate', 'cleanup', 'configure', 'activate', 'shutdown'):
+        begun = chain.driver.get_clock().now().nanoseconds
+        getattr(chain.driver, f'trigger_{change}')()
+        ended = chain.driver.get_clock().now().nanoseconds
+
+        def of_the_change(begun=begun, ended=ended):
+            return [status for status in heard
+                    if begun <= Time.from_msg(status.header.stamp).nanoseconds <= ended]
+        chain.wait(of_the_change, f'{change} not told')
+        told.append((change, of_the_change()[-1].active, len(of_the_change()[-1].pads)))
+    assert told == [('configure', False, 1), ('activate', True, 1), ('deactivate', False, 1), ('cleanup', False, 0),
+                    ('configure', False, 1), ('activate', True, 1), ('shutdown', False, 0)]
+    assert heard[-1].level == SkinStatus.STALE and heard[-1].message == 'not configured'
+    assert 1_000_000_000 in [timer.timer_period_ns for timer in chain.driver.timers]  # REP-107
+
+
+def test_a_node_that_is_silent_is_not_operational(chain):
+    heard = []
+    chain.listener.create_subscription(SkinStatus, '/skin_driver/status', heard.append, STATUS_QOS)
+    chain.driver.autostart()
+    chain.wait(lambda: heard and heard[-1].pads and heard[-1].pads[0].nodes[0].operational, 'never operational')
+    chain.bench.device.power_off()
+    chain.wait(lambda: heard[-1].pads[0].nodes[0].trouble, 'no trouble')
+    node = heard[-1].pads[0].nodes[0]
+    assert not node.operational and node.nmt_state == 'OPERATIONAL' and node.heartbeat_age > 0.5
 
 
 def tares(chain, **request):

@@ -16,7 +16,7 @@ class FrameSource(Protocol):
         """Find the devices, check who they are and configure them; DeviceError."""
 
     def start(self) -> None:
-        """Let frames flow; sequence numbers begin at 0."""
+        """Let frames flow; a bus's sequence numbers begin at 0, a log's go on where it was stopped."""
 
     def stop(self) -> None:
         """Stop the flow; ``start`` may follow."""

@@ -17,8 +17,8 @@ class NodeHealth(NamedTuple):
     """One pad's node. ``trouble`` is a sentence, empty while all is well."""
 
     node_id: int
-    state: str  #: NMT state by name
-    is_operational: bool
+    state: str  #: NMT state by name, as last heard
+    is_operational: bool  #: and heard of late
     heartbeat_age: float | None  #: [s], None when it was never heard
     trouble: str = ''
     boots: int = 0  #: boot-up messages seen

@@ -43,7 +43,7 @@ class LogSource:
         self._reader: CanLogReader | None = None
         self._messages: Iterator[can.Message] | None = None
         self._thread, self.finished = StoppableThread(self._play, 'replay'), threading.Event()
-        self._unread = self._jumps = 0
+        self._unread, self._jumps, self._is_active = 0, 0, False
         self._ahead, self.failure = 0.0, None
 
     def open(self) -> None:
@@ -61,9 +61,11 @@ class LogSource:
 
     def start(self) -> None:
         if self._messages is not None:
+            self._is_active = True
             self._thread.start()
 
     def stop(self) -> None:
+        self._is_active = False
         self._thread.stop()
 
     def close(self) -> None:
@@ -94,7 +96,7 @@ class LogSource:
 
     def health(self) -> BusHealth:
         """A log has no nodes to watch; only its end may come early."""
-        return BusHealth(self.failure)
+        return BusHealth(self.failure, self._is_active)
 
     def _all_messages(self) -> Iterator[can.Message]:
         shift = 0.0

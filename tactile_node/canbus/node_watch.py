@@ -123,12 +123,16 @@ class NodeWatch:
         node_id = self.pad.node_id
         state, heard = self._beats.state(node_id), self._beats.heard(node_id)
         log = self._monitor.emergencies[node_id]
-        return NodeHealth(node_id, state_name(state), state == NmtState.OPERATIONAL,
+        return NodeHealth(node_id, state_name(state),
+                          state == NmtState.OPERATIONAL and not self._is_silent(now),
                           None if heard is None else now - heard, self._telling(),
                           self.boots, log.count, log.last, self.outage.outages(now), self.distrusted)
 
+    def _is_silent(self, now: float) -> bool:
+        return now - max(self._beats.heard(self.pad.node_id) or 0.0, self._since) > self._heartbeat_timeout
+
     def _ailment(self, now: float, is_active: bool) -> Ailment | None:
-        is_silent = now - max(self._beats.heard(self.pad.node_id) or 0.0, self._since) > self._heartbeat_timeout
+        is_silent = self._is_silent(now)
         if not self.is_trusted and is_silent:
             return Ailment.SILENT
         if not self.is_trusted:

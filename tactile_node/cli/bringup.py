@@ -98,7 +98,8 @@ def _simulate(args: argparse.Namespace, stack: ExitStack) -> None:
 def _driver_parameters(args: argparse.Namespace) -> dict:
     """Only what was given: the rest is left to the parameter file and the defaults."""
     given = {'interface': args.interface, 'channel': args.channel, 'bitrate': args.bitrate, 'record': args.record,
-             'replay': args.replay, 'node_ids': args.node_id, 'layouts': args.layout, 'eds': args.eds}
+             'replay': args.replay, 'node_ids': args.node_id, 'layouts': args.layout, 'eds': args.eds,
+             'autostart': True}  # whatever the parameter file says: here nobody else would do it
     if args.replay:
         given |= {'replay_pace': args.pace, 'lossless': True}
     return {name: value for name, value in given.items() if value is not None}

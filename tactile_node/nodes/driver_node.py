@@ -19,10 +19,12 @@ from rclpy.qos import QoSProfile
 
 from tactile_node.canbus.bus_settings import BusSettings
 from tactile_node.canbus.frame_source import FrameSource
+from tactile_node.canbus.health import BusHealth
 from tactile_node.canbus.layout import SkinLayout
 from tactile_node.canbus.log_source import LogSource
 from tactile_node.canbus.outage import Reminder
 from tactile_node.canbus.pads import PadSettings, make_pads, one_for_each, with_dictionaries
+from tactile_node.canbus.router import BusStatistics
 from tactile_node.canbus.supervisor import Supervisor
 from tactile_node.conditioning.conditioned_pad import ConditionedPad
 from tactile_node.conditioning.taxel_faults import FaultyTaxels
@@ -32,7 +34,7 @@ from tactile_node.nodes.replay_gate import ReplayGate
 from tactile_node.nodes.run import run_node
 from tactile_node.nodes.tare_service import TareService, Zeroing
 from tactile_node.ros.conditioning import adjust, conditioned_pads
-from tactile_node.ros.diagnostics import BusDiagnostics
+from tactile_node.ros.diagnostics import BusDiagnostics, unconfigured
 from tactile_node.ros.lifecycle import outlive_unfitting_requests
 from tactile_node.ros.parameters import DRIVER, declare, tare_limit, values
 from tactile_node.ros.qos import STATUS_QOS, frames_qos
@@ -55,7 +57,7 @@ class Pad(NamedTuple):
 
 
 class DriverNode(LifecycleNode):
-    """Publishes `<pad>/taxels` for each pad while active, /diagnostics and `~/status` while configured."""
+    """Publishes `<pad>/taxels` for each pad while active, /diagnostics and `~/status` always."""
 
     def __init__(self, **options):
         super().__init__('skin_driver', **options)
@@ -69,6 +71,9 @@ class DriverNode(LifecycleNode):
         self._error: TactileError | None = None
         self._reminder: Reminder | None = None  # while bus and devices are waited for at start
         self._tare = TareService(self)
+        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', QoSProfile(depth=10))
+        self._status = self.create_publisher(SkinStatus, '~/status', STATUS_QOS)
+        self.create_timer(DIAGNOSTICS_PERIOD, self._publish_state)
 
     def autostart(self, asked: threading.Event | None = None) -> None:
         """Configure and activate, as the parameter `autostart` says. Raises what went wrong.
@@ -101,30 +106,36 @@ class DriverNode(LifecycleNode):
         result = self._attempt(self._configure)
         if result != TransitionCallbackReturn.SUCCESS:
             self._release()
-        return result
+        return self._told(result)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        return self._attempt(self._start, tell=True)
+        return self._told(self._attempt(self._start))
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         self._tare.give_up('one that was deactivated')
-        return self._attempt(self._source.stop, tell=True)
+        return self._told(self._attempt(self._source.stop))
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         self._release()
-        return TransitionCallbackReturn.SUCCESS
+        return self._told(TransitionCallbackReturn.SUCCESS)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         self._release()
-        return TransitionCallbackReturn.SUCCESS
+        return self._told(TransitionCallbackReturn.SUCCESS)
 
     def destroy_node(self) -> None:
         self._release()
+        if self.context.ok():
+            self._publish_state()
         super().destroy_node()
 
-    def _attempt(self, step, tell: bool = False) -> TransitionCallbackReturn:
-        """Run a step of the lifecycle; a failure is told once, in a sentence; ``tell`` the state after it."""
-        self._error = None
+    def _told(self, result: TransitionCallbackReturn) -> TransitionCallbackReturn:
+        """Publish the state after a transition."""
+        self._publish_state()
+        return result
+
+    def _attempt(self, step: Callable[[], None]) -> TransitionCallbackReturn:
+        """Run a step of the lifecycle; a failure is told once, in a sentence."""
         try:
             step()
         except TactileError as error:
@@ -135,10 +146,10 @@ class DriverNode(LifecycleNode):
                 self.get_logger().error(f'{error} It is waited for.')
             return TransitionCallbackReturn.FAILURE
         except Exception:  # rclpy would swallow it without a word
+            self._error = None
             self.get_logger().error(traceback.format_exc())
             return TransitionCallbackReturn.FAILURE
-        if tell:
-            self._publish_state()
+        self._error = None
         return TransitionCallbackReturn.SUCCESS
 
     def _configure(self) -> None:
@@ -150,19 +161,16 @@ class DriverNode(LifecycleNode):
         self._pads = {pad.name: Pad(self._make_publisher(TaxelArray, f'{pad.name}/taxels', qos), pad.layout,
                                     frame_id or f'{pad.name}_pad', conditioned[pad.name])
                       for pad, frame_id in zip(pads, frame_ids)}
-        self._diagnostics = self._make_publisher(DiagnosticArray, '/diagnostics', QoSProfile(depth=10))
-        self._status = self._make_publisher(SkinStatus, '~/status', STATUS_QOS)
         saving = FaultService(self, settings.faulty_taxels_file, self._faults)
         self._findings = BusDiagnostics(self.get_name(), f'{settings.interface} {settings.channel}')
-        self._source = self._make_source(settings, pads)
+        source = self._make_source(settings, pads)
         self._tare.begin(Zeroing({name: pad.tared for name, pad in conditioned.items()},
                                  self._tare_limit({pad.name: pad.layout.value.unit for pad in pads}),
-                                 settings.sync_period, self._source.auto_zero, self._source.boots))
-        self._owned += [saving.destroy, self._tare.end]
-        timer = self.create_timer(DIAGNOSTICS_PERIOD, self._publish_state)
-        self._owned.append(lambda: self.destroy_timer(timer))
-        self._source.open()
-        self._source.configure()
+                                 settings.sync_period, source.auto_zero, source.boots))
+        self._owned += [saving.destroy, self._tare.end, source.close]
+        source.open()
+        self._source = source
+        source.configure()
 
     def _start(self) -> None:
         self._source.start()
@@ -221,20 +229,19 @@ class DriverNode(LifecycleNode):
         return {name: pad.conditioned.faults for name, pad in self._pads.items()}
 
     def _publish_state(self) -> None:
-        source = self._source
+        source, conditions = self._source, {name: pad.conditioned.condition for name, pad in self._pads.items()}
         if source is None:
-            return
-        counts, health = source.statistics(), source.health()
-        conditions = {name: pad.conditioned.condition for name, pad in self._pads.items()}
-        message = self._findings.message(counts, health, conditions)
+            counts, health = BusStatistics({}, {}), BusHealth(str(self._error or '') or None, is_active=False)
+            message = unconfigured(self.get_name(), health)
+        else:
+            counts, health = source.statistics(), source.health()
+            message = self._findings.message(counts, health, conditions)
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
         self._status.publish(status_message(message, counts, health, conditions))
 
     def _release(self) -> None:
-        source, self._source = self._source, None
-        if source is not None:
-            source.close()
+        self._source = None
         while self._owned:
             self._owned.pop()()
         self._gate, self._pads = None, {}

@@ -120,7 +120,7 @@ def _tared(zeroing: Zeroing, name: str, count: int, request: Tare.Request, respo
                                  remedy='Leave pads empty for all of them.')
     pad, frames = zeroing.pads[name], request.frames or FRAMES
     given = frames, zeroing.limit(name), 1 + 2 * frames * zeroing.frame_period
-    if count * given[2] > LONGEST:
+    if (3 if request.on_device else 1) * count * given[2] > LONGEST:  # before, between and after
         raise TareRefusedError('tare', expected=f'so few frames that all is done in {LONGEST:g} s at most',
                                got=f'{frames} of {zeroing.frame_period:g} s each on {count} pads',
                                remedy='Ask for fewer frames, or for one pad after another.')

@@ -49,6 +49,14 @@ class BusDiagnostics:
             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])
 
 
+def unconfigured(node: str, health: BusHealth) -> DiagnosticArray:
+    """Of a driver without a bus: why, or only that it is not configured."""
+    failed = health.failure is not None
+    return DiagnosticArray(status=[DiagnosticStatus(
+        level=DiagnosticStatus.ERROR if failed else DiagnosticStatus.STALE, name=f'{node}: bus',
+        message=health.failure if failed else 'not configured')])
+
+
 def _nothing_yet(now: BusStatistics) -> BusStatistics:
     """The same counts at zero: what was lost before the first message is lost all the same."""
     pads = {name: PadStatistics(0, 0, 0, 0, 0, 0, dict.fromkeys(pad.losses, 0)) for name, pad in now.pads.items()}
