@@ -15,6 +15,7 @@ from tactile_node.canbus import skin_bus
 from tactile_node.canbus.domain_assembler import DomainAssembler
 from tactile_node.canbus.layout_file import load_layout
 from tactile_node.canbus.log_source import LogSource
+from tactile_node.canbus.logs import CanLogReader
 from tactile_node.canbus.losses import Loss, LossReason
 from tactile_node.canbus.pads import PadSettings
 from tactile_node.canbus.sdo_upload import SdoUpload, Step
@@ -203,6 +204,20 @@ def test_simulated_skin_end_to_end_and_its_log_again(tmp_path, refuses_blocks):
     source.close()
     values = [frame.values.tolist() for _, frame in replayed]
     assert all(frame.values.tolist() in values for _, frame in live)
+
+
+def test_our_own_requests_take_their_part_of_the_bus(tmp_path):
+    """The recording holds every frame; bits of an 11-bit frame with n bytes, stuffing at its worst (ISO 11898-1)."""
+    log, bits = tmp_path / 'session.log', {0: 55, 1: 65, 2: 75, 8: 135}
+    with Bench('domain_load', LAYOUT, source=moving(), record=str(log)) as bench:
+        bench.simulator.devices[32].refuses_blocks = True
+        bench.supervise()
+        bench.run()
+        bench.take_whole(2)
+        bench.driver.close()
+        messages = list(CanLogReader(log))
+    assert bench.driver.monitor.bits == sum(bits[len(message.data)] for message in messages)
+    assert sum(message.arbitration_id == 0x620 for message in messages) > 100
 
 
 def test_a_polled_pad_goes_and_comes_again():

@@ -199,6 +199,27 @@ def test_what_is_written_can_be_read(tmp_path, suffix):
     assert read == [(can_id, data) for can_id, data, _ in sent] and writer.can_frames == 3
 
 
+@pytest.mark.parametrize('suffix', ['.log', '.log.gz', '.asc', '.asc.gz', '.blf', '.csv', '.trc', '.db', '.mcap'])
+def test_stamps_are_kept(tmp_path, suffix):
+    path = tmp_path / f'x{suffix}'
+    writer = CanLogWriter(path)
+    for stamp in (1.7e9 + 0.25, 1.7e9 + 0.5):
+        writer.write(can.Message(stamp, 0x181, False, data=b'AB', channel=1))
+    writer.close()
+    stamps = [message.timestamp for message in CanLogReader(path)]
+    np.testing.assert_allclose(np.subtract(stamps, 1.7e9), (0.25, 0.5), atol=1.1e-3)  # ASC and TRC tell milliseconds
+
+
+@pytest.mark.parametrize(('suffix', 'kept'), [('.trc', 1), ('.mcap', 3), ('.log', 4)])
+def test_what_a_format_cannot_hold_is_counted(tmp_path, suffix, kept):
+    path = tmp_path / f'x{suffix}'
+    writer = CanLogWriter(path)
+    for kind in ({'is_remote_frame': True}, {'is_error_frame': True}, {'is_fd': True}, {}):
+        writer.write(can.Message(1.7e9, 0x181, False, channel=1, **kind))
+    writer.close()
+    assert (writer.can_frames, writer.unwritten) == (kept, 4 - kept) and len(list(CanLogReader(path))) == kept
+
+
 def test_log_that_cannot_be_written(tmp_path):
     with pytest.raises(LogError, match='pdf'):
         CanLogWriter(tmp_path / 'x.pdf')

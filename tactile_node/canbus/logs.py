@@ -1,5 +1,6 @@
 """CAN logs by suffix: python-can's formats (candump ``.log``, ``.asc``, ``.blf``, ``.log.gz``...) and ROS 2 bags."""
 
+import gzip
 import os
 import threading
 import zlib
@@ -48,6 +49,9 @@ class CanLogWriter:
         with self._lock:
             if self._writer is None:
                 self.unwritten += bool(self.failure)
+                return
+            if isinstance(self._writer, can.TRCWriter) and not _fits_trc(message):
+                self.unwritten += 1
                 return
             try:
                 self._writer.on_message_received(message)
@@ -118,10 +122,17 @@ def _unused(path: Path) -> Path:
     return candidate
 
 
+def _fits_trc(message: can.Message) -> bool:
+    """Others python-can leaves out of a .trc with no more than a line on its logger."""
+    return not (message.is_error_frame or message.is_remote_frame or message.is_fd)
+
+
 def _reader(path: str) -> MessageReader:
     """python-can's; ASC files tell when they begin, and only when asked their stamps do too."""
-    is_asc = '.asc' in Path(path).suffixes
-    return can.LogReader(path, **({'relative_timestamp': False} if is_asc else {}))
+    suffixes = Path(path).suffixes[-2:]
+    if '.asc' not in suffixes:
+        return can.LogReader(path)
+    return can.ASCReader(gzip.open(path, 'rt') if suffixes[-1] == '.gz' else path, relative_timestamp=False)
 
 
 def _shortfall(reader: MessageReader | BagCanReader, path: Path) -> str:

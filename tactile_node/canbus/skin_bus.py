@@ -228,7 +228,10 @@ class SkinBus:
             lambda: self._opened().sdo_client(node.node_id, node.dictionary), self._complain, self._fail)
 
     def _sent(self, can_id: int, data: bytes) -> None:
-        """An own frame is about to go out: of a polled pad's SDO requests the assembler has to know."""
+        """An own frame is about to go out: it takes its time, and of a polled pad's SDO requests the assembler has to
+        know.
+        """
+        self._monitor.feed_own(len(data))
         if can_id - SDO_REQUEST in self._polls:
             self._calls.put(self._router.feed, can_id, bytes(data), self._clock.now())
 
@@ -238,7 +241,6 @@ class SkinBus:
         if self._clock.jumps != self._jumps_told:
             self._tell_of_jump()
         self.syncs_sent += 1
-        self._monitor.feed_own(0)
         try:
             self._opened().send_message(self._pads[0].layout.sync_cob_id, b'', False, stamp - self._clock.ahead,
                                         lambda: self._calls.put(self._router.sync, stamp))
