@@ -18,7 +18,7 @@ ARGUMENTS = {  # name: (default, description)
     'interface': ('', 'python-can interface: socketcan (default), slcan, pcan, kvaser, ...'),
     'channel': ('', 'channel of the interface (default can0)'),
     'bitrate': ('', 'bit rate of the bus [bit/s] (default 1000000)'),
-    'pads': ('pad', 'names of the pads on this bus, comma-separated; topics are <name>/taxels, features, shape'),
+    'pads': ('pad', 'names of the pads on this bus, comma-separated; topics are <name>/taxels, features, shape, pose'),
     'node_id': ('32', 'CANopen node-ID of each pad (of each of its nodes), comma-separated'),
     'layout': ('', 'skin layout of each pad, comma-separated, or one for all (default sim16x16.yaml)'),
     'eds': ('', 'EDS of each pad, comma-separated, or one for all; empty: named as the layout'),

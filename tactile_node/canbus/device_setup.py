@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from typing import TypeVar
 
 from canopen import SdoAbortedError, SdoCommunicationError
 from canopen.sdo import SdoClient
@@ -13,6 +14,8 @@ from tactile_node.canbus.heartbeat import Heartbeats
 from tactile_node.canbus.layout import TpdoLayout
 from tactile_node.canbus.pads import PadSettings
 from tactile_node.errors import DeviceAbsentError, DeviceError
+
+Answer = TypeVar('Answer')
 
 SYNC_COB_ID, HEARTBEAT_TIME = 0x1005, 0x1017
 EVERY_SYNC = 1  # transmission type: synchronous, at every SYNC
@@ -123,7 +126,7 @@ class DeviceSetup:
     def _read(self, index: int, sub: int, **if_absent: int | None) -> int | None:
         """Read an unsigned number; an aborted read gives ``missing`` when given."""
         try:
-            return int.from_bytes(self._transfer('read', index, sub), 'little')
+            return int.from_bytes(self._asked('read', index, sub, lambda: self._sdo.upload(index, sub)), 'little')
         except SdoAbortedError as error:
             if 'missing' in if_absent:
                 return if_absent['missing']
@@ -131,26 +134,22 @@ class DeviceSetup:
 
     def _write(self, index: int, sub: int, value: int, size: int) -> None:
         try:
-            self._transfer('write', index, sub, value.to_bytes(size, 'little'))
+            data = value.to_bytes(size, 'little')
+            self._asked('write', index, sub, lambda: self._sdo.download(index, sub, data))
         except SdoAbortedError as error:
             self._refused(f'be set to 0x{value:X}', index, sub, error)
 
-    def _transfer(self, verb: str, index: int, sub: int, data: bytes = b'') -> bytes:
-        for last_try in (False, True):
-            try:
-                if verb == 'read':
-                    return self._sdo.upload(index, sub)
-                self._sdo.download(index, sub, data)
-                return b''
-            except SdoAbortedError:
-                raise
-            except SdoCommunicationError as error:
-                if last_try:
-                    raise DeviceError(f'{self._who}, object 0x{index:04X} sub {sub}',
-                                      expected=f'an answer to a {verb}',
-                                      got=f'{error}',
-                                      remedy='Check the wiring and whether the device is on.') from error
-        return b''
+    def _asked(self, verb: str, index: int, sub: int, ask: Callable[[], Answer]) -> Answer:
+        """What ``ask`` returns, at the second time where nobody answers at the first."""
+        try:
+            return ask()
+        except SdoCommunicationError:
+            pass
+        try:
+            return ask()
+        except SdoCommunicationError as error:
+            raise DeviceError(f'{self._who}, object 0x{index:04X} sub {sub}', expected=f'an answer to a {verb}',
+                              got=str(error), remedy='Check the wiring and whether the device is on.') from error
 
     def _refused(self, what: str, index: int, sub: int, error: SdoAbortedError) -> None:
         raise DeviceError(f'{self._who}, object 0x{index:04X} sub {sub}', expected=f'that it can {what}',

@@ -26,7 +26,7 @@ class GraspNode(Node):
         self._tracker = GraspTracker(GraspSettings(gripper, settings.centre_tolerance, settings.min_hold,
                                                    settings.max_skew))
         self._latest = {side: ContactShape() for side in SIDES}
-        qos = frames_qos(settings.queue_depth)
+        qos = frames_qos(settings.queue_depth, settings.lossless)
         self._publisher = self.create_publisher(Grasp, 'grasp', qos)
         for side, pad in zip(SIDES, (settings.left_pad, settings.right_pad)):
             self.create_subscription(ContactShape, f'{pad}/shape', partial(self._on_shape, side), qos)

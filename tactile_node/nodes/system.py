@@ -42,13 +42,14 @@ def make_system(pads: Sequence[str], driver: Mapping[str, Any], namespace: str =
     classifiers = tuple(ClassifierNode(namespace=f'{namespace}/{pad}', **options) for pad in pads)
     overrides = _overrides({'pads': list(pads), **driver})
     return System(DriverNode(namespace=namespace, parameter_overrides=overrides), processors, classifiers,
-                  _grasp(pads, namespace))
+                  _grasp(pads, namespace, chain or {}))
 
 
-def _grasp(pads: Sequence[str], namespace: str) -> GraspNode | None:
+def _grasp(pads: Sequence[str], namespace: str, chain: Mapping[str, Any]) -> GraspNode | None:
     if len(pads) != 2:
         return None
-    return GraspNode(namespace=namespace, parameter_overrides=_overrides({'left_pad': pads[0], 'right_pad': pads[1]}))
+    return GraspNode(namespace=namespace,
+                     parameter_overrides=_overrides({'left_pad': pads[0], 'right_pad': pads[1], **chain}))
 
 
 def _overrides(values: Mapping[str, Any]) -> list[Parameter]:

@@ -9,7 +9,7 @@ STATUS_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durabil
 
 
 def frames_qos(depth: int, lossless: bool = False) -> QoSProfile:
-    """Return the profile of the three frame topics.
+    """Return the profile of the topics that come frame by frame.
 
     ``lossless``, for replays: publishers keep REPLAY_DEPTH messages for subscribers that come late. (KEEP_ALL
     would do for more, but a publish then fails while a reader is slow.)
