@@ -132,7 +132,7 @@ class FaultBench(Bench):
             assert all((np.diff([getattr(frame, key) for frame in frames]) > 0).all() for key in ('sequence', 'stamp'))
             for frame in frames:
                 valid = frame.status == TaxelStatus.VALID
-                assert np.isnan(frame.values[~valid]).all()
+                assert np.isnan(frame.values[~valid]).all() and (frame.status[~valid] == TaxelStatus.STALE).all()
                 if self._coded is not None:
                     self._coded.check(frame, self.is_clock_true)
                 assert valid.all() == (frame.missing_can_frames == 0)
