@@ -15,8 +15,8 @@ sys.path.insert(0, str(ROOT))
 
 import numpy as np
 
-from tactile_node.canbus.layout_file import load_layout
 from tactile_node.conditioning.taxel_faults import TaxelFault, TaxelJudge
+from tactile_node.skin.layout_file import load_layout
 from tactile_node.synthetic.pressure import Skin, pressure_frame
 from tactile_node.synthetic.world import CLASSES, random_contact
 

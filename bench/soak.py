@@ -30,11 +30,11 @@ sys.path.insert(0, str(ROOT))
 import matplotlib
 import numpy as np
 
-from tactile_node.canbus.bus_settings import BusSettings
-from tactile_node.canbus.pads import make_pad
-from tactile_node.canbus.summary import summary
-from tactile_node.canbus.supervisor import Supervisor
-from tactile_node.taxel_frame import TaxelFrame
+from tactile_node.bus.bus_settings import BusSettings
+from tactile_node.frames.taxel_frame import TaxelFrame
+from tactile_node.recording.summary import summary
+from tactile_node.skin.pads import make_pad
+from tactile_node.supervision.supervisor import Supervisor
 
 matplotlib.use('Agg')
 import matplotlib.pyplot as plt  # noqa: E402

@@ -11,13 +11,13 @@ from typing import Any
 import can
 import numpy as np
 
-from tactile_node.canbus.layout_file import load_layout
-from tactile_node.canbus.losses import Loss, Outcome
-from tactile_node.canbus.pads import make_pads, with_dictionaries
-from tactile_node.canbus.skin_bus import BusSettings, SkinBus
-from tactile_node.canbus.supervisor import Supervisor
+from tactile_node.bus.skin_bus import BusSettings, SkinBus
+from tactile_node.frames.losses import Loss, Outcome
+from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.simulator.skin_simulator import SkinSimulator
-from tactile_node.taxel_frame import TaxelFrame
+from tactile_node.skin.layout_file import load_layout
+from tactile_node.skin.pads import make_pads, with_dictionaries
+from tactile_node.supervision.supervisor import Supervisor
 
 #: The same tests run on a real Linux CAN stack, where all share one channel: `make socketcan`
 INTERFACE = os.environ.get('TACTILE_TEST_INTERFACE', 'virtual')

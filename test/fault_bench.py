@@ -10,10 +10,10 @@ import numpy as np
 from can_bench import Bench, wait_until
 from faulty_bus import Adapter
 
-from tactile_node.canbus import skin_bus
-from tactile_node.canbus.skin_bus import BusSettings
-from tactile_node.canbus.supervisor import Supervisor
-from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.bus.skin_bus import BusSettings
+from tactile_node.bus import skin_bus
+from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.supervision.supervisor import Supervisor
 
 LAYOUT, SIDE, PRESSED = 'sim8x8_16bit.yaml', 8, 12.5
 PATIENCE = 20.0  # s; a busy machine may be slow, a wrong one never gets there

@@ -18,8 +18,8 @@ from fault_bench import PATIENCE, FaultBench
 
 from tactile_node.conditioning.tare import TaredPad
 from tactile_node.errors import DeviceError, TareRefusedError
+from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.simulator.device import SimulatedDevice
-from tactile_node.taxel_frame import TaxelFrame
 
 ALLOWED = 1.0  # s from the end of a cause until taxels come again
 ALL_TPDOS = range(1, 17)  # of the pad of 8x8 taxels

@@ -27,15 +27,15 @@ import can
 import numpy as np
 from can_bench import INTERFACE, TINY, Bench, wait_until
 
-from tactile_node.canbus.eds import load_eds
-from tactile_node.canbus.layout_file import load_layout
-from tactile_node.canbus.logs import CanLogReader
-from tactile_node.canbus.slcan_bus import LONGEST_LINE, BulkSlcanBus
-from tactile_node.canbus.supervisor import Supervisor
+from tactile_node.bus.slcan_bus import LONGEST_LINE, BulkSlcanBus
 from tactile_node.errors import TactileError
+from tactile_node.recording.logs import CanLogReader
 from tactile_node.shape.methods import VOLF, make_recogniser
 from tactile_node.shape.recogniser import ShapeRecogniser
 from tactile_node.simulator.slcan_pty import encode
+from tactile_node.skin.eds import load_eds
+from tactile_node.skin.layout_file import load_layout
+from tactile_node.supervision.supervisor import Supervisor
 
 ROOT = Path(__file__).resolve().parents[1]
 CORPUS = ROOT / 'test/data/corpus'

@@ -8,14 +8,19 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'tactile_node'
 NUMERICAL = {'conditioning', 'contact', 'helmholtz', 'shape', 'synthetic', 'pose', 'fusion', 'grasp', 'reproduction'}
+CAN_SIDE = {'cia301', 'frames', 'threads', 'skin', 'assembly', 'recording', 'bus', 'supervision'}
 #: folder -> folders of ours it may import beside itself and the top-level modules
 ALLOWED = {
-    'canbus': set(), 'conditioning': set(), 'contact': set(), 'helmholtz': {'contact'},
+    'cia301': set(), 'frames': {'cia301', 'assembly'}, 'threads': set(), 'skin': {'cia301', 'frames'},
+    'assembly': {'cia301', 'frames', 'skin'}, 'recording': {'assembly', 'frames', 'skin', 'threads'},
+    'bus': {'assembly', 'cia301', 'frames', 'recording', 'skin', 'supervision', 'threads'},
+    'supervision': {'assembly', 'bus', 'cia301', 'frames', 'skin'},
+    'conditioning': {'frames'}, 'contact': {'frames'}, 'helmholtz': {'contact'},
     'shape': {'contact', 'helmholtz', 'synthetic'},
     'pose': {'shape'}, 'fusion': {'shape'}, 'grasp': {'shape'}, 'synthetic': set(),
     'reproduction': {'helmholtz', 'shape', 'synthetic'},
-    'simulator': {'canbus', 'synthetic'}, 'ros': {'canbus', *NUMERICAL},
-    'nodes': {'canbus', 'ros', *NUMERICAL}}
+    'simulator': {'bus', 'cia301', 'skin', 'synthetic'}, 'ros': {*CAN_SIDE, *NUMERICAL},
+    'nodes': {*CAN_SIDE, 'ros', *NUMERICAL}}
 ROS = {'rclpy', 'tactile_skin', 'std_msgs', 'diagnostic_msgs', 'geometry_msgs', 'rcl_interfaces', 'builtin_interfaces',
        'lifecycle_msgs', 'launch', 'launch_ros'}
 CAN = {'can', 'canopen'}
@@ -51,7 +56,7 @@ def test_the_numerical_core_knows_neither_ros_nor_can(folder):
         assert not {name.split('.')[0] for name in imports(path)} & (ROS | CAN), path
 
 
-@pytest.mark.parametrize('folder', ['canbus', 'simulator'])
+@pytest.mark.parametrize('folder', [*sorted(CAN_SIDE), 'simulator'])
 def test_the_can_side_knows_no_ros(folder):
     for path in modules(folder):
         assert not {name.split('.')[0] for name in imports(path)} & ROS, path

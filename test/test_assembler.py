@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from can_bench import only, tiny_layout
 
-from tactile_node.canbus.assembler import FrameAssembler
-from tactile_node.canbus.losses import Loss, LossReason
-from tactile_node.canbus.sender_run import CATCHING_UP
-from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.assembly.assembler import FrameAssembler
+from tactile_node.assembly.sender_run import CATCHING_UP
+from tactile_node.frames.losses import Loss, LossReason
+from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 
 VALID, STALE, DEAD, SATURATED = TaxelStatus.VALID, TaxelStatus.STALE, TaxelStatus.DEAD, TaxelStatus.SATURATED
 NAN = np.nan

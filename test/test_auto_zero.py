@@ -4,10 +4,10 @@ import pytest
 from can_bench import Bench
 from fault_bench import FaultBench
 
-from tactile_node.canbus import auto_zero, skin_bus
-from tactile_node.canbus.log_source import LogSource
-from tactile_node.canbus.pads import make_pad
+from tactile_node.bus import auto_zero, skin_bus
 from tactile_node.errors import DeviceError, HalfZeroedError
+from tactile_node.recording.log_source import LogSource
+from tactile_node.skin.pads import make_pad
 
 
 def test_an_eds_without_it_is_told():

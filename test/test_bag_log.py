@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from test_logs import DATA, play
 
-from tactile_node.canbus.bag_log import TYPE
-from tactile_node.canbus.layout_file import load_layout
-from tactile_node.canbus.logs import CanLogReader, CanLogWriter
-from tactile_node.canbus.pads import PadSettings
 from tactile_node.errors import LogError
+from tactile_node.recording.bag_log import TYPE
+from tactile_node.recording.logs import CanLogReader, CanLogWriter
+from tactile_node.skin.layout_file import load_layout
+from tactile_node.skin.pads import PadSettings
 
 rosbags = pytest.importorskip('rosbags.rosbag2')
 mcap = pytest.importorskip('mcap.reader')

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from can_bench import Bench, wait_until
 
-from tactile_node.canbus.logs import CanLogReader, CanLogWriter, flush
-from tactile_node.canbus.pads import make_pad
-from tactile_node.canbus.skin_bus import BusSettings, SkinBus
+from tactile_node.bus.skin_bus import BusSettings, SkinBus
 from tactile_node.cli import record, replay, simulate
 from tactile_node.errors import BusError, ConfigurationError, LogError
+from tactile_node.recording.logs import CanLogReader, CanLogWriter, flush
+from tactile_node.skin.pads import make_pad
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / 'test' / 'data'
@@ -82,7 +82,7 @@ def test_killed_recording_is_readable(tmp_path, suffix):
     log = tmp_path / f'x{suffix}'
     code = f'''
 import can, itertools, time
-from tactile_node.canbus.logs import CanLogWriter
+from tactile_node.recording.logs import CanLogWriter
 writer = CanLogWriter({str(log)!r})
 for i in itertools.count():
     writer.write(can.Message(1.7e9 + i, 0x181, False, data=i.to_bytes(4, 'little'), channel=1))

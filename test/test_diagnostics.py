@@ -6,10 +6,10 @@ pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run 
 
 from diagnostic_msgs.msg import DiagnosticStatus  # noqa: E402
 
-from tactile_node.canbus.emergency import decode_emergency  # noqa: E402
-from tactile_node.canbus.health import BusHealth, NodeHealth, Outages  # noqa: E402
-from tactile_node.canbus.losses import PadStatistics  # noqa: E402
-from tactile_node.canbus.router import BusStatistics  # noqa: E402
+from tactile_node.assembly.router import BusStatistics  # noqa: E402
+from tactile_node.cia301.emergency import decode_emergency  # noqa: E402
+from tactile_node.frames.health import BusHealth, NodeHealth, Outages  # noqa: E402
+from tactile_node.frames.losses import PadStatistics  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
 
 OK, WARN, ERROR, STALE = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE)

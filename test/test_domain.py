@@ -11,17 +11,17 @@ import pytest
 from can_bench import Bench, only, tiny_layout, wait_until
 from faulty_bus import Adapter
 
-from tactile_node.canbus import skin_bus
-from tactile_node.canbus.domain_assembler import DomainAssembler
-from tactile_node.canbus.layout_file import load_layout
-from tactile_node.canbus.log_source import LogSource
-from tactile_node.canbus.logs import CanLogReader
-from tactile_node.canbus.losses import Loss, LossReason
-from tactile_node.canbus.pads import PadSettings
-from tactile_node.canbus.sdo_upload import SdoUpload, Step
-from tactile_node.canbus.taxel_codec import TaxelCodec
+from tactile_node.assembly.domain_assembler import DomainAssembler
+from tactile_node.bus import skin_bus
+from tactile_node.cia301.sdo_upload import SdoUpload, Step
 from tactile_node.errors import ConfigurationError, DeviceError
-from tactile_node.taxel_frame import TaxelStatus
+from tactile_node.frames.losses import Loss, LossReason
+from tactile_node.frames.taxel_frame import TaxelStatus
+from tactile_node.recording.log_source import LogSource
+from tactile_node.recording.logs import CanLogReader
+from tactile_node.skin.layout_file import load_layout
+from tactile_node.skin.pads import PadSettings
+from tactile_node.skin.taxel_codec import TaxelCodec
 
 TINY = '''
 rows: 3

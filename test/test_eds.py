@@ -3,8 +3,8 @@
 import pytest
 from can_bench import TINY, tiny_layout
 
-from tactile_node.canbus.eds import Identity, check_against, identity_of, load_eds
 from tactile_node.errors import ConfigurationError
+from tactile_node.skin.eds import Identity, check_against, identity_of, load_eds
 
 SMALL = '''[DeviceInfo]
 VendorName=nobody

@@ -8,7 +8,7 @@ from can_bench import wait_until
 from fault_bench import FaultBench
 from fault_catalogue import FAULTS
 
-from tactile_node.canbus.emergency import decode_emergency
+from tactile_node.cia301.emergency import decode_emergency
 
 
 @pytest.mark.parametrize('fault', FAULTS, ids=lambda fault: fault.__name__)

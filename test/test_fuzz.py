@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from fuzzing import CORPUS, FrameFuzz, SerialFuzz, Tracebacks, mutated_files, survives
 
-from tactile_node.canbus.slcan_bus import is_sound
+from tactile_node.bus.slcan_bus import is_sound
 
 CASES = sorted(path for path in CORPUS.iterdir() if path.name != 'README.md')
 

@@ -7,13 +7,13 @@ import pytest
 
 pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
 
-from tactile_node.canbus.health import BusHealth, NodeHealth  # noqa: E402
-from tactile_node.canbus.losses import LossReason, PadStatistics  # noqa: E402
-from tactile_node.canbus.node_watch import Ailment  # noqa: E402
-from tactile_node.canbus.router import SERVICES, BusStatistics  # noqa: E402
+from tactile_node.assembly.router import SERVICES, BusStatistics  # noqa: E402
 from tactile_node.conditioning.conditioned_pad import PadCondition  # noqa: E402
 from tactile_node.conditioning.taxel_faults import TaxelJudge  # noqa: E402
+from tactile_node.frames.health import BusHealth, NodeHealth  # noqa: E402
+from tactile_node.frames.losses import LossReason, PadStatistics  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
+from tactile_node.supervision.node_watch import Ailment  # noqa: E402
 
 PAGE = (Path(__file__).resolve().parents[1] / 'docs/hardware.md').read_text(encoding='utf-8')
 

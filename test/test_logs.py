@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from can_bench import tiny_layout
 
-from tactile_node.canbus.layout_file import load_layout
-from tactile_node.canbus.log_source import LogSource
-from tactile_node.canbus.logs import CanLogReader, CanLogWriter
-from tactile_node.canbus.pads import PadSettings
 from tactile_node.errors import LogError
+from tactile_node.recording.log_source import LogSource
+from tactile_node.recording.logs import CanLogReader, CanLogWriter
 from tactile_node.simulator.recording import load_recording
+from tactile_node.skin.layout_file import load_layout
+from tactile_node.skin.pads import PadSettings
 
 DATA = Path(__file__).parent / 'data'
 RING = DATA / 'nus_ring_session.log.gz'

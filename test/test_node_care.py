@@ -5,7 +5,7 @@ import threading
 import pytest
 from fault_bench import PATIENCE, FaultBench
 
-from tactile_node.canbus.skin_bus import SkinBus
+from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.errors import DeviceAbsentError
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tactile_node.canbus.pacer import Schedule
+from tactile_node.threads.pacer import Schedule
 
 
 def times(delays, period=1.0, lasts=0.0):

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from can_bench import INTERFACE, wait_until
 
-from tactile_node.canbus.bus_settings import BusSettings
-from tactile_node.canbus.pads import make_pad, make_pads, with_dictionaries
-from tactile_node.canbus.supervisor import Supervisor
+from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.errors import BusError
 from tactile_node.simulator.skin_simulator import SkinSimulator
+from tactile_node.skin.pads import make_pad, make_pads, with_dictionaries
+from tactile_node.supervision.supervisor import Supervisor
 
 pytestmark = pytest.mark.skipif(INTERFACE != 'socketcan', reason='needs SocketCAN: `make socketcan` runs it')
 PRESSED, PERIOD = 12.5, 0.25  # the emulated machine is slow

@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
 
 from tactile_node.contact.pattern import ContactPattern  # noqa: E402
+from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus  # noqa: E402
 from tactile_node.fusion.recognitions import FusedRecognition  # noqa: E402
 from tactile_node.grasp.tracker import GraspTracker  # noqa: E402
 from tactile_node.helmholtz.features import Group, compute_features  # noqa: E402
@@ -18,7 +19,6 @@ from tactile_node.ros.grasp_messages import grasp_message, side_result  # noqa: 
 from tactile_node.ros.shape_messages import Findings, pose_message, shape_message  # noqa: E402
 from tactile_node.ros.taxel_messages import taxel_array_message, taxel_values  # noqa: E402
 from tactile_node.shape.recognition import Recognition, Shape  # noqa: E402
-from tactile_node.taxel_frame import TaxelFrame, TaxelStatus  # noqa: E402
 from tactile_skin.msg import ContactShape, Grasp  # noqa: E402
 
 PITCH = 0.002

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from can_bench import Bench, only, tiny_layout, wait_until
 
-from tactile_node.canbus.assembler import FrameAssembler
-from tactile_node.canbus.losses import Loss, LossReason
-from tactile_node.canbus.pad_rules import check_pads
-from tactile_node.canbus.pads import PadSettings, make_pads
+from tactile_node.assembly.assembler import FrameAssembler
 from tactile_node.errors import ConfigurationError
-from tactile_node.taxel_frame import TaxelStatus
+from tactile_node.frames.losses import Loss, LossReason
+from tactile_node.frames.taxel_frame import TaxelStatus
+from tactile_node.skin.pad_rules import check_pads
+from tactile_node.skin.pads import PadSettings, make_pads
 
 TWO = '''
 rows: 4

@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 from can_bench import INTERFACE, channel_of, other_bus, wait_until
 
-from tactile_node.canbus import slcan_bus
-from tactile_node.canbus.bus_network import open_bus
-from tactile_node.canbus.layout_file import load_layout
-from tactile_node.canbus.pads import make_pad
+from tactile_node.bus.bus_network import open_bus
+from tactile_node.bus import slcan_bus
 from tactile_node.errors import BusError
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.slcan_pty import SlcanPty, decode, encode
 from tactile_node.simulator.touches import touch_program
+from tactile_node.skin.layout_file import load_layout
+from tactile_node.skin.pads import make_pad
 
 START, SYNC = (0x000, '0120'), (0x080, '')
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from can_bench import INTERFACE, Bench, other_bus, wait_until
 
-from tactile_node.canbus.log_source import LogSource
-from tactile_node.canbus.pads import PadSettings
-from tactile_node.canbus.skin_bus import BusSettings, SkinBus
+from tactile_node.bus.skin_bus import BusSettings, SkinBus
 from tactile_node.errors import BusError, ConfigurationError, DeviceError, LogError
-from tactile_node.taxel_frame import TaxelStatus
+from tactile_node.frames.taxel_frame import TaxelStatus
+from tactile_node.recording.log_source import LogSource
+from tactile_node.skin.pads import PadSettings
 
 
 def test_boot_up_configuration_and_values(tmp_path):

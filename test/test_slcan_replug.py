@@ -5,11 +5,11 @@ import time
 import numpy as np
 from can_bench import wait_until
 
-from tactile_node.canbus.bus_settings import BusSettings
-from tactile_node.canbus.pads import make_pads, with_dictionaries
-from tactile_node.canbus.supervisor import Supervisor
+from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.slcan_pty import SlcanPty
+from tactile_node.skin.pads import make_pads, with_dictionaries
+from tactile_node.supervision.supervisor import Supervisor
 
 PADS = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], [32]))
 

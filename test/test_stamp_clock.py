@@ -2,7 +2,7 @@
 
 import pytest
 
-from tactile_node.canbus.stamp_clock import StampClock
+from tactile_node.bus.stamp_clock import StampClock
 
 
 class Hands:

@@ -8,9 +8,9 @@ pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run 
 
 from rclpy.qos import DurabilityPolicy  # noqa: E402
 
-from tactile_node.canbus.health import BusHealth, NodeHealth, Outages  # noqa: E402
-from tactile_node.canbus.losses import PadStatistics  # noqa: E402
-from tactile_node.canbus.router import BusStatistics  # noqa: E402
+from tactile_node.assembly.router import BusStatistics  # noqa: E402
+from tactile_node.frames.health import BusHealth, NodeHealth, Outages  # noqa: E402
+from tactile_node.frames.losses import PadStatistics  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
 from tactile_node.ros.qos import STATUS_QOS  # noqa: E402
 from tactile_node.ros.status_message import status_message  # noqa: E402

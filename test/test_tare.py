@@ -7,7 +7,7 @@ import pytest
 
 from tactile_node.conditioning.tare import TaredPad, measure
 from tactile_node.errors import DeviceError, HalfZeroedError, TareRefusedError
-from tactile_node.taxel_frame import TaxelFrame
+from tactile_node.frames.taxel_frame import TaxelFrame
 
 LIMIT = 10.0
 

@@ -9,7 +9,7 @@ from tactile_node.conditioning.gain import load_gains
 from tactile_node.conditioning.tare import TaredPad
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault, TaxelJudge
 from tactile_node.errors import ConfigurationError
-from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 
 SIDE, LIMIT, PRESS, FULL, PERIOD = 12, 10.0, 60.0, 100.0, 0.02
 DEAD, STUCK, FLICKERING, SATURATED = (kind for kind in TaxelFault if kind)

@@ -12,10 +12,10 @@ pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run 
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 
-from tactile_node.canbus.pads import make_pad  # noqa: E402
 from tactile_node.nodes.grasp_node import GraspNode  # noqa: E402
 from tactile_node.nodes.system import make_system  # noqa: E402
 from tactile_node.simulator.skin_simulator import SkinSimulator  # noqa: E402
+from tactile_node.skin.pads import make_pad  # noqa: E402
 from tactile_skin.msg import Grasp, TaxelArray  # noqa: E402
 
 PATIENCE = 60.0  # s, for a busy machine

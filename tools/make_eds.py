@@ -6,8 +6,8 @@ TPDOs' defaults are the layout's, but disabled: like most devices, the skin send
 
 from pathlib import Path
 
-from tactile_node.canbus.layout import SkinLayout
-from tactile_node.canbus.layout_file import load_layout
+from tactile_node.skin.layout import SkinLayout
+from tactile_node.skin.layout_file import load_layout
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
 VENDOR = 0x0000_05C1  # example number, not assigned by CiA

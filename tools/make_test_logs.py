@@ -17,13 +17,13 @@ from pathlib import Path
 import can
 import numpy as np
 
-from tactile_node.canbus.heartbeat import NmtState
-from tactile_node.canbus.pads import PadSettings, make_pad
-from tactile_node.canbus.skin_bus import BusSettings, SkinBus
+from tactile_node.bus.skin_bus import BusSettings, SkinBus
+from tactile_node.cia301.heartbeat import NmtState
 from tactile_node.simulator.device import TaxelSource
 from tactile_node.simulator.recording import load_recording
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.touches import touch_program
+from tactile_node.skin.pads import PadSettings, make_pad
 from tactile_node.synthetic.world import CLASSES
 
 DATA = Path(__file__).resolve().parents[1] / 'test' / 'data'

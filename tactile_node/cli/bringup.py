@@ -4,12 +4,12 @@ import argparse
 import threading
 from contextlib import ExitStack
 
-from tactile_node.canbus.pads import make_pads, with_dictionaries
-from tactile_node.canbus.summary import summary
 from tactile_node.cli.options import names, node_ids, pace
 from tactile_node.interruption import interruption
+from tactile_node.recording.summary import summary
 from tactile_node.simulator.gripper import gripper_sources
 from tactile_node.simulator.skin_simulator import SkinSimulator
+from tactile_node.skin.pads import make_pads, with_dictionaries
 
 SIMULATED_CHANNEL = 'tactile_bringup'
 DRAIN_PATIENCE = 5.0  # how long no shape may come before the rest of a log is given up [s]

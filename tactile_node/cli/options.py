@@ -1,7 +1,7 @@
 """Types of options that several sub-commands share; each raises ConfigurationError for what it cannot read."""
 
-from tactile_node.canbus.pads import MAX_NODE_ID
 from tactile_node.errors import ConfigurationError
+from tactile_node.skin.pads import MAX_NODE_ID
 
 
 def node_ids(text: str) -> list[int]:

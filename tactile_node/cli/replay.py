@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_node.canbus.log_source import LogSource
-from tactile_node.canbus.pads import PadSettings, make_pads
-from tactile_node.canbus.summary import summary
 from tactile_node.cli.options import node_ids, pace
 from tactile_node.errors import ConfigurationError, LogError
 from tactile_node.interruption import interruption
+from tactile_node.recording.log_source import LogSource
+from tactile_node.recording.summary import summary
+from tactile_node.skin.pads import PadSettings, make_pads
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:

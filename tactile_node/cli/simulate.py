@@ -6,8 +6,7 @@ It is as silent as a real one until a master (the driver) starts it.
 import argparse
 import gc
 
-from tactile_node.canbus.bus_network import open_bus
-from tactile_node.canbus.pads import PadSettings, make_pads, with_dictionaries
+from tactile_node.bus.bus_network import open_bus
 from tactile_node.cli.options import names, node_ids
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption
@@ -16,6 +15,7 @@ from tactile_node.simulator.gripper import gripper_sources
 from tactile_node.simulator.recording import SIDE, load_recording
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.slcan_pty import SlcanPty
+from tactile_node.skin.pads import PadSettings, make_pads, with_dictionaries
 from tactile_node.synthetic.world import CLASSES
 
 

@@ -9,7 +9,6 @@ import numpy as np
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 
-from tactile_node.canbus.pads import make_pad
 from tactile_node.demo.observation import Verdict, judge
 from tactile_node.demo.terminal import LivePictures
 from tactile_node.demo.touches import GAP, TouchedPad, scripted_touches
@@ -20,6 +19,7 @@ from tactile_node.nodes.system import make_system
 from tactile_node.ros.bag import BagRecorder
 from tactile_node.ros.qos import frames_qos
 from tactile_node.simulator.skin_simulator import SkinSimulator
+from tactile_node.skin.pads import make_pad
 
 PADS, NODE_IDS, LAYOUT = ('left', 'right'), (32, 64), 'sim16x16.yaml'
 CHANNEL = 'tactile_demo'

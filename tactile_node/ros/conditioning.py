@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from types import SimpleNamespace
 
-from tactile_node.canbus.pads import PadSettings, one_for_each
 from tactile_node.conditioning.conditioned_pad import ConditionedPad
 from tactile_node.conditioning.drift import DriftFollower
 from tactile_node.conditioning.fault_file import load_faults
@@ -11,6 +10,7 @@ from tactile_node.conditioning.gain import load_gains
 from tactile_node.conditioning.tare import TaredPad
 from tactile_node.conditioning.taxel_faults import TaxelJudge
 from tactile_node.ros.parameters import masks_faulty, rest_limit, tare_limit
+from tactile_node.skin.pads import PadSettings, one_for_each
 
 
 def conditioned_pads(pads: tuple[PadSettings, ...], settings: SimpleNamespace) -> dict[str, ConditionedPad]:

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from tactile_node.canbus.health import BusHealth, NodeHealth, Outages
-from tactile_node.canbus.losses import PadStatistics
-from tactile_node.canbus.router import BusStatistics
+from tactile_node.assembly.router import BusStatistics
 from tactile_node.conditioning.conditioned_pad import PadCondition
+from tactile_node.frames.health import BusHealth, NodeHealth, Outages
+from tactile_node.frames.losses import PadStatistics
 
 
 class Finding(NamedTuple):

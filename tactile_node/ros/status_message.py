@@ -7,11 +7,11 @@ from types import MappingProxyType
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-from tactile_node.canbus.health import BusHealth, NodeHealth
-from tactile_node.canbus.losses import PadStatistics
-from tactile_node.canbus.router import BusStatistics
+from tactile_node.assembly.router import BusStatistics
 from tactile_node.conditioning.conditioned_pad import PadCondition
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
+from tactile_node.frames.health import BusHealth, NodeHealth
+from tactile_node.frames.losses import PadStatistics
 from tactile_skin.msg import FaultyTaxel, NodeStatus, PadStatus, SkinStatus
 
 SEVERITY = (DiagnosticStatus.OK, DiagnosticStatus.STALE, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)

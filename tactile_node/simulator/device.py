@@ -11,14 +11,14 @@ import canopen
 import numpy as np
 from canopen import SdoAbortedError
 
-from tactile_node.canbus.auto_zero import AUTO_ZERO, ZERO
-from tactile_node.canbus.bus_network import SDO_BYTES
-from tactile_node.canbus.cob_id import DISABLED, ID_MASK
-from tactile_node.canbus.eds import TPDO_COMMUNICATION, TPDO_MAPPING
-from tactile_node.canbus.layout import SkinLayout
-from tactile_node.canbus.pads import PadSettings
-from tactile_node.canbus.taxel_codec import TaxelCodec
+from tactile_node.bus.auto_zero import AUTO_ZERO, ZERO
+from tactile_node.bus.bus_network import SDO_BYTES
+from tactile_node.cia301.cob_id import DISABLED, ID_MASK
 from tactile_node.simulator.block_upload import BlockUploadServer
+from tactile_node.skin.eds import TPDO_COMMUNICATION, TPDO_MAPPING
+from tactile_node.skin.layout import SkinLayout
+from tactile_node.skin.pads import PadSettings
+from tactile_node.skin.taxel_codec import TaxelCodec
 
 logger = logging.getLogger(__name__)
 

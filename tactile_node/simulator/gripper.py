@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-from tactile_node.canbus.pads import PadSettings
 from tactile_node.simulator.device import TaxelSource
 from tactile_node.simulator.touches import TouchProgram, touch_program
+from tactile_node.skin.pads import PadSettings
 from tactile_node.synthetic.world import CLASSES
 
 

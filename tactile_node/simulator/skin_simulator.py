@@ -4,16 +4,16 @@ from collections.abc import Callable
 
 import can
 
-from tactile_node.canbus.bus_network import BusNetwork, open_bus
-from tactile_node.canbus.pad_rules import check_pads
-from tactile_node.canbus.pads import PadSettings
+from tactile_node.bus.bus_network import BusNetwork, open_bus
 from tactile_node.simulator.device import SimulatedDevice, TaxelSource
+from tactile_node.skin.pad_rules import check_pads
+from tactile_node.skin.pads import PadSettings
 
 
 class SkinSimulator:
     """Devices for ``pads``, each with its ``sources[pad.name]``, from ``start`` to ``stop`` on one bus.
 
-    >>> from tactile_node.canbus.pads import make_pad
+    >>> from tactile_node.skin.pads import make_pad
     >>> import numpy as np
     >>> pad = make_pad('left', 32, 'sim16x16.yaml')
     >>> simulator = SkinSimulator([pad], {'left': lambda t: np.zeros((16, 16))})

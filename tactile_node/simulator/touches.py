@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_node.canbus.layout import SkinLayout
+from tactile_node.skin.layout import SkinLayout
 from tactile_node.synthetic.pressure import Skin, pressure_frame
 from tactile_node.synthetic.world import CLASSES, Contact, random_contact
 

@@ -1,0 +1,1 @@
+"""CAN frames -> taxel frames."""

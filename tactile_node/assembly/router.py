@@ -1,0 +1,143 @@
+"""Gives each CAN frame of a bus or a log to the pad it belongs to, and counts all others by service."""
+
+from collections import Counter
+from collections.abc import Collection
+from typing import NamedTuple
+
+import can
+
+from tactile_node.assembly.assembler import FrameAssembler
+from tactile_node.assembly.domain_assembler import DomainAssembler
+from tactile_node.frames.consumer import OnFrame
+from tactile_node.frames.losses import Outcome, PadStatistics
+from tactile_node.frames.taxel_frame import TaxelFrame
+from tactile_node.skin.pads import PadSettings
+
+#: CiA 301, predefined connection set: (first, last, service)
+SERVICES = ((0x000, 0x000, 'nmt'), (0x081, 0x0FF, 'emcy'), (0x100, 0x100, 'time'), (0x581, 0x5FF, 'sdo'),
+            (0x601, 0x67F, 'sdo'), (0x701, 0x77F, 'heartbeat'))
+
+
+class BusStatistics(NamedTuple):
+    """Counts since construction. ``can_frames``: by service; 'tpdo' the pads' own, 'foreign' nobody's."""
+
+    pads: dict[str, PadStatistics]
+    can_frames: dict[str, int]
+    queue_overruns: int = 0  #: CAN frames dropped because this process was too slow
+    sync_overruns: int = 0  #: SYNCs not sent because this process was too slow
+    poll_overruns: int = 0  #: polls of a DOMAIN left out because the ones before took too long
+    consumer_errors: int = 0  #: exceptions of on_frame
+    clock_jumps: int = 0  #: times the wall clock was set while stamps were taken
+    stamps_ahead: float = 0.0  #: of the wall clock, since it was set back [s]
+    unread: int = 0  #: lines of a log that could not be read
+    unrecorded: int = 0  #: CAN frames that the recording lacks: it has failed, or its format has no place for them
+
+
+class Router:
+    """Routes frames in order; not thread-safe, one thread feeds it.
+
+    With ``foreign_sync`` the SYNCs on the bus part the periods; else only calls of ``sync`` do. ``one_clock``
+    says that the stamps given to ``sync`` and ``feed`` can be compared.
+    """
+
+    def __init__(self, pads: tuple[PadSettings, ...], on_frame: OnFrame, foreign_sync: bool = True,
+                 one_clock: bool = True, drop_incomplete: bool = False):
+        self._assemblers = {pad.name: _assembler(pad, one_clock, drop_incomplete) for pad in pads}
+        self._owner = {can_id: (name, assembler.feed, assembler.service)
+                       for name, assembler in self._assemblers.items() for can_id in assembler.can_ids}
+        self.is_running = True  #: see ``pause``
+        self._foreign_sync, self._sync_id = foreign_sync, pads[0].layout.sync_cob_id
+        self._on_frame = on_frame
+        self._counts: Counter[str] = Counter()
+
+    @property
+    def can_ids(self) -> Collection[int]:
+        """COB-IDs of the pads' taxels."""
+        return self._owner.keys()
+
+    def restart(self) -> None:
+        self.is_running = True
+        for assembler in self._assemblers.values():
+            assembler.restart()
+
+    def resume(self, lost_periods: int) -> None:
+        """After an outage: forget the period under way, leave out the sequence numbers of those lost."""
+        self.is_running = True
+        for assembler in self._assemblers.values():
+            assembler.resume(lost_periods)
+
+    def start(self, node_id: int) -> None:
+        """A node that did not send was told to start."""
+        for assembler in self._assemblers.values():
+            assembler.start(node_id)
+
+    def pause(self) -> None:
+        """SYNCs of others part no periods from now on, so there are no frames."""
+        self.is_running = False
+
+    def drop_incomplete(self, is_wanted: bool) -> None:
+        """From now on drop incomplete taxel frames, or give them."""
+        for assembler in self._assemblers.values():
+            assembler.drop_incomplete = is_wanted
+
+    def sync(self, stamp: float) -> None:
+        """A SYNC, own or foreign: every pad's period ends and the next begins."""
+        for name, assembler in self._assemblers.items():
+            self._hand_over(name, assembler.sync(stamp))
+
+    def feed(self, can_id: int, data: bytes, stamp: float) -> None:
+        """A data frame with an 11-bit identifier."""
+        owner = self._owner.get(can_id)
+        if owner is not None:
+            name, feed, service = owner
+            self._counts[service] += 1
+            if self.is_running or service == 'tpdo':  # an upload of a driver that is not active is none of a sample
+                self._hand_over(name, feed(can_id, data, stamp))
+        elif can_id == self._sync_id:
+            self._counts['sync'] += 1
+            if self._foreign_sync and self.is_running:
+                self.sync(stamp)
+        else:
+            self._counts[service_of(can_id)] += 1
+
+    def feed_message(self, message: can.Message) -> None:
+        """Any python-can message: what is no 11-bit data frame is counted."""
+        kind = oddity_of(message)
+        if kind is None:
+            self.feed(message.arbitration_id, bytes(message.data), message.timestamp)
+        else:
+            self._counts[kind] += 1
+
+    def end(self) -> None:
+        """No more frames will come: give the frames of the last period."""
+        for name, assembler in self._assemblers.items():
+            self._hand_over(name, assembler.end_period())
+
+    def statistics(self) -> BusStatistics:
+        pads = {name: assembler.statistics() for name, assembler in self._assemblers.items()}
+        return BusStatistics(pads, dict(self._counts))
+
+    def _hand_over(self, name: str, outcome: Outcome) -> None:
+        for result in outcome:
+            if isinstance(result, TaxelFrame):
+                self._on_frame(name, result)
+
+
+def _assembler(pad: PadSettings, one_clock: bool, drop_incomplete: bool) -> FrameAssembler | DomainAssembler:
+    if pad.layout.domain is not None:
+        return DomainAssembler(pad.layout, pad.node_id, drop_incomplete)
+    return FrameAssembler(pad.layout, pad.node_ids, one_clock, drop_incomplete)
+
+
+def service_of(can_id: int) -> str:
+    """Name the CANopen service of a COB-ID that is no pad's TPDO and not SYNC."""
+    return next((name for first, last, name in SERVICES if first <= can_id <= last), 'foreign')
+
+
+def oddity_of(message: can.Message) -> str | None:
+    """Why a message can be no CANopen data frame: 'error', 'remote' or 'foreign'; None when it can."""
+    if message.is_error_frame:
+        return 'error'
+    if message.is_remote_frame:
+        return 'remote'
+    return 'foreign' if message.is_extended_id or message.is_fd else None

@@ -1,0 +1,78 @@
+"""What a bus says beside taxels: heartbeats, EMCY, other masters' NMT commands, error frames, its load."""
+
+from collections.abc import Callable, Iterable
+
+import can
+
+from tactile_node.cia301.emergency import EmergencyLog
+from tactile_node.cia301.heartbeat import HEARTBEAT, Heartbeats
+from tactile_node.frames.health import ErrorCounters
+
+NMT, EMCY = 0x000, 0x080  # EMCY + node-ID
+#: linux/can/error.h: bits of an error frame's identifier; of byte 1 when the controller reports
+BUS_OFF, CONTROLLER, RESTARTED, COUNTERS = 0x040, 0x004, 0x100, 0x200
+PASSIVE, ACTIVE = 0x30, 0x40
+#: bits of a standard frame by its data bytes: 47 and 8 a byte, and the most that bit stuffing adds
+FRAME_BITS = tuple(47 + 8 * n + (34 + 8 * n - 1) // 4 for n in range(9))
+
+_COMMANDS = {0x01: 'start', 0x02: 'stop', 0x80: 'enter pre-operational', 0x81: 'reset node',
+             0x82: 'reset communication'}
+
+
+class BusMonitor:
+    """Fed on the notifier's thread, read from any; lasts while the bus is closed and opened anew.
+
+    ``on_news()`` is called when a node or another master says something new; it must return at once.
+    """
+
+    def __init__(self, node_ids: Iterable[int], on_news: Callable[[], None] = lambda: None):
+        self.heartbeats, self._on_news = Heartbeats(), on_news
+        self.emergencies = {node_id: EmergencyLog() for node_id in node_ids}
+        self.can_frames = self.bits = self.foreign_commands = 0
+        self.last_command = ''  #: of another master to one of our nodes
+        self.is_error_passive, self.error_counters = False, ErrorCounters()
+        self._watched = {NMT: self._command}
+        for node_id, log in self.emergencies.items():
+            self._watched[HEARTBEAT + node_id] = self._heartbeat
+            self._watched[EMCY + node_id] = lambda _can_id, data, log=log: log.feed(data)
+
+    def restart(self) -> None:
+        """The bus was opened anew."""
+        self.heartbeats.forget()
+        self.is_error_passive, self.error_counters = False, ErrorCounters()
+
+    def feed(self, can_id: int, data: bytes) -> None:
+        """A data frame of another node, with an 11-bit identifier."""
+        self.can_frames += 1
+        self.bits += FRAME_BITS[min(len(data), 8)]  # more: no controller's, but an adapter may say so
+        watched = self._watched.get(can_id)
+        if watched is not None:
+            watched(can_id, data)
+
+    def feed_own(self, size: int) -> None:
+        """A frame of ``size`` bytes that we sent; it counts for the load."""
+        self.bits += FRAME_BITS[size]
+
+    def feed_error(self, message: can.Message) -> bool:
+        """An error frame of the controller; True when it says bus-off."""
+        kind, data = message.arbitration_id, message.data
+        if kind & CONTROLLER and len(data) > 1:
+            self.is_error_passive = bool(data[1] & PASSIVE) and not data[1] & ACTIVE
+        if kind & (CONTROLLER | COUNTERS) and len(data) == 8:
+            self.error_counters = ErrorCounters(data[6], data[7])
+        if kind & RESTARTED:
+            self.is_error_passive, self.error_counters = False, ErrorCounters()
+        return bool(kind & BUS_OFF)
+
+    def _heartbeat(self, can_id: int, data: bytes) -> None:
+        if self.heartbeats.feed(can_id, data):
+            self._on_news()
+
+    def _command(self, _can_id: int, data: bytes) -> None:
+        """Own commands are not received, so this one is another master's."""
+        if len(data) < 2 or data[1] and data[1] not in self.emergencies:
+            return
+        command = _COMMANDS.get(data[0], f'obey command 0x{data[0]:02X}')
+        self.last_command = f'{f"node {data[1]}" if data[1] else "all nodes"} to {command}'
+        self.foreign_commands += 1
+        self._on_news()

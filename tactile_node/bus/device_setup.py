@@ -1,0 +1,161 @@
+"""Finds, identifies and configures one CANopen device, up to NMT start (CiA 301, 302-2)."""
+
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+from canopen import SdoAbortedError, SdoCommunicationError
+from canopen.sdo import SdoClient
+
+from tactile_node.bus.domain_polling import check_domain
+from tactile_node.cia301.cob_id import DISABLED, ID_MASK, NO_RTR
+from tactile_node.cia301.heartbeat import Heartbeats
+from tactile_node.errors import DeviceAbsentError, DeviceError
+from tactile_node.skin.eds import IDENTITY, TPDO_COMMUNICATION, TPDO_MAPPING, Identity, identity_of
+from tactile_node.skin.layout import TpdoLayout
+from tactile_node.skin.pads import PadSettings
+
+Answer = TypeVar('Answer')
+
+SYNC_COB_ID, HEARTBEAT_TIME = 0x1005, 0x1017
+EVERY_SYNC = 1  # transmission type: synchronous, at every SYNC
+AT_ITS_EVENTS = 254  # transmission type: when the device's maker says; CiA 301 has MPDOs so
+SAM_MPDO = 0xFE  # sub 0 of the mapping record: a multiplexed PDO, source addressing (CiA 301)
+REMINDER = 2.0  # s between two sentences about the same wait
+
+
+class DeviceSetup:
+    """The steps of one pad's device; each raises DeviceError when the device does not go along."""
+
+    def __init__(self, sdo: SdoClient, pad: PadSettings, heartbeats: Heartbeats, log: Callable[[str], None]):
+        self._sdo, self._pad, self._heartbeats, self._log = sdo, pad, heartbeats, log
+        self._who = pad.who
+
+    def run(self, boot_timeout: float, heartbeat_ms: int) -> bool:
+        """Find the device within ``boot_timeout`` [s], check who it is, configure it; whether it uploads by block."""
+        self._wait_for_device(boot_timeout)
+        self._check_identity()
+        if self._pad.layout.needs_sync:
+            self._set_if_listed(SYNC_COB_ID, self._pad.layout.sync_cob_id, 4, 'SYNC COB-ID')
+        self._set_if_listed(HEARTBEAT_TIME, heartbeat_ms, 2, 'heartbeat time')
+        if self._pad.layout.domain is not None:
+            return check_domain(self._sdo, self._pad.layout.domain, self._who, self._log)
+        tpdos = {tpdo.number: tpdo for tpdo in self._pad.layout.tpdos}  # many frames may be one multiplexed TPDO
+        written = sum(self._configure(tpdo) for tpdo in tpdos.values())
+        self._log(f'{self._who}: {len(tpdos)} TPDOs ready, {written} of them newly written.')
+        return False
+
+    def _wait_for_device(self, timeout: float) -> None:
+        begun = reminded = time.monotonic()
+        while True:
+            try:
+                self._sdo.upload(IDENTITY, 1)
+                return
+            except SdoAbortedError:  # it answers; what it lacks is the next step's matter
+                return
+            except SdoCommunicationError:
+                now = time.monotonic()
+            if now - begun >= timeout:
+                raise DeviceAbsentError(self._who, expected=f'an answer by SDO within {timeout:g} s',
+                                        got=self._silence(),
+                                        remedy='Check power, wiring, termination, bit rate and node-ID.')
+            if reminded == begun or now - reminded >= REMINDER:
+                self._log(f'Waiting for {self._who} to answer by SDO: {self._silence()} so far.')
+                reminded = now
+
+    def _silence(self) -> str:
+        state = self._heartbeats.state(self._pad.node_id)
+        return 'no sign of it' if state is None else f'only its heartbeat (NMT state 0x{state:02X})'
+
+    def _check_identity(self) -> None:
+        ours = identity_of(self._pad.dictionary)
+        theirs = Identity(*(self._read(IDENTITY, sub, missing=None) for sub in (1, 2, 3)))
+        if not ours.accepts(theirs):
+            raise DeviceError(f'{self._who}, object 0x1018', expected=f'{ours} as in {self._pad.eds}',
+                              got=str(theirs),
+                              remedy='Check the node-ID, or give the EDS and layout of this device.')
+        self._log(f'{self._who} is there: {theirs}.')
+
+    def _set_if_listed(self, index: int, value: int, size: int, what: str) -> None:
+        if index not in self._pad.dictionary:
+            self._log(f'{self._who}: its EDS has no object 0x{index:04X}, so its {what} stays as it is.')
+        elif self._read(index, 0, missing=None) != value:
+            self._write(index, 0, value, size)
+
+    def _configure(self, tpdo: TpdoLayout) -> bool:
+        """Make the device send ``tpdo`` as the layout says; True when anything had to be written."""
+        communication, mapping = TPDO_COMMUNICATION + tpdo.number - 1, TPDO_MAPPING + tpdo.number - 1
+        entries = SAM_MPDO if tpdo.is_mpdo else [mapped.entry for mapped in tpdo.mapping]
+        kind = AT_ITS_EVENTS if tpdo.is_mpdo else EVERY_SYNC
+        current = self._read(communication, 1)
+        wanted = tpdo.cob_id.of(self._pad.node_id) | current & NO_RTR
+        same_mapping = self._mapping(mapping) == entries
+        if current == wanted and same_mapping and self._read(communication, 2) == kind:
+            return False
+        self._write(communication, 1, current | DISABLED, 4)  # CiA 301: no change while the PDO exists
+        self._write(communication, 2, kind, 1)
+        if not same_mapping:
+            self._write_mapping(mapping, entries)
+        self._write(communication, 1, wanted, 4)
+        self._verify(tpdo, communication, wanted)
+        return True
+
+    def _mapping(self, index: int) -> list[int] | int:
+        count = self._read(index, 0)
+        return count if count == SAM_MPDO else [self._read(index, sub) for sub in range(1, count + 1)]
+
+    def _write_mapping(self, index: int, entries: list[int] | int) -> None:
+        self._write(index, 0, 0, 1)
+        for sub, entry in enumerate([] if entries == SAM_MPDO else entries, 1):
+            self._write(index, sub, entry, 4)
+        self._write(index, 0, SAM_MPDO if entries == SAM_MPDO else len(entries), 1)
+        if (now := self._mapping(index)) != entries:
+            self._lies(f'0x{index:04X}', _mapping_text(entries), _mapping_text(now))
+
+    def _verify(self, tpdo: TpdoLayout, index: int, wanted: int) -> None:
+        now = self._read(index, 1)
+        if now & (DISABLED | ID_MASK) != wanted & ID_MASK:
+            self._lies(f'0x{index:04X} sub 1 (COB-ID of TPDO {tpdo.number})', f'0x{wanted:08X}',
+                       f'0x{now:08X}')
+
+    def _lies(self, what: str, expected: str, got: str) -> None:
+        raise DeviceError(f'{self._who}, {what}', expected=f'{expected}, as just written',
+                          got=f'{got} read back',
+                          remedy="Adapt the layout to the device's own mapping: it does not take another.")
+
+    def _read(self, index: int, sub: int, **if_absent: int | None) -> int | None:
+        """Read an unsigned number; an aborted read gives ``missing`` when given."""
+        try:
+            return int.from_bytes(self._asked('read', index, sub, lambda: self._sdo.upload(index, sub)), 'little')
+        except SdoAbortedError as error:
+            if 'missing' in if_absent:
+                return if_absent['missing']
+            self._refused('be read', index, sub, error)
+
+    def _write(self, index: int, sub: int, value: int, size: int) -> None:
+        try:
+            data = value.to_bytes(size, 'little')
+            self._asked('write', index, sub, lambda: self._sdo.download(index, sub, data))
+        except SdoAbortedError as error:
+            self._refused(f'be set to 0x{value:X}', index, sub, error)
+
+    def _asked(self, verb: str, index: int, sub: int, ask: Callable[[], Answer]) -> Answer:
+        """What ``ask`` returns, at the second time where nobody answers at the first."""
+        try:
+            return ask()
+        except SdoCommunicationError:
+            pass
+        try:
+            return ask()
+        except SdoCommunicationError as error:
+            raise DeviceError(f'{self._who}, object 0x{index:04X} sub {sub}', expected=f'an answer to a {verb}',
+                              got=str(error), remedy='Check the wiring and whether the device is on.') from error
+
+    def _refused(self, what: str, index: int, sub: int, error: SdoAbortedError) -> None:
+        raise DeviceError(f'{self._who}, object 0x{index:04X} sub {sub}', expected=f'that it can {what}',
+                          got=f'SDO abort: {error}',
+                          remedy="Compare the layout with the device's manual and EDS.") from error
+
+
+def _mapping_text(entries: list[int] | int) -> str:
+    return 'an MPDO with source addressing' if entries == SAM_MPDO else ' '.join(f'{entry:08X}' for entry in entries)

@@ -1,0 +1,85 @@
+"""Reads a pad's DOMAIN by SDO, again and again. What is read the assembler takes from the frames on the bus."""
+
+import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+
+from canopen import SdoAbortedError, SdoCommunicationError
+from canopen.sdo import SdoClient
+
+from tactile_node.errors import BusError, DeviceError
+from tactile_node.skin.layout import DomainLayout
+from tactile_node.supervision.outage import Reminder
+from tactile_node.threads.pacer import Pacer
+
+OpenSdo = Callable[[], AbstractContextManager[SdoClient]]
+
+LONGEST_ANSWER = 0.1  # s until a frame that does not come counts as lost: a poll must not outlast many periods
+
+
+def upload(sdo: SdoClient, domain: DomainLayout, by_block: bool) -> bytes:
+    """Read the object. Raises BusError and canopen's SdoAbortedError and SdoCommunicationError."""
+    try:
+        if not by_block:
+            return sdo.upload(domain.index, domain.subindex)
+        with sdo.open(domain.index, domain.subindex, 'rb', block_transfer=True) as stream:
+            return stream.read()
+    except (SdoAbortedError, SdoCommunicationError, BusError):
+        raise
+    except Exception as error:  # canopen's streams over a lost last frame or a foreign one: AttributeError and others
+        raise SdoCommunicationError(f'Upload failed: {type(error).__name__}: {error}') from error
+
+
+def check_domain(sdo: SdoClient, domain: DomainLayout, who: str, log: Callable[[str], None]) -> bool:
+    """Read the object once: whether the device sends it by block. Raises DeviceError when it cannot be used."""
+    where, read, is_block = f'{who}, object 0x{domain.index:04X} sub {domain.subindex}', None, False
+    for by_block in (True, False):
+        try:
+            read, is_block = upload(sdo, domain, by_block), by_block
+            break
+        except (SdoAbortedError, SdoCommunicationError) as error:
+            reason = error
+    if read is None:
+        raise DeviceError(where, expected='a DOMAIN that can be read', got=str(reason),
+                          remedy='Compare "domain" in the layout with the manual of the device and its EDS.')
+    if len(read) != domain.length:
+        raise DeviceError(where, expected=f'{domain.length} bytes, as in the layout', got=f'{len(read)} bytes',
+                          remedy='Correct "bytes" in the layout, or use the layout of this device.')
+    log(f'{who}: its taxels are read by {"block" if is_block else "segmented"} SDO upload, {len(read)} bytes a frame.')
+    return is_block
+
+
+class DomainPolling:
+    """Polls one node's DOMAIN every ``period`` [s] from ``start`` to ``stop``, on a thread of its own.
+
+    ``open_sdo()`` is a context manager that gives the node's SDO client. Polls that fail are told of now and
+    then; what they cost the assembler counts. A BusError goes to ``on_failure``.
+    """
+
+    def __init__(self, domain: DomainLayout, who: str, period: float, open_sdo: OpenSdo,
+                 complain: Callable[[str], None], on_failure: Callable[[Exception], None]):
+        self._domain, self._who, self._open_sdo = domain, who, open_sdo
+        self._complain, self._on_failure = complain, on_failure
+        self._pacer, self._reminder, self.by_block = Pacer(period, self._poll, 'poll'), Reminder(), True
+
+    @property
+    def overruns(self) -> int:
+        """Polls left out because the ones before took too long."""
+        return self._pacer.overruns
+
+    def start(self) -> None:
+        self._pacer.start()
+
+    def stop(self) -> None:
+        self._pacer.stop()
+
+    def _poll(self) -> None:
+        try:
+            with self._open_sdo() as sdo:
+                sdo.RESPONSE_TIMEOUT = LONGEST_ANSWER
+                upload(sdo, self._domain, self.by_block)
+        except (SdoAbortedError, SdoCommunicationError) as error:
+            if self._reminder.is_due(str(error), time.monotonic()):
+                self._complain(f'{self._who}: its taxels could not be read: {error}')
+        except BusError as error:
+            self._on_failure(error)

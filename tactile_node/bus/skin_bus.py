@@ -1,0 +1,279 @@
+"""A live CAN bus with the skin's pads on it: opened, configured, started, stopped, closed."""
+
+import logging
+import time
+from collections import Counter
+from collections.abc import Callable, Collection
+
+import can
+
+from tactile_node.assembly.domain_assembler import SDO_REQUEST
+from tactile_node.assembly.router import BusStatistics, Router, oddity_of
+from tactile_node.bus.auto_zero import auto_zero
+from tactile_node.bus.bus_monitor import NMT, BusMonitor
+from tactile_node.bus.bus_network import BusNetwork, open_bus
+from tactile_node.bus.bus_settings import BusSettings
+from tactile_node.bus.device_setup import DeviceSetup
+from tactile_node.bus.domain_polling import DomainPolling
+from tactile_node.bus.stamp_clock import StampClock
+from tactile_node.cia301.heartbeat import NmtState
+from tactile_node.errors import BusError, DeviceError, HalfZeroedError, LogError
+from tactile_node.frames.consumer import Consumer, OnFrame
+from tactile_node.recording.logs import CanLogWriter
+from tactile_node.skin.pad_rules import check_dictionaries, check_pads
+from tactile_node.skin.pads import PadSettings
+from tactile_node.threads.call_queue import CallQueue
+from tactile_node.threads.pacer import Pacer
+
+logger = logging.getLogger(__name__)
+
+NMT_START, NMT_ENTER_PRE_OPERATIONAL = 0x01, 0x80
+# Interfaces that stamp reception by the clock our own SYNC is stamped by
+HOST_STAMPED = ('socketcan', 'virtual')
+CONSUMER_PATIENCE = 2.0  # s that close() waits for an on_frame under way
+
+
+class SkinBus:
+    """One CAN bus and its pads; FrameSource says the order of calls. A Supervisor keeps it going.
+
+    Threads: python-can's notifier only puts frames into a CallQueue, whose thread assembles them and calls
+    ``on_frame``; the SYNC producer has its own. SDO runs on the caller's thread.
+    """
+
+    def __init__(self, settings: BusSettings, pads: tuple[PadSettings, ...], on_frame: OnFrame,
+                 log: Callable[[str], None] = logger.info, complain: Callable[[str], None] = logger.error,
+                 monitor: BusMonitor | None = None, on_failure: Callable[[str], None] | None = None):
+        check_pads(pads)
+        check_dictionaries(pads)
+        self._settings, self._pads, self._log, self._complain = settings, tuple(pads), log, complain
+        self._nodes = [node for pad in pads for node in pad.nodes]
+        self._consumer, self._on_failure = Consumer(on_frame), on_failure or self._complain_of_failure
+        self._monitor = monitor or BusMonitor(node_id for pad in pads for node_id in pad.node_ids)
+        one_clock = not settings.produce_sync or settings.interface in HOST_STAMPED
+        self._router = Router(self._pads, self._consumer, not settings.produce_sync, one_clock,
+                              settings.drop_incomplete)
+        self._clock, self._jumps_told = StampClock(settings.interface in HOST_STAMPED), 0
+        self._odd = Counter()
+        self._calls = CallQueue('assembler')
+        self._network: BusNetwork | None = None
+        self._record: CanLogWriter | None = None
+        self._sync, self._is_running = Pacer(settings.sync_period, self._send_sync, 'sync'), False
+        self._polls = {node.node_id: self._polling(node) for node in self._nodes if node.layout.domain is not None}
+        self.syncs_sent = self._overruns = 0
+        self._failure: str | None = None
+
+    @property
+    def failure(self) -> str | None:
+        """Why the bus no longer receives, None while it does. Only close() and open() mend it."""
+        return self._failure
+
+    def open(self) -> None:
+        """Open the bus and begin to receive. Raises BusError, LogError (``record``)."""
+        if self._network is not None:
+            return
+        settings = self._settings
+        bus = open_bus(settings.interface, settings.channel, settings.bitrate, settings.options)
+        record = self._open_record(bus)
+        self._failure = None
+        self._monitor.restart()
+        self._router.pause()
+        self._calls.begin()
+        self._network = BusNetwork(bus, self._received, self._fail, record,
+                                   f'{settings.interface} {settings.channel}', self._sent)
+        recorded = f', recorded to {record.path}' if record else ''
+        self._log(f'CAN bus {settings.interface} {settings.channel} is open{recorded}.')
+
+    def configure(self) -> None:
+        """Find, identify and configure every pad's device. Raises DeviceError, BusError."""
+        for node in self._nodes:
+            self.configure_node(node, self._settings.boot_timeout)
+
+    def configure_node(self, node: PadSettings, boot_timeout: float, pause: bool = True) -> None:
+        """Configure one of a pad's nodes, found within ``boot_timeout`` [s]; without ``pause`` while it sends."""
+        if pause:
+            self._command(NMT_ENTER_PRE_OPERATIONAL, node)
+        with self._opened().sdo_client(node.node_id, node.dictionary) as sdo:
+            setup = DeviceSetup(sdo, node, self._monitor.heartbeats, self._log)
+            is_block = setup.run(boot_timeout, self._settings.heartbeat_ms)
+        if node.node_id in self._polls:
+            self._polls[node.node_id].by_block = is_block
+
+    def auto_zero(self, pad: str) -> int:
+        """Let the pad's devices zero themselves; how many channels. Raises DeviceError, BusError, HalfZeroedError."""
+        zeroed = 0
+        for node in self._nodes:
+            if node.name == pad:
+                try:
+                    with self._opened().sdo_client(node.node_id, node.dictionary) as sdo:
+                        zeroed += auto_zero(sdo, node.dictionary, node.who)
+                except (DeviceError, BusError) as error:
+                    if not zeroed:
+                        raise
+                    raise HalfZeroedError(error.where, expected=error.expected, got=error.got, remedy=error.remedy
+                                          + f' {zeroed} channels of other nodes are zeroed.') from error
+        return zeroed
+
+    def start(self, without: Collection[int] = ()) -> None:
+        """Start the devices and SYNC. Raises DeviceError when a device does not become OPERATIONAL.
+
+        Nodes whose node-IDs are in ``without`` are not there yet: they are neither started nor waited for.
+        """
+        self._opened()
+        if self._is_running:
+            return
+        self._clock.restart()
+        self._calls.put(self._router.restart)
+        begun = time.monotonic()
+        self._is_running = True  # from here on stop() has work to do
+        present = [node for node in self._nodes if node.node_id not in without]
+        for node in present:
+            self.start_node(node)
+        self._start_pacers()
+        for node in present:
+            self._confirm_operational(node, begun)
+
+    def start_node(self, node: PadSettings, was_silent: bool = True) -> None:
+        """NMT start of one device, which was not sending unless said; BusError. Heartbeats tell whether it obeys."""
+        if was_silent:
+            self._calls.put(self._router.start, node.node_id)
+        self._command(NMT_START, node)
+
+    def resume(self, lost_periods: int) -> None:
+        """SYNC on again after an outage; sequence numbers go on, ``lost_periods`` left out. Devices are not started."""
+        self._opened()
+        self._calls.put(self._router.resume, lost_periods)
+        self._is_running = True
+        self._start_pacers()
+
+    def stop(self) -> None:
+        """SYNC off, devices pre-operational; a bus that no longer works is left as it is."""
+        if self._network is None or not self._is_running:
+            return
+        self._is_running = False
+        for pacer in (self._sync, *self._polls.values()):
+            pacer.stop()
+        self._calls.put(self._router.pause)
+        for node in self._nodes if self._failure is None else ():
+            try:
+                self._command(NMT_ENTER_PRE_OPERATIONAL, node)
+            except BusError as error:
+                self._complain(f'Node {node.node_id} (pad {node.name!r}) could not be stopped: {error}')
+
+    def close(self) -> None:
+        """Stop, give the bus back and end the recording."""
+        self.disconnect()
+        if self._record is not None:
+            self._record.close()
+            self._record = None
+
+    def disconnect(self) -> None:
+        """Stop and give the bus back; the next ``open`` goes on with the same recording."""
+        self.stop()
+        if self._network is not None:
+            self._network.close()
+            self._network = None
+            self._calls.end(CONSUMER_PATIENCE)
+
+    def drop_incomplete(self, is_wanted: bool) -> None:
+        """From now on drop incomplete taxel frames, or give them."""
+        self._router.drop_incomplete(is_wanted)
+
+    def statistics(self) -> BusStatistics:
+        """Counts since construction."""
+        counted = self._router.statistics()
+        return counted._replace(can_frames=dict(Counter(counted.can_frames) + Counter(dict(self._odd))),
+                                queue_overruns=self._overruns, sync_overruns=self._sync.overruns,
+                                poll_overruns=sum(poll.overruns for poll in self._polls.values()),
+                                consumer_errors=self._consumer.errors, clock_jumps=self._clock.jumps,
+                                unrecorded=0 if self._record is None else self._record.unwritten,
+                                stamps_ahead=self._clock.ahead)
+
+    def _open_record(self, bus: can.BusABC) -> CanLogWriter | None:
+        """A log that cannot be written leaves no open bus behind."""
+        try:
+            if self._record is None and self._settings.record:
+                self._record = CanLogWriter(self._settings.record, self._complain)
+        except LogError:
+            bus.shutdown()
+            raise
+        return self._record
+
+    def _opened(self) -> BusNetwork:
+        if self._network is None:
+            raise BusError('CAN bus', expected='an open bus', got='a closed one', remedy='Call open() first.')
+        return self._network
+
+    def _command(self, command: int, node: PadSettings) -> None:
+        self._opened().send_message(NMT, bytes([command, node.node_id]))
+
+    def _confirm_operational(self, node: PadSettings, since: float) -> None:
+        patience = 1.0 + 3e-3 * self._settings.heartbeat_ms
+        if not self._monitor.heartbeats.wait_for(node.node_id, NmtState.OPERATIONAL, since, patience):
+            state = self._monitor.heartbeats.state(node.node_id)
+            heard = 'no heartbeat' if state is None else f'heartbeat with NMT state 0x{state:02X}'
+            self.stop()
+            raise DeviceError(node.who,
+                              expected='OPERATIONAL after NMT start', got=heard,
+                              remedy='See whether it sends EMCY: a device with an error may refuse to start.')
+
+    def _start_pacers(self) -> None:
+        if self._settings.produce_sync and any(pad.layout.needs_sync for pad in self._pads):
+            self._sync.start()
+        for poll in self._polls.values():
+            poll.start()
+
+    def _polling(self, node: PadSettings) -> DomainPolling:
+        return DomainPolling(
+            node.layout.domain, node.who, self._settings.sync_period,
+            lambda: self._opened().sdo_client(node.node_id, node.dictionary), self._complain, self._fail)
+
+    def _sent(self, can_id: int, data: bytes) -> None:
+        """An own frame is about to go out: it takes its time, and of a polled pad's SDO requests the assembler has to
+        know.
+        """
+        self._monitor.feed_own(len(data))
+        if can_id - SDO_REQUEST in self._polls:
+            self._calls.put(self._router.feed, can_id, bytes(data), self._clock.now())
+
+    def _send_sync(self) -> None:
+        """The SYNC goes into the queue before it goes on the bus: no TPDO can overtake it."""
+        stamp = self._clock.now()
+        if self._clock.jumps != self._jumps_told:
+            self._tell_of_jump()
+        self.syncs_sent += 1
+        try:
+            self._opened().send_message(self._pads[0].layout.sync_cob_id, b'', False, stamp - self._clock.ahead,
+                                        lambda: self._calls.put(self._router.sync, stamp))
+        except BusError as error:
+            self._fail(error)
+
+    def _received(self, message: can.Message) -> None:
+        """On the notifier's thread: copy, enqueue, return."""
+        odd = oddity_of(message)
+        if odd is not None:
+            self._odd[odd] += 1
+            if message.is_error_frame and self._monitor.feed_error(message):
+                self._fail(BusError('CAN controller', expected='a bus it can send on', got='bus-off',
+                                    remedy='Check bit rate, wiring and termination; set restart-ms on socketcan.'))
+            return
+        can_id, data = message.arbitration_id, bytes(message.data)
+        self._monitor.feed(can_id, data)
+        if len(self._calls) < self._settings.queue_limit:
+            self._calls.put(self._router.feed, can_id, data, self._clock.of(message.timestamp))
+        else:
+            self._overruns += 1
+
+    def _tell_of_jump(self) -> None:
+        self._jumps_told, ahead = self._clock.jumps, self._clock.ahead
+        self._complain('The wall clock was set. ' + (
+            f'Stamps go on from the old time, {ahead:.3f} s ahead of it, so that they never go back; '
+            'deactivate and activate the driver to take the new one.' if ahead else 'Stamps follow it.'))
+
+    def _fail(self, error: Exception) -> None:
+        if self._failure is None:
+            self._failure = str(error)
+            self._on_failure(self._failure)
+
+    def _complain_of_failure(self, failure: str) -> None:
+        self._complain(f'CAN bus {self._settings.interface} {self._settings.channel} has failed: {failure} '
+                       'Mend it, then deactivate, clean up and configure the driver again.')

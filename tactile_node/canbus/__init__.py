@@ -1,1 +1,0 @@
-"""CAN frames of a live bus or a log -> taxel frames."""

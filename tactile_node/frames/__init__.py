@@ -1,0 +1,1 @@
+"""What any source of taxel frames gives and reports: frames, losses, health."""

@@ -1,0 +1,1 @@
+"""CAN logs and bags, written and read."""

@@ -1,0 +1,171 @@
+"""Plays a recorded CAN log in place of a bus: same assemblers, same counts, the log's own stamps."""
+
+import itertools
+import logging
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import can
+
+from tactile_node.assembly.router import BusStatistics, Router
+from tactile_node.errors import DeviceError, LogError
+from tactile_node.frames.consumer import Consumer, OnFrame
+from tactile_node.frames.health import BusHealth
+from tactile_node.recording.logs import CanLogReader
+from tactile_node.recording.stray_stamps import SET_BACK
+from tactile_node.skin.pad_rules import check_pads
+from tactile_node.skin.pads import PadSettings
+from tactile_node.threads.stoppable_thread import StoppableThread
+
+logger = logging.getLogger(__name__)
+
+LONGEST_WAIT = 10.0  # s: a longer gap in a log is not waited for
+
+
+class LogSource:
+    """A log as FrameSource. ``pace`` 1.0 is the recorded one, 2.0 twice as fast, None as fast as possible.
+
+    ``on_frame`` is called in step on the replaying thread, so a slow consumer slows the log and loses
+    nothing. With ``loop`` the log begins again at its end, stamps shifted by its length. ``stop`` pauses,
+    ``start`` goes on at the next CAN frame. ``finished`` is set when the log has ended, ``failure`` says when
+    it ended badly. ``channel`` chooses one bus of a log of several; where two have the same pad it must.
+    """
+
+    def __init__(self, path: str, pads: tuple[PadSettings, ...], on_frame: OnFrame, pace: float | None = 1.0,
+                 loop: bool = False, log: Callable[[str], None] = logger.info, drop_incomplete: bool = False,
+                 channel: str = ''):
+        check_pads(pads)
+        self._path, self._pace, self._loop, self._log, self._channel = path, pace, loop, log, channel
+        self._channels: dict[int, str] = {}  # of each TPDO
+        self._consumer = Consumer(on_frame)
+        self._router = Router(tuple(pads), self._consumer, drop_incomplete=drop_incomplete)
+        self._reader: CanLogReader | None = None
+        self._messages: Iterator[can.Message] | None = None
+        self._thread, self.finished = StoppableThread(self._play, 'replay'), threading.Event()
+        self._unread, self._jumps, self._is_active = 0, 0, False
+        self._ahead, self.failure = 0.0, None
+
+    def open(self) -> None:
+        """Open the log; LogError when it is missing, unreadable or without a CAN frame."""
+        if self._messages is not None:
+            return
+        self.finished.clear()
+        self._reader = CanLogReader(self._path, self._channel)
+        messages = self._all_messages()
+        self._messages = itertools.chain([next(messages)], messages)  # raises LogError now rather than on the thread
+        self._log(f'Playing {self._path}.')
+
+    def configure(self) -> None:
+        """Nothing to configure: a log does not listen."""
+
+    def start(self) -> None:
+        if self._messages is not None:
+            self._is_active = True
+            self._thread.start()
+
+    def stop(self) -> None:
+        self._is_active = False
+        self._thread.stop()
+
+    def close(self) -> None:
+        self.stop()
+        self._messages = None
+
+    def auto_zero(self, pad: str) -> int:
+        raise DeviceError(f'pad {pad!r}', expected='a device that zeroes itself', got=f'the log {self._path}',
+                          remedy='Tare without on_device.')
+
+    def boots(self, pad: str) -> int:
+        """None of a log's is waited for."""
+        return 0
+
+    def adjust(self, drop_incomplete: bool, heartbeat_timeout: float) -> None:
+        """A log has nobody whose heartbeat could fail."""
+        self._router.drop_incomplete(drop_incomplete)
+
+    @property
+    def told(self) -> str:
+        """What was read so far, in a sentence."""
+        return self._reader.told
+
+    def statistics(self) -> BusStatistics:
+        unread = self._unread + (0 if self._reader is None else self._reader.unread)
+        return self._router.statistics()._replace(unread=unread, consumer_errors=self._consumer.errors,
+                                                   clock_jumps=self._jumps, stamps_ahead=self._ahead)
+
+    def health(self) -> BusHealth:
+        """A log has no nodes to watch; only its end may come early."""
+        return BusHealth(self.failure, self._is_active)
+
+    def _all_messages(self) -> Iterator[can.Message]:
+        shift = 0.0
+        while True:
+            first = last = None
+            self._ahead = 0.0
+            for message in self._reader:
+                message.timestamp += self._ahead
+                if last is not None and message.timestamp < last - SET_BACK:  # the clock was set while recording
+                    self._jumps += 1
+                    self._ahead += last - message.timestamp
+                    message.timestamp = last
+                first = message.timestamp if first is None else first
+                last = message.timestamp
+                message.timestamp += shift
+                yield message
+            if not self._loop:
+                return
+            self._router.end()  # or what the log begins with would complete the sweep that it ends with
+            self._unread += self._reader.unread
+            shift += last - first
+
+    def _play(self, stopping: threading.Event) -> None:
+        clock = _RecordedPace(self._pace, stopping, self._log)
+        try:
+            for message in self._messages:
+                clock.wait_until(message.timestamp)
+                self._check_channel(message)
+                self._router.feed_message(message)
+                if stopping.is_set():
+                    return
+        except LogError as error:
+            self._fail(str(error))
+        except Exception as error:  # whoever waits for the end must not wait for ever
+            self._fail(f'{self._path}: {type(error).__name__}: {error}')
+            logger.exception('playing %s', self._path)
+        self._router.end()
+        self.finished.set()
+        self._log(f'{self._path} has ended: {self.told}')
+
+    def _check_channel(self, message: can.Message) -> None:
+        """Two skins of the same node-ID on two buses would become one."""
+        can_id, channel = message.arbitration_id, str(message.channel)
+        if message.is_extended_id or can_id not in self._router.can_ids:
+            return
+        if self._channels.setdefault(can_id, channel) != channel:
+            raise LogError(self._path, expected=f'0x{can_id:03X}, a pad\'s CAN frame, on one bus',
+                           got=f'it on {self._channels[can_id]} and on {channel}',
+                           remedy='Name the bus to play: replay_channel, or --channel of tactile replay.')
+
+    def _fail(self, failure: str) -> None:
+        self.failure = failure
+        self._log(failure)
+
+
+class _RecordedPace:
+    """Waits until the recorded time has come, LONGEST_WAIT at most; the clock starts with the first message."""
+
+    def __init__(self, pace: float | None, stopping: threading.Event, log: Callable[[str], None]):
+        self._pace, self._stopping, self._log, self._origin = pace, stopping, log, None
+
+    def wait_until(self, recorded: float) -> None:
+        if self._pace is None:
+            return
+        if self._origin is None:
+            self._origin = time.monotonic() - recorded / self._pace
+        ahead = self._origin + recorded / self._pace - time.monotonic()
+        if ahead > LONGEST_WAIT:
+            self._log(f'The log has a gap of {ahead * self._pace:.1f} s, which is not waited for.')
+            self._origin -= ahead
+        elif ahead > 0:
+            self._stopping.wait(ahead)

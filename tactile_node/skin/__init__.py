@@ -1,0 +1,1 @@
+"""What a skin is: layout, EDS, pads, and how payloads become taxel values."""

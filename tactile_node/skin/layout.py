@@ -1,0 +1,155 @@
+"""The skin layout: which TPDO, object and bit means which taxel. ``layout_file`` reads it from YAML."""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.cia301.cob_id import CobId
+
+MAX_TPDO_BITS = 64  # 8 bytes of a classic CAN frame
+MAX_NODES = 127  # CiA 301: node-IDs 1..127
+MAX_DOMAIN_BYTES = 1 << 20  # bounds what a mistyped layout can allocate
+MAX_SIDE = 1024  # taxels: bounds what a mistyped layout can allocate
+
+
+class MappedObject(NamedTuple):
+    """One entry of a TPDO mapping record (CiA 301, 0x1A00...)."""
+
+    index: int
+    subindex: int
+    bits: int
+
+    @property
+    def entry(self) -> int:
+        return self.index << 16 | self.subindex << 8 | self.bits
+
+
+class TaxelField(NamedTuple):
+    """Where a taxel's raw value starts in its TPDO or DOMAIN.
+
+    ``start_bit`` counts from the least significant bit of byte 0 when the byte order is little (as CANopen
+    maps objects), from the most significant bit of byte 0 when it is big.
+    """
+
+    row: int
+    col: int
+    start_bit: int
+
+
+@dataclass(frozen=True)
+class ValueFormat:
+    """A taxel's raw counts and their meaning: value = scale (counts - offset), or the negative if falling."""
+
+    unit: str  #: 'Pa', 'N' or '1' (on/off)
+    scale: float  #: unit per count
+    offset: int  #: counts without load
+    bits: int
+    signed: bool
+    byte_order: str  #: 'little' or 'big'
+    falling: bool  #: counts fall under pressure
+
+    @property
+    def raw_range(self) -> tuple[int, int]:
+        """Smallest and largest count."""
+        return raw_range(self.bits, self.signed)
+
+    @property
+    def saturated_count(self) -> int | None:
+        """The count at the loaded end of the range; None for on/off taxels, which have no such end."""
+        return None if self.bits == 1 else self.raw_range[0 if self.falling else 1]
+
+    def to_value(self, counts: np.ndarray) -> np.ndarray:
+        """Counts (any shape) -> float32 in ``unit``."""
+        sign = -1.0 if self.falling else 1.0
+        return ((counts - float(self.offset)) * (sign * self.scale)).astype(np.float32)
+
+    def to_counts(self, values: np.ndarray) -> np.ndarray:
+        """Values in ``unit`` -> int64 counts, rounded and held within the range; NaN is sent as no load."""
+        load = np.nan_to_num(np.asarray(values, dtype=float) / self.scale, nan=0.0)
+        return np.clip(np.rint(self.offset + (-load if self.falling else load)),
+                       *self.raw_range).astype(np.int64)
+
+
+@dataclass(frozen=True)
+class TpdoLayout:
+    """One CAN frame of a pad's sweep: its TPDO's number (1 = 0x1800), COB-ID, mapped objects and the taxels in it.
+
+    Several may share a number and COB-ID and be told apart by their first bytes: by a row number of the maker's own
+    in byte 0, or as MPDOs in source addressing mode (CiA 301), which carry node-ID, index and sub-index.
+    """
+
+    number: int
+    cob_id: CobId
+    mapping: tuple[MappedObject, ...]
+    taxels: tuple[TaxelField, ...]
+    row: int | None = None  #: byte 0 of a row-multiplexed TPDO
+    is_mpdo: bool = False  #: ``mapping`` is then the one object it carries
+    node: int = 0  #: which of the pad's nodes sends it
+    key: str = ''  #: in the layout file, for messages
+
+    @property
+    def is_multiplexed(self) -> bool:
+        return self.is_mpdo or self.row is not None
+
+    @property
+    def bits(self) -> int:
+        """Bits of the CAN frame, node-ID, index and sub-index of an MPDO included."""
+        return MAX_TPDO_BITS if self.is_mpdo else sum(mapped.bits for mapped in self.mapping)
+
+    def prefix(self, node_id: int) -> bytes:
+        """The first bytes by which a multiplexed frame is known; bit 7 of an MPDO's is 0: source addressing."""
+        if self.is_mpdo:
+            index, sub, _ = self.mapping[0]
+            return bytes([node_id, index & 0xFF, index >> 8, sub])
+        return b'' if self.row is None else bytes([self.row])
+
+    @property
+    def length(self) -> int:
+        """Bytes of the CAN frame."""
+        return (self.bits + 7) // 8
+
+
+@dataclass(frozen=True)
+class DomainLayout:
+    """A DOMAIN object (CiA 301) that holds all taxels of one sample and is read by SDO, by block where possible."""
+
+    index: int
+    subindex: int
+    length: int  #: bytes
+    taxels: tuple[TaxelField, ...]
+
+
+@dataclass(frozen=True)
+class SkinLayout:
+    """A pad's taxels and what carries them: TPDOs, in the order in which the device sends them, or one DOMAIN."""
+
+    source: str  #: the file, for messages
+    rows: int
+    cols: int
+    pitch: float  #: between neighbouring taxels [m]
+    value: ValueFormat
+    sync_cob_id: int
+    tpdos: tuple[TpdoLayout, ...]
+    dead: tuple[tuple[int, int], ...] = ()  #: (row, col) of taxels known to be dead
+    nodes: int = 1  #: CANopen nodes that make up the pad
+    domain: DomainLayout | None = None  #: polled by SDO; ``tpdos`` is then empty
+
+    @property
+    def needs_sync(self) -> bool:
+        """Whether SYNC makes the pad's nodes send."""
+        return self.domain is None
+
+    @property
+    def carriers(self) -> tuple[TpdoLayout, ...] | tuple[DomainLayout]:
+        """What brings the taxels of one period: the TPDOs, or the DOMAIN."""
+        return self.tpdos if self.domain is None else (self.domain,)
+
+    def of_node(self, node: int) -> 'SkinLayout':
+        """The part of it that the pad's ``node``-th node sends."""
+        return replace(self, tpdos=tuple(tpdo for tpdo in self.tpdos if tpdo.node == node))
+
+
+def raw_range(bits: int, signed: bool) -> tuple[int, int]:
+    """Smallest and largest number of ``bits`` bits."""
+    return (-(1 << bits - 1), (1 << bits - 1) - 1) if signed else (0, (1 << bits) - 1)

@@ -1,0 +1,145 @@
+"""Reads a skin layout from YAML; ``config/sim16x16.yaml`` shows every key with its meaning."""
+
+from pathlib import Path
+
+from tactile_node.cia301.cob_id import CobId, parse_cob_id
+from tactile_node.config import config_path
+from tactile_node.skin.layout import (
+    MAX_DOMAIN_BYTES,
+    MAX_NODES,
+    MAX_SIDE,
+    DomainLayout,
+    MappedObject,
+    SkinLayout,
+    TaxelField,
+    TpdoLayout,
+    ValueFormat,
+    raw_range,
+)
+from tactile_node.skin.layout_rules import check_layout
+from tactile_node.yaml_section import Section, load_mapping
+
+MPDO_DATA_BITS = 32  # CiA 301: node-ID, index, sub-index and 4 bytes of data
+UNITS = ('Pa', 'N', '1')  # '1': on/off
+
+
+def load_layout(path: str | Path) -> SkinLayout:
+    """Read a skin layout; ``path`` is a file or the name of one in ``config/``.
+
+    Raises ConfigurationError naming file and key for anything wrong: see the module ``layout_rules``.
+    """
+    path = config_path(str(path))
+    top = load_mapping(path, 'a skin layout')
+    rows, cols = top.integer('rows', 1, MAX_SIDE), top.integer('cols', 1, MAX_SIDE)
+    domain = _domain(top, rows, cols)
+    tpdos = [top.subsection(f'tpdos[{i}]', item)
+             for i, item in enumerate(top.sequence('tpdos', *([] if domain is None else [[]])))]
+    layout = SkinLayout(
+        str(path), rows, cols, top.number('pitch', positive=True), _value_format(top.section('value')),
+        top.integer('sync_cob_id', 1, 0x7FF, 0x80), tuple(tpdo for section in tpdos for tpdo in _tpdos(section)),
+        tuple(top.checked_integers('dead_taxels', taxel, 2, 0, MAX_SIDE)
+              for taxel in top.sequence('dead_taxels', [])), top.integer('nodes', 1, MAX_NODES, 1), domain)
+    top.done()
+    check_layout(layout)
+    return layout
+
+
+def _value_format(section: Section) -> ValueFormat:
+    bits, signed = section.integer('bits', 1, 32), section.choice('signed', (False, True), False)
+    falling = section.choice('pressure', ('rising', 'falling'), 'rising') == 'falling'
+    low, high = raw_range(bits, signed)
+    value = ValueFormat(
+        section.choice('unit', UNITS), section.number('scale', positive=True),
+        section.integer('offset', low, high, high if falling else max(low, 0)), bits, signed,
+        section.choice('byte_order', ('little', 'big'), 'little'), falling)
+    section.done()
+    return value
+
+
+def _domain(top: Section, rows: int, cols: int) -> DomainLayout | None:
+    """Read ``domain``: where the object is and how the taxels lie in it, row by row or column by column."""
+    if top.take('domain', None) is None:
+        return None
+    section = top.section('domain')
+    index, sub = section.integer('object', 1, 0xFFFF), section.integer('sub', 0, 254, 0)
+    length = section.integer('bytes', 1, MAX_DOMAIN_BYTES)
+    start, step = section.integer('start_bit', 0, 8 * length, 0), section.integer('bit_step', 1, 8 * length)
+    places = [(row, col) for row in range(rows) for col in range(cols)]
+    if section.choice('order', ('rows', 'cols'), 'rows') == 'cols':
+        places.sort(key=lambda place: place[::-1])
+    section.done()
+    return DomainLayout(index, sub, length,
+                        tuple(TaxelField(row, col, start + i * step) for i, (row, col) in enumerate(places)))
+
+
+def _tpdos(section: Section) -> tuple[TpdoLayout, ...]:
+    """Read one entry of ``tpdos``: a plain TPDO, all rows of a multiplexed one, or a run of MPDOs."""
+    number, cob_id = section.integer('number', 1, 512), _cob_id(section)
+    common = {'node': section.integer('node', 0, MAX_NODES - 1, 0), 'key': section.path}
+    if section.take('mpdo', None) is not None:
+        run = section.section('mpdo')
+        index, first = run.integer('object', 1, 0xFFFF), run.integer('sub', 0, 254)
+        tpdos = [TpdoLayout(number, cob_id, (MappedObject(index, first + i, MPDO_DATA_BITS),), taxels,
+                            is_mpdo=True, **common)
+                 for i, taxels in enumerate(_shifted(section, _repeats(run, 255 - first)))]
+    elif section.take('rows', None) is not None:
+        run, mapping = section.section('rows'), _mapping(section)
+        first = run.integer('first', 0, 255, 0)
+        tpdos = [TpdoLayout(number, cob_id, mapping, taxels, first + i, **common)
+                 for i, taxels in enumerate(_shifted(section, _repeats(run, 256 - first)))]
+    else:
+        tpdos = [TpdoLayout(number, cob_id, _mapping(section), _taxels(section), **common)]
+    section.done()
+    return tuple(tpdos)
+
+
+def _repeats(run: Section, most: int) -> list[tuple[int, int]]:
+    """Read ``count`` and ``step``: how far [row, col] each frame's taxels are from the first's."""
+    count = run.integer('count', 1, most)
+    down, right = run.integers('step', 2, -MAX_SIDE, MAX_SIDE)
+    run.done()
+    return [(i * down, i * right) for i in range(count)]
+
+
+def _shifted(section: Section, shifts: list[tuple[int, int]]) -> list[tuple[TaxelField, ...]]:
+    fields = _taxels(section)
+    return [tuple(TaxelField(row + down, col + right, bit) for row, col, bit in fields) for down, right in shifts]
+
+
+def _cob_id(section: Section) -> CobId:
+    written = section.take('cob_id')
+    try:
+        return parse_cob_id(written)
+    except ValueError:
+        section.refuse('cob_id', expected="an 11-bit COB-ID such as 0x1A0 or '$NODEID+0x180'",
+                       got=repr(written),
+                       remedy='Write it as in the EDS, without the flags of bits 29 to 31.')
+
+
+def _mapping(section: Section) -> tuple[MappedObject, ...]:
+    """Read ``map``: a list of [index, sub, bits], or {object, sub, bits, count} for consecutive subs."""
+    written = section.take('map')
+    if isinstance(written, dict):
+        run = section.subsection('map', written)
+        index, first = run.integer('object', 1, 0xFFFF), run.integer('sub', 0, 254)
+        bits, count = run.integer('bits', 1, 64), run.integer('count', 1, 64, 1)
+        run.done()
+        return tuple(MappedObject(index, first + i, bits) for i in range(count))
+    entries = section.sequence('map')
+    return tuple(MappedObject(*section.checked_integers('map', entry, 3, 0, 0xFFFF)) for entry in entries)
+
+
+def _taxels(section: Section) -> tuple[TaxelField, ...]:
+    """Read ``taxels``: a list of [row, col, start_bit], or {first, step, count, start_bit, bit_step}."""
+    written = section.take('taxels')
+    if not isinstance(written, dict):
+        entries = section.sequence('taxels')
+        return tuple(TaxelField(*section.checked_integers('taxels', entry, 3, 0, MAX_SIDE))
+                     for entry in entries)
+    run = section.subsection('taxels', written)
+    row, col = run.integers('first', 2, 0, MAX_SIDE)
+    down, right = run.integers('step', 2, -MAX_SIDE, MAX_SIDE)
+    count, start = run.integer('count', 1, 64), run.integer('start_bit', 0, 63, 0)
+    step = run.integer('bit_step', 1, 64)
+    run.done()
+    return tuple(TaxelField(row + i * down, col + i * right, start + i * step) for i in range(count))

@@ -1,0 +1,106 @@
+"""The pads of one CAN bus: their names, node-IDs, layouts and EDS. ``pad_rules`` says whether they can share it."""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from canopen import ObjectDictionary
+
+from tactile_node.errors import ConfigurationError
+from tactile_node.skin.eds import check_against, load_eds
+from tactile_node.skin.layout import SkinLayout
+from tactile_node.skin.layout_file import load_layout
+
+MAX_NODE_ID = 127
+
+
+@dataclass(frozen=True)
+class PadSettings:
+    """One pad: its name, the CANopen node that sends it, what the node's TPDOs mean and the node's EDS.
+
+    Where several nodes make up the pad, ``further_nodes`` are the others' node-IDs; one EDS serves all.
+    """
+
+    name: str
+    node_id: int
+    layout: SkinLayout
+    eds: str = ''  #: path; only a live bus needs it
+    dictionary: ObjectDictionary | None = field(default=None, repr=False, compare=False)
+    further_nodes: tuple[int, ...] = ()
+
+    @property
+    def node_ids(self) -> tuple[int, ...]:
+        return self.node_id, *self.further_nodes
+
+    @property
+    def who(self) -> str:
+        """The node and its pad, for messages."""
+        return f'node {self.node_id} (pad {self.name!r})'
+
+    @property
+    def nodes(self) -> 'tuple[PadSettings, ...]':
+        """The pad's nodes, each as a pad of the same name with only the TPDOs that this node sends."""
+        return tuple(replace(self, node_id=node_id, layout=self.layout.of_node(i), further_nodes=())
+                     for i, node_id in enumerate(self.node_ids)) if self.further_nodes else (self,)
+
+
+def make_pad(name: str, node_id: int, layout: str, eds: str = '') -> PadSettings:
+    """Make the pad of one node, with its EDS; see ``make_pads``."""
+    return with_dictionaries(make_pads([layout], [node_id], [name]), [eds])[0]
+
+
+def make_pads(layouts: Sequence[str], node_ids: Sequence[int], names: Sequence[str] = ()) -> tuple[PadSettings, ...]:
+    """Make pads from their layouts alone, as a log needs them.
+
+    Each takes, in order, as many of ``node_ids`` as its layout has nodes; one layout may serve all pads. A pad without
+    a name is called after its first node: pad32. Raises ConfigurationError, also when the numbers do not match.
+    """
+    loaded = [load_layout(layout) for layout in one_for_each('layouts', layouts, names or layouts)]
+    if len(loaded) == 1 and not names:
+        loaded *= max(1, len(node_ids) // loaded[0].nodes)
+    if sum(layout.nodes for layout in loaded) != len(node_ids):
+        needed = ' + '.join(str(layout.nodes) for layout in loaded)
+        raise ConfigurationError('node-IDs', expected=f"a node-ID for each of the pads' nodes: {needed} of them",
+                                 got=str(list(node_ids)),
+                                 remedy='Give one for each pad; several where its layout says "nodes".')
+    left = iter(node_ids)
+    shared = [tuple(itertools.islice(left, layout.nodes)) for layout in loaded]
+    pads = tuple(PadSettings(name, first, layout, further_nodes=tuple(further)) for name, layout, (first, *further)
+                 in zip(names or [f'pad{first}' for first, *_ in shared], loaded, shared))
+    for pad in pads:
+        check_node_ids(pad)
+    return pads
+
+
+def with_dictionaries(pads: Sequence[PadSettings], eds: Sequence[str] = ('',)) -> tuple[PadSettings, ...]:
+    """Give each pad its EDS (default: the layout's name with .eds), as a live bus needs it, and check that they agree.
+
+    Raises ConfigurationError.
+    """
+    return tuple(_with_dictionary(pad, path) for pad, path in zip(pads, one_for_each('eds', eds, pads)))
+
+
+def check_node_ids(pad: PadSettings) -> None:
+    """Raise ConfigurationError for node-IDs that CiA 301 does not know, or too many or few of them."""
+    for node_id in pad.node_ids:
+        if not 1 <= node_id <= MAX_NODE_ID:
+            raise ConfigurationError(f'pad {pad.name!r}', expected=f'a node-ID 1..{MAX_NODE_ID}', got=str(node_id),
+                                     remedy='Give the node-ID set on the device.')
+    if len(pad.node_ids) != pad.layout.nodes:
+        raise ConfigurationError(f'pad {pad.name!r}', expected=f'{pad.layout.nodes} node-IDs for {pad.layout.source}',
+                                 got=str(list(pad.node_ids)), remedy='Give one for each of its nodes.')
+
+
+def one_for_each(what: str, given: Sequence[str], pads: Sequence) -> list[str]:
+    """Return a value for each pad from one for all or one each. Raises ConfigurationError otherwise."""
+    if len(given) not in (1, len(pads)):
+        raise ConfigurationError(what, expected=f'one value, or one for each of the {len(pads)} pads',
+                                 got=str(list(given)), remedy='Give as many values as pads.')
+    return list(given) * (len(pads) if len(given) == 1 else 1)
+
+
+def _with_dictionary(pad: PadSettings, path: str) -> PadSettings:
+    path = path or pad.layout.source.rsplit('.', 1)[0] + '.eds'
+    dictionary = load_eds(path, pad.node_id)
+    check_against(dictionary, pad.layout, path)
+    return replace(pad, eds=path, dictionary=dictionary)

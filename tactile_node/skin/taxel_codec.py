@@ -1,0 +1,87 @@
+"""Payloads of a pad's TPDOs, or its DOMAIN, <-> taxel values, all taxels at once."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus, read_only
+from tactile_node.skin.layout import DomainLayout, SkinLayout, TpdoLayout
+
+TPDO_BYTES = 8
+
+
+class TaxelCodec:
+    """Precomputed index arrays of a layout; ``payload``: 8 bytes for each TPDO in the layout's order, or the DOMAIN.
+
+    >>> from tactile_node.skin.layout_file import load_layout
+    >>> codec = TaxelCodec(load_layout('sim16x16.yaml'))
+    >>> values, status = codec.decode(bytes(8 * 32), np.ones(32, bool))
+    >>> values.shape, float(values.max())
+    ((16, 16), 0.0)
+    """
+
+    def __init__(self, layout: SkinLayout):
+        fields = [(rank, field) for rank, carrier in enumerate(layout.carriers) for field in carrier.taxels]
+        bits, big = layout.value.bits, layout.value.byte_order == 'big'
+        starts = np.array([8 * TPDO_BYTES * rank + field.start_bit for rank, field in fields], np.intp)
+        self._shape, self._value = (layout.rows, layout.cols), layout.value
+        self._rank = np.array([rank for rank, _ in fields], np.intp)
+        self._first = starts // 8  # the byte in which a field begins: it ends within the 8 bytes from there
+        bit = (starts % 8).astype(np.uint64)
+        self._shift = np.uint64(64 - bits) - bit if big else bit
+        self._taxel = np.array([f.row * layout.cols + f.col for _, f in fields], np.intp)
+        self._mask = np.uint64((1 << bits) - 1)
+        self._word = np.dtype('>u8' if big else '<u8')
+        self.payload_bytes = TPDO_BYTES * len(layout.tpdos) if layout.domain is None else layout.domain.length
+        self._unmapped = np.full(layout.rows * layout.cols, TaxelStatus.UNMAPPED, np.uint8)
+        dead = np.zeros(self._shape, bool)
+        for row, col in layout.dead:
+            dead[row, col] = True
+        self._dead = dead.ravel()
+
+    def decode(self, payload: bytes | bytearray, fresh: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return values (float32) and status (uint8), both (rows, cols) and read-only.
+
+        ``fresh``, shape (TPDOs,), says which payloads belong to this period; the rest is NaN and STALE.
+        """
+        counts = self._counts(payload)
+        state = np.where(fresh[self._rank], TaxelStatus.VALID, TaxelStatus.STALE)
+        if self._value.saturated_count is not None:
+            at_end = counts == self._value.saturated_count
+            state[at_end & (state == TaxelStatus.VALID)] = TaxelStatus.SATURATED
+        status = self._unmapped.copy()
+        status[self._taxel] = state
+        status[self._dead] = TaxelStatus.DEAD
+        values = np.full(status.shape, np.nan, np.float32)
+        values[self._taxel] = self._value.to_value(counts)
+        values[(status != TaxelStatus.VALID) & (status != TaxelStatus.SATURATED)] = np.nan
+        return read_only(values.reshape(self._shape)), read_only(status.reshape(self._shape))
+
+    def _counts(self, payload: bytes | bytearray) -> np.ndarray:
+        padded = np.frombuffer(bytes(payload) + bytes(8), np.uint8)
+        words = np.ndarray(len(padded) - 7, self._word, padded, strides=(1,))[self._first].astype(np.uint64)
+        counts = ((words >> self._shift) & self._mask).astype(np.int64)
+        if self._value.signed:
+            counts -= (counts >> (self._value.bits - 1)) << self._value.bits
+        return counts
+
+    def encode(self, values: np.ndarray) -> bytes:
+        """The inverse: values (rows, cols) in the layout's unit -> payload, as the device sends it."""
+        counts = self._value.to_counts(np.asarray(values).reshape(-1)[self._taxel])
+        fields = (counts.astype(np.uint64) & self._mask) << self._shift
+        parts = fields.astype(self._word).view(np.uint8).reshape(-1, 8)
+        payload = np.zeros(self.payload_bytes + 8, np.uint8)
+        np.bitwise_or.at(payload, self._first[:, np.newaxis] + np.arange(8), parts)
+        return payload[:-8].tobytes()
+
+
+def without_values(frame: TaxelFrame, carriers: Iterable[TpdoLayout | DomainLayout]) -> TaxelFrame:
+    """The frame with NaN and STALE in place of what ``carriers`` brought: their meaning is not known."""
+    values, status, missing = frame.values.copy(), frame.status.copy(), frame.missing_can_frames
+    for carrier in carriers:
+        taxels = tuple(np.array([(field.row, field.col) for field in carrier.taxels], np.intp).reshape(-1, 2).T)
+        given = np.isin(status[taxels], (TaxelStatus.VALID, TaxelStatus.SATURATED))
+        missing += bool(given.any())
+        status[taxels] = np.where(given, np.uint8(TaxelStatus.STALE), status[taxels])
+        values[taxels] = np.nan
+    return frame._replace(values=read_only(values), status=read_only(status), missing_can_frames=missing)

@@ -1,0 +1,1 @@
+"""Keeps a live bus and its nodes going."""

@@ -1,0 +1,110 @@
+"""Configures the nodes of a bus, tells what is wrong with them, and configures and starts those again that need it."""
+
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+from tactile_node.assembly.router import BusStatistics
+from tactile_node.bus.skin_bus import SkinBus
+from tactile_node.errors import BusError, DeviceAbsentError, DeviceError
+from tactile_node.frames.losses import PadStatistics
+from tactile_node.supervision.node_watch import Ailment, NodeWatch, Trouble
+
+Result = TypeVar('Result')
+
+FIRST_TRIES = 3  # configurations of a device that boots again meanwhile
+REMEDY = ' It is configured and started again.'
+REMEDIES = {Ailment.SILENT: ' It is configured and started as soon as it answers.',
+            Ailment.NO_SYNC: ' Start that device, or set produce_sync.'}
+NO_PATIENCE = 0.3  # s, one SDO request: a device that does not answer now is asked again later
+
+
+class NodeCare:
+    """Looks after ``nodes`` of ``bus``; called by one thread at a time. Without ``mends`` all is only judged and told.
+
+    Nodes are configured at once: an SDO dialogue mostly waits for its device, and one that is gone must not hold up
+    the others.
+    """
+
+    def __init__(self, bus: SkinBus, nodes: Sequence[NodeWatch], log: Callable[[str], None],
+                 complain: Callable[[str], None], mends: bool):
+        self._bus, self._nodes, self._log, self._complain, self._mends = bus, nodes, log, complain, mends
+
+    def configure(self, patience: float) -> None:
+        """Configure all, each found within ``patience`` [s]. Raises DeviceError, BusError.
+
+        Of several that do not answer some may be left for later, unless nothing is mended.
+        """
+        found = _at_once(self._nodes, lambda node: self._absence(node, patience))
+        absent = [error for error in found if error is not None]
+        if absent and (not self._mends or len(absent) == len(self._nodes)):
+            raise absent[0]
+        for error in absent:
+            self._complain(f'{error} The others go on without it; it joins when it comes.')
+
+    def attend(self, is_active: bool, statistics: BusStatistics, syncs: int) -> None:
+        """Judge all by what came up to now, tell, and mend what is due; ``syncs``: SYNCs so far."""
+        due = [node for node in self._nodes
+               if self._is_to_be_mended(node, is_active, statistics.pads[node.pad.name], syncs)]
+        _at_once(due, lambda node: self._mend(node, node.trouble, is_active))
+
+    def _absence(self, node: NodeWatch, patience: float) -> DeviceAbsentError | None:
+        """Configure it; the error when it does not answer. Any other is raised."""
+        try:
+            self._configure(node, patience, FIRST_TRIES)
+        except DeviceAbsentError as error:
+            return error
+        return None
+
+    def _is_to_be_mended(self, node: NodeWatch, is_active: bool, pad: PadStatistics, syncs: int) -> bool:
+        now = time.monotonic()
+        if sentence := node.new_emergency(now):
+            self._complain(sentence)
+        trouble = node.judge(now, is_active, pad, syncs)
+        if trouble is None:
+            self._end_outage(node, is_active, pad, now)
+            return False
+        if trouble.is_outage and is_active:
+            node.outage.begin(node.data_at, trouble.ailment.value)
+        if node.reminder.is_due(trouble.ailment.value, now):
+            self._complain(trouble.sentence + (REMEDIES.get(trouble.ailment, REMEDY) if self._mends else ''))
+        return self._mends and trouble.ailment is not Ailment.NO_SYNC and node.backoff.is_due(now)
+
+    def _end_outage(self, node: NodeWatch, is_active: bool, pad: PadStatistics, now: float) -> None:
+        if node.outage.is_running:
+            if is_active and not node.has_taxels_again(pad):
+                return
+            cause, again = node.outage.cause, 'gives taxels' if is_active else 'is ready'
+            self._log(f'{node.who} {again} again after {node.outage.end(now):.2f} s; the outage: {cause}.')
+        node.recovered()
+
+    def _mend(self, node: NodeWatch, trouble: Trouble, is_active: bool) -> None:
+        try:
+            if trouble.needs_configuration:
+                self._configure(node, NO_PATIENCE, pause=trouble.is_outage)
+            if is_active:
+                self._bus.start_node(node.pad, trouble.is_outage)
+                node.commanded(time.monotonic(), self._bus.statistics().pads[node.pad.name])
+        except (DeviceError, BusError) as error:
+            sentence = f'Waiting for node {node.pad.node_id}: {error}'
+            if trouble.ailment is not Ailment.SILENT and node.mending.is_due(sentence, time.monotonic()):
+                self._complain(sentence)
+        node.backoff.attempted(time.monotonic())
+
+    def _configure(self, node: NodeWatch, patience: float, tries: int = 1, pause: bool = True) -> None:
+        """Configure a node; when it boots meanwhile, once more, as long as there are tries."""
+        for _ in range(tries):
+            boots = node.boots
+            self._bus.configure_node(node.pad, patience, pause)
+            node.configured(boots)
+            if node.is_trusted:
+                return
+
+
+def _at_once(nodes: Sequence[NodeWatch], act: Callable[[NodeWatch], Result]) -> list[Result]:
+    """What ``act`` returns of each node, in their order; the first error is raised when all are done."""
+    if len(nodes) < 2:
+        return [act(node) for node in nodes]
+    with ThreadPoolExecutor(len(nodes), 'configure') as pool:
+        return list(pool.map(act, nodes))

@@ -1,0 +1,1 @@
+"""Work beside the main thread: a queue of calls, a thread that stops, an even pace."""
