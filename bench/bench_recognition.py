@@ -43,7 +43,7 @@ from bench.recognition.contest import (
 )
 from bench.recognition.figures import Rate
 from bench.recognition.page import KIND, Table, draw_failures, write_csv, write_page
-from tactile_node.config import config_path
+from tactile_node.package_files import config_path
 from tactile_node.shape.recogniser import ShapeRecogniser
 from tactile_node.shape.recognition import Shape
 from tactile_node.synthetic.seeds import Purpose, generator

@@ -10,8 +10,8 @@ import numpy as np
 from can_bench import Bench, wait_until
 from faulty_bus import Adapter
 
-from tactile_node.bus.skin_bus import BusSettings
 from tactile_node.bus import skin_bus
+from tactile_node.bus.skin_bus import BusSettings
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.supervision.supervisor import Supervisor
 

@@ -9,18 +9,19 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'tactile_node'
 NUMERICAL = {'conditioning', 'contact', 'helmholtz', 'shape', 'synthetic', 'pose', 'fusion', 'grasp', 'reproduction'}
 CAN_SIDE = {'cia301', 'frames', 'threads', 'skin', 'assembly', 'recording', 'bus', 'supervision'}
-#: folder -> folders of ours it may import beside itself and the top-level modules
+#: room -> rooms of ours it may import beside itself and the modules at the top of the package
 ALLOWED = {
-    'cia301': set(), 'frames': {'cia301', 'assembly'}, 'threads': set(), 'skin': {'cia301', 'frames'},
-    'assembly': {'cia301', 'frames', 'skin'}, 'recording': {'assembly', 'frames', 'skin', 'threads'},
-    'bus': {'assembly', 'cia301', 'frames', 'recording', 'skin', 'supervision', 'threads'},
-    'supervision': {'assembly', 'bus', 'cia301', 'frames', 'skin'},
-    'conditioning': {'frames'}, 'contact': {'frames'}, 'helmholtz': {'contact'},
-    'shape': {'contact', 'helmholtz', 'synthetic'},
-    'pose': {'shape'}, 'fusion': {'shape'}, 'grasp': {'shape'}, 'synthetic': set(),
+    'contact': set(), 'helmholtz': set(), 'synthetic': set(), 'conditioning': {'frames'},
+    'shape': {'contact', 'helmholtz'}, 'pose': {'shape'}, 'fusion': {'shape'}, 'grasp': {'shape'},
     'reproduction': {'helmholtz', 'shape', 'synthetic'},
-    'simulator': {'bus', 'cia301', 'skin', 'synthetic'}, 'ros': {*CAN_SIDE, *NUMERICAL},
-    'nodes': {*CAN_SIDE, 'ros', *NUMERICAL}}
+    'cia301': set(), 'frames': {'cia301'}, 'threads': set(), 'skin': {'cia301', 'frames'},
+    'assembly': {'cia301', 'frames', 'skin'}, 'recording': {'assembly', 'frames', 'skin', 'threads'},
+    'bus': {'assembly', 'cia301', 'frames', 'recording', 'skin', 'threads'},
+    'supervision': {'bus', 'cia301', 'frames', 'skin', 'threads'},
+    'simulator': {'bus', 'cia301', 'skin', 'synthetic'},
+    'ros': {'frames', 'skin', *NUMERICAL},
+    'nodes': {'bus', 'frames', 'recording', 'ros', 'skin', 'supervision', 'threads', *NUMERICAL},
+    'demo': {'nodes', 'ros', 'simulator', 'skin', 'synthetic'}}
 ROS = {'rclpy', 'tactile_skin', 'std_msgs', 'diagnostic_msgs', 'geometry_msgs', 'rcl_interfaces', 'builtin_interfaces',
        'lifecycle_msgs', 'launch', 'launch_ros'}
 CAN = {'can', 'canopen'}

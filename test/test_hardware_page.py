@@ -13,7 +13,7 @@ from tactile_node.conditioning.taxel_faults import TaxelJudge  # noqa: E402
 from tactile_node.frames.health import BusHealth, NodeHealth  # noqa: E402
 from tactile_node.frames.losses import LossReason, PadStatistics  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
-from tactile_node.supervision.node_watch import Ailment  # noqa: E402
+from tactile_node.supervision.node_monitor import Ailment  # noqa: E402
 
 PAGE = (Path(__file__).resolve().parents[1] / 'docs/hardware.md').read_text(encoding='utf-8')
 

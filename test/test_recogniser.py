@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from tactile_node.config import config_path
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import Group, compute_features
+from tactile_node.package_files import config_path
 from tactile_node.shape.geometry import COUNT, ORDERS, describe
 from tactile_node.shape.methods import DEFAULT, LEARNED, METHODS, VOLF, make_recogniser
 from tactile_node.shape.network import Network
@@ -14,14 +14,14 @@ from tactile_node.shape.patch import ROOM, SIDE, joined, make_patch
 from tactile_node.shape.recogniser import LOG_SIZES, Calibration, ShapeRecogniser
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import GROUPS
-from tactile_node.synthetic.field import (
+from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.synthetic.world import CLASSES, Contact, random_contact
+from training.field import (
     NOMINAL_ON_OFF,
     NOMINAL_PRESSURE,
     Conditions,
     field_frame,
 )
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import CLASSES, Contact, random_contact
 
 
 @pytest.fixture(scope='module')

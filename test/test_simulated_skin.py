@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from can_bench import INTERFACE, channel_of, other_bus, wait_until
 
-from tactile_node.bus.bus_network import open_bus
 from tactile_node.bus import slcan_bus
+from tactile_node.bus.bus_network import open_bus
 from tactile_node.errors import BusError
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.slcan_pty import SlcanPty, decode, encode

@@ -5,10 +5,10 @@ import pytest
 import yaml
 from patterns import ring
 
-from tactile_node.config import config_path
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import compute_features
-from tactile_node.shape.fitting import (
+from tactile_node.package_files import config_path
+from tactile_node.reproduction.curve_fitting import (
     READINGS,
     Samples,
     count_shares,

@@ -8,9 +8,9 @@ import numpy as np
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.shape.geometry import COUNT, describe
 from tactile_node.shape.patch import SIDE, joined, make_patch
-from tactile_node.synthetic.field import Conditions, field_frame
-from tactile_node.synthetic.outliers import TRAINED
 from tactile_node.synthetic.world import CLASSES
+from training.field import Conditions, field_frame
+from training.outliers import TRAINED
 
 LABELS = (*CLASSES, 'unknown')
 UNKNOWN = len(CLASSES)

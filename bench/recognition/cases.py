@@ -13,15 +13,15 @@ from tactile_node.shape.geometry import describe
 from tactile_node.shape.patch import joined, make_patch
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings
-from tactile_node.synthetic.field import (
+from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.synthetic.world import CLASSES
+from training.field import (
     NOMINAL_ON_OFF,
     NOMINAL_PRESSURE,
     Conditions,
     field_frame,
 )
-from tactile_node.synthetic.outliers import EVALUATED
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import CLASSES
+from training.outliers import EVALUATED
 from training.samples import LEVEL_STEPS, UNKNOWN, Samples
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -2,35 +2,19 @@
 
 from collections import Counter
 from collections.abc import Collection
-from typing import NamedTuple
 
 import can
 
 from tactile_node.assembly.assembler import FrameAssembler
 from tactile_node.assembly.domain_assembler import DomainAssembler
 from tactile_node.frames.consumer import OnFrame
-from tactile_node.frames.losses import Outcome, PadStatistics
+from tactile_node.frames.losses import BusStatistics, Outcome
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.skin.pads import PadSettings
 
 #: CiA 301, predefined connection set: (first, last, service)
 SERVICES = ((0x000, 0x000, 'nmt'), (0x081, 0x0FF, 'emcy'), (0x100, 0x100, 'time'), (0x581, 0x5FF, 'sdo'),
             (0x601, 0x67F, 'sdo'), (0x701, 0x77F, 'heartbeat'))
-
-
-class BusStatistics(NamedTuple):
-    """Counts since construction. ``can_frames``: by service; 'tpdo' the pads' own, 'foreign' nobody's."""
-
-    pads: dict[str, PadStatistics]
-    can_frames: dict[str, int]
-    queue_overruns: int = 0  #: CAN frames dropped because this process was too slow
-    sync_overruns: int = 0  #: SYNCs not sent because this process was too slow
-    poll_overruns: int = 0  #: polls of a DOMAIN left out because the ones before took too long
-    consumer_errors: int = 0  #: exceptions of on_frame
-    clock_jumps: int = 0  #: times the wall clock was set while stamps were taken
-    stamps_ahead: float = 0.0  #: of the wall clock, since it was set back [s]
-    unread: int = 0  #: lines of a log that could not be read
-    unrecorded: int = 0  #: CAN frames that the recording lacks: it has failed, or its format has no place for them
 
 
 class Router:

@@ -9,8 +9,8 @@ from canopen.sdo import SdoClient
 
 from tactile_node.errors import BusError, DeviceError
 from tactile_node.skin.layout import DomainLayout
-from tactile_node.supervision.outage import Reminder
 from tactile_node.threads.pacer import Pacer
+from tactile_node.threads.reminder import Reminder
 
 OpenSdo = Callable[[], AbstractContextManager[SdoClient]]
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection
 import can
 
 from tactile_node.assembly.domain_assembler import SDO_REQUEST
-from tactile_node.assembly.router import BusStatistics, Router, oddity_of
+from tactile_node.assembly.router import Router, oddity_of
 from tactile_node.bus.auto_zero import auto_zero
 from tactile_node.bus.bus_monitor import NMT, BusMonitor
 from tactile_node.bus.bus_network import BusNetwork, open_bus
@@ -19,6 +19,7 @@ from tactile_node.bus.stamp_clock import StampClock
 from tactile_node.cia301.heartbeat import NmtState
 from tactile_node.errors import BusError, DeviceError, HalfZeroedError, LogError
 from tactile_node.frames.consumer import Consumer, OnFrame
+from tactile_node.frames.losses import BusStatistics
 from tactile_node.recording.logs import CanLogWriter
 from tactile_node.skin.pad_rules import check_dictionaries, check_pads
 from tactile_node.skin.pads import PadSettings

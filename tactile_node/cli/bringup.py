@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
     from tactile_node.nodes.run import wait
     from tactile_node.nodes.spinning import spinning
     from tactile_node.nodes.system import make_system
-    from tactile_node.ros.complaints import told_as_ours
+    from tactile_node.ros.rclpy_errors import told_as_ours
     with ExitStack() as stack:
         asked = stack.enter_context(interruption())
         if args.simulate:

@@ -7,7 +7,7 @@ import numpy as np
 import yaml
 
 from tactile_node.errors import InputError
-from tactile_node.shape.fitting import (
+from tactile_node.reproduction.curve_fitting import (
     AREAS,
     COLUMNS,
     READINGS,

@@ -5,8 +5,8 @@ import os
 import sys
 from pathlib import Path
 
-from tactile_node.config import config_path
 from tactile_node.errors import InputError
+from tactile_node.package_files import config_path
 from tactile_node.shape.volf import VolfClassifier
 
 LEAST_TRAINING = 600

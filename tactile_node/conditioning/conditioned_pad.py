@@ -6,7 +6,8 @@ import numpy as np
 
 from tactile_node.conditioning.tare import TaredPad
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault, TaxelJudge
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus, read_only, without_any_value
+from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus, without_any_value
+from tactile_node.read_only import read_only
 
 LONGEST_STEP = 2.0  # s between two frames that still count as successive
 

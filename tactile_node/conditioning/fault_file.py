@@ -9,7 +9,7 @@ import yaml
 
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
 from tactile_node.errors import ConfigurationError
-from tactile_node.frames.taxel_frame import read_only
+from tactile_node.read_only import read_only
 from tactile_node.yaml_section import load_mapping
 
 ABOUT = 'a file of faulty taxels'

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.frames.taxel_frame import read_only
+from tactile_node.read_only import read_only
 
 WITHIN = (0.01, 100.0)  # a gain beyond is a slip of the pen or a dead taxel
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from tactile_node.conditioning.drift import DriftFollower
 from tactile_node.errors import HalfZeroedError, TareRefusedError
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus, read_only, without_any_value
+from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus, without_any_value
+from tactile_node.read_only import read_only
 
 LOST_ZERO = 'its device has started anew since it zeroed itself'
 FAULTY = (TaxelStatus.DEAD, TaxelStatus.FAULTY)

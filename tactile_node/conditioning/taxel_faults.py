@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import label, maximum_filter
 
-from tactile_node.frames.taxel_frame import read_only
+from tactile_node.read_only import read_only
 
 CONTACTS = 5          #: that have to speak against a taxel, one after the other
 MIN_TOUCHED = 3       #: taxels that make a contact

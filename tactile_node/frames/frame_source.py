@@ -2,8 +2,8 @@
 
 from typing import Protocol
 
-from tactile_node.assembly.router import BusStatistics
 from tactile_node.frames.health import BusHealth
+from tactile_node.frames.losses import BusStatistics
 
 
 class FrameSource(Protocol):

@@ -53,3 +53,18 @@ class PadStatistics(NamedTuple):
     def missing(self) -> int:
         """TPDOs expected that brought no valid taxels."""
         return self.expected - self.used
+
+
+class BusStatistics(NamedTuple):
+    """Counts since construction. ``can_frames``: by service; 'tpdo' the pads' own, 'foreign' nobody's."""
+
+    pads: dict[str, PadStatistics]
+    can_frames: dict[str, int]
+    queue_overruns: int = 0  #: CAN frames dropped because this process was too slow
+    sync_overruns: int = 0  #: SYNCs not sent because this process was too slow
+    poll_overruns: int = 0  #: polls of a DOMAIN left out because the ones before took too long
+    consumer_errors: int = 0  #: exceptions of on_frame
+    clock_jumps: int = 0  #: times the wall clock was set while stamps were taken
+    stamps_ahead: float = 0.0  #: of the wall clock, since it was set back [s]
+    unread: int = 0  #: lines of a log that could not be read
+    unrecorded: int = 0  #: CAN frames that the recording lacks: it has failed, or its format has no place for them

@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_node.read_only import read_only
+
 
 class TaxelStatus(IntEnum):
     """Why a taxel has, or has not, a valid value (TaxelArray.msg mirrors these numbers)."""
@@ -29,12 +31,6 @@ class TaxelFrame(NamedTuple):
     values: np.ndarray  #: float32, shape (rows, cols)
     status: np.ndarray  #: uint8 TaxelStatus, shape (rows, cols)
     missing_can_frames: int  #: TPDOs of this period that did not arrive, or not as mapped
-
-
-def read_only(array: np.ndarray) -> np.ndarray:
-    """The array itself, no longer writeable: what passes between stages is nobody's to change."""
-    array.flags.writeable = False
-    return array
 
 
 def without_any_value(frame: TaxelFrame) -> TaxelFrame:

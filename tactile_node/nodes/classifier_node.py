@@ -9,7 +9,7 @@ from tactile_node.fusion.recognitions import FusedRecognition, RecognitionFusion
 from tactile_node.nodes.run import run_node
 from tactile_node.pose.fit import ShapeFit, fit_shape
 from tactile_node.pose.moments import contact_moments
-from tactile_node.ros.basics import seconds
+from tactile_node.ros.conversions import seconds
 from tactile_node.ros.feature_messages import features_of, pattern_of
 from tactile_node.ros.parameters import CLASSIFIER, declare, values
 from tactile_node.ros.qos import frames_qos

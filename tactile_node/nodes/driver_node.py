@@ -17,30 +17,30 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
-from tactile_node.assembly.router import BusStatistics
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.conditioning.conditioned_pad import ConditionedPad
 from tactile_node.conditioning.taxel_faults import FaultyTaxels
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError, DeviceError, TactileError
 from tactile_node.frames.frame_source import FrameSource
 from tactile_node.frames.health import BusHealth
+from tactile_node.frames.losses import BusStatistics
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.nodes.fault_service import FaultService
 from tactile_node.nodes.replay_gate import ReplayGate
 from tactile_node.nodes.run import run_node
 from tactile_node.nodes.tare_service import TareService, Zeroing
 from tactile_node.recording.log_source import LogSource
-from tactile_node.ros.conditioning import adjust, conditioned_pads
 from tactile_node.ros.diagnostics import BusDiagnostics, unconfigured
 from tactile_node.ros.lifecycle import outlive_unfitting_requests
+from tactile_node.ros.pad_conditioning import adjust, conditioned_pads
 from tactile_node.ros.parameters import DRIVER, declare, tare_limit, values
 from tactile_node.ros.qos import STATUS_QOS, frames_qos
 from tactile_node.ros.status_message import status_message
 from tactile_node.ros.taxel_messages import taxel_array_message
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.pads import PadSettings, make_pads, one_for_each, with_dictionaries
-from tactile_node.supervision.outage import Reminder
 from tactile_node.supervision.supervisor import Supervisor
+from tactile_node.threads.reminder import Reminder
 from tactile_skin.msg import SkinStatus, TaxelArray
 
 DIAGNOSTICS_PERIOD = 1.0  # [s], REP-107

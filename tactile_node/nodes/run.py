@@ -12,7 +12,7 @@ from rclpy.signals import SignalHandlerOptions
 from tactile_node.errors import TactileError
 from tactile_node.interruption import ignore_interruptions, interruption
 from tactile_node.nodes.spinning import Spinner, spinning
-from tactile_node.ros.complaints import told_as_ours
+from tactile_node.ros.rclpy_errors import told_as_ours
 
 
 def run_node(make: Callable[[], Node], start: Callable[[Node, Event], None] = lambda node, asked: None) -> int:

@@ -8,10 +8,11 @@ from collections.abc import Callable, Iterator
 
 import can
 
-from tactile_node.assembly.router import BusStatistics, Router
+from tactile_node.assembly.router import Router
 from tactile_node.errors import DeviceError, LogError
 from tactile_node.frames.consumer import Consumer, OnFrame
 from tactile_node.frames.health import BusHealth
+from tactile_node.frames.losses import BusStatistics
 from tactile_node.recording.logs import CanLogReader
 from tactile_node.recording.stray_stamps import SET_BACK
 from tactile_node.skin.pad_rules import check_pads

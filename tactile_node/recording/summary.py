@@ -1,6 +1,6 @@
 """What became of every CAN frame, as text."""
 
-from tactile_node.assembly.router import BusStatistics
+from tactile_node.frames.losses import BusStatistics
 
 
 def summary(statistics: BusStatistics) -> str:

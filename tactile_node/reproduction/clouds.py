@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from tactile_node.reproduction.curve_fitting import Samples
 from tactile_node.reproduction.experiments import PUBLISHED, SIZES, Method, Results
-from tactile_node.shape.fitting import Samples
 from tactile_node.shape.plane import Plane
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import SHAPES

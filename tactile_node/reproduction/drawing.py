@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.helmholtz.features import Group, features_at_angles
+from tactile_node.reproduction.curve_fitting import COLUMNS, Samples
 from tactile_node.reproduction.worlds import draw_pattern
-from tactile_node.shape.fitting import COLUMNS, Samples
 from tactile_node.shape.volf import SHAPES
 from tactile_node.synthetic.seeds import Purpose, generator
 

@@ -6,17 +6,17 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.helmholtz.features import Group, features_at_angles
-from tactile_node.reproduction.drawing import Drawn, Wanted, draw
-from tactile_node.reproduction.neighbours import NearestNeighbours
-from tactile_node.reproduction.rates import Rate, confusion, lost_in_plane, rate
-from tactile_node.reproduction.worlds import WORLDS, draw_pattern
-from tactile_node.shape.fitting import (
+from tactile_node.reproduction.curve_fitting import (
     AREAS,
     READINGS,
     Samples,
     answers,
     fit_classifier,
 )
+from tactile_node.reproduction.drawing import Drawn, Wanted, draw
+from tactile_node.reproduction.neighbours import NearestNeighbours
+from tactile_node.reproduction.rates import Rate, confusion, lost_in_plane, rate
+from tactile_node.reproduction.worlds import WORLDS, draw_pattern
 from tactile_node.shape.volf import SHAPES, VolfClassifier
 from tactile_node.synthetic.seeds import Purpose, generator
 

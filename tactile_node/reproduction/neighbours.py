@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tactile_node.shape.fitting import COLUMNS, Samples
+from tactile_node.reproduction.curve_fitting import COLUMNS, Samples
 from tactile_node.shape.volf import SHAPES
 
 NUMBERS = (5, 11, 21, 41)

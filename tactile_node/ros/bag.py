@@ -9,7 +9,7 @@ from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, Qo
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from tactile_node.config import package_file
+from tactile_node.package_files import package_file
 
 PACKAGE = 'tactile_skin'
 MESSAGES = ('TaxelArray', 'FeatureRange', 'ContactFeatures', 'ContactShape', 'Grasp')

@@ -6,10 +6,9 @@ from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from tactile_node.assembly.router import BusStatistics
 from tactile_node.conditioning.conditioned_pad import PadCondition
 from tactile_node.frames.health import BusHealth, NodeHealth, Outages
-from tactile_node.frames.losses import PadStatistics
+from tactile_node.frames.losses import BusStatistics, PadStatistics
 
 
 class Finding(NamedTuple):

@@ -4,7 +4,7 @@ import numpy as np
 from geometry_msgs.msg import Point, Vector3
 
 from tactile_node.grasp.tracker import GraspState, Line, SideResult
-from tactile_node.ros.basics import duration_message, seconds, time_message
+from tactile_node.ros.conversions import duration_message, seconds, time_message
 from tactile_node.ros.shape_messages import SHAPES
 from tactile_node.shape.recognition import Shape
 from tactile_skin.msg import ContactShape, Grasp

@@ -7,11 +7,10 @@ from types import MappingProxyType
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-from tactile_node.assembly.router import BusStatistics
 from tactile_node.conditioning.conditioned_pad import PadCondition
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
 from tactile_node.frames.health import BusHealth, NodeHealth
-from tactile_node.frames.losses import PadStatistics
+from tactile_node.frames.losses import BusStatistics, PadStatistics
 from tactile_skin.msg import FaultyTaxel, NodeStatus, PadStatus, SkinStatus
 
 SEVERITY = (DiagnosticStatus.OK, DiagnosticStatus.STALE, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from tactile_node.frames.taxel_frame import TaxelFrame
-from tactile_node.ros.basics import as_array, time_message
+from tactile_node.ros.conversions import as_array, time_message
 from tactile_skin.msg import TaxelArray
 
 

@@ -6,10 +6,10 @@ from typing import Protocol
 
 import numpy as np
 
-from tactile_node.config import config_path
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import Features, Group, compute_features
+from tactile_node.package_files import config_path
 from tactile_node.shape.recogniser import ShapeRecogniser
 from tactile_node.shape.recognition import Recognition, Shape
 from tactile_node.shape.volf import GROUPS, VolfClassifier

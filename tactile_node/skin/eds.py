@@ -11,8 +11,8 @@ from canopen import ObjectDictionary
 from canopen.objectdictionary import ODVariable
 from canopen.objectdictionary.eds import import_eds
 
-from tactile_node.config import config_path
 from tactile_node.errors import ConfigurationError
+from tactile_node.package_files import config_path
 from tactile_node.skin.layout import SkinLayout, TpdoLayout
 
 IDENTITY = 0x1018

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from tactile_node.cia301.cob_id import CobId, parse_cob_id
-from tactile_node.config import config_path
+from tactile_node.package_files import config_path
 from tactile_node.skin.layout import (
     MAX_DOMAIN_BYTES,
     MAX_NODES,

@@ -4,7 +4,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus, read_only
+from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.read_only import read_only
 from tactile_node.skin.layout import DomainLayout, SkinLayout, TpdoLayout
 
 TPDO_BYTES = 8

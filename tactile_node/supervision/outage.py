@@ -3,7 +3,6 @@
 from tactile_node.frames.health import Outages
 
 FIRST_RETRY, LAST_RETRY = 0.1, 0.5  # s; the last bounds how long a cause that has ended may go unnoticed
-FIRST_REMINDER, LAST_REMINDER = 2.0, 60.0  # s between two sentences about the same wait
 
 
 class OutageClock:
@@ -53,20 +52,3 @@ class Backoff:
 
     def attempted(self, now: float) -> None:
         self._due, self._pause = now + self._pause, min(2 * self._pause, LAST_RETRY)
-
-
-class Reminder:
-    """Lets a new sentence through at once, the same one again ever more rarely."""
-
-    def __init__(self):
-        self._said, self._due, self._pause = '', 0.0, FIRST_REMINDER
-
-    def is_due(self, kind: str, now: float) -> bool:
-        if kind == self._said and now < self._due:
-            return False
-        self._pause = min(2 * self._pause, LAST_REMINDER) if kind == self._said else FIRST_REMINDER
-        self._said, self._due = kind, now + self._pause
-        return True
-
-    def reset(self) -> None:
-        self._said = ''

@@ -10,7 +10,6 @@ import threading
 import time
 from collections.abc import Callable
 
-from tactile_node.assembly.router import BusStatistics
 from tactile_node.bus.bus_load import BusLoad
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_settings import BusSettings
@@ -18,12 +17,14 @@ from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.errors import BusError, LogError
 from tactile_node.frames.consumer import OnFrame
 from tactile_node.frames.health import BusHealth
+from tactile_node.frames.losses import BusStatistics
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.skin.pads import PadSettings
 from tactile_node.skin.taxel_codec import without_values
-from tactile_node.supervision.node_care import NodeCare
-from tactile_node.supervision.node_watch import NodeWatch
-from tactile_node.supervision.outage import Backoff, OutageClock, Reminder
+from tactile_node.supervision.node_monitor import NodeWatch
+from tactile_node.supervision.node_recovery import NodeCare
+from tactile_node.supervision.outage import Backoff, OutageClock
+from tactile_node.threads.reminder import Reminder
 
 logger = logging.getLogger(__name__)
 

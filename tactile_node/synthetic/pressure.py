@@ -1,15 +1,25 @@
 """Pressure frames of a synthetic contact: what a skin with pressure values would measure."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from scipy import ndimage
 
-from tactile_node.synthetic.variants import Touching
 from tactile_node.synthetic.world import PAD
 
 SUBSAMPLES = 8  #: a taxel's coverage is counted on 8×8 points
 HALF_DIAGONAL = 0.708  #: of a taxel [pitches]
+
+
+class Touching(Protocol):
+    """What can touch a pad."""
+
+    x: float
+    y: float
+    reach: float
+
+    def depth(self, x: np.ndarray, y: np.ndarray) -> np.ndarray: ...
 
 
 @dataclass(frozen=True)

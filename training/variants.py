@@ -6,21 +6,11 @@ that a taxel whose centre is deeper than half its diagonal is covered whole.
 """
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
+from tactile_node.synthetic.pressure import Touching
 from tactile_node.synthetic.world import Contact
-
-
-class Touching(Protocol):
-    """What can touch a pad."""
-
-    x: float
-    y: float
-    reach: float
-
-    def depth(self, x: np.ndarray, y: np.ndarray) -> np.ndarray: ...
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,8 @@ from tactile_node.cia301.heartbeat import NmtState, state_name
 from tactile_node.frames.health import NodeHealth
 from tactile_node.frames.losses import PadStatistics
 from tactile_node.skin.pads import PadSettings
-from tactile_node.supervision.outage import Backoff, OutageClock, Reminder
+from tactile_node.supervision.outage import Backoff, OutageClock
+from tactile_node.threads.reminder import Reminder
 
 GRACE = 0.3  # s a node has for obeying and for saying so: three heartbeats
 

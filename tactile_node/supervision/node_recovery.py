@@ -5,11 +5,10 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
-from tactile_node.assembly.router import BusStatistics
 from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.errors import BusError, DeviceAbsentError, DeviceError
-from tactile_node.frames.losses import PadStatistics
-from tactile_node.supervision.node_watch import Ailment, NodeWatch, Trouble
+from tactile_node.frames.losses import BusStatistics, PadStatistics
+from tactile_node.supervision.node_monitor import Ailment, NodeWatch, Trouble
 
 Result = TypeVar('Result')
 

@@ -8,15 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
-from tactile_node.synthetic.outliers import random_outlier
-from tactile_node.synthetic.pressure import coverage
-from tactile_node.synthetic.variants import (
+from tactile_node.synthetic.pressure import Touching, coverage
+from tactile_node.synthetic.world import CLASSES, PAD, random_contact
+from training.outliers import random_outlier
+from training.variants import (
     Hollow,
     Rounded,
-    Touching,
     inscribed_radius,
 )
-from tactile_node.synthetic.world import CLASSES, PAD, random_contact
 
 THINNEST_WALL = 1.25  #: [pitches]: a thinner rim falls to pieces
 
