@@ -11,6 +11,7 @@ Writes soak.csv and soak.png; ends with 1 when a TPDO was lost or came too late.
 import argparse
 import csv
 import gc
+import logging
 import multiprocessing
 import os
 import subprocess
@@ -164,7 +165,7 @@ def priority() -> str:
 def run(args: argparse.Namespace, port: str, stalls: StallWatch) -> Soak:
     latencies = Latencies()
     pads = tuple(make_pad(f'pad{node}', node, LAYOUT) for node in NODES)
-    driver = Supervisor(BusSettings('slcan', port, sync_period=1 / args.rate), pads, latencies, print, print)
+    driver = Supervisor(BusSettings('slcan', port, sync_period=1 / args.rate), pads, latencies)
     driver.open()
     try:
         driver.configure()
@@ -200,6 +201,7 @@ def write(folder: Path, rows: list[Row]) -> None:
 
 def main() -> int:
     args = _arguments()
+    logging.basicConfig(level=logging.INFO, format='%(message)s', stream=sys.stdout)
     print(f'priority: {priority()}')
     stalls = StallWatch()
     with tempfile.TemporaryDirectory() as folder:

@@ -10,6 +10,7 @@ from typing import Any
 
 import can
 import numpy as np
+from captured_log import CapturedLog
 
 from tactile_node.bus.skin_bus import BusSettings, SkinBus
 from tactile_node.frames.losses import Loss, Outcome
@@ -75,25 +76,24 @@ class Bench:
         still = np.zeros((rows, cols))
         self.simulator = SkinSimulator(self.pads,
                                        {pad.name: source or (lambda t: still) for pad in self.pads})
-        self.channel, self.frames, self.said = channel_of(channel), queue.Queue(), []
+        self.channel, self.frames, self.log = channel_of(channel), queue.Queue(), CapturedLog()
         self.settings = BusSettings(INTERFACE, self.channel, **settings)
         self.driver = SkinBus(self.settings, self.pads,
-                              lambda name, frame: self.frames.put((name, frame)), self.said.append)
+                              lambda name, frame: self.frames.put((name, frame)))
 
     def __enter__(self) -> 'Bench':
+        self.log.__enter__()
         self.simulator.start(INTERFACE, self.channel)
         return self
 
     def __exit__(self, *_: object) -> None:
         self.driver.close()
         self.simulator.stop()
+        self.log.__exit__()
 
-    def supervise(self) -> list[str]:
-        """Take a Supervisor in place of the bare SkinBus; the list of what it will complain about."""
-        complaints: list[str] = []
-        self.driver = Supervisor(self.settings, self.pads, lambda *given: self.frames.put(given),
-                                 self.said.append, complaints.append)
-        return complaints
+    def supervise(self) -> None:
+        """Take a Supervisor in place of the bare SkinBus."""
+        self.driver = Supervisor(self.settings, self.pads, lambda *given: self.frames.put(given))
 
     def run(self) -> None:
         self.driver.open()

@@ -57,11 +57,10 @@ class FaultBench(Bench):
         self._coded = Coded() if source is None else None
         self.is_clock_true = True  #: False: stamps cannot be compared with the wall clock
         super().__init__(channel, layout, nodes, source=source or self._coded)
-        self.adapter, self.kept, self.complaints, self.hold = Adapter(), [], [], threading.Event()
+        self.adapter, self.kept, self.hold = Adapter(), [], threading.Event()
         self.hold.set()  #: cleared: the consumer hangs
         self.settings = BusSettings('virtual', channel, **{'sync_period': 0.02} | settings)
-        self.driver = Supervisor(self.settings, self.pads, self._keep, self.said.append,
-                                 self.complaints.append, recover)
+        self.driver = Supervisor(self.settings, self.pads, self._keep, recover)
         self.detected = self.publishing_again = None
         self._begun = self._ended = 0.0
 
@@ -100,11 +99,11 @@ class FaultBench(Bench):
         self._ended = time.monotonic()
 
     def wait(self, condition: Callable[[], bool], what: str) -> None:
-        assert wait_until(condition, PATIENCE), f'{what}; {self.driver.health()}; {self.complaints}'
+        assert wait_until(condition, PATIENCE), f'{what}; {self.driver.health()}; {self.log.errors}'
 
     def detect(self, text: str) -> None:
-        """Wait until a complaint says ``text``."""
-        self.wait(lambda: any(text in sentence for sentence in tuple(self.complaints)), f'nobody says {text!r}')
+        """Wait until a warning or an error says ``text``."""
+        self.wait(lambda: any(text in sentence for sentence in self.log.errors), f'the log does not say {text!r}')
         self.detected = time.monotonic() - self._begun
 
     def recover(self, *pads: str) -> None:

@@ -73,7 +73,7 @@ def absent_at_configure_then_late(channel: str) -> FaultBench:
         starter = threading.Thread(target=bench.run)
         bench.cause()
         starter.start()
-        bench.wait(lambda: any('Waiting for node 32' in said for said in bench.said), 'waits in silence')
+        bench.wait(lambda: any('Waiting for node 32' in said for said in bench.log.messages), 'waits in silence')
         bench.device.boot()
         bench.end_of_cause()
         bench.recover()
@@ -157,7 +157,7 @@ def all_reset_by_another_master(channel: str) -> FaultBench:
 def stopped_by_another_master(channel: str) -> FaultBench:
     """The command and the state STOPPED are told; the device is started again."""
     bench = _told_by_another_master(channel, '0220', 'Another NMT master has told node 32 to stop')
-    assert any('it is not OPERATIONAL' in sentence for sentence in bench.complaints)
+    assert any('it is not OPERATIONAL' in sentence for sentence in bench.log.errors)
     return bench
 
 
@@ -182,7 +182,7 @@ def adapter_unplugged(channel: str) -> FaultBench:
         bench.run().cause()
         bench.adapter.is_plugged = False
         bench.detect('CAN bus has failed')
-        bench.wait(lambda: any('no such device' in one for one in bench.complaints), 'does not say what it waits for')
+        bench.wait(lambda: any('no such device' in one for one in bench.log.errors), 'does not say what it waits for')
         assert bench.driver.failure
         bench.adapter.is_plugged = True
         bench.end_of_cause()
@@ -312,7 +312,7 @@ def emcy_storm(channel: str) -> FaultBench:
         bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
         history = bench.driver.monitor.emergencies[32].history
         assert [one.manufacturer[-1] for one in history] == [i & 0xFF for i in range(1984, 2000)]
-        assert len(bench.complaints) < 10
+        assert len(bench.log.errors) < 10
     return bench
 
 
@@ -341,7 +341,7 @@ def foreign_frames(channel: str) -> FaultBench:
         bench.other.send(can.Message(arbitration_id=0x1A0, is_extended_id=True, data=bytes(8)))
         bench.wait(lambda: bench.driver.statistics().can_frames.get('foreign') == 2, 'not counted')
         bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
-        assert not bench.complaints and bench.node().state == 'OPERATIONAL' and not bench.node().trouble
+        assert not bench.log.errors and bench.node().state == 'OPERATIONAL' and not bench.node().trouble
     return bench
 
 
@@ -512,7 +512,7 @@ def disk_full_while_recording(channel: str) -> FaultBench:
         before = bench.driver.statistics().unrecorded
         bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
         bench.wait(lambda: bench.driver.statistics().unrecorded > before, 'not counted')
-        told, = (sentence for sentence in bench.complaints if 'recording' in sentence)
+        told, = (sentence for sentence in bench.log.errors if 'recording' in sentence)
         assert 'No space left' in told and bench.driver.failure is None and bench.adapter.opened == 1
     return bench
 
@@ -546,7 +546,7 @@ def guarded_by_another_master(channel: str) -> FaultBench:
             bench.send(0x720, answer)
         bench.wait(lambda: bench.driver.statistics().can_frames.get('remote') == 100, 'not counted')
         bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
-        assert not bench.complaints and (bench.node().state, bench.node().boots) == ('OPERATIONAL', 0)
+        assert not bench.log.errors and (bench.node().state, bench.node().boots) == ('OPERATIONAL', 0)
     return bench
 
 
@@ -564,7 +564,7 @@ def other_makers_device_at_work(channel: str) -> FaultBench:
         bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
         counts = bench.driver.statistics()
         assert (counts.can_frames['emcy'], counts.can_frames['time']) == (200, 100)  # 0x090 is in the range of EMCY
-        assert not bench.complaints and bench.node().emergencies == 0
+        assert not bench.log.errors and bench.node().emergencies == 0
         assert counts.pads['pad32'].losses['unknown_row'] == before.losses['unknown_row'] == 0
     return bench
 

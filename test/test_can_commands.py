@@ -219,16 +219,16 @@ def test_a_link_replaces_links_only(tmp_path):
 
 
 @pytest.mark.parametrize('suffix', ['.log', '.log.gz', '.asc', '.blf', '.trc', '.mcap'])
-def test_a_full_disk_ends_the_recording_and_says_so_once(tmp_path, suffix):
-    told = []
-    log = CanLogWriter(tmp_path / f'x{suffix}', told.append)
+def test_a_full_disk_ends_the_recording_and_says_so_once(tmp_path, suffix, caplog):
+    log = CanLogWriter(tmp_path / f'x{suffix}')
     with open('/dev/full', 'wb') as full:
         os.dup2(full.fileno(), log._writer.file.fileno())
     message = can.Message(1.7e9, 0x181, False, data=bytes(8), channel=1)
-    assert wait_until(lambda: log.write(message) or told)
+    assert wait_until(lambda: log.write(message) or log.failure)
     log.write(message)
     log.close()
-    assert len(told) == 1 and 'No space left' in told[0] and 'Free the disk' in told[0] and log.unwritten
+    told, = caplog.messages
+    assert told == log.failure and 'No space left' in told and 'Free the disk' in told and log.unwritten
 
 
 @pytest.mark.parametrize('name', ['.', '/', 'no/such/folder/x.log', 'x.nonsense'])

@@ -190,7 +190,7 @@ def test_simulated_skin_end_to_end_and_its_log_again(tmp_path, refuses_blocks):
         bench.simulator.devices[32].refuses_blocks = refuses_blocks
         bench.run()
         live += bench.take_whole(5)
-        assert any(('segmented' if refuses_blocks else 'by block') in sentence for sentence in bench.said)
+        assert any(('segmented' if refuses_blocks else 'by block') in sentence for sentence in bench.log.messages)
     firsts = [frame.values[0, 0] / 10 for _, frame in live]
     for (_, frame), first in zip(live, firsts):
         np.testing.assert_allclose(frame.values, 10 * (first + np.arange(160).reshape(16, 10)))
@@ -222,11 +222,11 @@ def test_our_own_requests_take_their_part_of_the_bus(tmp_path):
 
 def test_a_polled_pad_goes_and_comes_again():
     with Bench('domain_goes', LAYOUT, source=moving()) as bench:
-        complaints = bench.supervise()
+        bench.supervise()
         bench.run()
         bench.take_whole(2)
         bench.simulator.devices[32].power_off()
-        assert wait_until(lambda: any('neither heartbeat nor taxels' in sentence for sentence in complaints))
+        assert wait_until(lambda: any('neither heartbeat nor taxels' in sentence for sentence in bench.log.errors))
         bench.forget()
         assert all(np.isnan(frame.values).all() for _, frame in bench.take(2))
         bench.simulator.devices[32].boot()

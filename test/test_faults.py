@@ -24,7 +24,7 @@ def test_without_recovery_faults_are_told_and_left_alone():
         bench.adapter.is_plugged = False
         bench.wait(lambda: bench.driver.failure is not None, 'not told')
         assert bench.adapter.opened == 1 and bench.node().state == 'STOPPED'
-        assert any('deactivate, clean up and configure' in sentence for sentence in bench.complaints)
+        assert any('deactivate, clean up and configure' in sentence for sentence in bench.log.errors)
 
 
 def test_sequence_numbers_of_an_outage_of_the_bus_are_left_out():

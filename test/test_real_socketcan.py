@@ -8,6 +8,7 @@ import can
 import numpy as np
 import pytest
 from can_bench import INTERFACE, wait_until
+from captured_log import CapturedLog
 
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.errors import BusError
@@ -48,15 +49,15 @@ class Driven:
 
     def __init__(self, channel: str, skin: str, layout: str = 'sim8x8_16bit.yaml', nodes: tuple[int, ...] = (32,)):
         pads = with_dictionaries(make_pads([layout], nodes))
-        self.skin, self.kept, self.complaints = skin, [], []
+        self.skin, self.kept, self.log = skin, [], CapturedLog()
         self.value = pads[0].layout.value
         pressed = np.full((pads[0].layout.rows, pads[0].layout.cols), self.pressed)
         self.simulator = SkinSimulator(pads, {pad.name: lambda t: pressed for pad in pads})
         self.driver = Supervisor(BusSettings('socketcan', channel, sync_period=PERIOD, boot_timeout=20), pads,
-                                 lambda name, frame: self.kept.append(frame), complain=self.complaints.append,
-                                 heartbeat_timeout=1.0)
+                                 lambda name, frame: self.kept.append(frame), heartbeat_timeout=1.0)
 
     def __enter__(self) -> 'Driven':
+        self.log.__enter__()
         self.simulator.start('socketcan', self.skin)
         self.driver.open()
         self.driver.configure()
@@ -67,6 +68,7 @@ class Driven:
     def __exit__(self, *_: object) -> None:
         self.driver.close()
         self.simulator.stop()
+        self.log.__exit__()
 
     @property
     def pressed(self) -> float:
@@ -77,7 +79,7 @@ class Driven:
         return any(frame.stamp > stamp and not frame.missing_can_frames for frame in self.kept[-20:])
 
     def wait(self, condition, what: str) -> None:
-        assert wait_until(condition, 40), f'{what}; {self.driver.health()}; {self.complaints}'
+        assert wait_until(condition, 40), f'{what}; {self.driver.health()}; {self.log.errors}'
 
     def check(self) -> None:
         """What was published is what pressed the skin, or NaN."""
@@ -122,7 +124,7 @@ def test_network_down_and_up_again(controllers):
     with Driven('can0', 'can1') as bench:
         ip('can0', 'down')
         bench.wait(lambda: bench.driver.failure is not None, 'not told')
-        assert any('CAN bus has failed' in sentence for sentence in bench.complaints)
+        assert any('CAN bus has failed' in sentence for sentence in bench.log.errors)
         count = len(bench.kept)
         time.sleep(1)
         assert len(bench.kept) <= count + 1, 'taxels without a bus'
@@ -139,7 +141,7 @@ def test_bus_off_reported_by_the_stack():
     with Driven('vcan0', 'vcan0') as bench, can.Bus('vcan0', interface='socketcan') as other:
         other.send(can.Message(arbitration_id=BUS_OFF, is_error_frame=True, is_extended_id=False, data=bytes(8)))
         begun = time.time()
-        bench.wait(lambda: any('bus-off' in sentence for sentence in bench.complaints), 'not told')
+        bench.wait(lambda: any('bus-off' in sentence for sentence in bench.log.errors), 'not told')
         bench.wait(lambda: bench.whole_after(begun) and bench.driver.failure is None, 'no whole frames again')
         print(f'\nsocketcan: whole frames {time.time() - begun:.2f} s after bus-off')
         bench.check()

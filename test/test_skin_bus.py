@@ -159,7 +159,7 @@ def test_no_device_on_the_bus():
         bench.driver.open()
         with pytest.raises(DeviceError, match='node 32.*no sign of it.*power, wiring'):
             bench.driver.configure()
-        assert any('Waiting for node 32' in sentence for sentence in bench.said)
+        assert any('Waiting for node 32' in sentence for sentence in bench.log.messages)
 
 
 def test_second_pad_missing_names_its_node():

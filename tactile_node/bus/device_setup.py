@@ -1,5 +1,6 @@
 """Finds, identifies and configures one CANopen device, up to NMT start (CiA 301, 302-2)."""
 
+import logging
 import time
 from collections.abc import Callable
 from typing import TypeVar
@@ -15,6 +16,8 @@ from tactile_node.skin.eds import IDENTITY, TPDO_COMMUNICATION, TPDO_MAPPING, Id
 from tactile_node.skin.layout import TpdoLayout
 from tactile_node.skin.pads import PadSettings
 
+logger = logging.getLogger(__name__)
+
 Answer = TypeVar('Answer')
 
 SYNC_COB_ID, HEARTBEAT_TIME = 0x1005, 0x1017
@@ -27,8 +30,8 @@ REMINDER = 2.0  # s between two sentences about the same wait
 class DeviceSetup:
     """The steps of one pad's device; each raises DeviceError when the device does not go along."""
 
-    def __init__(self, sdo: SdoClient, pad: PadSettings, heartbeats: Heartbeats, log: Callable[[str], None]):
-        self._sdo, self._pad, self._heartbeats, self._log = sdo, pad, heartbeats, log
+    def __init__(self, sdo: SdoClient, pad: PadSettings, heartbeats: Heartbeats):
+        self._sdo, self._pad, self._heartbeats = sdo, pad, heartbeats
         self._who = pad.who
 
     def run(self, boot_timeout: float, heartbeat_ms: int) -> bool:
@@ -39,10 +42,10 @@ class DeviceSetup:
             self._set_if_listed(SYNC_COB_ID, self._pad.layout.sync_cob_id, 4, 'SYNC COB-ID')
         self._set_if_listed(HEARTBEAT_TIME, heartbeat_ms, 2, 'heartbeat time')
         if self._pad.layout.domain is not None:
-            return check_domain(self._sdo, self._pad.layout.domain, self._who, self._log)
+            return check_domain(self._sdo, self._pad.layout.domain, self._who)
         tpdos = {tpdo.number: tpdo for tpdo in self._pad.layout.tpdos}  # many frames may be one multiplexed TPDO
         written = sum(self._configure(tpdo) for tpdo in tpdos.values())
-        self._log(f'{self._who}: {len(tpdos)} TPDOs ready, {written} of them newly written.')
+        logger.info('%s: %d TPDOs ready, %d of them newly written.', self._who, len(tpdos), written)
         return False
 
     def _wait_for_device(self, timeout: float) -> None:
@@ -60,7 +63,7 @@ class DeviceSetup:
                                         got=self._silence(),
                                         remedy='Check power, wiring, termination, bit rate and node-ID.')
             if reminded == begun or now - reminded >= REMINDER:
-                self._log(f'Waiting for {self._who} to answer by SDO: {self._silence()} so far.')
+                logger.info('Waiting for %s to answer by SDO: %s so far.', self._who, self._silence())
                 reminded = now
 
     def _silence(self) -> str:
@@ -74,11 +77,11 @@ class DeviceSetup:
             raise DeviceError(f'{self._who}, object 0x1018', expected=f'{ours} as in {self._pad.eds}',
                               got=str(theirs),
                               remedy='Check the node-ID, or give the EDS and layout of this device.')
-        self._log(f'{self._who} is there: {theirs}.')
+        logger.info('%s is there: %s.', self._who, theirs)
 
     def _set_if_listed(self, index: int, value: int, size: int, what: str) -> None:
         if index not in self._pad.dictionary:
-            self._log(f'{self._who}: its EDS has no object 0x{index:04X}, so its {what} stays as it is.')
+            logger.info('%s: its EDS has no object 0x%04X, so its %s stays as it is.', self._who, index, what)
         elif self._read(index, 0, missing=None) != value:
             self._write(index, 0, value, size)
 

@@ -1,5 +1,6 @@
 """Reads a pad's DOMAIN by SDO, again and again. What is read the assembler takes from the frames on the bus."""
 
+import logging
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -11,6 +12,8 @@ from tactile_node.errors import BusError, DeviceError
 from tactile_node.skin.layout import DomainLayout
 from tactile_node.threads.pacer import Pacer
 from tactile_node.threads.reminder import Reminder
+
+logger = logging.getLogger(__name__)
 
 OpenSdo = Callable[[], AbstractContextManager[SdoClient]]
 
@@ -30,7 +33,7 @@ def upload(sdo: SdoClient, domain: DomainLayout, by_block: bool) -> bytes:
         raise SdoCommunicationError(f'Upload failed: {type(error).__name__}: {error}') from error
 
 
-def check_domain(sdo: SdoClient, domain: DomainLayout, who: str, log: Callable[[str], None]) -> bool:
+def check_domain(sdo: SdoClient, domain: DomainLayout, who: str) -> bool:
     """Read the object once: whether the device sends it by block. Raises DeviceError when it cannot be used."""
     where, read, is_block = f'{who}, object 0x{domain.index:04X} sub {domain.subindex}', None, False
     for by_block in (True, False):
@@ -45,7 +48,8 @@ def check_domain(sdo: SdoClient, domain: DomainLayout, who: str, log: Callable[[
     if len(read) != domain.length:
         raise DeviceError(where, expected=f'{domain.length} bytes, as in the layout', got=f'{len(read)} bytes',
                           remedy='Correct "bytes" in the layout, or use the layout of this device.')
-    log(f'{who}: its taxels are read by {"block" if is_block else "segmented"} SDO upload, {len(read)} bytes a frame.')
+    logger.info('%s: its taxels are read by %s SDO upload, %d bytes a frame.',
+                who, 'block' if is_block else 'segmented', len(read))
     return is_block
 
 
@@ -57,9 +61,9 @@ class DomainPolling:
     """
 
     def __init__(self, domain: DomainLayout, who: str, period: float, open_sdo: OpenSdo,
-                 complain: Callable[[str], None], on_failure: Callable[[Exception], None]):
+                 on_failure: Callable[[Exception], None]):
         self._domain, self._who, self._open_sdo = domain, who, open_sdo
-        self._complain, self._on_failure = complain, on_failure
+        self._on_failure = on_failure
         self._pacer, self._reminder, self.by_block = Pacer(period, self._poll, 'poll'), Reminder(), True
 
     @property
@@ -80,6 +84,6 @@ class DomainPolling:
                 upload(sdo, self._domain, self.by_block)
         except (SdoAbortedError, SdoCommunicationError) as error:
             if self._reminder.is_due(str(error), time.monotonic()):
-                self._complain(f'{self._who}: its taxels could not be read: {error}')
+                logger.error('%s: its taxels could not be read: %s', self._who, error)
         except BusError as error:
             self._on_failure(error)

@@ -42,13 +42,12 @@ class SkinBus:
     """
 
     def __init__(self, settings: BusSettings, pads: tuple[PadSettings, ...], on_frame: OnFrame,
-                 log: Callable[[str], None] = logger.info, complain: Callable[[str], None] = logger.error,
                  monitor: BusMonitor | None = None, on_failure: Callable[[str], None] | None = None):
         check_pads(pads)
         check_dictionaries(pads)
-        self._settings, self._pads, self._log, self._complain = settings, tuple(pads), log, complain
+        self._settings, self._pads = settings, tuple(pads)
         self._nodes = [node for pad in pads for node in pad.nodes]
-        self._consumer, self._on_failure = Consumer(on_frame), on_failure or self._complain_of_failure
+        self._consumer, self._on_failure = Consumer(on_frame), on_failure or self._log_failure
         self._monitor = monitor or BusMonitor(node_id for pad in pads for node_id in pad.node_ids)
         one_clock = not settings.produce_sync or settings.interface in HOST_STAMPED
         self._router = Router(self._pads, self._consumer, not settings.produce_sync, one_clock,
@@ -82,7 +81,7 @@ class SkinBus:
         self._network = BusNetwork(bus, self._received, self._fail, record,
                                    f'{settings.interface} {settings.channel}', self._sent)
         recorded = f', recorded to {record.path}' if record else ''
-        self._log(f'CAN bus {settings.interface} {settings.channel} is open{recorded}.')
+        logger.info('CAN bus %s %s is open%s.', settings.interface, settings.channel, recorded)
 
     def configure(self) -> None:
         """Find, identify and configure every pad's device. Raises DeviceError, BusError."""
@@ -94,7 +93,7 @@ class SkinBus:
         if pause:
             self._command(NMT_ENTER_PRE_OPERATIONAL, node)
         with self._opened().sdo_client(node.node_id, node.dictionary) as sdo:
-            setup = DeviceSetup(sdo, node, self._monitor.heartbeats, self._log)
+            setup = DeviceSetup(sdo, node, self._monitor.heartbeats)
             is_block = setup.run(boot_timeout, self._settings.heartbeat_ms)
         if node.node_id in self._polls:
             self._polls[node.node_id].by_block = is_block
@@ -158,7 +157,7 @@ class SkinBus:
             try:
                 self._command(NMT_ENTER_PRE_OPERATIONAL, node)
             except BusError as error:
-                self._complain(f'Node {node.node_id} (pad {node.name!r}) could not be stopped: {error}')
+                logger.error('Node %d (pad %r) could not be stopped: %s', node.node_id, node.name, error)
 
     def close(self) -> None:
         """Stop, give the bus back and end the recording."""
@@ -193,7 +192,7 @@ class SkinBus:
         """A log that cannot be written leaves no open bus behind."""
         try:
             if self._record is None and self._settings.record:
-                self._record = CanLogWriter(self._settings.record, self._complain)
+                self._record = CanLogWriter(self._settings.record)
         except LogError:
             bus.shutdown()
             raise
@@ -226,7 +225,7 @@ class SkinBus:
     def _polling(self, node: PadSettings) -> DomainPolling:
         return DomainPolling(
             node.layout.domain, node.who, self._settings.sync_period,
-            lambda: self._opened().sdo_client(node.node_id, node.dictionary), self._complain, self._fail)
+            lambda: self._opened().sdo_client(node.node_id, node.dictionary), self._fail)
 
     def _sent(self, can_id: int, data: bytes) -> None:
         """An own frame is about to go out: it takes its time, and of a polled pad's SDO requests the assembler has to
@@ -266,7 +265,7 @@ class SkinBus:
 
     def _tell_of_jump(self) -> None:
         self._jumps_told, ahead = self._clock.jumps, self._clock.ahead
-        self._complain('The wall clock was set. ' + (
+        logger.error('The wall clock was set. %s', (
             f'Stamps go on from the old time, {ahead:.3f} s ahead of it, so that they never go back; '
             'deactivate and activate the driver to take the new one.' if ahead else 'Stamps follow it.'))
 
@@ -275,6 +274,6 @@ class SkinBus:
             self._failure = str(error)
             self._on_failure(self._failure)
 
-    def _complain_of_failure(self, failure: str) -> None:
-        self._complain(f'CAN bus {self._settings.interface} {self._settings.channel} has failed: {failure} '
-                       'Mend it, then deactivate, clean up and configure the driver again.')
+    def _log_failure(self, failure: str) -> None:
+        logger.error('CAN bus %s %s has failed: %s Repair it, then deactivate, clean up and configure the driver '
+                     'again.', self._settings.interface, self._settings.channel, failure)

@@ -182,16 +182,14 @@ class DriverNode(LifecycleNode):
         return publisher
 
     def _make_source(self, settings, pads: tuple[PadSettings, ...]) -> FrameSource:
-        log = self.get_logger().info
         if settings.replay:
             self._gate = self._make_gate(settings)
             return LogSource(settings.replay, pads, self._publish, settings.replay_pace or None, settings.replay_loop,
-                             log, settings.drop_incomplete, settings.replay_channel)
+                             settings.drop_incomplete, settings.replay_channel)
         bus = BusSettings(settings.interface, settings.channel, settings.bitrate, settings.sync_period,
                           settings.produce_sync, settings.boot_timeout, drop_incomplete=settings.drop_incomplete,
                           record=settings.record)
-        return Supervisor(bus, pads, self._publish, log, self.get_logger().error, settings.recover,
-                          settings.heartbeat_timeout)
+        return Supervisor(bus, pads, self._publish, settings.recover, settings.heartbeat_timeout)
 
     def _make_gate(self, settings) -> ReplayGate | None:
         """Only a log played as fast as possible needs one, and only where nothing may be lost."""

@@ -4,7 +4,7 @@ import itertools
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import can
 
@@ -34,10 +34,9 @@ class LogSource:
     """
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], on_frame: OnFrame, pace: float | None = 1.0,
-                 loop: bool = False, log: Callable[[str], None] = logger.info, drop_incomplete: bool = False,
-                 channel: str = ''):
+                 loop: bool = False, drop_incomplete: bool = False, channel: str = ''):
         check_pads(pads)
-        self._path, self._pace, self._loop, self._log, self._channel = path, pace, loop, log, channel
+        self._path, self._pace, self._loop, self._channel = path, pace, loop, channel
         self._channels: dict[int, str] = {}  # of each TPDO
         self._consumer = Consumer(on_frame)
         self._router = Router(tuple(pads), self._consumer, drop_incomplete=drop_incomplete)
@@ -55,7 +54,7 @@ class LogSource:
         self._reader = CanLogReader(self._path, self._channel)
         messages = self._all_messages()
         self._messages = itertools.chain([next(messages)], messages)  # raises LogError now rather than on the thread
-        self._log(f'Playing {self._path}.')
+        logger.info('Playing %s.', self._path)
 
     def configure(self) -> None:
         """Nothing to configure: a log does not listen."""
@@ -121,7 +120,7 @@ class LogSource:
             shift += last - first
 
     def _play(self, stopping: threading.Event) -> None:
-        clock = _RecordedPace(self._pace, stopping, self._log)
+        clock = _RecordedPace(self._pace, stopping)
         try:
             for message in self._messages:
                 clock.wait_until(message.timestamp)
@@ -136,7 +135,7 @@ class LogSource:
             logger.exception('playing %s', self._path)
         self._router.end()
         self.finished.set()
-        self._log(f'{self._path} has ended: {self.told}')
+        logger.info('%s has ended: %s', self._path, self.told)
 
     def _check_channel(self, message: can.Message) -> None:
         """Two skins of the same node-ID on two buses would become one."""
@@ -150,14 +149,15 @@ class LogSource:
 
     def _fail(self, failure: str) -> None:
         self.failure = failure
-        self._log(failure)
+        logger.error('%s', failure)
 
 
 class _RecordedPace:
     """Waits until the recorded time has come, LONGEST_WAIT at most; the clock starts with the first message."""
 
-    def __init__(self, pace: float | None, stopping: threading.Event, log: Callable[[str], None]):
-        self._pace, self._stopping, self._log, self._origin = pace, stopping, log, None
+    def __init__(self, pace: float | None, stopping: threading.Event):
+        self._pace, self._stopping = pace, stopping
+        self._origin: float | None = None
 
     def wait_until(self, recorded: float) -> None:
         if self._pace is None:
@@ -166,7 +166,7 @@ class _RecordedPace:
             self._origin = time.monotonic() - recorded / self._pace
         ahead = self._origin + recorded / self._pace - time.monotonic()
         if ahead > LONGEST_WAIT:
-            self._log(f'The log has a gap of {ahead * self._pace:.1f} s, which is not waited for.')
+            logger.info('The log has a gap of %.1f s, which is not waited for.', ahead * self._pace)
             self._origin -= ahead
         elif ahead > 0:
             self._stopping.wait(ahead)

@@ -1,10 +1,11 @@
 """CAN logs by suffix: python-can's formats (candump ``.log``, ``.asc``, ``.blf``, ``.log.gz``...) and ROS 2 bags."""
 
 import gzip
+import logging
 import os
 import threading
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from datetime import datetime, timezone
 from pathlib import Path
 
@@ -15,6 +16,8 @@ from can.io.generic import MessageReader, MessageWriter
 from tactile_node.errors import LogError
 from tactile_node.recording.bag_log import BagCanReader, McapCanWriter, is_bag
 from tactile_node.recording.stray_stamps import without_strays
+
+logger = logging.getLogger(__name__)
 
 TEXT_SUFFIXES = ('.log', '.asc', '.trc')
 FLUSH_PERIOD = 0.5  # s: what a killed recording may lose
@@ -27,13 +30,13 @@ class CanLogWriter:
     ``session.log`` is there. Every format is flushed every FLUSH_PERIOD (.db by python-can, every 5 s): that much a
     process that is killed may lose.
     ``unwritten`` counts messages that the format cannot hold, or that come after the recording has failed (a full
-    disk): it ends then, ``failure`` and ``on_failure`` say why, and nothing else is harmed. Raises LogError when the
+    disk): it ends then, ``failure`` and the logger say why, and nothing else is harmed. Raises LogError when the
     file cannot be written from the beginning or its suffix means no format.
     """
 
-    def __init__(self, path: str | Path, on_failure: Callable[[str], None] = lambda failure: None):
+    def __init__(self, path: str | Path):
         self._lock, self._is_dirty, self.can_frames, self.unwritten = threading.Lock(), False, 0, 0
-        self.failure, self._on_failure = '', on_failure
+        self.failure = ''
         try:
             self.path = _unused(Path(path))
             self._writer = McapCanWriter(self.path) if self.path.suffix == '.mcap' else can.Logger(str(self.path))
@@ -89,7 +92,7 @@ class CanLogWriter:
         if failure is not None and not self.failure:
             self.failure = (f'The recording {self.path} has ended after {self.can_frames} CAN frames: '
                             f'{failure.strerror or failure}. Free the disk, or record elsewhere.')
-            self._on_failure(self.failure)
+            logger.error('%s', self.failure)
 
 
 def flush(writer: MessageWriter | McapCanWriter) -> None:

@@ -1,5 +1,6 @@
 """Configures the nodes of a bus, tells what is wrong with them, and configures and starts those again that need it."""
 
+import logging
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -9,6 +10,8 @@ from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.errors import BusError, DeviceAbsentError, DeviceError
 from tactile_node.frames.losses import BusStatistics, PadStatistics
 from tactile_node.supervision.node_monitor import Ailment, NodeWatch, Trouble
+
+logger = logging.getLogger(__name__)
 
 Result = TypeVar('Result')
 
@@ -26,9 +29,8 @@ class NodeCare:
     the others.
     """
 
-    def __init__(self, bus: SkinBus, nodes: Sequence[NodeWatch], log: Callable[[str], None],
-                 complain: Callable[[str], None], mends: bool):
-        self._bus, self._nodes, self._log, self._complain, self._mends = bus, nodes, log, complain, mends
+    def __init__(self, bus: SkinBus, nodes: Sequence[NodeWatch], mends: bool):
+        self._bus, self._nodes, self._mends = bus, nodes, mends
 
     def configure(self, patience: float) -> None:
         """Configure all, each found within ``patience`` [s]. Raises DeviceError, BusError.
@@ -40,7 +42,7 @@ class NodeCare:
         if absent and (not self._mends or len(absent) == len(self._nodes)):
             raise absent[0]
         for error in absent:
-            self._complain(f'{error} The others go on without it; it joins when it comes.')
+            logger.error('%s The others go on without it; it joins when it comes.', error)
 
     def attend(self, is_active: bool, statistics: BusStatistics, syncs: int) -> None:
         """Judge all by what came up to now, tell, and mend what is due; ``syncs``: SYNCs so far."""
@@ -59,7 +61,7 @@ class NodeCare:
     def _is_to_be_mended(self, node: NodeWatch, is_active: bool, pad: PadStatistics, syncs: int) -> bool:
         now = time.monotonic()
         if sentence := node.new_emergency(now):
-            self._complain(sentence)
+            logger.error('%s', sentence)
         trouble = node.judge(now, is_active, pad, syncs)
         if trouble is None:
             self._end_outage(node, is_active, pad, now)
@@ -67,7 +69,7 @@ class NodeCare:
         if trouble.is_outage and is_active:
             node.outage.begin(node.data_at, trouble.ailment.value)
         if node.reminder.is_due(trouble.ailment.value, now):
-            self._complain(trouble.sentence + (REMEDIES.get(trouble.ailment, REMEDY) if self._mends else ''))
+            logger.error('%s%s', trouble.sentence, REMEDIES.get(trouble.ailment, REMEDY) if self._mends else '')
         return self._mends and trouble.ailment is not Ailment.NO_SYNC and node.backoff.is_due(now)
 
     def _end_outage(self, node: NodeWatch, is_active: bool, pad: PadStatistics, now: float) -> None:
@@ -75,7 +77,7 @@ class NodeCare:
             if is_active and not node.has_taxels_again(pad):
                 return
             cause, again = node.outage.cause, 'gives taxels' if is_active else 'is ready'
-            self._log(f'{node.who} {again} again after {node.outage.end(now):.2f} s; the outage: {cause}.')
+            logger.info('%s %s again after %.2f s; the outage: %s.', node.who, again, node.outage.end(now), cause)
         node.recovered()
 
     def _mend(self, node: NodeWatch, trouble: Trouble, is_active: bool) -> None:
@@ -88,7 +90,7 @@ class NodeCare:
         except (DeviceError, BusError) as error:
             sentence = f'Waiting for node {node.pad.node_id}: {error}'
             if trouble.ailment is not Ailment.SILENT and node.mending.is_due(sentence, time.monotonic()):
-                self._complain(sentence)
+                logger.error('%s', sentence)
         node.backoff.attempted(time.monotonic())
 
     def _configure(self, node: NodeWatch, patience: float, tries: int = 1, pause: bool = True) -> None:

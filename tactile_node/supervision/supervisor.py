@@ -8,7 +8,6 @@ started again, while SYNC and the other pads go on: NodeCare. Between two attemp
 import logging
 import threading
 import time
-from collections.abc import Callable
 
 from tactile_node.bus.bus_load import BusLoad
 from tactile_node.bus.bus_monitor import BusMonitor
@@ -41,19 +40,17 @@ class Supervisor:
     """
 
     def __init__(self, settings: BusSettings, pads: tuple[PadSettings, ...], on_frame: OnFrame,
-                 log: Callable[[str], None] = logger.info, complain: Callable[[str], None] = logger.error,
                  recover: bool = True, heartbeat_timeout: float = 0.5):
-        self._settings, self._on_frame, self._log, self._complain = settings, on_frame, log, complain
-        self._recover = recover
+        self._settings, self._on_frame, self._recover = settings, on_frame, recover
         self._wake, self._closing, self._turn = threading.Event(), threading.Event(), threading.RLock()
         self.monitor = BusMonitor([node_id for pad in pads for node_id in pad.node_ids], self._wake.set)
-        self._bus = SkinBus(settings, pads, self._deliver, log, complain, self.monitor,
+        self._bus = SkinBus(settings, pads, self._deliver, self.monitor,
                             self._bus_failed if recover else None)
         timeouts = self._timeouts(heartbeat_timeout)
         self._by_pad = {pad.name: [NodeWatch(node, self.monitor, *timeouts, i)
                                    for i, node in enumerate(pad.nodes)] for pad in pads}
         self._nodes = [node for nodes in self._by_pad.values() for node in nodes]
-        self._care = NodeCare(self._bus, self._nodes, log, complain, recover)
+        self._care = NodeCare(self._bus, self._nodes, recover)
         self._outage, self._backoff = OutageClock(), Backoff()
         self._reminder, self._others = Reminder(), Reminder()
         self._load = BusLoad(settings.bitrate)
@@ -175,14 +172,14 @@ class Supervisor:
     def _bus_failed(self, failure: str) -> None:
         """On any thread: tell it once and let the supervisor act."""
         if not self._outage.is_running:
-            self._complain(f'CAN bus has failed: {failure.rstrip(".")}. It is closed and opened again until it works.')
+            logger.error('CAN bus has failed: %s. It is closed and opened again until it works.', failure.rstrip('.'))
         self._wake.set()
 
     def _attend_bus(self, now: float) -> None:
         failure = self._bus.failure
         if failure is None:
             if self.monitor.can_frames > self._heard_then:
-                self._log(f'CAN bus works again after {self._outage.end(now):.2f} s.')
+                logger.info('CAN bus works again after %.2f s.', self._outage.end(now))
                 self._backoff.reset()
             return
         self._outage.begin(now, failure)
@@ -204,7 +201,7 @@ class Supervisor:
                 self._silent_since = None
         except (BusError, LogError) as error:
             if self._reminder.is_due(str(error), time.monotonic()):
-                self._complain(f'Waiting for the CAN bus: {error}')
+                logger.error('Waiting for the CAN bus: %s', error)
             return
         for node in self._nodes:
             node.expect(time.monotonic())
@@ -212,7 +209,7 @@ class Supervisor:
     def _tell_of_others(self) -> None:
         if self.monitor.foreign_commands != self._commands_told and self._others.is_due('NMT', time.monotonic()):
             self._commands_told = self.monitor.foreign_commands
-            self._complain(f'Another NMT master has told {self.monitor.last_command}.')
+            logger.error('Another NMT master has told %s.', self.monitor.last_command)
 
     def _deliver(self, name: str, frame: TaxelFrame) -> None:
         for node in self._by_pad[name]:
