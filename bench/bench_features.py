@@ -20,7 +20,7 @@ import numpy as np
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.helmholtz.operators import Stencil, border, matrix
-from tactile_node.helmholtz.rotation import turned_patterns
+from tactile_node.helmholtz.rotation import rotated_patterns
 from tactile_node.package_files import config_path
 from tactile_node.shape.volf import GROUPS, VolfClassifier
 from tactile_node.synthetic.seeds import Purpose, generator
@@ -41,8 +41,8 @@ def milliseconds(function, *arguments, repeat: int) -> tuple[float, float]:
 
 def all_matrices(mask: np.ndarray) -> list[np.ndarray]:
     """The six dense matrices at 46 angles, so that the dense solver can be timed alone."""
-    patterns = [taken for turned in turned_patterns(mask)
-                for taken in (turned, *(border(turned, stencil) for stencil in Stencil))]
+    patterns = [taken for rotated in rotated_patterns(mask)
+                for taken in (rotated, *(border(rotated, stencil) for stencil in Stencil))]
     return [matrix(taken, stencil).toarray() for taken in patterns if taken.any() for stencil in Stencil]
 
 
@@ -56,7 +56,7 @@ def whole_set(masks: dict[str, np.ndarray]) -> None:
           f'{"its dense eigenvalues alone":>30}{"ratio":>8}')
     ratios = []
     for shape, mask in masks.items():
-        plain, _ = milliseconds(by_definition.over_turns, mask, repeat=2)
+        plain, _ = milliseconds(by_definition.over_rotations, mask, repeat=2)
         ours, _ = milliseconds(compute_features, mask, repeat=21)
         dense, _ = milliseconds(dense_eigenvalues, all_matrices(mask), repeat=3)
         ratios.append(plain / ours)

@@ -19,7 +19,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
 import numpy as np
 import pose_fusion
 import pose_pictures
-from pose_world import CONDITIONS, by_moments, by_rectangle, draw, error, same_hand
+from pose_world import CONDITIONS, by_moments, by_rectangle, draw, error, same_handedness
 from scipy.stats import binom, binomtest, chi2
 
 from tactile_node.pose.fit import fit_shape
@@ -31,7 +31,7 @@ from tactile_node.synthetic.world import CLASSES
 
 AREA = 50
 AREAS = (12, 20, 35, 50, 100)
-TARGETS = {'centre': 0.05, 'turn': 1.5, 'length': 2.0}  # medians at N = 50 on clean pressure frames
+TARGETS = {'centre': 0.05, 'angle': 1.5, 'length': 2.0}  # medians at N = 50 on clean pressure frames
 SEED = 5
 
 
@@ -68,7 +68,7 @@ class Fitted:
         self.errors = [error(fit.parameters, fit.symmetry, sample.contact) for fit, sample in pairs]
         self.strict = [error(fit.parameters, OUTLINES[fit.shape].symmetry, sample.contact)
                        for fit, sample in pairs]
-        self.hands = [same_hand(fit, sample.contact) for fit, sample in pairs]
+        self.handedness = [same_handedness(fit, sample.contact) for fit, sample in pairs]
 
     def distances(self) -> np.ndarray:
         """Squared Mahalanobis distance of the truth, as a share of the 95 % region's: inside below 1."""
@@ -98,16 +98,16 @@ def rate(hits: int, count: int) -> str:
 
 def accuracy(report: Report, fitted: dict) -> None:
     report.say(f'## Errors at N = {AREA}, median [95 % interval]; 95th percentile')
-    report.say('Centre in pitches, turn in degrees (by the symmetry that the fit declares), length: the worst '
+    report.say('Centre in pitches, angle in degrees (by the symmetry that the fit declares), length: the worst '
                'dimension.')
     report.say()
     rows = [[condition, shape, *(cell for kind in TARGETS for cell in (
         median(getattr(each, kind) for each in of.errors),
         percentile((getattr(each, kind) for each in of.errors), 95)))]
         for (condition, shape), of in fitted.items()]
-    report.table(['frames', 'shape', 'centre', '95 %', 'turn', '95 %', 'length %', '95 %'], rows)
+    report.table(['frames', 'shape', 'centre', '95 %', 'angle', '95 %', 'length %', '95 %'], rows)
     clean = [(kind, np.nanmedian([getattr(each, kind) for each in fitted['clean', shape].errors]))
-             for shape in CLASSES for kind in TARGETS if (kind, shape) != ('turn', 'circle')]
+             for shape in CLASSES for kind in TARGETS if (kind, shape) != ('angle', 'circle')]
     for kind, target in TARGETS.items():
         worst = max(value for name, value in clean if name == kind)
         report.say(f'- clean frames, {kind}: worst median of the five shapes {worst:.3g}, target < {target}: '
@@ -116,7 +116,7 @@ def accuracy(report: Report, fitted: dict) -> None:
 
 
 def alternatives(report: Report, fitted: dict) -> None:
-    report.say('## Beside simple alternatives, the five shapes together: medians of centre / turn / length')
+    report.say('## Beside simple alternatives, the five shapes together: medians of centre / angle / length')
     report.say('Moments: closed forms up to the fourth moment (which assume the shape too). Rectangle: the least '
                'one about the taxels.')
     report.say()
@@ -135,7 +135,7 @@ def _medians(errors) -> str:
 
 
 def by_area(report: Report, count: int) -> None:
-    report.say('## Against the area: medians of centre / turn / length, and the 95 % regions')
+    report.say('## Against the area: medians of centre / angle / length, and the 95 % regions')
     report.say()
     rows = []
     for condition in ('clean', 'all four', 'on/off'):
@@ -144,7 +144,7 @@ def by_area(report: Report, count: int) -> None:
             inside = np.concatenate([one.distances() < 1 for one in of])
             rows.append([condition, str(area), _medians([each for one in of for each in one.errors]),
                          rate(inside.sum(), len(inside))])
-    report.table(['frames', 'N', 'centre / turn / length', '95 % region holds the truth'], rows)
+    report.table(['frames', 'N', 'centre / angle / length', '95 % region holds the truth'], rows)
 
 
 def regions(report: Report, fitted: dict) -> None:
@@ -165,19 +165,19 @@ def regions(report: Report, fitted: dict) -> None:
 
 
 def corners(report: Report, fitted: dict) -> None:
-    report.say('## Which corner is the apex, which hand')
+    report.say('## Which corner is the apex, which handedness')
     report.say('A nearly equilateral triangle may show three apexes. The fit then says symmetry 3; the errors above '
                'count by that. Wrong, unsaid: the apex is another corner and the fit says symmetry 1.')
     report.say()
     rows = []
     for condition in CONDITIONS:
         of = fitted[condition, 'isosceles_triangle']
-        wrong = np.array([each.turn > 60 for each in of.strict])
+        wrong = np.array([each.angle > 60 for each in of.strict])
         said = np.array([fit.symmetry == 3 for fit in of.fits])
-        hands = fitted[condition, 'right_triangle'].hands
+        handedness = fitted[condition, 'right_triangle'].handedness
         rows.append([condition, rate(said.sum(), len(said)), rate(wrong.sum(), len(wrong)),
-                     rate((wrong & ~said).sum(), len(wrong)), rate(sum(hands), len(hands))])
-    report.table(['frames', 'symmetry 3', 'wrong apex', 'wrong, unsaid', 'right hand'], rows)
+                     rate((wrong & ~said).sum(), len(wrong)), rate(sum(handedness), len(handedness))])
+    report.table(['frames', 'symmetry 3', 'wrong apex', 'wrong, unsaid', 'same handedness'], rows)
 
 
 def times(report: Report, fitted: dict) -> None:

@@ -15,7 +15,7 @@ sys.path.insert(0, str(ROOT))
 
 import numpy as np
 
-from tactile_node.conditioning.taxel_faults import TaxelFault, TaxelJudge
+from tactile_node.conditioning.taxel_faults import FaultDetector, TaxelFault
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.synthetic.pressure import Skin, pressure_frame
 from tactile_node.synthetic.world import CLASSES, random_contact
@@ -60,9 +60,9 @@ def placed(random: np.random.Generator, rows: int, cols: int, each: int) -> np.n
 
 
 def first_verdicts(layout, truth: np.ndarray, seed: int) -> dict[tuple[int, int], tuple[TaxelFault, float]]:
-    judge, first = TaxelJudge(layout.rows, layout.cols, LIMIT), {}
+    detector, first = FaultDetector(layout.rows, layout.cols, LIMIT), {}
     for when, values in sweeps(layout, truth, seed):
-        found = judge.update(when, values, 0.0, values >= full_scale(layout))
+        found = detector.update(when, values, 0.0, values >= full_scale(layout))
         for row, col in np.argwhere(found.kinds):
             first.setdefault((row, col), (TaxelFault(found.kinds[row, col]), when))
     return first
@@ -97,11 +97,12 @@ def full_scale(layout) -> float:
 
 def cost(rows: int, cols: int, frames: int = 5000) -> float:
     """Microseconds a frame of noise, the usual case."""
-    judge, values = TaxelJudge(rows, cols, LIMIT), NOISE * np.random.default_rng(0).standard_normal((100, rows, cols))
+    detector = FaultDetector(rows, cols, LIMIT)
+    values = NOISE * np.random.default_rng(0).standard_normal((100, rows, cols))
     none = np.zeros((rows, cols), bool)
     begun = time.perf_counter()
     for n in range(frames):
-        judge.update(n / RATE, values[n % 100], 0.0, none)
+        detector.update(n / RATE, values[n % 100], 0.0, none)
     return 1e6 * (time.perf_counter() - begun) / frames
 
 

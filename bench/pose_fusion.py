@@ -77,7 +77,7 @@ def _sequence(rng: np.random.Generator, recogniser, area: float):
         heading = rng.uniform(0, 2 * np.pi)
         for i in range(FRAMES):
             moved = Contact(contact.shape, contact.dimensions, contact.x + CREEP * i * np.cos(heading),
-                            contact.y + CREEP * i * np.sin(heading), contact.turn)
+                            contact.y + CREEP * i * np.sin(heading), contact.angle)
             pattern = extractor.extract(pressure_frame(moved, rng, PAD, PAD, skin=SKIN))
             recognised.append(recogniser.recognise(pattern))
             truth.append(Shape(contact.shape))

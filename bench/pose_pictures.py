@@ -24,8 +24,8 @@ def draw(fits: list, path: Path, cols: int = 5) -> None:
         reach = 9
         axis.set_xlim(sample.contact.x - reach, sample.contact.x + reach)
         axis.set_ylim(sample.contact.y + reach, sample.contact.y - reach)
-        turn = '' if error.turn != error.turn else f', {error.turn:.2g}°'
-        axis.set_title(f'{name}\n{fit.shape.value}\ncentre {error.centre:.2g}{turn}, length {error.length:.2g} %',
+        angle = '' if error.angle != error.angle else f', {error.angle:.2g}°'
+        axis.set_title(f'{name}\n{fit.shape.value}\ncentre {error.centre:.2g}{angle}, length {error.length:.2g} %',
                        fontsize=8)
     figure.savefig(path, dpi=80)
     pyplot.close(figure)

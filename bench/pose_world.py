@@ -55,17 +55,17 @@ class Error(NamedTuple):
     """Of one fit, in pitches, degrees, percent."""
 
     centre: float
-    turn: float
+    angle: float
     length: float       #: the worst dimension's
-    vector: np.ndarray  #: of all parameters, the turn by the fit's symmetry
+    vector: np.ndarray  #: of all parameters, the angle by the fit's symmetry
 
 
 def truth(contact: Contact) -> tuple[np.ndarray, int]:
-    """Parameters of the contact's outline and its hand."""
+    """Parameters of the contact's outline and its handedness."""
     outline = OUTLINES[Shape(contact.shape)]
-    turn = (contact.turn,) if outline.symmetry else ()
-    hand = int(contact.dimensions[2]) if contact.shape == 'right_triangle' else 1
-    return np.array((contact.x, contact.y, *turn, *contact.dimensions[:len(outline.dimensions)])), hand
+    angle = (contact.angle,) if outline.symmetry else ()
+    handedness = int(contact.dimensions[2]) if contact.shape == 'right_triangle' else 1
+    return np.array((contact.x, contact.y, *angle, *contact.dimensions[:len(outline.dimensions)])), handedness
 
 
 def error(parameters: np.ndarray, symmetry: int, contact: Contact) -> Error:
@@ -98,21 +98,21 @@ def by_rectangle(sample: Sample) -> np.ndarray:
     turned = np.stack((hull @ np.stack((cos, sin)), hull @ np.stack((-sin, cos))))
     low, high = turned.min(1), turned.max(1)
     best = int(np.prod(high - low, axis=0).argmin())
-    (width, height), turn = (high - low)[:, best], angles[best]
+    (width, height), angle = (high - low)[:, best], angles[best]
     middle = (high + low)[:, best] / 2 @ [[cos[best], sin[best]], [-sin[best], cos[best]]]
     if height > width:
-        width, height, turn = height, width, turn + np.pi / 2
+        width, height, angle = height, width, angle + np.pi / 2
     outline = OUTLINES[Shape(sample.contact.shape)]
     if not outline.symmetry:
         return np.array((*middle, (width + height) / 4))
     dimensions = ((width + height) / 2,) if len(outline.dimensions) == 1 else (width, height)
-    return np.array((*middle, turn, *dimensions))
+    return np.array((*middle, angle, *dimensions))
 
 
 def true_outline(contact: Contact) -> np.ndarray:
-    parameters, hand = truth(contact)
-    return outline_of(Shape(contact.shape), hand).corners(parameters)
+    parameters, handedness = truth(contact)
+    return outline_of(Shape(contact.shape), handedness).corners(parameters)
 
 
-def same_hand(fit: ShapeFit, contact: Contact) -> bool:
-    return not fit.hand or fit.hand == truth(contact)[1]
+def same_handedness(fit: ShapeFit, contact: Contact) -> bool:
+    return not fit.handedness or fit.handedness == truth(contact)[1]

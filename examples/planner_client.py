@@ -8,26 +8,26 @@ from typing import NamedTuple
 
 MIN_CONFIDENCE = 0.8         # below, on either side: let go and try elsewhere
 MAX_OFFSET = 0.002           # of the two contacts' centres across the closing direction [m]
-MAX_TURN = 5 * pi / 180      # of the object's edges against the pad's [rad]
+MAX_ANGLE = 5 * pi / 180     # of the object's edges against the pad's [rad]
 
 
 class Side(NamedTuple):
-    """What of one pad's ContactShape decides; turn and symmetry as in the message."""
+    """What of one pad's ContactShape decides; angle and symmetry as in the message."""
 
     touched: bool
     confidence: float
     centre: tuple[float, float]         # of the contact, in the pad's frame [m]
     aim: tuple[float, float]            # where on the pad it should be [m]
-    turn: float = 0.0                   # [rad]
+    angle: float = 0.0                  # [rad]
     symmetry: int = 0
 
 
 class Correction(NamedTuple):
-    """What to do next; moves and turns are the gripper's, in the left pad's frame."""
+    """What to do next; moves and rotations are the gripper's, in the left pad's frame."""
 
-    action: str                         # 'wait', 'regrasp', 'shift', 'turn' or 'lift'
+    action: str                         # 'wait', 'regrasp', 'shift', 'rotate' or 'lift'
     shift: tuple[float, float] = (0.0, 0.0)  # [m]
-    turn: float = 0.0                   # about the pad's z [rad]
+    angle: float = 0.0                  # about the pad's z [rad]
 
 
 def choose(left: Side, right: Side, offset: float, stable: bool) -> Correction:
@@ -39,20 +39,20 @@ def choose(left: Side, right: Side, offset: float, stable: bool) -> Correction:
     shift = (left.centre[0] - left.aim[0], left.centre[1] - left.aim[1])
     if hypot(*shift) > MAX_OFFSET or offset > MAX_OFFSET:
         return Correction('shift', shift) if hypot(*shift) > MAX_OFFSET else Correction('regrasp')
-    turn = nearest_edge(left.turn, left.symmetry)
-    if abs(turn) > MAX_TURN:
-        return Correction('turn', turn=turn)
+    angle = nearest_edge(left.angle, left.symmetry)
+    if abs(angle) > MAX_ANGLE:
+        return Correction('rotate', angle=angle)
     return Correction('lift' if stable else 'wait')
 
 
-def nearest_edge(turn: float, symmetry: int) -> float:
-    """Return the smallest turn of the gripper that brings the object's edge along one of the pad's axes."""
-    edges = (turn + k * 2 * pi / symmetry for k in range(symmetry))  # all that look the same
+def nearest_edge(angle: float, symmetry: int) -> float:
+    """Return the smallest rotation of the gripper that brings the object's edge along one of the pad's axes."""
+    edges = (angle + k * 2 * pi / symmetry for k in range(symmetry))  # all that look the same
     return min((remainder(edge, pi / 2) for edge in edges), key=abs, default=0.0)
 
 
 def yaw(orientation) -> float:
-    """Turn about z of a quaternion message [rad]."""
+    """Rotation about z of a quaternion message [rad]."""
     q = orientation
     return atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y**2 + q.z**2))
 
@@ -74,7 +74,7 @@ def main() -> None:
         correction = choose(*(side(shape, aim) for shape in grasp.sides), grasp.offset, grasp.stable)
         x, y = (1e3 * each for each in correction.shift)
         node.get_logger().info(f'{correction.action}: shift {x:.1f}, {y:.1f} mm, '
-                               f'turn {degrees(correction.turn):.1f} degrees')
+                               f'rotate {degrees(correction.angle):.1f} degrees')
 
     rclpy.init()
     node = rclpy.create_node('planner_client')

@@ -84,18 +84,18 @@ def _triangle(r, c, missing):
     return {(5 * c + j, 5 * r + i) for i in range(6) for j in range(6) if inside[missing](i, j)}
 
 
-def turned(mask, degrees):
-    """The pattern turned by one angle, holes filled, as a mask with one row and column to spare."""
+def rotated(mask, degrees):
+    """The pattern rotated by one angle, holes filled, as a mask with one row and column to spare."""
     real = taxels(mask)
     cx, cy = 5 * sum(c for _, c in real) / len(real), 5 * sum(r for r, _ in real) / len(real)
     cos, sin = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     kept = set()
     for x, y in fine_points(mask):
         # A value half-way between two fine points (to 1e-9) is rounded up.
-        turned_x = math.floor(cx + cos * (x - cx) - sin * (y - cy) + 0.5 + 1e-9)
-        turned_y = math.floor(cy + sin * (x - cx) + cos * (y - cy) + 0.5 + 1e-9)
-        if turned_x % 5 == 0 and turned_y % 5 == 0:
-            kept.add((turned_x // 5, turned_y // 5))
+        rotated_x = math.floor(cx + cos * (x - cx) - sin * (y - cy) + 0.5 + 1e-9)
+        rotated_y = math.floor(cy + sin * (x - cx) + cos * (y - cy) + 0.5 + 1e-9)
+        if rotated_x % 5 == 0 and rotated_y % 5 == 0:
+            kept.add((rotated_x // 5, rotated_y // 5))
     return _as_mask(_filled(kept))
 
 
@@ -116,9 +116,9 @@ def _as_mask(points):
     return mask
 
 
-def over_turns(mask):
+def over_rotations(mask):
     """(min, max, dif) of every feature over the 46 angles, of the values that are defined."""
-    each = [of_pattern(turned(mask, degrees)) for degrees in ANGLES]
+    each = [of_pattern(rotated(mask, degrees)) for degrees in ANGLES]
     result = {}
     for name in each[0]:
         values = [features[name] for features in each if not math.isnan(features[name])]

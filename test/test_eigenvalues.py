@@ -7,7 +7,7 @@ from patterns import assorted, blob, ring, shapes
 
 from tactile_node.helmholtz.eigenvalues import Problem, smallest_eigenvalues
 from tactile_node.helmholtz.operators import WEIGHTS, Stencil, matrix
-from tactile_node.helmholtz.rotation import turned_patterns
+from tactile_node.helmholtz.rotation import rotated_patterns
 from tactile_node.helmholtz.taxel_list import taxel_list
 
 
@@ -68,7 +68,7 @@ def test_eigenvalue_falls_when_the_pattern_grows():
 @pytest.mark.parametrize('seed', range(6))
 def test_only_extremes_are_those_of_all(seed):
     mask = shapes(20 + 15 * seed)[seed % 5] if seed < 5 else blob(3)
-    taxels = taxel_list(turned_patterns(mask))
+    taxels = taxel_list(rotated_patterns(mask))
     rim = taxel_list(taxels.border(WEIGHTS[Stencil.NINE]))
     problems = [Problem(chosen, k) for chosen in (taxels, rim) for k in Stencil]
     for every, some in zip(smallest_eigenvalues(problems), smallest_eigenvalues(problems, 2)):

@@ -14,7 +14,7 @@ from tactile_node.helmholtz.rotation import (
     ANGLES,
     fill_holes,
     fine_lattice,
-    turned_patterns,
+    rotated_patterns,
 )
 
 
@@ -34,27 +34,27 @@ def test_every_feature_is_that_of_the_definition(name):
 
 
 @pytest.mark.parametrize('name', assorted())
-def test_every_turned_pattern_is_that_of_the_definition(name):
+def test_every_rotated_pattern_is_that_of_the_definition(name):
     mask = assorted()[name]
-    for angle, turned in zip(ANGLES, turned_patterns(mask)):
-        np.testing.assert_array_equal(cropped(turned),
-                                      cropped(by_definition.turned(mask, int(angle))), f'{angle}°')
+    for angle, rotated in zip(ANGLES, rotated_patterns(mask)):
+        np.testing.assert_array_equal(cropped(rotated),
+                                      cropped(by_definition.rotated(mask, int(angle))), f'{angle}°')
 
 
 @pytest.mark.parametrize('name', ['one taxel', 'row', 'two apart', 'L', 'specks 3', 'blob 1', 'shape 3'])
 def test_extremes_over_the_turns_are_those_of_the_definition(name):
     mask = assorted()[name]
-    found = compute_features(mask).turned
-    for feature, extremes in by_definition.over_turns(mask).items():
+    found = compute_features(mask).rotated
+    for feature, extremes in by_definition.over_rotations(mask).items():
         for value, expected in zip(found[feature], extremes or (None, None, None)):
             assert_same(value, expected, feature)
 
 
 def test_angle_of_an_extreme_is_where_it_occurs():
     mask = shapes(40)[2]
-    found = compute_features(mask, Group.NONE | Group.TURNED).turned['N']
+    found = compute_features(mask, Group.NONE | Group.ROTATED).rotated['N']
     for angle, value in ((found.min_angle, found.min), (found.max_angle, found.max)):
-        assert len(by_definition.taxels(by_definition.turned(mask, angle))) == value
+        assert len(by_definition.taxels(by_definition.rotated(mask, angle))) == value
 
 
 def test_worked_example_of_three_taxels():
@@ -129,27 +129,27 @@ def test_translation_changes_no_bit(seed):
 @pytest.mark.parametrize('name', ['ring', 'blob 2', 'shape 2', 'specks 4'])
 def test_quarter_turns_keep_what_does_not_depend_on_numbering(name):
     mask = assorted()[name]
-    first = compute_features(mask, Group.ALL & ~Group.TURNED).values
+    first = compute_features(mask, Group.ALL & ~Group.ROTATED).values
     for quarter in (1, 2, 3):
-        turned = compute_features(np.rot90(mask, quarter), Group.ALL & ~Group.TURNED).values
+        rotated = compute_features(np.rot90(mask, quarter), Group.ALL & ~Group.ROTATED).values
         for feature in first:
             if feature[0] in 'NPli':  # counts, lambda, info
-                assert_same(turned[feature], first[feature], feature)
+                assert_same(rotated[feature], first[feature], feature)
 
 
 def test_half_turn_mirrors_the_centre_of_gravity():
     """Numbers run backwards: i becomes N + 1 - j, so x and y become 1 - y and 1 - x."""
     for mask in [ring(), *shapes(40)]:
         first = compute_features(mask, Group.GRAVITY).values
-        turned = compute_features(mask[::-1, ::-1], Group.GRAVITY).values
+        rotated = compute_features(mask[::-1, ::-1], Group.GRAVITY).values
         for k in (5, 9):
-            assert turned[f'x{k}'] == pytest.approx(1 - first[f'y{k}'])
+            assert rotated[f'x{k}'] == pytest.approx(1 - first[f'y{k}'])
 
 
 def test_undefined_is_null_in_json():
     line = json.loads(json.dumps(compute_features(np.ones((1, 1), bool)).as_json(), allow_nan=False))
     assert line['lambda5'] == 4 and line['alpha5'] is None
-    assert line['turned']['alpha5'] == dict.fromkeys(('min', 'max', 'dif', 'min_angle', 'max_angle'))
+    assert line['rotated']['alpha5'] == dict.fromkeys(('min', 'max', 'dif', 'min_angle', 'max_angle'))
 
 
 def test_empty_pattern():
@@ -160,7 +160,7 @@ def test_empty_pattern():
 def test_groups_select():
     assert list(compute_features(L_OF_THREE, Group.NONE).values) == ['N', 'P05', 'P09']
     classifier = compute_features(L_OF_THREE, Group.CLASSIFIER)
-    assert {'alpha9', 'info_norm5'} < set(classifier.turned) and 'lambda5' not in classifier.values
+    assert {'alpha9', 'info_norm5'} < set(classifier.rotated) and 'lambda5' not in classifier.values
 
 
 @pytest.mark.parametrize('wrong', [np.ones((2, 2)), np.ones(4, bool), [[True]]])

@@ -9,7 +9,7 @@ pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run 
 
 from tactile_node.assembly.router import SERVICES, BusStatistics  # noqa: E402
 from tactile_node.conditioning.conditioned_pad import PadCondition  # noqa: E402
-from tactile_node.conditioning.taxel_faults import TaxelJudge  # noqa: E402
+from tactile_node.conditioning.taxel_faults import FaultDetector  # noqa: E402
 from tactile_node.frames.health import BusHealth, NodeHealth  # noqa: E402
 from tactile_node.frames.losses import LossReason, PadStatistics  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
@@ -24,7 +24,7 @@ def told() -> set[str]:
     services = {service for *_, service in SERVICES} | {'tpdo', 'sync', 'foreign', 'remote'}
     counts = BusStatistics({'pad': pad}, dict.fromkeys(services, 0))
     health = BusHealth(nodes={'pad': (NodeHealth(32, 'STOPPED', False, None),)})
-    condition = PadCondition(TaxelJudge(1, 1, 1.0).faults)
+    condition = PadCondition(FaultDetector(1, 1, 1.0).faults)
     statuses = BusDiagnostics('driver', 'can0').message(counts, health, {'pad': condition}).status
     return {pair.key for status in statuses for pair in status.values}
 

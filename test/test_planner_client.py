@@ -50,17 +50,17 @@ def test_centres_that_do_not_face_each_other_are_grasped_anew():
     assert choose(offset=0.004).action == 'regrasp'
 
 
-@pytest.mark.parametrize(('turn', 'symmetry', 'expected'), [
+@pytest.mark.parametrize(('angle', 'symmetry', 'expected'), [
     (radians(20), 2, radians(20)), (radians(80), 2, radians(-10)), (radians(-30), 4, radians(-30)),
     (radians(170), 1, radians(-10)),
     (radians(20), 3, radians(-10))])  # of edges at 20, 140 and 260 degrees
-def test_an_oblique_edge_turns_the_gripper_the_short_way(turn, symmetry, expected):
-    correction = choose(left=side(turn=turn, symmetry=symmetry))
-    assert correction.action == 'turn' and correction.turn == pytest.approx(expected)
+def test_an_oblique_edge_rotates_the_gripper_the_short_way(angle, symmetry, expected):
+    correction = choose(left=side(angle=angle, symmetry=symmetry))
+    assert correction.action == 'rotate' and correction.angle == pytest.approx(expected)
 
 
 def test_a_circle_needs_no_turn():
-    assert choose(left=side(turn=1.0, symmetry=0)).action == 'lift'
+    assert choose(left=side(angle=1.0, symmetry=0)).action == 'lift'
 
 
 def test_yaw_of_a_quaternion():

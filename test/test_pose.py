@@ -22,11 +22,11 @@ PITCH = 0.002
 
 def parameters_of(contact):
     outline = OUTLINES[Shape(contact.shape)]
-    return np.array([contact.x, contact.y, *([contact.turn] if outline.symmetry else []),
+    return np.array([contact.x, contact.y, *([contact.angle] if outline.symmetry else []),
                      *contact.dimensions[:len(outline.dimensions)]])
 
 
-def hand_of(contact):
+def handedness_of(contact):
     return int(contact.dimensions[2]) if contact.shape == 'right_triangle' else 1
 
 
@@ -49,7 +49,7 @@ def numerical(function, parameters, step=1e-5):
 
 @pytest.mark.parametrize('contact', contacts(2), ids=lambda c: c.shape)
 def test_outlines_are_those_of_the_synthetic_world(contact):
-    corners = outline_of(Shape(contact.shape), hand_of(contact)).corners(parameters_of(contact))
+    corners = outline_of(Shape(contact.shape), handedness_of(contact)).corners(parameters_of(contact))
     if contact.shape == 'circle':
         following = np.roll(corners, -1, axis=0)
         area = (corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]).sum() / 2
@@ -68,7 +68,7 @@ def test_coverage_of_a_rectangle_along_the_lattice_by_hand():
 
 @pytest.mark.parametrize('contact', contacts(2), ids=lambda c: c.shape)
 def test_coverage_agrees_with_counting_points(contact):
-    outline = outline_of(Shape(contact.shape), hand_of(contact))
+    outline = outline_of(Shape(contact.shape), handedness_of(contact))
     covered, _ = coverage(*outline.moving(parameters_of(contact)), WINDOW)
     step = (np.arange(40) + 0.5) / 40 - 0.5
     y = (WINDOW.row + np.arange(WINDOW.rows))[:, None] + step
@@ -90,7 +90,7 @@ def test_what_lies_left_of_the_window_is_cut_off_right():
 @pytest.mark.parametrize('contact', contacts(1), ids=lambda c: c.shape)
 @pytest.mark.parametrize('kind', ['pressure', 'pattern'])
 def test_jacobians_are_the_derivatives(contact, kind):
-    outline = outline_of(Shape(contact.shape), hand_of(contact))
+    outline = outline_of(Shape(contact.shape), handedness_of(contact))
     model = (PressureModel(outline, WINDOW, np.array([9.0, 9.5])) if kind == 'pressure'
              else PatternModel(outline, WINDOW))
     extras = [1.1, 0.02, -0.03, 0.13] if kind == 'pressure' else []
@@ -107,11 +107,11 @@ def test_depth_inside_of_a_square_by_hand():
 @pytest.mark.parametrize('contact', contacts(2), ids=lambda c: c.shape)
 def test_the_first_guess_is_near_without_any_fit(contact):
     shape = Shape(contact.shape)
-    outline = outline_of(shape, hand_of(contact))
+    outline = outline_of(shape, handedness_of(contact))
     covered, _ = coverage(*outline.moving(parameters_of(contact)), Window(0, 0, 20, 20))
     y, x = np.indices(covered.shape).reshape(2, -1)
     guess = guesses(shape, moments_of(x, y, covered.ravel()), 0.0)[0]
-    corners = outline_of(shape, guess.hand).corners(guess.parameters)
+    corners = outline_of(shape, guess.handedness).corners(guess.parameters)
     apart = np.linalg.norm(corners[:, None] - outline.corners(parameters_of(contact))[None], axis=-1)
     assert apart.min(1).max() < 0.4  # not exact: a taxel's value has no place within the taxel
 
@@ -126,9 +126,9 @@ def test_clean_pressure_frames_give_the_pose_back_in_metres(contact):
     expected = np.multiply(contact.dimensions[:len(fit.dimensions)], PITCH)
     assert fit.dimensions == pytest.approx(expected.tolist(), rel=0.02)
     if fit.symmetry:
-        assert np.degrees(angle_apart(fit.turn, contact.turn, fit.symmetry)) < 1.5
+        assert np.degrees(angle_apart(fit.angle, contact.angle, fit.symmetry)) < 1.5
     if fit.shape is Shape.RIGHT_TRIANGLE:
-        assert fit.hand == contact.dimensions[2]
+        assert fit.handedness == contact.dimensions[2]
     assert fit.residual < 0.02 and len(fit.parameter_names) == len(fit.parameters) == len(fit.covariance)
     assert (np.linalg.eigvalsh(fit.covariance) > 0).all()
 
@@ -158,7 +158,7 @@ def test_the_fit_moves_and_turns_with_the_frame():
     assert np.subtract(moved.centre, here.centre) == pytest.approx([-1, 2], abs=1e-6)
     mirrored = fit_shape(values.T, mask.T, Shape.RECTANGLE)  # x and y change places
     assert mirrored.centre == pytest.approx(here.centre[::-1], abs=1e-3)
-    assert angle_apart(mirrored.turn, np.pi / 2 - here.turn, 2) < 1e-3
+    assert angle_apart(mirrored.angle, np.pi / 2 - here.angle, 2) < 1e-3
     assert mirrored.dimensions == pytest.approx(here.dimensions, rel=1e-3)
 
 
@@ -195,14 +195,14 @@ def test_a_contact_over_the_pads_edge_is_completed():
     values = pressure_frame(contact, generator(Purpose.TEST, 4), 20, 20, skin=Skin(noise=0.005))
     fit = fit_shape(values, values > 15e3, Shape.RECTANGLE)
     assert fit.dimensions[1] == pytest.approx(5.0, abs=0.15)
-    assert np.degrees(angle_apart(fit.turn, 0.3, 2)) < 2
+    assert np.degrees(angle_apart(fit.angle, 0.3, 2)) < 2
 
 
 def test_an_equilateral_triangle_has_no_certain_apex():
     contact = Contact('isosceles_triangle', (10.0, 5 * 3**0.5), 9.7, 10.1, 0.5)
     mask = contact.pattern(20, 20)
     fit = fit_shape(mask, mask, Shape.ISOSCELES_TRIANGLE)
-    assert fit.symmetry == 3 and angle_apart(fit.turn, 0.5, 3) < np.radians(6)
+    assert fit.symmetry == 3 and angle_apart(fit.angle, 0.5, 3) < np.radians(6)
     slim = Contact('isosceles_triangle', (7.0, 13.0), 9.7, 10.1, 0.5)
     values = pressure_frame(slim, generator(Purpose.TEST, 5), 20, 20)
     fit = fit_shape(values, values > 15e3, Shape.ISOSCELES_TRIANGLE)

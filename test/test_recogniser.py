@@ -76,7 +76,7 @@ def test_calibration():
 
 @pytest.mark.parametrize('turned', [lambda a: a[::-1], lambda a: a[:, ::-1], lambda a: a.T, np.rot90])
 def test_patch_of_turned_and_moved_contact_is_the_same(turned):
-    contact = Contact('right_triangle', (11.0, 6.0, 1.0), x=14.3, y=15.1, turn=0.4)
+    contact = Contact('right_triangle', (11.0, 6.0, 1.0), x=14.3, y=15.1, angle=0.4)
     frame = contact.pattern(36, 40).astype(float)
     patch = make_patch(frame, frame > 0)
     for other in (turned(frame), np.roll(turned(frame), (3, 2), (0, 1))):
@@ -171,7 +171,7 @@ def test_torn_ring_is_a_circle_and_two_contacts_are_the_larger(recogniser):
     ring = (radius < 9) & (radius > 6.5)
     ring[:, [15, 16]] = False
     assert recogniser.recognise(pattern_of(ring)).shape is Shape.CIRCLE
-    two = Contact('square', (9.0,), x=12.3, y=12.1, turn=0.3).pattern(40, 40)
+    two = Contact('square', (9.0,), x=12.3, y=12.1, angle=0.3).pattern(40, 40)
     two |= Contact('circle', (3.0,), x=27.3, y=27.1).pattern(40, 40)
     assert recogniser.recognise(pattern_of(two)).shape is Shape.SQUARE
 

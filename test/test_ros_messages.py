@@ -69,8 +69,8 @@ def test_features_survive_the_message():
     values = block(3, 5)
     computed, received = compute_features(values > 0, Group.ALL), features_of(features(values))
     assert received.values == pytest.approx(dict(computed.values), nan_ok=True)
-    for name, turned in computed.turned.items():
-        assert received.turned[name] == pytest.approx(turned, nan_ok=True)
+    for name, rotated in computed.rotated.items():
+        assert received.rotated[name] == pytest.approx(rotated, nan_ok=True)
 
 
 def test_an_empty_pad_has_no_features():
@@ -123,7 +123,7 @@ def test_two_pads_become_one_grasp():
     grasp = grasp_message(state, [message, message], 0.0, 'gripper')
     assert grasp.contact == Grasp.TWO_SIDED and grasp.fresh and grasp.same_shape and not grasp.stable
     assert grasp.header.frame_id == 'gripper' and grasp.header.stamp == message.header.stamp
-    # Default pads: the right one turned by pi about x, so y of the right centre is the left one's mirrored.
+    # Default pads: the right one rotated by pi about x, so y of the right centre is the left one's mirrored.
     assert grasp.right_centre.x == pytest.approx(grasp.left_centre.x)
     assert grasp.right_centre.y == pytest.approx(-grasp.left_centre.y)
     assert grasp.width == pytest.approx(2 * grasp.left_centre.y)

@@ -75,8 +75,8 @@ def test_taxel_is_active_when_its_centre_is_inside():
     np.testing.assert_array_equal(mask, expected)
 
 
-def test_turn_takes_x_towards_y():
-    mask = Contact('rectangle', (4.2, 2.2), x=5.0, y=3.0, turn=np.pi / 2).pattern(8, 12)
+def test_positive_angles_rotate_x_towards_y():
+    mask = Contact('rectangle', (4.2, 2.2), x=5.0, y=3.0, angle=np.pi / 2).pattern(8, 12)
     assert mask.sum(0).max() == 5 and mask.sum(1).max() == 3
 
 

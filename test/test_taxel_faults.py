@@ -7,7 +7,7 @@ from tactile_node.conditioning.conditioned_pad import ConditionedPad
 from tactile_node.conditioning.fault_file import load_faults, save_faults
 from tactile_node.conditioning.gain import load_gains
 from tactile_node.conditioning.tare import TaredPad
-from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault, TaxelJudge
+from tactile_node.conditioning.taxel_faults import FaultDetector, FaultyTaxels, TaxelFault
 from tactile_node.errors import ConfigurationError
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 
@@ -25,14 +25,14 @@ class Pad:
     """A pad that is pressed by masks in turn; ``spoil(values, frame number)`` is what its faults make of it."""
 
     def __init__(self, spoil=lambda values, n: values, noise=0.3, seed=1):
-        self.judge, self._spoil, self._noise, self._n = TaxelJudge(SIDE, SIDE, LIMIT), spoil, noise, 0
+        self.detector, self._spoil, self._noise, self._n = FaultDetector(SIDE, SIDE, LIMIT), spoil, noise, 0
         self._random, self.ever = np.random.default_rng(seed), np.zeros((SIDE, SIDE), np.uint8)
 
     def frames(self, mask, count):
         for _ in range(count):
             values = PRESS * mask + self._noise * self._random.standard_normal((SIDE, SIDE))
             values = np.clip(self._spoil(values, self._n), 0, FULL)
-            found = self.judge.update(PERIOD * self._n, values, 0.0, values >= FULL)
+            found = self.detector.update(PERIOD * self._n, values, 0.0, values >= FULL)
             self.ever = np.maximum(self.ever, found.kinds)
             self._n += 1
         return found
@@ -78,7 +78,7 @@ def test_a_stuck_taxel_stays_so_within_a_contact_and_while_another_begins_to_fli
     assert pad.touches(*places()).places(STUCK) == [(5, 6)]
     for _ in range(100):
         assert pad.frames(disc(5, 6, 2), 1).places(STUCK) == [(5, 6)]
-    assert pad.judge.faults.places(FLICKERING) == [(9, 9)]
+    assert pad.detector.faults.places(FLICKERING) == [(9, 9)]
 
 
 def test_as_many_taxels_as_make_a_contact_are_an_object_however_still():
@@ -171,7 +171,7 @@ def known(*taxels):
 
 
 def test_known_taxels_are_nan_from_the_first_frame_with_their_reason():
-    pad = ConditionedPad(TaredPad(), TaxelJudge(2, 2, LIMIT), known((0, 1, DEAD), (1, 0, STUCK)))
+    pad = ConditionedPad(TaredPad(), FaultDetector(2, 2, LIMIT), known((0, 1, DEAD), (1, 0, STUCK)))
     got = pad.feed(frame([[1, 2], [3, 4]]))
     np.testing.assert_array_equal(got.values, np.array([[1, np.nan], [np.nan, 4]], np.float32))
     assert got.status.tolist() == [[TaxelStatus.VALID, TaxelStatus.DEAD], [TaxelStatus.FAULTY, TaxelStatus.VALID]]
@@ -180,8 +180,8 @@ def test_known_taxels_are_nan_from_the_first_frame_with_their_reason():
 
 
 def test_what_is_found_is_masked_only_when_asked_for():
-    pad = ConditionedPad(TaredPad(), TaxelJudge(2, 2, LIMIT), known())
-    pad.judge.update = lambda *_: known((0, 1, DEAD))
+    pad = ConditionedPad(TaredPad(), FaultDetector(2, 2, LIMIT), known())
+    pad.detector.update = lambda *_: known((0, 1, DEAD))
     assert pad.feed(frame([[1, 2], [3, 4]])).values.tolist() == [[1, 2], [3, 4]] and pad.faults.count == 1
     pad.masks = True
     assert np.isnan(pad.feed(frame([[1, 2], [3, 4]])).values[0, 1])
@@ -217,7 +217,7 @@ def test_a_weak_taxel_is_not_dead():
 def test_gains_act_on_what_is_above_zero():
     tared, gains = TaredPad(), np.array([[1, 2], [0.5, 4]], np.float32)
     tared.offset = np.full((2, 2), 10, np.float32)
-    pad = ConditionedPad(tared, TaxelJudge(2, 2, LIMIT), known((1, 1, DEAD)), gains)
+    pad = ConditionedPad(tared, FaultDetector(2, 2, LIMIT), known((1, 1, DEAD)), gains)
     np.testing.assert_array_equal(pad.feed(frame([[11, 12], [14, 20]])).values,
                                   np.array([[1, 4], [2, np.nan]], np.float32))
 
@@ -268,13 +268,13 @@ def test_bad_files_of_faults(tmp_path, content, says):
 
 
 def test_a_pad_that_repeats_itself_to_the_bit_is_frozen_when_asked_for():
-    pad, random = ConditionedPad(TaredPad(), TaxelJudge(2, 2, LIMIT), known()), np.random.default_rng(2)
+    pad, random = ConditionedPad(TaredPad(), FaultDetector(2, 2, LIMIT), known()), np.random.default_rng(2)
     last = random.standard_normal((2, 2))
     live = [frame(random.standard_normal((2, 2)))._replace(stamp=0.02 * n) for n in range(50)]
     frozen = [frame(last)._replace(stamp=1 + 0.02 * n) for n in range(60)]
     assert np.isfinite([pad.feed(each).values for each in live + frozen]).all()
     assert pad.unchanged == pytest.approx(0.02 * 59) and not pad.is_frozen
-    pad = ConditionedPad(TaredPad(), TaxelJudge(2, 2, LIMIT), known())
+    pad = ConditionedPad(TaredPad(), FaultDetector(2, 2, LIMIT), known())
     pad.frozen_after = 0.5
     given = [pad.feed(each) for each in live + frozen + [frame(-last)._replace(stamp=2.5)]]
     valid = [bool(np.isfinite(each.values).all()) for each in given]

@@ -165,7 +165,7 @@ def _placed(values, mask, dead, low, extent, labels, graded) -> Samples:
 
 
 def _standing(levels: np.ndarray, unseen: np.ndarray, odd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of each of K patches' eight turns and mirrorings: longer along x, more spread to greater x and y.
+    """Of each of K patches' eight rotations and reflections: longer along x, more spread to greater x and y.
 
     ``odd``: (K, 2), 1 where the contact is an odd number of cells high, wide: half a cell off the middle.
     """

@@ -25,12 +25,12 @@ class Outlier:
     scale: float
     x: float
     y: float
-    turn: float
+    angle: float
     reach: float
 
     def depth(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Positive inside; a lower bound of the distance from the outline."""
-        cos, sin = np.cos(self.turn) / self.scale, np.sin(self.turn) / self.scale
+        cos, sin = np.cos(self.angle) / self.scale, np.sin(self.angle) / self.scale
         u, v = x - self.x, y - self.y
         return self.scale * self.form(u * cos + v * sin, v * cos - u * sin)
 

@@ -58,17 +58,17 @@ def write_page(path: Path, title: str, tables: list[Table], pictures: list[tuple
 def draw_failures(path: Path, results: list[Result], columns: int = 8, rows: int = 3) -> int:
     """Draw the first failures of ours, the conditions in turn; return how many there are in all."""
     failed = [[(result, k) for k in np.flatnonzero(~result.right(OURS))] for result in results]
-    turns = [one for turn in range(max(map(len, failed), default=0)) for one in
-             (case[turn] for case in failed if turn < len(case))]
+    alternating = [one for rank in range(max(map(len, failed), default=0)) for one in
+                   (case[rank] for case in failed if rank < len(case))]
     figure, axes = plt.subplots(rows, columns, figsize=(columns * 1.5, rows * 1.9))
-    for axis, (result, k) in zip(axes.flat, turns):
+    for axis, (result, k) in zip(axes.flat, alternating):
         _draw(axis, result, k)
     for axis in axes.flat:
         axis.axis('off')
     figure.tight_layout(pad=0.3)
     figure.savefig(path, dpi=80)
     plt.close(figure)
-    return len(turns)
+    return len(alternating)
 
 
 def _draw(axis, result: Result, k: int) -> None:

@@ -19,7 +19,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--largest-contact', action='store_true',
                         help='describe the largest 8-connected contact only, as the processor node does; '
                              'without it all active taxels of a frame are one pattern')
-    parser.epilog = ('Prints {"frame": k, "N": ..., "P05": ..., "lambda5": ..., ..., "turned": {name: '
+    parser.epilog = ('Prints {"frame": k, "N": ..., "P05": ..., "lambda5": ..., ..., "rotated": {name: '
                      '{"min", "max", "dif", "min_angle", "max_angle"}}}; null is undefined, '
                      'angles are in degrees.')
 

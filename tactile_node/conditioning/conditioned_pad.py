@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.conditioning.tare import TaredPad
-from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault, TaxelJudge
+from tactile_node.conditioning.taxel_faults import FaultDetector, FaultyTaxels, TaxelFault
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus, without_any_value
 from tactile_node.read_only import read_only
 
@@ -24,17 +24,17 @@ class PadCondition(NamedTuple):
 class ConditionedPad:
     """Faulty taxels out, zero off, gains on, in this order: value = gain x (reading - zero), NaN where faulty.
 
-    ``known`` are faulty and taken out from the first frame; ``judge`` finds more, which are told and, with ``masks``,
-    taken out too.
+    ``known`` are faulty and taken out from the first frame; ``detector`` finds more, which are reported and, with
+    ``masks``, taken out too.
     A pad whose readings do not change by one count for ``frozen_after`` [s] has stopped sampling: no value is valid,
     all are STALE. That is for skins that are never quite still; 0: never.
     """
 
-    def __init__(self, tared: TaredPad, judge: TaxelJudge, known: FaultyTaxels, gains: np.ndarray | None = None):
+    def __init__(self, tared: TaredPad, detector: FaultDetector, known: FaultyTaxels, gains: np.ndarray | None = None):
         self.tared, self.masks, self.frozen_after, self.unchanged = tared, False, 0.0, 0.0
         self._stamp = np.inf
-        self.judge, self._known, self._gains = judge, known, gains
-        self._faults, self._judged, self._status = known, None, None
+        self.detector, self._known, self._gains = detector, known, gains
+        self._faults, self._found, self._status = known, None, None
 
     @property
     def faults(self) -> FaultyTaxels:
@@ -52,9 +52,9 @@ class ConditionedPad:
     def feed(self, frame: TaxelFrame) -> TaxelFrame:
         """Return the frame as it is to be used."""
         zero = 0.0 if self.tared.offset is None else self.tared.offset
-        found = self.judge.update(frame.stamp, frame.values, zero, frame.status == TaxelStatus.SATURATED)
-        if found is not self._judged:
-            self._judged = found
+        found = self.detector.update(frame.stamp, frame.values, zero, frame.status == TaxelStatus.SATURATED)
+        if found is not self._found:
+            self._found = found
             self._combine(found)
         self._count_unchanged(frame)
         frame = self._without_faulty(frame)
@@ -68,7 +68,7 @@ class ConditionedPad:
     def _count_unchanged(self, frame: TaxelFrame) -> None:
         """Only time in which readings came counts; stamps that go back begin anew."""
         step, self._stamp = frame.stamp - self._stamp, frame.stamp
-        if self.judge.has_changed or step < 0:
+        if self.detector.has_changed or step < 0:
             self.unchanged = 0.0
         elif step < LONGEST_STEP and np.isfinite(frame.values).any():
             self.unchanged += step

@@ -14,7 +14,7 @@ from tactile_node.yaml_section import load_mapping
 
 ABOUT = 'a file of faulty taxels'
 HEAD = '''# Faulty taxels, [row, col], as the skin driver found them. They are NaN from the first frame on.
-# Remove one to have it judged anew; add one that you know better.
+# Remove one to have it evaluated again; add one that you know to be faulty.
 '''
 KINDS = tuple(kind for kind in TaxelFault if kind)
 

@@ -54,8 +54,8 @@ class FaultyTaxels(NamedTuple):
         return int(np.count_nonzero(self.kinds))
 
 
-class TaxelJudge:
-    """Judges the taxels of one pad, frame by frame. ``limit``: less counts as not pressed, in the taxels' unit.
+class FaultDetector:
+    """Detects the faulty taxels of one pad, frame by frame. ``limit``: less counts as not pressed, in the taxels' unit.
 
     Evidence is counted by *contacts*: MIN_TOUCHED taxels rise over ``limit``, nearly all of them fall again, and then
     not many are left pressed (where more are stuck than any contact presses, none is found).
@@ -88,7 +88,7 @@ class TaxelJudge:
 
     def update(self, stamp: float, values: np.ndarray, zero: np.ndarray | float,
                is_saturated: np.ndarray) -> FaultyTaxels:
-        """Judge after a frame of ``values`` (rows, cols) as sent, NaN: unknown, measured at ``stamp`` [s].
+        """Evaluate a frame of ``values`` (rows, cols) as sent, NaN: unknown, measured at ``stamp`` [s].
 
         ``zero`` is what the taxels read without load.
         """
@@ -111,7 +111,7 @@ class TaxelJudge:
             self._count_contact()
             is_news = True
         if is_news:
-            self.faults = FaultyTaxels(read_only(self._judge()))
+            self.faults = FaultyTaxels(read_only(self._evaluated()))
         return self.faults
 
     def _count_jumps(self, stamp: float, change: np.ndarray, unknown: np.ndarray) -> bool:
@@ -151,7 +151,7 @@ class TaxelJudge:
         np.maximum(greatest, centre, out=greatest, where=surrounded)
         self._silent[surrounded] += 1
 
-    def _judge(self) -> np.ndarray:
+    def _evaluated(self) -> np.ndarray:
         kinds = np.zeros(self._last.shape, np.uint8)
         apart = np.hypot(*(self._range[1] - self._range[0])) >= APART
         kinds[(self._silent >= CONTACTS) & apart] = TaxelFault.DEAD

@@ -11,13 +11,13 @@ from matplotlib import pyplot  # noqa: E402 (after the backend is chosen)
 
 from tactile_node.demo.observation import Verdict  # noqa: E402
 
-COLUMNS = ('pad', 'touch', 'taxels', 'turn_deg', 'true', 'recognised', 'confidence', 'frames')
+COLUMNS = ('pad', 'touch', 'taxels', 'angle_deg', 'true', 'recognised', 'confidence', 'frames')
 FULL_SCALE = 100e3  # Pa, for the colours
 
 
 def rows(verdicts: list[Verdict]) -> list[tuple]:
     """Return the table's rows, in the order of COLUMNS."""
-    return [(v.pad, f'{v.touch.begin:.1f} s', round(v.touch.contact.area), round(np.degrees(v.touch.contact.turn)),
+    return [(v.pad, f'{v.touch.begin:.1f} s', round(v.touch.contact.area), round(np.degrees(v.touch.contact.angle)),
              v.touch.contact.shape, v.recognised, f'{v.confidence:.2f}', v.frames) for v in verdicts]
 
 

@@ -33,7 +33,7 @@ class Touch:
 
 
 def scripted_touches(seed: int, areas: Sequence[float], rows: int, cols: int) -> tuple[Touch, ...]:
-    """Return every shape at every one of ``areas`` [taxels], in random order, turned and placed at random.
+    """Return every shape at every one of ``areas`` [taxels], in random order, rotated and placed at random.
 
     Raises ConfigurationError for an area that not every shape finds room for.
     """

@@ -9,7 +9,7 @@ Each round gives certain bounds of every Λ:
   for which A - s has a Cholesky factor.
 
 An iterate x, ‖x‖ = 1, has an eigenvalue within ‖A x - θ x‖ of θ; it is accepted at 2e-10 θ. Otherwise the
-next round shifts to just below θ. Where only the extremes over the turns are asked for, what cannot be extreme
+next round shifts to just below θ. Where only the extremes over the rotations are asked for, what cannot be extreme
 by these bounds is left out, most of it after the first round. What does not converge in time (nearly equal
 eigenvalues of weakly joined parts) goes to a dense solver.
 """

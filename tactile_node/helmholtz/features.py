@@ -2,7 +2,7 @@
 
 N, P05, P09; for k = 5, 9: lambda{k}, info_sum{k}, info_sq{k}, info_norm{k}, x{k}, y{k}, V{k}, alpha{k}
 (degrees); the same of the reduced matrices with the suffix _border5, _border9; and of each of them the
-minimum, maximum and difference over the 46 turns.
+minimum, maximum and difference over the 46 rotations.
 """
 
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ from tactile_node.helmholtz.eigenvalues import Problem, smallest_eigenvalues
 from tactile_node.helmholtz.gravity import gravity
 from tactile_node.helmholtz.information import information
 from tactile_node.helmholtz.operators import WEIGHTS, Stencil
-from tactile_node.helmholtz.rotation import ANGLES, with_turned
+from tactile_node.helmholtz.rotation import ANGLES, with_rotated
 from tactile_node.helmholtz.taxel_list import TaxelList, ringed_taxel_list, taxel_list
 
 
@@ -31,18 +31,18 @@ class Group(Flag):
     GRAVITY9 = auto()
     EIGENVALUES = auto()
     BORDER = auto()  #: the groups above also for the reduced matrices
-    TURNED = auto()  #: min, max and dif over the turns of everything computed
+    ROTATED = auto()  #: min, max and dif over the rotations of everything computed
     INFORMATION = INFORMATION5 | INFORMATION9
     GRAVITY = GRAVITY5 | GRAVITY9
-    CLASSIFIER = INFORMATION5 | GRAVITY9 | TURNED  #: what the paper's planes need
-    ALL = INFORMATION | GRAVITY | EIGENVALUES | BORDER | TURNED
+    CLASSIFIER = INFORMATION5 | GRAVITY9 | ROTATED  #: what the paper's planes need
+    ALL = INFORMATION | GRAVITY | EIGENVALUES | BORDER | ROTATED
 
 
 INFORMATION = {Stencil.FIVE: Group.INFORMATION5, Stencil.NINE: Group.INFORMATION9}
 GRAVITY = {Stencil.FIVE: Group.GRAVITY5, Stencil.NINE: Group.GRAVITY9}
 
 
-class Turned(NamedTuple):
+class Extremes(NamedTuple):
     """A feature over the 46 angles; NaN (angle None) where it is undefined at every angle."""
 
     min: float
@@ -52,20 +52,20 @@ class Turned(NamedTuple):
     max_angle: int | None  #: [degrees], the first angle at which it is greatest
 
 
-UNDEFINED = Turned(np.nan, np.nan, np.nan, None, None)
+UNDEFINED = Extremes(np.nan, np.nan, np.nan, None, None)
 
 
 class Features(NamedTuple):
     """Features by name; NaN where one is undefined."""
 
     values: Mapping[str, float]     #: of the pattern as it is
-    turned: Mapping[str, Turned]    #: over its turns; empty unless computed
+    rotated: Mapping[str, Extremes]  #: over its rotations; empty unless computed
 
     def as_json(self) -> dict:
         """Return what one line of `tactile features` holds: null where undefined, counts as whole numbers."""
-        turned = {name: {key: _number(value) for key, value in over._asdict().items()}
-                  for name, over in self.turned.items()}
-        return {**{name: _number(value) for name, value in self.values.items()}, 'turned': turned}
+        rotated = {name: {key: _number(value) for key, value in over._asdict().items()}
+                  for name, over in self.rotated.items()}
+        return {**{name: _number(value) for name, value in self.values.items()}, 'rotated': rotated}
 
 
 def compute_features(mask: np.ndarray, groups: Group = Group.ALL) -> Features:
@@ -79,18 +79,18 @@ def compute_features(mask: np.ndarray, groups: Group = Group.ALL) -> Features:
     (3, 2.585786)
     """
     _check(mask)
-    turn = groups & Group.TURNED and mask.any()
-    taxels = ringed_taxel_list(with_turned(mask)) if turn else taxel_list(mask[np.newaxis])
-    stack = _described(taxels, groups, 1 if turn else None)
+    is_rotated = groups & Group.ROTATED and mask.any()
+    taxels = ringed_taxel_list(with_rotated(mask)) if is_rotated else taxel_list(mask[np.newaxis])
+    stack = _described(taxels, groups, 1 if is_rotated else None)
     values = {name: value[0].item() for name, value in stack.items()}
-    turned = _extremes(stack, 1 if turn else 0) if groups & Group.TURNED else {}
-    return Features(MappingProxyType(values), MappingProxyType(turned))
+    rotated = _extremes(stack, 1 if is_rotated else 0) if groups & Group.ROTATED else {}
+    return Features(MappingProxyType(values), MappingProxyType(rotated))
 
 
 def features_at_angles(mask: np.ndarray, groups: Group = Group.ALL) -> dict[str, np.ndarray]:
     """Return every feature at each of ANGLES, shape (46,); ``mask`` must have an active taxel."""
     _check(mask)
-    return _described(ringed_taxel_list(with_turned(mask)[1:]), groups)
+    return _described(ringed_taxel_list(with_rotated(mask)[1:]), groups)
 
 
 def _check(mask: np.ndarray) -> None:
@@ -134,7 +134,7 @@ def _named(pattern: str, found: tuple, k: Stencil, suffix: str) -> dict[str, np.
     return {pattern.format(name, int(k), suffix): value for name, value in zip(found._fields, found)}
 
 
-def _extremes(over: dict[str, np.ndarray], first: int) -> dict[str, Turned]:
+def _extremes(over: dict[str, np.ndarray], first: int) -> dict[str, Extremes]:
     """Minimum, maximum and difference from pattern ``first`` of the stack on."""
     values = np.array(list(over.values()), float)[:, first:]
     undefined = np.isnan(values)
@@ -144,7 +144,7 @@ def _extremes(over: dict[str, np.ndarray], first: int) -> dict[str, Turned]:
     least, most = values[row, lowest], values[row, highest]
     angles = (ANGLES[lowest].tolist(), ANGLES[highest].tolist())
     columns = zip(least.tolist(), most.tolist(), (most - least).tolist(), *angles)
-    return {name: Turned(*column) if column[0] == column[0] else UNDEFINED
+    return {name: Extremes(*column) if column[0] == column[0] else UNDEFINED
             for name, column in zip(over, columns)}
 
 

@@ -1,7 +1,7 @@
-"""Section 6: the pattern turned by 0, 4, ..., 180 degrees, through fictive points between the taxels.
+"""Section 6: the pattern rotated by 0, 4, ..., 180 degrees, through fictive points between the taxels.
 
-Axes: x runs along a row (column index), y across rows (row index); a turn by +φ takes x towards y.
-Points are turned about the centre of gravity of the real ones and rounded to the nearest fine point; a
+Axes: x runs along a row (column index), y across rows (row index); positive angles rotate x towards y.
+Points are rotated about the centre of gravity of the real ones and rounded to the nearest fine point; a
 coordinate half-way between two (within 1e-9 of it, so that no rounding error decides) is rounded up.
 Everything is computed in coordinates of the pattern's own bounding box: where it lies on the pad changes
 no bit.
@@ -17,21 +17,21 @@ ANGLES.flags.writeable = False
 TIE = 1e-9  #: [fine steps]
 
 
-def turned_patterns(mask: np.ndarray) -> np.ndarray:
+def rotated_patterns(mask: np.ndarray) -> np.ndarray:
     """Return the pattern at each of ANGLES, decimated and with its holes filled; bool, (46, rows, cols).
 
     ``mask`` must have an active taxel. The stack has room for every angle.
     """
-    return with_turned(mask)[1:, 1:-1, 1:-1]
+    return with_rotated(mask)[1:, 1:-1, 1:-1]
 
 
-def with_turned(mask: np.ndarray) -> np.ndarray:
-    """Return the pattern as it is, followed by its turned patterns; bool, shape (47, rows, cols).
+def with_rotated(mask: np.ndarray) -> np.ndarray:
+    """Return the pattern as it is, followed by its rotated patterns; bool, shape (47, rows, cols).
 
     A ring of inactive taxels surrounds each.
     """
     original = _cropped(mask)
-    stack, (row, col) = rotated(original)
+    stack, (row, col) = decimated(original)
     fill_holes(stack)
     stack[0, row:row + original.shape[0], col:col + original.shape[1]] = original
     return stack
@@ -56,13 +56,13 @@ def fine_lattice(mask: np.ndarray) -> np.ndarray:
     return fine[:FINE * rows - FINE + 1, :FINE * cols - FINE + 1]
 
 
-def rotated(mask: np.ndarray) -> tuple[np.ndarray, tuple[int, int]]:
+def decimated(mask: np.ndarray) -> tuple[np.ndarray, tuple[int, int]]:
     """Return the decimated patterns at ANGLES before the hole rules; bool, shape (47, rows, cols).
 
     The first is left empty, and a ring of inactive taxels surrounds each. Beside it, where in them
     ``mask``, which is cropped to its active taxels, begins (row, col).
 
-    Instead of turning every point forward, each taxel site is turned back: only the four fine points
+    Instead of rotating every point forward, each taxel site is rotated back: only the four fine points
     around the place it comes from can round onto it, and each of those is tried forward.
     """
     rows, cols = np.nonzero(mask)
@@ -112,15 +112,15 @@ def _block_points() -> np.ndarray:
 _BLOCK_POINTS = _block_points()
 
 
-def _turn() -> tuple[np.ndarray, np.ndarray]:
+def _cosines_and_sines() -> tuple[np.ndarray, np.ndarray]:
     """cos and sin of ANGLES, shape (46,); exact where they are rational, so that ties are ties."""
     cos, sin = np.cos(np.radians(ANGLES)), np.sin(np.radians(ANGLES))
     cos[[0, 15, 30, 45]], sin[[0, 45]] = (1, 0.5, -0.5, -1), 0  # 0, 60, 120, 180 degrees
     return cos, sin
 
 
-_COS, _SIN = _turn()
-_BACK = np.block([[_COS, -_SIN], [_SIN, _COS]]).T.copy()  # turns (x, y) back by each angle: all x, all y
+_COS, _SIN = _cosines_and_sines()
+_BACK = np.block([[_COS, -_SIN], [_SIN, _COS]]).T.copy()  # rotates (x, y) back by each angle: all x, all y
 
 
 def _cropped(mask: np.ndarray) -> np.ndarray:
@@ -129,7 +129,7 @@ def _cropped(mask: np.ndarray) -> np.ndarray:
 
 
 def _sites_within(centre: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """Taxel sites a turned point can reach: fine (x, y), shape (2, n); and the first (col, row)."""
+    """Taxel sites a rotated point can reach: fine (x, y), shape (2, n); and the first (col, row)."""
     first = np.ceil((centre - radius) / FINE).astype(int)
     cols, rows = np.floor((centre + radius) / FINE).astype(int) - first + 1
     x = FINE * (first[0] + np.arange(cols))
@@ -170,7 +170,7 @@ def _corner_bits(fine: np.ndarray, origin: np.ndarray, wide: int) -> tuple[np.nd
 
 
 def _rounds_onto(bits, x, y, cos, sin) -> np.ndarray:
-    """Whether an active corner (``bits``) of a fine cell, turned, rounds onto the site from (x, y) in it."""
+    """Whether an active corner (``bits``) of a fine cell, rotated, rounds onto the site from (x, y) in it."""
     u = sin * y - cos * x + TIE  # where corner (0, 0) lands, relative to the site
     v = TIE - sin * x - cos * y
     arriving = np.zeros(len(bits), np.uint8)

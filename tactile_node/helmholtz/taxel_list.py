@@ -1,6 +1,6 @@
 """The active taxels of a stack of patterns as one list: what every feature is summed from, all at once.
 
-The 46 turned patterns of one contact (section 6) are processed together. Everything here is a whole
+The 46 rotated patterns of one contact (section 6) are processed together. Everything here is a whole
 number, so sums are exact: they depend neither on the order of summation nor on where the pattern lies.
 """
 

@@ -18,7 +18,7 @@ class Guess(NamedTuple):
     """Where a fit may start."""
 
     parameters: np.ndarray  #: of the shape's outline [pitches]
-    hand: int = 1
+    handedness: int = 1
 
 
 class Moments(NamedTuple):
@@ -81,9 +81,9 @@ def _right(corners: np.ndarray, margin: float) -> list[Guess]:
 
 
 def _right_at(centre: complex, following: complex, preceding: complex) -> Guess:
-    hand = 1 if abs(following) >= abs(preceding) else -1
-    long, short = (following, preceding) if hand > 0 else (preceding, following)
-    return Guess(np.array((centre.real, centre.imag, np.angle(long), abs(long), abs(short))), hand)
+    handedness = 1 if abs(following) >= abs(preceding) else -1
+    long, short = (following, preceding) if handedness > 0 else (preceding, following)
+    return Guess(np.array((centre.real, centre.imag, np.angle(long), abs(long), abs(short))), handedness)
 
 
 def _isosceles(corners: np.ndarray, margin: float) -> list[Guess]:

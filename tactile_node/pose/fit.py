@@ -26,11 +26,11 @@ class ShapeFit(NamedTuple):
 
     shape: Shape
     centre: tuple[float, float]        #: centre of area [m]
-    turn: float                        #: of the shape's x axis, x to y positive [rad]; 0 for a circle
-    #: A turn by 2π/symmetry looks the same; 0: any turn does; 3: an isosceles triangle that these taxels do not
+    angle: float                       #: of the shape's x axis, x to y positive [rad]; 0 for a circle
+    #: Looks the same when rotated by 2π/symmetry; 0: by any angle; 3: an isosceles triangle that these taxels do not
     #: tell from an equilateral one, its apex may be any corner.
     symmetry: int
-    hand: int                          #: right triangle: 1, or -1 when mirrored; else 0
+    handedness: int                    #: right triangle: 1, or -1 when mirrored; else 0
     dimension_names: tuple[str, ...]   #: as in `outlines.OUTLINES`
     dimensions: tuple[float, ...]      #: [m]
     covariance: np.ndarray             #: of ``parameter_names``, [m, rad]
@@ -39,13 +39,13 @@ class ShapeFit(NamedTuple):
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """What ``covariance`` is of: x, y, turn (unless a circle), dimensions."""
+        """What ``covariance`` is of: x, y, angle (unless a circle), dimensions."""
         return OUTLINES[self.shape].parameters
 
     @property
     def parameters(self) -> np.ndarray:
         """Their values."""
-        return np.array((*self.centre, *((self.turn,) if self.symmetry else ()), *self.dimensions))
+        return np.array((*self.centre, *((self.angle,) if self.symmetry else ()), *self.dimensions))
 
     @property
     def apex_angle(self) -> float:
@@ -83,14 +83,14 @@ class _Estimate(NamedTuple):
 
     parameters: np.ndarray
     covariance: np.ndarray
-    hand: int
+    handedness: int
     symmetry: int
 
 
 class _Candidate(NamedTuple):
     problem: Problem
     solution: Solution
-    hand: int
+    handedness: int
 
 
 def _guesses(evidence: Evidence, shape: Shape) -> list[Guess]:
@@ -100,7 +100,7 @@ def _guesses(evidence: Evidence, shape: Shape) -> list[Guess]:
 
 
 def _coarse(evidence: Evidence, shape: Shape, guess: Guess) -> _Candidate:
-    outline = outline_of(shape, guess.hand)
+    outline = outline_of(shape, guess.handedness)
     if evidence.on_off:
         model: Model = PatternModel(outline, evidence.window)
     else:
@@ -109,11 +109,11 @@ def _coarse(evidence: Evidence, shape: Shape, guess: Guess) -> _Candidate:
     precision = np.concatenate((_vague(outline, guess.parameters), model.precision))
     problem = Problem(model, evidence.values, evidence.used / FIRST_NOISE**2, start, precision)
     at = evaluate(problem, start, model.predict(start))
-    return _Candidate(problem, minimise(problem, at, tolerance=COARSE, max_steps=10), guess.hand)
+    return _Candidate(problem, minimise(problem, at, tolerance=COARSE, max_steps=10), guess.handedness)
 
 
 def _vague(outline: Outline, guess: np.ndarray) -> np.ndarray:
-    """1 / variance of a guess: a length may be wrong by itself, the place by the largest; the turn is any."""
+    """1 / variance of a guess: a length may be wrong by itself, the place by the largest; the angle is free."""
     _, _, dimensions = outline.split(guess)
     lengths = np.concatenate(([dimensions.max()] * 2, *([[1.8]] if outline.symmetry else []), dimensions))
     return 1 / np.maximum(lengths, 1)**2
@@ -164,40 +164,40 @@ def _together(shape: Shape, evidence: Evidence, candidates: list[_Candidate]) ->
 def _estimate(shape: Shape, evidence: Evidence, found: _Candidate) -> _Estimate:
     covariance = _covariance(evidence, shape, found)
     fitted = found.solution.parameters[:len(covariance)]
-    parameters, hand, covariance = _canonical(shape, found.hand, fitted, covariance)
-    return _Estimate(parameters, covariance, hand, OUTLINES[shape].symmetry)
+    parameters, handedness, covariance = _canonical(shape, found.handedness, fitted, covariance)
+    return _Estimate(parameters, covariance, handedness, OUTLINES[shape].symmetry)
 
 
 def _in_metres(shape: Shape, pitch: float, evidence: Evidence, found: _Candidate,
                estimate: _Estimate) -> ShapeFit:
-    outline = outline_of(shape, estimate.hand)
-    scale = np.array([1.0 if name == 'turn' else pitch for name in outline.parameters])
+    outline = outline_of(shape, estimate.handedness)
+    scale = np.array([1.0 if name == 'angle' else pitch for name in outline.parameters])
     corners = outline.corners(estimate.parameters) * pitch
     covariance = estimate.covariance * np.outer(scale, scale)
     corners.flags.writeable = covariance.flags.writeable = False
-    centre, turn, dimensions = outline.split(estimate.parameters * scale)
-    hand = estimate.hand if shape is Shape.RIGHT_TRIANGLE else 0
-    return ShapeFit(shape, tuple(centre.tolist()), turn, estimate.symmetry, hand, outline.dimensions,
+    centre, angle, dimensions = outline.split(estimate.parameters * scale)
+    handedness = estimate.handedness if shape is Shape.RIGHT_TRIANGLE else 0
+    return ShapeFit(shape, tuple(centre.tolist()), angle, estimate.symmetry, handedness, outline.dimensions,
                     tuple(dimensions.tolist()), covariance, _residual(evidence, found.solution), corners)
 
 
-def _canonical(shape: Shape, hand: int, parameters: np.ndarray,
+def _canonical(shape: Shape, handedness: int, parameters: np.ndarray,
                covariance: np.ndarray) -> tuple[np.ndarray, int, np.ndarray]:
-    """The long side first, the turn the one nearest 0."""
+    """The long side first; of the equivalent angles the one nearest 0."""
     outline: Outline = OUTLINES[shape]
     if not outline.symmetry:
-        return parameters, hand, covariance
+        return parameters, handedness, covariance
     parameters = parameters.copy()
     if shape in (Shape.RECTANGLE, Shape.RIGHT_TRIANGLE) and parameters[4] > parameters[3]:
         swap = [0, 1, 2, 4, 3]
         parameters, covariance = parameters[swap], covariance[np.ix_(swap, swap)]
-        parameters[2] += hand * np.pi / 2
-        hand = -hand if shape is Shape.RIGHT_TRIANGLE else hand
+        parameters[2] += handedness * np.pi / 2
+        handedness = -handedness if shape is Shape.RIGHT_TRIANGLE else handedness
     parameters[2] = _nearest_zero(parameters[2], outline.symmetry)
-    return parameters, hand, covariance
+    return parameters, handedness, covariance
 
 
-def _nearest_zero(turn: float, symmetry: int) -> float:
-    """Of all turns that look the same, in (-π/symmetry, π/symmetry]."""
+def _nearest_zero(angle: float, symmetry: int) -> float:
+    """Of all equivalent angles the one in (-π/symmetry, π/symmetry]."""
     period = 2 * np.pi / symmetry
-    return -((period / 2 - turn) % period - period / 2)
+    return -((period / 2 - angle) % period - period / 2)

@@ -1,7 +1,7 @@
 """The outlines of the five shapes as functions of few parameters: what is fitted.
 
 Conventions are those of `synthetic.world.Contact`: the origin of a shape's own frame is its centre of
-area; a turn takes x towards y.
+area; positive angles rotate x towards y.
 """
 
 from typing import NamedTuple
@@ -14,55 +14,55 @@ CIRCLE_CORNERS = 32  #: a circle is a polygon of the same area
 
 
 class Outline(NamedTuple):
-    """Polygons linear in their dimensions: corner i is ``template[i] @ dimensions``, then turned."""
+    """Polygons linear in their dimensions: corner i is ``template[i] @ dimensions``, then rotated by the angle."""
 
     dimensions: tuple[str, ...]  #: their names
     template: np.ndarray         #: shape (corners, 2, len(dimensions)), in the sense from x to y
-    symmetry: int                #: a turn by 2π/symmetry changes nothing; 0: any turn
+    symmetry: int                #: a rotation by 2π/symmetry changes nothing; 0: by any angle
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of what is fitted: the place, the turn if it has one, the dimensions."""
-        return ('x', 'y', *(('turn',) if self.symmetry else ()), *self.dimensions)
+        """Names of what is fitted: the place, the angle if it has one, the dimensions."""
+        return ('x', 'y', *(('angle',) if self.symmetry else ()), *self.dimensions)
 
     def split(self, parameters: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
-        """Return centre (2,), turn and dimensions of ``parameters``."""
+        """Return centre (2,), angle and dimensions of ``parameters``."""
         if not self.symmetry:
             return parameters[:2], 0.0, parameters[2:]
         return parameters[:2], float(parameters[2]), parameters[3:]
 
     def corners(self, parameters: np.ndarray) -> np.ndarray:
         """Return the corners, shape (corners, 2)."""
-        centre, turn, dimensions = self.split(parameters)
-        return self.template @ dimensions @ _rotation(turn) + centre
+        centre, angle, dimensions = self.split(parameters)
+        return self.template @ dimensions @ _rotation(angle) + centre
 
     def moving(self, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the corners and d corners / d parameters, shape (parameters, corners, 2)."""
-        centre, turn, dimensions = self.split(parameters)
+        centre, angle, dimensions = self.split(parameters)
         motions = np.zeros((len(parameters), len(self.template), 2))
         motions[0, :, 0] = motions[1, :, 1] = 1
         by_dimension = motions[-len(dimensions):]
-        np.matmul(self.template.transpose(2, 0, 1), _rotation(turn), out=by_dimension)
+        np.matmul(self.template.transpose(2, 0, 1), _rotation(angle), out=by_dimension)
         arms = sum(by_dimension[i] * dimension for i, dimension in enumerate(dimensions))
         if self.symmetry:
             motions[2, :, 0], motions[2, :, 1] = -arms[:, 1], arms[:, 0]
         return arms + centre, motions
 
 
-def outline_of(shape: Shape, hand: int = 1) -> Outline:
-    """Return the outline of one of the five shapes; ``hand`` (1 or -1, mirrored) is the right triangle's.
+def outline_of(shape: Shape, handedness: int = 1) -> Outline:
+    """Return the outline of one of the five shapes; ``handedness`` (1 or -1, mirrored) is the right triangle's.
 
     >>> outline_of(Shape.RECTANGLE).parameters
-    ('x', 'y', 'turn', 'long', 'short')
+    ('x', 'y', 'angle', 'long', 'short')
     """
-    if shape is Shape.RIGHT_TRIANGLE and hand < 0:
+    if shape is Shape.RIGHT_TRIANGLE and handedness < 0:
         return _MIRRORED
     return OUTLINES[shape]
 
 
-def _rotation(turn: float) -> np.ndarray:
-    """For row vectors."""
-    cos, sin = np.cos(turn), np.sin(turn)
+def _rotation(angle: float) -> np.ndarray:
+    """Rotation matrix for row vectors."""
+    cos, sin = np.cos(angle), np.sin(angle)
     return np.array(((cos, sin), (-sin, cos)))
 
 

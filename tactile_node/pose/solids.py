@@ -42,8 +42,8 @@ def prism(fit: ShapeFit, height: float) -> tuple[np.ndarray, np.ndarray]:
 def pose_covariance(fit: ShapeFit) -> np.ndarray:
     """Return the covariance of the fit's pose, (6, 6), in the order of geometry_msgs/PoseWithCovariance.
 
-    Place x, y, z, then turns about x, y, z: the contact lies in the pad's plane, so those of z and of the
-    turns about x and y are 0. The turn of a circle is any: the variance π²/3 of a uniform one.
+    Place x, y, z, then rotations about x, y, z: the contact lies in the pad's plane, so those of z and of the
+    rotations about x and y are 0. The angle of a circle is undefined: it has the variance π²/3 of a uniform one.
     """
     covariance = np.zeros((6, 6))
     kept = [0, 1, 5] if fit.symmetry else [0, 1]

@@ -60,7 +60,7 @@ def _vanishing(results: Results) -> str:
     both = _method(results, 'three planes, long rectangles, vanishing angles left out')
     small, worst = VANISHING, np.argsort(results.remaining)[:4]
     angles = ', '.join(f'{ANGLES[angle]}° ({results.remaining[angle]:.0%})' for angle in worst)
-    return (f'At some angles the turned fine points miss many sites of the decimated lattice. Of {small} taxels the '
+    return (f'At some angles the rotated fine points miss many sites of the decimated lattice. Of {small} taxels the '
             f'fewest remain, on average, at {angles}; a minimum or a difference over all angles then tells of these '
             'angles alone. '
             f'They change a feature of {results.vanished[small]:.0%} of the patterns of {small} taxels. '

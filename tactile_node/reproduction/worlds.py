@@ -8,7 +8,7 @@ from tactile_node.synthetic.world import PAD, Contact, random_pattern
 
 
 class Fixed(NamedTuple):
-    """A world in which each class has one proportion only; position and turn stay general."""
+    """A world in which each class has one proportion only; position and angle stay random."""
 
     rectangle: float             #: ratio of sides
     right_triangle: float = 2.0  #: ratio of legs
@@ -26,15 +26,15 @@ def draw_pattern(world: str, rng: np.random.Generator, shape: str, area: float) 
         return random_pattern(rng, shape, area)
     room = max(PAD, int(np.ceil(6 * np.sqrt(area))) + 4)
     x, y = rng.uniform(-0.5, 0.5, 2) + (room - 1) / 2
-    turn, hand = rng.uniform(0, 2 * np.pi), rng.choice((-1.0, 1.0))
-    return Contact(shape, _dimensions(fixed, shape, area, hand), x, y, turn).pattern(room, room)
+    angle, handedness = rng.uniform(0, 2 * np.pi), rng.choice((-1.0, 1.0))
+    return Contact(shape, _dimensions(fixed, shape, area, handedness), x, y, angle).pattern(room, room)
 
 
-def _dimensions(fixed: Fixed, shape: str, area: float, hand: float) -> tuple[float, ...]:
+def _dimensions(fixed: Fixed, shape: str, area: float, handedness: float) -> tuple[float, ...]:
     if shape == 'rectangle':
         return (np.sqrt(area * fixed.rectangle), np.sqrt(area / fixed.rectangle))
     if shape == 'right_triangle':
-        return (np.sqrt(2 * area * fixed.right_triangle), np.sqrt(2 * area / fixed.right_triangle), hand)
+        return (np.sqrt(2 * area * fixed.right_triangle), np.sqrt(2 * area / fixed.right_triangle), handedness)
     if shape == 'isosceles_triangle':
         slope = 2 * np.tan(np.radians(fixed.apex) / 2)  # base / height
         return (np.sqrt(2 * area * slope), np.sqrt(2 * area / slope))

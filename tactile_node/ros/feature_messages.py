@@ -3,7 +3,7 @@
 import numpy as np
 
 from tactile_node.contact.pattern import ContactPattern
-from tactile_node.helmholtz.features import Features, Turned
+from tactile_node.helmholtz.features import Extremes, Features
 from tactile_node.ros.conversions import as_array
 from tactile_node.ros.taxel_messages import taxel_values
 from tactile_skin.msg import ContactFeatures, FeatureRange, TaxelArray
@@ -20,23 +20,23 @@ def features_message(taxels: TaxelArray, pattern: ContactPattern, features: Feat
 
 def features_of(message: ContactFeatures) -> Features:
     """Return the features of ``message``, as `compute_features` gave them to its sender."""
-    values, turned = {'N': 0.0}, {}
+    values, rotated = {'N': 0.0}, {}
     for feature in message.features:
         values[feature.name] = feature.value
-        turned[feature.name] = Turned(feature.min, feature.max, feature.dif, _angle(feature.min_angle),
+        rotated[feature.name] = Extremes(feature.min, feature.max, feature.dif, _angle(feature.min_angle),
                                       _angle(feature.max_angle))
-    return Features(values, turned)
+    return Features(values, rotated)
 
 
 def _feature_ranges(features: Features) -> list[FeatureRange]:
-    undefined = Turned(*[float('nan')] * 3, None, None)
-    return [_feature_range(name, value, features.turned.get(name, undefined))
+    undefined = Extremes(*[float('nan')] * 3, None, None)
+    return [_feature_range(name, value, features.rotated.get(name, undefined))
             for name, value in features.values.items()]
 
 
-def _feature_range(name: str, value: float, turned: Turned) -> FeatureRange:
-    return FeatureRange(name=name, value=float(value), min=turned.min, max=turned.max, dif=turned.dif,
-                        min_angle=_degrees(turned.min_angle), max_angle=_degrees(turned.max_angle))
+def _feature_range(name: str, value: float, rotated: Extremes) -> FeatureRange:
+    return FeatureRange(name=name, value=float(value), min=rotated.min, max=rotated.max, dif=rotated.dif,
+                        min_angle=_degrees(rotated.min_angle), max_angle=_degrees(rotated.max_angle))
 
 
 def _degrees(angle: int | None) -> float:

@@ -78,7 +78,7 @@ PROCESSOR = (
     Parameter('release_ratio', 0.8, 'a pressed taxel is released below this part of press_threshold',
               0.01, 1.0, live=True),
     Parameter('features', ['classifier'], 'groups of features to compute beside those the classifier needs: '
-              'information, gravity, eigenvalues, border, turned, all', live=True),
+              'information, gravity, eigenvalues, border, rotated, all', live=True),
     *QUEUE,
 )
 

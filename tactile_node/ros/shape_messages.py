@@ -69,7 +69,7 @@ def _add_moments(message: ContactShape, moments: ContactMoments) -> None:
 
 def _add_fit(message: ContactShape, fit: ShapeFit) -> None:
     message.fit_valid, message.pose = True, _pose(fit)
-    message.symmetry, message.hand = fit.symmetry, fit.hand
+    message.symmetry, message.handedness = fit.symmetry, fit.handedness
     message.dimension_names, message.dimensions = fit.dimension_names, fit.dimensions
     message.parameter_names, message.covariance = fit.parameter_names, fit.covariance.reshape(-1)
     message.residual = fit.residual
@@ -88,7 +88,7 @@ def _nowhere() -> PoseWithCovariance:
 def _pose(fit: ShapeFit) -> PoseWithCovariance:
     message = PoseWithCovariance(covariance=pose_covariance(fit).reshape(-1))
     message.pose.position.x, message.pose.position.y = fit.centre
-    message.pose.orientation.z, message.pose.orientation.w = float(np.sin(fit.turn / 2)), float(np.cos(fit.turn / 2))
+    message.pose.orientation.z, message.pose.orientation.w = float(np.sin(fit.angle / 2)), float(np.cos(fit.angle / 2))
     return message
 
 

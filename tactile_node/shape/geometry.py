@@ -1,4 +1,4 @@
-"""Patch -> numbers that do not change when the contact is turned: moments of contact and hull, the hull's width.
+"""Patch -> numbers that do not change when the contact is rotated: moments of contact and hull, the hull's width.
 
 What silent taxels take from a contact's inside, its hull gives back.
 

@@ -54,7 +54,7 @@ class Volf:
         return self._classifier.recognise(compute_features(pattern.mask, GROUPS) if features is None else features)
 
 
-class Sighted:
+class VisibilityGuard:
     """A method that knows an empty pad from one that it cannot see: without a valid value it says UNKNOWN."""
 
     def __init__(self, method: Recogniser):
@@ -77,4 +77,4 @@ def make_recogniser(method: str = DEFAULT, file: str = '') -> Recogniser:
     if method not in METHODS:
         raise ConfigurationError('recognition method', expected='one of ' + ', '.join(METHODS), got=repr(method),
                                  remedy=f'Use {DEFAULT!r} unless you want the paper as published.')
-    return Sighted(METHODS[method](config_path(file or FILES[method])))
+    return VisibilityGuard(METHODS[method](config_path(file or FILES[method])))

@@ -67,7 +67,7 @@ def make_patch(values: np.ndarray, mask: np.ndarray) -> Patch:
 
 
 def _standing(level: np.ndarray, dead: np.ndarray, before: np.ndarray, extent: np.ndarray):
-    """Turn and mirror: longer along x, more spread towards greater x and y.
+    """Rotate and mirror: longer along x, more spread towards greater x and y.
 
     ``before``: taxels shown above and left of the contact's box, ``extent``: the box's rows and columns.
     """

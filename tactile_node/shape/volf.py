@@ -30,7 +30,7 @@ SHAPES = (Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE, Shape
 def plane_feature(features: Features, name: tuple[str, str]) -> float:
     """Return a plane's feature: ('value', 'N') or ('dif', 'alpha9') and the like."""
     kind, feature = name
-    return features.values[feature] if kind == 'value' else getattr(features.turned[feature], kind)
+    return features.values[feature] if kind == 'value' else getattr(features.rotated[feature], kind)
 
 
 class VolfClassifier:

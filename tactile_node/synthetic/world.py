@@ -1,10 +1,10 @@
 """The synthetic world: contacts of five shapes in general position, the ground truth of every figure.
 
-Lengths and places are in taxel pitches, with taxel (row, col) centred at x = col, y = row; a turn takes
-x towards y. General position: turn uniform over the whole circle, the centre of area anywhere within
-one taxel in the middle of the pad. The classes of the benchmark (issue: "the synthetic world"):
-circle; square; rectangle, ratio of sides uniform 1.5-3; right triangle, ratio of legs uniform 1.5-2.5,
-either hand; isosceles triangle, apex angle uniform 40-75 degrees. Size is set by the area in taxels.
+Lengths and places are in taxel pitches, with taxel (row, col) centred at x = col, y = row; positive
+angles rotate x towards y. General position: angle uniform over the whole circle, the centre of area
+anywhere within one taxel in the middle of the pad. The classes of the benchmark: circle; square;
+rectangle, ratio of sides uniform 1.5-3; right triangle, ratio of legs uniform 1.5-2.5, either handedness;
+isosceles triangle, apex angle uniform 40-75 degrees. Size is set by the area in taxels.
 """
 
 from dataclasses import dataclass
@@ -19,10 +19,10 @@ PAD = 36  #: rows and columns of the benchmark's pad
 
 @dataclass(frozen=True)
 class Contact:
-    """One contact: what touches, where, how turned, how large [pitches, radians].
+    """One contact: what touches, where, at which angle, how large [pitches, radians].
 
     ``dimensions`` by shape: circle (radius,); square (side,); rectangle (long, short side);
-    right_triangle (leg along x, leg along y, hand: +1, or -1 mirrored); isosceles_triangle (base, height).
+    right_triangle (leg along x, leg along y, handedness: +1, or -1 mirrored); isosceles_triangle (base, height).
     ``x``, ``y``: its centre of area.
     """
 
@@ -30,7 +30,7 @@ class Contact:
     dimensions: tuple[float, ...]
     x: float
     y: float
-    turn: float = 0.0
+    angle: float = 0.0
 
     @property
     def area(self) -> float:
@@ -48,7 +48,7 @@ class Contact:
     def outline(self, points: int = 64) -> np.ndarray:
         """Vertices as (x, y), shape (n, 2), in the sense from x to y; a circle as a polygon of ``points``."""
         corners = _outline(self.shape, self.dimensions, points)
-        cos, sin = np.cos(self.turn), np.sin(self.turn)
+        cos, sin = np.cos(self.angle), np.sin(self.angle)
         return corners @ np.array([[cos, sin], [-sin, cos]]) + (self.x, self.y)
 
     def depth(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -90,8 +90,8 @@ def _dimensions(rng: np.random.Generator, shape: str, area: float) -> tuple[floa
         ratio = rng.uniform(1.5, 3)
         return (float(np.sqrt(area * ratio)), float(np.sqrt(area / ratio)))
     if shape == 'right_triangle':
-        ratio, hand = rng.uniform(1.5, 2.5), float(rng.choice((-1.0, 1.0)))
-        return (float(np.sqrt(2 * area * ratio)), float(np.sqrt(2 * area / ratio)), hand)
+        ratio, handedness = rng.uniform(1.5, 2.5), float(rng.choice((-1.0, 1.0)))
+        return (float(np.sqrt(2 * area * ratio)), float(np.sqrt(2 * area / ratio)), handedness)
     if shape == 'isosceles_triangle':
         slope = 2 * np.tan(np.radians(rng.uniform(40, 75)) / 2)  # base / height
         return (float(np.sqrt(2 * area * slope)), float(np.sqrt(2 * area / slope)))
@@ -99,7 +99,7 @@ def _dimensions(rng: np.random.Generator, shape: str, area: float) -> tuple[floa
 
 
 def _outline(shape: str, size: tuple[float, ...], points: int) -> np.ndarray:
-    """Vertices about the centre of area, not turned."""
+    """Vertices about the centre of area, at angle 0."""
     if shape == 'circle':
         angle = np.arange(points) * (2 * np.pi / points)
         return size[0] * np.column_stack((np.cos(angle), np.sin(angle)))
@@ -107,8 +107,8 @@ def _outline(shape: str, size: tuple[float, ...], points: int) -> np.ndarray:
         a, b = size[0] / 2, size[-1] / 2
         return np.array([[-a, -b], [a, -b], [a, b], [-a, b]])
     if shape == 'right_triangle':
-        a, b, hand = size
+        a, b, handedness = size
         corners = np.array([[0, 0], [a, 0], [0, b]]) - (a / 3, b / 3)
-        return corners if hand > 0 else (corners * (1, -1))[::-1]
+        return corners if handedness > 0 else (corners * (1, -1))[::-1]
     base, height = size
     return np.array([[-base / 2, -height / 3], [base / 2, -height / 3], [0, 2 * height / 3]])
