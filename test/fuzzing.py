@@ -185,8 +185,8 @@ class FrameFuzz:
         self._rng, self.sent, self.frames, self.bad = random.Random(seed), 0, 0, []
         self.bench = Bench(channel, 'sim8x8_16bit.yaml')
         self.bench.driver = Supervisor(self.bench.settings, self.bench.pads, self._check)
-        pad = self.bench.pads[0]
-        self._ids = [0x000, 0x080, 0x0A0, 0x5A0, 0x620, 0x720, *(t.cob_id.of(pad.node_id) for t in pad.layout.tpdos)]
+        node, = self.bench.pads[0].nodes
+        self._ids = [0x000, 0x080, 0x0A0, 0x5A0, 0x620, 0x720, *(t.cob_id.of(node.node_id) for t in node.layout.tpdos)]
         self._stamp = -np.inf
 
     def __enter__(self) -> 'FrameFuzz':

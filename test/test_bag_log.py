@@ -146,7 +146,7 @@ def test_can_fd_has_no_place_and_is_counted(tmp_path):
 
 def test_a_session_replays_from_a_bag_as_from_the_log(tmp_path):
     layout = load_layout('sim16x16.yaml')
-    pads = (PadSettings('left', 32, layout), PadSettings('right', 64, layout))
+    pads = (PadSettings('left', (32,), layout), PadSettings('right', (64,), layout))
     log = tmp_path / 'session.log'
     with gzip.open(SESSION) as source, log.open('wb') as target:
         shutil.copyfileobj(source, target)

@@ -196,7 +196,7 @@ def test_simulated_skin_end_to_end_and_its_log_again(tmp_path, refuses_blocks):
         np.testing.assert_allclose(frame.values, 10 * (first + np.arange(160).reshape(16, 10)))
     assert np.all(np.diff(firsts) >= 7) and {first % 7 for first in firsts} == {0}
     replayed = []
-    pads = (PadSettings('pad32', 32, load_layout(LAYOUT)),)
+    pads = (PadSettings('pad32', (32,), load_layout(LAYOUT)),)
     source = LogSource(str(log), pads, lambda *given: replayed.append(given), None)
     source.open()
     source.start()

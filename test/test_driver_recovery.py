@@ -21,7 +21,7 @@ from rclpy.time import Time  # noqa: E402
 
 from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
 from tactile_node.ros.qos import STATUS_QOS, frames_qos  # noqa: E402
-from tactile_node.supervision.outage import FIRST_REMINDER  # noqa: E402
+from tactile_node.threads.reminder import FIRST_REMINDER  # noqa: E402
 from tactile_skin.msg import SkinStatus, TaxelArray  # noqa: E402
 from tactile_skin.srv import Tare  # noqa: E402
 

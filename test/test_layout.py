@@ -118,22 +118,22 @@ def test_binary_file_is_no_layout(tmp_path):
 def test_pads_that_cannot_share_a_bus(pads, says):
     layout = load_layout('sim16x16.yaml')
     with pytest.raises(ConfigurationError, match=says):
-        check_pads(tuple(PadSettings(name, node, layout) for name, node in pads))
+        check_pads(tuple(PadSettings(name, (node,), layout) for name, node in pads))
 
 
 def test_node_id_may_move_a_cob_id_to_a_kept_one(tmp_path):
     layout = tiny_layout(tmp_path, TINY.replace('0x380', '0x570'))
-    check_pads((PadSettings('a', 0x0F, layout),))  # 0x57F, the last one before the SDO answers' range
+    check_pads((PadSettings('a', (0x0F,), layout),))  # 0x57F, the last one before the SDO answers' range
     with pytest.raises(ConfigurationError, match='0x590 .SDO answers'):
-        check_pads((PadSettings('a', 0x20, layout),))
+        check_pads((PadSettings('a', (0x20,), layout),))
 
 
 def test_two_pads_of_the_demo_share_a_bus():
     layout = load_layout('sim16x16.yaml')
-    check_pads(tuple(PadSettings(name, node, layout) for name, node in (('left', 32), ('right', 64))))
+    check_pads(tuple(PadSettings(name, (node,), layout) for name, node in (('left', 32), ('right', 64))))
 
 
 def test_sync_must_be_no_tpdo(tmp_path):
     layout = tiny_layout(tmp_path, TINY + 'sync_cob_id: 0x185\n')
     with pytest.raises(ConfigurationError, match='as pad .*SYNC'):
-        check_pads((PadSettings('a', 5, layout),))
+        check_pads((PadSettings('a', (5,), layout),))

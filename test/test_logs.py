@@ -35,7 +35,7 @@ def play(path, pads, **options):
 
 
 def nus_pad():
-    return (PadSettings('pad', 32, load_layout('nus_sinapse_64x64.yaml')),)
+    return (PadSettings('pad', (32,), load_layout('nus_sinapse_64x64.yaml')),)
 
 
 def test_ring_session_accounts_for_every_can_frame():
@@ -82,7 +82,7 @@ def test_log_equals_the_recording_it_was_made_from(tmp_path):
 def test_two_pads_in_one_log():
     layout = load_layout('sim16x16.yaml')
     frames, source = play(DATA / 'sim16x16_two_pads.log.gz',
-                          (PadSettings('left', 32, layout), PadSettings('right', 64, layout)))
+                          (PadSettings('left', (32,), layout), PadSettings('right', (64,), layout)))
     left, right = ([f for n, f in frames if n == name] for name in ('left', 'right'))
     assert len(left) == len(right) > 100 and not any(f.missing_can_frames for f in left + right)
     for one, other in zip(left, right):
@@ -95,7 +95,7 @@ def test_two_pads_in_one_log():
 
 def test_unasked_pad_is_counted_as_foreign():
     layout = load_layout('sim16x16.yaml')
-    frames, source = play(DATA / 'sim16x16_two_pads.log.gz', (PadSettings('left', 32, layout),))
+    frames, source = play(DATA / 'sim16x16_two_pads.log.gz', (PadSettings('left', (32,), layout),))
     counted = source.statistics().can_frames
     assert counted['foreign'] == counted['tpdo'] == 32 * len(frames)
 
@@ -110,7 +110,7 @@ def tiny_log(folder, *lines, name='x.log'):
 
 
 def tiny_pads(folder):
-    return (PadSettings('pad', 1, tiny_layout(folder)),)
+    return (PadSettings('pad', (1,), tiny_layout(folder)),)
 
 
 def test_oddities_of_a_log_are_counted_by_service(tmp_path):

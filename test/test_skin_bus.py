@@ -213,7 +213,7 @@ def test_bus_that_cannot_be_opened(interface, channel, says):
 def test_live_pad_needs_its_eds():
     pad = Bench('unused').pads[0]
     with pytest.raises(ConfigurationError, match='make_pad'):
-        SkinBus(BusSettings('virtual', 'x'), (PadSettings('pad', 32, pad.layout),), lambda *_: None)
+        SkinBus(BusSettings('virtual', 'x'), (PadSettings('pad', (32,), pad.layout),), lambda *_: None)
 
 
 def test_record_that_cannot_be_written_leaves_the_bus_closed(tmp_path):

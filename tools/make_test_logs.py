@@ -23,7 +23,7 @@ from tactile_node.simulator.device import TaxelSource
 from tactile_node.simulator.recording import load_recording
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.touches import touch_program
-from tactile_node.skin.pads import PadSettings, make_pad
+from tactile_node.skin.pads import LivePad, make_pad
 from tactile_node.synthetic.world import CLASSES
 
 DATA = Path(__file__).resolve().parents[1] / 'test' / 'data'
@@ -47,12 +47,12 @@ def main() -> None:
     session(DATA / 'sim16x16_two_pads.log.gz', gripper, stamps, sources)
 
 
-def replayed(pads: list[PadSettings], frames: np.ndarray) -> dict[str, TaxelSource]:
+def replayed(pads: list[LivePad], frames: np.ndarray) -> dict[str, TaxelSource]:
     """Each SYNC's frame in turn, whatever the time."""
     return {pad.name: partial(_next, iter(frames.astype(float))) for pad in pads}
 
 
-def five_shapes(pads: list[PadSettings]) -> tuple[np.ndarray, dict[str, TaxelSource]]:
+def five_shapes(pads: list[LivePad]) -> tuple[np.ndarray, dict[str, TaxelSource]]:
     """25 Hz; every shape touches once, the right pad sees it mirrored."""
     program = touch_program(pads[0].layout, CLASSES, areas=(60,), seed=2, hold=0.6, pause=0.3)
     times = np.arange(0, program.duration, 0.04)
@@ -65,7 +65,7 @@ def _next(frames: Iterator[np.ndarray], _time: float) -> np.ndarray:
     return next(frames)
 
 
-def session(path: Path, pads: list[PadSettings], stamps: np.ndarray, sources: dict[str, TaxelSource]) -> None:
+def session(path: Path, pads: list[LivePad], stamps: np.ndarray, sources: dict[str, TaxelSource]) -> None:
     """Record boot-up, configuration and one SYNC for each of ``stamps`` [s] as candump log."""
     arrived = threading.Semaphore(0)
     wire, recorded = can.Bus('session', interface='virtual', receive_own_messages=True), []
@@ -88,7 +88,7 @@ def session(path: Path, pads: list[PadSettings], stamps: np.ndarray, sources: di
     wait_for(lambda: sum(0x180 <= m.arbitration_id < 0x580 for m in recorded) == expected)
     notifier.stop()
     wire.shutdown()
-    write(path, timed(recorded, stamps, [pad.node_id for pad in pads]))
+    write(path, timed(recorded, stamps, [node_id for pad in pads for node_id in pad.node_ids]))
     print(f'{path.name}: {len(recorded)} CAN frames, {path.stat().st_size / 1e3:.0f} kB')
 
 

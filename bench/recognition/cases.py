@@ -121,7 +121,7 @@ def outlier_cases(areas, count: int) -> Iterator[Case]:
 
 def recorded(log: str) -> tuple[np.ndarray, list[ContactPattern]]:
     """The stamps [s] and contact patterns of a recorded session of the real 64x64 array."""
-    pad, frames = PadSettings('pad', 32, load_layout('nus_sinapse_64x64.yaml')), []
+    pad, frames = PadSettings('pad', (32,), load_layout('nus_sinapse_64x64.yaml')), []
     source = LogSource(str(ROOT / 'test/data' / log), (pad,), lambda name, frame: frames.append(frame), pace=None)
     source.open()
     source.start()

@@ -109,7 +109,7 @@ class Router:
 
 def _assembler(pad: PadSettings, one_clock: bool, drop_incomplete: bool) -> FrameAssembler | DomainAssembler:
     if pad.layout.domain is not None:
-        return DomainAssembler(pad.layout, pad.node_id, drop_incomplete)
+        return DomainAssembler(pad.layout, pad.node_ids[0], drop_incomplete)
     return FrameAssembler(pad.layout, pad.node_ids, one_clock, drop_incomplete)
 
 

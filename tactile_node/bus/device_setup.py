@@ -14,7 +14,7 @@ from tactile_node.cia301.heartbeat import Heartbeats
 from tactile_node.errors import DeviceAbsentError, DeviceError
 from tactile_node.skin.eds import IDENTITY, TPDO_COMMUNICATION, TPDO_MAPPING, Identity, identity_of
 from tactile_node.skin.layout import TpdoLayout
-from tactile_node.skin.pads import PadSettings
+from tactile_node.skin.pads import CanopenNode
 
 logger = logging.getLogger(__name__)
 
@@ -28,22 +28,22 @@ REMINDER = 2.0  # s between two sentences about the same wait
 
 
 class DeviceSetup:
-    """The steps of one pad's device; each raises DeviceError when the device does not go along."""
+    """The steps of one node's device; each raises DeviceError when the device does not go along."""
 
-    def __init__(self, sdo: SdoClient, pad: PadSettings, heartbeats: Heartbeats):
-        self._sdo, self._pad, self._heartbeats = sdo, pad, heartbeats
-        self._who = pad.who
+    def __init__(self, sdo: SdoClient, node: CanopenNode, heartbeats: Heartbeats):
+        self._sdo, self._node, self._heartbeats = sdo, node, heartbeats
+        self._who = node.label
 
     def run(self, boot_timeout: float, heartbeat_ms: int) -> bool:
         """Find the device within ``boot_timeout`` [s], check who it is, configure it; whether it uploads by block."""
         self._wait_for_device(boot_timeout)
         self._check_identity()
-        if self._pad.layout.needs_sync:
-            self._set_if_listed(SYNC_COB_ID, self._pad.layout.sync_cob_id, 4, 'SYNC COB-ID')
+        if self._node.layout.needs_sync:
+            self._set_if_listed(SYNC_COB_ID, self._node.layout.sync_cob_id, 4, 'SYNC COB-ID')
         self._set_if_listed(HEARTBEAT_TIME, heartbeat_ms, 2, 'heartbeat time')
-        if self._pad.layout.domain is not None:
-            return check_domain(self._sdo, self._pad.layout.domain, self._who)
-        tpdos = {tpdo.number: tpdo for tpdo in self._pad.layout.tpdos}  # many frames may be one multiplexed TPDO
+        if self._node.layout.domain is not None:
+            return check_domain(self._sdo, self._node.layout.domain, self._who)
+        tpdos = {tpdo.number: tpdo for tpdo in self._node.layout.tpdos}  # many frames may be one multiplexed TPDO
         written = sum(self._configure(tpdo) for tpdo in tpdos.values())
         logger.info('%s: %d TPDOs ready, %d of them newly written.', self._who, len(tpdos), written)
         return False
@@ -67,20 +67,20 @@ class DeviceSetup:
                 reminded = now
 
     def _silence(self) -> str:
-        state = self._heartbeats.state(self._pad.node_id)
+        state = self._heartbeats.state(self._node.node_id)
         return 'no sign of it' if state is None else f'only its heartbeat (NMT state 0x{state:02X})'
 
     def _check_identity(self) -> None:
-        ours = identity_of(self._pad.dictionary)
+        ours = identity_of(self._node.dictionary)
         theirs = Identity(*(self._read(IDENTITY, sub, missing=None) for sub in (1, 2, 3)))
         if not ours.accepts(theirs):
-            raise DeviceError(f'{self._who}, object 0x1018', expected=f'{ours} as in {self._pad.eds}',
+            raise DeviceError(f'{self._who}, object 0x1018', expected=f'{ours} as in {self._node.eds}',
                               got=str(theirs),
                               remedy='Check the node-ID, or give the EDS and layout of this device.')
         logger.info('%s is there: %s.', self._who, theirs)
 
     def _set_if_listed(self, index: int, value: int, size: int, what: str) -> None:
-        if index not in self._pad.dictionary:
+        if index not in self._node.dictionary:
             logger.info('%s: its EDS has no object 0x%04X, so its %s stays as it is.', self._who, index, what)
         elif self._read(index, 0, missing=None) != value:
             self._write(index, 0, value, size)
@@ -91,7 +91,7 @@ class DeviceSetup:
         entries = SAM_MPDO if tpdo.is_mpdo else [mapped.entry for mapped in tpdo.mapping]
         kind = AT_ITS_EVENTS if tpdo.is_mpdo else EVERY_SYNC
         current = self._read(communication, 1)
-        wanted = tpdo.cob_id.of(self._pad.node_id) | current & NO_RTR
+        wanted = tpdo.cob_id.of(self._node.node_id) | current & NO_RTR
         same_mapping = self._mapping(mapping) == entries
         if current == wanted and same_mapping and self._read(communication, 2) == kind:
             return False

@@ -21,8 +21,8 @@ from tactile_node.errors import BusError, DeviceError, HalfZeroedError, LogError
 from tactile_node.frames.consumer import Consumer, OnFrame
 from tactile_node.frames.losses import BusStatistics
 from tactile_node.recording.logs import CanLogWriter
-from tactile_node.skin.pad_rules import check_dictionaries, check_pads
-from tactile_node.skin.pads import PadSettings
+from tactile_node.skin.pad_rules import check_pads, live_pads
+from tactile_node.skin.pads import CanopenNode, LivePad
 from tactile_node.threads.call_queue import CallQueue
 from tactile_node.threads.pacer import Pacer
 
@@ -41,12 +41,11 @@ class SkinBus:
     ``on_frame``; the SYNC producer has its own. SDO runs on the caller's thread.
     """
 
-    def __init__(self, settings: BusSettings, pads: tuple[PadSettings, ...], on_frame: OnFrame,
+    def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], on_frame: OnFrame,
                  monitor: BusMonitor | None = None, on_failure: Callable[[str], None] | None = None):
         check_pads(pads)
-        check_dictionaries(pads)
-        self._settings, self._pads = settings, tuple(pads)
-        self._nodes = [node for pad in pads for node in pad.nodes]
+        self._settings, self._pads = settings, live_pads(pads)
+        self._nodes = [node for pad in self._pads for node in pad.nodes]
         self._consumer, self._on_failure = Consumer(on_frame), on_failure or self._log_failure
         self._monitor = monitor or BusMonitor(node_id for pad in pads for node_id in pad.node_ids)
         one_clock = not settings.produce_sync or settings.interface in HOST_STAMPED
@@ -88,7 +87,7 @@ class SkinBus:
         for node in self._nodes:
             self.configure_node(node, self._settings.boot_timeout)
 
-    def configure_node(self, node: PadSettings, boot_timeout: float, pause: bool = True) -> None:
+    def configure_node(self, node: CanopenNode, boot_timeout: float, pause: bool = True) -> None:
         """Configure one of a pad's nodes, found within ``boot_timeout`` [s]; without ``pause`` while it sends."""
         if pause:
             self._command(NMT_ENTER_PRE_OPERATIONAL, node)
@@ -102,10 +101,10 @@ class SkinBus:
         """Let the pad's devices zero themselves; how many channels. Raises DeviceError, BusError, HalfZeroedError."""
         zeroed = 0
         for node in self._nodes:
-            if node.name == pad:
+            if node.pad == pad:
                 try:
                     with self._opened().sdo_client(node.node_id, node.dictionary) as sdo:
-                        zeroed += auto_zero(sdo, node.dictionary, node.who)
+                        zeroed += auto_zero(sdo, node.dictionary, node.label)
                 except (DeviceError, BusError) as error:
                     if not zeroed:
                         raise
@@ -132,7 +131,7 @@ class SkinBus:
         for node in present:
             self._confirm_operational(node, begun)
 
-    def start_node(self, node: PadSettings, was_silent: bool = True) -> None:
+    def start_node(self, node: CanopenNode, was_silent: bool = True) -> None:
         """NMT start of one device, which was not sending unless said; BusError. Heartbeats tell whether it obeys."""
         if was_silent:
             self._calls.put(self._router.start, node.node_id)
@@ -157,7 +156,7 @@ class SkinBus:
             try:
                 self._command(NMT_ENTER_PRE_OPERATIONAL, node)
             except BusError as error:
-                logger.error('Node %d (pad %r) could not be stopped: %s', node.node_id, node.name, error)
+                logger.error('Node %d (pad %r) could not be stopped: %s', node.node_id, node.pad, error)
 
     def close(self) -> None:
         """Stop, give the bus back and end the recording."""
@@ -203,16 +202,16 @@ class SkinBus:
             raise BusError('CAN bus', expected='an open bus', got='a closed one', remedy='Call open() first.')
         return self._network
 
-    def _command(self, command: int, node: PadSettings) -> None:
+    def _command(self, command: int, node: CanopenNode) -> None:
         self._opened().send_message(NMT, bytes([command, node.node_id]))
 
-    def _confirm_operational(self, node: PadSettings, since: float) -> None:
+    def _confirm_operational(self, node: CanopenNode, since: float) -> None:
         patience = 1.0 + 3e-3 * self._settings.heartbeat_ms
         if not self._monitor.heartbeats.wait_for(node.node_id, NmtState.OPERATIONAL, since, patience):
             state = self._monitor.heartbeats.state(node.node_id)
             heard = 'no heartbeat' if state is None else f'heartbeat with NMT state 0x{state:02X}'
             self.stop()
-            raise DeviceError(node.who,
+            raise DeviceError(node.label,
                               expected='OPERATIONAL after NMT start', got=heard,
                               remedy='See whether it sends EMCY: a device with an error may refuse to start.')
 
@@ -222,9 +221,9 @@ class SkinBus:
         for poll in self._polls.values():
             poll.start()
 
-    def _polling(self, node: PadSettings) -> DomainPolling:
+    def _polling(self, node: CanopenNode) -> DomainPolling:
         return DomainPolling(
-            node.layout.domain, node.who, self._settings.sync_period,
+            node.layout.domain, node.label, self._settings.sync_period,
             lambda: self._opened().sdo_client(node.node_id, node.dictionary), self._fail)
 
     def _sent(self, can_id: int, data: bytes) -> None:

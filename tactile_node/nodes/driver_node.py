@@ -38,6 +38,7 @@ from tactile_node.ros.qos import STATUS_QOS, frames_qos
 from tactile_node.ros.status_message import status_message
 from tactile_node.ros.taxel_messages import taxel_array_message
 from tactile_node.skin.layout import SkinLayout
+from tactile_node.skin.pad_rules import live_pads
 from tactile_node.skin.pads import PadSettings, make_pads, one_for_each, with_dictionaries
 from tactile_node.supervision.supervisor import Supervisor
 from tactile_node.threads.reminder import Reminder
@@ -189,7 +190,7 @@ class DriverNode(LifecycleNode):
         bus = BusSettings(settings.interface, settings.channel, settings.bitrate, settings.sync_period,
                           settings.produce_sync, settings.boot_timeout, drop_incomplete=settings.drop_incomplete,
                           record=settings.record)
-        return Supervisor(bus, pads, self._publish, settings.recover, settings.heartbeat_timeout)
+        return Supervisor(bus, live_pads(pads), self._publish, settings.recover, settings.heartbeat_timeout)
 
     def _make_gate(self, settings) -> ReplayGate | None:
         """Only a log played as fast as possible needs one, and only where nothing may be lost."""

@@ -17,7 +17,7 @@ from tactile_node.cia301.cob_id import DISABLED, ID_MASK
 from tactile_node.simulator.block_upload import BlockUploadServer
 from tactile_node.skin.eds import TPDO_COMMUNICATION, TPDO_MAPPING
 from tactile_node.skin.layout import SkinLayout
-from tactile_node.skin.pads import PadSettings
+from tactile_node.skin.pads import CanopenNode
 from tactile_node.skin.taxel_codec import TaxelCodec
 
 logger = logging.getLogger(__name__)
@@ -55,22 +55,23 @@ class _Tpdo(NamedTuple):
 
 
 class SimulatedDevice:
-    """One pad as a CANopen slave on ``network``: boot-up, heartbeat, NMT, SDO server, synchronous TPDOs.
+    """One node of a pad as a CANopen slave on ``network``: boot-up, heartbeat, NMT, SDO server, synchronous TPDOs.
 
     What it sends is what has been written to 0x1005, 0x1800... and 0x1A00..., not what the layout says; the
     layout says which mapped object holds which taxel. ``source`` is called once a SYNC while OPERATIONAL.
     """
 
-    def __init__(self, network: canopen.Network, pad: PadSettings, source: TaxelSource):
-        self._network, self._pad, self._source = network, pad, source
-        self._codec = TaxelCodec(pad.layout)
-        self._places = _object_places(pad.layout)
-        self._node = canopen.LocalNode(pad.node_id, pad.dictionary)
+    def __init__(self, network: canopen.Network, node: CanopenNode, source: TaxelSource):
+        self._network, self._source = network, source
+        self._node_id, self._layout = node.node_id, node.layout
+        self._codec = TaxelCodec(node.layout)
+        self._places = _object_places(node.layout)
+        self._node = canopen.LocalNode(node.node_id, node.dictionary)
         self._node.add_write_callback(self._before_write)
         self._node.add_read_callback(self._read_taxels)
         self._zero: np.ndarray | None = None  # what its auto-zero takes off
-        self._words = [bytes(8)] * len(pad.layout.tpdos)
-        self._domain = pad.layout.domain
+        self._words = [bytes(8)] * len(node.layout.tpdos)
+        self._domain = node.layout.domain
         self._blocks = self._block_server()
         self._tpdos: list[_Tpdo] | None = None
         self._sent: dict[int, bytes] = {}
@@ -92,7 +93,7 @@ class SimulatedDevice:
     def power_off(self) -> None:
         """Vanish from the bus without a word; ``boot`` brings it back with its defaults. Off it stays off."""
         with self._lock:
-            if self._pad.node_id not in self._network:
+            if self._node_id not in self._network:
                 return
             self._node.nmt.stop_heartbeat()
             self._network.unsubscribe(0, self._on_nmt)
@@ -100,7 +101,7 @@ class SimulatedDevice:
             self._network.unsubscribe(self._node.sdo.rx_cobid, self._on_sdo)
             self._network.subscribe(0, self._node.nmt.on_command)  # remove_network expects both
             self._network.subscribe(self._node.sdo.rx_cobid, self._node.sdo.on_request)
-            del self._network[self._pad.node_id]
+            del self._network[self._node_id]
             self._forget()
 
     def lie(self, index: int, subindex: int, data: bytes) -> None:
@@ -124,7 +125,7 @@ class SimulatedDevice:
         self._network.subscribe(self._sync_id, self._on_sync)
 
     def _on_nmt(self, _can_id: int, data: bytes, timestamp: float) -> None:
-        if len(data) < 2 or data[1] not in (0, self._pad.node_id):
+        if len(data) < 2 or data[1] not in (0, self._node_id):
             return
         with self._lock:
             if data[0] in NMT_RESETS:
@@ -237,9 +238,9 @@ class SimulatedDevice:
                      pieces[0].rank if whole else None)
 
     def _heads(self, number: int) -> Iterator[tuple[int, bytes]]:
-        for rank, tpdo in enumerate(self._pad.layout.tpdos):
+        for rank, tpdo in enumerate(self._layout.tpdos):
             if tpdo.number == number and tpdo.is_mpdo:
-                yield rank, struct.pack('<BHB', self._pad.node_id, *tpdo.mapping[0][:2])
+                yield rank, struct.pack('<BHB', self._node_id, *tpdo.mapping[0][:2])
             elif tpdo.number == number and tpdo.row is not None:
                 yield rank, struct.pack('B', tpdo.row)
 
@@ -274,7 +275,7 @@ class SimulatedDevice:
 
     def _check_mapping(self, index: int, subindex: int, value: int) -> None:
         if subindex == 0 and value == SAM_MPDO:
-            if not any(tpdo.is_mpdo for tpdo in self._pad.layout.tpdos):
+            if not any(tpdo.is_mpdo for tpdo in self._layout.tpdos):
                 raise SdoAbortedError(ABORT_NOT_MAPPABLE)
         elif subindex == 0:
             bits = sum(self._number(index, sub) & 0xFF for sub in range(1, value + 1))

@@ -1,13 +1,13 @@
 """Simulated pads on one python-can bus."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import can
 
 from tactile_node.bus.bus_network import BusNetwork, open_bus
 from tactile_node.simulator.device import SimulatedDevice, TaxelSource
 from tactile_node.skin.pad_rules import check_pads
-from tactile_node.skin.pads import PadSettings
+from tactile_node.skin.pads import LivePad
 
 
 class SkinSimulator:
@@ -20,7 +20,7 @@ class SkinSimulator:
     >>> simulator.start('virtual', 'skin'); simulator.stop()
     """
 
-    def __init__(self, pads: list[PadSettings], sources: dict[str, TaxelSource],
+    def __init__(self, pads: Sequence[LivePad], sources: dict[str, TaxelSource],
                  on_failure: Callable[[Exception], None] = lambda error: None):
         check_pads(tuple(pads))
         self._nodes = [node for pad in pads for node in pad.nodes]
@@ -36,7 +36,7 @@ class SkinSimulator:
         """Boot the devices on ``bus``, which is closed by ``stop``."""
         self._network = BusNetwork(bus, lambda message: None, self._on_failure)
         for node in self._nodes:
-            device = self.devices[node.node_id] = SimulatedDevice(self._network, node, self._sources[node.name])
+            device = self.devices[node.node_id] = SimulatedDevice(self._network, node, self._sources[node.pad])
             device.boot()
 
     def stop(self) -> None:

@@ -2,7 +2,7 @@
 
 from tactile_node.cia301.cob_id import reserved_for
 from tactile_node.errors import ConfigurationError
-from tactile_node.skin.pads import PadSettings, check_node_ids
+from tactile_node.skin.pads import LivePad, PadSettings, check_node_ids
 
 EMCY = 0x80  # + node-ID, CiA 301
 
@@ -27,12 +27,16 @@ def check_pads(pads: tuple[PadSettings, ...]) -> None:
             _own(owners, tpdo.cob_id.of(node_id), f'TPDO {tpdo.number} of node {node_id}', pad.name)
 
 
-def check_dictionaries(pads: tuple[PadSettings, ...]) -> None:
-    """Raise ConfigurationError for a pad without the EDS that a live bus needs."""
-    for pad in pads:
-        if pad.dictionary is None:
-            raise ConfigurationError(f'pad {pad.name!r}', expected='an EDS, for a live bus', got='none',
-                                     remedy='Make the pad with make_pad(name, node_id, layout, eds).')
+def live_pads(pads: tuple[PadSettings, ...]) -> tuple[LivePad, ...]:
+    """The same pads; ConfigurationError when one is without the EDS that a live bus needs."""
+    return tuple(_live(pad) for pad in pads)
+
+
+def _live(pad: PadSettings) -> LivePad:
+    if not isinstance(pad, LivePad):
+        raise ConfigurationError(f'pad {pad.name!r}', expected='an EDS, for a live bus', got='none',
+                                 remedy='Make the pad with make_pad(name, node_id, layout, eds).')
+    return pad
 
 
 def _own(owners: dict[int, str], can_id: int, use: str, pad: str) -> None:

@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from canopen import ObjectDictionary
 
@@ -16,35 +16,41 @@ MAX_NODE_ID = 127
 
 @dataclass(frozen=True)
 class PadSettings:
-    """One pad: its name, the CANopen node that sends it, what the node's TPDOs mean and the node's EDS.
+    """One pad: its name, the node-IDs of the CANopen nodes that make it up, and what their TPDOs mean.
 
-    Where several nodes make up the pad, ``further_nodes`` are the others' node-IDs; one EDS serves all.
+    This is all that a recorded log needs; a live bus needs a ``LivePad``.
     """
 
     name: str
-    node_id: int
+    node_ids: tuple[int, ...]
     layout: SkinLayout
-    eds: str = ''  #: path; only a live bus needs it
-    dictionary: ObjectDictionary | None = field(default=None, repr=False, compare=False)
-    further_nodes: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class CanopenNode:
+    """One CANopen node of a pad on a live bus."""
+
+    node_id: int
+    pad: str  #: the name of its pad
+    position: int  #: among the pad's nodes, from 0
+    layout: SkinLayout  #: the part of the pad's layout that this node sends
+    eds: str  #: path
+    dictionary: ObjectDictionary = field(repr=False, compare=False)  #: the EDS, read for this node-ID
 
     @property
-    def node_ids(self) -> tuple[int, ...]:
-        return self.node_id, *self.further_nodes
-
-    @property
-    def who(self) -> str:
+    def label(self) -> str:
         """The node and its pad, for messages."""
-        return f'node {self.node_id} (pad {self.name!r})'
-
-    @property
-    def nodes(self) -> 'tuple[PadSettings, ...]':
-        """The pad's nodes, each as a pad of the same name with only the TPDOs that this node sends."""
-        return tuple(replace(self, node_id=node_id, layout=self.layout.of_node(i), further_nodes=())
-                     for i, node_id in enumerate(self.node_ids)) if self.further_nodes else (self,)
+        return f'node {self.node_id} (pad {self.pad!r})'
 
 
-def make_pad(name: str, node_id: int, layout: str, eds: str = '') -> PadSettings:
+@dataclass(frozen=True)
+class LivePad(PadSettings):
+    """A pad on a live bus: each of its nodes has an object dictionary."""
+
+    nodes: tuple[CanopenNode, ...]
+
+
+def make_pad(name: str, node_id: int, layout: str, eds: str = '') -> LivePad:
     """Make the pad of one node, with its EDS; see ``make_pads``."""
     return with_dictionaries(make_pads([layout], [node_id], [name]), [eds])[0]
 
@@ -65,15 +71,17 @@ def make_pads(layouts: Sequence[str], node_ids: Sequence[int], names: Sequence[s
                                  remedy='Give one for each pad; several where its layout says "nodes".')
     left = iter(node_ids)
     shared = [tuple(itertools.islice(left, layout.nodes)) for layout in loaded]
-    pads = tuple(PadSettings(name, first, layout, further_nodes=tuple(further)) for name, layout, (first, *further)
-                 in zip(names or [f'pad{first}' for first, *_ in shared], loaded, shared))
+    pads = tuple(PadSettings(name, shares, layout) for name, shares, layout
+                 in zip(names or [f'pad{first}' for first, *_ in shared], shared, loaded))
     for pad in pads:
         check_node_ids(pad)
     return pads
 
 
-def with_dictionaries(pads: Sequence[PadSettings], eds: Sequence[str] = ('',)) -> tuple[PadSettings, ...]:
+def with_dictionaries(pads: Sequence[PadSettings], eds: Sequence[str] = ('',)) -> tuple[LivePad, ...]:
     """Give each pad its EDS (default: the layout's name with .eds), as a live bus needs it, and check that they agree.
+
+    One EDS serves all nodes of a pad.
 
     Raises ConfigurationError.
     """
@@ -91,7 +99,7 @@ def check_node_ids(pad: PadSettings) -> None:
                                  got=str(list(pad.node_ids)), remedy='Give one for each of its nodes.')
 
 
-def one_for_each(what: str, given: Sequence[str], pads: Sequence) -> list[str]:
+def one_for_each(what: str, given: Sequence[str], pads: Sequence[object]) -> list[str]:
     """Return a value for each pad from one for all or one each. Raises ConfigurationError otherwise."""
     if len(given) not in (1, len(pads)):
         raise ConfigurationError(what, expected=f'one value, or one for each of the {len(pads)} pads',
@@ -99,8 +107,10 @@ def one_for_each(what: str, given: Sequence[str], pads: Sequence) -> list[str]:
     return list(given) * (len(pads) if len(given) == 1 else 1)
 
 
-def _with_dictionary(pad: PadSettings, path: str) -> PadSettings:
+def _with_dictionary(pad: PadSettings, path: str) -> LivePad:
     path = path or pad.layout.source.rsplit('.', 1)[0] + '.eds'
-    dictionary = load_eds(path, pad.node_id)
-    check_against(dictionary, pad.layout, path)
-    return replace(pad, eds=path, dictionary=dictionary)
+    nodes = tuple(CanopenNode(node_id, pad.name, position, pad.layout.of_node(position), eds=path,
+                              dictionary=load_eds(path, node_id))
+                  for position, node_id in enumerate(pad.node_ids))
+    check_against(nodes[0].dictionary, pad.layout, path)
+    return LivePad(pad.name, pad.node_ids, pad.layout, nodes)

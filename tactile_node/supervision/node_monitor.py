@@ -7,7 +7,7 @@ from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.cia301.heartbeat import NmtState, state_name
 from tactile_node.frames.health import NodeHealth
 from tactile_node.frames.losses import PadStatistics
-from tactile_node.skin.pads import PadSettings
+from tactile_node.skin.pads import CanopenNode
 from tactile_node.supervision.outage import Backoff, OutageClock
 from tactile_node.threads.reminder import Reminder
 
@@ -43,10 +43,8 @@ class Trouble(NamedTuple):
 class NodeWatch:
     """One node of a pad: judged, its attempts and outages kept. Fed and asked by one thread."""
 
-    def __init__(self, pad: PadSettings, monitor: BusMonitor, heartbeat_timeout: float, data_timeout: float,
-                 position: int = 0):
-        self._position = position  # among the pad's nodes
-        self.pad, self._monitor, self._beats = pad, monitor, monitor.heartbeats
+    def __init__(self, node: CanopenNode, monitor: BusMonitor, heartbeat_timeout: float, data_timeout: float):
+        self.node, self._monitor, self._beats = node, monitor, monitor.heartbeats
         self._heartbeat_timeout, self._data_timeout = heartbeat_timeout, data_timeout
         self.outage, self.backoff, self.reminder = OutageClock(), Backoff(), Reminder()
         self._emergency_reminder, self.mending = Reminder(), Reminder()
@@ -64,11 +62,11 @@ class NodeWatch:
 
     @property
     def who(self) -> str:
-        return f'Node {self.pad.node_id} (pad {self.pad.name!r})'
+        return f'Node {self.node.node_id} (pad {self.node.pad!r})'
 
     @property
     def boots(self) -> int:
-        return self._beats.boots(self.pad.node_id)
+        return self._beats.boots(self.node.node_id)
 
     @property
     def is_trusted(self) -> bool:
@@ -87,11 +85,11 @@ class NodeWatch:
     def commanded(self, now: float, pad: PadStatistics) -> None:
         """It was told to start, or the taxels are to come from now on for another reason."""
         self._commanded = self.data_at = self._sync_at = now
-        self._used_then = pad.used_by_node[self._position]
+        self._used_then = pad.used_by_node[self.node.position]
 
     def judge(self, now: float, is_active: bool, pad: PadStatistics, syncs: int) -> Trouble | None:
         """What is wrong with the node now, by its heartbeat, its TPDOs used and the SYNCs so far."""
-        if (used := pad.used_by_node[self._position]) != self._used:
+        if (used := pad.used_by_node[self.node.position]) != self._used:
             self._used, self.data_at = used, now
         if syncs != self._syncs:
             self._syncs, self._sync_at = syncs, now
@@ -110,18 +108,18 @@ class NodeWatch:
 
     def has_taxels_again(self, pad: PadStatistics) -> bool:
         """Taxels were given as valid since the last command."""
-        return pad.used_by_node[self._position] > self._used_then
+        return pad.used_by_node[self.node.position] > self._used_then
 
     def new_emergency(self, now: float) -> str:
         """The last EMCY as a sentence when there is one to tell, '' otherwise."""
-        log = self._monitor.emergencies[self.pad.node_id]
+        log = self._monitor.emergencies[self.node.node_id]
         if log.count == self._told or not self._emergency_reminder.is_due('EMCY', now):
             return ''
         self._told = log.count
         return f'{self.who} sends {log.last}; {log.count} EMCY in all.'
 
     def health(self, now: float) -> NodeHealth:
-        node_id = self.pad.node_id
+        node_id = self.node.node_id
         state, heard = self._beats.state(node_id), self._beats.heard(node_id)
         log = self._monitor.emergencies[node_id]
         return NodeHealth(node_id, state_name(state),
@@ -130,7 +128,7 @@ class NodeWatch:
                           self.boots, log.count, log.last, self.outage.outages(now), self.distrusted)
 
     def _is_silent(self, now: float) -> bool:
-        return now - max(self._beats.heard(self.pad.node_id) or 0.0, self._since) > self._heartbeat_timeout
+        return now - max(self._beats.heard(self.node.node_id) or 0.0, self._since) > self._heartbeat_timeout
 
     def _ailment(self, now: float, is_active: bool) -> Ailment | None:
         is_silent = self._is_silent(now)
@@ -143,11 +141,11 @@ class NodeWatch:
             return Ailment.NO_HEARTBEAT if has_data else Ailment.SILENT
         if not is_active or now - self._commanded < GRACE:
             return None
-        if self._beats.state(self.pad.node_id) != NmtState.OPERATIONAL:
+        if self._beats.state(self.node.node_id) != NmtState.OPERATIONAL:
             return Ailment.NOT_OPERATIONAL
         if has_data:
             return None
-        waits = self.pad.layout.needs_sync and now - self._sync_at > self._data_timeout
+        waits = self.node.layout.needs_sync and now - self._sync_at > self._data_timeout
         return Ailment.NO_SYNC if waits else Ailment.NO_TAXELS
 
     def _telling(self) -> str:
@@ -156,7 +154,7 @@ class NodeWatch:
         return f'{self.who}: waiting for its taxels; {self.outage.reason}.' if self.outage.is_running else ''
 
     def _sentence(self, ailment: Ailment, now: float) -> str:
-        heard = self._beats.heard(self.pad.node_id)
-        state = state_name(self._beats.state(self.pad.node_id))
+        heard = self._beats.heard(self.node.node_id)
+        state = state_name(self._beats.state(self.node.node_id))
         last = 'never heard' if heard is None else f'last heard {now - heard:.1f} s ago: {state}'
         return f'{self.who}: {ailment.value} ({last}).'

@@ -47,7 +47,7 @@ class NodeCare:
     def attend(self, is_active: bool, statistics: BusStatistics, syncs: int) -> None:
         """Judge all by what came up to now, tell, and mend what is due; ``syncs``: SYNCs so far."""
         due = [node for node in self._nodes
-               if self._is_to_be_mended(node, is_active, statistics.pads[node.pad.name], syncs)]
+               if self._is_to_be_mended(node, is_active, statistics.pads[node.node.pad], syncs)]
         _at_once(due, lambda node: self._mend(node, node.trouble, is_active))
 
     def _absence(self, node: NodeWatch, patience: float) -> DeviceAbsentError | None:
@@ -85,10 +85,10 @@ class NodeCare:
             if trouble.needs_configuration:
                 self._configure(node, NO_PATIENCE, pause=trouble.is_outage)
             if is_active:
-                self._bus.start_node(node.pad, trouble.is_outage)
-                node.commanded(time.monotonic(), self._bus.statistics().pads[node.pad.name])
+                self._bus.start_node(node.node, trouble.is_outage)
+                node.commanded(time.monotonic(), self._bus.statistics().pads[node.node.pad])
         except (DeviceError, BusError) as error:
-            sentence = f'Waiting for node {node.pad.node_id}: {error}'
+            sentence = f'Waiting for node {node.node.node_id}: {error}'
             if trouble.ailment is not Ailment.SILENT and node.mending.is_due(sentence, time.monotonic()):
                 logger.error('%s', sentence)
         node.backoff.attempted(time.monotonic())
@@ -97,7 +97,7 @@ class NodeCare:
         """Configure a node; when it boots meanwhile, once more, as long as there are tries."""
         for _ in range(tries):
             boots = node.boots
-            self._bus.configure_node(node.pad, patience, pause)
+            self._bus.configure_node(node.node, patience, pause)
             node.configured(boots)
             if node.is_trusted:
                 return

@@ -18,7 +18,7 @@ from tactile_node.frames.consumer import OnFrame
 from tactile_node.frames.health import BusHealth
 from tactile_node.frames.losses import BusStatistics
 from tactile_node.frames.taxel_frame import TaxelFrame
-from tactile_node.skin.pads import PadSettings
+from tactile_node.skin.pads import LivePad
 from tactile_node.skin.taxel_codec import without_values
 from tactile_node.supervision.node_monitor import NodeWatch
 from tactile_node.supervision.node_recovery import NodeCare
@@ -39,7 +39,7 @@ class Supervisor:
     told, and join when they come.
     """
 
-    def __init__(self, settings: BusSettings, pads: tuple[PadSettings, ...], on_frame: OnFrame,
+    def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], on_frame: OnFrame,
                  recover: bool = True, heartbeat_timeout: float = 0.5):
         self._settings, self._on_frame, self._recover = settings, on_frame, recover
         self._wake, self._closing, self._turn = threading.Event(), threading.Event(), threading.RLock()
@@ -47,8 +47,7 @@ class Supervisor:
         self._bus = SkinBus(settings, pads, self._deliver, self.monitor,
                             self._bus_failed if recover else None)
         timeouts = self._timeouts(heartbeat_timeout)
-        self._by_pad = {pad.name: [NodeWatch(node, self.monitor, *timeouts, i)
-                                   for i, node in enumerate(pad.nodes)] for pad in pads}
+        self._by_pad = {pad.name: [NodeWatch(node, self.monitor, *timeouts) for node in pad.nodes] for pad in pads}
         self._nodes = [node for nodes in self._by_pad.values() for node in nodes]
         self._care = NodeCare(self._bus, self._nodes, recover)
         self._outage, self._backoff = OutageClock(), Backoff()
@@ -83,7 +82,7 @@ class Supervisor:
             if self._outage.is_running:
                 raise BusError('CAN bus', expected='one that works', got=self._outage.reason,
                                remedy='It is opened again until it works; start once it does.')
-            self._bus.start(without=[node.pad.node_id for node in self._nodes if not node.is_trusted])
+            self._bus.start(without=[node.node.node_id for node in self._nodes if not node.is_trusted])
             self._set_active(True)
 
     def stop(self) -> None:
@@ -140,7 +139,7 @@ class Supervisor:
     def _set_active(self, is_active: bool) -> None:
         now, pads = time.monotonic(), self.statistics().pads
         for node in self._nodes:
-            node.commanded(now, pads[node.pad.name])
+            node.commanded(now, pads[node.node.pad])
             if not is_active and node.outage.is_running:
                 node.outage.end(now)
         self._is_active = is_active
@@ -215,5 +214,5 @@ class Supervisor:
         for node in self._by_pad[name]:
             if not node.is_trusted:
                 node.distrusted += 1
-                frame = without_values(frame, node.pad.layout.carriers)
+                frame = without_values(frame, node.node.layout.carriers)
         self._on_frame(name, frame)
