@@ -40,7 +40,7 @@ class Trouble(NamedTuple):
         return self.ailment not in (Ailment.NOT_OPERATIONAL, Ailment.NO_SYNC)
 
 
-class NodeWatch:
+class NodeMonitor:
     """One node of a pad: judged, its attempts and outages kept. Fed and asked by one thread."""
 
     def __init__(self, node: CanopenNode, monitor: BusMonitor, heartbeat_timeout: float, data_timeout: float):

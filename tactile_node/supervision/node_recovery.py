@@ -9,7 +9,7 @@ from typing import TypeVar
 from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.errors import BusError, DeviceAbsentError, DeviceError
 from tactile_node.frames.losses import BusStatistics, PadStatistics
-from tactile_node.supervision.node_monitor import Ailment, NodeWatch, Trouble
+from tactile_node.supervision.node_monitor import Ailment, NodeMonitor, Trouble
 
 logger = logging.getLogger(__name__)
 
@@ -22,14 +22,14 @@ REMEDIES = {Ailment.SILENT: ' It is configured and started as soon as it answers
 NO_PATIENCE = 0.3  # s, one SDO request: a device that does not answer now is asked again later
 
 
-class NodeCare:
+class NodeRecovery:
     """Looks after ``nodes`` of ``bus``; called by one thread at a time. Without ``mends`` all is only judged and told.
 
     Nodes are configured at once: an SDO dialogue mostly waits for its device, and one that is gone must not hold up
     the others.
     """
 
-    def __init__(self, bus: SkinBus, nodes: Sequence[NodeWatch], mends: bool):
+    def __init__(self, bus: SkinBus, nodes: Sequence[NodeMonitor], mends: bool):
         self._bus, self._nodes, self._mends = bus, nodes, mends
 
     def configure(self, patience: float) -> None:
@@ -50,7 +50,7 @@ class NodeCare:
                if self._is_to_be_mended(node, is_active, statistics.pads[node.node.pad], syncs)]
         _at_once(due, lambda node: self._mend(node, node.trouble, is_active))
 
-    def _absence(self, node: NodeWatch, patience: float) -> DeviceAbsentError | None:
+    def _absence(self, node: NodeMonitor, patience: float) -> DeviceAbsentError | None:
         """Configure it; the error when it does not answer. Any other is raised."""
         try:
             self._configure(node, patience, FIRST_TRIES)
@@ -58,7 +58,7 @@ class NodeCare:
             return error
         return None
 
-    def _is_to_be_mended(self, node: NodeWatch, is_active: bool, pad: PadStatistics, syncs: int) -> bool:
+    def _is_to_be_mended(self, node: NodeMonitor, is_active: bool, pad: PadStatistics, syncs: int) -> bool:
         now = time.monotonic()
         if sentence := node.new_emergency(now):
             logger.error('%s', sentence)
@@ -72,7 +72,7 @@ class NodeCare:
             logger.error('%s%s', trouble.sentence, REMEDIES.get(trouble.ailment, REMEDY) if self._mends else '')
         return self._mends and trouble.ailment is not Ailment.NO_SYNC and node.backoff.is_due(now)
 
-    def _end_outage(self, node: NodeWatch, is_active: bool, pad: PadStatistics, now: float) -> None:
+    def _end_outage(self, node: NodeMonitor, is_active: bool, pad: PadStatistics, now: float) -> None:
         if node.outage.is_running:
             if is_active and not node.has_taxels_again(pad):
                 return
@@ -80,7 +80,7 @@ class NodeCare:
             logger.info('%s %s again after %.2f s; the outage: %s.', node.who, again, node.outage.end(now), cause)
         node.recovered()
 
-    def _mend(self, node: NodeWatch, trouble: Trouble, is_active: bool) -> None:
+    def _mend(self, node: NodeMonitor, trouble: Trouble, is_active: bool) -> None:
         try:
             if trouble.needs_configuration:
                 self._configure(node, NO_PATIENCE, pause=trouble.is_outage)
@@ -93,7 +93,7 @@ class NodeCare:
                 logger.error('%s', sentence)
         node.backoff.attempted(time.monotonic())
 
-    def _configure(self, node: NodeWatch, patience: float, tries: int = 1, pause: bool = True) -> None:
+    def _configure(self, node: NodeMonitor, patience: float, tries: int = 1, pause: bool = True) -> None:
         """Configure a node; when it boots meanwhile, once more, as long as there are tries."""
         for _ in range(tries):
             boots = node.boots
@@ -103,7 +103,7 @@ class NodeCare:
                 return
 
 
-def _at_once(nodes: Sequence[NodeWatch], act: Callable[[NodeWatch], Result]) -> list[Result]:
+def _at_once(nodes: Sequence[NodeMonitor], act: Callable[[NodeMonitor], Result]) -> list[Result]:
     """What ``act`` returns of each node, in their order; the first error is raised when all are done."""
     if len(nodes) < 2:
         return [act(node) for node in nodes]

@@ -2,7 +2,7 @@
 
 Two levels. A *bus* that fails (adapter gone, network down, bus-off) is closed and opened anew, with all that
 belongs to it: here. A *node* that has started anew, is silent, not OPERATIONAL or without taxels is configured and
-started again, while SYNC and the other pads go on: NodeCare. Between two attempts of either kind the pause doubles.
+started again, while SYNC and the other pads go on: NodeRecovery. Between two attempts of either kind the pause doubles.
 """
 
 import logging
@@ -20,8 +20,8 @@ from tactile_node.frames.losses import BusStatistics
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.skin.pads import LivePad
 from tactile_node.skin.taxel_codec import without_values
-from tactile_node.supervision.node_monitor import NodeWatch
-from tactile_node.supervision.node_recovery import NodeCare
+from tactile_node.supervision.node_monitor import NodeMonitor
+from tactile_node.supervision.node_recovery import NodeRecovery
 from tactile_node.supervision.outage import Backoff, OutageClock
 from tactile_node.threads.reminder import Reminder
 
@@ -47,9 +47,9 @@ class Supervisor:
         self._bus = SkinBus(settings, pads, self._deliver, self.monitor,
                             self._bus_failed if recover else None)
         timeouts = self._timeouts(heartbeat_timeout)
-        self._by_pad = {pad.name: [NodeWatch(node, self.monitor, *timeouts) for node in pad.nodes] for pad in pads}
+        self._by_pad = {pad.name: [NodeMonitor(node, self.monitor, *timeouts) for node in pad.nodes] for pad in pads}
         self._nodes = [node for nodes in self._by_pad.values() for node in nodes]
-        self._care = NodeCare(self._bus, self._nodes, recover)
+        self._care = NodeRecovery(self._bus, self._nodes, recover)
         self._outage, self._backoff = OutageClock(), Backoff()
         self._reminder, self._others = Reminder(), Reminder()
         self._load = BusLoad(settings.bitrate)
