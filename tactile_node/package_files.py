@@ -1,12 +1,15 @@
-"""Finds the files that come with this package, wherever it is installed."""
+"""Finds the files of this package, wherever it is installed.
 
-import os
-import sys
+A wheel and a ROS workspace hold config/ and msg/ inside the Python package. In a checkout they lie beside
+it; an editable install and `colcon build --symlink-install` lead back to the checkout.
+"""
+
 from pathlib import Path
 
 from tactile_node.errors import ConfigurationError
 
-PACKAGE = 'tactile_skin'
+PACKAGE_FOLDER = Path(__file__).parent
+CHECKOUT = Path(__file__).resolve().parents[1]
 
 
 def config_path(name: str) -> Path:
@@ -21,19 +24,17 @@ def config_path(name: str) -> Path:
 def package_file(name: str) -> Path:
     """Return the path of a file of this package, such as 'config/sim16x16.yaml'.
 
-    Looked for in the checkout, in every prefix of AMENT_PREFIX_PATH (a ROS workspace) and in the
-    Python environment. Raises ConfigurationError where it is in none of them.
+    Raises ConfigurationError where the package has no such file.
     """
-    for root in _roots():
-        if (root / name).is_file():
-            return root / name
+    folders = [PACKAGE_FOLDER, *([CHECKOUT] if is_checkout() else [])]
+    for folder in folders:
+        if (folder / name).is_file():
+            return folder / name
     raise ConfigurationError(
         f'file {name.removeprefix("config/")!r}', expected='an existing file, or the name of one in config/',
-        got='no such file', remedy=f'Looked in the current folder and in {", ".join(str(root) for root in _roots())}.')
+        got='no such file', remedy=f'Looked in the current folder and in {", ".join(map(str, folders))}.')
 
 
-def _roots() -> list[Path]:
-    prefixes = [p for p in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if p]
-    shares = [Path(prefix) / 'share' / PACKAGE for prefix in [*prefixes, sys.prefix]]
-    checkout = Path(__file__).resolve().parents[1]
-    return [checkout, *shares]
+def is_checkout() -> bool:
+    """Return whether this module lies in a checkout, or is a symbolic link or an editable install of one."""
+    return (CHECKOUT / 'package.xml').is_file()

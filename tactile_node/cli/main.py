@@ -5,6 +5,7 @@ import os
 import sys
 from importlib import import_module
 
+import tactile_node
 from tactile_node.errors import TactileError
 from tactile_node.interruption import ignore_interruptions
 
@@ -63,6 +64,8 @@ def _parser(chosen: str) -> argparse.ArgumentParser:
     """Parser of all sub-commands, complete for the ``chosen`` one alone, so that no other is imported."""
     parser = argparse.ArgumentParser(
         prog='tactile', description='Contact shape from a tactile skin on a CAN bus.')
+    version = f'tactile_skin {tactile_node.__version__}' if chosen == '--version' else ''
+    parser.add_argument('--version', action='version', version=version)
     commands = parser.add_subparsers(required=True, metavar='COMMAND')
     for name, module, text in COMMANDS:
         if name == chosen:
