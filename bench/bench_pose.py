@@ -22,9 +22,9 @@ import pose_pictures
 from pose_world import CONDITIONS, by_moments, by_rectangle, draw, error, same_handedness
 from scipy.stats import binom, binomtest, chi2
 
+from tactile_node.geometry.outlines import OUTLINES
 from tactile_node.pose.fit import fit_shape
 from tactile_node.pose.moments import contact_moments
-from tactile_node.pose.outlines import OUTLINES
 from tactile_node.shape.recognition import Shape
 from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import CLASSES

@@ -6,9 +6,9 @@ import numpy as np
 from scipy import spatial
 
 from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.geometry.outlines import OUTLINES, outline_of
 from tactile_node.pose.first_guess import guesses, moments_of
 from tactile_node.pose.fit import ShapeFit
-from tactile_node.pose.outlines import OUTLINES, outline_of
 from tactile_node.shape.recognition import Shape
 from tactile_node.synthetic.pressure import Skin, pressure_frame
 from tactile_node.synthetic.world import Contact, random_contact

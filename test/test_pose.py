@@ -5,10 +5,10 @@ import pytest
 
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.errors import InputError
-from tactile_node.pose.coverage import Window, coverage, depth_inside
+from tactile_node.geometry.coverage import Window, coverage, depth_inside
+from tactile_node.geometry.outlines import OUTLINES, outline_of
 from tactile_node.pose.first_guess import guesses, moments_of
 from tactile_node.pose.fit import fit_shape
-from tactile_node.pose.outlines import OUTLINES, outline_of
 from tactile_node.pose.skin_model import PatternModel, PressureModel
 from tactile_node.pose.solids import pose_covariance, prism, solid
 from tactile_node.shape.recognition import Shape

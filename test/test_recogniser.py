@@ -7,7 +7,7 @@ from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.package_files import config_path
-from tactile_node.shape.geometry import COUNT, ORDERS, describe
+from tactile_node.shape.invariants import COUNT, ORDERS, describe
 from tactile_node.shape.methods import DEFAULT, LEARNED, METHODS, VOLF, make_recogniser
 from tactile_node.shape.network import Network
 from tactile_node.shape.patch import ROOM, SIDE, joined, make_patch

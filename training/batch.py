@@ -7,7 +7,7 @@ bulk (all but cut, second and rounded contacts, outliers, and contacts too wide 
 import numpy as np
 from scipy import ndimage
 
-from tactile_node.shape.geometry import describe_all
+from tactile_node.shape.invariants import describe_all
 from tactile_node.shape.patch import BRIDGED, RIM, ROOM, SIDE
 from tactile_node.synthetic.world import CLASSES, random_contact
 from training.samples import LEVEL_STEPS, SMALLEST, Samples

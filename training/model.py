@@ -4,7 +4,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from tactile_node.shape.geometry import COUNT
+from tactile_node.shape.invariants import COUNT
 from tactile_node.shape.network import STRIDE, TAPS
 from tactile_node.shape.patch import SIDE
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
-from tactile_node.shape.geometry import COUNT, describe
+from tactile_node.shape.invariants import COUNT, describe
 from tactile_node.shape.patch import SIDE, joined, make_patch
 from tactile_node.synthetic.world import CLASSES
 from training.field import Conditions, field_frame

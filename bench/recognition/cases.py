@@ -9,7 +9,7 @@ import numpy as np
 
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.recording.log_source import LogSource
-from tactile_node.shape.geometry import describe
+from tactile_node.shape.invariants import describe
 from tactile_node.shape.patch import joined, make_patch
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings

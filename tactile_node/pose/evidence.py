@@ -6,7 +6,7 @@ import numpy as np
 from scipy import ndimage
 
 from tactile_node.errors import InputError
-from tactile_node.pose.coverage import Window
+from tactile_node.geometry.coverage import Window
 
 MARGIN = 2  #: taxels around the contact that are looked at
 

@@ -4,11 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_node.geometry.outlines import OUTLINES, Outline, outline_of
 from tactile_node.pose.evidence import Evidence, gather
 from tactile_node.pose.first_guess import Guess, guesses, moments_of
 from tactile_node.pose.least_squares import Problem, Solution, evaluate, minimise
 from tactile_node.pose.noise import covariance_scale, weights_after
-from tactile_node.pose.outlines import OUTLINES, Outline, outline_of
 from tactile_node.pose.skin_model import Model, PatternModel, PressureModel
 from tactile_node.shape.recognition import Shape
 

@@ -10,8 +10,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from scipy.special import expit
 
-from tactile_node.pose.coverage import Window, coverage, depth_inside
-from tactile_node.pose.outlines import Outline
+from tactile_node.geometry.coverage import Window, coverage, depth_inside
+from tactile_node.geometry.outlines import Outline
 
 
 class Prediction(NamedTuple):

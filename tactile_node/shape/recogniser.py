@@ -13,7 +13,7 @@ import numpy as np
 
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.errors import ConfigurationError
-from tactile_node.shape.geometry import COUNT, describe
+from tactile_node.shape.invariants import COUNT, describe
 from tactile_node.shape.network import TAPS, Network
 from tactile_node.shape.patch import Patch, joined, make_patch
 from tactile_node.shape.recognition import Recognition, Shape

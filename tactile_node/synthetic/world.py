@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_node.synthetic.polygon import distance_inside
+from tactile_node.geometry.polygon import distance_inside
 
 CLASSES = ('circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle')
 PAD = 36  #: rows and columns of the benchmark's pad

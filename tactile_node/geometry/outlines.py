@@ -1,14 +1,12 @@
-"""The outlines of the five shapes as functions of few parameters: what is fitted.
+"""The outlines of the five shapes as functions of few parameters: what is fitted, and what contacts are drawn from.
 
-Conventions are those of `synthetic.world.Contact`: the origin of a shape's own frame is its centre of
-area; positive angles rotate x towards y.
+The origin of a shape's own frame is its centre of area; positive angles rotate x towards y. Shapes go by their
+names, which are the values of `shape.recognition.Shape`.
 """
 
 from typing import NamedTuple
 
 import numpy as np
-
-from tactile_node.shape.recognition import Shape
 
 CIRCLE_CORNERS = 32  #: a circle is a polygon of the same area
 
@@ -49,13 +47,13 @@ class Outline(NamedTuple):
         return arms + centre, motions
 
 
-def outline_of(shape: Shape, handedness: int = 1) -> Outline:
+def outline_of(shape: str, handedness: int = 1) -> Outline:
     """Return the outline of one of the five shapes; ``handedness`` (1 or -1, mirrored) is the right triangle's.
 
-    >>> outline_of(Shape.RECTANGLE).parameters
+    >>> outline_of('rectangle').parameters
     ('x', 'y', 'angle', 'long', 'short')
     """
-    if shape is Shape.RIGHT_TRIANGLE and handedness < 0:
+    if shape == 'right_triangle' and handedness < 0:
         return _MIRRORED
     return OUTLINES[shape]
 
@@ -80,15 +78,15 @@ def _circle() -> np.ndarray:
 
 
 OUTLINES = {
-    Shape.CIRCLE: Outline(('radius',), _circle(), 0),
-    Shape.SQUARE: Outline(('side',), _template(
+    'circle': Outline(('radius',), _circle(), 0),
+    'square': Outline(('side',), _template(
         ((-.5,), (-.5,)), ((.5,), (-.5,)), ((.5,), (.5,)), ((-.5,), (.5,))), 4),
-    Shape.RECTANGLE: Outline(('long', 'short'), _template(
+    'rectangle': Outline(('long', 'short'), _template(
         ((-.5, 0), (0, -.5)), ((.5, 0), (0, -.5)), ((.5, 0), (0, .5)), ((-.5, 0), (0, .5))), 2),
-    Shape.RIGHT_TRIANGLE: Outline(('long_leg', 'short_leg'), _template(
+    'right_triangle': Outline(('long_leg', 'short_leg'), _template(
         ((-1 / 3, 0), (0, -1 / 3)), ((2 / 3, 0), (0, -1 / 3)), ((-1 / 3, 0), (0, 2 / 3))), 1),
-    Shape.ISOSCELES_TRIANGLE: Outline(('base', 'height'), _template(
+    'isosceles_triangle': Outline(('base', 'height'), _template(
         ((-.5, 0), (0, -1 / 3)), ((.5, 0), (0, -1 / 3)), ((0, 0), (0, 2 / 3))), 1),
 }
-_MIRRORED = OUTLINES[Shape.RIGHT_TRIANGLE]._replace(template=_template(
+_MIRRORED = OUTLINES['right_triangle']._replace(template=_template(
     ((-1 / 3, 0), (0, 1 / 3)), ((-1 / 3, 0), (0, -2 / 3)), ((2 / 3, 0), (0, 1 / 3))))
