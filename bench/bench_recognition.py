@@ -47,10 +47,9 @@ from tactile_node.package_files import config_path
 from tactile_node.shape.recogniser import ShapeRecogniser
 from tactile_node.shape.recognition import Shape
 from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import CLASSES
 from training.batch import draw_many
 from training.pools import joined_samples
-from training.samples import Samples, draw
+from training.samples import UNKNOWN, Samples, draw
 
 ANCHOR_SEEDS = {True: 900_001, False: 900_002}
 HELD = 40  #: taxels on: while the ring is held there are more, before and after fewer
@@ -72,7 +71,7 @@ def anchor_samples(on_off: bool, bulk: int, faulty: int) -> Samples:
     rng = generator(Purpose.TRAINING, ANCHOR_SEEDS[on_off])
     parts = [draw_many(rng, 256, on_off, ((7, 60), (30, 110))[k % 4 == 3]) for k in range(bulk // 256)]
     samples = joined_samples([*parts, draw(rng, faulty, on_off, faulty=1.0, outliers=0.0)])
-    return Samples(*(array[samples.labels < len(CLASSES)] for array in samples))  # two contacts in one are no class
+    return Samples(*(array[samples.labels != UNKNOWN] for array in samples))  # two contacts in one are no class
 
 
 def trained(on_off: bool, bulk: int, faulty: int, epochs: float) -> list:

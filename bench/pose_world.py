@@ -64,8 +64,7 @@ def truth(contact: Contact) -> tuple[np.ndarray, int]:
     """Parameters of the contact's outline and its handedness."""
     outline = OUTLINES[Shape(contact.shape)]
     angle = (contact.angle,) if outline.symmetry else ()
-    handedness = int(contact.dimensions[2]) if contact.shape == 'right_triangle' else 1
-    return np.array((contact.x, contact.y, *angle, *contact.dimensions[:len(outline.dimensions)])), handedness
+    return np.array((contact.x, contact.y, *angle, *contact.dimensions[:len(outline.dimensions)])), contact.handedness
 
 
 def error(parameters: np.ndarray, symmetry: int, contact: Contact) -> Error:

@@ -5,13 +5,14 @@ import pytest
 
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.errors import InputError
-from tactile_node.geometry.coverage import Window, coverage, depth_inside
+from tactile_node.geometry.coverage import Window, coverage
 from tactile_node.geometry.outlines import OUTLINES, outline_of
+from tactile_node.geometry.polygon import depth_inside, moving_depth
 from tactile_node.pose.first_guess import guesses, moments_of
 from tactile_node.pose.fit import fit_shape
 from tactile_node.pose.skin_model import PatternModel, PressureModel
 from tactile_node.pose.solids import pose_covariance, prism, solid
-from tactile_node.shape.recognition import Shape
+from tactile_node.shape.recognition import SHAPES, Shape
 from tactile_node.synthetic.pressure import Skin, pressure_frame
 from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import CLASSES, Contact, random_contact
@@ -24,10 +25,6 @@ def parameters_of(contact):
     outline = OUTLINES[Shape(contact.shape)]
     return np.array([contact.x, contact.y, *([contact.angle] if outline.symmetry else []),
                      *contact.dimensions[:len(outline.dimensions)]])
-
-
-def handedness_of(contact):
-    return int(contact.dimensions[2]) if contact.shape == 'right_triangle' else 1
 
 
 def contacts(count=1, area=40.0, seed=11, pad=20):
@@ -47,9 +44,13 @@ def numerical(function, parameters, step=1e-5):
 
 # Outlines, coverage and models
 
+def test_every_shape_has_an_outline():
+    assert set(OUTLINES) == {shape.value for shape in SHAPES}
+
+
 @pytest.mark.parametrize('contact', contacts(2), ids=lambda c: c.shape)
 def test_outlines_are_those_of_the_synthetic_world(contact):
-    corners = outline_of(Shape(contact.shape), handedness_of(contact)).corners(parameters_of(contact))
+    corners = outline_of(Shape(contact.shape), contact.handedness).corners(parameters_of(contact))
     if contact.shape == 'circle':
         following = np.roll(corners, -1, axis=0)
         area = (corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]).sum() / 2
@@ -68,7 +69,7 @@ def test_coverage_of_a_rectangle_along_the_lattice_by_hand():
 
 @pytest.mark.parametrize('contact', contacts(2), ids=lambda c: c.shape)
 def test_coverage_agrees_with_counting_points(contact):
-    outline = outline_of(Shape(contact.shape), handedness_of(contact))
+    outline = outline_of(Shape(contact.shape), contact.handedness)
     covered, _ = coverage(*outline.moving(parameters_of(contact)), WINDOW)
     step = (np.arange(40) + 0.5) / 40 - 0.5
     y = (WINDOW.row + np.arange(WINDOW.rows))[:, None] + step
@@ -90,7 +91,7 @@ def test_what_lies_left_of_the_window_is_cut_off_right():
 @pytest.mark.parametrize('contact', contacts(1), ids=lambda c: c.shape)
 @pytest.mark.parametrize('kind', ['pressure', 'pattern'])
 def test_jacobians_are_the_derivatives(contact, kind):
-    outline = outline_of(Shape(contact.shape), handedness_of(contact))
+    outline = outline_of(Shape(contact.shape), contact.handedness)
     model = (PressureModel(outline, WINDOW, np.array([9.0, 9.5])) if kind == 'pressure'
              else PatternModel(outline, WINDOW))
     extras = [1.1, 0.02, -0.03, 0.13] if kind == 'pressure' else []
@@ -101,13 +102,14 @@ def test_jacobians_are_the_derivatives(contact, kind):
 
 def test_depth_inside_of_a_square_by_hand():
     corners, places = np.array([[0., 0], [4, 0], [4, 4], [0, 4]]), np.array([[1., 2, 5], [2, 3.5, 2]])
-    assert depth_inside(corners, np.zeros((1, 4, 2)), places)[0] == pytest.approx([1, 0.5, -1])
+    assert depth_inside(corners, *places) == pytest.approx([1, 0.5, -1])
+    assert moving_depth(corners, np.zeros((1, 4, 2)), places)[0] == pytest.approx([1, 0.5, -1])
 
 
 @pytest.mark.parametrize('contact', contacts(2), ids=lambda c: c.shape)
 def test_the_first_guess_is_near_without_any_fit(contact):
     shape = Shape(contact.shape)
-    outline = outline_of(shape, handedness_of(contact))
+    outline = outline_of(shape, contact.handedness)
     covered, _ = coverage(*outline.moving(parameters_of(contact)), Window(0, 0, 20, 20))
     y, x = np.indices(covered.shape).reshape(2, -1)
     guess = guesses(shape, moments_of(x, y, covered.ravel()), 0.0)[0]

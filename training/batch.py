@@ -9,9 +9,11 @@ from scipy import ndimage
 
 from tactile_node.shape.invariants import describe_all
 from tactile_node.shape.patch import BRIDGED, RIM, ROOM, SIDE
-from tactile_node.synthetic.world import CLASSES, random_contact
-from training.samples import LEVEL_STEPS, SMALLEST, Samples
+from tactile_node.synthetic.world import random_contact
+from training.samples import LABELS, LEVEL_STEPS, SMALLEST, UNKNOWN, Samples
 
+CIRCLE = LABELS.index('circle')
+TRIANGLES = [LABELS.index(shape) for shape in ('right_triangle', 'isosceles_triangle')]
 PAD = 30
 CELLS = np.arange(SIDE)
 STEPS = 5  #: coverage is counted on STEPS x STEPS points
@@ -23,8 +25,8 @@ class Contacts:
     """K convex contacts by their half-planes (circles: by one distance)."""
 
     def __init__(self, rng: np.random.Generator, count: int, areas: np.ndarray):
-        self.labels = rng.integers(len(CLASSES), size=count)
-        drawn = [random_contact(rng, CLASSES[label], area, PAD, PAD) for label, area in zip(self.labels, areas)]
+        self.labels = rng.integers(UNKNOWN, size=count)
+        drawn = [random_contact(rng, LABELS[label], area, PAD, PAD) for label, area in zip(self.labels, areas)]
         self.circle = np.array([(c.x, c.y, c.dimensions[0]) for c in drawn], np.float32)
         corners = np.array([np.resize(c.outline(4), (4, 2)) for c in drawn])  # a triangle's first one twice
         edge = np.roll(corners, -1, axis=1) - corners
@@ -32,8 +34,8 @@ class Contacts:
         long = np.hypot(edge[..., 0], edge[..., 1])
         normal = np.stack((-edge[..., 1], edge[..., 0]), -1) / long[..., None]
         self.planes = np.dstack((normal, (normal * corners).sum(-1))).astype(np.float32)  # (K, 4, 3)
-        lengths = np.where(np.isin(self.labels, (3, 4)), long[:, :3].sum(1), long.sum(1))
-        self.inner = np.where(self.labels == 0, self.circle[:, 2], 2 * areas / lengths)
+        lengths = np.where(np.isin(self.labels, TRIANGLES), long[:, :3].sum(1), long.sum(1))
+        self.inner = np.where(self.labels == CIRCLE, self.circle[:, 2], 2 * areas / lengths)
 
     def depth(self, k, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Depth of points (n, m) in contacts ``k``, (n,)."""
@@ -41,7 +43,7 @@ class Contacts:
         for side in range(4):
             plane = self.planes[k, side, :, None]
             np.minimum(depth, plane[:, 0] * x + plane[:, 1] * y - plane[:, 2], out=depth)
-        disc = np.flatnonzero(self.labels[k] == 0)
+        disc = np.flatnonzero(self.labels[k] == CIRCLE)
         circle = self.circle[k][disc][..., None]
         depth[disc] = circle[:, 2] - np.hypot(x[disc] - circle[:, 0], y[disc] - circle[:, 1])
         return depth

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tactile_node.geometry.polygon import depth_inside
+
 Depth = Callable[[np.ndarray, np.ndarray], np.ndarray]  #: of points about the origin, about unit size
 
 EVALUATED = ('L', 'cross', 'crescent', 'ellipse', 'blob')
@@ -83,10 +85,7 @@ def _radial(radius: Callable[[np.ndarray], np.ndarray]) -> Depth:
 
 
 def _convex(corners: np.ndarray) -> Depth:
-    edge = np.roll(corners, -1, axis=0) - corners
-    normal = np.column_stack((-edge[:, 1], edge[:, 0])) / np.hypot(*edge.T)[:, np.newaxis]
-    offset = (normal * corners).sum(1)
-    return lambda x, y: np.min([n[0] * x + n[1] * y - d for n, d in zip(normal, offset)], axis=0)
+    return lambda x, y: depth_inside(corners, x, y)
 
 
 # Evaluated.

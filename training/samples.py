@@ -8,12 +8,12 @@ import numpy as np
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.shape.invariants import COUNT, describe
 from tactile_node.shape.patch import SIDE, joined, make_patch
-from tactile_node.synthetic.world import CLASSES
+from tactile_node.shape.recogniser import OUTPUTS
 from training.field import Conditions, field_frame
 from training.outliers import TRAINED
 
-LABELS = (*CLASSES, 'unknown')
-UNKNOWN = len(CLASSES)
+LABELS = tuple(shape.value for shape in OUTPUTS)  #: a label is an index into these
+UNKNOWN = LABELS.index('unknown')
 SMALLEST = 5           #: taxels of a pattern worth a sample
 LEVEL_STEPS = 160.0    #: levels are kept as whole numbers of this fraction
 
@@ -81,8 +81,8 @@ def random_sample(rng: np.random.Generator, on_off: bool, faulty: float = 0.45,
                   outliers: float = 0.18) -> tuple[ContactPattern, np.ndarray, int]:
     """Draw a pattern, the mask of its contact and its label."""
     while True:
-        label = UNKNOWN if rng.random() < outliers else int(rng.integers(len(CLASSES)))
-        kind = TRAINED[rng.integers(len(TRAINED))] if label == UNKNOWN else CLASSES[label]
+        label = UNKNOWN if rng.random() < outliers else int(rng.integers(UNKNOWN))
+        kind = TRAINED[rng.integers(len(TRAINED))] if label == UNKNOWN else LABELS[label]
         conditions = random_conditions(rng, on_off, faulty)
         area = random_area(rng, conditions.wall > 0 and rng.random() < 0.7)
         if label == UNKNOWN:

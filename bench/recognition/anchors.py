@@ -15,7 +15,7 @@ from torch.nn import functional
 
 from training.samples import UNKNOWN, Samples
 
-CLASSES = UNKNOWN
+CLASSES = UNKNOWN  #: how many: anchors know no UNKNOWN
 TREES = 300
 
 

@@ -22,7 +22,7 @@ from training.field import (
     field_frame,
 )
 from training.outliers import EVALUATED
-from training.samples import LEVEL_STEPS, UNKNOWN, Samples
+from training.samples import LABELS, LEVEL_STEPS, UNKNOWN, Samples
 
 ROOT = Path(__file__).resolve().parents[2]
 PRESS, RELEASE = 0.3, 0.24  #: the processor's thresholds for pressures [fraction of full scale]
@@ -50,7 +50,7 @@ FIELD: dict[str, dict] = {
 
 
 class Case(NamedTuple):
-    """Patterns of one condition and size; ``labels`` index CLASSES, UNKNOWN for outliers; ``samples`` are
+    """Patterns of one condition and size; ``labels`` index LABELS, UNKNOWN for outliers; ``samples`` are
     their patches, for the anchors."""
 
     condition: str
@@ -71,7 +71,7 @@ def make_case(seed: int, condition: str, on_off: bool, area: float, count: int, 
     conditions = replace(nominal, **FIELD.get(condition, {}))
     patterns = [extracted(field_frame(rng, kinds[k % len(kinds)], area, conditions), conditions)
                 for k in range(count)]
-    labels = np.array([CLASSES.index(kinds[k % len(kinds)]) if kinds[k % len(kinds)] in CLASSES else UNKNOWN
+    labels = np.array([LABELS.index(kinds[k % len(kinds)]) if kinds[k % len(kinds)] in LABELS else UNKNOWN
                        for k in range(count)])
     return Case(condition, on_off, area, patterns, patches(patterns, labels, bool(conditions.second)))
 

@@ -12,11 +12,11 @@ from bench.recognition.cases import Case
 from bench.recognition.figures import Rate, calibration_error
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.fusion.recognitions import RecognitionFusion
-from tactile_node.shape.recogniser import SHAPES, ShapeRecogniser
+from tactile_node.shape.recogniser import OUTPUTS, ShapeRecogniser
 from tactile_node.shape.recognition import Shape
 from training.samples import UNKNOWN, Samples
 
-ORDER = (*SHAPES, Shape.UNKNOWN, Shape.NONE)
+ORDER = (*OUTPUTS, Shape.NONE)
 OURS = 'ours'
 
 

@@ -16,7 +16,7 @@ from tactile_node.reproduction.curve_fitting import (
     fit_classifier,
     recognised,
 )
-from tactile_node.shape.volf import BANDS, SHAPES, VolfClassifier
+from tactile_node.shape.volf import ANSWERS, BANDS, VolfClassifier
 from tactile_node.synthetic.seeds import Purpose, generator
 
 HEADER = '''\
@@ -82,7 +82,7 @@ def _write(args, kept: str, readings: dict, training: Samples, validation: Sampl
                           for key, value in vars(plane).items()}
                    for name, plane in readings[kept].planes.items()},
         'shares': {shape.value: np.round(readings[kept].shares[:, index], 4).tolist()
-                   for index, shape in enumerate(SHAPES)}}
+                   for index, shape in enumerate(ANSWERS)}}
     try:
         with open(args.output, 'w', encoding='utf-8') as stream:
             stream.write(HEADER.format(command=command))

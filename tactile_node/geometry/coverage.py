@@ -77,23 +77,3 @@ def _stretches(start: np.ndarray, edge: np.ndarray, window: Window) -> np.ndarra
     np.multiply(length, begin + 0.5 * length, out=stretches[1])
     np.subtract(length, stretches[1], out=stretches[0])
     return stretches
-
-
-def depth_inside(corners: np.ndarray, motions: np.ndarray,
-                 places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the distance of ``places`` (2, m) from a convex polygon's outline and its derivatives.
-
-    Shapes (m,) and (p, m); positive inside. Outside and beyond a corner it is the distance from the nearer edge's line.
-    """
-    following = np.arange(1, len(corners) + 1) % len(corners)
-    edge = corners[following] - corners
-    length = np.sqrt((edge**2).sum(1, keepdims=True))
-    along = edge / length
-    outwards = along[:, ::-1] * (1.0, -1.0)
-    depth = (outwards * corners).sum(1, keepdims=True) - outwards @ places
-    nearest = depth.argmin(0)
-    each = np.arange(len(nearest))
-    t = ((along @ places - (along * corners).sum(1, keepdims=True)) / length)[nearest, each]
-    at_start = (motions * outwards).sum(-1)[:, nearest]
-    at_stop = (motions[:, following] * outwards).sum(-1)[:, nearest]
-    return depth[nearest, each], at_start + (at_stop - at_start) * t

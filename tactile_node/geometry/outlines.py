@@ -31,8 +31,12 @@ class Outline(NamedTuple):
 
     def corners(self, parameters: np.ndarray) -> np.ndarray:
         """Return the corners, shape (corners, 2)."""
-        centre, angle, dimensions = self.split(parameters)
-        return self.template @ dimensions @ _rotation(angle) + centre
+        return self.placed(*self.split(parameters))
+
+    def placed(self, centre: np.ndarray, angle: float, dimensions: np.ndarray) -> np.ndarray:
+        """Return the corners, shape (corners, 2), of an outline at ``centre`` (2,)."""
+        corners: np.ndarray = self.template @ dimensions @ _rotation(angle) + centre
+        return corners
 
     def moving(self, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the corners and d corners / d parameters, shape (parameters, corners, 2)."""
@@ -58,6 +62,12 @@ def outline_of(shape: str, handedness: int = 1) -> Outline:
     return OUTLINES[shape]
 
 
+def polygon_in_circle(corners: int) -> Outline:
+    """Return a circle's outline as a regular polygon with its corners on the circle: for drawing."""
+    angle = np.arange(corners) * (2 * np.pi / corners)
+    return OUTLINES['circle']._replace(template=np.stack((np.cos(angle), np.sin(angle)), 1)[..., np.newaxis])
+
+
 def _rotation(angle: float) -> np.ndarray:
     """Rotation matrix for row vectors."""
     cos, sin = np.cos(angle), np.sin(angle)
@@ -77,7 +87,8 @@ def _circle() -> np.ndarray:
     return _template(*(((same_area * np.cos(a),), (same_area * np.sin(a),)) for a in angle))
 
 
-OUTLINES = {
+#: by the shape's name
+OUTLINES: dict[str, Outline] = {
     'circle': Outline(('radius',), _circle(), 0),
     'square': Outline(('side',), _template(
         ((-.5,), (-.5,)), ((.5,), (-.5,)), ((.5,), (.5,)), ((-.5,), (.5,))), 4),

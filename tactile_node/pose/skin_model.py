@@ -10,8 +10,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from scipy.special import expit
 
-from tactile_node.geometry.coverage import Window, coverage, depth_inside
+from tactile_node.geometry.coverage import Window, coverage
 from tactile_node.geometry.outlines import Outline
+from tactile_node.geometry.polygon import moving_depth
 
 
 class Prediction(NamedTuple):
@@ -44,7 +45,7 @@ class PatternModel:
         self._places = np.stack((cols + window.col, rows + window.row)).astype(float)
 
     def predict(self, parameters: np.ndarray) -> Prediction:
-        depth, change = depth_inside(*self.outline.moving(parameters), self._places)
+        depth, change = moving_depth(*self.outline.moving(parameters), self._places)
         inside = expit(depth / self.EDGE)
         rim = inside * (1 - inside)
         return Prediction(inside, change * (rim / self.EDGE), rim)

@@ -7,7 +7,7 @@ from tactile_node.reproduction.curve_fitting import Samples
 from tactile_node.reproduction.experiments import PUBLISHED, SIZES, Method, Results
 from tactile_node.shape.plane import Plane
 from tactile_node.shape.recognition import Shape
-from tactile_node.shape.volf import SHAPES
+from tactile_node.shape.volf import ANSWERS
 
 COLOURS = {Shape.RECTANGLE: '#d97706', Shape.RIGHT_TRIANGLE: '#b91c1c', Shape.ISOSCELES_TRIANGLE: '#7c3aed',
            Shape.SQUARE: '#1d4ed8', Shape.CIRCLE: '#059669'}
@@ -20,17 +20,17 @@ MARKS = ('o', 's', 'D', '^', 'v', 'P', 'X')
 
 def first_plane(samples: Samples, planes: dict[str, Plane]) -> Figure:
     """Fig. 6: two curves, rectangle | right triangle | the rest."""
-    return _cloud(samples, [planes['rectangle'], planes['right_triangle']], SHAPES)
+    return _cloud(samples, [planes['rectangle'], planes['right_triangle']], ANSWERS)
 
 
 def second_plane(samples: Samples, planes: dict[str, Plane]) -> Figure:
     """Fig. 7: isosceles triangles above, circles and squares below."""
-    return _cloud(samples, [planes['isosceles_triangle']], SHAPES[2:])
+    return _cloud(samples, [planes['isosceles_triangle']], ANSWERS[2:])
 
 
 def third_plane(samples: Samples, planes: dict[str, Plane]) -> Figure:
     """Fig. 8: squares above, circles below."""
-    return _cloud(samples, [planes['square']], SHAPES[3:])
+    return _cloud(samples, [planes['square']], ANSWERS[3:])
 
 
 def _cloud(samples: Samples, curves: list[Plane], shapes) -> Figure:
@@ -39,11 +39,11 @@ def _cloud(samples: Samples, curves: list[Plane], shapes) -> Figure:
     axes = figure.add_subplot(xlabel=LABELS[horizontal], ylabel=LABELS[vertical])
     jitter = np.random.default_rng(0)  # counts are whole numbers; spread out to be seen
     for shape in shapes:
-        chosen = np.flatnonzero(samples.labels == SHAPES.index(shape))[:SHOWN]
+        chosen = np.flatnonzero(samples.labels == ANSWERS.index(shape))[:SHOWN]
         x = samples.of(horizontal)[chosen] + jitter.uniform(-0.35, 0.35, len(chosen))
         axes.plot(x, samples.of(vertical)[chosen], '.', ms=3, color=COLOURS[shape], label=shape.value,
                   rasterized=True)
-    drawn = np.isin(samples.labels, [SHAPES.index(shape) for shape in shapes])
+    drawn = np.isin(samples.labels, [ANSWERS.index(shape) for shape in shapes])
     x = np.linspace(samples.of(horizontal)[drawn].min(), samples.of(horizontal)[drawn].max(), 400)
     for style, plane in zip(('-', '--'), curves):
         axes.plot(x, plane.curve_at(x), style, color='black', lw=1.5)

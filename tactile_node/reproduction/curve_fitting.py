@@ -8,9 +8,9 @@ import numpy as np
 from tactile_node.helmholtz.features import compute_features
 from tactile_node.shape.plane import Plane, axes, fit_curve
 from tactile_node.shape.volf import (
+    ANSWERS,
     BANDS,
     GROUPS,
-    SHAPES,
     SMALLEST,
     VolfClassifier,
     band_of,
@@ -30,7 +30,7 @@ class Samples(NamedTuple):
     """The planes' features of n patterns by name, each of shape (n,), and what the patterns are."""
 
     columns: Mapping[tuple[str, str], np.ndarray]
-    labels: np.ndarray  #: index into volf.SHAPES
+    labels: np.ndarray  #: index into volf.ANSWERS
 
     def of(self, name: tuple[str, str]) -> np.ndarray:
         return self.columns[name]
@@ -40,7 +40,7 @@ def draw_samples(rng: np.random.Generator, patterns: int, areas: tuple[float, fl
                  progress: Callable[[int], None] = lambda done: None) -> Samples:
     """Draw patterns, the classes in turn, areas log-uniform; those under SMALLEST taxels are drawn anew."""
     rows, labels = [], []
-    names = [shape.value for shape in SHAPES]
+    names = [shape.value for shape in ANSWERS]
     while len(rows) < patterns:
         shape = CLASSES[len(rows) % len(CLASSES)]
         mask = random_pattern(rng, shape, float(np.exp(rng.uniform(*np.log(areas)))))
@@ -75,7 +75,7 @@ def fit_planes(samples: Samples, third: tuple[str, str]) -> dict[str, Plane]:
         if right <= most:
             break
         most, best = right, list(curves)
-    return {SHAPES[index].value: plane for index, plane in enumerate(best)}
+    return {ANSWERS[index].value: plane for index, plane in enumerate(best)}
 
 
 def _gain(heights: np.ndarray, labels: np.ndarray, index: int) -> np.ndarray:
@@ -86,15 +86,15 @@ def _gain(heights: np.ndarray, labels: np.ndarray, index: int) -> np.ndarray:
 
 
 def answers(planes: Mapping[str, Plane], samples: Samples) -> np.ndarray:
-    """Index into volf.SHAPES of what the curves say of each pattern, shape (n,)."""
+    """Index into volf.ANSWERS of what the curves say of each pattern, shape (n,)."""
     return by_curves(np.array([plane.height(samples.of(plane.horizontal), samples.of(plane.vertical))
                                for plane in planes.values()]))
 
 
 def count_shares(answer: np.ndarray, samples: Samples) -> np.ndarray:
     """Share of each true class where the curves give each answer, by BANDS; shape (bands, 5, 5)."""
-    counts = np.full((len(BANDS), len(SHAPES), len(SHAPES)), 0.1)  # no class is ever quite impossible
-    counts += np.eye(len(SHAPES))  # and an answer never given in training stands for itself
+    counts = np.full((len(BANDS), len(ANSWERS), len(ANSWERS)), 0.1)  # no class is ever quite impossible
+    counts += np.eye(len(ANSWERS))  # and an answer never given in training stands for itself
     np.add.at(counts, (band_of(samples.of(COLUMNS[0])), answer, samples.labels), 1)
     return counts / counts.sum(2, keepdims=True)
 

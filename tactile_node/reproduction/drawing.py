@@ -10,7 +10,7 @@ import numpy as np
 from tactile_node.helmholtz.features import Group, features_at_angles
 from tactile_node.reproduction.curve_fitting import COLUMNS, Samples
 from tactile_node.reproduction.worlds import draw_pattern
-from tactile_node.shape.volf import SHAPES
+from tactile_node.shape.volf import ANSWERS
 from tactile_node.synthetic.seeds import Purpose, generator
 
 BATCH = 250  #: patterns a process draws at a time
@@ -59,8 +59,8 @@ def draw_batch(task: tuple[Wanted, int, int, np.random.Generator]) -> np.ndarray
     low, high = np.log(wanted.areas)
     rows = []
     while len(rows) < count:
-        label = (first + len(rows)) % len(SHAPES)
-        mask = draw_pattern(wanted.world, rng, SHAPES[label].value, float(np.exp(rng.uniform(low, high))))
+        label = (first + len(rows)) % len(ANSWERS)
+        mask = draw_pattern(wanted.world, rng, ANSWERS[label].value, float(np.exp(rng.uniform(low, high))))
         row = [*plane_features(mask), label]
         if not np.isnan(row).any():  # alpha9 is undefined where no two taxels are neighbours
             rows.append(row)

@@ -17,7 +17,7 @@ from tactile_node.reproduction.drawing import Drawn, Wanted, draw
 from tactile_node.reproduction.neighbours import NearestNeighbours
 from tactile_node.reproduction.rates import Rate, confusion, lost_in_plane, rate
 from tactile_node.reproduction.worlds import WORLDS, draw_pattern
-from tactile_node.shape.volf import SHAPES, VolfClassifier
+from tactile_node.shape.volf import ANSWERS, VolfClassifier
 from tactile_node.synthetic.seeds import Purpose, generator
 
 SIZES = (15, 20, 25, 30, 35, 50, 75, 100)  #: areas [taxels] at which recognition is measured
@@ -121,5 +121,5 @@ def _vanished(drawn: Drawn) -> float:
 def _remaining(seed: int) -> np.ndarray:
     """Mean share of a pattern's taxels that each of ANGLES keeps, shape (46,)."""
     rng = generator(Purpose.VALIDATION, seed)
-    masks = [draw_pattern('benchmark', rng, shape.value, VANISHING) for _ in range(20) for shape in SHAPES]
+    masks = [draw_pattern('benchmark', rng, shape.value, VANISHING) for _ in range(20) for shape in ANSWERS]
     return np.mean([features_at_angles(mask, Group.NONE)['N'] / mask.sum() for mask in masks], axis=0)

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from tactile_node.reproduction.curve_fitting import COLUMNS, Samples
-from tactile_node.shape.volf import SHAPES
+from tactile_node.shape.volf import ANSWERS
 
 NUMBERS = (5, 11, 21, 41)
 
@@ -20,9 +20,9 @@ class NearestNeighbours:
             self.answers(validation, number) == validation.labels))
 
     def answers(self, samples: Samples, number: int | None = None) -> np.ndarray:
-        """Index into SHAPES of each pattern, shape (n,)."""
+        """Index into ANSWERS of each pattern, shape (n,)."""
         _, nearest = self._tree.query((_logarithms(samples) - self._middle) / self._spread, number or self.number)
-        votes = np.zeros((len(nearest), len(SHAPES)))
+        votes = np.zeros((len(nearest), len(ANSWERS)))
         np.add.at(votes, (np.arange(len(nearest))[:, np.newaxis], self._labels[nearest]), 1)
         return votes.argmax(1)
 

@@ -14,7 +14,7 @@ from tactile_node.reproduction.experiments import PUBLISHED, SIZES, Method, Resu
 from tactile_node.reproduction.rates import Rate
 from tactile_node.reproduction.wording import findings
 from tactile_node.reproduction.worlds import WORLDS
-from tactile_node.shape.volf import SHAPES
+from tactile_node.shape.volf import ANSWERS
 
 STYLE = '''body { font: 15px/1.5 sans-serif; max-width: 62em; margin: 2em auto; padding: 0 1em; color: #222 }
 table { border-collapse: collapse; margin: 1em 0; font-size: 13px } td, th { padding: .25em .6em; text-align: right }
@@ -69,9 +69,9 @@ def _lost_rows(results: Results) -> list[list]:
 
 
 def _confusion_rows(results: Results) -> list[list]:
-    return [['true class', 'area', *(shape.value for shape in SHAPES)],
+    return [['true class', 'area', *(shape.value for shape in ANSWERS)],
             *([shape.value, size, *results.confusions[size][index].tolist()]
-              for size in SIZES for index, shape in enumerate(SHAPES))]
+              for size in SIZES for index, shape in enumerate(ANSWERS))]
 
 
 def _rate_table(results: Results) -> str:

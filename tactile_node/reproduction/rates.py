@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.shape.volf import SHAPES
+from tactile_node.shape.volf import ANSWERS
 
 Z95 = 1.959963984540054  #: normal quantile of a two-sided 95 % interval
-PLANE_OF = np.array([1, 1, 2, 3, 3])  #: the plane whose curve decides for each of SHAPES
+PLANE_OF = np.array([1, 1, 2, 3, 3])  #: the plane whose curve decides for each of ANSWERS
 
 
 class Rate(NamedTuple):
@@ -37,7 +37,7 @@ def lost_in_plane(answer: np.ndarray, labels: np.ndarray) -> dict[int, float]:
 
 
 def confusion(answer: np.ndarray, labels: np.ndarray) -> np.ndarray:
-    """Share of each class (row) that gets each answer (column), shape (5, 5), in the order of SHAPES."""
-    counts = np.zeros((len(SHAPES), len(SHAPES)))
+    """Share of each class (row) that gets each answer (column), shape (5, 5), in the order of ANSWERS."""
+    counts = np.zeros((len(ANSWERS), len(ANSWERS)))
     np.add.at(counts, (labels, answer), 1)
     return counts / np.maximum(counts.sum(1, keepdims=True), 1)

@@ -12,7 +12,7 @@ from tactile_node.reproduction.experiments import (
 )
 from tactile_node.reproduction.worlds import WORLDS
 from tactile_node.shape.recognition import Shape
-from tactile_node.shape.volf import SHAPES
+from tactile_node.shape.volf import ANSWERS
 
 LARGEST = SIZES[-1]
 
@@ -39,7 +39,7 @@ def _third_plane(results: Results) -> str:
 def _where_it_goes_wrong(results: Results) -> str:
     lost = results.lost[LARGEST]
     worst = max(lost, key=lost.get)
-    rectangle, right = (SHAPES.index(shape) for shape in (Shape.RECTANGLE, Shape.RIGHT_TRIANGLE))
+    rectangle, right = (ANSWERS.index(shape) for shape in (Shape.RECTANGLE, Shape.RIGHT_TRIANGLE))
     table = results.confusions[LARGEST]
     return (f'At {LARGEST} taxels plane {worst} loses most, {lost[worst]:.1%} of all patterns. There '
             f'{table[rectangle, right]:.0%} of the rectangles are taken for right triangles and '

@@ -5,14 +5,14 @@ from geometry_msgs.msg import Point, Vector3
 
 from tactile_node.grasp.tracker import GraspState, Line, SideResult
 from tactile_node.ros.conversions import duration_message, seconds, time_message
-from tactile_node.ros.shape_messages import SHAPES
+from tactile_node.ros.shape_messages import SHAPE_OF_NUMBER
 from tactile_node.shape.recognition import Shape
 from tactile_skin.msg import ContactShape, Grasp
 
 
 def side_result(message: ContactShape) -> SideResult:
     """What one pad says; the centre is the fit's, or the centre of pressure where there is no fit."""
-    shape = SHAPES[message.shape]
+    shape = SHAPE_OF_NUMBER[message.shape]
     place = message.pose.pose.position if message.fit_valid else message.centre_of_pressure
     touched = shape is not Shape.NONE and np.isfinite((place.x, place.y)).all()
     return SideResult(seconds(message.header.stamp), shape, (place.x, place.y) if touched else None)

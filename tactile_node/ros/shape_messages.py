@@ -19,7 +19,7 @@ SHAPE_NUMBERS = {
     Shape.NONE: ContactShape.NONE, Shape.UNKNOWN: ContactShape.UNKNOWN, Shape.CIRCLE: ContactShape.CIRCLE,
     Shape.SQUARE: ContactShape.SQUARE, Shape.RECTANGLE: ContactShape.RECTANGLE,
     Shape.RIGHT_TRIANGLE: ContactShape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE: ContactShape.ISOSCELES_TRIANGLE}
-SHAPES = {number: shape for shape, number in SHAPE_NUMBERS.items()}
+SHAPE_OF_NUMBER = {number: shape for shape, number in SHAPE_NUMBERS.items()}
 SOLIDS = {'box': SolidPrimitive.BOX, 'cylinder': SolidPrimitive.CYLINDER}
 
 

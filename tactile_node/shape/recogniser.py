@@ -18,7 +18,8 @@ from tactile_node.shape.network import TAPS, Network
 from tactile_node.shape.patch import Patch, joined, make_patch
 from tactile_node.shape.recognition import Recognition, Shape
 
-SHAPES = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE)
+#: what each output of the networks in the weights' file stands for; its order is part of the file's format
+OUTPUTS = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE, Shape.UNKNOWN)
 #: a pattern of fewer taxels is UNKNOWN: it stands for a contact of less than nine taxels' area, of which
 #: pressures show the rim
 SMALLEST = {'on_off': 6, 'graded': 4}
@@ -85,10 +86,10 @@ class ShapeRecogniser:
         if np.count_nonzero(mask) < SMALLEST[KINDS[patch.graded]]:
             return Recognition.certain(Shape.UNKNOWN)
         probabilities = self.probabilities([patch])[0]
-        return Recognition.of(dict(zip((*SHAPES, Shape.UNKNOWN), probabilities.tolist())))
+        return Recognition.of(dict(zip(OUTPUTS, probabilities.tolist())))
 
     def probabilities(self, patches: list[Patch]) -> np.ndarray:
-        """Return the probabilities of SHAPES and of UNKNOWN for patches all graded or all not, (K, 6)."""
+        """Return the probabilities of OUTPUTS for patches all graded or all not, (K, 6)."""
         kind = KINDS[patches[0].graded]
         images = np.stack([np.stack((patch.level, patch.unseen), -1) for patch in patches])
         geometry = np.stack([describe(patch) for patch in patches])
@@ -101,7 +102,7 @@ def _network(data, kind: str) -> Network:
         return tuple(data[f'{kind}_{name}{layer}'].astype(np.float32) for layer in range(LAYERS))
     network = Network(arrays('kernel'), arrays('bias'), data[f'{kind}_middle'], data[f'{kind}_spread'])
     fits = [kernel.shape[1:] == bias.shape for kernel, bias in zip(network.kernels, network.biases)]
-    if not all(fits) or network.middle.shape != (COUNT,) or network.kernels[-1].shape[1] != len(SHAPES) + 1:
+    if not all(fits) or network.middle.shape != (COUNT,) or network.kernels[-1].shape[1] != len(OUTPUTS):
         raise ValueError(f'arrays of {kind} that do not fit together')
     return network
 

@@ -15,7 +15,11 @@ class Shape(str, Enum):
     RIGHT_TRIANGLE = 'right_triangle'
     ISOSCELES_TRIANGLE = 'isosceles_triangle'
     NONE = 'none'        #: nothing touches the pad
-    UNKNOWN = 'unknown'  #: something does, and its shape cannot be told
+    UNKNOWN = 'unknown'  #: something does, and its shape cannot be determined
+
+
+#: The shapes that a contact can have, in the package's one order. Files that keep another one name it at their loader.
+SHAPES = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE)
 
 
 class Recognition(NamedTuple):

@@ -24,7 +24,9 @@ GROUPS = Group.CLASSIFIER  #: the features the classifier reads
 SMALLEST = 15  #: a pattern of fewer taxels is UNKNOWN
 PLANES = ('rectangle', 'right_triangle', 'isosceles_triangle', 'square')
 BANDS = (15, 20, 25, 35, 50, 75, 100, 150)  #: of N, by their least taxel
-SHAPES = (Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE, Shape.SQUARE, Shape.CIRCLE)
+#: what the planes answer, in their order of decision: that of the labels of the reproduction, and of each list of
+#: probabilities in the file
+ANSWERS = (*(Shape(name) for name in PLANES), Shape.CIRCLE)
 
 
 def plane_feature(features: Features, name: tuple[str, str]) -> float:
@@ -36,7 +38,7 @@ def plane_feature(features: Features, name: tuple[str, str]) -> float:
 class VolfClassifier:
     """Recognises shapes by ``planes``: the curve below each shape of PLANES, in this order of decision.
 
-    ``shares``, shape (bands, 5, 5): by band of N and the curves' answer, the probability of each of SHAPES.
+    ``shares``, shape (bands, 5, 5): by band of N and the curves' answer, the probability of each of ANSWERS.
     """
 
     def __init__(self, planes: Mapping[str, Plane], shares: np.ndarray):
@@ -73,7 +75,7 @@ class VolfClassifier:
         if np.isnan(heights).any():
             return Recognition.certain(Shape.UNKNOWN)
         shares = self.shares[band_of(count), by_curves(heights)]
-        return Recognition.of(dict(zip(SHAPES, shares.tolist())))
+        return Recognition.of(dict(zip(ANSWERS, shares.tolist())))
 
 
 def band_of(count: np.ndarray) -> np.ndarray:
@@ -100,9 +102,9 @@ def _plane(data: Mapping) -> Plane:
 
 def _shares(data: Mapping) -> np.ndarray:
     """Probabilities by band and answer; KeyError, TypeError, ValueError where they are none."""
-    shares = np.array([data[shape.value] for shape in SHAPES], float).swapaxes(0, 1)
-    if shares.shape != (len(BANDS), len(SHAPES), len(SHAPES)) or not (shares >= 0).all():
-        raise ValueError(f'shares that are not {len(BANDS)} rows of {len(SHAPES)} probabilities an answer')
+    shares = np.array([data[shape.value] for shape in ANSWERS], float).swapaxes(0, 1)
+    if shares.shape != (len(BANDS), len(ANSWERS), len(ANSWERS)) or not (shares >= 0).all():
+        raise ValueError(f'shares that are not {len(BANDS)} rows of {len(ANSWERS)} probabilities an answer')
     return shares / shares.sum(2, keepdims=True)
 
 

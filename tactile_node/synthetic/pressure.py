@@ -33,7 +33,11 @@ class Skin:
 
 
 def coverage(contact: Touching, rows: int = PAD, cols: int = PAD) -> np.ndarray:
-    """Return the fraction of each taxel's square that the contact covers, shape (rows, cols)."""
+    """Return the fraction of each taxel's square that the contact covers, shape (rows, cols).
+
+    Counted on points, not exact as `geometry.coverage`: what touches need not be a polygon (hollow, rounded, any
+    outlier), and the committed weights and figures come from these very numbers.
+    """
     covered, near = np.zeros((rows, cols)), _window(contact, rows, cols)
     y, x = np.indices((rows, cols))[(slice(None), *near)].astype(float)
     depth = contact.depth(x, y)

@@ -11,9 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_node.geometry.polygon import distance_inside
+from tactile_node.geometry.outlines import OUTLINES, Outline, outline_of, polygon_in_circle
+from tactile_node.geometry.polygon import depth_inside
+from tactile_node.shape.recognition import SHAPES
 
-CLASSES = ('circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle')
+CLASSES = tuple(shape.value for shape in SHAPES)  #: what touches
 PAD = 36  #: rows and columns of the benchmark's pad
 
 
@@ -43,24 +45,35 @@ class Contact:
         """Distance of its farthest point from the centre [pitches]."""
         if self.shape == 'circle':
             return self.dimensions[0]
-        return float(np.hypot(*_outline(self.shape, self.dimensions, 0).T).max())
+        corners = self._outline(0).placed(np.zeros(2), 0.0, self._lengths)
+        return float(np.hypot(*corners.T).max())
+
+    @property
+    def handedness(self) -> int:
+        """Of a right triangle 1, or -1 when mirrored; 1 for all others."""
+        return int(self.dimensions[2]) if self.shape == 'right_triangle' else 1
 
     def outline(self, points: int = 64) -> np.ndarray:
         """Vertices as (x, y), shape (n, 2), in the sense from x to y; a circle as a polygon of ``points``."""
-        corners = _outline(self.shape, self.dimensions, points)
-        cos, sin = np.cos(self.angle), np.sin(self.angle)
-        return corners @ np.array([[cos, sin], [-sin, cos]]) + (self.x, self.y)
+        return self._outline(points).placed(np.array((self.x, self.y)), self.angle, self._lengths)
 
     def depth(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Signed distance of points from the outline, positive inside (exact inside and near an edge)."""
         if self.shape == 'circle':
             return self.dimensions[0] - np.hypot(x - self.x, y - self.y)
-        return distance_inside(self.outline(), x, y)
+        return depth_inside(self.outline(), x, y)
 
     def pattern(self, rows: int = PAD, cols: int = PAD) -> np.ndarray:
         """On/off pattern, bool, shape (rows, cols): a taxel is active when its centre is inside."""
         y, x = np.indices((rows, cols), float)
         return self.depth(x, y) >= 0
+
+    @property
+    def _lengths(self) -> np.ndarray:
+        return np.array(self.dimensions[:len(OUTLINES[self.shape].dimensions)])
+
+    def _outline(self, points: int) -> Outline:
+        return polygon_in_circle(points) if self.shape == 'circle' else outline_of(self.shape, self.handedness)
 
 
 def random_contact(rng: np.random.Generator, shape: str, area: float,
@@ -96,19 +109,3 @@ def _dimensions(rng: np.random.Generator, shape: str, area: float) -> tuple[floa
         slope = 2 * np.tan(np.radians(rng.uniform(40, 75)) / 2)  # base / height
         return (float(np.sqrt(2 * area * slope)), float(np.sqrt(2 * area / slope)))
     raise ValueError(f'{shape!r} is not one of {", ".join(CLASSES)}')
-
-
-def _outline(shape: str, size: tuple[float, ...], points: int) -> np.ndarray:
-    """Vertices about the centre of area, at angle 0."""
-    if shape == 'circle':
-        angle = np.arange(points) * (2 * np.pi / points)
-        return size[0] * np.column_stack((np.cos(angle), np.sin(angle)))
-    if shape in ('square', 'rectangle'):
-        a, b = size[0] / 2, size[-1] / 2
-        return np.array([[-a, -b], [a, -b], [a, b], [-a, b]])
-    if shape == 'right_triangle':
-        a, b, handedness = size
-        corners = np.array([[0, 0], [a, 0], [0, b]]) - (a / 3, b / 3)
-        return corners if handedness > 0 else (corners * (1, -1))[::-1]
-    base, height = size
-    return np.array([[-base / 2, -height / 3], [base / 2, -height / 3], [0, 2 * height / 3]])
