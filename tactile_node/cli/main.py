@@ -1,8 +1,11 @@
 """The program `tactile`: finds the sub-command and turns every error of ours into one line."""
 
 import argparse
+import logging
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 
 import tactile_node
@@ -22,6 +25,9 @@ COMMANDS = (
     ('replay', 'tactile_node.cli.replay', 'play a CAN log without ROS'),
 )
 
+#: They run nodes, whose handler forwards the log to /rosout and stderr.
+WITH_NODES = ('bringup', 'demo')
+
 _ROS = 'Source a ROS 2 workspace that holds tactile_skin, or run `make demo` once.'
 NEEDS = {'rclpy': _ROS, 'rcl_interfaces': _ROS, 'tactile_skin': _ROS,
          'can': 'Install python-can.', 'canopen': 'Install canopen.', 'matplotlib': 'Install matplotlib.'}
@@ -32,7 +38,8 @@ def main(argv: list[str] | None = None) -> int:
     argv = sys.argv[1:] if argv is None else argv
     try:
         args = _parser(argv[0] if argv else '').parse_args(argv)
-        status = args.run(args)
+        with _logging(argv[0]):
+            status = args.run(args)
         sys.stdout.flush()
         return status
     except TactileError as error:
@@ -58,6 +65,23 @@ def program() -> int:
         return main()
     finally:
         ignore_interruptions()
+
+
+@contextmanager
+def _logging(command: str) -> Iterator[None]:
+    """Print warnings and errors of the package to stderr, unless ``command`` runs nodes."""
+    if command in WITH_NODES:
+        yield
+        return
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setLevel(logging.WARNING)
+    handler.setFormatter(logging.Formatter('tactile: %(message)s'))
+    logger = logging.getLogger('tactile_node')
+    logger.addHandler(handler)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
 
 
 def _parser(chosen: str) -> argparse.ArgumentParser:

@@ -35,6 +35,7 @@ from tactile_node.ros.lifecycle import outlive_unfitting_requests
 from tactile_node.ros.pad_conditioning import adjust, conditioned_pads
 from tactile_node.ros.parameters import DRIVER, declare, tare_limit, values
 from tactile_node.ros.qos import STATUS_QOS, frames_qos
+from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
 from tactile_node.ros.status_message import status_message
 from tactile_node.ros.taxel_messages import taxel_array_message
 from tactile_node.skin.layout import SkinLayout
@@ -75,6 +76,7 @@ class DriverNode(LifecycleNode):
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', QoSProfile(depth=10))
         self._status = self.create_publisher(SkinStatus, '~/status', STATUS_QOS)
         self.create_timer(DIAGNOSTICS_PERIOD, self._publish_state)
+        forward_logs_to(self)
 
     def autostart(self, asked: threading.Event | None = None) -> None:
         """Configure and activate, as the parameter `autostart` says. Raises what went wrong.
@@ -128,6 +130,7 @@ class DriverNode(LifecycleNode):
         self._release()
         if self.context.ok():
             self._publish_state()
+        stop_forwarding_to(self)
         super().destroy_node()
 
     def _told(self, result: TransitionCallbackReturn) -> TransitionCallbackReturn:
@@ -185,12 +188,15 @@ class DriverNode(LifecycleNode):
     def _make_source(self, settings, pads: tuple[PadSettings, ...]) -> FrameSource:
         if settings.replay:
             self._gate = self._make_gate(settings)
-            return LogSource(settings.replay, pads, self._publish, settings.replay_pace or None, settings.replay_loop,
-                             settings.drop_incomplete, settings.replay_channel)
-        bus = BusSettings(settings.interface, settings.channel, settings.bitrate, settings.sync_period,
-                          settings.produce_sync, settings.boot_timeout, drop_incomplete=settings.drop_incomplete,
+            return LogSource(settings.replay, pads, self._publish, pace=settings.replay_pace or None,
+                             loop=settings.replay_loop, drop_incomplete=settings.drop_incomplete,
+                             channel=settings.replay_channel)
+        bus = BusSettings(interface=settings.interface, channel=settings.channel, bitrate=settings.bitrate,
+                          sync_period=settings.sync_period, produce_sync=settings.produce_sync,
+                          boot_timeout=settings.boot_timeout, drop_incomplete=settings.drop_incomplete,
                           record=settings.record)
-        return Supervisor(bus, live_pads(pads), self._publish, settings.recover, settings.heartbeat_timeout)
+        return Supervisor(bus, live_pads(pads), self._publish, recover=settings.recover,
+                          heartbeat_timeout=settings.heartbeat_timeout)
 
     def _make_gate(self, settings) -> ReplayGate | None:
         """Only a log played as fast as possible needs one, and only where nothing may be lost."""

@@ -16,8 +16,10 @@ class ReplayGate:
     """One gate for all pads of a log; ``wait`` is called on the log's thread, shapes arrive on the node's."""
 
     def __init__(self, node: Node, pads: list[str], qos: QoSProfile):
-        self._node, self._log, self._open = node, node.get_logger().warning, False
-        self._seen, self._progress = dict.fromkeys(pads, -1), threading.Condition()
+        self._node = node
+        self._open = False
+        self._seen = dict.fromkeys(pads, -1)
+        self._progress = threading.Condition()
         self._subscriptions = [
             node.create_subscription(ContactShape, f'{pad}/shape', partial(self._on_shape, pad), qos) for pad in pads]
 
@@ -27,7 +29,8 @@ class ReplayGate:
             while not self._open and sequence - self._seen[pad] > WINDOW:
                 if not self._progress.wait(PATIENCE):
                     self._open = True
-                    self._log(f'No shape for {PATIENCE:.0f} s: the log is played without waiting for any.')
+                    self._node.get_logger().warning(
+                        f'No shape for {PATIENCE:.0f} s: the log is played without waiting for any.')
 
     def destroy(self) -> None:
         """Listen no more, and hold nothing back any more."""

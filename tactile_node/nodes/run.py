@@ -13,6 +13,7 @@ from tactile_node.errors import TactileError
 from tactile_node.interruption import ignore_interruptions, interruption
 from tactile_node.nodes.spinning import Spinner, spinning
 from tactile_node.ros.rclpy_errors import told_as_ours
+from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
 
 
 def run_node(make: Callable[[], Node], start: Callable[[Node, Event], None] = lambda node, asked: None) -> int:
@@ -33,12 +34,14 @@ def _run(make: Callable[[], Node], start: Callable[[Node, Event], None]) -> int:
             with told_as_ours():
                 rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
                 node = make()
+            forward_logs_to(node)
             try:
                 with spinning([node]) as spinner:
                     start(node, asked)
                     wait(spinner, asked)
             finally:
                 node.destroy_node()
+                stop_forwarding_to(node)
         except TactileError as error:
             print(f'{sys.argv[0].rsplit("/", 1)[-1]}: error: {error}', file=sys.stderr)
             return 2

@@ -1,0 +1,170 @@
+"""Records of Python's logging arrive on /rosout: once, with their level, under the driver's name, from any thread."""
+
+import itertools
+import logging
+import threading
+import time
+
+import pytest
+
+rclpy = pytest.importorskip('rclpy')
+pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
+
+from fault_bench import LAYOUT, FaultBench  # noqa: E402
+from rcl_interfaces.msg import Log  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+
+from tactile_node.cli import replay  # noqa: E402
+from tactile_node.cli.main import main  # noqa: E402
+from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
+from tactile_node.ros.rosout_handler import RosoutHandler  # noqa: E402
+
+PATIENCE = 60.0  # s, for a busy machine
+LEVELS = {logging.INFO: Log.INFO, logging.WARNING: Log.WARN, logging.ERROR: Log.ERROR, logging.CRITICAL: Log.FATAL}
+CAN_SIDE = logging.getLogger('tactile_node.bus.skin_bus')
+
+
+_numbers = itertools.count()
+
+
+def driver(namespace=None, **given):
+    """In a namespace of its own: the publisher on /rosout of a destroyed node may outlive it, and serves its name."""
+    namespace = namespace or f'test{next(_numbers)}'
+    return DriverNode(namespace=namespace,
+                      parameter_overrides=[Parameter(name, value=value) for name, value in given.items()])
+
+
+class Rosout:
+    """What arrives on /rosout."""
+
+    def __init__(self):
+        self.node, self.heard = rclpy.create_node('rosout_listener'), []
+        self.node.create_subscription(Log, '/rosout', self.heard.append, 100)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self.node)
+
+    def wait(self, condition, what):
+        end = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < end, f'{what}: {self.heard}'
+            self._executor.spin_once(timeout_sec=0.1)
+
+    def wait_for_driver(self):
+        """Log until it arrives: discovery has then found the driver's publisher."""
+        def is_found():
+            CAN_SIDE.info('hello')
+            self._executor.spin_once(timeout_sec=0.05)
+            return self.heard
+        self.wait(is_found, 'not connected')
+        self.settle()
+        self.heard.clear()
+
+    def settle(self):
+        """Take what is under way: an end mark comes after it."""
+        CAN_SIDE.info('end mark %d', mark := time.monotonic_ns())
+        self.wait(lambda: any(str(mark) in message.msg for message in self.heard), 'no end mark')
+        self.heard[:] = [message for message in self.heard if 'end mark' not in message.msg]
+
+    def close(self):
+        self._executor.shutdown()
+        self.node.destroy_node()
+
+
+@pytest.fixture
+def rosout():
+    rclpy.init()
+    listener = Rosout()
+    yield listener
+    listener.close()
+    rclpy.shutdown()
+
+
+@pytest.fixture
+def made(rosout):
+    node = driver()
+    rosout.wait_for_driver()
+    yield node
+    node.destroy_node()
+
+
+@pytest.mark.parametrize('level', LEVELS)
+def test_a_record_arrives_once_with_its_level_and_the_drivers_name(rosout, made, level):
+    logging_thread = threading.Thread(target=CAN_SIDE.log, args=(level, 'node %d is silent', 32))
+    logging_thread.start()
+    logging_thread.join()
+    rosout.settle()
+    heard, = rosout.heard
+    assert made.get_logger().name.endswith('.skin_driver')
+    assert (heard.level, heard.name, heard.msg) == (LEVELS[level], made.get_logger().name, 'node 32 is silent')
+
+
+def test_debug_and_other_libraries_records_are_not_forwarded(rosout, made):
+    CAN_SIDE.debug('detail')
+    logging.getLogger('another_library').error('not ours')
+    rosout.settle()
+    assert not rosout.heard
+
+
+def test_a_traceback_is_forwarded_with_its_record(rosout, made):
+    try:
+        raise ValueError('the cause')
+    except ValueError:
+        CAN_SIDE.exception('failed')
+    rosout.settle()
+    heard, = rosout.heard
+    assert heard.level == Log.ERROR and heard.msg.startswith('failed\n') and 'ValueError: the cause' in heard.msg
+
+
+def test_of_two_drivers_the_older_one_forwards_then_the_other(rosout):
+    first, second = driver('first'), driver('second')
+    rosout.wait_for_driver()
+    CAN_SIDE.warning('one')
+    rosout.settle()
+    assert [(heard.name, heard.msg) for heard in rosout.heard] == [('first.skin_driver', 'one')]
+    first.destroy_node()
+    rosout.wait_for_driver()
+    CAN_SIDE.warning('two')
+    rosout.settle()
+    assert [(heard.name, heard.msg) for heard in rosout.heard] == [('second.skin_driver', 'two')]
+    second.destroy_node()
+
+
+def test_without_a_node_warnings_go_to_stderr(rosout, capfd, monkeypatch):
+    package = logging.getLogger('tactile_node')
+    monkeypatch.setattr(package, 'propagate', False)  # the handlers of pytest
+    driver().destroy_node()
+    assert not any(isinstance(handler, RosoutHandler) for handler in package.handlers)
+    CAN_SIDE.warning('after the end')
+    RosoutHandler().handle(logging.makeLogRecord({'msg': 'in between', 'levelno': logging.ERROR}))
+    assert capfd.readouterr().err.splitlines()[-2:] == ['after the end', 'in between']
+
+
+def test_commands_without_nodes_print_warnings_to_stderr_once(capsys, monkeypatch):
+    def run(_args):
+        CAN_SIDE.info('detail')
+        CAN_SIDE.warning('attention')
+        return 0
+    monkeypatch.setattr(replay, 'run', run)
+    handlers = list(logging.getLogger('tactile_node').handlers)
+    assert main(['replay', 'any.log']) == 0
+    assert capsys.readouterr().err == 'tactile: attention\n'
+    assert logging.getLogger('tactile_node').handlers == handlers
+
+
+def test_what_the_bus_logs_arrives_under_the_drivers_name(rosout):
+    """From the supervisor's thread: the device is switched off, and the driver closed while it is."""
+    with FaultBench('rosout') as bench:
+        node = driver(interface='virtual', channel=bench.channel, pads=['pad32'], node_ids=[32], layouts=[LAYOUT])
+        rosout.wait_for_driver()
+        node.autostart()
+        bench.device.power_off()
+
+        def errors():
+            return [heard for heard in rosout.heard if heard.level == Log.ERROR and 'ode 32' in heard.msg]
+        rosout.wait(errors, 'no error')
+        assert {heard.name for heard in rosout.heard} == {node.get_logger().name}
+        assert any(heard.level == Log.INFO and 'is open' in heard.msg for heard in rosout.heard)
+        rosout.settle()
+        assert len({heard.msg for heard in errors()}) == len(errors())
+        node.destroy_node()
