@@ -18,7 +18,7 @@ def test_an_eds_without_it_is_told():
 
 
 def test_a_device_that_refuses_is_told_by_channel(monkeypatch):
-    monkeypatch.setattr(auto_zero, 'ZERO', b'nero')
+    monkeypatch.setattr(auto_zero, 'ZERO_SIGNATURE', b'nero')
     with Bench('refuses_zero', 'sim8x8_16bit.yaml') as bench:
         bench.driver.open()
         with pytest.raises(DeviceError, match='0x6125 sub 1: .*0 of 64 channels are zeroed') as refused:

@@ -6,6 +6,19 @@ TPDOs' defaults are the layout's, but disabled: like most devices, the skin send
 
 from pathlib import Path
 
+from tactile_node.cia301.cia404 import AUTO_ZERO
+from tactile_node.cia301.cob_id import DISABLED
+from tactile_node.cia301.objects import (
+    COB_ID_SYNC,
+    DEVICE_NAME,
+    DEVICE_TYPE,
+    ERROR_REGISTER,
+    IDENTITY,
+    PRODUCER_HEARTBEAT_TIME,
+    TPDO_COMMUNICATION,
+    TPDO_MAPPING,
+)
+from tactile_node.cia301.pdo import EVERY_SYNC, SAM_MPDO
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.layout_file import load_layout
 
@@ -41,7 +54,7 @@ def eds_lines(layout: SkinLayout, product: str, number: int, taxel_type: str) ->
                      ProductNumber=hex(number), RevisionNumber='0x00010000', Granularity=8, NrOfRXPDO=0,
                      NrOfTXPDO=len({tpdo.number for tpdo in layout.tpdos}), LSS_Supported=0, SimpleBootUpSlave=1,
                      **{f'BaudRate_{rate}': 1 for rate in (125, 250, 500, 800, 1000)})
-    mandatory = (0x1000, 0x1001, 0x1018)
+    mandatory = (DEVICE_TYPE, ERROR_REGISTER, IDENTITY)
     for title, wanted in (('MandatoryObjects', lambda i: i in mandatory),
                           ('OptionalObjects', lambda i: i not in mandatory and not 0x2000 <= i < 0x6000),
                           ('ManufacturerObjects', lambda i: 0x2000 <= i < 0x6000)):
@@ -55,26 +68,27 @@ def eds_lines(layout: SkinLayout, product: str, number: int, taxel_type: str) ->
 
 def communication_objects(layout: SkinLayout, product: str, number: int) -> dict[int, list[str]]:
     objects = {
-        0x1000: variable('1000', 'Device type', U32, 'ro', 0x0000_0000),
-        0x1001: variable('1001', 'Error register', U8, 'ro', 0),
-        0x1005: variable('1005', 'COB-ID SYNC', U32, 'rw', layout.sync_cob_id),
-        0x1008: variable('1008', 'Manufacturer device name', STRING, 'const', product),
-        0x1017: variable('1017', 'Producer heartbeat time', U16, 'rw', 0),
-        0x1018: record('1018', 'Identity object', 'RECORD', [
+        DEVICE_TYPE: variable(f'{DEVICE_TYPE:X}', 'Device type', U32, 'ro', 0x0000_0000),
+        ERROR_REGISTER: variable(f'{ERROR_REGISTER:X}', 'Error register', U8, 'ro', 0),
+        COB_ID_SYNC: variable(f'{COB_ID_SYNC:X}', 'COB-ID SYNC', U32, 'rw', layout.sync_cob_id),
+        DEVICE_NAME: variable(f'{DEVICE_NAME:X}', 'Manufacturer device name', STRING, 'const', product),
+        PRODUCER_HEARTBEAT_TIME: variable(f'{PRODUCER_HEARTBEAT_TIME:X}', 'Producer heartbeat time', U16, 'rw', 0),
+        IDENTITY: record(f'{IDENTITY:X}', 'Identity object', 'RECORD', [
             ('Vendor-ID', U32, 'ro', hex(VENDOR)), ('Product code', U32, 'ro', hex(number)),
             ('Revision number', U32, 'ro', '0x00010000'), ('Serial number', U32, 'ro', 1)])}
     for tpdo in {tpdo.number: tpdo for tpdo in layout.tpdos}.values():
-        communication, mapping = 0x1800 + tpdo.number - 1, 0x1A00 + tpdo.number - 1
-        cob_id = f'{"$NODEID+" if tpdo.cob_id.relative else ""}0x{0x8000_0000 | tpdo.cob_id.base:08X}'
+        communication = TPDO_COMMUNICATION + tpdo.number - 1
+        mapping = TPDO_MAPPING + tpdo.number - 1
+        cob_id = f'{"$NODEID+" if tpdo.cob_id.relative else ""}0x{DISABLED | tpdo.cob_id.base:08X}'
         objects[communication] = record(
             f'{communication:X}', f'TPDO {tpdo.number} communication', 'RECORD',
-            [('COB-ID', U32, 'rw', cob_id), ('Transmission type', U8, 'rw', 1)])
+            [('COB-ID', U32, 'rw', cob_id), ('Transmission type', U8, 'rw', EVERY_SYNC)])
         mapped_objects = () if tpdo.is_mpdo else tpdo.mapping
         entries = [(f'Mapped object {i}', U32, 'rw', f'0x{mapped.entry:08X}')
                    for i, mapped in enumerate(mapped_objects, 1)]
         entries += [(f'Mapped object {i}', U32, 'rw', 0) for i in range(len(entries) + 1, 9)]
         objects[mapping] = record(f'{mapping:X}', f'TPDO {tpdo.number} mapping', 'RECORD', entries,
-                                  count=0xFE if tpdo.is_mpdo else len(tpdo.mapping), count_access='rw')
+                                  count=SAM_MPDO if tpdo.is_mpdo else len(tpdo.mapping), count_access='rw')
     return objects
 
 
@@ -95,7 +109,7 @@ def taxel_objects(layout: SkinLayout, taxel_type: str) -> dict[int, list[str]]:
 def auto_zero_objects(layout: SkinLayout) -> dict[int, list[str]]:
     """CiA 404: writing the signature "zero" zeroes a channel; one a taxel, row by row."""
     channels = [(f'Auto-zero {channel}', U32, 'wo', 0) for channel in range(1, layout.rows * layout.cols + 1)]
-    return {0x6125: record('6125', 'AI autozero', 'ARRAY', channels)}
+    return {AUTO_ZERO: record(f'{AUTO_ZERO:X}', 'AI autozero', 'ARRAY', channels)}
 
 
 def record(index: str, name: str, kind: str, entries: list[tuple], count: int | None = None,

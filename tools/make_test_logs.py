@@ -18,7 +18,8 @@ import can
 import numpy as np
 
 from tactile_node.bus.skin_bus import BusSettings, SkinBus
-from tactile_node.cia301.heartbeat import NmtState
+from tactile_node.cia301.connection_set import HEARTBEAT, SYNC
+from tactile_node.cia301.nmt import NmtState
 from tactile_node.simulator.device import TaxelSource
 from tactile_node.simulator.recording import load_recording
 from tactile_node.simulator.skin_simulator import SkinSimulator
@@ -30,7 +31,6 @@ DATA = Path(__file__).resolve().parents[1] / 'test' / 'data'
 EPOCH = 1_700_000_000.0  # s: the logs' beginning, a date of no meaning
 FRAME_TIME = 135e-6  # s: a worst-case stuffed 8-byte frame at 1 Mbit/s
 BOOT_TIME = 2.0  # s from the log's beginning to the first SYNC
-SYNC, HEARTBEAT = 0x080, 0x700 >> 7
 
 
 def main() -> None:
@@ -104,7 +104,7 @@ def timed(recorded: list[can.Message], stamps: np.ndarray, nodes: list[int]) -> 
     """Give the messages made times, and heartbeats at the period that the driver has set."""
     syncs, now, timed_messages = iter(stamps - stamps[0] + EPOCH + BOOT_TIME), EPOCH, []
     for message in recorded:
-        is_heartbeat = message.arbitration_id >> 7 == HEARTBEAT
+        is_heartbeat = message.arbitration_id >> 7 == HEARTBEAT >> 7
         if is_heartbeat and message.data[0] != NmtState.BOOT_UP:
             continue  # their number depends on the speed of the machine; see below
         now = next(syncs) if message.arbitration_id == SYNC else now + FRAME_TIME
@@ -116,7 +116,7 @@ def timed(recorded: list[can.Message], stamps: np.ndarray, nodes: list[int]) -> 
 
 
 def heartbeat(stamp: float, node: int) -> can.Message:
-    return can.Message(stamp, 0x700 + node, is_extended_id=False, data=[NmtState.OPERATIONAL], channel='can0')
+    return can.Message(stamp, HEARTBEAT + node, is_extended_id=False, data=[NmtState.OPERATIONAL], channel='can0')
 
 
 def write(path: Path, messages: list[can.Message]) -> None:

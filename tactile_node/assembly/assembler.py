@@ -34,8 +34,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tactile_node.assembly.sender_run import WORD
 from tactile_node.assembly.sweep_period import SweepPeriod
+from tactile_node.cia301.pdo import MAX_PDO_BYTES
 from tactile_node.frames.losses import Loss, LossReason, Outcome, PadStatistics
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.skin.layout import SkinLayout
@@ -192,7 +192,7 @@ class FrameAssembler:
         if len(data) != self._lengths[rank]:
             reason = LossReason.SHORT if len(data) < self._lengths[rank] else LossReason.OVER_LONG
             return outcome + self._lose(reason)
-        period.payload.words[WORD * rank:WORD * rank + len(data)] = data
+        period.payload.words[MAX_PDO_BYTES * rank:MAX_PDO_BYTES * rank + len(data)] = data
         period.payload.fresh[rank] = True
         return outcome
 

@@ -8,13 +8,12 @@ from collections import Counter
 
 import numpy as np
 
+from tactile_node.cia301.connection_set import SDO_REQUEST, SDO_RESPONSE
 from tactile_node.cia301.sdo_upload import SdoUpload, Step
 from tactile_node.frames.losses import Loss, LossReason, Outcome, PadStatistics
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.taxel_codec import TaxelCodec
-
-SDO_REQUEST, SDO_RESPONSE = 0x600, 0x580  # + node-ID: the default SDO channel, CiA 301
 
 
 class DomainAssembler:

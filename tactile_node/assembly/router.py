@@ -7,14 +7,11 @@ import can
 
 from tactile_node.assembly.assembler import FrameAssembler
 from tactile_node.assembly.domain_assembler import DomainAssembler
+from tactile_node.cia301.connection_set import service_of
 from tactile_node.frames.consumer import OnFrame
 from tactile_node.frames.losses import BusStatistics, Outcome
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.skin.pads import PadSettings
-
-#: CiA 301, predefined connection set: (first, last, service)
-SERVICES = ((0x000, 0x000, 'nmt'), (0x081, 0x0FF, 'emcy'), (0x100, 0x100, 'time'), (0x581, 0x5FF, 'sdo'),
-            (0x601, 0x67F, 'sdo'), (0x701, 0x77F, 'heartbeat'))
 
 
 class Router:
@@ -111,11 +108,6 @@ def _assembler(pad: PadSettings, one_clock: bool, drop_incomplete: bool) -> Fram
     if pad.layout.domain is not None:
         return DomainAssembler(pad.layout, pad.node_ids[0], drop_incomplete)
     return FrameAssembler(pad.layout, pad.node_ids, one_clock, drop_incomplete)
-
-
-def service_of(can_id: int) -> str:
-    """Name the CANopen service of a COB-ID that is no pad's TPDO and not SYNC."""
-    return next((name for first, last, name in SERVICES if first <= can_id <= last), 'foreign')
 
 
 def oddity_of(message: can.Message) -> str | None:

@@ -4,16 +4,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_node.cia301.pdo import MAX_PDO_BYTES
 from tactile_node.frames.losses import Loss, LossReason
 
-WORD = 8  #: bytes kept for each TPDO
 CATCHING_UP = 3  #: periods: a sender that has not caught up by then has lost sweeps, rather than being behind
 
 
 class Payload(NamedTuple):
     """The TPDOs of one period, by rank."""
 
-    words: bytearray  #: WORD bytes each
+    words: bytearray  #: MAX_PDO_BYTES bytes each
     fresh: np.ndarray  #: bool, which of them belong to the period
 
 
@@ -145,7 +145,7 @@ class SenderRun:
     def hand_back(self, before: Payload) -> None:
         """Give the run that was set aside to the period before."""
         for rank, word in self._aside.items():
-            before.words[WORD * rank:WORD * (rank + 1)] = word
+            before.words[MAX_PDO_BYTES * rank:MAX_PDO_BYTES * (rank + 1)] = word
             before.fresh[rank] = True
         self._aside.clear()
 
@@ -171,7 +171,8 @@ class SenderRun:
 
     def _set_aside(self) -> None:
         words, fresh = self._payload
-        self._aside = {rank: bytes(words[WORD * rank:WORD * (rank + 1)]) for rank in self._own if fresh[rank]}
+        self._aside = {rank: bytes(words[MAX_PDO_BYTES * rank:MAX_PDO_BYTES * (rank + 1)])
+                       for rank in self._own if fresh[rank]}
         self._begin()
 
     def _begin(self) -> None:

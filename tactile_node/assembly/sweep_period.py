@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from tactile_node.assembly.sender_run import WORD, Payload, SenderRun
+from tactile_node.assembly.sender_run import Payload, SenderRun
+from tactile_node.cia301.pdo import MAX_PDO_BYTES
 
 
 class SweepPeriod:
@@ -11,7 +12,7 @@ class SweepPeriod:
     def __init__(self, sequence: int, stamp: float, owns: list[np.ndarray], before: 'SweepPeriod | None'):
         self.sequence, self.stamp = sequence, stamp
         size = sum(map(len, owns))
-        self.payload = Payload(bytearray(WORD * size), np.zeros(size, bool))
+        self.payload = Payload(bytearray(MAX_PDO_BYTES * size), np.zeros(size, bool))
         runs_before = [None] * len(owns) if before is None else before.runs
         self.runs = [SenderRun(own, self.payload, run) for own, run in zip(owns, runs_before)]
         self.is_given = self.is_torn = False

@@ -4,9 +4,8 @@ from canopen import ObjectDictionary, SdoAbortedError, SdoCommunicationError
 from canopen.objectdictionary import ODVariable
 from canopen.sdo import SdoClient
 
+from tactile_node.cia301.cia404 import AUTO_ZERO, ZERO_SIGNATURE
 from tactile_node.errors import BusError, DeviceError, HalfZeroedError
-
-AUTO_ZERO, ZERO = 0x6125, b'zero'  # the signature 0x6F72657A, least significant byte first
 
 
 def auto_zero(sdo: SdoClient, dictionary: ObjectDictionary, who: str) -> int:
@@ -23,7 +22,7 @@ def auto_zero(sdo: SdoClient, dictionary: ObjectDictionary, who: str) -> int:
                           remedy='Tare without on_device: then the driver takes the zero off.')
     for sub in subs:
         try:
-            sdo.download(AUTO_ZERO, sub, ZERO)
+            sdo.download(AUTO_ZERO, sub, ZERO_SIGNATURE)
         except (SdoAbortedError, SdoCommunicationError, BusError) as error:
             done = subs.index(sub)
             kind = HalfZeroedError if done or not isinstance(error, SdoAbortedError) else DeviceError

@@ -4,19 +4,17 @@ from collections.abc import Callable, Iterable
 
 import can
 
+from tactile_node.cia301.connection_set import EMCY, HEARTBEAT, NMT
 from tactile_node.cia301.emergency import EmergencyLog
-from tactile_node.cia301.heartbeat import HEARTBEAT, Heartbeats
+from tactile_node.cia301.heartbeat import Heartbeats
+from tactile_node.cia301.nmt import command_name
 from tactile_node.frames.health import ErrorCounters
 
-NMT, EMCY = 0x000, 0x080  # EMCY + node-ID
 #: linux/can/error.h: bits of an error frame's identifier; of byte 1 when the controller reports
 BUS_OFF, CONTROLLER, RESTARTED, COUNTERS = 0x040, 0x004, 0x100, 0x200
 PASSIVE, ACTIVE = 0x30, 0x40
 #: bits of a standard frame by its data bytes: 47 and 8 a byte, and the most that bit stuffing adds
 FRAME_BITS = tuple(47 + 8 * n + (34 + 8 * n - 1) // 4 for n in range(9))
-
-_COMMANDS = {0x01: 'start', 0x02: 'stop', 0x80: 'enter pre-operational', 0x81: 'reset node',
-             0x82: 'reset communication'}
 
 
 class BusMonitor:
@@ -72,7 +70,6 @@ class BusMonitor:
         """Own commands are not received, so this one is another master's."""
         if len(data) < 2 or data[1] and data[1] not in self.emergencies:
             return
-        command = _COMMANDS.get(data[0], f'obey command 0x{data[0]:02X}')
-        self.last_command = f'{f"node {data[1]}" if data[1] else "all nodes"} to {command}'
+        self.last_command = f'{f"node {data[1]}" if data[1] else "all nodes"} to {command_name(data[0])}'
         self.foreign_commands += 1
         self._on_news()

@@ -14,6 +14,8 @@ from canopen import Network, ObjectDictionary
 from canopen.sdo import SdoClient
 
 from tactile_node.bus.slcan_bus import BulkSlcanBus
+from tactile_node.cia301.connection_set import SDO_REQUEST, SDO_RESPONSE
+from tactile_node.cia301.sdo import SDO_BYTES
 from tactile_node.errors import BusError
 from tactile_node.recording.logs import CanLogWriter
 
@@ -21,7 +23,6 @@ logger = logging.getLogger(__name__)
 # An SDO timeout is told by whoever asked, in a sentence; canopen's own line adds nothing and names no node
 logging.getLogger('canopen.sdo').setLevel(logging.CRITICAL)
 
-SDO_BYTES = 8  # CiA 301: every SDO frame has as many
 RECEIVE_TIMEOUT = 0.1  # s the notifier waits at most, hence how long close() may take
 
 _NOT_INSTALLED = 'Check the name, and install what this interface needs (slcan: pyserial).'
@@ -94,7 +95,7 @@ class BusNetwork(Network):
     @contextmanager
     def sdo_client(self, node_id: int, dictionary: ObjectDictionary) -> Iterator[SdoClient]:
         """SDO with one device, one at a time. Not canopen's RemoteNode: that also keeps every EMCY for ever."""
-        client = SdoClient(0x600 + node_id, 0x580 + node_id, dictionary)
+        client = SdoClient(SDO_REQUEST + node_id, SDO_RESPONSE + node_id, dictionary)
         client.network = self
 
         def on_response(can_id: int, data: bytes, timestamp: float) -> None:

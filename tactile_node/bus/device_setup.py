@@ -11,8 +11,16 @@ from canopen.sdo import SdoClient
 from tactile_node.bus.domain_polling import check_domain
 from tactile_node.cia301.cob_id import DISABLED, ID_MASK, NO_RTR
 from tactile_node.cia301.heartbeat import Heartbeats
+from tactile_node.cia301.objects import (
+    COB_ID_SYNC,
+    IDENTITY,
+    PRODUCER_HEARTBEAT_TIME,
+    TPDO_COMMUNICATION,
+    TPDO_MAPPING,
+)
+from tactile_node.cia301.pdo import EVERY_SYNC, MANUFACTURER_EVENT, SAM_MPDO
 from tactile_node.errors import DeviceAbsentError, DeviceError
-from tactile_node.skin.eds import IDENTITY, TPDO_COMMUNICATION, TPDO_MAPPING, Identity, identity_of
+from tactile_node.skin.eds import Identity, identity_of
 from tactile_node.skin.layout import TpdoLayout
 from tactile_node.skin.pads import CanopenNode
 
@@ -20,10 +28,6 @@ logger = logging.getLogger(__name__)
 
 Answer = TypeVar('Answer')
 
-SYNC_COB_ID, HEARTBEAT_TIME = 0x1005, 0x1017
-EVERY_SYNC = 1  # transmission type: synchronous, at every SYNC
-AT_ITS_EVENTS = 254  # transmission type: when the device's maker says; CiA 301 has MPDOs so
-SAM_MPDO = 0xFE  # sub 0 of the mapping record: a multiplexed PDO, source addressing (CiA 301)
 REMINDER = 2.0  # s between two sentences about the same wait
 
 
@@ -39,8 +43,8 @@ class DeviceSetup:
         self._wait_for_device(boot_timeout)
         self._check_identity()
         if self._node.layout.needs_sync:
-            self._set_if_listed(SYNC_COB_ID, self._node.layout.sync_cob_id, 4, 'SYNC COB-ID')
-        self._set_if_listed(HEARTBEAT_TIME, heartbeat_ms, 2, 'heartbeat time')
+            self._set_if_listed(COB_ID_SYNC, self._node.layout.sync_cob_id, 4, 'SYNC COB-ID')
+        self._set_if_listed(PRODUCER_HEARTBEAT_TIME, heartbeat_ms, 2, 'heartbeat time')
         if self._node.layout.domain is not None:
             return check_domain(self._sdo, self._node.layout.domain, self._who)
         tpdos = {tpdo.number: tpdo for tpdo in self._node.layout.tpdos}  # many frames may be one multiplexed TPDO
@@ -74,7 +78,7 @@ class DeviceSetup:
         ours = identity_of(self._node.dictionary)
         theirs = Identity(*(self._read(IDENTITY, sub, missing=None) for sub in (1, 2, 3)))
         if not ours.accepts(theirs):
-            raise DeviceError(f'{self._who}, object 0x1018', expected=f'{ours} as in {self._node.eds}',
+            raise DeviceError(f'{self._who}, object 0x{IDENTITY:04X}', expected=f'{ours} as in {self._node.eds}',
                               got=str(theirs),
                               remedy='Check the node-ID, or give the EDS and layout of this device.')
         logger.info('%s is there: %s.', self._who, theirs)
@@ -89,7 +93,7 @@ class DeviceSetup:
         """Make the device send ``tpdo`` as the layout says; True when anything had to be written."""
         communication, mapping = TPDO_COMMUNICATION + tpdo.number - 1, TPDO_MAPPING + tpdo.number - 1
         entries = SAM_MPDO if tpdo.is_mpdo else [mapped.entry for mapped in tpdo.mapping]
-        kind = AT_ITS_EVENTS if tpdo.is_mpdo else EVERY_SYNC
+        kind = MANUFACTURER_EVENT if tpdo.is_mpdo else EVERY_SYNC
         current = self._read(communication, 1)
         wanted = tpdo.cob_id.of(self._node.node_id) | current & NO_RTR
         same_mapping = self._mapping(mapping) == entries

@@ -7,16 +7,16 @@ from collections.abc import Callable, Collection
 
 import can
 
-from tactile_node.assembly.domain_assembler import SDO_REQUEST
 from tactile_node.assembly.router import Router, oddity_of
 from tactile_node.bus.auto_zero import auto_zero
-from tactile_node.bus.bus_monitor import NMT, BusMonitor
+from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import BusNetwork, open_bus
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.device_setup import DeviceSetup
 from tactile_node.bus.domain_polling import DomainPolling
 from tactile_node.bus.stamp_clock import StampClock
-from tactile_node.cia301.heartbeat import NmtState
+from tactile_node.cia301.connection_set import NMT, SDO_REQUEST
+from tactile_node.cia301.nmt import NmtCommand, NmtState
 from tactile_node.errors import BusError, DeviceError, HalfZeroedError, LogError
 from tactile_node.frames.consumer import Consumer, OnFrame
 from tactile_node.frames.losses import BusStatistics
@@ -28,7 +28,6 @@ from tactile_node.threads.pacer import Pacer
 
 logger = logging.getLogger(__name__)
 
-NMT_START, NMT_ENTER_PRE_OPERATIONAL = 0x01, 0x80
 # Interfaces that stamp reception by the clock our own SYNC is stamped by
 HOST_STAMPED = ('socketcan', 'virtual')
 CONSUMER_PATIENCE = 2.0  # s that close() waits for an on_frame under way
@@ -90,7 +89,7 @@ class SkinBus:
     def configure_node(self, node: CanopenNode, boot_timeout: float, pause: bool = True) -> None:
         """Configure one of a pad's nodes, found within ``boot_timeout`` [s]; without ``pause`` while it sends."""
         if pause:
-            self._command(NMT_ENTER_PRE_OPERATIONAL, node)
+            self._command(NmtCommand.ENTER_PRE_OPERATIONAL, node)
         with self._opened().sdo_client(node.node_id, node.dictionary) as sdo:
             setup = DeviceSetup(sdo, node, self._monitor.heartbeats)
             is_block = setup.run(boot_timeout, self._settings.heartbeat_ms)
@@ -135,7 +134,7 @@ class SkinBus:
         """NMT start of one device, which was not sending unless said; BusError. Heartbeats tell whether it obeys."""
         if was_silent:
             self._calls.put(self._router.start, node.node_id)
-        self._command(NMT_START, node)
+        self._command(NmtCommand.START, node)
 
     def resume(self, lost_periods: int) -> None:
         """SYNC on again after an outage; sequence numbers go on, ``lost_periods`` left out. Devices are not started."""
@@ -154,7 +153,7 @@ class SkinBus:
         self._calls.put(self._router.pause)
         for node in self._nodes if self._failure is None else ():
             try:
-                self._command(NMT_ENTER_PRE_OPERATIONAL, node)
+                self._command(NmtCommand.ENTER_PRE_OPERATIONAL, node)
             except BusError as error:
                 logger.error('Node %d (pad %r) could not be stopped: %s', node.node_id, node.pad, error)
 
@@ -202,7 +201,7 @@ class SkinBus:
             raise BusError('CAN bus', expected='an open bus', got='a closed one', remedy='Call open() first.')
         return self._network
 
-    def _command(self, command: int, node: CanopenNode) -> None:
+    def _command(self, command: NmtCommand, node: CanopenNode) -> None:
         self._opened().send_message(NMT, bytes([command, node.node_id]))
 
     def _confirm_operational(self, node: CanopenNode, since: float) -> None:

@@ -1,17 +1,11 @@
-"""COB-IDs as EDS and layout files write them, and the ones CiA 301 keeps for itself."""
+"""COB-IDs as EDS and layout files write them, and their flags."""
 
 import re
 from typing import NamedTuple
 
-#: CiA 301, table "Restricted CAN-IDs": (first, last, what uses it). No PDO and no SYNC may use these.
-RESERVED = (
-    (0x000, 0x000, 'NMT'), (0x001, 0x07F, 'reserved'), (0x101, 0x180, 'reserved'),
-    (0x581, 0x5FF, 'SDO answers'), (0x601, 0x67F, 'SDO requests'), (0x6E0, 0x6FF, 'reserved'),
-    (0x701, 0x77F, 'NMT error control'), (0x780, 0x7FF, 'reserved'))
-
 DISABLED = 1 << 31  #: "PDO does not exist" in sub 1 of the PDO communication record (CiA 301)
 NO_RTR = 1 << 30  #: "no remote request allowed", same place
-ID_MASK = 0x7FF
+ID_MASK = 0x7FF  #: the identifier, also its greatest value: 11 bits
 
 _TERM = re.compile(r'\$NODEID|0X[0-9A-F]+|[0-9]+')
 
@@ -44,8 +38,3 @@ def parse_cob_id(written: int | str) -> CobId:
     if not 0 <= base <= ID_MASK:
         raise ValueError(written)
     return CobId(base, '$NODEID' in terms)
-
-
-def reserved_for(can_id: int) -> str | None:
-    """Say what CiA 301 keeps ``can_id`` for, None when a PDO may use it."""
-    return next((use for first, last, use in RESERVED if first <= can_id <= last), None)

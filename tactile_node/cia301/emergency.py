@@ -1,4 +1,4 @@
-"""What a device says of its own errors: EMCY (CiA 301, 7.2.7), decoded into words and kept in bounds."""
+"""EMCY (CiA 301, 7.2.7): a device reports its own errors. Decoded into words, the last ones kept."""
 
 import time
 from collections import deque
@@ -7,7 +7,7 @@ from typing import NamedTuple
 HISTORY = 16  # messages kept of each node
 NO_ERROR = 0x00  # high byte: error reset, or no error
 
-#: CiA 301, "Emergency error codes": the longest prefix known speaks (whole code, high byte, class)
+#: CiA 301, "Emergency error codes". The longest prefix that is known names the error: code, high byte, class
 _CODES = {
     0x8110: 'CAN overrun, frames lost', 0x8120: 'CAN in error passive mode', 0x8130: 'life guard or heartbeat error',
     0x8140: 'recovered from bus-off', 0x8150: 'CAN-ID collision', 0x8210: 'PDO not processed, wrong length',
@@ -29,7 +29,7 @@ _REGISTER = ('generic', 'current', 'voltage', 'temperature', 'communication', 'd
 
 
 class Emergency(NamedTuple):
-    """One EMCY; what a message too short did not bring is None."""
+    """One EMCY; fields that a too short message lacks are None."""
 
     stamp: float  #: when it was received [s, Unix epoch]
     code: int | None
@@ -38,7 +38,7 @@ class Emergency(NamedTuple):
 
     @property
     def is_reset(self) -> bool:
-        """True for "the error has gone"."""
+        """Whether it reports "error reset" or "no error"."""
         return self.code is not None and self.code >> 8 == NO_ERROR
 
     def __str__(self) -> str:
@@ -62,7 +62,7 @@ def decode_emergency(data: bytes, stamp: float) -> Emergency:
 class EmergencyLog:
     """The last EMCYs of one node, at most HISTORY of them, and how many there were."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._kept: deque[Emergency] = deque(maxlen=HISTORY)
         self.count = 0
 

@@ -1,7 +1,7 @@
 """Types of options that several sub-commands share; each raises ConfigurationError for what it cannot read."""
 
+from tactile_node.cia301.node_id import MAX_NODE_ID, MIN_NODE_ID
 from tactile_node.errors import ConfigurationError
-from tactile_node.skin.pads import MAX_NODE_ID
 
 
 def node_ids(text: str) -> list[int]:
@@ -10,8 +10,8 @@ def node_ids(text: str) -> list[int]:
         numbers = [int(part, 0) for part in text.split(',')]
     except ValueError:
         numbers = []
-    if not numbers or not all(1 <= number <= MAX_NODE_ID for number in numbers):
-        raise ConfigurationError('--node-id', expected=f'whole numbers 1..{MAX_NODE_ID}, comma-separated',
+    if not numbers or not all(MIN_NODE_ID <= number <= MAX_NODE_ID for number in numbers):
+        raise ConfigurationError('--node-id', expected=f'whole numbers {MIN_NODE_ID}..{MAX_NODE_ID}, comma-separated',
                                  got=repr(text), remedy='For example --node-id 32,64.')
     return numbers
 

@@ -3,10 +3,21 @@
 import binascii
 from collections.abc import Callable
 
-BLOCK_UPLOAD, START, ACKNOWLEDGE, END = 5, 0xA3, 0xA2, 0xA1
-ANSWER_WITH_SIZE_AND_CRC, END_OF_UPLOAD, LAST_SEGMENT = 0xC6, 0xC1, 0x80
-ABORT, WRONG_BLOCK_SIZE = 0x80, 0x05040002
-SEGMENT_BYTES = 7
+from canopen.sdo.constants import NO_MORE_BLOCKS, REQUEST_ABORTED, RESPONSE_ABORTED
+
+from tactile_node.cia301.sdo import (
+    ACKNOWLEDGE_BLOCK_REQUEST,
+    BLOCK_COMMAND,
+    END_BLOCK_REQUEST,
+    END_BLOCK_RESPONSE,
+    INITIATE_BLOCK_REQUEST,
+    INITIATE_BLOCK_RESPONSE,
+    MAX_BLOCK_SEGMENTS,
+    SDO_BYTES,
+    SEGMENT_BYTES,
+    START_BLOCK_REQUEST,
+    AbortCode,
+)
 
 
 class BlockUploadServer:
@@ -19,27 +30,27 @@ class BlockUploadServer:
 
     def takes(self, request: bytes) -> bool:
         """Whether it has answered; what it has not is for the common SDO server."""
-        if len(request) == 8 and request[0] >> 5 == BLOCK_UPLOAD and not request[0] & 3:
+        if len(request) == SDO_BYTES and request[0] & BLOCK_COMMAND == INITIATE_BLOCK_REQUEST:
             if request[1:4] != self._object:
                 return False
             self._begin(request[4])
         elif not self._is_running:
             return False
-        elif request[0] == START:
+        elif request[0] == START_BLOCK_REQUEST:
             self._send_block()
-        elif request[0] == ACKNOWLEDGE:
+        elif request[0] == ACKNOWLEDGE_BLOCK_REQUEST:
             self._go_on(request[1], request[2])
         else:
             self._is_running = False
-            return request[0] in (END, ABORT)
+            return request[0] in (END_BLOCK_REQUEST, REQUEST_ABORTED)
         return True
 
     def _begin(self, block_size: int) -> None:
-        if not 1 <= block_size <= 127:
-            self._send(bytes([ABORT]) + self._object + WRONG_BLOCK_SIZE.to_bytes(4, 'little'))
+        if not 1 <= block_size <= MAX_BLOCK_SEGMENTS:
+            self._send(bytes([RESPONSE_ABORTED]) + self._object + AbortCode.INVALID_BLOCK_SIZE.to_bytes(4, 'little'))
             return
         self._data, self._acknowledged, self._block_size, self._is_running = self._read(), 0, block_size, True
-        self._send(bytes([ANSWER_WITH_SIZE_AND_CRC]) + self._object + len(self._data).to_bytes(4, 'little'))
+        self._send(bytes([INITIATE_BLOCK_RESPONSE]) + self._object + len(self._data).to_bytes(4, 'little'))
 
     def _send_block(self) -> None:
         rest = self._data[SEGMENT_BYTES * self._acknowledged:]
@@ -47,7 +58,7 @@ class BlockUploadServer:
         self._in_block = min(len(segments), self._block_size)
         for number, segment in enumerate(segments[:self._block_size], 1):
             is_last = number == len(segments)
-            self._send(bytes([number | LAST_SEGMENT * is_last]) + segment.ljust(SEGMENT_BYTES, b'\0'))
+            self._send(bytes([number | NO_MORE_BLOCKS * is_last]) + segment.ljust(SEGMENT_BYTES, b'\0'))
 
     def _go_on(self, count: int, block_size: int) -> None:
         self._acknowledged, self._block_size = self._acknowledged + min(count, self._in_block), block_size
@@ -56,4 +67,4 @@ class BlockUploadServer:
             return
         unused = -len(self._data) % SEGMENT_BYTES
         crc = binascii.crc_hqx(self._data, 0)
-        self._send(bytes([END_OF_UPLOAD | unused << 2]) + crc.to_bytes(2, 'little') + bytes(5))
+        self._send(bytes([END_BLOCK_RESPONSE | unused << 2]) + crc.to_bytes(2, 'little') + bytes(5))

@@ -11,11 +11,23 @@ import canopen
 import numpy as np
 from canopen import SdoAbortedError
 
-from tactile_node.bus.auto_zero import AUTO_ZERO, ZERO
-from tactile_node.bus.bus_network import SDO_BYTES
+from tactile_node.cia301.cia404 import AUTO_ZERO, ZERO_SIGNATURE
 from tactile_node.cia301.cob_id import DISABLED, ID_MASK
+from tactile_node.cia301.connection_set import NMT
+from tactile_node.cia301.nmt import NmtCommand
+from tactile_node.cia301.node_id import ALL_NODES
+from tactile_node.cia301.objects import COB_ID_SYNC, TPDO_COMMUNICATION, TPDO_MAPPING
+from tactile_node.cia301.pdo import (
+    EVERY_SYNC,
+    MANUFACTURER_EVENT,
+    MAX_PDO_BITS,
+    MAX_PDO_BYTES,
+    MAX_SYNCHRONOUS,
+    MAX_TPDOS,
+    SAM_MPDO,
+)
+from tactile_node.cia301.sdo import SDO_BYTES, AbortCode
 from tactile_node.simulator.block_upload import BlockUploadServer
-from tactile_node.skin.eds import TPDO_COMMUNICATION, TPDO_MAPPING
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.pads import CanopenNode
 from tactile_node.skin.taxel_codec import TaxelCodec
@@ -25,13 +37,6 @@ logger = logging.getLogger(__name__)
 #: seconds since the device became operational -> taxel values (rows, cols) in the layout's unit
 TaxelSource = Callable[[float], np.ndarray]
 
-SYNC_COB_ID = 0x1005
-NMT_START = 0x01
-NMT_RESETS = (0x81, 0x82)  # reset node, reset communication
-ABORT_WRONG_STATE, ABORT_NOT_MAPPABLE, ABORT_TOO_LONG = 0x08000022, 0x06040041, 0x06040042
-ABORT_WRONG_VALUE = 0x06090030
-MAX_PDO_BITS = 64
-SAM_MPDO = 0xFE  # number of mapped objects of an MPDO with source addressing
 
 
 class _Piece(NamedTuple):
@@ -83,8 +88,8 @@ class SimulatedDevice:
     def boot(self) -> None:
         """Power on: appear on the bus with a boot-up message, then PRE-OPERATIONAL."""
         self._network.add_node(self._node)
-        self._network.unsubscribe(0, self._node.nmt.on_command)
-        self._network.subscribe(0, self._on_nmt)
+        self._network.unsubscribe(NMT, self._node.nmt.on_command)
+        self._network.subscribe(NMT, self._on_nmt)
         self._network.unsubscribe(self._node.sdo.rx_cobid, self._node.sdo.on_request)
         self._network.subscribe(self._node.sdo.rx_cobid, self._on_sdo)
         self._subscribe_sync()
@@ -96,10 +101,10 @@ class SimulatedDevice:
             if self._node_id not in self._network:
                 return
             self._node.nmt.stop_heartbeat()
-            self._network.unsubscribe(0, self._on_nmt)
+            self._network.unsubscribe(NMT, self._on_nmt)
             self._network.unsubscribe(self._sync_id, self._on_sync)
             self._network.unsubscribe(self._node.sdo.rx_cobid, self._on_sdo)
-            self._network.subscribe(0, self._node.nmt.on_command)  # remove_network expects both
+            self._network.subscribe(NMT, self._node.nmt.on_command)  # remove_network expects both
             self._network.subscribe(self._node.sdo.rx_cobid, self._node.sdo.on_request)
             del self._network[self._node_id]
             self._forget()
@@ -121,24 +126,24 @@ class SimulatedDevice:
         self._tpdos = self._zero = None
 
     def _subscribe_sync(self) -> None:
-        self._sync_id = self._number(SYNC_COB_ID, 0) & ID_MASK
+        self._sync_id = self._number(COB_ID_SYNC, 0) & ID_MASK
         self._network.subscribe(self._sync_id, self._on_sync)
 
     def _on_nmt(self, _can_id: int, data: bytes, timestamp: float) -> None:
-        if len(data) < 2 or data[1] not in (0, self._node_id):
+        if len(data) < 2 or data[1] not in (ALL_NODES, self._node_id):
             return
         with self._lock:
-            if data[0] in NMT_RESETS:
+            if data[0] in (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION):
                 self._node.nmt.stop_heartbeat()
                 self._forget()
                 self._network.unsubscribe(self._sync_id, self._on_sync)
                 self._subscribe_sync()
                 self._announce()
                 return
-            if self.refuses_start and data[0] == NMT_START:
+            if self.refuses_start and data[0] == NmtCommand.START:
                 return
             was_operational = self.operational
-            self._node.nmt.on_command(0, data, timestamp)
+            self._node.nmt.on_command(NMT, data, timestamp)
             if self.operational and not was_operational:
                 self._started, self._syncs = timestamp, 0
                 self._sent.clear()
@@ -158,8 +163,8 @@ class SimulatedDevice:
 
     def _zero_channel(self, channel: int, data: bytes) -> None:
         """Channel 1 is taxel (0, 0), row by row."""
-        if data != ZERO:
-            raise SdoAbortedError(ABORT_WRONG_VALUE)
+        if data != ZERO_SIGNATURE:
+            raise SdoAbortedError(AbortCode.INVALID_VALUE)
         values = np.asarray(self._source(time.time() - self._started))
         zero = np.zeros(values.shape) if self._zero is None else self._zero.copy()
         zero.flat[channel - 1] = values.flat[channel - 1]
@@ -212,7 +217,7 @@ class SimulatedDevice:
 
     def _configured_tpdos(self) -> list[_Tpdo]:
         """Compile the communication and mapping records as they stand now."""
-        numbers = [i for i in range(512) if TPDO_COMMUNICATION + i in self._node.object_dictionary]
+        numbers = [i for i in range(MAX_TPDOS) if TPDO_COMMUNICATION + i in self._node.object_dictionary]
         compiled = (self._compile(number) for number in numbers)
         return [tpdo for tpdo in compiled if tpdo is not None]
 
@@ -221,9 +226,9 @@ class SimulatedDevice:
         kind = self._number(TPDO_COMMUNICATION + number, 2)
         count = self._number(TPDO_MAPPING + number, 0)
         heads = tuple(self._heads(number + 1))
-        if count == SAM_MPDO and kind == 254 and not cob_id & DISABLED:  # its own event is the end of a scan
-            return _Tpdo(cob_id & ID_MASK, 1, 8, (), None, heads)
-        if cob_id & DISABLED or kind > 240 or not count:  # above 240: not synchronous
+        if count == SAM_MPDO and kind == MANUFACTURER_EVENT and not cob_id & DISABLED:  # its event: the end of a scan
+            return _Tpdo(cob_id & ID_MASK, EVERY_SYNC, MAX_PDO_BYTES, (), None, heads)
+        if cob_id & DISABLED or kind > MAX_SYNCHRONOUS or not count:
             return None
         pieces, bits = [], 0
         for sub in range(1, count + 1):
@@ -262,29 +267,29 @@ class SimulatedDevice:
         if index == AUTO_ZERO:
             self._zero_channel(subindex, bytes(data))
             return
-        communication = TPDO_COMMUNICATION + (index & 0x1FF)
-        if TPDO_MAPPING <= index < TPDO_MAPPING + 512:
+        communication = TPDO_COMMUNICATION + (index & MAX_TPDOS - 1)
+        if TPDO_MAPPING <= index < TPDO_MAPPING + MAX_TPDOS:
             if not self._number(communication, 1) & DISABLED:
-                raise SdoAbortedError(ABORT_WRONG_STATE)
+                raise SdoAbortedError(AbortCode.WRONG_DEVICE_STATE)
             self._check_mapping(index, subindex, int.from_bytes(data, 'little'))
         elif index == communication and subindex == 1:
             now, new = self._number(index, 1), int.from_bytes(data, 'little')
             if not now & DISABLED and (now ^ new) & ID_MASK:
-                raise SdoAbortedError(ABORT_WRONG_STATE)
+                raise SdoAbortedError(AbortCode.WRONG_DEVICE_STATE)
         self._tpdos = None
 
     def _check_mapping(self, index: int, subindex: int, value: int) -> None:
         if subindex == 0 and value == SAM_MPDO:
             if not any(tpdo.is_mpdo for tpdo in self._layout.tpdos):
-                raise SdoAbortedError(ABORT_NOT_MAPPABLE)
+                raise SdoAbortedError(AbortCode.NOT_MAPPABLE)
         elif subindex == 0:
             bits = sum(self._number(index, sub) & 0xFF for sub in range(1, value + 1))
             if bits > MAX_PDO_BITS:
-                raise SdoAbortedError(ABORT_TOO_LONG)
+                raise SdoAbortedError(AbortCode.PDO_TOO_LONG)
         elif self._number(index, 0) != 0:
-            raise SdoAbortedError(ABORT_WRONG_STATE)
+            raise SdoAbortedError(AbortCode.WRONG_DEVICE_STATE)
         elif value and value >> 8 not in self._places:
-            raise SdoAbortedError(ABORT_NOT_MAPPABLE)
+            raise SdoAbortedError(AbortCode.NOT_MAPPABLE)
 
 
 def _object_places(layout: SkinLayout) -> dict[int, tuple[int, int, int]]:

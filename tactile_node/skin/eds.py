@@ -11,12 +11,10 @@ from canopen import ObjectDictionary
 from canopen.objectdictionary import ODVariable
 from canopen.objectdictionary.eds import import_eds
 
+from tactile_node.cia301.objects import IDENTITY, TPDO_COMMUNICATION, TPDO_MAPPING
 from tactile_node.errors import ConfigurationError
 from tactile_node.package_files import config_path
 from tactile_node.skin.layout import SkinLayout, TpdoLayout
-
-IDENTITY = 0x1018
-TPDO_COMMUNICATION, TPDO_MAPPING = 0x1800, 0x1A00
 
 _OBJECT = re.compile(r'[0-9A-Fa-f]{4}')
 _SUBOBJECT = re.compile(r'([0-9A-Fa-f]{4})[Ss][Uu][Bb]([0-9A-Fa-f]+)')

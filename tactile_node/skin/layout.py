@@ -6,9 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.cia301.cob_id import CobId
+from tactile_node.cia301.pdo import MAX_PDO_BITS
 
-MAX_TPDO_BITS = 64  # 8 bytes of a classic CAN frame
-MAX_NODES = 127  # CiA 301: node-IDs 1..127
 MAX_DOMAIN_BYTES = 1 << 20  # bounds what a mistyped layout can allocate
 MAX_SIDE = 1024  # taxels: bounds what a mistyped layout can allocate
 
@@ -95,7 +94,7 @@ class TpdoLayout:
     @property
     def bits(self) -> int:
         """Bits of the CAN frame, node-ID, index and sub-index of an MPDO included."""
-        return MAX_TPDO_BITS if self.is_mpdo else sum(mapped.bits for mapped in self.mapping)
+        return MAX_PDO_BITS if self.is_mpdo else sum(mapped.bits for mapped in self.mapping)
 
     def prefix(self, node_id: int) -> bytes:
         """The first bytes by which a multiplexed frame is known; bit 7 of an MPDO's is 0: source addressing."""

@@ -2,11 +2,14 @@
 
 from pathlib import Path
 
-from tactile_node.cia301.cob_id import CobId, parse_cob_id
+from tactile_node.cia301.cob_id import ID_MASK, CobId, parse_cob_id
+from tactile_node.cia301.connection_set import SYNC
+from tactile_node.cia301.node_id import MAX_NODE_ID
+from tactile_node.cia301.objects import MAX_INDEX, MAX_SUBINDEX
+from tactile_node.cia301.pdo import MAX_PDO_BITS, MAX_TPDOS, MPDO_DATA_BITS
 from tactile_node.package_files import config_path
 from tactile_node.skin.layout import (
     MAX_DOMAIN_BYTES,
-    MAX_NODES,
     MAX_SIDE,
     DomainLayout,
     MappedObject,
@@ -19,7 +22,6 @@ from tactile_node.skin.layout import (
 from tactile_node.skin.layout_rules import check_layout
 from tactile_node.yaml_section import Section, load_mapping
 
-MPDO_DATA_BITS = 32  # CiA 301: node-ID, index, sub-index and 4 bytes of data
 UNITS = ('Pa', 'N', '1')  # '1': on/off
 
 
@@ -36,9 +38,9 @@ def load_layout(path: str | Path) -> SkinLayout:
              for i, item in enumerate(top.sequence('tpdos', *([] if domain is None else [[]])))]
     layout = SkinLayout(
         str(path), rows, cols, top.number('pitch', positive=True), _value_format(top.section('value')),
-        top.integer('sync_cob_id', 1, 0x7FF, 0x80), tuple(tpdo for section in tpdos for tpdo in _tpdos(section)),
+        top.integer('sync_cob_id', 1, ID_MASK, SYNC), tuple(tpdo for section in tpdos for tpdo in _tpdos(section)),
         tuple(top.checked_integers('dead_taxels', taxel, 2, 0, MAX_SIDE)
-              for taxel in top.sequence('dead_taxels', [])), top.integer('nodes', 1, MAX_NODES, 1), domain)
+              for taxel in top.sequence('dead_taxels', [])), top.integer('nodes', 1, MAX_NODE_ID, 1), domain)
     top.done()
     check_layout(layout)
     return layout
@@ -61,7 +63,7 @@ def _domain(top: Section, rows: int, cols: int) -> DomainLayout | None:
     if top.take('domain', None) is None:
         return None
     section = top.section('domain')
-    index, sub = section.integer('object', 1, 0xFFFF), section.integer('sub', 0, 254, 0)
+    index, sub = section.integer('object', 1, MAX_INDEX), section.integer('sub', 0, MAX_SUBINDEX, 0)
     length = section.integer('bytes', 1, MAX_DOMAIN_BYTES)
     start, step = section.integer('start_bit', 0, 8 * length, 0), section.integer('bit_step', 1, 8 * length)
     places = [(row, col) for row in range(rows) for col in range(cols)]
@@ -74,14 +76,14 @@ def _domain(top: Section, rows: int, cols: int) -> DomainLayout | None:
 
 def _tpdos(section: Section) -> tuple[TpdoLayout, ...]:
     """Read one entry of ``tpdos``: a plain TPDO, all rows of a multiplexed one, or a run of MPDOs."""
-    number, cob_id = section.integer('number', 1, 512), _cob_id(section)
-    common = {'node': section.integer('node', 0, MAX_NODES - 1, 0), 'key': section.path}
+    number, cob_id = section.integer('number', 1, MAX_TPDOS), _cob_id(section)
+    common = {'node': section.integer('node', 0, MAX_NODE_ID - 1, 0), 'key': section.path}
     if section.take('mpdo', None) is not None:
         run = section.section('mpdo')
-        index, first = run.integer('object', 1, 0xFFFF), run.integer('sub', 0, 254)
+        index, first = run.integer('object', 1, MAX_INDEX), run.integer('sub', 0, MAX_SUBINDEX)
         tpdos = [TpdoLayout(number, cob_id, (MappedObject(index, first + i, MPDO_DATA_BITS),), taxels,
                             is_mpdo=True, **common)
-                 for i, taxels in enumerate(_shifted(section, _repeats(run, 255 - first)))]
+                 for i, taxels in enumerate(_shifted(section, _repeats(run, MAX_SUBINDEX + 1 - first)))]
     elif section.take('rows', None) is not None:
         run, mapping = section.section('rows'), _mapping(section)
         first = run.integer('first', 0, 255, 0)
@@ -121,8 +123,8 @@ def _mapping(section: Section) -> tuple[MappedObject, ...]:
     written = section.take('map')
     if isinstance(written, dict):
         run = section.subsection('map', written)
-        index, first = run.integer('object', 1, 0xFFFF), run.integer('sub', 0, 254)
-        bits, count = run.integer('bits', 1, 64), run.integer('count', 1, 64, 1)
+        index, first = run.integer('object', 1, MAX_INDEX), run.integer('sub', 0, MAX_SUBINDEX)
+        bits, count = run.integer('bits', 1, MAX_PDO_BITS), run.integer('count', 1, MAX_PDO_BITS, 1)
         run.done()
         return tuple(MappedObject(index, first + i, bits) for i in range(count))
     entries = section.sequence('map')
@@ -139,7 +141,7 @@ def _taxels(section: Section) -> tuple[TaxelField, ...]:
     run = section.subsection('taxels', written)
     row, col = run.integers('first', 2, 0, MAX_SIDE)
     down, right = run.integers('step', 2, -MAX_SIDE, MAX_SIDE)
-    count, start = run.integer('count', 1, 64), run.integer('start_bit', 0, 63, 0)
-    step = run.integer('bit_step', 1, 64)
+    count, start = run.integer('count', 1, MAX_PDO_BITS), run.integer('start_bit', 0, MAX_PDO_BITS - 1, 0)
+    step = run.integer('bit_step', 1, MAX_PDO_BITS)
     run.done()
     return tuple(TaxelField(row + i * down, col + i * right, start + i * step) for i in range(count))

@@ -3,9 +3,10 @@
 from collections.abc import Iterator
 from typing import NoReturn
 
-from tactile_node.cia301.cob_id import reserved_for
+from tactile_node.cia301.connection_set import SYNC, reserved_for
+from tactile_node.cia301.pdo import MAX_PDO_BITS
 from tactile_node.errors import ConfigurationError
-from tactile_node.skin.layout import MAX_TPDO_BITS, DomainLayout, SkinLayout, TpdoLayout
+from tactile_node.skin.layout import DomainLayout, SkinLayout, TpdoLayout
 
 
 def check_layout(layout: SkinLayout) -> None:
@@ -55,8 +56,8 @@ def _check_tpdo(layout: SkinLayout, key: str, tpdo: TpdoLayout) -> None:
     if tpdo.node >= layout.nodes:
         _refuse(layout, f'{key}.node', f'a node 0..{layout.nodes - 1}, as "nodes" is {layout.nodes}', str(tpdo.node),
                 'Correct it, or "nodes".')
-    if not 1 <= mapped <= MAX_TPDO_BITS:
-        _refuse(layout, f'{key}.map', '1..64 mapped bits in one TPDO', f'{mapped} bits',
+    if not 1 <= mapped <= MAX_PDO_BITS:
+        _refuse(layout, f'{key}.map', f'1..{MAX_PDO_BITS} mapped bits in one TPDO', f'{mapped} bits',
                 'Share the objects among more TPDOs.')
     if not tpdo.cob_id.relative and (use := reserved_for(tpdo.cob_id.base)):
         _refuse(layout, f'{key}.cob_id', 'a COB-ID that a PDO may use',
@@ -68,8 +69,8 @@ def _check_tpdo(layout: SkinLayout, key: str, tpdo: TpdoLayout) -> None:
         if field.start_bit < (head := 8 * len(tpdo.prefix(1))):
             _refuse(layout, f'{key}.taxels', f'fields behind the {head} bits that tell the frame',
                     f'taxel ({field.row}, {field.col}) from bit {field.start_bit}', 'Correct start_bit.')
-        if end > MAX_TPDO_BITS:
-            _refuse(layout, f'{key}.taxels', 'fields within the 64 bits of a CAN frame',
+        if end > MAX_PDO_BITS:
+            _refuse(layout, f'{key}.taxels', f'fields within the {MAX_PDO_BITS} bits of a CAN frame',
                     f'taxel ({field.row}, {field.col}) in bits {field.start_bit}..{end - 1}',
                     'Correct start_bit.')
         if end > mapped:
@@ -139,7 +140,7 @@ def _check_unique(layout: SkinLayout, key: str, values: list[tuple[object, str]]
 def _check_sync(layout: SkinLayout) -> None:
     if use := reserved_for(layout.sync_cob_id):
         _refuse(layout, 'sync_cob_id', 'a COB-ID that SYNC may use', f'0x{layout.sync_cob_id:03X}: {use}',
-                'Use 0x080 unless the device is set otherwise.')
+                f'Use 0x{SYNC:03X} unless the device is set otherwise.')
 
 
 def _refuse(layout: SkinLayout, key: str, expected: str, got: str, remedy: str) -> NoReturn:

@@ -1,10 +1,9 @@
 """Whether pads can share one CAN bus: node-IDs, names, COB-IDs and SYNC."""
 
-from tactile_node.cia301.cob_id import reserved_for
+from tactile_node.cia301.cob_id import ID_MASK
+from tactile_node.cia301.connection_set import EMCY, reserved_for
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.pads import LivePad, PadSettings, check_node_ids
-
-EMCY = 0x80  # + node-ID, CiA 301
 
 
 def check_pads(pads: tuple[PadSettings, ...]) -> None:
@@ -41,7 +40,7 @@ def _live(pad: PadSettings) -> LivePad:
 
 def _own(owners: dict[int, str], can_id: int, use: str, pad: str) -> None:
     where = f'pad {pad!r}, {use}'
-    if reason := reserved_for(can_id) or ('more than 11 bits' if can_id > 0x7FF else None):
+    if reason := reserved_for(can_id) or ('more than 11 bits' if can_id > ID_MASK else None):
         raise ConfigurationError(where, expected='a COB-ID that CiA 301 leaves free',
                                  got=f'0x{can_id:03X} ({reason})',
                                  remedy='Change node_id, or cob_id in the layout.')

@@ -6,12 +6,11 @@ from dataclasses import dataclass, field
 
 from canopen import ObjectDictionary
 
+from tactile_node.cia301.node_id import MAX_NODE_ID, MIN_NODE_ID
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.eds import check_against, load_eds
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.layout_file import load_layout
-
-MAX_NODE_ID = 127
 
 
 @dataclass(frozen=True)
@@ -91,9 +90,9 @@ def with_dictionaries(pads: Sequence[PadSettings], eds: Sequence[str] = ('',)) -
 def check_node_ids(pad: PadSettings) -> None:
     """Raise ConfigurationError for node-IDs that CiA 301 does not know, or too many or few of them."""
     for node_id in pad.node_ids:
-        if not 1 <= node_id <= MAX_NODE_ID:
-            raise ConfigurationError(f'pad {pad.name!r}', expected=f'a node-ID 1..{MAX_NODE_ID}', got=str(node_id),
-                                     remedy='Give the node-ID set on the device.')
+        if not MIN_NODE_ID <= node_id <= MAX_NODE_ID:
+            raise ConfigurationError(f'pad {pad.name!r}', expected=f'a node-ID {MIN_NODE_ID}..{MAX_NODE_ID}',
+                                     got=str(node_id), remedy='Give the node-ID set on the device.')
     if len(pad.node_ids) != pad.layout.nodes:
         raise ConfigurationError(f'pad {pad.name!r}', expected=f'{pad.layout.nodes} node-IDs for {pad.layout.source}',
                                  got=str(list(pad.node_ids)), remedy='Give one for each of its nodes.')

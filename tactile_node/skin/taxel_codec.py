@@ -4,11 +4,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from tactile_node.cia301.pdo import MAX_PDO_BYTES
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.read_only import read_only
 from tactile_node.skin.layout import DomainLayout, SkinLayout, TpdoLayout
-
-TPDO_BYTES = 8
 
 
 class TaxelCodec:
@@ -24,7 +23,7 @@ class TaxelCodec:
     def __init__(self, layout: SkinLayout):
         fields = [(rank, field) for rank, carrier in enumerate(layout.carriers) for field in carrier.taxels]
         bits, big = layout.value.bits, layout.value.byte_order == 'big'
-        starts = np.array([8 * TPDO_BYTES * rank + field.start_bit for rank, field in fields], np.intp)
+        starts = np.array([8 * MAX_PDO_BYTES * rank + field.start_bit for rank, field in fields], np.intp)
         self._shape, self._value = (layout.rows, layout.cols), layout.value
         self._rank = np.array([rank for rank, _ in fields], np.intp)
         self._first = starts // 8  # the byte in which a field begins: it ends within the 8 bytes from there
@@ -33,7 +32,7 @@ class TaxelCodec:
         self._taxel = np.array([f.row * layout.cols + f.col for _, f in fields], np.intp)
         self._mask = np.uint64((1 << bits) - 1)
         self._word = np.dtype('>u8' if big else '<u8')
-        self.payload_bytes = TPDO_BYTES * len(layout.tpdos) if layout.domain is None else layout.domain.length
+        self.payload_bytes = MAX_PDO_BYTES * len(layout.tpdos) if layout.domain is None else layout.domain.length
         self._unmapped = np.full(layout.rows * layout.cols, TaxelStatus.UNMAPPED, np.uint8)
         dead = np.zeros(self._shape, bool)
         for row, col in layout.dead:

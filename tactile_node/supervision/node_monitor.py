@@ -4,7 +4,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from tactile_node.bus.bus_monitor import BusMonitor
-from tactile_node.cia301.heartbeat import NmtState, state_name
+from tactile_node.cia301.nmt import NmtState, state_name
 from tactile_node.frames.health import NodeHealth
 from tactile_node.frames.losses import PadStatistics
 from tactile_node.skin.pads import CanopenNode

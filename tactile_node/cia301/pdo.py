@@ -1,0 +1,14 @@
+"""Process data objects (CiA 301, 7.2.2 and 7.5.2.36 on)."""
+
+MAX_TPDOS = 512  #: of one node
+MAX_PDO_BYTES = 8  #: of a classic CAN frame
+MAX_PDO_BITS = 8 * MAX_PDO_BYTES
+
+# Transmission types, sub 2 of the communication record
+EVERY_SYNC = 1  #: synchronous; 2..240: at every 2nd..240th SYNC
+MAX_SYNCHRONOUS = 240
+MANUFACTURER_EVENT = 254  #: at an event that the maker defines; CiA 301 prescribes 254 or 255 for an MPDO
+
+# Multiplexed PDO in source addressing mode: node-ID, index and sub-index of one object, and its value
+SAM_MPDO = 0xFE  #: in place of the number of mapped objects, sub 0 of the mapping record
+MPDO_DATA_BITS = 32
