@@ -17,8 +17,9 @@ from std_srvs.srv import Trigger  # noqa: E402
 from tactile_node.conditioning.fault_file import load_faults  # noqa: E402
 from tactile_node.conditioning.taxel_faults import TaxelFault  # noqa: E402
 from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
-from tactile_node.ros.parameters import DRIVER  # noqa: E402
+from tactile_node.ros.parameters import table  # noqa: E402
 from tactile_node.ros.qos import STATUS_QOS, frames_qos  # noqa: E402
+from tactile_node.ros.settings import DriverSettings  # noqa: E402
 from tactile_skin.msg import SkinStatus, TaxelArray  # noqa: E402
 
 PATIENCE = 60.0  # s, for a busy machine
@@ -169,7 +170,7 @@ def test_incomplete_frames_can_be_dropped_live(make):
     driver.values()
 
 
-@pytest.mark.parametrize('parameter', DRIVER, ids=lambda parameter: parameter.name)
+@pytest.mark.parametrize('parameter', table(DriverSettings), ids=lambda parameter: parameter.name)
 def test_every_parameter_is_described_and_says_whether_it_can_be_changed(node, parameter):
     told = node.describe_parameter(parameter.name)
     assert len(told.description) > 10 and told.read_only == (parameter.name not in LIVE)

@@ -11,8 +11,8 @@ from tactile_node.pose.fit import ShapeFit, fit_shape
 from tactile_node.pose.moments import contact_moments
 from tactile_node.ros.conversions import seconds
 from tactile_node.ros.feature_messages import features_of, pattern_of
-from tactile_node.ros.parameters import CLASSIFIER, declare, values
-from tactile_node.ros.qos import frames_qos
+from tactile_node.ros.parameters import declare, read
+from tactile_node.ros.settings import ClassifierSettings
 from tactile_node.ros.shape_messages import Findings, pose_message, shape_message
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.recognition import Recognition, Shape
@@ -27,11 +27,11 @@ class ClassifierNode(Node):
 
     def __init__(self, **options):
         super().__init__('classifier', **options)
-        declare(self, CLASSIFIER)
-        self._settings = values(self, CLASSIFIER)
+        declare(self, ClassifierSettings)
+        self._settings = read(self, ClassifierSettings)
         self._recogniser = make_recogniser(self._settings.method, self._settings.model)
         self._fusion = RecognitionFusion()
-        qos = frames_qos(self._settings.queue_depth, self._settings.lossless)
+        qos = self._settings.qos
         self.recognised = 0  #: messages published
         self._publisher = self.create_publisher(ContactShape, 'shape', qos)
         self._poses = self.create_publisher(PoseWithCovarianceStamped, 'pose', qos)

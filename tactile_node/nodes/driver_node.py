@@ -14,6 +14,7 @@ from typing import NamedTuple
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
@@ -30,14 +31,16 @@ from tactile_node.nodes.replay_gate import ReplayGate
 from tactile_node.nodes.run import run_node
 from tactile_node.nodes.tare_service import TareService, Zeroing
 from tactile_node.recording.log_source import LogSource
+from tactile_node.ros.conditioning_setup import adjust, conditioned_pads
 from tactile_node.ros.diagnostics import BusDiagnostics, unconfigured
 from tactile_node.ros.lifecycle import outlive_unfitting_requests
-from tactile_node.ros.pad_conditioning import adjust, conditioned_pads
-from tactile_node.ros.parameters import DRIVER, declare, tare_limit, values
-from tactile_node.ros.qos import STATUS_QOS, frames_qos
+from tactile_node.ros.parameters import changed, declare, read
+from tactile_node.ros.qos import STATUS_QOS
 from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
+from tactile_node.ros.settings import DriverSettings
 from tactile_node.ros.status_message import status_message
 from tactile_node.ros.taxel_messages import taxel_array_message
+from tactile_node.ros.unit_limits import tare_limit
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.pad_rules import live_pads
 from tactile_node.skin.pads import PadSettings, make_pads, one_for_each, with_dictionaries
@@ -64,7 +67,7 @@ class DriverNode(LifecycleNode):
     def __init__(self, **options):
         super().__init__('skin_driver', **options)
         outlive_unfitting_requests(self)
-        declare(self, DRIVER)
+        declare(self, DriverSettings)
         self.add_on_set_parameters_callback(self._on_parameters)
         self._source: FrameSource | None = None
         self._pads: dict[str, Pad] = {}
@@ -157,12 +160,11 @@ class DriverNode(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def _configure(self) -> None:
-        settings = values(self, DRIVER)
+        settings = read(self, DriverSettings)
         pads = _pads(settings)
         frame_ids = one_for_each('frame_ids', settings.frame_ids, pads)
-        qos = frames_qos(settings.queue_depth, settings.lossless)
         conditioned = conditioned_pads(pads, settings)
-        self._pads = {pad.name: Pad(self._make_publisher(TaxelArray, f'{pad.name}/taxels', qos), pad.layout,
+        self._pads = {pad.name: Pad(self._make_publisher(TaxelArray, f'{pad.name}/taxels', settings.qos), pad.layout,
                                     frame_id or f'{pad.name}_pad', conditioned[pad.name])
                       for pad, frame_id in zip(pads, frame_ids)}
         saving = FaultService(self, settings.faulty_taxels_file, self._faults)
@@ -185,7 +187,7 @@ class DriverNode(LifecycleNode):
         self._owned.append(lambda: self.destroy_publisher(publisher))
         return publisher
 
-    def _make_source(self, settings, pads: tuple[PadSettings, ...]) -> FrameSource:
+    def _make_source(self, settings: DriverSettings, pads: tuple[PadSettings, ...]) -> FrameSource:
         if settings.replay:
             self._gate = self._make_gate(settings)
             return LogSource(settings.replay, pads, self._publish, pace=settings.replay_pace or None,
@@ -198,18 +200,17 @@ class DriverNode(LifecycleNode):
         return Supervisor(bus, live_pads(pads), self._publish, recover=settings.recover,
                           heartbeat_timeout=settings.heartbeat_timeout)
 
-    def _make_gate(self, settings) -> ReplayGate | None:
+    def _make_gate(self, settings: DriverSettings) -> ReplayGate | None:
         """Only a log played as fast as possible needs one, and only where nothing may be lost."""
         if settings.replay_pace or not settings.lossless:
             return None
-        gate = ReplayGate(self, settings.pads, frames_qos(settings.queue_depth, settings.lossless))
+        gate = ReplayGate(self, settings.pads, settings.qos)
         self._owned.append(gate.destroy)
         return gate
 
-    def _on_parameters(self, parameters: list) -> SetParametersResult:
+    def _on_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
         """Take a change that needs no new configuration, whole or not at all."""
-        settings = values(self, DRIVER)
-        vars(settings).update((each.name, each.value) for each in parameters if hasattr(settings, each.name))
+        settings = changed(read(self, DriverSettings), parameters)
         try:
             adjust({name: pad.conditioned for name, pad in self._pads.items()},
                    {name: pad.layout.value.unit for name, pad in self._pads.items()}, settings)
@@ -257,7 +258,7 @@ def _failed(transition: str) -> DeviceError:
                        remedy='The log above has it.')
 
 
-def _pads(settings) -> tuple[PadSettings, ...]:
+def _pads(settings: DriverSettings) -> tuple[PadSettings, ...]:
     if not settings.pads:
         raise ConfigurationError('parameter pads', expected='a name for each pad', got='none', remedy='Name a pad.')
     pads = make_pads(settings.layouts, settings.node_ids, settings.pads)

@@ -9,8 +9,8 @@ from tactile_node.grasp.gripper import Gripper, PadPose
 from tactile_node.grasp.tracker import SIDES, GraspSettings, GraspTracker
 from tactile_node.nodes.run import run_node
 from tactile_node.ros.grasp_messages import grasp_message, side_result
-from tactile_node.ros.parameters import GRASP, declare, values
-from tactile_node.ros.qos import frames_qos
+from tactile_node.ros.parameters import declare, read
+from tactile_node.ros.settings import GraspNodeSettings
 from tactile_skin.msg import ContactShape, Grasp
 
 
@@ -19,17 +19,17 @@ class GraspNode(Node):
 
     def __init__(self, **options):
         super().__init__('grasp', **options)
-        declare(self, GRASP)
-        self._settings = settings = values(self, GRASP)
-        gripper = Gripper(PadPose(tuple(settings.left_xyz), tuple(settings.left_rpy)),
-                          PadPose(tuple(settings.right_xyz), tuple(settings.right_rpy)))
+        declare(self, GraspNodeSettings)
+        self._settings = settings = read(self, GraspNodeSettings)
+        gripper = Gripper(PadPose(settings.left_xyz, settings.left_rpy),
+                          PadPose(settings.right_xyz, settings.right_rpy))
         self._tracker = GraspTracker(GraspSettings(gripper, settings.centre_tolerance, settings.min_hold,
                                                    settings.max_skew))
         self._latest = {side: ContactShape() for side in SIDES}
-        qos = frames_qos(settings.queue_depth, settings.lossless)
-        self._publisher = self.create_publisher(Grasp, 'grasp', qos)
+        self._publisher = self.create_publisher(Grasp, 'grasp', settings.qos)
         for side, pad in zip(SIDES, (settings.left_pad, settings.right_pad)):
-            self.create_subscription(ContactShape, f'{pad}/shape', partial(self._on_shape, side), qos)
+            self.create_subscription(ContactShape, f'{pad}/shape', partial(self._on_shape, side),
+                                     settings.qos)
 
     def _on_shape(self, side: str, message: ContactShape) -> None:
         self._latest[side] = message

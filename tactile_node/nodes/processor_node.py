@@ -1,18 +1,21 @@
 """Taxel array -> contact pattern -> features, on topics."""
 
 import sys
+from collections.abc import Sequence
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from tactile_node.contact.pattern import PatternExtractor
-from tactile_node.errors import TactileError
-from tactile_node.helmholtz.features import compute_features
+from tactile_node.errors import ConfigurationError, TactileError
+from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.nodes.run import run_node
 from tactile_node.ros.feature_messages import features_message
-from tactile_node.ros.parameters import PRESSED_BY_UNIT, PROCESSOR, declare, feature_groups, pressed_thresholds, values
-from tactile_node.ros.qos import frames_qos
+from tactile_node.ros.parameters import changed, declare, read
+from tactile_node.ros.settings import ProcessorSettings
 from tactile_node.ros.taxel_messages import taxel_values
+from tactile_node.ros.unit_limits import PRESSED_BY_UNIT, pressed_thresholds
 from tactile_skin.msg import ContactFeatures, TaxelArray
 
 
@@ -21,25 +24,25 @@ class ProcessorNode(Node):
 
     def __init__(self, **options):
         super().__init__('processor', **options)
-        declare(self, PROCESSOR)
-        self._apply(values(self, PROCESSOR))
-        qos = frames_qos(self._settings.queue_depth, self._settings.lossless)
+        declare(self, ProcessorSettings)
+        self._apply(read(self, ProcessorSettings))
+        qos = self._settings.qos
         self._publisher = self.create_publisher(ContactFeatures, 'features', qos)
         self.create_subscription(TaxelArray, 'taxels', self._on_taxels, qos)
         self.add_on_set_parameters_callback(self._on_parameters)
 
-    def _apply(self, settings) -> None:
-        """Take ``settings`` whole or not at all; the contact in progress is found anew with them."""
+    def _apply(self, settings: ProcessorSettings) -> None:
+        """Apply ``settings`` as a whole or not at all; the contact in progress is then found again."""
         groups = feature_groups(settings.features)
-        extractors = {unit: PatternExtractor(*pressed_thresholds(settings, unit)) for unit in PRESSED_BY_UNIT}
-        self._settings, self._groups, self._extractors = settings, groups, extractors
+        press, ratio = settings.press_threshold, settings.release_ratio
+        extractors = {unit: PatternExtractor(*pressed_thresholds(press, ratio, unit)) for unit in PRESSED_BY_UNIT}
+        self._settings = settings
+        self._groups = groups
+        self._extractors = extractors
 
-    def _on_parameters(self, parameters) -> SetParametersResult:
-        changed = {parameter.name: parameter.value for parameter in parameters}
-        settings = values(self, PROCESSOR)
-        vars(settings).update((name, value) for name, value in changed.items() if hasattr(settings, name))
+    def _on_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
         try:
-            self._apply(settings)
+            self._apply(changed(read(self, ProcessorSettings), parameters))
         except TactileError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -48,6 +51,17 @@ class ProcessorNode(Node):
         pattern = self._extractors[message.unit].extract(taxel_values(message))
         features = compute_features(pattern.mask, self._groups)
         self._publisher.publish(features_message(message, pattern, features))
+
+
+def feature_groups(names: Sequence[str]) -> Group:
+    """Return the named groups and the classifier's. Raises ConfigurationError for an unknown name."""
+    groups = Group.CLASSIFIER
+    for name in names:
+        if name.upper() not in Group.__members__:
+            raise ConfigurationError('parameter features', expected='names of ' + ', '.join(Group.__members__).lower(),
+                                     got=repr(name), remedy='See `tactile features --help` for what each computes.')
+        groups |= Group[name.upper()]
+    return groups
 
 
 def main() -> int:

@@ -1,6 +1,7 @@
 """Holds a log played as fast as possible back to the pace at which its frames come out as shapes."""
 
 import threading
+from collections.abc import Sequence
 from functools import partial
 
 from rclpy.node import Node
@@ -15,7 +16,7 @@ PATIENCE = 10.0  # how long no shape may come before the log is played without t
 class ReplayGate:
     """One gate for all pads of a log; ``wait`` is called on the log's thread, shapes arrive on the node's."""
 
-    def __init__(self, node: Node, pads: list[str], qos: QoSProfile):
+    def __init__(self, node: Node, pads: Sequence[str], qos: QoSProfile):
         self._node = node
         self._open = False
         self._seen = dict.fromkeys(pads, -1)

@@ -1,7 +1,6 @@
-"""What the driver's parameters say about the conditioning of its pads."""
+"""Sets up the conditioning of the driver's pads as its settings say."""
 
 from collections.abc import Mapping
-from types import SimpleNamespace
 
 from tactile_node.conditioning.conditioned_pad import ConditionedPad
 from tactile_node.conditioning.drift import DriftFollower
@@ -9,12 +8,19 @@ from tactile_node.conditioning.fault_file import load_faults
 from tactile_node.conditioning.gain import load_gains
 from tactile_node.conditioning.tare import TaredPad
 from tactile_node.conditioning.taxel_faults import FaultDetector
-from tactile_node.ros.parameters import masks_faulty, rest_limit, tare_limit
+from tactile_node.errors import ConfigurationError
+from tactile_node.ros.settings import DriverSettings
+from tactile_node.ros.unit_limits import ON_OFF_UNIT, rest_limit, tare_limit
 from tactile_node.skin.pads import PadSettings, one_for_each
 
+MASK, REPORT = 'mask', 'report'
 
-def conditioned_pads(pads: tuple[PadSettings, ...], settings: SimpleNamespace) -> dict[str, ConditionedPad]:
-    """Make them by name. Raises ConfigurationError for a wrong parameter, gain file or file of faulty taxels."""
+
+def conditioned_pads(pads: tuple[PadSettings, ...], settings: DriverSettings) -> dict[str, ConditionedPad]:
+    """Make the conditioning of each pad, by its name.
+
+    Raises ConfigurationError for a wrong parameter, gain file or file of faulty taxels.
+    """
     gain_files = one_for_each('gain_files', settings.gain_files, pads)
     shapes = {pad.name: (pad.layout.rows, pad.layout.cols) for pad in pads}
     known = load_faults(settings.faulty_taxels_file, shapes) if settings.faulty_taxels_file else {}
@@ -27,15 +33,28 @@ def conditioned_pads(pads: tuple[PadSettings, ...], settings: SimpleNamespace) -
     return made
 
 
-def adjust(pads: Mapping[str, ConditionedPad], units: Mapping[str, str], settings: SimpleNamespace) -> None:
-    """Take what may change while frames flow. Raises ConfigurationError, nothing changed then."""
+def adjust(pads: Mapping[str, ConditionedPad], units: Mapping[str, str], settings: DriverSettings) -> None:
+    """Apply the settings that may change while frames flow.
+
+    Raises ConfigurationError; then nothing has changed.
+    """
     masks = masks_faulty(settings.faulty_taxels)
     rest = {name: rest_limit(settings.tare_limit, units[name]) for name in pads}
     drifting = {name: tare_limit(settings.tare_limit, units[name]) for name in pads
-                if settings.follow_drift and units[name] != '1'}  # on/off taxels have no zero
+                if settings.follow_drift and units[name] != ON_OFF_UNIT}  # on/off taxels have no zero
     for name, pad in pads.items():
-        pad.masks, pad.detector.limit, pad.frozen_after = masks, rest[name], settings.frozen_after
+        pad.masks = masks
+        pad.detector.limit = rest[name]
+        pad.frozen_after = settings.frozen_after
         if (pad.tared.drift is None) != (name not in drifting):
             pad.tared.drift = DriftFollower(drifting[name]) if name in drifting else None
         elif pad.tared.drift is not None:
             pad.tared.drift.limit = drifting[name]
+
+
+def masks_faulty(given: str) -> bool:
+    """Return whether detected faulty taxels are masked. Raises ConfigurationError for an unknown `faulty_taxels`."""
+    if given not in (MASK, REPORT):
+        raise ConfigurationError('parameter faulty_taxels', expected=f'{MASK} or {REPORT}', got=repr(given),
+                                 remedy='Choose one of these.')
+    return given == MASK

@@ -1,0 +1,94 @@
+"""Every parameter of every node, in one place: name, type, default, range, meaning."""
+
+import math
+from dataclasses import dataclass
+
+from tactile_node.ros.parameters import NodeSettings, parameter
+from tactile_node.shape.methods import DEFAULT
+
+
+@dataclass(frozen=True)
+class DriverSettings(NodeSettings):
+    interface: str = parameter('socketcan', 'python-can interface: socketcan, slcan, virtual, pcan, kvaser, ...')
+    channel: str = parameter('can0', 'channel of the interface: can0, /dev/ttyACM0, PCAN_USBBUS1, ...')
+    bitrate: int = parameter(1_000_000, 'bit rate of the bus [bit/s]', 10_000, 1_000_000)
+    replay: str = parameter('', 'recorded CAN log to play in place of the bus; empty: use the bus')
+    replay_pace: float = parameter(1.0, 'speed of the replay: 1 as recorded, 0 as fast as possible', 0, 1000)
+    replay_channel: str = parameter('', 'bus to play from a log of several buses, as the log names it; for a bag, the '
+                                    'topic')
+    replay_loop: bool = parameter(False, 'start the log again at its end; the stamps continue')
+    record: str = parameter('', 'file to record the bus to; its suffix chooses the format; an existing file is kept '
+                            'and the new one numbered; empty: do not record')
+    pads: tuple[str, ...] = parameter(('pad',), 'names of the pads on this bus; topics are <name>/taxels')
+    node_ids: tuple[int, ...] = parameter((32,), 'CANopen node-ID of each pad; a pad whose layout has several nodes '
+                                          'needs one for each of them')
+    layouts: tuple[str, ...] = parameter(('sim16x16.yaml',), 'skin layout of each pad, or one for all: a file, or a '
+                                         'name in config/')
+    eds: tuple[str, ...] = parameter(('',), 'EDS of each pad, or one for all; empty: named as the layout, suffix .eds')
+    frame_ids: tuple[str, ...] = parameter(('',), 'frame of each pad (origin at taxel (0, 0), x along columns, z '
+                                           'outwards); empty: <name>_pad')
+    sync_period: float = parameter(0.02, 'time between two SYNCs, which is the time between two frames [s]', 0.001, 10)
+    produce_sync: bool = parameter(True, 'true: the driver sends SYNC; false: another node on the bus sends it')
+    boot_timeout: float = parameter(5.0, 'time for each device to answer at configure [s]', 0.1, 3600)
+    heartbeat_timeout: float = parameter(0.5, 'time without a heartbeat after which a node is reported as lost [s]; '
+                                         'nodes send one every 0.1 s', 0.3, 60, live=True)
+    recover: bool = parameter(True, 'true: reopen a failed bus, configure and start devices that have restarted; '
+                              'false: report faults only')
+    tare_limit: float = parameter(0.0, 'reading from which on a taxel counts as pressed when a tare is requested '
+                                  '[unit of the taxels]; 0: by the unit (10 kPa, 0.03 N)', 0, 1e9, live=True)
+    follow_drift: bool = parameter(False, 'true: the zero of the taxels follows slow drift while none reads half of '
+                                   'tare_limit; it never follows a grasp', live=True)
+    faulty_taxels: str = parameter('report', 'handling of taxels detected as dead, stuck or flickering: report (they '
+                                   'are reported only) or mask (their values are also NaN); those of '
+                                   'faulty_taxels_file are always NaN', live=True)
+    faulty_taxels_file: str = parameter('', 'YAML file of taxels that are faulty from the start; '
+                                        '`~/save_faulty_taxels` writes the detected ones to it; empty: none')
+    frozen_after: float = parameter(0.0, 'time without a change of one count in any taxel after which a pad is '
+                                    'reported as frozen and its taxels are NaN [s]; for skins whose readings always '
+                                    'vary; 0: never', 0, 3600, live=True)
+    gain_files: tuple[str, ...] = parameter(('',), 'per-taxel gains of each pad, or one file for all: text with one '
+                                            'line for each row of the pad, or .npy; empty: none')
+    drop_incomplete: bool = parameter(False, 'true: a sweep that lacks CAN frames is withheld and counted; false: it '
+                                      'is published with NaN and status STALE', live=True)
+    wait_at_start: bool = parameter(True, 'with autostart: true: wait for a missing bus or device; false: exit')
+    autostart: bool = parameter(True, 'true: configure and activate at start; false: leave both to a lifecycle '
+                                'manager')
+
+
+@dataclass(frozen=True)
+class ProcessorSettings(NodeSettings):
+    press_threshold: float = parameter(0.0, 'reading from which on a taxel is pressed [unit of the taxels]; 0: by the '
+                                       'unit (30 kPa, 0.1 N, 0.5 for on/off)', 0, 1e9, live=True)
+    release_ratio: float = parameter(0.8, 'fraction of press_threshold below which a pressed taxel is released',
+                                     0.01, 1.0, live=True)
+    features: tuple[str, ...] = parameter(('classifier',), 'groups of features to compute beside those the classifier '
+                                          'needs: information, gravity, eigenvalues, border, turned, all', live=True)
+
+
+@dataclass(frozen=True)
+class ClassifierSettings(NodeSettings):
+    method: str = parameter(DEFAULT, 'recognition method: learned, or volf (the three planes of Volf, Dvořák and '
+                            'Vlček)')
+    model: str = parameter('', 'weights or curves of the method: a file, or a name in config/; empty: its own')
+    fuse: bool = parameter(True, 'true: the shape is decided from successive frames; false: from each frame alone')
+    fit: bool = parameter(True, 'true: fit pose and size; false: leave them out')
+    solid_height: float = parameter(0.0, 'height of the solid added to each shape [m]; 0: none', 0, 10)
+
+
+@dataclass(frozen=True)
+class GraspNodeSettings(NodeSettings):
+    left_pad: str = parameter('left', 'name of the left pad')
+    right_pad: str = parameter('right', 'name of the right pad, which faces the left one')
+    frame_id: str = parameter('gripper', 'frame of the gripper, in which the grasp is published')
+    left_xyz: tuple[float, float, float] = parameter(
+        (0.0, 0.0, 0.0), 'taxel (0, 0) of the left pad in the gripper frame, gripper closed [m]')
+    left_rpy: tuple[float, float, float] = parameter(
+        (0.0, 0.0, 0.0), 'roll, pitch, yaw of the left pad in the gripper frame [rad]')
+    right_xyz: tuple[float, float, float] = parameter(
+        (0.0, 0.03, 0.0), 'taxel (0, 0) of the right pad in the gripper frame, gripper closed [m]')
+    right_rpy: tuple[float, float, float] = parameter(
+        (math.pi, 0.0, 0.0), 'roll, pitch, yaw of the right pad in the gripper frame [rad]')
+    gap: float = parameter(0.0, 'opening of the gripper [m]', 0, 1)
+    centre_tolerance: float = parameter(0.001, "distance a held contact's centre may move [m]", 1e-6, 1)
+    min_hold: float = parameter(0.2, 'time shapes and centres must hold for a stable grasp [s]', 0, 3600)
+    max_skew: float = parameter(0.1, "largest difference of the two pads' stamps [s]", 1e-3, 3600)

@@ -1,0 +1,84 @@
+"""Each parameter is one field of a frozen dataclass: declared from it, read into it, changed by replacing it."""
+
+from dataclasses import FrozenInstanceError, fields
+from pathlib import Path
+
+import pytest
+import yaml
+
+rclpy = pytest.importorskip('rclpy')
+pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
+
+from rclpy.parameter import Parameter  # noqa: E402
+
+from tactile_node.nodes.classifier_node import ClassifierNode  # noqa: E402
+from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
+from tactile_node.nodes.grasp_node import GraspNode  # noqa: E402
+from tactile_node.nodes.processor_node import ProcessorNode  # noqa: E402
+from tactile_node.ros.parameters import changed, read, table  # noqa: E402
+from tactile_node.ros.settings import (  # noqa: E402
+    ClassifierSettings,
+    DriverSettings,
+    GraspNodeSettings,
+    ProcessorSettings,
+)
+
+EXAMPLE = Path(__file__).resolve().parents[1] / 'config' / 'parameters.yaml'
+SETTINGS = {'skin_driver': DriverSettings, 'processor': ProcessorSettings, 'classifier': ClassifierSettings,
+            'grasp': GraspNodeSettings}
+NODES = {'skin_driver': DriverNode, 'processor': ProcessorNode, 'classifier': ClassifierNode, 'grasp': GraspNode}
+OF_ROS = {'use_sim_time', 'start_type_description_service'}  # declared by rclpy on every node
+
+
+@pytest.fixture(scope='module', params=NODES)
+def node(request):
+    with rclpy.context.Context() as context:
+        node = NODES[request.param](context=context)
+        yield node
+        node.destroy_node()
+
+
+def test_a_node_has_the_parameters_that_are_fields_and_no_other(node):
+    settings = SETTINGS[node.get_name()]
+    declared = set(node.get_parameters_by_prefix('')) - OF_ROS
+    assert declared == {field.name for field in fields(settings)} == {row.name for row in table(settings)}
+
+
+def test_a_node_reads_its_defaults_as_its_settings(node):
+    settings = SETTINGS[node.get_name()]
+    assert read(node, settings) == settings()
+
+
+def test_description_range_and_read_only_are_those_of_the_field(node):
+    for name, default, (description, low, high, live) in table(SETTINGS[node.get_name()]):
+        declared = node.describe_parameter(name)
+        assert declared.description == description and len(description) > 10 and declared.read_only != live
+        if type(default) in (int, float):
+            limits, = declared.integer_range or declared.floating_point_range
+            assert (limits.from_value, limits.to_value) == (low, high) and low <= default <= high
+
+
+@pytest.mark.parametrize('settings', SETTINGS.values())
+def test_settings_are_frozen_and_a_misspelt_name_is_an_error(settings):
+    with pytest.raises(FrozenInstanceError):
+        settings().queue_depth = 5
+    with pytest.raises(AttributeError):
+        settings().queue_deph  # noqa: B018
+    assert all(not isinstance(row.default, list) for row in table(settings))
+
+
+def test_a_change_is_a_new_value_and_leaves_out_parameters_of_ros():
+    before = ProcessorSettings()
+    after = changed(before, [Parameter('features', value=['all']), Parameter('use_sim_time', value=True)])
+    assert after.features == ('all',) and before.features == ('classifier',)
+    assert after.press_threshold == before.press_threshold
+
+
+def test_the_example_file_names_parameters_that_exist_with_values_of_their_type():
+    groups = yaml.safe_load(EXAMPLE.read_text(encoding='utf-8'))
+    assert {name.removeprefix('/**/') for name in groups} == set(SETTINGS)
+    for name, group in groups.items():
+        rows = {row.name: row for row in table(SETTINGS[name.removeprefix('/**/')])}
+        for parameter, value in group['ros__parameters'].items():
+            given = tuple(value) if isinstance(value, list) else value
+            assert type(given) is type(rows[parameter].default), parameter
