@@ -25,7 +25,7 @@ unexport PYTHONPATH
 SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test faults bench train reproduce soak socketcan fuzz lint types columns lowest lock clean
+.PHONY: help setup demo check test coverage faults bench train reproduce soak socketcan fuzz lint types columns lowest lock clean
 
 help:  ## say what there is
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -56,10 +56,19 @@ $(VENV)/.built: $(VENV)/.installed $(SOURCES)
 demo: setup  ## simulated gripper skin, five shapes, live in the terminal; results in demo_output/
 	@$(BIN)/tactile demo --output demo_output
 
-test: lint  ## everything that checks the project
+check: lint  ## style and the fast tests: what to run while you work (under 30 s)
+	@$(BIN)/python -m pytest test -q -m 'not slow and not bus and not ros'
+
+test: STARTED := $(shell date +%s)
+test: lint  ## everything that checks the project, with the time that it took
 	@$(BIN)/python -m pytest test -q
 	@$(MAKE) --no-print-directory socketcan || { [ $$? -eq 2 ] && [ -f build/socketcan/not_run ] && \
 		printf '\n*** NOT TESTED on a real CAN stack: %s ***\n\n' "$$(cat build/socketcan/not_run)"; }
+	@took=$$(($$(date +%s) - $(STARTED))); printf 'make test took %d min %02d s\n' $$((took / 60)) $$((took % 60))
+
+coverage: setup  ## lines of each room that the tests run
+	@$(BIN)/python -m pytest test -q --cov=tactile_node --cov-report=json:build/coverage.json
+	@$(BIN)/python tools/coverage_by_room.py build/coverage.json
 
 $(BENCH_VENV)/.installed: requirements/bench.txt | setup
 	@echo 'environment of the recognition benchmark in .venv-bench: torch, scikit-learn, OpenCV (once)'

@@ -402,6 +402,7 @@ def fates(of=(), begin=0):
             yield from fates((*of, fate), begin if fate is None else fate)
 
 
+@pytest.mark.slow
 def test_whatever_is_lost_or_late_by_a_period_no_frame_is_wrong(tmp_path):
     """All 8000 ways; the first taxel's count is the period that its TPDO was sent in."""
     layout, ways = tiny_layout(tmp_path), list(fates())

@@ -9,6 +9,8 @@ from tactile_node.errors import DeviceError, HalfZeroedError
 from tactile_node.recording.log_source import LogSource
 from tactile_node.skin.pads import make_pad
 
+pytestmark = pytest.mark.bus
+
 
 def test_an_eds_without_it_is_told():
     with Bench('no_zero', 'sim16x16.yaml') as bench:

@@ -10,6 +10,8 @@ from candump import DATA, read_candump
 
 from tactile_node.cli.main import main
 
+pytestmark = [pytest.mark.ros, pytest.mark.bus]
+
 pytest.importorskip('rclpy')
 pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
 

@@ -18,6 +18,8 @@ from tactile_node.errors import BusError, ConfigurationError, LogError
 from tactile_node.recording.logs import CanLogReader, CanLogWriter, flush
 from tactile_node.skin.pads import make_pad
 
+pytestmark = pytest.mark.bus
+
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / 'test' / 'data'
 TACTILE = 'import sys; from tactile_node.cli.main import main; sys.exit(main())'

@@ -15,6 +15,8 @@ pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run 
 from tactile_node.ros.qos import frames_qos  # noqa: E402
 from tactile_skin.msg import ContactFeatures, ContactShape, TaxelArray  # noqa: E402
 
+pytestmark = [pytest.mark.ros, pytest.mark.bus]
+
 LOG, LAYOUT, NODE_ID, TPDOS = 'nus_ring_session.log.gz', 'nus_sinapse_64x64.yaml', 32, 64
 SYNC = 0x080
 PATIENCE = 240.0  # s: three processes start on a machine that may be busy

@@ -85,6 +85,7 @@ def test_frames_without_a_contact(tactile, values, expected):
     assert [line['shape'] for line in tactile('classify', values)] == [expected, expected]
 
 
+@pytest.mark.bus
 def test_standard_input_and_output_file(tmp_path):
     buffer = io.BytesIO()
     np.save(buffer, np.ones((4, 5), bool))
@@ -93,6 +94,7 @@ def test_standard_input_and_output_file(tmp_path):
     assert result.stdout == b'' and json.loads((tmp_path / 'lines.json').read_text())['N'] == 20
 
 
+@pytest.mark.bus
 def test_a_reader_that_leaves_is_no_error(tmp_path):
     np.save(tmp_path / 'many.npy', np.zeros((3000, 4, 4), bool))
     command = f'{sys.executable} -m tactile_node.cli.main classify {tmp_path}/many.npy | head -n 1'
@@ -101,6 +103,7 @@ def test_a_reader_that_leaves_is_no_error(tmp_path):
     assert result.returncode == 0 and result.stderr == '' and len(result.stdout.splitlines()) == 1
 
 
+@pytest.mark.bus
 def test_neither_ros_nor_can_is_imported():
     code = ('import sys; from tactile_node.cli.main import main; import tactile_node.cli.classify, '
             'tactile_node.cli.features; sys.exit(bool({"rclpy", "can", "canopen"} & set(sys.modules)))')

@@ -12,6 +12,8 @@ from tactile_node.frames.health import BusHealth, NodeHealth, Outages  # noqa: E
 from tactile_node.frames.losses import PadStatistics  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
 
+pytestmark = pytest.mark.ros
+
 OK, WARN, ERROR, STALE = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE)
 
 

@@ -183,6 +183,7 @@ def moving():
     return lambda t: 10.0 * (np.arange(160).reshape(16, 10) + 7 * next(samples))
 
 
+@pytest.mark.bus
 @pytest.mark.parametrize('refuses_blocks', [False, True], ids=('block', 'segmented'))
 def test_simulated_skin_end_to_end_and_its_log_again(tmp_path, refuses_blocks):
     log, live = tmp_path / 'session.log', []
@@ -206,6 +207,7 @@ def test_simulated_skin_end_to_end_and_its_log_again(tmp_path, refuses_blocks):
     assert all(frame.values.tolist() in values for _, frame in live)
 
 
+@pytest.mark.bus
 def test_our_own_requests_take_their_part_of_the_bus(tmp_path):
     """The recording holds every frame; bits of an 11-bit frame with n bytes, stuffing at its worst (ISO 11898-1)."""
     log, bits = tmp_path / 'session.log', {0: 55, 1: 65, 2: 75, 8: 135}
@@ -220,6 +222,7 @@ def test_our_own_requests_take_their_part_of_the_bus(tmp_path):
     assert sum(message.arbitration_id == 0x620 for message in messages) > 100
 
 
+@pytest.mark.bus
 def test_a_polled_pad_goes_and_comes_again():
     with Bench('domain_goes', LAYOUT, source=moving()) as bench:
         bench.supervise()
@@ -236,6 +239,7 @@ def test_a_polled_pad_goes_and_comes_again():
         assert counts.missing > 0
 
 
+@pytest.mark.bus
 def test_a_bad_bus_breaks_uploads_and_no_values(monkeypatch):
     """Frames lost, doubled, damaged, swapped: every whole frame is still of one sample."""
     adapter, random = Adapter(), Random(5)
@@ -259,6 +263,7 @@ def test_a_bad_bus_breaks_uploads_and_no_values(monkeypatch):
         bench.take_whole(3)
 
 
+@pytest.mark.bus
 def test_a_device_with_another_domain_is_refused(tmp_path):
     text = load_layout(LAYOUT).source
     wrong = tmp_path / 'wrong.yaml'

@@ -28,11 +28,13 @@ def drifting(t: float) -> float:
     return 4e3 * np.sin(t / 600 * np.pi / 2)
 
 
+@pytest.mark.slow
 def test_slow_drift_is_followed():
     """A zero that lags TIME_CONSTANT behind a drift of at most 10.5 Pa/s is 210 Pa off."""
     assert np.abs(given(TaredPad(DriftFollower(LIMIT)), 600, 0.0, drifting)).max() < 210 + 5 * NOISE / RATE ** 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('before', [0.0, 30.0])
 def test_a_grasp_of_ten_minutes_keeps_its_pressure_and_leaves_no_jump(before):
     """Also one that is there from the first frame. The skin itself does not drift here: what is lost is the code's."""

@@ -22,6 +22,8 @@ from tactile_node.ros.qos import STATUS_QOS, frames_qos  # noqa: E402
 from tactile_node.ros.settings import DriverSettings  # noqa: E402
 from tactile_skin.msg import SkinStatus, TaxelArray  # noqa: E402
 
+pytestmark = [pytest.mark.ros, pytest.mark.bus]
+
 PATIENCE = 60.0  # s, for a busy machine
 LIVE = {'drop_incomplete', 'heartbeat_timeout', 'faulty_taxels', 'tare_limit', 'follow_drift', 'frozen_after'}
 FILE = 'pads: {pad32: {dead: [[2, 3]]}}'

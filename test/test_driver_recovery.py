@@ -25,6 +25,8 @@ from tactile_node.threads.reminder import FIRST_REMINDER  # noqa: E402
 from tactile_skin.msg import SkinStatus, TaxelArray  # noqa: E402
 from tactile_skin.srv import Tare  # noqa: E402
 
+pytestmark = [pytest.mark.ros, pytest.mark.bus]
+
 OK, ERROR = DiagnosticStatus.OK, DiagnosticStatus.ERROR
 PATIENCE = 60.0  # s, for a busy machine
 

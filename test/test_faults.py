@@ -10,6 +10,8 @@ from fault_catalogue import FAULTS
 
 from tactile_node.cia301.emergency import decode_emergency
 
+pytestmark = pytest.mark.bus
+
 
 @pytest.mark.parametrize('fault', FAULTS, ids=lambda fault: fault.__name__)
 def test_fault(fault):

@@ -17,12 +17,14 @@ def test_what_once_broke_something(path: Path):
     assert survives(path.name.split('_')[0], path) in ('read', 'refused')
 
 
+@pytest.mark.slow
 def test_mutated_files_are_read_or_refused(tmp_path):
     """Seed of their own; both outcomes occur, so the mutations are neither harmless nor all fatal at once."""
     outcomes = {survives(kind, path) for (kind, path), _ in zip(mutated_files(2, tmp_path), range(300))}
     assert outcomes == {'read', 'refused'}
 
 
+@pytest.mark.bus
 def test_random_can_messages_leave_a_driver_that_still_works():
     tracebacks = Tracebacks()
     logging.getLogger().addHandler(tracebacks)

@@ -114,6 +114,7 @@ def test_bad_layouts(tmp_path, text, says):
         tiny_layout(tmp_path, text)
 
 
+@pytest.mark.bus
 @pytest.mark.parametrize(('layout', 'written', 'sent'), [
     # row 0: five taxels of 1023 counts; the last row is number 11
     ('rows12x5_10bit.yaml', '1A0#00FFFFFFFFFFFF03', '1A0#0B'),

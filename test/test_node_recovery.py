@@ -8,6 +8,8 @@ from fault_bench import PATIENCE, FaultBench
 from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.errors import DeviceAbsentError
 
+pytestmark = pytest.mark.bus
+
 
 def test_nodes_are_configured_at_once(monkeypatch):
     both, configure = threading.Barrier(2, timeout=PATIENCE), SkinBus.configure_node

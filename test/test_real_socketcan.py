@@ -16,7 +16,8 @@ from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.skin.pads import make_pad, make_pads, with_dictionaries
 from tactile_node.supervision.supervisor import Supervisor
 
-pytestmark = pytest.mark.skipif(INTERFACE != 'socketcan', reason='needs SocketCAN: `make socketcan` runs it')
+pytestmark = [pytest.mark.bus, pytest.mark.skipif(
+    INTERFACE != 'socketcan', reason='needs SocketCAN: `make socketcan` runs it')]
 PRESSED, PERIOD = 12.5, 0.25  # the emulated machine is slow
 BUS_OFF, CONTROLLER, RX_PASSIVE = 0x40, 0x04, 0x10  # linux/can/error.h
 

@@ -82,6 +82,7 @@ def test_nearest_neighbours_tell_clusters_apart():
     assert (learner.answers(fresh) == fresh.labels).all()
 
 
+@pytest.mark.slow
 def test_a_small_run_writes_page_and_numbers(tmp_path, capsys):
     folder = tmp_path / 'out'
     assert main(['reproduce', '-o', str(folder), '--patterns', '15', '--training', '600', '--jobs', '1']) == 0

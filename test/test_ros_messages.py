@@ -21,6 +21,8 @@ from tactile_node.ros.taxel_messages import taxel_array_message, taxel_values  #
 from tactile_node.shape.recognition import Recognition, Shape  # noqa: E402
 from tactile_skin.msg import ContactShape, Grasp  # noqa: E402
 
+pytestmark = pytest.mark.ros
+
 PITCH = 0.002
 STAMP = 1_700_000_000.25
 

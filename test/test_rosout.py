@@ -20,6 +20,8 @@ from tactile_node.cli.main import main  # noqa: E402
 from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
 from tactile_node.ros.rosout_handler import RosoutHandler  # noqa: E402
 
+pytestmark = [pytest.mark.ros, pytest.mark.bus]
+
 PATIENCE = 60.0  # s, for a busy machine
 LEVELS = {logging.INFO: Log.INFO, logging.WARNING: Log.WARN, logging.ERROR: Log.ERROR, logging.CRITICAL: Log.FATAL}
 CAN_SIDE = logging.getLogger('tactile_node.bus.skin_bus')

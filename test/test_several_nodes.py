@@ -150,6 +150,7 @@ def wanted_of(pad):
     return pad.layout.value.scale * np.arange(rows * cols).reshape(rows, cols)
 
 
+@pytest.mark.bus
 def test_simulated_skin_end_to_end():
     wanted = wanted_of(*make_pads([LAYOUT], (32, 35)))
     with Bench('several', LAYOUT, (32, 35), source=lambda t: wanted) as bench:
@@ -159,6 +160,7 @@ def test_simulated_skin_end_to_end():
             np.testing.assert_allclose(frame.values, wanted, atol=1e-3)
 
 
+@pytest.mark.bus
 def test_one_node_goes_and_comes_again():
     wanted = wanted_of(*make_pads([LAYOUT], (32, 35)))
     with Bench('one_goes', LAYOUT, (32, 35), source=lambda t: wanted) as bench:

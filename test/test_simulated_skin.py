@@ -23,6 +23,8 @@ from tactile_node.simulator.touches import touch_program
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import make_pad
 
+pytestmark = pytest.mark.bus
+
 START, SYNC = (0x000, '0120'), (0x080, '')
 
 

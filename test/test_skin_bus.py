@@ -15,6 +15,8 @@ from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.recording.log_source import LogSource
 from tactile_node.skin.pads import PadSettings
 
+pytestmark = pytest.mark.bus
+
 
 def test_boot_up_configuration_and_values(tmp_path):
     """The values are multiples of the layout's count: row r, column c sends r + c counts."""

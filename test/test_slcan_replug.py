@@ -3,6 +3,7 @@
 import time
 
 import numpy as np
+import pytest
 from can_bench import wait_until
 
 from tactile_node.bus.bus_settings import BusSettings
@@ -10,6 +11,8 @@ from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.slcan_pty import SlcanPty
 from tactile_node.skin.pads import make_pads, with_dictionaries
 from tactile_node.supervision.supervisor import Supervisor
+
+pytestmark = pytest.mark.bus
 
 PADS = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], [32]))
 

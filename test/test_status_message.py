@@ -16,6 +16,8 @@ from tactile_node.ros.qos import STATUS_QOS  # noqa: E402
 from tactile_node.ros.status_message import status_message  # noqa: E402
 from tactile_skin.msg import SkinStatus  # noqa: E402
 
+pytestmark = pytest.mark.ros
+
 
 def message(late=0, **health):
     pad = PadStatistics(9, 1, 320, 319 + late, 318, 0, {'late': late, 'short': 1})

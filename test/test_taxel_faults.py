@@ -112,6 +112,7 @@ def test_a_sign_of_life_takes_the_verdict_back():
     assert pad.touches(disc(5, 6, 3)).count == 0
 
 
+@pytest.mark.slow
 def test_healthy_pads_stay_unsuspected():
     """Never touched; held for ten minutes, its edge trembling; tapped fast; a ring over and over; a poked taxel."""
     nothing, held, edge = np.zeros((SIDE, SIDE)), disc(6, 6, 3), disc(6, 6, 4)

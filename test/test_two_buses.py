@@ -18,6 +18,8 @@ from tactile_node.simulator.skin_simulator import SkinSimulator  # noqa: E402
 from tactile_node.skin.pads import make_pad  # noqa: E402
 from tactile_skin.msg import Grasp, TaxelArray  # noqa: E402
 
+pytestmark = [pytest.mark.ros, pytest.mark.bus]
+
 PATIENCE = 60.0  # s, for a busy machine
 FINGERS = {'left': ('two_buses_a', 'sim16x16.yaml', 50e3), 'right': ('two_buses_b', 'domain16x10_16bit.yaml', 60e3)}
 
