@@ -13,7 +13,7 @@ import numpy as np
 from captured_log import CapturedLog
 
 from tactile_node.bus.skin_bus import BusSettings, SkinBus
-from tactile_node.frames.losses import Loss, Outcome
+from tactile_node.frames.losses import Loss, Results
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.skin.layout_file import load_layout
@@ -60,7 +60,7 @@ def wait_until(condition: Callable[[], bool], timeout: float = 20.0) -> bool:
     return met
 
 
-def only(outcome: Outcome) -> TaxelFrame | Loss | None:
+def only(outcome: Results) -> TaxelFrame | Loss | None:
     """What alone has come of a CAN frame or a SYNC; None where nothing has."""
     assert len(outcome) <= 1, outcome
     return outcome[0] if outcome else None

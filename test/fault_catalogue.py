@@ -18,6 +18,7 @@ from fault_bench import PATIENCE, FaultBench
 
 from tactile_node.conditioning.tare import TaredPad
 from tactile_node.errors import DeviceError, TareRefusedError
+from tactile_node.frames.losses import LossReason
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.simulator.device import SimulatedDevice
 
@@ -386,7 +387,8 @@ def tpdos_lost(channel: str) -> FaultBench:
 
 def tpdos_duplicated(channel: str) -> FaultBench:
     """Each TPDO twice: the second is dropped and counted as duplicate, the taxels go on."""
-    return _tampered(channel, lambda message: [message, message], lambda bench: _pad(bench).losses['duplicate'])
+    return _tampered(channel, lambda message: [message, message],
+                     lambda bench: _pad(bench).losses[LossReason.DUPLICATE])
 
 
 def tpdos_reordered(channel: str) -> FaultBench:
@@ -396,21 +398,21 @@ def tpdos_reordered(channel: str) -> FaultBench:
     def exchange(message: can.Message) -> list[can.Message]:
         held.append(message)
         return [held.pop(), held.pop()] if len(held) == 2 else []
-    return _tampered(channel, exchange, lambda bench: _pad(bench).losses['out_of_order'])
+    return _tampered(channel, exchange, lambda bench: _pad(bench).losses[LossReason.OUT_OF_ORDER])
 
 
 def short_tpdos(channel: str) -> FaultBench:
     """A byte less than mapped: the TPDO is dropped as short, its taxels are NaN."""
     def cut(message: can.Message) -> list[can.Message]:
         return [_with_data(message, message.data[:-1])] if message.arbitration_id == COB_IDS[3] else [message]
-    return _tampered(channel, cut, lambda bench: _pad(bench).losses['short'])
+    return _tampered(channel, cut, lambda bench: _pad(bench).losses[LossReason.SHORT])
 
 
 def over_long_tpdos(channel: str) -> FaultBench:
     """A byte more than mapped (here: than CAN allows): dropped as over-long, the bus goes on."""
     def lengthen(message: can.Message) -> list[can.Message]:
         return [_with_data(message, message.data + b'1')] if message.arbitration_id == COB_IDS[3] else [message]
-    return _tampered(channel, lengthen, lambda bench: _pad(bench).losses['over_long'])
+    return _tampered(channel, lengthen, lambda bench: _pad(bench).losses[LossReason.OVER_LONG])
 
 
 def _with_data(message: can.Message, data: bytes) -> can.Message:
@@ -565,7 +567,7 @@ def other_makers_device_at_work(channel: str) -> FaultBench:
         counts = bench.driver.statistics()
         assert (counts.can_frames['emcy'], counts.can_frames['time']) == (200, 100)  # 0x090 is in the range of EMCY
         assert not bench.log.errors and bench.node().emergencies == 0
-        assert counts.pads['pad32'].losses['unknown_row'] == before.losses['unknown_row'] == 0
+        assert counts.pads['pad32'].losses[LossReason.UNKNOWN_ROW] == before.losses[LossReason.UNKNOWN_ROW] == 0
     return bench
 
 
@@ -652,7 +654,7 @@ def polled_uploads_damaged(channel: str) -> FaultBench:
         bench.run().cause()
         bench.adapter.tamper = damage
         bench.detect('CRC')
-        bench.wait(lambda: bench.driver.statistics().pads['pad32'].losses['broken'] > 5, 'not counted')
+        bench.wait(lambda: bench.driver.statistics().pads['pad32'].losses[LossReason.BROKEN] > 5, 'not counted')
         bench.adapter.tamper = None
         bench.end_of_cause()
         bench.recover()

@@ -90,7 +90,7 @@ def test_sweeps_after_silence_are_given_up_until_none_is_late_any_more(assembler
     for period in range(1, 1 + CATCHING_UP):
         assert send(assembler, *sweep, at=period + 0.5) is None
         given += assembler.sync(period + 1)
-    assert given.count(Loss(LossReason.LATE, 3)) == CATCHING_UP == assembler.statistics().losses['late'] / 3
+    assert given.count(Loss(LossReason.LATE, 3)) == CATCHING_UP == assembler.statistics().losses[LossReason.LATE] / 3
     frames = [result for result in given if isinstance(result, TaxelFrame)]
     for sequence, frame in enumerate(frames):
         check(frame, np.full((3, 2), NAN), sequence, missing=3)
@@ -151,7 +151,7 @@ def test_a_late_tail_goes_back_to_its_period_once_the_next_sweep_is_whole(assemb
     check(first, [[0, 0], [0, 0], [10, 10]])
     check(second, [[2, 2], [2, 2], [2, 2]], sequence=1)
     assert (first.stamp, second.stamp) == (0, 1) and balanced(assembler)
-    assert assembler.statistics().losses['late'] == 0
+    assert assembler.statistics().losses[LossReason.LATE] == 0
 
 
 @pytest.mark.parametrize('after', [[ROW_1, ROW_2], [ROW_2, ROW_1], [ROW_1, ROW_1, ROW_2, ROW_3]],
@@ -165,8 +165,9 @@ def test_without_a_whole_sweep_after_it_a_late_tail_is_dropped(assembler, after)
     for i, row in enumerate(after):
         assembler.feed(row, bytes([11 + i] * 2), 1.2)
     assembler.end_period()
-    assert assembler.statistics().missing >= 1 and assembler.statistics().losses['late'] >= 1 and balanced(assembler)
-    assert assembler.statistics().complete <= 1
+    statistics = assembler.statistics()
+    assert statistics.missing >= 1 and statistics.losses[LossReason.LATE] >= 1 and balanced(assembler)
+    assert statistics.complete <= 1
 
 
 def test_lone_possible_tail_is_not_published_as_fresh(assembler):
@@ -229,7 +230,7 @@ def test_what_was_sent_before_the_sync_before_is_of_neither_period(assembler, ol
     check(frames[0], [[2, 2]] * (3 - older) + [[NAN, NAN]] * older, missing=older)
     check(frames[1], np.full((3, 2), NAN), sequence=1, missing=3)
     check(frames[2], np.full((3, 2), 6), sequence=2)
-    assert len(frames) == 3 and assembler.statistics().losses['late'] == older + 3 and balanced(assembler)
+    assert len(frames) == 3 and assembler.statistics().losses[LossReason.LATE] == older + 3 and balanced(assembler)
 
 
 def played(assembler, script):
@@ -278,7 +279,7 @@ def test_repeated_frame_is_a_duplicate(assembler):
     assembler.sync(0)
     assert send(assembler, (ROW_1, '0A0B'), (ROW_1, '0A0B')) == Loss(LossReason.DUPLICATE)
     check(send(assembler, (ROW_2, '0A0A'), (ROW_3, '0A0A')), [[0, 2], [0, 0], [0, 0]])
-    assert assembler.statistics().losses['duplicate'] == 1 and balanced(assembler)
+    assert assembler.statistics().losses[LossReason.DUPLICATE] == 1 and balanced(assembler)
 
 
 def test_same_cob_id_with_other_bytes_begins_a_new_run(assembler):
@@ -315,7 +316,7 @@ def test_wrong_length_makes_its_taxels_stale(assembler, data, reason):
 
 def test_before_the_first_sync_nothing_is_taken(assembler):
     assert send(assembler, (ROW_1, '0A0A')) == Loss(LossReason.BEFORE_FIRST_SYNC)
-    assert assembler.statistics().losses['before_first_sync'] == 1 and balanced(assembler)
+    assert assembler.statistics().losses[LossReason.BEFORE_FIRST_SYNC] == 1 and balanced(assembler)
 
 
 def test_restart_counts_the_unfinished_and_begins_at_zero(assembler):
@@ -323,7 +324,7 @@ def test_restart_counts_the_unfinished_and_begins_at_zero(assembler):
     assembler.sync(1)
     send(assembler, (ROW_1, '0A0A'), at=1.5)
     assembler.restart()
-    assert assembler.statistics().losses['unfinished'] == 1 and balanced(assembler)
+    assert assembler.statistics().losses[LossReason.UNFINISHED] == 1 and balanced(assembler)
     assert only(assembler.sync(5)) is None
     check(send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=5.5), np.zeros((3, 2)))
 
@@ -349,7 +350,7 @@ def random_periods(assembler, loss, most_delayed, periods=3000):
 def test_random_loss_and_delay_never_mixes_periods(assembler):
     for sequence, periods in random_periods(assembler, loss=0.1, most_delayed=2):
         assert periods <= {sequence % 250}
-    assert assembler.statistics().complete > 1000 and assembler.statistics().losses['late'] > 100
+    assert assembler.statistics().complete > 1000 and assembler.statistics().losses[LossReason.LATE] > 100
 
 
 def test_without_loss_most_of_what_is_late_is_used(assembler):
@@ -373,7 +374,7 @@ def test_reordered_tpdos_are_counted_apart_and_never_joined(assembler):
     assert send(assembler, (ROW_1, '0A0A'), (ROW_3, '0A0A'), (ROW_2, '0B0B')) == Loss(LossReason.OUT_OF_ORDER, 2)
     check(only(assembler.end_period()), [[NAN, NAN], [2, 2], [NAN, NAN]], missing=2)
     losses = assembler.statistics().losses
-    assert (losses['out_of_order'], losses['late']) == (2, 0) and balanced(assembler)
+    assert (losses[LossReason.OUT_OF_ORDER], losses[LossReason.LATE]) == (2, 0) and balanced(assembler)
 
 
 def test_incomplete_sweeps_can_be_dropped(tmp_path):
@@ -384,8 +385,8 @@ def test_incomplete_sweeps_can_be_dropped(tmp_path):
     assert send(assembler, (ROW_1, '0B0B'), at=1.5) == Loss(LossReason.INCOMPLETE, 2)
     check(send(assembler, (ROW_2, '0B0B'), (ROW_3, '0B0B'), at=1.5), np.full((3, 2), 2), sequence=1)
     statistics = assembler.statistics()
-    assert (statistics.complete, statistics.incomplete, statistics.dropped) == (1, 0, 1)
-    assert statistics.losses['incomplete'] == 2 and statistics.expected == 6 and balanced(assembler)
+    assert (statistics.complete, statistics.incomplete, statistics.withheld) == (1, 0, 1)
+    assert statistics.losses[LossReason.INCOMPLETE] == 2 and statistics.expected == 6 and balanced(assembler)
 
 
 PERIODS = 3  # in which something happens to the TPDOs; then all is well

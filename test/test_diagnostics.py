@@ -9,7 +9,7 @@ from diagnostic_msgs.msg import DiagnosticStatus  # noqa: E402
 from tactile_node.assembly.router import BusStatistics  # noqa: E402
 from tactile_node.cia301.emergency import decode_emergency  # noqa: E402
 from tactile_node.frames.health import BusHealth, NodeHealth, Outages  # noqa: E402
-from tactile_node.frames.losses import PadStatistics  # noqa: E402
+from tactile_node.frames.losses import LossReason, PadStatistics  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
 
 pytestmark = pytest.mark.ros
@@ -18,7 +18,7 @@ OK, WARN, ERROR, STALE = (DiagnosticStatus.OK, DiagnosticStatus.WARN, Diagnostic
 
 
 def statistics(frames=10, late=0, overruns=0):
-    pad = PadStatistics(frames, 0, 32 * frames, 32 * frames + late, 32 * frames, 0, {'late': late})
+    pad = PadStatistics(frames, 0, 32 * frames, 32 * frames + late, 32 * frames, 0, {LossReason.LATE: late})
     return BusStatistics({'left': pad}, {'tpdo': 32 * frames + late}, queue_overruns=overruns)
 
 

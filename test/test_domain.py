@@ -136,13 +136,13 @@ def test_a_failed_poll_is_a_frame_without_values(assembler):
     assert (unanswered.stamp, unanswered.sequence) == (20.0, 1)
     counts = assembler.statistics()
     assert (counts.incomplete, counts.expected, counts.received, counts.used) == (2, 2, 1, 0)
-    assert counts.losses['broken'] == 1
+    assert counts.losses[LossReason.BROKEN] == 1
 
 
 def test_failed_polls_can_be_dropped(tmp_path):
     assembler = DomainAssembler(tiny_layout(tmp_path, TINY), 5, drop_incomplete=True)
     assert feed(assembler, BEGIN, BEGIN) is None
-    assert assembler.statistics().dropped == 1
+    assert assembler.statistics().withheld == 1
 
 
 @pytest.mark.parametrize(('size', 'reason'), [(8, LossReason.OVER_LONG), (10, LossReason.SHORT)])
@@ -256,7 +256,7 @@ def test_a_bad_bus_breaks_uploads_and_no_values(monkeypatch):
         bench.run()
         adapter.tamper = tamper
         frames = bench.take_whole(30)
-        assert wait_until(lambda: bench.driver.statistics().pads['pad32'].losses['broken'] > 3)
+        assert wait_until(lambda: bench.driver.statistics().pads['pad32'].losses[LossReason.BROKEN] > 3)
         for _, frame in frames:
             assert len(set((frame.values / 10 - np.arange(160).reshape(16, 10)).ravel())) == 1
         adapter.tamper = None

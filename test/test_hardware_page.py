@@ -7,12 +7,11 @@ import pytest
 
 pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
 
-from tactile_node.assembly.router import BusStatistics  # noqa: E402
 from tactile_node.cia301.connection_set import SERVICES  # noqa: E402
 from tactile_node.conditioning.conditioned_pad import PadCondition  # noqa: E402
 from tactile_node.conditioning.taxel_faults import FaultDetector  # noqa: E402
 from tactile_node.frames.health import BusHealth, NodeHealth  # noqa: E402
-from tactile_node.frames.losses import LossReason, PadStatistics  # noqa: E402
+from tactile_node.frames.losses import BusStatistics, LossReason, PadStatistics  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
 from tactile_node.supervision.node_monitor import Ailment  # noqa: E402
 
@@ -23,7 +22,7 @@ PAGE = (Path(__file__).resolve().parents[1] / 'docs/hardware.md').read_text(enco
 
 def told() -> set[str]:
     """Every key on /diagnostics."""
-    pad = PadStatistics(0, 0, 0, 0, 0, 0, {reason.value: 0 for reason in LossReason})
+    pad = PadStatistics(0, 0, 0, 0, 0, 0, dict.fromkeys(LossReason, 0))
     services = {service.use for service in SERVICES} | {'tpdo', 'sync', 'foreign', 'remote'}
     counts = BusStatistics({'pad': pad}, dict.fromkeys(services, 0))
     health = BusHealth(nodes={'pad': (NodeHealth(32, 'STOPPED', False, None),)})

@@ -12,6 +12,7 @@ import pytest
 from can_bench import tiny_layout
 
 from tactile_node.errors import LogError
+from tactile_node.frames.losses import LossReason
 from tactile_node.recording.log_source import LogSource
 from tactile_node.recording.logs import CanLogReader, CanLogWriter
 from tactile_node.simulator.recording import load_recording
@@ -123,7 +124,7 @@ def test_oddities_of_a_log_are_counted_by_service(tmp_path):
     assert source.statistics().can_frames == {'tpdo': 4, 'sync': 1, 'foreign': 3, 'remote': 1, 'error': 1,
                                               'emcy': 1,
                                               'time': 1}
-    assert source.statistics().pads['pad'].losses['before_first_sync'] == 1
+    assert source.statistics().pads['pad'].losses[LossReason.BEFORE_FIRST_SYNC] == 1
 
 
 def test_period_cut_off_by_the_end_is_given_with_nan(tmp_path):

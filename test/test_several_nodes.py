@@ -98,7 +98,7 @@ def test_a_lost_sync_never_mixes_two_periods_of_two_nodes(assembler, second):
     frame = only(assembler.sync(1.0))
     assert np.isnan(frame.values).all() and frame.missing_can_frames == 4
     counts = assembler.statistics()
-    assert counts.received == counts.losses['late'] == 6 + len(second)
+    assert counts.received == counts.losses[LossReason.LATE] == 6 + len(second)
     assert feed(assembler, *FIRST, *SECOND).values.tolist() == [[1, 2], [3, 4], [5, 6], [7, 8]]
 
 
@@ -108,7 +108,7 @@ def test_incomplete_frames_are_dropped_as_a_whole(tmp_path):
     feed(assembler, *FIRST)
     assert only(assembler.end_period()) == Loss(LossReason.INCOMPLETE, 2)
     counts = assembler.statistics()
-    assert (counts.dropped, counts.losses['incomplete'], counts.used_by_node) == (1, 2, (0, 0))
+    assert (counts.withheld, counts.losses[LossReason.INCOMPLETE], counts.used_by_node) == (1, 2, (0, 0))
 
 
 @pytest.mark.parametrize(('text', 'says'), [

@@ -10,7 +10,7 @@ from rclpy.qos import DurabilityPolicy  # noqa: E402
 
 from tactile_node.assembly.router import BusStatistics  # noqa: E402
 from tactile_node.frames.health import BusHealth, NodeHealth, Outages  # noqa: E402
-from tactile_node.frames.losses import PadStatistics  # noqa: E402
+from tactile_node.frames.losses import LossReason, PadStatistics  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
 from tactile_node.ros.qos import STATUS_QOS  # noqa: E402
 from tactile_node.ros.status_message import status_message  # noqa: E402
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.ros
 
 
 def message(late=0, **health):
-    pad = PadStatistics(9, 1, 320, 319 + late, 318, 0, {'late': late, 'short': 1})
+    pad = PadStatistics(9, 1, 320, 319 + late, 318, 0, {LossReason.LATE: late, LossReason.SHORT: 1})
     counts = BusStatistics({'left': pad}, {'tpdo': 320, 'error': 4}, queue_overruns=2, clock_jumps=3)
     node = NodeHealth(32, 'OPERATIONAL', True, None, boots=1, outages=Outages(2, 1.5, 'power cycle'))
     state = BusHealth(nodes={'left': (node,)}, load=0.25, **health)

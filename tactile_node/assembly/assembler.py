@@ -36,7 +36,7 @@ import numpy as np
 
 from tactile_node.assembly.sweep_period import SweepPeriod
 from tactile_node.cia301.pdo import MAX_PDO_BYTES
-from tactile_node.frames.losses import Loss, LossReason, Outcome, PadStatistics
+from tactile_node.frames.losses import Loss, LossReason, PadStatistics, Results
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.taxel_codec import TaxelCodec
@@ -94,7 +94,7 @@ class FrameAssembler:
         if self._period is not None and node_id in self._node_ids:
             self._period.runs[self._node_ids.index(node_id)].start()
 
-    def sync(self, timestamp: float) -> Outcome:
+    def sync(self, timestamp: float) -> Results:
         """A SYNC was on the bus: end the period and begin the next one; the frames that get nothing more."""
         ended, period = self._close_before(), self._period
         if period is not None and not period.is_given:
@@ -110,7 +110,7 @@ class FrameAssembler:
             self._period.distrust()
         return ended
 
-    def feed(self, can_id: int, data: bytes, timestamp: float) -> Outcome:
+    def feed(self, can_id: int, data: bytes, timestamp: float) -> Results:
         """One TPDO of this pad: the frames it completes, losses, or nothing (taken, more to come)."""
         self._counts['received'] += 1
         head, period = self._heads[can_id], self._period
@@ -128,7 +128,7 @@ class FrameAssembler:
             return outcome + self._close_before()
         return outcome
 
-    def end_period(self) -> Outcome:
+    def end_period(self) -> Results:
         """End the period without a next SYNC (end of a log); the frames not yet given."""
         ended, period = self._close_before(), self._period
         if period is not None and not period.is_given:
@@ -138,10 +138,10 @@ class FrameAssembler:
 
     def statistics(self) -> PadStatistics:
         counts = self._counts
-        expected = (counts['complete'] + counts['incomplete'] + counts['dropped']) * len(self._lengths)
+        expected = (counts['complete'] + counts['incomplete'] + counts['withheld']) * len(self._lengths)
         return PadStatistics(
             counts['complete'], counts['incomplete'], expected, counts['received'], sum(self._used), self._pending(),
-            {r.value: self._losses[r] for r in LossReason}, counts['dropped'], tuple(self._used))
+            {reason: self._losses[reason] for reason in LossReason}, counts['withheld'], tuple(self._used))
 
     def _forget(self) -> None:
         self._losses[LossReason.UNFINISHED] += self._pending()
@@ -150,7 +150,7 @@ class FrameAssembler:
     def _pending(self) -> int:
         return sum(period.pending for period in (self._before, self._period) if period is not None)
 
-    def _feed_before(self, period: SweepPeriod, rank: int, data: bytes, timestamp: float) -> Outcome:
+    def _feed_before(self, period: SweepPeriod, rank: int, data: bytes, timestamp: float) -> Results:
         """A TPDO that was on the bus before the last SYNC."""
         before, run = self._before, period.runs[self._nodes[rank]]
         if run.is_seen:  # which one sender's order does not allow
@@ -167,7 +167,7 @@ class FrameAssembler:
         run.follow(run_before)
         return outcome if period.tells_of(before) else outcome + self._close_before()
 
-    def _take(self, period: SweepPeriod, rank: int, data: bytes) -> Outcome:
+    def _take(self, period: SweepPeriod, rank: int, data: bytes) -> Results:
         run, torn = period.runs[self._nodes[rank]], ()
         if run.repeats(rank, data):
             return self._lose(LossReason.DUPLICATE)
@@ -182,11 +182,11 @@ class FrameAssembler:
         run.note(rank, data)
         return outcome
 
-    def _tear(self, period: SweepPeriod) -> Outcome:
+    def _tear(self, period: SweepPeriod) -> Results:
         period.is_torn = True
         return self._lose(LossReason.LATE, sum(run.drop() for run in period.runs))
 
-    def _place(self, period: SweepPeriod, rank: int, data: bytes) -> Outcome:
+    def _place(self, period: SweepPeriod, rank: int, data: bytes) -> Results:
         dropped = period.runs[self._nodes[rank]].place(rank)
         outcome = () if dropped is None else self._lose(*dropped)
         if len(data) != self._lengths[rank]:
@@ -196,25 +196,25 @@ class FrameAssembler:
         period.payload.fresh[rank] = True
         return outcome
 
-    def _end(self, period: SweepPeriod) -> Outcome:
+    def _end(self, period: SweepPeriod) -> Results:
         return self._lose(LossReason.LATE, sum(run.end() for run in period.runs))
 
-    def _settle(self, period: SweepPeriod) -> Outcome:
+    def _settle(self, period: SweepPeriod) -> Results:
         """The period is whole: what it has set aside is of the one before, or of none that counts."""
         if self._before is None:
             return self._lose(LossReason.LATE, sum(run.forget_aside() for run in period.runs))
         period.hand_back(self._before)
         return self._close_before()
 
-    def _close_before(self) -> Outcome:
+    def _close_before(self) -> Results:
         before, self._before = self._before, None
         return () if before is None else self._give(before)
 
-    def _give(self, period: SweepPeriod) -> Outcome:
+    def _give(self, period: SweepPeriod) -> Results:
         words, fresh = period.payload
         is_whole, period.is_given = bool(fresh.all()), True
         if self.drop_incomplete and not is_whole:
-            self._counts['dropped'] += 1
+            self._counts['withheld'] += 1
             return self._lose(LossReason.INCOMPLETE, int(fresh.sum()))
         for node, run in enumerate(period.runs):
             self._used[node] += run.used
@@ -222,6 +222,6 @@ class FrameAssembler:
         self._counts['complete' if is_whole else 'incomplete'] += 1
         return (TaxelFrame(period.stamp, period.sequence, values, status, int((~fresh).sum())),)
 
-    def _lose(self, reason: LossReason, can_frames: int = 1) -> Outcome:
+    def _lose(self, reason: LossReason, can_frames: int = 1) -> Results:
         self._losses[reason] += can_frames
         return (Loss(reason, can_frames),) if can_frames else ()

@@ -10,7 +10,7 @@ import numpy as np
 
 from tactile_node.cia301.connection_set import SDO_REQUEST, SDO_RESPONSE
 from tactile_node.cia301.sdo_upload import SdoUpload, Step
-from tactile_node.frames.losses import Loss, LossReason, Outcome, PadStatistics
+from tactile_node.frames.losses import Loss, LossReason, PadStatistics, Results
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.taxel_codec import TaxelCodec
@@ -48,11 +48,11 @@ class DomainAssembler:
     def start(self, node_id: int) -> None:
         """A polled pad sends nothing of its own."""
 
-    def sync(self, timestamp: float) -> Outcome:
+    def sync(self, timestamp: float) -> Results:
         """SYNC means nothing to a polled pad."""
         return ()
 
-    def feed(self, can_id: int, data: bytes, timestamp: float) -> Outcome:
+    def feed(self, can_id: int, data: bytes, timestamp: float) -> Results:
         """One frame of the SDO channel: the taxel frame that it completes or ends, a loss, or nothing."""
         if can_id == self._response_id:
             return self._take(self._upload.response(data))
@@ -63,19 +63,19 @@ class DomainAssembler:
         self._sequence, self._stamp = self._sequence + 1, timestamp
         return ended
 
-    def end_period(self) -> Outcome:
+    def end_period(self) -> Results:
         """No more of this upload will come; the frame without values, if it has not succeeded."""
         return () if self._stamp is None else self._give(b'', False)
 
     def statistics(self) -> PadStatistics:
         counts = self._counts
-        expected = counts['complete'] + counts['incomplete'] + counts['dropped']
+        expected = counts['complete'] + counts['incomplete'] + counts['withheld']
         return PadStatistics(
             counts['complete'], counts['incomplete'], expected, counts['complete'] + sum(self._losses.values()),
-            counts['complete'], 0, {r.value: self._losses[r] for r in LossReason}, counts['dropped'],
+            counts['complete'], 0, {reason: self._losses[reason] for reason in LossReason}, counts['withheld'],
             (counts['complete'],))
 
-    def _take(self, step: Step) -> Outcome:
+    def _take(self, step: Step) -> Results:
         if self._stamp is None:
             return ()
         if step is Step.BROKEN:
@@ -87,16 +87,16 @@ class DomainAssembler:
             return self._lose(LossReason.SHORT if len(data) < wanted else LossReason.OVER_LONG)
         return self._give(data, True)
 
-    def _give(self, data: bytes, is_fresh: bool) -> Outcome:
+    def _give(self, data: bytes, is_fresh: bool) -> Results:
         stamp, self._stamp = self._stamp, None
         if not is_fresh and self.drop_incomplete:
-            self._counts['dropped'] += 1
+            self._counts['withheld'] += 1
             return ()
         self._counts['complete' if is_fresh else 'incomplete'] += 1
         payload = data if is_fresh else bytes(self._codec.payload_bytes)
         values, status = self._codec.decode(payload, np.array([is_fresh]))
         return (TaxelFrame(stamp, self._sequence, values, status, 0 if is_fresh else 1),)
 
-    def _lose(self, reason: LossReason) -> Outcome:
+    def _lose(self, reason: LossReason) -> Results:
         self._losses[reason] += 1
         return (Loss(reason),)

@@ -9,7 +9,7 @@ from tactile_node.assembly.assembler import FrameAssembler
 from tactile_node.assembly.domain_assembler import DomainAssembler
 from tactile_node.cia301.connection_set import service_of
 from tactile_node.frames.consumer import OnFrame
-from tactile_node.frames.losses import BusStatistics, Outcome
+from tactile_node.frames.losses import BusStatistics, Results
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.skin.pads import PadSettings
 
@@ -98,7 +98,7 @@ class Router:
         pads = {name: assembler.statistics() for name, assembler in self._assemblers.items()}
         return BusStatistics(pads, dict(self._counts))
 
-    def _hand_over(self, name: str, outcome: Outcome) -> None:
+    def _hand_over(self, name: str, outcome: Results) -> None:
         for result in outcome:
             if isinstance(result, TaxelFrame):
                 self._on_frame(name, result)

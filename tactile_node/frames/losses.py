@@ -1,47 +1,60 @@
-"""What became of a pad's TPDOs: used, or lost for a named reason."""
+"""The fate of a pad's CAN frames: used, or lost for a named reason; the counts of both.
 
-from enum import Enum
+A *loss* is a CAN frame of a pad that is used in no taxel frame.
+"""
+
+from enum import IntEnum
 from typing import NamedTuple
 
 from tactile_node.frames.taxel_frame import TaxelFrame
 
 
-class LossReason(str, Enum):
-    """Why a TPDO of a pad went into no taxel frame."""
+class LossReason(IntEnum):
+    """Why a CAN frame of a pad is in no taxel frame. The codes are stable."""
 
-    BEFORE_FIRST_SYNC = 'before_first_sync'
-    OUT_OF_ORDER = 'out_of_order'  #: a TPDO that comes before these in a sweep came after them
-    LATE = 'late'  #: of an earlier period, or possibly so
-    DUPLICATE = 'duplicate'  #: the same COB-ID and bytes twice in a row
-    SURPLUS = 'surplus'  #: after the period's frame was complete
-    SHORT = 'short'  #: fewer bytes than mapped
-    UNKNOWN_ROW = 'unknown_row'  #: a row number, or an MPDO, that the layout does not name
-    OVER_LONG = 'over_long'  #: more bytes than mapped: the device maps something else
-    BROKEN = 'broken'  #: an SDO upload that was aborted, lacks frames or has a wrong CRC
-    INCOMPLETE = 'incomplete'  #: good, of a sweep that was dropped since others were missing
-    UNFINISHED = 'unfinished'  #: the driver stopped within the period
+    BEFORE_FIRST_SYNC = 1
+    OUT_OF_ORDER = 2  #: received after a TPDO that follows it in a sweep
+    LATE = 3  #: of an earlier period, or possibly so
+    DUPLICATE = 4  #: the same COB-ID and bytes twice in a row
+    SURPLUS = 5  #: after the period's frame was complete
+    SHORT = 6  #: fewer bytes than mapped
+    UNKNOWN_ROW = 7  #: a row number, or an MPDO, that is not in the layout
+    OVER_LONG = 8  #: more bytes than mapped: the device maps something else
+    BROKEN = 9  #: an SDO upload that was aborted, lacks frames or has a wrong CRC
+    INCOMPLETE = 10  #: good, but of an incomplete taxel frame, which is withheld (``drop_incomplete``)
+    UNFINISHED = 11  #: the driver stopped within the period
+
+    @property
+    def key(self) -> str:
+        """Its name in messages, diagnostics and summaries: 'out_of_order'."""
+        return self.name.lower()
 
 
 class Loss(NamedTuple):
+    """So many CAN frames of a pad were lost for one reason."""
+
     reason: LossReason
     can_frames: int = 1
 
 
-#: What came of a CAN frame or a SYNC, in order
-Outcome = tuple[TaxelFrame | Loss, ...]
+#: What an assembler makes of a CAN frame or a SYNC, in order: taxel frames that are finished, and losses
+Results = tuple[TaxelFrame | Loss, ...]
 
 
 class PadStatistics(NamedTuple):
-    """Counts of one pad since it was opened; every TPDO received is used, lost with a reason, or pending."""
+    """Counts of one pad since it was opened. received = used + pending + the sum of all losses.
+
+    For a pad with a polled DOMAIN the counts are of SDO uploads in place of TPDOs.
+    """
 
     complete: int  #: taxel frames given with every TPDO
     incomplete: int  #: taxel frames given with NaN
-    expected: int  #: TPDOs that these taxel frames should have brought
+    expected: int  #: TPDOs that these taxel frames and the withheld ones should consist of
     received: int  #: TPDOs seen, good or not
     used: int  #: TPDOs whose taxels were given as valid
-    pending: int  #: TPDOs of which it is not yet known what becomes of them
-    losses: dict[str, int]  #: TPDOs dropped, by LossReason
-    dropped: int = 0  #: incomplete taxel frames dropped, as asked for
+    pending: int  #: TPDOs that may still be used or lost
+    losses: dict[LossReason, int]  #: TPDOs lost, of every reason; read only
+    withheld: int = 0  #: incomplete taxel frames not given, because of ``drop_incomplete``
     used_by_node: tuple[int, ...] = ()  #: ``used``, by the pad's nodes
 
     @property
@@ -56,15 +69,15 @@ class PadStatistics(NamedTuple):
 
 
 class BusStatistics(NamedTuple):
-    """Counts since construction. ``can_frames``: by service; 'tpdo' the pads' own, 'foreign' nobody's."""
+    """Counts since construction. ``can_frames``: by service; 'tpdo' are the pads' own, 'foreign' are no pad's."""
 
     pads: dict[str, PadStatistics]
     can_frames: dict[str, int]
-    queue_overruns: int = 0  #: CAN frames dropped because this process was too slow
+    queue_overruns: int = 0  #: CAN frames not taken because this process was too slow
     sync_overruns: int = 0  #: SYNCs not sent because this process was too slow
     poll_overruns: int = 0  #: polls of a DOMAIN left out because the ones before took too long
     consumer_errors: int = 0  #: exceptions of on_frame
     clock_jumps: int = 0  #: times the wall clock was set while stamps were taken
     stamps_ahead: float = 0.0  #: of the wall clock, since it was set back [s]
     unread: int = 0  #: lines of a log that could not be read
-    unrecorded: int = 0  #: CAN frames that the recording lacks: it has failed, or its format has no place for them
+    unrecorded: int = 0  #: CAN frames missing in the recording: it failed, or its format cannot hold them

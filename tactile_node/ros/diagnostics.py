@@ -112,7 +112,7 @@ def _pad_findings(now: PadStatistics, before: PadStatistics) -> list[Finding]:
     missing = now.missing - before.missing
     if missing > 0 or lost:
         told = [f'{missing} TPDOs missing'] if missing > 0 else []
-        told += [f'{count} TPDOs dropped ({reason})' for reason, count in lost.items()]
+        told += [f'{count} TPDOs dropped ({reason.key})' for reason, count in lost.items()]
         return [Finding(DiagnosticStatus.WARN, ', '.join(told))]
     if now.published == before.published:
         return [Finding(DiagnosticStatus.STALE, 'no taxel frames')]
@@ -150,9 +150,9 @@ def _bus_values(statistics: BusStatistics, health: BusHealth) -> dict[str, objec
 
 
 def _pad_values(pad: PadStatistics) -> dict[str, object]:
-    return {'frames_complete': pad.complete, 'frames_incomplete': pad.incomplete, 'frames_dropped': pad.dropped,
+    return {'frames_complete': pad.complete, 'frames_incomplete': pad.incomplete, 'frames_dropped': pad.withheld,
             'tpdos_expected': pad.expected, 'tpdos_received': pad.received, 'tpdos_used': pad.used,
-            **{f'tpdos_dropped_{reason}': count for reason, count in pad.losses.items()}}
+            **{f'tpdos_dropped_{reason.key}': count for reason, count in pad.losses.items()}}
 
 
 def _nodes_values(nodes: tuple[NodeHealth, ...]) -> dict[str, object]:

@@ -40,7 +40,7 @@ def _pad(name: str, status: DiagnosticStatus, pad: PadStatistics, nodes: tuple[N
     return PadStatus(
         pad=name, level=status.level[0], message=status.message, nodes=[_node(node) for node in nodes],
         frames_complete=pad.complete, frames_incomplete=pad.incomplete, tpdos_expected=pad.expected,
-        tpdos_received=pad.received, tpdos_used=pad.used, drop_reasons=list(pad.losses),
+        tpdos_received=pad.received, tpdos_used=pad.used, drop_reasons=[reason.key for reason in pad.losses],
         drop_counts=array('Q', pad.losses.values()), faulty_taxels=_faulty(condition.faults) if condition else [],
         unchanged=condition.unchanged if condition else math.nan)
 
