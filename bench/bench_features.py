@@ -18,6 +18,7 @@ import by_definition
 import numpy as np
 
 from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.contact.press import PressThresholds
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.helmholtz.operators import Stencil, border, matrix
 from tactile_node.helmholtz.rotation import rotated_patterns
@@ -72,7 +73,7 @@ def by_part(masks: dict[str, np.ndarray]) -> None:
             "the classifier's own features": lambda mask: compute_features(mask, GROUPS),
             'everything but eigenvalues': lambda mask: compute_features(mask, Group.ALL & ~Group.EIGENVALUES),
             'frame -> pattern -> features -> shape': lambda mask: classifier.recognise(compute_features(
-                PatternExtractor(0.5, 0.4).extract(mask).mask, GROUPS))}.items():
+                PatternExtractor(PressThresholds(0.5, 0.4)).extract(mask).mask, GROUPS))}.items():
         best, median = np.transpose([milliseconds(function, mask, repeat=301) for mask in masks.values()])
         print(f'{text:40}{np.median(median):8.2f} ms a frame (five shapes: {min(median):.2f} to {max(median):.2f}); '
               f'at best {np.median(best):.2f}')

@@ -6,6 +6,7 @@ import numpy as np
 from pose_world import PAD, PRESS, RELEASE
 
 from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.contact.press import PressThresholds
 from tactile_node.errors import TactileError
 from tactile_node.fusion.recognitions import FusionSettings, RecognitionFusion
 from tactile_node.shape.methods import METHODS, make_recogniser
@@ -71,7 +72,7 @@ def _row(recogniser, area: float) -> list[str]:
 
 def _sequence(rng: np.random.Generator, recogniser, area: float):
     shapes = rng.choice(len(CLASSES), 2, replace=False)
-    truth, recognised, extractor = [], [], PatternExtractor(PRESS, RELEASE)
+    truth, recognised, extractor = [], [], PatternExtractor(PressThresholds(PRESS, RELEASE))
     for index in shapes:
         contact = random_contact(rng, CLASSES[index], area, PAD, PAD)
         heading = rng.uniform(0, 2 * np.pi)

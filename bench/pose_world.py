@@ -6,6 +6,7 @@ import numpy as np
 from scipy import spatial
 
 from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.contact.press import PressThresholds
 from tactile_node.geometry.outlines import OUTLINES, outline_of
 from tactile_node.pose.first_guess import guesses, moments_of
 from tactile_node.pose.fit import ShapeFit
@@ -48,7 +49,7 @@ def draw(rng: np.random.Generator, shape: str, area: float, condition: Condition
         return Sample(contact, pattern, pattern)
     tilt = tuple(rng.uniform(-condition.tilt, condition.tilt, 2))
     values = pressure_frame(contact, rng, PAD, PAD, tilt=tilt, skin=condition.skin)
-    return Sample(contact, values, PatternExtractor(PRESS, RELEASE).extract(values).mask)
+    return Sample(contact, values, PatternExtractor(PressThresholds(PRESS, RELEASE)).extract(values).mask)
 
 
 class Error(NamedTuple):

@@ -12,6 +12,7 @@ from patterns import assorted
 
 from tactile_node.cli.main import main
 from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.contact.press import PressThresholds
 from tactile_node.synthetic.pressure import Skin, pressure_frame
 from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import random_contact
@@ -64,7 +65,7 @@ def test_pressures_in_any_unit_go_through_the_nodes_extraction(tactile):
     contact = random_contact(rng, 'square', 60)
     frames = np.array([pressure_frame(contact, rng, skin=Skin(noise=0.01, dead=0.02)) for _ in range(3)])
     top = np.nanmax(frames)
-    extractor = PatternExtractor(0.3 * top, 0.2 * top)
+    extractor = PatternExtractor(PressThresholds(0.3 * top, 0.2 * top))
     expected = [int(extractor.extract(frame).mask.sum()) for frame in frames]
     assert [line['N'] for line in tactile('classify', frames)] == expected
     assert [line['N'] for line in tactile('classify', frames / 1000)] == expected

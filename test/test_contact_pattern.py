@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_node.contact.pattern import PatternExtractor, largest_contact
+from tactile_node.contact.press import PressThresholds
 from tactile_node.errors import ConfigurationError, InputError
 
 NAN = np.nan
@@ -11,7 +12,7 @@ NAN = np.nan
 
 def extract(*frames, **options):
     """Mask after the last of ``frames``, thresholds 5 and 3."""
-    extractor = PatternExtractor(5, 3, **options)
+    extractor = PatternExtractor(PressThresholds(5, 3), **options)
     return [extractor.extract(np.array(frame, float)) for frame in frames][-1]
 
 
@@ -76,18 +77,17 @@ def test_nothing_pressed(frame):
     assert pattern.contacts == 0 and not pattern.mask.any()
 
 
-def test_reset_and_another_shape_forget():
-    extractor = PatternExtractor(5, 3)
+def test_a_frame_of_another_shape_starts_again():
+    extractor = PatternExtractor(PressThresholds(5, 3))
     extractor.extract(np.full((2, 2), 9.0))
     assert not extractor.extract(np.full((2, 3), 4.0)).mask.any()
     extractor.extract(np.full((2, 3), 9.0))
-    extractor.reset()
-    assert not extractor.extract(np.full((2, 3), 4.0)).mask.any()
+    assert extractor.extract(np.full((2, 3), 4.0)).mask.all()
 
 
 def test_results_are_read_only_and_the_input_stays():
     frame = np.array([[9.0, np.inf]])
-    pattern = PatternExtractor(5, 3).extract(frame)
+    pattern = PatternExtractor(PressThresholds(5, 3)).extract(frame)
     assert not pattern.mask.flags.writeable and not pattern.values.flags.writeable
     assert frame.flags.writeable and np.isinf(frame[0, 1])
 
@@ -95,11 +95,42 @@ def test_results_are_read_only_and_the_input_stays():
 @pytest.mark.parametrize('press, release', [(0, 0), (1, 2), (NAN, 1), (1, NAN), (np.inf, 1), (-1, -2)])
 def test_wrong_thresholds_are_refused(press, release):
     with pytest.raises(ConfigurationError, match='0 < release <= press'):
-        PatternExtractor(press, release)
+        PressThresholds(press, release)
+
+
+@pytest.mark.parametrize('unit, press, release', [('Pa', 30e3, 24e3), ('N', 0.1, 0.08), ('1', 0.5, 0.4)])
+def test_thresholds_of_a_unit(unit, press, release):
+    found = PressThresholds.of_unit(unit)
+    assert found.press == press and found.release == pytest.approx(release)
+    assert PressThresholds.of_unit(unit, press=2.0, release_ratio=0.5) == PressThresholds(2.0, 1.0)
+
+
+def test_an_unknown_unit_has_no_thresholds_of_its_own():
+    with pytest.raises(ConfigurationError):
+        PressThresholds.of_unit('lb')
+    assert PressThresholds.of_unit('lb', press=2.0) == PressThresholds(2.0, 1.6)
+
+
+@pytest.mark.parametrize('options, press, release', [
+    ({}, 24.0, 16.0), ({'press': 0.1}, 8.0, 8.0), ({'press': 0.5, 'release': 0.25}, 40.0, 20.0)])
+def test_thresholds_of_a_full_scale(options, press, release):
+    assert PressThresholds.of_full_scale(80.0, **options) == PressThresholds(press, release)
+
+
+def test_a_full_scale_of_nothing_counts_as_1():
+    assert PressThresholds.of_full_scale(0.0) == PressThresholds(0.3, 0.2)
+
+
+@pytest.mark.parametrize('largest', [True, False])
+def test_a_bool_frame_says_itself_what_is_pressed(largest):
+    frame = np.array([[1, 0, 1, 1]], bool)
+    pattern = PatternExtractor(PressThresholds(5, 3), largest=largest).extract(frame)
+    assert pattern.mask.tolist() == [[not largest, False, True, True]] and pattern.contacts == 2
+    assert pattern.values.tolist() == [[1.0, 0.0, 1.0, 1.0]] and frame.flags.writeable
 
 
 @pytest.mark.parametrize('frame', [np.zeros(3), np.zeros((1, 2, 3)), np.zeros((0, 3)),
                                    np.zeros((2, 2), complex)])
 def test_what_is_no_frame_is_refused(frame):
     with pytest.raises(InputError, match='rows, cols'):
-        PatternExtractor(5, 3).extract(frame)
+        PatternExtractor(PressThresholds(5, 3)).extract(frame)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.contact.press import PressThresholds
 from tactile_node.errors import InputError
 from tactile_node.geometry.coverage import Window, coverage
 from tactile_node.geometry.outlines import OUTLINES, outline_of
@@ -30,6 +31,10 @@ def parameters_of(contact):
 def contacts(count=1, area=40.0, seed=11, pad=20):
     rng = generator(Purpose.TEST, seed)
     return [random_contact(rng, shape, area, pad, pad) for shape in CLASSES for _ in range(count)]
+
+
+def pressed(values):
+    return PatternExtractor(PressThresholds(15e3, 12e3)).extract(values).mask
 
 
 def angle_apart(a, b, symmetry):
@@ -123,7 +128,7 @@ def test_the_first_guess_is_near_without_any_fit(contact):
 @pytest.mark.parametrize('contact', contacts(2), ids=lambda c: c.shape)
 def test_clean_pressure_frames_give_the_pose_back_in_metres(contact):
     values = pressure_frame(contact, generator(Purpose.TEST, 1), 20, 20)
-    fit = fit_shape(values, PatternExtractor(15e3, 12e3).extract(values).mask, Shape(contact.shape), PITCH)
+    fit = fit_shape(values, pressed(values), Shape(contact.shape), PITCH)
     assert np.hypot(*np.subtract(fit.centre, (contact.x * PITCH, contact.y * PITCH))) < 0.05 * PITCH
     expected = np.multiply(contact.dimensions[:len(fit.dimensions)], PITCH)
     assert fit.dimensions == pytest.approx(expected.tolist(), rel=0.02)
@@ -139,7 +144,7 @@ def test_clean_pressure_frames_give_the_pose_back_in_metres(contact):
 def test_field_conditions_leave_the_fit_near(contact):
     rng, skin = generator(Purpose.TEST, 2), Skin(noise=0.01, blur=0.5, dead=0.03)
     values = pressure_frame(contact, rng, 20, 20, tilt=(0.03, -0.03), skin=skin)
-    fit = fit_shape(values, PatternExtractor(15e3, 12e3).extract(values).mask, Shape(contact.shape))
+    fit = fit_shape(values, pressed(values), Shape(contact.shape))
     assert np.hypot(fit.centre[0] - contact.x, fit.centre[1] - contact.y) < 0.15
     assert fit.dimensions == pytest.approx(contact.dimensions[:len(fit.dimensions)], rel=0.05)
 

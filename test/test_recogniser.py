@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
+from tactile_node.contact.press import PressThresholds
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.package_files import config_path
@@ -30,7 +31,7 @@ def recogniser():
 
 
 def pattern_of(frame, press=0.3):
-    return PatternExtractor(press, 0.8 * press).extract(np.asarray(frame, float))
+    return PatternExtractor(PressThresholds(press, 0.8 * press)).extract(np.asarray(frame, float))
 
 
 def naive(network, image, geometry):
@@ -227,7 +228,7 @@ def test_frames_of_the_field_have_their_faults():
 
 @pytest.mark.parametrize('method', ['learned', 'volf'])
 def test_a_pad_that_cannot_be_seen_is_not_called_untouched(method):
-    extractor, recogniser = PatternExtractor(0.5, 0.4), make_recogniser(method)
+    extractor, recogniser = PatternExtractor(PressThresholds(0.5, 0.4)), make_recogniser(method)
     unseen = np.full((16, 16), np.nan)
     assert recogniser.recognise(extractor.extract(unseen)).shape is Shape.UNKNOWN
     unseen[:12] = 0

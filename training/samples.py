@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
+from tactile_node.contact.press import PressThresholds
 from tactile_node.shape.invariants import COUNT, describe
 from tactile_node.shape.patch import SIDE, joined, make_patch
 from tactile_node.shape.recogniser import OUTPUTS
@@ -74,7 +75,7 @@ def random_conditions(rng: np.random.Generator, on_off: bool, faulty: float = 0.
 def pattern_of(frame: np.ndarray, conditions: Conditions) -> ContactPattern:
     """The contact pattern of a frame as the processor extracts it."""
     press = 0.5 if conditions.on_off else conditions.threshold * conditions.pressure
-    return PatternExtractor(press, 0.8 * press).extract(frame)
+    return PatternExtractor(PressThresholds(press, 0.8 * press)).extract(frame)
 
 
 def random_sample(rng: np.random.Generator, on_off: bool, faulty: float = 0.45,

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
+from tactile_node.contact.press import PressThresholds
 from tactile_node.recording.log_source import LogSource
 from tactile_node.shape.invariants import describe
 from tactile_node.shape.patch import joined, make_patch
@@ -79,9 +80,9 @@ def make_case(seed: int, condition: str, on_off: bool, area: float, count: int, 
 def extracted(frame: np.ndarray, conditions: Conditions) -> ContactPattern:
     """As the processor node does; its threshold drifts with the conditions'."""
     if conditions.on_off:
-        return PatternExtractor(0.5, 0.4).extract(frame)
+        return PatternExtractor(PressThresholds(0.5, 0.4)).extract(frame)
     drift = conditions.threshold / Conditions.threshold
-    return PatternExtractor(PRESS * drift, RELEASE * drift).extract(frame)
+    return PatternExtractor(PressThresholds(PRESS * drift, RELEASE * drift)).extract(frame)
 
 
 def patches(patterns: list[ContactPattern], labels: np.ndarray, largest: bool = False) -> Samples:
@@ -129,5 +130,5 @@ def recorded(log: str) -> tuple[np.ndarray, list[ContactPattern]]:
     source.close()
     if source.failure:
         raise RuntimeError(source.failure)
-    extractor = PatternExtractor(0.5, 0.4)
+    extractor = PatternExtractor(PressThresholds(0.5, 0.4))
     return np.array([frame.stamp for frame in frames]), [extractor.extract(frame.values) for frame in frames]

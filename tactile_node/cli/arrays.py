@@ -10,14 +10,9 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from tactile_node.contact.pattern import (
-    ContactPattern,
-    PatternExtractor,
-    largest_contact,
-)
+from tactile_node.contact.pattern import ContactPattern, PatternExtractor
+from tactile_node.contact.press import PRESS_FRACTION, RELEASE_FRACTION, PressThresholds
 from tactile_node.errors import InputError
-
-PRESS, RELEASE = 0.3, 0.2  #: default thresholds, fractions of the full scale
 
 
 def add_array_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,10 +24,10 @@ def add_array_arguments(parser: argparse.ArgumentParser) -> None:
     numeric = parser.add_argument_group(
         'thresholds of integer and float arrays (a bool array says itself what is pressed)',
         'Frames of a file follow each other in time: a taxel is pressed from --press until below --release.')
-    numeric.add_argument('--press', type=float, default=PRESS, metavar='FRACTION',
+    numeric.add_argument('--press', type=float, default=PRESS_FRACTION, metavar='FRACTION',
                          help='of the full scale, default %(default)s')
     numeric.add_argument('--release', type=float, metavar='FRACTION',
-                         help=f'of the full scale, default {RELEASE} (or --press where that is lower)')
+                         help=f'of the full scale, default {RELEASE_FRACTION} (or --press where that is lower)')
     numeric.add_argument('--full-scale', type=float, metavar='VALUE',
                          help='in the unit of the values; default: the largest valid value in the file')
 
@@ -58,12 +53,7 @@ def read_frames(path: str) -> np.ndarray:
 
 def patterns(frames: np.ndarray, args: argparse.Namespace, *, largest: bool) -> Iterator[ContactPattern]:
     """Yield the contact pattern of each frame; of a bool frame, all active taxels unless ``largest``."""
-    if frames.dtype == bool:
-        for frame in frames:
-            mask, contacts = largest_contact(frame)
-            yield ContactPattern(mask if largest else frame, frame.astype(float), contacts)
-        return
-    extractor = _extractor(frames, args, largest)
+    extractor = PatternExtractor(_thresholds(frames, args), largest=largest)
     yield from map(extractor.extract, frames)
 
 
@@ -94,13 +84,11 @@ def _load(path: str) -> np.ndarray:
     return loaded
 
 
-def _extractor(frames: np.ndarray, args: argparse.Namespace, largest: bool) -> PatternExtractor:
-    full_scale = args.full_scale
-    if full_scale is None:
-        full_scale = np.nanmax(frames, initial=0.0)
-    release = min(RELEASE, args.press) if args.release is None else args.release
-    full_scale = full_scale if full_scale != 0 else 1.0
-    return PatternExtractor(args.press * full_scale, release * full_scale, largest=largest)
+def _thresholds(frames: np.ndarray, args: argparse.Namespace) -> PressThresholds:
+    if frames.dtype == bool:
+        return PressThresholds.of_unit('1')
+    full_scale = np.nanmax(frames, initial=0.0) if args.full_scale is None else args.full_scale
+    return PressThresholds.of_full_scale(full_scale, args.press, args.release)
 
 
 @contextmanager

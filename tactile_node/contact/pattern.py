@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from tactile_node.errors import ConfigurationError, InputError
+from tactile_node.contact.press import PressThresholds
+from tactile_node.errors import InputError
 from tactile_node.read_only import read_only
 
 EIGHT_CONNECTED = read_only(np.ones((3, 3), bool))
@@ -22,36 +23,28 @@ class ContactPattern(NamedTuple):
 class PatternExtractor:
     """Extracts the contact pattern of successive frames of one pad.
 
-    A taxel becomes pressed at ``press_threshold`` or above and is released below ``release_threshold``
-    (same unit as the values). A taxel without a valid value (NaN, infinite) is not in the pattern, but
-    keeps its hysteresis state for when it is valid again. One exception: invalid taxels fully enclosed by
-    the contact are filled in, for a dead taxel under an object is no hole of the object.
+    A taxel becomes pressed at the press threshold or above and is released below the release threshold. A
+    taxel without a valid value (NaN, infinite) is not in the pattern, but keeps its hysteresis state for when
+    it is valid again. One exception: invalid taxels fully enclosed by the contact are filled in, for a dead
+    taxel under an object is no hole of the object. A bool frame says itself what is pressed.
 
     With ``largest`` False the pattern is every pressed taxel of the pad, not the largest contact alone.
-    Raises ConfigurationError unless 0 < release_threshold <= press_threshold.
     """
 
-    def __init__(self, press_threshold: float, release_threshold: float, *, largest: bool = True):
-        if not 0 < release_threshold <= press_threshold < np.inf:
-            raise ConfigurationError(
-                'press and release thresholds', expected='0 < release <= press, finite',
-                got=f'press {press_threshold}, release {release_threshold}',
-                remedy='Give both in the unit of the taxel values, release a little lower than press.')
-        self._press, self._release, self._largest = press_threshold, release_threshold, largest
+    def __init__(self, thresholds: PressThresholds, *, largest: bool = True):
+        self._thresholds = thresholds
+        self._largest = largest
         self._pressed: np.ndarray | None = None
 
-    def reset(self) -> None:
-        """Forget which taxels were pressed."""
-        self._pressed = None
-
     def extract(self, values: np.ndarray) -> ContactPattern:
-        """Return the contact pattern of a frame, float, shape (rows, cols).
+        """Return the contact pattern of a frame, real numbers or bool, shape (rows, cols).
 
-        A frame of another shape than the one before starts anew. Raises InputError for anything else.
+        A frame of another shape than the one before starts again without a pressed taxel. Raises InputError
+        for anything else.
         """
-        values = _frame(values)
+        values, is_bool = _frame(values)
         valid = np.isfinite(values)
-        pressed = self._update(values, valid) & valid
+        pressed = values > 0 if is_bool else self._update(values, valid) & valid
         largest, contacts = largest_contact(pressed)
         mask = _with_enclosed(largest if self._largest else pressed, valid)
         return ContactPattern(read_only(mask), read_only(np.where(valid, values, np.nan)), contacts)
@@ -61,7 +54,8 @@ class PatternExtractor:
         if before is None or before.shape != values.shape:
             before = np.zeros(values.shape, bool)
         # Comparisons with NaN are false, as wanted: neither pressed nor released.
-        pressed = (before & ~(valid & (values < self._release))) | (valid & (values >= self._press))
+        pressed = before & ~(valid & (values < self._thresholds.release))
+        pressed |= valid & (values >= self._thresholds.press)
         self._pressed = pressed
         return pressed
 
@@ -90,9 +84,10 @@ def _with_enclosed(mask: np.ndarray, valid: np.ndarray) -> np.ndarray:
     return mask | ~is_open[labels[1:-1, 1:-1]]
 
 
-def _frame(values: np.ndarray) -> np.ndarray:
+def _frame(values: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Return the values as float, and whether they were bool."""
     values = np.asarray(values)
     if values.ndim != 2 or not values.size or values.dtype.kind not in 'biuf':
         raise InputError('taxel frame', expected='real numbers, shape (rows, cols)',
                          got=f'{values.dtype}, shape {values.shape}', remedy='Pass one frame of one pad.')
-    return values.astype(float, copy=False)
+    return values.astype(float, copy=False), values.dtype == bool

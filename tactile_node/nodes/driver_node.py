@@ -20,6 +20,7 @@ from rclpy.qos import QoSProfile
 
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.conditioning.conditioned_pad import ConditionedPad
+from tactile_node.conditioning.limits import tare_limit
 from tactile_node.conditioning.taxel_faults import FaultyTaxels
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError, DeviceError, TactileError
 from tactile_node.frames.frame_source import FrameSource
@@ -40,7 +41,6 @@ from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.ros.status_message import status_message
 from tactile_node.ros.taxel_messages import taxel_array_message
-from tactile_node.ros.unit_limits import tare_limit
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.pad_rules import live_pads
 from tactile_node.skin.pads import PadSettings, make_pads, one_for_each, with_dictionaries

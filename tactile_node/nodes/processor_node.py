@@ -8,6 +8,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.contact.press import PRESS_BY_UNIT, PressThresholds
 from tactile_node.errors import ConfigurationError, TactileError
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.nodes.run import run_node
@@ -15,7 +16,6 @@ from tactile_node.ros.feature_messages import features_message
 from tactile_node.ros.parameters import changed, declare, read
 from tactile_node.ros.settings import ProcessorSettings
 from tactile_node.ros.taxel_messages import taxel_values
-from tactile_node.ros.unit_limits import PRESSED_BY_UNIT, pressed_thresholds
 from tactile_skin.msg import ContactFeatures, TaxelArray
 
 
@@ -35,7 +35,7 @@ class ProcessorNode(Node):
         """Apply ``settings`` as a whole or not at all; the contact in progress is then found again."""
         groups = feature_groups(settings.features)
         press, ratio = settings.press_threshold, settings.release_ratio
-        extractors = {unit: PatternExtractor(*pressed_thresholds(press, ratio, unit)) for unit in PRESSED_BY_UNIT}
+        extractors = {unit: PatternExtractor(PressThresholds.of_unit(unit, press, ratio)) for unit in PRESS_BY_UNIT}
         self._settings = settings
         self._groups = groups
         self._extractors = extractors

@@ -6,11 +6,11 @@ from tactile_node.conditioning.conditioned_pad import ConditionedPad
 from tactile_node.conditioning.drift import DriftFollower
 from tactile_node.conditioning.fault_file import load_faults
 from tactile_node.conditioning.gain import load_gains
+from tactile_node.conditioning.limits import ON_OFF_UNIT, rest_limit, tare_limit
 from tactile_node.conditioning.tare import TaredPad
 from tactile_node.conditioning.taxel_faults import FaultDetector
 from tactile_node.errors import ConfigurationError
 from tactile_node.ros.settings import DriverSettings
-from tactile_node.ros.unit_limits import ON_OFF_UNIT, rest_limit, tare_limit
 from tactile_node.skin.pads import PadSettings, one_for_each
 
 MASK, REPORT = 'mask', 'report'

@@ -3,6 +3,8 @@
 import math
 from dataclasses import dataclass
 
+from tactile_node.conditioning.limits import TARE_LIMIT_BY_UNIT
+from tactile_node.contact.press import PRESS_BY_UNIT, RELEASE_RATIO
 from tactile_node.ros.parameters import NodeSettings, parameter
 from tactile_node.shape.methods import DEFAULT
 
@@ -35,7 +37,8 @@ class DriverSettings(NodeSettings):
     recover: bool = parameter(True, 'true: reopen a failed bus, configure and start devices that have restarted; '
                               'false: report faults only')
     tare_limit: float = parameter(0.0, 'reading from which on a taxel counts as pressed when a tare is requested '
-                                  '[unit of the taxels]; 0: by the unit (10 kPa, 0.03 N)', 0, 1e9, live=True)
+                                  f'[unit of the taxels]; 0: by the unit ({TARE_LIMIT_BY_UNIT["Pa"] / 1e3:g} kPa, '
+                                  f'{TARE_LIMIT_BY_UNIT["N"]:g} N)', 0, 1e9, live=True)
     follow_drift: bool = parameter(False, 'true: the zero of the taxels follows slow drift while none reads half of '
                                    'tare_limit; it never follows a grasp', live=True)
     faulty_taxels: str = parameter('report', 'handling of taxels detected as dead, stuck or flickering: report (they '
@@ -58,11 +61,12 @@ class DriverSettings(NodeSettings):
 @dataclass(frozen=True)
 class ProcessorSettings(NodeSettings):
     press_threshold: float = parameter(0.0, 'reading from which on a taxel is pressed [unit of the taxels]; 0: by the '
-                                       'unit (30 kPa, 0.1 N, 0.5 for on/off)', 0, 1e9, live=True)
-    release_ratio: float = parameter(0.8, 'fraction of press_threshold below which a pressed taxel is released',
-                                     0.01, 1.0, live=True)
+                                       f'unit ({PRESS_BY_UNIT["Pa"] / 1e3:g} kPa, {PRESS_BY_UNIT["N"]:g} N, '
+                                       f'{PRESS_BY_UNIT["1"]:g} for on/off)', 0, 1e9, live=True)
+    release_ratio: float = parameter(RELEASE_RATIO, 'fraction of press_threshold below which a pressed taxel is '
+                                     'released', 0.01, 1.0, live=True)
     features: tuple[str, ...] = parameter(('classifier',), 'groups of features to compute beside those the classifier '
-                                          'needs: information, gravity, eigenvalues, border, turned, all', live=True)
+                                          'needs: information, gravity, eigenvalues, border, rotated, all', live=True)
 
 
 @dataclass(frozen=True)

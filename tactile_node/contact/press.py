@@ -1,0 +1,60 @@
+"""From which value on a taxel is pressed, and below which it is released: the one place that decides."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_node.errors import ConfigurationError
+
+#: A taxel is pressed from here on, by the unit of its values: 30 kPa, 0.1 N, on.
+PRESS_BY_UNIT = {'Pa': 30e3, 'N': 0.1, '1': 0.5}
+RELEASE_RATIO = 0.8  #: of the press threshold
+#: The same for arrays without a unit, as fractions of the full scale.
+PRESS_FRACTION = 0.3
+RELEASE_FRACTION = 0.2
+
+
+@dataclass(frozen=True)
+class PressThresholds:
+    """A taxel is pressed at ``press`` or above and is released below ``release``, in the unit of its values.
+
+    Raises ConfigurationError unless 0 < release <= press, press finite.
+    """
+
+    press: float
+    release: float
+
+    def __post_init__(self) -> None:
+        if not 0 < self.release <= self.press < np.inf:
+            raise ConfigurationError(
+                'press and release thresholds', expected='0 < release <= press, finite',
+                got=f'press {self.press}, release {self.release}',
+                remedy='Give both in the unit of the taxel values, release a little lower than press.')
+
+    @classmethod
+    def of_unit(cls, unit: str, press: float = 0.0, release_ratio: float = RELEASE_RATIO) -> 'PressThresholds':
+        """Return the thresholds of taxels in ``unit``; ``press`` 0: the unit's own. Raises ConfigurationError.
+
+        >>> PressThresholds.of_unit('Pa')
+        PressThresholds(press=30000.0, release=24000.0)
+        """
+        press = press or PRESS_BY_UNIT.get(unit, 0.0)
+        if not press:
+            raise ConfigurationError('parameter press_threshold', expected=f'a threshold for taxels in {unit!r}',
+                                     got='0', remedy=f'Only {", ".join(PRESS_BY_UNIT)} have a default; set one.')
+        return cls(press, press * release_ratio)
+
+    @classmethod
+    def of_full_scale(cls, full_scale: float, press: float = PRESS_FRACTION,
+                      release: float | None = None) -> 'PressThresholds':
+        """Return thresholds that are fractions of ``full_scale``; 0, as of an array without a value, counts as 1.
+
+        ``release`` None: RELEASE_FRACTION, or ``press`` where that is lower. Raises ConfigurationError.
+
+        >>> PressThresholds.of_full_scale(100.0)
+        PressThresholds(press=30.0, release=20.0)
+        """
+        if release is None:
+            release = min(RELEASE_FRACTION, press)
+        full_scale = full_scale if full_scale != 0 else 1.0
+        return cls(press * full_scale, release * full_scale)
