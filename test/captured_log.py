@@ -10,6 +10,7 @@ KEPT = 10_000  # of a fuzzing run of hours only the last ones
 class Logged(NamedTuple):
     level: int
     message: str
+    fact: object  #: the fault, error, EMCY or command that the record reports, None for any other
 
 
 class CapturedLog(logging.Handler):
@@ -32,12 +33,17 @@ class CapturedLog(logging.Handler):
         self._logger.setLevel(self._level_before)
 
     def emit(self, record: logging.LogRecord) -> None:
-        self._records.append(Logged(record.levelno, record.getMessage()))
+        self._records.append(Logged(record.levelno, record.getMessage(), getattr(record, 'fact', None)))
 
     @property
     def messages(self) -> list[str]:
         """All, oldest first."""
         return [record.message for record in self._records.copy()]
+
+    @property
+    def facts(self) -> list[object]:
+        """What the records report beside their text, oldest first."""
+        return [record.fact for record in self._records.copy() if record.fact is not None]
 
     @property
     def errors(self) -> list[str]:

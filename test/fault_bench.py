@@ -12,6 +12,7 @@ from faulty_bus import Adapter
 
 from tactile_node.bus import skin_bus
 from tactile_node.bus.skin_bus import BusSettings
+from tactile_node.frames.health import NodeFault
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.supervision.supervisor import Supervisor
 
@@ -101,9 +102,9 @@ class FaultBench(Bench):
     def wait(self, condition: Callable[[], bool], what: str) -> None:
         assert wait_until(condition, PATIENCE), f'{what}; {self.driver.health()}; {self.log.errors}'
 
-    def detect(self, text: str) -> None:
-        """Wait until a warning or an error says ``text``."""
-        self.wait(lambda: any(text in sentence for sentence in self.log.errors), f'the log does not say {text!r}')
+    def detect(self, *facts: object, kind: Callable[[Any], bool] = lambda fact: False) -> None:
+        """Wait until the log has one of ``facts``, or one that is of a ``kind``."""
+        self.wait(lambda: any(fact in facts or kind(fact) for fact in self.log.facts), f'{facts} not logged')
         self.detected = time.monotonic() - self._begun
 
     def recover(self, *pads: str) -> None:
@@ -111,8 +112,8 @@ class FaultBench(Bench):
         for pad in pads or ('pad32',):
             self.wait_for_whole(pad, time.time() - (time.monotonic() - self._ended))
         self.publishing_again = time.monotonic() - self._ended
-        self.wait(lambda: all(not node.trouble and node.is_operational
-                              for nodes in self.driver.health().nodes.values() for node in nodes), 'trouble stays')
+        self.wait(lambda: all(node.fault is NodeFault.NONE and node.is_operational
+                              for nodes in self.driver.health().nodes.values() for node in nodes), 'a fault stays')
 
     def wait_for_whole(self, pad: str, after: float = 0.0) -> None:
         def has_come() -> bool:

@@ -4,6 +4,7 @@
 as it ends, that all taxels published as valid were right and that no sequence number or stamp came twice.
 """
 
+import errno
 import itertools
 import os
 import sys
@@ -11,13 +12,17 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
+from typing import Any
 
 import can
 import numpy as np
+from canopen import SdoAbortedError, SdoCommunicationError
 from fault_bench import PATIENCE, FaultBench
 
+from tactile_node.cia301.emergency import Emergency
 from tactile_node.conditioning.tare import TaredPad
-from tactile_node.errors import DeviceError, TareRefusedError
+from tactile_node.errors import BusError, DeviceAbsentError, DeviceError, TareRefusedError
+from tactile_node.frames.health import BusFault, ForeignCommand, NodeFault
 from tactile_node.frames.losses import LossReason
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.simulator.device import SimulatedDevice
@@ -27,16 +32,20 @@ ALL_TPDOS = range(1, 17)  # of the pad of 8x8 taxels
 COB_IDS = [0x1A0 + 0x100 * (i // 4) + i % 4 for i in range(16)]
 
 
-def _switch_off(bench: FaultBench, device: SimulatedDevice, says: str, missing: int) -> TaxelFrame:
-    """Wait until it is told and a frame after that lacks so many CAN frames; return that one."""
+def _switch_off(bench: FaultBench, device: SimulatedDevice, missing: int, *faults: object, **kind: Any) -> TaxelFrame:
+    """Wait until a fault is logged and a frame after that lacks so many CAN frames; return that one."""
     device.power_off()
-    bench.detect(says)
+    bench.detect(*faults, **kind)
     told = len(bench.kept)
 
     def lacking() -> TaxelFrame | None:
         return next((frame for _, frame in bench.kept[told:] if frame.missing_can_frames == missing), None)
     bench.wait(lambda: lacking() is not None, 'frames without its taxels')
     return lacking()
+
+
+def _waits_for(bench: FaultBench, node: str) -> bool:
+    return any(isinstance(fact, DeviceAbsentError) and node in fact.where for fact in bench.log.facts)
 
 
 def _switch_on(bench: FaultBench, device: SimulatedDevice) -> None:
@@ -52,7 +61,7 @@ def power_cycled_in_mid_stream(channel: str) -> FaultBench:
         bench.device.power_off()
         bench.device.boot()
         bench.end_of_cause()
-        bench.detect('has started anew')
+        bench.detect(NodeFault.BOOTED)
         bench.recover()
         bench.wait(lambda: bench.node().outages.count == 1 and bench.node().boots == 1, 'outage not counted')
     return bench
@@ -62,7 +71,7 @@ def absent_then_back(channel: str) -> FaultBench:
     """The device is told as silent, its taxels are NaN; it is used again as soon as it boots."""
     with FaultBench(channel) as bench:
         bench.run().cause()
-        _switch_off(bench, bench.device, 'sends neither heartbeat nor taxels', missing=16)
+        _switch_off(bench, bench.device, 16, NodeFault.SILENT)
         _switch_on(bench, bench.device)
     return bench
 
@@ -74,7 +83,7 @@ def absent_at_configure_then_late(channel: str) -> FaultBench:
         starter = threading.Thread(target=bench.run)
         bench.cause()
         starter.start()
-        bench.wait(lambda: any('Waiting for node 32' in said for said in bench.log.messages), 'waits in silence')
+        bench.wait(lambda: _waits_for(bench, 'node 32'), 'waits in silence')
         bench.device.boot()
         bench.end_of_cause()
         bench.recover()
@@ -89,8 +98,9 @@ def one_of_two_pads_lost(channel: str) -> FaultBench:
         bench.wait_for_whole('pad64')
         bench.cause()
         bench.device.power_off()
-        bench.detect('Node 32 (pad \'pad32\'): it sends neither')
-        assert not bench.node('pad64').trouble and bench.node('pad64').outages.count == 0
+        bench.detect(NodeFault.SILENT)
+        assert bench.node().fault is NodeFault.SILENT
+        assert bench.node('pad64').fault is NodeFault.NONE and bench.node('pad64').outages.count == 0
         bench.wait_for_whole('pad64', bench.kept[-1][1].stamp)
         bench.device.boot()
         bench.end_of_cause()
@@ -109,7 +119,7 @@ def boot_up_message_lost(channel: str) -> FaultBench:
         bench.wait(lambda: bytes(1) in bench.adapter.lost, 'boot-up not lost')
         bench.adapter.dropped = set()
         bench.end_of_cause()
-        bench.detect('heartbeat')  # missing, and by chance taxels too
+        bench.detect(NodeFault.NO_HEARTBEAT, NodeFault.SILENT)  # by chance taxels are missing too
         bench.recover()
     return bench
 
@@ -121,44 +131,45 @@ def another_device_comes_back(channel: str) -> FaultBench:
         bench.device.power_off()
         bench.device.lie(0x1018, 1, (0x99).to_bytes(4, 'little'))
         bench.device.boot()
-        bench.detect('vendor 0x99')
+        bench.detect(kind=lambda fact: isinstance(fact, DeviceError) and '0x1018' in fact.where and '0x99' in fact.got)
         used, seen = bench.driver.statistics().pads['pad32'].used, len(bench.kept)
         bench.send(0x620, '23001801A0010000')  # another master lets it send TPDO 1
         bench.wait(lambda: bench.send(0x000, '0120') or bench.driver.statistics().pads['pad32'].used > used,
                    'it does not send')
         bench.wait(lambda: len(bench.kept) > seen + 2, 'no frames')
         assert all(np.isnan(frame.values).all() for _, frame in bench.kept[seen:])
-        assert bench.node().trouble and bench.node().distrusted > 0
+        assert bench.node().fault.is_fault and bench.node().distrusted > 0
         bench.device.power_off()
         _switch_on(bench, bench.device)
     return bench
 
 
-def _told_by_another_master(channel: str, command: str, says: str) -> FaultBench:
+def _commanded_by_another_master(channel: str, command: ForeignCommand) -> FaultBench:
     with FaultBench(channel) as bench:
         bench.run().cause()
-        bench.send(0x000, command)
+        bench.send(0x000, bytes(command).hex())
         bench.end_of_cause()
-        bench.detect(says)
+        bench.detect(command)
         bench.recover()
-        assert bench.driver.health().foreign_commands == 1 and bench.node().outages.count <= 1
+        health = bench.driver.health()
+        assert (health.foreign_commands, health.last_command) == (1, command) and bench.node().outages.count <= 1
     return bench
 
 
 def reset_by_another_master(channel: str) -> FaultBench:
     """The other master's command is told; the device is configured and started again."""
-    return _told_by_another_master(channel, '8120', 'Another NMT master has told node 32 to reset node')
+    return _commanded_by_another_master(channel, ForeignCommand(0x81, 32))
 
 
 def all_reset_by_another_master(channel: str) -> FaultBench:
     """A reset of all nodes is told and mended like one of a single node."""
-    return _told_by_another_master(channel, '8200', 'told all nodes to reset communication')
+    return _commanded_by_another_master(channel, ForeignCommand(0x82, 0))
 
 
 def stopped_by_another_master(channel: str) -> FaultBench:
     """The command and the state STOPPED are told; the device is started again."""
-    bench = _told_by_another_master(channel, '0220', 'Another NMT master has told node 32 to stop')
-    assert any('it is not OPERATIONAL' in sentence for sentence in bench.log.errors)
+    bench = _commanded_by_another_master(channel, ForeignCommand(0x02, 32))
+    assert NodeFault.NOT_OPERATIONAL in bench.log.facts
     return bench
 
 
@@ -169,8 +180,9 @@ def refuses_operational(channel: str) -> FaultBench:
         bench.device.refuses_start = True
         bench.cause()
         bench.send(0x000, '8020')
-        bench.detect('it is not OPERATIONAL')
-        bench.wait(lambda: bench.node().state == 'PRE-OPERATIONAL' and bool(bench.node().trouble), 'not told')
+        bench.detect(NodeFault.NOT_OPERATIONAL)
+        bench.wait(lambda: (bench.node().state, bench.node().fault) == ('PRE-OPERATIONAL', NodeFault.NOT_OPERATIONAL),
+                   'not reported')
         bench.device.refuses_start = False
         bench.end_of_cause()
         bench.recover()
@@ -182,9 +194,10 @@ def adapter_unplugged(channel: str) -> FaultBench:
     with FaultBench(channel) as bench:
         bench.run().cause()
         bench.adapter.is_plugged = False
-        bench.detect('CAN bus has failed')
-        bench.wait(lambda: any('no such device' in one for one in bench.log.errors), 'does not say what it waits for')
-        assert bench.driver.failure
+        bench.detect(BusFault.RECEPTION_FAILED, BusFault.SENDING_FAILED)
+        bench.wait(lambda: any(isinstance(fact, BusError) and fact.got == 'no such device' for fact in bench.log.facts),
+                   'does not log what it waits for')
+        assert bench.driver.failure.fault in (BusFault.RECEPTION_FAILED, BusFault.SENDING_FAILED)
         bench.adapter.is_plugged = True
         bench.end_of_cause()
         bench.recover()
@@ -198,7 +211,8 @@ def sending_fails(channel: str) -> FaultBench:
     with FaultBench(channel) as bench:
         bench.run().cause()
         bench.adapter.can_send = False
-        bench.detect('Transmit buffer full')
+        bench.detect(BusFault.SENDING_FAILED)
+        assert 'Transmit buffer full' in bench.driver.failure.detail
         bench.wait(lambda: bench.adapter.opened > 3, 'the bus is not tried again')
         bench.adapter.can_send = True
         bench.end_of_cause()
@@ -212,7 +226,7 @@ def bus_off(channel: str) -> FaultBench:
         bench.run().cause()
         bench.other.send(can.Message(is_error_frame=True, arbitration_id=0x040, is_extended_id=False, data=bytes(8)))
         bench.end_of_cause()
-        bench.detect('bus-off')
+        bench.detect(BusFault.BUS_OFF)
         bench.recover()
         assert bench.adapter.opened == 2
     return bench
@@ -241,7 +255,7 @@ def heartbeat_lost_while_taxels_flow(channel: str) -> FaultBench:
     with FaultBench(channel) as bench:
         bench.run().cause()
         bench.adapter.dropped = {0x720}
-        bench.detect('it sends taxels but no heartbeat')
+        bench.detect(NodeFault.NO_HEARTBEAT)
         bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
         bench.adapter.dropped = set()
         bench.end_of_cause()
@@ -256,7 +270,7 @@ def heartbeat_switched_off_by_another_master(channel: str) -> FaultBench:
         bench.run().cause()
         bench.send(0x620, '2B17100000000000')  # 0x1017 = 0
         bench.end_of_cause()
-        bench.detect('it sends taxels but no heartbeat')
+        bench.detect(NodeFault.NO_HEARTBEAT)
         bench.recover()
         assert bench.node().outages.count == 0
     return bench
@@ -267,7 +281,7 @@ def taxels_lost_while_heartbeat_flows(channel: str) -> FaultBench:
     with FaultBench(channel) as bench:
         bench.run().cause()
         bench.adapter.dropped = set(COB_IDS)
-        bench.detect('it is OPERATIONAL but sends no taxels')
+        bench.detect(NodeFault.NO_TAXELS)
         bench.adapter.dropped = set()
         bench.end_of_cause()
         bench.recover()
@@ -282,7 +296,7 @@ def tpdos_switched_off_by_another_master(channel: str) -> FaultBench:
         for number, can_id in zip(ALL_TPDOS, COB_IDS):
             bench.send(0x620, f'23{number - 1:02X}1801{can_id & 0xFF:02X}{can_id >> 8:02X}0080')
         bench.end_of_cause()
-        bench.detect('it is OPERATIONAL but sends no taxels')
+        bench.detect(NodeFault.NO_TAXELS)
         bench.recover()
     return bench
 
@@ -294,7 +308,7 @@ def sync_of_another_producer_stops(channel: str) -> FaultBench:
         producer = bench.other.send_periodic(sync, 0.02)
         bench.run().cause()
         producer.stop()
-        bench.detect('it waits for SYNC')
+        bench.detect(NodeFault.NO_SYNC)
         assert bench.node().is_operational
         bench.other.send_periodic(sync, 0.02)
         bench.end_of_cause()
@@ -308,7 +322,7 @@ def emcy_storm(channel: str) -> FaultBench:
         bench.run().cause()
         for i in range(2000):
             bench.send(0x0A0, f'1042 09 {i:010X}')
-        bench.detect('EMCY 0x4210 (device temperature), error register: generic, temperature')
+        bench.detect(kind=lambda fact: isinstance(fact, Emergency) and (fact.code, fact.register) == (0x4210, 0x09))
         bench.wait(lambda: bench.node().emergencies == 2000, 'not all counted')
         bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
         history = bench.driver.monitor.emergencies[32].history
@@ -324,7 +338,7 @@ def short_emcy(channel: str) -> FaultBench:
         for data in ('', '10', '1042', '104209'):
             bench.send(0x0A0, data)
         bench.wait(lambda: bench.node().emergencies == 4, 'not counted')
-        bench.detect('EMCY')
+        bench.detect(kind=lambda fact: isinstance(fact, Emergency))
         assert [(one.code, one.register) for one in bench.driver.monitor.emergencies[32].history] == [
             (None, None), (None, None), (0x4210, None), (0x4210, 9)]
         bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
@@ -342,7 +356,7 @@ def foreign_frames(channel: str) -> FaultBench:
         bench.other.send(can.Message(arbitration_id=0x1A0, is_extended_id=True, data=bytes(8)))
         bench.wait(lambda: bench.driver.statistics().can_frames.get('foreign') == 2, 'not counted')
         bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
-        assert not bench.log.errors and bench.node().state == 'OPERATIONAL' and not bench.node().trouble
+        assert not bench.log.errors and (bench.node().state, bench.node().fault) == ('OPERATIONAL', NodeFault.NONE)
     return bench
 
 
@@ -352,8 +366,8 @@ def absent_pad_of_two(channel: str) -> FaultBench:
         bench.simulator.devices[64].power_off()
         bench.cause()
         bench.run()
-        bench.detect('The others go on without it')
-        bench.wait(lambda: bool(bench.node('pad64').trouble), 'trouble not told')
+        bench.detect(kind=lambda fact: isinstance(fact, DeviceAbsentError) and 'node 64' in fact.where)
+        bench.wait(lambda: bench.node('pad64').fault.is_fault, 'fault not reported')
         assert all(np.isnan(frame.values).all() for name, frame in bench.kept if name == 'pad64')
         bench.simulator.devices[64].boot()
         bench.end_of_cause()
@@ -420,14 +434,15 @@ def _with_data(message: can.Message, data: bytes) -> can.Message:
                        data=data, dlc=len(data), check=False)
 
 
-def _configuration_disturbed(channel: str, tamper: Callable[[can.Message], list], says: str) -> FaultBench:
+def _configuration_disturbed(channel: str, tamper: Callable[[can.Message], list], where: str,
+                             got: str) -> FaultBench:
     """The device starts anew while its SDO answers pass ``tamper``; until that ends its taxels are NaN."""
     with FaultBench(channel) as bench:
         bench.run().cause()
         bench.adapter.tamper = lambda message: tamper(message) if message.arbitration_id == 0x5A0 else [message]
         bench.device.power_off()
         bench.device.boot()
-        bench.detect(says)
+        bench.detect(kind=lambda fact: isinstance(fact, DeviceError) and where in fact.where and got in fact.got)
         seen = len(bench.kept)
         bench.wait(lambda: len(bench.kept) > seen + 2, 'no frames')
         assert all(np.isnan(frame.values).all() for _, frame in bench.kept[seen:])
@@ -444,14 +459,14 @@ def sdo_aborted_in_configuration(channel: str) -> FaultBench:
         if message.data[0] == 0x60 and is_tpdo:
             message = _with_data(message, b'\x80' + bytes(message.data[1:4]) + bytes.fromhex('22000008'))
         return [message]
-    return _configuration_disturbed(channel, abort, 'SDO abort')
+    return _configuration_disturbed(channel, abort, 'object 0x1800', '0x08000022')
 
 
 def sdo_timeout_in_mid_configuration(channel: str) -> FaultBench:
     """The device falls silent amid its configuration: the object it did not answer for is told, it is tried again."""
     return _configuration_disturbed(
         channel, lambda message: [] if bytes(message.data[1:3]) == bytes.fromhex('001A') else [message],
-        'object 0x1A00 sub')
+        'object 0x1A00 sub', 'No SDO response')
 
 
 def device_that_lies_about_its_mapping(channel: str) -> FaultBench:
@@ -460,7 +475,7 @@ def device_that_lies_about_its_mapping(channel: str) -> FaultBench:
         if message.data[0] == 0x43 and bytes(message.data[1:4]) == bytes.fromhex('001A01'):
             message = _with_data(message, bytes(message.data[:4]) + bytes.fromhex('10020020'))
         return [message]
-    return _configuration_disturbed(channel, other, 'read back')
+    return _configuration_disturbed(channel, other, '0x1A00', '20000210')
 
 
 def queue_overrun(channel: str) -> FaultBench:
@@ -510,12 +525,12 @@ def disk_full_while_recording(channel: str) -> FaultBench:
         bench.run().cause()
         with open('/dev/full', 'wb') as full:
             os.dup2(full.fileno(), bench.driver._bus._record._writer.file.fileno())
-        bench.detect('has ended after')
+        bench.detect(kind=lambda fact: isinstance(fact, OSError) and fact.errno == errno.ENOSPC)
         before = bench.driver.statistics().unrecorded
         bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
         bench.wait(lambda: bench.driver.statistics().unrecorded > before, 'not counted')
-        told, = (sentence for sentence in bench.log.errors if 'recording' in sentence)
-        assert 'No space left' in told and bench.driver.failure is None and bench.adapter.opened == 1
+        assert sum(isinstance(fact, OSError) for fact in bench.log.facts) == 1
+        assert bench.driver.failure is None and bench.adapter.opened == 1
     return bench
 
 
@@ -526,12 +541,12 @@ def fails_while_inactive(channel: str) -> FaultBench:
         bench.driver.configure()
         bench.cause()
         bench.adapter.is_plugged = False
-        bench.detect('CAN bus has failed')
+        bench.detect(BusFault.RECEPTION_FAILED, BusFault.SENDING_FAILED)
         bench.device.power_off()
         bench.device.boot()
         bench.adapter.is_plugged = True
         bench.end_of_cause()
-        bench.wait(lambda: bench.driver.failure is None and not bench.node().trouble, 'not ready')
+        bench.wait(lambda: bench.driver.failure is None and bench.node().fault is NodeFault.NONE, 'not ready')
         assert not bench.kept
         bench.driver.start()
         bench.recover()
@@ -624,7 +639,9 @@ def one_of_a_pads_nodes_lost(channel: str) -> FaultBench:
     with FaultBench(channel, (32, 35), source=lambda t: source, layout='nodes2_12x8_12bit.yaml') as bench:
         bench.run().cause()
         second = bench.simulator.devices[35]
-        values = _switch_off(bench, second, "Node 35 (pad 'pad32'): it sends neither", missing=12).values
+        values = _switch_off(bench, second, 12, NodeFault.SILENT).values
+        first, lost = bench.driver.health().nodes['pad32']
+        assert (lost.node_id, lost.fault, first.fault) == (35, NodeFault.SILENT, NodeFault.NONE)
         assert np.isfinite(values[:6]).all() and np.isnan(values[6:]).all()
         _switch_on(bench, second)
     return bench
@@ -635,7 +652,8 @@ def polled_pad_power_cycled(channel: str) -> FaultBench:
     source = np.random.default_rng(2).uniform(100, 1000, (16, 10))
     with FaultBench(channel, source=lambda t: source, layout='domain16x10_16bit.yaml') as bench:
         bench.run().cause()
-        _switch_off(bench, bench.device, 'its taxels could not be read', missing=1)
+        _switch_off(bench, bench.device, 1,
+                    kind=lambda fact: isinstance(fact, (SdoAbortedError, SdoCommunicationError)))
         _switch_on(bench, bench.device)
     return bench
 
@@ -653,7 +671,7 @@ def polled_uploads_damaged(channel: str) -> FaultBench:
     with FaultBench(channel, source=lambda t: source, layout='domain16x10_16bit.yaml') as bench:
         bench.run().cause()
         bench.adapter.tamper = damage
-        bench.detect('CRC')
+        bench.detect(kind=lambda fact: isinstance(fact, SdoCommunicationError) and 'CRC' in str(fact))
         bench.wait(lambda: bench.driver.statistics().pads['pad32'].losses[LossReason.BROKEN] > 5, 'not counted')
         bench.adapter.tamper = None
         bench.end_of_cause()
@@ -679,7 +697,7 @@ def adapter_of_two_large_pads_unplugged(channel: str) -> FaultBench:
     """Two pads of 16x16 taxels, 64 TPDOs to be checked again: both are back."""
     def disturb(bench: FaultBench) -> None:
         bench.adapter.is_plugged = False
-        bench.detect('CAN bus has failed')
+        bench.detect(BusFault.RECEPTION_FAILED, BusFault.SENDING_FAILED)
         bench.adapter.is_plugged = True
         bench.end_of_cause()
     return _two_large_pads(channel, disturb)
@@ -693,7 +711,7 @@ def two_large_pads_power_cycled(channel: str) -> FaultBench:
         for device in bench.simulator.devices.values():
             device.boot()
         bench.end_of_cause()
-        bench.detect('has started anew')
+        bench.detect(NodeFault.BOOTED)
     return _two_large_pads(channel, disturb)
 
 

@@ -41,7 +41,7 @@ def test_commands_of_a_block_upload():
 
 @pytest.mark.parametrize(('command', 'name'), [
     (0x01, 'start'), (0x02, 'stop'), (0x80, 'enter pre-operational'), (0x81, 'reset node'),
-    (0x82, 'reset communication'), (0x83, 'obey command 0x83')])
+    (0x82, 'reset communication'), (0x83, 'command 0x83')])
 def test_names_of_nmt_commands(command, name):
     assert nmt.command_name(command) == name
 

@@ -8,7 +8,16 @@ from diagnostic_msgs.msg import DiagnosticStatus  # noqa: E402
 
 from tactile_node.assembly.router import BusStatistics  # noqa: E402
 from tactile_node.cia301.emergency import decode_emergency  # noqa: E402
-from tactile_node.frames.health import BusHealth, NodeHealth, Outages  # noqa: E402
+from tactile_node.frames.fault_text import PHRASES, failure_text  # noqa: E402
+from tactile_node.frames.health import (  # noqa: E402
+    BusFault,
+    BusHealth,
+    Failure,
+    ForeignCommand,
+    NodeFault,
+    NodeHealth,
+    Outages,
+)
 from tactile_node.frames.losses import LossReason, PadStatistics  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
 
@@ -23,6 +32,11 @@ def statistics(frames=10, late=0, overruns=0):
 
 
 WELL = NodeHealth(32, 'OPERATIONAL', True, 0.05)
+
+
+def value_of(status, key):
+    value, = (item.value for item in status.values if item.key == key)
+    return value
 
 
 def levels(diagnostics, counts, health=None):
@@ -46,15 +60,17 @@ def test_the_level_speaks_of_the_time_since_the_message_before():
 
 
 def test_a_dead_bus_is_an_error_with_its_reason():
-    status = BusDiagnostics('driver', 'can0').message(statistics(), BusHealth('unplugged')).status[0]
-    assert (status.level, status.message, status.hardware_id) == (ERROR, 'unplugged', 'can0')
+    failure = Failure(BusFault.RECEPTION_FAILED, 'unplugged')
+    status = BusDiagnostics('driver', 'can0').message(statistics(), BusHealth(failure)).status[0]
+    assert (status.level, status.message, status.hardware_id) == (ERROR, failure_text(failure), 'can0')
+    assert value_of(status, 'fault') == 'RECEPTION_FAILED'
 
 
 @pytest.mark.parametrize('changes, level, says', [
     ({}, OK, '20 taxel frames'),
-    ({'trouble': 'Node 32: silent.'}, ERROR, 'silent'),
+    ({'fault': NodeFault.SILENT}, ERROR, PHRASES[NodeFault.SILENT]),
     ({'state': 'STOPPED', 'is_operational': False}, ERROR, 'STOPPED'),
-    ({'outages': Outages(1, 0.3, 'power cycle')}, WARN, 'power cycle'),
+    ({'outages': Outages(1, 0.3, Failure(NodeFault.BOOTED))}, WARN, PHRASES[NodeFault.BOOTED]),
     ({'emergencies': 1, 'last_emergency': decode_emergency(bytes.fromhex('1042090000000000'), 0.0)}, WARN, '0x4210'),
     ({'distrusted': 3}, WARN, '3 taxel frames'),
 ])
@@ -63,6 +79,7 @@ def test_a_pad_is_ok_only_while_its_node_is(changes, level, says):
     diagnostics.message(statistics(), BusHealth(nodes={'left': (WELL,)}))
     pad = diagnostics.message(statistics(frames=30), healthy_but(**changes)).status[1]
     assert pad.level == level and says in pad.message
+    assert value_of(pad, 'fault') == changes.get('fault', NodeFault.NONE).name
 
 
 def test_an_error_a_device_still_has_stays_told_until_it_says_that_it_has_gone():
@@ -74,15 +91,16 @@ def test_an_error_a_device_still_has_stays_told_until_it_says_that_it_has_gone()
 
 
 @pytest.mark.parametrize('health, level', [
-    (BusHealth(), OK), (BusHealth(is_error_passive=True), WARN), (BusHealth(outages=Outages(1, 0.2, 'gone')), WARN),
-    (BusHealth(foreign_commands=1, last_command='node 32 to stop'), WARN)])
+    (BusHealth(), OK), (BusHealth(is_error_passive=True), WARN),
+    (BusHealth(outages=Outages(1, 0.2, Failure(BusFault.BUS_OFF))), WARN),
+    (BusHealth(foreign_commands=1, last_command=ForeignCommand(2, 32)), WARN)])
 def test_the_bus_is_ok_only_while_nothing_happens_to_it(health, level):
     assert levels(BusDiagnostics('driver', 'can0'), statistics(), health)[0] == level
 
 
 def test_values_of_a_node_are_told_by_name():
     last = decode_emergency(bytes.fromhex('3081110000000000'), 0.0)
-    health = healthy_but(heartbeat_age=0.25, emergencies=4, last_emergency=last, outages=Outages(2, 1.5, 'reset'))
+    health = healthy_but(heartbeat_age=0.25, emergencies=4, last_emergency=last, outages=Outages(2, 1.5))
     pad = BusDiagnostics('driver', 'can0').message(statistics(), health._replace(load=0.305)).status
     values = {item.key: item.value for status in pad for item in status.values}
     assert values['bus_load_percent'] == '30.5'

@@ -15,6 +15,7 @@ from tactile_node.assembly.domain_assembler import DomainAssembler
 from tactile_node.bus import skin_bus
 from tactile_node.cia301.sdo_upload import SdoUpload, Step
 from tactile_node.errors import ConfigurationError, DeviceError
+from tactile_node.frames.health import NodeFault
 from tactile_node.frames.losses import Loss, LossReason
 from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.recording.log_source import LogSource
@@ -229,12 +230,12 @@ def test_a_polled_pad_goes_and_comes_again():
         bench.run()
         bench.take_whole(2)
         bench.simulator.devices[32].power_off()
-        assert wait_until(lambda: any('neither heartbeat nor taxels' in sentence for sentence in bench.log.errors))
+        assert wait_until(lambda: NodeFault.SILENT in bench.log.facts)
         bench.forget()
         assert all(np.isnan(frame.values).all() for _, frame in bench.take(2))
         bench.simulator.devices[32].boot()
         bench.take_whole(2)
-        assert wait_until(lambda: not bench.driver.health().nodes['pad32'][0].trouble)
+        assert wait_until(lambda: bench.driver.health().nodes['pad32'][0].fault is NodeFault.NONE)
         counts = bench.driver.statistics().pads['pad32']
         assert counts.missing > 0
 

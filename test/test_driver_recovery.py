@@ -22,7 +22,7 @@ from rclpy.time import Time  # noqa: E402
 from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
 from tactile_node.ros.qos import STATUS_QOS, frames_qos  # noqa: E402
 from tactile_node.threads.reminder import FIRST_REMINDER  # noqa: E402
-from tactile_skin.msg import SkinStatus, TaxelArray  # noqa: E402
+from tactile_skin.msg import NodeStatus, SkinStatus, TaxelArray  # noqa: E402
 from tactile_skin.srv import Tare  # noqa: E402
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
@@ -112,7 +112,8 @@ def test_what_is_not_there_at_start_is_waited_for_and_told_now_and_then(chain):
     starting.start()
     chain.wait(lambda: len(heard) > 2 and heard[-1].failure, 'not told')
     assert chain.levels[-1] == (ERROR,) and 'a bus that opens' in chain.told[-1]
-    assert heard[-1].level == SkinStatus.ERROR and 'a bus that opens' in heard[-1].failure and not heard[-1].active
+    assert (heard[-1].level, heard[-1].fault) == (SkinStatus.ERROR, SkinStatus.FAULT_NOT_OPENED)
+    assert not heard[-1].active
     assert starting.is_alive() and chain.bench.adapter.opened == 0
     chain.wait(lambda: any('It is waited for.' in sentence for sentence in said), 'the log does not say so')
     told = sum('It is waited for.' in sentence for sentence in said)
@@ -120,7 +121,7 @@ def test_what_is_not_there_at_start_is_waited_for_and_told_now_and_then(chain):
     chain.bench.adapter.is_plugged = True
     chain.wait(lambda: (OK, OK) in chain.levels, 'never OK')
     starting.join()
-    chain.wait(lambda: heard[-1].active and not heard[-1].failure, 'status not well again')
+    chain.wait(lambda: heard[-1].active and heard[-1].fault == SkinStatus.FAULT_NONE, 'status not well again')
 
 
 def test_waiting_at_start_ends_when_asked_to(chain):
@@ -192,7 +193,7 @@ def test_a_node_that_is_silent_is_not_operational(chain):
     chain.driver.autostart()
     chain.wait(lambda: heard and heard[-1].pads and heard[-1].pads[0].nodes[0].operational, 'never operational')
     chain.bench.device.power_off()
-    chain.wait(lambda: heard[-1].pads[0].nodes[0].trouble, 'no trouble')
+    chain.wait(lambda: heard[-1].pads[0].nodes[0].fault == NodeStatus.FAULT_SILENT, 'fault not reported')
     node = heard[-1].pads[0].nodes[0]
     assert not node.operational and node.nmt_state == 'OPERATIONAL' and node.heartbeat_age > 0.5
 

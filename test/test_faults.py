@@ -9,6 +9,7 @@ from fault_bench import FaultBench
 from fault_catalogue import FAULTS
 
 from tactile_node.cia301.emergency import decode_emergency
+from tactile_node.frames.health import BusFault, NodeFault
 
 pytestmark = pytest.mark.bus
 
@@ -22,11 +23,11 @@ def test_without_recovery_faults_are_told_and_left_alone():
     with FaultBench('left alone', recover=False) as bench:
         bench.run()
         bench.send(0x000, '0220')
-        bench.wait(lambda: 'not OPERATIONAL' in bench.node().trouble, 'not told')
+        bench.wait(lambda: bench.node().fault is NodeFault.NOT_OPERATIONAL, 'not told')
         bench.adapter.is_plugged = False
         bench.wait(lambda: bench.driver.failure is not None, 'not told')
         assert bench.adapter.opened == 1 and bench.node().state == 'STOPPED'
-        assert any('deactivate, clean up and configure' in sentence for sentence in bench.log.errors)
+        bench.detect(BusFault.RECEPTION_FAILED, BusFault.SENDING_FAILED)
 
 
 def test_sequence_numbers_of_an_outage_of_the_bus_are_left_out():

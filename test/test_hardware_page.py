@@ -10,10 +10,10 @@ pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run 
 from tactile_node.cia301.connection_set import SERVICES  # noqa: E402
 from tactile_node.conditioning.conditioned_pad import PadCondition  # noqa: E402
 from tactile_node.conditioning.taxel_faults import FaultDetector  # noqa: E402
-from tactile_node.frames.health import BusHealth, NodeHealth  # noqa: E402
+from tactile_node.frames.fault_text import PHRASES  # noqa: E402
+from tactile_node.frames.health import BusFault, BusHealth, NodeFault, NodeHealth  # noqa: E402
 from tactile_node.frames.losses import BusStatistics, LossReason, PadStatistics  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
-from tactile_node.supervision.node_monitor import Ailment  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
@@ -32,7 +32,7 @@ def told() -> set[str]:
 
 
 def explained() -> set[str]:
-    tables = PAGE.split('## What a diagnostic means')[1].split('### Sentences')[0]
+    tables = PAGE.split('## What a diagnostic means')[1].split('### Faults of the bus')[0]
     cells = [line.split('|')[1] for line in tables.splitlines() if line.startswith('| `')]
     names = [name for cell in cells for name in re.findall(r'`(\w+)`', cell)]
     return {f'can_frames{name}' if name.startswith('_') else name for name in names}
@@ -42,6 +42,7 @@ def test_every_value_is_explained_and_no_other():
     assert explained() == told()
 
 
-@pytest.mark.parametrize('ailment', Ailment)
-def test_every_sentence_about_a_node_is_explained(ailment):
-    assert f'| {ailment.value} |' in PAGE
+@pytest.mark.parametrize('fault', [fault for faults in (NodeFault, BusFault) for fault in faults
+                                   if fault.name not in ('NOT_KNOWN', 'NONE')])
+def test_every_fault_is_explained_with_its_name_and_sentence(fault):
+    assert f'| `{fault.name}` | {PHRASES[fault]} |' in PAGE

@@ -12,6 +12,7 @@ import pytest
 from can_bench import tiny_layout
 
 from tactile_node.errors import LogError
+from tactile_node.frames.health import BusFault
 from tactile_node.frames.losses import LossReason
 from tactile_node.recording.log_source import LogSource
 from tactile_node.recording.logs import CanLogReader, CanLogWriter
@@ -287,7 +288,8 @@ TWO_BUSES = ('(1.0) can0 080#', '(1.0) can1 080#', '(1.1) can0 181#0A0A', '(1.1)
 def test_a_log_of_two_buses_with_the_same_pad_is_refused_until_one_is_named(tmp_path):
     log, pads = tiny_log(tmp_path, *TWO_BUSES), tiny_pads(tmp_path)
     frames, source = play(log, pads)
-    assert '0x181' in source.failure and 'can0 and on can1' in source.failure and 'replay_channel' in source.failure
+    assert source.failure.fault is BusFault.LOG_UNUSABLE
+    assert all(part in source.failure.detail for part in ('0x181', 'can0 and on can1', 'replay_channel'))
     assert not any(np.isfinite(frame.values[1:]).any() for _, frame in frames)
     for channel, value in (('can0', 0.0), ('can1', 20.0)):
         (_, frame), = play(log, pads, channel=channel)[0]

@@ -8,6 +8,7 @@ from can_bench import Bench, only, tiny_layout, wait_until
 
 from tactile_node.assembly.assembler import FrameAssembler
 from tactile_node.errors import ConfigurationError
+from tactile_node.frames.health import NodeFault
 from tactile_node.frames.losses import Loss, LossReason
 from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.skin.pad_rules import check_pads
@@ -170,11 +171,11 @@ def test_one_node_goes_and_comes_again():
         bench.simulator.devices[35].power_off()
         frame = bench.take_until(lambda frame: frame.missing_can_frames == 12 and np.isnan(frame.values[6:]).all())
         np.testing.assert_allclose(frame.values[:6], wanted[:6], atol=1e-3)
-        assert wait_until(lambda: any('Node 35' in sentence for sentence in bench.log.errors))
+        assert wait_until(lambda: NodeFault.SILENT in bench.log.facts)
         first, second = bench.driver.health().nodes['pad32']
-        assert first.is_operational and not first.trouble and second.trouble
+        assert first.is_operational and first.fault is NodeFault.NONE and second.fault is NodeFault.SILENT
         bench.simulator.devices[35].boot()
         bench.forget()
         frame, = (frame for _, frame in bench.take_whole(1))
         np.testing.assert_allclose(frame.values, wanted, atol=1e-3)
-        assert wait_until(lambda: not any(node.trouble for node in bench.driver.health().nodes['pad32']))
+        assert wait_until(lambda: all(node.fault is NodeFault.NONE for node in bench.driver.health().nodes['pad32']))

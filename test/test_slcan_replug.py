@@ -7,6 +7,7 @@ import pytest
 from can_bench import wait_until
 
 from tactile_node.bus.bus_settings import BusSettings
+from tactile_node.frames.health import BusFault
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.slcan_pty import SlcanPty
 from tactile_node.skin.pads import make_pads, with_dictionaries
@@ -38,7 +39,7 @@ def test_an_adapter_that_was_pulled_out_is_used_as_soon_as_it_is_back(tmp_path, 
         assert wait_until(lambda: whole(0))
         simulator.stop()
         assert wait_until(lambda: driver.failure is not None)
-        assert wait_until(lambda: any('CAN bus has failed' in message for message in caplog.messages))
+        assert wait_until(lambda: any(isinstance(getattr(record, 'fact', None), BusFault) for record in caplog.records))
         simulator, back = plugged(tmp_path / 'skin'), time.time()
         assert wait_until(lambda: whole(back)), caplog.messages
         assert wait_until(lambda: driver.failure is None and driver.health().outages.count == 1)

@@ -1,7 +1,10 @@
 """The status message says what /diagnostics says, field by field; a late subscriber gets it."""
 
 import math
+import re
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
@@ -9,39 +12,74 @@ pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run 
 from rclpy.qos import DurabilityPolicy  # noqa: E402
 
 from tactile_node.assembly.router import BusStatistics  # noqa: E402
-from tactile_node.frames.health import BusHealth, NodeHealth, Outages  # noqa: E402
+from tactile_node.conditioning.conditioned_pad import PadCondition  # noqa: E402
+from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault  # noqa: E402
+from tactile_node.frames.fault_text import PHRASES, failure_text  # noqa: E402
+from tactile_node.frames.health import BusFault, BusHealth, Failure, NodeFault, NodeHealth, Outages  # noqa: E402
 from tactile_node.frames.losses import LossReason, PadStatistics  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
 from tactile_node.ros.qos import STATUS_QOS  # noqa: E402
 from tactile_node.ros.status_message import status_message  # noqa: E402
-from tactile_skin.msg import SkinStatus  # noqa: E402
+from tactile_skin.msg import FaultyTaxel, NodeStatus, SkinStatus  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
 
-def message(late=0, **health):
+def message(late=0, fault=NodeFault.NONE, **health):
     pad = PadStatistics(9, 1, 320, 319 + late, 318, 0, {LossReason.LATE: late, LossReason.SHORT: 1})
     counts = BusStatistics({'left': pad}, {'tpdo': 320, 'error': 4}, queue_overruns=2, clock_jumps=3)
-    node = NodeHealth(32, 'OPERATIONAL', True, None, boots=1, outages=Outages(2, 1.5, 'power cycle'))
+    node = NodeHealth(32, 'OPERATIONAL', True, None, boots=1, fault=fault,
+                      outages=Outages(2, 1.5, Failure(NodeFault.BOOTED)))
     state = BusHealth(nodes={'left': (node,)}, load=0.25, **health)
     return status_message(BusDiagnostics('driver', 'can0').message(counts, state), counts, state)
 
 
 def test_counts_and_state_are_in_their_fields():
-    found = message(late=5)
+    found = message(late=5, fault=NodeFault.NO_SYNC)
     assert (found.error_frames, found.queue_overruns, found.clock_jumps, found.bus_load) == (4, 2, 3, 0.25)
     pad, = found.pads
     node, = pad.nodes
     assert (pad.pad, node.node_id, node.nmt_state, node.boots) == ('left', 32, 'OPERATIONAL', 1)
     assert (pad.frames_complete, pad.frames_incomplete, pad.tpdos_expected, pad.tpdos_used) == (9, 1, 320, 318)
     assert dict(zip(pad.drop_reasons, pad.drop_counts)) == {'late': 5, 'short': 1}
-    assert math.isnan(node.heartbeat_age) and node.outage_last_reason == 'power cycle'
+    assert math.isnan(node.heartbeat_age) and node.outage_last_reason == PHRASES[NodeFault.BOOTED]
+    assert node.fault == NodeStatus.FAULT_NO_SYNC and PHRASES[NodeFault.NO_SYNC] in node.trouble
 
 
-def test_level_is_the_worst_and_failure_is_told():
+def test_level_is_the_worst_of_bus_and_pads():
     assert message().level == SkinStatus.WARN
-    failed = message(failure='unplugged')
-    assert failed.level == SkinStatus.ERROR and failed.failure == 'unplugged'
+    assert message(fault=NodeFault.NO_SYNC).level == SkinStatus.ERROR
+
+
+def test_a_failure_has_its_code_and_text():
+    well, failure = message(), Failure(BusFault.BUS_OFF, 'restart-ms')
+    assert (well.fault, well.failure) == (SkinStatus.FAULT_NONE, '')
+    failed = message(failure=failure)
+    assert (failed.level, failed.fault, failed.failure) == (
+        SkinStatus.ERROR, SkinStatus.FAULT_BUS_OFF, failure_text(failure))
+
+
+@pytest.mark.parametrize(('kind', 'faults', 'prefix'), [
+    (NodeStatus, NodeFault, 'FAULT_'), (SkinStatus, BusFault, 'FAULT_'), (FaultyTaxel, TaxelFault, '')])
+def test_the_messages_have_a_constant_of_each_fault_and_no_other(kind, faults, prefix):
+    constants = {name: getattr(kind, name) for name in constants_of(kind) if name.startswith(prefix)}
+    assert constants == {f'{prefix}{fault.name}': fault.value for fault in faults}
+
+
+def constants_of(kind):
+    text = (Path(__file__).resolve().parents[1] / f'msg/{kind.__name__}.msg').read_text(encoding='utf-8')
+    return re.findall(r'^uint8 ([A-Z_]+)=', text, re.MULTILINE)
+
+
+def test_a_faulty_taxel_has_its_code():
+    kinds = np.zeros((2, 2), np.uint8)
+    kinds[1, 0] = TaxelFault.STUCK
+    pad = PadStatistics(9, 0, 320, 320, 320, 0, {})
+    counts, health = BusStatistics({'left': pad}, {}), BusHealth()
+    conditions = {'left': PadCondition(FaultyTaxels(kinds))}
+    told = BusDiagnostics('driver', 'can0').message(counts, health, conditions)
+    taxel, = status_message(told, counts, health, conditions).pads[0].faulty_taxels
+    assert (taxel.row, taxel.col, taxel.code, taxel.fault) == (1, 0, FaultyTaxel.STUCK, 'stuck')
 
 
 def test_late_subscribers_get_it():

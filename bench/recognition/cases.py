@@ -129,6 +129,6 @@ def recorded(log: str) -> tuple[np.ndarray, list[ContactPattern]]:
     source.finished.wait()
     source.close()
     if source.failure:
-        raise RuntimeError(source.failure)
+        raise RuntimeError(source.failure.detail)
     extractor = PatternExtractor(PressThresholds(0.5, 0.4))
     return np.array([frame.stamp for frame in frames]), [extractor.extract(frame.values) for frame in frames]

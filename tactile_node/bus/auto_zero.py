@@ -8,13 +8,13 @@ from tactile_node.cia301.cia404 import AUTO_ZERO, ZERO_SIGNATURE
 from tactile_node.errors import BusError, DeviceError, HalfZeroedError
 
 
-def auto_zero(sdo: SdoClient, dictionary: ObjectDictionary, who: str) -> int:
+def auto_zero(sdo: SdoClient, dictionary: ObjectDictionary, label: str) -> int:
     """Zero every channel that the EDS lists; how many.
 
     Raises DeviceError where nothing was zeroed, HalfZeroedError where some channels were, or where the device has not
     answered.
     """
-    where = f'{who}, object 0x{AUTO_ZERO:04X}'
+    where = f'{label}, object 0x{AUTO_ZERO:04X}'
     entry = dictionary[AUTO_ZERO] if AUTO_ZERO in dictionary else None
     subs = [0] if isinstance(entry, ODVariable) else [sub for sub in entry or () if sub]
     if not subs:

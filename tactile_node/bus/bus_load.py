@@ -10,13 +10,16 @@ class BusLoad:
     """
 
     def __init__(self, bitrate: int):
-        self._bitrate, self._begun, self._bits = bitrate, None, 0
+        self._bitrate = bitrate
+        self._begun: float | None = None
+        self._bits = 0
         self.load = 0.0  #: 0..1, of the last whole window
 
     def update(self, now: float, bits: int) -> None:
         """``bits`` seen since the beginning, at ``now`` [s]."""
-        if self._begun is not None and now - self._begun < WINDOW:
-            return
         if self._begun is not None:
+            if now - self._begun < WINDOW:
+                return
             self.load = (bits - self._bits) / self._bitrate / (now - self._begun)
-        self._begun, self._bits = now, bits
+        self._begun = now
+        self._bits = bits

@@ -1,4 +1,4 @@
-"""What a bus says beside taxels: heartbeats, EMCY, other masters' NMT commands, error frames, its load."""
+"""What is received beside taxels: heartbeats, EMCY, other masters' NMT commands, error frames; the bits of all."""
 
 from collections.abc import Callable, Iterable
 
@@ -7,8 +7,7 @@ import can
 from tactile_node.cia301.connection_set import EMCY, HEARTBEAT, NMT
 from tactile_node.cia301.emergency import EmergencyLog
 from tactile_node.cia301.heartbeat import Heartbeats
-from tactile_node.cia301.nmt import command_name
-from tactile_node.frames.health import ErrorCounters
+from tactile_node.frames.health import ErrorCounters, ForeignCommand
 
 #: linux/can/error.h: bits of an error frame's identifier; of byte 1 when the controller reports
 BUS_OFF, CONTROLLER, RESTARTED, COUNTERS = 0x040, 0x004, 0x100, 0x200
@@ -17,32 +16,39 @@ PASSIVE, ACTIVE = 0x30, 0x40
 FRAME_BITS = tuple(47 + 8 * n + (34 + 8 * n - 1) // 4 for n in range(9))
 
 
-class BusMonitor:
-    """Fed on the notifier's thread, read from any; lasts while the bus is closed and opened anew.
+Feed = Callable[[int, bytes], None]
 
-    ``on_news()`` is called when a node or another master says something new; it must return at once.
+
+class BusMonitor:
+    """Fed on the notifier's thread, read from any; lasts while the bus is closed and opened again.
+
+    ``on_news()`` is called when a node's state changes or another master sends a command; it must return at once.
     """
 
     def __init__(self, node_ids: Iterable[int], on_news: Callable[[], None] = lambda: None):
-        self.heartbeats, self._on_news = Heartbeats(), on_news
+        self.heartbeats = Heartbeats()
+        self._on_news = on_news
         self.emergencies = {node_id: EmergencyLog() for node_id in node_ids}
-        self.can_frames = self.bits = self.foreign_commands = 0
-        self.last_command = ''  #: of another master to one of our nodes
-        self.is_error_passive, self.error_counters = False, ErrorCounters()
-        self._watched = {NMT: self._command}
-        for node_id, log in self.emergencies.items():
+        self.can_frames = 0
+        self.bits = 0
+        self.foreign_commands = 0
+        self.last_command: ForeignCommand | None = None  #: of another master to one of our nodes
+        self.is_error_passive = False
+        self.error_counters = ErrorCounters()
+        self._watched: dict[int, Feed] = {NMT: self._command}
+        for node_id in self.emergencies:
             self._watched[HEARTBEAT + node_id] = self._heartbeat
-            self._watched[EMCY + node_id] = lambda _can_id, data, log=log: log.feed(data)
+            self._watched[EMCY + node_id] = self._emergency
 
     def restart(self) -> None:
-        """The bus was opened anew."""
+        """The bus was opened again."""
         self.heartbeats.forget()
-        self.is_error_passive, self.error_counters = False, ErrorCounters()
+        self._reset_errors()
 
     def feed(self, can_id: int, data: bytes) -> None:
         """A data frame of another node, with an 11-bit identifier."""
         self.can_frames += 1
-        self.bits += FRAME_BITS[min(len(data), 8)]  # more: no controller's, but an adapter may say so
+        self.bits += FRAME_BITS[min(len(data), 8)]  # more: no controller's, but an adapter may report it
         watched = self._watched.get(can_id)
         if watched is not None:
             watched(can_id, data)
@@ -52,24 +58,31 @@ class BusMonitor:
         self.bits += FRAME_BITS[size]
 
     def feed_error(self, message: can.Message) -> bool:
-        """An error frame of the controller; True when it says bus-off."""
+        """An error frame of the controller; True when it reports bus-off."""
         kind, data = message.arbitration_id, message.data
         if kind & CONTROLLER and len(data) > 1:
             self.is_error_passive = bool(data[1] & PASSIVE) and not data[1] & ACTIVE
         if kind & (CONTROLLER | COUNTERS) and len(data) == 8:
             self.error_counters = ErrorCounters(data[6], data[7])
         if kind & RESTARTED:
-            self.is_error_passive, self.error_counters = False, ErrorCounters()
+            self._reset_errors()
         return bool(kind & BUS_OFF)
+
+    def _reset_errors(self) -> None:
+        self.is_error_passive = False
+        self.error_counters = ErrorCounters()
 
     def _heartbeat(self, can_id: int, data: bytes) -> None:
         if self.heartbeats.feed(can_id, data):
             self._on_news()
 
+    def _emergency(self, can_id: int, data: bytes) -> None:
+        self.emergencies[can_id - EMCY].feed(data)
+
     def _command(self, _can_id: int, data: bytes) -> None:
         """Own commands are not received, so this one is another master's."""
         if len(data) < 2 or data[1] and data[1] not in self.emergencies:
             return
-        self.last_command = f'{f"node {data[1]}" if data[1] else "all nodes"} to {command_name(data[0])}'
+        self.last_command = ForeignCommand(data[0], data[1])
         self.foreign_commands += 1
         self._on_news()

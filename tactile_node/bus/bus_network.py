@@ -17,11 +17,15 @@ from tactile_node.bus.slcan_bus import BulkSlcanBus
 from tactile_node.cia301.connection_set import SDO_REQUEST, SDO_RESPONSE
 from tactile_node.cia301.sdo import SDO_BYTES
 from tactile_node.errors import BusError
+from tactile_node.frames.health import BusFault
 from tactile_node.recording.logs import CanLogWriter
 
 logger = logging.getLogger(__name__)
-# An SDO timeout is told by whoever asked, in a sentence; canopen's own line adds nothing and names no node
+# The caller reports an SDO timeout; canopen's own log line adds nothing and names no node
 logging.getLogger('canopen.sdo').setLevel(logging.CRITICAL)
+
+
+OnFailure = Callable[[BusFault, Exception], None]
 
 RECEIVE_TIMEOUT = 0.1  # s the notifier waits at most, hence how long close() may take
 
@@ -32,7 +36,7 @@ _REMEDIES = {
 
 
 def open_bus(interface: str, channel: str, bitrate: int, options: Mapping[str, Any]) -> can.BusABC:
-    """Open a python-can bus; BusError says which, why not and what to do."""
+    """Open a python-can bus. Raises BusError."""
     try:
         if interface == 'slcan':
             return BulkSlcanBus(channel, bitrate=bitrate, **options)
@@ -58,17 +62,19 @@ class BusNetwork(Network):
     """A canopen Network with its own reception: every message first goes to ``on_message``, then to canopen.
 
     ``on_sent(COB-ID, data)`` is called before each own frame, and must return at once.
-    One object lasts from open to close; after a bus fault it is thrown away (a notifier that died stays
-    dead).
+    One object lasts from open to close: a notifier whose thread has ended does not start again.
     """
 
     def __init__(self, bus: can.BusABC, on_message: Callable[[can.Message], None],
-                 on_failure: Callable[[Exception], None], record: CanLogWriter | None = None, name: str = '',
+                 on_failure: OnFailure, record: CanLogWriter | None = None, name: str = '',
                  on_sent: Callable[[int, bytes], None] = lambda can_id, data: None):
         super().__init__(bus)
-        self._on_sent, self._sdo_turns = on_sent, defaultdict(threading.Lock)
-        self._record, self._name = record, name or str(bus.channel_info)
-        self.order = threading.Lock()  #: whoever takes note of a frame twice holds it: both in one order
+        self._open_bus = bus
+        self._on_sent = on_sent
+        self._sdo_turns: defaultdict[int, threading.Lock] = defaultdict(threading.Lock)
+        self._record = record
+        self._name = name or str(bus.channel_info)
+        self.order = threading.Lock()  #: held while a frame is recorded and handed on: both in one order
         self.receiver = can.Notifier(bus, [_Receiver(self, on_message, on_failure, record)], RECEIVE_TIMEOUT)
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False,
@@ -86,7 +92,7 @@ class BusNetwork(Network):
                 if self._record:
                     self._record.write(message)
             try:
-                self.bus.send(message)
+                self._open_bus.send(message)
             except (can.CanError, OSError, ValueError) as error:
                 raise BusError(f'CAN bus {self._name}', expected=f'to send 0x{can_id:03X}',
                                got=str(error),
@@ -98,7 +104,7 @@ class BusNetwork(Network):
         client = SdoClient(SDO_REQUEST + node_id, SDO_RESPONSE + node_id, dictionary)
         client.network = self
 
-        def on_response(can_id: int, data: bytes, timestamp: float) -> None:
+        def on_response(can_id: int, data: bytearray, timestamp: float) -> None:
             if len(data) == SDO_BYTES:  # canopen stumbles over shorter ones
                 client.on_response(can_id, data, timestamp)
         with self._sdo_turns[node_id]:
@@ -112,16 +118,19 @@ class BusNetwork(Network):
         """Stop receiving and close the bus; allowed on a dead bus. The recording stays open."""
         self.receiver.stop(timeout=10 * RECEIVE_TIMEOUT)
         try:
-            self.bus.shutdown()
-        except (can.CanError, OSError):  # an adapter that was pulled out cannot say goodbye
+            self._open_bus.shutdown()
+        except (can.CanError, OSError):  # an adapter that was pulled out cannot be closed
             pass
 
 
 class _Receiver(can.Listener):
-    def __init__(self, network: BusNetwork, on_message: Callable, on_failure: Callable,
+    def __init__(self, network: BusNetwork, on_message: Callable[[can.Message], None], on_failure: OnFailure,
                  record: CanLogWriter | None):
-        self._subscribers, self._on_message, self._record = network.subscribers, on_message, record
-        self._on_failure, self._order = on_failure, network.order
+        self._subscribers = network.subscribers
+        self._on_message = on_message
+        self._record = record
+        self._on_failure = on_failure
+        self._order = network.order
 
     def on_message_received(self, msg: can.Message) -> None:
         with self._order:
@@ -134,12 +143,12 @@ class _Receiver(can.Listener):
             try:
                 callback(msg.arbitration_id, msg.data, msg.timestamp)
             except BusError as error:  # the answer to it could not be sent
-                self._on_failure(error)
-            except Exception:  # canopen over a malformed frame; the reception must go on
+                self._on_failure(BusFault.SENDING_FAILED, error)
+            except Exception:  # canopen over a malformed frame; the reception must continue
                 logger.exception('CAN frame 0x%03X#%s', msg.arbitration_id, msg.data.hex())
 
     def on_error(self, exc: Exception) -> None:
-        self._on_failure(exc)
+        self._on_failure(BusFault.RECEPTION_FAILED, exc)
         time.sleep(RECEIVE_TIMEOUT)  # python-can calls again at once, and a dead adapter fails at once
 
     def stop(self) -> None:

@@ -3,7 +3,7 @@
 import logging
 import time
 from collections.abc import Callable
-from typing import TypeVar
+from typing import NoReturn, TypeVar
 
 from canopen import SdoAbortedError, SdoCommunicationError
 from canopen.sdo import SdoClient
@@ -23,76 +23,80 @@ from tactile_node.errors import DeviceAbsentError, DeviceError
 from tactile_node.skin.eds import Identity, identity_of
 from tactile_node.skin.layout import TpdoLayout
 from tactile_node.skin.pads import CanopenNode
+from tactile_node.threads.reminder import Reminder
 
 logger = logging.getLogger(__name__)
 
 Answer = TypeVar('Answer')
 
-REMINDER = 2.0  # s between two sentences about the same wait
+Mapping = list[int] | None  # entries of a mapping record; None: an MPDO with source addressing
 
 
 class DeviceSetup:
-    """The steps of one node's device; each raises DeviceError when the device does not go along."""
+    """The steps of one node's device; each raises DeviceError when the device does not comply."""
 
     def __init__(self, sdo: SdoClient, node: CanopenNode, heartbeats: Heartbeats):
-        self._sdo, self._node, self._heartbeats = sdo, node, heartbeats
-        self._who = node.label
+        self._sdo = sdo
+        self._node = node
+        self._heartbeats = heartbeats
+        self._label = node.label
 
     def run(self, boot_timeout: float, heartbeat_ms: int) -> bool:
-        """Find the device within ``boot_timeout`` [s], check who it is, configure it; whether it uploads by block."""
+        """Find the device within ``boot_timeout`` [s], check and configure it; whether it uploads by block."""
         self._wait_for_device(boot_timeout)
         self._check_identity()
         if self._node.layout.needs_sync:
             self._set_if_listed(COB_ID_SYNC, self._node.layout.sync_cob_id, 4, 'SYNC COB-ID')
         self._set_if_listed(PRODUCER_HEARTBEAT_TIME, heartbeat_ms, 2, 'heartbeat time')
         if self._node.layout.domain is not None:
-            return check_domain(self._sdo, self._node.layout.domain, self._who)
+            return check_domain(self._sdo, self._node.layout.domain, self._label)
         tpdos = {tpdo.number: tpdo for tpdo in self._node.layout.tpdos}  # many frames may be one multiplexed TPDO
         written = sum(self._configure(tpdo) for tpdo in tpdos.values())
-        logger.info('%s: %d TPDOs ready, %d of them newly written.', self._who, len(tpdos), written)
+        logger.info('%s: %d TPDOs ready, %d of them newly written.', self._label, len(tpdos), written)
         return False
 
     def _wait_for_device(self, timeout: float) -> None:
-        begun = reminded = time.monotonic()
+        begun, reminder = time.monotonic(), Reminder()
         while True:
             try:
                 self._sdo.upload(IDENTITY, 1)
                 return
-            except SdoAbortedError:  # it answers; what it lacks is the next step's matter
+            except SdoAbortedError:  # it answers; the next step finds what it lacks
                 return
             except SdoCommunicationError:
                 now = time.monotonic()
+            absent = DeviceAbsentError(self._label, expected=f'an answer by SDO within {timeout:g} s',
+                                       got=self._silence(),
+                                       remedy='Check power, wiring, termination, bit rate and node-ID.')
             if now - begun >= timeout:
-                raise DeviceAbsentError(self._who, expected=f'an answer by SDO within {timeout:g} s',
-                                        got=self._silence(),
-                                        remedy='Check power, wiring, termination, bit rate and node-ID.')
-            if reminded == begun or now - reminded >= REMINDER:
-                logger.info('Waiting for %s to answer by SDO: %s so far.', self._who, self._silence())
-                reminded = now
+                raise absent
+            if reminder.is_due(self._label, now):
+                logger.info('Waiting for %s to answer by SDO: %s so far.', self._label, absent.got,
+                            extra={'fact': absent})
 
     def _silence(self) -> str:
         state = self._heartbeats.state(self._node.node_id)
-        return 'no sign of it' if state is None else f'only its heartbeat (NMT state 0x{state:02X})'
+        return 'no answer' if state is None else f'only its heartbeat (NMT state 0x{state:02X})'
 
     def _check_identity(self) -> None:
         ours = identity_of(self._node.dictionary)
-        theirs = Identity(*(self._read(IDENTITY, sub, missing=None) for sub in (1, 2, 3)))
+        theirs = Identity(*(self._read_if_any(IDENTITY, sub) for sub in (1, 2, 3)))
         if not ours.accepts(theirs):
-            raise DeviceError(f'{self._who}, object 0x{IDENTITY:04X}', expected=f'{ours} as in {self._node.eds}',
+            raise DeviceError(f'{self._label}, object 0x{IDENTITY:04X}', expected=f'{ours} as in {self._node.eds}',
                               got=str(theirs),
                               remedy='Check the node-ID, or give the EDS and layout of this device.')
-        logger.info('%s is there: %s.', self._who, theirs)
+        logger.info('%s is there: %s.', self._label, theirs)
 
     def _set_if_listed(self, index: int, value: int, size: int, what: str) -> None:
         if index not in self._node.dictionary:
-            logger.info('%s: its EDS has no object 0x%04X, so its %s stays as it is.', self._who, index, what)
-        elif self._read(index, 0, missing=None) != value:
+            logger.info('%s: its EDS has no object 0x%04X, so its %s stays as it is.', self._label, index, what)
+        elif self._read_if_any(index, 0) != value:
             self._write(index, 0, value, size)
 
     def _configure(self, tpdo: TpdoLayout) -> bool:
         """Make the device send ``tpdo`` as the layout says; True when anything had to be written."""
         communication, mapping = TPDO_COMMUNICATION + tpdo.number - 1, TPDO_MAPPING + tpdo.number - 1
-        entries = SAM_MPDO if tpdo.is_mpdo else [mapped.entry for mapped in tpdo.mapping]
+        entries = None if tpdo.is_mpdo else [mapped.entry for mapped in tpdo.mapping]
         kind = MANUFACTURER_EVENT if tpdo.is_mpdo else EVERY_SYNC
         current = self._read(communication, 1)
         wanted = tpdo.cob_id.of(self._node.node_id) | current & NO_RTR
@@ -107,62 +111,70 @@ class DeviceSetup:
         self._verify(tpdo, communication, wanted)
         return True
 
-    def _mapping(self, index: int) -> list[int] | int:
+    def _mapping(self, index: int) -> Mapping:
         count = self._read(index, 0)
-        return count if count == SAM_MPDO else [self._read(index, sub) for sub in range(1, count + 1)]
+        return None if count == SAM_MPDO else [self._read(index, sub) for sub in range(1, count + 1)]
 
-    def _write_mapping(self, index: int, entries: list[int] | int) -> None:
+    def _write_mapping(self, index: int, entries: Mapping) -> None:
         self._write(index, 0, 0, 1)
-        for sub, entry in enumerate([] if entries == SAM_MPDO else entries, 1):
+        for sub, entry in enumerate(entries or [], 1):
             self._write(index, sub, entry, 4)
-        self._write(index, 0, SAM_MPDO if entries == SAM_MPDO else len(entries), 1)
+        self._write(index, 0, SAM_MPDO if entries is None else len(entries), 1)
         if (now := self._mapping(index)) != entries:
-            self._lies(f'0x{index:04X}', _mapping_text(entries), _mapping_text(now))
+            self._refuse_other_value(f'0x{index:04X}', _mapping_text(entries), _mapping_text(now))
 
     def _verify(self, tpdo: TpdoLayout, index: int, wanted: int) -> None:
         now = self._read(index, 1)
         if now & (DISABLED | ID_MASK) != wanted & ID_MASK:
-            self._lies(f'0x{index:04X} sub 1 (COB-ID of TPDO {tpdo.number})', f'0x{wanted:08X}',
+            self._refuse_other_value(f'0x{index:04X} sub 1 (COB-ID of TPDO {tpdo.number})', f'0x{wanted:08X}',
                        f'0x{now:08X}')
 
-    def _lies(self, what: str, expected: str, got: str) -> None:
-        raise DeviceError(f'{self._who}, {what}', expected=f'{expected}, as just written',
+    def _refuse_other_value(self, what: str, expected: str, got: str) -> NoReturn:
+        raise DeviceError(f'{self._label}, {what}', expected=f'{expected}, as just written',
                           got=f'{got} read back',
                           remedy="Adapt the layout to the device's own mapping: it does not take another.")
 
-    def _read(self, index: int, sub: int, **if_absent: int | None) -> int | None:
-        """Read an unsigned number; an aborted read gives ``missing`` when given."""
+    def _read(self, index: int, sub: int) -> int:
+        """Read an unsigned number."""
         try:
-            return int.from_bytes(self._asked('read', index, sub, lambda: self._sdo.upload(index, sub)), 'little')
+            return self._uploaded(index, sub)
         except SdoAbortedError as error:
-            if 'missing' in if_absent:
-                return if_absent['missing']
-            self._refused('be read', index, sub, error)
+            self._refuse('be read', index, sub, error)
+
+    def _read_if_any(self, index: int, sub: int) -> int | None:
+        """Read an unsigned number; None where the device refuses it."""
+        try:
+            return self._uploaded(index, sub)
+        except SdoAbortedError:
+            return None
+
+    def _uploaded(self, index: int, sub: int) -> int:
+        return int.from_bytes(self._retried('read', index, sub, lambda: self._sdo.upload(index, sub)), 'little')
 
     def _write(self, index: int, sub: int, value: int, size: int) -> None:
         try:
             data = value.to_bytes(size, 'little')
-            self._asked('write', index, sub, lambda: self._sdo.download(index, sub, data))
+            self._retried('write', index, sub, lambda: self._sdo.download(index, sub, data))
         except SdoAbortedError as error:
-            self._refused(f'be set to 0x{value:X}', index, sub, error)
+            self._refuse(f'be set to 0x{value:X}', index, sub, error)
 
-    def _asked(self, verb: str, index: int, sub: int, ask: Callable[[], Answer]) -> Answer:
-        """What ``ask`` returns, at the second time where nobody answers at the first."""
+    def _retried(self, verb: str, index: int, sub: int, request: Callable[[], Answer]) -> Answer:
+        """What ``request`` returns; it is repeated once when there is no answer."""
         try:
-            return ask()
+            return request()
         except SdoCommunicationError:
             pass
         try:
-            return ask()
+            return request()
         except SdoCommunicationError as error:
-            raise DeviceError(f'{self._who}, object 0x{index:04X} sub {sub}', expected=f'an answer to a {verb}',
+            raise DeviceError(f'{self._label}, object 0x{index:04X} sub {sub}', expected=f'an answer to a {verb}',
                               got=str(error), remedy='Check the wiring and whether the device is on.') from error
 
-    def _refused(self, what: str, index: int, sub: int, error: SdoAbortedError) -> None:
-        raise DeviceError(f'{self._who}, object 0x{index:04X} sub {sub}', expected=f'that it can {what}',
+    def _refuse(self, what: str, index: int, sub: int, error: SdoAbortedError) -> NoReturn:
+        raise DeviceError(f'{self._label}, object 0x{index:04X} sub {sub}', expected=f'that it can {what}',
                           got=f'SDO abort: {error}',
                           remedy="Compare the layout with the device's manual and EDS.") from error
 
 
-def _mapping_text(entries: list[int] | int) -> str:
-    return 'an MPDO with source addressing' if entries == SAM_MPDO else ' '.join(f'{entry:08X}' for entry in entries)
+def _mapping_text(entries: Mapping) -> str:
+    return 'an MPDO with source addressing' if entries is None else ' '.join(f'{entry:08X}' for entry in entries)

@@ -9,6 +9,7 @@ from canopen import SdoAbortedError, SdoCommunicationError
 from canopen.sdo import SdoClient
 
 from tactile_node.errors import BusError, DeviceError
+from tactile_node.frames.health import BusFault
 from tactile_node.skin.layout import DomainLayout
 from tactile_node.threads.pacer import Pacer
 from tactile_node.threads.reminder import Reminder
@@ -17,7 +18,7 @@ logger = logging.getLogger(__name__)
 
 OpenSdo = Callable[[], AbstractContextManager[SdoClient]]
 
-LONGEST_ANSWER = 0.1  # s until a frame that does not come counts as lost: a poll must not outlast many periods
+LONGEST_ANSWER = 0.1  # s until a missing frame counts as lost: a poll must not outlast many periods
 
 
 def upload(sdo: SdoClient, domain: DomainLayout, by_block: bool) -> bytes:
@@ -33,9 +34,10 @@ def upload(sdo: SdoClient, domain: DomainLayout, by_block: bool) -> bytes:
         raise SdoCommunicationError(f'Upload failed: {type(error).__name__}: {error}') from error
 
 
-def check_domain(sdo: SdoClient, domain: DomainLayout, who: str) -> bool:
+def check_domain(sdo: SdoClient, domain: DomainLayout, label: str) -> bool:
     """Read the object once: whether the device sends it by block. Raises DeviceError when it cannot be used."""
-    where, read, is_block = f'{who}, object 0x{domain.index:04X} sub {domain.subindex}', None, False
+    where = f'{label}, object 0x{domain.index:04X} sub {domain.subindex}'
+    read, is_block = None, False
     for by_block in (True, False):
         try:
             read, is_block = upload(sdo, domain, by_block), by_block
@@ -49,22 +51,26 @@ def check_domain(sdo: SdoClient, domain: DomainLayout, who: str) -> bool:
         raise DeviceError(where, expected=f'{domain.length} bytes, as in the layout', got=f'{len(read)} bytes',
                           remedy='Correct "bytes" in the layout, or use the layout of this device.')
     logger.info('%s: its taxels are read by %s SDO upload, %d bytes a frame.',
-                who, 'block' if is_block else 'segmented', len(read))
+                label, 'block' if is_block else 'segmented', len(read))
     return is_block
 
 
 class DomainPolling:
     """Polls one node's DOMAIN every ``period`` [s] from ``start`` to ``stop``, on a thread of its own.
 
-    ``open_sdo()`` is a context manager that gives the node's SDO client. Polls that fail are told of now and
-    then; what they cost the assembler counts. A BusError goes to ``on_failure``.
+    ``open_sdo()`` is a context manager that gives the node's SDO client. Failed polls are logged now and
+    then; the assembler counts the losses. A BusError goes to ``on_failure``.
     """
 
-    def __init__(self, domain: DomainLayout, who: str, period: float, open_sdo: OpenSdo,
-                 on_failure: Callable[[Exception], None]):
-        self._domain, self._who, self._open_sdo = domain, who, open_sdo
+    def __init__(self, domain: DomainLayout, label: str, period: float, open_sdo: OpenSdo,
+                 on_failure: Callable[[BusFault, Exception], None]):
+        self._domain = domain
+        self._label = label
+        self._open_sdo = open_sdo
         self._on_failure = on_failure
-        self._pacer, self._reminder, self.by_block = Pacer(period, self._poll, 'poll'), Reminder(), True
+        self._pacer = Pacer(period, self._poll, 'poll')
+        self._reminder = Reminder()
+        self.by_block = True  #: whether the device sends it by block
 
     @property
     def overruns(self) -> int:
@@ -84,6 +90,6 @@ class DomainPolling:
                 upload(sdo, self._domain, self.by_block)
         except (SdoAbortedError, SdoCommunicationError) as error:
             if self._reminder.is_due(str(error), time.monotonic()):
-                logger.error('%s: its taxels could not be read: %s', self._who, error)
+                logger.error('%s: its taxels could not be read: %s', self._label, error, extra={'fact': error})
         except BusError as error:
-            self._on_failure(error)
+            self._on_failure(BusFault.SENDING_FAILED, error)

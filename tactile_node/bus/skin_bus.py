@@ -19,6 +19,8 @@ from tactile_node.cia301.connection_set import NMT, SDO_REQUEST
 from tactile_node.cia301.nmt import NmtCommand, NmtState
 from tactile_node.errors import BusError, DeviceError, HalfZeroedError, LogError
 from tactile_node.frames.consumer import Consumer, OnFrame
+from tactile_node.frames.fault_text import failure_text
+from tactile_node.frames.health import BusFault, Failure
 from tactile_node.frames.losses import BusStatistics
 from tactile_node.recording.logs import CanLogWriter
 from tactile_node.skin.pad_rules import check_pads, live_pads
@@ -41,7 +43,7 @@ class SkinBus:
     """
 
     def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], on_frame: OnFrame,
-                 monitor: BusMonitor | None = None, on_failure: Callable[[str], None] | None = None):
+                 monitor: BusMonitor | None = None, on_failure: Callable[[Failure], None] | None = None):
         check_pads(pads)
         self._settings, self._pads = settings, live_pads(pads)
         self._nodes = [node for pad in self._pads for node in pad.nodes]
@@ -58,11 +60,11 @@ class SkinBus:
         self._sync, self._is_running = Pacer(settings.sync_period, self._send_sync, 'sync'), False
         self._polls = {node.node_id: self._polling(node) for node in self._nodes if node.layout.domain is not None}
         self.syncs_sent = self._overruns = 0
-        self._failure: str | None = None
+        self._failure: Failure | None = None
 
     @property
-    def failure(self) -> str | None:
-        """Why the bus no longer receives, None while it does. Only close() and open() mend it."""
+    def failure(self) -> Failure | None:
+        """Why the bus no longer receives, None while it does. Only close() and open() recover it."""
         return self._failure
 
     def open(self) -> None:
@@ -243,7 +245,7 @@ class SkinBus:
             self._opened().send_message(self._pads[0].layout.sync_cob_id, b'', False, stamp - self._clock.ahead,
                                         lambda: self._calls.put(self._router.sync, stamp))
         except BusError as error:
-            self._fail(error)
+            self._fail(BusFault.SENDING_FAILED, error)
 
     def _received(self, message: can.Message) -> None:
         """On the notifier's thread: copy, enqueue, return."""
@@ -251,8 +253,9 @@ class SkinBus:
         if odd is not None:
             self._odd[odd] += 1
             if message.is_error_frame and self._monitor.feed_error(message):
-                self._fail(BusError('CAN controller', expected='a bus it can send on', got='bus-off',
-                                    remedy='Check bit rate, wiring and termination; set restart-ms on socketcan.'))
+                self._fail(BusFault.BUS_OFF, BusError(
+                    'CAN controller', expected='a bus it can send on', got='bus-off',
+                    remedy='Check bit rate, wiring and termination; set restart-ms on socketcan.'))
             return
         can_id, data = message.arbitration_id, bytes(message.data)
         self._monitor.feed(can_id, data)
@@ -267,11 +270,12 @@ class SkinBus:
             f'Stamps go on from the old time, {ahead:.3f} s ahead of it, so that they never go back; '
             'deactivate and activate the driver to take the new one.' if ahead else 'Stamps follow it.'))
 
-    def _fail(self, error: Exception) -> None:
+    def _fail(self, fault: BusFault, error: Exception) -> None:
         if self._failure is None:
-            self._failure = str(error)
-            self._on_failure(self._failure)
+            self._failure = failure = Failure(fault, str(error))
+            self._on_failure(failure)
 
-    def _log_failure(self, failure: str) -> None:
-        logger.error('CAN bus %s %s has failed: %s Repair it, then deactivate, clean up and configure the driver '
-                     'again.', self._settings.interface, self._settings.channel, failure)
+    def _log_failure(self, failure: Failure) -> None:
+        logger.error('CAN bus %s %s has failed: %s. Repair it, then deactivate, clean up and configure the driver '
+                     'again.', self._settings.interface, self._settings.channel, failure_text(failure),
+                     extra={'fact': failure.fault})

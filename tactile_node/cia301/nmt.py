@@ -23,9 +23,9 @@ class NmtState(IntEnum):
 
 
 def command_name(command: int) -> str:
-    """Name an NMT command: 'enter pre-operational'; 'obey command 0x..' when CiA 301 does not define it."""
+    """Name an NMT command: 'enter pre-operational'; 'command 0x..' when CiA 301 does not define it."""
     if command not in NmtCommand.__members__.values():
-        return f'obey command 0x{command:02X}'
+        return f'command 0x{command:02X}'
     return NmtCommand(command).name.lower().replace('_', ' ').replace('pre ', 'pre-')
 
 

@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
             pass
         source.close()
     if source.failure:
-        raise LogError(args.log, expected='a log to its end', got=source.failure, remedy='Record it again.')
+        raise LogError(args.log, expected='a log to its end', got=source.failure.detail, remedy='Record it again.')
     statistics = source.statistics()
     print(summary(statistics), file=sys.stderr if args.output == '-' else sys.stdout)
     if statistics.unread:

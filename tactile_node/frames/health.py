@@ -1,44 +1,99 @@
-"""How a bus and its nodes are, at one moment: what the driver tells on /diagnostics."""
+"""The state of a bus and its nodes at one moment, as facts; ``fault_text`` makes sentences of them."""
 
+from dataclasses import dataclass
+from enum import Enum, unique
 from typing import NamedTuple
 
 from tactile_node.cia301.emergency import Emergency
 
 
-class Outages(NamedTuple):
+@unique
+class NodeFault(Enum):
+    """The fault of a CANopen node; the codes are those of NodeStatus.msg."""
+
+    NOT_KNOWN = 0        #: not evaluated yet
+    NONE = 1
+    BOOTED = 2           #: it has started again since it was configured
+    UNCONFIGURED = 3     #: it has not been configured since the bus was opened
+    SILENT = 4           #: neither heartbeat nor taxels
+    NO_HEARTBEAT = 5     #: taxels without heartbeat
+    NOT_OPERATIONAL = 6  #: its NMT state is another
+    NO_SYNC = 7          #: the device that produces SYNC sends none
+    NO_TAXELS = 8        #: OPERATIONAL without usable taxels
+    AWAITING_TAXELS = 9  #: its outage has not ended yet, though nothing else is wrong with it
+
+    @property
+    def is_fault(self) -> bool:
+        return self not in (NodeFault.NOT_KNOWN, NodeFault.NONE)
+
+
+@unique
+class BusFault(Enum):
+    """Why a bus or a log gives no taxels; the codes are those of SkinStatus.msg."""
+
+    NOT_KNOWN = 0
+    NONE = 1
+    NOT_OPENED = 2           #: the CAN bus cannot be opened
+    RECEPTION_FAILED = 3     #: the adapter is gone, the network is down
+    SENDING_FAILED = 4       #: the adapter takes no more CAN frames
+    BUS_OFF = 5              #: the CAN controller has switched itself off (ISO 11898-1)
+    LOG_UNUSABLE = 6         #: a replayed log is missing, damaged or of two buses
+    DEVICE_ABSENT = 7        #: a device did not answer when it was to be configured
+    DEVICE_UNUSABLE = 8      #: a device is another one or refuses its configuration
+    WRONG_CONFIGURATION = 9  #: a parameter, layout or EDS cannot be used
+    INTERNAL_ERROR = 10      #: a defect of this software; the log has its traceback
+
+
+class Failure(NamedTuple):
+    """A fault, and what the adapter, device or system reported."""
+
+    fault: NodeFault | BusFault
+    detail: str = ''
+
+
+@dataclass(frozen=True)
+class Outages:
     """Times without taxels since construction, the one under way included."""
 
     count: int = 0
     seconds: float = 0.0
-    reason: str = ''  #: what began the last one
+    cause: Failure | None = None  #: what began the last one
+    current: Failure | None = None  #: why the one under way lasts; None: none is under way
 
 
 class NodeHealth(NamedTuple):
-    """One pad's node. ``trouble`` is a sentence, empty while all is well."""
+    """One of a pad's nodes."""
 
     node_id: int
-    state: str  #: NMT state by name, as last heard
-    is_operational: bool  #: and heard of late
-    heartbeat_age: float | None  #: [s], None when it was never heard
-    trouble: str = ''
-    boots: int = 0  #: boot-up messages seen
+    state: str  #: NMT state by name, as last received
+    is_operational: bool  #: by a heartbeat that is not older than the timeout
+    heartbeat_age: float | None  #: [s], None: none was received
+    fault: NodeFault = NodeFault.NONE
+    boots: int = 0  #: boot-up messages received
     emergencies: int = 0
     last_emergency: Emergency | None = None
     outages: Outages = Outages()
-    distrusted: int = 0  #: taxel frames given without values, since the node was not configured
+    distrusted: int = 0  #: taxel frames given without values, because the node was not configured
 
 
 class ErrorCounters(NamedTuple):
-    """Of the CAN controller (ISO 11898-1), as its last error frame told: 96 warns, above 127 it is passive."""
+    """Of the CAN controller (ISO 11898-1), as in its last error frame: 96 warns, above 127 it is error-passive."""
 
-    sending: int = 0
-    receiving: int = 0
+    tx: int = 0
+    rx: int = 0
+
+
+class ForeignCommand(NamedTuple):
+    """An NMT command (CiA 301) of another master."""
+
+    command: int
+    node_id: int  #: 0: all nodes
 
 
 class BusHealth(NamedTuple):
     """``failure``: why nothing can be received, None while it can; ``nodes`` of each pad by name, none for a log."""
 
-    failure: str | None = None
+    failure: Failure | None = None
     is_active: bool = True  #: SYNC on, nodes are to be OPERATIONAL
     nodes: dict[str, tuple[NodeHealth, ...]] = {}  #: read only
     outages: Outages = Outages()
@@ -46,4 +101,8 @@ class BusHealth(NamedTuple):
     is_error_passive: bool = False
     error_counters: ErrorCounters = ErrorCounters()
     foreign_commands: int = 0
-    last_command: str = ''  #: of another master
+    last_command: ForeignCommand | None = None  #: of another master
+
+    @property
+    def fault(self) -> BusFault | NodeFault:
+        return BusFault.NONE if self.failure is None else self.failure.fault

@@ -23,6 +23,7 @@ from tactile_node.conditioning.conditioned_pad import ConditionedPad
 from tactile_node.conditioning.limits import tare_limit
 from tactile_node.conditioning.taxel_faults import FaultyTaxels
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError, DeviceError, TactileError
+from tactile_node.frames.fault_text import failure_of
 from tactile_node.frames.frame_source import FrameSource
 from tactile_node.frames.health import BusHealth
 from tactile_node.frames.losses import BusStatistics
@@ -237,7 +238,8 @@ class DriverNode(LifecycleNode):
     def _publish_state(self) -> None:
         source, conditions = self._source, {name: pad.conditioned.condition for name, pad in self._pads.items()}
         if source is None:
-            counts, health = BusStatistics({}, {}), BusHealth(str(self._error or '') or None, is_active=False)
+            failure = None if self._error is None else failure_of(self._error)
+            counts, health = BusStatistics({}, {}), BusHealth(failure, is_active=False)
             message = unconfigured(self.get_name(), health)
         else:
             counts, health = source.statistics(), source.health()

@@ -11,7 +11,8 @@ import can
 from tactile_node.assembly.router import Router
 from tactile_node.errors import DeviceError, LogError
 from tactile_node.frames.consumer import Consumer, OnFrame
-from tactile_node.frames.health import BusHealth
+from tactile_node.frames.fault_text import failure_text
+from tactile_node.frames.health import BusFault, BusHealth, Failure
 from tactile_node.frames.losses import BusStatistics
 from tactile_node.recording.logs import CanLogReader
 from tactile_node.recording.stray_stamps import SET_BACK
@@ -44,7 +45,8 @@ class LogSource:
         self._messages: Iterator[can.Message] | None = None
         self._thread, self.finished = StoppableThread(self._play, 'replay'), threading.Event()
         self._unread, self._jumps, self._is_active = 0, 0, False
-        self._ahead, self.failure = 0.0, None
+        self._ahead = 0.0
+        self.failure: Failure | None = None
 
     def open(self) -> None:
         """Open the log; LogError when it is missing, unreadable or without a CAN frame."""
@@ -129,9 +131,9 @@ class LogSource:
                 if stopping.is_set():
                     return
         except LogError as error:
-            self._fail(str(error))
-        except Exception as error:  # whoever waits for the end must not wait for ever
-            self._fail(f'{self._path}: {type(error).__name__}: {error}')
+            self._fail(BusFault.LOG_UNUSABLE, str(error))
+        except Exception as error:  # `finished` must be set all the same
+            self._fail(BusFault.INTERNAL_ERROR, f'{self._path}: {type(error).__name__}: {error}')
             logger.exception('playing %s', self._path)
         self._router.end()
         self.finished.set()
@@ -147,9 +149,9 @@ class LogSource:
                            got=f'it on {self._channels[can_id]} and on {channel}',
                            remedy='Name the bus to play: replay_channel, or --channel of tactile replay.')
 
-    def _fail(self, failure: str) -> None:
-        self.failure = failure
-        logger.error('%s', failure)
+    def _fail(self, fault: BusFault, detail: str) -> None:
+        self.failure = Failure(fault, detail)
+        logger.error('%s', failure_text(self.failure), extra={'fact': fault})
 
 
 class _RecordedPace:

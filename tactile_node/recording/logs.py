@@ -92,7 +92,7 @@ class CanLogWriter:
         if failure is not None and not self.failure:
             self.failure = (f'The recording {self.path} has ended after {self.can_frames} CAN frames: '
                             f'{failure.strerror or failure}. Free the disk, or record elsewhere.')
-            logger.error('%s', self.failure)
+            logger.error('%s', self.failure, extra={'fact': failure})
 
 
 def flush(writer: MessageWriter | McapCanWriter) -> None:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from tactile_node.conditioning.conditioned_pad import PadCondition
+from tactile_node.frames.fault_text import command_text, failure_text, node_text
 from tactile_node.frames.health import BusHealth, NodeHealth, Outages
 from tactile_node.frames.losses import BusStatistics, PadStatistics
 
@@ -20,7 +21,9 @@ class BusDiagnostics:
     """Turns successive states of one bus into messages; the level speaks of the time between two of them."""
 
     def __init__(self, node: str, hardware_id: str):
-        self._node, self._hardware_id, self._before = node, hardware_id, None
+        self._node = node
+        self._hardware_id = hardware_id
+        self._before: BusStatistics | None = None
         self._health_before = BusHealth()
 
     def message(self, now: BusStatistics, health: BusHealth,
@@ -33,7 +36,7 @@ class BusDiagnostics:
             nodes = health.nodes.get(name, ())  # none of a replayed log
             findings = []
             for node, node_before in zip(nodes, health_before.nodes.get(name) or map(_new, nodes)):
-                findings += _node_findings(node, node_before, health.is_active)
+                findings += _node_findings(name, node, node_before, health.is_active)
             findings += _pad_findings(pad, before.pads[name])
             told = {}
             if (condition := conditions.get(name)) is not None:
@@ -53,7 +56,8 @@ def unconfigured(node: str, health: BusHealth) -> DiagnosticArray:
     failed = health.failure is not None
     return DiagnosticArray(status=[DiagnosticStatus(
         level=DiagnosticStatus.ERROR if failed else DiagnosticStatus.STALE, name=f'{node}: bus',
-        message=health.failure if failed else 'not configured')])
+        message=failure_text(health.failure) if failed else 'not configured',
+        values=[KeyValue(key='fault', value=health.fault.name)])])
 
 
 def _nothing_yet(now: BusStatistics) -> BusStatistics:
@@ -76,20 +80,20 @@ def _worst(findings: list[Finding]) -> Finding:
 def _bus_findings(now: BusStatistics, before: BusStatistics, health: BusHealth,
                   health_before: BusHealth) -> list[Finding]:
     if health.failure is not None:
-        return [Finding(DiagnosticStatus.ERROR, health.failure)]
+        return [Finding(DiagnosticStatus.ERROR, failure_text(health.failure))]
     grown = [name for name, count in _bus_losses(now).items() if count > _bus_losses(before)[name]]
     told = [f'growing: {", ".join(grown)}'] if grown else []
     told += _new_outages(health.outages, health_before.outages)
     if health.is_error_passive:
         told.append('the CAN controller is error-passive: check bit rate, wiring, termination')
     if health.foreign_commands > health_before.foreign_commands:
-        told.append(f'another NMT master has told {health.last_command}')
+        told.append(f'another NMT master has sent: {command_text(health.last_command)}')
     return [Finding(DiagnosticStatus.WARN, one) for one in told] or [Finding(DiagnosticStatus.OK, 'nothing lost')]
 
 
-def _node_findings(now: NodeHealth, before: NodeHealth, is_active: bool) -> list[Finding]:
-    findings = [Finding(DiagnosticStatus.ERROR, now.trouble)] if now.trouble else []
-    if not now.is_operational and not now.trouble:
+def _node_findings(pad: str, now: NodeHealth, before: NodeHealth, is_active: bool) -> list[Finding]:
+    findings = [Finding(DiagnosticStatus.ERROR, node_text(pad, now))] if now.fault.is_fault else []
+    if not now.is_operational and not now.fault.is_fault:
         level = DiagnosticStatus.ERROR if is_active else DiagnosticStatus.STALE
         findings.append(Finding(level, f'node {now.node_id} is not OPERATIONAL: {now.state}'))
     told = _new_outages(now.outages, before.outages)
@@ -103,7 +107,7 @@ def _node_findings(now: NodeHealth, before: NodeHealth, is_active: bool) -> list
 def _new_outages(now: Outages, before: Outages) -> list[str]:
     if now.seconds == before.seconds and now.count == before.count:
         return []
-    return [f'no taxels for {now.seconds - before.seconds:.2f} s: {now.reason}']
+    return [f'no taxels for {now.seconds - before.seconds:.2f} s: {failure_text(now.cause)}']
 
 
 def _pad_findings(now: PadStatistics, before: PadStatistics) -> list[Finding]:
@@ -139,14 +143,15 @@ def _bus_losses(statistics: BusStatistics) -> dict[str, int]:
 
 
 def _bus_values(statistics: BusStatistics, health: BusHealth) -> dict[str, object]:
-    return {**{f'can_frames_{name}': count for name, count in statistics.can_frames.items()},
+    return {'fault': health.fault.name,
+            **{f'can_frames_{name}': count for name, count in statistics.can_frames.items()},
             **_bus_losses(statistics), 'stamps_ahead_s': f'{statistics.stamps_ahead:.3f}',
             'bus_load_percent': f'{100 * health.load:.1f}',
-            'controller_errors_sending': health.error_counters.sending,
-            'controller_errors_receiving': health.error_counters.receiving,
+            'tx_error_count': health.error_counters.tx,
+            'rx_error_count': health.error_counters.rx,
             'error_passive': health.is_error_passive, 'outages': health.outages.count,
-            'outage_seconds': f'{health.outages.seconds:.2f}', 'outage_last_reason': health.outages.reason,
-            'foreign_nmt_commands': health.foreign_commands, 'foreign_nmt_last': health.last_command}
+            'outage_seconds': f'{health.outages.seconds:.2f}', 'outage_last_reason': failure_text(health.outages.cause),
+            'foreign_nmt_commands': health.foreign_commands, 'foreign_nmt_last': command_text(health.last_command)}
 
 
 def _pad_values(pad: PadStatistics) -> dict[str, object]:
@@ -165,7 +170,8 @@ def _nodes_values(nodes: tuple[NodeHealth, ...]) -> dict[str, object]:
 
 def _node_values(node: NodeHealth) -> dict[str, object]:
     age = 'never heard' if node.heartbeat_age is None else f'{node.heartbeat_age:.2f}'
-    return {'node_id': node.node_id, 'nmt_state': node.state, 'heartbeat_age_s': age, 'boot_ups': node.boots,
+    return {'node_id': node.node_id, 'fault': node.fault.name,
+            'nmt_state': node.state, 'heartbeat_age_s': age, 'boot_ups': node.boots,
             'emcy_count': node.emergencies, 'emcy_last': node.last_emergency or '',
             'outages': node.outages.count, 'outage_seconds': f'{node.outages.seconds:.2f}',
-            'outage_last_reason': node.outages.reason, 'frames_distrusted': node.distrusted}
+            'outage_last_reason': failure_text(node.outages.cause), 'frames_distrusted': node.distrusted}

@@ -9,6 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from tactile_node.conditioning.conditioned_pad import PadCondition
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
+from tactile_node.frames.fault_text import command_text, failure_text, node_text
 from tactile_node.frames.health import BusHealth, NodeHealth
 from tactile_node.frames.losses import BusStatistics, PadStatistics
 from tactile_skin.msg import FaultyTaxel, NodeStatus, PadStatus, SkinStatus
@@ -22,15 +23,16 @@ def status_message(told: DiagnosticArray, counts: BusStatistics, health: BusHeal
     bus, *pads = told.status
     worst = max((status.level for status in told.status), key=SEVERITY.index)
     return SkinStatus(
-        header=told.header, level=worst[0], message=bus.message, active=health.is_active, failure=health.failure or '',
-        bus_load=health.load, error_passive=health.is_error_passive,
-        controller_errors_sending=health.error_counters.sending,
-        controller_errors_receiving=health.error_counters.receiving, error_frames=counts.can_frames.get('error', 0),
+        header=told.header, level=worst[0], message=bus.message, active=health.is_active,
+        fault=health.fault.value, failure=failure_text(health.failure), bus_load=health.load,
+        error_passive=health.is_error_passive, tx_error_count=health.error_counters.tx,
+        rx_error_count=health.error_counters.rx, error_frames=counts.can_frames.get('error', 0),
         queue_overruns=counts.queue_overruns, sync_overruns=counts.sync_overruns, poll_overruns=counts.poll_overruns,
         consumer_errors=counts.consumer_errors, clock_jumps=counts.clock_jumps, unread_log_lines=counts.unread,
         unrecorded_can_frames=counts.unrecorded,
-        foreign_nmt_commands=health.foreign_commands, foreign_nmt_last=health.last_command,
-        outages=health.outages.count, outage_seconds=health.outages.seconds, outage_last_reason=health.outages.reason,
+        foreign_nmt_commands=health.foreign_commands, foreign_nmt_last=command_text(health.last_command),
+        outages=health.outages.count, outage_seconds=health.outages.seconds,
+        outage_last_reason=failure_text(health.outages.cause),
         pads=[_pad(name, status, pad, health.nodes.get(name, ()), conditions.get(name))
               for status, (name, pad) in zip(pads, counts.pads.items())])
 
@@ -38,7 +40,7 @@ def status_message(told: DiagnosticArray, counts: BusStatistics, health: BusHeal
 def _pad(name: str, status: DiagnosticStatus, pad: PadStatistics, nodes: tuple[NodeHealth, ...],
          condition: PadCondition | None) -> PadStatus:
     return PadStatus(
-        pad=name, level=status.level[0], message=status.message, nodes=[_node(node) for node in nodes],
+        pad=name, level=status.level[0], message=status.message, nodes=[_node(name, node) for node in nodes],
         frames_complete=pad.complete, frames_incomplete=pad.incomplete, tpdos_expected=pad.expected,
         tpdos_received=pad.received, tpdos_used=pad.used, drop_reasons=[reason.key for reason in pad.losses],
         drop_counts=array('Q', pad.losses.values()), faulty_taxels=_faulty(condition.faults) if condition else [],
@@ -46,14 +48,15 @@ def _pad(name: str, status: DiagnosticStatus, pad: PadStatistics, nodes: tuple[N
 
 
 def _faulty(faults: FaultyTaxels) -> list[FaultyTaxel]:
-    return [FaultyTaxel(row=row, col=col, fault=kind.name.lower())
+    return [FaultyTaxel(row=row, col=col, code=kind.value, fault=kind.name.lower())
             for kind in TaxelFault if kind for row, col in faults.places(kind)]
 
 
-def _node(node: NodeHealth) -> NodeStatus:
+def _node(pad: str, node: NodeHealth) -> NodeStatus:
     return NodeStatus(
-        node_id=node.node_id, nmt_state=node.state, operational=node.is_operational, trouble=node.trouble,
+        node_id=node.node_id, nmt_state=node.state, operational=node.is_operational, fault=node.fault.value,
+        trouble=node_text(pad, node),
         heartbeat_age=math.nan if node.heartbeat_age is None else node.heartbeat_age, boots=node.boots,
         emcy_count=node.emergencies, emcy_last=str(node.last_emergency or ''), outages=node.outages.count,
-        outage_seconds=node.outages.seconds, outage_last_reason=node.outages.reason,
+        outage_seconds=node.outages.seconds, outage_last_reason=failure_text(node.outages.cause),
         frames_distrusted=node.distrusted)

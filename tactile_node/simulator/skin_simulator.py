@@ -1,10 +1,10 @@
 """Simulated pads on one python-can bus."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import can
 
-from tactile_node.bus.bus_network import BusNetwork, open_bus
+from tactile_node.bus.bus_network import BusNetwork, OnFailure, open_bus
 from tactile_node.simulator.device import SimulatedDevice, TaxelSource
 from tactile_node.skin.pad_rules import check_pads
 from tactile_node.skin.pads import LivePad
@@ -21,7 +21,7 @@ class SkinSimulator:
     """
 
     def __init__(self, pads: Sequence[LivePad], sources: dict[str, TaxelSource],
-                 on_failure: Callable[[Exception], None] = lambda error: None):
+                 on_failure: OnFailure = lambda fault, error: None):
         check_pads(tuple(pads))
         self._nodes = [node for pad in pads for node in pad.nodes]
         self._sources, self._on_failure = sources, on_failure

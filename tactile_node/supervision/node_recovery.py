@@ -1,4 +1,4 @@
-"""Configures the nodes of a bus, tells what is wrong with them, and configures and starts those again that need it."""
+"""Configures the nodes of a bus, logs their faults, and configures and starts again those that need it."""
 
 import logging
 import time
@@ -8,99 +8,108 @@ from typing import TypeVar
 
 from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.errors import BusError, DeviceAbsentError, DeviceError
+from tactile_node.frames.fault_text import emergency_text, failure_text, node_label, node_text, reaction_text
+from tactile_node.frames.health import Failure, NodeFault
 from tactile_node.frames.losses import BusStatistics, PadStatistics
-from tactile_node.supervision.node_monitor import Ailment, NodeMonitor, Trouble
+from tactile_node.supervision.node_monitor import NodeMonitor
 
 logger = logging.getLogger(__name__)
 
 Result = TypeVar('Result')
 
 FIRST_TRIES = 3  # configurations of a device that boots again meanwhile
-REMEDY = ' It is configured and started again.'
-REMEDIES = {Ailment.SILENT: ' It is configured and started as soon as it answers.',
-            Ailment.NO_SYNC: ' Start that device, or set produce_sync.'}
-NO_PATIENCE = 0.3  # s, one SDO request: a device that does not answer now is asked again later
+RETRY_TIMEOUT = 0.3  # s, one SDO request: a device that does not answer now is tried again later
+NOT_TO_BE_CONFIGURED = (NodeFault.NOT_OPERATIONAL, NodeFault.NO_SYNC)
 
 
 class NodeRecovery:
-    """Looks after ``nodes`` of ``bus``; called by one thread at a time. Without ``mends`` all is only judged and told.
+    """Recovers ``nodes`` of ``bus``; called by one thread at a time. Unless ``is_enabled`` faults are only logged.
 
-    Nodes are configured at once: an SDO dialogue mostly waits for its device, and one that is gone must not hold up
-    the others.
+    Nodes are configured at the same time: an SDO dialogue mostly waits for its device, and one that is gone must not
+    delay the others.
     """
 
-    def __init__(self, bus: SkinBus, nodes: Sequence[NodeMonitor], mends: bool):
-        self._bus, self._nodes, self._mends = bus, nodes, mends
+    def __init__(self, bus: SkinBus, nodes: Sequence[NodeMonitor], is_enabled: bool):
+        self._bus = bus
+        self._nodes = nodes
+        self._is_enabled = is_enabled
 
-    def configure(self, patience: float) -> None:
-        """Configure all, each found within ``patience`` [s]. Raises DeviceError, BusError.
+    def configure(self, timeout: float) -> None:
+        """Configure all, each found within ``timeout`` [s]. Raises DeviceError, BusError.
 
-        Of several that do not answer some may be left for later, unless nothing is mended.
+        Of several some that do not answer may be left for later, if recovery is enabled.
         """
-        found = _at_once(self._nodes, lambda node: self._absence(node, patience))
+        found = _at_once(self._nodes, lambda node: self._absence(node, timeout))
         absent = [error for error in found if error is not None]
-        if absent and (not self._mends or len(absent) == len(self._nodes)):
+        if absent and (not self._is_enabled or len(absent) == len(self._nodes)):
             raise absent[0]
         for error in absent:
-            logger.error('%s The others go on without it; it joins when it comes.', error)
+            logger.error('%s The others continue without it; it joins when it answers.', error, extra={'fact': error})
 
     def attend(self, is_active: bool, statistics: BusStatistics, syncs: int) -> None:
-        """Judge all by what came up to now, tell, and mend what is due; ``syncs``: SYNCs so far."""
+        """Detect and log the faults by what was received up to now, and recover; ``syncs``: SYNCs so far."""
         due = [node for node in self._nodes
-               if self._is_to_be_mended(node, is_active, statistics.pads[node.node.pad], syncs)]
-        _at_once(due, lambda node: self._mend(node, node.trouble, is_active))
+               if self._is_recovery_due(node, is_active, statistics.pads[node.node.pad], syncs)]
+        _at_once(due, lambda node: self._recover(node, is_active))
 
-    def _absence(self, node: NodeMonitor, patience: float) -> DeviceAbsentError | None:
+    def _absence(self, node: NodeMonitor, timeout: float) -> DeviceAbsentError | None:
         """Configure it; the error when it does not answer. Any other is raised."""
         try:
-            self._configure(node, patience, FIRST_TRIES)
+            self._configure(node, timeout, FIRST_TRIES)
         except DeviceAbsentError as error:
             return error
         return None
 
-    def _is_to_be_mended(self, node: NodeMonitor, is_active: bool, pad: PadStatistics, syncs: int) -> bool:
+    def _is_recovery_due(self, node: NodeMonitor, is_active: bool, pad: PadStatistics, syncs: int) -> bool:
         now = time.monotonic()
-        if sentence := node.new_emergency(now):
-            logger.error('%s', sentence)
-        trouble = node.judge(now, is_active, pad, syncs)
-        if trouble is None:
+        if node.has_new_emergency(now):
+            health = node.health(now)
+            logger.error('%s', emergency_text(node.node.pad, health), extra={'fact': health.last_emergency})
+        fault = node.detect(now, is_active, pad, syncs)
+        if not fault.is_fault:
             self._end_outage(node, is_active, pad, now)
             return False
-        if trouble.is_outage and is_active:
-            node.outage.begin(node.data_at, trouble.ailment.value)
-        if node.reminder.is_due(trouble.ailment.value, now):
-            logger.error('%s%s', trouble.sentence, REMEDIES.get(trouble.ailment, REMEDY) if self._mends else '')
-        return self._mends and trouble.ailment is not Ailment.NO_SYNC and node.backoff.is_due(now)
+        if _stops_taxels(fault) and is_active:
+            node.outage.begin(node.data_at, Failure(fault))
+        if node.fault_reminder.is_due(fault.name, now):
+            reaction = f' {reaction_text(fault)}' if self._is_enabled else ''
+            logger.error('%s%s', node_text(node.node.pad, node.health(now)), reaction, extra={'fact': fault})
+        return self._is_enabled and fault is not NodeFault.NO_SYNC and node.backoff.is_due(now)
 
     def _end_outage(self, node: NodeMonitor, is_active: bool, pad: PadStatistics, now: float) -> None:
         if node.outage.is_running:
             if is_active and not node.has_taxels_again(pad):
                 return
-            cause, again = node.outage.cause, 'gives taxels' if is_active else 'is ready'
-            logger.info('%s %s again after %.2f s; the outage: %s.', node.who, again, node.outage.end(now), cause)
+            lasted = node.outage.end(now)
+            logger.info('%s %s again after %.2f s; the outage: %s.', node_label(node.node.pad, node.node.node_id),
+                        'gives taxels' if is_active else 'is ready', lasted, failure_text(node.outage.cause))
         node.recovered()
 
-    def _mend(self, node: NodeMonitor, trouble: Trouble, is_active: bool) -> None:
+    def _recover(self, node: NodeMonitor, is_active: bool) -> None:
+        fault = node.fault
         try:
-            if trouble.needs_configuration:
-                self._configure(node, NO_PATIENCE, pause=trouble.is_outage)
+            if fault not in NOT_TO_BE_CONFIGURED:
+                self._configure(node, RETRY_TIMEOUT, pause=_stops_taxels(fault))
             if is_active:
-                self._bus.start_node(node.node, trouble.is_outage)
+                self._bus.start_node(node.node, was_silent=_stops_taxels(fault))
                 node.commanded(time.monotonic(), self._bus.statistics().pads[node.node.pad])
         except (DeviceError, BusError) as error:
-            sentence = f'Waiting for node {node.node.node_id}: {error}'
-            if trouble.ailment is not Ailment.SILENT and node.mending.is_due(sentence, time.monotonic()):
-                logger.error('%s', sentence)
+            if fault is not NodeFault.SILENT and node.retry_reminder.is_due(str(error), time.monotonic()):
+                logger.error('Waiting for node %d: %s', node.node.node_id, error, extra={'fact': error})
         node.backoff.attempted(time.monotonic())
 
-    def _configure(self, node: NodeMonitor, patience: float, tries: int = 1, pause: bool = True) -> None:
+    def _configure(self, node: NodeMonitor, timeout: float, tries: int = 1, pause: bool = True) -> None:
         """Configure a node; when it boots meanwhile, once more, as long as there are tries."""
         for _ in range(tries):
             boots = node.boots
-            self._bus.configure_node(node.node, patience, pause)
+            self._bus.configure_node(node.node, timeout, pause)
             node.configured(boots)
             if node.is_trusted:
                 return
+
+
+def _stops_taxels(fault: NodeFault) -> bool:
+    return fault is not NodeFault.NO_HEARTBEAT
 
 
 def _at_once(nodes: Sequence[NodeMonitor], act: Callable[[NodeMonitor], Result]) -> list[Result]:

@@ -1,0 +1,99 @@
+"""Makes the sentences of logs, /diagnostics and status messages from the facts of ``health``; the only place."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from tactile_node.cia301.nmt import command_name
+from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError, DeviceError, LogError, TactileError
+from tactile_node.frames.health import BusFault, Failure, ForeignCommand, NodeFault, NodeHealth
+
+PHRASES: Mapping[NodeFault | BusFault, str] = MappingProxyType({
+    NodeFault.NOT_KNOWN: 'its state is not known yet',
+    NodeFault.NONE: 'no fault',
+    NodeFault.BOOTED: 'it has started again (power cycle or reset) and is not configured yet',
+    NodeFault.UNCONFIGURED: 'it has not been configured since the bus was opened',
+    NodeFault.SILENT: 'it sends neither heartbeat nor taxels',
+    NodeFault.NO_HEARTBEAT: 'it sends taxels but no heartbeat',
+    NodeFault.NOT_OPERATIONAL: 'it is not OPERATIONAL',
+    NodeFault.NO_SYNC: 'it waits for SYNC, which no other device sends',
+    NodeFault.NO_TAXELS: 'it is OPERATIONAL but sends no usable taxels',
+    NodeFault.AWAITING_TAXELS: 'its taxels are not back yet',
+    BusFault.NOT_KNOWN: 'the fault is not known',
+    BusFault.NONE: 'no fault',
+    BusFault.NOT_OPENED: 'the CAN bus cannot be opened',
+    BusFault.RECEPTION_FAILED: 'the CAN bus cannot receive',
+    BusFault.SENDING_FAILED: 'the CAN bus cannot send',
+    BusFault.BUS_OFF: 'the CAN controller is bus-off',
+    BusFault.LOG_UNUSABLE: 'the log cannot be used',
+    BusFault.DEVICE_ABSENT: 'a device does not answer',
+    BusFault.DEVICE_UNUSABLE: 'a device cannot be used',
+    BusFault.WRONG_CONFIGURATION: 'the configuration cannot be used',
+    BusFault.INTERNAL_ERROR: 'internal error'})
+
+CONFIGURED = 'It is configured and started again.'
+#: What the driver does about a node's fault, where it does anything else
+REACTIONS: Mapping[NodeFault, str] = MappingProxyType({
+    NodeFault.SILENT: 'It is configured and started as soon as it answers.',
+    NodeFault.NO_SYNC: 'Start that device, or set produce_sync.'})
+
+_FAULTS: tuple[tuple[type[TactileError], BusFault], ...] = (
+    (BusError, BusFault.NOT_OPENED), (LogError, BusFault.LOG_UNUSABLE),
+    (DeviceAbsentError, BusFault.DEVICE_ABSENT), (DeviceError, BusFault.DEVICE_UNUSABLE),
+    (ConfigurationError, BusFault.WRONG_CONFIGURATION))
+
+
+def failure_of(error: TactileError) -> Failure:
+    """The fault that kept a driver from being configured, with the error's own text."""
+    return Failure(next((fault for kind, fault in _FAULTS if isinstance(error, kind)), BusFault.NOT_KNOWN), str(error))
+
+
+def failure_text(failure: Failure | None) -> str:
+    """Empty without a failure.
+
+    >>> failure_text(Failure(BusFault.SENDING_FAILED, 'Transmit buffer full'))
+    'the CAN bus cannot send: Transmit buffer full'
+    """
+    if failure is None:
+        return ''
+    return PHRASES[failure.fault] + (f': {failure.detail}' if failure.detail else '')
+
+
+def node_text(pad: str, node: NodeHealth) -> str:
+    """The fault of one of ``pad``'s nodes, empty without one.
+
+    >>> node_text('left', NodeHealth(32, 'OPERATIONAL', False, 0.62, NodeFault.SILENT))
+    "Node 32 (pad 'left'): it sends neither heartbeat nor taxels (last heartbeat 0.6 s ago: OPERATIONAL)."
+    """
+    if not node.fault.is_fault:
+        return ''
+    if node.fault is NodeFault.AWAITING_TAXELS:
+        reason = f'; the outage: {failure_text(node.outages.current)}' if node.outages.current is not None else ''
+    else:
+        age = node.heartbeat_age
+        reason = ' (no heartbeat so far)' if age is None else f' (last heartbeat {age:.1f} s ago: {node.state})'
+    return f'{node_label(pad, node.node_id)}: {PHRASES[node.fault]}{reason}.'
+
+
+def reaction_text(fault: NodeFault) -> str:
+    """What the driver does about it."""
+    return REACTIONS.get(fault, CONFIGURED)
+
+
+def emergency_text(pad: str, node: NodeHealth) -> str:
+    return f'{node_label(pad, node.node_id)} sends {node.last_emergency}; {node.emergencies} EMCY in all.'
+
+
+def command_text(command: ForeignCommand | None) -> str:
+    """Empty without a command.
+
+    >>> command_text(ForeignCommand(0x81, 32)), command_text(ForeignCommand(0x02, 0))
+    ('reset node to node 32', 'stop to all nodes')
+    """
+    if command is None:
+        return ''
+    nodes = f'node {command.node_id}' if command.node_id else 'all nodes'
+    return f'{command_name(command.command)} to {nodes}'
+
+
+def node_label(pad: str, node_id: int) -> str:
+    return f'Node {node_id} (pad {pad!r})'

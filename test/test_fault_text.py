@@ -1,0 +1,92 @@
+"""The sentences made of faults: one for each, with what is known of it."""
+
+import pytest
+
+from tactile_node.cia301.emergency import decode_emergency
+from tactile_node.errors import (
+    BusError,
+    ConfigurationError,
+    DeviceAbsentError,
+    DeviceError,
+    LogError,
+    TareRefusedError,
+)
+from tactile_node.frames.fault_text import (
+    PHRASES,
+    command_text,
+    emergency_text,
+    failure_of,
+    failure_text,
+    node_text,
+    reaction_text,
+)
+from tactile_node.frames.health import BusFault, Failure, ForeignCommand, NodeFault, NodeHealth, Outages
+
+
+def test_every_fault_has_a_phrase_of_its_own():
+    assert set(PHRASES) == {*NodeFault, *BusFault}
+    for faults in (NodeFault, BusFault):
+        assert len({PHRASES[fault] for fault in faults}) == len(faults)
+
+
+@pytest.mark.parametrize('faults', [NodeFault, BusFault])
+def test_codes_are_not_known_and_none_first_and_fit_a_uint8(faults):
+    assert [fault.value for fault in faults] == list(range(len(faults)))
+    assert (faults.NOT_KNOWN.value, faults.NONE.value) == (0, 1)
+
+
+@pytest.mark.parametrize('fault', NodeFault)
+def test_a_nodes_sentence_names_node_pad_and_fault(fault):
+    text = node_text('left', NodeHealth(32, 'STOPPED', False, 0.62, fault))
+    if fault in (NodeFault.NOT_KNOWN, NodeFault.NONE):
+        assert text == ''
+    else:
+        assert text.startswith(f"Node 32 (pad 'left'): {PHRASES[fault]}") and text.endswith('.')
+
+
+def test_a_nodes_sentence_tells_the_last_heartbeat():
+    silent = NodeHealth(32, 'STOPPED', False, 0.62, NodeFault.SILENT)
+    assert node_text('left', silent).endswith('(last heartbeat 0.6 s ago: STOPPED).')
+    assert node_text('left', silent._replace(heartbeat_age=None)).endswith('(no heartbeat so far).')
+
+
+def test_of_an_outage_that_lasts_the_sentence_tells_why():
+    outages = Outages(1, 0.5, Failure(NodeFault.BOOTED), Failure(BusFault.SENDING_FAILED, 'Transmit buffer full'))
+    text = node_text('left', NodeHealth(32, 'OPERATIONAL', True, 0.1, NodeFault.AWAITING_TAXELS, outages=outages))
+    assert text.endswith('not back yet; the outage: the CAN bus cannot send: Transmit buffer full.')
+
+
+def test_a_failure_is_its_phrase_and_detail():
+    assert failure_text(None) == ''
+    assert failure_text(Failure(NodeFault.BOOTED)) == PHRASES[NodeFault.BOOTED]
+    assert failure_text(Failure(BusFault.BUS_OFF, 'x')) == 'the CAN controller is bus-off: x'
+
+
+@pytest.mark.parametrize(('kind', 'fault'), [
+    (BusError, BusFault.NOT_OPENED), (LogError, BusFault.LOG_UNUSABLE), (DeviceAbsentError, BusFault.DEVICE_ABSENT),
+    (DeviceError, BusFault.DEVICE_UNUSABLE), (ConfigurationError, BusFault.WRONG_CONFIGURATION),
+    (TareRefusedError, BusFault.NOT_KNOWN)])
+def test_an_error_has_its_fault(kind, fault):
+    error = kind('there', expected='this', got='that', remedy='Do so.')
+    assert failure_of(error) == Failure(fault, 'there: expected this, got that. Do so.')
+
+
+@pytest.mark.parametrize(('command', 'text'), [
+    (None, ''), (ForeignCommand(0x81, 32), 'reset node to node 32'),
+    (ForeignCommand(0x82, 0), 'reset communication to all nodes'), (ForeignCommand(0x02, 32), 'stop to node 32'),
+    (ForeignCommand(0x55, 1), 'command 0x55 to node 1')])
+def test_commands_by_name(command, text):
+    assert command_text(command) == text
+
+
+def test_reactions():
+    assert reaction_text(NodeFault.BOOTED) == reaction_text(NodeFault.NO_TAXELS) != reaction_text(NodeFault.NO_SYNC)
+    assert 'as soon as it answers' in reaction_text(NodeFault.SILENT)
+
+
+def test_an_emergency_is_decoded_and_counted():
+    last = decode_emergency(bytes.fromhex('1042090000000000'), 0.0)
+    node = NodeHealth(32, 'OPERATIONAL', True, 0.1, emergencies=7, last_emergency=last)
+    assert emergency_text('left', node) == (
+        "Node 32 (pad 'left') sends EMCY 0x4210 (device temperature), error register: generic, temperature; "
+        '7 EMCY in all.')
