@@ -89,11 +89,13 @@ class BulkSlcanBus(slcanBus):
         return self._lines.popleft()
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
-        if self._queue.empty() and (line := self._read(timeout)) is not None:
-            if not is_sound(line):
-                return can.Message(time.time(), **DAMAGED), False
-            self._queue.put(line)
-        return super()._recv_internal(timeout) if self._queue.qsize() else (None, False)
+        line = self._read(timeout)
+        if line is None:
+            return None, False
+        if not is_sound(line):
+            return can.Message(time.time(), **DAMAGED), False
+        self._lines.appendleft(line)  # python-can takes it from _read: it has no queue of its own before 4.5
+        return super()._recv_internal(0.0)
 
 
 def _locked(port: str) -> int | None:

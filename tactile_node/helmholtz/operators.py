@@ -43,7 +43,8 @@ def matrix(mask: np.ndarray, stencil: Stencil) -> sparse.csr_array:
     later, earlier, is_edge = taxels.neighbour_pairs()
     values = np.where(is_edge, weights.edge, weights.corner) / weights.denominator
     lower = sparse.coo_array((values, (later, earlier)), shape=(taxels.total, taxels.total))
-    diagonal = sparse.diags_array(np.full(taxels.total, weights.centre / weights.denominator))
+    centre = np.full((1, taxels.total), weights.centre / weights.denominator)
+    diagonal = sparse.dia_array((centre, [0]), shape=(taxels.total, taxels.total))
     full = sparse.csr_array(lower + lower.T + diagonal)
     full.eliminate_zeros()
     return full
