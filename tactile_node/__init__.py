@@ -1,15 +1,61 @@
-"""Contact shape from a tactile skin: CAN frame -> taxel frame -> pattern -> features -> shape.
+"""Contact shape from a tactile skin: what touches an array of taxels, where, how large and how sure.
 
-One folder a stage; ``docs/architecture.md`` says which folder may import which.
+>>> import numpy as np
+>>> import tactile_node as tn
+>>> contact = tn.find_contact(np.pad(np.full((7, 7), 50e3), 4))       # pascal; the thresholds are those of the nodes
+>>> tn.Recogniser().recognise(contact).shape.value
+'square'
+>>> round(tn.fit_shape(contact, tn.Shape.SQUARE, pitch=0.004).dimensions[0], 3)                     # metre
+0.028
+
+Each folder is one stage, CAN frame -> taxel frame -> contact pattern -> features -> shape:
+``docs/architecture.md`` says which may import which.
 """
 
-__all__ = ['__version__']
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tactile_node.contact.pattern import ContactPattern
+    from tactile_node.contact.press import PressThresholds
+    from tactile_node.errors import ConfigurationError, InputError, TactileError
+    from tactile_node.fusion.recognitions import FusedRecognition
+    from tactile_node.helmholtz.features import Features, Group
+    from tactile_node.library.contacts import Recogniser, find_contact, fit_shape, paper_features
+    from tactile_node.library.plot import plot_frame
+    from tactile_node.library.stream import ContactStream, StreamedContact
+    from tactile_node.pose.fit import ShapeFit
+    from tactile_node.shape.recognition import Recognition, Shape
+
+    __version__: str
+
+__all__ = ['__version__', 'find_contact', 'paper_features', 'Recogniser', 'fit_shape', 'ContactStream', 'plot_frame',
+           'PressThresholds', 'Group', 'Shape', 'ContactPattern', 'Features', 'Recognition', 'ShapeFit',
+           'FusedRecognition', 'StreamedContact', 'TactileError', 'InputError', 'ConfigurationError']
+
+#: module -> the public names it defines; each is imported when it is read first, so that a node pays for none
+_HOMES = {
+    'contact.pattern': ('ContactPattern',),
+    'contact.press': ('PressThresholds',),
+    'errors': ('ConfigurationError', 'InputError', 'TactileError'),
+    'fusion.recognitions': ('FusedRecognition',),
+    'helmholtz.features': ('Features', 'Group'),
+    'library.contacts': ('Recogniser', 'find_contact', 'fit_shape', 'paper_features'),
+    'library.plot': ('plot_frame',),
+    'library.stream': ('ContactStream', 'StreamedContact'),
+    'pose.fit': ('ShapeFit',),
+    'shape.recognition': ('Recognition', 'Shape'),
+}
 
 
-def __getattr__(name: str) -> str:
-    """Give ``__version__`` when it is read first: a node that never reads it pays nothing for it."""
+def __getattr__(name: str) -> object:
     if name == '__version__':
-        from tactile_node.version import package_version
-        globals()[name] = package_version()
-        return globals()[name]
+        return import_module('tactile_node.version').package_version()
+    for module, names in _HOMES.items():
+        if name in names:
+            return getattr(import_module(f'{__name__}.{module}'), name)
     raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -16,6 +16,7 @@ ALLOWED = {
     'shape': {'contact', 'helmholtz'}, 'synthetic': {'geometry', 'shape'}, 'pose': {'geometry', 'shape'},
     'fusion': {'shape'}, 'grasp': {'shape'},
     'reproduction': {'helmholtz', 'shape', 'synthetic'},
+    'library': {'contact', 'fusion', 'helmholtz', 'pose', 'shape'},
     'cia301': set(), 'frames': {'cia301'}, 'threads': set(), 'skin': {'cia301', 'frames'},
     'assembly': {'cia301', 'frames', 'skin'}, 'recording': {'assembly', 'frames', 'skin', 'threads'},
     'bus': {'assembly', 'cia301', 'frames', 'recording', 'skin', 'threads'},
@@ -53,7 +54,7 @@ def test_a_stage_imports_only_what_lies_before_it(folder):
         assert folders <= ALLOWED[folder] | {folder}, path
 
 
-@pytest.mark.parametrize('folder', sorted(NUMERICAL))
+@pytest.mark.parametrize('folder', ['library', *sorted(NUMERICAL)])
 def test_the_numerical_core_knows_neither_ros_nor_can(folder):
     for path in modules(folder):
         assert not {name.split('.')[0] for name in imports(path)} & (ROS | CAN), path

@@ -63,6 +63,12 @@ def test_it_knows_its_version(installed):
     assert run(installed, '-m', 'tactile_node.cli.main', '--version').split()[-1] == tactile_node.__version__
 
 
+def test_its_examples_are_true(installed):
+    program = 'import doctest, tactile_node; print(*doctest.testmod(tactile_node))'
+    failed, attempted = run(installed, '-c', program).split()
+    assert int(attempted) and not int(failed)
+
+
 @pytest.mark.parametrize('name', ['config/recogniser.npz', 'config/sim16x16.yaml', 'msg/Grasp.msg'])
 def test_it_finds_its_files(installed, name):
     program = f'from tactile_node.package_files import package_file; print(package_file({name!r}))'
