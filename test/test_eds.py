@@ -4,7 +4,9 @@ import pytest
 from can_bench import TINY, tiny_layout
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.skin.eds import Identity, check_against, identity_of, load_eds
+from tactile_node.skin.eds import load_eds
+from tactile_node.skin.eds_rules import check_against
+from tactile_node.skin.identity import Identity, identity_of
 
 SMALL = '''[DeviceInfo]
 VendorName=nobody
@@ -35,12 +37,12 @@ def test_node_id_enters_the_cob_ids():
     dictionary = load_eds('sim16x16.eds', 32)
     assert dictionary[0x1800][1].default == 0x8000_01A0  # disabled, 0x180 + 32
     assert dictionary[0x1A1F][8].default == 0x210F_1008  # the last taxel: row 15, column 15
-    assert identity_of(dictionary) == (0x5C1, 0x1616_0008, 0x0001_0000)
+    assert identity_of(dictionary, 'device.eds') == (0x5C1, 0x1616_0008, 0x0001_0000)
 
 
 def test_umlauts_of_a_code_page_are_harmless(tmp_path):
     dictionary = load_eds(write(tmp_path, SMALL.encode().replace(b'nobody', b'M\xfcller')), 1)
-    assert identity_of(dictionary) == (0x12, None, None)
+    assert identity_of(dictionary, 'device.eds') == (0x12, None, None)
 
 
 BAD = {
@@ -131,7 +133,7 @@ ODD = {
 
 @pytest.mark.parametrize('text', ODD.values(), ids=ODD)
 def test_harmless_oddities_are_read(tmp_path, text):
-    assert identity_of(load_eds(write(tmp_path, text), 5)).vendor == 0x12
+    assert identity_of(load_eds(write(tmp_path, text), 5), 'device.eds').vendor == 0x12
 
 
 def test_compact_sub_objects(tmp_path):
@@ -152,3 +154,77 @@ def test_harmful_oddities_are_told_by_section_and_key(tmp_path, text, says):
     with pytest.raises(ConfigurationError) as refused:
         load_eds(write(tmp_path, text), 5)
     assert says in str(refused.value) and 'device.eds' in str(refused.value)
+
+
+IDENTITY_AS_VAR = '''[DeviceInfo]
+VendorName=nobody
+[1018]
+ParameterName=Identity
+ObjectType=0x7
+DataType=0x0007
+AccessType=ro
+DefaultValue=0x12
+'''
+
+
+@pytest.mark.parametrize(('text', 'says'), [
+    (IDENTITY_AS_VAR, 'section [1018]'),
+    (IDENTITY_AS_VAR.replace('ObjectType=0x7\n', ''), 'section [1018]'),
+    (IDENTITY_AS_VAR.replace('0x7\n', '0x6\n'), 'section [1018]'),  # DEFSTRUCT, which canopen leaves out
+    (SMALL.replace('0x12 ;', '0x12G4 ;'), 'section [1018sub1], key "DefaultValue"'),  # canopen: no value at all
+    (SMALL.replace('0x12 ;', '012 ;'), 'section [1018sub1], key "DefaultValue"'),
+    (SMALL.replace('DataType=0x0007', 'DataType=0x0009'), 'section [1018sub1]'),  # VISIBLE_STRING
+    (SMALL.replace('DataType=0x0007', 'DataType=0x0008').replace('0x12 ;', '18 ;'), 'section [1018sub1]'),  # REAL32
+    (SMALL.replace('1018sub1', '1018SUB01').replace('0x12 ;', 'ACME ;'), 'section [1018sub01], key "DefaultValue"')])
+def test_an_identity_that_cannot_be_compared_is_refused(tmp_path, text, says):
+    """It would not be checked at all, or end in a TypeError."""
+    with pytest.raises(ConfigurationError) as refused:
+        identity_of(load_eds(write(tmp_path, text), 5), 'device.eds')
+    assert says in str(refused.value) and 'device.eds' in refused.value.where and refused.value.remedy
+
+
+def test_an_identity_declared_as_array_is_read_by_its_own_subs(tmp_path):
+    """canopen makes up missing subs of an ARRAY from the first one: the product would be the vendor."""
+    dictionary = load_eds(write(tmp_path, SMALL.replace('ObjectType=0x9', 'ObjectType=0x8')), 5)
+    assert identity_of(dictionary, 'device.eds') == (0x12, None, None)
+
+
+def objects_of_tiny(**types):
+    """The sections that the layout TINY uses, as [index]: ObjectType, DataType."""
+    sections = []
+    for index, (kind, data_type) in ({'1005': ('0x7', 7), '1017': ('0x7', 6), '2000': ('0x8', 6)} | types).items():
+        sections.append(f'[{index}]\nParameterName=x\nObjectType={kind}\nDataType={data_type}\nAccessType=rw\n')
+        subs = () if kind == '0x7' else range(9)
+        sections += [f'[{index}sub{sub}]\nParameterName=x{sub}\nDataType={data_type if sub else 5}\nAccessType=rw\n'
+                     for sub in subs]
+    return ''.join(sections)
+
+
+RECORDS = {f'{base + i:X}': ('0x9', 7) for base in (0x1800, 0x1A00) for i in range(3)}
+
+
+def check_tiny(folder, **types):
+    path = write(folder, SMALL + objects_of_tiny(**(RECORDS | types)))
+    check_against(load_eds(path, 5), tiny_layout(folder), str(path))
+
+
+@pytest.mark.parametrize('types', [
+    {}, {'1800': ('0x8', 7)}, {'1A02': ('0x8', 7)}, {'2000': ('0x9', 6)}, {'1017': ('0x7', 7)}])
+def test_records_may_be_declared_as_arrays(tmp_path, types):
+    check_tiny(tmp_path, **types)
+
+
+@pytest.mark.parametrize(('types', 'section'), [
+    ({'1800': ('0x7', 7)}, '[1800]'), ({'1A02': ('0x7', 7)}, '[1A02]'), ({'2000': ('0x7', 6)}, '0x2000 sub 1'),
+    ({'1005': ('0x9', 7)}, '[1005]'), ({'1005': ('0x8', 7)}, '[1005]'), ({'1017': ('0x9', 6)}, '[1017]'),
+    ({'1005': ('0x7', 5)}, '[1005]'), ({'1017': ('0x7', 5)}, '[1017]'), ({'1017': ('0x7', 9)}, '[1017]'),
+    ({'1801': ('0x9', 5)}, '[1801sub1]'), ({'1A00': ('0x9', 6)}, '[1A00sub1]')])
+def test_objects_of_another_shape_or_too_narrow_are_refused(tmp_path, types, section):
+    """A value that the EDS declares narrower is cut when it is read, so another one may seem equal."""
+    with pytest.raises(ConfigurationError) as refused:
+        check_tiny(tmp_path, **types)
+    assert section in str(refused.value) and 'device.eds' in str(refused.value) and refused.value.remedy
+
+
+def test_an_identity_names_what_it_does_not_give():
+    assert Identity(1, None, 0).not_given == ('product', 'revision') and Identity(1, 2, 3).not_given == ()

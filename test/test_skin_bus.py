@@ -12,8 +12,9 @@ from can_bench import INTERFACE, Bench, other_bus, wait_until
 from tactile_node.bus.skin_bus import BusSettings, SkinBus
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError, DeviceError, LogError
 from tactile_node.frames.taxel_frame import TaxelStatus
+from tactile_node.package_files import config_path
 from tactile_node.recording.log_source import LogSource
-from tactile_node.skin.pads import PadSettings
+from tactile_node.skin.pads import PadSettings, make_pad
 
 pytestmark = pytest.mark.bus
 
@@ -210,6 +211,17 @@ def test_bus_that_cannot_be_opened(interface, channel, says):
     with pytest.raises(BusError) as refused:
         SkinBus(BusSettings(interface, channel), tuple(pads), lambda *_: None).open()
     assert re.search(says, str(refused.value)) and f'{interface} {channel}' in str(refused.value)
+
+
+def test_an_identity_that_the_eds_does_not_give_is_reported(tmp_path, caplog):
+    eds = config_path('sim8x8_16bit.eds').read_text()
+    (tmp_path / 'x.eds').write_text(re.sub(r'(\[1018sub[123]\][^[]*)DefaultValue=[^\n]*\n', r'\1', eds))
+    pads = (make_pad('pad32', 32, 'sim8x8_16bit.yaml', str(tmp_path / 'x.eds')),)
+    with Bench('no_identity', 'sim8x8_16bit.yaml') as bench:
+        bench.driver = SkinBus(bench.settings, pads, lambda *_: None)
+        bench.driver.open()
+        bench.driver.configure()
+    assert 'gives no vendor, product, revision in object 0x1018' in caplog.text
 
 
 def test_live_pad_needs_its_eds():

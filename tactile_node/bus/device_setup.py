@@ -20,7 +20,7 @@ from tactile_node.cia301.objects import (
 )
 from tactile_node.cia301.pdo import EVERY_SYNC, MANUFACTURER_EVENT, SAM_MPDO
 from tactile_node.errors import DeviceAbsentError, DeviceError
-from tactile_node.skin.eds import Identity, identity_of
+from tactile_node.skin.identity import Identity, identity_of
 from tactile_node.skin.layout import TpdoLayout
 from tactile_node.skin.pads import CanopenNode
 from tactile_node.threads.reminder import Reminder
@@ -79,12 +79,15 @@ class DeviceSetup:
         return 'no answer' if state is None else f'only its heartbeat (NMT state 0x{state:02X})'
 
     def _check_identity(self) -> None:
-        ours = identity_of(self._node.dictionary)
+        ours = identity_of(self._node.dictionary, self._node.eds)
         theirs = Identity(*(self._read_if_any(IDENTITY, sub) for sub in (1, 2, 3)))
         if not ours.accepts(theirs):
             raise DeviceError(f'{self._label}, object 0x{IDENTITY:04X}', expected=f'{ours} as in {self._node.eds}',
                               got=str(theirs),
                               remedy='Check the node-ID, or give the EDS and layout of this device.')
+        if ours.not_given:
+            logger.warning('%s: its EDS %s gives no %s in object 0x%04X, so that any is accepted.', self._label,
+                           self._node.eds, ', '.join(ours.not_given), IDENTITY)
         logger.info('%s is there: %s.', self._label, theirs)
 
     def _set_if_listed(self, index: int, value: int, size: int, what: str) -> None:

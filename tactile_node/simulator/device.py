@@ -245,7 +245,7 @@ class SimulatedDevice:
     def _heads(self, number: int) -> Iterator[tuple[int, bytes]]:
         for rank, tpdo in enumerate(self._layout.tpdos):
             if tpdo.number == number and tpdo.is_mpdo:
-                yield rank, struct.pack('<BHB', self._node_id, *tpdo.mapping[0][:2])
+                yield rank, struct.pack('<BHB', self._node_id, tpdo.mapping[0].index, tpdo.mapping[0].subindex)
             elif tpdo.number == number and tpdo.row is not None:
                 yield rank, struct.pack('B', tpdo.row)
 
@@ -297,7 +297,7 @@ def _object_places(layout: SkinLayout) -> dict[int, tuple[int, int, int]]:
     places = {}
     for rank, tpdo in enumerate(layout.tpdos):
         start = 0
-        for index, sub, bits in tpdo.mapping:
-            places[index << 8 | sub] = (rank, start, bits)
-            start += bits
+        for mapped in tpdo.mapping:
+            places[mapped.index << 8 | mapped.subindex] = (rank, start, mapped.bits)
+            start += mapped.bits
     return places

@@ -1,20 +1,19 @@
-"""Loads an EDS (CiA 306) through canopen; what that cannot read becomes a sentence with section and key."""
+"""Loads an EDS (CiA 306) through canopen. An error names the section and the key that canopen cannot read."""
 
 import re
+from collections.abc import Callable
 from configparser import DuplicateOptionError, DuplicateSectionError, RawConfigParser
 from configparser import Error as ParserError
 from io import StringIO
 from pathlib import Path
-from typing import NamedTuple, NoReturn
+from typing import NoReturn
 
 from canopen import ObjectDictionary
-from canopen.objectdictionary import ODVariable
 from canopen.objectdictionary.eds import import_eds
 
-from tactile_node.cia301.objects import IDENTITY, TPDO_COMMUNICATION, TPDO_MAPPING
+from tactile_node.cia301.objects import IDENTITY
 from tactile_node.errors import ConfigurationError
 from tactile_node.package_files import config_path
-from tactile_node.skin.layout import SkinLayout, TpdoLayout
 
 _OBJECT = re.compile(r'[0-9A-Fa-f]{4}')
 _SUBOBJECT = re.compile(r'([0-9A-Fa-f]{4})[Ss][Uu][Bb]([0-9A-Fa-f]+)')
@@ -22,32 +21,18 @@ _INFO_NUMBERS = ('VendorNumber', 'ProductNumber', 'RevisionNumber', 'Granularity
                  'SimpleBootUpMaster', 'SimpleBootUpSlave', 'DynamicChannelsSupported', 'GroupMessaging',
                  'LSS_Supported')
 _TITLES = {'deviceinfo': 'DeviceInfo', 'fileinfo': 'FileInfo'}
-_IGNORED = ('Comments', 'DummyUsage', 'DeviceComissioning')  # nothing in these speaks of taxels
+_IGNORED = ('Comments', 'DummyUsage', 'DeviceComissioning')  # nothing in these concerns taxels
 _PLAIN_TYPES = ('0x7', '0x07', '7', '0x2', '0x02', '2')  # VAR and DOMAIN: these carry the value themselves
+_WITH_SUBS = (0x8, 0x9)  # ARRAY, RECORD
+_REMEDY = "Use the device maker's EDS, or correct this one (CiA 306)."
+_import_eds: Callable[[StringIO, int], ObjectDictionary] = import_eds  # canopen gives it no types
 
 
-class Identity(NamedTuple):
-    """Object 0x1018; None where the EDS gives no value (then it is not checked)."""
+class _Parser(RawConfigParser):
+    """Keeps keys as they are written; canopen expects them so."""
 
-    vendor: int | None
-    product: int | None
-    revision: int | None
-
-    def accepts(self, device: 'Identity') -> bool:
-        """Whether ``device`` is what this EDS describes.
-
-        Vendor and product must be equal. Of the revision, the upper half (CiA 301: major, "a specific CANopen
-        behaviour") must be equal and the lower half (minor: same behaviour) must not be older.
-        """
-        same = all(ours in (None, 0, theirs) for ours, theirs in zip(self[:2], device[:2]))
-        if not same or self.revision in (None, 0):
-            return same
-        theirs = device.revision or 0
-        return theirs >> 16 == self.revision >> 16 and theirs & 0xFFFF >= self.revision & 0xFFFF
-
-    def __str__(self) -> str:
-        return ', '.join(f'{name} {"not given" if value is None else f"0x{value:X}"}'
-                         for name, value in zip(self._fields, self))
+    def optionxform(self, optionstr: str) -> str:
+        return optionstr
 
 
 def load_eds(path: str | Path, node_id: int) -> ObjectDictionary:
@@ -65,48 +50,9 @@ def load_eds(path: str | Path, node_id: int) -> ObjectDictionary:
     _checked(path, text).write(tidied)
     tidied.seek(0)
     try:
-        return import_eds(tidied, node_id)
+        return _import_eds(tidied, node_id)
     except Exception as error:  # canopen lets KeyError, ValueError, configparser's and others through
         _refuse(path, 'an EDS that canopen can read', f'{type(error).__name__}: {error}'.replace('\n', ' '))
-
-
-def identity_of(dictionary: ObjectDictionary) -> Identity:
-    """What the EDS says of 0x1018."""
-    subs = dictionary[IDENTITY] if IDENTITY in dictionary else {}
-    return Identity(*(subs[sub].default if sub in subs else None for sub in (1, 2, 3)))
-
-
-def check_against(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) -> None:
-    """Raise ConfigurationError where ``layout`` uses a TPDO or an object that the EDS does not have."""
-    if (domain := layout.domain) is not None and _variable(dictionary, domain.index, domain.subindex) is None:
-        raise ConfigurationError(f'{layout.source}, domain', got='no such object',
-                                 expected=f'object 0x{domain.index:04X} sub {domain.subindex} in {eds}',
-                                 remedy='Correct "domain", or use the EDS that belongs to this skin.')
-    for tpdo in layout.tpdos:
-        where = f'{layout.source}, TPDO {tpdo.number}'
-        for record in (TPDO_COMMUNICATION, TPDO_MAPPING):
-            if record + tpdo.number - 1 not in dictionary:
-                raise ConfigurationError(
-                    where, expected=f'object 0x{record + tpdo.number - 1:04X} in {eds}', got='no such object',
-                    remedy='Correct the TPDO number, or use the EDS that belongs to this skin.')
-        _check_mapping(dictionary, tpdo, where, eds)
-
-
-def _check_mapping(dictionary: ObjectDictionary, tpdo: TpdoLayout, where: str, eds: str) -> None:
-    for index, subindex, bits in tpdo.mapping:
-        variable = _variable(dictionary, index, subindex)
-        if variable is None or len(variable) != bits:
-            raise ConfigurationError(
-                where, expected=f'object 0x{index:04X} sub {subindex} with {bits} bits in {eds}',
-                got='no such object' if variable is None else f'{len(variable)} bits',
-                remedy='Correct "map", or use the EDS that belongs to this skin.')
-
-
-def _variable(dictionary: ObjectDictionary, index: int, subindex: int) -> ODVariable | None:
-    entry = dictionary[index] if index in dictionary else None
-    if isinstance(entry, ODVariable):
-        return entry if subindex == 0 else None
-    return entry[subindex] if entry is not None and subindex in entry else None
 
 
 def _decode(content: bytes) -> str:
@@ -116,10 +62,9 @@ def _decode(content: bytes) -> str:
         return content.decode('latin-1')
 
 
-def _checked(path: Path, text: str) -> RawConfigParser:
-    """Find, with section and key, what canopen would stumble over; what is harmless is put right or left out."""
-    parser = RawConfigParser(inline_comment_prefixes=(';',))
-    parser.optionxform = str
+def _checked(path: Path, text: str) -> _Parser:
+    """Refuse what canopen cannot read, with section and key; correct or leave out what is harmless."""
+    parser = _Parser(inline_comment_prefixes=(';',))
     try:
         parser.read_string(text)
     except (DuplicateSectionError, DuplicateOptionError) as error:
@@ -135,16 +80,16 @@ def _checked(path: Path, text: str) -> RawConfigParser:
                 f'{len(parser.sections())} other sections')
     for name in objects:
         _check_object(path, parser, name)
+    _check_identity(path, parser)
     for key, value in parser.items('DeviceInfo') if parser.has_section('DeviceInfo') else ():
         if key in _INFO_NUMBERS or key.startswith('BaudRate_'):
             _check_number(path, 'DeviceInfo', key, value)
     return parser
 
 
-def _tidied(path: Path, parser: RawConfigParser) -> RawConfigParser:
+def _tidied(path: Path, parser: _Parser) -> _Parser:
     """Section names as canopen wants them, no empty values (as good as absent), no comments."""
-    tidied = RawConfigParser()
-    tidied.optionxform = str
+    tidied = _Parser()
     for name in parser.sections():
         sub = _SUBOBJECT.fullmatch(name)
         title = f'{sub[1]}sub{sub[2]}' if sub else _TITLES.get(name.lower(), name)
@@ -170,6 +115,19 @@ def _check_object(path: Path, parser: RawConfigParser, name: str) -> None:
         _refuse(path, f'key "DataType" in section [{name}], which has "CompactSubObj"', 'no such key')
 
 
+def _check_identity(path: Path, parser: RawConfigParser) -> None:
+    """canopen leaves out an object of another type and a default that is no number: nothing would be compared."""
+    title = f'{IDENTITY:04X}'
+    if not parser.has_section(title):
+        return
+    if int(parser.get(title, 'ObjectType', fallback='0x7'), 0) not in _WITH_SUBS:
+        _refuse(path, f'a RECORD (ObjectType=0x9) in section [{title}]', 'an object without sub-indices')
+    for name in parser.sections():
+        sub = _SUBOBJECT.fullmatch(name)
+        if sub and sub[1] == title and int(sub[2], 16) in (1, 2, 3):
+            _check_number(path, name, 'DefaultValue', parser.get(name, 'DefaultValue', fallback='0'))
+
+
 def _check_number(path: Path, section: str, key: str, value: str) -> None:
     try:
         int(value, 0)
@@ -177,6 +135,10 @@ def _check_number(path: Path, section: str, key: str, value: str) -> None:
         _refuse(path, f'a number in section [{section}], key "{key}"', repr(value))
 
 
+def refuse_eds(eds: str, section: str, *, expected: str, got: str) -> NoReturn:
+    """Raise the ConfigurationError of a section of the EDS named ``eds``."""
+    raise ConfigurationError(f'{eds}, {section}', expected=expected, got=got, remedy=_REMEDY)
+
+
 def _refuse(path: Path, expected: str, got: str) -> NoReturn:
-    raise ConfigurationError(str(path), expected=expected, got=got,
-                             remedy="Use the device maker's EDS, or correct this one (CiA 306).")
+    raise ConfigurationError(str(path), expected=expected, got=got, remedy=_REMEDY)

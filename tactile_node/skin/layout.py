@@ -12,7 +12,8 @@ MAX_DOMAIN_BYTES = 1 << 20  # bounds what a mistyped layout can allocate
 MAX_SIDE = 1024  # taxels: bounds what a mistyped layout can allocate
 
 
-class MappedObject(NamedTuple):
+@dataclass(frozen=True)
+class MappedObject:
     """One entry of a TPDO mapping record (CiA 301, 0x1A00...)."""
 
     index: int
@@ -21,6 +22,7 @@ class MappedObject(NamedTuple):
 
     @property
     def entry(self) -> int:
+        """As the record holds it: index, sub-index and bits in one UNSIGNED32."""
         return self.index << 16 | self.subindex << 8 | self.bits
 
 
@@ -99,8 +101,8 @@ class TpdoLayout:
     def prefix(self, node_id: int) -> bytes:
         """The first bytes by which a multiplexed frame is known; bit 7 of an MPDO's is 0: source addressing."""
         if self.is_mpdo:
-            index, sub, _ = self.mapping[0]
-            return bytes([node_id, index & 0xFF, index >> 8, sub])
+            mapped = self.mapping[0]
+            return bytes([node_id, mapped.index & 0xFF, mapped.index >> 8, mapped.subindex])
         return b'' if self.row is None else bytes([self.row])
 
     @property
@@ -140,7 +142,7 @@ class SkinLayout:
         return self.domain is None
 
     @property
-    def carriers(self) -> tuple[TpdoLayout, ...] | tuple[DomainLayout]:
+    def carriers(self) -> 'tuple[TpdoLayout | DomainLayout, ...]':
         """What brings the taxels of one period: the TPDOs, or the DOMAIN."""
         return self.tpdos if self.domain is None else (self.domain,)
 

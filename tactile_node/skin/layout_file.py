@@ -1,5 +1,6 @@
 """Reads a skin layout from YAML; ``config/sim16x16.yaml`` shows every key with its meaning."""
 
+from functools import partial
 from pathlib import Path
 
 from tactile_node.cia301.cob_id import ID_MASK, CobId, parse_cob_id
@@ -32,28 +33,36 @@ def load_layout(path: str | Path) -> SkinLayout:
     """
     path = config_path(str(path))
     top = load_mapping(path, 'a skin layout')
-    rows, cols = top.integer('rows', 1, MAX_SIDE), top.integer('cols', 1, MAX_SIDE)
+    rows = top.integer('rows', 1, MAX_SIDE)
+    cols = top.integer('cols', 1, MAX_SIDE)
     domain = _domain(top, rows, cols)
-    tpdos = [top.subsection(f'tpdos[{i}]', item)
-             for i, item in enumerate(top.sequence('tpdos', *([] if domain is None else [[]])))]
+    tpdos = top.sequence('tpdos') if domain is None else top.sequence('tpdos', [])
+    sections = [top.subsection(f'tpdos[{i}]', item) for i, item in enumerate(tpdos)]
     layout = SkinLayout(
-        str(path), rows, cols, top.number('pitch', positive=True), _value_format(top.section('value')),
-        top.integer('sync_cob_id', 1, ID_MASK, SYNC), tuple(tpdo for section in tpdos for tpdo in _tpdos(section)),
-        tuple(top.checked_integers('dead_taxels', taxel, 2, 0, MAX_SIDE)
-              for taxel in top.sequence('dead_taxels', [])), top.integer('nodes', 1, MAX_NODE_ID, 1), domain)
+        source=str(path), rows=rows, cols=cols, pitch=top.number('pitch', positive=True),
+        value=_value_format(top.section('value')), sync_cob_id=top.integer('sync_cob_id', 1, ID_MASK, SYNC),
+        tpdos=tuple(tpdo for section in sections for tpdo in _tpdos(section)),
+        dead=tuple(_taxel(top, taxel) for taxel in top.sequence('dead_taxels', [])),
+        nodes=top.integer('nodes', 1, MAX_NODE_ID, 1), domain=domain)
     top.done()
     check_layout(layout)
     return layout
 
 
+def _taxel(top: Section, written: object) -> tuple[int, int]:
+    row, col = top.checked_integers('dead_taxels', written, 2, 0, MAX_SIDE)
+    return row, col
+
+
 def _value_format(section: Section) -> ValueFormat:
-    bits, signed = section.integer('bits', 1, 32), section.choice('signed', (False, True), False)
+    bits = section.integer('bits', 1, 32)
+    signed = section.choice('signed', (False, True), False)
     falling = section.choice('pressure', ('rising', 'falling'), 'rising') == 'falling'
     low, high = raw_range(bits, signed)
     value = ValueFormat(
-        section.choice('unit', UNITS), section.number('scale', positive=True),
-        section.integer('offset', low, high, high if falling else max(low, 0)), bits, signed,
-        section.choice('byte_order', ('little', 'big'), 'little'), falling)
+        unit=section.choice('unit', UNITS), scale=section.number('scale', positive=True),
+        offset=section.integer('offset', low, high, high if falling else max(low, 0)), bits=bits, signed=signed,
+        byte_order=section.choice('byte_order', ('little', 'big'), 'little'), falling=falling)
     section.done()
     return value
 
@@ -76,21 +85,22 @@ def _domain(top: Section, rows: int, cols: int) -> DomainLayout | None:
 
 def _tpdos(section: Section) -> tuple[TpdoLayout, ...]:
     """Read one entry of ``tpdos``: a plain TPDO, all rows of a multiplexed one, or a run of MPDOs."""
-    number, cob_id = section.integer('number', 1, MAX_TPDOS), _cob_id(section)
-    common = {'node': section.integer('node', 0, MAX_NODE_ID - 1, 0), 'key': section.path}
+    number = section.integer('number', 1, MAX_TPDOS)
+    cob_id = _cob_id(section)
+    node = section.integer('node', 0, MAX_NODE_ID - 1, 0)
+    make = partial(TpdoLayout, number, cob_id, node=node, key=section.path)
     if section.take('mpdo', None) is not None:
         run = section.section('mpdo')
         index, first = run.integer('object', 1, MAX_INDEX), run.integer('sub', 0, MAX_SUBINDEX)
-        tpdos = [TpdoLayout(number, cob_id, (MappedObject(index, first + i, MPDO_DATA_BITS),), taxels,
-                            is_mpdo=True, **common)
+        tpdos = [make((MappedObject(index, first + i, MPDO_DATA_BITS),), taxels, is_mpdo=True)
                  for i, taxels in enumerate(_shifted(section, _repeats(run, MAX_SUBINDEX + 1 - first)))]
     elif section.take('rows', None) is not None:
         run, mapping = section.section('rows'), _mapping(section)
         first = run.integer('first', 0, 255, 0)
-        tpdos = [TpdoLayout(number, cob_id, mapping, taxels, first + i, **common)
+        tpdos = [make(mapping, taxels, row=first + i)
                  for i, taxels in enumerate(_shifted(section, _repeats(run, 256 - first)))]
     else:
-        tpdos = [TpdoLayout(number, cob_id, _mapping(section), _taxels(section), **common)]
+        tpdos = [make(_mapping(section), _taxels(section))]
     section.done()
     return tuple(tpdos)
 

@@ -6,7 +6,7 @@ from typing import NoReturn
 from tactile_node.cia301.connection_set import SYNC, reserved_for
 from tactile_node.cia301.pdo import MAX_PDO_BITS
 from tactile_node.errors import ConfigurationError
-from tactile_node.skin.layout import DomainLayout, SkinLayout, TpdoLayout
+from tactile_node.skin.layout import DomainLayout, SkinLayout, TaxelField, TpdoLayout
 
 
 def check_layout(layout: SkinLayout) -> None:
@@ -104,7 +104,7 @@ def _check_unique_taxels(layout: SkinLayout) -> None:
                     f'taxel ({field.row}, {field.col}) also in {layout.tpdos[first].key}', 'Remove one of the two.')
 
 
-def _fields(layout: SkinLayout) -> Iterator[tuple[int, object]]:
+def _fields(layout: SkinLayout) -> Iterator[tuple[int, TaxelField]]:
     return ((position, field) for position, tpdo in enumerate(layout.tpdos) for field in tpdo.taxels)
 
 

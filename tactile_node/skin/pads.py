@@ -8,7 +8,8 @@ from canopen import ObjectDictionary
 
 from tactile_node.cia301.node_id import MAX_NODE_ID, MIN_NODE_ID
 from tactile_node.errors import ConfigurationError
-from tactile_node.skin.eds import check_against, load_eds
+from tactile_node.skin.eds import load_eds
+from tactile_node.skin.eds_rules import check_against
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.layout_file import load_layout
 
