@@ -81,7 +81,8 @@ def _with_enclosed(mask: np.ndarray, valid: np.ndarray) -> np.ndarray:
     is_open = np.zeros(count + 1, bool)
     is_open[labels[ndimage.binary_dilation(outside, EIGHT_CONNECTED)]] = True
     is_open[0] = True
-    return mask | ~is_open[labels[1:-1, 1:-1]]
+    with_enclosed: np.ndarray = mask | ~is_open[labels[1:-1, 1:-1]]
+    return with_enclosed
 
 
 def _frame(values: np.ndarray) -> tuple[np.ndarray, bool]:

@@ -4,7 +4,7 @@ Each frame adds its log-probabilities, as Bayes' rule has it, with two cautions.
 err together: a frame counts only for the share of ``correlation_time`` that has passed since the one before.
 And the object may change: evidence fades with ``memory``, no frame speaks stronger than ``floor``, and no
 class leads by more than ``lead``. So a change is followed after at most
-`FusionSettings.frames_to_follow` frames that agree; a contact that begins or ends starts anew at once.
+`FusionSettings.frames_to_follow` frames that agree; a contact that begins or ends starts again at once.
 """
 
 from collections.abc import Mapping
@@ -29,9 +29,9 @@ class FusionSettings:
     floor: float = 0.001            #: smallest probability that a frame is believed about a class
     lead: float = 8.0               #: most that the leading class may be ahead [log of odds]
     switch: float = 1.0             #: how far another class must lead to be reported instead [log of odds]
-    max_gap: float = 0.5            #: after a longer silence, start anew [s]
+    max_gap: float = 0.5            #: after a longer silence, start again [s]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         values = (self.correlation_time, self.memory, self.floor, self.lead, self.max_gap)
         if not (all(0 < value < float('inf') for value in values) and self.floor < 1 / len(TOUCHING)
                 and 0 <= self.switch < min(self.lead, self.memory / self.correlation_time)):
@@ -77,13 +77,15 @@ class RecognitionFusion:
         """Forget everything, as when another object is known to be touched."""
         self._stamp: float | None = None
         self._shape: Shape | None = None
-        self._since, self._frames, self._evidence = 0.0, 0, np.zeros(len(TOUCHING))
+        self._since = 0.0
+        self._frames = 0
+        self._evidence = np.zeros(len(TOUCHING))
 
     def update(self, stamp: float, probabilities: Mapping[Shape, float]) -> FusedRecognition:
         """Take the frame of ``stamp`` [s] and return what is now believed.
 
         A frame whose likeliest class is NONE ends the contact: it is reported at once. A stamp that goes
-        back or comes after ``max_gap`` starts anew.
+        back or comes after ``max_gap`` starts again.
         """
         frame = Recognition.of(probabilities)
         passed = float('inf') if self._stamp is None else stamp - self._stamp
@@ -118,6 +120,8 @@ class RecognitionFusion:
 
     def _report(self, stamp: float, shape: Shape, belief: Recognition) -> FusedRecognition:
         if shape is not self._shape:
-            self._shape, self._since, self._frames = shape, stamp, 0
+            self._shape = shape
+            self._since = stamp
+            self._frames = 0
         self._frames += 1
         return FusedRecognition(belief._replace(shape=shape), self._since, stamp - self._since, self._frames)

@@ -15,7 +15,7 @@ class PadPose:
     rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: roll, pitch, yaw, fixed axes (URDF, REP-103) [rad]
     rotation: np.ndarray = field(init=False, repr=False, compare=False)  #: (3, 3), columns are the pad's axes
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if len(self.xyz) != 3 or len(self.rpy) != 3 or not np.isfinite((self.xyz, self.rpy)).all():
             raise ConfigurationError(
                 'pose of a pad in the gripper frame', expected='three finite numbers each for xyz and rpy',
@@ -44,7 +44,7 @@ class Gripper:
     left: PadPose = PadPose()
     right: PadPose = PadPose(rpy=(np.pi, 0.0, 0.0))
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.left.normal @ self.right.normal > -0.9:
             raise ConfigurationError(
                 'poses of the pads', expected='pads that face each other (z axes opposed)',
@@ -55,4 +55,5 @@ class Gripper:
     def closing(self) -> np.ndarray:
         """Unit vector from the left pad towards the right one."""
         direction = self.left.normal - self.right.normal
-        return direction / np.linalg.norm(direction)
+        unit: np.ndarray = direction / np.linalg.norm(direction)
+        return unit

@@ -40,7 +40,8 @@ class Line(NamedTuple):
 
     @property
     def midpoint(self) -> np.ndarray:
-        return (self.left + self.right) / 2
+        middle: np.ndarray = (self.left + self.right) / 2
+        return middle
 
     @property
     def axis(self) -> np.ndarray:
@@ -75,7 +76,7 @@ class GraspSettings:
     min_hold: float = 0.2            #: [s]
     max_skew: float = 0.1            #: how far the two sides' stamps may be apart [s]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not (0 < self.centre_tolerance < np.inf and 0 < self.max_skew < np.inf and 0 <= self.min_hold):
             raise ConfigurationError(
                 'grasp settings', expected='centre_tolerance and max_skew > 0, min_hold >= 0',

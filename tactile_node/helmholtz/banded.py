@@ -49,13 +49,16 @@ class Banded(NamedTuple):
 
     def solved(self, right: np.ndarray) -> np.ndarray:
         """Solution of L Lᵀ x = right, of the factors L held here."""
-        return lapack.dpbtrs(self.band.T, right, lower=1)[0]
+        solution: np.ndarray = lapack.dpbtrs(self.band.T, right, lower=1)[0]
+        return solution
 
     def norms(self, x: np.ndarray) -> np.ndarray:
         """Euclidean norm of each matrix's share of the vector ``x``."""
-        return np.sqrt(self.sums(x * x))
+        norms: np.ndarray = np.sqrt(self.sums(x * x))
+        return norms
 
     def sums(self, x: np.ndarray) -> np.ndarray:
+        """Sum of each matrix's share of the vector ``x``."""
         return np.add.reduceat(x, self.start[:-1])
 
     def least(self, x: np.ndarray) -> np.ndarray:

@@ -84,7 +84,9 @@ def _connected(problem: Problem) -> Parts:
     place[order] = np.arange(taxels.total)
     later, earlier, is_edge = taxels.neighbour_pairs()
     if not weights.corner:
-        later, earlier, is_edge = later[is_edge], earlier[is_edge], True
+        later = later[is_edge]
+        earlier = earlier[is_edge]
+        is_edge = np.ones(len(later), bool)
     values = np.where(is_edge, weights.edge / weights.denominator, weights.corner / weights.denominator)
     column = place[earlier]
     pattern = np.searchsorted(taxels.start, order[start], 'right') - 1
@@ -113,25 +115,29 @@ def _banded(parts: list[Parts]) -> Banded:
 
 def _solve(matrices: Banded, least: np.ndarray, owner: np.ndarray, contest: np.ndarray) -> np.ndarray:
     """Λ of each pattern (of len(contest)); ``owner``: which pattern each matrix belongs to."""
-    left, pending, x = matrices, np.arange(len(owner)), np.ones(len(matrices.band))
+    left = matrices
+    pending = np.arange(len(owner))
+    x = np.ones(len(matrices.band))
     low, high = np.zeros(len(owner)), np.full(len(owner), np.inf)
     shift = np.maximum(least - BELOW, np.where(left.sizes < 9, 0, GUESS / (np.sqrt(left.sizes) + 1) ** 2))
     for solves in SOLVES:
         if not len(pending):
             break
-        below, value, residual, x = _round(left, shift, low[pending], x, solves)
+        below, value, residual, x = _round(left, shift, low[pending], x=x, solves=solves)
         done = residual <= TOLERANCE * value
         low[pending] = np.where(done, value, np.maximum(low[pending], below))
         high[pending] = value
         keep = ~done & _needed(low, high, owner, contest)[pending]
-        x, left, pending = x[left.spread(keep)], left.where(keep), pending[keep]
+        x = x[left.spread(keep)]
+        left = left.where(keep)
+        pending = pending[keep]
         shift = np.maximum(low[pending], (value - MARGIN * residual)[keep])
     for hard in pending:
-        low[hard] = high[hard] = np.linalg.eigvalsh(matrices.dense(hard), UPLO='L')[0]
+        low[hard] = high[hard] = np.linalg.eigvalsh(matrices.dense(int(hard)), UPLO='L')[0]
     return _decided(low, high, owner, contest)
 
 
-def _round(matrices: Banded, shift, low, x, solves: int) -> list[np.ndarray]:
+def _round(matrices: Banded, shift: np.ndarray, low: np.ndarray, x: np.ndarray, solves: int) -> list[np.ndarray]:
     """Lower bounds, Rayleigh quotients, residual norms, each of shape (K,), and iterates after some solves."""
     return [np.concatenate(column) for column in zip(*(
         _iterate(*matrices.part(chunk).factorised(shift[chunk], low[chunk]), x[matrices.rows(chunk)], solves)
@@ -161,10 +167,12 @@ def _iterate(factor: Banded, shift: np.ndarray, x: np.ndarray, solves: int) -> t
 def _needed(low: np.ndarray, high: np.ndarray, owner: np.ndarray, contest: np.ndarray) -> np.ndarray:
     """Which matrices may still decide a pattern's Λ that is asked for, all Λ being in [low, high]."""
     least, most = _of_patterns(low, high, owner, contest)
-    return _may_win(least, most, contest)[owner] & (low <= most[owner])
+    needed: np.ndarray = _may_win(least, most, contest)[owner] & (low <= most[owner])
+    return needed
 
 
-def _of_patterns(low, high, owner, contest) -> tuple[np.ndarray, np.ndarray]:
+def _of_patterns(low: np.ndarray, high: np.ndarray, owner: np.ndarray,
+                 contest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Bounds of the patterns' Λ: a pattern has the least of its parts'."""
     bounds = np.full((2, len(contest)), np.inf)
     np.minimum.at(bounds[0], owner, low)

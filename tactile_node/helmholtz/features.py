@@ -8,14 +8,14 @@ minimum, maximum and difference over the 46 rotations.
 from collections.abc import Mapping
 from enum import Flag, auto
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from tactile_node.errors import InputError
 from tactile_node.helmholtz.eigenvalues import Problem, smallest_eigenvalues
-from tactile_node.helmholtz.gravity import gravity
-from tactile_node.helmholtz.information import information
+from tactile_node.helmholtz.gravity import Gravity, gravity
+from tactile_node.helmholtz.information import Information, information
 from tactile_node.helmholtz.operators import WEIGHTS, Stencil
 from tactile_node.helmholtz.rotation import ANGLES, with_rotated
 from tactile_node.helmholtz.taxel_list import TaxelList, ringed_taxel_list, taxel_list
@@ -61,7 +61,7 @@ class Features(NamedTuple):
     values: Mapping[str, float]     #: of the pattern as it is
     rotated: Mapping[str, Extremes]  #: over its rotations; empty unless computed
 
-    def as_json(self) -> dict:
+    def as_json(self) -> dict[str, Any]:
         """Return what one line of `tactile features` holds: null where undefined, counts as whole numbers."""
         rotated = {name: {key: _number(value) for key, value in over._asdict().items()}
                   for name, over in self.rotated.items()}
@@ -125,12 +125,12 @@ def _described(taxels: TaxelList, groups: Group, extremes_from: int | None = Non
     return found
 
 
-def _eigenvalues(lists: dict[str, TaxelList], extremes_from) -> dict[tuple[str, Stencil], np.ndarray]:
+def _eigenvalues(lists: dict[str, TaxelList], extremes_from: int | None) -> dict[tuple[str, Stencil], np.ndarray]:
     problems = {(suffix, k): Problem(taxels, k) for suffix, taxels in lists.items() for k in Stencil}
     return dict(zip(problems, smallest_eigenvalues(list(problems.values()), extremes_from)))
 
 
-def _named(pattern: str, found: tuple, k: Stencil, suffix: str) -> dict[str, np.ndarray]:
+def _named(pattern: str, found: Information | Gravity, k: Stencil, suffix: str) -> dict[str, np.ndarray]:
     return {pattern.format(name, int(k), suffix): value for name, value in zip(found._fields, found)}
 
 
@@ -148,7 +148,8 @@ def _extremes(over: dict[str, np.ndarray], first: int) -> dict[str, Extremes]:
             for name, column in zip(over, columns)}
 
 
-def _number(value):
+def _number(value: float | None) -> float | int | None:
+    """null where undefined, a whole number where it is one."""
     if value is None or np.isnan(value):
         return None
     return int(value) if value == int(value) and abs(value) < 2 ** 53 else float(value)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.helmholtz.operators import WEIGHTS, Stencil
-from tactile_node.helmholtz.taxel_list import TaxelList
+from tactile_node.helmholtz.taxel_list import TaxelList, Weights
 
 
 class Gravity(NamedTuple):
@@ -36,6 +36,6 @@ def gravity(taxels: TaxelList, stencil: Stencil) -> Gravity:
     return Gravity(x, y, np.sqrt(x * x + y * y), np.degrees(np.arctan2(x, y)))
 
 
-def _weigh(edge: np.ndarray, corner: np.ndarray, weights) -> np.ndarray:
-    weighed = edge * np.int32(-weights.edge)
+def _weigh(edge: np.ndarray, corner: np.ndarray, weights: Weights) -> np.ndarray:
+    weighed: np.ndarray = edge * np.int32(-weights.edge)
     return weighed + corner * np.int32(-weights.corner) if weights.corner else weighed

@@ -5,12 +5,11 @@ Outside the pattern Φ = 0, so A of N active taxels is N×N, symmetric and posit
 """
 
 from enum import IntEnum
-from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
 
-from tactile_node.helmholtz.taxel_list import taxel_list
+from tactile_node.helmholtz.taxel_list import Weights, taxel_list
 
 
 class Stencil(IntEnum):
@@ -18,15 +17,6 @@ class Stencil(IntEnum):
 
     FIVE = 5
     NINE = 9
-
-
-class Weights(NamedTuple):
-    """Entries of A as whole numbers over a common denominator, so that sums of them are exact."""
-
-    centre: int
-    edge: int      #: for each active edge neighbour
-    corner: int    #: for each active diagonal neighbour
-    denominator: int
 
 
 WEIGHTS = {Stencil.FIVE: Weights(4, -1, 0, 1), Stencil.NINE: Weights(20, -4, -1, 6)}
@@ -52,7 +42,8 @@ def matrix(mask: np.ndarray, stencil: Stencil) -> sparse.csr_array:
 
 def row_sums(mask: np.ndarray, stencil: Stencil) -> np.ndarray:
     """Return s_i = Σ_j A(i,j) of every active taxel in the order of their numbers, shape (N,)."""
-    return taxel_list(mask[np.newaxis]).row_sums(WEIGHTS[stencil]) / WEIGHTS[stencil].denominator
+    sums: np.ndarray = taxel_list(mask[np.newaxis]).row_sums(WEIGHTS[stencil]) / WEIGHTS[stencil].denominator
+    return sums
 
 
 def border(mask: np.ndarray, stencil: Stencil) -> np.ndarray:
@@ -60,4 +51,5 @@ def border(mask: np.ndarray, stencil: Stencil) -> np.ndarray:
 
     Those are the taxels whose row sum in A is not zero (the paper's C_hr5, C_hr9).
     """
-    return taxel_list(mask[np.newaxis]).border(WEIGHTS[stencil])[0]
+    mask_of_border: np.ndarray = taxel_list(mask[np.newaxis]).border(WEIGHTS[stencil])[0]
+    return mask_of_border

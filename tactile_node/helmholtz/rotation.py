@@ -155,7 +155,9 @@ def _reached(fine: np.ndarray, offset: np.ndarray, centre: np.ndarray, radius: f
     some = bits != 0
     near, counts = np.flatnonzero(some), np.count_nonzero(some, axis=1)
     bits, x, y = bits.take(near), x.take(near), y.take(near)
-    return near[_rounds_onto(bits, x, y, np.repeat(_COS, counts), np.repeat(_SIN, counts))]
+    arrive = _rounds_onto(bits, x, y, cos=np.repeat(_COS, counts), sin=np.repeat(_SIN, counts))
+    reached: np.ndarray = near[arrive]
+    return reached
 
 
 def _corner_bits(fine: np.ndarray, origin: np.ndarray, wide: int) -> tuple[np.ndarray, int]:
@@ -169,7 +171,7 @@ def _corner_bits(fine: np.ndarray, origin: np.ndarray, wide: int) -> tuple[np.nd
     return bits.reshape(-1), wide
 
 
-def _rounds_onto(bits, x, y, cos, sin) -> np.ndarray:
+def _rounds_onto(bits: np.ndarray, x: np.ndarray, y: np.ndarray, cos: np.ndarray, sin: np.ndarray) -> np.ndarray:
     """Whether an active corner (``bits``) of a fine cell, rotated, rounds onto the site from (x, y) in it."""
     u = sin * y - cos * x + TIE  # where corner (0, 0) lands, relative to the site
     v = TIE - sin * x - cos * y
@@ -177,4 +179,5 @@ def _rounds_onto(bits, x, y, cos, sin) -> np.ndarray:
     for bit, du, dv in ((1, 0, 0), (2, cos, sin), (4, -sin, cos), (8, cos - sin, cos + sin)):
         lands = np.maximum(np.abs(u + du), np.abs(v + dv)) < 0.5
         arriving |= lands.view(np.uint8) * np.uint8(bit)
-    return (arriving & bits) != 0
+    rounds: np.ndarray = (arriving & bits) != 0
+    return rounds

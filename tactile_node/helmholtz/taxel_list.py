@@ -9,6 +9,15 @@ from typing import NamedTuple
 import numpy as np
 
 
+class Weights(NamedTuple):
+    """Entries of A as whole numbers over a common denominator, so that sums of them are exact."""
+
+    centre: int
+    edge: int      #: for each active edge neighbour
+    corner: int    #: for each active diagonal neighbour
+    denominator: int
+
+
 class TaxelList(NamedTuple):
     """The active taxels of K patterns, pattern by pattern, each row by row; arrays of shape (total,)
     unless said otherwise."""
@@ -33,15 +42,15 @@ class TaxelList(NamedTuple):
         sums[some] = np.add.reduceat(values, self.start[some], dtype=np.int64) if len(some) else 0
         return sums
 
-    def row_sums(self, weights) -> np.ndarray:
+    def row_sums(self, weights: Weights) -> np.ndarray:
         """Σ_j A(i,j) times the denominator of ``weights``."""
-        sums = (self.earlier_edge + self.later_edge) * np.int16(weights.edge)
+        sums: np.ndarray = (self.earlier_edge + self.later_edge) * np.int16(weights.edge)
         if weights.corner:
             sums += (self.earlier_corner + self.later_corner) * np.int16(weights.corner)
         sums += np.int16(weights.centre)
         return sums
 
-    def border(self, weights) -> np.ndarray:
+    def border(self, weights: Weights) -> np.ndarray:
         """Masks of the taxels whose row sum is not zero, without the padding; shape (K, rows, cols)."""
         stack = np.zeros(self.shape, bool)
         stack.reshape(-1)[self.site] = self.row_sums(weights) != 0

@@ -33,7 +33,7 @@ class Moments(NamedTuple):
 def moments_of(x: np.ndarray, y: np.ndarray, weights: np.ndarray) -> Moments:
     """``weights`` >= 0, not all 0; all of the same length."""
     weights, place = weights / weights.sum(), x + 1j * y
-    centre = weights @ place
+    centre = complex(weights @ place)
     offsets = place - centre
     xx, yy, xy = weights @ offsets.real**2, weights @ offsets.imag**2, weights @ (offsets.real * offsets.imag)
     least = 0.05  # a line of taxels still has some width
@@ -70,7 +70,8 @@ def _triangle(moments: Moments) -> np.ndarray:
     white = places @ (1, 1j)
     angle = (np.angle(moments.weights @ white**3) + 2 * np.pi * np.arange(3)) / 3
     corners = WHITE_CORNERS * np.column_stack((np.cos(angle), np.sin(angle))) * scale @ axes.T
-    return corners @ (1, 1j) + moments.centre
+    places_of_corners: np.ndarray = corners @ (1, 1j) + moments.centre
+    return places_of_corners
 
 
 def _right(corners: np.ndarray, margin: float) -> list[Guess]:

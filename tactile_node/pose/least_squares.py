@@ -64,7 +64,7 @@ def _step(problem: Problem, at: Solution, damping: float) -> np.ndarray:
     damped = at.information.copy()
     diagonal = damped.reshape(-1)[::len(slope) + 1]
     diagonal *= 1 + damping
-    step = dposv(damped, slope)[1]
+    step: np.ndarray = dposv(damped, slope)[1]
     return step * min(1.0, MAX_STEP / max(np.abs(step).max(), 1e-12))
 
 

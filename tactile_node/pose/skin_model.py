@@ -89,7 +89,8 @@ class PressureModel:
 
 def _distances(count: int) -> np.ndarray:
     place = np.arange(count)
-    return np.minimum(np.abs(place[:, np.newaxis] - place), 3)
+    apart: np.ndarray = np.minimum(np.abs(place[:, np.newaxis] - place), 3)
+    return apart
 
 
 def _taps(spread: float) -> tuple[np.ndarray, np.ndarray]:

@@ -40,7 +40,8 @@ BEFORE = np.arange(-1, DIRECTIONS - 1)
 
 def describe(patch: Patch) -> np.ndarray:
     """Return the numbers of ``patch``, float32, shape (COUNT,)."""
-    return describe_all(patch.level[None], patch.unseen[None], np.array([patch.scale]))[0]
+    numbers: np.ndarray = describe_all(patch.level[None], patch.unseen[None], np.array([patch.scale]))[0]
+    return numbers
 
 
 def describe_all(levels: np.ndarray, unseen: np.ndarray, scales: np.ndarray) -> np.ndarray:
@@ -59,7 +60,8 @@ def _moments(weight: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray
     """Magnitudes of the complex moments, weight in sum 1, lengths in units of the root of the area."""
     unit = 1 / np.sqrt(total)[:, None]
     raw = ((y * unit)[:, None] ** POWERS) @ weight @ ((x * unit)[..., None] ** POWERS.T)
-    return np.abs(raw.reshape(len(total), -1) @ EXPANSIONS) / total[:, None]
+    magnitudes: np.ndarray = np.abs(raw.reshape(len(total), -1) @ EXPANSIONS) / total[:, None]
+    return magnitudes
 
 
 def _support(inside: np.ndarray, y: np.ndarray, x: np.ndarray) -> np.ndarray:

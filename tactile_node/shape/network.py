@@ -28,7 +28,8 @@ class Network(NamedTuple):
         flow = np.concatenate((images.reshape(len(images), -1), standard), 1, dtype=np.float32)
         for weight, bias in list(zip(self.kernels, self.biases))[len(TAPS):-1]:
             flow = np.maximum(flow @ weight + bias, 0)
-        return flow @ self.kernels[-1] + self.biases[-1]
+        logits: np.ndarray = flow @ self.kernels[-1] + self.biases[-1]
+        return logits
 
 
 def _convolved(images: np.ndarray, kernel: np.ndarray, bias: np.ndarray, taps: int) -> np.ndarray:
@@ -40,7 +41,7 @@ def _convolved(images: np.ndarray, kernel: np.ndarray, bias: np.ndarray, taps: i
     k, r, c, one = padded.strides
     windows = np.ndarray((count, high, wide, taps, taps, channels), np.float32, padded,  # as_strided takes 10 us more
                          strides=(k, r * STRIDE, c * STRIDE, r, c, one))
-    out = windows.reshape(count * high * wide, taps * taps * channels) @ kernel
+    out: np.ndarray = windows.reshape(count * high * wide, taps * taps * channels) @ kernel
     out += bias
     np.maximum(out, 0, out=out)
     return out.reshape(count, high, wide, -1)

@@ -42,41 +42,50 @@ def joined(pattern: ContactPattern) -> np.ndarray:
     others &= (np.bincount(groups[others], minlength=groups.max() + 1) >= PIECE)[groups]
     pressed = pattern.mask | others
     groups = _linked(pressed, BRIDGED)
-    return pressed & (groups == groups[pattern.mask][0])
+    together: np.ndarray = pressed & (groups == groups[pattern.mask][0])
+    return together
 
 
 def _linked(taxels: np.ndarray, between: int) -> np.ndarray:
     """Number the groups of ``taxels`` with at most so many others between neighbours; 0 is none."""
     wide = ndimage.maximum_filter(taxels.view(np.uint8), between + 1, mode='constant')
-    return ndimage.label(wide, EIGHT_CONNECTED)[0]
+    groups: np.ndarray = ndimage.label(wide, EIGHT_CONNECTED)[0]
+    return groups
 
 
 def make_patch(values: np.ndarray, mask: np.ndarray) -> Patch:
     """Return the patch of the contact ``mask``, bool with a taxel in it, of a frame ``values``."""
-    rows, cols = mask.any(1).nonzero()[0], mask.any(0).nonzero()[0]
+    rows, cols = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
     low, high = np.array((rows[0], cols[0])), np.array((rows[-1], cols[-1])) + 1
     first, last = np.maximum(low - RIM, 0), np.minimum(high + RIM, mask.shape)
     around = slice(first[0], last[0]), slice(first[1], last[1])
     level, dead, graded = _levels(values[around], mask[around])
-    level, dead, before, extent = _standing(level, dead, low - first, high - low)
+    level, dead, shown, extent = _standing(level, dead, low - first, high - low)
     scale = max(extent) / ROOM
     if scale <= 1:
-        place = [(SIDE - size) // 2 - margin for size, margin in zip(extent, before)]
+        place = [(SIDE - size) // 2 - margin for size, margin in zip(extent, shown)]
         return Patch(_placed(level, place, 0.0), _placed(dead, place, 1.0), 1.0, graded)
-    return Patch(*_scaled(level, dead, scale, before, extent), scale, graded)
+    level, dead = _scaled(level, dead, scale, before=shown, extent=extent)
+    return Patch(level, dead, scale, graded)
 
 
-def _standing(level: np.ndarray, dead: np.ndarray, before: np.ndarray, extent: np.ndarray):
+def _standing(level: np.ndarray, dead: np.ndarray, before: np.ndarray,
+              extent: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[int], list[int]]:
     """Rotate and mirror: longer along x, more spread towards greater x and y.
 
     ``before``: taxels shown above and left of the contact's box, ``extent``: the box's rows and columns.
     """
     after = np.array(level.shape) - extent - before
     (xx, xxx), (yy, yyy) = _spread(level.sum(0)), _spread(level.sum(1))
-    turn = (slice(None, None, -1 if yyy < 0 else 1), slice(None, None, -1 if xxx < 0 else 1))
-    level, dead, before = level[turn], dead[turn], np.where((yyy < 0, xxx < 0), after, before)
+    sense = (slice(None, None, -1 if yyy < 0 else 1), slice(None, None, -1 if xxx < 0 else 1))
+    level = level[sense]
+    dead = dead[sense]
+    before = np.where((yyy < 0, xxx < 0), after, before)
     if yy > xx:
-        level, dead, before, extent = level.T, dead.T, before[::-1], extent[::-1]
+        level = level.T
+        dead = dead.T
+        before = before[::-1]
+        extent = extent[::-1]
     return level, dead, before.tolist(), extent.tolist()
 
 
@@ -139,7 +148,8 @@ def _overlap(start: int, size: int) -> tuple[slice, slice]:
     return slice(low - start, high - start), slice(low, high)
 
 
-def _scaled(level, dead, scale, before, extent) -> tuple[np.ndarray, np.ndarray]:
+def _scaled(level: np.ndarray, dead: np.ndarray, scale: float, before: list[int],
+            extent: list[int]) -> tuple[np.ndarray, np.ndarray]:
     """Means over cells ``scale`` taxels wide, the contact in the middle."""
     down, along = (_cells(n, scale, margin, size) for n, margin, size in zip(level.shape, before, extent))
     covered = down.sum(1)[:, None] * along.sum(1)
@@ -151,4 +161,6 @@ def _cells(n: int, scale: float, before: int, size: int) -> np.ndarray:
     """Share of each patch cell that each of ``n`` taxels covers, shape (SIDE, n)."""
     edge = (size - SIDE * scale) / 2 + before + scale * np.arange(SIDE + 1)
     taxel = np.arange(n)
-    return np.clip(np.minimum(edge[1:, None], taxel + 1) - np.maximum(edge[:-1, None], taxel), 0, None) / scale
+    overlap = np.minimum(edge[1:, None], taxel + 1) - np.maximum(edge[:-1, None], taxel)
+    shares: np.ndarray = np.clip(overlap, 0, None) / scale
+    return shares

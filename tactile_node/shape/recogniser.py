@@ -5,6 +5,7 @@ the contact is none of them; each set is divided by its own temperature, found o
 The weights are data (config/recogniser.npz), written by training/train.py.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 from zipfile import BadZipFile
@@ -97,7 +98,7 @@ class ShapeRecogniser:
         return self._calibrations[kind].probabilities(logits.astype(float), geometry[:, 0])
 
 
-def _network(data, kind: str) -> Network:
+def _network(data: Mapping[str, np.ndarray], kind: str) -> Network:
     def arrays(name: str) -> tuple[np.ndarray, ...]:
         return tuple(data[f'{kind}_{name}{layer}'].astype(np.float32) for layer in range(LAYERS))
     network = Network(arrays('kernel'), arrays('bias'), data[f'{kind}_middle'], data[f'{kind}_spread'])
@@ -107,7 +108,7 @@ def _network(data, kind: str) -> Network:
     return network
 
 
-def _calibration(data, kind: str) -> Calibration:
+def _calibration(data: Mapping[str, np.ndarray], kind: str) -> Calibration:
     biases = data[f'{kind}_biases'].astype(float)
     if biases.shape != LOG_SIZES.shape:
         raise ValueError(f'{biases.shape[0]} biases of {kind}, not {len(SIZES)}')

@@ -1,9 +1,9 @@
-"""What a classifier says about a contact."""
+"""The shapes, and what a recogniser reports of a contact."""
 
 from collections.abc import Mapping
 from enum import Enum
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 
 class Shape(str, Enum):
@@ -35,14 +35,16 @@ class Recognition(NamedTuple):
 
     @classmethod
     def certain(cls, shape: Shape) -> 'Recognition':
+        """Make a recognition that gives ``shape`` the probability 1."""
         return cls.of({shape: 1.0})
 
     @classmethod
     def of(cls, probabilities: Mapping[Shape, float]) -> 'Recognition':
         """Make a recognition of these probabilities; classes not named have none."""
         every = {shape: float(probabilities.get(shape, 0.0)) for shape in Shape}
-        return cls(max(every, key=every.get), MappingProxyType(every))
+        return cls(max(every, key=every.__getitem__), MappingProxyType(every))
 
-    def as_json(self) -> dict:
+    def as_json(self) -> dict[str, Any]:
+        """Return what one line of `tactile classify` holds."""
         return {'shape': self.shape.value, 'confidence': self.confidence,
                 'probabilities': {shape.value: p for shape, p in self.probabilities.items()}}

@@ -11,9 +11,11 @@ in the same band of N.
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
+from numpy.typing import ArrayLike
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import Features, Group
@@ -69,16 +71,15 @@ class VolfClassifier:
             return Recognition.certain(Shape.NONE)
         if count < SMALLEST:
             return Recognition.certain(Shape.UNKNOWN)
-        points = [[plane_feature(features, axis) for axis in (plane.horizontal, plane.vertical)]
-                  for plane in self.planes.values()]
-        heights = np.array([plane.height(*point) for plane, point in zip(self.planes.values(), points)])
+        heights = np.array([plane.height(plane_feature(features, plane.horizontal),
+                                         plane_feature(features, plane.vertical)) for plane in self.planes.values()])
         if np.isnan(heights).any():
             return Recognition.certain(Shape.UNKNOWN)
         shares = self.shares[band_of(count), by_curves(heights)]
         return Recognition.of(dict(zip(ANSWERS, shares.tolist())))
 
 
-def band_of(count: np.ndarray) -> np.ndarray:
+def band_of(count: ArrayLike) -> np.ndarray | np.intp:
     """Index into BANDS of a number of taxels."""
     return np.searchsorted(BANDS[1:], count, 'right')
 
@@ -86,26 +87,28 @@ def band_of(count: np.ndarray) -> np.ndarray:
 def by_curves(heights: np.ndarray) -> np.ndarray:
     """Index into the shapes that remain: the first curve a pattern lies above; ``heights``: (curves, ...)."""
     above = np.concatenate((heights > 0, np.ones((1, *heights.shape[1:]), bool)))
-    return above.argmax(0)
+    first: np.ndarray = above.argmax(0)
+    return first
 
 
-def _plane(data: Mapping) -> Plane:
+def _plane(data: Mapping[str, Any]) -> Plane:
     """One plane of the file; KeyError, TypeError, ValueError where it is not one."""
-    names = [tuple(map(str, data[key])) for key in ('horizontal', 'vertical')]
+    horizontal, vertical = (tuple(map(str, data[key])) for key in ('horizontal', 'vertical'))
     knots, levels = (tuple(float(value) for value in data[key]) for key in ('knots', 'levels'))
-    if [len(name) for name in names] != [2, 2] or not 2 <= len(knots) == len(levels):
+    if len(horizontal) != 2 or len(vertical) != 2 or not 2 <= len(knots) == len(levels):
         raise ValueError('a plane without two names an axis and as many levels as knots, at least two')
     if not np.isfinite(knots + levels).all() or not (np.diff(knots) > 0).all():
         raise ValueError('a curve that is not finite, or whose knots do not rise')
-    return Plane(*names, knots, levels)
+    return Plane(horizontal, vertical, knots, levels)
 
 
-def _shares(data: Mapping) -> np.ndarray:
+def _shares(data: Mapping[str, Any]) -> np.ndarray:
     """Probabilities by band and answer; KeyError, TypeError, ValueError where they are none."""
     shares = np.array([data[shape.value] for shape in ANSWERS], float).swapaxes(0, 1)
     if shares.shape != (len(BANDS), len(ANSWERS), len(ANSWERS)) or not (shares >= 0).all():
         raise ValueError(f'shares that are not {len(BANDS)} rows of {len(ANSWERS)} probabilities an answer')
-    return shares / shares.sum(2, keepdims=True)
+    probabilities: np.ndarray = shares / shares.sum(2, keepdims=True)
+    return probabilities
 
 
 def _unusable(path: str | Path, got: str) -> ConfigurationError:
