@@ -1,5 +1,7 @@
 """The errors this package raises: one small tree, every message with a way out."""
 
+from enum import IntEnum
+
 
 class TactileError(Exception):
     """Something the caller gave us cannot be used.
@@ -36,8 +38,24 @@ class HalfZeroedError(DeviceError):
     """Some of a pad's channels have zeroed themselves and others have not, or may not have."""
 
 
+class TareRefusal(IntEnum):
+    """Why a tare was refused; the numbers are stable."""
+
+    NOT_KNOWN = 0
+    PRESSED = 1            #: something presses the pad
+    NO_VALID_VALUES = 2    #: no taxel of the pad has a valid value
+    TOO_FEW_FRAMES = 3     #: the frames to average did not come in time
+    DRIVER_NOT_ACTIVE = 4
+    BUSY = 5               #: another request is under way
+    TOO_MANY_FRAMES = 6    #: the request would take too long
+
+
 class TareRefusedError(TactileError):
-    """A pad cannot be tared now: something presses it, or its taxels do not come."""
+    """A pad cannot be tared now; ``refusal`` is the reason."""
+
+    def __init__(self, where: str, refusal: TareRefusal, *, expected: str, got: str, remedy: str):
+        super().__init__(where, expected=expected, got=got, remedy=remedy)
+        self.refusal = refusal
 
 
 class LogError(TactileError):

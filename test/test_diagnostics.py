@@ -1,5 +1,6 @@
 """/diagnostics is never OK while data is being discarded."""
 
+import numpy as np
 import pytest
 
 pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
@@ -8,6 +9,10 @@ from diagnostic_msgs.msg import DiagnosticStatus  # noqa: E402
 
 from tactile_node.assembly.router import BusStatistics  # noqa: E402
 from tactile_node.cia301.emergency import decode_emergency  # noqa: E402
+from tactile_node.conditioning.conditioned_pad import PadCondition  # noqa: E402
+from tactile_node.conditioning.tare import ZeroState  # noqa: E402
+from tactile_node.conditioning.taxel_faults import FaultyTaxels  # noqa: E402
+from tactile_node.errors import HalfZeroedError  # noqa: E402
 from tactile_node.frames.fault_text import PHRASES, failure_text  # noqa: E402
 from tactile_node.frames.health import (  # noqa: E402
     BusFault,
@@ -19,7 +24,7 @@ from tactile_node.frames.health import (  # noqa: E402
     Outages,
 )
 from tactile_node.frames.losses import LossReason, PadStatistics  # noqa: E402
-from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
+from tactile_node.ros.diagnostics import ZERO_TEXT, BusDiagnostics  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
@@ -107,3 +112,21 @@ def test_values_of_a_node_are_told_by_name():
     assert (values['nmt_state'], values['heartbeat_age_s'], values['outages'], values['outage_seconds']) == (
         'OPERATIONAL', '0.25', '2', '1.50')
     assert values['emcy_count'] == '4' and 'heartbeat error' in values['emcy_last']
+
+
+@pytest.mark.parametrize('zero', [zero for zero in ZeroState if zero is not ZeroState.VALID])
+def test_a_pad_whose_zero_is_not_valid_is_an_error_that_says_why(zero):
+    diagnostics, no_faults = BusDiagnostics('driver', 'can0'), FaultyTaxels(np.zeros((1, 1), np.uint8))
+    conditions = {'left': PadCondition(no_faults, zero=zero)}
+    status = diagnostics.message(statistics(), healthy_but(), conditions).status[1]
+    assert status.level == ERROR and ZERO_TEXT[zero] in status.message
+    conditions = {'left': PadCondition(no_faults)}
+    assert diagnostics.message(statistics(frames=20), healthy_but(), conditions).status[1].level == OK
+
+
+def test_what_the_device_reported_of_a_zero_in_part_is_named():
+    error = HalfZeroedError('node 5', expected='that it zeroes itself', got='an abort', remedy='See its manual.')
+    condition = PadCondition(FaultyTaxels(np.zeros((1, 1), np.uint8)), zero=ZeroState.DEVICE_PARTLY_ZEROED,
+                             zero_error=error)
+    status = BusDiagnostics('driver', 'can0').message(statistics(), healthy_but(), {'left': condition}).status[1]
+    assert str(error) in status.message

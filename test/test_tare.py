@@ -5,8 +5,8 @@ import threading
 import numpy as np
 import pytest
 
-from tactile_node.conditioning.tare import TaredPad, measure
-from tactile_node.errors import DeviceError, HalfZeroedError, TareRefusedError
+from tactile_node.conditioning.tare import TaredPad, ZeroState, measure
+from tactile_node.errors import DeviceError, HalfZeroedError, TareRefusal, TareRefusedError
 from tactile_node.frames.taxel_frame import TaxelFrame
 
 LIMIT = 10.0
@@ -35,16 +35,18 @@ def test_refused_while_something_presses(press):
     values = frames(np.zeros((6, 8)), 0.1, 50)
     values[:, 2, 3] += {'held': np.full(50, 11.0), 'growing': np.linspace(0, 11, 50),
                         'tapping': np.arange(50) % 25 == 0}[press] * (12 if press == 'tapping' else 1)
-    with pytest.raises(TareRefusedError, match='row 2, column 3'):
+    with pytest.raises(TareRefusedError, match='row 2, column 3') as refused:
         measure(values, LIMIT)
+    assert refused.value.refusal is TareRefusal.PRESSED
 
 
 def test_a_taxel_without_a_valid_value_keeps_its_zero():
     values = frames(np.ones((2, 2)), 0.0, 5)
     values[2, 0, 1] = np.nan
     assert measure(values, LIMIT).offset.tolist() == [[1, 0], [1, 1]]
-    with pytest.raises(TareRefusedError, match='valid'):
+    with pytest.raises(TareRefusedError) as refused:
         measure(np.full((5, 2, 2), np.nan), LIMIT)
+    assert refused.value.refusal is TareRefusal.NO_VALID_VALUES
 
 
 def tared(pad: TaredPad, given: list[TaxelFrame], count: int, timeout: float = 20.0, zero_device=None,
@@ -82,9 +84,10 @@ def test_whole_frames_alone_count_and_the_tare_is_taken_off_afterwards():
 def test_refused_leaves_the_tare_before_and_too_few_frames_are_told():
     pad = TaredPad()
     tared(pad, [frame([[1.0]])], 3)
-    assert 'nothing on the pad' in str(tared(pad, [frame([[50.0]])], 3))
+    assert tared(pad, [frame([[50.0]])], 3).refusal is TareRefusal.PRESSED
     assert pad.feed(frame([[1.0]])).values.tolist() == [[0.0]]
-    assert '5 whole taxel frames' in str(tared(pad, [frame([[1.0]], missing=1)], 5, timeout=0.05))
+    refused = tared(pad, [frame([[1.0]], missing=1)], 5, timeout=0.05)
+    assert refused.refusal is TareRefusal.TOO_FEW_FRAMES and '5 whole taxel frames' in refused.expected
 
 
 def test_while_the_device_zeroes_itself_no_value_is_valid():
@@ -103,8 +106,8 @@ def test_while_the_device_zeroes_itself_no_value_is_valid():
 
 def test_a_device_is_not_asked_to_take_a_load_for_its_zero():
     pad, asked = TaredPad(), []
-    assert 'nothing on the pad' in str(tared(pad, [frame([[50.0]])], 3, zero_device=lambda: asked.append(1)))
-    assert not asked and pad.feed(frame([[50.0]])).values.tolist() == [[50]]
+    refused = tared(pad, [frame([[50.0]])], 3, zero_device=lambda: asked.append(1))
+    assert refused.refusal is TareRefusal.PRESSED and not asked and pad.feed(frame([[50.0]])).values.tolist() == [[50]]
 
 
 def refuses(error):
@@ -116,17 +119,19 @@ def refuses(error):
 def test_a_device_that_zeroes_nothing_leaves_the_tare_before():
     pad = TaredPad()
     tared(pad, [frame([[3.0]])], 3)
-    assert 'an abort' in str(tared(pad, [frame([[3.0]])], 3, zero_device=refuses(DeviceError)))
-    assert pad.feed(frame([[4.0]])).values.tolist() == [[1.0]] and not pad.doubt
+    error = tared(pad, [frame([[3.0]])], 3, zero_device=refuses(DeviceError))
+    assert type(error) is DeviceError and error.got == 'an abort'
+    assert pad.feed(frame([[4.0]])).values.tolist() == [[1.0]] and pad.zero_state is ZeroState.VALID
 
 
 def test_of_a_device_that_zeroes_itself_in_part_no_value_is_valid_until_the_next_tare():
     pad = TaredPad()
     tared(pad, [frame([[3.0]])], 3)
-    tared(pad, [frame([[3.0]])], 3, zero_device=refuses(HalfZeroedError))
-    assert np.isnan(pad.feed(frame([[4.0]])).values).all() and 'in part' in pad.doubt
+    error = tared(pad, [frame([[3.0]])], 3, zero_device=refuses(HalfZeroedError))
+    assert np.isnan(pad.feed(frame([[4.0]])).values).all()
+    assert pad.zero_state is ZeroState.DEVICE_PARTLY_ZEROED and pad.zero_error is error
     tared(pad, [frame([[1.0]])], 3)
-    assert pad.feed(frame([[4.0]])).values.tolist() == [[3.0]] and not pad.doubt
+    assert pad.feed(frame([[4.0]])).values.tolist() == [[3.0]] and pad.zero_state is ZeroState.VALID
 
 
 def test_a_device_that_has_lost_its_zero_gives_no_valid_value_until_the_next_tare():
@@ -134,17 +139,19 @@ def test_a_device_that_has_lost_its_zero_gives_no_valid_value_until_the_next_tar
     tared(pad, [frame([[0.5]])], 3, zero_device=lambda: 1, is_kept=lambda: not boots)
     assert pad.feed(frame([[4.0]])).values.tolist() == [[3.5]]
     boots.append('power cycle')
-    assert np.isnan(pad.feed(frame([[8.0]])).values).all() and 'started anew' in pad.doubt
+    assert np.isnan(pad.feed(frame([[8.0]])).values).all()
+    assert pad.zero_state is ZeroState.DEVICE_HAS_RESTARTED
     tared(pad, [frame([[4.5]])], 3)
-    assert pad.feed(frame([[8.0]])).values.tolist() == [[3.5]] and not pad.doubt
+    assert pad.feed(frame([[8.0]])).values.tolist() == [[3.5]] and pad.zero_state is ZeroState.VALID
 
 
 def test_who_waits_for_frames_that_no_longer_come_is_told_why():
     pad, refused = TaredPad(), []
 
     def tare():
-        with pytest.raises(TareRefusedError, match='one that was deactivated'):
+        with pytest.raises(TareRefusedError) as error:
             pad.tare(5, LIMIT, 20.0)
+        assert error.value.refusal is TareRefusal.DRIVER_NOT_ACTIVE and error.value.got == 'one that was deactivated'
         refused.append(True)
     waiting = threading.Thread(target=tare)
     waiting.start()

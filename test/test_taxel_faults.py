@@ -60,7 +60,7 @@ def setting(place, value):
                                              (FULL, SATURATED)])
 def test_found_after_a_few_contacts_and_nothing_else(value, kind):
     found = Pad(setting((5, 6), value)).touches(*places())
-    assert found.places(kind) == [(5, 6)] and found.count == 1
+    assert found.places(kind) == [(5, 6)] and found.total == 1
 
 
 @pytest.mark.parametrize(('values', 'kinds'), [((42.0, 42.0), (STUCK, STUCK)), ((42.0, FULL), (STUCK, SATURATED)),
@@ -69,7 +69,7 @@ def test_faults_side_by_side_are_found(values, kinds):
     def spoil(given, n):
         return setting((5, 6), values[0])(setting((6, 7), values[1])(given, n), n)
     found = Pad(spoil).touches(*places(), pause=30)
-    assert (found.kinds[5, 6], found.kinds[6, 7], found.count) == (*kinds, 2)
+    assert (found.kinds[5, 6], found.kinds[6, 7], found.total) == (*kinds, 2)
 
 
 def test_a_stuck_taxel_stays_so_within_a_contact_and_while_another_begins_to_flicker():
@@ -103,13 +103,13 @@ def test_flickering_is_found_without_a_touch():
 def test_flickering_is_taken_back_when_it_ends():
     pad = Pad(setting((2, 3), lambda n: 80.0 * (n % 2 and n < 100)))
     still = np.zeros((SIDE, SIDE))
-    assert pad.frames(still, 100).count == 1 and pad.frames(still, 1000).count == 0
+    assert pad.frames(still, 100).total == 1 and pad.frames(still, 1000).total == 0
 
 
 def test_a_sign_of_life_takes_the_verdict_back():
     pad = Pad(lambda values, n: setting((5, 6), 0.0)(values, n) if n < 160 else values)
     assert pad.touches(*places()).places(DEAD) == [(5, 6)]
-    assert pad.touches(disc(5, 6, 3)).count == 0
+    assert pad.touches(disc(5, 6, 3)).total == 0
 
 
 @pytest.mark.slow
@@ -143,7 +143,7 @@ def test_a_taxel_that_sticks_in_a_touch_is_found_by_the_next_ones_in_the_same_pl
             values[place] = 42.0
         return values
     found = Pad(spoil).touches(*[disc(6, 6, 1.5)] * 10)
-    assert found.places(STUCK) == stuck and found.count == len(stuck)
+    assert found.places(STUCK) == stuck and found.total == len(stuck)
 
 
 def test_frames_without_values_are_no_evidence():
@@ -177,13 +177,13 @@ def test_known_taxels_are_nan_from_the_first_frame_with_their_reason():
     np.testing.assert_array_equal(got.values, np.array([[1, np.nan], [np.nan, 4]], np.float32))
     assert got.status.tolist() == [[TaxelStatus.VALID, TaxelStatus.DEAD], [TaxelStatus.FAULTY, TaxelStatus.VALID]]
     assert not got.values.flags.writeable
-    assert pad.faults.count == 2
+    assert pad.faults.total == 2
 
 
 def test_what_is_found_is_masked_only_when_asked_for():
     pad = ConditionedPad(TaredPad(), FaultDetector(2, 2, LIMIT), known())
     pad.detector.update = lambda *_: known((0, 1, DEAD))
-    assert pad.feed(frame([[1, 2], [3, 4]])).values.tolist() == [[1, 2], [3, 4]] and pad.faults.count == 1
+    assert pad.feed(frame([[1, 2], [3, 4]])).values.tolist() == [[1, 2], [3, 4]] and pad.faults.total == 1
     pad.masks = True
     assert np.isnan(pad.feed(frame([[1, 2], [3, 4]])).values[0, 1])
 
@@ -252,9 +252,9 @@ def test_faults_are_kept_on_file_beside_those_of_other_pads(tmp_path):
     save_faults(path, {'left': known((0, 1, DEAD), (1, 1, FLICKERING))})
     save_faults(path, {'right': known((1, 0, SATURATED))})
     left, right = load_faults(path, {'left': (2, 2), 'right': (2, 2)}).values()
-    assert left.places(DEAD) == [(0, 1)] and left.places(FLICKERING) == [(1, 1)] and left.count == 2
-    assert right.places(SATURATED) == [(1, 0)] and right.count == 1
-    assert load_faults(tmp_path / 'none.yaml', {'left': (2, 2)})['left'].count == 0
+    assert left.places(DEAD) == [(0, 1)] and left.places(FLICKERING) == [(1, 1)] and left.total == 2
+    assert right.places(SATURATED) == [(1, 0)] and right.total == 1
+    assert load_faults(tmp_path / 'none.yaml', {'left': (2, 2)})['left'].total == 0
 
 
 @pytest.mark.parametrize(('content', 'says'), [

@@ -1,11 +1,12 @@
-"""All that is done to one pad's frames between the bus and whoever uses them."""
+"""All that is done to one pad's frames between the bus and their consumers."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.conditioning.tare import TaredPad
+from tactile_node.conditioning.tare import TaredPad, ZeroState
 from tactile_node.conditioning.taxel_faults import FaultDetector, FaultyTaxels, TaxelFault
+from tactile_node.errors import HalfZeroedError
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus, without_any_value
 from tactile_node.read_only import read_only
 
@@ -13,16 +14,19 @@ LONGEST_STEP = 2.0  # s between two frames that still count as successive
 
 
 class PadCondition(NamedTuple):
-    """What has been found out about a pad."""
+    """What is known of a pad."""
 
     faults: FaultyTaxels
     unchanged: float = 0.0  #: for how long no taxel has read another value [s]
     is_frozen: bool = False
-    zero_doubt: str = ''  #: why the zero is unknown and no value valid
+    zero: ZeroState = ZeroState.VALID  #: unless VALID, no value is valid
+    zero_error: HalfZeroedError | None = None  #: what the device reported, when it is PARTLY_ZEROED
 
 
 class ConditionedPad:
-    """Faulty taxels out, zero off, gains on, in this order: value = gain x (reading - zero), NaN where faulty.
+    """Masks faulty taxels, subtracts the zero, applies the gains, in this order.
+
+    value = gain x (reading - zero), NaN where faulty.
 
     ``known`` are faulty and taken out from the first frame; ``detector`` finds more, which are reported and, with
     ``masks``, taken out too.
@@ -31,10 +35,17 @@ class ConditionedPad:
     """
 
     def __init__(self, tared: TaredPad, detector: FaultDetector, known: FaultyTaxels, gains: np.ndarray | None = None):
-        self.tared, self.masks, self.frozen_after, self.unchanged = tared, False, 0.0, 0.0
+        self.tared = tared
+        self.detector = detector
+        self.masks = False
+        self.frozen_after = 0.0
+        self.unchanged = 0.0
         self._stamp = np.inf
-        self.detector, self._known, self._gains = detector, known, gains
-        self._faults, self._found, self._status = known, None, None
+        self._known = known
+        self._gains = gains
+        self._faults = known
+        self._found: FaultyTaxels | None = None
+        self._status = np.zeros_like(known.kinds)
 
     @property
     def faults(self) -> FaultyTaxels:
@@ -43,14 +54,17 @@ class ConditionedPad:
 
     @property
     def condition(self) -> PadCondition:
-        return PadCondition(self._faults, self.unchanged, self.is_frozen, self.tared.doubt)
+        zero = self.tared.zero_state
+        error = self.tared.zero_error if zero is ZeroState.DEVICE_PARTLY_ZEROED else None
+        return PadCondition(faults=self._faults, unchanged=self.unchanged, is_frozen=self.is_frozen, zero=zero,
+                            zero_error=error)
 
     @property
     def is_frozen(self) -> bool:
         return 0 < self.frozen_after <= self.unchanged
 
     def feed(self, frame: TaxelFrame) -> TaxelFrame:
-        """Return the frame as it is to be used."""
+        """Return the conditioned frame."""
         zero = 0.0 if self.tared.offset is None else self.tared.offset
         found = self.detector.update(frame.stamp, frame.values, zero, frame.status == TaxelStatus.SATURATED)
         if found is not self._found:
@@ -66,7 +80,7 @@ class ConditionedPad:
         return frame
 
     def _count_unchanged(self, frame: TaxelFrame) -> None:
-        """Only time in which readings came counts; stamps that go back begin anew."""
+        """Only time in which readings came counts; stamps that go back start it again."""
         step, self._stamp = frame.stamp - self._stamp, frame.stamp
         if self.detector.has_changed or step < 0:
             self.unchanged = 0.0

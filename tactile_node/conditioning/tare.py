@@ -1,19 +1,29 @@
-"""Tare: the reading of each taxel with nothing on it, measured and taken off."""
+"""Tare: the reading of each taxel with nothing on it, measured and subtracted."""
 
 import threading
 from collections.abc import Callable
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 
 from tactile_node.conditioning.drift import DriftFollower
-from tactile_node.errors import HalfZeroedError, TareRefusedError
+from tactile_node.errors import HalfZeroedError, TareRefusal, TareRefusedError
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus, without_any_value
 from tactile_node.read_only import read_only
 
-LOST_ZERO = 'its device has started anew since it zeroed itself'
 FAULTY = (TaxelStatus.DEAD, TaxelStatus.FAULTY)
-SETTLING = 3  #: frames given up after a device has zeroed itself: some were under way
+SETTLING = 3  #: frames ignored after a device has zeroed itself: some were under way
+
+
+class ZeroState(IntEnum):
+    """Whether the zero of a pad is valid; if not, why. The numbers are stable."""
+
+    NOT_KNOWN = 0
+    VALID = 1                   #: subtracted here, or as the device sends it
+    DEVICE_IS_ZEROING = 2       #: the device is zeroing itself
+    DEVICE_PARTLY_ZEROED = 3    #: the device has zeroed some of its channels only
+    DEVICE_HAS_RESTARTED = 4    #: the device has restarted since it zeroed itself
 
 
 class Tare(NamedTuple):
@@ -38,7 +48,7 @@ def measure(values: np.ndarray, limit: float) -> Tare:
     """
     known = np.isfinite(values).all(0)
     if not known.any():
-        raise TareRefusedError('tare', expected='taxels with valid values', got='none',
+        raise TareRefusedError('tare', TareRefusal.NO_VALID_VALUES, expected='taxels with valid values', got='none',
                                remedy='See /diagnostics: do all CAN frames of the pad arrive?')
     mean = np.where(known, values.mean(0), 0)
     varies = np.where(known, np.ptp(np.where(known, values, 0), axis=0), 0)
@@ -46,7 +56,7 @@ def measure(values: np.ndarray, limit: float) -> Tare:
     if (worst >= limit).any():
         row, col = np.unravel_index(worst.argmax(), worst.shape)
         raise TareRefusedError(
-            'tare', expected=f'nothing on the pad: all taxels below {limit:g}, and steady',
+            'tare', TareRefusal.PRESSED, expected=f'nothing on the pad: all taxels below {limit:g}, and steady',
             got=f'{np.count_nonzero(worst >= limit)} taxels above, most at row {row}, column {col}: mean '
                 f'{mean[row, col]:g}, varying by {varies[row, col]:g}',
             remedy='Open the gripper. If nothing presses: set "offset" in the layout, or raise tare_limit.')
@@ -54,7 +64,7 @@ def measure(values: np.ndarray, limit: float) -> Tare:
 
 
 class TaredPad:
-    """Takes the zero of one pad off its frames; frames come on one thread, ``tare`` is called on another.
+    """Subtracts the zero of one pad from its frames; frames come on one thread, ``tare`` is called on another.
 
     With ``drift`` the zero follows the taxels while nothing presses.
 
@@ -65,72 +75,80 @@ class TaredPad:
 
     def __init__(self, drift: DriftFollower | None = None):
         self.offset: np.ndarray | None = None
-        self._doubt, self._is_device_zero_kept = '', lambda: True
         self.drift = drift
-        self._wanted, self._taken, self._changed = 0, [], threading.Condition()
+        self.zero_error: HalfZeroedError | None = None  #: what the device reported, when it is PARTLY_ZEROED
+        self._zero_state = ZeroState.VALID
+        self._is_device_zero_kept: Callable[[], bool] = lambda: True
+        self._wanted = 0
+        self._taken: list[np.ndarray] = []
+        self._changed = threading.Condition()
         self._ended = ''  # why no more frames come, '' while they may
 
     @property
-    def doubt(self) -> str:
-        """Why the zero is unknown, so that no value is valid; '' while it is known."""
-        return self._doubt or ('' if self._is_device_zero_kept() else LOST_ZERO)
+    def zero_state(self) -> ZeroState:
+        """Whether the zero is valid; while it is not, no value is."""
+        if self._zero_state is ZeroState.VALID and not self._is_device_zero_kept():
+            return ZeroState.DEVICE_HAS_RESTARTED
+        return self._zero_state
 
     def feed(self, frame: TaxelFrame) -> TaxelFrame:
-        """Return the frame, its tare taken off."""
-        doubt = self.doubt
+        """Return the frame, its tare subtracted."""
+        is_valid = self.zero_state is ZeroState.VALID
         with self._changed:
             if self._wanted and not frame.missing_can_frames:
                 self._taken.append(frame.values)
                 self._wanted -= 1
                 self._changed.notify()
-            if (drift := self.drift) is not None and not doubt:
+            if (drift := self.drift) is not None and is_valid:
                 zero = np.zeros_like(frame.values) if self.offset is None else self.offset
                 self.offset = drift.update(frame.stamp, frame.values, zero, np.isin(frame.status, FAULTY))
-        if doubt:
+        if not is_valid:
             return without_any_value(frame)
         if self.offset is None:
             return frame
         return frame._replace(values=read_only((frame.values - self.offset).astype(np.float32, copy=False)))
 
     def tare(self, frames: int, limit: float, timeout: float) -> Tare:
-        """Average the next whole ``frames`` into a new tare; TareRefusedError, also after ``timeout`` [s]."""
+        """Average the next complete ``frames`` into a new tare; TareRefusedError, also after ``timeout`` [s]."""
         found = self.measure_next(frames, limit, timeout)
         with self._changed:  # a taxel that could not be measured keeps its zero
             offset = found.offset if self.offset is None else np.where(found.known, found.offset, self.offset)
             self.offset = read_only(offset)
-            self._doubt, self._is_device_zero_kept = '', lambda: True
+            self._zero_state = ZeroState.VALID
+            self._is_device_zero_kept = lambda: True
         return found
 
     def tare_after(self, zero_device: Callable[[], int], is_kept: Callable[[], bool], frames: int, limit: float,
                    timeout: float) -> tuple[int, Tare]:
-        """Let the device zero itself, then take off what is left; return what ``zero_device`` does, too.
+        """Let the device zero itself, then subtract what is left; return the result of ``zero_device``, too.
 
-        Refused under load before the device is asked, or it would take the load for its zero. Until the new tare is
-        known no value is valid. From then on ``is_kept`` tells whether the device still has its zero (CiA 404: after a
-        reset it has not, unless it was told to save it); once it has not, no value is valid before the next tare.
-        When ``zero_device`` raises all is as before, but for HalfZeroedError: then no value is valid.
+        Refused under load before the device is requested, or it would take the load for its zero. Until the new tare
+        is known no value is valid. From then on ``is_kept`` reports whether the device still has its zero (CiA 404:
+        after a reset it has not, unless it was told to save it); once it has not, no value is valid before the next
+        tare. When ``zero_device`` raises, all is as before; after HalfZeroedError no value is valid.
         """
         self.measure_next(frames, limit, timeout)
-        before = self._doubt, self.offset
+        before = self._zero_state, self.offset
         with self._changed:
-            self._doubt, self.offset = 'its device is zeroing itself', None
+            self._zero_state, self.offset = ZeroState.DEVICE_IS_ZEROING, None
         try:
             zeroed = zero_device()
         except HalfZeroedError as error:
-            self._doubt = f'its device has zeroed itself in part: {error}'
+            self.zero_error = error
+            self._zero_state = ZeroState.DEVICE_PARTLY_ZEROED
             raise
         except BaseException:
             with self._changed:
-                self._doubt, self.offset = before
+                self._zero_state, self.offset = before
             raise
         try:
             self.measure_next(SETTLING, np.inf, timeout)
             return zeroed, self.tare(frames, limit, timeout)
         finally:
-            self._doubt, self._is_device_zero_kept = '', is_kept
+            self._zero_state, self._is_device_zero_kept = ZeroState.VALID, is_kept
 
     def give_up(self, why: str) -> None:
-        """No frames come until ``expect``: whoever waits for some is refused at once."""
+        """No frames come until ``expect``: any tare that waits for some is refused at once."""
         with self._changed:
             self._ended = why
             self._changed.notify()
@@ -144,11 +162,13 @@ class TaredPad:
         with self._changed:
             self._taken, self._wanted = [], frames
             self._changed.wait_for(lambda: not self._wanted or self._ended, timeout)
-            taken, self._taken, self._wanted = self._taken, [], 0
+            taken = self._taken
+            self._taken, self._wanted = [], 0
         if len(taken) < frames and self._ended:
-            raise TareRefusedError('tare', expected='a driver that is active', got=self._ended,
-                                   remedy='Activate it and ask again.')
+            raise TareRefusedError('tare', TareRefusal.DRIVER_NOT_ACTIVE, expected='a driver that is active',
+                                   got=self._ended, remedy='Activate it and request the tare again.')
         if len(taken) < frames:
-            raise TareRefusedError('tare', expected=f'{frames} whole taxel frames within {timeout:.1f} s',
-                                   got=f'{len(taken)}', remedy='See /diagnostics: it says what is lost.')
+            raise TareRefusedError('tare', TareRefusal.TOO_FEW_FRAMES, got=f'{len(taken)}',
+                                   expected=f'{frames} whole taxel frames within {timeout:.1f} s',
+                                   remedy='See /diagnostics: it names the losses.')
         return measure(np.stack(taken), limit)

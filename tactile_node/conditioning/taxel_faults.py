@@ -50,7 +50,8 @@ class FaultyTaxels(NamedTuple):
                          for kind, places in found.items() if places)
 
     @property
-    def count(self) -> int:
+    def total(self) -> int:
+        """How many taxels are faulty."""
         return int(np.count_nonzero(self.kinds))
 
 
@@ -132,10 +133,10 @@ class FaultDetector:
         return self._jumps >= max(FLICKER_JUMPS, FLICKER_SHARE * self._frames)
 
     def _is_contact_over(self) -> bool:
-        risen, pressed = np.count_nonzero(self._risen), np.count_nonzero(self._pressed)
+        risen, pressed = int(np.count_nonzero(self._risen)), int(np.count_nonzero(self._pressed))
         self._height = max(self._height, pressed)
-        return (risen >= MIN_TOUCHED and pressed <= RELEASED * self._height
-                and np.count_nonzero(self._risen & ~self._pressed) >= FALLEN * risen)
+        fallen = np.count_nonzero(self._risen & ~self._pressed)
+        return bool(risen >= MIN_TOUCHED and pressed <= RELEASED * self._height and fallen >= FALLEN * risen)
 
     def _count_contact(self) -> None:
         touched, self._risen, self._height = self._risen, np.zeros_like(self._risen), 0

@@ -35,7 +35,8 @@ def depth_inside(corners: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarra
     """
     edges = edges_of(corners)
     depths = [offset - (outward[0] * x + outward[1] * y) for outward, (offset,) in zip(edges.outward, edges.offset)]
-    return np.minimum.reduce(depths)
+    nearest: np.ndarray = np.minimum.reduce(depths)
+    return nearest
 
 
 def moving_depth(corners: np.ndarray, motions: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -94,7 +94,7 @@ class GraspTracker:
     def update(self, side: str, result: SideResult, gap: float = 0.0) -> GraspState:
         """Take ``result`` of ``side`` ("left" or "right") at an opening of ``gap`` [m] and return the grasp.
 
-        A result older than the side's latest starts that side anew: its clock was set back. Raises
+        A result older than the side's latest starts that side again: its clock was set back. Raises
         ConfigurationError for another side.
         """
         if side not in SIDES:
@@ -105,31 +105,34 @@ class GraspTracker:
         return self._state(gap)
 
     def _anchor(self, side: str, result: SideResult) -> None:
-        """Keep the result since which this side has held: another shape, a slip or a silence begins anew."""
+        """Keep the result since which this side has held: another shape, a slip or a silence starts it again."""
         anchor, before = self._anchors[side], self._latest[side]
         if result.centre is None:
             self._anchors[side] = None
-        elif (anchor is None or result.shape is not anchor.shape
+        elif (anchor is None or anchor.centre is None or before is None or result.shape is not anchor.shape
               or not 0 <= result.stamp - before.stamp <= self._settings.max_skew
               or np.hypot(*np.subtract(result.centre, anchor.centre)) > self._settings.centre_tolerance):
             self._anchors[side] = result
 
     def _state(self, gap: float) -> GraspState:
-        sides = tuple(self._latest[side] for side in SIDES)
-        known = [side for side in sides if side is not None]
-        stamp = max(side.stamp for side in known)
-        contact = GraspContact(sum(side.centre is not None for side in known))
-        fresh = len(known) == 2 and abs(sides[0].stamp - sides[1].stamp) <= self._settings.max_skew
-        if contact is not GraspContact.TWO_SIDED or not fresh:
-            return GraspState(stamp, sides, contact, fresh, None, 0.0, False)
-        held = max(0.0, min(side.stamp for side in sides) - max(self._anchors[side].stamp for side in SIDES))
-        stable = held >= self._settings.min_hold
-        return GraspState(stamp, sides, contact, fresh, self._line(sides, gap), held, stable)
+        left, right = (self._latest[side] for side in SIDES)
+        known = [side for side in (left, right) if side is not None]
+        centres = [side.centre for side in known if side.centre is not None]
+        fresh = left is not None and right is not None and abs(left.stamp - right.stamp) <= self._settings.max_skew
+        state = GraspState(stamp=max(side.stamp for side in known), sides=(left, right),
+                           contact=GraspContact(len(centres)), fresh=fresh, line=None, held=0.0, stable=False)
+        if state.contact is not GraspContact.TWO_SIDED or not fresh:
+            return state
+        began = max(anchor.stamp for anchor in self._anchors.values() if anchor is not None)
+        held = max(0.0, min(side.stamp for side in known) - began)
+        line = self._line(centres[0], centres[1], gap)
+        return state._replace(line=line, held=held, stable=held >= self._settings.min_hold)
 
-    def _line(self, sides: tuple[SideResult, SideResult], gap: float) -> Line:
+    def _line(self, left_centre: tuple[float, float], right_centre: tuple[float, float], gap: float) -> Line:
         gripper = self._settings.gripper
-        left, right = gripper.left.place(sides[0].centre, gap), gripper.right.place(sides[1].centre, gap)
+        left, right = gripper.left.place(left_centre, gap), gripper.right.place(right_centre, gap)
         across = right - left
         along = float(across @ gripper.closing)
         offset = float(np.linalg.norm(across - along * gripper.closing))
-        return Line(left, right, float(np.linalg.norm(across)), offset, float(np.arctan2(offset, along)))
+        return Line(left=left, right=right, width=float(np.linalg.norm(across)), offset=offset,
+                    misalignment=float(np.arctan2(offset, along)))

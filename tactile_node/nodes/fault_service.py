@@ -28,7 +28,7 @@ class FaultService:
             faults = self._faults()
             save_faults(self._path, faults)
             response.success = True
-            response.message = f'{sum(found.count for found in faults.values())} faulty taxels written to {self._path}.'
+            response.message = f'{sum(found.total for found in faults.values())} faulty taxels written to {self._path}.'
         except ConfigurationError as error:
             response.success, response.message = False, str(error)
         return response

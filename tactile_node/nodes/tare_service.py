@@ -11,7 +11,7 @@ from rclpy.task import Future
 
 from tactile_node.conditioning.tare import Tare as Measured
 from tactile_node.conditioning.tare import TaredPad
-from tactile_node.errors import ConfigurationError, TactileError, TareRefusedError
+from tactile_node.errors import ConfigurationError, TactileError, TareRefusal, TareRefusedError
 from tactile_skin.srv import Tare
 
 FRAMES = 50  #: averaged unless the request says otherwise
@@ -82,11 +82,11 @@ class TareService:
 
     def _ready(self) -> Zeroing:
         if self._zeroing is None:
-            raise TareRefusedError('tare', expected='a configured driver', got='one that is not',
-                                   remedy='Configure and activate it first.')
+            raise TareRefusedError('tare', TareRefusal.DRIVER_NOT_ACTIVE, expected='a configured driver',
+                                   got='one that is not', remedy='Configure and activate it first.')
         if self._thread is not None and self._thread.is_alive():
-            raise TareRefusedError('tare', expected='one request after another', got='one while another is under way',
-                                   remedy='Wait for its answer.')
+            raise TareRefusedError('tare', TareRefusal.BUSY, expected='one request after another',
+                                   got='one while another is under way', remedy='Wait for its answer.')
         return self._zeroing
 
     def _work(self, zeroing: Zeroing, request: Tare.Request, response: Tare.Response, done: Future) -> None:
@@ -121,7 +121,8 @@ def _tared(zeroing: Zeroing, name: str, count: int, request: Tare.Request, respo
     pad, frames = zeroing.pads[name], request.frames or FRAMES
     given = frames, zeroing.limit(name), 1 + 2 * frames * zeroing.frame_period
     if (3 if request.on_device else 1) * count * given[2] > LONGEST:  # before, between and after
-        raise TareRefusedError('tare', expected=f'so few frames that all is done in {LONGEST:g} s at most',
+        raise TareRefusedError('tare', TareRefusal.TOO_MANY_FRAMES,
+                               expected=f'so few frames that all is done in {LONGEST:g} s at most',
                                got=f'{frames} of {zeroing.frame_period:g} s each on {count} pads',
                                remedy='Ask for fewer frames, or for one pad after another.')
     if not request.on_device:

@@ -65,7 +65,8 @@ def _step(problem: Problem, at: Solution, damping: float) -> np.ndarray:
     diagonal = damped.reshape(-1)[::len(slope) + 1]
     diagonal *= 1 + damping
     step: np.ndarray = dposv(damped, slope)[1]
-    return step * min(1.0, MAX_STEP / max(np.abs(step).max(), 1e-12))
+    step *= min(1.0, MAX_STEP / max(np.abs(step).max(), 1e-12))
+    return step
 
 
 def _bounded(model: Model, parameters: np.ndarray) -> np.ndarray:

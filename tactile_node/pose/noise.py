@@ -1,4 +1,4 @@
-"""What a fit believes of the values: their noise, found from the fit's own residuals, and its calibration."""
+"""What a fit assumes of the values: their noise, found from the fit's own residuals, and its calibration."""
 
 from typing import NamedTuple
 
@@ -9,8 +9,8 @@ from tactile_node.pose.skin_model import Prediction
 from tactile_node.shape.recognition import Shape
 
 SMALLEST_NOISE = 0.002  #: of a value [fraction of level]: no skin is better
-FELT = 0.05             #: taxels that feel less of the outline tell the noise
-RIM_COUNT = 20          #: worth of that belief [taxels]
+FELT = 0.05             #: taxels that feel less of the outline show the noise
+RIM_COUNT = 20          #: weight of that assumption [taxels]
 OUTLIER = 3.0           #: beyond so many standard deviations a taxel loses weight (Huber)
 TO_DEVIATION = 1.4826   #: from the median of absolute normal values
 PATTERN_NOISE = 0.02    #: least variance of an on/off taxel
@@ -38,7 +38,8 @@ CALIBRATION = {
 def weights_after(shape: Shape, prediction: Prediction, evidence: Evidence) -> np.ndarray:
     """Return 1 / variance of each value given a first fit, 0 where not used, less for outliers."""
     if evidence.on_off:
-        return evidence.used / (prediction.rim + PATTERN_NOISE)
+        of_pattern: np.ndarray = evidence.used / (prediction.rim + PATTERN_NOISE)
+        return of_pattern
     residual, at_rim = np.abs(evidence.values - prediction.values), prediction.rim > FELT
     flat = residual[evidence.used & ~at_rim]
     noise = max(SMALLEST_NOISE, TO_DEVIATION * float(np.partition(flat, flat.size // 2)[flat.size // 2])
@@ -47,7 +48,9 @@ def weights_after(shape: Shape, prediction: Prediction, evidence: Evidence) -> n
     own = max(rim @ rim - noise * rim.size, 0.0)
     rim_noise = (RIM_COUNT * CALIBRATION[shape].rim**2 + own) / (RIM_COUNT + rim.size)
     variance = noise + rim_noise * np.minimum(prediction.rim, 1)
-    return evidence.used / variance * np.minimum(1, OUTLIER * np.sqrt(variance) / np.maximum(residual, 1e-12))
+    trusted = np.minimum(1, OUTLIER * np.sqrt(variance) / np.maximum(residual, 1e-12))
+    weights: np.ndarray = evidence.used / variance * trusted
+    return weights
 
 
 def covariance_scale(shape: Shape, on_off: bool) -> float:

@@ -62,7 +62,7 @@ def rates_by_size(results: Results) -> Figure:
         axes.annotate(f'paper: {text}', (size, _number(text)), (-8, 6), textcoords='offset points', fontsize=9,
                       color='#c2410c', ha='right')
         axes.plot(size, _number(text), '*', ms=13, color='#c2410c')
-    axes.set_xticks(SIZES, SIZES)
+    axes.set_xticks(SIZES, [str(size) for size in SIZES])
     axes.set_xticks([], minor=True)
     axes.grid(alpha=0.3)
     axes.legend(frameon=False, fontsize=8, loc='upper left', bbox_to_anchor=(0, -0.12), ncol=2)

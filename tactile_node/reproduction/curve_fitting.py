@@ -38,8 +38,9 @@ class Samples(NamedTuple):
 
 def draw_samples(rng: np.random.Generator, patterns: int, areas: tuple[float, float] = AREAS,
                  progress: Callable[[int], None] = lambda done: None) -> Samples:
-    """Draw patterns, the classes in turn, areas log-uniform; those under SMALLEST taxels are drawn anew."""
-    rows, labels = [], []
+    """Draw patterns, the classes in turn, areas log-uniform; those under SMALLEST taxels are drawn again."""
+    rows: list[list[float]] = []
+    labels: list[int] = []
     names = [shape.value for shape in ANSWERS]
     while len(rows) < patterns:
         shape = CLASSES[len(rows) % len(CLASSES)]
@@ -62,7 +63,7 @@ def fit_planes(samples: Samples, third: tuple[str, str]) -> dict[str, Plane]:
     """
     names = [COLUMNS[:2], COLUMNS[:2], COLUMNS[2:4], (third, COLUMNS[5])]
     features = [(samples.of(horizontal), samples.of(vertical)) for horizontal, vertical in names]
-    curves = [None] * len(names)
+    curves: dict[int, Plane] = {}
     # To begin with every pattern gets as far as it should, and no farther.
     heights = np.where(samples.labels == np.arange(len(names))[:, None], 1.0, -1.0)
     most = -1
@@ -74,8 +75,8 @@ def fit_planes(samples: Samples, third: tuple[str, str]) -> dict[str, Plane]:
         right = int((by_curves(heights) == samples.labels).sum())
         if right <= most:
             break
-        most, best = right, list(curves)
-    return {ANSWERS[index].value: plane for index, plane in enumerate(best)}
+        most, best = right, dict(curves)
+    return {ANSWERS[index].value: best[index] for index in range(len(names))}
 
 
 def _gain(heights: np.ndarray, labels: np.ndarray, index: int) -> np.ndarray:

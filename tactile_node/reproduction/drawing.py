@@ -25,6 +25,15 @@ class Wanted(NamedTuple):
     areas: tuple[float, float]
 
 
+class Task(NamedTuple):
+    """What one process draws at a time: so many of the wanted patterns, from number ``first`` on."""
+
+    wanted: Wanted
+    first: int
+    patterns: int
+    rng: np.random.Generator
+
+
 class Drawn(NamedTuple):
     """Features of the planes over all 46 angles, and over those only that keep half of the taxels."""
 
@@ -34,14 +43,15 @@ class Drawn(NamedTuple):
 
 def draw(wanted: dict[str, Wanted], seed: int, jobs: int, progress: Callable[[str], None]) -> dict[str, Drawn]:
     """Draw what is ``wanted``, by name. The result does not depend on ``jobs``."""
-    tasks, names = [], []
+    parts: list[tuple[Wanted, int, int]] = []
+    names: list[str] = []
     for name, each in wanted.items():
         for first in range(0, each.patterns, BATCH):
             names.append(name)
-            tasks.append((each, first, min(BATCH, each.patterns - first)))
-    streams = {purpose: generator(purpose, seed).spawn(len(tasks)) for purpose in Purpose}
-    tasks = [(*task, streams[task[0].purpose][i]) for i, task in enumerate(tasks)]
-    rows = {name: [] for name in wanted}
+            parts.append((each, first, min(BATCH, each.patterns - first)))
+    streams = {purpose: generator(purpose, seed).spawn(len(parts)) for purpose in Purpose}
+    tasks = [Task(*part, streams[part[0].purpose][i]) for i, part in enumerate(parts)]
+    rows: dict[str, list[np.ndarray]] = {name: [] for name in wanted}
     with ProcessPoolExecutor(jobs) if jobs > 1 else nullcontext() as pool:
         for done, (name, batch) in enumerate(zip(names, _mapped(pool, tasks)), 1):
             rows[name].append(batch)
@@ -49,15 +59,15 @@ def draw(wanted: dict[str, Wanted], seed: int, jobs: int, progress: Callable[[st
     return {name: _samples(np.concatenate(batches)) for name, batches in rows.items()}
 
 
-def _mapped(pool: Executor | None, tasks: list) -> Iterable[np.ndarray]:
+def _mapped(pool: Executor | None, tasks: list[Task]) -> Iterable[np.ndarray]:
     return map(draw_batch, tasks) if pool is None else pool.map(draw_batch, tasks)
 
 
-def draw_batch(task: tuple[Wanted, int, int, np.random.Generator]) -> np.ndarray:
+def draw_batch(task: Task) -> np.ndarray:
     """Rows of the features of COLUMNS over all angles, over those kept, and the label; shape (n, 13)."""
     wanted, first, count, rng = task
     low, high = np.log(wanted.areas)
-    rows = []
+    rows: list[list[float]] = []
     while len(rows) < count:
         label = (first + len(rows)) % len(ANSWERS)
         mask = draw_pattern(wanted.world, rng, ANSWERS[label].value, float(np.exp(rng.uniform(low, high))))

@@ -13,7 +13,7 @@ from tactile_node.reproduction import clouds, drawings
 from tactile_node.reproduction.experiments import PUBLISHED, SIZES, Method, Results
 from tactile_node.reproduction.rates import Rate
 from tactile_node.reproduction.wording import findings
-from tactile_node.reproduction.worlds import WORLDS
+from tactile_node.reproduction.worlds import LONG_RECTANGLES
 from tactile_node.shape.volf import ANSWERS
 
 STYLE = '''body { font: 15px/1.5 sans-serif; max-width: 62em; margin: 2em auto; padding: 0 1em; color: #222 }
@@ -114,7 +114,7 @@ def _figures(results: Results) -> str:
         (clouds.second_plane(samples, planes), 'Fig. 7. min I5 = f(min P05).'),
         (clouds.third_plane(samples, planes), f'Fig. 8. dif I5 = f({" ".join(planes["square"].horizontal)}).'),
         (clouds.first_plane(*long), 'Fig. 6 again, in a world of one proportion a class with rectangles '
-                                    f'{WORLDS["long rectangles"].rectangle:g}:1.')))
+                                    f'{LONG_RECTANGLES.rectangle:g}:1.')))
 
 
 def _figure(figure: Figure, caption: str, wide: bool = False) -> str:

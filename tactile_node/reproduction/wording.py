@@ -10,7 +10,7 @@ from tactile_node.reproduction.experiments import (
     Method,
     Results,
 )
-from tactile_node.reproduction.worlds import WORLDS
+from tactile_node.reproduction.worlds import LONG_RECTANGLES, ONE_PROPORTION
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS
 
@@ -24,21 +24,21 @@ def findings(results: Results) -> list[str]:
 
 
 def _against_the_paper(results: Results) -> str:
-    told = (f'{size} taxels: {results.methods[0].rates[size].share:.1%}, the paper {text}'
+    figures = (f'{size} taxels: {results.methods[0].rates[size].share:.1%}, the paper {text}'
             for size, text in PUBLISHED.items())
-    return f'The method as published, on our benchmark: {"; ".join(told)}.'
+    return f'The method as published, on our benchmark: {"; ".join(figures)}.'
 
 
 def _third_plane(results: Results) -> str:
-    told = ' and '.join(f'{rate.share:.1%} as in the {name}' for name, rate in results.readings.items())
+    shares = ' and '.join(f'{rate.share:.1%} as in the {name}' for name, rate in results.readings.items())
     axis = ' '.join(results.classifier.planes['square'].horizontal)
-    return (f'The third plane read both ways, curves fitted anew, validation patterns of all sizes: {told}. '
+    return (f'The third plane read both ways, curves fitted again, validation patterns of all sizes: {shares}. '
             f'The classifier of this package uses {axis}.')
 
 
 def _where_it_goes_wrong(results: Results) -> str:
     lost = results.lost[LARGEST]
-    worst = max(lost, key=lost.get)
+    worst = max(lost, key=lost.__getitem__)
     rectangle, right = (ANSWERS.index(shape) for shape in (Shape.RECTANGLE, Shape.RIGHT_TRIANGLE))
     table = results.confusions[LARGEST]
     return (f'At {LARGEST} taxels plane {worst} loses most, {lost[worst]:.1%} of all patterns. There '
@@ -49,9 +49,9 @@ def _where_it_goes_wrong(results: Results) -> str:
 
 def _elongation(results: Results) -> str:
     one, long = (_method(results, f'three planes, {world}') for world in ('one proportion', 'long rectangles'))
-    return (f'With one proportion a class and rectangles {WORLDS["one proportion"].rectangle:g}:1 beside right '
-            f'triangles {WORLDS["one proportion"].right_triangle:g}:1, curves fitted for that world, {LARGEST} '
-            f'taxels give {one.rates[LARGEST].share:.1%}; with rectangles {WORLDS["long rectangles"].rectangle:g}:1 '
+    return (f'With one proportion a class and rectangles {ONE_PROPORTION.rectangle:g}:1 beside right '
+            f'triangles {ONE_PROPORTION.right_triangle:g}:1, curves fitted for that world, {LARGEST} '
+            f'taxels give {one.rates[LARGEST].share:.1%}; with rectangles {LONG_RECTANGLES.rectangle:g}:1 '
             f'{long.rates[LARGEST].share:.1%}. The paper does not give its proportions.')
 
 
@@ -61,7 +61,7 @@ def _vanishing(results: Results) -> str:
     small, worst = VANISHING, np.argsort(results.remaining)[:4]
     angles = ', '.join(f'{ANGLES[angle]}° ({results.remaining[angle]:.0%})' for angle in worst)
     return (f'At some angles the rotated fine points miss many sites of the decimated lattice. Of {small} taxels the '
-            f'fewest remain, on average, at {angles}; a minimum or a difference over all angles then tells of these '
+            f'fewest remain, on average, at {angles}; a minimum or a difference over all angles then depends on these '
             'angles alone. '
             f'They change a feature of {results.vanished[small]:.0%} of the patterns of {small} taxels. '
             f'Without the angles that keep less than half of the taxels, {small} taxels give '

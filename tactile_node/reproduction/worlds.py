@@ -1,4 +1,4 @@
-"""The worlds whose patterns are measured: the benchmark, and others that tell why the paper saw more."""
+"""The worlds whose patterns are measured: the benchmark, and others that show why the paper saw more."""
 
 from typing import NamedTuple
 
@@ -15,8 +15,11 @@ class Fixed(NamedTuple):
     apex: float = 60.0           #: of the isosceles triangle [degrees]
 
 
+ONE_PROPORTION = Fixed(2.0)
+LONG_RECTANGLES = Fixed(4.0)
 #: by name; None is the benchmark's world, whose proportions vary
-WORLDS = {'benchmark': None, 'one proportion': Fixed(2.0), 'long rectangles': Fixed(4.0)}
+WORLDS: dict[str, Fixed | None] = {
+    'benchmark': None, 'one proportion': ONE_PROPORTION, 'long rectangles': LONG_RECTANGLES}
 
 
 def draw_pattern(world: str, rng: np.random.Generator, shape: str, area: float) -> np.ndarray:
