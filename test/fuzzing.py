@@ -29,7 +29,7 @@ from can_bench import INTERFACE, TINY, Bench, wait_until
 
 from tactile_node.bus.slcan_bus import LONGEST_LINE, BulkSlcanBus
 from tactile_node.errors import TactileError
-from tactile_node.recording.logs import CanLogReader
+from tactile_node.recording.log_reader import CanLogReader
 from tactile_node.shape.methods import VOLF, make_recogniser
 from tactile_node.shape.recogniser import ShapeRecogniser
 from tactile_node.simulator.slcan_pty import encode

@@ -18,8 +18,8 @@ from tactile_node.errors import ConfigurationError, DeviceError
 from tactile_node.frames.health import NodeFault
 from tactile_node.frames.losses import Loss, LossReason
 from tactile_node.frames.taxel_frame import TaxelStatus
+from tactile_node.recording.log_reader import CanLogReader
 from tactile_node.recording.log_source import LogSource
-from tactile_node.recording.logs import CanLogReader
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings
 from tactile_node.skin.taxel_codec import TaxelCodec

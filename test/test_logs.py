@@ -14,8 +14,9 @@ from can_bench import tiny_layout
 from tactile_node.errors import LogError
 from tactile_node.frames.health import BusFault
 from tactile_node.frames.losses import LossReason
+from tactile_node.recording.log_reader import CanLogReader
 from tactile_node.recording.log_source import LogSource
-from tactile_node.recording.logs import CanLogReader, CanLogWriter
+from tactile_node.recording.log_writer import CanLogWriter
 from tactile_node.simulator.recording import load_recording
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings
@@ -161,8 +162,8 @@ def test_a_log_cut_short_is_read_up_to_the_cut_and_told(tmp_path, suffix):
     reader = CanLogReader(cut)
     found = [bytes(message.data) for message in reader]
     assert found == messages[:len(found)] and 200 < len(found) < 400
-    assert reader.unread == 1 and f'{len(found)} CAN frames, the last at 2023-11-14 2' in reader.told
-    assert 'cut short' in reader.told or 'end-of-stream' in reader.told
+    assert reader.unread == 1 and f'{len(found)} CAN frames, the last at 2023-11-14 2' in reader.summary
+    assert 'cut short' in reader.summary or 'end-of-stream' in reader.summary
 
 
 def test_a_line_cut_short_never_reads_as_another_frame(tmp_path):
@@ -306,7 +307,7 @@ def test_a_damaged_stamp_costs_its_own_can_frame_alone(tmp_path, damaged):
     frames, source = play(tiny_log(tmp_path, *lines), tiny_pads(tmp_path))
     assert [frame.stamp for _, frame in frames] == [1e9, 1e9 + 1, 1e9 + 2]
     assert [frame.missing_can_frames for _, frame in frames] == [0, 1, 0]
-    assert source.statistics().unread == 1 and source.statistics().clock_jumps == 0 and damaged in source.told
+    assert source.statistics().unread == 1 and source.statistics().clock_jumps == 0 and damaged in source.summary
 
 
 def test_a_gap_is_told_and_not_waited_for(tmp_path, caplog):

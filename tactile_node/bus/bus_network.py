@@ -18,7 +18,7 @@ from tactile_node.cia301.connection_set import SDO_REQUEST, SDO_RESPONSE
 from tactile_node.cia301.sdo import SDO_BYTES
 from tactile_node.errors import BusError
 from tactile_node.frames.health import BusFault
-from tactile_node.recording.logs import CanLogWriter
+from tactile_node.recording.log_writer import CanLogWriter
 
 logger = logging.getLogger(__name__)
 # The caller reports an SDO timeout; canopen's own log line adds nothing and names no node

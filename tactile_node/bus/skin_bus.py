@@ -7,65 +7,72 @@ from collections.abc import Callable, Collection
 
 import can
 
-from tactile_node.assembly.router import Router, oddity_of
+from tactile_node.assembly.router import Router
 from tactile_node.bus.auto_zero import auto_zero
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import BusNetwork, open_bus
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.device_setup import DeviceSetup
 from tactile_node.bus.domain_polling import DomainPolling
-from tactile_node.bus.stamp_clock import StampClock
-from tactile_node.cia301.connection_set import NMT, SDO_REQUEST
+from tactile_node.bus.traffic import Traffic
+from tactile_node.cia301.connection_set import NMT
 from tactile_node.cia301.nmt import NmtCommand, NmtState
 from tactile_node.errors import BusError, DeviceError, HalfZeroedError, LogError
 from tactile_node.frames.consumer import Consumer, OnFrame
 from tactile_node.frames.fault_text import failure_text
 from tactile_node.frames.health import BusFault, Failure
 from tactile_node.frames.losses import BusStatistics
-from tactile_node.recording.logs import CanLogWriter
+from tactile_node.recording.log_writer import CanLogWriter
+from tactile_node.skin.layout import DomainLayout
 from tactile_node.skin.pad_rules import check_pads, live_pads
 from tactile_node.skin.pads import CanopenNode, LivePad
-from tactile_node.threads.call_queue import CallQueue
 from tactile_node.threads.pacer import Pacer
 
 logger = logging.getLogger(__name__)
 
 # Interfaces that stamp reception by the clock our own SYNC is stamped by
 HOST_STAMPED = ('socketcan', 'virtual')
-CONSUMER_PATIENCE = 2.0  # s that close() waits for an on_frame under way
+CONSUMER_TIMEOUT = 2.0  # s that close() waits for an on_frame under way
 
 
 class SkinBus:
-    """One CAN bus and its pads; FrameSource says the order of calls. A Supervisor keeps it going.
+    """One CAN bus and its pads; FrameSource has the order of calls. A Supervisor recovers it.
 
-    Threads: python-can's notifier only puts frames into a CallQueue, whose thread assembles them and calls
+    Threads: python-can's notifier only puts frames into a queue (Traffic), whose thread assembles them and calls
     ``on_frame``; the SYNC producer has its own. SDO runs on the caller's thread.
     """
 
     def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], on_frame: OnFrame,
                  monitor: BusMonitor | None = None, on_failure: Callable[[Failure], None] | None = None):
         check_pads(pads)
-        self._settings, self._pads = settings, live_pads(pads)
+        self._settings = settings
+        self._pads = live_pads(pads)
         self._nodes = [node for pad in self._pads for node in pad.nodes]
-        self._consumer, self._on_failure = Consumer(on_frame), on_failure or self._log_failure
+        self._consumer = Consumer(on_frame)
+        self._on_failure = on_failure or self._log_failure
         self._monitor = monitor or BusMonitor(node_id for pad in pads for node_id in pad.node_ids)
-        one_clock = not settings.produce_sync or settings.interface in HOST_STAMPED
-        self._router = Router(self._pads, self._consumer, not settings.produce_sync, one_clock,
-                              settings.drop_incomplete)
-        self._clock, self._jumps_told = StampClock(settings.interface in HOST_STAMPED), 0
-        self._odd = Counter()
-        self._calls = CallQueue('assembler')
+        self._polls = {node.node_id: self._polling(node, node.layout.domain)
+                       for node in self._nodes if node.layout.domain is not None}
+        is_host_stamped = settings.interface in HOST_STAMPED
+        self._router = Router(self._pads, self._consumer, foreign_sync=not settings.produce_sync,
+                              one_clock=not settings.produce_sync or is_host_stamped,
+                              drop_incomplete=settings.drop_incomplete)
+        self._traffic = Traffic(self._router, self._monitor, self._fail, polled=self._polls.keys(),
+                                queue_limit=settings.queue_limit, is_host_stamped=is_host_stamped)
         self._network: BusNetwork | None = None
         self._record: CanLogWriter | None = None
-        self._sync, self._is_running = Pacer(settings.sync_period, self._send_sync, 'sync'), False
-        self._polls = {node.node_id: self._polling(node) for node in self._nodes if node.layout.domain is not None}
-        self.syncs_sent = self._overruns = 0
+        self._sync = Pacer(settings.sync_period, self._send_sync, 'sync')
+        self._is_running = False
         self._failure: Failure | None = None
 
     @property
     def failure(self) -> Failure | None:
         """Why the bus no longer receives, None while it does. Only close() and open() recover it."""
         return self._failure
+
+    @property
+    def syncs_sent(self) -> int:
+        return self._traffic.syncs_sent
 
     def open(self) -> None:
         """Open the bus and begin to receive. Raises BusError, LogError (``record``)."""
@@ -77,9 +84,9 @@ class SkinBus:
         self._failure = None
         self._monitor.restart()
         self._router.pause()
-        self._calls.begin()
-        self._network = BusNetwork(bus, self._received, self._fail, record,
-                                   f'{settings.interface} {settings.channel}', self._sent)
+        self._traffic.begin()
+        self._network = BusNetwork(bus, self._traffic.received, self._fail, record,
+                                   name=f'{settings.interface} {settings.channel}', on_sent=self._traffic.sent)
         recorded = f', recorded to {record.path}' if record else ''
         logger.info('CAN bus %s %s is open%s.', settings.interface, settings.channel, recorded)
 
@@ -116,13 +123,12 @@ class SkinBus:
     def start(self, without: Collection[int] = ()) -> None:
         """Start the devices and SYNC. Raises DeviceError when a device does not become OPERATIONAL.
 
-        Nodes whose node-IDs are in ``without`` are not there yet: they are neither started nor waited for.
+        Nodes whose node-IDs are in ``without`` do not answer yet: they are neither started nor waited for.
         """
         self._opened()
         if self._is_running:
             return
-        self._clock.restart()
-        self._calls.put(self._router.restart)
+        self._traffic.restart()
         begun = time.monotonic()
         self._is_running = True  # from here on stop() has work to do
         present = [node for node in self._nodes if node.node_id not in without]
@@ -133,15 +139,15 @@ class SkinBus:
             self._confirm_operational(node, begun)
 
     def start_node(self, node: CanopenNode, was_silent: bool = True) -> None:
-        """NMT start of one device, which was not sending unless said; BusError. Heartbeats tell whether it obeys."""
+        """NMT start of one device, which ``was_silent`` or still sends; BusError. Its heartbeats report the outcome."""
         if was_silent:
-            self._calls.put(self._router.start, node.node_id)
+            self._traffic.put(self._router.start, node.node_id)
         self._command(NmtCommand.START, node)
 
     def resume(self, lost_periods: int) -> None:
-        """SYNC on again after an outage; sequence numbers go on, ``lost_periods`` left out. Devices are not started."""
+        """SYNC on again after an outage; sequence numbers continue after ``lost_periods``. Devices are not started."""
         self._opened()
-        self._calls.put(self._router.resume, lost_periods)
+        self._traffic.put(self._router.resume, lost_periods)
         self._is_running = True
         self._start_pacers()
 
@@ -150,9 +156,10 @@ class SkinBus:
         if self._network is None or not self._is_running:
             return
         self._is_running = False
-        for pacer in (self._sync, *self._polls.values()):
-            pacer.stop()
-        self._calls.put(self._router.pause)
+        self._sync.stop()
+        for poll in self._polls.values():
+            poll.stop()
+        self._traffic.put(self._router.pause)
         for node in self._nodes if self._failure is None else ():
             try:
                 self._command(NmtCommand.ENTER_PRE_OPERATIONAL, node)
@@ -167,12 +174,12 @@ class SkinBus:
             self._record = None
 
     def disconnect(self) -> None:
-        """Stop and give the bus back; the next ``open`` goes on with the same recording."""
+        """Stop and give the bus back; the next ``open`` continues the same recording."""
         self.stop()
         if self._network is not None:
             self._network.close()
             self._network = None
-            self._calls.end(CONSUMER_PATIENCE)
+            self._traffic.end(CONSUMER_TIMEOUT)
 
     def drop_incomplete(self, is_wanted: bool) -> None:
         """From now on drop incomplete taxel frames, or give them."""
@@ -180,13 +187,13 @@ class SkinBus:
 
     def statistics(self) -> BusStatistics:
         """Counts since construction."""
-        counted = self._router.statistics()
-        return counted._replace(can_frames=dict(Counter(counted.can_frames) + Counter(dict(self._odd))),
-                                queue_overruns=self._overruns, sync_overruns=self._sync.overruns,
+        counted, traffic = self._router.statistics(), self._traffic
+        return counted._replace(can_frames=dict(Counter(counted.can_frames) + Counter(traffic.no_data_frames)),
+                                queue_overruns=traffic.overruns, sync_overruns=self._sync.overruns,
                                 poll_overruns=sum(poll.overruns for poll in self._polls.values()),
-                                consumer_errors=self._consumer.errors, clock_jumps=self._clock.jumps,
+                                consumer_errors=self._consumer.errors, clock_jumps=traffic.clock.jumps,
                                 unrecorded=0 if self._record is None else self._record.unwritten,
-                                stamps_ahead=self._clock.ahead)
+                                stamps_ahead=traffic.clock.ahead)
 
     def _open_record(self, bus: can.BusABC) -> CanLogWriter | None:
         """A log that cannot be written leaves no open bus behind."""
@@ -207,13 +214,12 @@ class SkinBus:
         self._opened().send_message(NMT, bytes([command, node.node_id]))
 
     def _confirm_operational(self, node: CanopenNode, since: float) -> None:
-        patience = 1.0 + 3e-3 * self._settings.heartbeat_ms
-        if not self._monitor.heartbeats.wait_for(node.node_id, NmtState.OPERATIONAL, since, patience):
+        timeout = 1.0 + 3e-3 * self._settings.heartbeat_ms
+        if not self._monitor.heartbeats.wait_for(node.node_id, NmtState.OPERATIONAL, since, timeout):
             state = self._monitor.heartbeats.state(node.node_id)
             heard = 'no heartbeat' if state is None else f'heartbeat with NMT state 0x{state:02X}'
             self.stop()
-            raise DeviceError(node.label,
-                              expected='OPERATIONAL after NMT start', got=heard,
+            raise DeviceError(node.label, expected='OPERATIONAL after NMT start', got=heard,
                               remedy='See whether it sends EMCY: a device with an error may refuse to start.')
 
     def _start_pacers(self) -> None:
@@ -222,53 +228,16 @@ class SkinBus:
         for poll in self._polls.values():
             poll.start()
 
-    def _polling(self, node: CanopenNode) -> DomainPolling:
+    def _polling(self, node: CanopenNode, domain: DomainLayout) -> DomainPolling:
         return DomainPolling(
-            node.layout.domain, node.label, self._settings.sync_period,
-            lambda: self._opened().sdo_client(node.node_id, node.dictionary), self._fail)
-
-    def _sent(self, can_id: int, data: bytes) -> None:
-        """An own frame is about to go out: it takes its time, and of a polled pad's SDO requests the assembler has to
-        know.
-        """
-        self._monitor.feed_own(len(data))
-        if can_id - SDO_REQUEST in self._polls:
-            self._calls.put(self._router.feed, can_id, bytes(data), self._clock.now())
+            domain, node.label, self._settings.sync_period,
+            open_sdo=lambda: self._opened().sdo_client(node.node_id, node.dictionary), on_failure=self._fail)
 
     def _send_sync(self) -> None:
-        """The SYNC goes into the queue before it goes on the bus: no TPDO can overtake it."""
-        stamp = self._clock.now()
-        if self._clock.jumps != self._jumps_told:
-            self._tell_of_jump()
-        self.syncs_sent += 1
         try:
-            self._opened().send_message(self._pads[0].layout.sync_cob_id, b'', False, stamp - self._clock.ahead,
-                                        lambda: self._calls.put(self._router.sync, stamp))
+            self._traffic.send_sync(self._opened(), self._pads[0].layout.sync_cob_id)
         except BusError as error:
             self._fail(BusFault.SENDING_FAILED, error)
-
-    def _received(self, message: can.Message) -> None:
-        """On the notifier's thread: copy, enqueue, return."""
-        odd = oddity_of(message)
-        if odd is not None:
-            self._odd[odd] += 1
-            if message.is_error_frame and self._monitor.feed_error(message):
-                self._fail(BusFault.BUS_OFF, BusError(
-                    'CAN controller', expected='a bus it can send on', got='bus-off',
-                    remedy='Check bit rate, wiring and termination; set restart-ms on socketcan.'))
-            return
-        can_id, data = message.arbitration_id, bytes(message.data)
-        self._monitor.feed(can_id, data)
-        if len(self._calls) < self._settings.queue_limit:
-            self._calls.put(self._router.feed, can_id, data, self._clock.of(message.timestamp))
-        else:
-            self._overruns += 1
-
-    def _tell_of_jump(self) -> None:
-        self._jumps_told, ahead = self._clock.jumps, self._clock.ahead
-        logger.error('The wall clock was set. %s', (
-            f'Stamps go on from the old time, {ahead:.3f} s ahead of it, so that they never go back; '
-            'deactivate and activate the driver to take the new one.' if ahead else 'Stamps follow it.'))
 
     def _fail(self, fault: BusFault, error: Exception) -> None:
         if self._failure is None:

@@ -9,6 +9,7 @@ import fcntl
 import os
 import time
 from collections import deque
+from typing import Any
 
 import can
 from can.interfaces.slcan import slcanBus
@@ -24,23 +25,22 @@ HEXADECIMAL = frozenset('0123456789abcdefABCDEF')
 ID_DIGITS = dict.fromkeys('trdb', 3) | dict.fromkeys('TxRDB', 8)  # by the kind of frame; what else comes is none
 ANSWERS, LONGEST_ANSWER = ('', 'V', 'v', 'N', 'F', 'z', 'Z'), 20  # version, serial number, status flags, sent
 STAMP_DIGITS = (0, 4)  # of the time some adapters add
-#: linux/can/error.h: a violation of the protocol. The frame in a damaged line is lost, as on a damaged wire
-DAMAGED = {'arbitration_id': 0x008, 'is_extended_id': False, 'is_error_frame': True, 'data': bytes(8)}
+PROTOCOL_VIOLATION = 0x008  # linux/can/error.h
 
 
 ANSWER = 0.3  # s in which an adapter that is awake answers
-RESET = 2.0  # s that one takes which starts anew when its port is opened, as an Arduino does
+RESET = 2.0  # s that one takes to start which is reset when its port is opened, as an Arduino is
 
 
 class BulkSlcanBus(slcanBus):
-    """An slcan bus as python-can's, with the same options; a damaged line comes as an error frame.
+    """An slcan bus as python-can's, with the same options; a damaged line becomes an error frame.
 
     Unless ``sleep_after_open`` is given, an adapter that does not answer at once is given time to start and opened
     again. Raises CanInitializationError where another process has the port, whose frames would be lost to one of both.
     """
 
     def __init__(self, channel: str, bitrate: int | None = None, sleep_after_open: float | None = None,
-                 **options: object):
+                 **options: Any):
         self._lines: deque[str] = deque()
         self._lock = _locked(channel.split('@')[0])
         try:
@@ -61,7 +61,7 @@ class BulkSlcanBus(slcanBus):
             self._unlock()
 
     def _is_awake(self) -> bool:
-        """Whether a byte comes soon: an answer, or a frame."""
+        """Whether a byte is received soon: an answer, or a frame."""
         self._write('V')
         end = time.monotonic() + ANSWER
         while not self._buffer and time.monotonic() < end:
@@ -93,9 +93,14 @@ class BulkSlcanBus(slcanBus):
         if line is None:
             return None, False
         if not is_sound(line):
-            return can.Message(time.time(), **DAMAGED), False
+            return _damaged_frame(), False
         self._lines.appendleft(line)  # python-can takes it from _read: it has no queue of its own before 4.5
         return super()._recv_internal(0.0)
+
+
+def _damaged_frame() -> can.Message:
+    """The frame in a damaged line is lost, as on a damaged wire."""
+    return can.Message(time.time(), PROTOCOL_VIOLATION, is_extended_id=False, is_error_frame=True, data=bytes(8))
 
 
 def _locked(port: str) -> int | None:
@@ -103,7 +108,7 @@ def _locked(port: str) -> int | None:
     try:
         descriptor = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     except OSError:
-        return None  # pyserial has a word for it
+        return None  # pyserial reports it
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:

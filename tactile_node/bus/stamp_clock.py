@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 JUMP = 0.1  # s between two looks: less may be slewing
 HELD_UP = 0.01  # s that reading both clocks may take, or they are read again
-TRIES = 10  # a machine that is never so quick has other troubles
+TRIES = 10  # then the last reading is used
 IN_FLIGHT = 2.0  # s after a jump in which messages stamped before it may still come
-MAX_LAG = 1.0  # s: an adapter that seems to lag more has begun to count anew
+MAX_LAG = 1.0  # s: an adapter that seems to lag more has begun to count again
 DRIFT = 1e-4  # relative: no adapter's crystal is further off
 
 
@@ -25,7 +25,9 @@ class StampClock:
 
     def __init__(self, host_stamped: bool = True, wall: Callable[[], float] | None = None,
                  steady: Callable[[], float] = time.monotonic):
-        self._host_stamped, self._wall, self._steady = host_stamped, wall or (lambda: time.time()), steady
+        self._host_stamped = host_stamped
+        self._wall = wall or (lambda: time.time())
+        self._steady = steady
         self._lock = threading.Lock()
         self.jumps = 0
         self.restart()
@@ -35,7 +37,9 @@ class StampClock:
         with self._lock:
             self.ahead = 0.0
             wall, steady = self._both()
-            self._offset, self._before, self._jumped = wall - steady, 0.0, -float('inf')
+            self._offset = wall - steady
+            self._before = 0.0  # the offset before the last jump
+            self._jumped = -float('inf')  # when
             self._least: float | None = None
             self._looked = steady
             self._last = -float('inf')

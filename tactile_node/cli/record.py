@@ -7,7 +7,7 @@ import time
 from tactile_node.bus.bus_network import open_bus
 from tactile_node.errors import BusError, LogError
 from tactile_node.interruption import interruption
-from tactile_node.recording.logs import CanLogWriter
+from tactile_node.recording.log_writer import CanLogWriter
 
 HINT_AFTER = 3.0  # s
 SILENCE = ('Nothing on the bus so far. A CANopen skin is silent until a master starts it: run the driver on the same '

@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
     statistics = source.statistics()
     print(summary(statistics), file=sys.stderr if args.output == '-' else sys.stdout)
     if statistics.unread:
-        print(f'{args.log}: {source.told}', file=sys.stderr)
+        print(f'{args.log}: {source.summary}', file=sys.stderr)
     layout = pads[0].layout
     for name, stream in outputs.items():
         with stream:

@@ -61,7 +61,9 @@ class BagCanReader:
     """
 
     def __init__(self, path: str | Path):
-        self._path, self._types, self._seen = Path(path), _Types(path), {}
+        self._path = Path(path)
+        self._types = _Types(path)
+        self._seen: dict[str, str] = {}  # {topic: type}
 
     def __iter__(self) -> Iterator[can.Message]:
         given = 0
@@ -99,7 +101,9 @@ class McapCanWriter:
     def __init__(self, path: str | Path):
         types = _Types(path)
         writer = _library('mcap.writer', path)
-        self.file, self._types, self._sequence = open(path, 'wb'), types, 0
+        self.file = open(path, 'wb')
+        self._types = types
+        self._sequence = 0
         self._writer = writer.Writer(self.file, use_chunking=False)
         self._writer.start(profile='ros2', library='tactile_skin')
         schema = self._writer.register_schema(TYPE, 'ros2msg', (DEFINITION + HEADER).encode())
@@ -197,7 +201,7 @@ def _of_sqlite(path: Path) -> Iterator[Recorded]:
 
 
 def _library(name: str, path: str | Path):
-    """Bags are an extra: whoever uses none needs none of their libraries."""
+    """Bags are an extra: without them their libraries are not needed."""
     try:
         return import_module(name)
     except ImportError as error:

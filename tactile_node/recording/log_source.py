@@ -14,7 +14,7 @@ from tactile_node.frames.consumer import Consumer, OnFrame
 from tactile_node.frames.fault_text import failure_text
 from tactile_node.frames.health import BusFault, BusHealth, Failure
 from tactile_node.frames.losses import BusStatistics
-from tactile_node.recording.logs import CanLogReader
+from tactile_node.recording.log_reader import CanLogReader
 from tactile_node.recording.stray_stamps import SET_BACK
 from tactile_node.skin.pad_rules import check_pads
 from tactile_node.skin.pads import PadSettings
@@ -30,22 +30,29 @@ class LogSource:
 
     ``on_frame`` is called in step on the replaying thread, so a slow consumer slows the log and loses
     nothing. With ``loop`` the log begins again at its end, stamps shifted by its length. ``stop`` pauses,
-    ``start`` goes on at the next CAN frame. ``finished`` is set when the log has ended, ``failure`` says when
-    it ended badly. ``channel`` chooses one bus of a log of several; where two have the same pad it must.
+    ``start`` continues at the next CAN frame. ``finished`` is set when the log has ended, ``failure`` when it
+    could not be played to its end. ``channel`` chooses one bus of a log of several; needed where two have the same
+    pad.
     """
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], on_frame: OnFrame, pace: float | None = 1.0,
                  loop: bool = False, drop_incomplete: bool = False, channel: str = ''):
         check_pads(pads)
-        self._path, self._pace, self._loop, self._channel = path, pace, loop, channel
+        self._path = path
+        self._pace = pace
+        self._loop = loop
         self._channels: dict[int, str] = {}  # of each TPDO
         self._consumer = Consumer(on_frame)
         self._router = Router(tuple(pads), self._consumer, drop_incomplete=drop_incomplete)
+        self._channel = channel
         self._reader: CanLogReader | None = None
         self._messages: Iterator[can.Message] | None = None
-        self._thread, self.finished = StoppableThread(self._play, 'replay'), threading.Event()
-        self._unread, self._jumps, self._is_active = 0, 0, False
-        self._ahead = 0.0
+        self._thread = StoppableThread(self._play, 'replay')
+        self.finished = threading.Event()  #: the log has ended, or failed
+        self._unread = 0  # of the rounds before this one
+        self._jumps = 0  # of the clock, while recording
+        self._ahead = 0.0  # of the log's clock [s]
+        self._is_active = False
         self.failure: Failure | None = None
 
     def open(self) -> None:
@@ -53,13 +60,13 @@ class LogSource:
         if self._messages is not None:
             return
         self.finished.clear()
-        self._reader = CanLogReader(self._path, self._channel)
-        messages = self._all_messages()
+        self._reader = reader = CanLogReader(self._path, self._channel)
+        messages = self._all_messages(reader)
         self._messages = itertools.chain([next(messages)], messages)  # raises LogError now rather than on the thread
         logger.info('Playing %s.', self._path)
 
     def configure(self) -> None:
-        """Nothing to configure: a log does not listen."""
+        """Nothing to configure: a log has no devices."""
 
     def start(self) -> None:
         if self._messages is not None:
@@ -79,17 +86,17 @@ class LogSource:
                           remedy='Tare without on_device.')
 
     def boots(self, pad: str) -> int:
-        """None of a log's is waited for."""
+        """A log has no devices that boot again."""
         return 0
 
     def adjust(self, drop_incomplete: bool, heartbeat_timeout: float) -> None:
-        """A log has nobody whose heartbeat could fail."""
+        """A log has no heartbeats to supervise."""
         self._router.drop_incomplete(drop_incomplete)
 
     @property
-    def told(self) -> str:
-        """What was read so far, in a sentence."""
-        return self._reader.told
+    def summary(self) -> str:
+        """What was read so far, as a sentence; empty before ``open``."""
+        return '' if self._reader is None else self._reader.summary
 
     def statistics(self) -> BusStatistics:
         unread = self._unread + (0 if self._reader is None else self._reader.unread)
@@ -97,15 +104,15 @@ class LogSource:
                                                    clock_jumps=self._jumps, stamps_ahead=self._ahead)
 
     def health(self) -> BusHealth:
-        """A log has no nodes to watch; only its end may come early."""
+        """A log has no nodes; it can only fail as a whole."""
         return BusHealth(self.failure, self._is_active)
 
-    def _all_messages(self) -> Iterator[can.Message]:
+    def _all_messages(self, reader: CanLogReader) -> Iterator[can.Message]:
         shift = 0.0
         while True:
             first = last = None
             self._ahead = 0.0
-            for message in self._reader:
+            for message in reader:
                 message.timestamp += self._ahead
                 if last is not None and message.timestamp < last - SET_BACK:  # the clock was set while recording
                     self._jumps += 1
@@ -115,16 +122,16 @@ class LogSource:
                 last = message.timestamp
                 message.timestamp += shift
                 yield message
-            if not self._loop:
+            if not self._loop or first is None or last is None:
                 return
-            self._router.end()  # or what the log begins with would complete the sweep that it ends with
-            self._unread += self._reader.unread
+            self._router.end()  # or the log's first CAN frames would complete its last sweep
+            self._unread += reader.unread
             shift += last - first
 
     def _play(self, stopping: threading.Event) -> None:
         clock = _RecordedPace(self._pace, stopping)
         try:
-            for message in self._messages:
+            for message in self._messages or ():
                 clock.wait_until(message.timestamp)
                 self._check_channel(message)
                 self._router.feed_message(message)
@@ -137,7 +144,7 @@ class LogSource:
             logger.exception('playing %s', self._path)
         self._router.end()
         self.finished.set()
-        logger.info('%s has ended: %s', self._path, self.told)
+        logger.info('%s has ended: %s', self._path, self.summary)
 
     def _check_channel(self, message: can.Message) -> None:
         """Two skins of the same node-ID on two buses would become one."""
@@ -158,7 +165,8 @@ class _RecordedPace:
     """Waits until the recorded time has come, LONGEST_WAIT at most; the clock starts with the first message."""
 
     def __init__(self, pace: float | None, stopping: threading.Event):
-        self._pace, self._stopping = pace, stopping
+        self._pace = pace
+        self._stopping = stopping
         self._origin: float | None = None
 
     def wait_until(self, recorded: float) -> None:

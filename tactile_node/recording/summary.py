@@ -1,10 +1,10 @@
-"""What became of every CAN frame, as text."""
+"""The fate of every CAN frame, as text."""
 
 from tactile_node.frames.losses import BusStatistics
 
 
 def summary(statistics: BusStatistics) -> str:
-    """Return a table of what was published and where every CAN frame went."""
+    """Return a table of what was published and the fate of every CAN frame."""
     lines = []
     for name, pad in statistics.pads.items():
         losses = ', '.join(f'{count} {reason.key}' for reason, count in pad.losses.items() if count) or 'none lost'

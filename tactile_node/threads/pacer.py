@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from tactile_node.threads.stoppable_thread import StoppableThread
 
-LEAST = 0.9  #: of a period, between two calls that catch up: what a full bus was sent for is still under way
+LEAST = 0.9  #: of a period, between two calls that catch up: what a full bus carries is still under way
 
 
 class Schedule:
@@ -18,7 +18,10 @@ class Schedule:
     """
 
     def __init__(self, period: float, now: float):
-        self._period, self._ideal, self.due, self.overruns = period, now, now, 0
+        self._period = period
+        self._ideal = now
+        self.due = now
+        self.overruns = 0
 
     def begin(self, at: float) -> None:
         """The call that was due begins ``at``."""
@@ -29,10 +32,11 @@ class Schedule:
 
 
 class Pacer:
-    """Calls ``act`` every ``period`` seconds, as Schedule says, on a thread of its own until stopped."""
+    """Calls ``act`` every ``period`` seconds, as Schedule says, on its own thread until stopped."""
 
     def __init__(self, period: float, act: Callable[[], None], name: str):
-        self._period, self._act = period, act
+        self._period = period
+        self._act = act
         self._thread = StoppableThread(self._run, name)
         self.overruns = 0
 

@@ -1,14 +1,16 @@
-"""A thread that can be asked to end, and begun again."""
+"""A thread that can be stopped and started again."""
 
 import threading
 from collections.abc import Callable
 
 
 class StoppableThread:
-    """Runs ``run(stopping)`` on a daemon thread of its own; ``run`` returns once the event ``stopping`` is set."""
+    """Runs ``run(stopping)`` on its own daemon thread; ``run`` returns once the event ``stopping`` is set."""
 
     def __init__(self, run: Callable[[threading.Event], None], name: str):
-        self._run, self._name, self._stopping = run, name, threading.Event()
+        self._run = run
+        self._name = name
+        self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
@@ -19,7 +21,7 @@ class StoppableThread:
             self._thread.start()
 
     def stop(self) -> None:
-        """Ask it to end, and wait until it has, except on the thread itself."""
+        """Stop it and wait for its end, except on the thread itself."""
         self._stopping.set()
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join()

@@ -1,0 +1,102 @@
+"""The CAN frames of one bus on their way to the assembler: stamped, counted, put into its queue."""
+
+import logging
+from collections import Counter
+from collections.abc import Callable, Collection, Mapping
+
+import can
+
+from tactile_node.assembly.router import Router, oddity_of
+from tactile_node.bus.bus_monitor import BusMonitor
+from tactile_node.bus.bus_network import BusNetwork, OnFailure
+from tactile_node.bus.stamp_clock import StampClock
+from tactile_node.cia301.connection_set import SDO_REQUEST
+from tactile_node.errors import BusError
+from tactile_node.frames.health import BusFault
+from tactile_node.threads.call_queue import CallQueue
+
+logger = logging.getLogger(__name__)
+
+
+class Traffic:
+    """Puts what is received, and what is sent and concerns the assembler, into the queue of ``router``'s thread.
+
+    ``polled``: node-IDs whose SDO requests the assembler needs to know.
+    """
+
+    def __init__(self, router: Router, monitor: BusMonitor, on_failure: OnFailure, *, polled: Collection[int],
+                 queue_limit: int, is_host_stamped: bool):
+        self._router = router
+        self._monitor = monitor
+        self._on_failure = on_failure
+        self._polled = polled
+        self._queue_limit = queue_limit
+        self._calls = CallQueue('assembler')
+        self.clock = StampClock(is_host_stamped)
+        self._jumps_reported = 0
+        self._no_data: Counter[str] = Counter()
+        self.overruns = 0  #: CAN frames lost because the queue was full
+        self.syncs_sent = 0
+
+    @property
+    def no_data_frames(self) -> Mapping[str, int]:
+        """Frames received that are no data frames, by kind."""
+        return dict(self._no_data)
+
+    def begin(self) -> None:
+        """Start the assembler's thread."""
+        self._calls.begin()
+
+    def end(self, timeout: float) -> None:
+        """End it, after the calls put so far; waits at most ``timeout`` [s]."""
+        self._calls.end(timeout)
+
+    def restart(self) -> None:
+        """Sequence numbers begin at 0, and stamps follow the wall clock."""
+        self.clock.restart()
+        self._calls.put(self._router.restart)
+
+    def put(self, call: Callable[..., object], *args: object) -> None:
+        """Make a call of the router on its thread, after what was received before."""
+        self._calls.put(call, *args)
+
+    def received(self, message: can.Message) -> None:
+        """On the notifier's thread: copy, enqueue, return."""
+        kind = oddity_of(message)
+        if kind is not None:
+            self._no_data[kind] += 1
+            if message.is_error_frame and self._monitor.feed_error(message):
+                self._on_failure(BusFault.BUS_OFF, BusError(
+                    'CAN controller', expected='a bus it can send on', got='bus-off',
+                    remedy='Check bit rate, wiring and termination; set restart-ms on socketcan.'))
+            return
+        can_id, data = message.arbitration_id, bytes(message.data)
+        self._monitor.feed(can_id, data)
+        if len(self._calls) < self._queue_limit:
+            self._calls.put(self._router.feed, can_id, data, self.clock.of(message.timestamp))
+        else:
+            self.overruns += 1
+
+    def sent(self, can_id: int, data: bytes) -> None:
+        """An own frame is about to be sent: it counts for the load; the assembler needs the polls' SDO requests."""
+        self._monitor.feed_own(len(data))
+        if can_id - SDO_REQUEST in self._polled:
+            self._calls.put(self._router.feed, can_id, bytes(data), self.clock.now())
+
+    def send_sync(self, network: BusNetwork, can_id: int) -> None:
+        """The SYNC is put into the queue before it is on the bus: no TPDO can overtake it. Raises BusError."""
+        stamp = self.clock.now()
+        if self.clock.jumps != self._jumps_reported:
+            self._report_jump()
+        self.syncs_sent += 1
+        network.send_message(can_id, b'', stamp=stamp - self.clock.ahead,
+                             announce=lambda: self._calls.put(self._router.sync, stamp))
+
+    def _report_jump(self) -> None:
+        self._jumps_reported = self.clock.jumps
+        ahead = self.clock.ahead
+        if ahead:
+            logger.error('The wall clock was set. Stamps continue from the old time, %.3f s ahead of it, so that they '
+                         'never go back; deactivate and activate the driver to take the new one.', ahead)
+        else:
+            logger.error('The wall clock was set. Stamps follow it.')
