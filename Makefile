@@ -25,7 +25,7 @@ unexport PYTHONPATH
 SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo check test coverage faults bench train reproduce soak socketcan fuzz lint types columns lowest lock clean
+.PHONY: help setup demo check test coverage faults bench train reproduce soak socketcan fuzz lint types columns architecture lowest lock clean
 
 help:  ## say what there is
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -118,6 +118,9 @@ types: setup  ## types: mypy, strict for the numerical core and the way from a C
 
 columns: setup  ## documents, YAML and messages: at most 120 columns
 	@$(BIN)/python tools/check_columns.py
+
+architecture: setup  ## draw docs/architecture.png from the imports
+	@$(BIN)/python tools/draw_architecture.py
 
 lock:  ## pin every version again from requirements/*.in: versions already pinned stay (needs uv)
 	@cat requirements/ros.in requirements/core.in | $(UV) pip compile - --universal --python-version 3.10 --no-header \

@@ -1,7 +1,10 @@
 """The rules of docs/architecture.md: who may import whom."""
 
 import ast
+import importlib.util
+import re
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -70,3 +73,28 @@ def test_only_commands_and_the_demo_import_nodes():
     for path in PACKAGE.rglob('*.py'):
         if path.relative_to(PACKAGE).parts[0] not in ('nodes', 'cli', 'demo'):
             assert not any(name.startswith('tactile_node.nodes') for name in imports(path)), path
+
+
+def test_the_picture_shows_the_imports_of_today():
+    picture = _tool('draw_architecture')
+    assert (ROOT / 'docs/architecture.txt').read_text(encoding='utf-8') == picture.text(picture.edges()), \
+        'run `make architecture` and commit docs/architecture.png and .txt'
+    assert set(picture.PLACES) == set(picture.rooms())
+    for room, found in picture.edges().items():
+        assert all(picture.PLACES[below][1] < picture.PLACES[room][1] for below in found), room
+
+
+def test_every_station_of_a_can_frame_exists():
+    page = (ROOT / 'docs/architecture.md').read_text(encoding='utf-8')
+    stations = re.findall(r'^\| \d+ \| `([\w/.]+)` `(\w+)\.(\w+)` ', page, re.MULTILINE)
+    assert len(stations) == 10
+    for path, kind, method in stations:
+        source = (PACKAGE / path).read_text(encoding='utf-8')
+        assert f'class {kind}' in source and f'def {method}(' in source, (path, kind, method)
+
+
+def _tool(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, ROOT / 'tools' / f'{name}.py')
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

@@ -1,0 +1,115 @@
+"""Draws docs/architecture.png from the imports and writes them to docs/architecture.txt: `make architecture`.
+
+A box is a room of tactile_node/ with its lines of code; an arrow leads from a room to one that it imports. Arrows that
+a chain of others implies are left out of the picture, and none out of the text, which a test compares to the imports.
+"""
+
+import ast
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use('Agg')
+from matplotlib import pyplot  # noqa: E402 (after the backend is chosen)
+from matplotlib.patches import FancyBboxPatch  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / 'tactile_node'
+#: rooms by rows, the lowest first; x is in units of a box
+PLACES = {
+    'cia301': (1.0, 0), 'threads': (3.0, 0), 'contact': (5.1, 0), 'helmholtz': (6.3, 0), 'geometry': (8.6, 0),
+    'frames': (1.0, 1), 'shape': (5.7, 1),
+    'skin': (1.0, 2), 'conditioning': (2.8, 2), 'grasp': (4.5, 2), 'pose': (5.7, 2), 'fusion': (6.9, 2),
+    'synthetic': (8.6, 2),
+    'assembly': (1.0, 3), 'reproduction': (9.1, 3), 'library': (7.7, 3.6),
+    'recording': (1.0, 4), 'ros': (4.3, 4),
+    'bus': (1.0, 5), 'supervision': (1.0, 6), 'simulator': (2.6, 6),
+    'nodes': (4.0, 7), 'demo': (3.3, 8), 'cli': (4.6, 9)}
+COLOURS = {'CAN side, no ROS': '#cfe3f5', 'numerical core: neither CAN nor ROS': '#d8efd3', 'ROS 2': '#fbe3c4',
+           'programs': '#eeeeee'}
+SIDES = {'CAN side, no ROS': ('cia301', 'threads', 'frames', 'skin', 'assembly', 'recording', 'bus', 'supervision',
+                              'simulator'),
+         'ROS 2': ('ros', 'nodes'), 'programs': ('demo', 'cli')}
+WIDTH, HEIGHT = 0.92, 0.5
+
+
+def rooms() -> list[str]:
+    """Return the names of all rooms."""
+    return sorted(path.parent.name for path in PACKAGE.glob('*/__init__.py'))
+
+
+def lines_of(room: str) -> int:
+    return sum(len(path.read_text(encoding='utf-8').splitlines()) for path in (PACKAGE / room).rglob('*.py'))
+
+
+def imports_of(room: str) -> list[str]:
+    """Return the other rooms that a room imports, also inside functions and by a name in COMMANDS."""
+    found = set()
+    for path in (PACKAGE / room).rglob('*.py'):
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            names = [node.module or ''] if isinstance(node, ast.ImportFrom) else []
+            names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            found |= {name.split('.')[1] for name in names if name.startswith('tactile_node.')}
+    return sorted((found & set(rooms())) - {room})
+
+
+def edges() -> dict[str, list[str]]:
+    return {room: imports_of(room) for room in rooms()}
+
+
+def direct(imports: dict[str, list[str]]) -> dict[str, list[str]]:
+    """Return ``imports`` without those that a chain of others implies."""
+    def reach(room: str) -> set[str]:
+        return {further for below in imports[room] for further in ({below} | reach(below))}
+    return {room: [below for below in found if not any(below in reach(other) for other in found if other != below)]
+            for room, found in imports.items()}
+
+
+def text(imports: dict[str, list[str]]) -> str:
+    """Return what docs/architecture.txt holds."""
+    lines = [f'{room}: {", ".join(found) or "-"}' for room, found in imports.items()]
+    return '\n'.join(['# room: the rooms that it imports; written by `make architecture`', *lines]) + '\n'
+
+
+def draw(imports: dict[str, list[str]], path: Path) -> None:
+    figure, axes = pyplot.subplots(figsize=(13, 10))
+    for room, found in direct(imports).items():
+        for below in found:
+            _draw_arrow(axes, PLACES[room], PLACES[below])
+    for room in imports:
+        _draw_room(axes, room)
+    for row, (side, colour) in enumerate(COLOURS.items()):
+        axes.text(6.6, 9.1 - 0.4 * row, side, fontsize=11, va='center',
+                  bbox={'boxstyle': 'round', 'facecolor': colour, 'edgecolor': 'grey'})
+    axes.set(xlim=(0.4, 9.7), ylim=(-0.5, 9.6))
+    axes.set_axis_off()
+    figure.tight_layout()
+    figure.savefig(path, dpi=90)
+    pyplot.close(figure)
+
+
+def _draw_room(axes, room: str) -> None:
+    x, y = PLACES[room]
+    side = next((side for side, members in SIDES.items() if room in members), 'numerical core: neither CAN nor ROS')
+    axes.add_patch(FancyBboxPatch((x - WIDTH / 2, y - HEIGHT / 2), WIDTH, HEIGHT, boxstyle='round,pad=0.02',
+                                  facecolor=COLOURS[side], edgecolor='grey', zorder=2))
+    axes.text(x, y + 0.08, room, ha='center', va='center', fontsize=11.5, weight='bold', zorder=3)
+    axes.text(x, y - 0.14, f'{lines_of(room)} lines', ha='center', va='center', fontsize=8.5, zorder=3)
+
+
+def _draw_arrow(axes, above: tuple[float, float], below: tuple[float, float]) -> None:
+    same_column = abs(above[0] - below[0]) < 0.1
+    bend = 0.35 if same_column and above[1] - below[1] > 1 else 0.0
+    axes.annotate('', (below[0], below[1] + HEIGHT / 2), (above[0], above[1] - HEIGHT / 2), zorder=1, arrowprops={
+        'arrowstyle': '-|>', 'color': '#555555', 'linewidth': 1.2, 'shrinkA': 0, 'shrinkB': 0,
+        'connectionstyle': f'arc3,rad={bend}'})
+
+
+def main() -> None:
+    imports = edges()
+    (ROOT / 'docs/architecture.txt').write_text(text(imports), encoding='utf-8')
+    draw(imports, ROOT / 'docs/architecture.png')
+
+
+if __name__ == '__main__':
+    main()
