@@ -12,6 +12,7 @@ from launch_ros.parameter_descriptions import ParameterFile
 from launch_ros.substitutions import ExecutableInPackage
 
 from launch import LaunchDescription
+from tactile_node.node_graph import NodeDescription, bus_nodes
 
 PACKAGE = 'tactile_skin'
 ARGUMENTS = {  # name: (default, description)
@@ -42,22 +43,22 @@ def generate_launch_description() -> LaunchDescription:
 
 def bringup(context) -> list:
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
-    names = split(given['pads'])
     simulate = switch('simulate', given['simulate'])
     if simulate:
         folder = tempfile.TemporaryDirectory(prefix='tactile_skin_')
         link = os.path.join(folder.name, 'skin')
         given |= {'interface': 'slcan', 'channel': link}
-    driver = driver_node(given, names)
-    chain = [node for name in names for node in pad_nodes(given, name)]
-    chain += grasp_nodes(given, names)
+    every = {'lossless': True} if given['replay'] else {}
+    described = bus_nodes(split(given['pads']), driver=driver_parameters(given), every=every,
+                          namespace=given['namespace'])
+    *others, driver = [ros_node(description, params_file(given)) for description in described]
     if not simulate:
-        return [*chain, driver, end_with(driver, 'the skin driver')]
-    return [*chain, *simulated(given, link, driver), end_with(driver, 'the skin driver'),
+        return [*others, driver, end_with(driver, 'the skin driver')]
+    return [*others, *simulated(given, link, driver), end_with(driver, 'the skin driver'),
             RegisterEventHandler(OnShutdown(on_shutdown=lambda event, context: folder.cleanup()))]
 
 
-def driver_node(given: dict, names: list) -> Node:
+def driver_parameters(given: dict) -> dict:
     """Only what was given: the rest is left to the parameter file and the driver's defaults."""
     readers = {'interface': str, 'channel': str, 'replay': str, 'replay_channel': str, 'record': str, 'bitrate': whole,
                'replay_pace': float}
@@ -65,25 +66,13 @@ def driver_node(given: dict, names: list) -> Node:
     parameters |= {name: split(given[argument]) for name, argument in (('layouts', 'layout'), ('eds', 'eds'))
                    if given[argument]}
     parameters |= {name: switch(name, given[name]) for name in ('autostart', 'wait_at_start') if given[name]}
-    parameters |= {'pads': names, 'node_ids': [whole(node_id) for node_id in split(given['node_id'])]}
-    return Node(package=PACKAGE, executable='driver_node', name='skin_driver', namespace=given['namespace'],
-                parameters=[*params_file(given), parameters | lossless(given)], output='screen')
+    return parameters | {'node_ids': [whole(node_id) for node_id in split(given['node_id'])]}
 
 
-def pad_nodes(given: dict, name: str) -> list:
-    namespace = f'{given["namespace"]}/{name}' if given['namespace'] else name
-    return [Node(package=PACKAGE, executable=f'{role}_node', name=role, namespace=namespace,
-                 parameters=[*params_file(given), lossless(given)], output='screen')
-            for role in ('processor', 'classifier')]
-
-
-def grasp_nodes(given: dict, names: list) -> list:
-    """Two pads are taken to face each other; where is for the parameter file to say."""
-    if len(names) != 2:
-        return []
-    pads = {'left_pad': names[0], 'right_pad': names[1]}
-    return [Node(package=PACKAGE, executable='grasp_node', name='grasp', namespace=given['namespace'],
-                 parameters=[*params_file(given), pads], output='screen')]
+def ros_node(description: NodeDescription, params_file: list) -> Node:
+    return Node(package=PACKAGE, executable=description.executable, name=description.name,
+                namespace=description.namespace, parameters=[*params_file, dict(description.parameters)],
+                output='screen')
 
 
 def simulated(given: dict, link: str, driver: Node) -> list:
@@ -109,10 +98,6 @@ def end_with(process, name: str) -> RegisterEventHandler:
             raise RuntimeError(f'{name} has failed, code {event.returncode}')
         return [EmitEvent(event=Shutdown(reason=f'{name} has ended'))]
     return RegisterEventHandler(OnProcessExit(target_action=process, on_exit=ended))
-
-
-def lossless(given: dict) -> dict:
-    return {'lossless': True} if given['replay'] else {}
 
 
 def params_file(given: dict) -> list:

@@ -12,6 +12,7 @@ pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run 
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 
+from tactile_node.node_graph import bus_nodes  # noqa: E402
 from tactile_node.nodes.grasp_node import GraspNode  # noqa: E402
 from tactile_node.nodes.system import make_system  # noqa: E402
 from tactile_node.simulator.skin_simulator import SkinSimulator  # noqa: E402
@@ -41,8 +42,8 @@ def fingers():
             skin = SkinSimulator([pad], {name: pressed(pad.layout.rows, pad.layout.cols, pressure)})
             skin.start('virtual', channel)
             stack.callback(skin.stop)
-            system = make_system([name], {'interface': 'virtual', 'channel': channel, 'node_ids': [32],
-                                          'layouts': [layout]}, f'{name}_finger')
+            driver = {'interface': 'virtual', 'channel': channel, 'node_ids': [32], 'layouts': [layout]}
+            system = make_system(bus_nodes([name], driver=driver, namespace=f'{name}_finger'))
             stack.callback(system.destroy)
             for node in system.nodes:
                 executor.add_node(node)

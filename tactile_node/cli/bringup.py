@@ -6,13 +6,13 @@ from contextlib import ExitStack
 
 from tactile_node.cli.options import names, node_ids, pace
 from tactile_node.interruption import interruption
+from tactile_node.node_graph import bus_nodes
 from tactile_node.recording.summary import summary
 from tactile_node.simulator.gripper import gripper_sources
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.skin.pads import make_pads, with_dictionaries
 
 SIMULATED_CHANNEL = 'tactile_bringup'
-DRAIN_PATIENCE = 5.0  # how long no shape may come before the rest of a log is given up [s]
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
@@ -58,8 +58,8 @@ def run(args: argparse.Namespace) -> int:
         with told_as_ours():
             rclpy.init(args=['--ros-args', '--params-file', args.params_file] if args.params_file else [],
                        signal_handler_options=SignalHandlerOptions.NO)
-            system = make_system(args.pads, _driver_parameters(args), args.namespace,
-                                 {'lossless': True} if args.replay else {})
+            system = make_system(bus_nodes(args.pads, driver=_driver_parameters(args), namespace=args.namespace,
+                                           every={'lossless': True} if args.replay else {}))
         stack.callback(system.destroy)
         spinner = stack.enter_context(spinning(system.nodes))  # autostart may wait for other nodes' callbacks
         system.driver.autostart()
@@ -71,16 +71,11 @@ def run(args: argparse.Namespace) -> int:
 
 def _replay(system, spinner, asked: threading.Event) -> int:
     """Wait for the log's end and for the last of its frames to come out as a shape; tell what became of all."""
+    from tactile_node.nodes.drain import drain, published_frames
     source = system.driver.source
     while not source.finished.wait(0.1) and not asked.is_set():
         spinner.check()
-    published = sum(pad.published for pad in source.statistics().pads.values())
-    recognised, patience = -1, DRAIN_PATIENCE
-    while patience > 0 and not asked.wait(0.05):
-        before, recognised = recognised, sum(node.recognised for node in system.classifiers)
-        if recognised >= published:
-            break
-        patience = DRAIN_PATIENCE if recognised > before else patience - 0.05
+    recognised, published = drain(source, lambda: system.recognised, spinner, asked), published_frames(source)
     print(f'{summary(source.statistics())}\nShapes: {recognised} of {published} taxel frames')
     return 0 if recognised == published and not asked.is_set() else 1
 
@@ -101,5 +96,5 @@ def _driver_parameters(args: argparse.Namespace) -> dict:
              'replay': args.replay, 'node_ids': args.node_id, 'layouts': args.layout, 'eds': args.eds,
              'autostart': True}  # whatever the parameter file says: here nobody else would do it
     if args.replay:
-        given |= {'replay_pace': args.pace, 'lossless': True}
+        given |= {'replay_pace': args.pace}
     return {name: value for name, value in given.items() if value is not None}

@@ -14,6 +14,8 @@ from tactile_node.demo.terminal import LivePictures
 from tactile_node.demo.touches import GAP, TouchedPad, scripted_touches
 from tactile_node.demo.watcher import Watcher
 from tactile_node.interruption import interruption
+from tactile_node.node_graph import bus_nodes, frame_topics
+from tactile_node.nodes.drain import drain
 from tactile_node.nodes.spinning import Spinner
 from tactile_node.nodes.system import make_system
 from tactile_node.ros.bag import BagRecorder
@@ -26,9 +28,7 @@ CHANNEL = 'tactile_demo'
 FULL_SCALE = 100e3  # Pa, of LAYOUT
 SYNC_PERIOD = 0.05  # s: 20 frames a second of each pad
 DRAW_PERIOD = 0.1  # s
-DRAIN_PATIENCE = 5.0  # s without a shape: no more will come
 DEPTH = 1000  # messages: on a slow machine the demo is late rather than incomplete
-TOPICS = (('taxels', 'TaxelArray'), ('features', 'ContactFeatures'), ('shape', 'ContactShape'))
 
 
 class DemoSession:
@@ -48,13 +48,11 @@ class DemoSession:
         self._asked = self._stack.enter_context(interruption())
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         self._simulator.start('virtual', CHANNEL)
-        self._system = make_system(PADS, {
-            'interface': 'virtual', 'channel': CHANNEL, 'node_ids': list(NODE_IDS), 'layouts': [LAYOUT],
-            'sync_period': SYNC_PERIOD, 'queue_depth': DEPTH, 'record': str(self._folder / 'can.log')},
-            chain={'queue_depth': DEPTH})
+        driver = {'interface': 'virtual', 'channel': CHANNEL, 'node_ids': list(NODE_IDS), 'layouts': [LAYOUT],
+                  'sync_period': SYNC_PERIOD, 'record': str(self._folder / 'can.log')}
+        self._system = make_system(bus_nodes(PADS, driver=driver, every={'queue_depth': DEPTH}))
         self.watcher = Watcher(PADS, lambda stamp: stamp - (self._origin or stamp), FULL_SCALE)
-        topics = [(f'/{pad}/{name}', kind) for pad in PADS for name, kind in TOPICS] + [('/grasp', 'Grasp')]
-        self.bag = BagRecorder(self.watcher, self._folder / 'bag', topics, frames_qos(DEPTH))
+        self.bag = BagRecorder(self.watcher, self._folder / 'bag', frame_topics(PADS), frames_qos(DEPTH))
         self._spinner = Spinner((*self._system.nodes, self.watcher))
         return self
 
@@ -85,18 +83,9 @@ class DemoSession:
                     self._pictures.keep(views)
             time.sleep(DRAW_PERIOD)
         self._system.driver.trigger_deactivate()
-        self._drain()
-
-    def _drain(self) -> None:
-        """Wait until every taxel frame has come out as a shape, or none has for a while."""
-        seen, patience = -1, DRAIN_PATIENCE
-        while patience > 0:
-            self._spinner.check()
-            before, seen = seen, len(self.watcher.latency)
-            patience = DRAIN_PATIENCE if seen > before else patience - DRAW_PERIOD
-            if seen == sum(pad.published for pad in self._system.driver.source.statistics().pads.values()):
-                return
-            time.sleep(DRAW_PERIOD)
+        drain(self._system.driver.source, lambda: len(self.watcher.latency), self._spinner, self._asked)
+        if self._asked.is_set():
+            raise KeyboardInterrupt
 
     def verdicts(self) -> list[Verdict]:
         """What was made of each touch."""

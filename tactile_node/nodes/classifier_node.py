@@ -6,6 +6,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.node import Node
 
 from tactile_node.fusion.recognitions import FusedRecognition, RecognitionFusion
+from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.run import run_node
 from tactile_node.pose.fit import ShapeFit, fit_shape
 from tactile_node.pose.moments import contact_moments
@@ -26,7 +27,7 @@ class ClassifierNode(Node):
     """
 
     def __init__(self, **options):
-        super().__init__('classifier', **options)
+        super().__init__(NODE_NAMES[Role.CLASSIFIER], **options)
         declare(self, ClassifierSettings)
         self._settings = read(self, ClassifierSettings)
         self._recogniser = make_recogniser(self._settings.method, self._settings.model)

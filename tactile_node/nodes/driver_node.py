@@ -28,6 +28,7 @@ from tactile_node.frames.frame_source import FrameSource
 from tactile_node.frames.health import BusHealth
 from tactile_node.frames.losses import BusStatistics
 from tactile_node.frames.taxel_frame import TaxelFrame
+from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.fault_service import FaultService
 from tactile_node.nodes.replay_gate import ReplayGate
 from tactile_node.nodes.run import run_node
@@ -66,7 +67,7 @@ class DriverNode(LifecycleNode):
     """Publishes `<pad>/taxels` for each pad while active, /diagnostics and `~/status` always."""
 
     def __init__(self, **options):
-        super().__init__('skin_driver', **options)
+        super().__init__(NODE_NAMES[Role.DRIVER], **options)
         outlive_unfitting_requests(self)
         declare(self, DriverSettings)
         self.add_on_set_parameters_callback(self._on_parameters)

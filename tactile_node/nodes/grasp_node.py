@@ -7,6 +7,7 @@ from rclpy.node import Node
 
 from tactile_node.grasp.gripper import Gripper, PadPose
 from tactile_node.grasp.tracker import SIDES, GraspSettings, GraspTracker
+from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.run import run_node
 from tactile_node.ros.grasp_messages import grasp_message, side_result
 from tactile_node.ros.parameters import declare, read
@@ -18,7 +19,7 @@ class GraspNode(Node):
     """Publishes `grasp` for every `<pad>/shape` of its two pads. Raises ConfigurationError for a wrong parameter."""
 
     def __init__(self, **options):
-        super().__init__('grasp', **options)
+        super().__init__(NODE_NAMES[Role.GRASP], **options)
         declare(self, GraspNodeSettings)
         self._settings = settings = read(self, GraspNodeSettings)
         gripper = Gripper(PadPose(settings.left_xyz, settings.left_rpy),

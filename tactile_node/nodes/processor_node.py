@@ -11,6 +11,7 @@ from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PRESS_BY_UNIT, PressThresholds
 from tactile_node.errors import ConfigurationError, TactileError
 from tactile_node.helmholtz.features import Group, compute_features
+from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.run import run_node
 from tactile_node.ros.feature_messages import features_message
 from tactile_node.ros.parameters import changed, declare, read
@@ -23,7 +24,7 @@ class ProcessorNode(Node):
     """Publishes `features` for every message on `taxels`. Raises ConfigurationError for a wrong parameter."""
 
     def __init__(self, **options):
-        super().__init__('processor', **options)
+        super().__init__(NODE_NAMES[Role.PROCESSOR], **options)
         declare(self, ProcessorSettings)
         self._apply(read(self, ProcessorSettings))
         qos = self._settings.qos

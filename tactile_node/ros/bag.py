@@ -1,5 +1,6 @@
 """Writes topics into an MCAP bag that `ros2 bag` and Foxglove read, without rosbag2 being installed."""
 
+from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 
@@ -16,9 +17,9 @@ MESSAGES = ('TaxelArray', 'FeatureRange', 'ContactFeatures', 'ContactShape', 'Gr
 
 
 class BagRecorder:
-    """Records ``topics`` (name, message name) that ``node`` hears, from construction to close, as they come."""
+    """Records ``topics`` (name: message name) that ``node`` receives, from construction to close."""
 
-    def __init__(self, node: Node, folder: Path, topics: list[tuple[str, str]], qos: QoSProfile):
+    def __init__(self, node: Node, folder: Path, topics: Mapping[str, str], qos: QoSProfile):
         types = get_typestore(Stores.ROS2_JAZZY)
         for name in MESSAGES:
             text = package_file(f'msg/{name}.msg').read_text(encoding='utf-8')
@@ -27,7 +28,7 @@ class BagRecorder:
         self._writer = Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP)
         self._writer.open()
         module = import_module(f'{PACKAGE}.msg')
-        for topic, name in topics:
+        for topic, name in topics.items():
             connection = self._writer.add_connection(
                 topic, f'{PACKAGE}/msg/{name}', typestore=types, offered_qos_profiles=[_RELIABLE])
             node.create_subscription(getattr(module, name), topic, self._writing_to(connection), qos, raw=True)
