@@ -27,6 +27,7 @@ import can
 import numpy as np
 from can_bench import INTERFACE, TINY, Bench, wait_until
 
+from tactile_node.bus.bus_settings import DEFAULT_BITRATE
 from tactile_node.bus.slcan_bus import LONGEST_LINE, BulkSlcanBus
 from tactile_node.errors import TactileError
 from tactile_node.recording.log_reader import CanLogReader
@@ -260,7 +261,7 @@ class SerialFuzz:
         self._master, port = pty.openpty()
         tty.setraw(port)
         os.set_blocking(self._master, False)
-        self.bus = BulkSlcanBus(os.ttyname(port), bitrate=1_000_000, sleep_after_open=0.0)
+        self.bus = BulkSlcanBus(os.ttyname(port), bitrate=DEFAULT_BITRATE, sleep_after_open=0.0)
         return self
 
     def __exit__(self, *_: object) -> None:

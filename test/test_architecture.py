@@ -25,7 +25,7 @@ ALLOWED = {
     'bus': {'assembly', 'cia301', 'frames', 'recording', 'skin', 'threads'},
     'supervision': {'bus', 'cia301', 'frames', 'skin', 'threads'},
     'simulator': {'bus', 'cia301', 'skin', 'synthetic'},
-    'ros': {'frames', 'skin', *NUMERICAL},
+    'ros': {'bus', 'frames', 'skin', *NUMERICAL},
     'nodes': {'bus', 'frames', 'recording', 'ros', 'skin', 'supervision', 'threads', *NUMERICAL},
     'demo': {'nodes', 'ros', 'simulator', 'skin', 'synthetic'}}
 ROS = {'rclpy', 'tactile_skin', 'std_msgs', 'diagnostic_msgs', 'geometry_msgs', 'rcl_interfaces', 'builtin_interfaces',

@@ -14,6 +14,7 @@ import can
 import numpy as np
 import pytest
 from can_bench import INTERFACE, channel_of, other_bus, wait_until
+from faulty_bus import Adapter
 
 from tactile_node.bus import slcan_bus
 from tactile_node.bus.bus_network import open_bus
@@ -143,13 +144,25 @@ def test_heartbeat_comes_when_it_is_asked_for(wire):
     assert wait_until(lambda: wire.take(1) == [(0x720, '05')])
 
 
+def test_a_bus_that_fails_under_the_skin_is_reported():
+    adapter, failures = Adapter(), []
+    skin = SkinSimulator([make_pad('pad', 32, 'sim16x16.yaml')], {'pad': lambda t: np.zeros((16, 16))}, failures.append)
+    skin.start_on(adapter.open('virtual', 'failing', 1_000_000, {}))
+    try:
+        adapter.is_plugged = False
+        assert wait_until(lambda: failures) and isinstance(failures[0], can.CanOperationError)
+    finally:
+        skin.stop()
+
+
 def test_touches_press_and_let_go():
     layout = load_layout('sim16x16.yaml')
     program = touch_program(layout, ('circle',), areas=(50,), seed=3, hold=1.0, pause=0.5)
     assert [touch.contact.shape for touch in program.touches] == ['circle'] and program.duration == 2.0
-    assert program(0.2).max() == program(1.7).max() == 0 and program.touch_at(0.2) is None
-    full = program(1.0)
-    assert program.touch_at(1.0) is program.touches[0] and program.touch_at(3.0) is program.touches[0]
+    assert program(0.2).max() == program(1.7).max() == 0
+    full, (touch,) = program(1.0), program.touches
+    assert (touch.load(0.2), touch.load(1.0)) == (0, 1) and touch.is_steady(1.0) and not touch.is_steady(0.55)
+    assert (program(3.0) == full).all()  # repeated
     assert abs(full.sum() / full.max() - 50) < 1.5  # 60 000 Pa on the area of 50 taxels
     assert full.max() == pytest.approx(60_000, rel=1e-3)
     assert program(0.55).max() == pytest.approx(30_000, rel=1e-3)  # amid the ramp of 0.1 s

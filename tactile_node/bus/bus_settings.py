@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+DEFAULT_BITRATE = 1_000_000  # [bit/s]
+
 
 @dataclass(frozen=True)
 class BusSettings:
@@ -11,7 +13,7 @@ class BusSettings:
 
     interface: str
     channel: str
-    bitrate: int = 1_000_000
+    bitrate: int = DEFAULT_BITRATE
     sync_period: float = 0.02  #: [s]
     produce_sync: bool = True  #: False: another device sends SYNC
     boot_timeout: float = 5.0  #: how long each device may take to answer [s]

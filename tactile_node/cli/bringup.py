@@ -4,6 +4,7 @@ import argparse
 import threading
 from contextlib import ExitStack
 
+from tactile_node.bus.bus_settings import DEFAULT_BITRATE
 from tactile_node.cli.options import names, node_ids, pace
 from tactile_node.interruption import interruption
 from tactile_node.node_graph import bus_nodes
@@ -20,7 +21,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
                                    description=__doc__)
     parser.add_argument('--interface', help='python-can interface (default: socketcan)')
     parser.add_argument('--channel', help='channel of the interface (default: can0)')
-    parser.add_argument('--bitrate', type=int, help='bit rate [bit/s] (default: 1000000)')
+    parser.add_argument('--bitrate', type=int, help=f'bit rate [bit/s] (default: {DEFAULT_BITRATE})')
     parser.add_argument('--pads', type=names, default=['pad'], metavar='NAME,...',
                         help='names of the pads (default: pad); two are taken for a gripper')
     parser.add_argument('--node-id', type=node_ids, action='extend', metavar='ID,...',

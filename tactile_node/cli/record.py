@@ -5,6 +5,7 @@ import sys
 import time
 
 from tactile_node.bus.bus_network import open_bus
+from tactile_node.bus.bus_settings import DEFAULT_BITRATE
 from tactile_node.errors import BusError, LogError
 from tactile_node.interruption import interruption
 from tactile_node.recording.log_writer import CanLogWriter
@@ -22,7 +23,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--interface', default='socketcan',
                         help='python-can interface (default: %(default)s)')
     parser.add_argument('--channel', default='can0', help='its channel (default: %(default)s)')
-    parser.add_argument('--bitrate', type=int, default=1_000_000, help='[bit/s] (default: %(default)s)')
+    parser.add_argument('--bitrate', type=int, default=DEFAULT_BITRATE, help='[bit/s] (default: %(default)s)')
     parser.add_argument('--duration', type=float, default=float('inf'), help='[s] (default: until Ctrl-C)')
     parser.set_defaults(run=run)
 

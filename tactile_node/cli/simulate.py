@@ -7,6 +7,7 @@ import argparse
 import gc
 
 from tactile_node.bus.bus_network import open_bus
+from tactile_node.bus.bus_settings import DEFAULT_BITRATE
 from tactile_node.cli.options import names, node_ids
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption
@@ -24,7 +25,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
                                    description=__doc__)
     parser.add_argument('--interface', default='socketcan', help='python-can interface (default: %(default)s)')
     parser.add_argument('--channel', default='vcan0', help='its channel (default: %(default)s)')
-    parser.add_argument('--bitrate', type=int, default=1_000_000, help='[bit/s] (default: %(default)s)')
+    parser.add_argument('--bitrate', type=int, default=DEFAULT_BITRATE, help='[bit/s] (default: %(default)s)')
     parser.add_argument('--pty', action='store_true', help='offer an slcan adapter on a pseudo-terminal instead')
     parser.add_argument('--link', default='', metavar='PATH', help='with --pty: a symbolic link to the port')
     parser.add_argument('--layout', type=names, default=['sim16x16.yaml'], metavar='LAYOUT,...',

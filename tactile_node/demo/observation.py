@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.demo.touches import Touch
+from tactile_node.simulator.touches import Touch
 
 
 class Seen(NamedTuple):

@@ -1,35 +1,20 @@
 """The script of the demo: which shape touches which pad when, and what the pad then measures."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from tactile_node.errors import ConfigurationError
+from tactile_node.simulator.touches import Touch
 from tactile_node.synthetic.pressure import Skin, pressure_frame
 from tactile_node.synthetic.world import CLASSES, Contact, random_contact
 
 LARGEST = 60.0  # taxels: what every shape finds room for on 16x16
-TOUCH, GAP, RAMP = 0.8, 0.3, 0.1  # how long an object is held, is away, is being pressed on [s]
+TOUCH, GAP = 0.8, 0.3  # how long an object is held, is away [s]
 PRESSURE = 0.6  # of full scale
 SKIN = Skin(noise=0.01)
 MARGIN = 0.5  # pitches an object keeps from the pad's edge
-
-
-@dataclass(frozen=True)
-class Touch:
-    """One object pressed on one pad from ``begin`` to ``end`` [s since the skin became operational]."""
-
-    contact: Contact
-    begin: float
-    end: float
-
-    def load(self, time: float) -> float:
-        """How hard the object presses at ``time``, 0 ... 1."""
-        return float(np.clip(min(time - self.begin, self.end - time) / RAMP, 0, 1))
-
-    def is_steady(self, time: float) -> bool:
-        return self.begin + RAMP <= time <= self.end - RAMP
 
 
 def scripted_touches(seed: int, areas: Sequence[float], rows: int, cols: int) -> tuple[Touch, ...]:

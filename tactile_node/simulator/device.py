@@ -129,7 +129,7 @@ class SimulatedDevice:
         self._sync_id = self._number(COB_ID_SYNC, 0) & ID_MASK
         self._network.subscribe(self._sync_id, self._on_sync)
 
-    def _on_nmt(self, _can_id: int, data: bytes, timestamp: float) -> None:
+    def _on_nmt(self, _can_id: int, data: bytearray, timestamp: float) -> None:
         if len(data) < 2 or data[1] not in (ALL_NODES, self._node_id):
             return
         with self._lock:
@@ -170,14 +170,14 @@ class SimulatedDevice:
         zero.flat[channel - 1] = values.flat[channel - 1]
         self._zero = zero
 
-    def _on_sdo(self, can_id: int, data: bytes, timestamp: float) -> None:
+    def _on_sdo(self, can_id: int, data: bytearray, timestamp: float) -> None:
         if len(data) != SDO_BYTES:  # no SDO request; canopen's server stumbles over it
             return
         with self._lock:
             if self._blocks is None or self.refuses_blocks or not self._blocks.takes(bytes(data)):
                 self._node.sdo.on_request(can_id, data, timestamp)
 
-    def _on_sync(self, _can_id: int, _data: bytes, timestamp: float) -> None:
+    def _on_sync(self, _can_id: int, _data: bytearray, timestamp: float) -> None:
         with self._lock:
             if not self.operational or self._domain is not None:
                 return

@@ -1,10 +1,11 @@
 """Simulated pads on one python-can bus."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import can
 
-from tactile_node.bus.bus_network import BusNetwork, OnFailure, open_bus
+from tactile_node.bus.bus_network import BusNetwork, open_bus
+from tactile_node.bus.bus_settings import DEFAULT_BITRATE
 from tactile_node.simulator.device import SimulatedDevice, TaxelSource
 from tactile_node.skin.pad_rules import check_pads
 from tactile_node.skin.pads import LivePad
@@ -12,6 +13,8 @@ from tactile_node.skin.pads import LivePad
 
 class SkinSimulator:
     """Devices for ``pads``, each with its ``sources[pad.name]``, from ``start`` to ``stop`` on one bus.
+
+    ``on_failure`` is called with the error when the bus fails.
 
     >>> from tactile_node.skin.pads import make_pad
     >>> import numpy as np
@@ -21,20 +24,21 @@ class SkinSimulator:
     """
 
     def __init__(self, pads: Sequence[LivePad], sources: dict[str, TaxelSource],
-                 on_failure: OnFailure = lambda fault, error: None):
+                 on_failure: Callable[[Exception], None] = lambda error: None):
         check_pads(tuple(pads))
         self._nodes = [node for pad in pads for node in pad.nodes]
-        self._sources, self._on_failure = sources, on_failure
+        self._sources = sources
+        self._on_failure = on_failure
         self._network: BusNetwork | None = None
         self.devices: dict[int, SimulatedDevice] = {}  #: by node-ID
 
-    def start(self, interface: str, channel: str, bitrate: int = 1_000_000) -> None:
+    def start(self, interface: str, channel: str, bitrate: int = DEFAULT_BITRATE) -> None:
         """Open the bus by name and boot the devices; BusError."""
         self.start_on(open_bus(interface, channel, bitrate, {}))
 
     def start_on(self, bus: can.BusABC) -> None:
         """Boot the devices on ``bus``, which is closed by ``stop``."""
-        self._network = BusNetwork(bus, lambda message: None, self._on_failure)
+        self._network = BusNetwork(bus, lambda message: None, lambda fault, error: self._on_failure(error))
         for node in self._nodes:
             device = self.devices[node.node_id] = SimulatedDevice(self._network, node, self._sources[node.pad])
             device.boot()

@@ -1,6 +1,7 @@
 """A programme of touches: which shape presses a simulated pad when, as taxel values over time."""
 
 from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,48 +16,54 @@ MEAN_PRESSURE = 0.6  # of full scale
 
 @dataclass(frozen=True)
 class Touch:
-    """``contact`` presses from ``begin`` to ``end`` [s]; ``values``, shape (rows, cols), at full pressure."""
+    """One object pressed on one pad from ``begin`` to ``end`` [s since the skin became operational]."""
 
     contact: Contact
     begin: float
     end: float
-    values: np.ndarray
 
-    def load(self, t: float) -> float:
-        """How much of the full pressure acts at ``t``: 0..1, with ramps at both ends."""
-        return float(np.clip(min(t - self.begin, self.end - t) / RAMP, 0, 1))
+    def load(self, time: float) -> float:
+        """How much of the full pressure acts at ``time``: 0..1, with ramps at both ends."""
+        return float(np.clip(min(time - self.begin, self.end - time) / RAMP, 0, 1))
+
+    def is_steady(self, time: float) -> bool:
+        """Whether the full pressure acts."""
+        return self.begin + RAMP <= time <= self.end - RAMP
 
 
 class TouchProgram:
-    """A sequence of touches, repeated for ever; calling it with a time [s] gives the taxels' values."""
+    """A sequence of touches, repeated for ever; calling it with a time [s] gives the taxels' values.
 
-    def __init__(self, touches: list[Touch], duration: float):
-        self.touches, self.duration = tuple(touches), duration
+    ``values[i]``: the taxels at the full pressure of ``touches[i]``, shape (rows, cols).
+    """
+
+    def __init__(self, touches: Sequence[Touch], values: Sequence[np.ndarray], duration: float):
+        self.touches = tuple(touches)
+        self.duration = duration
+        self._values = tuple(values)
         self._begins = [touch.begin for touch in touches]
 
-    def __call__(self, t: float) -> np.ndarray:
-        touch = self.touches[max(0, bisect_right(self._begins, t % self.duration) - 1)]
-        load = touch.load(t % self.duration)
+    def __call__(self, time: float) -> np.ndarray:
+        time %= self.duration
+        number = max(0, bisect_right(self._begins, time) - 1)
+        load, values = self.touches[number].load(time), self._values[number]
         # An on/off taxel has no part of a value: it is on while the load is more than half.
-        return touch.values * (load if touch.values.dtype != bool else load > 0.5)
-
-    def touch_at(self, t: float) -> Touch | None:
-        """The touch that presses with its full pressure at ``t``, None between touches."""
-        touch = self.touches[max(0, bisect_right(self._begins, t % self.duration) - 1)]
-        return touch if touch.load(t % self.duration) == 1 else None
+        return values * (load if values.dtype != bool else load > 0.5)
 
 
 def touch_program(layout: SkinLayout, shapes: tuple[str, ...] = CLASSES,
                   areas: tuple[float, ...] = (40, 60, 80),
                   seed: int = 0, hold: float = 1.0, pause: float = 0.5) -> TouchProgram:
     """Every shape in every area [taxels], in general position, held ``hold``, parted by ``pause`` [s]."""
-    rng, touches, now = np.random.default_rng(seed), [], pause
+    rng, now = np.random.default_rng(seed), pause
+    touches, values = [], []
     for area in areas:
         for shape in shapes:
             contact = random_contact(rng, shape, area, layout.rows, layout.cols)
-            touches.append(Touch(contact, now, now + hold, _values(layout, contact, rng)))
+            touches.append(Touch(contact, now, now + hold))
+            values.append(_values(layout, contact, rng))
             now += hold + pause
-    return TouchProgram(touches, now)
+    return TouchProgram(touches, values, now)
 
 
 def _values(layout: SkinLayout, contact: Contact, rng: np.random.Generator) -> np.ndarray:

@@ -15,9 +15,14 @@ HALF_DIAGONAL = 0.708  #: of a taxel [pitches]
 class Touching(Protocol):
     """What can touch a pad."""
 
-    x: float
-    y: float
-    reach: float
+    @property
+    def x(self) -> float: ...
+
+    @property
+    def y(self) -> float: ...
+
+    @property
+    def reach(self) -> float: ...
 
     def depth(self, x: np.ndarray, y: np.ndarray) -> np.ndarray: ...
 
