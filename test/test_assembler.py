@@ -5,7 +5,7 @@ import pytest
 from can_bench import only, tiny_layout
 
 from tactile_node.assembly.assembler import FrameAssembler
-from tactile_node.assembly.sender_run import CATCHING_UP
+from tactile_node.assembly.sender_run import CATCH_UP_PERIODS
 from tactile_node.frames.losses import Loss, LossReason
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 
@@ -82,20 +82,21 @@ def test_silent_periods_are_all_stale(assembler):
 
 
 def test_sweeps_after_silence_are_given_up_until_none_is_late_any_more(assembler):
-    """Each may be of the period before; after CATCHING_UP periods the silent one is taken to be lost."""
+    """Each may be of the period before; after CATCH_UP_PERIODS periods the silent one is taken to be lost."""
     sweep = [(ROW_1, '0B0B'), (ROW_2, '0B0B'), (ROW_3, '0B0B')]
     assembler.sync(0)
     assembler.sync(1)
     given = []
-    for period in range(1, 1 + CATCHING_UP):
+    for period in range(1, 1 + CATCH_UP_PERIODS):
         assert send(assembler, *sweep, at=period + 0.5) is None
         given += assembler.sync(period + 1)
-    assert given.count(Loss(LossReason.LATE, 3)) == CATCHING_UP == assembler.statistics().losses[LossReason.LATE] / 3
+    assert given.count(Loss(LossReason.LATE, 3)) == CATCH_UP_PERIODS
+    assert assembler.statistics().losses[LossReason.LATE] == 3 * CATCH_UP_PERIODS
     frames = [result for result in given if isinstance(result, TaxelFrame)]
     for sequence, frame in enumerate(frames):
         check(frame, np.full((3, 2), NAN), sequence, missing=3)
-    check(send(assembler, *sweep, at=4.5), np.full((3, 2), 2), sequence=1 + CATCHING_UP)
-    assert len(frames) == 1 + CATCHING_UP and balanced(assembler)
+    check(send(assembler, *sweep, at=4.5), np.full((3, 2), 2), sequence=1 + CATCH_UP_PERIODS)
+    assert len(frames) == 1 + CATCH_UP_PERIODS and balanced(assembler)
 
 
 def test_a_sweep_that_is_late_as_a_whole_goes_back_to_its_period(assembler):
@@ -361,7 +362,7 @@ def test_without_loss_most_of_what_is_late_is_used(assembler):
 
 
 def test_delays_of_several_periods_do_not_mix_and_hardly_ever_stamp_late(assembler):
-    """A sender that stays behind for more than CATCHING_UP periods is told by nothing."""
+    """A sender that stays behind for more than CATCH_UP_PERIODS periods is told by nothing."""
     ages = []
     for sequence, periods in random_periods(assembler, loss=0.0, most_delayed=8):
         assert len(periods) <= 1
@@ -409,14 +410,15 @@ def test_whatever_is_lost_or_late_by_a_period_no_frame_is_wrong(tmp_path):
     layout, ways = tiny_layout(tmp_path), list(fates())
     for fate in ways:
         assembler, frames = FrameAssembler(layout, (1,)), []
-        for period in range(PERIODS + CATCHING_UP + 3):
+        for period in range(PERIODS + CATCH_UP_PERIODS + 3):
             sent = [(i % 3, i // 3) for i, comes in enumerate(fate) if comes == period]
             sent += [(row, period) for row in range(3)] if period >= PERIODS else []
             frames += assembler.sync(period)
             for row, count in sent:
                 frames += assembler.feed((ROW_1, ROW_2, ROW_3)[row], bytes([10 + count] * 2), period + 0.5)
         frames = [frame for frame in (*frames, *assembler.end_period()) if isinstance(frame, TaxelFrame)]
-        assert [frame.sequence for frame in frames] == list(range(PERIODS + CATCHING_UP + 3)) and balanced(assembler)
+        assert [frame.sequence for frame in frames] == list(range(PERIODS + CATCH_UP_PERIODS + 3))
+        assert balanced(assembler)
         for frame in frames:
             counts = frame.values[:, 0] / 2
             assert (np.isnan(counts) | (counts == frame.sequence)).all(), (fate, frame)

@@ -1,32 +1,38 @@
-"""Puts the TPDOs between two SYNCs together into one taxel frame. A pure state machine: no bus, no clock.
+"""Assembles the TPDOs between two SYNCs into one taxel frame. A pure state machine: no bus, no clock.
 
-A skin sends its TPDOs in a fixed order every period (the layout's) and CAN keeps one sender's order, so the
-TPDOs of one period form one *ascending run* of ranks. A taxel frame is only ever made of one run, of one run of
-each node where several make up the pad (what follows holds for each node by itself):
+Terms
+    rank      a TPDO's place in the layout; a node sends its TPDOs in ascending rank, each once a SYNC
+    sweep     the TPDOs that the pad's nodes send for one SYNC
+    period    the time between two SYNCs
+    run       TPDOs of one node in ascending rank; CAN keeps the order of one sender, so a sweep is one run
 
-- A rank not above the last one begins a new run: what came before it in this period belonged to an earlier
-  one and is dropped (LATE; OUT_OF_ORDER where the run did not hold that rank, so nothing speaks of two
-  periods). Only an immediate repetition with equal bytes is a mere DUPLICATE.
-- After a period that ended early, ranks above its end may be its delayed tail; after a silent one, any may.
-  Such a run is suspect. When a whole run follows it before the next SYNC, it was of the period before, which gets it
-  back. Else it is dropped (LATE), since nothing proves it fresh. So after n silent periods n runs are given up, even
-  whole ones, if they come within one period; else those of CATCHING_UP periods: what has not come by then is lost,
-  not late. A node that was started (``start``) owes nothing.
-- When every node's run has all its ranks, the frame is complete and given at once. Otherwise it is given, with NaN and
-  STALE for the taxels that are in no run, or not (``drop_incomplete``), as soon as nothing more of it can come: at the
-  next SYNC, at the begin of the next run, or one SYNC later.
-  Whatever follows a complete run within its period is SURPLUS.
+Rules, for each node of the pad by itself
+ 1. A taxel frame is made of one run of each node.
+ 2. A rank that is not above the last one begins the next run. The run before is lost: LATE where it was suspect or
+    already held that rank, else OUT_OF_ORDER. Only an immediate repetition with equal bytes is a DUPLICATE and
+    changes nothing.
+ 3. A run is *suspect* while its node may be behind. After a period that ended early, only ranks above its end may be
+    its delayed tail; after a silent period, any rank may.
+    - If a complete run follows before the next SYNC, the suspect run is of the period before, and goes back to it.
+    - Otherwise it is lost (LATE): nothing proves that it is of this period.
+    - After n silent periods, n runs are therefore lost when they come within one period; otherwise the runs of
+      CATCH_UP_PERIODS periods. What has not come by then is taken to be lost, not late.
+    - A node that was just started (``start``) is not behind.
+ 4. When the runs of all nodes are complete, the frame is emitted at once. TPDOs that follow in that period are SURPLUS.
+ 5. An incomplete frame has NaN and STALE for the taxels that are in no run. It is emitted, or withheld
+    (``drop_incomplete``), as soon as nothing more of it can come: at the next SYNC, when the next run begins, or one
+    SYNC later.
+ 6. With ``one_clock``, TPDOs and SYNC are stamped by one clock. A TPDO stamped before the SYNC is then of the period
+    before, or LATE: a driver that lags behind its bus never publishes taxels under a later stamp.
+ 7. With several nodes, a next run of a node that is not suspect proves that a SYNC was lost. The period is discarded:
+    all TPDOs of all nodes are LATE until the next SYNC.
 
-Where TPDOs and SYNC are stamped by one clock (``one_clock``), a TPDO stamped before its SYNC is of the period before
-by proof, or LATE: a driver that lags behind its bus never publishes frames under a later stamp.
-
-Where several nodes make up a pad, a run that begins anew, not suspect, tells of a SYNC that was lost: nothing of any
-node is then used until the next one (LATE).
-
-So a frame mixes two periods only if a SYNC, the end of one sweep and the beginning of the next one are lost within
-two periods. A sender that is late over CATCHING_UP SYNCs in a row is told by nothing from then on: until it catches up,
-its frames are stamped a period late, and mix two periods where another node of the pad is not behind, or where the
-end of one sweep and the beginning of the next one are lost.
+Limits
+  - A frame mixes two periods only if a SYNC, the end of one sweep and the beginning of the next one are lost within
+    two periods.
+  - A node that stays late for more than CATCH_UP_PERIODS SYNCs cannot be detected. Until it catches up, its taxels are
+    stamped one period late. They are mixed with those of another period where another node of the pad is not late, or
+    where the end of one sweep and the beginning of the next one are lost.
 """
 
 from collections import Counter
@@ -43,31 +49,35 @@ from tactile_node.skin.taxel_codec import TaxelCodec
 
 
 class FrameAssembler:
-    """The state machine of one pad. ``sync`` and ``feed`` return taxel frames as soon as there are any, and losses.
+    """The state machine of one pad. ``sync`` and ``feed`` return the taxel frames that are finished, and losses.
 
     ``node_ids``: those of the pad's nodes, as many as the layout has.
     """
 
-    service = 'tpdo'  #: of its CAN frames, for the counts
+    service = 'tpdo'  #: under which its CAN frames are counted
 
     def __init__(self, layout: SkinLayout, node_ids: Sequence[int], one_clock: bool = True,
                  drop_incomplete: bool = False):
         self.drop_incomplete = drop_incomplete
-        self._codec, self._one_clock = TaxelCodec(layout), one_clock
-        self._lengths = [tpdo.length for tpdo in layout.tpdos]
-        self._owns = [np.array([rank for rank, tpdo in enumerate(layout.tpdos) if tpdo.node == node])
-                      for node in range(len(node_ids))]
-        self._ranks: dict[int, dict[bytes, int]] = {}  # COB-ID -> first bytes -> rank
+        self._codec = TaxelCodec(layout)
+        self._one_clock = one_clock
+        self._node_ids = tuple(node_ids)
+        self._lengths = [tpdo.length for tpdo in layout.tpdos]  # by rank
+        self._nodes = [tpdo.node for tpdo in layout.tpdos]  # by rank
+        self._ranks_of_nodes = [np.array([rank for rank, tpdo in enumerate(layout.tpdos) if tpdo.node == node])
+                                for node in range(len(node_ids))]
+        self._ranks: dict[int, dict[bytes, int]] = {}  # COB-ID -> prefix -> rank
         for rank, tpdo in enumerate(layout.tpdos):
             node_id = node_ids[tpdo.node]
             self._ranks.setdefault(tpdo.cob_id.of(node_id), {})[tpdo.prefix(node_id)] = rank
-        self._nodes = [tpdo.node for tpdo in layout.tpdos]  # by rank
-        self._node_ids = tuple(node_ids)
-        self._heads = {can_id: len(next(iter(ranks))) for can_id, ranks in self._ranks.items()}
-        self._counts: Counter[str] = Counter()
+        self._prefix_lengths = {can_id: len(next(iter(ranks))) for can_id, ranks in self._ranks.items()}
+        self._complete = 0
+        self._incomplete = 0
+        self._withheld = 0
+        self._received = 0
         self._used = [0] * len(node_ids)
         self._losses: Counter[LossReason] = Counter()
-        self._before: SweepPeriod | None = None  # not yet given: its end may still come
+        self._before: SweepPeriod | None = None  # not yet emitted: its end may still come
         self._period: SweepPeriod | None = None
         self.restart()
 
@@ -76,72 +86,74 @@ class FrameAssembler:
         return frozenset(self._ranks)
 
     def restart(self) -> None:
-        """Forget what is under way, the nodes are silent; the next SYNC is number 0."""
+        """Forget the periods under way, the nodes do not send; the next SYNC is number 0."""
         self._forget()
-        self._sequence, self._is_trusting = -1, True
+        self._sequence = -1
+        self._is_after_outage = False
 
     def resume(self, lost_periods: int) -> None:
-        """After an outage: forget what is under way, leave out ``lost_periods`` sequence numbers.
+        """After an outage: forget the periods under way, leave out ``lost_periods`` sequence numbers.
 
-        What its nodes still have to send is not known, until they are told to ``start``.
+        How far the nodes are is not known, except of those that ``start`` names.
         """
         self._forget()
         self._sequence += lost_periods
-        self._is_trusting = False
+        self._is_after_outage = True
 
     def start(self, node_id: int) -> None:
-        """This node, which did not send, was told to: nothing of an earlier period is to come from it."""
+        """This node, which did not send, was started: no TPDO of an earlier period can come from it."""
         if self._period is not None and node_id in self._node_ids:
             self._period.runs[self._node_ids.index(node_id)].start()
 
     def sync(self, timestamp: float) -> Results:
-        """A SYNC was on the bus: end the period and begin the next one; the frames that get nothing more."""
-        ended, period = self._close_before(), self._period
-        if period is not None and not period.is_given:
-            ended += self._end(period)
+        """A SYNC was on the bus: end the period and begin the next one; the frames to which nothing more can come."""
+        results, period = self._close_before(), self._period
+        if period is not None and not period.is_emitted:
+            results += self._end(period)
             if period.may_be_continued:
                 self._before = period
             else:
-                ended += self._give(period)
+                results += self._emit(period)
         self._sequence += 1
-        self._period = SweepPeriod(self._sequence, timestamp, self._owns, period)
-        if not self._is_trusting:
-            self._is_trusting = True
-            self._period.distrust()
-        return ended
+        self._period = SweepPeriod(self._sequence, timestamp, self._ranks_of_nodes, period)
+        if self._is_after_outage:
+            self._is_after_outage = False
+            self._period.assume_behind()
+        return results
 
     def feed(self, can_id: int, data: bytes, timestamp: float) -> Results:
-        """One TPDO of this pad: the frames it completes, losses, or nothing (taken, more to come)."""
-        self._counts['received'] += 1
-        head, period = self._heads[can_id], self._period
-        rank = self._ranks[can_id].get(bytes(data[:head]))
+        """One TPDO of this pad: the frames that it completes, losses, or nothing (taken, more to come)."""
+        self._received += 1
+        prefix_length, period = self._prefix_lengths[can_id], self._period
+        rank = self._ranks[can_id].get(bytes(data[:prefix_length]))
         if rank is None:
-            return self._lose(LossReason.SHORT if len(data) < head else LossReason.UNKNOWN_ROW)
+            return self._lose(LossReason.SHORT if len(data) < prefix_length else LossReason.UNKNOWN_ROW)
         if period is None:
             return self._lose(LossReason.BEFORE_FIRST_SYNC)
         if self._one_clock and timestamp < period.stamp:
             return self._feed_before(period, rank, data, timestamp)
-        outcome = self._take(period, rank, data)
+        results = self._take(period, rank, data)
         if period.runs[self._nodes[rank]].is_complete and period.is_complete:
-            return outcome + self._settle(period) + self._give(period)
-        if self._before is not None and not period.tells_of(self._before):
-            return outcome + self._close_before()
-        return outcome
+            return results + self._resolve_aside(period) + self._emit(period)
+        if self._before is not None and not period.may_continue(self._before):
+            return results + self._close_before()
+        return results
 
     def end_period(self) -> Results:
-        """End the period without a next SYNC (end of a log); the frames not yet given."""
-        ended, period = self._close_before(), self._period
-        if period is not None and not period.is_given:
-            ended += self._end(period) + self._give(period)
+        """End the period without a next SYNC (end of a log); the frames not yet emitted."""
+        results, period = self._close_before(), self._period
+        if period is not None and not period.is_emitted:
+            results += self._end(period) + self._emit(period)
         self._period = None
-        return ended
+        return results
 
     def statistics(self) -> PadStatistics:
-        counts = self._counts
-        expected = (counts['complete'] + counts['incomplete'] + counts['withheld']) * len(self._lengths)
+        frames = self._complete + self._incomplete + self._withheld
         return PadStatistics(
-            counts['complete'], counts['incomplete'], expected, counts['received'], sum(self._used), self._pending(),
-            {reason: self._losses[reason] for reason in LossReason}, counts['withheld'], tuple(self._used))
+            complete=self._complete, incomplete=self._incomplete, expected=frames * len(self._lengths),
+            received=self._received, used=sum(self._used), pending=self._pending(),
+            losses={reason: self._losses[reason] for reason in LossReason}, withheld=self._withheld,
+            used_by_node=tuple(self._used))
 
     def _forget(self) -> None:
         self._losses[LossReason.UNFINISHED] += self._pending()
@@ -153,73 +165,77 @@ class FrameAssembler:
     def _feed_before(self, period: SweepPeriod, rank: int, data: bytes, timestamp: float) -> Results:
         """A TPDO that was on the bus before the last SYNC."""
         before, run = self._before, period.runs[self._nodes[rank]]
-        if run.is_seen:  # which one sender's order does not allow
+        if run.is_seen:  # the order of one sender does not allow it
             return self._lose(LossReason.LATE)
         if before is None:
-            run.came_late(rank)
+            run.note_late(rank)
             return self._lose(LossReason.LATE)
         run_before = before.runs[self._nodes[rank]]
-        if timestamp < before.stamp or run_before.is_doubtful:
-            run_before.came_late(rank)
-            outcome = self._lose(LossReason.LATE)
+        if timestamp < before.stamp or run_before.is_position_unknown:
+            run_before.note_late(rank)
+            results = self._lose(LossReason.LATE)
         else:
-            outcome = self._take(before, rank, data)
-        run.follow(run_before)
-        return outcome if period.tells_of(before) else outcome + self._close_before()
+            results = self._take(before, rank, data)
+        run.carry_over(run_before)
+        return results if period.may_continue(before) else results + self._close_before()
 
     def _take(self, period: SweepPeriod, rank: int, data: bytes) -> Results:
-        run, torn = period.runs[self._nodes[rank]], ()
+        run = period.runs[self._nodes[rank]]
+        discarded: Results = ()
         if run.repeats(rank, data):
             return self._lose(LossReason.DUPLICATE)
-        if len(period.runs) > 1 and not period.is_given and run.begins_anew(rank):
-            torn = self._tear(period)
-        if period.is_torn:
-            outcome = torn + self._lose(LossReason.LATE)
-        elif period.is_given or run.is_complete:
-            outcome = self._lose(LossReason.SURPLUS)
+        if len(period.runs) > 1 and not period.is_emitted and run.begins_next_sweep(rank):
+            discarded = self._discard(period)
+        if period.is_discarded:
+            results = discarded + self._lose(LossReason.LATE)
+        elif period.is_emitted or run.is_complete:
+            results = self._lose(LossReason.SURPLUS)
         else:
-            outcome = self._place(period, rank, data)
-        run.note(rank, data)
-        return outcome
+            results = self._place(period, rank, data)
+        run.note_received(rank, data)
+        return results
 
-    def _tear(self, period: SweepPeriod) -> Results:
-        period.is_torn = True
-        return self._lose(LossReason.LATE, sum(run.drop() for run in period.runs))
+    def _discard(self, period: SweepPeriod) -> Results:
+        """A SYNC was lost within this period: of no TPDO is known to which period it belongs."""
+        period.is_discarded = True
+        return self._lose(LossReason.LATE, sum(run.lose() for run in period.runs))
 
     def _place(self, period: SweepPeriod, rank: int, data: bytes) -> Results:
-        dropped = period.runs[self._nodes[rank]].place(rank)
-        outcome = () if dropped is None else self._lose(*dropped)
+        loss = period.runs[self._nodes[rank]].add(rank)
+        results = () if loss is None else self._lose(*loss)
         if len(data) != self._lengths[rank]:
             reason = LossReason.SHORT if len(data) < self._lengths[rank] else LossReason.OVER_LONG
-            return outcome + self._lose(reason)
+            return results + self._lose(reason)
         period.payload.words[MAX_PDO_BYTES * rank:MAX_PDO_BYTES * rank + len(data)] = data
         period.payload.fresh[rank] = True
-        return outcome
+        return results
 
     def _end(self, period: SweepPeriod) -> Results:
         return self._lose(LossReason.LATE, sum(run.end() for run in period.runs))
 
-    def _settle(self, period: SweepPeriod) -> Results:
-        """The period is whole: what it has set aside is of the one before, or of none that counts."""
+    def _resolve_aside(self, period: SweepPeriod) -> Results:
+        """The period is complete: the runs that it has set aside are of the one before, or of an older one."""
         if self._before is None:
-            return self._lose(LossReason.LATE, sum(run.forget_aside() for run in period.runs))
-        period.hand_back(self._before)
+            return self._lose(LossReason.LATE, sum(run.lose_aside() for run in period.runs))
+        period.return_aside(self._before)
         return self._close_before()
 
     def _close_before(self) -> Results:
         before, self._before = self._before, None
-        return () if before is None else self._give(before)
+        return () if before is None else self._emit(before)
 
-    def _give(self, period: SweepPeriod) -> Results:
+    def _emit(self, period: SweepPeriod) -> Results:
         words, fresh = period.payload
-        is_whole, period.is_given = bool(fresh.all()), True
-        if self.drop_incomplete and not is_whole:
-            self._counts['withheld'] += 1
+        is_complete = bool(fresh.all())
+        period.is_emitted = True
+        if self.drop_incomplete and not is_complete:
+            self._withheld += 1
             return self._lose(LossReason.INCOMPLETE, int(fresh.sum()))
         for node, run in enumerate(period.runs):
             self._used[node] += run.used
         values, status = self._codec.decode(words, fresh)
-        self._counts['complete' if is_whole else 'incomplete'] += 1
+        self._complete += is_complete
+        self._incomplete += not is_complete
         return (TaxelFrame(period.stamp, period.sequence, values, status, int((~fresh).sum())),)
 
     def _lose(self, reason: LossReason, can_frames: int = 1) -> Results:

@@ -1,7 +1,7 @@
-"""Makes one taxel frame of each SDO upload of a pad's DOMAIN; what ``assembler`` is for TPDOs.
+"""Makes one taxel frame of each SDO upload of a pad's DOMAIN, as ``assembler`` does of TPDOs.
 
-A period begins with the request of an upload, whoever sends it, and ends with the next one. An upload that did
-not succeed gives, at that next one, a frame whose taxels are all NaN and STALE, or none (``drop_incomplete``).
+A period begins with the request of an upload, by any client, and ends with the next one. An upload that did not
+succeed gives, at that next one, a frame whose taxels are all NaN and STALE, or none (``drop_incomplete``).
 """
 
 from collections import Counter
@@ -10,6 +10,7 @@ import numpy as np
 
 from tactile_node.cia301.connection_set import SDO_REQUEST, SDO_RESPONSE
 from tactile_node.cia301.sdo_upload import SdoUpload, Step
+from tactile_node.errors import ConfigurationError
 from tactile_node.frames.losses import Loss, LossReason, PadStatistics, Results
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.skin.layout import SkinLayout
@@ -17,17 +18,27 @@ from tactile_node.skin.taxel_codec import TaxelCodec
 
 
 class DomainAssembler:
-    """The state machine of one polled pad; counts are of uploads where ``FrameAssembler``'s are of TPDOs."""
+    """The state machine of one polled pad; counts are of uploads where ``FrameAssembler``'s are of TPDOs.
 
-    service = 'sdo'  #: of its CAN frames, for the counts
+    Raises ConfigurationError for a layout without a DOMAIN.
+    """
+
+    service = 'sdo'  #: under which its CAN frames are counted
 
     def __init__(self, layout: SkinLayout, node_id: int, drop_incomplete: bool = False):
-        self._codec, self.drop_incomplete = TaxelCodec(layout), drop_incomplete
+        if layout.domain is None:
+            raise ConfigurationError(layout.source, expected='the key "domain"', got='no such key',
+                                     remedy='Use FrameAssembler for a pad with TPDOs.')
+        self.drop_incomplete = drop_incomplete
+        self._codec = TaxelCodec(layout)
         self._upload = SdoUpload(layout.domain.index, layout.domain.subindex)
-        self._request_id, self._response_id = SDO_REQUEST + node_id, SDO_RESPONSE + node_id
-        self._counts: Counter[str] = Counter()
+        self._request_id = SDO_REQUEST + node_id
+        self._response_id = SDO_RESPONSE + node_id
+        self._complete = 0
+        self._incomplete = 0
+        self._withheld = 0
         self._losses: Counter[LossReason] = Counter()
-        self._stamp: float | None = None
+        self._stamp: float | None = None  # of the period under way
         self.restart()
 
     @property
@@ -40,16 +51,17 @@ class DomainAssembler:
         self.resume(0)
 
     def resume(self, lost_periods: int) -> None:
-        """Forget the upload under way; the next request comes ``lost_periods`` numbers later than the next one."""
+        """Forget the upload under way and leave out ``lost_periods`` sequence numbers."""
         if self._stamp is not None and self._upload.is_under_way:
             self._losses[LossReason.UNFINISHED] += 1
-        self._sequence, self._stamp = self._sequence + lost_periods, None
+        self._sequence += lost_periods
+        self._stamp = None
 
     def start(self, node_id: int) -> None:
-        """A polled pad sends nothing of its own."""
+        """Has no effect: a polled pad sends nothing by itself."""
 
     def sync(self, timestamp: float) -> Results:
-        """SYNC means nothing to a polled pad."""
+        """Has no effect: a polled pad does not use SYNC."""
         return ()
 
     def feed(self, can_id: int, data: bytes, timestamp: float) -> Results:
@@ -59,21 +71,29 @@ class DomainAssembler:
         step = self._upload.request(data)
         if step is not Step.BEGUN:
             return self._take(step)
-        ended = self.end_period()
-        self._sequence, self._stamp = self._sequence + 1, timestamp
-        return ended
+        results = self.end_period()
+        self._sequence += 1
+        self._stamp = timestamp
+        return results
 
     def end_period(self) -> Results:
-        """No more of this upload will come; the frame without values, if it has not succeeded."""
-        return () if self._stamp is None else self._give(b'', False)
+        """End the upload under way; the frame without values, if it has not succeeded."""
+        if self._stamp is None:
+            return ()
+        stamp, self._stamp = self._stamp, None
+        if self.drop_incomplete:
+            self._withheld += 1
+            return ()
+        self._incomplete += 1
+        return self._frame(stamp, bytes(self._codec.payload_bytes), is_fresh=False)
 
     def statistics(self) -> PadStatistics:
-        counts = self._counts
-        expected = counts['complete'] + counts['incomplete'] + counts['withheld']
         return PadStatistics(
-            counts['complete'], counts['incomplete'], expected, counts['complete'] + sum(self._losses.values()),
-            counts['complete'], 0, {reason: self._losses[reason] for reason in LossReason}, counts['withheld'],
-            (counts['complete'],))
+            complete=self._complete, incomplete=self._incomplete,
+            expected=self._complete + self._incomplete + self._withheld,
+            received=self._complete + sum(self._losses.values()), used=self._complete, pending=0,
+            losses={reason: self._losses[reason] for reason in LossReason}, withheld=self._withheld,
+            used_by_node=(self._complete,))
 
     def _take(self, step: Step) -> Results:
         if self._stamp is None:
@@ -85,17 +105,13 @@ class DomainAssembler:
         data, wanted = self._upload.data, self._codec.payload_bytes
         if len(data) != wanted:
             return self._lose(LossReason.SHORT if len(data) < wanted else LossReason.OVER_LONG)
-        return self._give(data, True)
-
-    def _give(self, data: bytes, is_fresh: bool) -> Results:
         stamp, self._stamp = self._stamp, None
-        if not is_fresh and self.drop_incomplete:
-            self._counts['withheld'] += 1
-            return ()
-        self._counts['complete' if is_fresh else 'incomplete'] += 1
-        payload = data if is_fresh else bytes(self._codec.payload_bytes)
+        self._complete += 1
+        return self._frame(stamp, data, is_fresh=True)
+
+    def _frame(self, stamp: float, payload: bytes, is_fresh: bool) -> Results:
         values, status = self._codec.decode(payload, np.array([is_fresh]))
-        return (TaxelFrame(stamp, self._sequence, values, status, 0 if is_fresh else 1),)
+        return (TaxelFrame(stamp, self._sequence, values, status, missing_can_frames=0 if is_fresh else 1),)
 
     def _lose(self, reason: LossReason) -> Results:
         self._losses[reason] += 1

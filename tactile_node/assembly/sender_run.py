@@ -1,4 +1,25 @@
-"""Where one sender (a CANopen node of a pad) stands in one period's sweep; the rules are told in ``assembler``."""
+"""How far one sender (a CANopen node of a pad) is in the sweep of one period. ``assembler`` states the rules.
+
+                  not behind
+    EMPTY ----------------------------> CURRENT ---.
+      |                                    ^  ^    |  next run: this one is lost
+      | may be behind                      |  '----'
+      v                                    |
+    SUSPECT -------------------------------'
+      |   next run: one run less behind; this one is set aside, or lost (LATE)
+      |   (still SUSPECT where the sender was behind by more than one)
+      '-- SYNC: lost (LATE), since nothing proves that it is of this period
+
+How many runs the sender is behind when a period begins:
+
+    the period before        adds   which may consist of
+    ended with its last rank 0      -
+    ended early              1      ranks above its end
+    was silent               1      any ranks
+    its sender was started   none   - (and all runs before it are forgotten)
+
+Runs that the period before was behind are carried over, while it ended SUSPECT or was silent.
+"""
 
 from typing import NamedTuple
 
@@ -7,7 +28,7 @@ import numpy as np
 from tactile_node.cia301.pdo import MAX_PDO_BYTES
 from tactile_node.frames.losses import Loss, LossReason
 
-CATCHING_UP = 3  #: periods: a sender that has not caught up by then has lost sweeps, rather than being behind
+CATCH_UP_PERIODS = 3  #: a sender that has not caught up after as many is taken to have lost its sweeps
 
 
 class Payload(NamedTuple):
@@ -20,67 +41,65 @@ class Payload(NamedTuple):
 class SenderRun:
     """The ascending run of one sender's ranks in one period.
 
-    ``own``: its ranks, ascending. ``before``: its run of the period before; None where nothing of an earlier period
-    is to come.
-
-    While the sender may be ``_behind``, by so many runs of earlier periods, its run is suspect: it may be one of
-    these. Where it is only one, that one has none but ranks above ``_owed``; and where it can be of no other than the
-    period before, ``_is_of_before``.
+    ``own``: the sender's ranks, ascending. ``before``: its run of the period before; None where nothing of an
+    earlier period can come.
     """
 
     def __init__(self, own: np.ndarray, payload: Payload, before: 'SenderRun | None'):
-        self._own, self._payload, self._top = own, payload, int(own[-1])
+        self._own = own
+        self._payload = payload
+        self._top = int(own[-1])
         self._ranks: set[int] = set()  # of the run under way
-        self._last, self._last_data = -1, b''
-        self.is_seen = self._is_suspect = self._was_unproved = self._is_starting = False
-        self._aside: dict[int, bytes] = {}  # a suspect run, when the sender has begun anew
-        self._periods_unproved = 0
-        self._owe(0)
+        self._last = -1  # rank
+        self._last_data = b''
+        self._aside: dict[int, bytes] = {}  # a suspect run, after the sender has begun the next one
+        self.is_seen = False  # anything was received
+        self._is_suspect = False
+        self._ended_suspect = False
+        self._suspect_periods = 0  # in a row, up to the period before
+        self._was_started = False
+        self._expect_late(0)
         if before is not None:
-            self.follow(before)
+            self.carry_over(before)
 
-    def follow(self, before: 'SenderRun') -> None:
-        """Count the runs that may still come before this period's own.
-
-        A period that ended early, or was silent, adds one. All are forgotten after CATCHING_UP unproved periods: a
-        sweep may be lost for good.
-        """
-        is_behind = before._behind > 0 and (before._was_unproved or not before.is_seen)
-        unproved = before._periods_unproved + before._was_unproved
-        if unproved == CATCHING_UP:
+    def carry_over(self, before: 'SenderRun') -> None:
+        """Count the runs that may still come before this period's own."""
+        is_behind = before._behind > 0 and (before._ended_suspect or not before.is_seen)
+        suspect_periods = before._suspect_periods + before._ended_suspect
+        if suspect_periods == CATCH_UP_PERIODS:
             is_behind = False
-        self._periods_unproved = unproved if is_behind else 0
+        self._suspect_periods = suspect_periods if is_behind else 0
         carried = before._behind if is_behind else 0
         if before.is_seen:
-            self._owe(carried + (before._last < self._top), -1 if carried else before._last,
-                      not before._was_unproved)
-        elif before._is_starting:
-            self._owe(0)
+            self._expect_late(carried + (before._last < self._top), -1 if carried else before._last,
+                              not before._ended_suspect)
+        elif before._was_started:
+            self._expect_late(0)
         else:
-            self._owe(carried + 1, -1, before._behind == 0)
+            self._expect_late(carried + 1, -1, before._behind == 0)
 
     @property
     def is_complete(self) -> bool:
         return len(self._ranks) == len(self._own) and not self._is_suspect
 
     @property
-    def is_doubtful(self) -> bool:
-        """After its period: whether it is unknown which sweep the sender was at."""
-        return self._was_unproved if self.is_seen else self._behind > 0
+    def is_position_unknown(self) -> bool:
+        """After its period: whether it is unknown in which sweep the sender was."""
+        return self._ended_suspect if self.is_seen else self._behind > 0
 
     @property
     def may_be_continued(self) -> bool:
-        """Whether the next period may bring, beyond doubt, what this one lacks."""
-        return not self.is_doubtful and self._last < self._top
+        """Whether the next period may bring what this one lacks, without doubt to which of both it belongs."""
+        return not self.is_position_unknown and self._last < self._top
 
     @property
     def is_undecided(self) -> bool:
-        """Whether what has come may be, or what will come may tell, of the period before."""
+        """Whether TPDOs received so far, or the next ones, may still be of the period before."""
         return not self.is_seen or self._is_suspect or bool(self._aside)
 
     @property
     def used(self) -> int:
-        """TPDOs that the frame would be made of."""
+        """Number of TPDOs that a frame would be made of now."""
         return int(self._payload.fresh[self._own].sum())
 
     @property
@@ -88,94 +107,103 @@ class SenderRun:
         return self.used + len(self._aside)
 
     def start(self) -> None:
-        """The sender, which did not send, was started: it owes nothing for this period or for one before."""
-        self._is_starting = True
+        """The sender, which did not send, was started: it is not behind."""
+        self._was_started = True
         if not self.is_seen:
-            self._owe(0)
+            self._expect_late(0)
 
-    def distrust(self) -> None:
-        """It is not known what the sender has done so far."""
-        self._owe(1)
+    def assume_behind(self) -> None:
+        """It is not known what the sender has sent so far, so its first run may be an old one."""
+        self._expect_late(1)
 
-    def came_late(self, rank: int) -> None:
-        """A TPDO of an earlier period was seen, too late for anything but to tell where its sender stands."""
+    def note_late(self, rank: int) -> None:
+        """A TPDO of an earlier period was received, too late to be used; it only shows where its sender is."""
         if self.is_seen:
             if rank <= self._last:
-                self._owe(max(self._behind - 1, 0))
+                self._expect_late(max(self._behind - 1, 0))
             self._last = rank
         elif self._behind == 0:
-            self._owe(int(rank < self._top), rank)
+            self._expect_late(int(rank < self._top), rank)
         elif rank == self._top:
-            self._owe(self._behind - 1)
+            self._expect_late(self._behind - 1)
 
     def repeats(self, rank: int, data: bytes) -> bool:
-        """Whether this is the TPDO just seen, byte for byte."""
+        """Whether this is the TPDO received last, byte for byte."""
         return self.is_seen and rank == self._last and data == self._last_data
 
-    def begins_anew(self, rank: int) -> bool:
-        """Whether ``rank`` begins another sweep though nothing says that the one before was an old one."""
+    def begins_next_sweep(self, rank: int) -> bool:
+        """Whether ``rank`` begins another sweep though the run before is not suspect."""
         return self.is_seen and rank <= self._last and not self._is_suspect
 
-    def place(self, rank: int) -> Loss | None:
-        """Lengthen the run by ``rank``, or begin a new one: then what of the old one is dropped, and why."""
-        lost = None
+    def add(self, rank: int) -> Loss | None:
+        """Continue the run with ``rank``, or begin the next one; the loss, if that loses the run before."""
+        loss = None
         if not self.is_seen:
-            if self._behind == 1 and rank <= self._owed:  # not what was owed, which is then lost
-                self._owe(0)
+            if self._behind == 1 and rank <= self._late_above:  # the delayed tail cannot come any more
+                self._expect_late(0)
             self._is_suspect = self._behind > 0
         elif rank <= self._last:
-            lost = self._begin_next(rank)
+            loss = self._begin_next(rank)
         self._ranks.add(rank)
-        return lost
+        return loss
 
-    def note(self, rank: int, data: bytes) -> None:
-        """This TPDO was seen, whatever became of it."""
-        self._last, self._last_data, self.is_seen = rank, bytes(data), True
+    def note_received(self, rank: int, data: bytes) -> None:
+        """This TPDO was received, used or not."""
+        self._last = rank
+        self._last_data = bytes(data)
+        self.is_seen = True
 
     def end(self) -> int:
-        """The period ends: drop what nothing has proved to be of any period; how many TPDOs that loses."""
-        self._was_unproved = self._is_suspect
-        return self.drop() if self._is_suspect else self.forget_aside()
+        """End the period and lose what is not proved to be of any period; the number of TPDOs lost."""
+        self._ended_suspect = self._is_suspect
+        return self.lose() if self._is_suspect else self.lose_aside()
 
-    def drop(self) -> int:
-        dropped = self.used + self.forget_aside()
-        self._begin()
-        return dropped
+    def lose(self) -> int:
+        """Lose all TPDOs of the period so far; their number."""
+        lost = self.used + self.lose_aside()
+        self._clear()
+        return lost
 
-    def hand_back(self, before: Payload) -> None:
+    def lose_aside(self) -> int:
+        """Lose the run that was set aside; the number of its TPDOs."""
+        lost = len(self._aside)
+        self._aside.clear()
+        return lost
+
+    def return_aside(self, before: Payload) -> None:
         """Give the run that was set aside to the period before."""
         for rank, word in self._aside.items():
             before.words[MAX_PDO_BYTES * rank:MAX_PDO_BYTES * (rank + 1)] = word
             before.fresh[rank] = True
         self._aside.clear()
 
-    def forget_aside(self) -> int:
-        """Drop the run that was set aside; how many TPDOs that loses."""
-        dropped = len(self._aside)
-        self._aside.clear()
-        return dropped
+    def _expect_late(self, behind: int, above: int = -1, is_of_before: bool = False) -> None:
+        """The sender may be ``behind`` by so many runs.
 
-    def _owe(self, behind: int, above: int = -1, is_of_before: bool = False) -> None:
-        self._behind, self._owed, self._is_of_before = behind, above, is_of_before and behind == 1
+        If it is only one, that has only ranks ``above``; and ``is_of_before``: it can only be of the period before.
+        """
+        self._behind = behind
+        self._late_above = above
+        self._is_of_before = is_of_before and behind == 1
 
     def _begin_next(self, rank: int) -> Loss | None:
-        lost = None
+        loss = None
         if self._is_suspect and self._is_of_before:
             self._set_aside()
         else:
-            was_late = self._is_suspect or bool(self._aside) or rank in self._ranks
-            lost = Loss(LossReason.LATE if was_late else LossReason.OUT_OF_ORDER, self.drop())
-        self._owe(max(self._behind - 1, 0))
+            is_late = self._is_suspect or bool(self._aside) or rank in self._ranks
+            loss = Loss(LossReason.LATE if is_late else LossReason.OUT_OF_ORDER, self.lose())
+        self._expect_late(max(self._behind - 1, 0))
         self._is_suspect = self._behind > 0
-        return lost
+        return loss
 
     def _set_aside(self) -> None:
         words, fresh = self._payload
         self._aside = {rank: bytes(words[MAX_PDO_BYTES * rank:MAX_PDO_BYTES * (rank + 1)])
                        for rank in self._own if fresh[rank]}
-        self._begin()
+        self._clear()
 
-    def _begin(self) -> None:
+    def _clear(self) -> None:
         self._payload.fresh[self._own] = False
         self._ranks.clear()
         self._is_suspect = False

@@ -1,4 +1,4 @@
-"""What has come of one pad between two SYNCs; the rules are told in ``assembler``."""
+"""What was received of one pad between two SYNCs. ``assembler`` states the rules."""
 
 import numpy as np
 
@@ -7,39 +7,49 @@ from tactile_node.cia301.pdo import MAX_PDO_BYTES
 
 
 class SweepPeriod:
-    """One period of a pad whose senders have the ranks ``owns``; ``before`` is the period before, if it counts."""
+    """One period of a pad.
 
-    def __init__(self, sequence: int, stamp: float, owns: list[np.ndarray], before: 'SweepPeriod | None'):
-        self.sequence, self.stamp = sequence, stamp
-        size = sum(map(len, owns))
+    ``ranks_of_senders``: the ranks of each of its senders, ascending. ``before``: the period before; None where
+    nothing of it can come any more.
+    """
+
+    def __init__(self, sequence: int, stamp: float, ranks_of_senders: list[np.ndarray],
+                 before: 'SweepPeriod | None'):
+        self.sequence = sequence
+        self.stamp = stamp
+        size = sum(map(len, ranks_of_senders))
         self.payload = Payload(bytearray(MAX_PDO_BYTES * size), np.zeros(size, bool))
-        runs_before = [None] * len(owns) if before is None else before.runs
-        self.runs = [SenderRun(own, self.payload, run) for own, run in zip(owns, runs_before)]
-        self.is_given = self.is_torn = False
+        runs_before = [None] * len(ranks_of_senders) if before is None else before.runs
+        self.runs: list[SenderRun] = [SenderRun(own, self.payload, run)
+                                      for own, run in zip(ranks_of_senders, runs_before)]
+        self.is_emitted = False
+        self.is_discarded = False  #: a SYNC was lost in it, so nothing of it is used
 
     @property
     def is_complete(self) -> bool:
-        return not self.is_given and not self.is_torn and all(run.is_complete for run in self.runs)
+        return not self.is_emitted and not self.is_discarded and all(run.is_complete for run in self.runs)
 
     @property
     def pending(self) -> int:
-        """TPDOs taken of which it is not yet known what becomes of them."""
-        return 0 if self.is_given else sum(run.pending for run in self.runs)
+        """TPDOs that may still be used or lost."""
+        return 0 if self.is_emitted else sum(run.pending for run in self.runs)
 
     @property
     def may_be_continued(self) -> bool:
         """Whether the next period may bring what this one lacks."""
-        return not self.is_given and not self.is_torn and any(run.may_be_continued for run in self.runs)
+        return not self.is_emitted and not self.is_discarded and any(run.may_be_continued for run in self.runs)
 
-    def tells_of(self, before: 'SweepPeriod') -> bool:
+    def may_continue(self, before: 'SweepPeriod') -> bool:
         """Whether this period may still bring what ``before`` lacks."""
-        return not self.is_torn and not before.is_torn and any(
+        return not self.is_discarded and not before.is_discarded and any(
             run.is_undecided and earlier.may_be_continued for run, earlier in zip(self.runs, before.runs))
 
-    def distrust(self) -> None:
+    def assume_behind(self) -> None:
+        """It is not known what the senders have sent so far."""
         for run in self.runs:
-            run.distrust()
+            run.assume_behind()
 
-    def hand_back(self, before: 'SweepPeriod') -> None:
+    def return_aside(self, before: 'SweepPeriod') -> None:
+        """Give the runs that were set aside to the period before."""
         for run in self.runs:
-            run.hand_back(before.payload)
+            run.return_aside(before.payload)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Mapping
 
 import can
 
-from tactile_node.assembly.router import Router, oddity_of
+from tactile_node.assembly.router import Router, non_data_kind
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import BusNetwork, OnFailure
 from tactile_node.bus.stamp_clock import StampClock
@@ -62,7 +62,7 @@ class Traffic:
 
     def received(self, message: can.Message) -> None:
         """On the notifier's thread: copy, enqueue, return."""
-        kind = oddity_of(message)
+        kind = non_data_kind(message)
         if kind is not None:
             self._no_data[kind] += 1
             if message.is_error_frame and self._monitor.feed_error(message):
