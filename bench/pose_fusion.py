@@ -1,5 +1,6 @@
 """Simulated sequences of frames: how soon a change of shape is followed, how much the shape flickers."""
 
+from dataclasses import replace
 from time import process_time
 
 import numpy as np
@@ -13,7 +14,7 @@ from tactile_node.shape.methods import METHODS, make_recogniser
 from tactile_node.shape.recognition import Shape
 from tactile_node.synthetic.pressure import Skin, pressure_frame
 from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import CLASSES, Contact, random_contact
+from tactile_node.synthetic.world import CLASSES, random_contact
 
 PERIOD = 0.01   # [s]
 FRAMES = 60     # of each of two shapes, one straight after the other
@@ -74,11 +75,11 @@ def _sequence(rng: np.random.Generator, recogniser, area: float):
     shapes = rng.choice(len(CLASSES), 2, replace=False)
     truth, recognised, extractor = [], [], PatternExtractor(PressThresholds(PRESS, RELEASE))
     for index in shapes:
-        contact = random_contact(rng, CLASSES[index], area, PAD, PAD)
+        contact = random_contact(rng, CLASSES[index], area, rows=PAD, cols=PAD)
         heading = rng.uniform(0, 2 * np.pi)
         for i in range(FRAMES):
-            moved = Contact(contact.shape, contact.dimensions, contact.x + CREEP * i * np.cos(heading),
-                            contact.y + CREEP * i * np.sin(heading), contact.angle)
+            moved = replace(contact, x=contact.x + CREEP * i * np.cos(heading),
+                            y=contact.y + CREEP * i * np.sin(heading))
             pattern = extractor.extract(pressure_frame(moved, rng, PAD, PAD, skin=SKIN))
             recognised.append(recogniser.recognise(pattern))
             truth.append(Shape(contact.shape))

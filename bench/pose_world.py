@@ -43,7 +43,7 @@ class Sample(NamedTuple):
 
 
 def draw(rng: np.random.Generator, shape: str, area: float, condition: Condition) -> Sample:
-    contact = random_contact(rng, shape, area, PAD, PAD)
+    contact = random_contact(rng, shape, area, rows=PAD, cols=PAD)
     if condition.skin is None:
         pattern = contact.pattern(PAD, PAD)
         return Sample(contact, pattern, pattern)

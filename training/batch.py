@@ -26,7 +26,8 @@ class Contacts:
 
     def __init__(self, rng: np.random.Generator, count: int, areas: np.ndarray):
         self.labels = rng.integers(UNKNOWN, size=count)
-        drawn = [random_contact(rng, LABELS[label], area, PAD, PAD) for label, area in zip(self.labels, areas)]
+        drawn = [random_contact(rng, LABELS[label], area, rows=PAD, cols=PAD)
+                 for label, area in zip(self.labels, areas)]
         self.circle = np.array([(c.x, c.y, c.dimensions[0]) for c in drawn], np.float32)
         corners = np.array([np.resize(c.outline(4), (4, 2)) for c in drawn])  # a triangle's first one twice
         edge = np.roll(corners, -1, axis=1) - corners
@@ -75,9 +76,9 @@ def draw_many(rng: np.random.Generator, count: int, on_off: bool, areas: tuple[f
     hollow = rng.random(count) < faulty
     wall = np.where(hollow, np.maximum(rng.uniform(0.2, 0.7, count) * contacts.inner, 1.25), 1e3).astype(np.float32)
     covered, inside = coverages(contacts, wall)
-    values, press = (_on_off if on_off else _graded)(rng, covered, inside, area, faulty)
+    values, press = (_on_off if on_off else _graded)(rng, covered, inside, area=area, faulty=faulty)
     dead = _dead(rng, count, on_off, faulty)
-    return _patches(values, press, dead, contacts.labels, not on_off)
+    return _patches(values, press, dead, labels=contacts.labels, graded=not on_off)
 
 
 def _on_off(rng, covered, inside, area, faulty) -> tuple[np.ndarray, np.ndarray]:
@@ -128,7 +129,8 @@ def _patches(values, press, dead, labels, graded) -> Samples:
     mask = pressed & (groups == which[:, None, None])
     low, extent = _bounds(mask)
     good = (sizes[main] >= SMALLEST) & (main > 0) & (extent.max(1) <= ROOM)
-    return _placed(values[good], mask[good], dead[good], low[good], extent[good], labels[good], graded)
+    return _placed(values[good], mask[good], dead[good], low=low[good], extent=extent[good], labels=labels[good],
+                   graded=graded)
 
 
 def _bounds(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -53,8 +53,8 @@ def random_touching(rng: np.random.Generator, kind: str, area: float, conditions
                     rows: int = PAD, cols: int = PAD) -> Touching:
     """Draw a contact of ``kind`` (a class, or an outlier's) and ``area`` [taxels], hollow or rounded."""
     if kind not in CLASSES:
-        return random_outlier(rng, kind, area, rows, cols)
-    contact = touching = random_contact(rng, kind, area, rows, cols)
+        return random_outlier(rng, kind, area, rows=rows, cols=cols)
+    contact = touching = random_contact(rng, kind, area, rows=rows, cols=cols)
     if conditions.rounding and kind != 'circle':
         touching = Rounded(contact, conditions.rounding * inscribed_radius(contact))
     if conditions.wall:
@@ -69,15 +69,15 @@ def field_frame(rng: np.random.Generator, kind: str, area: float, conditions: Co
     The pad is square, ``least_side`` or more taxels wide, so that the contact has room on it.
     """
     side = max(least_side, int(np.ceil(3.2 * np.sqrt(area))) + 8)
-    touching = random_touching(rng, kind, area, conditions, side, side)
+    touching = random_touching(rng, kind, area, conditions, rows=side, cols=side)
     analog = not conditions.on_off or (conditions.tilt, conditions.blur, conditions.noise,
                                        conditions.threshold) != (0, 0, 0, 0.5)
     covered = coverage(touching, side, side) if analog else _centres_inside(touching, side)
-    values = covered * _pressures(rng, touching, area, conditions, covered.shape)
+    values = covered * _pressures(rng, touching, area, conditions, shape=covered.shape)
     if conditions.cut:
         values = _cut(rng, covered, values, conditions.cut)
     if conditions.second:
-        values = _with_second(rng, values, area, conditions, analog)
+        values = _with_second(rng, values, area, conditions, analog=analog)
     if conditions.blur:
         values = ndimage.gaussian_filter(values, conditions.blur, mode='constant', truncate=3.0)
     if conditions.noise:
@@ -113,7 +113,7 @@ def _with_second(rng, values: np.ndarray, area: float, conditions: Conditions, a
     """Add another contact of any class, ``gap`` or more away from the first; none where it has no room."""
     wide = np.pad(values, PAD // 2)
     room = ndimage.distance_transform_edt(wide == 0)
-    other = random_contact(rng, CLASSES[rng.integers(len(CLASSES))], area * conditions.second, 4, 4)
+    other = random_contact(rng, CLASSES[rng.integers(len(CLASSES))], area * conditions.second, rows=4, cols=4)
     places = np.argwhere(np.abs(room - other.reach - conditions.gap) < 0.8)
     if not len(places):
         return values

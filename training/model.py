@@ -17,7 +17,7 @@ class Model(nn.Module):
 
     def __init__(self, middle: np.ndarray, spread: np.ndarray, outputs: int = 6):
         super().__init__()
-        self.convolutions = nn.ModuleList(nn.Conv2d(a, b, taps, STRIDE, 1)
+        self.convolutions = nn.ModuleList(nn.Conv2d(a, b, taps, STRIDE, padding=1)
                                           for a, b, taps in zip(CHANNELS, CHANNELS[1:], TAPS))
         side = SIDE // 4
         sizes = (CHANNELS[-1] * side * side + COUNT, *HIDDEN, outputs)

@@ -43,14 +43,14 @@ def random_outlier(rng: np.random.Generator, kind: str, area: float, rows: int, 
     y, x = GRID
     inside = form(x, y) >= 0
     if not inside.any():
-        return random_outlier(rng, kind, area, rows, cols)
+        return random_outlier(rng, kind, area, rows=rows, cols=cols)
     scale = np.sqrt(area / (inside.sum() * STEP ** 2))
     middle = x[inside].mean(), y[inside].mean()
     reach = np.hypot(x[inside] - middle[0], y[inside] - middle[1]).max() * scale + 1
     centred = lambda u, v: form(u + middle[0], v + middle[1])  # noqa: E731
     x0, y0 = rng.uniform(-0.5, 0.5, 2) + ((cols - 1) / 2, (rows - 1) / 2)
-    return Outlier(kind, centred, float(scale), float(x0), float(y0), float(rng.uniform(0, 2 * np.pi)),
-                   float(reach))
+    return Outlier(kind, centred, scale=float(scale), x=float(x0), y=float(y0),
+                   angle=float(rng.uniform(0, 2 * np.pi)), reach=float(reach))
 
 
 STEP = 0.05

@@ -88,7 +88,7 @@ def random_sample(rng: np.random.Generator, on_off: bool, faulty: float = 0.45,
         area = random_area(rng, conditions.wall > 0 and rng.random() < 0.7)
         if label == UNKNOWN:
             area = max(area, 12.0)
-        pattern = pattern_of(field_frame(rng, kind, area, conditions, 12), conditions)
+        pattern = pattern_of(field_frame(rng, kind, area, conditions, least_side=12), conditions)
         if pattern.mask.sum() < SMALLEST:
             continue
         mask = joined(pattern)

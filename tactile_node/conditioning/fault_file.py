@@ -33,7 +33,7 @@ def load_faults(path: str | Path, pads: Mapping[str, tuple[int, int]]) -> dict[s
             for kind in KINDS:
                 key = kind.name.lower()
                 for taxel in given.sequence(key, []):
-                    row, col = given.checked_integers(key, taxel, 2, 0, max(rows, cols) - 1)
+                    row, col = given.checked_integers(key, taxel, count=2, low=0, high=max(rows, cols) - 1)
                     if row >= rows or col >= cols:
                         given.refuse(key, expected=f'taxels of {rows} rows and {cols} columns', got=f'[{row}, {col}]',
                                      remedy='Correct or remove it.')
@@ -44,7 +44,7 @@ def load_faults(path: str | Path, pads: Mapping[str, tuple[int, int]]) -> dict[s
 
 
 def save_faults(path: str | Path, faults: Mapping[str, FaultyTaxels]) -> None:
-    """Write the faulty taxels of these pads; what the file says of others stays. Raises ConfigurationError."""
+    """Write the faulty taxels of these pads; entries of other pads stay. Raises ConfigurationError."""
     path = _usable(path)
     pads = load_mapping(path, ABOUT).take('pads', {}) if path.exists() else {}
     if not isinstance(pads, dict):

@@ -7,7 +7,7 @@ import numpy as np
 from tactile_node.errors import ConfigurationError
 from tactile_node.read_only import read_only
 
-WITHIN = (0.01, 100.0)  # a gain beyond is a slip of the pen or a dead taxel
+WITHIN = (0.01, 100.0)  #: a gain beyond is a typing error or a dead taxel
 
 
 def load_gains(path: str | Path, rows: int, cols: int) -> np.ndarray:
@@ -25,7 +25,7 @@ def load_gains(path: str | Path, rows: int, cols: int) -> np.ndarray:
     except Exception as error:  # numpy lets through what zipfile, tokenize and others raise over broken files
         got = (str(error).splitlines() or [type(error).__name__])[0]
         raise ConfigurationError(where, expected='numbers, a row of the pad a line (text), or a .npy array', got=got,
-                                 remedy='Correct the file, or make it anew.') from error
+                                 remedy='Correct the file, or make it again.') from error
     if gains.shape != (rows, cols):
         raise ConfigurationError(where, expected=f'{rows} rows of {cols} gains, as the pad has taxels',
                                  got=f'shape {gains.shape}', remedy='Give the gains of this pad.')

@@ -122,10 +122,10 @@ class TaredPad:
                    timeout: float) -> tuple[int, Tare]:
         """Let the device zero itself, then subtract what is left; return the result of ``zero_device``, too.
 
-        Refused under load before the device is requested, or it would take the load for its zero. Until the new tare
-        is known no value is valid. From then on ``is_kept`` reports whether the device still has its zero (CiA 404:
-        after a reset it has not, unless it was told to save it); once it has not, no value is valid before the next
-        tare. When ``zero_device`` raises, all is as before; after HalfZeroedError no value is valid.
+        Refused under load before the device receives the request, or it would take the load for its zero. Until the
+        new tare is known no value is valid. From then on ``is_kept`` reports whether the device still has its zero
+        (CiA 404: after a reset it has not, unless it was commanded to save it); once it has not, no value is valid
+        before the next tare. When ``zero_device`` raises, all is as before; after HalfZeroedError no value is valid.
         """
         self.measure_next(frames, limit, timeout)
         before = self._zero_state, self.offset

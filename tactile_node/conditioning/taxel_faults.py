@@ -1,4 +1,4 @@
-"""Tells taxels that cannot be believed by what they send: dead, stuck, flickering, saturated."""
+"""Finds faulty taxels by what they send: dead, stuck, flickering, saturated."""
 
 from enum import IntEnum
 from typing import NamedTuple
@@ -8,7 +8,7 @@ from scipy.ndimage import label, maximum_filter
 
 from tactile_node.read_only import read_only
 
-CONTACTS = 5          #: that have to speak against a taxel, one after the other
+CONTACTS = 5          #: that must give evidence against a taxel, one after the other
 MIN_TOUCHED = 3       #: taxels that make a contact
 FALLEN = 0.6          #: of the taxels that rose in a contact have fallen when it is over
 RELEASED = 0.5        #: of the taxels pressed at its height may then still be: others' edges come and go in a grasp
@@ -17,14 +17,14 @@ ALIVE = 0.1           #: x limit: a taxel that reads so much has felt something
 DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
 JUMP = 2.0            #: x limit: a change from one frame to the next that counts as a jump
 ALONE = 0.5           #: x limit: a jump is alone when no neighbour changes by so much in the same frame
-MOST_NAMED = 20       # taxels of a kind in a sentence
+MOST_NAMED = 20       #: taxels of a kind in the text
 FLICKER_TIME = 5.0    #: s over which lone jumps are counted
 FLICKER_JUMPS = 40    #: lone jumps within that time, and
 FLICKER_SHARE = 0.25  #: of the frames within it
 
 
 class TaxelFault(IntEnum):
-    """What is wrong with a taxel."""
+    """What is wrong with a taxel; the numbers are stable."""
 
     NONE = 0
     DEAD = 1        #: silent while what surrounds it is pressed, in contact after contact
@@ -60,7 +60,7 @@ class FaultDetector:
 
     Evidence is counted by *contacts*: MIN_TOUCHED taxels rise over ``limit``, nearly all of them fall again, and then
     not many are left pressed (where more are stuck than any contact presses, none is found).
-    Time alone proves nothing: a pad that nobody touches has no dead taxels, a grasp of an hour no stuck ones.
+    Time alone proves nothing: an untouched pad has no dead taxels, a grasp of an hour no stuck ones.
 
     - Dead: in CONTACTS contacts that are APART (what a ring leaves out in one place it presses in another), not ALIVE
       though pressed taxels lay next to it on both sides, in two of four directions: more of a hole than two taxels
@@ -71,11 +71,12 @@ class FaultDetector:
     - Flickering: FLICKER_JUMPS jumps within FLICKER_TIME, in FLICKER_SHARE of the frames, in which no neighbour took
       part or was pressed or unknown; faulty neighbours do not count. Of two side by side none is found.
 
-    One sign of life takes the verdict back.
+    One sign of life clears the fault.
     """
 
     def __init__(self, rows: int, cols: int, limit: float):
-        self.limit, shape = limit, (rows, cols)  # the limit may be changed at any time
+        shape = (rows, cols)
+        self.limit = limit  #: may be changed at any time
         self._last = np.full(shape, np.nan)
         self._pressed, self._risen = np.zeros((2, *shape), bool)
         self._height = 0  # taxels pressed at most in this contact
@@ -84,7 +85,9 @@ class FaultDetector:
         self._range = np.zeros((2, 2, *shape))  # of these contacts' centres: least and greatest row, column
         self._jumps, self._stamp = np.zeros(shape), -np.inf
         self._is_saturated = np.zeros(shape, bool)
-        self._frames, self._unknown, self.has_changed = 0.0, np.ones(shape, bool), False  # in the last frame
+        self._frames = 0.0
+        self._unknown = np.ones(shape, bool)  # in the last frame
+        self.has_changed = False              # in the last frame
         self.faults = FaultyTaxels(read_only(np.zeros(shape, np.uint8)))
 
     def update(self, stamp: float, values: np.ndarray, zero: np.ndarray | float,
@@ -116,7 +119,7 @@ class FaultDetector:
         return self.faults
 
     def _count_jumps(self, stamp: float, change: np.ndarray, unknown: np.ndarray) -> bool:
-        """Count jumps that no neighbour takes part in; True when a verdict may change."""
+        """Count jumps that no neighbour takes part in; True when a fault may appear or clear."""
         passed, self._stamp = stamp - self._stamp, stamp
         was_flickering, fading = self._is_flickering(), np.exp(-max(passed, 0.0) / FLICKER_TIME)
         self._jumps *= fading

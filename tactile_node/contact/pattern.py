@@ -26,7 +26,7 @@ class PatternExtractor:
     A taxel becomes pressed at the press threshold or above and is released below the release threshold. A
     taxel without a valid value (NaN, infinite) is not in the pattern, but keeps its hysteresis state for when
     it is valid again. One exception: invalid taxels fully enclosed by the contact are filled in, for a dead
-    taxel under an object is no hole of the object. A bool frame says itself what is pressed.
+    taxel under an object is no hole of the object. A bool frame is itself the pressed taxels.
 
     With ``largest`` False the pattern is every pressed taxel of the pad, not the largest contact alone.
     """

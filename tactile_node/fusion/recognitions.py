@@ -1,8 +1,8 @@
-"""Recognitions of successive frames as one: surer than any of them, and slow to change its mind.
+"""Recognitions of successive frames as one: more certain than any of them, and slow to change.
 
 Each frame adds its log-probabilities, as Bayes' rule has it, with two cautions. Frames a millisecond apart
 err together: a frame counts only for the share of ``correlation_time`` that has passed since the one before.
-And the object may change: evidence fades with ``memory``, no frame speaks stronger than ``floor``, and no
+And the object may change: evidence fades with ``memory``, no frame counts for more than ``floor`` allows, and no
 class leads by more than ``lead``. So a change is followed after at most
 `FusionSettings.frames_to_follow` frames that agree; a contact that begins or ends starts again at once.
 """
@@ -26,7 +26,7 @@ class FusionSettings:
 
     correlation_time: float = 0.05  #: frames this far apart err independently [s]
     memory: float = 0.5             #: time constant of forgetting [s]
-    floor: float = 0.001            #: smallest probability that a frame is believed about a class
+    floor: float = 0.001            #: smallest probability that a frame may give a class
     lead: float = 8.0               #: most that the leading class may be ahead [log of odds]
     switch: float = 1.0             #: how far another class must lead to be reported instead [log of odds]
     max_gap: float = 0.5            #: after a longer silence, start again [s]
@@ -58,7 +58,7 @@ class FusionSettings:
 
 
 class FusedRecognition(NamedTuple):
-    """What all frames since the contact began say together."""
+    """The result of all frames since the contact began."""
 
     recognition: Recognition
     since: float  #: stamp of the first frame reported as this shape without a break [s]
@@ -82,7 +82,7 @@ class RecognitionFusion:
         self._evidence = np.zeros(len(TOUCHING))
 
     def update(self, stamp: float, probabilities: Mapping[Shape, float]) -> FusedRecognition:
-        """Take the frame of ``stamp`` [s] and return what is now believed.
+        """Take the frame of ``stamp`` [s] and return the fused result.
 
         A frame whose likeliest class is NONE ends the contact: it is reported at once. A stamp that goes
         back or comes after ``max_gap`` starts again.

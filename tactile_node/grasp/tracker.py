@@ -1,4 +1,4 @@
-"""The results of two opposing pads, as they come, as one grasp: what is held, how straight, for how long."""
+"""The results of two opposing pads, as they arrive, as one grasp: what is held, how straight, for how long."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -14,7 +14,7 @@ SIDES = ('left', 'right')
 
 
 class SideResult(NamedTuple):
-    """What one pad says at one time; ``centre`` None when nothing touches it."""
+    """The result of one pad at one time; ``centre`` None when nothing touches it."""
 
     stamp: float                         #: acquisition [s]
     shape: Shape
@@ -62,7 +62,7 @@ class GraspState(NamedTuple):
 
     @property
     def same_shape(self) -> bool:
-        """Both sides say the same, and it is one of the five shapes."""
+        """Both sides report the same, and it is one of the five shapes."""
         left, right = (side.shape if side else Shape.NONE for side in self.sides)
         return left is right and left not in (Shape.NONE, Shape.UNKNOWN)
 
@@ -84,7 +84,7 @@ class GraspSettings:
 
 
 class GraspTracker:
-    """Takes the sides' results in any order; pure: time is only what the stamps say."""
+    """Takes the sides' results in any order; pure: time is given by the stamps alone."""
 
     def __init__(self, settings: GraspSettings = GraspSettings()):
         self._settings = settings

@@ -35,7 +35,7 @@ class Banded(NamedTuple):
     def factorised(self, shift: np.ndarray, certain: np.ndarray) -> tuple['Banded', np.ndarray]:
         """Cholesky factors of A - shift, and the shifts: each is certainly below the smallest eigenvalue.
 
-        Where the one asked for is not, a little less than the lower bound known to be ``certain`` is taken.
+        Where the one given is not, a little less than the lower bound known to be ``certain`` is taken.
         """
         while True:
             band = self.band.copy()

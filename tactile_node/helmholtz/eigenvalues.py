@@ -9,7 +9,7 @@ Each round gives certain bounds of every Λ:
   for which A - s has a Cholesky factor.
 
 An iterate x, ‖x‖ = 1, has an eigenvalue within ‖A x - θ x‖ of θ; it is accepted at 2e-10 θ. Otherwise the
-next round shifts to just below θ. Where only the extremes over the rotations are asked for, what cannot be extreme
+next round shifts to just below θ. Where only the extremes over the rotations are requested, what cannot be extreme
 by these bounds is left out, most of it after the first round. What does not converge in time (nearly equal
 eigenvalues of weakly joined parts) goes to a dense solver.
 """
@@ -92,8 +92,8 @@ def _connected(problem: Problem) -> Parts:
     pattern = np.searchsorted(taxels.start, order[start], 'right') - 1
     sums = taxels.row_sums(weights)[order] / weights.denominator
     least = np.minimum.reduceat(sums, start) if len(sizes) else sums
-    return Parts(sizes, pattern, least, column, place[later] - column, values,
-                 weights.centre / weights.denominator)
+    return Parts(sizes=sizes, pattern=pattern, least=least, column=column, distance=place[later] - column,
+                 values=values, diagonal=weights.centre / weights.denominator)
 
 
 def _contest(count: int, problem: int, extremes_from: int | None) -> np.ndarray:
@@ -165,7 +165,7 @@ def _iterate(factor: Banded, shift: np.ndarray, x: np.ndarray, solves: int) -> t
 
 
 def _needed(low: np.ndarray, high: np.ndarray, owner: np.ndarray, contest: np.ndarray) -> np.ndarray:
-    """Which matrices may still decide a pattern's Λ that is asked for, all Λ being in [low, high]."""
+    """Which matrices may still decide a pattern's Λ that is requested, all Λ being in [low, high]."""
     least, most = _of_patterns(low, high, owner, contest)
     needed: np.ndarray = _may_win(least, most, contest)[owner] & (low <= most[owner])
     return needed

@@ -52,7 +52,7 @@ class Extremes(NamedTuple):
     max_angle: int | None  #: [degrees], the first angle at which it is greatest
 
 
-UNDEFINED = Extremes(np.nan, np.nan, np.nan, None, None)
+UNDEFINED = Extremes(min=np.nan, max=np.nan, dif=np.nan, min_angle=None, max_angle=None)
 
 
 class Features(NamedTuple):

@@ -20,7 +20,7 @@ class Weights(NamedTuple):
 
 class TaxelList(NamedTuple):
     """The active taxels of K patterns, pattern by pattern, each row by row; arrays of shape (total,)
-    unless said otherwise."""
+    unless another shape is given."""
 
     shape: tuple[int, int, int]  #: K, padded rows, padded cols
     site: np.ndarray             #: place of the taxel in the padded, flattened stack
@@ -88,8 +88,9 @@ def ringed_taxel_list(masks: np.ndarray) -> TaxelList:
     flags = active.view(np.uint8)
     (edge_before, edge_after), (corner_before, corner_after) = (
         _neighbours(flags, 1, wide), _neighbours(flags, wide - 1, wide + 1))
-    return TaxelList(masks.shape, site, start, counts, number, edge_before.take(site),
-                     corner_before.take(site), edge_after.take(site), corner_after.take(site))
+    return TaxelList(shape=masks.shape, site=site, start=start, counts=counts, number=number,
+                     earlier_edge=edge_before.take(site), earlier_corner=corner_before.take(site),
+                     later_edge=edge_after.take(site), later_corner=corner_after.take(site))
 
 
 def _neighbours(active: np.ndarray, near: int, far: int) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Which taxels speak of a contact's outline: its own and those around it, without holes and invalid ones."""
+"""The taxels that are evidence of a contact's outline: its own and those around it, without holes and invalid ones."""
 
 from typing import NamedTuple
 
@@ -23,7 +23,7 @@ class Evidence(NamedTuple):
 
 
 def gather(values: np.ndarray, mask: np.ndarray) -> Evidence:
-    """Return what ``values`` (NaN: invalid) say of the contact ``mask``, both (rows, cols).
+    """Return the evidence in ``values`` (NaN: invalid) of the contact ``mask``, both (rows, cols).
 
     ``values`` that are bool, or the numbers 0 and 1 only, are an on/off pattern. Raises InputError.
     """
@@ -45,7 +45,8 @@ def gather(values: np.ndarray, mask: np.ndarray) -> Evidence:
     solid = np.where(mask & ~valid, 1.0, values * (mask if on_off else _around(mask, 1)))
     if hole is not None:
         solid[hole] = 1.0
-    return Evidence(window, values.reshape(-1), used.reshape(-1), np.maximum(solid, 0), level, on_off)
+    return Evidence(window=window, values=values.reshape(-1), used=used.reshape(-1), solid=np.maximum(solid, 0),
+                    level=level, on_off=on_off)
 
 
 def _checked(values: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

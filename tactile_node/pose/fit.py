@@ -17,8 +17,8 @@ FINE = 0.05   #: and the second
 FIRST_NOISE = 0.05    #: of a value in the first pass [fraction of level]
 MARGIN = 0.15         #: corners of a triangle are tried when their angles, or log lengths, are so close
 MARGIN_ON_OFF = 0.35
-AMBIGUOUS = 6.0       #: two fits whose sums of squares differ by less cannot be told apart
-HOPELESS = 500.0      #: and one that is worse by more after the first pass is not refined
+AMBIGUOUS = 6.0       #: two fits whose sums of squares differ by less cannot be distinguished
+HOPELESS = 500.0      #: a fit that is worse by more after the first pass is not refined
 
 
 class ShapeFit(NamedTuple):
@@ -28,7 +28,7 @@ class ShapeFit(NamedTuple):
     centre: tuple[float, float]        #: centre of area [m]
     angle: float                       #: of the shape's x axis, x to y positive [rad]; 0 for a circle
     #: Looks the same when rotated by 2π/symmetry; 0: by any angle; 3: an isosceles triangle that these taxels do not
-    #: tell from an equilateral one, its apex may be any corner.
+    #: distinguish from an equilateral one, its apex may be any corner.
     symmetry: int
     handedness: int                    #: right triangle: 1, or -1 when mirrored; else 0
     dimension_names: tuple[str, ...]   #: as in `outlines.OUTLINES`
@@ -44,15 +44,8 @@ class ShapeFit(NamedTuple):
 
     @property
     def parameters(self) -> np.ndarray:
-        """Their values."""
+        """The values of ``parameter_names``."""
         return np.array((*self.centre, *((self.angle,) if self.symmetry else ()), *self.dimensions))
-
-    @property
-    def apex_angle(self) -> float:
-        """Of an isosceles triangle [rad]; NaN for others."""
-        if self.shape is not Shape.ISOSCELES_TRIANGLE:
-            return float('nan')
-        return float(2 * np.arctan2(self.dimensions[0] / 2, self.dimensions[1]))
 
 
 def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float = 1.0) -> ShapeFit | None:
@@ -75,7 +68,8 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float =
     within = min(candidate.solution.cost for candidate in candidates) + HOPELESS
     candidates = sorted((_fine(candidate) for candidate in candidates if candidate.solution.cost < within),
                         key=lambda candidate: candidate.solution.cost)
-    return _in_metres(shape, pitch, evidence, candidates[0], _together(shape, evidence, candidates))
+    estimate = _together(shape, evidence, candidates)
+    return _in_metres(shape, pitch, evidence, found=candidates[0], estimate=estimate)
 
 
 class _Estimate(NamedTuple):
@@ -107,7 +101,8 @@ def _coarse(evidence: Evidence, shape: Shape, guess: Guess) -> _Candidate:
         model = PressureModel(outline, evidence.window, guess.parameters[:2])
     start = np.concatenate((guess.parameters, model.start))
     precision = np.concatenate((_vague(outline, guess.parameters), model.precision))
-    problem = Problem(model, evidence.values, evidence.used / FIRST_NOISE**2, start, precision)
+    problem = Problem(model, values=evidence.values, weights=evidence.used / FIRST_NOISE**2, expected=start,
+                      precision=precision)
     at = evaluate(problem, start, model.predict(start))
     return _Candidate(problem, minimise(problem, at, tolerance=COARSE, max_steps=10), guess.handedness)
 
@@ -177,8 +172,9 @@ def _in_metres(shape: Shape, pitch: float, evidence: Evidence, found: _Candidate
     corners.flags.writeable = covariance.flags.writeable = False
     centre, angle, dimensions = outline.split(estimate.parameters * scale)
     handedness = estimate.handedness if shape is Shape.RIGHT_TRIANGLE else 0
-    return ShapeFit(shape, tuple(centre.tolist()), angle, estimate.symmetry, handedness, outline.dimensions,
-                    tuple(dimensions.tolist()), covariance, _residual(evidence, found.solution), corners)
+    return ShapeFit(shape=shape, centre=tuple(centre.tolist()), angle=angle, symmetry=estimate.symmetry,
+                    handedness=handedness, dimension_names=outline.dimensions, dimensions=tuple(dimensions.tolist()),
+                    covariance=covariance, residual=_residual(evidence, found.solution), outline=corners)
 
 
 def _canonical(shape: Shape, handedness: int, parameters: np.ndarray,

@@ -1,4 +1,4 @@
-"""What taxel values say whatever the shape: force, centre of pressure, contact area, principal axis."""
+"""What taxel values give whatever the shape: force, centre of pressure, contact area, principal axis."""
 
 from typing import NamedTuple
 
@@ -34,14 +34,16 @@ def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: st
     _check(values, mask, pitch, unit)
     if not mask.any():
         nan = float('nan')
-        return ContactMoments(nan if unit == '1' else 0.0, (nan, nan), 0.0, nan, 0)
+        return ContactMoments(force=nan if unit == '1' else 0.0, centre_of_pressure=(nan, nan), area=0.0,
+                              principal_axis=nan, filled=0)
     rows, cols = np.nonzero(mask)
     of_contact, filled = _filled(values, mask, rows, cols)
     total = of_contact.sum()
     force = {'Pa': total * pitch**2, 'N': total, '1': np.nan}[unit]
     share = of_contact / total if total > 0 else np.full(len(rows), np.nan)
     centre = (float(share @ cols * pitch), float(share @ rows * pitch))
-    return ContactMoments(float(force), centre, len(rows) * pitch**2, _principal_axis(cols, rows), filled)
+    return ContactMoments(force=float(force), centre_of_pressure=centre, area=len(rows) * pitch**2,
+                          principal_axis=_principal_axis(cols, rows), filled=filled)
 
 
 def _check(values: np.ndarray, mask: np.ndarray, pitch: float, unit: str) -> None:

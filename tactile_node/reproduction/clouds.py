@@ -57,7 +57,8 @@ def rates_by_size(results: Results) -> Figure:
     figure = Figure(figsize=(9.6, 5.6), layout='constrained')
     axes = figure.add_subplot(xlabel='area [taxels]', ylabel='recognised', xscale='log', ylim=(0.3, 1.05))
     for number, (method, mark) in enumerate(zip(results.methods, MARKS)):
-        _line(axes, method, mark, 'black' if number == 0 else f'C{number - 1}', 2.2 if number == 0 else 1.2)
+        colour, width = ('black', 2.2) if number == 0 else (f'C{number - 1}', 1.2)
+        _line(axes, method, mark, colour=colour, width=width)
     for size, text in PUBLISHED.items():
         axes.annotate(f'paper: {text}', (size, _number(text)), (-8, 6), textcoords='offset points', fontsize=9,
                       color='#c2410c', ha='right')

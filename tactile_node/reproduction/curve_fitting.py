@@ -87,7 +87,7 @@ def _gain(heights: np.ndarray, labels: np.ndarray, index: int) -> np.ndarray:
 
 
 def answers(planes: Mapping[str, Plane], samples: Samples) -> np.ndarray:
-    """Index into volf.ANSWERS of what the curves say of each pattern, shape (n,)."""
+    """Index into volf.ANSWERS of the curves' answer for each pattern, shape (n,)."""
     return by_curves(np.array([plane.height(samples.of(plane.horizontal), samples.of(plane.vertical))
                                for plane in planes.values()]))
 

@@ -55,8 +55,8 @@ def measure(classifier: VolfClassifier, patterns: int, training: int, seed: int,
     """Measure everything; ``patterns`` at each size, of the benchmark's world."""
     drawn = draw(_wanted(patterns, training), seed, jobs, progress)
     every = {size: drawn[f'benchmark {size}'].every for size in SIZES}
-    said = {size: answers(classifier.planes, samples) for size, samples in every.items()}
-    methods = [Method('as published, the three planes', {size: rate(said[size] == every[size].labels)
+    answered = {size: answers(classifier.planes, samples) for size, samples in every.items()}
+    methods = [Method('as published, the three planes', {size: rate(answered[size] == every[size].labels)
                                                          for size in SIZES})]
     fitted = {}
     for world in WORLDS:
@@ -71,12 +71,18 @@ def measure(classifier: VolfClassifier, patterns: int, training: int, seed: int,
     methods.append(Method('the same six features, nearest neighbours', {
         size: rate(learner.answers(samples) == samples.labels) for size, samples in every.items()}))
     return Results(
-        methods, {size: confusion(said[size], every[size].labels) for size in SIZES},
-        {size: lost_in_plane(said[size], every[size].labels) for size in SIZES},
-        _readings(drawn), drawn['benchmark training'].every, classifier,
-        drawn['long rectangles training'].every, fitted['long rectangles', False],
-        _lost(drawn[f'long rectangles {SIZES[-1]}'].kept, fitted['long rectangles', True]),
-        {size: _vanished(drawn[f'benchmark {size}']) for size in SIZES}, _remaining(seed), learner.number)
+        methods=methods,
+        confusions={size: confusion(answered[size], every[size].labels) for size in SIZES},
+        lost={size: lost_in_plane(answered[size], every[size].labels) for size in SIZES},
+        readings=_readings(drawn),
+        clouds=drawn['benchmark training'].every,
+        classifier=classifier,
+        long_clouds=drawn['long rectangles training'].every,
+        long_classifier=fitted['long rectangles', False],
+        long_lost=_lost(drawn[f'long rectangles {SIZES[-1]}'].kept, fitted['long rectangles', True]),
+        vanished={size: _vanished(drawn[f'benchmark {size}']) for size in SIZES},
+        remaining=_remaining(seed),
+        neighbours=learner.number)
 
 
 def _wanted(patterns: int, training: int) -> dict[str, Wanted]:

@@ -1,4 +1,4 @@
-"""A learner on the same six features, to tell what they hold from what three planes make of it."""
+"""A learner on the same six features, to separate what they hold from what three planes make of it."""
 
 import numpy as np
 from scipy.spatial import cKDTree

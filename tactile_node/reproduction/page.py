@@ -31,7 +31,7 @@ PAGE = Template('''<!DOCTYPE html>
 <h2>Recognition against size</h2>
 $rates
 $chart
-<h2>What it says</h2>
+<h2>Findings</h2>
 <ul>$findings</ul>
 <h2>Which plane loses what (as published)</h2>
 $lost

@@ -30,7 +30,7 @@ def draw_pattern(world: str, rng: np.random.Generator, shape: str, area: float) 
     room = max(PAD, int(np.ceil(6 * np.sqrt(area))) + 4)
     x, y = rng.uniform(-0.5, 0.5, 2) + (room - 1) / 2
     angle, handedness = rng.uniform(0, 2 * np.pi), rng.choice((-1.0, 1.0))
-    return Contact(shape, _dimensions(fixed, shape, area, handedness), x, y, angle).pattern(room, room)
+    return Contact(shape, _dimensions(fixed, shape, area, handedness), x=x, y=y, angle=angle).pattern(room, room)
 
 
 def _dimensions(fixed: Fixed, shape: str, area: float, handedness: float) -> tuple[float, ...]:

@@ -16,8 +16,8 @@ from tactile_node.shape.volf import GROUPS, VolfClassifier
 
 LEARNED, VOLF = 'learned', 'volf'
 DEFAULT = LEARNED
-SEEN = 0.5  #: share of a pad's taxels that must have valid values before it is called untouched
-FILES = {LEARNED: 'recogniser.npz', VOLF: 'volf_curves.yaml'}  #: what each reads unless told otherwise, in config/
+SEEN = 0.5  #: share of a pad's taxels that must have valid values before it is reported untouched
+FILES = {LEARNED: 'recogniser.npz', VOLF: 'volf_curves.yaml'}  #: what each reads by default, in config/
 
 
 class Recogniser(Protocol):
@@ -55,10 +55,11 @@ class Volf:
 
 
 class VisibilityGuard:
-    """A method that knows an empty pad from one that it cannot see: without a valid value it says UNKNOWN."""
+    """A method that distinguishes an empty pad from one that it cannot see: without valid values it answers UNKNOWN."""
 
     def __init__(self, method: Recogniser):
-        self._method, self.groups = method, method.groups
+        self._method = method
+        self.groups = method.groups
 
     def recognise(self, pattern: ContactPattern, features: Features | None = None) -> Recognition:
         if not pattern.contacts and np.isfinite(pattern.values).mean() < SEEN:

@@ -1,8 +1,8 @@
 """A plane of two features parted by a curve (section 7), and the fitting of such a curve.
 
 The curve is a chain of straight lines on doubly logarithmic axes, u = ln(1 + horizontal),
-v = ln(0.01 + vertical): the features scale with powers of the pattern's size. Beyond its ends it goes on
-straight.
+v = ln(0.01 + vertical): the features scale with powers of the pattern's size. Beyond its ends it
+continues straight.
 """
 
 from dataclasses import dataclass

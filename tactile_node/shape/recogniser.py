@@ -35,7 +35,7 @@ class Calibration(NamedTuple):
     """From logits to probabilities."""
 
     temperature: float   #: of the classes
-    biases: np.ndarray   #: shape (len(SIZES),): how much evidence it takes to say UNKNOWN, by size
+    biases: np.ndarray   #: shape (len(SIZES),): how much evidence it takes to answer UNKNOWN, by size
 
     def probabilities(self, logits: np.ndarray, log_taxels: np.ndarray) -> np.ndarray:
         """Return the probabilities of the five classes and of UNKNOWN, (K, 6), of logits (K, 6)."""

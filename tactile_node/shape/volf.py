@@ -5,7 +5,7 @@
 3. (dif P05 or min P05, dif I5): square | circle.
 
 The curves are data (config/volf_curves.yaml), fitted by `tactile fit`. The paper gives no probabilities:
-ours are how often each class was the truth among the training patterns of which the curves said the same,
+ours are how often each class was the truth among the training patterns with the same answer of the curves,
 in the same band of N.
 """
 

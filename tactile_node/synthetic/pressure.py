@@ -34,7 +34,7 @@ class Skin:
     full_scale: float = 100_000.0  #: [Pa]
     blur: float = 0.0              #: standard deviation of the elastomer's spread [pitches]
     noise: float = 0.0             #: standard deviation [fraction of full scale]
-    dead: float = 0.0              #: fraction of taxels without a valid value (NaN), drawn anew a frame
+    dead: float = 0.0              #: fraction of taxels without a valid value (NaN), drawn again for each frame
 
 
 def coverage(contact: Touching, rows: int = PAD, cols: int = PAD) -> np.ndarray:

@@ -85,13 +85,13 @@ def random_contact(rng: np.random.Generator, shape: str, area: float,
     """
     dimensions = _dimensions(rng, shape, area)
     x, y = rng.uniform(-0.5, 0.5, 2) + ((cols - 1) / 2, (rows - 1) / 2)
-    return Contact(shape, dimensions, float(x), float(y), float(rng.uniform(0, 2 * np.pi)))
+    return Contact(shape, dimensions, x=float(x), y=float(y), angle=float(rng.uniform(0, 2 * np.pi)))
 
 
 def random_pattern(rng: np.random.Generator, shape: str, area: float) -> np.ndarray:
     """Draw the on/off pattern of a contact in general position, on a pad large enough for it."""
     room = max(PAD, int(np.ceil(4 * np.sqrt(area))) + 4)
-    return random_contact(rng, shape, area, room, room).pattern(room, room)
+    return random_contact(rng, shape, area, rows=room, cols=room).pattern(room, room)
 
 
 def _dimensions(rng: np.random.Generator, shape: str, area: float) -> tuple[float, ...]:
