@@ -1,12 +1,12 @@
-"""The errors this package raises: one small tree, every message with a way out."""
+"""The errors that this package raises: one small tree. Every message says what was expected, got, and what to do."""
 
 from enum import IntEnum
 
 
 class TactileError(Exception):
-    """Something the caller gave us cannot be used.
+    """Base of all errors of this package: an input, a device or a bus cannot be used.
 
-    The message says where it happened, what was expected, what came instead and what to do:
+    ``where`` names the place: a file and key, a parameter, a node, a bus. The message:
 
     >>> print(ConfigurationError('layout.yaml, key "rows"', expected='a whole number >= 1',
     ...                          got="'many'", remedy='Write the number of taxel rows.'))
@@ -15,7 +15,10 @@ class TactileError(Exception):
 
     def __init__(self, where: str, *, expected: str, got: str, remedy: str):
         super().__init__(f'{where}: expected {expected}, got {got}. {remedy}')
-        self.where, self.expected, self.got, self.remedy = where, expected, got, remedy
+        self.where = where
+        self.expected = expected
+        self.got = got
+        self.remedy = remedy
 
 
 class ConfigurationError(TactileError):
@@ -27,7 +30,7 @@ class BusError(TactileError):
 
 
 class DeviceError(TactileError):
-    """The CANopen device is absent, is another one, or refuses what is asked of it."""
+    """The CANopen device is absent, is another one, or refuses a request."""
 
 
 class DeviceAbsentError(DeviceError):

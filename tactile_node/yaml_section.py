@@ -1,4 +1,4 @@
-"""Reads typed keys of a YAML mapping; whatever is wrong becomes a ConfigurationError naming file and key."""
+"""Reads typed keys of a YAML mapping. Every error is a ConfigurationError that names file and key."""
 
 from difflib import get_close_matches
 from pathlib import Path
@@ -12,10 +12,10 @@ _NO_DEFAULT = object()
 
 
 class _Loader(yaml.SafeLoader):
-    """Refuses a key that is given twice, of which PyYAML takes the last."""
+    """Refuses a key that is given twice; PyYAML would take the last one."""
 
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
-        seen = set()
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen: set[str] = set()
         for key, _ in node.value:
             if isinstance(key, yaml.ScalarNode) and key.tag != 'tag:yaml.org,2002:merge':
                 if key.value in seen:
@@ -26,7 +26,10 @@ class _Loader(yaml.SafeLoader):
 
 
 def load_mapping(path: Path, about: str) -> 'Section':
-    """Return the mapping at the top of the YAML file ``path``; ``about`` says what the file should be."""
+    """Return the mapping at the top of the YAML file ``path``.
+
+    ``about`` names what the file should be, for errors: 'a skin layout'. Raises ConfigurationError.
+    """
     try:
         text = Path(path).read_text(encoding='utf-8')
         content = yaml.load(text, _Loader)
@@ -35,7 +38,7 @@ def load_mapping(path: Path, about: str) -> 'Section':
                                  remedy='Check the path and its permissions.') from error
     except UnicodeDecodeError as error:
         raise ConfigurationError(str(path), expected=f'{about} (YAML text in UTF-8)',
-                                 got='bytes that are no text',
+                                 got='bytes that are not text',
                                  remedy='Give the YAML file, not a binary one.') from error
     except yaml.YAMLError as error:
         raise ConfigurationError(str(path), expected=f'{about} (YAML)', got=_one_line(error),
@@ -60,14 +63,26 @@ def _kind(value: Any) -> str:
 
 
 class Section:
-    """A mapping whose keys are taken one by one; ``done()`` rejects the keys that nobody took."""
+    """A mapping whose keys are taken one by one; each method checks the value of one key.
 
-    def __init__(self, mapping: dict, where: str, path: str = ''):
-        self._mapping, self._where, self._path, self._asked = mapping, where, path, []
+    A key without a ``default`` is required. ``done`` refuses the keys that were not taken. Every violation raises a
+    ConfigurationError that names file and key. Values of YAML have any type, hence ``Any``.
+
+    >>> section = Section({'rows': 16, 'unit': 'Pa'}, 'skin.yaml')
+    >>> section.integer('rows', 1, 1024), section.choice('unit', ('Pa', 'N'))
+    (16, 'Pa')
+    >>> section.done()
+    """
+
+    def __init__(self, mapping: dict[Any, Any], where: str, path: str = ''):
+        self._mapping = mapping
+        self._where = where
+        self._path = path
+        self._taken: list[str] = []
 
     @property
     def path(self) -> str:
-        """Its key in the file, '' at the top."""
+        """The section's own key in the file, '' at the top."""
         return self._path
 
     def refuse(self, key: str, *, expected: str, got: str, remedy: str) -> NoReturn:
@@ -76,7 +91,8 @@ class Section:
                                  remedy=remedy)
 
     def take(self, key: str, default: Any = _NO_DEFAULT) -> Any:
-        self._asked.append(key)
+        """The value of ``key``, of any type."""
+        self._taken.append(key)
         if key in self._mapping:
             return self._mapping[key]
         if default is _NO_DEFAULT:
@@ -84,15 +100,18 @@ class Section:
         return default
 
     def integer(self, key: str, low: int, high: int, default: Any = _NO_DEFAULT) -> int:
+        """A whole number ``low``..``high``, both included."""
         return self.checked_integer(key, self.take(key, default), low, high)
 
     def checked_integer(self, key: str, value: Any, low: int, high: int) -> int:
+        """``value``, which belongs to ``key``, as ``integer`` checks it."""
         if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
             self.refuse(key, expected=f'a whole number {low}..{high}', got=_kind(value),
                         remedy='Correct the number.')
         return value
 
     def number(self, key: str, default: Any = _NO_DEFAULT, *, positive: bool = False) -> float:
+        """A finite number in SI units."""
         value = self.take(key, default)
         good = isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < float('inf')
         if not good or (positive and value <= 0):
@@ -100,14 +119,16 @@ class Section:
                         remedy='Write it in SI units, 2 mm as 0.002.')
         return float(value)
 
-    def choice(self, key: str, options: tuple, default: Any = _NO_DEFAULT) -> Any:
+    def choice(self, key: str, options: tuple[Any, ...], default: Any = _NO_DEFAULT) -> Any:
+        """One of ``options``, which are all booleans or all strings."""
         value = self.take(key, default)
         if value not in options or isinstance(value, bool) != isinstance(options[0], bool):
             self.refuse(key, expected=f'one of {", ".join(map(repr, options))}', got=_kind(value),
                         remedy='Choose one of these.')
         return value
 
-    def sequence(self, key: str, default: Any = _NO_DEFAULT) -> list:
+    def sequence(self, key: str, default: Any = _NO_DEFAULT) -> list[Any]:
+        """A list of anything."""
         value = self.take(key, default)
         if not isinstance(value, (list, tuple)):
             self.refuse(key, expected='a list', got=_kind(value),
@@ -115,34 +136,39 @@ class Section:
         return list(value)
 
     def integers(self, key: str, count: int, low: int, high: int) -> tuple[int, ...]:
+        """A list of ``count`` whole numbers ``low``..``high``."""
         return self.checked_integers(key, self.take(key), count, low, high)
 
     def checked_integers(self, key: str, value: Any, count: int, low: int, high: int) -> tuple[int, ...]:
+        """``value``, which belongs to ``key``, as ``integers`` checks it."""
         if not isinstance(value, (list, tuple)) or len(value) != count:
             self.refuse(key, expected=f'a list of {count} whole numbers', got=_kind(value),
                         remedy='Correct the list.')
         return tuple(self.checked_integer(key, item, low, high) for item in value)
 
     def section(self, key: str, default: Any = _NO_DEFAULT) -> 'Section':
+        """A mapping, as its own section."""
         return self.subsection(key, self.take(key, default))
 
     def subsection(self, key: str, value: Any) -> 'Section':
+        """``value``, which belongs to ``key``, as ``section`` checks it."""
         if not isinstance(value, dict):
             self.refuse(key, expected='a mapping of keys to values', got=_kind(value),
                         remedy='Write it as {key: value, ...} or as indented lines.')
         return Section(value, self._where, self._name(key))
 
     def done(self) -> None:
+        """Refuse the first key that was not taken."""
         for key in self._mapping:
-            if key not in self._asked:
-                self.refuse(str(key), expected=f'one of the keys {", ".join(self._asked)}',
+            if key not in self._taken:
+                self.refuse(str(key), expected=f'one of the keys {", ".join(self._taken)}',
                             got='an unknown key',
-                            remedy=f'Remove it.{self._hint(str(key), self._asked)}')
+                            remedy=f'Remove it.{self._hint(str(key), self._taken)}')
 
     def _name(self, key: str) -> str:
         return f'{self._path}.{key}' if self._path else key
 
-    def _hint(self, key: str, among: list | None = None) -> str:
+    def _hint(self, key: str, among: list[str] | None = None) -> str:
         names = [str(k) for k in (self._mapping if among is None else among)]
         close = get_close_matches(key, names, n=1)
         return f' Did you mean "{close[0]}"?' if close and close[0] != key else ''

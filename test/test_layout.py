@@ -113,8 +113,8 @@ def test_binary_file_is_no_layout(tmp_path):
 
 
 @pytest.mark.parametrize(('pads', 'says'), [
-    ([('a', 32), ('b', 34)], 'COB-ID of its own'), ([('a', 32), ('a', 64)], 'name of its own'),
-    ([('a', 32), ('b', 32)], 'node_id of its own'), ([], 'at least one')])
+    ([('a', 32), ('b', 34)], 'COB-ID that is used only once'), ([('a', 32), ('a', 64)], 'a different name'),
+    ([('a', 32), ('b', 32)], 'a different node_id'), ([], 'at least one')])
 def test_pads_that_cannot_share_a_bus(pads, says):
     layout = load_layout('sim16x16.yaml')
     with pytest.raises(ConfigurationError, match=says):

@@ -1,7 +1,7 @@
 """Writes config/*.eds for our example skins from their layouts: ``python tools/make_eds.py``.
 
 Every object a layout maps becomes an entry, every TPDO a communication and a mapping record (CiA 306). The
-TPDOs' defaults are the layout's, but disabled: like most devices, the skin sends nothing until it is told to.
+TPDOs' defaults are the layout's, but disabled: like most devices, the skin sends nothing until it is configured.
 """
 
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Hands taxel frames to whoever consumes them, and outlives what goes wrong there."""
+"""Passes taxel frames on to their consumer, and survives its exceptions."""
 
 import logging
 from collections.abc import Callable
@@ -7,14 +7,16 @@ from tactile_node.frames.taxel_frame import TaxelFrame
 
 logger = logging.getLogger(__name__)
 
+#: Called with the pad's name and its frame
 OnFrame = Callable[[str, TaxelFrame], None]
 
 
 class Consumer:
-    """Calls ``on_frame``; its exceptions are counted and told, and end neither bus nor log."""
+    """Calls ``on_frame``. Its exceptions are counted in ``errors`` and logged; reception continues."""
 
     def __init__(self, on_frame: OnFrame):
-        self._on_frame, self.errors = on_frame, 0
+        self._on_frame = on_frame
+        self.errors = 0
 
     def __call__(self, pad: str, frame: TaxelFrame) -> None:
         try:

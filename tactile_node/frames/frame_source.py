@@ -1,4 +1,4 @@
-"""What a live bus and a recorded log have in common: the driver node sees only this."""
+"""The common interface of a live bus and a recorded log; the driver node uses only this."""
 
 from typing import Protocol
 
@@ -7,22 +7,22 @@ from tactile_node.frames.losses import BusStatistics
 
 
 class FrameSource(Protocol):
-    """Gives taxel frames to ``on_frame(pad name, TaxelFrame)``, on a thread of its own."""
+    """Gives taxel frames to ``on_frame(pad name, TaxelFrame)``, on its own thread."""
 
     def open(self) -> None:
-        """Open the bus or the log; BusError or LogError."""
+        """Open the bus or the log. Raises BusError, LogError."""
 
     def configure(self) -> None:
-        """Find the devices, check who they are and configure them; DeviceError."""
+        """Find the devices, check their identity and configure them. Raises DeviceError, BusError."""
 
     def start(self) -> None:
-        """Let frames flow; a bus's sequence numbers begin at 0, a log's go on where it was stopped."""
+        """Start the frames; a bus's sequence numbers begin at 0, a log's continue where it was stopped."""
 
     def stop(self) -> None:
-        """Stop the flow; ``start`` may follow."""
+        """Stop the frames; ``start`` may follow."""
 
     def close(self) -> None:
-        """Give everything back; allowed in any state, also twice."""
+        """Release everything; allowed in any state, also twice."""
 
     def auto_zero(self, pad: str) -> int:
         """Let the pad's devices zero themselves (CiA 404); how many channels.
@@ -31,10 +31,10 @@ class FrameSource(Protocol):
         """
 
     def boots(self, pad: str) -> int:
-        """Boot-ups seen of the pad's devices: what they have not saved is lost with each."""
+        """Number of boot-ups of the pad's devices; each loses the settings that a device has not saved."""
 
     def adjust(self, drop_incomplete: bool, heartbeat_timeout: float) -> None:
-        """Change these while frames flow, or do not; see BusSettings and Supervisor."""
+        """Change these settings at any time; see BusSettings and Supervisor."""
 
     def statistics(self) -> BusStatistics:
         """Counts so far."""

@@ -1,4 +1,4 @@
-"""A taxel frame: what one acquisition of one pad yields, whoever sent it and whoever reads it."""
+"""A taxel frame: all taxels of one pad of one sweep, from a live bus or a log."""
 
 from enum import IntEnum
 from typing import NamedTuple
@@ -23,7 +23,7 @@ class TaxelFrame(NamedTuple):
     """All taxels of one pad in one SYNC period.
 
     ``values`` has shape (rows, cols), row 0 and column 0 at the pad frame's origin, in the layout's SI
-    unit; it is read-only, NaN wherever ``status`` says there is no valid value, never 0 instead.
+    unit. It is read-only, and NaN (never 0) where ``status`` reports no valid value.
     """
 
     stamp: float  #: acquisition time [s, Unix epoch]: when the SYNC of this period was on the bus

@@ -1,4 +1,4 @@
-"""The identity object 0x1018: what an EDS says which device it describes."""
+"""The identity object 0x1018: which device an EDS describes."""
 
 from typing import NamedTuple
 

@@ -61,12 +61,12 @@ class ValueFormat:
         return None if self.bits == 1 else self.raw_range[0 if self.falling else 1]
 
     def to_value(self, counts: np.ndarray) -> np.ndarray:
-        """Counts (any shape) -> float32 in ``unit``."""
+        """Counts (any shape) -> float32 of the same shape, in ``unit``."""
         sign = -1.0 if self.falling else 1.0
         return ((counts - float(self.offset)) * (sign * self.scale)).astype(np.float32)
 
     def to_counts(self, values: np.ndarray) -> np.ndarray:
-        """Values in ``unit`` -> int64 counts, rounded and held within the range; NaN is sent as no load."""
+        """Values in ``unit`` (any shape) -> int64 counts, rounded and clipped to the range; NaN becomes no load."""
         load = np.nan_to_num(np.asarray(values, dtype=float) / self.scale, nan=0.0)
         return np.clip(np.rint(self.offset + (-load if self.falling else load)),
                        *self.raw_range).astype(np.int64)
@@ -76,8 +76,8 @@ class ValueFormat:
 class TpdoLayout:
     """One CAN frame of a pad's sweep: its TPDO's number (1 = 0x1800), COB-ID, mapped objects and the taxels in it.
 
-    Several may share a number and COB-ID and be told apart by their first bytes: by a row number of the maker's own
-    in byte 0, or as MPDOs in source addressing mode (CiA 301), which carry node-ID, index and sub-index.
+    Several may share a number and COB-ID. Their first bytes then distinguish them: a manufacturer-specific row number
+    in byte 0, or, as MPDOs in source addressing mode (CiA 301), node-ID, index and sub-index.
     """
 
     number: int
@@ -99,7 +99,7 @@ class TpdoLayout:
         return MAX_PDO_BITS if self.is_mpdo else sum(mapped.bits for mapped in self.mapping)
 
     def prefix(self, node_id: int) -> bytes:
-        """The first bytes by which a multiplexed frame is known; bit 7 of an MPDO's is 0: source addressing."""
+        """The first bytes that identify a multiplexed frame. Bit 7 of an MPDO's byte 0 is 0: source addressing."""
         if self.is_mpdo:
             mapped = self.mapping[0]
             return bytes([node_id, mapped.index & 0xFF, mapped.index >> 8, mapped.subindex])
@@ -123,7 +123,7 @@ class DomainLayout:
 
 @dataclass(frozen=True)
 class SkinLayout:
-    """A pad's taxels and what carries them: TPDOs, in the order in which the device sends them, or one DOMAIN."""
+    """A pad's taxels and their carriers: TPDOs, in the order in which the device sends them, or one DOMAIN."""
 
     source: str  #: the file, for messages
     rows: int
@@ -143,11 +143,11 @@ class SkinLayout:
 
     @property
     def carriers(self) -> 'tuple[TpdoLayout | DomainLayout, ...]':
-        """What brings the taxels of one period: the TPDOs, or the DOMAIN."""
+        """The TPDOs that carry the taxels of one period, or the DOMAIN."""
         return self.tpdos if self.domain is None else (self.domain,)
 
     def of_node(self, node: int) -> 'SkinLayout':
-        """The part of it that the pad's ``node``-th node sends."""
+        """The part of the layout that the pad's node number ``node`` (from 0) sends."""
         return replace(self, tpdos=tuple(tpdo for tpdo in self.tpdos if tpdo.node == node))
 
 

@@ -1,4 +1,4 @@
-"""What a skin layout must obey beyond being well written; each breach is a ConfigurationError."""
+"""The rules that a skin layout must obey beyond its syntax; each violation is a ConfigurationError."""
 
 from collections.abc import Iterator
 from typing import NoReturn
@@ -24,7 +24,7 @@ def check_layout(layout: SkinLayout) -> None:
         own = [tpdo for tpdo in pdos if tpdo.node == node]
         if not own:
             _refuse(layout, 'tpdos', f'a TPDO of each of the {layout.nodes} nodes', f'none with node: {node}',
-                    'Say which node sends each TPDO, or correct "nodes".')
+                    'Give each TPDO its "node", or correct "nodes".')
         _check_unique(layout, 'number', [(tpdo.number, tpdo.key) for tpdo in own])
         _check_unique(layout, 'cob_id', [(str(tpdo.cob_id), tpdo.key) for tpdo in own])
     _check_prefixes(layout)
@@ -35,7 +35,7 @@ def check_layout(layout: SkinLayout) -> None:
 def _check_domain(layout: SkinLayout, domain: DomainLayout) -> None:
     if layout.tpdos or layout.nodes > 1:
         _refuse(layout, 'domain', 'no "tpdos" beside it and one node', 'tpdos or nodes',
-                'Say which of the two brings the taxels.')
+                'Choose which of the two carries the taxels.')
     for field in domain.taxels:
         _check_inside(layout, 'domain.taxels', field.row, field.col)
         if (end := field.start_bit + layout.value.bits) > 8 * domain.length:
@@ -61,13 +61,13 @@ def _check_tpdo(layout: SkinLayout, key: str, tpdo: TpdoLayout) -> None:
                 'Share the objects among more TPDOs.')
     if not tpdo.cob_id.relative and (use := reserved_for(tpdo.cob_id.base)):
         _refuse(layout, f'{key}.cob_id', 'a COB-ID that a PDO may use',
-                f'{tpdo.cob_id}, which CiA 301 keeps: {use}',
+                f'{tpdo.cob_id}, which CiA 301 reserves: {use}',
                 'Choose one from 0x181 to 0x57F.')
     for field in tpdo.taxels:
         _check_inside(layout, f'{key}.taxels', field.row, field.col)
         end = field.start_bit + layout.value.bits
         if field.start_bit < (head := 8 * len(tpdo.prefix(1))):
-            _refuse(layout, f'{key}.taxels', f'fields behind the {head} bits that tell the frame',
+            _refuse(layout, f'{key}.taxels', f'fields behind the {head} bits that identify the frame',
                     f'taxel ({field.row}, {field.col}) from bit {field.start_bit}', 'Correct start_bit.')
         if end > MAX_PDO_BITS:
             _refuse(layout, f'{key}.taxels', f'fields within the {MAX_PDO_BITS} bits of a CAN frame',
@@ -122,18 +122,18 @@ def _is_same_pdo(one: TpdoLayout, other: TpdoLayout) -> bool:
 def _check_prefixes(layout: SkinLayout) -> None:
     seen = set()
     for tpdo in filter(lambda tpdo: tpdo.is_multiplexed, layout.tpdos):
-        if (known_by := (tpdo.node, tpdo.number, tpdo.prefix(1))) in seen:
+        if (identity := (tpdo.node, tpdo.number, tpdo.prefix(1))) in seen:
             _refuse(layout, tpdo.key, 'each row number, or object of an MPDO, once',
                     f'{tpdo.prefix(1)[-3:].hex()} again',
                     'Correct first, object, sub or count.')
-        seen.add(known_by)
+        seen.add(identity)
 
 
 def _check_unique(layout: SkinLayout, key: str, values: list[tuple[object, str]]) -> None:
     given = [value for value, _ in values]
     for position, (value, where) in enumerate(values):
         if (first := given.index(value)) != position:
-            _refuse(layout, f'{where}.{key}', 'a value of its own for each TPDO',
+            _refuse(layout, f'{where}.{key}', 'a different value for each TPDO',
                     f'{value}, as in {values[first][1]}', 'Give each TPDO its own.')
 
 

@@ -1,4 +1,4 @@
-"""Whether pads can share one CAN bus: node-IDs, names, COB-IDs and SYNC."""
+"""Whether pads can share one CAN bus: node-IDs, names, COB-IDs and SYNC must not collide."""
 
 from tactile_node.cia301.cob_id import ID_MASK
 from tactile_node.cia301.connection_set import EMCY, reserved_for
@@ -41,11 +41,11 @@ def _live(pad: PadSettings) -> LivePad:
 def _own(owners: dict[int, str], can_id: int, use: str, pad: str) -> None:
     where = f'pad {pad!r}, {use}'
     if reason := reserved_for(can_id) or ('more than 11 bits' if can_id > ID_MASK else None):
-        raise ConfigurationError(where, expected='a COB-ID that CiA 301 leaves free',
+        raise ConfigurationError(where, expected='a COB-ID that CiA 301 does not reserve',
                                  got=f'0x{can_id:03X} ({reason})',
                                  remedy='Change node_id, or cob_id in the layout.')
     if (other := owners.setdefault(can_id, where)) != where:
-        raise ConfigurationError(where, expected='a COB-ID of its own', got=f'0x{can_id:03X}, as {other}',
+        raise ConfigurationError(where, expected='a COB-ID that is used only once', got=f'0x{can_id:03X}, as {other}',
                                  remedy='Change node_id, or cob_id in the layout.')
 
 
@@ -53,8 +53,8 @@ def _check_names_and_sync(pads: tuple[PadSettings, ...]) -> None:
     for key, values in (('name', [pad.name for pad in pads]),
                         ('node_id', [node_id for pad in pads for node_id in pad.node_ids])):
         if len(set(values)) != len(values):
-            raise ConfigurationError('pads', expected=f'a {key} of its own for each', got=str(values),
-                                     remedy='Give every pad another one.')
+            raise ConfigurationError('pads', expected=f'a different {key} for each', got=str(values),
+                                     remedy='Give every pad a different one.')
     syncs = {pad.layout.sync_cob_id for pad in pads}
     if len(syncs) > 1:
         raise ConfigurationError('pads', expected='one SYNC COB-ID on a bus',

@@ -1,4 +1,4 @@
-"""The pads of one CAN bus: their names, node-IDs, layouts and EDS. ``pad_rules`` says whether they can share it."""
+"""The pads of one CAN bus: their names, node-IDs, layouts and EDS. ``pad_rules`` checks that they can share it."""
 
 import itertools
 from collections.abc import Sequence
@@ -58,8 +58,11 @@ def make_pad(name: str, node_id: int, layout: str, eds: str = '') -> LivePad:
 def make_pads(layouts: Sequence[str], node_ids: Sequence[int], names: Sequence[str] = ()) -> tuple[PadSettings, ...]:
     """Make pads from their layouts alone, as a log needs them.
 
-    Each takes, in order, as many of ``node_ids`` as its layout has nodes; one layout may serve all pads. A pad without
-    a name is called after its first node: pad32. Raises ConfigurationError, also when the numbers do not match.
+    Each pad takes, in order, as many of ``node_ids`` as its layout has nodes; one layout may serve all pads. A pad
+    without a name is named after its first node: pad32. Raises ConfigurationError, also when the numbers do not match.
+
+    >>> [(pad.name, pad.node_ids) for pad in make_pads(['sim16x16.yaml'], [32, 64])]
+    [('pad32', (32,)), ('pad64', (64,))]
     """
     loaded = [load_layout(layout) for layout in one_for_each('layouts', layouts, names or layouts)]
     if len(loaded) == 1 and not names:
@@ -68,7 +71,7 @@ def make_pads(layouts: Sequence[str], node_ids: Sequence[int], names: Sequence[s
         needed = ' + '.join(str(layout.nodes) for layout in loaded)
         raise ConfigurationError('node-IDs', expected=f"a node-ID for each of the pads' nodes: {needed} of them",
                                  got=str(list(node_ids)),
-                                 remedy='Give one for each pad; several where its layout says "nodes".')
+                                 remedy='Give one for each pad; several where its layout has "nodes".')
     left = iter(node_ids)
     shared = [tuple(itertools.islice(left, layout.nodes)) for layout in loaded]
     pads = tuple(PadSettings(name, shares, layout) for name, shares, layout
@@ -89,7 +92,7 @@ def with_dictionaries(pads: Sequence[PadSettings], eds: Sequence[str] = ('',)) -
 
 
 def check_node_ids(pad: PadSettings) -> None:
-    """Raise ConfigurationError for node-IDs that CiA 301 does not know, or too many or few of them."""
+    """Raise ConfigurationError for node-IDs out of range, or another number of them than the layout has nodes."""
     for node_id in pad.node_ids:
         if not MIN_NODE_ID <= node_id <= MAX_NODE_ID:
             raise ConfigurationError(f'pad {pad.name!r}', expected=f'a node-ID {MIN_NODE_ID}..{MAX_NODE_ID}',

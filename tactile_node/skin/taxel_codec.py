@@ -1,4 +1,4 @@
-"""Payloads of a pad's TPDOs, or its DOMAIN, <-> taxel values, all taxels at once."""
+"""Converts payloads of a pad's TPDOs, or its DOMAIN, to taxel values and back, all taxels at once."""
 
 from collections.abc import Iterable
 
@@ -24,9 +24,10 @@ class TaxelCodec:
         fields = [(rank, field) for rank, carrier in enumerate(layout.carriers) for field in carrier.taxels]
         bits, big = layout.value.bits, layout.value.byte_order == 'big'
         starts = np.array([8 * MAX_PDO_BYTES * rank + field.start_bit for rank, field in fields], np.intp)
-        self._shape, self._value = (layout.rows, layout.cols), layout.value
+        self._shape = layout.rows, layout.cols
+        self._value = layout.value
         self._rank = np.array([rank for rank, _ in fields], np.intp)
-        self._first = starts // 8  # the byte in which a field begins: it ends within the 8 bytes from there
+        self._first = starts // 8  # the byte in which a field begins; it ends within the 8 bytes from there
         bit = (starts % 8).astype(np.uint64)
         self._shift = np.uint64(64 - bits) - bit if big else bit
         self._taxel = np.array([f.row * layout.cols + f.col for _, f in fields], np.intp)
@@ -42,7 +43,7 @@ class TaxelCodec:
     def decode(self, payload: bytes | bytearray, fresh: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return values (float32) and status (uint8), both (rows, cols) and read-only.
 
-        ``fresh``, shape (TPDOs,), says which payloads belong to this period; the rest is NaN and STALE.
+        ``fresh``, shape (TPDOs,), marks the payloads that belong to this period; the rest is NaN and STALE.
         """
         counts = self._counts(payload)
         state = np.where(fresh[self._rank], TaxelStatus.VALID, TaxelStatus.STALE)
@@ -76,7 +77,7 @@ class TaxelCodec:
 
 
 def without_values(frame: TaxelFrame, carriers: Iterable[TpdoLayout | DomainLayout]) -> TaxelFrame:
-    """The frame with NaN and STALE in place of what ``carriers`` brought: their meaning is not known."""
+    """Return the frame with NaN and STALE for the taxels of ``carriers``, whose meaning is not known."""
     values, status, missing = frame.values.copy(), frame.status.copy(), frame.missing_can_frames
     for carrier in carriers:
         taxels = tuple(np.array([(field.row, field.col) for field in carrier.taxels], np.intp).reshape(-1, 2).T)
