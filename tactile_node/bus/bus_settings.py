@@ -4,7 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-DEFAULT_BITRATE = 1_000_000  # [bit/s]
+DEFAULT_INTERFACE = 'socketcan'
+DEFAULT_CHANNEL = 'can0'
+DEFAULT_BITRATE = 1_000_000  #: [bit/s]
 
 
 @dataclass(frozen=True)

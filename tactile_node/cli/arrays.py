@@ -100,8 +100,8 @@ def _opened(path: str | None):
         try:
             stream = stack.enter_context(open(path, 'w', encoding='utf-8'))
         except OSError as error:
-            raise InputError(f'output {path!r}', expected='a file that can be written', got=error.strerror,
-                             remedy='Give another path.') from None
+            raise InputError(f'output {path!r}', expected='a file that can be written',
+                             got=error.strerror or str(error), remedy='Give another path.') from None
         yield stream
 
 

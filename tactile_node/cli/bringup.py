@@ -4,8 +4,7 @@ import argparse
 import threading
 from contextlib import ExitStack
 
-from tactile_node.bus.bus_settings import DEFAULT_BITRATE
-from tactile_node.cli.options import names, node_ids, pace
+from tactile_node.cli.options import add_bus_options, add_skin_options, eds_of, layouts_of, names, node_ids_of, pace
 from tactile_node.interruption import interruption
 from tactile_node.node_graph import bus_nodes
 from tactile_node.recording.summary import summary
@@ -19,17 +18,10 @@ SIMULATED_CHANNEL = 'tactile_bringup'
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser = subparsers.add_parser('bringup', help='run all ROS 2 nodes of one bus in this process',
                                    description=__doc__)
-    parser.add_argument('--interface', help='python-can interface (default: socketcan)')
-    parser.add_argument('--channel', help='channel of the interface (default: can0)')
-    parser.add_argument('--bitrate', type=int, help=f'bit rate [bit/s] (default: {DEFAULT_BITRATE})')
+    add_bus_options(parser, is_set=False)
     parser.add_argument('--pads', type=names, default=['pad'], metavar='NAME,...',
                         help='names of the pads (default: pad); two are taken for a gripper')
-    parser.add_argument('--node-id', type=node_ids, action='extend', metavar='ID,...',
-                        help='node-ID of each pad (default: 32)')
-    parser.add_argument('--layout', type=names, metavar='LAYOUT,...',
-                        help='skin layout of each pad, or one for all (default: sim16x16.yaml)')
-    parser.add_argument('--eds', type=names, metavar='EDS,...',
-                        help='EDS of each pad, or one for all (default: named as the layout)')
+    add_skin_options(parser)
     parser.add_argument('--namespace', default='', help='namespace of all nodes and topics')
     parser.add_argument('--params-file', help='ROS 2 parameter file; options given here win over it')
     parser.add_argument('--record', help='file to record the bus to; an existing one is kept, the new one numbered')
@@ -73,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
 def _replay(system, spinner, asked: threading.Event) -> int:
     """Wait for the log's end and for the last of its frames to come out as a shape; tell what became of all."""
     from tactile_node.nodes.drain import drain, published_frames
-    source = system.driver.source
+    source = system.source
     while not source.finished.wait(0.1) and not asked.is_set():
         spinner.check()
     recognised, published = drain(source, lambda: system.recognised, spinner, asked), published_frames(source)
@@ -83,8 +75,7 @@ def _replay(system, spinner, asked: threading.Event) -> int:
 
 def _simulate(args: argparse.Namespace, stack: ExitStack) -> None:
     """Put a simulated skin on a bus of this process and point the driver at it."""
-    pads = with_dictionaries(make_pads(args.layout or ['sim16x16.yaml'], args.node_id or [32], args.pads),
-                             args.eds or [''])
+    pads = with_dictionaries(make_pads(layouts_of(args), node_ids_of(args), args.pads), eds_of(args))
     simulator = SkinSimulator(pads, gripper_sources(pads))
     args.interface, args.channel = 'virtual', SIMULATED_CHANNEL
     simulator.start(args.interface, args.channel)

@@ -88,8 +88,8 @@ def _write(args, kept: str, readings: dict, training: Samples, validation: Sampl
             stream.write(HEADER.format(command=command))
             yaml.safe_dump(data, stream, sort_keys=False, default_flow_style=None, width=110)
     except OSError as error:
-        raise InputError(f'output {args.output!r}', expected='a file that can be written', got=error.strerror,
-                         remedy='Give another path with --output.') from None
+        raise InputError(f'output {args.output!r}', expected='a file that can be written',
+                         got=error.strerror or str(error), remedy='Give another path with --output.') from None
 
 
 def _by_band(classifier: VolfClassifier, samples: Samples) -> dict[str, float]:

@@ -1,7 +1,13 @@
-"""Types of options that several sub-commands share; each raises ConfigurationError for what it cannot read."""
+"""Options that several sub-commands share; their types raise ConfigurationError for what they cannot read."""
 
-from tactile_node.cia301.node_id import MAX_NODE_ID, MIN_NODE_ID
+import argparse
+
+from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE
+from tactile_node.cia301.node_id import MAX_NODE_ID
 from tactile_node.errors import ConfigurationError
+
+DEFAULT_LAYOUT = 'sim16x16.yaml'
+DEFAULT_NODE_ID = 32
 
 
 def node_ids(text: str) -> list[int]:
@@ -10,8 +16,8 @@ def node_ids(text: str) -> list[int]:
         numbers = [int(part, 0) for part in text.split(',')]
     except ValueError:
         numbers = []
-    if not numbers or not all(MIN_NODE_ID <= number <= MAX_NODE_ID for number in numbers):
-        raise ConfigurationError('--node-id', expected=f'whole numbers {MIN_NODE_ID}..{MAX_NODE_ID}, comma-separated',
+    if not numbers or not all(1 <= number <= MAX_NODE_ID for number in numbers):
+        raise ConfigurationError('--node-id', expected=f'whole numbers 1..{MAX_NODE_ID}, comma-separated',
                                  got=repr(text), remedy='For example --node-id 32,64.')
     return numbers
 
@@ -31,3 +37,38 @@ def pace(text: str) -> float:
         raise ConfigurationError('--pace', expected='a number >= 0', got=repr(text),
                                  remedy='1 is the recorded pace, 0 as fast as possible.')
     return value
+
+
+def add_bus_options(parser: argparse.ArgumentParser, *, channel: str = DEFAULT_CHANNEL, is_set: bool = True) -> None:
+    """Add --interface, --channel and --bitrate; not ``is_set``: None where not given, for a parameter file to say."""
+    for option, default, kind, text in (('--interface', DEFAULT_INTERFACE, str, 'python-can interface'),
+                                        ('--channel', channel, str, 'channel of the interface'),
+                                        ('--bitrate', DEFAULT_BITRATE, int, 'bit rate of the bus [bit/s]')):
+        parser.add_argument(option, type=kind, default=default if is_set else None, help=f'{text} (default: {default})')
+
+
+def add_node_id_option(parser: argparse.ArgumentParser) -> None:
+    """Add --node-id; None where not given: `node_ids_of` has the default."""
+    parser.add_argument('--node-id', type=node_ids, action='extend', metavar='ID,...',
+                        help=f'CANopen node-ID of each pad (default: {DEFAULT_NODE_ID})')
+
+
+def add_skin_options(parser: argparse.ArgumentParser) -> None:
+    """Add --node-id, --layout and --eds; None where not given: `node_ids_of`, `layouts_of`, `eds_of` have defaults."""
+    add_node_id_option(parser)
+    parser.add_argument('--layout', type=names, metavar='LAYOUT,...',
+                        help=f'skin layout of each pad, or one for all (default: {DEFAULT_LAYOUT})')
+    parser.add_argument('--eds', type=names, metavar='EDS,...',
+                        help="EDS of each pad, or one for all (default: the layout's name with .eds)")
+
+
+def node_ids_of(args: argparse.Namespace) -> list[int]:
+    return args.node_id or [DEFAULT_NODE_ID]
+
+
+def layouts_of(args: argparse.Namespace) -> list[str]:
+    return args.layout or [DEFAULT_LAYOUT]
+
+
+def eds_of(args: argparse.Namespace) -> list[str]:
+    return args.eds or ['']

@@ -4,8 +4,10 @@ import argparse
 import sys
 import time
 
+import can
+
 from tactile_node.bus.bus_network import open_bus
-from tactile_node.bus.bus_settings import DEFAULT_BITRATE
+from tactile_node.cli.options import add_bus_options
 from tactile_node.errors import BusError, LogError
 from tactile_node.interruption import interruption
 from tactile_node.recording.log_writer import CanLogWriter
@@ -20,11 +22,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('file',
                         help='log to write, format by suffix: .log (candump), .log.gz, .asc, .blf, .trc, '
                         '.mcap (ROS 2 bag)')
-    parser.add_argument('--interface', default='socketcan',
-                        help='python-can interface (default: %(default)s)')
-    parser.add_argument('--channel', default='can0', help='its channel (default: %(default)s)')
-    parser.add_argument('--bitrate', type=int, default=DEFAULT_BITRATE, help='[bit/s] (default: %(default)s)')
-    parser.add_argument('--duration', type=float, default=float('inf'), help='[s] (default: until Ctrl-C)')
+    add_bus_options(parser)
+    parser.add_argument('--duration', type=float, default=float('inf'),
+                        help='length of the recording [s] (default: until Ctrl-C)')
     parser.set_defaults(run=run)
 
 
@@ -48,14 +48,15 @@ def run(args: argparse.Namespace) -> int:
     return 0 if log.can_frames else 1
 
 
-def _record(bus: object, log: CanLogWriter, duration: float) -> None:
-    end, hint_at = time.monotonic() + duration, time.monotonic() + HINT_AFTER
+def _record(bus: can.BusABC, log: CanLogWriter, duration: float) -> None:
+    end = time.monotonic() + duration
+    hint_at: float | None = time.monotonic() + HINT_AFTER
     with interruption() as asked:
         while not asked.is_set() and not log.failure and time.monotonic() < end:
             try:
                 message = bus.recv(0.1)
             except Exception as error:  # each backend raises its own when the adapter goes
-                raise BusError(bus.channel_info, expected='to go on receiving', got=str(error),
+                raise BusError(bus.channel_info, expected='to continue receiving', got=str(error),
                                remedy='What was received so far is in the log. Check the adapter.') from error
             if message is not None:
                 log.write(message)

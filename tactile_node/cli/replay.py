@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_node.cli.options import node_ids, pace
+from tactile_node.cli.options import DEFAULT_LAYOUT, add_node_id_option, node_ids_of, pace
 from tactile_node.errors import ConfigurationError, LogError
 from tactile_node.interruption import interruption
 from tactile_node.recording.log_source import LogSource
@@ -18,11 +18,10 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser = subparsers.add_parser('replay', help='play a CAN log without ROS', description=__doc__)
     parser.add_argument('log', help='CAN log: .log (candump), .log.gz, .asc, .blf, .trc, or a ROS 2 bag of '
                         'can_msgs/msg/Frame: .mcap, .db3, its folder')
-    parser.add_argument('--layout', default='sim16x16.yaml', help='skin layout (default: %(default)s)')
-    parser.add_argument('--node-id', type=node_ids, action='extend', metavar='ID,...',
-                        help='node-ID of each pad (default: 32)')
-    parser.add_argument('--channel', default='', help='of a log of several buses the one to play, as the log calls it '
-                        "(can0); of a bag, the topic")
+    parser.add_argument('--layout', default=DEFAULT_LAYOUT, help='skin layout (default: %(default)s)')
+    add_node_id_option(parser)
+    parser.add_argument('--channel', default='', help='bus to play from a log of several buses, as the log names it '
+                        '(can0); for a bag, the topic')
     parser.add_argument('--pace', type=pace, default=0.0,
                         help='1: as recorded, 2: twice as fast, 0: as fast as possible (default: %(default)s)')
     parser.add_argument('--output', metavar='FILE', help='.npy of shape (K, rows, cols), NaN = invalid; '
@@ -32,10 +31,10 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Play the log to its end; 1 when it held no taxels of these pads or was interrupted."""
-    pads = make_pads([args.layout], args.node_id or [32])
+    pads = make_pads([args.layout], node_ids_of(args))
     outputs = _outputs(args.output, pads)
     frames: dict[str, list[np.ndarray]] = {pad.name: [] for pad in pads}
-    source = LogSource(args.log, pads, lambda name, frame: frames[name].append(frame.values), args.pace or None,
+    source = LogSource(args.log, pads, lambda name, frame: frames[name].append(frame.values), pace=args.pace or None,
                        channel=args.channel)
     with interruption() as asked:
         source.open()

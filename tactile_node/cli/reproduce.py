@@ -51,7 +51,7 @@ def _folder(path: str) -> Path:
     try:
         Path(path).mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f'output {path!r}', expected='a folder that can be made', got=error.strerror,
+        raise InputError(f'output {path!r}', expected='a folder that can be made', got=error.strerror or str(error),
                          remedy='Give another path with --output.') from None
     return Path(path)
 

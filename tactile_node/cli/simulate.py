@@ -6,9 +6,10 @@ It is as silent as a real one until a master (the driver) starts it.
 import argparse
 import gc
 
+import can
+
 from tactile_node.bus.bus_network import open_bus
-from tactile_node.bus.bus_settings import DEFAULT_BITRATE
-from tactile_node.cli.options import names, node_ids
+from tactile_node.cli.options import add_bus_options, add_skin_options, eds_of, layouts_of, node_ids_of
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption
 from tactile_node.simulator.device import TaxelSource
@@ -23,17 +24,10 @@ from tactile_node.synthetic.world import CLASSES
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser = subparsers.add_parser('simulate', help='be a CANopen skin that touches shapes or repeats a recording',
                                    description=__doc__)
-    parser.add_argument('--interface', default='socketcan', help='python-can interface (default: %(default)s)')
-    parser.add_argument('--channel', default='vcan0', help='its channel (default: %(default)s)')
-    parser.add_argument('--bitrate', type=int, default=DEFAULT_BITRATE, help='[bit/s] (default: %(default)s)')
+    add_bus_options(parser, channel='vcan0')
     parser.add_argument('--pty', action='store_true', help='offer an slcan adapter on a pseudo-terminal instead')
     parser.add_argument('--link', default='', metavar='PATH', help='with --pty: a symbolic link to the port')
-    parser.add_argument('--layout', type=names, default=['sim16x16.yaml'], metavar='LAYOUT,...',
-                        help='skin layout of each pad, or one for all (default: sim16x16.yaml)')
-    parser.add_argument('--eds', type=names, default=[], metavar='EDS,...',
-                        help="EDS of each pad, or one for all (default: the layout's name with .eds)")
-    parser.add_argument('--node-id', type=node_ids, action='extend', metavar='ID,...',
-                        help='node-ID of each pad (default: 32)')
+    add_skin_options(parser)
     parser.add_argument('--shapes', nargs='+', choices=CLASSES, default=CLASSES, help='what touches (default: all)')
     parser.add_argument('--seed', type=int, default=0, help='of the touches (default: %(default)s)')
     parser.add_argument('--recording', metavar='FILE', help='repeat this event recording (64x64 layout) instead')
@@ -43,21 +37,31 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run until interrupted; 1 when the bus fails meanwhile."""
-    nodes = args.node_id or [32]
-    pads = with_dictionaries(make_pads(args.layout, nodes), args.eds or [''])
+    nodes = node_ids_of(args)
+    pads = with_dictionaries(make_pads(layouts_of(args), nodes), eds_of(args))
     failures: list[Exception] = []
-    with interruption() as asked:
-        simulator = SkinSimulator(pads, _sources(args, pads), lambda error: (failures.append(error), asked.set()))
-        bus = SlcanPty(args.link) if args.pty else open_bus(args.interface, args.channel, args.bitrate, {})
+    with interruption() as stop_requested:
+        def on_failure(error: Exception) -> None:
+            failures.append(error)
+            stop_requested.set()
+        simulator = SkinSimulator(pads, _sources(args, pads), on_failure)
+        bus, place = _opened(args)
         simulator.start_on(bus)
-        print(f'Simulated skin, node {", ".join(map(str, nodes))}, at {bus.port if args.pty else args.channel}',
-              flush=True)
-        gc.freeze()  # a full collection would hold up a sweep for some 40 ms
-        asked.wait(args.duration)
+        print(f'Simulated skin, node {", ".join(map(str, nodes))}, at {place}', flush=True)
+        gc.freeze()  # a full collection would delay a sweep by some 40 ms
+        stop_requested.wait(args.duration)
         simulator.stop()
     if failures:
         print(f'The bus has failed: {failures[0]}')
     return 1 if failures else 0
+
+
+def _opened(args: argparse.Namespace) -> tuple[can.BusABC, str]:
+    """Return the bus, and where a driver finds it."""
+    if args.pty:
+        adapter = SlcanPty(args.link)
+        return adapter, adapter.port
+    return open_bus(args.interface, args.channel, args.bitrate, {}), args.channel
 
 
 def _sources(args: argparse.Namespace, pads: tuple[PadSettings, ...]) -> dict[str, TaxelSource]:

@@ -40,5 +40,5 @@ def judge(pad: str, touches: tuple[Touch, ...], seen: list[Seen]) -> list[Verdic
 def _verdict(pad: str, touch: Touch, frames: list[Seen]) -> Verdict:
     means = {name: float(np.mean([frame.probabilities[name] for frame in frames]))
              for name in frames[0].probabilities}
-    recognised = max(means, key=means.get)
+    recognised = max(means, key=means.__getitem__)
     return Verdict(pad, touch, recognised, means[recognised], len(frames), frames[len(frames) // 2].taxels)

@@ -14,7 +14,7 @@ from tactile_node.demo.terminal import LivePictures
 from tactile_node.demo.touches import GAP, TouchedPad, scripted_touches
 from tactile_node.demo.watcher import Watcher
 from tactile_node.interruption import interruption
-from tactile_node.node_graph import bus_nodes, frame_topics
+from tactile_node.node_graph import Parameters, bus_nodes, frame_topics
 from tactile_node.nodes.drain import drain
 from tactile_node.nodes.spinning import Spinner
 from tactile_node.nodes.system import make_system
@@ -41,15 +41,17 @@ class DemoSession:
         sources = {name: TouchedPad(touches, rows, cols, seed + len(PADS) + i)
                    for i, (name, touches) in enumerate(self._touches.items())}
         self._simulator = SkinSimulator(pads, {name: self._timed(source) for name, source in sources.items()})
-        self._folder, self._origin = folder, None
+        self._folder = folder
+        self._origin: float | None = None  # Unix time
         self._pictures, self._stack = LivePictures(), ExitStack()
 
     def __enter__(self) -> 'DemoSession':
         self._asked = self._stack.enter_context(interruption())
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         self._simulator.start('virtual', CHANNEL)
-        driver = {'interface': 'virtual', 'channel': CHANNEL, 'node_ids': list(NODE_IDS), 'layouts': [LAYOUT],
-                  'sync_period': SYNC_PERIOD, 'record': str(self._folder / 'can.log')}
+        driver: Parameters = {
+            'interface': 'virtual', 'channel': CHANNEL, 'node_ids': list(NODE_IDS), 'layouts': [LAYOUT],
+            'sync_period': SYNC_PERIOD, 'record': str(self._folder / 'can.log')}
         self._system = make_system(bus_nodes(PADS, driver=driver, every={'queue_depth': DEPTH}))
         self.watcher = Watcher(PADS, lambda stamp: stamp - (self._origin or stamp), FULL_SCALE)
         self.bag = BagRecorder(self.watcher, self._folder / 'bag', frame_topics(PADS), frames_qos(DEPTH))
@@ -83,7 +85,7 @@ class DemoSession:
                     self._pictures.keep(views)
             time.sleep(DRAW_PERIOD)
         self._system.driver.trigger_deactivate()
-        drain(self._system.driver.source, lambda: len(self.watcher.latency), self._spinner, self._asked)
+        drain(self._system.source, lambda: len(self.watcher.latency), self._spinner, self._asked)
         if self._asked.is_set():
             raise KeyboardInterrupt
 

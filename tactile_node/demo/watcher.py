@@ -25,7 +25,7 @@ class Watcher(Node):
     def __init__(self, pads: tuple[str, ...], demo_time: Callable[[float], float], full_scale: float, **options):
         super().__init__('demo_watcher', **options)
         self._demo_time, self._full_scale = demo_time, full_scale
-        self._waiting = {pad: OrderedDict() for pad in pads}
+        self._waiting: dict[str, OrderedDict[int, np.ndarray]] = {pad: OrderedDict() for pad in pads}
         self.seen: dict[str, list[Seen]] = {pad: [] for pad in pads}
         self.latency: list[float] = []  #: [s] from SYNC to the shape's arrival here
         self.incomplete = 0  #: taxel arrays with missing CAN frames
@@ -56,5 +56,5 @@ class Watcher(Node):
 
 
 def _words(seen: Seen) -> str:
-    name = max(seen.probabilities, key=seen.probabilities.get)
+    name = max(seen.probabilities, key=seen.probabilities.__getitem__)
     return f'{name.replace("_", " ")} {seen.probabilities[name]:.0%}'

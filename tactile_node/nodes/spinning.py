@@ -9,10 +9,12 @@ from rclpy.node import Node
 
 
 class Spinner:
-    """An executor on a thread; what a callback raised comes out of ``check`` instead of being lost with the thread."""
+    """An executor on a thread; `check` raises what a callback has raised, which the thread would lose."""
 
     def __init__(self, nodes: Sequence[Node]):
-        self._executor, self._error, self._stopping = SingleThreadedExecutor(), None, threading.Event()
+        self._executor = SingleThreadedExecutor()
+        self._error: Exception | None = None
+        self._stopping = threading.Event()
         for node in nodes:
             self._executor.add_node(node)
         self._thread = threading.Thread(target=self._spin, name='executor')
@@ -24,9 +26,9 @@ class Spinner:
             raise self._error
 
     def stop(self) -> None:
-        """End the thread first: rclpy's shutdown takes away what a callback under way still needs."""
+        """End the thread first: rclpy's shutdown destroys what a running callback still needs."""
         self._stopping.set()
-        self._executor.create_task(lambda: None)  # something to do, or it would go on waiting
+        self._executor.create_task(lambda: None)  # wakes it up
         self._thread.join()
         self._executor.shutdown()
 

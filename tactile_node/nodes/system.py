@@ -1,18 +1,19 @@
 """All nodes of one bus in one process."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from tactile_node.frames.frame_source import FrameSource
 from tactile_node.node_graph import NodeDescription, Role
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.driver_node import DriverNode
 from tactile_node.nodes.grasp_node import GraspNode
 from tactile_node.nodes.processor_node import ProcessorNode
 
-CLASSES: dict[Role, type[Node]] = {Role.DRIVER: DriverNode, Role.PROCESSOR: ProcessorNode,
+CLASSES: dict[Role, Callable[..., Node]] = {Role.DRIVER: DriverNode, Role.PROCESSOR: ProcessorNode,
                                    Role.CLASSIFIER: ClassifierNode, Role.GRASP: GraspNode}
 
 
@@ -24,6 +25,13 @@ class System(NamedTuple):
     @property
     def driver(self) -> DriverNode:
         return next(node for node in self.nodes if isinstance(node, DriverNode))
+
+    @property
+    def source(self) -> FrameSource:
+        """The driver's bus or log. Raises RuntimeError while it is unconfigured."""
+        if self.driver.source is None:
+            raise RuntimeError('the driver is not configured')
+        return self.driver.source
 
     @property
     def recognised(self) -> int:

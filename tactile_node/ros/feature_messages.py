@@ -29,7 +29,8 @@ def features_of(message: ContactFeatures) -> Features:
 
 
 def _feature_ranges(features: Features) -> list[FeatureRange]:
-    undefined = Extremes(*[float('nan')] * 3, None, None)
+    nan = float('nan')
+    undefined = Extremes(nan, nan, nan, None, None)
     return [_feature_range(name, value, features.rotated.get(name, undefined))
             for name, value in features.values.items()]
 

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from tactile_node.bus.bus_settings import DEFAULT_BITRATE
+from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE
 from tactile_node.conditioning.limits import TARE_LIMIT_BY_UNIT
 from tactile_node.contact.press import PRESS_BY_UNIT, RELEASE_RATIO
 from tactile_node.ros.parameters import NodeSettings, parameter
@@ -12,8 +12,8 @@ from tactile_node.shape.methods import DEFAULT
 
 @dataclass(frozen=True)
 class DriverSettings(NodeSettings):
-    interface: str = parameter('socketcan', 'python-can interface: socketcan, slcan, virtual, pcan, kvaser, ...')
-    channel: str = parameter('can0', 'channel of the interface: can0, /dev/ttyACM0, PCAN_USBBUS1, ...')
+    interface: str = parameter(DEFAULT_INTERFACE, 'python-can interface: socketcan, slcan, virtual, pcan, kvaser, ...')
+    channel: str = parameter(DEFAULT_CHANNEL, 'channel of the interface: can0, /dev/ttyACM0, PCAN_USBBUS1, ...')
     bitrate: int = parameter(DEFAULT_BITRATE, 'bit rate of the bus [bit/s]', 10_000, 1_000_000)
     replay: str = parameter('', 'recorded CAN log to play in place of the bus; empty: use the bus')
     replay_pace: float = parameter(1.0, 'speed of the replay: 1 as recorded, 0 as fast as possible', 0, 1000)
