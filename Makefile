@@ -25,7 +25,8 @@ unexport PYTHONPATH
 SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo check test coverage faults bench train reproduce soak socketcan fuzz lint types columns architecture lowest lock clean
+.PHONY: help setup demo check test coverage faults bench train reproduce soak socketcan fuzz lint types columns \
+	architecture lowest lock clean
 
 help:  ## say what there is
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12

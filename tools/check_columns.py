@@ -1,18 +1,29 @@
-"""Reports lines of more than 120 columns in the files that no other linter reads: documents, YAML, messages, make."""
+"""Reports lines of more than 120 columns in the files that no other linter reads: documents, YAML, messages, make.
+
+A row of a Markdown table cannot be broken, so rows may have up to 320 columns, in tables that a program wrote any number.
+"""
 
 import subprocess
 import sys
 from pathlib import Path
 
 COLUMNS = 120
+ROW_COLUMNS = 320  #: of a table
 PATTERNS = ('*.md', '*.yaml', '*.msg', '*.srv', '*.in', '*.cfg', '*.toml', '*.xml', 'Makefile', 'CMakeLists.txt')
 
 
 def long_lines(path: Path) -> list[str]:
     """Return 'file:line: columns' of each line that is too long."""
     lines = path.read_text(encoding='utf-8').splitlines()
-    return [f'{path}:{number}: {len(line)} columns, at most {COLUMNS} fit'
-            for number, line in enumerate(lines, start=1) if len(line) > COLUMNS]
+    return [f'{path}:{number}: {len(line)} columns, at most {allowed} fit'
+            for number, line in enumerate(lines, start=1) if len(line) > (allowed := columns_of(path, line))]
+
+
+def columns_of(path: Path, line: str) -> int:
+    """Return how many columns a line may have."""
+    if path.suffix != '.md' or not line.startswith('|'):
+        return COLUMNS
+    return sys.maxsize if path.name.endswith('_results.md') else ROW_COLUMNS
 
 
 def main(arguments: list[str]) -> int:
