@@ -1,6 +1,6 @@
 """Reports lines of more than 120 columns in the files that no other linter reads: documents, YAML, messages, make.
 
-A row of a Markdown table cannot be broken, so rows may have up to 320 columns, in tables that a program wrote any number.
+A row of a Markdown table cannot be broken: it may have up to 320 columns, in a table that a program wrote any number.
 """
 
 import subprocess
