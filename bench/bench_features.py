@@ -16,12 +16,12 @@ sys.path[:0] = [str(Path(__file__).resolve().parents[1]), str(Path(__file__).res
 
 import by_definition
 import numpy as np
+from patterns import rotated_patterns
 
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PressThresholds
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.helmholtz.operators import Stencil, border, matrix
-from tactile_node.helmholtz.rotation import rotated_patterns
 from tactile_node.package_files import config_path
 from tactile_node.shape.volf import GROUPS, VolfClassifier
 from tactile_node.synthetic.seeds import Purpose, generator

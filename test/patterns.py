@@ -3,10 +3,16 @@
 import numpy as np
 from scipy import ndimage
 
+from tactile_node.helmholtz.rotation import with_rotated
 from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import CLASSES, random_pattern
 
 L_OF_THREE = np.array([[True, False], [True, True]])
+
+
+def rotated_patterns(mask: np.ndarray) -> np.ndarray:
+    """The pattern at each of the 46 angles, without the ring of inactive taxels around it."""
+    return with_rotated(mask)[1:, 1:-1, 1:-1]
 
 
 def ring(rows: int = 12, inner: float = 3.3, outer: float = 5.5) -> np.ndarray:

@@ -122,7 +122,7 @@ def test_a_full_scale_of_nothing_counts_as_1():
 
 
 @pytest.mark.parametrize('largest', [True, False])
-def test_a_bool_frame_says_itself_what_is_pressed(largest):
+def test_a_bool_frame_is_the_pressed_taxels(largest):
     frame = np.array([[1, 0, 1, 1]], bool)
     pattern = PatternExtractor(PressThresholds(5, 3), largest=largest).extract(frame)
     assert pattern.mask.tolist() == [[not largest, False, True, True]] and pattern.contacts == 2

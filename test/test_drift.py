@@ -66,7 +66,7 @@ def test_a_light_lasting_touch_is_taken_for_drift_slowly():
     assert touch.mean() > 3e3 - 30 * LIMIT / 300 - 100
 
 
-def test_invalid_taxels_keep_their_zero_and_a_gap_starts_the_quiet_time_anew():
+def test_invalid_taxels_keep_their_zero_and_a_gap_restarts_the_quiet_time():
     follower, zero = DriftFollower(LIMIT), np.zeros((1, 2))
     for t in np.arange(0, 10, 0.02):
         zero = follower.update(t, np.array([[1e3, np.nan]]), zero)

@@ -3,11 +3,10 @@
 import by_definition
 import numpy as np
 import pytest
-from patterns import assorted, blob, ring, shapes
+from patterns import assorted, blob, ring, rotated_patterns, shapes
 
 from tactile_node.helmholtz.eigenvalues import Problem, smallest_eigenvalues
 from tactile_node.helmholtz.operators import WEIGHTS, Stencil, matrix
-from tactile_node.helmholtz.rotation import rotated_patterns
 from tactile_node.helmholtz.taxel_list import taxel_list
 
 

@@ -6,7 +6,7 @@ import math
 import by_definition
 import numpy as np
 import pytest
-from patterns import L_OF_THREE, assorted, cropped, ring, shapes, specks
+from patterns import L_OF_THREE, assorted, cropped, ring, rotated_patterns, shapes, specks
 
 from tactile_node.errors import InputError
 from tactile_node.helmholtz.features import Group, compute_features
@@ -14,7 +14,6 @@ from tactile_node.helmholtz.rotation import (
     ANGLES,
     fill_holes,
     fine_lattice,
-    rotated_patterns,
 )
 
 

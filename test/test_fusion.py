@@ -26,7 +26,7 @@ def test_the_first_frame_is_taken_as_it_is():
     assert (fused.since, fused.held, fused.frames) == (5.0, 0.0, 1)
 
 
-def test_frames_a_correlation_time_apart_multiply_as_bayes_rule_says():
+def test_frames_a_correlation_time_apart_multiply_by_bayes_rule():
     settings = FusionSettings(correlation_time=0.1, memory=1e9, floor=1e-9, lead=50.0, max_gap=1.0)
     first, second = feed(RecognitionFusion(settings), [SQUARE, SQUARE], period=0.1)
     assert second.recognition.confidence == pytest.approx(0.36 / (0.36 + 0.09 + 0.01))
@@ -67,7 +67,7 @@ def test_none_is_reported_at_once_and_forgets():
 
 
 @pytest.mark.parametrize('stamp', [0.1, 9.0])
-def test_a_stamp_that_jumps_starts_anew(stamp):
+def test_a_stamp_that_jumps_starts_again(stamp):
     fusion = RecognitionFusion()
     feed(fusion, [SQUARE] * 50)
     assert fusion.update(stamp, CIRCLE).recognition.shape is Shape.CIRCLE
@@ -86,7 +86,7 @@ def test_flicker_between_two_classes_is_quietened():
     assert changes(single) > 100 and changes(fused) <= 2
 
 
-def test_what_is_believed_sums_to_one_and_survives_certain_frames():
+def test_probabilities_sum_to_one_and_survive_certain_frames():
     fused = feed(RecognitionFusion(), [{Shape.SQUARE: 1.0}, {Shape.CIRCLE: 1.0}, {Shape.UNKNOWN: 1.0}] * 20)
     for each in fused:
         total = math.fsum(each.recognition.probabilities.values())

@@ -59,7 +59,7 @@ def test_a_grasp_is_stable_once_it_has_held():
 @pytest.mark.parametrize('disturbed', [
     lambda t: touch(t, Shape.SQUARE), lambda t: touch(t, centre=(0.0112, 0.0)),
     lambda t: touch(t, centre=None)])
-def test_another_shape_a_slip_or_a_loss_begins_anew(disturbed):
+def test_another_shape_a_slip_or_a_loss_restarts_the_hold(disturbed):
     tracker = GraspTracker(SETTINGS)
     assert run(tracker, np.arange(0, 0.3, 0.02)).stable
     assert not run(tracker, [0.3], right=disturbed).stable
@@ -87,7 +87,7 @@ def test_a_side_that_falls_silent_makes_the_grasp_stale_not_stable():
     for stamp in np.arange(0.3, 0.4, 0.02):
         state = tracker.update('left', touch(stamp), 0.04)
     assert not state.fresh and not state.stable and state.line is None
-    assert not tracker.update('right', touch(0.38), 0.04).stable  # back after a silence: holds anew
+    assert not tracker.update('right', touch(0.38), 0.04).stable  # back after a silence: holds again from then
 
 
 def test_one_side_alone_is_one_sided():
@@ -97,7 +97,7 @@ def test_one_side_alone_is_one_sided():
     assert tracker.update('left', touch(0.01, Shape.NONE, None)).contact is GraspContact.NO_CONTACT
 
 
-def test_a_clock_set_back_begins_anew():
+def test_a_clock_set_back_restarts_the_hold():
     tracker = GraspTracker(SETTINGS)
     run(tracker, np.arange(10, 10.3, 0.02))
     assert not run(tracker, [0.0]).stable

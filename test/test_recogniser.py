@@ -52,7 +52,7 @@ def naive(network, image, geometry):
     return flow @ network.kernels[-1] + network.biases[-1]
 
 
-def test_network_is_the_one_it_says():
+def test_network_is_the_documented_one():
     rng = np.random.default_rng(5)
     sizes = [(32, 4), (36, 6), (25 * 6 + 3, 7), (7, 6)]
     network = Network(tuple(rng.normal(size=size).astype(np.float32) for size in sizes),

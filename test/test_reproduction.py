@@ -71,7 +71,7 @@ def test_what_is_drawn_does_not_depend_on_the_number_of_processes():
     assert len(set(one['a'].every.of(('dif', 'alpha9')))) > 200, 'batches repeat each other'
 
 
-def test_nearest_neighbours_tell_clusters_apart():
+def test_nearest_neighbours_separate_clusters():
     rng = np.random.default_rng(0)
 
     def samples(count):

@@ -63,7 +63,7 @@ def test_shapes_stay_in_the_classes_of_the_benchmark():
         assert 40 <= apex[0] <= 75 and np.isclose(np.diff(corners), 0).any()
 
 
-def test_both_hands_of_right_triangles_are_drawn():
+def test_right_triangles_of_either_handedness_are_drawn():
     rng = generator(Purpose.TEST, 4)
     assert {random_contact(rng, 'right_triangle', 60).dimensions[2] for _ in range(40)} == {-1.0, 1.0}
 

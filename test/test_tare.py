@@ -81,7 +81,7 @@ def test_whole_frames_alone_count_and_the_tare_is_taken_off_afterwards():
     assert again.offset.tolist() == [[2, 2], [2, 2]]  # of the skin, not of what the first tare had left
 
 
-def test_refused_leaves_the_tare_before_and_too_few_frames_are_told():
+def test_a_refused_tare_leaves_the_one_before_and_too_few_frames_are_reported():
     pad = TaredPad()
     tared(pad, [frame([[1.0]])], 3)
     assert tared(pad, [frame([[50.0]])], 3).refusal is TareRefusal.PRESSED
@@ -145,7 +145,7 @@ def test_a_device_that_has_lost_its_zero_gives_no_valid_value_until_the_next_tar
     assert pad.feed(frame([[8.0]])).values.tolist() == [[3.5]] and pad.zero_state is ZeroState.VALID
 
 
-def test_who_waits_for_frames_that_no_longer_come_is_told_why():
+def test_a_tare_that_waits_for_frames_that_no_longer_come_is_refused():
     pad, refused = TaredPad(), []
 
     def tare():

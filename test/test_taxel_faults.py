@@ -152,7 +152,7 @@ def test_frames_without_values_are_no_evidence():
     assert not pad.ever.any()
 
 
-def test_places_are_told_and_bounded():
+def test_places_are_reported_and_bounded():
     kinds = np.zeros((SIDE, SIDE), np.uint8)
     kinds[3, 4], kinds[0], kinds[1, 1:11] = DEAD, STUCK, STUCK
     assert str(FaultyTaxels(kinds)).startswith('dead: (3, 4); stuck: (0, 0), (0, 1)')
@@ -188,7 +188,7 @@ def test_what_is_found_is_masked_only_when_asked_for():
     assert np.isnan(pad.feed(frame([[1, 2], [3, 4]])).values[0, 1])
 
 
-def test_objects_that_are_held_squeezed_or_hollow_accuse_nobody():
+def test_objects_that_are_held_squeezed_or_hollow_make_no_taxel_faulty():
     """Sequences of a second reader: a saturated core, a second object tapped beside one held, a tube gripped harder."""
     core, small = disc(6, 6, 1), disc(2, 2, 1)
     pad = Pad(lambda values, n: np.where(core & (n >= 10), FULL, values), noise=0.0)

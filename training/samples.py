@@ -1,4 +1,4 @@
-"""Labelled contacts under nominal and field conditions: what recogniser and anchors are trained on."""
+"""Labelled contacts under nominal and field conditions: the training data of recogniser and anchors."""
 
 from collections.abc import Callable
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""What is evaluated: patterns nobody was trained on, by condition, kind of frame and size."""
+"""What is evaluated: patterns that no method was trained on, by condition, kind of frame and size."""
 
 from collections.abc import Iterator
 from dataclasses import replace

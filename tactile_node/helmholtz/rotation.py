@@ -17,18 +17,11 @@ ANGLES.flags.writeable = False
 TIE = 1e-9  #: [fine steps]
 
 
-def rotated_patterns(mask: np.ndarray) -> np.ndarray:
-    """Return the pattern at each of ANGLES, decimated and with its holes filled; bool, (46, rows, cols).
-
-    ``mask`` must have an active taxel. The stack has room for every angle.
-    """
-    return with_rotated(mask)[1:, 1:-1, 1:-1]
-
-
 def with_rotated(mask: np.ndarray) -> np.ndarray:
-    """Return the pattern as it is, followed by its rotated patterns; bool, shape (47, rows, cols).
+    """Return the pattern as it is, followed by the pattern at each of ANGLES; bool, shape (47, rows, cols).
 
-    A ring of inactive taxels surrounds each.
+    The rotated patterns are decimated and have their holes filled. ``mask`` must have an active taxel. The stack
+    has room for every angle; a ring of inactive taxels surrounds each pattern.
     """
     original = _cropped(mask)
     stack, (row, col) = decimated(original)
