@@ -137,7 +137,7 @@ class Section:
 
     def integers(self, key: str, count: int, low: int, high: int) -> tuple[int, ...]:
         """A list of ``count`` whole numbers ``low``..``high``."""
-        return self.checked_integers(key, self.take(key), count, low, high)
+        return self.checked_integers(key, self.take(key), count=count, low=low, high=high)
 
     def checked_integers(self, key: str, value: Any, count: int, low: int, high: int) -> tuple[int, ...]:
         """``value``, which belongs to ``key``, as ``integers`` checks it."""

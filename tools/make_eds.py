@@ -24,7 +24,14 @@ from tactile_node.skin.layout_file import load_layout
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
 VENDOR = 0x0000_05C1  # example number, not assigned by CiA
-U8, U16, U32, U64, I16, STRING, DOMAIN = '0x0005', '0x0006', '0x0007', '0x001B', '0x0003', '0x0009', '0x000F'
+# Data types (CiA 301, 7.4.7.1)
+I16 = '0x0003'
+U8 = '0x0005'
+U16 = '0x0006'
+U32 = '0x0007'
+STRING = '0x0009'
+DOMAIN = '0x000F'
+U64 = '0x001B'
 SKINS = {  # layout: product name, product number, type of the mapped objects
     'sim16x16': ('Simulated skin 16x16', 0x1616_0008, U8),
     'sim8x8_16bit': ('Simulated skin 8x8, CiA 404 process values', 0x0808_0010, I16),
@@ -68,11 +75,12 @@ def eds_lines(layout: SkinLayout, product: str, number: int, taxel_type: str) ->
 
 def communication_objects(layout: SkinLayout, product: str, number: int) -> dict[int, list[str]]:
     objects = {
-        DEVICE_TYPE: variable(f'{DEVICE_TYPE:X}', 'Device type', U32, 'ro', 0x0000_0000),
-        ERROR_REGISTER: variable(f'{ERROR_REGISTER:X}', 'Error register', U8, 'ro', 0),
-        COB_ID_SYNC: variable(f'{COB_ID_SYNC:X}', 'COB-ID SYNC', U32, 'rw', layout.sync_cob_id),
-        DEVICE_NAME: variable(f'{DEVICE_NAME:X}', 'Manufacturer device name', STRING, 'const', product),
-        PRODUCER_HEARTBEAT_TIME: variable(f'{PRODUCER_HEARTBEAT_TIME:X}', 'Producer heartbeat time', U16, 'rw', 0),
+        DEVICE_TYPE: variable(f'{DEVICE_TYPE:X}', 'Device type', U32, 'ro', default=0),
+        ERROR_REGISTER: variable(f'{ERROR_REGISTER:X}', 'Error register', U8, 'ro', default=0),
+        COB_ID_SYNC: variable(f'{COB_ID_SYNC:X}', 'COB-ID SYNC', U32, 'rw', default=layout.sync_cob_id),
+        DEVICE_NAME: variable(f'{DEVICE_NAME:X}', 'Manufacturer device name', STRING, 'const', default=product),
+        PRODUCER_HEARTBEAT_TIME: variable(f'{PRODUCER_HEARTBEAT_TIME:X}', 'Producer heartbeat time', U16, 'rw',
+                                          default=0),
         IDENTITY: record(f'{IDENTITY:X}', 'Identity object', 'RECORD', [
             ('Vendor-ID', U32, 'ro', hex(VENDOR)), ('Product code', U32, 'ro', hex(number)),
             ('Revision number', U32, 'ro', '0x00010000'), ('Serial number', U32, 'ro', 1)])}
@@ -117,13 +125,13 @@ def record(index: str, name: str, kind: str, entries: list[tuple], count: int | 
     lines = section(index, ParameterName=name, ObjectType='0x9' if kind == 'RECORD' else '0x8',
                     SubNumber=len(entries) + 1)
     lines += variable(f'{index}sub0', 'Number of entries', U8, count_access,
-                      len(entries) if count is None else count)
+                      default=len(entries) if count is None else count)
     for sub, (entry, data_type, access, default) in enumerate(entries, 1):
-        lines += variable(f'{index}sub{sub:X}', entry, data_type, access, default, mappable)
+        lines += variable(f'{index}sub{sub:X}', entry, data_type, access, default=default, mappable=mappable)
     return lines
 
 
-def variable(title: str, name: str, data_type: str, access: str, default: int | str,
+def variable(title: str, name: str, data_type: str, access: str, *, default: int | str,
              mappable: int = 0) -> list[str]:
     return section(title, ParameterName=name, ObjectType='0x7', DataType=data_type, AccessType=access,
                    DefaultValue=default, PDOMapping=mappable)

@@ -102,13 +102,17 @@ def wait_for(condition: Callable[[], bool]) -> None:
 
 def timed(recorded: list[can.Message], stamps: np.ndarray, nodes: list[int]) -> list[can.Message]:
     """Give the messages made times, and heartbeats at the period that the driver has set."""
-    syncs, now, timed_messages = iter(stamps - stamps[0] + EPOCH + BOOT_TIME), EPOCH, []
+    syncs = iter(stamps - stamps[0] + EPOCH + BOOT_TIME)
+    now = EPOCH
+    timed_messages = []
     for message in recorded:
         is_heartbeat = message.arbitration_id >> 7 == HEARTBEAT >> 7
         if is_heartbeat and message.data[0] != NmtState.BOOT_UP:
             continue  # their number depends on the speed of the machine; see below
         now = next(syncs) if message.arbitration_id == SYNC else now + FRAME_TIME
-        message.timestamp, message.channel, message.is_rx = now, 'can0', True
+        message.timestamp = now
+        message.channel = 'can0'
+        message.is_rx = True
         timed_messages.append(message)
     beats = np.arange(EPOCH + BOOT_TIME, now, BusSettings('', '').heartbeat_ms * 1e-3)
     timed_messages += [heartbeat(beat, node) for beat in beats for node in nodes]

@@ -236,7 +236,8 @@ class FrameAssembler:
         values, status = self._codec.decode(words, fresh)
         self._complete += is_complete
         self._incomplete += not is_complete
-        return (TaxelFrame(period.stamp, period.sequence, values, status, int((~fresh).sum())),)
+        return (TaxelFrame(stamp=period.stamp, sequence=period.sequence, values=values, status=status,
+                           missing_can_frames=int((~fresh).sum())),)
 
     def _lose(self, reason: LossReason, can_frames: int = 1) -> Results:
         self._losses[reason] += can_frames

@@ -29,8 +29,8 @@ def check_against(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) ->
         _check_domain(dictionary, layout.domain, layout.source, eds)
     for tpdo in layout.tpdos:
         where = f'{layout.source}, TPDO {tpdo.number}'
-        _check_record(dictionary, TPDO_COMMUNICATION + tpdo.number - 1, COMMUNICATION_BITS, where, eds)
-        _check_record(dictionary, TPDO_MAPPING + tpdo.number - 1, MAPPING_BITS, where, eds)
+        _check_record(dictionary, TPDO_COMMUNICATION + tpdo.number - 1, bits=COMMUNICATION_BITS, where=where, eds=eds)
+        _check_record(dictionary, TPDO_MAPPING + tpdo.number - 1, bits=MAPPING_BITS, where=where, eds=eds)
         _check_mapping(dictionary, tpdo, where, eds)
 
 

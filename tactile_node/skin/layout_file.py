@@ -50,7 +50,7 @@ def load_layout(path: str | Path) -> SkinLayout:
 
 
 def _taxel(top: Section, written: object) -> tuple[int, int]:
-    row, col = top.checked_integers('dead_taxels', written, 2, 0, MAX_SIDE)
+    row, col = top.checked_integers('dead_taxels', written, count=2, low=0, high=MAX_SIDE)
     return row, col
 
 
@@ -138,7 +138,8 @@ def _mapping(section: Section) -> tuple[MappedObject, ...]:
         run.done()
         return tuple(MappedObject(index, first + i, bits) for i in range(count))
     entries = section.sequence('map')
-    return tuple(MappedObject(*section.checked_integers('map', entry, 3, 0, 0xFFFF)) for entry in entries)
+    return tuple(MappedObject(*section.checked_integers('map', entry, count=3, low=0, high=MAX_INDEX))
+                 for entry in entries)
 
 
 def _taxels(section: Section) -> tuple[TaxelField, ...]:
@@ -146,7 +147,7 @@ def _taxels(section: Section) -> tuple[TaxelField, ...]:
     written = section.take('taxels')
     if not isinstance(written, dict):
         entries = section.sequence('taxels')
-        return tuple(TaxelField(*section.checked_integers('taxels', entry, 3, 0, MAX_SIDE))
+        return tuple(TaxelField(*section.checked_integers('taxels', entry, count=3, low=0, high=MAX_SIDE))
                      for entry in entries)
     run = section.subsection('taxels', written)
     row, col = run.integers('first', 2, 0, MAX_SIDE)

@@ -15,7 +15,8 @@ def check_layout(layout: SkinLayout) -> None:
         _check_domain(layout, layout.domain)
         return
     if not layout.tpdos:
-        _refuse(layout, 'tpdos', 'at least one TPDO', 'none', 'List the TPDOs that carry the taxels.')
+        _refuse(layout, 'tpdos', expected='at least one TPDO', got='none',
+                remedy='List the TPDOs that carry the taxels.')
     for position, tpdo in enumerate(layout.tpdos):
         _check_tpdo(layout, tpdo.key or f'tpdos[{position}]', tpdo)
     _check_unique_taxels(layout)
@@ -23,8 +24,9 @@ def check_layout(layout: SkinLayout) -> None:
     for node in range(layout.nodes):
         own = [tpdo for tpdo in pdos if tpdo.node == node]
         if not own:
-            _refuse(layout, 'tpdos', f'a TPDO of each of the {layout.nodes} nodes', f'none with node: {node}',
-                    'Give each TPDO its "node", or correct "nodes".')
+            _refuse(layout, 'tpdos', expected=f'a TPDO of each of the {layout.nodes} nodes',
+                    got=f'none with node: {node}',
+                    remedy='Give each TPDO its "node", or correct "nodes".')
         _check_unique(layout, 'number', [(tpdo.number, tpdo.key) for tpdo in own])
         _check_unique(layout, 'cob_id', [(str(tpdo.cob_id), tpdo.key) for tpdo in own])
     _check_prefixes(layout)
@@ -34,14 +36,14 @@ def check_layout(layout: SkinLayout) -> None:
 
 def _check_domain(layout: SkinLayout, domain: DomainLayout) -> None:
     if layout.tpdos or layout.nodes > 1:
-        _refuse(layout, 'domain', 'no "tpdos" beside it and one node', 'tpdos or nodes',
-                'Choose which of the two carries the taxels.')
+        _refuse(layout, 'domain', expected='no "tpdos" beside it and one node', got='tpdos or nodes',
+                remedy='Choose which of the two carries the taxels.')
     for field in domain.taxels:
         _check_inside(layout, 'domain.taxels', field.row, field.col)
         if (end := field.start_bit + layout.value.bits) > 8 * domain.length:
-            _refuse(layout, 'domain.taxels', f'fields within its {8 * domain.length} bits',
-                    f'taxel ({field.row}, {field.col}) in bits {field.start_bit}..{end - 1}',
-                    'Correct start_bit, bit_step or bytes.')
+            _refuse(layout, 'domain.taxels', expected=f'fields within its {8 * domain.length} bits',
+                    got=f'taxel ({field.row}, {field.col}) in bits {field.start_bit}..{end - 1}',
+                    remedy='Correct start_bit, bit_step or bytes.')
     _check_overlap(layout, 'domain', domain)
     _check_dead(layout)
 
@@ -54,29 +56,29 @@ def _check_dead(layout: SkinLayout) -> None:
 def _check_tpdo(layout: SkinLayout, key: str, tpdo: TpdoLayout) -> None:
     mapped = tpdo.bits
     if tpdo.node >= layout.nodes:
-        _refuse(layout, f'{key}.node', f'a node 0..{layout.nodes - 1}, as "nodes" is {layout.nodes}', str(tpdo.node),
-                'Correct it, or "nodes".')
+        _refuse(layout, f'{key}.node', expected=f'a node 0..{layout.nodes - 1}, as "nodes" is {layout.nodes}',
+                got=str(tpdo.node), remedy='Correct it, or "nodes".')
     if not 1 <= mapped <= MAX_PDO_BITS:
-        _refuse(layout, f'{key}.map', f'1..{MAX_PDO_BITS} mapped bits in one TPDO', f'{mapped} bits',
-                'Share the objects among more TPDOs.')
+        _refuse(layout, f'{key}.map', expected=f'1..{MAX_PDO_BITS} mapped bits in one TPDO', got=f'{mapped} bits',
+                remedy='Share the objects among more TPDOs.')
     if not tpdo.cob_id.relative and (use := reserved_for(tpdo.cob_id.base)):
-        _refuse(layout, f'{key}.cob_id', 'a COB-ID that a PDO may use',
-                f'{tpdo.cob_id}, which CiA 301 reserves: {use}',
-                'Choose one from 0x181 to 0x57F.')
+        _refuse(layout, f'{key}.cob_id', expected='a COB-ID that a PDO may use',
+                got=f'{tpdo.cob_id}, which CiA 301 reserves: {use}',
+                remedy='Choose one from 0x181 to 0x57F.')
     for field in tpdo.taxels:
         _check_inside(layout, f'{key}.taxels', field.row, field.col)
         end = field.start_bit + layout.value.bits
         if field.start_bit < (head := 8 * len(tpdo.prefix(1))):
-            _refuse(layout, f'{key}.taxels', f'fields behind the {head} bits that identify the frame',
-                    f'taxel ({field.row}, {field.col}) from bit {field.start_bit}', 'Correct start_bit.')
+            _refuse(layout, f'{key}.taxels', expected=f'fields behind the {head} bits that identify the frame',
+                    got=f'taxel ({field.row}, {field.col}) from bit {field.start_bit}', remedy='Correct start_bit.')
         if end > MAX_PDO_BITS:
-            _refuse(layout, f'{key}.taxels', f'fields within the {MAX_PDO_BITS} bits of a CAN frame',
-                    f'taxel ({field.row}, {field.col}) in bits {field.start_bit}..{end - 1}',
-                    'Correct start_bit.')
+            _refuse(layout, f'{key}.taxels', expected=f'fields within the {MAX_PDO_BITS} bits of a CAN frame',
+                    got=f'taxel ({field.row}, {field.col}) in bits {field.start_bit}..{end - 1}',
+                    remedy='Correct start_bit.')
         if end > mapped:
-            _refuse(layout, f'{key}.taxels', f'fields within the {mapped} mapped bits',
-                    f'taxel ({field.row}, {field.col}) in bits {field.start_bit}..{end - 1}',
-                    'Map more objects, or correct start_bit.')
+            _refuse(layout, f'{key}.taxels', expected=f'fields within the {mapped} mapped bits',
+                    got=f'taxel ({field.row}, {field.col}) in bits {field.start_bit}..{end - 1}',
+                    remedy='Map more objects, or correct start_bit.')
     _check_overlap(layout, key, tpdo)
 
 
@@ -84,15 +86,15 @@ def _check_overlap(layout: SkinLayout, key: str, tpdo: TpdoLayout | DomainLayout
     fields = sorted(tpdo.taxels, key=lambda field: field.start_bit)
     for one, other in zip(fields, fields[1:]):
         if other.start_bit < one.start_bit + layout.value.bits:
-            _refuse(layout, f'{key}.taxels', f'fields of {layout.value.bits} bits that do not overlap',
-                    f'taxels ({one.row}, {one.col}) and ({other.row}, {other.col}) '
-                    f'at bits {one.start_bit} and {other.start_bit}', 'Correct start_bit or bit_step.')
+            _refuse(layout, f'{key}.taxels', expected=f'fields of {layout.value.bits} bits that do not overlap',
+                    got=f'taxels ({one.row}, {one.col}) and ({other.row}, {other.col}) '
+                    f'at bits {one.start_bit} and {other.start_bit}', remedy='Correct start_bit or bit_step.')
 
 
 def _check_inside(layout: SkinLayout, key: str, row: int, col: int) -> None:
     if not (0 <= row < layout.rows and 0 <= col < layout.cols):
-        _refuse(layout, key, f'taxels within rows 0..{layout.rows - 1} and cols 0..{layout.cols - 1}',
-                f'taxel ({row}, {col})', 'Correct the taxel, or rows and cols.')
+        _refuse(layout, key, expected=f'taxels within rows 0..{layout.rows - 1} and cols 0..{layout.cols - 1}',
+                got=f'taxel ({row}, {col})', remedy='Correct the taxel, or rows and cols.')
 
 
 def _check_unique_taxels(layout: SkinLayout) -> None:
@@ -100,8 +102,9 @@ def _check_unique_taxels(layout: SkinLayout) -> None:
     for position, field in _fields(layout):
         first = seen.setdefault((field.row, field.col), position)
         if first != position or sum(f[:2] == field[:2] for f in layout.tpdos[position].taxels) > 1:
-            _refuse(layout, f'{layout.tpdos[position].key}.taxels', 'every taxel named once',
-                    f'taxel ({field.row}, {field.col}) also in {layout.tpdos[first].key}', 'Remove one of the two.')
+            _refuse(layout, f'{layout.tpdos[position].key}.taxels', expected='every taxel named once',
+                    got=f'taxel ({field.row}, {field.col}) also in {layout.tpdos[first].key}',
+                    remedy='Remove one of the two.')
 
 
 def _fields(layout: SkinLayout) -> Iterator[tuple[int, TaxelField]]:
@@ -123,9 +126,9 @@ def _check_prefixes(layout: SkinLayout) -> None:
     seen = set()
     for tpdo in filter(lambda tpdo: tpdo.is_multiplexed, layout.tpdos):
         if (identity := (tpdo.node, tpdo.number, tpdo.prefix(1))) in seen:
-            _refuse(layout, tpdo.key, 'each row number, or object of an MPDO, once',
-                    f'{tpdo.prefix(1)[-3:].hex()} again',
-                    'Correct first, object, sub or count.')
+            _refuse(layout, tpdo.key, expected='each row number, or object of an MPDO, once',
+                    got=f'{tpdo.prefix(1)[-3:].hex()} again',
+                    remedy='Correct first, object, sub or count.')
         seen.add(identity)
 
 
@@ -133,15 +136,15 @@ def _check_unique(layout: SkinLayout, key: str, values: list[tuple[object, str]]
     given = [value for value, _ in values]
     for position, (value, where) in enumerate(values):
         if (first := given.index(value)) != position:
-            _refuse(layout, f'{where}.{key}', 'a different value for each TPDO',
-                    f'{value}, as in {values[first][1]}', 'Give each TPDO its own.')
+            _refuse(layout, f'{where}.{key}', expected='a different value for each TPDO',
+                    got=f'{value}, as in {values[first][1]}', remedy='Give each TPDO its own.')
 
 
 def _check_sync(layout: SkinLayout) -> None:
     if use := reserved_for(layout.sync_cob_id):
-        _refuse(layout, 'sync_cob_id', 'a COB-ID that SYNC may use', f'0x{layout.sync_cob_id:03X}: {use}',
-                f'Use 0x{SYNC:03X} unless the device is set otherwise.')
+        _refuse(layout, 'sync_cob_id', expected='a COB-ID that SYNC may use', got=f'0x{layout.sync_cob_id:03X}: {use}',
+                remedy=f'Use 0x{SYNC:03X} unless the device is set otherwise.')
 
 
-def _refuse(layout: SkinLayout, key: str, expected: str, got: str, remedy: str) -> NoReturn:
+def _refuse(layout: SkinLayout, key: str, *, expected: str, got: str, remedy: str) -> NoReturn:
     raise ConfigurationError(f'{layout.source}, key "{key}"', expected=expected, got=got, remedy=remedy)

@@ -78,7 +78,9 @@ class TaxelCodec:
 
 def without_values(frame: TaxelFrame, carriers: Iterable[TpdoLayout | DomainLayout]) -> TaxelFrame:
     """Return the frame with NaN and STALE for the taxels of ``carriers``, whose meaning is not known."""
-    values, status, missing = frame.values.copy(), frame.status.copy(), frame.missing_can_frames
+    values = frame.values.copy()
+    status = frame.status.copy()
+    missing = frame.missing_can_frames
     for carrier in carriers:
         taxels = tuple(np.array([(field.row, field.col) for field in carrier.taxels], np.intp).reshape(-1, 2).T)
         given = np.isin(status[taxels], (TaxelStatus.VALID, TaxelStatus.SATURATED))
