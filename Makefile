@@ -82,7 +82,7 @@ bench: setup $(BENCH_VENV)/.installed  ## how fast and how good, against the alt
 		$(BIN)/python $$file || exit 1; done
 	@$(BENCH_VENV)/bin/python bench/bench_recognition.py
 
-train: $(BENCH_VENV)/.installed  ## train the shape recogniser anew (about two hours on one core)
+train: $(BENCH_VENV)/.installed  ## train the shape recogniser again (about two hours on one core)
 	@$(BENCH_VENV)/bin/python -m training.train --output config/recogniser.npz
 
 reproduce: setup  ## the paper's figures and claims beside ours, on one page in reproduction/

@@ -4,7 +4,7 @@ Run by `make soak` (`make soak MINUTES=60`), or: python bench/soak.py [--minutes
 is a process of its own behind a pseudo-terminal (slcan), as an adapter would be; the driver is the supervised one that
 the driver node runs. At 115 sweeps a second two pads of 16x16 taxels of 8 bits fill a bus of 1 Mbit/s
 (64 TPDOs of at most 135 bits each). Where it may, all runs at a raised priority, as a robot's drivers do. A third
-process only sleeps, a millisecond at a time, and tells how long the machine itself stood still at most.
+process only sleeps, a millisecond at a time, and reports how long the machine itself stood still at most.
 Writes soak.csv and soak.png; ends with 1 when a TPDO was lost or came too late.
 """
 
@@ -113,10 +113,13 @@ class StallWatch:
 
 
 class Soak:
-    """A running driver, and what has become of its taxels so far."""
+    """A running driver, and the fate of its taxels so far."""
 
     def __init__(self, driver: Supervisor, latencies: Latencies, stalls: StallWatch):
-        self.driver, self._latencies, self._stalls, self.rows = driver, latencies, stalls, []
+        self.driver = driver
+        self._latencies = latencies
+        self._stalls = stalls
+        self.rows: list[Row] = []
         stalls.take()
         self._begin, self._before = time.monotonic(), np.zeros(4, int)
 

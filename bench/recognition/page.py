@@ -20,7 +20,10 @@ class Table:
     """A heading, a line about it, columns and rows of text."""
 
     def __init__(self, heading: str, text: str, columns: list[str]):
-        self.heading, self.text, self.columns, self.rows = heading, text, columns, []
+        self.heading = heading
+        self.text = text
+        self.columns = columns
+        self.rows: list[list[str]] = []
 
     def add(self, *row) -> None:
         self.rows.append([str(value) for value in row])

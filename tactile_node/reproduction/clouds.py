@@ -1,6 +1,9 @@
 """Figures 6 to 8 of the paper, the planes with our patterns and curves, and recognition against size."""
 
+from collections.abc import Sequence
+
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tactile_node.reproduction.curve_fitting import Samples
@@ -33,7 +36,7 @@ def third_plane(samples: Samples, planes: dict[str, Plane]) -> Figure:
     return _cloud(samples, [planes['square']], ANSWERS[3:])
 
 
-def _cloud(samples: Samples, curves: list[Plane], shapes) -> Figure:
+def _cloud(samples: Samples, curves: list[Plane], shapes: Sequence[Shape]) -> Figure:
     figure = Figure(figsize=(6.4, 4.3), layout='constrained')
     horizontal, vertical = curves[0].horizontal, curves[0].vertical
     axes = figure.add_subplot(xlabel=LABELS[horizontal], ylabel=LABELS[vertical])
@@ -70,7 +73,7 @@ def rates_by_size(results: Results) -> Figure:
     return figure
 
 
-def _line(axes, method: Method, mark: str, colour: str, width: float) -> None:
+def _line(axes: Axes, method: Method, mark: str, colour: str, width: float) -> None:
     rates = method.rates.values()
     spread = [[rate.share - rate.low for rate in rates], [rate.high - rate.share for rate in rates]]
     axes.errorbar(list(method.rates), [rate.share for rate in rates], spread, marker=mark, ms=4, lw=width,

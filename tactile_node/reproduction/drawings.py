@@ -1,6 +1,7 @@
 """Figures 1 to 5 of the paper, drawn with our own functions."""
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
@@ -33,7 +34,8 @@ def circle_border() -> Figure:
     mask = CIRCLE.pattern(ROOM, ROOM)
     rim = border(mask, Stencil.FIVE)
     _dots(axes, ~mask, FAINT, 12)
-    axes.scatter(*np.nonzero(mask & ~rim)[::-1], s=42, facecolor='white', edgecolor=INK)
+    row, col = np.nonzero(mask & ~rim)
+    axes.scatter(col, row, s=42, facecolor='white', edgecolor=INK)
     _dots(axes, rim, INK, 42)
     axes.set_title(f'P05 = {rim.sum()} border taxels')
     return figure
@@ -88,14 +90,14 @@ def hole_rules() -> Figure:
     return figure
 
 
-def _lattice():
+def _lattice() -> tuple[Figure, Axes]:
     figure = Figure(figsize=(3.8, 3.9), layout='constrained')
     axes = _bare(figure.add_subplot(aspect='equal'))
     axes.invert_yaxis()
     return figure, axes
 
 
-def _bare(axes):
+def _bare(axes: Axes) -> Axes:
     axes.set_xticks([])
     axes.set_yticks([])
     for spine in axes.spines.values():
@@ -103,5 +105,6 @@ def _bare(axes):
     return axes
 
 
-def _dots(axes, mask: np.ndarray, color: str, size: float) -> None:
-    axes.scatter(*np.nonzero(mask)[::-1], s=size, color=color)
+def _dots(axes: Axes, mask: np.ndarray, color: str, size: float) -> None:
+    row, col = np.nonzero(mask)
+    axes.scatter(col, row, s=size, color=color)

@@ -3,6 +3,7 @@
 import base64
 import csv
 import io
+from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
 from string import Template
@@ -15,6 +16,8 @@ from tactile_node.reproduction.rates import Rate
 from tactile_node.reproduction.wording import findings
 from tactile_node.reproduction.worlds import LONG_RECTANGLES
 from tactile_node.shape.volf import ANSWERS
+
+Row = Sequence[str | int | float]
 
 STYLE = '''body { font: 15px/1.5 sans-serif; max-width: 62em; margin: 2em auto; padding: 0 1em; color: #222 }
 table { border-collapse: collapse; margin: 1em 0; font-size: 13px } td, th { padding: .25em .6em; text-align: right }
@@ -58,17 +61,18 @@ def write_page(folder: Path, results: Results, command: str) -> list[Path]:
     return [folder / 'index.html', *(folder / f'{name}.csv' for name in ('rates', 'lost', 'confusion'))]
 
 
-def _rate_rows(results: Results) -> list[list]:
+def _rate_rows(results: Results) -> list[Row]:
     return [['method', 'area', 'recognised', 'low95', 'high95', 'patterns'],
-            *([method.name, size, *rate] for method in results.methods for size, rate in method.rates.items())]
+            *([method.name, size, rate.share, rate.low, rate.high, rate.patterns]
+              for method in results.methods for size, rate in method.rates.items())]
 
 
-def _lost_rows(results: Results) -> list[list]:
+def _lost_rows(results: Results) -> list[Row]:
     return [['area', 'plane 1', 'plane 2', 'plane 3', 'patterns with vanishing angles'],
             *([size, *results.lost[size].values(), results.vanished[size]] for size in SIZES)]
 
 
-def _confusion_rows(results: Results) -> list[list]:
+def _confusion_rows(results: Results) -> list[Row]:
     return [['true class', 'area', *(shape.value for shape in ANSWERS)],
             *([shape.value, size, *results.confusions[size][index].tolist()]
               for size in SIZES for index, shape in enumerate(ANSWERS))]
@@ -89,15 +93,15 @@ def _method_row(method: Method) -> str:
     return f'<tr><td>{escape(method.name)}<br><small>{count} patterns a point</small></td>{cells}</tr>'
 
 
-def _table(rows: list[list], percent: bool) -> str:
-    def shown(value) -> str:
+def _table(rows: list[Row], percent: bool) -> str:
+    def shown(value: str | int | float) -> str:
         return f'{value:.1%}' if percent and isinstance(value, float) else str(value)
 
     return f'<table>{_row("th", rows[0])}{"".join(_row("td", map(shown, row)) for row in rows[1:])}</table>'
 
 
-def _row(kind: str, cells, style: str = '') -> str:
-    return f'<tr class="{style}">' + ''.join(f'<{kind}>{escape(cell)}</{kind}>' for cell in cells) + '</tr>'
+def _row(kind: str, cells: Iterable[object], style: str = '') -> str:
+    return f'<tr class="{style}">' + ''.join(f'<{kind}>{escape(str(cell))}</{kind}>' for cell in cells) + '</tr>'
 
 
 def _figures(results: Results) -> str:
