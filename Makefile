@@ -25,7 +25,7 @@ unexport PYTHONPATH
 SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo check test coverage faults bench train reproduce soak socketcan fuzz lint types columns \
+.PHONY: help setup demo check test coverage faults bench train reproduce soak socketcan fuzz lint types \
 	architecture lowest lock clean
 
 help:  ## say what there is
@@ -110,15 +110,13 @@ socketcan: setup  ## the driver's tests on a real Linux CAN stack, in a small vi
 	@$(BIN)/python tools/socketcan_vm.py "TACTILE_TEST_INTERFACE=socketcan OMP_NUM_THREADS=1 \
 		.venv/bin/python -m pytest -q -s -rs -p no:cacheprovider $(SOCKETCAN_TESTS)"
 
-lint: setup  ## style of the code, spelling of everything
+lint: setup  ## style of the code, spelling and width of everything
 	@$(BIN)/ruff check --quiet .
 	@$(BIN)/codespell $$(git ls-files)
+	@$(BIN)/python tools/check_columns.py
 
 types: setup  ## types: mypy, strict for the numerical core and the way from a CAN frame to a taxel frame
 	@$(BIN)/mypy
-
-columns: setup  ## documents, YAML and messages: at most 120 columns
-	@$(BIN)/python tools/check_columns.py
 
 architecture: setup  ## draw docs/architecture.png from the imports
 	@$(BIN)/python tools/draw_architecture.py
