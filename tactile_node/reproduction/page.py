@@ -62,9 +62,11 @@ def write_page(folder: Path, results: Results, command: str) -> list[Path]:
 
 
 def _rate_rows(results: Results) -> list[Row]:
-    return [['method', 'area', 'recognised', 'low95', 'high95', 'patterns'],
-            *([method.name, size, rate.share, rate.low, rate.high, rate.patterns]
-              for method in results.methods for size, rate in method.rates.items())]
+    rows: list[Row] = [['method', 'area', 'recognised', 'low95', 'high95', 'patterns']]
+    for method in results.methods:
+        rows += [[method.name, size, rate.share, rate.low, rate.high, rate.patterns]
+                 for size, rate in method.rates.items()]
+    return rows
 
 
 def _lost_rows(results: Results) -> list[Row]:
