@@ -72,7 +72,7 @@ def test_missing_tpdo_gives_nan_as_soon_as_it_cannot_come(assembler, lost, value
 
 
 def test_silent_periods_are_all_stale(assembler):
-    """The first one waits for what may come late; of the second nothing could be told from it."""
+    """The first one waits for what may come late; the second one cannot be continued without doubt."""
     assembler.sync(0)
     assert assembler.sync(1) == ()
     first, second = assembler.sync(2)
@@ -362,7 +362,7 @@ def test_without_loss_most_of_what_is_late_is_used(assembler):
 
 
 def test_delays_of_several_periods_do_not_mix_and_hardly_ever_stamp_late(assembler):
-    """A sender that stays behind for more than CATCH_UP_PERIODS periods is told by nothing."""
+    """A sender that stays behind for more than CATCH_UP_PERIODS periods cannot be detected."""
     ages = []
     for sequence, periods in random_periods(assembler, loss=0.0, most_delayed=8):
         assert len(periods) <= 1

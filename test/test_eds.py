@@ -124,8 +124,8 @@ ODD = {
                                                  'VendorNumber=\nBaudRate_1000=\nGranularity=\nVendorName'),
     'empty commissioning': SMALL + '[DeviceComissioning]\nNodeID=\nBaudrate=\n',
     'empty dummy': SMALL + '[DummyUsage]\nDummy0001=\n',
-    'fewer comments than told': SMALL + '[Comments]\nLines=2\nLine1=x\n',
-    'more entries told than there are': SMALL.replace('SubNumber=2', 'SubNumber=9'),
+    'fewer comments than announced': SMALL + '[Comments]\nLines=2\nLine1=x\n',
+    'more entries announced than there are': SMALL.replace('SubNumber=2', 'SubNumber=9'),
     'no count': SMALL.replace('SubNumber=2\n', ''),
     'a list that names absent objects': SMALL + '[OptionalObjects]\nSupportedObjects=5\n1=0x2000\n',
     'CompactSubObj empty': SMALL.replace('SubNumber=2', 'SubNumber=2\nCompactSubObj=')}
