@@ -9,6 +9,7 @@ from diagnostic_msgs.msg import DiagnosticStatus  # noqa: E402
 
 from tactile_node.assembly.router import BusStatistics  # noqa: E402
 from tactile_node.cia301.emergency import decode_emergency  # noqa: E402
+from tactile_node.conditioning.condition_text import ZERO_TEXT  # noqa: E402
 from tactile_node.conditioning.conditioned_pad import PadCondition  # noqa: E402
 from tactile_node.conditioning.tare import ZeroState  # noqa: E402
 from tactile_node.conditioning.taxel_faults import FaultyTaxels  # noqa: E402
@@ -24,7 +25,7 @@ from tactile_node.frames.health import (  # noqa: E402
     Outages,
 )
 from tactile_node.frames.losses import LossReason, PadStatistics  # noqa: E402
-from tactile_node.ros.diagnostics import ZERO_TEXT, BusDiagnostics  # noqa: E402
+from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
 
 pytestmark = pytest.mark.ros
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tactile_node.conditioning.condition_text import faults_text
 from tactile_node.conditioning.conditioned_pad import ConditionedPad
 from tactile_node.conditioning.fault_file import load_faults, save_faults
 from tactile_node.conditioning.gain import load_gains
@@ -155,8 +156,8 @@ def test_frames_without_values_are_no_evidence():
 def test_places_are_reported_and_bounded():
     kinds = np.zeros((SIDE, SIDE), np.uint8)
     kinds[3, 4], kinds[0], kinds[1, 1:11] = DEAD, STUCK, STUCK
-    assert str(FaultyTaxels(kinds)).startswith('dead: (3, 4); stuck: (0, 0), (0, 1)')
-    assert str(FaultyTaxels(kinds)).endswith('(1, 8) and 2 more')
+    assert faults_text(FaultyTaxels(kinds)).startswith('dead: (3, 4); stuck: (0, 0), (0, 1)')
+    assert faults_text(FaultyTaxels(kinds)).endswith('(1, 8) and 2 more')
 
 
 def frame(values, status=0):

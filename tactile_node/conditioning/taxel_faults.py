@@ -17,7 +17,6 @@ ALIVE = 0.1           #: x limit: a taxel that reads so much has felt something
 DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
 JUMP = 2.0            #: x limit: a change from one frame to the next that counts as a jump
 ALONE = 0.5           #: x limit: a jump is alone when no neighbour changes by so much in the same frame
-MOST_NAMED = 20       #: taxels of a kind in the text
 FLICKER_TIME = 5.0    #: s over which lone jumps are counted
 FLICKER_JUMPS = 40    #: lone jumps within that time, and
 FLICKER_SHARE = 0.25  #: of the frames within it
@@ -41,13 +40,6 @@ class FaultyTaxels(NamedTuple):
     def places(self, kind: TaxelFault) -> list[tuple[int, int]]:
         """(row, col) of all that are ``kind``, row by row."""
         return [(int(row), int(col)) for row, col in np.argwhere(self.kinds == kind)]
-
-    def __str__(self) -> str:
-        """'dead: (3, 4), (5, 0); stuck: (1, 2)', MOST_NAMED of each kind at most."""
-        found = {kind: self.places(kind) for kind in TaxelFault if kind}
-        return '; '.join(f'{kind.name.lower()}: {", ".join(map(str, places[:MOST_NAMED]))}'
-                         + (f' and {len(places) - MOST_NAMED} more' if len(places) > MOST_NAMED else '')
-                         for kind, places in found.items() if places)
 
     @property
     def total(self) -> int:

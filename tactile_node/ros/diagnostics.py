@@ -6,18 +6,12 @@ from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from tactile_node.conditioning.condition_text import ZERO_TEXT, faults_text
 from tactile_node.conditioning.conditioned_pad import PadCondition
 from tactile_node.conditioning.tare import ZeroState
 from tactile_node.frames.fault_text import command_text, failure_text, node_text
 from tactile_node.frames.health import BusHealth, NodeHealth, Outages
 from tactile_node.frames.losses import BusStatistics, PadStatistics
-
-#: why the zero of a pad is not valid
-ZERO_TEXT = {
-    ZeroState.NOT_KNOWN: 'the state of its zero is not known',
-    ZeroState.DEVICE_IS_ZEROING: 'its device is zeroing itself',
-    ZeroState.DEVICE_PARTLY_ZEROED: 'its device has zeroed itself in part',
-    ZeroState.DEVICE_HAS_RESTARTED: 'its device has restarted since it zeroed itself'}
 
 
 class Finding(NamedTuple):
@@ -132,7 +126,8 @@ def _pad_findings(now: PadStatistics, before: PadStatistics) -> list[Finding]:
 
 
 def _condition_findings(condition: PadCondition) -> list[Finding]:
-    told = [f'{condition.faults.total} faulty taxels, {condition.faults}'] if condition.faults.total else []
+    faults = condition.faults
+    told = [f'{faults.total} faulty taxels, {faults_text(faults)}'] if faults.total else []
     if condition.is_frozen:
         told.append(f'no taxel has changed by one count for {condition.unchanged:.1f} s: has it stopped sampling?')
     findings = [Finding(DiagnosticStatus.WARN, one) for one in told]
