@@ -12,6 +12,7 @@ from faulty_bus import Adapter
 
 from tactile_node.bus import skin_bus
 from tactile_node.bus.skin_bus import BusSettings
+from tactile_node.cia301.emergency import Emergency
 from tactile_node.frames.health import NodeFault
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.supervision.supervisor import Supervisor
@@ -98,6 +99,11 @@ class FaultBench(Bench):
 
     def end_of_cause(self) -> None:
         self._ended = time.monotonic()
+
+    @property
+    def emergencies(self) -> list[Emergency]:
+        """Those kept of node 32, oldest first."""
+        return list(self.driver.monitor.emergencies[32]._kept)
 
     def wait(self, condition: Callable[[], bool], what: str) -> None:
         assert wait_until(condition, PATIENCE), f'{what}; {self.driver.health()}; {self.log.errors}'

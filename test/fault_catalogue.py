@@ -325,8 +325,7 @@ def emcy_storm(channel: str) -> FaultBench:
         bench.detect(kind=lambda fact: isinstance(fact, Emergency) and (fact.code, fact.register) == (0x4210, 0x09))
         bench.wait(lambda: bench.node().emergencies == 2000, 'not all counted')
         bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
-        history = bench.driver.monitor.emergencies[32].history
-        assert [one.manufacturer[-1] for one in history] == [i & 0xFF for i in range(1984, 2000)]
+        assert [one.manufacturer[-1] for one in bench.emergencies] == [i & 0xFF for i in range(1984, 2000)]
         assert len(bench.log.errors) < 10
     return bench
 
@@ -339,7 +338,7 @@ def short_emcy(channel: str) -> FaultBench:
             bench.send(0x0A0, data)
         bench.wait(lambda: bench.node().emergencies == 4, 'not counted')
         bench.detect(kind=lambda fact: isinstance(fact, Emergency))
-        assert [(one.code, one.register) for one in bench.driver.monitor.emergencies[32].history] == [
+        assert [(one.code, one.register) for one in bench.emergencies] == [
             (None, None), (None, None), (0x4210, None), (0x4210, 9)]
         bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
     return bench

@@ -20,7 +20,7 @@ from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
 from tactile_node.ros.parameters import table  # noqa: E402
 from tactile_node.ros.qos import STATUS_QOS, frames_qos  # noqa: E402
 from tactile_node.ros.settings import DriverSettings  # noqa: E402
-from tactile_skin.msg import SkinStatus, TaxelArray  # noqa: E402
+from tactile_skin.msg import NodeStatus, SkinStatus, TaxelArray  # noqa: E402
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
@@ -152,9 +152,9 @@ def test_how_long_a_node_may_be_silent_can_be_changed_live(make):
     assert driver.set('heartbeat_timeout', 30.0).successful
     driver.bench.device.power_off()
     driver.wait(lambda: driver.status[-1].pads[0].nodes[0].heartbeat_age > 2)
-    assert not driver.status[-1].pads[0].nodes[0].trouble
+    assert driver.status[-1].pads[0].nodes[0].fault == NodeStatus.FAULT_NONE
     assert driver.set('heartbeat_timeout', 0.5).successful
-    driver.wait(lambda: driver.status[-1].pads[0].nodes[0].trouble)
+    driver.wait(lambda: driver.status[-1].pads[0].nodes[0].fault == NodeStatus.FAULT_SILENT)
 
 
 def test_incomplete_frames_can_be_dropped_live(make):

@@ -21,6 +21,6 @@ class BusSettings:
     boot_timeout: float = 5.0  #: how long each device may take to answer [s]
     heartbeat_ms: int = 100  #: written to each device's 0x1017
     queue_limit: int = 20_000  #: CAN frames that may wait for the worker
-    drop_incomplete: bool = False  #: a sweep that lacks TPDOs: dropped and counted, not given with NaN
+    drop_incomplete: bool = False  #: withhold and count a sweep that lacks TPDOs; else it is given with NaN
     record: str = ''  #: log file for everything on the bus, own frames included
     options: Mapping[str, Any] = field(default_factory=dict)

@@ -56,7 +56,7 @@ def check_domain(sdo: SdoClient, domain: DomainLayout, label: str) -> bool:
 
 
 class DomainPolling:
-    """Polls one node's DOMAIN every ``period`` [s] from ``start`` to ``stop``, on a thread of its own.
+    """Polls one node's DOMAIN every ``period`` [s] from ``start`` to ``stop``, on its own thread.
 
     ``open_sdo()`` is a context manager that gives the node's SDO client. Failed polls are logged now and
     then; the assembler counts the losses. A BusError goes to ``on_failure``.

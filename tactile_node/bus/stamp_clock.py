@@ -15,7 +15,7 @@ DRIFT = 1e-4  # relative: no adapter's crystal is further off
 class StampClock:
     """Stamps for what is sent (``now``) and received (``of``), in one epoch and never going back.
 
-    The wall clock set forward is followed. Set back, it is left: stamps go on evenly, ``ahead`` [s] of the wall
+    The wall clock set forward is followed. Set back, it is not: stamps continue evenly, ``ahead`` [s] of the wall
     clock, until it has caught up or ``restart``. Each such setting counts in ``jumps``.
 
     ``host_stamped``: messages carry this machine's wall clock (socketcan, virtual), right also when they are read

@@ -71,11 +71,6 @@ class EmergencyLog:
         self.count += 1
 
     @property
-    def history(self) -> tuple[Emergency, ...]:
-        """Oldest first."""
-        return tuple(self._kept)
-
-    @property
     def last(self) -> Emergency | None:
         return self._kept[-1] if self._kept else None
 

@@ -40,11 +40,11 @@ class BusDiagnostics:
             for node, node_before in zip(nodes, health_before.nodes.get(name) or map(_new, nodes)):
                 findings += _node_findings(name, node, node_before, health.is_active)
             findings += _pad_findings(pad, before.pads[name])
-            told = {}
+            extra: dict[str, object] = {}
             if (condition := conditions.get(name)) is not None:
                 findings += _condition_findings(condition)
-                told = {'faulty_taxels': condition.faults, 'unchanged_s': f'{condition.unchanged:.2f}'}
-            statuses.append(self._status(name, _worst(findings), _pad_values(pad) | told | _nodes_values(nodes)))
+                extra = {'faulty_taxels': condition.faults, 'unchanged_s': f'{condition.unchanged:.2f}'}
+            statuses.append(self._status(name, _worst(findings), _pad_values(pad) | extra | _nodes_values(nodes)))
         return DiagnosticArray(status=statuses)
 
     def _status(self, part: str, finding: Finding, values: dict[str, object]) -> DiagnosticStatus:
@@ -63,7 +63,7 @@ def unconfigured(node: str, health: BusHealth) -> DiagnosticArray:
 
 
 def _nothing_yet(now: BusStatistics) -> BusStatistics:
-    """The same counts at zero: what was lost before the first message is lost all the same."""
+    """The same counts at zero: what was lost before the first message counts too."""
     pads = {name: PadStatistics(0, 0, 0, 0, 0, 0, dict.fromkeys(pad.losses, 0)) for name, pad in now.pads.items()}
     return BusStatistics(pads, {})
 
@@ -73,7 +73,7 @@ def _new(node: NodeHealth) -> NodeHealth:
 
 
 def _worst(findings: list[Finding]) -> Finding:
-    """The first of the worst ones; the others of its level are told with it."""
+    """The first of the worst ones; the others of its level are reported with it."""
     order = (DiagnosticStatus.ERROR, DiagnosticStatus.WARN, DiagnosticStatus.STALE, DiagnosticStatus.OK)
     level = next(level for level in order if any(finding.level == level for finding in findings))
     return Finding(level, '; '.join(finding.message for finding in findings if finding.level == level))
@@ -84,13 +84,13 @@ def _bus_findings(now: BusStatistics, before: BusStatistics, health: BusHealth,
     if health.failure is not None:
         return [Finding(DiagnosticStatus.ERROR, failure_text(health.failure))]
     grown = [name for name, count in _bus_losses(now).items() if count > _bus_losses(before)[name]]
-    told = [f'growing: {", ".join(grown)}'] if grown else []
-    told += _new_outages(health.outages, health_before.outages)
+    texts = [f'growing: {", ".join(grown)}'] if grown else []
+    texts += _new_outages(health.outages, health_before.outages)
     if health.is_error_passive:
-        told.append('the CAN controller is error-passive: check bit rate, wiring, termination')
+        texts.append('the CAN controller is error-passive: check bit rate, wiring, termination')
     if health.foreign_commands > health_before.foreign_commands:
-        told.append(f'another NMT master has sent: {command_text(health.last_command)}')
-    return [Finding(DiagnosticStatus.WARN, one) for one in told] or [Finding(DiagnosticStatus.OK, 'nothing lost')]
+        texts.append(f'another NMT master has sent: {command_text(health.last_command)}')
+    return [Finding(DiagnosticStatus.WARN, one) for one in texts] or [Finding(DiagnosticStatus.OK, 'nothing lost')]
 
 
 def _node_findings(pad: str, now: NodeHealth, before: NodeHealth, is_active: bool) -> list[Finding]:
@@ -98,12 +98,12 @@ def _node_findings(pad: str, now: NodeHealth, before: NodeHealth, is_active: boo
     if not now.is_operational and not now.fault.is_fault:
         level = DiagnosticStatus.ERROR if is_active else DiagnosticStatus.STALE
         findings.append(Finding(level, f'node {now.node_id} is not OPERATIONAL: {now.state}'))
-    told = _new_outages(now.outages, before.outages)
+    texts = _new_outages(now.outages, before.outages)
     if now.emergencies > before.emergencies or now.last_emergency is not None and not now.last_emergency.is_reset:
-        told.append(f'node {now.node_id}: {now.last_emergency}')
+        texts.append(f'node {now.node_id}: {now.last_emergency}')
     if now.distrusted > before.distrusted:
-        told.append(f'{now.distrusted - before.distrusted} taxel frames without values: the node was not configured')
-    return findings + [Finding(DiagnosticStatus.WARN, one) for one in told]
+        texts.append(f'{now.distrusted - before.distrusted} taxel frames without values: the node was not configured')
+    return findings + [Finding(DiagnosticStatus.WARN, one) for one in texts]
 
 
 def _new_outages(now: Outages, before: Outages) -> list[str]:
@@ -117,9 +117,9 @@ def _pad_findings(now: PadStatistics, before: PadStatistics) -> list[Finding]:
             if count > before.losses[reason]}
     missing = now.missing - before.missing
     if missing > 0 or lost:
-        told = [f'{missing} TPDOs missing'] if missing > 0 else []
-        told += [f'{count} TPDOs dropped ({reason.key})' for reason, count in lost.items()]
-        return [Finding(DiagnosticStatus.WARN, ', '.join(told))]
+        texts = [f'{missing} TPDOs missing'] if missing > 0 else []
+        texts += [f'{count} TPDOs lost ({reason.key})' for reason, count in lost.items()]
+        return [Finding(DiagnosticStatus.WARN, ', '.join(texts))]
     if now.published == before.published:
         return [Finding(DiagnosticStatus.STALE, 'no taxel frames')]
     return [Finding(DiagnosticStatus.OK, f'{now.published - before.published} taxel frames, none incomplete')]
@@ -127,10 +127,10 @@ def _pad_findings(now: PadStatistics, before: PadStatistics) -> list[Finding]:
 
 def _condition_findings(condition: PadCondition) -> list[Finding]:
     faults = condition.faults
-    told = [f'{faults.total} faulty taxels, {faults_text(faults)}'] if faults.total else []
+    texts = [f'{faults.total} faulty taxels, {faults_text(faults)}'] if faults.total else []
     if condition.is_frozen:
-        told.append(f'no taxel has changed by one count for {condition.unchanged:.1f} s: has it stopped sampling?')
-    findings = [Finding(DiagnosticStatus.WARN, one) for one in told]
+        texts.append(f'no taxel has changed by one count for {condition.unchanged:.1f} s: has it stopped sampling?')
+    findings = [Finding(DiagnosticStatus.WARN, one) for one in texts]
     if condition.zero is not ZeroState.VALID:
         detail = f': {condition.zero_error}' if condition.zero_error else ''
         sentence = f'no value is valid until the next tare: {ZERO_TEXT[condition.zero]}{detail}'

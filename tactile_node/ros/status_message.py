@@ -17,13 +17,13 @@ from tactile_skin.msg import FaultyTaxel, NodeStatus, PadStatus, SkinStatus
 SEVERITY = (DiagnosticStatus.OK, DiagnosticStatus.STALE, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
 
 
-def status_message(told: DiagnosticArray, counts: BusStatistics, health: BusHealth,
+def status_message(diagnostics: DiagnosticArray, counts: BusStatistics, health: BusHealth,
                    conditions: Mapping[str, PadCondition] = MappingProxyType({})) -> SkinStatus:
-    """``told``: what BusDiagnostics made of the same ``counts`` and ``health``: the bus, then its pads."""
-    bus, *pads = told.status
-    worst = max((status.level for status in told.status), key=SEVERITY.index)
+    """``diagnostics``: what BusDiagnostics made of the same ``counts`` and ``health``: the bus, then its pads."""
+    bus, *pads = diagnostics.status
+    worst = max((status.level for status in diagnostics.status), key=SEVERITY.index)
     return SkinStatus(
-        header=told.header, level=worst[0], message=bus.message, active=health.is_active,
+        header=diagnostics.header, level=worst[0], message=bus.message, active=health.is_active,
         fault=health.fault.value, failure=failure_text(health.failure), bus_load=health.load,
         error_passive=health.is_error_passive, tx_error_count=health.error_counters.tx,
         rx_error_count=health.error_counters.rx, error_frames=counts.can_frames.get('error', 0),

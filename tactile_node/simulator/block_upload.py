@@ -25,8 +25,13 @@ class BlockUploadServer:
 
     def __init__(self, index: int, subindex: int, read: Callable[[], bytes], send: Callable[[bytes], None]):
         self._object = bytes([index & 0xFF, index >> 8, subindex])
-        self._read, self._send = read, send
-        self._data, self._acknowledged, self._in_block, self._is_running = b'', 0, 0, False
+        self._read = read
+        self._send = send
+        self._data = b''
+        self._acknowledged = 0  # segments
+        self._in_block = 0  # segments sent of this block
+        self._block_size = 0  # segments
+        self._is_running = False
 
     def takes(self, request: bytes) -> bool:
         """Whether it has answered; what it has not is for the common SDO server."""
@@ -49,7 +54,10 @@ class BlockUploadServer:
         if not 1 <= block_size <= MAX_BLOCK_SEGMENTS:
             self._send(bytes([RESPONSE_ABORTED]) + self._object + AbortCode.INVALID_BLOCK_SIZE.to_bytes(4, 'little'))
             return
-        self._data, self._acknowledged, self._block_size, self._is_running = self._read(), 0, block_size, True
+        self._data = self._read()
+        self._acknowledged = 0
+        self._block_size = block_size
+        self._is_running = True
         self._send(bytes([INITIATE_BLOCK_RESPONSE]) + self._object + len(self._data).to_bytes(4, 'little'))
 
     def _send_block(self) -> None:

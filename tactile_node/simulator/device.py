@@ -1,11 +1,9 @@
-"""A CANopen skin made of software: what the driver meets on a bus when no hardware is there."""
+"""A CANopen skin made of software: for a bus without hardware."""
 
 import logging
-import struct
 import threading
 import time
-from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from collections.abc import Callable
 
 import canopen
 import numpy as np
@@ -18,17 +16,13 @@ from tactile_node.cia301.nmt import NmtCommand
 from tactile_node.cia301.node_id import ALL_NODES
 from tactile_node.cia301.objects import COB_ID_SYNC, TPDO_COMMUNICATION, TPDO_MAPPING
 from tactile_node.cia301.pdo import (
-    EVERY_SYNC,
-    MANUFACTURER_EVENT,
     MAX_PDO_BITS,
-    MAX_PDO_BYTES,
-    MAX_SYNCHRONOUS,
     MAX_TPDOS,
     SAM_MPDO,
 )
 from tactile_node.cia301.sdo import SDO_BYTES, AbortCode
 from tactile_node.simulator.block_upload import BlockUploadServer
-from tactile_node.skin.layout import SkinLayout
+from tactile_node.simulator.tpdo_records import ConfiguredTpdo, Piece, TpdoRecords
 from tactile_node.skin.pads import CanopenNode
 from tactile_node.skin.taxel_codec import TaxelCodec
 
@@ -39,26 +33,6 @@ TaxelSource = Callable[[float], np.ndarray]
 
 
 
-class _Piece(NamedTuple):
-    """A mapped object's place: from which word of the taxels, which bits, to which bits of the TPDO."""
-
-    rank: int | None  #: None: the object holds no taxels
-    start: int
-    bits: int
-    to: int
-
-
-class _Tpdo(NamedTuple):
-    """A TPDO as the master has configured it."""
-
-    can_id: int
-    every: int  #: sent at each so many SYNCs; 0: when its bytes have changed
-    length: int
-    pieces: tuple[_Piece, ...]
-    whole: int | None  #: the rank of the layout's TPDO that it equals
-    heads: tuple[tuple[int, bytes], ...] = ()  #: multiplexed: rank and first bytes of each frame
-
-
 class SimulatedDevice:
     """One node of a pad as a CANopen slave on ``network``: boot-up, heartbeat, NMT, SDO server, synchronous TPDOs.
 
@@ -67,10 +41,12 @@ class SimulatedDevice:
     """
 
     def __init__(self, network: canopen.Network, node: CanopenNode, source: TaxelSource):
-        self._network, self._source = network, source
-        self._node_id, self._layout = node.node_id, node.layout
+        self._network = network
+        self._source = source
+        self._node_id = node.node_id
+        self._layout = node.layout
         self._codec = TaxelCodec(node.layout)
-        self._places = _object_places(node.layout)
+        self._records = TpdoRecords(node.layout, node.node_id, self._number)
         self._node = canopen.LocalNode(node.node_id, node.dictionary)
         self._node.add_write_callback(self._before_write)
         self._node.add_read_callback(self._read_taxels)
@@ -78,9 +54,11 @@ class SimulatedDevice:
         self._words = [bytes(8)] * len(node.layout.tpdos)
         self._domain = node.layout.domain
         self._blocks = self._block_server()
-        self._tpdos: list[_Tpdo] | None = None
+        self._tpdos: list[ConfiguredTpdo] | None = None
         self._sent: dict[int, bytes] = {}
-        self._started, self._syncs, self._lock = 0.0, 0, threading.RLock()
+        self._started = 0.0
+        self._syncs = 0
+        self._lock = threading.RLock()
         self.frames_sent = 0
         self.refuses_blocks = False  #: as a device whose SDO server knows no block upload
         self.refuses_start = False  #: as a device with an error that stays PRE-OPERATIONAL
@@ -96,7 +74,7 @@ class SimulatedDevice:
         self._announce()
 
     def power_off(self) -> None:
-        """Vanish from the bus without a word; ``boot`` brings it back with its defaults. Off it stays off."""
+        """Leave the bus without a message; ``boot`` brings it back with its defaults."""
         with self._lock:
             if self._node_id not in self._network:
                 return
@@ -110,7 +88,7 @@ class SimulatedDevice:
             self._forget()
 
     def lie(self, index: int, subindex: int, data: bytes) -> None:
-        """From now until the next reset answer ``data`` when asked for this object."""
+        """Until the next reset answer reads of this object with ``data``."""
         self._node.data_store.setdefault(index, {})[subindex] = data
 
     @property
@@ -145,7 +123,8 @@ class SimulatedDevice:
             was_operational = self.operational
             self._node.nmt.on_command(NMT, data, timestamp)
             if self.operational and not was_operational:
-                self._started, self._syncs = timestamp, 0
+                self._started = timestamp
+                self._syncs = 0
                 self._sent.clear()
 
     def _block_server(self) -> BlockUploadServer | None:
@@ -189,7 +168,7 @@ class SimulatedDevice:
             for tpdo in self._tpdos:
                 self._send(tpdo)
 
-    def _send(self, tpdo: _Tpdo) -> None:
+    def _send(self, tpdo: ConfiguredTpdo) -> None:
         if tpdo.every and self._syncs % tpdo.every:
             return
         for rank, head in tpdo.heads:
@@ -204,50 +183,22 @@ class SimulatedDevice:
         self._network.send_message(tpdo.can_id, data)
         self.frames_sent += 1
 
-    def _data(self, tpdo: _Tpdo) -> bytes:
+    def _data(self, tpdo: ConfiguredTpdo) -> bytes:
         if tpdo.whole is not None:
             return self._words[tpdo.whole][:tpdo.length]
         word = sum(self._bits(piece) << piece.to for piece in tpdo.pieces)
         return word.to_bytes(8, 'little')[:tpdo.length]
 
-    def _bits(self, piece: _Piece) -> int:
+    def _bits(self, piece: Piece) -> int:
         if piece.rank is None:
             return 0
         return int.from_bytes(self._words[piece.rank], 'little') >> piece.start & (1 << piece.bits) - 1
 
-    def _configured_tpdos(self) -> list[_Tpdo]:
-        """Compile the communication and mapping records as they stand now."""
+    def _configured_tpdos(self) -> list[ConfiguredTpdo]:
+        """As their records stand now."""
         numbers = [i for i in range(MAX_TPDOS) if TPDO_COMMUNICATION + i in self._node.object_dictionary]
-        compiled = (self._compile(number) for number in numbers)
+        compiled = (self._records.compile(number) for number in numbers)
         return [tpdo for tpdo in compiled if tpdo is not None]
-
-    def _compile(self, number: int) -> _Tpdo | None:
-        cob_id = self._number(TPDO_COMMUNICATION + number, 1)
-        kind = self._number(TPDO_COMMUNICATION + number, 2)
-        count = self._number(TPDO_MAPPING + number, 0)
-        heads = tuple(self._heads(number + 1))
-        if count == SAM_MPDO and kind == MANUFACTURER_EVENT and not cob_id & DISABLED:  # its event: the end of a scan
-            return _Tpdo(cob_id & ID_MASK, EVERY_SYNC, MAX_PDO_BYTES, (), None, heads)
-        if cob_id & DISABLED or kind > MAX_SYNCHRONOUS or not count:
-            return None
-        pieces, bits = [], 0
-        for sub in range(1, count + 1):
-            entry = self._number(TPDO_MAPPING + number, sub)
-            rank, start, _ = self._places.get(entry >> 8, (None, 0, 0))
-            pieces.append(_Piece(rank, start, entry & 0xFF, bits))
-            bits += entry & 0xFF
-        if heads:
-            return _Tpdo(cob_id & ID_MASK, kind, (bits + 7) // 8, tuple(pieces), None, heads)
-        whole = all(p.rank == pieces[0].rank is not None and p.start == p.to for p in pieces)
-        return _Tpdo(cob_id & ID_MASK, kind, (bits + 7) // 8, tuple(pieces),
-                     pieces[0].rank if whole else None)
-
-    def _heads(self, number: int) -> Iterator[tuple[int, bytes]]:
-        for rank, tpdo in enumerate(self._layout.tpdos):
-            if tpdo.number == number and tpdo.is_mpdo:
-                yield rank, struct.pack('<BHB', self._node_id, tpdo.mapping[0].index, tpdo.mapping[0].subindex)
-            elif tpdo.number == number and tpdo.row is not None:
-                yield rank, struct.pack('B', tpdo.row)
 
     def _number(self, index: int, sub: int) -> int:
         return int.from_bytes(self._node.get_data(index, sub), 'little')
@@ -255,10 +206,10 @@ class SimulatedDevice:
     def _read_taxels(self, index: int, subindex: int, od: object) -> int | bytes | None:
         if self._domain is not None and (index, subindex) == (self._domain.index, self._domain.subindex):
             return self._sample()
-        place = self._places.get(index << 8 | subindex)
+        place = self._records.places.get(index << 8 | subindex)
         if place is None:
             return None
-        value = self._bits(_Piece(*place, 0))
+        value = self._bits(Piece(*place, 0))
         signed = getattr(od, 'data_type', 0) in canopen.objectdictionary.SIGNED_TYPES
         return value - (value >> place[2] - 1 << place[2]) if signed else value
 
@@ -288,16 +239,5 @@ class SimulatedDevice:
                 raise SdoAbortedError(AbortCode.PDO_TOO_LONG)
         elif self._number(index, 0) != 0:
             raise SdoAbortedError(AbortCode.WRONG_DEVICE_STATE)
-        elif value and value >> 8 not in self._places:
+        elif value and value >> 8 not in self._records.places:
             raise SdoAbortedError(AbortCode.NOT_MAPPABLE)
-
-
-def _object_places(layout: SkinLayout) -> dict[int, tuple[int, int, int]]:
-    """{index << 8 | sub: (rank, first bit, bits)} of every object that holds taxels."""
-    places = {}
-    for rank, tpdo in enumerate(layout.tpdos):
-        start = 0
-        for mapped in tpdo.mapping:
-            places[mapped.index << 8 | mapped.subindex] = (rank, start, mapped.bits)
-            start += mapped.bits
-    return places

@@ -1,6 +1,6 @@
 """A serial CAN adapter on a pseudo-terminal: the device side of the slcan protocol (Lawicel CAN232).
 
-The bus behind the adapter is whoever holds this object; the program with ``interface: slcan`` and
+The bus behind the adapter is the holder of this object; the program with ``interface: slcan`` and
 ``channel: <port>`` sees an ordinary adapter.
 """
 
@@ -19,7 +19,7 @@ import can
 from tactile_node.errors import ConfigurationError
 
 OK, REFUSED = b'\r', b'\a'
-# Bytes not yet read by the other side; beyond this frames are dropped, as an adapter does
+# Bytes not yet read by the other side; beyond this frames are lost, as in an adapter
 MAX_WAITING = 1 << 16
 VERSION, SERIAL = b'V1013\r', b'NTS01\r'
 
@@ -37,17 +37,20 @@ class SlcanPty(can.BusABC):
         if self._link:
             _point(self._link, self.port)
         self._lock = threading.Lock()  # heartbeats are sent by a thread of their own
-        self._open, self._unsent, self._line = False, bytearray(), bytearray()
+        self._open = False
+        self._unsent = bytearray()
+        self._line = bytearray()
         self._received: deque[can.Message] = deque()
-        self.channel_info, self.dropped = f'slcan on {self.port}', 0
+        self.channel_info = f'slcan on {self.port}'
+        self.lost = 0  #: frames that the client did not read in time
         super().__init__(self.port)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Hand a frame to the client that has opened the channel; dropped, counted when it does not read."""
+        """Hand a frame to the client that has opened the channel; lost and counted when it does not read."""
         if not self._open:
             return
         if len(self._unsent) > MAX_WAITING:
-            self.dropped += 1
+            self.lost += 1
         else:
             self._write(encode(msg))
 

@@ -1,0 +1,83 @@
+"""The TPDOs of a simulated device, compiled from its communication and mapping records (CiA 301, 7.5.2.37 on)."""
+
+import struct
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from tactile_node.cia301.cob_id import DISABLED, ID_MASK
+from tactile_node.cia301.objects import TPDO_COMMUNICATION, TPDO_MAPPING
+from tactile_node.cia301.pdo import EVERY_SYNC, MANUFACTURER_EVENT, MAX_PDO_BYTES, MAX_SYNCHRONOUS, SAM_MPDO
+from tactile_node.skin.layout import SkinLayout
+
+#: {index << 8 | sub: (rank, first bit, bits)} of every object that holds taxels
+Places = dict[int, tuple[int, int, int]]
+
+
+class Piece(NamedTuple):
+    """A mapped object's place: from which word of the taxels, which bits, to which bits of the TPDO."""
+
+    rank: int | None  #: None: the object holds no taxels
+    start: int
+    bits: int
+    to: int
+
+
+class ConfiguredTpdo(NamedTuple):
+    """A TPDO as the master has configured it."""
+
+    can_id: int
+    every: int  #: sent at each so many SYNCs; 0: when its bytes have changed
+    length: int
+    pieces: tuple[Piece, ...]
+    whole: int | None  #: the rank of the layout's TPDO that it equals
+    heads: tuple[tuple[int, bytes], ...] = ()  #: multiplexed: rank and first bytes of each frame
+
+
+class TpdoRecords:
+    """Compiles the records of one node; ``number(index, sub)`` reads its object dictionary."""
+
+    def __init__(self, layout: SkinLayout, node_id: int, number: Callable[[int, int], int]):
+        self._layout = layout
+        self._node_id = node_id
+        self._number = number
+        self.places = _object_places(layout)
+
+    def compile(self, number: int) -> ConfiguredTpdo | None:
+        """TPDO ``number`` (from 0) as its records stand now; None when it is not sent."""
+        cob_id = self._number(TPDO_COMMUNICATION + number, 1)
+        kind = self._number(TPDO_COMMUNICATION + number, 2)
+        count = self._number(TPDO_MAPPING + number, 0)
+        heads = tuple(self._heads(number + 1))
+        if count == SAM_MPDO and kind == MANUFACTURER_EVENT and not cob_id & DISABLED:  # its event: the end of a scan
+            return ConfiguredTpdo(cob_id & ID_MASK, EVERY_SYNC, MAX_PDO_BYTES, (), None, heads)
+        if cob_id & DISABLED or kind > MAX_SYNCHRONOUS or not count:
+            return None
+        pieces, bits = [], 0
+        for sub in range(1, count + 1):
+            entry = self._number(TPDO_MAPPING + number, sub)
+            rank, start, _ = self.places.get(entry >> 8, (None, 0, 0))
+            pieces.append(Piece(rank, start, entry & 0xFF, bits))
+            bits += entry & 0xFF
+        if heads:
+            return ConfiguredTpdo(cob_id & ID_MASK, kind, (bits + 7) // 8, tuple(pieces), None, heads)
+        whole = all(p.rank == pieces[0].rank is not None and p.start == p.to for p in pieces)
+        return ConfiguredTpdo(cob_id & ID_MASK, kind, (bits + 7) // 8, tuple(pieces),
+                     pieces[0].rank if whole else None)
+
+    def _heads(self, number: int) -> Iterator[tuple[int, bytes]]:
+        for rank, tpdo in enumerate(self._layout.tpdos):
+            if tpdo.number == number and tpdo.is_mpdo:
+                yield rank, struct.pack('<BHB', self._node_id, tpdo.mapping[0].index, tpdo.mapping[0].subindex)
+            elif tpdo.number == number and tpdo.row is not None:
+                yield rank, struct.pack('B', tpdo.row)
+
+
+def _object_places(layout: SkinLayout) -> Places:
+    """{index << 8 | sub: (rank, first bit, bits)} of every object that holds taxels."""
+    places: Places = {}
+    for rank, tpdo in enumerate(layout.tpdos):
+        start = 0
+        for mapped in tpdo.mapping:
+            places[mapped.index << 8 | mapped.subindex] = (rank, start, mapped.bits)
+            start += mapped.bits
+    return places
