@@ -78,6 +78,7 @@ def test_a_faulty_taxel_has_its_code():
     counts, health = BusStatistics({'left': pad}, {}), BusHealth()
     conditions = {'left': PadCondition(FaultyTaxels(kinds))}
     told = BusDiagnostics('driver', 'can0').message(counts, health, conditions)
+    assert [item.value for item in told.status[1].values if item.key == 'faulty_taxels'] == ['stuck: (1, 0)']
     taxel, = status_message(told, counts, health, conditions).pads[0].faulty_taxels
     assert (taxel.row, taxel.col, taxel.code, taxel.fault) == (1, 0, FaultyTaxel.STUCK, 'stuck')
 

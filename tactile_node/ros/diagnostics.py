@@ -43,7 +43,7 @@ class BusDiagnostics:
             extra: dict[str, object] = {}
             if (condition := conditions.get(name)) is not None:
                 findings += _condition_findings(condition)
-                extra = {'faulty_taxels': condition.faults, 'unchanged_s': f'{condition.unchanged:.2f}'}
+                extra = {'faulty_taxels': faults_text(condition.faults), 'unchanged_s': f'{condition.unchanged:.2f}'}
             statuses.append(self._status(name, _worst(findings), _pad_values(pad) | extra | _nodes_values(nodes)))
         return DiagnosticArray(status=statuses)
 
