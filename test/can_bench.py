@@ -76,7 +76,9 @@ class Bench:
         still = np.zeros((rows, cols))
         self.simulator = SkinSimulator(self.pads,
                                        {pad.name: source or (lambda t: still) for pad in self.pads})
-        self.channel, self.frames, self.log = channel_of(channel), queue.Queue(), CapturedLog()
+        self.channel = channel_of(channel)
+        self.frames: queue.Queue[tuple[str, TaxelFrame]] = queue.Queue()
+        self.log = CapturedLog()
         self.settings = BusSettings(INTERFACE, self.channel, **settings)
         self.driver = SkinBus(self.settings, self.pads,
                               lambda name, frame: self.frames.put((name, frame)))

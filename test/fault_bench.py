@@ -59,7 +59,9 @@ class FaultBench(Bench):
         self._coded = Coded() if source is None else None
         self.is_clock_true = True  #: False: stamps cannot be compared with the wall clock
         super().__init__(channel, layout, nodes, source=source or self._coded)
-        self.adapter, self.kept, self.hold = Adapter(), [], threading.Event()
+        self.adapter = Adapter()
+        self.kept: list[tuple[str, TaxelFrame]] = []
+        self.hold = threading.Event()
         self.hold.set()  #: cleared: the consumer hangs
         self.settings = BusSettings('virtual', channel, **{'sync_period': 0.02} | settings)
         self.driver = Supervisor(self.settings, self.pads, self._keep, recover)

@@ -36,10 +36,10 @@ def _switch_off(bench: FaultBench, device: SimulatedDevice, missing: int, *fault
     """Wait until a fault is logged and a frame after that lacks so many CAN frames; return that one."""
     device.power_off()
     bench.detect(*faults, **kind)
-    told = len(bench.kept)
+    reported = len(bench.kept)
 
     def lacking() -> TaxelFrame | None:
-        return next((frame for _, frame in bench.kept[told:] if frame.missing_can_frames == missing), None)
+        return next((frame for _, frame in bench.kept[reported:] if frame.missing_can_frames == missing), None)
     bench.wait(lambda: lacking() is not None, 'frames without its taxels')
     return lacking()
 
@@ -68,7 +68,7 @@ def power_cycled_in_mid_stream(channel: str) -> FaultBench:
 
 
 def absent_then_back(channel: str) -> FaultBench:
-    """The device is told as silent, its taxels are NaN; it is used again as soon as it boots."""
+    """The device is reported as silent, its taxels are NaN; it is used again as soon as it boots."""
     with FaultBench(channel) as bench:
         bench.run().cause()
         _switch_off(bench, bench.device, 16, NodeFault.SILENT)
@@ -77,7 +77,7 @@ def absent_then_back(channel: str) -> FaultBench:
 
 
 def absent_at_configure_then_late(channel: str) -> FaultBench:
-    """configure says whom it waits for, and goes on when the device comes."""
+    """configure logs what it waits for, and continues when the device answers."""
     with FaultBench(channel) as bench:
         bench.device.power_off()
         starter = threading.Thread(target=bench.run)
@@ -92,7 +92,7 @@ def absent_at_configure_then_late(channel: str) -> FaultBench:
 
 
 def one_of_two_pads_lost(channel: str) -> FaultBench:
-    """Only that pad is told as silent; the other goes on, frame by frame."""
+    """Only that pad is reported as silent; the other continues, frame by frame."""
     with FaultBench(channel, (32, 64)) as bench:
         bench.run()
         bench.wait_for_whole('pad64')
@@ -110,7 +110,7 @@ def one_of_two_pads_lost(channel: str) -> FaultBench:
 
 
 def boot_up_message_lost(channel: str) -> FaultBench:
-    """A device that booted unheard sends nothing of itself: it is found by asking, and configured."""
+    """A device that booted unheard sends nothing by itself: it is found by a request, and configured."""
     with FaultBench(channel) as bench:
         bench.run().cause()
         bench.adapter.dropped = {0x720}
@@ -125,7 +125,7 @@ def boot_up_message_lost(channel: str) -> FaultBench:
 
 
 def another_device_comes_back(channel: str) -> FaultBench:
-    """A device of another vendor is refused, told by its identity; what it sends is published as NaN."""
+    """A device of another vendor is refused, reported by its identity; what it sends is published as NaN."""
     with FaultBench(channel) as bench:
         bench.run().cause()
         bench.device.power_off()
@@ -157,17 +157,17 @@ def _commanded_by_another_master(channel: str, command: ForeignCommand) -> Fault
 
 
 def reset_by_another_master(channel: str) -> FaultBench:
-    """The other master's command is told; the device is configured and started again."""
+    """The other master's command is reported; the device is configured and started again."""
     return _commanded_by_another_master(channel, ForeignCommand(0x81, 32))
 
 
 def all_reset_by_another_master(channel: str) -> FaultBench:
-    """A reset of all nodes is told and mended like one of a single node."""
+    """A reset of all nodes is reported and recovered from like one of a single node."""
     return _commanded_by_another_master(channel, ForeignCommand(0x82, 0))
 
 
 def stopped_by_another_master(channel: str) -> FaultBench:
-    """The command and the state STOPPED are told; the device is started again."""
+    """The command and the state STOPPED are reported; the device is started again."""
     bench = _commanded_by_another_master(channel, ForeignCommand(0x02, 32))
     assert NodeFault.NOT_OPERATIONAL in bench.log.facts
     return bench
@@ -190,7 +190,7 @@ def refuses_operational(channel: str) -> FaultBench:
 
 
 def adapter_unplugged(channel: str) -> FaultBench:
-    """The bus is told as failed with the reason, opened again until it works; the outage is counted."""
+    """The bus is reported as failed with the reason, opened again until it works; the outage is counted."""
     with FaultBench(channel) as bench:
         bench.run().cause()
         bench.adapter.is_plugged = False
@@ -221,7 +221,7 @@ def sending_fails(channel: str) -> FaultBench:
 
 
 def bus_off(channel: str) -> FaultBench:
-    """The controller's error frame is told as bus-off, the bus opened anew."""
+    """The controller's error frame is reported as bus-off, the bus opened again."""
     with FaultBench(channel) as bench:
         bench.run().cause()
         bench.other.send(can.Message(is_error_frame=True, arbitration_id=0x040, is_extended_id=False, data=bytes(8)))
@@ -233,14 +233,14 @@ def bus_off(channel: str) -> FaultBench:
 
 
 def error_frames(channel: str) -> FaultBench:
-    """Error frames are counted; error-passive is told until it ends; the taxels go on."""
+    """Error frames are counted; error-passive is reported until it ends; the taxels continue."""
     with FaultBench(channel) as bench:
         bench.run()
         for flags in (0x30, 0x10):
             bench.other.send(can.Message(is_error_frame=True, arbitration_id=0x004, is_extended_id=False,
                                          data=bytes([0, flags, 0, 0, 0, 0, 9, 130])))
-        bench.wait(lambda: bench.driver.health().is_error_passive, 'not told')
-        bench.wait(lambda: bench.driver.health().error_counters == (9, 130), 'counters not told')
+        bench.wait(lambda: bench.driver.health().is_error_passive, 'not reported')
+        bench.wait(lambda: bench.driver.health().error_counters == (9, 130), 'counters not reported')
         bench.wait(lambda: bench.driver.statistics().can_frames['error'] == 2, 'not counted')
         bench.other.send(can.Message(is_error_frame=True, arbitration_id=0x004, is_extended_id=False,
                                      data=bytes([0, 0x40, 0, 0, 0, 0, 0, 0])))
@@ -251,7 +251,7 @@ def error_frames(channel: str) -> FaultBench:
 
 
 def heartbeat_lost_while_taxels_flow(channel: str) -> FaultBench:
-    """It is told; no taxel is lost by it, and it counts as no outage."""
+    """It is reported; no taxel is lost by it, and it counts as no outage."""
     with FaultBench(channel) as bench:
         bench.run().cause()
         bench.adapter.dropped = {0x720}
@@ -265,7 +265,7 @@ def heartbeat_lost_while_taxels_flow(channel: str) -> FaultBench:
 
 
 def heartbeat_switched_off_by_another_master(channel: str) -> FaultBench:
-    """It is told, and switched on again while the taxels flow."""
+    """It is reported, and switched on again while the taxels flow."""
     with FaultBench(channel) as bench:
         bench.run().cause()
         bench.send(0x620, '2B17100000000000')  # 0x1017 = 0
@@ -277,7 +277,7 @@ def heartbeat_switched_off_by_another_master(channel: str) -> FaultBench:
 
 
 def taxels_lost_while_heartbeat_flows(channel: str) -> FaultBench:
-    """A node that is OPERATIONAL without taxels is told as such."""
+    """A node that is OPERATIONAL without taxels is reported as such."""
     with FaultBench(channel) as bench:
         bench.run().cause()
         bench.adapter.dropped = set(COB_IDS)
@@ -290,7 +290,7 @@ def taxels_lost_while_heartbeat_flows(channel: str) -> FaultBench:
 
 
 def tpdos_switched_off_by_another_master(channel: str) -> FaultBench:
-    """The missing taxels are told, and the configuration is written again."""
+    """The missing taxels are reported, and the configuration is written again."""
     with FaultBench(channel) as bench:
         bench.run().cause()
         for number, can_id in zip(ALL_TPDOS, COB_IDS):
@@ -302,7 +302,7 @@ def tpdos_switched_off_by_another_master(channel: str) -> FaultBench:
 
 
 def sync_of_another_producer_stops(channel: str) -> FaultBench:
-    """It is told that SYNC is missing; the device is left alone."""
+    """It is reported that SYNC is missing; the device is left alone."""
     with FaultBench(channel, produce_sync=False) as bench:
         sync = can.Message(arbitration_id=0x080, is_extended_id=False)
         producer = bench.other.send_periodic(sync, 0.02)
@@ -317,7 +317,7 @@ def sync_of_another_producer_stops(channel: str) -> FaultBench:
 
 
 def emcy_storm(channel: str) -> FaultBench:
-    """The first EMCY is told decoded, all are counted, few are told, sixteen are kept; the taxels go on."""
+    """The first EMCY is reported decoded, all are counted, few are reported, sixteen are kept; the taxels continue."""
     with FaultBench(channel) as bench:
         bench.run().cause()
         for i in range(2000):
@@ -331,7 +331,7 @@ def emcy_storm(channel: str) -> FaultBench:
 
 
 def short_emcy(channel: str) -> FaultBench:
-    """An EMCY without all of its bytes tells what it holds."""
+    """An EMCY without all of its bytes is reported with what it holds."""
     with FaultBench(channel) as bench:
         bench.run().cause()
         for data in ('', '10', '1042', '104209'):
@@ -360,7 +360,7 @@ def foreign_frames(channel: str) -> FaultBench:
 
 
 def absent_pad_of_two(channel: str) -> FaultBench:
-    """The pad that is there works; the other is told as not answering, and joins as soon as it boots."""
+    """The pad that is there works; the other is reported as not answering, and joins as soon as it boots."""
     with FaultBench(channel, (32, 64), boot_timeout=0.3) as bench:
         bench.simulator.devices[64].power_off()
         bench.cause()
@@ -393,19 +393,19 @@ def _pad(bench: FaultBench):
 
 
 def tpdos_lost(channel: str) -> FaultBench:
-    """Every seventh TPDO lost: its taxels are NaN and STALE, the TPDOs missing are counted and told as WARN."""
+    """Every seventh TPDO lost: its taxels are NaN and STALE, the TPDOs missing are counted and reported as WARN."""
     numbers = itertools.count()
     return _tampered(channel, lambda message: [message] if next(numbers) % 7 else [], lambda bench: _pad(bench).missing)
 
 
 def tpdos_duplicated(channel: str) -> FaultBench:
-    """Each TPDO twice: the second is dropped and counted as duplicate, the taxels go on."""
+    """Each TPDO twice: the second is lost and counted as duplicate, the taxels continue."""
     return _tampered(channel, lambda message: [message, message],
                      lambda bench: _pad(bench).losses[LossReason.DUPLICATE])
 
 
 def tpdos_reordered(channel: str) -> FaultBench:
-    """Pairs of TPDOs exchanged: what came before is dropped as out of order, never mixed in."""
+    """Pairs of TPDOs exchanged: the earlier one is lost as out of order, never mixed in."""
     held: list[can.Message] = []
 
     def exchange(message: can.Message) -> list[can.Message]:
@@ -415,14 +415,14 @@ def tpdos_reordered(channel: str) -> FaultBench:
 
 
 def short_tpdos(channel: str) -> FaultBench:
-    """A byte less than mapped: the TPDO is dropped as short, its taxels are NaN."""
+    """A byte less than mapped: the TPDO is lost as short, its taxels are NaN."""
     def cut(message: can.Message) -> list[can.Message]:
         return [_with_data(message, message.data[:-1])] if message.arbitration_id == COB_IDS[3] else [message]
     return _tampered(channel, cut, lambda bench: _pad(bench).losses[LossReason.SHORT])
 
 
 def over_long_tpdos(channel: str) -> FaultBench:
-    """A byte more than mapped (here: than CAN allows): dropped as over-long, the bus goes on."""
+    """A byte more than mapped (here: than CAN allows): lost as over-long, the bus continues."""
     def lengthen(message: can.Message) -> list[can.Message]:
         return [_with_data(message, message.data + b'1')] if message.arbitration_id == COB_IDS[3] else [message]
     return _tampered(channel, lengthen, lambda bench: _pad(bench).losses[LossReason.OVER_LONG])
@@ -435,7 +435,7 @@ def _with_data(message: can.Message, data: bytes) -> can.Message:
 
 def _configuration_disturbed(channel: str, tamper: Callable[[can.Message], list], where: str,
                              got: str) -> FaultBench:
-    """The device starts anew while its SDO answers pass ``tamper``; until that ends its taxels are NaN."""
+    """The device starts again while its SDO answers pass ``tamper``; until that ends its taxels are NaN."""
     with FaultBench(channel) as bench:
         bench.run().cause()
         bench.adapter.tamper = lambda message: tamper(message) if message.arbitration_id == 0x5A0 else [message]
@@ -452,7 +452,7 @@ def _configuration_disturbed(channel: str, tamper: Callable[[can.Message], list]
 
 
 def sdo_aborted_in_configuration(channel: str) -> FaultBench:
-    """The device refuses its TPDO: object and abort code are told, it is tried again until it agrees."""
+    """The device refuses its TPDO: object and abort code are reported, it is tried again until it agrees."""
     def abort(message: can.Message) -> list[can.Message]:  # CiA 301: 0x60 confirms a download; 0x80 aborts it
         is_tpdo = bytes(message.data[1:3]) == bytes.fromhex('0018')
         if message.data[0] == 0x60 and is_tpdo:
@@ -462,14 +462,14 @@ def sdo_aborted_in_configuration(channel: str) -> FaultBench:
 
 
 def sdo_timeout_in_mid_configuration(channel: str) -> FaultBench:
-    """The device falls silent amid its configuration: the object it did not answer for is told, it is tried again."""
+    """The device falls silent amid its configuration: the object without an answer is reported, it is tried again."""
     return _configuration_disturbed(
         channel, lambda message: [] if bytes(message.data[1:3]) == bytes.fromhex('001A') else [message],
         'object 0x1A00 sub', 'No SDO response')
 
 
 def device_that_lies_about_its_mapping(channel: str) -> FaultBench:
-    """It confirms each write and keeps another mapping: what was written and what is read back are told."""
+    """It confirms each write and keeps another mapping: what was written and what is read back are reported."""
     def other(message: can.Message) -> list[can.Message]:  # an answer to a read of 0x1A00 sub 1
         if message.data[0] == 0x43 and bytes(message.data[1:4]) == bytes.fromhex('001A01'):
             message = _with_data(message, bytes(message.data[:4]) + bytes.fromhex('10020020'))
@@ -478,7 +478,7 @@ def device_that_lies_about_its_mapping(channel: str) -> FaultBench:
 
 
 def queue_overrun(channel: str) -> FaultBench:
-    """A consumer that hangs: CAN frames beyond the queue's limit are dropped and counted, nothing stale is given."""
+    """A consumer that hangs: CAN frames beyond the queue's limit are lost and counted, nothing stale is given."""
     with FaultBench(channel, queue_limit=100) as bench:
         bench.run().cause()
         bench.hold.clear()
@@ -491,12 +491,12 @@ def queue_overrun(channel: str) -> FaultBench:
 
 
 def wall_clock_set_back(channel: str) -> FaultBench:
-    """An hour back: the jump is counted and told as WARN, stamps go on without going back, no TPDO is late for it."""
+    """An hour back: the jump is counted and reported as WARN, stamps never go back, no TPDO is late for it."""
     return _clock_jump(channel, -3600.0)
 
 
 def wall_clock_set_forward(channel: str) -> FaultBench:
-    """An hour on: the jump is counted and told as WARN, stamps follow at once."""
+    """An hour on: the jump is counted and reported as WARN, stamps follow at once."""
     return _clock_jump(channel, 3600.0)
 
 
@@ -519,7 +519,7 @@ def _clock_jump(channel: str, seconds: float) -> FaultBench:
 
 
 def disk_full_while_recording(channel: str) -> FaultBench:
-    """The recording ends and says why, what it lacks is counted; the taxels go on."""
+    """The recording ends with its reason logged, what it lacks is counted; the taxels continue."""
     with tempfile.TemporaryDirectory() as folder, FaultBench(channel, record=f'{folder}/x.log') as bench:
         bench.run().cause()
         with open('/dev/full', 'wb') as full:
@@ -567,7 +567,7 @@ def guarded_by_another_master(channel: str) -> FaultBench:
 
 
 def other_makers_device_at_work(channel: str) -> FaultBench:
-    """A busy device of another maker: its PDOs, SDOs, EMCY, boot-ups, a SYNC and TIME of its own disturb nothing."""
+    """A busy device of another maker: its PDOs, SDOs, EMCY, boot-ups, a its own SYNC and TIME disturb nothing."""
     theirs = ((0x185, '0102030405060708'), (0x285, 'FF'), (0x605, '4018100100000000'), (0x585, '4318100100000001'),
               (0x085, '0010010000000000'), (0x705, '00'), (0x705, '7F'), (0x090, ''), (0x100, '000000000000'),
               (0x205, '00'), (0x7E5, '0400000000000000'))
@@ -604,7 +604,7 @@ def refuses_operational_from_the_start(channel: str) -> FaultBench:
         bench.recover()
         second = max(i for i, (_, frame) in enumerate(bench.kept) if frame.sequence == 0)
         assert all(np.isnan(frame.values).all() for _, frame in bench.kept[:second])
-        del bench.kept[:second]  # with each start sequence numbers begin anew
+        del bench.kept[:second]  # with each start sequence numbers begin again
     return bench
 
 
@@ -633,7 +633,7 @@ def tare_under_load(channel: str) -> FaultBench:
 
 
 def one_of_a_pads_nodes_lost(channel: str) -> FaultBench:
-    """Of a pad made of two nodes, only the lost one's taxels are NaN; it is named, and used again when it boots."""
+    """Of a pad made of two nodes, only the lost one's taxels are NaN; it is reported, and used again when it boots."""
     source = np.random.default_rng(1).uniform(100, 1000, (12, 8))
     with FaultBench(channel, (32, 35), source=lambda t: source, layout='nodes2_12x8_12bit.yaml') as bench:
         bench.run().cause()
@@ -647,7 +647,7 @@ def one_of_a_pads_nodes_lost(channel: str) -> FaultBench:
 
 
 def polled_pad_power_cycled(channel: str) -> FaultBench:
-    """A pad read by SDO block upload: its polls fail, are counted and told; it is configured again as it boots."""
+    """A pad read by SDO block upload: its polls fail, are counted and reported; it is configured again as it boots."""
     source = np.random.default_rng(2).uniform(100, 1000, (16, 10))
     with FaultBench(channel, source=lambda t: source, layout='domain16x10_16bit.yaml') as bench:
         bench.run().cause()
@@ -658,7 +658,7 @@ def polled_pad_power_cycled(channel: str) -> FaultBench:
 
 
 def polled_uploads_damaged(channel: str) -> FaultBench:
-    """Segments of the uploads are damaged on the bus: the CRC tells, those frames are NaN, no value is wrong."""
+    """Segments of the uploads are damaged on the bus: the CRC reveals it, those frames are NaN, no value is wrong."""
     source, count = np.random.default_rng(3).uniform(100, 1000, (16, 10)), itertools.count()
 
     def damage(message: can.Message) -> list[can.Message]:
@@ -703,7 +703,7 @@ def adapter_of_two_large_pads_unplugged(channel: str) -> FaultBench:
 
 
 def two_large_pads_power_cycled(channel: str) -> FaultBench:
-    """Two pads of 16x16 taxels lose their supply together: 64 TPDOs are written anew."""
+    """Two pads of 16x16 taxels lose their supply together: 64 TPDOs are written again."""
     def disturb(bench: FaultBench) -> None:
         for device in bench.simulator.devices.values():
             device.power_off()
@@ -730,12 +730,12 @@ FAULTS: tuple[Callable[[str], FaultBench], ...] = (
 
 def main() -> int:
     """Print the catalogue, each fault injected now; 1 when taxels came again later than ALLOWED."""
-    print(f'{"fault":42} {"told [s]":>8} {"again [s]":>9}  what the user sees')
+    print(f'{"fault":42} {"logged [s]":>10} {"again [s]":>9}  what the user sees')
     slow = []
     for fault in FAULTS:
         bench = fault(f'catalogue {fault.__name__}')
         times = [f'{time:.2f}' if time is not None else '-' for time in (bench.detected, bench.publishing_again)]
-        print(f'{fault.__name__.replace("_", " "):42} {times[0]:>8} {times[1]:>9}  {fault.__doc__}', flush=True)
+        print(f'{fault.__name__.replace("_", " "):42} {times[0]:>10} {times[1]:>9}  {fault.__doc__}', flush=True)
         slow += [fault.__name__] if (bench.publishing_again or 0) > ALLOWED else []
     print(f'{len(FAULTS)} faults, taxels again within {ALLOWED:g} s' + (f', but for {", ".join(slow)}' if slow else ''))
     return int(bool(slow))

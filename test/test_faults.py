@@ -19,13 +19,13 @@ def test_fault(fault):
     fault(f'test {fault.__name__}')
 
 
-def test_without_recovery_faults_are_told_and_left_alone():
+def test_without_recovery_faults_are_reported_and_left_alone():
     with FaultBench('left alone', recover=False) as bench:
         bench.run()
         bench.send(0x000, '0220')
-        bench.wait(lambda: bench.node().fault is NodeFault.NOT_OPERATIONAL, 'not told')
+        bench.wait(lambda: bench.node().fault is NodeFault.NOT_OPERATIONAL, 'not reported')
         bench.adapter.is_plugged = False
-        bench.wait(lambda: bench.driver.failure is not None, 'not told')
+        bench.wait(lambda: bench.driver.failure is not None, 'not reported')
         assert bench.adapter.opened == 1 and bench.node().state == 'STOPPED'
         bench.detect(BusFault.RECEPTION_FAILED, BusFault.SENDING_FAILED)
 
@@ -84,12 +84,12 @@ def test_a_driver_closed_amid_an_outage_opens_again():
         assert bench.driver.failure is None and bench.kept[0][1].sequence == 0
 
 
-@pytest.mark.parametrize('data, told', [
+@pytest.mark.parametrize('data, text', [
     ('0000000000000000', 'EMCY 0x0000 (error reset or no error)'),
     ('3081110000000000', 'EMCY 0x8130 (life guard or heartbeat error), error register: generic, communication'),
     ('0031050000000000', 'EMCY 0x3100 (mains voltage), error register: generic, voltage'),
     ('0050010102000000', 'EMCY 0x5000 (device hardware), error register: generic, manufacturer 0102000000'),
     ('01FF80', 'EMCY 0xFF01 (specific to the device), error register: manufacturer'),
     ('00B0', 'EMCY 0xB000 (of no class in CiA 301)'), ('7F', 'EMCY too short to hold an error code')])
-def test_emcy_in_words(data, told):
-    assert str(decode_emergency(bytes.fromhex(data), 0.0)) == told
+def test_emcy_in_words(data, text):
+    assert str(decode_emergency(bytes.fromhex(data), 0.0)) == text

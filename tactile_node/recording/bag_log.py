@@ -116,7 +116,8 @@ class McapCanWriter:
         seconds, part = divmod(message.timestamp, 1)
         time = int(seconds) * SECOND + round(part * SECOND)  # as one number a float would round to 256 ns
         self._sequence += 1
-        self._writer.add_message(self._channel, time, self._types.cdr(message, time), time, self._sequence)
+        self._writer.add_message(channel_id=self._channel, log_time=time, data=self._types.cdr(message, time),
+                                 publish_time=time, sequence=self._sequence)
 
     def stop(self) -> None:
         self._writer.finish()
@@ -141,15 +142,17 @@ class _Types:
         stamp = frame.header.stamp
         time = stamp.sec + stamp.nanosec / SECOND if stamp.sec or stamp.nanosec else recorded.time / SECOND
         data = bytes(frame.data[:min(frame.dlc, 8)])
-        return can.Message(time, frame.id & 0x1FFF_FFFF, frame.is_extended, frame.is_rtr, frame.is_error,
-                           channel=recorded.topic, dlc=len(data), data=None if frame.is_rtr else data)
+        return can.Message(time, frame.id & 0x1FFF_FFFF, is_extended_id=frame.is_extended,
+                           is_remote_frame=frame.is_rtr, is_error_frame=frame.is_error, channel=recorded.topic,
+                           dlc=len(data), data=None if frame.is_rtr else data)
 
     def cdr(self, message: can.Message, time: int) -> bytes:
         kinds, data = self._store.types, bytes(message.data).ljust(8, b'\0')
         stamp = kinds['builtin_interfaces/msg/Time'](time // SECOND, time % SECOND)
         header = kinds['std_msgs/msg/Header'](stamp, str(message.channel or ''))
-        frame = self._frame(header, message.arbitration_id, message.is_remote_frame, message.is_extended_id,
-                            message.is_error_frame, message.dlc, np.frombuffer(data, np.uint8))
+        frame = self._frame(header=header, id=message.arbitration_id, is_rtr=message.is_remote_frame,
+                            is_extended=message.is_extended_id, is_error=message.is_error_frame, dlc=message.dlc,
+                            data=np.frombuffer(data, np.uint8))
         return bytes(self._store.serialize_cdr(frame, TYPE))
 
 

@@ -49,7 +49,8 @@ class TpdoRecords:
         count = self._number(TPDO_MAPPING + number, 0)
         heads = tuple(self._heads(number + 1))
         if count == SAM_MPDO and kind == MANUFACTURER_EVENT and not cob_id & DISABLED:  # its event: the end of a scan
-            return ConfiguredTpdo(cob_id & ID_MASK, EVERY_SYNC, MAX_PDO_BYTES, (), None, heads)
+            return ConfiguredTpdo(can_id=cob_id & ID_MASK, every=EVERY_SYNC, length=MAX_PDO_BYTES, pieces=(),
+                                  whole=None, heads=heads)
         if cob_id & DISABLED or kind > MAX_SYNCHRONOUS or not count:
             return None
         pieces, bits = [], 0
@@ -58,11 +59,9 @@ class TpdoRecords:
             rank, start, _ = self.places.get(entry >> 8, (None, 0, 0))
             pieces.append(Piece(rank, start, entry & 0xFF, bits))
             bits += entry & 0xFF
-        if heads:
-            return ConfiguredTpdo(cob_id & ID_MASK, kind, (bits + 7) // 8, tuple(pieces), None, heads)
-        whole = all(p.rank == pieces[0].rank is not None and p.start == p.to for p in pieces)
-        return ConfiguredTpdo(cob_id & ID_MASK, kind, (bits + 7) // 8, tuple(pieces),
-                     pieces[0].rank if whole else None)
+        is_whole = not heads and all(p.rank == pieces[0].rank is not None and p.start == p.to for p in pieces)
+        return ConfiguredTpdo(can_id=cob_id & ID_MASK, every=kind, length=(bits + 7) // 8, pieces=tuple(pieces),
+                              whole=pieces[0].rank if is_whole else None, heads=heads)
 
     def _heads(self, number: int) -> Iterator[tuple[int, bytes]]:
         for rank, tpdo in enumerate(self._layout.tpdos):

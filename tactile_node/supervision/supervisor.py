@@ -50,7 +50,8 @@ class Supervisor:
         self._closing = threading.Event()
         self._turn = threading.RLock()
         self.monitor = BusMonitor([node_id for pad in pads for node_id in pad.node_ids], self._wake.set)
-        self._bus = SkinBus(settings, pads, self._deliver, self.monitor, self._bus_failed if recover else None)
+        self._bus = SkinBus(settings, pads, self._deliver, monitor=self.monitor,
+                            on_failure=self._bus_failed if recover else None)
         timeouts = self._timeouts(heartbeat_timeout)
         self._by_pad = {pad.name: [NodeMonitor(node, self.monitor, *timeouts) for node in pad.nodes] for pad in pads}
         self._nodes = [node for nodes in self._by_pad.values() for node in nodes]
