@@ -9,11 +9,11 @@ from contextlib import contextmanager
 @contextmanager
 def interruption() -> Iterator[threading.Event]:
     """Give an event that SIGINT or SIGTERM sets; the signals' meaning before is restored at the end."""
-    asked = threading.Event()
-    before = {number: signal.signal(number, lambda *_: asked.set())
+    stop_requested = threading.Event()
+    before = {number: signal.signal(number, lambda *_: stop_requested.set())
               for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        yield asked
+        yield stop_requested
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

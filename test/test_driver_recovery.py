@@ -19,7 +19,7 @@ from rclpy.lifecycle import TransitionCallbackReturn  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 from rclpy.time import Time  # noqa: E402
 
-from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
+from tactile_node.nodes.driver_node import WAITING, DriverNode  # noqa: E402
 from tactile_node.ros.qos import STATUS_QOS, frames_qos  # noqa: E402
 from tactile_node.threads.reminder import FIRST_REMINDER  # noqa: E402
 from tactile_skin.msg import NodeStatus, SkinStatus, TaxelArray  # noqa: E402
@@ -115,8 +115,8 @@ def test_what_is_not_there_at_start_is_waited_for_and_told_now_and_then(chain):
     assert (heard[-1].level, heard[-1].fault) == (SkinStatus.ERROR, SkinStatus.FAULT_NOT_OPENED)
     assert not heard[-1].active
     assert starting.is_alive() and chain.bench.adapter.opened == 0
-    chain.wait(lambda: any('It is waited for.' in sentence for sentence in said), 'the log does not say so')
-    told = sum('It is waited for.' in sentence for sentence in said)
+    chain.wait(lambda: any(WAITING in sentence for sentence in said), 'the log does not say so')
+    told = sum(WAITING in sentence for sentence in said)
     assert told <= 1 + (time.monotonic() - begun) / FIRST_REMINDER  # not at each attempt
     chain.bench.adapter.is_plugged = True
     chain.wait(lambda: (OK, OK) in chain.levels, 'never OK')

@@ -42,13 +42,13 @@ def run(args: argparse.Namespace) -> int:
     from tactile_node.nodes.run import wait
     from tactile_node.nodes.spinning import spinning
     from tactile_node.nodes.system import make_system
-    from tactile_node.ros.rclpy_errors import told_as_ours
+    from tactile_node.ros.rclpy_errors import translate_rclpy_errors
     with ExitStack() as stack:
-        asked = stack.enter_context(interruption())
+        stop_requested = stack.enter_context(interruption())
         if args.simulate:
             _simulate(args, stack)
         stack.callback(rclpy.try_shutdown)
-        with told_as_ours():
+        with translate_rclpy_errors():
             rclpy.init(args=['--ros-args', '--params-file', args.params_file] if args.params_file else [],
                        signal_handler_options=SignalHandlerOptions.NO)
             system = make_system(bus_nodes(args.pads, driver=_driver_parameters(args), namespace=args.namespace,
@@ -57,20 +57,20 @@ def run(args: argparse.Namespace) -> int:
         spinner = stack.enter_context(spinning(system.nodes))  # autostart may wait for other nodes' callbacks
         system.driver.autostart()
         if args.replay:
-            return _replay(system, spinner, asked)
-        wait(spinner, asked)
+            return _replay(system, spinner, stop_requested)
+        wait(spinner, stop_requested)
         return 0
 
 
-def _replay(system, spinner, asked: threading.Event) -> int:
+def _replay(system, spinner, stop_requested: threading.Event) -> int:
     """Wait for the log's end and for the last of its frames to come out as a shape; tell what became of all."""
     from tactile_node.nodes.drain import drain, published_frames
     source = system.source
-    while not source.finished.wait(0.1) and not asked.is_set():
+    while not source.finished.wait(0.1) and not stop_requested.is_set():
         spinner.check()
-    recognised, published = drain(source, lambda: system.recognised, spinner, asked), published_frames(source)
+    recognised, published = drain(source, lambda: system.recognised, spinner, stop_requested), published_frames(source)
     print(f'{summary(source.statistics())}\nShapes: {recognised} of {published} taxel frames')
-    return 0 if recognised == published and not asked.is_set() else 1
+    return 0 if recognised == published and not stop_requested.is_set() else 1
 
 
 def _simulate(args: argparse.Namespace, stack: ExitStack) -> None:

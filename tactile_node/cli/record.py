@@ -51,8 +51,8 @@ def run(args: argparse.Namespace) -> int:
 def _record(bus: can.BusABC, log: CanLogWriter, duration: float) -> None:
     end = time.monotonic() + duration
     hint_at: float | None = time.monotonic() + HINT_AFTER
-    with interruption() as asked:
-        while not asked.is_set() and not log.failure and time.monotonic() < end:
+    with interruption() as stop_requested:
+        while not stop_requested.is_set() and not log.failure and time.monotonic() < end:
             try:
                 message = bus.recv(0.1)
             except Exception as error:  # each backend raises its own when the adapter goes

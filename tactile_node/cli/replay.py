@@ -36,10 +36,10 @@ def run(args: argparse.Namespace) -> int:
     frames: dict[str, list[np.ndarray]] = {pad.name: [] for pad in pads}
     source = LogSource(args.log, pads, lambda name, frame: frames[name].append(frame.values), pace=args.pace or None,
                        channel=args.channel)
-    with interruption() as asked:
+    with interruption() as stop_requested:
         source.open()
         source.start()
-        while not source.finished.wait(0.1) and not asked.is_set():
+        while not source.finished.wait(0.1) and not stop_requested.is_set():
             pass
         source.close()
     if source.failure:

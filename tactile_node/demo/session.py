@@ -46,7 +46,7 @@ class DemoSession:
         self._pictures, self._stack = LivePictures(), ExitStack()
 
     def __enter__(self) -> 'DemoSession':
-        self._asked = self._stack.enter_context(interruption())
+        self._stop_requested = self._stack.enter_context(interruption())
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         self._simulator.start('virtual', CHANNEL)
         driver: Parameters = {
@@ -75,7 +75,7 @@ class DemoSession:
         begun = time.monotonic()
         while (now := time.monotonic() - begun) < end:
             self._spinner.check()
-            if self._asked.is_set():
+            if self._stop_requested.is_set():
                 raise KeyboardInterrupt
             views = self.watcher.views()
             if len(views) == len(PADS):
@@ -85,8 +85,8 @@ class DemoSession:
                     self._pictures.keep(views)
             time.sleep(DRAW_PERIOD)
         self._system.driver.trigger_deactivate()
-        drain(self._system.source, lambda: len(self.watcher.latency), self._spinner, self._asked)
-        if self._asked.is_set():
+        drain(self._system.source, lambda: len(self.watcher.latency), self._spinner, self._stop_requested)
+        if self._stop_requested.is_set():
             raise KeyboardInterrupt
 
     def verdicts(self) -> list[Verdict]:

@@ -9,101 +9,78 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
-from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile
 
-from tactile_node.bus.bus_settings import BusSettings
-from tactile_node.conditioning.conditioned_pad import ConditionedPad
 from tactile_node.conditioning.limits import tare_limit
 from tactile_node.conditioning.taxel_faults import FaultyTaxels
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError, DeviceError, TactileError
-from tactile_node.frames.fault_text import failure_of
 from tactile_node.frames.frame_source import FrameSource
-from tactile_node.frames.health import BusHealth
-from tactile_node.frames.losses import BusStatistics
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.node_graph import NODE_NAMES, Role
+from tactile_node.nodes.driver_source import driver_pads, make_source
 from tactile_node.nodes.fault_service import FaultService
+from tactile_node.nodes.pad_output import PadOutput
 from tactile_node.nodes.replay_gate import ReplayGate
 from tactile_node.nodes.run import run_node
+from tactile_node.nodes.state_publisher import StatePublisher
 from tactile_node.nodes.tare_service import TareService, Zeroing
-from tactile_node.recording.log_source import LogSource
 from tactile_node.ros.conditioning_setup import adjust, conditioned_pads
-from tactile_node.ros.diagnostics import BusDiagnostics, unconfigured
-from tactile_node.ros.lifecycle import outlive_unfitting_requests
+from tactile_node.ros.lifecycle import reject_invalid_transitions
 from tactile_node.ros.parameters import changed, declare, read
-from tactile_node.ros.qos import STATUS_QOS
 from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
 from tactile_node.ros.settings import DriverSettings
-from tactile_node.ros.status_message import status_message
-from tactile_node.ros.taxel_messages import taxel_array_message
-from tactile_node.skin.layout import SkinLayout
-from tactile_node.skin.pad_rules import live_pads
-from tactile_node.skin.pads import PadSettings, make_pads, one_for_each, with_dictionaries
-from tactile_node.supervision.supervisor import Supervisor
+from tactile_node.skin.pads import one_for_each
 from tactile_node.threads.reminder import Reminder
-from tactile_skin.msg import SkinStatus, TaxelArray
 
 DIAGNOSTICS_PERIOD = 1.0  # [s], REP-107
-RETRY_PERIOD = 0.5  # s between two attempts to configure while something is waited for at start
-
-
-class Pad(NamedTuple):
-    """What is needed to publish a pad's frames."""
-
-    publisher: Publisher
-    layout: SkinLayout
-    frame_id: str
-    conditioned: ConditionedPad
+RETRY_PERIOD = 0.5  # s between two attempts to configure while the driver waits at start
+WAITING = 'The driver waits for it.'
 
 
 class DriverNode(LifecycleNode):
     """Publishes `<pad>/taxels` for each pad while active, /diagnostics and `~/status` always."""
 
-    def __init__(self, **options):
+    def __init__(self, **options: Any):
         super().__init__(NODE_NAMES[Role.DRIVER], **options)
-        outlive_unfitting_requests(self)
+        reject_invalid_transitions(self)
         declare(self, DriverSettings)
         self.add_on_set_parameters_callback(self._on_parameters)
         self._source: FrameSource | None = None
-        self._pads: dict[str, Pad] = {}
+        self._pads: dict[str, PadOutput] = {}
         self._gate: ReplayGate | None = None
-        self._owned: list[Callable[[], object]] = []  # what gives back all that configure has made
+        self._owned: list[Callable[[], object]] = []  # releases all that configure has made, last first
         self._error: TactileError | None = None
-        self._reminder: Reminder | None = None  # while bus and devices are waited for at start
+        self._reminder: Reminder | None = None  # while the driver waits for bus and devices at start
         self._tare = TareService(self)
-        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', QoSProfile(depth=10))
-        self._status = self.create_publisher(SkinStatus, '~/status', STATUS_QOS)
+        self._state = StatePublisher(self)
         self.create_timer(DIAGNOSTICS_PERIOD, self._publish_state)
         forward_logs_to(self)
 
-    def autostart(self, asked: threading.Event | None = None) -> None:
-        """Configure and activate, as the parameter `autostart` says. Raises what went wrong.
+    def autostart(self, stop_requested: threading.Event | None = None) -> None:
+        """Configure and activate where the parameter `autostart` is true. Raises the error of a failed transition.
 
-        With `wait_at_start` a bus or device that is not there is waited for until the event ``asked`` is set.
+        With `wait_at_start` it waits for a missing bus or device until ``stop_requested`` is set.
         """
         if not self.get_parameter('autostart').value:
             return
-        waits = asked is not None and self.get_parameter('wait_at_start').value
-        self._reminder = Reminder() if waits else None
+        stop = stop_requested if self.get_parameter('wait_at_start').value else None
+        self._reminder = None if stop is None else Reminder()
         try:
             while self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
-                if not waits or not isinstance(self._error, (BusError, DeviceAbsentError)):
-                    raise self._error or _failed('configure')
-                if asked.wait(RETRY_PERIOD):
+                if stop is None or not isinstance(self._error, (BusError, DeviceAbsentError)):
+                    raise self._error or _unforeseen('configure')
+                if stop.wait(RETRY_PERIOD):
                     return
-        except RuntimeError:  # RCLError: whoever else commands the lifecycle has done it meanwhile
+        except RuntimeError:  # RCLError: a lifecycle manager has configured the node meanwhile
             return
         finally:
             self._reminder = None
         if self.trigger_activate() != TransitionCallbackReturn.SUCCESS:
-            raise self._error or _failed('activate')
+            raise self._error or _unforeseen('activate')
 
     @property
     def source(self) -> FrameSource | None:
@@ -114,22 +91,22 @@ class DriverNode(LifecycleNode):
         result = self._attempt(self._configure)
         if result != TransitionCallbackReturn.SUCCESS:
             self._release()
-        return self._told(result)
+        return self._publish_after(result)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        return self._told(self._attempt(self._start))
+        return self._publish_after(self._attempt(self._start))
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         self._tare.give_up('one that was deactivated')
-        return self._told(self._attempt(self._source.stop))
+        return self._publish_after(self._attempt(self._configured_source().stop))
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         self._release()
-        return self._told(TransitionCallbackReturn.SUCCESS)
+        return self._publish_after(TransitionCallbackReturn.SUCCESS)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         self._release()
-        return self._told(TransitionCallbackReturn.SUCCESS)
+        return self._publish_after(TransitionCallbackReturn.SUCCESS)
 
     def destroy_node(self) -> None:
         self._release()
@@ -138,13 +115,8 @@ class DriverNode(LifecycleNode):
         stop_forwarding_to(self)
         super().destroy_node()
 
-    def _told(self, result: TransitionCallbackReturn) -> TransitionCallbackReturn:
-        """Publish the state after a transition."""
-        self._publish_state()
-        return result
-
     def _attempt(self, step: Callable[[], None]) -> TransitionCallbackReturn:
-        """Run a step of the lifecycle; a failure is told once, in a sentence."""
+        """Run a step of the lifecycle; log a failure once."""
         try:
             step()
         except TactileError as error:
@@ -152,9 +124,9 @@ class DriverNode(LifecycleNode):
             if self._reminder is None:
                 self.get_logger().error(str(error))
             elif self._reminder.is_due(str(error), time.monotonic()):
-                self.get_logger().error(f'{error} It is waited for.')
+                self.get_logger().error(f'{error} {WAITING}')
             return TransitionCallbackReturn.FAILURE
-        except Exception:  # rclpy would swallow it without a word
+        except Exception:  # rclpy would discard it without a message
             self._error = None
             self.get_logger().error(traceback.format_exc())
             return TransitionCallbackReturn.FAILURE
@@ -163,59 +135,47 @@ class DriverNode(LifecycleNode):
 
     def _configure(self) -> None:
         settings = read(self, DriverSettings)
-        pads = _pads(settings)
+        pads = driver_pads(settings)
         frame_ids = one_for_each('frame_ids', settings.frame_ids, pads)
         conditioned = conditioned_pads(pads, settings)
-        self._pads = {pad.name: Pad(self._make_publisher(TaxelArray, f'{pad.name}/taxels', settings.qos), pad.layout,
-                                    frame_id or f'{pad.name}_pad', conditioned[pad.name])
-                      for pad, frame_id in zip(pads, frame_ids)}
+        for pad, frame_id in zip(pads, frame_ids):
+            self._pads[pad.name] = PadOutput(self, pad, frame_id, conditioned[pad.name], qos=settings.qos)
+            self._owned.append(self._pads[pad.name].destroy)
         saving = FaultService(self, settings.faulty_taxels_file, self._faults)
-        self._findings = BusDiagnostics(self.get_name(), f'{settings.interface} {settings.channel}')
-        source = self._make_source(settings, pads)
-        self._tare.begin(Zeroing({name: pad.tared for name, pad in conditioned.items()},
-                                 self._tare_limit({pad.name: pad.layout.value.unit for pad in pads}),
-                                 settings.sync_period, source.auto_zero, source.boots))
+        self._state.begin(f'{settings.interface} {settings.channel}')
+        self._gate = self._make_gate(settings)
+        source = make_source(settings, pads, self._publish)
+        self._tare.begin(Zeroing(pads={name: pad.tared for name, pad in conditioned.items()},
+                                 limit=self._tare_limit({pad.name: pad.layout.value.unit for pad in pads}),
+                                 frame_period=settings.sync_period, auto_zero=source.auto_zero, boots=source.boots))
         self._owned += [saving.destroy, self._tare.end, source.close]
         source.open()
         self._source = source
         source.configure()
 
     def _start(self) -> None:
-        self._source.start()
+        self._configured_source().start()
         self._tare.expect()
 
-    def _make_publisher(self, kind: type, topic: str, qos: QoSProfile) -> Publisher:
-        publisher = self.create_publisher(kind, topic, qos)
-        self._owned.append(lambda: self.destroy_publisher(publisher))
-        return publisher
-
-    def _make_source(self, settings: DriverSettings, pads: tuple[PadSettings, ...]) -> FrameSource:
-        if settings.replay:
-            self._gate = self._make_gate(settings)
-            return LogSource(settings.replay, pads, self._publish, pace=settings.replay_pace or None,
-                             loop=settings.replay_loop, drop_incomplete=settings.drop_incomplete,
-                             channel=settings.replay_channel)
-        bus = BusSettings(interface=settings.interface, channel=settings.channel, bitrate=settings.bitrate,
-                          sync_period=settings.sync_period, produce_sync=settings.produce_sync,
-                          boot_timeout=settings.boot_timeout, drop_incomplete=settings.drop_incomplete,
-                          record=settings.record)
-        return Supervisor(bus, live_pads(pads), self._publish, recover=settings.recover,
-                          heartbeat_timeout=settings.heartbeat_timeout)
+    def _configured_source(self) -> FrameSource:
+        if self._source is None:
+            raise RuntimeError('the driver is not configured')
+        return self._source
 
     def _make_gate(self, settings: DriverSettings) -> ReplayGate | None:
         """Only a log played as fast as possible needs one, and only where nothing may be lost."""
-        if settings.replay_pace or not settings.lossless:
+        if not settings.replay or settings.replay_pace or not settings.lossless:
             return None
         gate = ReplayGate(self, settings.pads, settings.qos)
         self._owned.append(gate.destroy)
         return gate
 
     def _on_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Take a change that needs no new configuration, whole or not at all."""
+        """Apply a change that needs no new configuration, as a whole or not at all."""
         settings = changed(read(self, DriverSettings), parameters)
         try:
             adjust({name: pad.conditioned for name, pad in self._pads.items()},
-                   {name: pad.layout.value.unit for name, pad in self._pads.items()}, settings)
+                   {name: pad.unit for name, pad in self._pads.items()}, settings)
         except ConfigurationError as error:
             return SetParametersResult(successful=False, reason=str(error))
         if self._source is not None:
@@ -225,47 +185,35 @@ class DriverNode(LifecycleNode):
     def _publish(self, pad: str, frame: TaxelFrame) -> None:
         if self._gate is not None:
             self._gate.wait(pad, frame.sequence)
-        publisher, layout, frame_id, conditioned = self._pads[pad]
-        frame = conditioned.feed(frame)
-        publisher.publish(taxel_array_message(frame, layout.pitch, layout.value.unit, frame_id))
+        self._pads[pad].publish(frame)
 
     def _tare_limit(self, units: Mapping[str, str]) -> Callable[[str], float]:
-        """The limit of a pad, by its name, whenever it is asked for."""
+        """Return what gives the limit of a pad, by its name, at the time of the call."""
         return lambda pad: tare_limit(self.get_parameter('tare_limit').value, units[pad])
 
     def _faults(self) -> dict[str, FaultyTaxels]:
         return {name: pad.conditioned.faults for name, pad in self._pads.items()}
 
     def _publish_state(self) -> None:
-        source, conditions = self._source, {name: pad.conditioned.condition for name, pad in self._pads.items()}
-        if source is None:
-            failure = None if self._error is None else failure_of(self._error)
-            counts, health = BusStatistics({}, {}), BusHealth(failure, is_active=False)
-            message = unconfigured(self.get_name(), health)
-        else:
-            counts, health = source.statistics(), source.health()
-            message = self._findings.message(counts, health, conditions)
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(message)
-        self._status.publish(status_message(message, counts, health, conditions))
+        self._state.publish(self._source, self._error,
+                            {name: pad.conditioned.condition for name, pad in self._pads.items()})
+
+    def _publish_after(self, result: TransitionCallbackReturn) -> TransitionCallbackReturn:
+        """Publish the state after a transition and return the transition's result."""
+        self._publish_state()
+        return result
 
     def _release(self) -> None:
         self._source = None
         while self._owned:
             self._owned.pop()()
-        self._gate, self._pads = None, {}
+        self._gate = None
+        self._pads = {}
 
 
-def _failed(transition: str) -> DeviceError:
+def _unforeseen(transition: str) -> DeviceError:
     return DeviceError('skin driver', expected=f'to {transition}', got='an unforeseen error',
                        remedy='The log above has it.')
-
-
-def _pads(settings: DriverSettings) -> tuple[PadSettings, ...]:
-    if not settings.pads:
-        raise ConfigurationError('parameter pads', expected='a name for each pad', got='none', remedy='Name a pad.')
-    pads = make_pads(settings.layouts, settings.node_ids, settings.pads)
-    return pads if settings.replay else with_dictionaries(pads, settings.eds)  # a log needs none
 
 
 def main() -> int:

@@ -1,9 +1,10 @@
-"""How every executable of ours runs its node: errors told in a sentence, Ctrl-C quiet, exit code true."""
+"""How every executable of ours runs its node: one line for an error, no traceback on Ctrl-C, a correct exit code."""
 
 import gc
 import sys
 from collections.abc import Callable
 from threading import Event
+from typing import TypeVar
 
 import rclpy
 from rclpy.node import Node
@@ -12,15 +13,17 @@ from rclpy.signals import SignalHandlerOptions
 from tactile_node.errors import TactileError
 from tactile_node.interruption import ignore_interruptions, interruption
 from tactile_node.nodes.spinning import Spinner, spinning
-from tactile_node.ros.rclpy_errors import told_as_ours
+from tactile_node.ros.rclpy_errors import translate_rclpy_errors
 from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
 
+SomeNode = TypeVar('SomeNode', bound=Node)
 
-def run_node(make: Callable[[], Node], start: Callable[[Node, Event], None] = lambda node, asked: None) -> int:
-    """Spin the node that ``make`` returns until SIGINT or SIGTERM, which set ``asked``; first call ``start`` on it.
 
-    Signals are ours, not rclpy's, which invalidates the context under the executor's feet.
-    Returns the exit code: 0 when asked to end, 2 for a TactileError, whose sentence goes to stderr.
+def run_node(make: Callable[[], SomeNode], start: Callable[[SomeNode, Event], None] | None = None) -> int:
+    """Spin the node that ``make`` returns until SIGINT or SIGTERM, which set an event; first call ``start`` with both.
+
+    rclpy's signal handlers are off: they invalidate the context while the executor still uses it.
+    Returns the exit code: 0 on a signal, 2 for a TactileError, whose message goes to stderr.
     """
     try:
         return _run(make, start)
@@ -28,17 +31,18 @@ def run_node(make: Callable[[], Node], start: Callable[[Node, Event], None] = la
         ignore_interruptions()
 
 
-def _run(make: Callable[[], Node], start: Callable[[Node, Event], None]) -> int:
-    with interruption() as asked:
+def _run(make: Callable[[], SomeNode], start: Callable[[SomeNode, Event], None] | None) -> int:
+    with interruption() as stop_requested:
         try:
-            with told_as_ours():
+            with translate_rclpy_errors():
                 rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
                 node = make()
             forward_logs_to(node)
             try:
                 with spinning([node]) as spinner:
-                    start(node, asked)
-                    wait(spinner, asked)
+                    if start is not None:
+                        start(node, stop_requested)
+                    wait(spinner, stop_requested)
             finally:
                 node.destroy_node()
                 stop_forwarding_to(node)
@@ -50,12 +54,11 @@ def _run(make: Callable[[], Node], start: Callable[[Node, Event], None]) -> int:
     return 0
 
 
-def wait(spinner: Spinner, asked) -> None:
-    """Return when the event ``asked`` is set; raise what a callback has raised meanwhile.
+def wait(spinner: Spinner, stop_requested: Event) -> None:
+    """Return when the event ``stop_requested`` is set; raise what a callback has raised.
 
-    All that has been made until now lives on: left to the garbage collector, it would hold up frames for some 40 ms at
-    each full collection.
+    Objects made until now are exempt from garbage collection, whose full runs would delay frames by some 40 ms.
     """
     gc.freeze()
-    while not asked.wait(0.2):
+    while not stop_requested.wait(0.2):
         spinner.check()

@@ -15,7 +15,7 @@ from tactile_node.errors import ConfigurationError, TactileError, TareRefusal, T
 from tactile_skin.srv import Tare
 
 FRAMES = 50  #: averaged unless the request says otherwise
-LONGEST = 60.0  #: s for all pads of a request; who asks for more has mistaken a number
+LONGEST = 60.0  #: s for all pads of a request; a longer request is taken for a mistake
 
 
 class Zeroing(NamedTuple):
@@ -34,14 +34,16 @@ class Zeroing(NamedTuple):
 
 
 class TareService:
-    """Measures the zero of pads from the frames they are fed, on a thread of its own: the executor goes on.
+    """Measures the zero of pads from the frames they are fed, on its own thread, so that the executor continues.
 
     It lasts as long as its node: rclpy cannot answer a request whose service is gone.
     """
 
     def __init__(self, node: Node):
-        self._node, self._zeroing, self._thread = node, None, None
-        group = ReentrantCallbackGroup()  # in the node's own one, a request under way would hold up all else
+        self._node = node
+        self._zeroing: Zeroing | None = None
+        self._thread: threading.Thread | None = None
+        group = ReentrantCallbackGroup()  # in the node's own group, a request under way would block everything else
         self._answered = node.create_guard_condition(lambda: None, group)  # the executor has an answer to send
         node.create_service(Tare, '~/tare', self._answer, callback_group=group)
 
@@ -52,12 +54,12 @@ class TareService:
 
     def expect(self) -> None:
         """From now on requests are served."""
-        for pad in self._zeroing.pads.values():
+        for pad in self._pads():
             pad.expect()
 
     def give_up(self, why: str) -> None:
         """From now on requests are refused, one under way too."""
-        for pad in self._zeroing.pads.values():
+        for pad in self._pads():
             pad.give_up(why)
 
     def end(self) -> None:
@@ -68,16 +70,19 @@ class TareService:
         if self._thread is not None:
             self._thread.join()
 
+    def _pads(self) -> tuple[TaredPad, ...]:
+        return () if self._zeroing is None else tuple(self._zeroing.pads.values())
+
     async def _answer(self, request: Tare.Request, response: Tare.Response) -> Tare.Response:
-        """Called by the executor, which goes on while a thread works."""
+        """Called by the executor, which continues while a thread works."""
         try:
             zeroing = self._ready()
         except TareRefusedError as error:
-            return self._told(response, False, str(error))
+            return self._logged(response, False, str(error))
         done = Future()
-        self._thread = threading.Thread(target=self._work, args=(zeroing, request, response, done), name='tare',
-                                        daemon=True)
-        self._thread.start()
+        self._thread = thread = threading.Thread(target=self._work, args=(zeroing, request, response, done),
+                                                 name='tare', daemon=True)
+        thread.start()
         return await done
 
     def _ready(self) -> Zeroing:
@@ -90,22 +95,25 @@ class TareService:
         return self._zeroing
 
     def _work(self, zeroing: Zeroing, request: Tare.Request, response: Tare.Response, done: Future) -> None:
-        told, is_done = [], True
+        reports: list[str] = []
+        is_done = True
         names = list(dict.fromkeys(request.pads or zeroing.pads))
         for name in names:
             try:
-                told.append(_tared(zeroing, name, len(names), request, response))
+                reports.append(_tared(zeroing, name, len(names), request, response))
             except TactileError as error:
                 is_done = False
-                told.append(f'{name}: {error}')
-            except Exception:  # the thread would take it along without a word
+                reports.append(f'{name}: {error}')
+            except Exception:  # the thread would end without a message
                 is_done = False
-                told.append(f'{name}: {traceback.format_exc()}')
-        done.set_result(self._told(response, is_done, ' '.join(told)))
+                reports.append(f'{name}: {traceback.format_exc()}')
+        done.set_result(self._logged(response, is_done, ' '.join(reports)))
         self._answered.trigger()
 
-    def _told(self, response: Tare.Response, is_done: bool, message: str) -> Tare.Response:
-        response.success, response.message = is_done, message
+    def _logged(self, response: Tare.Response, is_done: bool, message: str) -> Tare.Response:
+        """Fill in the response and log it."""
+        response.success = is_done
+        response.message = message
         logger = self._node.get_logger()
         if is_done:  # rclpy wants each severity to have a line of its own
             logger.info(message)

@@ -4,8 +4,8 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode
 
 
-def outlive_unfitting_requests(node: LifecycleNode) -> None:
-    """Answer a request for a transition that does not fit the node's state with success = False.
+def reject_invalid_transitions(node: LifecycleNode) -> None:
+    """Answer a request for a transition that the node's state does not allow with success = False.
 
     rclpy raises in its callback (RCLError: "Transition is not registered"), which would end the process; a lifecycle
     manager that repeats itself would do that.
@@ -17,7 +17,7 @@ def outlive_unfitting_requests(node: LifecycleNode) -> None:
         try:
             return change(request, response)
         except RuntimeError as error:
-            node.get_logger().error(f'change_state: expected a transition that fits the present state, got '
+            node.get_logger().error(f'change_state: expected a transition that the present state allows, got '
                                     f'{request.transition.label or request.transition.id} ({error}). '
                                     'Ask ~/get_available_transitions.')
             response.success = False

@@ -19,7 +19,7 @@ VALUES = (InvalidParameterTypeException, InvalidParameterValueException)
 
 
 @contextmanager
-def told_as_ours() -> Iterator[None]:
+def translate_rclpy_errors() -> Iterator[None]:
     """Raise ConfigurationError for what rclpy raises inside the block."""
     try:
         yield

@@ -1,0 +1,33 @@
+"""Where the driver's frames come from, as its settings say: a live bus, or a recorded log in its place."""
+
+from tactile_node.bus.bus_settings import BusSettings
+from tactile_node.errors import ConfigurationError
+from tactile_node.frames.consumer import OnFrame
+from tactile_node.frames.frame_source import FrameSource
+from tactile_node.recording.log_source import LogSource
+from tactile_node.ros.settings import DriverSettings
+from tactile_node.skin.pad_rules import live_pads
+from tactile_node.skin.pads import PadSettings, make_pads, with_dictionaries
+from tactile_node.supervision.supervisor import Supervisor
+
+
+def driver_pads(settings: DriverSettings) -> tuple[PadSettings, ...]:
+    """Make the driver's pads, with their EDS for a live bus. Raises ConfigurationError."""
+    if not settings.pads:
+        raise ConfigurationError('parameter pads', expected='a name for each pad', got='none', remedy='Name a pad.')
+    pads = make_pads(settings.layouts, settings.node_ids, settings.pads)
+    return pads if settings.replay else with_dictionaries(pads, settings.eds)  # a log needs none
+
+
+def make_source(settings: DriverSettings, pads: tuple[PadSettings, ...], on_frame: OnFrame) -> FrameSource:
+    """Make the supervised bus, or the log of a replay, not yet open."""
+    if settings.replay:
+        return LogSource(settings.replay, pads, on_frame, pace=settings.replay_pace or None,
+                         loop=settings.replay_loop, drop_incomplete=settings.drop_incomplete,
+                         channel=settings.replay_channel)
+    bus = BusSettings(interface=settings.interface, channel=settings.channel, bitrate=settings.bitrate,
+                      sync_period=settings.sync_period, produce_sync=settings.produce_sync,
+                      boot_timeout=settings.boot_timeout, drop_incomplete=settings.drop_incomplete,
+                      record=settings.record)
+    return Supervisor(bus, live_pads(pads), on_frame, recover=settings.recover,
+                      heartbeat_timeout=settings.heartbeat_timeout)
