@@ -10,10 +10,10 @@ from rclpy.node import Node
 
 from tactile_node.demo.observation import Seen
 from tactile_node.demo.terminal import PadView
-from tactile_node.ros.conversions import seconds
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.shape_messages import SHAPE_NUMBERS
 from tactile_node.ros.taxel_messages import taxel_values
+from tactile_node.ros.time_messages import seconds
 from tactile_skin.msg import ContactShape, TaxelArray
 
 KEPT = 1000  # taxel arrays that may wait for their shape

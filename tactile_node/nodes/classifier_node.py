@@ -10,11 +10,11 @@ from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.run import run_node
 from tactile_node.pose.fit import ShapeFit, fit_shape
 from tactile_node.pose.moments import contact_moments
-from tactile_node.ros.conversions import seconds
 from tactile_node.ros.feature_messages import features_of, pattern_of
 from tactile_node.ros.parameters import declare, read
 from tactile_node.ros.settings import ClassifierSettings
 from tactile_node.ros.shape_messages import Findings, pose_message, shape_message
+from tactile_node.ros.time_messages import seconds
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.recognition import Recognition, Shape
 from tactile_skin.msg import ContactFeatures, ContactShape

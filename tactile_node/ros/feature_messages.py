@@ -4,8 +4,7 @@ import numpy as np
 
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.helmholtz.features import Extremes, Features
-from tactile_node.ros.conversions import as_array
-from tactile_node.ros.taxel_messages import taxel_values
+from tactile_node.ros.taxel_messages import as_array, taxel_values
 from tactile_skin.msg import ContactFeatures, FeatureRange, TaxelArray
 
 

@@ -4,8 +4,8 @@ import numpy as np
 from geometry_msgs.msg import Point, Vector3
 
 from tactile_node.grasp.tracker import GraspState, Line, SideResult
-from tactile_node.ros.conversions import duration_message, seconds, time_message
 from tactile_node.ros.shape_messages import SHAPE_OF_NUMBER
+from tactile_node.ros.time_messages import duration_message, seconds, time_message
 from tactile_node.shape.recognition import Shape
 from tactile_skin.msg import ContactShape, Grasp
 

@@ -10,7 +10,7 @@ from tactile_node.fusion.recognitions import FusedRecognition
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.moments import ContactMoments
 from tactile_node.pose.solids import pose_covariance, prism, solid
-from tactile_node.ros.conversions import duration_message
+from tactile_node.ros.time_messages import duration_message
 from tactile_node.shape.recognition import Recognition, Shape
 from tactile_skin.msg import ContactFeatures, ContactShape
 

@@ -1,9 +1,11 @@
 """Taxel frames as messages, and back."""
 
+from array import array
+
 import numpy as np
 
 from tactile_node.frames.taxel_frame import TaxelFrame
-from tactile_node.ros.conversions import as_array, time_message
+from tactile_node.ros.time_messages import time_message
 from tactile_skin.msg import TaxelArray
 
 
@@ -21,3 +23,8 @@ def taxel_array_message(frame: TaxelFrame, pitch: float, unit: str, frame_id: st
 def taxel_values(message) -> np.ndarray:
     """Return the values of a TaxelArray or ContactFeatures, float32, shape (rows, cols), NaN = no valid value."""
     return np.frombuffer(message.values, np.float32).reshape(message.rows, message.cols)
+
+
+def as_array(code: str, values: np.ndarray, dtype: type) -> array:
+    """Return ``values`` as array.array, row by row: rclpy checks any other sequence element by element."""
+    return array(code, np.ascontiguousarray(values, dtype).tobytes())

@@ -1,9 +1,7 @@
-"""Small conversions that every message needs."""
+"""Seconds since the Unix epoch as Time, seconds as Duration, and back."""
 
 import math
-from array import array
 
-import numpy as np
 from builtin_interfaces.msg import Duration, Time
 
 
@@ -22,11 +20,6 @@ def duration_message(seconds: float) -> Duration:
 def seconds(time: Time) -> float:
     """Time or Duration -> seconds."""
     return time.sec + time.nanosec * 1e-9
-
-
-def as_array(code: str, values: np.ndarray, dtype: type) -> array:
-    """As array.array: rclpy checks any other sequence element by element."""
-    return array(code, np.ascontiguousarray(values, dtype).tobytes())
 
 
 def _split(seconds: float) -> tuple[int, int]:
