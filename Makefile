@@ -110,7 +110,7 @@ socketcan: setup  ## the driver's tests on a real Linux CAN stack, in a small vi
 	@$(BIN)/python tools/socketcan_vm.py "TACTILE_TEST_INTERFACE=socketcan OMP_NUM_THREADS=1 \
 		.venv/bin/python -m pytest -q -s -rs -p no:cacheprovider $(SOCKETCAN_TESTS)"
 
-lint: setup  ## style of the code, spelling and width of everything
+lint: types  ## style and types of the code, spelling and width of everything
 	@$(BIN)/ruff check --quiet .
 	@$(BIN)/codespell $$(git ls-files)
 	@$(BIN)/python tools/check_columns.py
