@@ -35,7 +35,7 @@ def choose(left: Side, right: Side, offset: float, stable: bool) -> Correction:
     if not (left.touched and right.touched):
         return Correction('wait')
     if min(left.confidence, right.confidence) < MIN_CONFIDENCE:
-        return Correction('regrasp' if stable else 'wait')  # more frames may still tell, unless nothing moves
+        return Correction('regrasp' if stable else 'wait')  # more frames may still decide, unless nothing moves
     shift = (left.centre[0] - left.aim[0], left.centre[1] - left.aim[1])
     if hypot(*shift) > MAX_OFFSET or offset > MAX_OFFSET:
         return Correction('shift', shift) if hypot(*shift) > MAX_OFFSET else Correction('regrasp')

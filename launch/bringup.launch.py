@@ -26,12 +26,12 @@ ARGUMENTS = {  # name: (default, description)
     'namespace': ('', 'namespace of all nodes and topics'),
     'params_file': ('', 'ROS 2 parameter file for all nodes; arguments given here win over it'),
     'simulate': ('false', 'true: a simulated skin on a pseudo-terminal in place of the bus'),
-    'replay': ('', 'a recorded CAN log to play in place of the bus'),
-    'replay_channel': ('', 'of a log of several buses the one to play, as the log calls it; of a bag, the topic'),
+    'replay': ('', 'recorded CAN log to play in place of the bus'),
+    'replay_channel': ('', 'bus to play from a log of several buses, as the log names it; for a bag, the topic'),
     'replay_pace': ('', 'speed of the replay: 1 as recorded (default), 0 as fast as possible'),
-    'record': ('', 'a file to record the bus to'),
-    'wait_at_start': ('', 'false: end where bus or device are not there at start, not wait for them (default true)'),
-    'autostart': ('', 'false: leave configure and activate to a lifecycle manager (default true)'),
+    'record': ('', 'file to record the bus to'),
+    'wait_at_start': ('', 'true (default): wait for a missing bus or device; false: exit'),
+    'autostart': ('', 'true (default): configure and activate at start; false: leave both to a lifecycle manager'),
 }
 
 
@@ -76,7 +76,7 @@ def ros_node(description: NodeDescription, params_file: list) -> Node:
 
 
 def simulated(given: dict, link: str, driver: Node) -> list:
-    """The simulated skin as a process of its own; the driver starts once its port is there."""
+    """The simulated skin as its own process; the driver starts once the skin's port exists."""
     words = [word for name, option in (('node_id', '--node-id'), ('layout', '--layout'), ('eds', '--eds'))
              if given[name] for word in (option, given[name])]
     skin = ExecuteProcess(cmd=[ExecutableInPackage('tactile', PACKAGE), 'simulate', '--pty', '--link', link, *words],
@@ -92,7 +92,7 @@ def simulated(given: dict, link: str, driver: Node) -> list:
 
 
 def end_with(process, name: str) -> RegisterEventHandler:
-    """Without it the rest has nothing to do; where it has failed, so has the launch (exit code 1, for systemd)."""
+    """End the launch with ``process``; with exit code 1 where it has failed, for systemd."""
     def ended(event, context):
         if event.returncode and not context.is_shutdown:
             raise RuntimeError(f'{name} has failed, code {event.returncode}')

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def interruption() -> Iterator[threading.Event]:
-    """Give an event that SIGINT or SIGTERM sets; the signals' meaning before is restored at the end."""
+    """Give an event that SIGINT or SIGTERM sets; the previous handlers are restored at the end."""
     stop_requested = threading.Event()
     before = {number: signal.signal(number, lambda *_: stop_requested.set())
               for number in (signal.SIGINT, signal.SIGTERM)}

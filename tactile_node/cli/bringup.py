@@ -27,7 +27,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--record', help='file to record the bus to; an existing one is kept, the new one numbered')
     source = parser.add_mutually_exclusive_group()
     source.add_argument('--simulate', action='store_true',
-                        help='a simulated skin in place of the bus (--interface and --channel do not count)')
+                        help='a simulated skin in place of the bus (--interface and --channel are ignored)')
     source.add_argument('--replay', metavar='LOG', help='play a recorded CAN log in place of the bus, then end')
     parser.add_argument('--pace', type=pace, default=1.0,
                         help='speed of the replay, 1 = as recorded, 0 = as fast as possible (default: %(default)s)')
@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _replay(system, spinner, stop_requested: threading.Event) -> int:
-    """Wait for the log's end and for the last of its frames to come out as a shape; tell what became of all."""
+    """Wait for the log's end and for the last of its frames to come out as a shape; print the outcome."""
     from tactile_node.nodes.drain import drain, published_frames
     source = system.source
     while not source.finished.wait(0.1) and not stop_requested.is_set():
@@ -86,7 +86,7 @@ def _driver_parameters(args: argparse.Namespace) -> dict:
     """Only what was given: the rest is left to the parameter file and the defaults."""
     given = {'interface': args.interface, 'channel': args.channel, 'bitrate': args.bitrate, 'record': args.record,
              'replay': args.replay, 'node_ids': args.node_id, 'layouts': args.layout, 'eds': args.eds,
-             'autostart': True}  # whatever the parameter file says: here nobody else would do it
+             'autostart': True}  # also where the parameter file says false: there is no lifecycle manager here
     if args.replay:
         given |= {'replay_pace': args.pace}
     return {name: value for name, value in given.items() if value is not None}

@@ -1,4 +1,4 @@
-"""`tactile demo`: a simulated gripper skin with two pads is touched by all five shapes, and every stage shown."""
+"""`tactile demo`: a simulated gripper skin with two pads is touched by all five shapes, and every stage is shown."""
 
 import argparse
 import shutil

@@ -1,4 +1,4 @@
-"""The program `tactile`: finds the sub-command and turns every error of ours into one line."""
+"""The program `tactile`: finds the sub-command and turns every error of this package into one line."""
 
 import argparse
 import logging
@@ -12,7 +12,7 @@ import tactile_node
 from tactile_node.errors import TactileError
 from tactile_node.interruption import ignore_interruptions
 
-#: name, module (imported only when asked for; its add_parser(subparsers) sets ``run``), help
+#: name, module (imported only when it is chosen; its add_parser(subparsers) sets ``run``), help
 COMMANDS = (
     ('features', 'tactile_node.cli.features', 'print every quantity of the paper, a JSON line a frame'),
     ('classify', 'tactile_node.cli.classify', 'print the recognised shape, a JSON line a frame'),
@@ -48,7 +48,7 @@ def main(argv: list[str] | None = None) -> int:
     except ModuleNotFoundError as error:
         if error.name not in NEEDS:
             raise
-        print(f'tactile: error: {argv[0]} needs the Python module {error.name}, which is not there. '
+        print(f'tactile: error: {argv[0]} needs the Python module {error.name}, which is missing. '
               f'{NEEDS[error.name]}', file=sys.stderr)
         return 2
     except BrokenPipeError:

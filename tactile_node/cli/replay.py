@@ -59,13 +59,13 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _outputs(output: str | None, pads: tuple[PadSettings, ...]) -> dict:
-    """Open the files before the log is played: what cannot be written is told at once."""
+    """Open the files before the log is played: an unwritable file is reported at once."""
     if output is None:
         return {}
     if output == '-':
         if len(pads) > 1:
             raise ConfigurationError('--output -', expected='one pad', got=f'{len(pads)} pads',
-                                     remedy='Name a file: each pad gets one of its own.')
+                                     remedy='Name a file: each pad gets its own.')
         return {pads[0].name: open(sys.stdout.fileno(), 'wb', closefd=False)}
     path = Path(output)
     paths = [path] if len(pads) == 1 else [path.with_name(f'{path.stem}_{pad.name}{path.suffix}') for pad in pads]

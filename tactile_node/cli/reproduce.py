@@ -20,7 +20,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--patterns', type=int, default=2000, metavar='N',
                         help='fresh patterns at each size, default %(default)s')
     parser.add_argument('--training', type=int, default=12_000, metavar='N',
-                        help='patterns for the curves fitted anew and for the learner, default %(default)s')
+                        help='patterns for the curves fitted again and for the learner, default %(default)s')
     parser.add_argument('--seed', type=int, default=0, help='default %(default)s')
     parser.add_argument('--jobs', type=int, default=os.cpu_count() or 1, help='processes, default %(default)s')
     parser.add_argument('--curves', default='volf_curves.yaml', metavar='FILE',

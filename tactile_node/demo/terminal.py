@@ -40,7 +40,7 @@ def side_by_side(views: Sequence[PadView], colour: bool) -> list[str]:
 
 
 class LivePictures:
-    """Redraws pictures in place where ``stream`` is a terminal; elsewhere prints only what it is told to keep."""
+    """Redraws pictures in place where ``stream`` is a terminal; elsewhere prints only the pictures to keep."""
 
     def __init__(self, stream: TextIO = sys.stdout):
         self._stream, self._live, self._height = stream, stream.isatty(), 0

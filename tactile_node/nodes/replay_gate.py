@@ -1,4 +1,4 @@
-"""Holds a log played as fast as possible back to the pace at which its frames come out as shapes."""
+"""Slows a log played as fast as possible to the pace at which its frames come out as shapes."""
 
 import threading
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from rclpy.qos import QoSProfile
 from tactile_skin.msg import ContactShape
 
 WINDOW = 500  # frames that may be under way; well below qos.REPLAY_DEPTH
-PATIENCE = 10.0  # how long no shape may come before the log is played without them [s]
+TIMEOUT = 10.0  # how long no shape may come before the log is played without them [s]
 
 
 class ReplayGate:
@@ -28,13 +28,13 @@ class ReplayGate:
         """Return when fewer than WINDOW frames before ``sequence`` still lack their shape."""
         with self._progress:
             while not self._open and sequence - self._seen[pad] > WINDOW:
-                if not self._progress.wait(PATIENCE):
+                if not self._progress.wait(TIMEOUT):
                     self._open = True
                     self._node.get_logger().warning(
-                        f'No shape for {PATIENCE:.0f} s: the log is played without waiting for any.')
+                        f'No shape for {TIMEOUT:.0f} s: the log is played without waiting for any.')
 
     def destroy(self) -> None:
-        """Listen no more, and hold nothing back any more."""
+        """Stop listening and release a waiting log."""
         with self._progress:
             self._open = True
             self._progress.notify_all()

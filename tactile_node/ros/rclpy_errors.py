@@ -1,4 +1,4 @@
-"""What rclpy raises for a wrong name, parameter or parameter file, as errors of ours."""
+"""Turns what rclpy raises for a wrong name, parameter or parameter file into errors of this package."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -77,7 +77,7 @@ def _add_fit(message: ContactShape, fit: ShapeFit) -> None:
 
 
 def _nowhere() -> PoseWithCovariance:
-    """A pose that nobody can take for one."""
+    """A pose of NaN, which no reader can take for a pose."""
     message = PoseWithCovariance(covariance=np.full(36, np.nan))
     for part in (message.pose.position, message.pose.orientation):
         for axis in part.get_fields_and_field_types():
