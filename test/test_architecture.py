@@ -77,10 +77,11 @@ def test_only_commands_and_the_demo_import_nodes():
 
 def test_the_picture_shows_the_imports_of_today():
     picture = _tool('draw_architecture')
-    assert (ROOT / 'docs/architecture.txt').read_text(encoding='utf-8') == picture.text(picture.edges()), \
+    imports = picture.edges()
+    assert (ROOT / 'docs/architecture.txt').read_text(encoding='utf-8') == picture.text(imports), \
         'run `make architecture` and commit docs/architecture.png and .txt'
     assert set(picture.PLACES) == set(picture.rooms())
-    for room, found in picture.edges().items():
+    for room, found in imports.items():
         assert all(picture.PLACES[below][1] < picture.PLACES[room][1] for below in found), room
 
 

@@ -1,5 +1,7 @@
 """The sentences made of faults: one for each, with what is known of it."""
 
+from functools import partial
+
 import pytest
 
 from tactile_node.cia301.emergency import decode_emergency
@@ -9,6 +11,7 @@ from tactile_node.errors import (
     DeviceAbsentError,
     DeviceError,
     LogError,
+    TareRefusal,
     TareRefusedError,
 )
 from tactile_node.frames.fault_text import (
@@ -65,7 +68,7 @@ def test_a_failure_is_its_phrase_and_detail():
 @pytest.mark.parametrize(('kind', 'fault'), [
     (BusError, BusFault.NOT_OPENED), (LogError, BusFault.LOG_UNUSABLE), (DeviceAbsentError, BusFault.DEVICE_ABSENT),
     (DeviceError, BusFault.DEVICE_UNUSABLE), (ConfigurationError, BusFault.WRONG_CONFIGURATION),
-    (TareRefusedError, BusFault.NOT_KNOWN)])
+    (partial(TareRefusedError, refusal=TareRefusal.NO_VALID_VALUES), BusFault.NOT_KNOWN)])
 def test_an_error_has_its_fault(kind, fault):
     error = kind('there', expected='this', got='that', remedy='Do so.')
     assert failure_of(error) == Failure(fault, 'there: expected this, got that. Do so.')

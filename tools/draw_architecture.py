@@ -7,12 +7,6 @@ a chain of others implies are left out of the picture, and none out of the text,
 import ast
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use('Agg')
-from matplotlib import pyplot  # noqa: E402 (after the backend is chosen)
-from matplotlib.patches import FancyBboxPatch  # noqa: E402
-
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'tactile_node'
 #: rooms by rows, the lowest first; x is in units of a box
@@ -72,7 +66,9 @@ def text(imports: dict[str, list[str]]) -> str:
 
 
 def draw(imports: dict[str, list[str]], path: Path) -> None:
-    figure, axes = pyplot.subplots(figsize=(13, 10))
+    from matplotlib.figure import Figure  # here: the test of the imports needs no picture
+    figure = Figure(figsize=(13, 10))
+    axes = figure.subplots()
     for room, found in direct(imports).items():
         for below in found:
             _draw_arrow(axes, PLACES[room], PLACES[below])
@@ -85,10 +81,10 @@ def draw(imports: dict[str, list[str]], path: Path) -> None:
     axes.set_axis_off()
     figure.tight_layout()
     figure.savefig(path, dpi=90)
-    pyplot.close(figure)
 
 
 def _draw_room(axes, room: str) -> None:
+    from matplotlib.patches import FancyBboxPatch
     x, y = PLACES[room]
     side = next((side for side, members in SIDES.items() if room in members), 'numerical core: neither CAN nor ROS')
     axes.add_patch(FancyBboxPatch((x - WIDTH / 2, y - HEIGHT / 2), WIDTH, HEIGHT, boxstyle='round,pad=0.02',
