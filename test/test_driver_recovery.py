@@ -1,5 +1,6 @@
 """The driver node over an outage: same node, still active, /diagnostics true to what the bus does."""
 
+import gc
 import threading
 import time
 
@@ -60,6 +61,9 @@ class Chain:
         self.executor.shutdown()
         self.driver.destroy_node()
         self.listener.destroy_node()
+        # rclpy ends a lifecycle node only when it is collected, and then takes /rosout from a new node of its name
+        del self.driver
+        gc.collect()
 
 
 @pytest.fixture
