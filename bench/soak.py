@@ -45,7 +45,7 @@ FULL_LOAD = 115.0  #: sweeps a second
 PERCENTILES = (50, 99, 99.9, 100)
 NAP = 1e-3  #: s
 NICE = -10  #: of driver and skin
-COLUMNS = ('minutes', 'taxel frames', 'of these incomplete', 'TPDOs not received', 'TPDOs dropped', 'bus load %',
+COLUMNS = ('minutes', 'taxel frames', 'of these incomplete', 'TPDOs not received', 'TPDOs lost', 'bus load %',
            'machine still ms', *(f'latency p{p:g} ms' for p in PERCENTILES), 'memory MB')
 
 
@@ -55,21 +55,21 @@ class Row(NamedTuple):
     minutes: float
     frames: int
     incomplete: int
-    lost: int     #: TPDOs of these sweeps that were not received
-    dropped: int  #: TPDOs received too late, or of no use otherwise
+    missing: int  #: TPDOs of these sweeps that were not received
+    lost: int     #: TPDOs received too late, or of no use otherwise
     load: float
     stall: float  #: the longest time for which the machine did not run a process that only sleeps [ms]
     latency: tuple[float, ...]  #: PERCENTILES [ms]
     memory: float               #: resident memory of the driver's process [MB]
 
     def cells(self) -> list[str]:
-        return [f'{self.minutes:.2f}', f'{self.frames}', f'{self.incomplete}', f'{self.lost}', f'{self.dropped}',
+        return [f'{self.minutes:.2f}', f'{self.frames}', f'{self.incomplete}', f'{self.missing}', f'{self.lost}',
                 f'{self.load:.1f}', f'{self.stall:.1f}',
                 *(f'{value:.2f}' for value in self.latency), f'{self.memory:.1f}']
 
 
 class Latencies:
-    """From SYNC to the taxel frame in hand [s], since last asked."""
+    """From SYNC to the taxel frame in hand [s], since the last call."""
 
     def __init__(self):
         self._taken, self._lock = array('d'), threading.Lock()
@@ -85,7 +85,7 @@ class Latencies:
 
 
 class StallWatch:
-    """A process that only sleeps: ``take`` gives by how much it overslept at most [s] since last asked."""
+    """A process that only sleeps: ``take`` gives by how much it overslept at most [s] since the last call."""
 
     def __init__(self):
         context = multiprocessing.get_context('fork')  # begun before there are threads
@@ -127,11 +127,12 @@ class Soak:
         pads = self.driver.statistics().pads.values()
         counts = np.array([(pad.published, pad.incomplete, max(pad.expected - pad.received, 0),
                             sum(pad.losses.values())) for pad in pads]).sum(0)
-        (frames, incomplete, lost, dropped), self._before = counts - self._before, counts
+        (frames, incomplete, missing, lost), self._before = counts - self._before, counts
         taken = self._latencies.take()
         latency = tuple(np.percentile(taken, PERCENTILES) * 1e3) if len(taken) else (np.nan,) * len(PERCENTILES)
-        self.rows.append(Row((time.monotonic() - self._begin) / 60, frames, incomplete, lost, dropped,
-                             100 * self.driver.health().load, 1e3 * self._stalls.take(), latency, resident()))
+        self.rows.append(Row(minutes=(time.monotonic() - self._begin) / 60, frames=frames, incomplete=incomplete,
+                             missing=missing, lost=lost, load=100 * self.driver.health().load,
+                             stall=1e3 * self._stalls.take(), latency=latency, memory=resident()))
         return self.rows[-1]
 
     @property
@@ -218,10 +219,10 @@ def main() -> int:
             skin.wait()
             stalls.end()
     write(args.output, soak.rows)
-    lost, dropped = sum(row.lost for row in soak.rows), sum(row.dropped for row in soak.rows)
-    print(f'TPDOs not received: {lost}, received and dropped: {dropped}; memory growth after the first tenth: '
+    missing, lost = sum(row.missing for row in soak.rows), sum(row.lost for row in soak.rows)
+    print(f'TPDOs not received: {missing}, received and lost: {lost}; memory growth after the first tenth: '
           f'{soak.growth:+.1f} MB; picture in {args.output}')
-    return int(lost + dropped > 0)
+    return int(missing + lost > 0)
 
 
 def _arguments() -> argparse.Namespace:

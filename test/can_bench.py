@@ -106,7 +106,7 @@ class Bench:
         return [self.frames.get(timeout=30) for _ in range(count)]
 
     def take_whole(self, count: int) -> list:
-        """The next frames that miss nothing: on a busy machine some TPDOs come late, and are dropped as late."""
+        """The next frames that miss nothing: on a busy machine some TPDOs come late, and are lost as late."""
         frames = []
         while len(frames) < count:
             frames += [item for item in self.take(1) if item[1].missing_can_frames == 0]

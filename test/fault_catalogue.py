@@ -113,11 +113,11 @@ def boot_up_message_lost(channel: str) -> FaultBench:
     """A device that booted unheard sends nothing by itself: it is found by a request, and configured."""
     with FaultBench(channel) as bench:
         bench.run().cause()
-        bench.adapter.dropped = {0x720}
+        bench.adapter.lost_ids = {0x720}
         bench.device.power_off()
         bench.device.boot()
         bench.wait(lambda: bytes(1) in bench.adapter.lost, 'boot-up not lost')
-        bench.adapter.dropped = set()
+        bench.adapter.lost_ids = set()
         bench.end_of_cause()
         bench.detect(NodeFault.NO_HEARTBEAT, NodeFault.SILENT)  # by chance taxels are missing too
         bench.recover()
@@ -254,10 +254,10 @@ def heartbeat_lost_while_taxels_flow(channel: str) -> FaultBench:
     """It is reported; no taxel is lost by it, and it counts as no outage."""
     with FaultBench(channel) as bench:
         bench.run().cause()
-        bench.adapter.dropped = {0x720}
+        bench.adapter.lost_ids = {0x720}
         bench.detect(NodeFault.NO_HEARTBEAT)
         bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
-        bench.adapter.dropped = set()
+        bench.adapter.lost_ids = set()
         bench.end_of_cause()
         bench.recover()
         assert bench.node().outages.count == 0
@@ -280,9 +280,9 @@ def taxels_lost_while_heartbeat_flows(channel: str) -> FaultBench:
     """A node that is OPERATIONAL without taxels is reported as such."""
     with FaultBench(channel) as bench:
         bench.run().cause()
-        bench.adapter.dropped = set(COB_IDS)
+        bench.adapter.lost_ids = set(COB_IDS)
         bench.detect(NodeFault.NO_TAXELS)
-        bench.adapter.dropped = set()
+        bench.adapter.lost_ids = set()
         bench.end_of_cause()
         bench.recover()
         bench.wait(lambda: bench.node().outages.count == 1, 'outage not counted')

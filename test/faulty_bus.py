@@ -14,7 +14,7 @@ class Adapter:
 
     def __init__(self):
         self.is_plugged = self.can_send = True
-        self.dropped = set()  #: CAN identifiers that the adapter does not hand over
+        self.lost_ids: set[int] = set()  #: CAN identifiers that the adapter does not hand over
         self.lost: list[bytes] = []  #: what was not handed over
         self.opened = 0
         self.tamper: Callable[[can.Message], Iterable[can.Message]] | None = None  #: what is handed over instead
@@ -38,7 +38,7 @@ class FaultyBus(VirtualBus):
         if self._pending:
             return self._pending.popleft(), False
         message, filtered = super()._recv_internal(timeout)
-        if message is not None and message.arbitration_id in self._adapter.dropped:
+        if message is not None and message.arbitration_id in self._adapter.lost_ids:
             self._adapter.lost.append(bytes(message.data))
             return None, filtered
         if message is not None and self._adapter.tamper is not None:

@@ -337,7 +337,7 @@ def fuzz_frames(count: int, seed: int) -> int:
         grown, right = resident() - warm, fuzz.right_again()
         statistics = fuzz.bench.driver.statistics()
     print(f'CAN messages: {fuzz.sent}, seed {seed}; {dict(sorted(statistics.can_frames.items()))}; '
-          f'{statistics.queue_overruns} dropped and counted')
+          f'{statistics.queue_overruns} lost and counted')
     print(f'{statistics.pads["pad32"]}')
     logged = fuzz.logged_errors()
     print(f'errors logged: {sum(logged.values())} of {len(logged)} kinds')

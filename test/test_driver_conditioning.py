@@ -166,7 +166,7 @@ def test_incomplete_frames_can_be_dropped_live(make):
 
     def dropped():
         pad = driver.status[-1].pads[0]
-        return pad.drop_counts[pad.drop_reasons.index('incomplete')]
+        return pad.loss_counts[pad.loss_reasons.index('incomplete')]
     driver.wait(dropped)
     driver.bench.adapter.tamper = None
     driver.values()

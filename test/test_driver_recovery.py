@@ -217,7 +217,8 @@ def tares(chain, **request):
 def test_tare_is_refused_under_load_and_takes_off_what_is_below_the_limit(chain):
     """The skin reads PRESSED all over: with a lower limit that is a load, with a higher one an offset."""
     refused, done = tares(chain)
-    assert not refused.success and 'row' in refused.message and not refused.tared
+    assert not refused.success and refused.refusal == Tare.Response.REFUSAL_PRESSED and not refused.tared
+    assert 'row' in refused.message and done.refusal == Tare.Response.REFUSAL_NOT_KNOWN
     assert done.success and done.tared == ['pad32'] and done.frames_used[0] == 5
     assert done.largest_offset[0] == pytest.approx(PRESSED, abs=0.01) and done.noise[0] == pytest.approx(0, abs=0.01)
     chain.wait(lambda: np.allclose(chain.taxels[-1].values, 0, atol=0.01), 'tare not taken off')
@@ -233,25 +234,29 @@ def test_a_tare_of_unreasonably_many_frames_is_refused_at_once(chain):
     chain.driver.autostart()
     call = ask_for_tare(chain, 10_000)
     chain.wait(call.done, 'no answer')
-    assert not call.result().success and 'in 60 s at most' in call.result().message
+    assert not call.result().success and call.result().refusal == Tare.Response.REFUSAL_TOO_MANY_FRAMES
+    assert 'in 60 s at most' in call.result().message
 
 
 def test_the_driver_goes_on_while_a_tare_waits_for_frames(chain):
     """Without frames it would wait for as long as they may take, half a minute."""
     early = ask_for_tare(chain, 5)
     chain.wait(early.done, 'no answer')
-    assert not early.result().success and 'a configured driver' in early.result().message
+    assert not early.result().success and early.result().refusal == Tare.Response.REFUSAL_DRIVER_NOT_ACTIVE
+    assert 'a configured driver' in early.result().message
     chain.driver.autostart()
     chain.bench.device.power_off()
     first, told = ask_for_tare(chain, 100), len(chain.told)
     chain.wait(lambda: len(chain.told) > told + 2, 'no diagnostics meanwhile')
     second = ask_for_tare(chain, 5)
     chain.wait(second.done, 'no answer')
-    assert not second.result().success and 'one request after another' in second.result().message
+    assert not second.result().success and second.result().refusal == Tare.Response.REFUSAL_BUSY
+    assert 'one request after another' in second.result().message
     assert not first.done()
     chain.driver.trigger_deactivate()
     chain.wait(first.done, 'no answer')
-    assert not first.result().success and 'one that was deactivated' in first.result().message
+    assert not first.result().success and first.result().refusal == Tare.Response.REFUSAL_DRIVER_NOT_ACTIVE
+    assert 'one that was deactivated' in first.result().message
     third = ask_for_tare(chain, 100)
     chain.wait(third.done, 'no answer')
     assert not third.result().success and 'Activate it' in third.result().message
@@ -283,7 +288,7 @@ def test_the_devices_own_zero_is_asked_for_only_without_load(chain):
     values = np.concatenate([frame.values for frame in chain.taxels])
     np.testing.assert_allclose(values[np.isfinite(values)], PRESSED, atol=0.01)  # the refused tare took nothing off
     done = next(answers)
-    assert not refused.success and 'row' in refused.message
+    assert not refused.success and refused.refusal == Tare.Response.REFUSAL_PRESSED and 'row' in refused.message
     assert done.success and f'{SIDE * SIDE} channels zeroed on the device' in done.message
     assert done.largest_offset[0] == pytest.approx(0, abs=0.01)  # nothing was left for the driver to take off
     chain.wait(lambda: np.allclose(chain.taxels[-1].values, 0, atol=0.01), 'not zero')

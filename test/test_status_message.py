@@ -11,16 +11,18 @@ pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run 
 
 from rclpy.qos import DurabilityPolicy  # noqa: E402
 
-from tactile_node.assembly.router import BusStatistics  # noqa: E402
 from tactile_node.conditioning.conditioned_pad import PadCondition  # noqa: E402
+from tactile_node.conditioning.tare import ZeroState  # noqa: E402
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault  # noqa: E402
+from tactile_node.errors import TareRefusal  # noqa: E402
 from tactile_node.frames.fault_text import PHRASES, failure_text  # noqa: E402
 from tactile_node.frames.health import BusFault, BusHealth, Failure, NodeFault, NodeHealth, Outages  # noqa: E402
-from tactile_node.frames.losses import LossReason, PadStatistics  # noqa: E402
+from tactile_node.frames.losses import BusStatistics, LossReason, PadStatistics  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
 from tactile_node.ros.qos import STATUS_QOS  # noqa: E402
 from tactile_node.ros.status_message import status_message  # noqa: E402
-from tactile_skin.msg import FaultyTaxel, NodeStatus, SkinStatus  # noqa: E402
+from tactile_skin.msg import FaultyTaxel, NodeStatus, PadStatus, SkinStatus  # noqa: E402
+from tactile_skin.srv import Tare  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
@@ -41,9 +43,10 @@ def test_counts_and_state_are_in_their_fields():
     node, = pad.nodes
     assert (pad.pad, node.node_id, node.nmt_state, node.boots) == ('left', 32, 'OPERATIONAL', 1)
     assert (pad.frames_complete, pad.frames_incomplete, pad.tpdos_expected, pad.tpdos_used) == (9, 1, 320, 318)
-    assert dict(zip(pad.drop_reasons, pad.drop_counts)) == {'late': 5, 'short': 1}
+    assert dict(zip(pad.loss_reasons, pad.loss_counts)) == {'late': 5, 'short': 1}
+    assert dict(zip(pad.loss_codes, pad.loss_counts)) == {PadStatus.LOSS_LATE: 5, PadStatus.LOSS_SHORT: 1}
     assert math.isnan(node.heartbeat_age) and node.outage_last_reason == PHRASES[NodeFault.BOOTED]
-    assert node.fault == NodeStatus.FAULT_NO_SYNC and PHRASES[NodeFault.NO_SYNC] in node.trouble
+    assert node.fault == NodeStatus.FAULT_NO_SYNC and PHRASES[NodeFault.NO_SYNC] in node.fault_text
 
 
 def test_level_is_the_worst_of_bus_and_pads():
@@ -60,14 +63,16 @@ def test_a_failure_has_its_code_and_text():
 
 
 @pytest.mark.parametrize(('kind', 'faults', 'prefix'), [
-    (NodeStatus, NodeFault, 'FAULT_'), (SkinStatus, BusFault, 'FAULT_'), (FaultyTaxel, TaxelFault, '')])
-def test_the_messages_have_a_constant_of_each_fault_and_no_other(kind, faults, prefix):
+    (NodeStatus, NodeFault, 'FAULT_'), (SkinStatus, BusFault, 'FAULT_'), (FaultyTaxel, TaxelFault, ''),
+    (PadStatus, LossReason, 'LOSS_'), (PadStatus, ZeroState, 'ZERO_'), (Tare.Response, TareRefusal, 'REFUSAL_')])
+def test_the_messages_have_a_constant_of_each_code_and_no_other(kind, faults, prefix):
     constants = {name: getattr(kind, name) for name in constants_of(kind) if name.startswith(prefix)}
     assert constants == {f'{prefix}{fault.name}': fault.value for fault in faults}
 
 
 def constants_of(kind):
-    text = (Path(__file__).resolve().parents[1] / f'msg/{kind.__name__}.msg').read_text(encoding='utf-8')
+    file = 'srv/Tare.srv' if kind is Tare.Response else f'msg/{kind.__name__}.msg'
+    text = (Path(__file__).resolve().parents[1] / file).read_text(encoding='utf-8')
     return re.findall(r'^uint8 ([A-Z_]+)=', text, re.MULTILINE)
 
 
@@ -77,10 +82,20 @@ def test_a_faulty_taxel_has_its_code():
     pad = PadStatistics(9, 0, 320, 320, 320, 0, {})
     counts, health = BusStatistics({'left': pad}, {}), BusHealth()
     conditions = {'left': PadCondition(FaultyTaxels(kinds))}
-    told = BusDiagnostics('driver', 'can0').message(counts, health, conditions)
-    assert [item.value for item in told.status[1].values if item.key == 'faulty_taxels'] == ['stuck: (1, 0)']
-    taxel, = status_message(told, counts, health, conditions).pads[0].faulty_taxels
+    sent = BusDiagnostics('driver', 'can0').message(counts, health, conditions)
+    assert [item.value for item in sent.status[1].values if item.key == 'faulty_taxels'] == ['stuck: (1, 0)']
+    taxel, = status_message(sent, counts, health, conditions).pads[0].faulty_taxels
     assert (taxel.row, taxel.col, taxel.code, taxel.fault) == (1, 0, FaultyTaxel.STUCK, 'stuck')
+
+
+def test_a_pad_has_the_state_of_its_zero():
+    pad = PadStatistics(9, 0, 320, 320, 320, 0, {})
+    counts, health = BusStatistics({'left': pad}, {}), BusHealth()
+    conditions = {'left': PadCondition(FaultyTaxels(np.zeros((2, 2), np.uint8)), zero=ZeroState.DEVICE_HAS_RESTARTED)}
+    diagnostics = BusDiagnostics('driver', 'can0').message(counts, health, conditions)
+    assert status_message(diagnostics, counts, health, conditions).pads[0].zero_state \
+        == PadStatus.ZERO_DEVICE_HAS_RESTARTED
+    assert status_message(diagnostics, counts, health).pads[0].zero_state == PadStatus.ZERO_NOT_KNOWN
 
 
 def test_late_subscribers_get_it():

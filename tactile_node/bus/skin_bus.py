@@ -182,7 +182,7 @@ class SkinBus:
             self._traffic.end(CONSUMER_TIMEOUT)
 
     def drop_incomplete(self, is_wanted: bool) -> None:
-        """From now on drop incomplete taxel frames, or give them."""
+        """From now on withhold incomplete taxel frames, or give them."""
         self._router.drop_incomplete(is_wanted)
 
     def statistics(self) -> BusStatistics:

@@ -78,6 +78,7 @@ class TareService:
         try:
             zeroing = self._ready()
         except TareRefusedError as error:
+            response.refusal = error.refusal.value
             return self._logged(response, False, str(error))
         done = Future()
         self._thread = thread = threading.Thread(target=self._work, args=(zeroing, request, response, done),
@@ -100,9 +101,11 @@ class TareService:
         names = list(dict.fromkeys(request.pads or zeroing.pads))
         for name in names:
             try:
-                reports.append(_tared(zeroing, name, len(names), request, response))
+                reports.append(_tared(zeroing, name, len(names), request=request, response=response))
             except TactileError as error:
                 is_done = False
+                if isinstance(error, TareRefusedError):
+                    response.refusal = response.refusal or error.refusal.value
                 reports.append(f'{name}: {error}')
             except Exception:  # the thread would end without a message
                 is_done = False

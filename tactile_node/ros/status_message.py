@@ -8,6 +8,7 @@ from types import MappingProxyType
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from tactile_node.conditioning.conditioned_pad import PadCondition
+from tactile_node.conditioning.tare import ZeroState
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
 from tactile_node.frames.fault_text import command_text, failure_text, node_text
 from tactile_node.frames.health import BusHealth, NodeHealth
@@ -33,7 +34,7 @@ def status_message(diagnostics: DiagnosticArray, counts: BusStatistics, health: 
         foreign_nmt_commands=health.foreign_commands, foreign_nmt_last=command_text(health.last_command),
         outages=health.outages.count, outage_seconds=health.outages.seconds,
         outage_last_reason=failure_text(health.outages.cause),
-        pads=[_pad(name, status, pad, health.nodes.get(name, ()), conditions.get(name))
+        pads=[_pad(name, status, pad, nodes=health.nodes.get(name, ()), condition=conditions.get(name))
               for status, (name, pad) in zip(pads, counts.pads.items())])
 
 
@@ -42,9 +43,11 @@ def _pad(name: str, status: DiagnosticStatus, pad: PadStatistics, nodes: tuple[N
     return PadStatus(
         pad=name, level=status.level[0], message=status.message, nodes=[_node(name, node) for node in nodes],
         frames_complete=pad.complete, frames_incomplete=pad.incomplete, tpdos_expected=pad.expected,
-        tpdos_received=pad.received, tpdos_used=pad.used, drop_reasons=[reason.key for reason in pad.losses],
-        drop_counts=array('Q', pad.losses.values()), faulty_taxels=_faulty(condition.faults) if condition else [],
-        unchanged=condition.unchanged if condition else math.nan)
+        tpdos_received=pad.received, tpdos_used=pad.used, loss_reasons=[reason.key for reason in pad.losses],
+        loss_codes=array('B', pad.losses), loss_counts=array('Q', pad.losses.values()),
+        faulty_taxels=_faulty(condition.faults) if condition else [],
+        unchanged=condition.unchanged if condition else math.nan,
+        zero_state=condition.zero if condition else ZeroState.NOT_KNOWN)
 
 
 def _faulty(faults: FaultyTaxels) -> list[FaultyTaxel]:
@@ -55,7 +58,7 @@ def _faulty(faults: FaultyTaxels) -> list[FaultyTaxel]:
 def _node(pad: str, node: NodeHealth) -> NodeStatus:
     return NodeStatus(
         node_id=node.node_id, nmt_state=node.state, operational=node.is_operational, fault=node.fault.value,
-        trouble=node_text(pad, node),
+        fault_text=node_text(pad, node),
         heartbeat_age=math.nan if node.heartbeat_age is None else node.heartbeat_age, boots=node.boots,
         emcy_count=node.emergencies, emcy_last=str(node.last_emergency or ''), outages=node.outages.count,
         outage_seconds=node.outages.seconds, outage_last_reason=failure_text(node.outages.cause),
