@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tactile_node.contact.pattern import ContactPattern
     from tactile_node.contact.press import PressThresholds
     from tactile_node.errors import ConfigurationError, InputError, TactileError
-    from tactile_node.fusion.recognitions import FusedRecognition
+    from tactile_node.fusion.recognitions import FusedRecognition, FusionSettings
     from tactile_node.helmholtz.features import Features, Group
     from tactile_node.library.contacts import Recogniser, find_contact, fit_shape, paper_features
     from tactile_node.library.plot import plot_frame
@@ -31,14 +31,14 @@ if TYPE_CHECKING:
 
 __all__ = ['__version__', 'find_contact', 'paper_features', 'Recogniser', 'fit_shape', 'ContactStream', 'plot_frame',
            'PressThresholds', 'Group', 'Shape', 'ContactPattern', 'Features', 'Recognition', 'ShapeFit',
-           'FusedRecognition', 'StreamedContact', 'TactileError', 'InputError', 'ConfigurationError']
+           'FusedRecognition', 'FusionSettings', 'StreamedContact', 'TactileError', 'InputError', 'ConfigurationError']
 
 #: module -> the public names it defines; each is imported when it is read first, so that a node pays for none
 _HOMES = {
     'contact.pattern': ('ContactPattern',),
     'contact.press': ('PressThresholds',),
     'errors': ('ConfigurationError', 'InputError', 'TactileError'),
-    'fusion.recognitions': ('FusedRecognition',),
+    'fusion.recognitions': ('FusedRecognition', 'FusionSettings'),
     'helmholtz.features': ('Features', 'Group'),
     'library.contacts': ('Recogniser', 'find_contact', 'fit_shape', 'paper_features'),
     'library.plot': ('plot_frame',),

@@ -57,6 +57,76 @@ def test_thresholds_are_those_of_the_unit_or_fractions_of_the_largest_value():
         tn.find_contact(np.zeros(3))
 
 
+CONTACT = tn.find_contact(SQUARE)
+WRONG = {
+    'one dimension': lambda: tn.find_contact(np.zeros(3)),
+    'a stack of frames': lambda: tn.find_contact(np.zeros((2, 3, 3))),
+    'no taxel': lambda: tn.find_contact(np.zeros((0, 3)), unit=None),
+    'rows of unequal length': lambda: tn.find_contact([[1, 2], [3]]),
+    'text': lambda: tn.find_contact('frame.npy', unit=None),
+    'complex numbers': lambda: tn.find_contact(SQUARE + 1j, unit=None),
+    'objects': lambda: tn.find_contact(SQUARE.astype(object)),
+    'on/off values as pascal': lambda: tn.find_contact((SQUARE > 0).astype(int)),
+    'a picture of bytes as on/off': lambda: tn.find_contact((SQUARE > 0) * 255, unit='1'),
+    'an unknown unit': lambda: tn.find_contact(SQUARE, unit='psi'),
+    'thresholds of another type': lambda: tn.find_contact(SQUARE, thresholds=(3, 2)),
+    'thresholds that are no numbers': lambda: tn.PressThresholds('a', 'b'),
+    'a frame for a contact': lambda: tn.fit_shape(SQUARE, tn.Shape.SQUARE),
+    'a frame to recognise': lambda: tn.Recogniser().recognise(SQUARE),
+    'a frame for features': lambda: tn.paper_features(SQUARE),
+    'groups by name': lambda: tn.paper_features(CONTACT, 'ALL'),
+    'an unknown shape': lambda: tn.fit_shape(CONTACT, 'sqare'),
+    'no shape': lambda: tn.fit_shape(CONTACT, None),
+    'no contact': lambda: tn.fit_shape(tn.find_contact(SQUARE * 0), tn.Shape.SQUARE),
+    'no pitch': lambda: tn.fit_shape(CONTACT, tn.Shape.SQUARE, pitch=0),
+    'a pitch that is no number': lambda: tn.fit_shape(CONTACT, tn.Shape.SQUARE, pitch='4 mm'),
+    'an unknown method': lambda: tn.Recogniser('cnn'),
+    'a missing file': lambda: tn.Recogniser(file='missing.npz'),
+    'a stream without unit and thresholds': lambda: tn.ContactStream(unit=None),
+    'a stream in an unknown unit': lambda: tn.ContactStream(unit='kPa'),
+    'a stream without pitch': lambda: tn.ContactStream(pitch=np.nan),
+    'a recogniser by name': lambda: tn.ContactStream('volf'),
+    'fusion settings of another type': lambda: tn.ContactStream(fusion={}),
+    'no stamp': lambda: tn.ContactStream().update(SQUARE, None),
+    'a stamp that is no time': lambda: tn.ContactStream().update(SQUARE, np.nan),
+    'a stamp as a date': lambda: tn.ContactStream().update(SQUARE, np.datetime64('2026-11-22')),
+    'a stack of frames in a stream': lambda: tn.ContactStream().update(np.zeros((2, 3, 3)), 0.0)}
+
+
+@pytest.mark.parametrize('wrong', WRONG)
+def test_a_wrong_argument_is_refused_with_expected_got_and_remedy(wrong):
+    with pytest.raises(tn.TactileError) as refused:
+        WRONG[wrong]()
+    assert refused.value.expected and refused.value.got and refused.value.remedy.endswith('.')
+
+
+def test_odd_arrays_are_taken_as_what_they_are():
+    patch = np.s_[4:11, 4:11]
+    for frame in (SQUARE.astype(int), SQUARE.astype(np.uint16), SQUARE.tolist(), SQUARE * 1e300):
+        assert tn.find_contact(frame).mask[patch].all() and tn.find_contact(frame).mask.sum() == 49
+    assert tn.find_contact((SQUARE > 0).tolist()).mask.sum() == 49
+    assert tn.find_contact((SQUARE > 0).astype(int), unit='1').mask.sum() == 49
+    masked = tn.find_contact(np.ma.masked_array(SQUARE, mask=np.indices(SQUARE.shape).sum(0) == 8))
+    assert masked.mask[patch].sum() == 48 and np.isnan(masked.values[4, 4]), 'a masked taxel has no valid value'
+    single = tn.find_contact([[50e3]])
+    assert single.contacts == 1 and tn.Recogniser().recognise(single).shape is tn.Shape.UNKNOWN
+    assert tn.Recogniser().recognise(tn.find_contact(np.full((3, 3), np.nan))).shape is tn.Shape.UNKNOWN
+    assert SQUARE.flags.writeable
+
+
+def test_a_shape_may_be_given_by_its_name():
+    by_name, fit = tn.fit_shape(CONTACT, 'square'), tn.fit_shape(CONTACT, tn.Shape.SQUARE)
+    assert by_name.shape is tn.Shape.SQUARE and by_name.dimensions == fit.dimensions
+
+
+def test_a_stream_without_a_unit_takes_thresholds_and_does_not_depend_on_its_first_frame():
+    stream = tn.ContactStream(unit=None, thresholds=tn.PressThresholds.of_full_scale(1.0), fusion=tn.FusionSettings())
+    found = [stream.update(frame, 0.02 * k) for k, frame in enumerate((SQUARE * 1e-9, SQUARE * 2e-5))]
+    assert [one.fused.recognition.shape for one in found] == [tn.Shape.NONE, tn.Shape.SQUARE]
+    with pytest.raises(tn.InputError, match='as before'):
+        stream.update(SQUARE[:10], 0.04)
+
+
 def test_a_pattern_of_ones_is_fitted_as_on_and_off():
     square = tn.fit_shape(tn.find_contact(SQUARE > 0), tn.Shape.SQUARE)
     assert square.dimensions[0] == pytest.approx(7, abs=0.3)

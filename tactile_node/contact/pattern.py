@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import ndimage
 
 from tactile_node.contact.press import PressThresholds
@@ -36,18 +37,19 @@ class PatternExtractor:
         self._largest = largest
         self._pressed: np.ndarray | None = None
 
-    def extract(self, values: np.ndarray) -> ContactPattern:
+    def extract(self, values: ArrayLike) -> ContactPattern:
         """Return the contact pattern of a frame, real numbers or bool, shape (rows, cols).
 
         A frame of another shape than the one before starts again without a pressed taxel. Raises InputError
         for anything else.
         """
-        values, is_bool = _frame(values)
-        valid = np.isfinite(values)
-        pressed = values > 0 if is_bool else self._update(values, valid) & valid
+        frame = as_frame(values)
+        numbers = frame.astype(float, copy=False)
+        valid = np.isfinite(numbers)
+        pressed = frame if frame.dtype == bool else self._update(numbers, valid) & valid
         largest, contacts = largest_contact(pressed)
-        mask = _with_enclosed(largest if self._largest else pressed, valid)
-        return ContactPattern(read_only(mask), read_only(np.where(valid, values, np.nan)), contacts)
+        mask = _with_enclosed(largest if self._largest else pressed.copy(), valid)
+        return ContactPattern(read_only(mask), read_only(np.where(valid, numbers, np.nan)), contacts)
 
     def _update(self, values: np.ndarray, valid: np.ndarray) -> np.ndarray:
         before = self._pressed
@@ -85,10 +87,20 @@ def _with_enclosed(mask: np.ndarray, valid: np.ndarray) -> np.ndarray:
     return with_enclosed
 
 
-def _frame(values: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Return the values as float, and whether they were bool."""
-    values = np.asarray(values)
-    if values.ndim != 2 or not values.size or values.dtype.kind not in 'biuf':
-        raise InputError('taxel frame', expected='real numbers, shape (rows, cols)',
-                         got=f'{values.dtype}, shape {values.shape}', remedy='Pass one frame of one pad.')
-    return values.astype(float, copy=False), values.dtype == bool
+def as_frame(values: ArrayLike) -> np.ndarray:
+    """Return ``values`` as a frame, bool or float, shape (rows, cols); the masked taxels of a masked array are NaN.
+
+    Raises InputError for anything but real numbers or bool of two dimensions, with at least one taxel.
+    """
+    try:
+        frame = np.ma.filled(np.ma.asarray(values, float), np.nan) if np.ma.is_masked(values) else np.asarray(values)
+    except (TypeError, ValueError):
+        raise _no_frame('rows of unequal length, or no numbers') from None
+    if frame.ndim != 2 or not frame.size or frame.dtype.kind not in 'biuf':
+        raise _no_frame(f'{frame.dtype}, shape {frame.shape}')
+    return frame if frame.dtype == bool else frame.astype(float, copy=False)
+
+
+def _no_frame(got: str) -> InputError:
+    return InputError('taxel frame', expected='real numbers, shape (rows, cols)', got=got,
+                      remedy='Pass one frame of one pad.')

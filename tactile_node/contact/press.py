@@ -25,7 +25,11 @@ class PressThresholds:
     release: float
 
     def __post_init__(self) -> None:
-        if not 0 < self.release <= self.press < np.inf:
+        try:
+            is_usable = bool(0 < self.release <= self.press < np.inf)
+        except (TypeError, ValueError):  # no numbers
+            is_usable = False
+        if not is_usable:
             raise ConfigurationError(
                 'press and release thresholds', expected='0 < release <= press, finite',
                 got=f'press {self.press}, release {self.release}',
@@ -40,8 +44,8 @@ class PressThresholds:
         """
         press = press or PRESS_BY_UNIT.get(unit, 0.0)
         if not press:
-            raise ConfigurationError('parameter press_threshold', expected=f'a threshold for taxels in {unit!r}',
-                                     got='0', remedy=f'Only {", ".join(PRESS_BY_UNIT)} have a default; set one.')
+            raise ConfigurationError('unit of the taxel values', expected=f'one of {", ".join(PRESS_BY_UNIT)}',
+                                     got=repr(unit), remedy='Convert the values, or give thresholds in their unit.')
         return cls(press, press * release_ratio)
 
     @classmethod

@@ -3,80 +3,97 @@
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from tactile_node.contact.pattern import ContactPattern, PatternExtractor
+from tactile_node.contact.pattern import ContactPattern, PatternExtractor, as_frame
 from tactile_node.contact.press import PressThresholds
 from tactile_node.helmholtz.features import Features, Group, compute_features
+from tactile_node.library.arguments import check_values, given_thresholds, instance, known_shape, known_unit
 from tactile_node.pose import fit
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.shape.methods import DEFAULT, make_recogniser
 from tactile_node.shape.recognition import Recognition, Shape
 
 
-def find_contact(values: np.ndarray, unit: str | None = 'Pa',
+def find_contact(values: ArrayLike, unit: str | None = 'Pa',
                  thresholds: PressThresholds | None = None) -> ContactPattern:
-    """Return the largest contact of one frame; ``values`` are real numbers or bool, shape (rows, cols), NaN = invalid.
+    """Return the largest contact of one frame; ``values`` are real numbers or bool, shape (rows, cols).
 
-    ``unit``: 'Pa', 'N' or '1' (on/off), each with its own thresholds; None: an array without a unit, whose
-    thresholds are fractions of its largest value. ``thresholds`` replace them. A bool array says itself what is
-    pressed. Raises InputError for another array, ConfigurationError for another unit.
+    NaN, infinite and masked taxels have no valid value. A bool array is itself the pressed taxels.
+    ``unit``: 'Pa' (pressed from 30 kPa), 'N' (from 0.1 N per taxel) or '1' (on/off). None: an array without a unit;
+    pressed is what reaches 0.3 of its largest value, so there must be a contact in it. ``thresholds`` replace these.
 
     >>> import numpy as np
     >>> int(find_contact(np.pad(np.full((2, 3), 50e3), 1)).mask.sum())  # taxels pressed together
     6
+
+    Raises InputError for another array and for numbers 0 and 1 in pascal, ConfigurationError for another unit.
     """
-    return PatternExtractor(thresholds or default_thresholds(values, unit)).extract(values)
+    frame = as_frame(values)
+    if thresholds is None:
+        check_values(frame, unit)
+        thresholds = _default_thresholds(frame, unit)
+    return PatternExtractor(given_thresholds(thresholds)).extract(frame)
 
 
-def default_thresholds(values: np.ndarray, unit: str | None) -> PressThresholds:
+def _default_thresholds(frame: np.ndarray, unit: str | None) -> PressThresholds:
     """Return the thresholds of ``unit``; without one, fractions of the largest valid value."""
     if unit is not None:
-        return PressThresholds.of_unit(unit)
-    numbers = np.asarray(values, float)
-    return PressThresholds.of_full_scale(float(numbers[np.isfinite(numbers)].max(initial=0.0)))
+        return PressThresholds.of_unit(known_unit(unit))
+    return PressThresholds.of_full_scale(float(frame[np.isfinite(frame)].max(initial=0.0)))
 
 
 def paper_features(contact: ContactPattern, groups: Group = Group.ALL) -> Features:
     """Return the quantities of Volf, Dvořák and Vlček for ``contact``, by name; ``groups`` limits them.
+
+    Lengths are in taxels, angles in degrees; the names are those of `tactile features`. Raises InputError for
+    something else than a contact.
 
     >>> import numpy as np
     >>> features = paper_features(find_contact(np.array([[True, False], [True, True]])))
     >>> features.values['N'], round(features.values['lambda5'], 6)
     (3, 2.585786)
     """
-    return compute_features(contact.mask, groups)
+    instance(groups, Group, 'groups', 'Pass Group.ALL, or some of its members joined by |.')
+    return compute_features(_contact(contact).mask, groups)
 
 
 class Recogniser:
     """Recognises the shape of a contact; reads its weights once, when it is made.
 
     ``method``: 'learned', or 'volf' for the paper's three planes. ``file``: other weights or curves than the
-    package's own. Raises ConfigurationError for a method that is none, or a file that cannot be used.
+    package's own. Raises ConfigurationError for an unknown method or a file that cannot be used.
 
     >>> import numpy as np
     >>> Recogniser().recognise(find_contact(np.pad(np.full((7, 7), 50e3), 4))).shape.value
     'square'
     """
 
-    def __init__(self, method: str = DEFAULT, file: str | Path = ''):
-        self._method = make_recogniser(method, str(file))
+    def __init__(self, method: str = DEFAULT, file: str | Path | None = None):
+        self._method = make_recogniser(method, str(file or ''))
 
     def recognise(self, contact: ContactPattern) -> Recognition:
-        """Return the most probable shape and the probability of each."""
-        return self._method.recognise(contact)
+        """Return the most probable shape and the probability of each. Raises InputError for anything but a contact."""
+        return self._method.recognise(_contact(contact))
 
 
 def fit_shape(contact: ContactPattern, shape: Shape, pitch: float = 1.0) -> ShapeFit | None:
     """Return pose and size of ``contact`` as a ``shape``, with covariance; None for NONE and UNKNOWN.
 
     ``pitch``: distance of neighbouring taxels; all lengths come in its unit. Values that are all 0 or 1 are taken as
-    on/off. Raises InputError where the contact has no taxel.
+    on/off. Raises InputError where the contact has no taxel, or for an unknown shape; ConfigurationError for a pitch
+    that is no length > 0.
 
     >>> import numpy as np
     >>> found = fit_shape(find_contact(np.pad(np.full((7, 7), 50e3), 4)), Shape.SQUARE, pitch=0.004)
     >>> [round(1000 * length, 1) for length in (*found.centre, *found.dimensions)]
     [28.0, 28.0, 28.0]
     """
-    finite = contact.values[np.isfinite(contact.values)]
+    shape = known_shape(shape)
+    finite = _contact(contact).values[np.isfinite(contact.values)]
     is_on_off = bool(((finite == 0) | (finite == 1)).all())
     return fit.fit_shape(contact.mask if is_on_off else contact.values, contact.mask, shape, pitch)
+
+
+def _contact(contact: object) -> ContactPattern:
+    return instance(contact, ContactPattern, 'contact', 'Pass what find_contact returns.')

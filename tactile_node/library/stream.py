@@ -1,19 +1,22 @@
-"""Successive frames of one pad: hysteresis of what is pressed, and a belief that grows surer with time."""
+"""Successive frames of one pad: hysteresis of what is pressed, and a recognition fused over time."""
 
 from typing import NamedTuple
 
-import numpy as np
+from numpy.typing import ArrayLike
 
-from tactile_node.contact.pattern import ContactPattern, PatternExtractor
+from tactile_node.contact.pattern import ContactPattern, PatternExtractor, as_frame
 from tactile_node.contact.press import PressThresholds
+from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.fusion.recognitions import FusedRecognition, FusionSettings, RecognitionFusion
-from tactile_node.library.contacts import Recogniser, default_thresholds, fit_shape
+from tactile_node.library.arguments import check_values, given_thresholds, instance, known_unit, seconds
+from tactile_node.library.contacts import Recogniser, fit_shape
 from tactile_node.pose.fit import ShapeFit
+from tactile_node.pose.pitch import check_pitch
 from tactile_node.shape.recognition import Recognition
 
 
 class StreamedContact(NamedTuple):
-    """What one frame, and all frames of the contact up to it, say."""
+    """The results for one frame, and for all frames of the contact up to it."""
 
     contact: ContactPattern
     recognition: Recognition  #: of this frame alone
@@ -25,7 +28,8 @@ class ContactStream:
     """Follows the contact on one pad, frame by frame, as the ROS nodes do.
 
     ``recogniser``: one that several streams share; None: the package's own. ``pitch``, ``unit`` and ``thresholds`` as
-    in `fit_shape` and `find_contact`; without a unit, the first frame sets the full scale.
+    in `fit_shape` and `find_contact`. Values without a unit need thresholds, ``unit`` then counts for nothing: a
+    stream may begin without a contact, so no frame shows the full scale. ``fusion``: other constants of the fusion.
 
     >>> import numpy as np
     >>> stream, frame = ContactStream(pitch=0.004), np.pad(np.full((7, 7), 50e3), 4)
@@ -33,24 +37,50 @@ class ContactStream:
     ...     found = stream.update(frame, stamp=0.02 * k)
     >>> found.fused.recognition.shape.value, found.fused.frames, round(found.fit.dimensions[0], 3)
     ('square', 3, 0.028)
+
+    Raises ConfigurationError for another unit or pitch, InputError for an argument of another type.
     """
 
     def __init__(self, recogniser: Recogniser | None = None, *, pitch: float = 1.0, unit: str | None = 'Pa',
                  thresholds: PressThresholds | None = None, fusion: FusionSettings | None = None):
-        self._recogniser = recogniser or Recogniser()
+        check_pitch(pitch)
+        recogniser = Recogniser() if recogniser is None else recogniser
+        fusion = FusionSettings() if fusion is None else fusion
+        self._recogniser = instance(recogniser, Recogniser, 'recogniser', 'Pass Recogniser(method), or None.')
         self._pitch = pitch
-        self._unit = unit
-        self._thresholds = thresholds
-        self._extractor: PatternExtractor | None = None
-        self._fusion = RecognitionFusion(fusion or FusionSettings())
+        self._unit = unit if thresholds is None else None
+        self._extractor = PatternExtractor(_stream_thresholds(unit) if thresholds is None
+                                           else given_thresholds(thresholds))
+        self._fusion = RecognitionFusion(instance(fusion, FusionSettings, 'fusion', 'Pass FusionSettings(), or None.'))
+        self._shape: tuple[int, ...] | None = None
 
-    def update(self, values: np.ndarray, stamp: float) -> StreamedContact:
-        """Take the frame ``values``, shape (rows, cols), of time ``stamp`` [s]. Raises InputError for another array."""
-        if self._extractor is None:
-            self._extractor = PatternExtractor(self._thresholds or default_thresholds(values, self._unit))
-        contact = self._extractor.extract(values)
+    def update(self, values: ArrayLike, stamp: float) -> StreamedContact:
+        """Take the frame ``values``, shape (rows, cols), of time ``stamp`` [s], and return the results so far.
+
+        Stamps that go back or leave out more than `FusionSettings.max_gap` start the fusion again. Raises InputError
+        for another array, one of another shape than before, and a stamp that is no time.
+        """
+        stamp = seconds(stamp)
+        frame = as_frame(values)
+        check_values(frame, self._unit)
+        self._check_shape(frame.shape)
+        contact = self._extractor.extract(frame)
         recognition = self._recogniser.recognise(contact)
         fused = self._fusion.update(stamp, recognition.probabilities)
         touches = bool(contact.mask.any())
         fit = fit_shape(contact, fused.recognition.shape, self._pitch) if touches else None
         return StreamedContact(contact, recognition, fused, fit)
+
+    def _check_shape(self, shape: tuple[int, ...]) -> None:
+        if self._shape is None:
+            self._shape = shape
+        if shape != self._shape:
+            raise InputError('taxel frame of a stream', expected=f'shape {self._shape}, as before', got=f'{shape}',
+                             remedy='Make a ContactStream for each pad.')
+
+
+def _stream_thresholds(unit: str | None) -> PressThresholds:
+    if unit is None:
+        raise ConfigurationError('thresholds of a stream', expected='a unit, or thresholds', got='neither',
+                                 remedy='Pass thresholds=PressThresholds.of_full_scale(VALUE), VALUE the largest one.')
+    return PressThresholds.of_unit(known_unit(unit))

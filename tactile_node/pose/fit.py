@@ -9,6 +9,7 @@ from tactile_node.pose.evidence import Evidence, gather
 from tactile_node.pose.first_guess import Guess, guesses, moments_of
 from tactile_node.pose.least_squares import Problem, Solution, evaluate, minimise
 from tactile_node.pose.noise import covariance_scale, weights_after
+from tactile_node.pose.pitch import check_pitch
 from tactile_node.pose.skin_model import Model, PatternModel, PressureModel
 from tactile_node.shape.recognition import Shape
 
@@ -52,12 +53,14 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float =
     """Fit the outline of ``shape`` to the contact ``mask`` of a frame; None when the shape has none.
 
     ``values``: (rows, cols), any unit that grows with pressure, NaN = no valid value; or an on/off pattern
-    (bool). ``mask``: bool, the contact's taxels. ``pitch`` [m]. Raises InputError for anything else.
+    (bool). ``mask``: bool, the contact's taxels. ``pitch`` [m]. Raises InputError for other arrays, ConfigurationError
+    for another pitch.
 
     >>> fit = fit_shape(np.pad(np.ones((4, 4)), 3), np.pad(np.ones((4, 4), bool), 3), Shape.SQUARE)
     >>> [round(length, 1) for length in (*fit.centre, *fit.dimensions)]
     [4.5, 4.5, 4.0]
     """
+    check_pitch(pitch)
     if shape not in OUTLINES:
         return None
     evidence = gather(values, mask)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.errors import ConfigurationError, InputError
+from tactile_node.pose.pitch import check_pitch
 
 UNITS = ('Pa', 'N', '1')
 ROUND = 0.02  #: relative difference of the two second moments below which no axis is the longer one
@@ -53,9 +54,7 @@ def _check(values: np.ndarray, mask: np.ndarray, pitch: float, unit: str) -> Non
     if unit not in UNITS:
         raise ConfigurationError('unit of the taxel values', expected=f'one of {", ".join(UNITS)}',
                                  got=repr(unit), remedy='Give the unit that the skin layout gives.')
-    if not 0 < pitch < np.inf:
-        raise ConfigurationError('pitch', expected='a length > 0 in metres', got=repr(pitch),
-                                 remedy='Give the distance of neighbouring taxel centres.')
+    check_pitch(pitch)
 
 
 def _filled(values: np.ndarray, mask: np.ndarray, rows: np.ndarray,

@@ -1,0 +1,63 @@
+"""Checks of what a program passes to the library: a wrong argument is refused, with expected, got and remedy."""
+
+import math
+from typing import TypeVar
+
+import numpy as np
+
+from tactile_node.contact.press import PRESS_BY_UNIT, PressThresholds
+from tactile_node.errors import ConfigurationError, InputError
+from tactile_node.shape.recognition import Shape
+
+Kind = TypeVar('Kind')
+
+
+def instance(value: object, kind: type[Kind], name: str, remedy: str) -> Kind:
+    """Return ``value``, which must be a ``kind``."""
+    if not isinstance(value, kind):
+        raise InputError(name, expected=f'a {kind.__name__}', got=f'a {type(value).__name__}', remedy=remedy)
+    return value
+
+
+def given_thresholds(thresholds: object) -> PressThresholds:
+    return instance(thresholds, PressThresholds, 'thresholds', 'Pass PressThresholds(press, release).')
+
+
+def known_unit(unit: object) -> str:
+    """Return ``unit``, which must have thresholds."""
+    if not isinstance(unit, str) or unit not in PRESS_BY_UNIT:
+        raise ConfigurationError('unit of the taxel values', expected=f'one of {", ".join(PRESS_BY_UNIT)}',
+                                 got=repr(unit), remedy='Convert the values, or pass thresholds in their unit.')
+    return unit
+
+
+def check_values(frame: np.ndarray, unit: str | None) -> None:
+    """Raise InputError where the values of ``frame`` cannot be in ``unit``: on/off and pressure are mistaken easily."""
+    if frame.dtype == bool or unit not in ('Pa', '1'):
+        return
+    finite = frame[np.isfinite(frame)]
+    is_on_off = bool(((finite == 0) | (finite == 1)).all())
+    if unit == 'Pa' and is_on_off and finite.any():
+        raise InputError('taxel frame', expected='pressures in pascal', got='the numbers 0 and 1 only',
+                         remedy="Pass a bool array, or unit='1', for on/off taxels.")
+    if unit == '1' and not ((finite >= 0) & (finite <= 1)).all():
+        raise InputError('taxel frame', expected='on/off values between 0 and 1',
+                         got=f'values from {finite.min():g} to {finite.max():g}',
+                         remedy='Pass a bool array, or thresholds in the unit of the values.')
+
+
+def known_shape(shape: object) -> Shape:
+    """Return the Shape of that name."""
+    try:
+        return Shape(shape)
+    except ValueError:
+        raise InputError('shape', expected=f'a Shape: one of {", ".join(each.value for each in Shape)}',
+                         got=repr(shape), remedy='Pass the shape of a recognition, or one of Shape.') from None
+
+
+def seconds(stamp: object) -> float:
+    """Return ``stamp``, which must be a finite number."""
+    if isinstance(stamp, (int, float, np.integer, np.floating)) and math.isfinite(stamp):
+        return float(stamp)
+    raise InputError('stamp', expected='the time of the frame in seconds', got=repr(stamp),
+                     remedy='Pass a finite number, for example time.time() at the acquisition.')
