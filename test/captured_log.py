@@ -36,6 +36,11 @@ class CapturedLog(logging.Handler):
         self._records.append(Logged(record.levelno, record.getMessage(), getattr(record, 'fact', None)))
 
     @property
+    def records(self) -> list[Logged]:
+        """All, oldest first."""
+        return list(self._records.copy())
+
+    @property
     def messages(self) -> list[str]:
         """All, oldest first."""
         return [record.message for record in self._records.copy()]
@@ -44,6 +49,11 @@ class CapturedLog(logging.Handler):
     def facts(self) -> list[object]:
         """What the records report beside their text, oldest first."""
         return [record.fact for record in self._records.copy() if record.fact is not None]
+
+    @property
+    def error_facts(self) -> list[object]:
+        """Those of the warnings and errors, oldest first."""
+        return [record.fact for record in self.records if record.level >= logging.WARNING and record.fact is not None]
 
     @property
     def errors(self) -> list[str]:

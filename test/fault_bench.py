@@ -11,14 +11,14 @@ from can_bench import Bench, wait_until
 from faulty_bus import Adapter
 
 from tactile_node.bus import skin_bus
-from tactile_node.bus.skin_bus import BusSettings
+from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.cia301.emergency import Emergency
 from tactile_node.frames.health import NodeFault
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.supervision.supervisor import Supervisor
 
 LAYOUT, SIDE, PRESSED = 'sim8x8_16bit.yaml', 8, 12.5
-PATIENCE = 20.0  # s; a busy machine may be slow, a wrong one never gets there
+TIMEOUT = 20.0  # s; a busy machine may be slow, a wrong one never gets there
 
 
 class Coded:
@@ -108,11 +108,11 @@ class FaultBench(Bench):
         return list(self.driver.monitor.emergencies[32]._kept)
 
     def wait(self, condition: Callable[[], bool], what: str) -> None:
-        assert wait_until(condition, PATIENCE), f'{what}; {self.driver.health()}; {self.log.errors}'
+        assert wait_until(condition, TIMEOUT), f'{what}; {self.driver.health()}; {self.log.errors}'
 
     def detect(self, *facts: object, kind: Callable[[Any], bool] = lambda fact: False) -> None:
-        """Wait until the log has one of ``facts``, or one that is of a ``kind``."""
-        self.wait(lambda: any(fact in facts or kind(fact) for fact in self.log.facts), f'{facts} not logged')
+        """Wait until a warning or an error in the log has one of ``facts``, or one that is of a ``kind``."""
+        self.wait(lambda: any(fact in facts or kind(fact) for fact in self.log.error_facts), f'{facts} not logged')
         self.detected = time.monotonic() - self._begun
 
     def recover(self, *pads: str) -> None:
@@ -130,7 +130,7 @@ class FaultBench(Bench):
         self.wait(has_come, f'no whole frames of {pad}')
 
     def _keep(self, name: str, frame) -> None:
-        self.hold.wait(PATIENCE)
+        self.hold.wait(TIMEOUT)
         self.kept.append((name, frame))
 
     def _check_all(self) -> None:

@@ -17,7 +17,7 @@ from typing import Any
 import can
 import numpy as np
 from canopen import SdoAbortedError, SdoCommunicationError
-from fault_bench import PATIENCE, FaultBench
+from fault_bench import TIMEOUT, FaultBench
 
 from tactile_node.cia301.emergency import Emergency
 from tactile_node.conditioning.tare import TaredPad
@@ -567,7 +567,7 @@ def guarded_by_another_master(channel: str) -> FaultBench:
 
 
 def other_makers_device_at_work(channel: str) -> FaultBench:
-    """A busy device of another maker: its PDOs, SDOs, EMCY, boot-ups, a its own SYNC and TIME disturb nothing."""
+    """A busy device of another maker: its PDOs, SDOs, EMCY, boot-ups, its own SYNC and TIME disturb nothing."""
     theirs = ((0x185, '0102030405060708'), (0x285, 'FF'), (0x605, '4018100100000000'), (0x585, '4318100100000001'),
               (0x085, '0010010000000000'), (0x705, '00'), (0x705, '7F'), (0x090, ''), (0x100, '000000000000'),
               (0x205, '00'), (0x7E5, '0400000000000000'))
@@ -616,7 +616,7 @@ def tare_under_load(channel: str) -> FaultBench:
 
         def tare() -> None:
             try:
-                pad.tare(10, 0.5, PATIENCE)
+                pad.tare(10, 0.5, TIMEOUT)
             except TareRefusedError as error:
                 outcome.append(str(error))
         asking = threading.Thread(target=tare)

@@ -40,7 +40,7 @@ def test_codes_are_not_known_and_none_first_and_fit_a_uint8(faults):
 
 @pytest.mark.parametrize('fault', NodeFault)
 def test_a_nodes_sentence_names_node_pad_and_fault(fault):
-    text = node_text('left', NodeHealth(32, 'STOPPED', False, 0.62, fault))
+    text = node_text('left', NodeHealth(32, 'STOPPED', False, 0.62, fault=fault))
     if fault in (NodeFault.NOT_KNOWN, NodeFault.NONE):
         assert text == ''
     else:
@@ -48,20 +48,21 @@ def test_a_nodes_sentence_names_node_pad_and_fault(fault):
 
 
 def test_a_nodes_sentence_tells_the_last_heartbeat():
-    silent = NodeHealth(32, 'STOPPED', False, 0.62, NodeFault.SILENT)
+    silent = NodeHealth(32, 'STOPPED', False, 0.62, fault=NodeFault.SILENT)
     assert node_text('left', silent).endswith('(last heartbeat 0.6 s ago: STOPPED).')
     assert node_text('left', silent._replace(heartbeat_age=None)).endswith('(no heartbeat so far).')
 
 
 def test_of_an_outage_that_lasts_the_sentence_tells_why():
     outages = Outages(1, 0.5, Failure(NodeFault.BOOTED), Failure(BusFault.SENDING_FAILED, 'Transmit buffer full'))
-    text = node_text('left', NodeHealth(32, 'OPERATIONAL', True, 0.1, NodeFault.AWAITING_TAXELS, outages=outages))
+    text = node_text('left', NodeHealth(32, 'OPERATIONAL', True, 0.1, fault=NodeFault.AWAITING_TAXELS, outages=outages))
     assert text.endswith('not back yet; the outage: the CAN bus cannot send: Transmit buffer full.')
 
 
 def test_a_failure_is_its_phrase_and_detail():
     assert failure_text(None) == ''
     assert failure_text(Failure(NodeFault.BOOTED)) == PHRASES[NodeFault.BOOTED]
+    assert failure_text(Failure(BusFault.BUS_OFF, 'x.')) == failure_text(Failure(BusFault.BUS_OFF, 'x'))
     assert failure_text(Failure(BusFault.BUS_OFF, 'x')) == 'the CAN controller is bus-off: x'
 
 

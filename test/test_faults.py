@@ -28,6 +28,8 @@ def test_without_recovery_faults_are_reported_and_left_alone():
         bench.wait(lambda: bench.driver.failure is not None, 'not reported')
         assert bench.adapter.opened == 1 and bench.node().state == 'STOPPED'
         bench.detect(BusFault.RECEPTION_FAILED, BusFault.SENDING_FAILED)
+        failed, = (one.message for one in bench.log.records if isinstance(one.fact, BusFault))
+        assert 'deactivate, clean up and configure' in failed and '..' not in failed
 
 
 def test_sequence_numbers_of_an_outage_of_the_bus_are_left_out():

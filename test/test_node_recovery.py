@@ -3,7 +3,7 @@
 import threading
 
 import pytest
-from fault_bench import PATIENCE, FaultBench
+from fault_bench import TIMEOUT, FaultBench
 
 from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.errors import DeviceAbsentError
@@ -12,7 +12,7 @@ pytestmark = pytest.mark.bus
 
 
 def test_nodes_are_configured_at_once(monkeypatch):
-    both, configure = threading.Barrier(2, timeout=PATIENCE), SkinBus.configure_node
+    both, configure = threading.Barrier(2, timeout=TIMEOUT), SkinBus.configure_node
 
     def configure_when_both_are(bus, *given):
         both.wait()

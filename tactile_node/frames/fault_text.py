@@ -48,14 +48,14 @@ def failure_of(error: TactileError) -> Failure:
 
 
 def failure_text(failure: Failure | None) -> str:
-    """Empty without a failure.
+    """Empty without a failure; without a full stop, so that it fits into a sentence.
 
     >>> failure_text(Failure(BusFault.SENDING_FAILED, 'Transmit buffer full'))
     'the CAN bus cannot send: Transmit buffer full'
     """
     if failure is None:
         return ''
-    return PHRASES[failure.fault] + (f': {failure.detail}' if failure.detail else '')
+    return PHRASES[failure.fault] + (f': {failure.detail.removesuffix(".")}' if failure.detail else '')
 
 
 def node_text(pad: str, node: NodeHealth) -> str:

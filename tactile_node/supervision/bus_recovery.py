@@ -19,11 +19,11 @@ logger = logging.getLogger(__name__)
 class BusRecovery:
     """Recovers ``bus``; called by one thread at a time, except ``failed``. ``is_active()``: SYNC is to be on."""
 
-    def __init__(self, bus: SkinBus, monitor: BusMonitor, nodes: Sequence[NodeMonitor], sync_period: float,
+    def __init__(self, bus: SkinBus, bus_monitor: BusMonitor, monitors: Sequence[NodeMonitor], sync_period: float,
                  is_active: Callable[[], bool]):
         self._bus = bus
-        self._monitor = monitor
-        self._nodes = nodes
+        self._bus_monitor = bus_monitor
+        self._monitors = monitors
         self._sync_period = sync_period
         self._is_active = is_active
         self.outage = OutageClock()
@@ -45,18 +45,18 @@ class BusRecovery:
         """Log it once; from any thread."""
         if not self.outage.is_running:
             logger.error('CAN bus has failed: %s. It is closed and opened again until it works.',
-                         failure_text(failure).rstrip('.'), extra={'fact': failure.fault})
+                         failure_text(failure), extra={'fact': failure.fault})
 
     def attend(self) -> None:
         now, failure = time.monotonic(), self._bus.failure
         if failure is None:
-            if self._monitor.can_frames > self._received_then:
+            if self._bus_monitor.can_frames > self._received_then:
                 logger.info('CAN bus works again after %.2f s.', self.outage.end(now))
                 self._backoff.reset()
             return
         self.outage.begin(now, failure)
-        for node in self._nodes:
-            node.outage.begin(now, failure)
+        for monitor in self._monitors:
+            monitor.outage.begin(now, failure)
         if self._backoff.is_due(now):
             self._reopen()
             self._backoff.attempted(time.monotonic())
@@ -67,7 +67,7 @@ class BusRecovery:
         self._silent_since = self._silent_since or time.monotonic()
         try:
             self._bus.open()
-            self._received_then = self._monitor.can_frames
+            self._received_then = self._bus_monitor.can_frames
             if self._is_active():
                 self._bus.resume(int((time.monotonic() - self._silent_since) / self._sync_period))
                 self._silent_since = None
@@ -75,5 +75,5 @@ class BusRecovery:
             if self._reminder.is_due(str(error), time.monotonic()):
                 logger.error('Waiting for the CAN bus: %s', error, extra={'fact': error})
             return
-        for node in self._nodes:
-            node.expect(time.monotonic())
+        for monitor in self._monitors:
+            monitor.expect(time.monotonic())

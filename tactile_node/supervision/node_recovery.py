@@ -29,9 +29,9 @@ class NodeRecovery:
     delay the others.
     """
 
-    def __init__(self, bus: SkinBus, nodes: Sequence[NodeMonitor], is_enabled: bool):
+    def __init__(self, bus: SkinBus, monitors: Sequence[NodeMonitor], is_enabled: bool):
         self._bus = bus
-        self._nodes = nodes
+        self._monitors = monitors
         self._is_enabled = is_enabled
 
     def configure(self, timeout: float) -> None:
@@ -39,72 +39,72 @@ class NodeRecovery:
 
         Of several some that do not answer may be left for later, if recovery is enabled.
         """
-        found = _at_once(self._nodes, lambda node: self._absence(node, timeout))
+        found = _at_once(self._monitors, lambda monitor: self._absence(monitor, timeout))
         absent = [error for error in found if error is not None]
-        if absent and (not self._is_enabled or len(absent) == len(self._nodes)):
+        if absent and (not self._is_enabled or len(absent) == len(self._monitors)):
             raise absent[0]
         for error in absent:
             logger.error('%s The others continue without it; it joins when it answers.', error, extra={'fact': error})
 
     def attend(self, is_active: bool, statistics: BusStatistics, syncs: int) -> None:
         """Detect and log the faults by what was received up to now, and recover; ``syncs``: SYNCs so far."""
-        due = [node for node in self._nodes
-               if self._is_recovery_due(node, is_active, statistics.pads[node.node.pad], syncs)]
-        _at_once(due, lambda node: self._recover(node, is_active))
+        due = [monitor for monitor in self._monitors
+               if self._is_recovery_due(monitor, is_active, statistics.pads[monitor.node.pad], syncs)]
+        _at_once(due, lambda monitor: self._recover(monitor, is_active))
 
-    def _absence(self, node: NodeMonitor, timeout: float) -> DeviceAbsentError | None:
+    def _absence(self, monitor: NodeMonitor, timeout: float) -> DeviceAbsentError | None:
         """Configure it; the error when it does not answer. Any other is raised."""
         try:
-            self._configure(node, timeout, FIRST_TRIES)
+            self._configure(monitor, timeout, FIRST_TRIES)
         except DeviceAbsentError as error:
             return error
         return None
 
-    def _is_recovery_due(self, node: NodeMonitor, is_active: bool, pad: PadStatistics, syncs: int) -> bool:
+    def _is_recovery_due(self, monitor: NodeMonitor, is_active: bool, pad: PadStatistics, syncs: int) -> bool:
         now = time.monotonic()
-        if node.has_new_emergency(now):
-            health = node.health(now)
-            logger.error('%s', emergency_text(node.node.pad, health), extra={'fact': health.last_emergency})
-        fault = node.detect(now, is_active, pad, syncs)
+        if monitor.has_new_emergency(now):
+            health = monitor.health(now)
+            logger.error('%s', emergency_text(monitor.node.pad, health), extra={'fact': health.last_emergency})
+        fault = monitor.detect(now, is_active, pad, syncs)
         if not fault.is_fault:
-            self._end_outage(node, is_active, pad, now)
+            self._end_outage(monitor, is_active, pad, now)
             return False
         if _stops_taxels(fault) and is_active:
-            node.outage.begin(node.data_at, Failure(fault))
-        if node.fault_reminder.is_due(fault.name, now):
+            monitor.outage.begin(monitor.data_at, Failure(fault))
+        if monitor.fault_reminder.is_due(fault.name, now):
             reaction = f' {reaction_text(fault)}' if self._is_enabled else ''
-            logger.error('%s%s', node_text(node.node.pad, node.health(now)), reaction, extra={'fact': fault})
-        return self._is_enabled and fault is not NodeFault.NO_SYNC and node.backoff.is_due(now)
+            logger.error('%s%s', node_text(monitor.node.pad, monitor.health(now)), reaction, extra={'fact': fault})
+        return self._is_enabled and fault is not NodeFault.NO_SYNC and monitor.backoff.is_due(now)
 
-    def _end_outage(self, node: NodeMonitor, is_active: bool, pad: PadStatistics, now: float) -> None:
-        if node.outage.is_running:
-            if is_active and not node.has_taxels_again(pad):
+    def _end_outage(self, monitor: NodeMonitor, is_active: bool, pad: PadStatistics, now: float) -> None:
+        if monitor.outage.is_running:
+            if is_active and not monitor.has_taxels_again(pad):
                 return
-            lasted = node.outage.end(now)
-            logger.info('%s %s again after %.2f s; the outage: %s.', node_label(node.node.pad, node.node.node_id),
-                        'gives taxels' if is_active else 'is ready', lasted, failure_text(node.outage.cause))
-        node.recovered()
+            lasted = monitor.outage.end(now)
+            logger.info('%s %s again after %.2f s; the outage: %s.', node_label(monitor.node.pad, monitor.node.node_id),
+                        'gives taxels' if is_active else 'is ready', lasted, failure_text(monitor.outage.cause))
+        monitor.recovered()
 
-    def _recover(self, node: NodeMonitor, is_active: bool) -> None:
-        fault = node.fault
+    def _recover(self, monitor: NodeMonitor, is_active: bool) -> None:
+        fault = monitor.fault
         try:
             if fault not in NOT_TO_BE_CONFIGURED:
-                self._configure(node, RETRY_TIMEOUT, pause=_stops_taxels(fault))
+                self._configure(monitor, RETRY_TIMEOUT, pause=_stops_taxels(fault))
             if is_active:
-                self._bus.start_node(node.node, was_silent=_stops_taxels(fault))
-                node.commanded(time.monotonic(), self._bus.statistics().pads[node.node.pad])
+                self._bus.start_node(monitor.node, was_silent=_stops_taxels(fault))
+                monitor.commanded(time.monotonic(), self._bus.statistics().pads[monitor.node.pad])
         except (DeviceError, BusError) as error:
-            if fault is not NodeFault.SILENT and node.retry_reminder.is_due(str(error), time.monotonic()):
-                logger.error('Waiting for node %d: %s', node.node.node_id, error, extra={'fact': error})
-        node.backoff.attempted(time.monotonic())
+            if fault is not NodeFault.SILENT and monitor.retry_reminder.is_due(str(error), time.monotonic()):
+                logger.error('Waiting for node %d: %s', monitor.node.node_id, error, extra={'fact': error})
+        monitor.backoff.attempted(time.monotonic())
 
-    def _configure(self, node: NodeMonitor, timeout: float, tries: int = 1, pause: bool = True) -> None:
+    def _configure(self, monitor: NodeMonitor, timeout: float, tries: int = 1, pause: bool = True) -> None:
         """Configure a node; when it boots meanwhile, once more, as long as there are tries."""
         for _ in range(tries):
-            boots = node.boots
-            self._bus.configure_node(node.node, timeout, pause)
-            node.configured(boots)
-            if node.is_trusted:
+            boots = monitor.boots
+            self._bus.configure_node(monitor.node, timeout, pause)
+            monitor.configured(boots)
+            if monitor.is_trusted:
                 return
 
 
@@ -112,9 +112,9 @@ def _stops_taxels(fault: NodeFault) -> bool:
     return fault is not NodeFault.NO_HEARTBEAT
 
 
-def _at_once(nodes: Sequence[NodeMonitor], act: Callable[[NodeMonitor], Result]) -> list[Result]:
+def _at_once(monitors: Sequence[NodeMonitor], act: Callable[[NodeMonitor], Result]) -> list[Result]:
     """What ``act`` returns of each node, in their order; the first error is raised when all are done."""
-    if len(nodes) < 2:
-        return [act(node) for node in nodes]
-    with ThreadPoolExecutor(len(nodes), 'configure') as pool:
-        return list(pool.map(act, nodes))
+    if len(monitors) < 2:
+        return [act(monitor) for monitor in monitors]
+    with ThreadPoolExecutor(len(monitors), 'configure') as pool:
+        return list(pool.map(act, monitors))

@@ -54,9 +54,9 @@ class Supervisor:
                             on_failure=self._bus_failed if recover else None)
         timeouts = self._timeouts(heartbeat_timeout)
         self._by_pad = {pad.name: [NodeMonitor(node, self.monitor, *timeouts) for node in pad.nodes] for pad in pads}
-        self._nodes = [node for nodes in self._by_pad.values() for node in nodes]
-        self._node_recovery = NodeRecovery(self._bus, self._nodes, recover)
-        self._bus_recovery = BusRecovery(self._bus, self.monitor, self._nodes, settings.sync_period,
+        self._monitors = [monitor for monitors in self._by_pad.values() for monitor in monitors]
+        self._node_recovery = NodeRecovery(self._bus, self._monitors, recover)
+        self._bus_recovery = BusRecovery(self._bus, self.monitor, self._monitors, settings.sync_period,
                                          is_active=lambda: self._is_active)
         self._command_reminder = Reminder()
         self._commands_reported = 0
@@ -89,7 +89,7 @@ class Supervisor:
             if self._bus_recovery.outage.is_running:
                 raise BusError('CAN bus', expected='one that works', got=failure_text(self.failure),
                                remedy='It is opened again until it works; start once it does.')
-            self._bus.start(without=[node.node.node_id for node in self._nodes if not node.is_trusted])
+            self._bus.start(without=[monitor.node.node_id for monitor in self._monitors if not monitor.is_trusted])
             self._set_active(True)
 
     def stop(self) -> None:
@@ -112,25 +112,26 @@ class Supervisor:
         return self._bus.auto_zero(pad)
 
     def boots(self, pad: str) -> int:
-        return sum(node.boots for node in self._by_pad[pad])
+        return sum(monitor.boots for monitor in self._by_pad[pad])
 
     def adjust(self, drop_incomplete: bool, heartbeat_timeout: float) -> None:
         self._bus.drop_incomplete(drop_incomplete)
-        for node in self._nodes:
-            node.set_timeouts(*self._timeouts(heartbeat_timeout))
+        for monitor in self._monitors:
+            monitor.set_timeouts(*self._timeouts(heartbeat_timeout))
 
     def statistics(self) -> BusStatistics:
         return self._bus.statistics()
 
     def health(self) -> BusHealth:
         """State of the bus and its nodes now."""
-        now, monitor = time.monotonic(), self.monitor
+        now, bus_monitor = time.monotonic(), self.monitor
         return BusHealth(
             failure=self.failure, is_active=self._is_active,
-            nodes={name: tuple(node.health(now) for node in nodes) for name, nodes in self._by_pad.items()},
+            nodes={name: tuple(monitor.health(now) for monitor in monitors)
+                   for name, monitors in self._by_pad.items()},
             outages=self._bus_recovery.outage.outages(now), load=self._load.load,
-            is_error_passive=monitor.is_error_passive, error_counters=monitor.error_counters,
-            foreign_commands=monitor.foreign_commands, last_command=monitor.last_command)
+            is_error_passive=bus_monitor.is_error_passive, error_counters=bus_monitor.error_counters,
+            foreign_commands=bus_monitor.foreign_commands, last_command=bus_monitor.last_command)
 
     def _timeouts(self, heartbeat_timeout: float) -> tuple[float, float]:
         """Of heartbeat and of taxels [s]."""
@@ -139,16 +140,16 @@ class Supervisor:
     def _begin(self) -> None:
         now = time.monotonic()
         self._bus_recovery.restart(now)
-        for node in self._nodes:
-            node.outage.end(now)
-            node.expect(now)
+        for monitor in self._monitors:
+            monitor.outage.end(now)
+            monitor.expect(now)
 
     def _set_active(self, is_active: bool) -> None:
         now, pads = time.monotonic(), self.statistics().pads
-        for node in self._nodes:
-            node.commanded(now, pads[node.node.pad])
+        for monitor in self._monitors:
+            monitor.commanded(now, pads[monitor.node.pad])
             if not is_active:
-                node.outage.end(now)
+                monitor.outage.end(now)
         self._is_active = is_active
 
     def _supervise(self) -> None:
@@ -187,8 +188,8 @@ class Supervisor:
             logger.error('Another NMT master has sent: %s.', command_text(command), extra={'fact': command})
 
     def _deliver(self, name: str, frame: TaxelFrame) -> None:
-        for node in self._by_pad[name]:
-            if not node.is_trusted:
-                node.distrusted += 1
-                frame = without_values(frame, node.node.layout.carriers)
+        for monitor in self._by_pad[name]:
+            if not monitor.is_trusted:
+                monitor.distrusted += 1
+                frame = without_values(frame, monitor.node.layout.carriers)
         self._on_frame(name, frame)
