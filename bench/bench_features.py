@@ -63,7 +63,7 @@ def whole_set(masks: dict[str, np.ndarray]) -> None:
         ratios.append(plain / ours)
         print(f'{shape:20}{mask.sum():5}{plain:15.0f}{ours:8.2f}{plain / ours:8.0f}'
               f'{dense:30.0f}{dense / ours:8.1f}')
-    print(f'Least ratio {min(ratios):.0f}; asked for: 100\n')
+    print(f'Least ratio {min(ratios):.0f}; required: 100\n')
 
 
 def by_part(masks: dict[str, np.ndarray]) -> None:
@@ -77,7 +77,7 @@ def by_part(masks: dict[str, np.ndarray]) -> None:
         best, median = np.transpose([milliseconds(function, mask, repeat=301) for mask in masks.values()])
         print(f'{text:40}{np.median(median):8.2f} ms a frame (five shapes: {min(median):.2f} to {max(median):.2f}); '
               f'at best {np.median(best):.2f}')
-    print("Asked for: the classifier's own features within 1 ms")
+    print("Required: the classifier's own features within 1 ms")
 
 
 def main() -> None:

@@ -140,7 +140,7 @@ def by_area(report: Report, count: int) -> None:
     rows = []
     for condition in ('clean', 'all four', 'on/off'):
         for area in AREAS:
-            of = [Fitted(shape, condition, area, count, Purpose.EVALUATION) for shape in CLASSES]
+            of = [Fitted(shape, condition, area, count, purpose=Purpose.EVALUATION) for shape in CLASSES]
             inside = np.concatenate([one.distances() < 1 for one in of])
             rows.append([condition, str(area), _medians([each for one in of for each in one.errors]),
                          rate(inside.sum(), len(inside))])
@@ -207,7 +207,7 @@ def calibrate(count: int) -> None:
     for shape in CLASSES:
         for name, chosen in (('pressure', [c for c in CONDITIONS if c != 'on/off']), ('on/off', ['on/off'])):
             shares = np.concatenate([Fitted(shape, condition, area, count * (6 if name == 'on/off' else 1),
-                                            Purpose.TRAINING).distances()
+                                            purpose=Purpose.TRAINING).distances()
                                      for condition in chosen for area in (20, 35, 50, 100)])
             print(f'{shape:20}{name:10}{len(shares):6} fits: factor of the covariance now in force, times '
                   f'{np.percentile(shares, 95):.3f}', flush=True)
@@ -226,7 +226,7 @@ def main() -> None:
     report.say(f'Written by `python bench/bench_pose.py --patterns {args.patterns}`; {args.patterns} fresh contacts a '
                'row, evaluation seeds.')
     report.say()
-    fitted = {(condition, shape): Fitted(shape, condition, AREA, args.patterns, Purpose.EVALUATION)
+    fitted = {(condition, shape): Fitted(shape, condition, AREA, args.patterns, purpose=Purpose.EVALUATION)
               for condition in CONDITIONS for shape in CLASSES}
     for part in (accuracy, alternatives, regions, corners, times):
         part(report, fitted)

@@ -2,7 +2,7 @@
 
 Run by `make bench`, or: .venv-bench/bin/python bench/bench_recognition.py [--quick] [--output FOLDER].
 Both anchors are trained in this run, on training seeds of the generator that the evaluation draws from
-with seeds of its own. Writes recognition.csv, recognition.md and the pictures of our failures.
+with its own seeds. Writes recognition.csv, recognition.md and the pictures of our failures.
 """
 
 import argparse
@@ -81,11 +81,11 @@ def trained(on_off: bool, bulk: int, faulty: int, epochs: float) -> list:
     return [Cnn(samples, epochs), ContourTrees(samples, not on_off)]
 
 
-def train_anchors(clock: Clock, jobs: int, *amount) -> dict:
+def train_anchors(clock: Clock, jobs: int, *, bulk: int, faulty: int, epochs: int) -> dict:
     """Both kinds of frames at once, if ``jobs`` is 2."""
-    bulk, faulty, epochs = amount
     clock(f'training the anchors on {bulk} + {faulty} samples of each kind of frame, the CNN for {epochs:g} epochs')
     kinds = (True, False)
+    amount = bulk, faulty, epochs
     if jobs < 2:
         return {on_off: trained(on_off, *amount) for on_off in kinds}
     with ProcessPoolExecutor(2, get_context('spawn')) as pool:
@@ -117,7 +117,7 @@ def speed(contest: Contest, repeat: int) -> Table:
                   ['frames', 'area', OURS, 'CNN', 'contours + trees', 'ours / CNN', 'ours / (contours + trees)'])
     for on_off in (True, False):
         for area in (20, 50, 100):
-            taken = contest.times(make_case(3000 + on_off, CLEAN, on_off, area, 50), repeat)
+            taken = contest.times(make_case(3000 + on_off, CLEAN, on_off, area, count=50), repeat)
             ours, cnn, trees = taken.values()
             table.add(KIND[on_off], area, *(f'{t * 1e6:.0f}' for t in (ours, cnn, trees)), f'{ours / cnn:.2f}',
                       f'{ours / trees:.3f}')
@@ -177,14 +177,15 @@ def main() -> int:
     args.output.mkdir(parents=True, exist_ok=True)
     bulk, faulty, epochs, clean_count, field_count = (
         (20_000, 1000, 2, 300, 60) if args.quick else (100_000, 8_000, 4, 3000, 400))
-    anchors = train_anchors(clock, args.jobs, bulk, faulty, epochs)
+    anchors = train_anchors(clock, args.jobs, bulk=bulk, faulty=faulty, epochs=epochs)
     contest = Contest(ShapeRecogniser.from_file(config_path(args.weights)), anchors)
     clock('time of a single frame')
     tables = [speed(contest, 100 if args.quick else 400)]
     print(tables[0].plain())
     clean = _run(contest, clean_cases(AREAS, clean_count), clock, 'clean frames')
     clock('outliers')
-    known = [contest.run(make_case(71 + area + on_off, CLEAN, on_off, area, clean_count, Purpose.VALIDATION))
+    known = [contest.run(make_case(71 + area + on_off, CLEAN, on_off, area, count=clean_count,
+                                   purpose=Purpose.VALIDATION))
              for area in OUTLIER_AREAS for on_off in (True, False)]
     outliers = [contest.run(case) for case in outlier_cases(OUTLIER_AREAS, field_count)]
     field = _run(contest, field_cases(FIELD_AREAS, field_count), clock, 'field conditions')
@@ -195,7 +196,7 @@ def main() -> int:
                     'say, counts as not recognised', field)]
     for table in tables:
         print(table.plain())
-    _write(args, tables, clean, field, outliers)
+    _write(args, tables, clean=clean, field=field, outliers=outliers)
     clock(f'written to {args.output}')
     return 0
 

@@ -1,7 +1,7 @@
 """Two pads at the bus's full load for a long time: TPDOs lost, memory, latency from SYNC to taxel frame over time.
 
 Run by `make soak` (`make soak MINUTES=60`), or: python bench/soak.py [--minutes 10] [--rate 115]. The simulated skin
-is a process of its own behind a pseudo-terminal (slcan), as an adapter would be; the driver is the supervised one that
+is its own process behind a pseudo-terminal (slcan), as an adapter would be; the driver is the supervised one that
 the driver node runs. At 115 sweeps a second two pads of 16x16 taxels of 8 bits fill a bus of 1 Mbit/s
 (64 TPDOs of at most 135 bits each). Where it may, all runs at a raised priority, as a robot's drivers do. A third
 process only sleeps, a millisecond at a time, and reports how long the machine itself stood still at most.

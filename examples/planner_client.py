@@ -66,8 +66,9 @@ def main() -> None:
 
     def side(shape: ContactShape, aim: tuple[float, float]) -> Side:
         place = shape.pose.pose
-        return Side(shape.shape != ContactShape.NONE, shape.confidence if shape.fit_valid else 0.0,
-                    (place.position.x, place.position.y), aim, yaw(place.orientation), shape.symmetry)
+        return Side(touched=shape.shape != ContactShape.NONE, confidence=shape.confidence if shape.fit_valid else 0.0,
+                    centre=(place.position.x, place.position.y), aim=aim, angle=yaw(place.orientation),
+                    symmetry=shape.symmetry)
 
     def on_grasp(grasp: Grasp) -> None:
         aim = tuple(node.get_parameter('aim').value)

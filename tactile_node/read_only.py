@@ -4,6 +4,6 @@ import numpy as np
 
 
 def read_only(array: np.ndarray) -> np.ndarray:
-    """The array itself, no longer writeable: what passes between stages is nobody's to change."""
+    """The array itself, no longer writeable: no stage may change what another one made."""
     array.flags.writeable = False
     return array

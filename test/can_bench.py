@@ -67,7 +67,7 @@ def only(outcome: Results) -> TaxelFrame | Loss | None:
 
 
 class Bench:
-    """A simulated skin and a driver on a virtual bus of their own; use with ``with``."""
+    """A simulated skin and a driver on their own virtual bus; use with ``with``."""
 
     def __init__(self, channel: str, layout: str = 'sim16x16.yaml', nodes: tuple[int, ...] = (32,),
                  source=None, **settings: Any):

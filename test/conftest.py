@@ -1,4 +1,4 @@
-"""For every test: ROS stays on this machine, each run of pytest in a domain of its own."""
+"""For every test: ROS stays on this machine, each run of pytest in its own domain."""
 
 import os
 

@@ -22,7 +22,7 @@ TIMEOUT = 20.0  # s; a busy machine may be slow, a wrong one never gets there
 
 
 class Coded:
-    """Taxels that tell which they are and when they were sampled: 1 N, 0.2 N a taxel, 1 mN a sample (mod CYCLE)."""
+    """Taxels whose values show their place and sampling time: 1 N, 0.2 N a taxel, 1 mN a sample (mod CYCLE)."""
 
     CYCLE, TAXEL, SAMPLE = 100, 0.2, 0.001
     place = 1 + TAXEL * np.arange(SIDE * SIDE).reshape(SIDE, SIDE)

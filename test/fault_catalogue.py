@@ -586,7 +586,7 @@ def other_makers_device_at_work(channel: str) -> FaultBench:
 
 
 def refuses_operational_from_the_start(channel: str) -> FaultBench:
-    """activate fails in a sentence that says which state the device is in; the bus stays open for another try."""
+    """activate fails with an error that names which state the device is in; the bus stays open for another try."""
     with FaultBench(channel) as bench:
         bench.device.refuses_start = True
         bench.driver.open()

@@ -2,7 +2,7 @@
 
 Run by `make fuzz`, or: python test/fuzzing.py [--frames 1000000] [--files 10000] [--lines 100000] [--seed 1]. What
 breaks the rule (only TactileError, no hang, no loss in silence, no exception in a callback, no growing memory) is
-kept in build/fuzz and belongs, once mended, into test/data/corpus, which the tests read.
+kept in build/fuzz and belongs, once repaired, into test/data/corpus, which the tests read.
 """
 
 import argparse
@@ -40,7 +40,7 @@ from tactile_node.supervision.supervisor import Supervisor
 
 ROOT = Path(__file__).resolve().parents[1]
 CORPUS = ROOT / 'test/data/corpus'
-PATIENCE = 20  #: s that one file may take
+TIMEOUT = 20  #: s that one file may take
 GROWTH = 10    #: MB that memory may grow after the first tenth
 BURST = 2000   #: frames sent before the driver may catch up
 NASTY = ('', '0', '-1', '1e999', 'nan', '0x', '$NODEID', '$NODEID+', '99999999999999999999', '[', ']', '{', '}',
@@ -50,7 +50,7 @@ LOG_SUFFIXES = ('.log', '.asc', '.blf', '.trc', '.log.gz', '.csv')
 
 
 class HangError(Exception):
-    """A file took longer than PATIENCE."""
+    """A file took longer than TIMEOUT."""
 
 
 def read_log(path: Path) -> None:
@@ -65,11 +65,11 @@ READERS: dict[str, Callable[[Path], object]] = {
 
 
 def survives(kind: str, path: Path) -> str:
-    """'read' or 'refused'; any other exception than TactileError passes, HangError after PATIENCE."""
+    """'read' or 'refused'; any other exception than TactileError passes, HangError after TIMEOUT."""
     def hang(*_: object):
-        raise HangError(f'{path} takes longer than {PATIENCE} s')
+        raise HangError(f'{path} takes longer than {TIMEOUT} s')
     before = signal.signal(signal.SIGALRM, hang)
-    signal.alarm(PATIENCE)
+    signal.alarm(TIMEOUT)
     try:
         READERS[kind](path)
         return 'read'
@@ -183,7 +183,10 @@ class FrameFuzz:
     """A supervised driver of one pad on a bus that carries everything; use with ``with``."""
 
     def __init__(self, channel: str, seed: int):
-        self._rng, self.sent, self.frames, self.bad = random.Random(seed), 0, 0, []
+        self._rng = random.Random(seed)
+        self.sent = 0
+        self.frames = 0
+        self.bad = []
         self.bench = Bench(channel, 'sim8x8_16bit.yaml')
         self.bench.driver = Supervisor(self.bench.settings, self.bench.pads, self._check)
         node, = self.bench.pads[0].nodes
@@ -233,7 +236,7 @@ class FrameFuzz:
 
 
 class Tracebacks(logging.Handler):
-    """Counts exceptions that were caught and logged, by logger and type: nobody else sees those of callbacks."""
+    """Counts exceptions that were caught and logged, by logger and type: nothing else reports those of callbacks."""
 
     def __init__(self):
         super().__init__(logging.ERROR)
@@ -276,11 +279,11 @@ class SerialFuzz:
             os.write(self._master, self._broken() + b'\r' + encode(can.Message(arbitration_id=0x7FF, data=mark,
                                                                               is_extended_id=False)))
             while True:
-                message = self.bus.recv(PATIENCE)
+                message = self.bus.recv(TIMEOUT)
                 assert message is not None, f'sound line {self.sent} did not come'
                 if message.arbitration_id == 0x7FF and bytes(message.data) == mark:
                     break
-                self.outcome['told as damaged' if message.is_error_frame else 'a frame by chance'] += 1
+                self.outcome['reported as damaged' if message.is_error_frame else 'a frame by chance'] += 1
             assert len(self.bus._buffer) <= LONGEST_LINE
             try:
                 os.read(self._master, 1 << 16)  # what the driver's side has sent to the adapter
@@ -300,7 +303,7 @@ def resident() -> float:
 
 
 def fuzz_files(count: int, seed: int) -> int:
-    """Print what became of ``count`` files; return how many broke the rule."""
+    """Print the outcome of ``count`` files; return how many broke the rule."""
     outcome, broken, kept = Counter(), 0, ROOT / 'build/fuzz'
     kept.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
@@ -324,7 +327,7 @@ def fuzz_files(count: int, seed: int) -> int:
 
 
 def fuzz_frames(count: int, seed: int) -> int:
-    """Print what became of ``count`` CAN messages; return how many rules were broken."""
+    """Print the outcome of ``count`` CAN messages; return how many rules were broken."""
     with FrameFuzz('fuzz', seed) as fuzz:
         begin = time.monotonic()
         for burst in range(count // BURST):
@@ -347,7 +350,7 @@ def fuzz_frames(count: int, seed: int) -> int:
 
 
 def fuzz_lines(count: int, seed: int) -> int:
-    """Print what became of ``count`` broken slcan lines; return how many rules were broken."""
+    """Print the outcome of ``count`` broken slcan lines; return how many rules were broken."""
     with SerialFuzz(seed) as fuzz:
         fuzz.send(count // 10)
         warm = resident()

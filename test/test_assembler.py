@@ -284,7 +284,7 @@ def test_repeated_frame_is_a_duplicate(assembler):
 
 
 def test_same_cob_id_with_other_bytes_begins_a_new_run(assembler):
-    """Two periods' row 2 without a SYNC seen between: what came before belongs to the earlier one."""
+    """Two periods' row 2 without a SYNC seen between: what was received before belongs to the earlier one."""
     assembler.sync(0)
     assert send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_2, '0B0B')) == Loss(LossReason.LATE, 2)
     send(assembler, (ROW_3, '0B0B'))

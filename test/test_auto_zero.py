@@ -30,7 +30,7 @@ def test_a_device_that_refuses_is_told_by_channel(monkeypatch):
 
 @pytest.mark.parametrize('answer', [bytes.fromhex('8025610322000008'), None])
 def test_a_device_that_is_zeroed_in_part_or_does_not_answer_is_told_apart(answer):
-    """The third channel is refused (SDO abort), or its confirmation lost: then nobody knows."""
+    """The third channel is refused (SDO abort), or its confirmation lost: then its state is not known."""
     def tamper(message):
         if message.arbitration_id == 0x5A0 and bytes(message.data[:4]) == bytes.fromhex('60256103'):
             message.data = answer
@@ -46,10 +46,10 @@ def test_a_device_that_is_zeroed_in_part_or_does_not_answer_is_told_apart(answer
 def test_of_a_pads_nodes_the_first_may_be_zeroed_when_the_second_refuses(monkeypatch):
     zeroed = []
 
-    def second_refuses(_sdo, _dictionary, who):
+    def second_refuses(_sdo, _dictionary, label):
         if zeroed:
-            raise DeviceError(who, expected='that it takes "zero"', got='an abort', remedy='See its manual.')
-        zeroed.append(who)
+            raise DeviceError(label, expected='that it takes "zero"', got='an abort', remedy='See its manual.')
+        zeroed.append(label)
         return 5
     monkeypatch.setattr(skin_bus, 'auto_zero', second_refuses)
     with Bench('nodes zeroed', 'nodes2_12x8_12bit.yaml', (32, 35)) as bench:

@@ -62,19 +62,20 @@ def bag(folder, plugin, topics=(('/from_can_bus', TYPE),), stamped=True, compres
                 stamp = kinds['builtin_interfaces/msg/Time'](*divmod(time if stamped else 0, 10 ** 9))
                 header = kinds['std_msgs/msg/Header'](stamp, 'can0')
                 content = header if kind != TYPE else kinds[TYPE](
-                    header, message.arbitration_id, False, message.is_extended_id, False, message.dlc,
-                    np.frombuffer(bytes(message.data).ljust(8, b'\0'), np.uint8))
+                    header=header, id=message.arbitration_id, is_rtr=False, is_extended=message.is_extended_id,
+                    is_error=False, dlc=message.dlc,
+                    data=np.frombuffer(bytes(message.data).ljust(8, b'\0'), np.uint8))
                 writer.write(connection, time, types.serialize_cdr(content, kind))
     return folder
 
 
-def told(messages):
+def content_of(messages):
     return [(m.timestamp, m.arbitration_id, m.is_extended_id, m.is_remote_frame, m.is_error_frame, m.dlc,
              bytes(m.data)) for m in messages]
 
 
 def test_every_kind_of_frame_comes_back(tmp_path):
-    assert told(CanLogReader(written(tmp_path / 'x.mcap'))) == told(SENT)
+    assert content_of(CanLogReader(written(tmp_path / 'x.mcap'))) == content_of(SENT)
 
 
 def test_what_we_write_others_read(tmp_path):
@@ -96,18 +97,18 @@ def test_what_we_write_others_read(tmp_path):
 def test_bags_of_rosbag2_are_read_by_folder_and_by_file(tmp_path, plugin):
     folder = bag(tmp_path / 'bag', rosbags.StoragePlugin[plugin])
     file, = (file for file in folder.iterdir() if file.suffix in ('.mcap', '.db3'))
-    assert told(CanLogReader(folder)) == told(CanLogReader(file)) == told(SENT[:3])
+    assert content_of(CanLogReader(folder)) == content_of(CanLogReader(file)) == content_of(SENT[:3])
 
 
 @pytest.mark.parametrize('plugin', list(rosbags.StoragePlugin))
 def test_bags_compressed_message_by_message_are_read(tmp_path, plugin):
     folder = bag(tmp_path / 'session', plugin, compressed=True)
-    assert told(CanLogReader(folder)) == told(SENT[:3])
+    assert content_of(CanLogReader(folder)) == content_of(SENT[:3])
 
 
 def test_paths_may_hold_what_has_a_meaning_in_an_uri(tmp_path):
     folder = bag(tmp_path / 'bag', rosbags.StoragePlugin.SQLITE3).rename(tmp_path / 'run #3 ?%20&mode=rw')
-    assert told(CanLogReader(folder)) == told(SENT[:3])
+    assert content_of(CanLogReader(folder)) == content_of(SENT[:3])
 
 
 def test_without_stamps_the_time_of_recording_counts(tmp_path):
@@ -118,11 +119,11 @@ def test_without_stamps_the_time_of_recording_counts(tmp_path):
 def test_of_a_bag_of_two_buses_one_is_named_by_its_topic(tmp_path):
     folder = bag(tmp_path / 'bag', rosbags.StoragePlugin.MCAP, (('/left/can', TYPE), ('/right/can', TYPE)))
     assert len(list(CanLogReader(folder))) == 6
-    assert told(CanLogReader(folder, '/left/can')) == told(SENT[:3])
+    assert content_of(CanLogReader(folder, '/left/can')) == content_of(SENT[:3])
 
 
 @pytest.mark.parametrize('plugin', ['MCAP', 'SQLITE3'])
-def test_a_bag_without_can_frames_is_told_by_its_topics(tmp_path, plugin):
+def test_a_bag_without_can_frames_is_reported_by_its_topics(tmp_path, plugin):
     folder = bag(tmp_path / 'bag', rosbags.StoragePlugin[plugin], (('/odom', 'std_msgs/msg/Header'),))
     with pytest.raises(LogError, match='/odom .std_msgs/msg/Header.'):
         list(CanLogReader(folder))

@@ -22,9 +22,9 @@ def test_a_log_comes_out_whole_and_the_command_says_so(capsys):
     syncs = sum(line.can_id == 0x080 for line in lines)
     assert main(['bringup', '--replay', str(DATA / name), '--pace', '0', '--pads', 'left,right',
                  '--node-id', '32,64']) == 0
-    told = capsys.readouterr().out
-    assert f'Shapes: {2 * syncs} of {2 * syncs} taxel frames' in told
-    assert f'CAN frames: {len(lines)} ' in told
+    printed = capsys.readouterr().out
+    assert f'Shapes: {2 * syncs} of {2 * syncs} taxel frames' in printed
+    assert f'CAN frames: {len(lines)} ' in printed
 
 
 def test_a_replay_starts_whatever_the_parameter_file_says(tmp_path, capsys):
@@ -55,9 +55,9 @@ def short_patience(tmp_path):
 ])
 def test_what_cannot_work_ends_with_a_sentence_and_code_2(words, expected, short_patience, capsys):
     assert main(['bringup', *short_patience, *words]) == 2
-    told = capsys.readouterr().err.strip()
-    assert told.startswith('tactile: error: ') and '\n' not in told
-    assert expected in told
+    error = capsys.readouterr().err.strip()
+    assert error.startswith('tactile: error: ') and '\n' not in error
+    assert expected in error
 
 
 def test_a_missing_parameter_file_is_told(capsys):
@@ -103,5 +103,5 @@ def test_ctrl_c_ends_the_demo_quietly(tmp_path):
                                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert any('TPDOs ready' in line for line in process.stderr)
     process.send_signal(signal.SIGINT)
-    _, told = process.communicate(timeout=60)
-    assert process.returncode == 130 and 'Traceback' not in told
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130 and 'Traceback' not in errors

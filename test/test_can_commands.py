@@ -106,7 +106,9 @@ class WatchedFile:
     """Keeps what is on disk after each write: what a kill at that moment would leave."""
 
     def __init__(self, file, path):
-        self._file, self._path, self.states = file, path, []
+        self._file = file
+        self._path = path
+        self.states = []
 
     def __getattr__(self, name):
         return getattr(self._file, name)
@@ -230,8 +232,9 @@ def test_a_full_disk_ends_the_recording_and_says_so_once(tmp_path, suffix, caplo
     assert wait_until(lambda: log.write(message) or log.failure)
     log.write(message)
     log.close()
-    told, = caplog.messages
-    assert told == log.failure and 'No space left' in told and 'Free the disk' in told and log.unwritten
+    message, = caplog.messages
+    assert message == log.failure and log.unwritten
+    assert 'No space left' in message and 'Free the disk' in message
 
 
 @pytest.mark.parametrize('name', ['.', '/', 'no/such/folder/x.log', 'x.nonsense'])

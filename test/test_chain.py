@@ -19,7 +19,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
 LOG, LAYOUT, NODE_ID, TPDOS = 'nus_ring_session.log.gz', 'nus_sinapse_64x64.yaml', 32, 64
 SYNC = 0x080
-PATIENCE = 240.0  # s: three processes start on a machine that may be busy
+TIMEOUT = 240.0  # s: three processes start on a machine that may be busy
 
 
 @contextmanager
@@ -48,7 +48,7 @@ class Listener:
 
     def wait_for(self, count: int) -> None:
         """Spin until every topic has brought ``count`` messages."""
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + TIMEOUT
         while min(map(len, self.heard.values())) < count and time.monotonic() < deadline:
             rclpy.spin_once(self.node, timeout_sec=0.1)
 

@@ -33,7 +33,8 @@ OK, WARN, ERROR, STALE = (DiagnosticStatus.OK, DiagnosticStatus.WARN, Diagnostic
 
 
 def statistics(frames=10, late=0, overruns=0):
-    pad = PadStatistics(frames, 0, 32 * frames, 32 * frames + late, 32 * frames, 0, {LossReason.LATE: late})
+    pad = PadStatistics(complete=frames, incomplete=0, expected=32 * frames, received=32 * frames + late,
+                        used=32 * frames, pending=0, losses={LossReason.LATE: late})
     return BusStatistics({'left': pad}, {'tpdo': 32 * frames + late}, queue_overruns=overruns)
 
 

@@ -18,7 +18,7 @@ def given(pad: TaredPad, seconds: float, load, drift, begin: float = 0.0, seed: 
     rng, last = np.random.default_rng(seed), []
     for t in begin + np.arange(int(seconds * RATE)) / RATE:
         values = (load + drift(t) + NOISE * rng.standard_normal((SIDE, SIDE))).astype(np.float32)
-        found = pad.feed(TaxelFrame(t, 0, values, np.zeros((SIDE, SIDE), np.uint8), 0)).values
+        found = pad.feed(TaxelFrame(t, 0, values, np.zeros((SIDE, SIDE), np.uint8), missing_can_frames=0)).values
         last = [*last[-RATE + 1:], found]
     return np.mean(last, axis=0)
 
@@ -54,7 +54,7 @@ def test_a_taxel_taken_out_as_faulty_does_not_keep_the_others_from_being_followe
         values, status = np.full((1, 2), min(t, 60) * 20.0, np.float32), np.zeros((1, 2), np.uint8)
         if t > 10:
             values[0, 1], status[0, 1] = np.nan, TaxelStatus.FAULTY
-        last = pad.feed(TaxelFrame(t, 0, values, status, 0)).values
+        last = pad.feed(TaxelFrame(t, 0, values, status, missing_can_frames=0)).values
     assert abs(last[0, 0]) < 100 and np.isnan(last[0, 1])
 
 

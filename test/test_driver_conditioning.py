@@ -20,33 +20,35 @@ from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
 from tactile_node.ros.parameters import table  # noqa: E402
 from tactile_node.ros.qos import STATUS_QOS, frames_qos  # noqa: E402
 from tactile_node.ros.settings import DriverSettings  # noqa: E402
-from tactile_skin.msg import NodeStatus, SkinStatus, TaxelArray  # noqa: E402
+from tactile_skin.msg import FaultyTaxel, NodeStatus, SkinStatus, TaxelArray  # noqa: E402
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
-PATIENCE = 60.0  # s, for a busy machine
+TIMEOUT = 60.0  # s, for a busy machine
 LIVE = {'drop_incomplete', 'heartbeat_timeout', 'faulty_taxels', 'tare_limit', 'follow_drift', 'frozen_after'}
 FILE = 'pads: {pad32: {dead: [[2, 3]]}}'
 
 
 class Driver:
-    """The driver node on a simulated pad that reads PRESSED everywhere, and who listens to it."""
+    """The driver node on a simulated pad that reads PRESSED everywhere, and a listener."""
 
     def __init__(self, channel, **given):
         given = {'interface': 'virtual', 'channel': channel, 'pads': ['pad32'], 'node_ids': [32],
                  'layouts': [LAYOUT]} | given
         self.node = DriverNode(parameter_overrides=[Parameter(name, value=value) for name, value in given.items()])
         self.listener = rclpy.create_node('listener')
-        self.taxels, self.told, self.status = [], [], []
+        self.taxels = []
+        self.diagnostics = []
+        self.status = []
         self.listener.create_subscription(TaxelArray, '/pad32/taxels', self.taxels.append, frames_qos(50, False))
-        self.listener.create_subscription(DiagnosticArray, '/diagnostics', self.told.append, 10)
+        self.listener.create_subscription(DiagnosticArray, '/diagnostics', self.diagnostics.append, 10)
         self.listener.create_subscription(SkinStatus, '/skin_driver/status', self.status.append, STATUS_QOS)
         self.executor = SingleThreadedExecutor()
         for node in (self.node, self.listener):
             self.executor.add_node(node)
 
     def wait(self, condition):
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + TIMEOUT
         while not condition():
             assert time.monotonic() < end, 'it did not come'
             self.executor.spin_once(timeout_sec=0.1)
@@ -90,7 +92,7 @@ def node():
         node.destroy_node()
 
 
-def test_files_act_from_the_first_frame_and_are_told(make, tmp_path):
+def test_files_act_from_the_first_frame_and_are_reported(make, tmp_path):
     faults, gains = tmp_path / 'faults.yaml', tmp_path / 'gains.txt'
     faults.write_text(FILE)
     np.savetxt(gains, np.full((SIDE, SIDE), 2.0))
@@ -99,10 +101,10 @@ def test_files_act_from_the_first_frame_and_are_told(make, tmp_path):
     assert np.isnan(values[2, 3]) and np.count_nonzero(np.isnan(values)) == 1
     np.testing.assert_allclose(values[0], 2 * PRESSED, rtol=1e-3)
     driver.wait(lambda: any(status.pads and status.pads[0].faulty_taxels for status in driver.status))
-    told, = driver.status[-1].pads[0].faulty_taxels
-    assert (told.row, told.col, told.fault) == (2, 3, 'dead')
+    faulty, = driver.status[-1].pads[0].faulty_taxels
+    assert (faulty.row, faulty.col, faulty.code, faulty.fault) == (2, 3, FaultyTaxel.DEAD, 'dead')
     driver.wait(lambda: any(status.level == DiagnosticStatus.WARN and 'dead: (2, 3)' in status.message
-                            for message in driver.told for status in message.status))
+                            for message in driver.diagnostics for status in message.status))
 
 
 def test_faults_are_saved_on_request(make, tmp_path):
@@ -164,20 +166,20 @@ def test_incomplete_frames_can_be_dropped_live(make):
     driver.wait(lambda: driver.taxels[-1].missing_can_frames == 1)
     assert driver.set('drop_incomplete', True).successful
 
-    def dropped():
+    def lost():
         pad = driver.status[-1].pads[0]
         return pad.loss_counts[pad.loss_reasons.index('incomplete')]
-    driver.wait(dropped)
+    driver.wait(lost)
     driver.bench.adapter.tamper = None
     driver.values()
 
 
 @pytest.mark.parametrize('parameter', table(DriverSettings), ids=lambda parameter: parameter.name)
 def test_every_parameter_is_described_and_says_whether_it_can_be_changed(node, parameter):
-    told = node.describe_parameter(parameter.name)
-    assert len(told.description) > 10 and told.read_only == (parameter.name not in LIVE)
+    declared = node.describe_parameter(parameter.name)
+    assert len(declared.description) > 10 and declared.read_only == (parameter.name not in LIVE)
     if type(parameter.default) in (int, float):
-        assert told.integer_range or told.floating_point_range
-    if told.read_only:
+        assert declared.integer_range or declared.floating_point_range
+    if declared.read_only:
         refused, = node.set_parameters([Parameter(parameter.name, value=parameter.default)])
         assert not refused.successful and 'read-only' in refused.reason

@@ -29,18 +29,20 @@ from tactile_skin.srv import Tare  # noqa: E402
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
 OK, ERROR = DiagnosticStatus.OK, DiagnosticStatus.ERROR
-PATIENCE = 60.0  # s, for a busy machine
+TIMEOUT = 60.0  # s, for a busy machine
 
 
 class Chain:
-    """The driver node on the bench's bus, and a listener; spun by whoever waits."""
+    """The driver node on the bench's bus, and a listener; spun by the test that waits."""
 
     def __init__(self, channel):
         given = {'interface': 'virtual', 'channel': channel, 'pads': ['pad32'], 'node_ids': [32], 'layouts': [LAYOUT],
                  'sync_period': 0.2}  # s: a stall of that length is rare; each would be a WARN
         self.driver = DriverNode(parameter_overrides=[Parameter(name, value=value) for name, value in given.items()])
         self.listener = rclpy.create_node('listener')
-        self.taxels, self.levels, self.told = [], [], []
+        self.taxels = []
+        self.levels = []
+        self.reports = []
         self.listener.create_subscription(TaxelArray, '/pad32/taxels', self.taxels.append, frames_qos(50, False))
         self.listener.create_subscription(DiagnosticArray, '/diagnostics', self._diagnosed, 10)
         self.executor = SingleThreadedExecutor()
@@ -49,12 +51,12 @@ class Chain:
 
     def _diagnosed(self, message):
         self.levels.append(tuple(status.level for status in message.status))
-        self.told.append(' '.join(status.message for status in message.status))
+        self.reports.append(' '.join(status.message for status in message.status))
 
     def wait(self, condition, what):
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + TIMEOUT
         while not condition():
-            assert time.monotonic() < end, f'{what}: {self.told[-3:]}'
+            assert time.monotonic() < end, f'{what}: {self.reports[-3:]}'
             self.executor.spin_once(timeout_sec=0.1)
 
     def close(self):
@@ -102,37 +104,37 @@ def test_a_device_that_is_gone_is_never_ok(chain):
     chain.wait(lambda: len(chain.levels) >= seen + 4, 'no diagnostics')
     # The first message after it may speak of the second before
     assert all(levels[1] != OK for levels in chain.levels[seen + 1:]), chain.levels[seen:]
-    assert 'neither heartbeat nor taxels' in chain.told[-1] and chain.levels[-1][1] == ERROR
+    assert 'neither heartbeat nor taxels' in chain.reports[-1] and chain.levels[-1][1] == ERROR
     chain.bench.device.boot()
     chain.wait(lambda: chain.levels[-1] == (OK, OK), 'never OK again')
 
 
-def test_what_is_not_there_at_start_is_waited_for_and_told_now_and_then(chain):
+def test_what_is_missing_at_start_is_waited_for_and_reported_now_and_then(chain):
     chain.bench.adapter.is_plugged = False
     said, heard, begun = [], [], time.monotonic()
     chain.listener.create_subscription(Log, '/rosout', lambda message: said.append(message.msg), 100)
     chain.listener.create_subscription(SkinStatus, '/skin_driver/status', heard.append, STATUS_QOS)
     starting = threading.Thread(target=chain.driver.autostart, args=(threading.Event(),))
     starting.start()
-    chain.wait(lambda: len(heard) > 2 and heard[-1].failure, 'not told')
-    assert chain.levels[-1] == (ERROR,) and 'a bus that opens' in chain.told[-1]
+    chain.wait(lambda: len(heard) > 2 and heard[-1].failure, 'not reported')
+    assert chain.levels[-1] == (ERROR,) and 'a bus that opens' in chain.reports[-1]
     assert (heard[-1].level, heard[-1].fault) == (SkinStatus.ERROR, SkinStatus.FAULT_NOT_OPENED)
     assert not heard[-1].active
     assert starting.is_alive() and chain.bench.adapter.opened == 0
-    chain.wait(lambda: any(WAITING in sentence for sentence in said), 'the log does not say so')
-    told = sum(WAITING in sentence for sentence in said)
-    assert told <= 1 + (time.monotonic() - begun) / FIRST_REMINDER  # not at each attempt
+    chain.wait(lambda: any(WAITING in sentence for sentence in said), 'not logged')
+    reports = sum(WAITING in sentence for sentence in said)
+    assert reports <= 1 + (time.monotonic() - begun) / FIRST_REMINDER  # not at each attempt
     chain.bench.adapter.is_plugged = True
     chain.wait(lambda: (OK, OK) in chain.levels, 'never OK')
     starting.join()
     chain.wait(lambda: heard[-1].active and heard[-1].fault == SkinStatus.FAULT_NONE, 'status not well again')
 
 
-def test_waiting_at_start_ends_when_asked_to(chain):
+def test_waiting_at_start_ends_when_stopped(chain):
     chain.bench.adapter.is_plugged = False
-    asked = threading.Event()
-    asked.set()
-    assert chain.driver.autostart(asked) is None
+    stop_requested = threading.Event()
+    stop_requested.set()
+    assert chain.driver.autostart(stop_requested) is None
 
 
 def test_activate_may_be_tried_again_after_an_outage(chain):
@@ -171,9 +173,9 @@ def test_whoever_comes_late_gets_the_last_status(chain):
     assert heard[0].active and heard[0].pads[0].nodes[0].nmt_state == 'OPERATIONAL' and not heard[0].failure
 
 
-def test_each_change_of_the_lifecycle_is_told_when_it_happens(chain):
+def test_each_change_of_the_lifecycle_is_reported_when_it_happens(chain):
     """Not only by the next message of the timer, whose callback cannot run meanwhile."""
-    heard, told = [], []
+    heard, changes = [], []
     chain.listener.create_subscription(SkinStatus, '/skin_driver/status', heard.append, STATUS_QOS)
     for change in ('configure', 'activate', 'deactivate', 'cleanup', 'configure', 'activate', 'shutdown'):
         begun = chain.driver.get_clock().now().nanoseconds
@@ -183,9 +185,9 @@ def test_each_change_of_the_lifecycle_is_told_when_it_happens(chain):
         def of_the_change(begun=begun, ended=ended):
             return [status for status in heard
                     if begun <= Time.from_msg(status.header.stamp).nanoseconds <= ended]
-        chain.wait(of_the_change, f'{change} not told')
-        told.append((change, of_the_change()[-1].active, len(of_the_change()[-1].pads)))
-    assert told == [('configure', False, 1), ('activate', True, 1), ('deactivate', False, 1), ('cleanup', False, 0),
+        chain.wait(of_the_change, f'{change} not reported')
+        changes.append((change, of_the_change()[-1].active, len(of_the_change()[-1].pads)))
+    assert changes == [('configure', False, 1), ('activate', True, 1), ('deactivate', False, 1), ('cleanup', False, 0),
                     ('configure', False, 1), ('activate', True, 1), ('shutdown', False, 0)]
     assert heard[-1].level == SkinStatus.STALE and heard[-1].message == 'not configured'
     assert 1_000_000_000 in [timer.timer_period_ns for timer in chain.driver.timers]  # REP-107
@@ -224,7 +226,7 @@ def test_tare_is_refused_under_load_and_takes_off_what_is_below_the_limit(chain)
     chain.wait(lambda: np.allclose(chain.taxels[-1].values, 0, atol=0.01), 'tare not taken off')
 
 
-def ask_for_tare(chain, frames):
+def request_tare(chain, frames):
     client = chain.listener.create_client(Tare, '/skin_driver/tare')
     chain.wait(client.service_is_ready, 'no service')
     return client.call_async(Tare.Request(frames=frames))
@@ -232,23 +234,23 @@ def ask_for_tare(chain, frames):
 
 def test_a_tare_of_unreasonably_many_frames_is_refused_at_once(chain):
     chain.driver.autostart()
-    call = ask_for_tare(chain, 10_000)
+    call = request_tare(chain, 10_000)
     chain.wait(call.done, 'no answer')
     assert not call.result().success and call.result().refusal == Tare.Response.REFUSAL_TOO_MANY_FRAMES
     assert 'in 60 s at most' in call.result().message
 
 
-def test_the_driver_goes_on_while_a_tare_waits_for_frames(chain):
+def test_the_driver_continues_while_a_tare_waits_for_frames(chain):
     """Without frames it would wait for as long as they may take, half a minute."""
-    early = ask_for_tare(chain, 5)
+    early = request_tare(chain, 5)
     chain.wait(early.done, 'no answer')
     assert not early.result().success and early.result().refusal == Tare.Response.REFUSAL_DRIVER_NOT_ACTIVE
     assert 'a configured driver' in early.result().message
     chain.driver.autostart()
     chain.bench.device.power_off()
-    first, told = ask_for_tare(chain, 100), len(chain.told)
-    chain.wait(lambda: len(chain.told) > told + 2, 'no diagnostics meanwhile')
-    second = ask_for_tare(chain, 5)
+    first, before = request_tare(chain, 100), len(chain.reports)
+    chain.wait(lambda: len(chain.reports) > before + 2, 'no diagnostics meanwhile')
+    second = request_tare(chain, 5)
     chain.wait(second.done, 'no answer')
     assert not second.result().success and second.result().refusal == Tare.Response.REFUSAL_BUSY
     assert 'one request after another' in second.result().message
@@ -257,7 +259,7 @@ def test_the_driver_goes_on_while_a_tare_waits_for_frames(chain):
     chain.wait(first.done, 'no answer')
     assert not first.result().success and first.result().refusal == Tare.Response.REFUSAL_DRIVER_NOT_ACTIVE
     assert 'one that was deactivated' in first.result().message
-    third = ask_for_tare(chain, 100)
+    third = request_tare(chain, 100)
     chain.wait(third.done, 'no answer')
     assert not third.result().success and 'Activate it' in third.result().message
     chain.driver.trigger_cleanup()
@@ -269,19 +271,19 @@ def test_a_power_cycle_after_the_devices_own_zero_leaves_no_valid_value_before_t
     chain.wait(lambda: np.allclose(chain.taxels[-1].values, 0, atol=0.01), 'not zero')
     chain.bench.device.power_off()
     chain.bench.device.boot()
-    chain.wait(lambda: 'until the next tare' in chain.told[-1], 'not told')
+    chain.wait(lambda: 'until the next tare' in chain.reports[-1], 'not reported')
     assert chain.levels[-1][1] == ERROR
     since = len(chain.taxels)
     chain.wait(lambda: len(chain.taxels) > since + 10, 'no frames')
     assert all(np.isnan(frame.values).all() for frame in chain.taxels[since:])
-    again = ask_for_tare(chain, 5)
+    again = request_tare(chain, 5)
     chain.wait(again.done, 'no answer')
     assert again.result().success
     chain.wait(lambda: np.allclose(chain.taxels[-1].values, 0, atol=0.01), 'not zero')
     chain.wait(lambda: chain.levels[-1][1] == OK, 'not well again')
 
 
-def test_the_devices_own_zero_is_asked_for_only_without_load(chain):
+def test_the_devices_own_zero_is_requested_only_without_load(chain):
     answers = tares(chain, on_device=True)
     refused, answered = next(answers), len(chain.taxels)
     chain.wait(lambda: any(not frame.missing_can_frames for frame in chain.taxels[answered:]), 'no whole frame')

@@ -19,7 +19,7 @@ def test_what_once_broke_something(path: Path):
 
 @pytest.mark.slow
 def test_mutated_files_are_read_or_refused(tmp_path):
-    """Seed of their own; both outcomes occur, so the mutations are neither harmless nor all fatal at once."""
+    """Their own seed; both outcomes occur, so the mutations are neither harmless nor all fatal at once."""
     outcomes = {survives(kind, path) for (kind, path), _ in zip(mutated_files(2, tmp_path), range(300))}
     assert outcomes == {'read', 'refused'}
 
@@ -51,4 +51,4 @@ def test_slcan_lines_are_checked_whole(line, sound):
 def test_broken_slcan_lines_are_told_and_the_sound_ones_come():
     with SerialFuzz(4) as fuzz:
         fuzz.send(500)
-        assert fuzz.outcome['told as damaged'] > 100
+        assert fuzz.outcome['reported as damaged'] > 100

@@ -1,4 +1,4 @@
-"""docs/hardware.md explains every value and sentence that the driver can tell, and no other."""
+"""docs/hardware.md explains every value and sentence that the driver can report, and no other."""
 
 import re
 from pathlib import Path
@@ -20,9 +20,10 @@ pytestmark = pytest.mark.ros
 PAGE = (Path(__file__).resolve().parents[1] / 'docs/hardware.md').read_text(encoding='utf-8')
 
 
-def told() -> set[str]:
+def reported() -> set[str]:
     """Every key on /diagnostics."""
-    pad = PadStatistics(0, 0, 0, 0, 0, 0, dict.fromkeys(LossReason, 0))
+    pad = PadStatistics(complete=0, incomplete=0, expected=0, received=0, used=0, pending=0,
+                        losses=dict.fromkeys(LossReason, 0))
     services = {service.use for service in SERVICES} | {'tpdo', 'sync', 'foreign', 'remote'}
     counts = BusStatistics({'pad': pad}, dict.fromkeys(services, 0))
     health = BusHealth(nodes={'pad': (NodeHealth(32, 'STOPPED', False, None),)})
@@ -39,7 +40,7 @@ def explained() -> set[str]:
 
 
 def test_every_value_is_explained_and_no_other():
-    assert explained() == told()
+    assert explained() == reported()
 
 
 @pytest.mark.parametrize('fault', [fault for faults in (NodeFault, BusFault) for fault in faults

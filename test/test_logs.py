@@ -211,7 +211,7 @@ def test_stamps_are_kept(tmp_path, suffix):
         writer.write(can.Message(stamp, 0x181, False, data=b'AB', channel=1))
     writer.close()
     stamps = [message.timestamp for message in CanLogReader(path)]
-    np.testing.assert_allclose(np.subtract(stamps, 1.7e9), (0.25, 0.5), atol=1.1e-3)  # ASC and TRC tell milliseconds
+    np.testing.assert_allclose(np.subtract(stamps, 1.7e9), (0.25, 0.5), atol=1.1e-3)  # ASC and TRC hold milliseconds
 
 
 @pytest.mark.parametrize(('suffix', 'kept'), [('.trc', 1), ('.mcap', 3), ('.log', 4)])

@@ -15,7 +15,7 @@ SPEC.loader.exec_module(client)
 AIM = (0.015, 0.015)
 
 
-GOOD = client.Side(True, 0.99, AIM, AIM, 0.0, 2)
+GOOD = client.Side(touched=True, confidence=0.99, centre=AIM, aim=AIM, angle=0.0, symmetry=2)
 
 
 def side(**changes):

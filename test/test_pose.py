@@ -30,7 +30,7 @@ def parameters_of(contact):
 
 def contacts(count=1, area=40.0, seed=11, pad=20):
     rng = generator(Purpose.TEST, seed)
-    return [random_contact(rng, shape, area, pad, pad) for shape in CLASSES for _ in range(count)]
+    return [random_contact(rng, shape, area, rows=pad, cols=pad) for shape in CLASSES for _ in range(count)]
 
 
 def pressed(values):
@@ -189,7 +189,8 @@ def test_noise_makes_the_region_larger():
 
 
 def test_a_frame_with_a_hole_is_a_square_by_its_outline():
-    outer, inner = Contact('square', (9.0,), 10.2, 9.8, 0.4), Contact('square', (4.0,), 10.2, 9.8, 0.4)
+    outer = Contact('square', (9.0,), 10.2, 9.8, angle=0.4)
+    inner = Contact('square', (4.0,), 10.2, 9.8, angle=0.4)
     rng = generator(Purpose.TEST, 4)
     values = pressure_frame(outer, rng, 20, 20) - pressure_frame(inner, rng, 20, 20)
     fit = fit_shape(values, values > 15e3, Shape.SQUARE)
@@ -198,7 +199,7 @@ def test_a_frame_with_a_hole_is_a_square_by_its_outline():
 
 
 def test_a_contact_over_the_pads_edge_is_completed():
-    contact = Contact('rectangle', (10.0, 5.0), 3.0, 9.6, 0.3)  # two pitches of its length lie outside
+    contact = Contact('rectangle', (10.0, 5.0), 3.0, 9.6, angle=0.3)  # two pitches of its length lie outside
     values = pressure_frame(contact, generator(Purpose.TEST, 4), 20, 20, skin=Skin(noise=0.005))
     fit = fit_shape(values, values > 15e3, Shape.RECTANGLE)
     assert fit.dimensions[1] == pytest.approx(5.0, abs=0.15)
@@ -206,11 +207,11 @@ def test_a_contact_over_the_pads_edge_is_completed():
 
 
 def test_an_equilateral_triangle_has_no_certain_apex():
-    contact = Contact('isosceles_triangle', (10.0, 5 * 3**0.5), 9.7, 10.1, 0.5)
+    contact = Contact('isosceles_triangle', (10.0, 5 * 3**0.5), 9.7, 10.1, angle=0.5)
     mask = contact.pattern(20, 20)
     fit = fit_shape(mask, mask, Shape.ISOSCELES_TRIANGLE)
     assert fit.symmetry == 3 and angle_apart(fit.angle, 0.5, 3) < np.radians(6)
-    slim = Contact('isosceles_triangle', (7.0, 13.0), 9.7, 10.1, 0.5)
+    slim = Contact('isosceles_triangle', (7.0, 13.0), 9.7, 10.1, angle=0.5)
     values = pressure_frame(slim, generator(Purpose.TEST, 5), 20, 20)
     fit = fit_shape(values, values > 15e3, Shape.ISOSCELES_TRIANGLE)
     base, height = fit.dimensions

@@ -51,7 +51,9 @@ class Driven:
 
     def __init__(self, channel: str, skin: str, layout: str = 'sim8x8_16bit.yaml', nodes: tuple[int, ...] = (32,)):
         pads = with_dictionaries(make_pads([layout], nodes))
-        self.skin, self.kept, self.log = skin, [], CapturedLog()
+        self.skin = skin
+        self.kept = []
+        self.log = CapturedLog()
         self.value = pads[0].layout.value
         pressed = np.full((pads[0].layout.rows, pads[0].layout.cols), self.pressed)
         self.simulator = SkinSimulator(pads, {pad.name: lambda t: pressed for pad in pads})
@@ -122,10 +124,10 @@ def test_a_polled_domain_is_read_through_linux():
 
 
 def test_network_down_and_up_again(controllers):
-    """ENETDOWN: told, nothing published meanwhile, whole frames once the interface is up again."""
+    """ENETDOWN: reported, nothing published meanwhile, whole frames once the interface is up again."""
     with Driven('can0', 'can1') as bench:
         ip('can0', 'down')
-        bench.wait(lambda: bench.driver.failure is not None, 'not told')
+        bench.wait(lambda: bench.driver.failure is not None, 'not reported')
         assert any(isinstance(fact, BusFault) for fact in bench.log.facts)
         count = len(bench.kept)
         time.sleep(1)
@@ -139,11 +141,11 @@ def test_network_down_and_up_again(controllers):
 
 
 def test_bus_off_reported_by_the_stack():
-    """An error frame with CAN_ERR_BUSOFF, as a controller's driver sends it up: opened anew, taxels again."""
+    """An error frame with CAN_ERR_BUSOFF, as a controller's driver sends it up: opened again, taxels again."""
     with Driven('vcan0', 'vcan0') as bench, can.Bus('vcan0', interface='socketcan') as other:
         other.send(can.Message(arbitration_id=BUS_OFF, is_error_frame=True, is_extended_id=False, data=bytes(8)))
         begun = time.time()
-        bench.wait(lambda: BusFault.BUS_OFF in bench.log.facts, 'not told')
+        bench.wait(lambda: BusFault.BUS_OFF in bench.log.facts, 'not reported')
         bench.wait(lambda: bench.whole_after(begun) and bench.driver.failure is None, 'no whole frames again')
         print(f'\nsocketcan: whole frames {time.time() - begun:.2f} s after bus-off')
         bench.check()
@@ -153,9 +155,9 @@ def test_error_passive_is_told():
     with Driven('vcan0', 'vcan0') as bench, can.Bus('vcan0', interface='socketcan') as other:
         data = bytes([0, RX_PASSIVE, 0, 0, 0, 0, 0, 0])
         other.send(can.Message(arbitration_id=CONTROLLER, is_error_frame=True, is_extended_id=False, data=data))
-        bench.wait(lambda: bench.driver.health().is_error_passive, 'not told')
+        bench.wait(lambda: bench.driver.health().is_error_passive, 'not reported')
         stamp = time.time()
-        bench.wait(lambda: bench.whole_after(stamp), 'taxels go on')
+        bench.wait(lambda: bench.whole_after(stamp), 'taxels continue')
         bench.check()
 
 

@@ -30,7 +30,8 @@ STAMP = 1_700_000_000.25
 def taxels(values, missing=0):
     values = np.asarray(values, np.float32)
     status = np.where(np.isnan(values), TaxelStatus.STALE, TaxelStatus.VALID).astype(np.uint8)
-    return taxel_array_message(TaxelFrame(STAMP, 7, values, status, missing), PITCH, 'Pa', 'left_pad')
+    frame = TaxelFrame(STAMP, 7, values, status, missing_can_frames=missing)
+    return taxel_array_message(frame, PITCH, 'Pa', 'left_pad')
 
 
 def block(rows, cols, value=50e3):

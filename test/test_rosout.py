@@ -22,7 +22,7 @@ from tactile_node.ros.rosout_handler import RosoutHandler  # noqa: E402
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
-PATIENCE = 60.0  # s, for a busy machine
+TIMEOUT = 60.0  # s, for a busy machine
 LEVELS = {logging.INFO: Log.INFO, logging.WARNING: Log.WARN, logging.ERROR: Log.ERROR, logging.CRITICAL: Log.FATAL}
 CAN_SIDE = logging.getLogger('tactile_node.bus.skin_bus')
 
@@ -31,7 +31,7 @@ _numbers = itertools.count()
 
 
 def driver(namespace=None, **given):
-    """In a namespace of its own: the publisher on /rosout of a destroyed node may outlive it, and serves its name."""
+    """In its own namespace: the publisher on /rosout of a destroyed node may outlive it, and serves its name."""
     namespace = namespace or f'test{next(_numbers)}'
     return DriverNode(namespace=namespace,
                       parameter_overrides=[Parameter(name, value=value) for name, value in given.items()])
@@ -47,7 +47,7 @@ class Rosout:
         self._executor.add_node(self.node)
 
     def wait(self, condition, what):
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + TIMEOUT
         while not condition():
             assert time.monotonic() < end, f'{what}: {self.heard}'
             self._executor.spin_once(timeout_sec=0.1)

@@ -28,7 +28,8 @@ pytestmark = pytest.mark.ros
 
 
 def message(late=0, fault=NodeFault.NONE, **health):
-    pad = PadStatistics(9, 1, 320, 319 + late, 318, 0, {LossReason.LATE: late, LossReason.SHORT: 1})
+    pad = PadStatistics(complete=9, incomplete=1, expected=320, received=319 + late, used=318, pending=0,
+                        losses={LossReason.LATE: late, LossReason.SHORT: 1})
     counts = BusStatistics({'left': pad}, {'tpdo': 320, 'error': 4}, queue_overruns=2, clock_jumps=3)
     node = NodeHealth(32, 'OPERATIONAL', True, None, boots=1, fault=fault,
                       outages=Outages(2, 1.5, Failure(NodeFault.BOOTED)))
@@ -79,7 +80,7 @@ def constants_of(kind):
 def test_a_faulty_taxel_has_its_code():
     kinds = np.zeros((2, 2), np.uint8)
     kinds[1, 0] = TaxelFault.STUCK
-    pad = PadStatistics(9, 0, 320, 320, 320, 0, {})
+    pad = PadStatistics(complete=9, incomplete=0, expected=320, received=320, used=320, pending=0, losses={})
     counts, health = BusStatistics({'left': pad}, {}), BusHealth()
     conditions = {'left': PadCondition(FaultyTaxels(kinds))}
     sent = BusDiagnostics('driver', 'can0').message(counts, health, conditions)
@@ -89,7 +90,7 @@ def test_a_faulty_taxel_has_its_code():
 
 
 def test_a_pad_has_the_state_of_its_zero():
-    pad = PadStatistics(9, 0, 320, 320, 320, 0, {})
+    pad = PadStatistics(complete=9, incomplete=0, expected=320, received=320, used=320, pending=0, losses={})
     counts, health = BusStatistics({'left': pad}, {}), BusHealth()
     conditions = {'left': PadCondition(FaultyTaxels(np.zeros((2, 2), np.uint8)), zero=ZeroState.DEVICE_HAS_RESTARTED)}
     diagnostics = BusDiagnostics('driver', 'can0').message(counts, health, conditions)

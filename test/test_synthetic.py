@@ -1,4 +1,4 @@
-"""The synthetic world: its shapes are what they are said to be."""
+"""The synthetic world: its shapes are what their names promise."""
 
 import numpy as np
 import pytest

@@ -18,7 +18,7 @@ def frames(offset: np.ndarray, noise: float, count: int = 200, seed: int = 1) ->
 
 def frame(values, missing=0):
     values = np.asarray(values, np.float32)
-    return TaxelFrame(0.0, 0, values, np.zeros(values.shape, np.uint8), missing)
+    return TaxelFrame(0.0, 0, values, np.zeros(values.shape, np.uint8), missing_can_frames=missing)
 
 
 def test_offsets_and_noise_are_found():
@@ -57,7 +57,7 @@ def tared(pad: TaredPad, given: list[TaxelFrame], count: int, timeout: float = 2
     def run():
         try:
             outcome.append(pad.tare(count, LIMIT, timeout) if zero_device is None else
-                           pad.tare_after(zero_device, is_kept, count, LIMIT, timeout))
+                           pad.tare_after(zero_device, is_kept, frames=count, limit=LIMIT, timeout=timeout))
         except (TareRefusedError, DeviceError) as error:
             outcome.append(error)
     thread = threading.Thread(target=run)
@@ -105,9 +105,10 @@ def test_while_the_device_zeroes_itself_no_value_is_valid():
 
 
 def test_a_device_is_not_asked_to_take_a_load_for_its_zero():
-    pad, asked = TaredPad(), []
-    refused = tared(pad, [frame([[50.0]])], 3, zero_device=lambda: asked.append(1))
-    assert refused.refusal is TareRefusal.PRESSED and not asked and pad.feed(frame([[50.0]])).values.tolist() == [[50]]
+    pad, requests = TaredPad(), []
+    refused = tared(pad, [frame([[50.0]])], 3, zero_device=lambda: requests.append(1))
+    assert refused.refusal is TareRefusal.PRESSED and not requests
+    assert pad.feed(frame([[50.0]])).values.tolist() == [[50]]
 
 
 def refuses(error):

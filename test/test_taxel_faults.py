@@ -26,7 +26,10 @@ class Pad:
     """A pad that is pressed by masks in turn; ``spoil(values, frame number)`` is what its faults make of it."""
 
     def __init__(self, spoil=lambda values, n: values, noise=0.3, seed=1):
-        self.detector, self._spoil, self._noise, self._n = FaultDetector(SIDE, SIDE, LIMIT), spoil, noise, 0
+        self.detector = FaultDetector(SIDE, SIDE, LIMIT)
+        self._spoil = spoil
+        self._noise = noise
+        self._n = 0
         self._random, self.ever = np.random.default_rng(seed), np.zeros((SIDE, SIDE), np.uint8)
 
     def frames(self, mask, count):
@@ -162,7 +165,7 @@ def test_places_are_reported_and_bounded():
 
 def frame(values, status=0):
     values = np.asarray(values, np.float32)
-    return TaxelFrame(1.0, 0, values, np.full(values.shape, status, np.uint8), 0)
+    return TaxelFrame(1.0, 0, values, np.full(values.shape, status, np.uint8), missing_can_frames=0)
 
 
 def known(*taxels):

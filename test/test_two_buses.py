@@ -1,4 +1,4 @@
-"""Two pads, each on a CAN bus of its own, and a grasp node that sees both: as docs/hardware.md says."""
+"""Two pads, each on its own CAN bus, and a grasp node that sees both: as docs/hardware.md says."""
 
 import time
 from contextlib import ExitStack
@@ -21,7 +21,7 @@ from tactile_skin.msg import Grasp, TaxelArray  # noqa: E402
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
-PATIENCE = 60.0  # s, for a busy machine
+TIMEOUT = 60.0  # s, for a busy machine
 FINGERS = {'left': ('two_buses_a', 'sim16x16.yaml', 50e3), 'right': ('two_buses_b', 'domain16x10_16bit.yaml', 60e3)}
 
 
@@ -67,7 +67,7 @@ def test_both_come_and_the_grasp_sees_both(fingers):
                                      lambda frame, whole=heard[name]: frame.missing_can_frames or whole.append(frame),
                                      10)
     listener.create_subscription(Grasp, 'grasp', grasps.append, 10)
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + TIMEOUT
     while not (all(heard.values()) and any(grasp.contact == Grasp.TWO_SIDED for grasp in grasps)):
         assert time.monotonic() < end, f'{ {name: len(given) for name, given in heard.items()} }, {grasps[-1:]}'
         executor.spin_once(timeout_sec=0.1)

@@ -164,7 +164,7 @@ def boot(folder: Path, command: str, seconds: float) -> int:
 
 
 def relay(machine: subprocess.Popen, seconds: float) -> int:
-    """Print what the machine says, until it tells the command's exit code."""
+    """Print the machine's output, up to the command's exit code."""
     watchdog = threading.Timer(seconds, machine.kill)
     watchdog.start()
     last, begun = '', False

@@ -2,7 +2,7 @@
 
 Two families that share no code but the frame they are drawn in: EVALUATED ones are what rejection is
 measured on, TRAINED ones are for training and for choosing thresholds. Sizes are found by counting
-area, so that all have the area asked for.
+area, so that all have the required area.
 """
 
 from collections.abc import Callable

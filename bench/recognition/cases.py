@@ -74,7 +74,8 @@ def make_case(seed: int, condition: str, on_off: bool, area: float, count: int, 
                 for k in range(count)]
     labels = np.array([LABELS.index(kinds[k % len(kinds)]) if kinds[k % len(kinds)] in LABELS else UNKNOWN
                        for k in range(count)])
-    return Case(condition, on_off, area, patterns, patches(patterns, labels, bool(conditions.second)))
+    return Case(condition=condition, on_off=on_off, area=area, patterns=patterns,
+                samples=patches(patterns, labels, bool(conditions.second)))
 
 
 def extracted(frame: np.ndarray, conditions: Conditions) -> ContactPattern:
@@ -102,21 +103,21 @@ def patches(patterns: list[ContactPattern], labels: np.ndarray, largest: bool = 
 def clean_cases(areas, count: int) -> Iterator[Case]:
     for on_off in (True, False):
         for area in areas:
-            yield make_case(1000 * on_off + int(area), CLEAN, on_off, area, count)
+            yield make_case(1000 * on_off + int(area), CLEAN, on_off, area, count=count)
 
 
 def field_cases(areas, count: int) -> Iterator[Case]:
     for number, condition in enumerate(FIELD):
         for on_off in (True, False):
             for area in areas:
-                yield make_case(10_000 * (number + 1) + 1000 * on_off + int(area), condition, on_off, area, count)
+                yield make_case(10_000 * (number + 1) + 1000 * on_off + int(area), condition, on_off, area, count=count)
 
 
 def outlier_cases(areas, count: int) -> Iterator[Case]:
     for number, kind in enumerate(EVALUATED):
         for on_off in (True, False):
             for area in areas:
-                yield make_case(500_000 + 10_000 * number + 1000 * on_off + int(area), kind, on_off, area, count,
+                yield make_case(500_000 + 10_000 * number + 1000 * on_off + int(area), kind, on_off, area, count=count,
                                 kinds=(kind,))
 
 

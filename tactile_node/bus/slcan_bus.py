@@ -94,7 +94,7 @@ class BulkSlcanBus(slcanBus):
             return None, False
         if not is_sound(line):
             return _damaged_frame(), False
-        self._lines.appendleft(line)  # python-can takes it from _read: it has no queue of its own before 4.5
+        self._lines.appendleft(line)  # python-can takes it from _read: it has no queue before 4.5
         return super()._recv_internal(0.0)
 
 

@@ -48,7 +48,7 @@ def _emptied(folder: Path) -> Path:
 
 
 def _conclude(folder: Path, session, verdicts: list) -> int:
-    """Say what lies where; 0 only when every touch was judged and every result is there."""
+    """Print what lies where; 0 only when every touch has a verdict and every result exists."""
     right = sum(verdict.right for verdict in verdicts)
     print(f'\n{right} of {len(verdicts)} touches recognised; latency SYNC to shape: {session.latency()}; '
           f'{session.watcher.incomplete} taxel frames incomplete.')

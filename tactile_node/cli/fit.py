@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
     readings = {name: fit_classifier(training, third) for name, third in READINGS.items()}
     # Chosen on the training patterns, so that the validation figure stays unbiased.
     kept = max(readings, key=lambda name: recognised(readings[name], training)['by_curves'].mean())
-    _write(args, kept, readings, training, validation)
+    _write(args, kept, readings, training=training, validation=validation)
     rate = recognised(readings[kept], validation)['most_probable'].mean()
     print(f'third plane read as in the {kept}: {rate:.1%} of {args.validation} '
           f'validation patterns recognised, written to {args.output}')

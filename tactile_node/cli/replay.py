@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
             np.save(stream, np.array(frames[name]).reshape(-1, layout.rows, layout.cols))
     used = all(pad.used for pad in statistics.pads.values())
     if not used:
-        print('A pad without any TPDO of its own: check --node-id and --layout.', file=sys.stderr)
+        print('A pad has no TPDO in this log: check --node-id and --layout.', file=sys.stderr)
     return 0 if source.finished.is_set() and used else 1
 
 

@@ -38,7 +38,8 @@ def run(args: argparse.Namespace) -> int:
     from tactile_node.reproduction.experiments import measure
     from tactile_node.reproduction.page import write_page
 
-    results = measure(classifier, args.patterns, args.training, args.seed, args.jobs, _show)
+    results = measure(classifier, patterns=args.patterns, training=args.training, seed=args.seed, jobs=args.jobs,
+                      progress=_show)
     _show('drawing the figures')
     command = f'tactile reproduce --patterns {args.patterns} --training {args.training} --seed {args.seed}'
     written = write_page(folder, results, command)

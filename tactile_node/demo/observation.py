@@ -31,8 +31,8 @@ class Verdict(NamedTuple):
         return self.recognised == self.touch.contact.shape
 
 
-def judge(pad: str, touches: tuple[Touch, ...], seen: list[Seen]) -> list[Verdict]:
-    """Return a verdict for each touch; one that no frame tells of has none."""
+def verdicts_of(pad: str, touches: tuple[Touch, ...], seen: list[Seen]) -> list[Verdict]:
+    """Return a verdict for each touch; one that is in no frame has none."""
     held = ((touch, [frame for frame in seen if touch.is_steady(frame.time)]) for touch in touches)
     return [_verdict(pad, touch, frames) for touch, frames in held if frames]
 
@@ -41,4 +41,5 @@ def _verdict(pad: str, touch: Touch, frames: list[Seen]) -> Verdict:
     means = {name: float(np.mean([frame.probabilities[name] for frame in frames]))
              for name in frames[0].probabilities}
     recognised = max(means, key=means.__getitem__)
-    return Verdict(pad, touch, recognised, means[recognised], len(frames), frames[len(frames) // 2].taxels)
+    return Verdict(pad=pad, touch=touch, recognised=recognised, confidence=means[recognised], frames=len(frames),
+                   taxels=frames[len(frames) // 2].taxels)

@@ -9,7 +9,7 @@ import numpy as np
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 
-from tactile_node.demo.observation import Verdict, judge
+from tactile_node.demo.observation import Verdict, verdicts_of
 from tactile_node.demo.terminal import LivePictures
 from tactile_node.demo.touches import GAP, TouchedPad, scripted_touches
 from tactile_node.demo.watcher import Watcher
@@ -92,7 +92,7 @@ class DemoSession:
     def verdicts(self) -> list[Verdict]:
         """What was made of each touch."""
         return [verdict for pad, touches in self._touches.items()
-                for verdict in judge(pad, touches, self.watcher.seen[pad])]
+                for verdict in verdicts_of(pad, touches, self.watcher.seen[pad])]
 
     def latency(self) -> str:
         """Median and 99th percentile of the time from SYNC to the shape's arrival."""
@@ -106,7 +106,7 @@ class DemoSession:
         return sum(map(len, self._touches.values()))
 
     def _timed(self, source):
-        """The first sample of either pad tells when the script's clock began [Unix time]."""
+        """The first sample of either pad shows when the script's clock began [Unix time]."""
         def sample(seconds: float):
             if self._origin is None:
                 self._origin = time.time() - seconds

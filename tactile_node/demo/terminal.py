@@ -43,7 +43,9 @@ class LivePictures:
     """Redraws pictures in place where ``stream`` is a terminal; elsewhere prints only the pictures to keep."""
 
     def __init__(self, stream: TextIO = sys.stdout):
-        self._stream, self._live, self._height = stream, stream.isatty(), 0
+        self._stream = stream
+        self._live = stream.isatty()
+        self._height = 0
 
     def show(self, views: Sequence[PadView], footer: str) -> None:
         """Draw, over what was drawn before."""

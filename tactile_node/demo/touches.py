@@ -29,7 +29,7 @@ def scripted_touches(seed: int, areas: Sequence[float], rows: int, cols: int) ->
     kinds = [(shape, area) for area in areas for shape in CLASSES]
     rng.shuffle(kinds)
     begins = GAP + (TOUCH + GAP) * np.arange(len(kinds))
-    return tuple(Touch(_fitting(rng, shape, float(area), rows, cols), float(begin), float(begin) + TOUCH)
+    return tuple(Touch(_fitting(rng, shape, float(area), rows=rows, cols=cols), float(begin), float(begin) + TOUCH)
                  for (shape, area), begin in zip(kinds, begins))
 
 
@@ -37,7 +37,9 @@ class TouchedPad:
     """What a pad measures while ``touches`` happen: a TaxelSource for the simulated skin."""
 
     def __init__(self, touches: tuple[Touch, ...], rows: int, cols: int, seed: int):
-        self._touches, self._shape, self._rng = touches, (rows, cols), np.random.default_rng(seed)
+        self._touches = touches
+        self._shape = rows, cols
+        self._rng = np.random.default_rng(seed)
 
     def __call__(self, time: float) -> np.ndarray:
         """Return taxel values [Pa], shape (rows, cols)."""
@@ -50,7 +52,7 @@ class TouchedPad:
 def _fitting(rng: np.random.Generator, shape: str, area: float, rows: int, cols: int) -> Contact:
     """Draw until the contact fits on the pad, anywhere on it."""
     while True:
-        contact = random_contact(rng, shape, area, rows, cols)
+        contact = random_contact(rng, shape, area, rows=rows, cols=cols)
         low, high = contact.outline().min(0), contact.outline().max(0)
         room = np.array((cols - 1, rows - 1)) - 2 * MARGIN - (high - low)
         if (room >= 0).all():

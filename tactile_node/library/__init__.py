@@ -1,1 +1,1 @@
-"""What `import tactile_node` offers a program of its own: arrays in, tuples out; neither ROS nor CAN nor paths."""
+"""What `import tactile_node` offers other programs: arrays in, tuples out; neither ROS nor CAN nor paths."""

@@ -14,7 +14,9 @@ class FaultService:
     """Writes what ``faults()`` gives, by pad, to the file ``path``."""
 
     def __init__(self, node: Node, path: str, faults: Callable[[], Mapping[str, FaultyTaxels]]):
-        self._node, self._path, self._faults = node, path, faults
+        self._node = node
+        self._path = path
+        self._faults = faults
         self._service = node.create_service(Trigger, '~/save_faulty_taxels', self._answer)
 
     def destroy(self) -> None:

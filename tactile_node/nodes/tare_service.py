@@ -118,7 +118,7 @@ class TareService:
         response.success = is_done
         response.message = message
         logger = self._node.get_logger()
-        if is_done:  # rclpy wants each severity to have a line of its own
+        if is_done:  # rclpy wants each severity to have its own line
             logger.info(message)
         else:
             logger.error(message)

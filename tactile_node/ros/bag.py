@@ -43,5 +43,7 @@ class BagRecorder:
         return write
 
 
-_RELIABLE = Qos(QosHistory.KEEP_LAST, 50, QosReliability.RELIABLE, QosDurability.VOLATILE, QosTime(0, 0), QosTime(0, 0),
-                QosLiveliness.AUTOMATIC, QosTime(0, 0), False)
+_RELIABLE = Qos(history=QosHistory.KEEP_LAST, depth=50, reliability=QosReliability.RELIABLE,
+                durability=QosDurability.VOLATILE, deadline=QosTime(0, 0), lifespan=QosTime(0, 0),
+                liveliness=QosLiveliness.AUTOMATIC, liveliness_lease_duration=QosTime(0, 0),
+                avoid_ros_namespace_conventions=False)

@@ -64,7 +64,8 @@ def unconfigured(node: str, health: BusHealth) -> DiagnosticArray:
 
 def _nothing_yet(now: BusStatistics) -> BusStatistics:
     """The same counts at zero: what was lost before the first message counts too."""
-    pads = {name: PadStatistics(0, 0, 0, 0, 0, 0, dict.fromkeys(pad.losses, 0)) for name, pad in now.pads.items()}
+    pads = {name: PadStatistics(complete=0, incomplete=0, expected=0, received=0, used=0, pending=0,
+                                losses=dict.fromkeys(pad.losses, 0)) for name, pad in now.pads.items()}
     return BusStatistics(pads, {})
 
 

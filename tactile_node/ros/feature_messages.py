@@ -3,7 +3,7 @@
 import numpy as np
 
 from tactile_node.contact.pattern import ContactPattern
-from tactile_node.helmholtz.features import Extremes, Features
+from tactile_node.helmholtz.features import UNDEFINED, Extremes, Features
 from tactile_node.ros.taxel_messages import as_array, taxel_values
 from tactile_skin.msg import ContactFeatures, FeatureRange, TaxelArray
 
@@ -22,15 +22,13 @@ def features_of(message: ContactFeatures) -> Features:
     values, rotated = {'N': 0.0}, {}
     for feature in message.features:
         values[feature.name] = feature.value
-        rotated[feature.name] = Extremes(feature.min, feature.max, feature.dif, _angle(feature.min_angle),
-                                      _angle(feature.max_angle))
+        rotated[feature.name] = Extremes(min=feature.min, max=feature.max, dif=feature.dif,
+                                         min_angle=_angle(feature.min_angle), max_angle=_angle(feature.max_angle))
     return Features(values, rotated)
 
 
 def _feature_ranges(features: Features) -> list[FeatureRange]:
-    nan = float('nan')
-    undefined = Extremes(nan, nan, nan, None, None)
-    return [_feature_range(name, value, features.rotated.get(name, undefined))
+    return [_feature_range(name, value, features.rotated.get(name, UNDEFINED))
             for name, value in features.values.items()]
 
 

@@ -1,5 +1,7 @@
 """Grasps as messages, and the sides they are made of."""
 
+import math
+
 import numpy as np
 from geometry_msgs.msg import Point, Vector3
 
@@ -30,10 +32,13 @@ def grasp_message(state: GraspState, sides: list[ContactShape], gap: float, fram
 def _add_line(message: Grasp, line: Line | None) -> None:
     nowhere = np.full(3, np.nan)
     left, right, middle, axis = (line.left, line.right, line.midpoint, line.axis) if line else (nowhere,) * 4
-    message.left_centre, message.right_centre, message.midpoint = _point(left), _point(right), _point(middle)
+    message.left_centre = _point(left)
+    message.right_centre = _point(right)
+    message.midpoint = _point(middle)
     message.axis = Vector3(x=float(axis[0]), y=float(axis[1]), z=float(axis[2]))
-    message.width, message.offset, message.misalignment = (
-        (line.width, line.offset, line.misalignment) if line else (float('nan'),) * 3)
+    message.width = line.width if line else math.nan
+    message.offset = line.offset if line else math.nan
+    message.misalignment = line.misalignment if line else math.nan
 
 
 def _point(place: np.ndarray) -> Point:

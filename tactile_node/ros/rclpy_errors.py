@@ -28,7 +28,7 @@ def translate_rclpy_errors() -> Iterator[None]:
                                  got=' '.join(str(error).split()), remedy='Rename it.') from None
     except VALUES as error:
         raise ConfigurationError('a parameter', expected='a value of its type within its range', got=str(error),
-                                 remedy='`ros2 param describe` tells both.') from None
+                                 remedy='`ros2 param describe` shows both.') from None
     except rclpy_implementation.RCLError as error:
         if 'params file' not in str(error):
             raise

@@ -44,7 +44,7 @@ class BlockUploadServer:
         elif request[0] == START_BLOCK_REQUEST:
             self._send_block()
         elif request[0] == ACKNOWLEDGE_BLOCK_REQUEST:
-            self._go_on(request[1], request[2])
+            self._continue(request[1], request[2])
         else:
             self._is_running = False
             return request[0] in (END_BLOCK_REQUEST, REQUEST_ABORTED)
@@ -68,8 +68,9 @@ class BlockUploadServer:
             is_last = number == len(segments)
             self._send(bytes([number | NO_MORE_BLOCKS * is_last]) + segment.ljust(SEGMENT_BYTES, b'\0'))
 
-    def _go_on(self, count: int, block_size: int) -> None:
-        self._acknowledged, self._block_size = self._acknowledged + min(count, self._in_block), block_size
+    def _continue(self, count: int, block_size: int) -> None:
+        self._acknowledged += min(count, self._in_block)
+        self._block_size = block_size
         if SEGMENT_BYTES * self._acknowledged < len(self._data):
             self._send_block()
             return

@@ -36,7 +36,7 @@ class SlcanPty(can.BusABC):
         self._link = Path(link) if link else None
         if self._link:
             _point(self._link, self.port)
-        self._lock = threading.Lock()  # heartbeats are sent by a thread of their own
+        self._lock = threading.Lock()  # heartbeats are sent by their own thread
         self._open = False
         self._unsent = bytearray()
         self._line = bytearray()

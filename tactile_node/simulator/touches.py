@@ -59,7 +59,7 @@ def touch_program(layout: SkinLayout, shapes: tuple[str, ...] = CLASSES,
     touches, values = [], []
     for area in areas:
         for shape in shapes:
-            contact = random_contact(rng, shape, area, layout.rows, layout.cols)
+            contact = random_contact(rng, shape, area, rows=layout.rows, cols=layout.cols)
             touches.append(Touch(contact, now, now + hold))
             values.append(_values(layout, contact, rng))
             now += hold + pause

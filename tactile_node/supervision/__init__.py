@@ -1,1 +1,1 @@
-"""Keeps a live bus and its nodes going."""
+"""Keeps a live bus and its nodes working."""
