@@ -22,7 +22,8 @@ KEPT = 1000  # taxel arrays that may wait for their shape
 class Watcher(Node):
     """Listens to `taxels` and `shape` of each of ``pads``.
 
-    ``demo_time`` converts an acquisition stamp to the script's time [s]."""
+    ``demo_time`` converts an acquisition stamp to the script's time [s].
+    """
 
     def __init__(self, pads: tuple[str, ...], demo_time: Callable[[float], float], full_scale: float, **options):
         super().__init__('demo_watcher', **options)
