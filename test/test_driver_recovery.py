@@ -3,6 +3,7 @@
 import gc
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,8 +21,12 @@ from rclpy.lifecycle import TransitionCallbackReturn  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 from rclpy.time import Time  # noqa: E402
 
+from tactile_node.nodes import driver_node  # noqa: E402
 from tactile_node.nodes.driver_node import WAITING, DriverNode  # noqa: E402
+from tactile_node.nodes.pad_output import PadOutput  # noqa: E402
+from tactile_node.ros.parameters import read  # noqa: E402
 from tactile_node.ros.qos import STATUS_QOS, frames_qos  # noqa: E402
+from tactile_node.ros.settings import DriverSettings  # noqa: E402
 from tactile_node.threads.reminder import FIRST_REMINDER  # noqa: E402
 from tactile_skin.msg import NodeStatus, SkinStatus, TaxelArray  # noqa: E402
 from tactile_skin.srv import Tare  # noqa: E402
@@ -128,6 +133,20 @@ def test_what_is_missing_at_start_is_waited_for_and_reported_now_and_then(chain)
     chain.wait(lambda: (OK, OK) in chain.levels, 'never OK')
     starting.join()
     chain.wait(lambda: heard[-1].active and heard[-1].fault == SkinStatus.FAULT_NONE, 'status not well again')
+
+
+def test_the_pads_of_a_driver_are_seen_all_or_none(chain, monkeypatch):
+    """While the driver waits at start, the executor publishes the state of its pads: these may not grow meanwhile."""
+    driver, seen = chain.driver, []
+
+    def output(*given, **options):
+        seen.append(len(driver._pads))
+        return PadOutput(*given, **options)
+    monkeypatch.setattr(driver_node, 'PadOutput', output)
+    settings = replace(read(driver, DriverSettings), pads=('left', 'right'), node_ids=(32, 64), boot_timeout=0.1)
+    monkeypatch.setattr(driver_node, 'read', lambda *_: settings)
+    driver.trigger_configure()
+    assert seen == [0, 0]
 
 
 def test_waiting_at_start_ends_when_stopped(chain):

@@ -138,9 +138,11 @@ class DriverNode(LifecycleNode):
         pads = driver_pads(settings)
         frame_ids = one_for_each('frame_ids', settings.frame_ids, pads)
         conditioned = conditioned_pads(pads, settings)
+        outputs = {}
         for pad, frame_id in zip(pads, frame_ids):
-            self._pads[pad.name] = PadOutput(self, pad, frame_id, conditioned[pad.name], qos=settings.qos)
-            self._owned.append(self._pads[pad.name].destroy)
+            outputs[pad.name] = output = PadOutput(self, pad, frame_id, conditioned[pad.name], qos=settings.qos)
+            self._owned.append(output.destroy)
+        self._pads = outputs  # all at once: at start the executor publishes the state of these meanwhile
         saving = FaultService(self, settings.faulty_taxels_file, self._faults)
         self._state.begin(f'{settings.interface} {settings.channel}')
         self._gate = self._make_gate(settings)
