@@ -596,7 +596,7 @@ def refuses_operational_from_the_start(channel: str) -> FaultBench:
             bench.driver.start()
             raise AssertionError('start() is content')
         except DeviceError as error:
-            assert 'expected OPERATIONAL after NMT start' in str(error) and '0x7F' in str(error), error
+            assert error.expected == 'OPERATIONAL after NMT start' and 'PRE-OPERATIONAL' in error.got, error
         bench.detected = time.monotonic() - bench._begun
         bench.device.refuses_start = False
         bench.end_of_cause()

@@ -199,7 +199,7 @@ def test_device_that_refuses_operational():
         bench.driver.open()
         bench.driver.configure()
         bench.simulator.devices[32].refuses_start = True
-        with pytest.raises(DeviceError, match='OPERATIONAL after NMT start.*0x7F'):
+        with pytest.raises(DeviceError, match='OPERATIONAL after NMT start.*PRE-OPERATIONAL'):
             bench.driver.start()
 
 

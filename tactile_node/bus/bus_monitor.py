@@ -15,7 +15,6 @@ PASSIVE, ACTIVE = 0x30, 0x40
 #: bits of a standard frame by its data bytes: 47 and 8 a byte, and the most that bit stuffing adds
 FRAME_BITS = tuple(47 + 8 * n + (34 + 8 * n - 1) // 4 for n in range(9))
 
-
 Feed = Callable[[int, bytes], None]
 
 

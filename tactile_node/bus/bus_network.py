@@ -24,7 +24,6 @@ logger = logging.getLogger(__name__)
 # The caller reports an SDO timeout; canopen's own log line adds nothing and names no node
 logging.getLogger('canopen.sdo').setLevel(logging.CRITICAL)
 
-
 OnFailure = Callable[[BusFault, Exception], None]
 
 RECEIVE_TIMEOUT = 0.1  # s the notifier waits at most, hence how long close() may take

@@ -11,6 +11,7 @@ from canopen.sdo import SdoClient
 from tactile_node.bus.domain_polling import check_domain
 from tactile_node.cia301.cob_id import DISABLED, ID_MASK, NO_RTR
 from tactile_node.cia301.heartbeat import Heartbeats
+from tactile_node.cia301.nmt import state_name
 from tactile_node.cia301.objects import (
     COB_ID_SYNC,
     IDENTITY,
@@ -29,7 +30,7 @@ logger = logging.getLogger(__name__)
 
 Answer = TypeVar('Answer')
 
-Mapping = list[int] | None  # entries of a mapping record; None: an MPDO with source addressing
+MappingEntries = list[int] | None  # of a mapping record; None: an MPDO with source addressing
 
 
 class DeviceSetup:
@@ -76,7 +77,7 @@ class DeviceSetup:
 
     def _silence(self) -> str:
         state = self._heartbeats.state(self._node.node_id)
-        return 'no answer' if state is None else f'only its heartbeat (NMT state 0x{state:02X})'
+        return 'no answer' if state is None else f'only its heartbeat ({state_name(state)})'
 
     def _check_identity(self) -> None:
         ours = identity_of(self._node.dictionary, self._node.eds)
@@ -114,11 +115,11 @@ class DeviceSetup:
         self._verify(tpdo, communication, wanted)
         return True
 
-    def _mapping(self, index: int) -> Mapping:
+    def _mapping(self, index: int) -> MappingEntries:
         count = self._read(index, 0)
         return None if count == SAM_MPDO else [self._read(index, sub) for sub in range(1, count + 1)]
 
-    def _write_mapping(self, index: int, entries: Mapping) -> None:
+    def _write_mapping(self, index: int, entries: MappingEntries) -> None:
         self._write(index, 0, 0, 1)
         for sub, entry in enumerate(entries or [], 1):
             self._write(index, sub, entry, 4)
@@ -130,7 +131,7 @@ class DeviceSetup:
         now = self._read(index, 1)
         if now & (DISABLED | ID_MASK) != wanted & ID_MASK:
             self._refuse_other_value(f'0x{index:04X} sub 1 (COB-ID of TPDO {tpdo.number})', f'0x{wanted:08X}',
-                       f'0x{now:08X}')
+                                     f'0x{now:08X}')
 
     def _refuse_other_value(self, what: str, expected: str, got: str) -> NoReturn:
         raise DeviceError(f'{self._label}, {what}', expected=f'{expected}, as just written',
@@ -179,5 +180,5 @@ class DeviceSetup:
                           remedy="Compare the layout with the device's manual and EDS.") from error
 
 
-def _mapping_text(entries: Mapping) -> str:
+def _mapping_text(entries: MappingEntries) -> str:
     return 'an MPDO with source addressing' if entries is None else ' '.join(f'{entry:08X}' for entry in entries)

@@ -1,4 +1,4 @@
-"""Reads a pad's DOMAIN by SDO, again and again. What is read the assembler takes from the frames on the bus."""
+"""Polls a pad's DOMAIN by SDO. The assembler takes the data from the frames on the bus."""
 
 import logging
 import time

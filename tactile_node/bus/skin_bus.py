@@ -16,10 +16,10 @@ from tactile_node.bus.device_setup import DeviceSetup
 from tactile_node.bus.domain_polling import DomainPolling
 from tactile_node.bus.traffic import Traffic
 from tactile_node.cia301.connection_set import NMT
-from tactile_node.cia301.nmt import NmtCommand, NmtState
+from tactile_node.cia301.nmt import NmtCommand, NmtState, state_name
 from tactile_node.errors import BusError, DeviceError, HalfZeroedError, LogError
 from tactile_node.frames.consumer import Consumer, OnFrame
-from tactile_node.frames.fault_text import failure_text
+from tactile_node.frames.fault_text import failure_text, node_label
 from tactile_node.frames.health import BusFault, Failure
 from tactile_node.frames.losses import BusStatistics
 from tactile_node.recording.log_writer import CanLogWriter
@@ -164,7 +164,7 @@ class SkinBus:
             try:
                 self._command(NmtCommand.ENTER_PRE_OPERATIONAL, node)
             except BusError as error:
-                logger.error('Node %d (pad %r) could not be stopped: %s', node.node_id, node.pad, error)
+                logger.error('%s could not be stopped: %s', node_label(node.pad, node.node_id), error)
 
     def close(self) -> None:
         """Stop, give the bus back and end the recording."""
@@ -217,7 +217,7 @@ class SkinBus:
         timeout = 1.0 + 3e-3 * self._settings.heartbeat_ms
         if not self._monitor.heartbeats.wait_for(node.node_id, NmtState.OPERATIONAL, since, timeout):
             state = self._monitor.heartbeats.state(node.node_id)
-            heard = 'no heartbeat' if state is None else f'heartbeat with NMT state 0x{state:02X}'
+            heard = 'no heartbeat' if state is None else f'its heartbeat ({state_name(state)})'
             self.stop()
             raise DeviceError(node.label, expected='OPERATIONAL after NMT start', got=heard,
                               remedy='See whether it sends EMCY: a device with an error may refuse to start.')

@@ -19,14 +19,12 @@ PORT_TIMEOUT = 0.02  # s that one read of an idle port waits; data wake it at on
 ENDS = b'\r\a'  # of a line: done, refused
 ACKNOWLEDGED = (b'', b'z', b'Z')  # lines that only confirm a frame sent
 
-
 LONGEST_LINE = 160  # characters: more than a CAN FD frame takes, so the end of a line is missing
 HEXADECIMAL = frozenset('0123456789abcdefABCDEF')
 ID_DIGITS = dict.fromkeys('trdb', 3) | dict.fromkeys('TxRDB', 8)  # by the kind of frame; what else comes is none
 ANSWERS, LONGEST_ANSWER = ('', 'V', 'v', 'N', 'F', 'z', 'Z'), 20  # version, serial number, status flags, sent
 STAMP_DIGITS = (0, 4)  # of the time some adapters add
 PROTOCOL_VIOLATION = 0x008  # linux/can/error.h
-
 
 ANSWER = 0.3  # s in which an adapter that is awake answers
 RESET = 2.0  # s that one takes to start which is reset when its port is opened, as an Arduino is

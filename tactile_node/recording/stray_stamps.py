@@ -9,9 +9,7 @@ FAR = 10.0      # s ahead of the frame before: between two frames of a skin at w
 
 
 def without_strays(messages: Iterable[can.Message], on_stray: Callable[[can.Message], None]) -> Iterator[can.Message]:
-    """Leave out each frame that alone lies FAR ahead of its neighbours, or SET_BACK behind.
-
-    ``on_stray`` is called with it.
+    """Leave out each frame that alone lies FAR ahead of its neighbours, or SET_BACK behind; ``on_stray`` gets it.
 
     Where a clock was set, or the bus was at rest, the next frame follows the new time.
 

@@ -15,11 +15,7 @@ from tactile_node.cia301.connection_set import NMT
 from tactile_node.cia301.nmt import NmtCommand
 from tactile_node.cia301.node_id import ALL_NODES
 from tactile_node.cia301.objects import COB_ID_SYNC, TPDO_COMMUNICATION, TPDO_MAPPING
-from tactile_node.cia301.pdo import (
-    MAX_PDO_BITS,
-    MAX_TPDOS,
-    SAM_MPDO,
-)
+from tactile_node.cia301.pdo import MAX_PDO_BITS, MAX_TPDOS, SAM_MPDO
 from tactile_node.cia301.sdo import SDO_BYTES, AbortCode
 from tactile_node.simulator.block_upload import BlockUploadServer
 from tactile_node.simulator.tpdo_records import ConfiguredTpdo, Piece, TpdoRecords
@@ -30,7 +26,6 @@ logger = logging.getLogger(__name__)
 
 #: seconds since the device became operational -> taxel values (rows, cols) in the layout's unit
 TaxelSource = Callable[[float], np.ndarray]
-
 
 
 class SimulatedDevice:

@@ -84,9 +84,7 @@ def make_pads(layouts: Sequence[str], node_ids: Sequence[int], names: Sequence[s
 def with_dictionaries(pads: Sequence[PadSettings], eds: Sequence[str] = ('',)) -> tuple[LivePad, ...]:
     """Give each pad its EDS (default: the layout's name with .eds), as a live bus needs it, and check that they agree.
 
-    One EDS serves all nodes of a pad.
-
-    Raises ConfigurationError.
+    One EDS serves all nodes of a pad; it is read for the node-ID of each. Raises ConfigurationError.
     """
     return tuple(_with_dictionary(pad, path) for pad, path in zip(pads, one_for_each('eds', eds, pads)))
 

@@ -96,8 +96,8 @@ class NodeMonitor:
         """Taxels were given as valid since the last command."""
         return pad.used_by_node[self.node.position] > self._used_then
 
-    def has_new_emergency(self, now: float) -> bool:
-        """Whether an EMCY is to be reported now; they are reported ever more rarely."""
+    def is_emergency_due(self, now: float) -> bool:
+        """Whether an EMCY is to be reported now, and note that it is: they are reported ever more rarely."""
         count = self._monitor.emergencies[self.node.node_id].count
         if count == self._emergencies_reported or not self._emergency_reminder.is_due('EMCY', now):
             return False

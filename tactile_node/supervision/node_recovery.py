@@ -37,7 +37,7 @@ class NodeRecovery:
     def configure(self, timeout: float) -> None:
         """Configure all, each found within ``timeout`` [s]. Raises DeviceError, BusError.
 
-        Of several some that do not answer may be left for later, if recovery is enabled.
+        If recovery is enabled and at least one node answers, those that do not answer are left for ``attend``.
         """
         found = _at_once(self._monitors, lambda monitor: self._absence(monitor, timeout))
         absent = [error for error in found if error is not None]
@@ -62,7 +62,7 @@ class NodeRecovery:
 
     def _is_recovery_due(self, monitor: NodeMonitor, is_active: bool, pad: PadStatistics, syncs: int) -> bool:
         now = time.monotonic()
-        if monitor.has_new_emergency(now):
+        if monitor.is_emergency_due(now):
             health = monitor.health(now)
             logger.error('%s', emergency_text(monitor.node.pad, health), extra={'fact': health.last_emergency})
         fault = monitor.detect(now, is_active, pad, syncs)

@@ -12,6 +12,7 @@ class Reminder:
         self._pause = FIRST_REMINDER
 
     def is_due(self, kind: str, now: float) -> bool:
+        """Whether to send the message now, and note that it is sent."""
         if kind == self._kind and now < self._due:
             return False
         self._pause = min(2 * self._pause, LAST_REMINDER) if kind == self._kind else FIRST_REMINDER
