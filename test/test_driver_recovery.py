@@ -22,7 +22,8 @@ from rclpy.parameter import Parameter  # noqa: E402
 from rclpy.time import Time  # noqa: E402
 
 from tactile_node.nodes import driver_node  # noqa: E402
-from tactile_node.nodes.driver_node import WAITING, DriverNode  # noqa: E402
+from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
+from tactile_node.nodes.lifecycle_steps import WAITING  # noqa: E402
 from tactile_node.nodes.pad_output import PadOutput  # noqa: E402
 from tactile_node.ros.parameters import read  # noqa: E402
 from tactile_node.ros.qos import STATUS_QOS, frames_qos  # noqa: E402

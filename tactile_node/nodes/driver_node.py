@@ -6,9 +6,8 @@ deactivate = pre-operational; cleanup = close.
 
 import sys
 import threading
-import time
-import traceback
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -17,12 +16,13 @@ from rclpy.parameter import Parameter
 
 from tactile_node.conditioning.limits import tare_limit
 from tactile_node.conditioning.taxel_faults import FaultyTaxels
-from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError, DeviceError, TactileError
+from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError
 from tactile_node.frames.frame_source import FrameSource
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.driver_source import driver_pads, make_source
 from tactile_node.nodes.fault_service import FaultService
+from tactile_node.nodes.lifecycle_steps import LifecycleSteps
 from tactile_node.nodes.pad_output import PadOutput
 from tactile_node.nodes.replay_gate import ReplayGate
 from tactile_node.nodes.run import run_node
@@ -34,11 +34,9 @@ from tactile_node.ros.parameters import changed, declare, read
 from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.skin.pads import one_for_each
-from tactile_node.threads.reminder import Reminder
 
 DIAGNOSTICS_PERIOD = 1.0  # [s], REP-107
 RETRY_PERIOD = 0.5  # s between two attempts to configure while the driver waits at start
-WAITING = 'The driver waits for it.'
 
 
 class DriverNode(LifecycleNode):
@@ -53,8 +51,7 @@ class DriverNode(LifecycleNode):
         self._pads: dict[str, PadOutput] = {}
         self._gate: ReplayGate | None = None
         self._owned: list[Callable[[], object]] = []  # releases all that configure has made, last first
-        self._error: TactileError | None = None
-        self._reminder: Reminder | None = None  # while the driver waits for bus and devices at start
+        self._steps = LifecycleSteps(self)
         self._tare = TareService(self)
         self._state = StatePublisher(self)
         self.create_timer(DIAGNOSTICS_PERIOD, self._publish_state)
@@ -68,19 +65,17 @@ class DriverNode(LifecycleNode):
         if not self.get_parameter('autostart').value:
             return
         stop = stop_requested if self.get_parameter('wait_at_start').value else None
-        self._reminder = None if stop is None else Reminder()
         try:
-            while self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
-                if stop is None or not isinstance(self._error, (BusError, DeviceAbsentError)):
-                    raise self._error or _unforeseen('configure')
-                if stop.wait(RETRY_PERIOD):
-                    return
+            with nullcontext() if stop is None else self._steps.waiting():
+                while self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
+                    if stop is None or not isinstance(self._steps.error, (BusError, DeviceAbsentError)):
+                        raise self._steps.failure('configure')
+                    if stop.wait(RETRY_PERIOD):
+                        return
         except RuntimeError:  # RCLError: a lifecycle manager has configured the node meanwhile
             return
-        finally:
-            self._reminder = None
         if self.trigger_activate() != TransitionCallbackReturn.SUCCESS:
-            raise self._error or _unforeseen('activate')
+            raise self._steps.failure('activate')
 
     @property
     def source(self) -> FrameSource | None:
@@ -88,17 +83,17 @@ class DriverNode(LifecycleNode):
         return self._source
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        result = self._attempt(self._configure)
+        result = self._steps.attempt(self._configure)
         if result != TransitionCallbackReturn.SUCCESS:
             self._release()
         return self._publish_after(result)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        return self._publish_after(self._attempt(self._start))
+        return self._publish_after(self._steps.attempt(self._start))
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         self._tare.give_up('one that was deactivated')
-        return self._publish_after(self._attempt(self._configured_source().stop))
+        return self._publish_after(self._steps.attempt(self._configured_source().stop))
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         self._release()
@@ -114,24 +109,6 @@ class DriverNode(LifecycleNode):
             self._publish_state()
         stop_forwarding_to(self)
         super().destroy_node()
-
-    def _attempt(self, step: Callable[[], None]) -> TransitionCallbackReturn:
-        """Run a step of the lifecycle; log a failure once."""
-        try:
-            step()
-        except TactileError as error:
-            self._error = error
-            if self._reminder is None:
-                self.get_logger().error(str(error))
-            elif self._reminder.is_due(str(error), time.monotonic()):
-                self.get_logger().error(f'{error} {WAITING}')
-            return TransitionCallbackReturn.FAILURE
-        except Exception:  # rclpy would discard it without a message
-            self._error = None
-            self.get_logger().error(traceback.format_exc())
-            return TransitionCallbackReturn.FAILURE
-        self._error = None
-        return TransitionCallbackReturn.SUCCESS
 
     def _configure(self) -> None:
         settings = read(self, DriverSettings)
@@ -197,7 +174,7 @@ class DriverNode(LifecycleNode):
         return {name: pad.conditioned.faults for name, pad in self._pads.items()}
 
     def _publish_state(self) -> None:
-        self._state.publish(self._source, self._error,
+        self._state.publish(self._source, self._steps.error,
                             {name: pad.conditioned.condition for name, pad in self._pads.items()})
 
     def _publish_after(self, result: TransitionCallbackReturn) -> TransitionCallbackReturn:
@@ -211,11 +188,6 @@ class DriverNode(LifecycleNode):
             self._owned.pop()()
         self._gate = None
         self._pads = {}
-
-
-def _unforeseen(transition: str) -> DeviceError:
-    return DeviceError('skin driver', expected=f'to {transition}', got='an unforeseen error',
-                       remedy='The log above has it.')
 
 
 def main() -> int:

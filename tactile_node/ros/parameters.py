@@ -1,6 +1,7 @@
 """ROS 2 parameters from the fields of a frozen dataclass: declared, read and changed in one way for every node."""
 
 import math
+from array import array
 from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
@@ -86,7 +87,7 @@ def changed(settings: Settings, parameters: Iterable[RosParameter]) -> Settings:
 
 def _immutable(value: Any) -> Any:
     """A parameter's value, which rclpy does not type, as a frozen dataclass holds it."""
-    return tuple(value) if isinstance(value, list) else value
+    return tuple(value) if isinstance(value, (list, array)) else value
 
 
 def _descriptor(row: Parameter) -> ParameterDescriptor:
