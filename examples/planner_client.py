@@ -1,4 +1,4 @@
-"""A grasp planner's client: takes each grasp of two tactile pads and says how to correct it.
+"""A grasp planner's client: takes each grasp of two tactile pads and reports how to correct it.
 
     python examples/planner_client.py --ros-args -r grasp:=/gripper/grasp
 """

@@ -1,4 +1,4 @@
-"""The errors that this package raises: one small tree. Every message says what was expected, got, and what to do."""
+"""The errors that this package raises: one small tree. Every message gives expected, got and a remedy."""
 
 from enum import IntEnum
 

@@ -12,14 +12,14 @@ from tactile_node.skin.pads import make_pad
 pytestmark = pytest.mark.bus
 
 
-def test_an_eds_without_it_is_told():
+def test_an_eds_without_it_is_reported():
     with Bench('no_zero', 'sim16x16.yaml') as bench:
         bench.driver.open()
         with pytest.raises(DeviceError, match='0x6125.*no such object.*without on_device'):
             bench.driver.auto_zero('pad32')
 
 
-def test_a_device_that_refuses_is_told_by_channel(monkeypatch):
+def test_a_device_that_refuses_is_reported_by_channel(monkeypatch):
     monkeypatch.setattr(auto_zero, 'ZERO_SIGNATURE', b'nero')
     with Bench('refuses_zero', 'sim8x8_16bit.yaml') as bench:
         bench.driver.open()
@@ -29,7 +29,7 @@ def test_a_device_that_refuses_is_told_by_channel(monkeypatch):
 
 
 @pytest.mark.parametrize('answer', [bytes.fromhex('8025610322000008'), None])
-def test_a_device_that_is_zeroed_in_part_or_does_not_answer_is_told_apart(answer):
+def test_a_device_that_is_zeroed_in_part_or_does_not_answer_is_distinguished(answer):
     """The third channel is refused (SDO abort), or its confirmation lost: then its state is not known."""
     def tamper(message):
         if message.arbitration_id == 0x5A0 and bytes(message.data[:4]) == bytes.fromhex('60256103'):

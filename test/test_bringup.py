@@ -16,7 +16,7 @@ pytest.importorskip('rclpy')
 pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
 
 
-def test_a_log_comes_out_whole_and_the_command_says_so(capsys):
+def test_a_log_comes_out_whole_and_the_command_reports_it(capsys):
     name = 'sim16x16_two_pads.log.gz'
     lines = read_candump(name)
     syncs = sum(line.can_id == 0x080 for line in lines)
@@ -27,7 +27,7 @@ def test_a_log_comes_out_whole_and_the_command_says_so(capsys):
     assert f'CAN frames: {len(lines)} ' in printed
 
 
-def test_a_replay_starts_whatever_the_parameter_file_says(tmp_path, capsys):
+def test_a_replay_starts_whatever_the_parameter_file_has(tmp_path, capsys):
     file = tmp_path / 'parameters.yaml'
     file.write_text('/**:\n  ros__parameters:\n    autostart: false\n')
     log = str(DATA / 'sim16x16_two_pads.log.gz')
@@ -36,7 +36,7 @@ def test_a_replay_starts_whatever_the_parameter_file_says(tmp_path, capsys):
 
 
 @pytest.fixture
-def short_patience(tmp_path):
+def short_timeout(tmp_path):
     file = tmp_path / 'parameters.yaml'
     file.write_text('/**:\n  ros__parameters:\n    boot_timeout: 0.3\n')
     return ['--params-file', str(file)]
@@ -53,14 +53,14 @@ def short_patience(tmp_path):
     (['--interface', 'virtual', '--bitrate', '5'], 'within its range'),
     (['--interface', 'virtual', '--node-id', 'one'], 'whole numbers'),
 ])
-def test_what_cannot_work_ends_with_a_sentence_and_code_2(words, expected, short_patience, capsys):
-    assert main(['bringup', *short_patience, *words]) == 2
+def test_what_cannot_work_ends_with_a_sentence_and_code_2(words, expected, short_timeout, capsys):
+    assert main(['bringup', *short_timeout, *words]) == 2
     error = capsys.readouterr().err.strip()
     assert error.startswith('tactile: error: ') and '\n' not in error
     assert expected in error
 
 
-def test_a_missing_parameter_file_is_told(capsys):
+def test_a_missing_parameter_file_is_reported(capsys):
     assert main(['bringup', '--interface', 'virtual', '--params-file', '/nowhere.yaml']) == 2
     assert 'a ROS 2 parameter file' in capsys.readouterr().err
 

@@ -67,7 +67,7 @@ def _whole_and_touched(frame) -> bool:
     return frame.missing_can_frames == 0 and frame.values.max() > 0
 
 
-def test_record_of_a_silent_bus_says_so(tmp_path):
+def test_record_of_a_silent_bus_reports_it(tmp_path):
     skin = spawn('simulate', '--pty')  # its boot-up message was sent before anyone listened
     try:
         port = skin.stdout.readline().split()[-1]
@@ -149,14 +149,14 @@ def test_record_from_a_live_bus(tmp_path, capsys):
     assert ids.count(0x080) > 10 and ids.count(0x1A0) > 10 and ids.count(0x720) > 0
 
 
-def test_replay_writes_frames_and_says_what_became_of_each_can_frame(tmp_path, capsys):
+def test_replay_writes_frames_and_the_fate_of_each_can_frame(tmp_path, capsys):
     output = tmp_path / 'frames.npy'
     assert run(replay, DATA / 'nus_ring_session.log.gz', '--layout', 'nus_sinapse_64x64.yaml', '--output',
                output) == 0
     frames = np.load(output)
     assert frames.shape == (77, 64, 64) and frames.dtype == np.float32 and not np.isnan(frames).any()
-    said = capsys.readouterr().out
-    assert '77 taxel frames, 77 complete, 0 incomplete' in said and '4928 used, none lost' in said
+    printed = capsys.readouterr().out
+    assert '77 taxel frames, 77 complete, 0 incomplete' in printed and '4928 used, none lost' in printed
 
 
 def test_replay_of_two_pads_writes_two_files(tmp_path):
@@ -169,7 +169,7 @@ def test_replay_of_two_pads_writes_two_files(tmp_path):
 def test_replay_without_a_sync_fails(tmp_path, capsys):
     (tmp_path / 'x.log').write_text('(1.0) can0 1A0#0011223344556677\n')
     assert run(replay, tmp_path / 'x.log') == 1
-    assert '0 taxel frames' in (said := capsys.readouterr().out) and '1 before_first_sync' in said
+    assert '0 taxel frames' in (printed := capsys.readouterr().out) and '1 before_first_sync' in printed
 
 
 def test_simulate_repeats_a_recording(tmp_path):
@@ -197,7 +197,7 @@ def test_bad_input_is_one_of_our_errors(module, words, error):
         run(module, *words)
 
 
-def test_replay_takes_pace_0_and_says_when_a_pad_has_no_tpdo(capsys):
+def test_replay_takes_pace_0_and_reports_when_a_pad_has_no_tpdo(capsys):
     log = DATA / 'sim16x16_two_pads.log.gz'
     assert run(replay, log, '--pace', 0) == 0
     assert run(replay, log, '--pace', 0, '--node-id', 5) == 1
@@ -224,7 +224,7 @@ def test_a_link_replaces_links_only(tmp_path):
 
 
 @pytest.mark.parametrize('suffix', ['.log', '.log.gz', '.asc', '.blf', '.trc', '.mcap'])
-def test_a_full_disk_ends_the_recording_and_says_so_once(tmp_path, suffix, caplog):
+def test_a_full_disk_ends_the_recording_and_is_reported_once(tmp_path, suffix, caplog):
     log = CanLogWriter(tmp_path / f'x{suffix}')
     with open('/dev/full', 'wb') as full:
         os.dup2(full.fileno(), log._writer.file.fileno())
@@ -238,7 +238,7 @@ def test_a_full_disk_ends_the_recording_and_says_so_once(tmp_path, suffix, caplo
 
 
 @pytest.mark.parametrize('name', ['.', '/', 'no/such/folder/x.log', 'x.nonsense'])
-def test_what_cannot_be_recorded_to_is_told(tmp_path, monkeypatch, name):
+def test_what_cannot_be_recorded_to_is_reported(tmp_path, monkeypatch, name):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(LogError, match='a log file that can be written'):
         CanLogWriter(name)

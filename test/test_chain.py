@@ -112,7 +112,7 @@ def test_taxels_are_the_bits_of_the_log(heard, syncs):
     assert 20 < sum(expected) < 400
 
 
-def test_shape_speaks_of_the_same_contact_as_features(heard):
+def test_shape_is_of_the_same_contact_as_features(heard):
     for features, shape in zip(heard['features'], heard['shape']):
         assert shape.taxels == sum(features.pattern)
         assert sum(shape.probabilities) == pytest.approx(1, abs=1e-5)

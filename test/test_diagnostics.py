@@ -54,11 +54,11 @@ def healthy_but(**changes):
     return BusHealth(nodes={'left': (WELL._replace(**changes),)})
 
 
-def test_what_was_lost_before_the_first_message_is_told():
+def test_what_was_lost_before_the_first_message_is_reported():
     assert levels(BusDiagnostics('driver', 'can0'), statistics(late=3, overruns=2)) == [WARN, WARN]
 
 
-def test_the_level_speaks_of_the_time_since_the_message_before():
+def test_the_level_is_of_the_time_since_the_message_before():
     diagnostics = BusDiagnostics('driver', 'can0')
     assert levels(diagnostics, statistics(frames=10)) == [OK, OK]
     assert levels(diagnostics, statistics(frames=20, late=1)) == [OK, WARN]
@@ -73,7 +73,7 @@ def test_a_dead_bus_is_an_error_with_its_reason():
     assert value_of(status, 'fault') == 'RECEPTION_FAILED'
 
 
-@pytest.mark.parametrize('changes, level, says', [
+@pytest.mark.parametrize('changes, level, text', [
     ({}, OK, '20 taxel frames'),
     ({'fault': NodeFault.SILENT}, ERROR, PHRASES[NodeFault.SILENT]),
     ({'state': 'STOPPED', 'is_operational': False}, ERROR, 'STOPPED'),
@@ -81,15 +81,15 @@ def test_a_dead_bus_is_an_error_with_its_reason():
     ({'emergencies': 1, 'last_emergency': decode_emergency(bytes.fromhex('1042090000000000'), 0.0)}, WARN, '0x4210'),
     ({'distrusted': 3}, WARN, '3 taxel frames'),
 ])
-def test_a_pad_is_ok_only_while_its_node_is(changes, level, says):
+def test_a_pad_is_ok_only_while_its_node_is(changes, level, text):
     diagnostics = BusDiagnostics('driver', 'can0')
     diagnostics.message(statistics(), BusHealth(nodes={'left': (WELL,)}))
     pad = diagnostics.message(statistics(frames=30), healthy_but(**changes)).status[1]
-    assert pad.level == level and says in pad.message
+    assert pad.level == level and text in pad.message
     assert value_of(pad, 'fault') == changes.get('fault', NodeFault.NONE).name
 
 
-def test_an_error_a_device_still_has_stays_told_until_it_says_that_it_has_gone():
+def test_an_error_a_device_still_has_stays_reported_until_it_reports_its_end():
     diagnostics = BusDiagnostics('driver', 'can0')
     fault, gone = (decode_emergency(bytes.fromhex(text), 0.0) for text in ('1042090000000000', '0000000000000000'))
     seen = [levels(diagnostics, statistics(frames=10 * (i + 1)), healthy_but(emergencies=count, last_emergency=last))[1]
@@ -105,7 +105,7 @@ def test_the_bus_is_ok_only_while_nothing_happens_to_it(health, level):
     assert levels(BusDiagnostics('driver', 'can0'), statistics(), health)[0] == level
 
 
-def test_values_of_a_node_are_told_by_name():
+def test_values_of_a_node_are_reported_by_name():
     last = decode_emergency(bytes.fromhex('3081110000000000'), 0.0)
     health = healthy_but(heartbeat_age=0.25, emergencies=4, last_emergency=last, outages=Outages(2, 1.5))
     pad = BusDiagnostics('driver', 'can0').message(statistics(), health._replace(load=0.305)).status
@@ -117,7 +117,7 @@ def test_values_of_a_node_are_told_by_name():
 
 
 @pytest.mark.parametrize('zero', [zero for zero in ZeroState if zero is not ZeroState.VALID])
-def test_a_pad_whose_zero_is_not_valid_is_an_error_that_says_why(zero):
+def test_a_pad_whose_zero_is_not_valid_is_an_error_with_its_reason(zero):
     diagnostics, no_faults = BusDiagnostics('driver', 'can0'), FaultyTaxels(np.zeros((1, 1), np.uint8))
     conditions = {'left': PadCondition(no_faults, zero=zero)}
     status = diagnostics.message(statistics(), healthy_but(), conditions).status[1]

@@ -120,7 +120,7 @@ def test_faults_are_saved_on_request(make, tmp_path):
     assert load_faults(faults, {'pad32': (SIDE, SIDE)})['pad32'].places(TaxelFault.DEAD) == [(4, 5)]
 
 
-def test_without_a_file_saving_says_what_to_set(make):
+def test_without_a_file_saving_names_what_to_set(make):
     driver = make()
     client = driver.listener.create_client(Trigger, '/skin_driver/save_faulty_taxels')
     driver.wait(client.service_is_ready)

@@ -108,7 +108,7 @@ def test_a_device_that_is_gone_is_never_ok(chain):
     chain.bench.device.power_off()
     seen = len(chain.levels)
     chain.wait(lambda: len(chain.levels) >= seen + 4, 'no diagnostics')
-    # The first message after it may speak of the second before
+    # The first message after it may be of the second before
     assert all(levels[1] != OK for levels in chain.levels[seen + 1:]), chain.levels[seen:]
     assert 'neither heartbeat nor taxels' in chain.reports[-1] and chain.levels[-1][1] == ERROR
     chain.bench.device.boot()
@@ -117,8 +117,8 @@ def test_a_device_that_is_gone_is_never_ok(chain):
 
 def test_what_is_missing_at_start_is_waited_for_and_reported_now_and_then(chain):
     chain.bench.adapter.is_plugged = False
-    said, heard, begun = [], [], time.monotonic()
-    chain.listener.create_subscription(Log, '/rosout', lambda message: said.append(message.msg), 100)
+    logged, heard, begun = [], [], time.monotonic()
+    chain.listener.create_subscription(Log, '/rosout', lambda message: logged.append(message.msg), 100)
     chain.listener.create_subscription(SkinStatus, '/skin_driver/status', heard.append, STATUS_QOS)
     starting = threading.Thread(target=chain.driver.autostart, args=(threading.Event(),))
     starting.start()
@@ -127,8 +127,8 @@ def test_what_is_missing_at_start_is_waited_for_and_reported_now_and_then(chain)
     assert (heard[-1].level, heard[-1].fault) == (SkinStatus.ERROR, SkinStatus.FAULT_NOT_OPENED)
     assert not heard[-1].active
     assert starting.is_alive() and chain.bench.adapter.opened == 0
-    chain.wait(lambda: any(WAITING in sentence for sentence in said), 'not logged')
-    reports = sum(WAITING in sentence for sentence in said)
+    chain.wait(lambda: any(WAITING in sentence for sentence in logged), 'not logged')
+    reports = sum(WAITING in sentence for sentence in logged)
     assert reports <= 1 + (time.monotonic() - begun) / FIRST_REMINDER  # not at each attempt
     chain.bench.adapter.is_plugged = True
     chain.wait(lambda: (OK, OK) in chain.levels, 'never OK')

@@ -150,7 +150,7 @@ def test_compact_sub_objects(tmp_path):
     (SMALL.replace('VendorName', 'BaudRate_1000=yes\nVendorName'), 'section [DeviceInfo], key "BaudRate_1000"'),
     (SMALL.replace('VendorName', 'VendorNumber=many\nVendorName'), 'section [DeviceInfo], key "VendorNumber"'),
     (SMALL + '[1018SUB1]\nParameterName=x\nDataType=5\nAccessType=ro\n', '[1018sub1] again as [1018SUB1]')])
-def test_harmful_oddities_are_told_by_section_and_key(tmp_path, text, says):
+def test_harmful_contents_are_reported_by_section_and_key(tmp_path, text, says):
     with pytest.raises(ConfigurationError) as refused:
         load_eds(write(tmp_path, text), 5)
     assert says in str(refused.value) and 'device.eds' in str(refused.value)

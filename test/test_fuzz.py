@@ -48,7 +48,7 @@ def test_slcan_lines_are_checked_whole(line, sound):
     assert is_sound(line) == sound
 
 
-def test_broken_slcan_lines_are_told_and_the_sound_ones_come():
+def test_broken_slcan_lines_are_reported_and_the_sound_ones_received():
     with SerialFuzz(4) as fuzz:
         fuzz.send(500)
         assert fuzz.outcome['reported as damaged'] > 100

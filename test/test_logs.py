@@ -149,7 +149,7 @@ def test_truncated_gzip_is_read_up_to_its_end(tmp_path):
 
 
 @pytest.mark.parametrize('suffix', ['.log', '.log.gz', '.asc', '.blf', '.trc', '.mcap'])
-def test_a_log_cut_short_is_read_up_to_the_cut_and_told(tmp_path, suffix):
+def test_a_log_cut_short_is_read_up_to_the_cut_and_reported(tmp_path, suffix):
     whole, cut, random = tmp_path / f'x{suffix}', tmp_path / f'cut{suffix}', np.random.default_rng(3)
     writer = CanLogWriter(whole)
     for n in range(500):
@@ -310,7 +310,7 @@ def test_a_damaged_stamp_costs_its_own_can_frame_alone(tmp_path, damaged):
     assert source.statistics().unread == 1 and source.statistics().clock_jumps == 0 and damaged in source.summary
 
 
-def test_a_gap_is_told_and_not_waited_for(tmp_path, caplog):
+def test_a_gap_is_reported_and_not_waited_for(tmp_path, caplog):
     """The clock set an hour on while recording, or an hour without SYNC."""
     caplog.set_level(logging.INFO, 'tactile_node')
     lines = [f'({stamp + i / 1000}) can0 {can_id}#{"" if i == 0 else "0A0A"}'

@@ -35,7 +35,7 @@ def test_one_sided_contact_waits():
     assert choose(right=side(touched=False)).action == 'wait'
 
 
-def test_an_unsure_shape_is_waited_for_and_then_grasped_anew():
+def test_an_unsure_shape_is_waited_for_and_then_grasped_again():
     assert choose(right=side(confidence=0.5), stable=False).action == 'wait'
     assert choose(right=side(confidence=0.5)).action == 'regrasp'
 
@@ -46,7 +46,7 @@ def test_an_off_centre_contact_shifts_the_gripper_after_it():
     assert correction.shift == pytest.approx((0.003, -0.001))
 
 
-def test_centres_that_do_not_face_each_other_are_grasped_anew():
+def test_centres_that_do_not_face_each_other_are_grasped_again():
     assert choose(offset=0.004).action == 'regrasp'
 
 

@@ -151,7 +151,7 @@ def test_bus_off_reported_by_the_stack():
         bench.check()
 
 
-def test_error_passive_is_told():
+def test_error_passive_is_reported():
     with Driven('vcan0', 'vcan0') as bench, can.Bus('vcan0', interface='socketcan') as other:
         data = bytes([0, RX_PASSIVE, 0, 0, 0, 0, 0, 0])
         other.send(can.Message(arbitration_id=CONTROLLER, is_error_frame=True, is_extended_id=False, data=data))

@@ -53,7 +53,7 @@ def test_without_vanishing_angles_extremes_only_shrink():
 
 
 @pytest.mark.parametrize('world', WORLDS)
-def test_patterns_of_a_world_have_the_area_asked_for(world):
+def test_patterns_of_a_world_have_the_required_area(world):
     rng = generator(Purpose.TEST, 22)
     for shape in CLASSES:
         taxels = [draw_pattern(world, rng, shape, 60).sum() for _ in range(60)]

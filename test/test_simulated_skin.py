@@ -135,7 +135,7 @@ def test_reset_forgets_the_configuration_and_boots(wire):
     assert wire.sdo('4000180100000000') == '43001801A0010080'  # disabled again
 
 
-def test_heartbeat_comes_when_it_is_asked_for(wire):
+def test_heartbeat_is_sent_when_configured(wire):
     wire.take(1)
     assert wire.silent()
     assert wire.sdo('2B1710000A000000').startswith('60')  # 10 ms

@@ -94,7 +94,7 @@ def test_adapter_of_another_epoch_is_mapped_by_its_quickest_message(hands):
     assert stamps == pytest.approx([1001.005, 1002.002, 1003.002], abs=2e-4)
 
 
-def test_adapter_that_counts_anew_is_mapped_anew(hands):
+def test_adapter_that_counts_again_is_mapped_again(hands):
     clock = hands.clock(host_stamped=False)
     clock.of(700.0)
     hands.wait(1)

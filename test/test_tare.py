@@ -104,7 +104,7 @@ def test_while_the_device_zeroes_itself_no_value_is_valid():
     assert pad.feed(frame([[1.25, 5.0]])).values.tolist() == [[1, 5]]  # nothing is left of the tare before
 
 
-def test_a_device_is_not_asked_to_take_a_load_for_its_zero():
+def test_a_device_is_not_requested_to_take_a_load_for_its_zero():
     pad, requests = TaredPad(), []
     refused = tared(pad, [frame([[50.0]])], 3, zero_device=lambda: requests.append(1))
     assert refused.refusal is TareRefusal.PRESSED and not requests

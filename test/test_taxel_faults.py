@@ -184,7 +184,7 @@ def test_known_taxels_are_nan_from_the_first_frame_with_their_reason():
     assert pad.faults.total == 2
 
 
-def test_what_is_found_is_masked_only_when_asked_for():
+def test_what_is_found_is_masked_only_on_request():
     pad = ConditionedPad(TaredPad(), FaultDetector(2, 2, LIMIT), known())
     pad.detector.update = lambda *_: known((0, 1, DEAD))
     assert pad.feed(frame([[1, 2], [3, 4]])).values.tolist() == [[1, 2], [3, 4]] and pad.faults.total == 1
@@ -272,7 +272,7 @@ def test_bad_files_of_faults(tmp_path, content, says):
         load_faults(path, {'left': (2, 2)})
 
 
-def test_a_pad_that_repeats_itself_to_the_bit_is_frozen_when_asked_for():
+def test_a_pad_that_repeats_itself_to_the_bit_is_frozen_on_request():
     pad, random = ConditionedPad(TaredPad(), FaultDetector(2, 2, LIMIT), known()), np.random.default_rng(2)
     last = random.standard_normal((2, 2))
     live = [frame(random.standard_normal((2, 2)))._replace(stamp=0.02 * n) for n in range(50)]

@@ -55,7 +55,7 @@ def test_no_straight_line_wins_more_than_the_fitted_curve():
     assert won > max(lines)
 
 
-def test_curve_goes_on_straight_beyond_its_ends():
+def test_curve_continues_straight_beyond_its_ends():
     plane = Plane(*AXES, (1.0, 2.0, 4.0), (3.0, 2.0, 3.0))
     at = np.array([0.0, 0.5, 1.5, 3.0, 5.0])
     np.testing.assert_allclose(np.log(plane.curve_at(np.exp(at) - 1) + 0.01), [4, 3.5, 2.5, 2.5, 3.5])

@@ -1,4 +1,4 @@
-"""What the demo's topics said of each touch, beside what really touched."""
+"""What the demo's topics reported of each touch, beside what really touched."""
 
 from collections.abc import Mapping
 from typing import NamedTuple

@@ -20,7 +20,7 @@ class Finding(NamedTuple):
 
 
 class BusDiagnostics:
-    """Turns successive states of one bus into messages; the level speaks of the time between two of them."""
+    """Turns successive states of one bus into messages; the level is of the time between two of them."""
 
     def __init__(self, node: str, hardware_id: str):
         self._node = node

@@ -13,7 +13,7 @@ from tactile_skin.msg import ContactShape, Grasp
 
 
 def side_result(message: ContactShape) -> SideResult:
-    """What one pad says; the centre is the fit's, or the centre of pressure where there is no fit."""
+    """What one pad reports; the centre is the fit's, or the centre of pressure where there is no fit."""
     shape = SHAPE_OF_NUMBER[message.shape]
     place = message.pose.pose.position if message.fit_valid else message.centre_of_pressure
     touched = shape is not Shape.NONE and np.isfinite((place.x, place.y)).all()
