@@ -22,7 +22,7 @@ def add_array_arguments(parser: argparse.ArgumentParser) -> None:
                              'infinite are taxels without a valid value; "-" or nothing: standard input')
     parser.add_argument('-o', '--output', metavar='FILE', help='write there instead of to standard output')
     numeric = parser.add_argument_group(
-        'thresholds of integer and float arrays (a bool array says itself what is pressed)',
+        'thresholds of integer and float arrays (a bool array is itself the pressed taxels)',
         'Frames of a file follow each other in time: a taxel is pressed from --press until below --release.')
     numeric.add_argument('--press', type=float, default=PRESS_FRACTION, metavar='FRACTION',
                          help='of the full scale, default %(default)s')

@@ -40,7 +40,7 @@ def pace(text: str) -> float:
 
 
 def add_bus_options(parser: argparse.ArgumentParser, *, channel: str = DEFAULT_CHANNEL, is_set: bool = True) -> None:
-    """Add --interface, --channel and --bitrate; not ``is_set``: None where not given, for a parameter file to say."""
+    """Add --interface, --channel and --bitrate; not ``is_set``: None where not given, which leaves them to a file."""
     for option, default, kind, text in (('--interface', DEFAULT_INTERFACE, str, 'python-can interface'),
                                         ('--channel', channel, str, 'channel of the interface'),
                                         ('--bitrate', DEFAULT_BITRATE, int, 'bit rate of the bus [bit/s]')):

@@ -1,1 +1,1 @@
-"""Taxel frame -> taxel frame: what is done to values before anybody looks for a contact in them."""
+"""Taxel frame -> taxel frame: corrections of the values before a contact is looked for."""

@@ -1,4 +1,4 @@
-"""Where the driver's frames come from, as its settings say: a live bus, or a recorded log in its place."""
+"""Where the driver's frames come from, by its settings: a live bus, or a recorded log in its place."""
 
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.errors import ConfigurationError

@@ -1,4 +1,4 @@
-"""Sets up the conditioning of the driver's pads as its settings say."""
+"""Sets up the conditioning of the driver's pads from its settings."""
 
 from collections.abc import Mapping
 

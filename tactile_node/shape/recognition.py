@@ -1,4 +1,4 @@
-"""The shapes, and what a recogniser reports of a contact."""
+"""The shapes, and what a recogniser reports for a contact."""
 
 from collections.abc import Mapping
 from enum import Enum
