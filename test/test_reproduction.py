@@ -9,9 +9,9 @@ import pytest
 from tactile_node.cli.main import main
 from tactile_node.helmholtz.features import compute_features
 from tactile_node.reproduction.curve_fitting import COLUMNS, Samples
-from tactile_node.reproduction.drawing import Wanted, draw, plane_features
 from tactile_node.reproduction.neighbours import NearestNeighbours
 from tactile_node.reproduction.rates import confusion, lost_in_plane, rate
+from tactile_node.reproduction.sampling import Wanted, draw, plane_features
 from tactile_node.reproduction.worlds import WORLDS, draw_pattern
 from tactile_node.shape.volf import GROUPS, plane_feature
 from tactile_node.synthetic.seeds import Purpose, generator

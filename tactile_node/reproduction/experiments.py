@@ -13,9 +13,9 @@ from tactile_node.reproduction.curve_fitting import (
     answers,
     fit_classifier,
 )
-from tactile_node.reproduction.drawing import Drawn, Wanted, draw
 from tactile_node.reproduction.neighbours import NearestNeighbours
 from tactile_node.reproduction.rates import Rate, confusion, lost_in_plane, rate
+from tactile_node.reproduction.sampling import Drawn, Wanted, draw
 from tactile_node.reproduction.worlds import WORLDS, draw_pattern
 from tactile_node.shape.volf import ANSWERS, VolfClassifier
 from tactile_node.synthetic.seeds import Purpose, generator

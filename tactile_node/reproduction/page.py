@@ -10,7 +10,7 @@ from string import Template
 
 from matplotlib.figure import Figure
 
-from tactile_node.reproduction import clouds, drawings
+from tactile_node.reproduction import clouds, sketches
 from tactile_node.reproduction.experiments import PUBLISHED, SIZES, Method, Results
 from tactile_node.reproduction.rates import Rate
 from tactile_node.reproduction.wording import findings
@@ -110,11 +110,11 @@ def _figures(results: Results) -> str:
     samples, planes = results.clouds, results.classifier.planes
     long = results.long_clouds, results.long_classifier.planes
     return ''.join(_figure(figure, caption) for figure, caption in (
-        (drawings.discrete_circle(), 'Fig. 1. The discrete pattern of a circle.'),
-        (drawings.circle_border(), 'Fig. 2. Border P05 (black) of the pattern of a circle.'),
-        (drawings.centre_of_gravity(), 'Fig. 3. The centre of gravity of the normalised matrix A9, of a rectangle.'),
-        (drawings.fictive_points(), 'Fig. 4. A triplet of taxels completed by fictive points.'),
-        (drawings.hole_rules(), 'Fig. 5. Rules for holes: before (above), after (below).'),
+        (sketches.discrete_circle(), 'Fig. 1. The discrete pattern of a circle.'),
+        (sketches.circle_border(), 'Fig. 2. Border P05 (black) of the pattern of a circle.'),
+        (sketches.centre_of_gravity(), 'Fig. 3. The centre of gravity of the normalised matrix A9, of a rectangle.'),
+        (sketches.fictive_points(), 'Fig. 4. A triplet of taxels completed by fictive points.'),
+        (sketches.hole_rules(), 'Fig. 5. Rules for holes: before (above), after (below).'),
         (clouds.first_plane(samples, planes), 'Fig. 6. dif α9 = f(N). Above the solid curve rectangles, down to '
                                               'the dashed one right triangles, below it the rest.'),
         (clouds.second_plane(samples, planes), 'Fig. 7. min I5 = f(min P05).'),
