@@ -77,7 +77,7 @@ def test_a_dead_bus_is_an_error_with_its_reason():
     ({}, OK, '20 taxel frames'),
     ({'fault': NodeFault.SILENT}, ERROR, PHRASES[NodeFault.SILENT]),
     ({'state': 'STOPPED', 'is_operational': False}, ERROR, 'STOPPED'),
-    ({'outages': Outages(1, 0.3, Failure(NodeFault.BOOTED))}, WARN, PHRASES[NodeFault.BOOTED]),
+    ({'outages': Outages(1, 0.3, NodeFault.BOOTED)}, WARN, PHRASES[NodeFault.BOOTED]),
     ({'emergencies': 1, 'last_emergency': decode_emergency(bytes.fromhex('1042090000000000'), 0.0)}, WARN, '0x4210'),
     ({'distrusted': 3}, WARN, '3 taxel frames'),
 ])

@@ -54,14 +54,14 @@ def test_a_nodes_sentence_tells_the_last_heartbeat():
 
 
 def test_of_an_outage_that_lasts_the_sentence_tells_why():
-    outages = Outages(1, 0.5, Failure(NodeFault.BOOTED), Failure(BusFault.SENDING_FAILED, 'Transmit buffer full'))
+    outages = Outages(1, 0.5, NodeFault.BOOTED, Failure(BusFault.SENDING_FAILED, 'Transmit buffer full'))
     text = node_text('left', NodeHealth(32, 'OPERATIONAL', True, 0.1, fault=NodeFault.AWAITING_TAXELS, outages=outages))
     assert text.endswith('not back yet; the outage: the CAN bus cannot send: Transmit buffer full.')
 
 
 def test_a_failure_is_its_phrase_and_detail():
     assert failure_text(None) == ''
-    assert failure_text(Failure(NodeFault.BOOTED)) == PHRASES[NodeFault.BOOTED]
+    assert failure_text(NodeFault.BOOTED) == PHRASES[NodeFault.BOOTED]
     assert failure_text(Failure(BusFault.BUS_OFF, 'x.')) == failure_text(Failure(BusFault.BUS_OFF, 'x'))
     assert failure_text(Failure(BusFault.BUS_OFF, 'x')) == 'the CAN controller is bus-off: x'
 

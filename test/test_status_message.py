@@ -32,7 +32,7 @@ def message(late=0, fault=NodeFault.NONE, **health):
                         losses={LossReason.LATE: late, LossReason.SHORT: 1})
     counts = BusStatistics({'left': pad}, {'tpdo': 320, 'error': 4}, queue_overruns=2, clock_jumps=3)
     node = NodeHealth(32, 'OPERATIONAL', True, None, boots=1, fault=fault,
-                      outages=Outages(2, 1.5, Failure(NodeFault.BOOTED)))
+                      outages=Outages(2, 1.5, NodeFault.BOOTED))
     state = BusHealth(nodes={'left': (node,)}, load=0.25, **health)
     return status_message(BusDiagnostics('driver', 'can0').message(counts, state), counts, state)
 

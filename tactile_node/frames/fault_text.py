@@ -47,7 +47,7 @@ def failure_of(error: TactileError) -> Failure:
     return Failure(next((fault for kind, fault in _FAULTS if isinstance(error, kind)), BusFault.NOT_KNOWN), str(error))
 
 
-def failure_text(failure: Failure | None) -> str:
+def failure_text(failure: Failure | NodeFault | None) -> str:
     """Empty without a failure; without a full stop, so that it fits into a sentence.
 
     >>> failure_text(Failure(BusFault.SENDING_FAILED, 'Transmit buffer full'))
@@ -55,6 +55,8 @@ def failure_text(failure: Failure | None) -> str:
     """
     if failure is None:
         return ''
+    if isinstance(failure, NodeFault):
+        return PHRASES[failure]
     return PHRASES[failure.fault] + (f': {failure.detail.removesuffix(".")}' if failure.detail else '')
 
 

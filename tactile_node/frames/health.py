@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from enum import Enum, unique
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 from tactile_node.cia301.emergency import Emergency
 
@@ -45,20 +45,24 @@ class BusFault(Enum):
 
 
 class Failure(NamedTuple):
-    """A fault, and what the adapter, device or system reported."""
+    """The fault of a bus or a log, and what the adapter, device or system reported."""
 
-    fault: NodeFault | BusFault
+    fault: BusFault
     detail: str = ''
 
 
+#: Of an outage: a bus has a failure; a node has a fault, or its bus has a failure
+Cause = TypeVar('Cause', bound=Failure | NodeFault)
+
+
 @dataclass(frozen=True)
-class Outages:
+class Outages(Generic[Cause]):
     """Times without taxels since construction, the one under way included."""
 
     count: int = 0
     seconds: float = 0.0
-    cause: Failure | None = None  #: what began the last one
-    current: Failure | None = None  #: why the one under way lasts; None: none is under way
+    cause: Cause | None = None  #: what began the last one
+    current: Cause | None = None  #: why the one under way lasts; None: none is under way
 
 
 class NodeHealth(NamedTuple):
@@ -72,7 +76,7 @@ class NodeHealth(NamedTuple):
     boots: int = 0  #: boot-up messages received
     emergencies: int = 0
     last_emergency: Emergency | None = None
-    outages: Outages = Outages()
+    outages: Outages[Failure | NodeFault] = Outages()
     distrusted: int = 0  #: taxel frames given without values, because the node was not configured
 
 
@@ -96,7 +100,7 @@ class BusHealth(NamedTuple):
     failure: Failure | None = None
     is_active: bool = True  #: SYNC on, nodes are to be OPERATIONAL
     nodes: dict[str, tuple[NodeHealth, ...]] = {}  #: read only
-    outages: Outages = Outages()
+    outages: Outages[Failure] = Outages()
     load: float = 0.0  #: part of the bus's time in use, bit stuffing at its worst, over the last second
     is_error_passive: bool = False
     error_counters: ErrorCounters = ErrorCounters()
@@ -104,5 +108,5 @@ class BusHealth(NamedTuple):
     last_command: ForeignCommand | None = None  #: of another master
 
     @property
-    def fault(self) -> BusFault | NodeFault:
+    def fault(self) -> BusFault:
         return BusFault.NONE if self.failure is None else self.failure.fault

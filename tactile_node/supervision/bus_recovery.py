@@ -26,7 +26,7 @@ class BusRecovery:
         self._monitors = monitors
         self._sync_period = sync_period
         self._is_active = is_active
-        self.outage = OutageClock()
+        self.outage: OutageClock[Failure] = OutageClock()
         self._backoff = Backoff()
         self._reminder = Reminder()
         self._received_then = 0  # CAN frames, when the bus was opened again

@@ -2,7 +2,7 @@
 
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.cia301.nmt import NmtState, state_name
-from tactile_node.frames.health import NodeFault, NodeHealth
+from tactile_node.frames.health import Failure, NodeFault, NodeHealth
 from tactile_node.frames.losses import PadStatistics
 from tactile_node.skin.pads import CanopenNode
 from tactile_node.supervision.outage import Backoff, OutageClock
@@ -22,7 +22,7 @@ class NodeMonitor:
         self._monitor = monitor
         self._heartbeats = monitor.heartbeats
         self.set_timeouts(heartbeat_timeout, data_timeout)
-        self.outage = OutageClock()
+        self.outage: OutageClock[Failure | NodeFault] = OutageClock()
         self.backoff = Backoff()
         self.fault_reminder = Reminder()
         self.retry_reminder = Reminder()

@@ -9,7 +9,7 @@ from typing import TypeVar
 from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.errors import BusError, DeviceAbsentError, DeviceError
 from tactile_node.frames.fault_text import emergency_text, failure_text, node_label, node_text, reaction_text
-from tactile_node.frames.health import Failure, NodeFault
+from tactile_node.frames.health import NodeFault
 from tactile_node.frames.losses import BusStatistics, PadStatistics
 from tactile_node.supervision.node_monitor import NodeMonitor
 
@@ -70,7 +70,7 @@ class NodeRecovery:
             self._end_outage(monitor, is_active, pad, now)
             return False
         if _stops_taxels(fault) and is_active:
-            monitor.outage.begin(monitor.data_at, Failure(fault))
+            monitor.outage.begin(monitor.data_at, fault)
         if monitor.fault_reminder.is_due(fault.name, now):
             reaction = f' {reaction_text(fault)}' if self._is_enabled else ''
             logger.error('%s%s', node_text(monitor.node.pad, monitor.health(now)), reaction, extra={'fact': fault})

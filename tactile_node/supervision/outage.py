@@ -1,25 +1,27 @@
 """Counts outages and spaces the attempts to end one. Times are of the monotonic clock [s]."""
 
-from tactile_node.frames.health import Failure, Outages
+from typing import Generic
+
+from tactile_node.frames.health import Cause, Outages
 
 FIRST_RETRY, LAST_RETRY = 0.1, 0.5  # s; the last bounds how long a cause that has ended may go unnoticed
 
 
-class OutageClock:
+class OutageClock(Generic[Cause]):
     """The outages of a bus or a pad, one after another."""
 
     def __init__(self) -> None:
         self._count = 0
         self._seconds = 0.0  # of those that have ended
         self._begun: float | None = None
-        self.cause: Failure | None = None  #: what began the last one
-        self.current: Failure | None = None  #: why the one under way lasts
+        self.cause: Cause | None = None  #: what began the last one
+        self.current: Cause | None = None  #: why the one under way lasts
 
     @property
     def is_running(self) -> bool:
         return self._begun is not None
 
-    def begin(self, now: float, cause: Failure) -> None:
+    def begin(self, now: float, cause: Cause) -> None:
         """Begin an outage, or continue the one under way for another cause."""
         if self._begun is None:
             self._begun = now
@@ -35,7 +37,7 @@ class OutageClock:
         self._seconds += lasted
         return lasted
 
-    def outages(self, now: float) -> Outages:
+    def outages(self, now: float) -> Outages[Cause]:
         return Outages(self._count, self._seconds + self.running_for(now), self.cause, self.current)
 
     def running_for(self, now: float) -> float:
