@@ -19,12 +19,15 @@ ROOT = Path(__file__).resolve().parents[1]
 
 @pytest.fixture(scope='module')
 def wheel(tmp_path_factory) -> Path:
-    """A wheel, built of a copy: setuptools leaves a build folder where it builds."""
+    """A wheel, built of a copy: setuptools leaves a build folder where it builds. There is one of an earlier build."""
     source = tmp_path_factory.mktemp('source')
     for folder in ('tactile_node', 'config', 'msg'):
         shutil.copytree(ROOT / folder, source / folder, ignore=shutil.ignore_patterns('__pycache__'))
     for name in ('setup.py', 'setup.cfg', 'pyproject.toml', 'MANIFEST.in', 'package.xml', 'README.md'):
         shutil.copy(ROOT / name, source)
+    stale = source / 'build/lib/tactile_node/renamed_since.py'
+    stale.parent.mkdir(parents=True)
+    stale.touch()
     built = tmp_path_factory.mktemp('built')
     subprocess.run([sys.executable, '-m', 'pip', 'wheel', '--quiet', '--no-index', '--no-build-isolation', '--no-deps',
                     '--wheel-dir', built, source], check=True)

@@ -153,3 +153,18 @@ def test_a_picture_shows_the_frame_and_its_outline_in_metres():
     np.testing.assert_array_equal(outline[:-1], fit.outline)
     np.testing.assert_array_equal(outline[-1], fit.outline[0])
     assert axes.images[0].get_extent() == pytest.approx([-0.002, 0.058, -0.002, 0.058])
+
+
+def test_a_taxel_without_a_value_is_drawn_in_a_colour_that_no_value_has():
+    axes = tn.plot_frame(np.array([[0.0, np.nan, 1.0]]),
+                         axes=pytest.importorskip('matplotlib.figure').Figure().subplots())
+    red, green, blue, _ = axes.images[0].cmap.get_bad()
+    assert red == green == blue
+    assert not any(r == g == b for r, g, b, _ in axes.images[0].cmap(np.linspace(0.05, 0.95)))
+
+
+def test_without_matplotlib_the_error_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, 'matplotlib', None)
+    with pytest.raises(tn.ConfigurationError) as refused:
+        tn.plot_frame(SQUARE)
+    assert 'tactile-skin[picture]' in refused.value.remedy

@@ -30,7 +30,8 @@ WITH_NODES = ('bringup', 'demo')
 
 _ROS = 'Source a ROS 2 workspace that holds tactile_skin, or run `make demo` once.'
 NEEDS = {'rclpy': _ROS, 'rcl_interfaces': _ROS, 'tactile_skin': _ROS,
-         'can': 'Install python-can.', 'canopen': 'Install canopen.', 'matplotlib': 'Install matplotlib.'}
+         'can': 'Install python-can.', 'canopen': 'Install canopen.',
+         'matplotlib': "Install it: pip install 'tactile-skin[picture]'."}
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -20,7 +20,7 @@ SEEN = 0.5  #: share of a pad's taxels that must have valid values before it is 
 FILES = {LEARNED: 'recogniser.npz', VOLF: 'volf_curves.yaml'}  #: what each reads by default, in config/
 
 
-class Recogniser(Protocol):
+class RecognitionMethod(Protocol):
     """What every method offers; ``groups`` are the features it reads, Group.NONE where it reads none."""
 
     groups: Group
@@ -57,7 +57,7 @@ class Volf:
 class VisibilityGuard:
     """A method that distinguishes an empty pad from one that it cannot see: without valid values it answers UNKNOWN."""
 
-    def __init__(self, method: Recogniser):
+    def __init__(self, method: RecognitionMethod):
         self._method = method
         self.groups = method.groups
 
@@ -67,10 +67,10 @@ class VisibilityGuard:
         return self._method.recognise(pattern, features)
 
 
-METHODS: dict[str, Callable[[Path], Recogniser]] = {LEARNED: Learned, VOLF: Volf}
+METHODS: dict[str, Callable[[Path], RecognitionMethod]] = {LEARNED: Learned, VOLF: Volf}
 
 
-def make_recogniser(method: str = DEFAULT, file: str = '') -> Recogniser:
+def make_recogniser(method: str = DEFAULT, file: str = '') -> RecognitionMethod:
     """Return the recogniser called ``method``; ``file``: its weights or curves, '' for those of config/.
 
     Raises ConfigurationError for a name that is none, or a file that cannot be used.
