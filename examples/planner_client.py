@@ -62,6 +62,7 @@ def main() -> None:
     from rclpy.executors import ExternalShutdownException
     from rclpy.qos import qos_profile_sensor_data
 
+    from tactile_node.ros.message_checks import check_grasp
     from tactile_skin.msg import ContactShape, Grasp
 
     def side(shape: ContactShape, aim: tuple[float, float]) -> Side:
@@ -71,6 +72,10 @@ def main() -> None:
                     symmetry=shape.symmetry)
 
     def on_grasp(grasp: Grasp) -> None:
+        reason = check_grasp(grasp)  # a malformed message is no information
+        if reason is not None:
+            node.get_logger().warning(f'grasp dropped: {reason.key}', throttle_duration_sec=10.0)
+            return
         aim = tuple(node.get_parameter('aim').value)
         correction = choose(*(side(shape, aim) for shape in grasp.sides), grasp.offset, grasp.stable)
         x, y = (1e3 * each for each in correction.shift)

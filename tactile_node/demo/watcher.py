@@ -10,6 +10,8 @@ from rclpy.node import Node
 
 from tactile_node.demo.observation import Seen
 from tactile_node.demo.terminal import PadView
+from tactile_node.nodes.guarded_subscription import GuardedSubscription
+from tactile_node.ros.message_checks import check_contact_shape, check_taxel_array
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.shape_messages import SHAPE_NUMBERS
 from tactile_node.ros.taxel_messages import taxel_values
@@ -34,8 +36,10 @@ class Watcher(Node):
         self.incomplete = 0  #: taxel arrays with missing CAN frames
         qos = frames_qos(KEPT)
         for pad in pads:
-            self.create_subscription(TaxelArray, f'{pad}/taxels', partial(self._taxels, pad), qos)
-            self.create_subscription(ContactShape, f'{pad}/shape', partial(self._shape, pad), qos)
+            GuardedSubscription(self, TaxelArray, f'{pad}/taxels', partial(self._taxels, pad), qos,
+                                check=check_taxel_array)
+            GuardedSubscription(self, ContactShape, f'{pad}/shape', partial(self._shape, pad), qos,
+                                check=check_contact_shape)
 
     def views(self) -> list[PadView]:
         """Return what to draw now, for the pads of which something is known."""

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.errors import ConfigurationError
+from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.shape.recognition import Recognition, Shape
 
 TOUCHING = tuple(shape for shape in Shape if shape is not Shape.NONE)
@@ -85,8 +85,12 @@ class RecognitionFusion:
         """Take the frame of ``stamp`` [s] and return the fused result.
 
         A frame whose likeliest class is NONE ends the contact: it is reported at once. A stamp that goes
-        back or comes after ``max_gap`` starts again.
+        back or comes after ``max_gap`` starts again. Raises InputError for NaN or infinite numbers, which would
+        stay in the evidence.
         """
+        if not np.isfinite((stamp, *probabilities.values())).all():
+            raise InputError('frame to fuse', expected='a finite stamp and finite probabilities',
+                             got=f'{stamp}, {dict(probabilities)}', remedy='Leave this frame out.')
         frame = Recognition.of(probabilities)
         passed = float('inf') if self._stamp is None else stamp - self._stamp
         if not 0 <= passed <= self._settings.max_gap or Shape.NONE in (frame.shape, self._shape):

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.errors import ConfigurationError
+from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.grasp.gripper import Gripper
 from tactile_node.shape.recognition import Shape
 
@@ -95,11 +95,14 @@ class GraspTracker:
         """Take ``result`` of ``side`` ("left" or "right") at an opening of ``gap`` [m] and return the grasp.
 
         A result older than the side's latest starts that side again: its clock was set back. Raises
-        ConfigurationError for another side.
+        ConfigurationError for another side, InputError for a stamp or a centre that is not finite.
         """
         if side not in SIDES:
             raise ConfigurationError('side of a grasp', expected=' or '.join(SIDES), got=repr(side),
                                      remedy='Name the pads by side.')
+        if not np.isfinite((result.stamp, *(result.centre or ()))).all():
+            raise InputError('result of a side', expected='a finite stamp and centre',
+                             got=f'{result.stamp}, {result.centre}', remedy='Give centre None where nothing touches.')
         self._anchor(side, result)
         self._latest[side] = result
         return self._state(gap)

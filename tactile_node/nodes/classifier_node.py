@@ -7,10 +7,13 @@ from rclpy.node import Node
 
 from tactile_node.fusion.recognitions import FusedRecognition, RecognitionFusion
 from tactile_node.node_graph import NODE_NAMES, Role
+from tactile_node.nodes.guarded_subscription import GuardedSubscription
+from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.run import run_node
 from tactile_node.pose.fit import ShapeFit, fit_shape
 from tactile_node.pose.moments import contact_moments
 from tactile_node.ros.feature_messages import features_of, pattern_of
+from tactile_node.ros.message_checks import check_contact_features
 from tactile_node.ros.parameters import declare, read
 from tactile_node.ros.settings import ClassifierSettings
 from tactile_node.ros.shape_messages import Findings, pose_message, shape_message
@@ -21,7 +24,7 @@ from tactile_skin.msg import ContactFeatures, ContactShape
 
 
 class ClassifierNode(Node):
-    """Publishes `shape` for every message on `features`, and `pose` while the contact has one.
+    """Publishes `shape` for every usable message on `features`, and `pose` while the contact has one.
 
     Raises ConfigurationError for a wrong parameter.
     """
@@ -36,7 +39,9 @@ class ClassifierNode(Node):
         self.recognised = 0  #: messages published
         self._publisher = self.create_publisher(ContactShape, 'shape', qos)
         self._poses = self.create_publisher(PoseWithCovarianceStamped, 'pose', qos)
-        self.create_subscription(ContactFeatures, 'features', self._on_features, qos)
+        subscription = GuardedSubscription(self, ContactFeatures, 'features', self._on_features, qos,
+                                           check=check_contact_features)
+        MessageHealth(self, [subscription])
 
     def _on_features(self, message: ContactFeatures) -> None:
         shape = shape_message(message, self._find(message), self._settings.method, self._settings.solid_height)

@@ -12,8 +12,11 @@ from tactile_node.contact.press import PRESS_BY_UNIT, PressThresholds
 from tactile_node.errors import ConfigurationError, TactileError
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.node_graph import NODE_NAMES, Role
+from tactile_node.nodes.guarded_subscription import GuardedSubscription
+from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.run import run_node
 from tactile_node.ros.feature_messages import features_message
+from tactile_node.ros.message_checks import check_taxel_array
 from tactile_node.ros.parameters import changed, declare, read
 from tactile_node.ros.settings import ProcessorSettings
 from tactile_node.ros.taxel_messages import taxel_values
@@ -21,7 +24,7 @@ from tactile_skin.msg import ContactFeatures, TaxelArray
 
 
 class ProcessorNode(Node):
-    """Publishes `features` for every message on `taxels`. Raises ConfigurationError for a wrong parameter."""
+    """Publishes `features` for every usable message on `taxels`. Raises ConfigurationError for a wrong parameter."""
 
     def __init__(self, **options):
         super().__init__(NODE_NAMES[Role.PROCESSOR], **options)
@@ -29,7 +32,8 @@ class ProcessorNode(Node):
         self._apply(read(self, ProcessorSettings))
         qos = self._settings.qos
         self._publisher = self.create_publisher(ContactFeatures, 'features', qos)
-        self.create_subscription(TaxelArray, 'taxels', self._on_taxels, qos)
+        subscription = GuardedSubscription(self, TaxelArray, 'taxels', self._on_taxels, qos, check=check_taxel_array)
+        MessageHealth(self, [subscription])
         self.add_on_set_parameters_callback(self._on_parameters)
 
     def _apply(self, settings: ProcessorSettings) -> None:

@@ -7,6 +7,8 @@ from functools import partial
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
+from tactile_node.nodes.guarded_subscription import GuardedSubscription
+from tactile_node.ros.message_checks import check_contact_shape
 from tactile_skin.msg import ContactShape
 
 WINDOW = 500  # frames that may be under way; well below qos.REPLAY_DEPTH
@@ -22,7 +24,8 @@ class ReplayGate:
         self._seen = dict.fromkeys(pads, -1)
         self._progress = threading.Condition()
         self._subscriptions = [
-            node.create_subscription(ContactShape, f'{pad}/shape', partial(self._on_shape, pad), qos) for pad in pads]
+            GuardedSubscription(node, ContactShape, f'{pad}/shape', partial(self._on_shape, pad), qos,
+                                check=check_contact_shape) for pad in pads]
 
     def wait(self, pad: str, sequence: int) -> None:
         """Return when fewer than WINDOW frames before ``sequence`` still lack their shape."""
@@ -39,7 +42,7 @@ class ReplayGate:
             self._open = True
             self._progress.notify_all()
         for subscription in self._subscriptions:
-            self._node.destroy_subscription(subscription)
+            subscription.destroy()
 
     def _on_shape(self, pad: str, message: ContactShape) -> None:
         with self._progress:
