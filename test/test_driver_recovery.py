@@ -150,6 +150,14 @@ def test_the_pads_of_a_driver_are_seen_all_or_none(chain, monkeypatch):
     assert seen == [0, 0]
 
 
+def test_a_fault_is_reported_with_simulated_time_and_no_clock(chain):
+    chain.driver.set_parameters([Parameter('use_sim_time', value=True)])
+    chain.driver.autostart()
+    chain.wait(lambda: (OK, OK) in chain.levels, 'never OK')
+    chain.bench.adapter.is_plugged = False
+    chain.wait(lambda: chain.levels[-1][0] == ERROR, 'OK stays')
+
+
 def test_waiting_at_start_ends_when_stopped(chain):
     chain.bench.adapter.is_plugged = False
     stop_requested = threading.Event()

@@ -11,6 +11,7 @@ from contextlib import nullcontext
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
@@ -54,7 +55,8 @@ class DriverNode(LifecycleNode):
         self._steps = LifecycleSteps(self)
         self._tare = TareService(self)
         self._state = StatePublisher(self)
-        self.create_timer(DIAGNOSTICS_PERIOD, self._publish_state)
+        # The node's own clock stands still with use_sim_time and no /clock: the last OK would stay
+        self.create_timer(DIAGNOSTICS_PERIOD, self._publish_state, clock=Clock(clock_type=ClockType.STEADY_TIME))
         forward_logs_to(self)
 
     def autostart(self, stop_requested: threading.Event | None = None) -> None:
