@@ -6,7 +6,7 @@ Terms
     period    the time between two SYNCs
     run       TPDOs of one node in ascending rank; CAN keeps the order of one sender, so a sweep is one run
 
-Rules, for each node of the pad by itself
+Rules, for each node of the pad separately
  1. A taxel frame is made of one run of each node.
  2. A rank that is not above the last one begins the next run. The run before is lost: LATE where it was suspect or
     already held that rank, else OUT_OF_ORDER. Only an immediate repetition with equal bytes is a DUPLICATE and

@@ -58,7 +58,7 @@ class DomainAssembler:
         self._stamp = None
 
     def start(self, node_id: int) -> None:
-        """Has no effect: a polled pad sends nothing by itself."""
+        """Has no effect: a polled pad sends nothing unless it is asked."""
 
     def sync(self, timestamp: float) -> Results:
         """Has no effect: a polled pad does not use SYNC."""

@@ -11,7 +11,6 @@ from contextlib import nullcontext
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
@@ -23,6 +22,7 @@ from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.driver_source import driver_pads, make_source
 from tactile_node.nodes.fault_service import FaultService
+from tactile_node.nodes.health_timer import start_health_timer
 from tactile_node.nodes.lifecycle_steps import LifecycleSteps
 from tactile_node.nodes.pad_output import PadOutput
 from tactile_node.nodes.replay_gate import ReplayGate
@@ -36,7 +36,6 @@ from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.skin.pads import one_for_each
 
-DIAGNOSTICS_PERIOD = 1.0  # [s], REP-107
 RETRY_PERIOD = 0.5  # s between two attempts to configure while the driver waits at start
 
 
@@ -55,8 +54,7 @@ class DriverNode(LifecycleNode):
         self._steps = LifecycleSteps(self)
         self._tare = TareService(self)
         self._state = StatePublisher(self)
-        # The node's own clock stands still with use_sim_time and no /clock: the last OK would stay
-        self.create_timer(DIAGNOSTICS_PERIOD, self._publish_state, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        start_health_timer(self, self._publish_state)
         forward_logs_to(self)
 
     def autostart(self, stop_requested: threading.Event | None = None) -> None:

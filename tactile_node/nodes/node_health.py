@@ -3,28 +3,23 @@
 from collections.abc import Sequence
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
+from tactile_node.nodes.health_timer import start_health_timer
 from tactile_node.ros.message_health import MessageCounts, health_status
-
-PERIOD = 1.0  # s, REP-107
 
 
 class MessageHealth:
-    """Publishes what ``node`` does with the messages of ``subscriptions``; it lasts as long as the node.
-
-    Its timer runs on the steady clock: with use_sim_time and no /clock the node's own clock stands still.
-    """
+    """Publishes what ``node`` does with the messages of ``subscriptions``; it lasts as long as the node."""
 
     def __init__(self, node: Node, subscriptions: Sequence[GuardedSubscription]):
         self._node = node
         self._subscriptions = tuple(subscriptions)
         self._before = self._counts()
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', QoSProfile(depth=10))
-        node.create_timer(PERIOD, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        start_health_timer(node, self._publish)
 
     def _counts(self) -> dict[str, MessageCounts]:
         return {subscription.topic: subscription.counts for subscription in self._subscriptions}

@@ -33,7 +33,7 @@ PERIOD = 0.02  # s between two rounds when nothing wakes the supervisor earlier
 
 
 class Supervisor:
-    """A SkinBus that recovers by itself. Implements FrameSource; see there for the order of calls.
+    """A SkinBus that recovers from faults. Implements FrameSource; see there for the order of calls.
 
     With ``recover=False`` faults are only detected and logged. ``heartbeat_timeout`` [s] applies also to a node that
     never sent one. ``open``, ``configure`` and ``start`` raise what SkinBus raises: a bus or device that is missing
