@@ -13,7 +13,7 @@ LOCK := requirements/lock.txt
 BUILD := build
 UV := $(or $(wildcard $(BIN)/uv),uv)
 SOURCES := package.xml CMakeLists.txt setup.py setup.cfg \
-	$(shell find tactile_node msg srv config launch scripts -type f -not -name '*.pyc')
+	$(shell find tactile_node msg srv config launch urdf scripts -type f -not -name '*.pyc')
 
 # ROS: everything stays on this machine; the environment is its own ament prefix.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
@@ -25,7 +25,7 @@ unexport PYTHONPATH
 SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo check test coverage faults bench train reproduce soak socketcan fuzz lint types \
+.PHONY: help setup demo check test coverage faults misled bench train reproduce soak socketcan fuzz lint types \
 	architecture lowest lock clean
 
 help:  ## say what there is
@@ -93,6 +93,11 @@ faults: setup  ## inject every fault of the catalogue, print what the user sees 
 
 fuzz: setup  ## a million random CAN messages, ten thousand broken EDS, layout and log files
 	@$(BIN)/python test/fuzzing.py
+
+misled: setup  ## what a consumer is led to believe when the skin, the bus or a node fails (SHORT=1: under 2 minutes)
+	@$(BIN)/python test/misled_catalogue.py $(if $(SHORT),--short) 2>build/misled.log \
+		|| { [ $$? -eq 1 ] || tail -20 build/misled.log; exit 1; }
+	@$(if $(SHORT),,TACTILE_LONG=1 $(BIN)/python -m pytest test/test_planner_client.py -q)
 
 soak: setup  ## two pads at the bus's full load: TPDOs lost, memory, latency over time (MINUTES=10)
 	@$(BIN)/python bench/soak.py --minutes $(or $(MINUTES),10)

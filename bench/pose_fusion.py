@@ -52,7 +52,7 @@ def _row(recogniser, area: float) -> list[str]:
         truth, recognised = _sequence(rng, recogniser, area)
         fusion = RecognitionFusion()
         begin = process_time()
-        said = [fusion.update(i * PERIOD, each.probabilities).recognition.shape for i, each in enumerate(recognised)]
+        said = [fusion.update(i * PERIOD, each).recognition.shape for i, each in enumerate(recognised)]
         spent += process_time() - begin
         alone = [each.shape for each in recognised]
         right = np.array([a is b for a, b in zip(said, truth)])

@@ -1,39 +1,54 @@
 """A grasp planner's client: takes each grasp of two tactile pads and reports how to correct it.
 
     python examples/planner_client.py --ros-args -r grasp:=/gripper/grasp
+
+It acts on what is current and seen, and on nothing else: `hold` means that nothing is known, keep still. A grasp is
+current while its age, with the time since it arrived, is below MAX_AGE, and grasps have not stopped for MAX_SILENCE:
+a watchdog decides again when none comes.
 """
 
-from math import atan2, degrees, hypot, pi, remainder
+import time
+from math import atan2, degrees, hypot, inf, isfinite, pi, remainder
 from typing import NamedTuple
 
 MIN_CONFIDENCE = 0.8         # below, on either side: let go and try elsewhere
 MAX_OFFSET = 0.002           # of the two contacts' centres across the closing direction [m]
 MAX_ANGLE = 5 * pi / 180     # of the object's edges against the pad's [rad]
+MAX_AGE = 0.3                # of an acquisition [s]
+MAX_SILENCE = 0.1            # since the latest grasp arrived [s]
+WATCHDOG_PERIOD = 0.02       # [s]
+REPORT_PERIOD = 0.5          # of an action that stays the same [s]
 
 
 class Side(NamedTuple):
     """What of one pad's ContactShape decides; angle and symmetry as in the message."""
 
-    touched: bool
     confidence: float
     centre: tuple[float, float]         # of the contact, in the pad's frame [m]
     aim: tuple[float, float]            # where on the pad it should be [m]
     angle: float = 0.0                  # [rad]
     symmetry: int = 0
+    is_bound: bool = False              # too much of it is hidden
 
 
 class Correction(NamedTuple):
     """What to do next; moves and rotations are the gripper's, in the left pad's frame."""
 
-    action: str                         # 'wait', 'regrasp', 'shift', 'rotate' or 'lift'
+    action: str                         # 'hold', 'wait', 'open', 'regrasp', 'shift', 'rotate' or 'lift'
     shift: tuple[float, float] = (0.0, 0.0)  # [m]
     angle: float = 0.0                  # about the pad's z [rad]
 
 
+HOLD = Correction('hold')               # what the gripper holds is not known: keep still
+
+
 def choose(left: Side, right: Side, offset: float, stable: bool) -> Correction:
-    """Decide on the worst flaw first. ``offset`` [m]: of the two centres across the closing direction."""
-    if not (left.touched and right.touched):
-        return Correction('wait')
+    """Decide on the worst flaw of a grasp that both pads touch first.
+
+    ``offset`` [m]: of the two centres across the closing direction; NaN: not known.
+    """
+    if left.is_bound or right.is_bound or not isfinite(offset):
+        return Correction('wait')  # where the object is, is known in part only
     if min(left.confidence, right.confidence) < MIN_CONFIDENCE:
         return Correction('regrasp' if stable else 'wait')  # more frames may still decide, unless nothing moves
     shift = (left.centre[0] - left.aim[0], left.centre[1] - left.aim[1])
@@ -57,27 +72,77 @@ def yaw(orientation) -> float:
     return atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y**2 + q.z**2))
 
 
+def side(shape, aim: tuple[float, float]) -> Side:
+    """What of a ContactShape decides; without a shape its confidence is 0."""
+    codes = type(shape)
+    has_shape = shape.fit_valid and shape.shape not in (codes.NOT_KNOWN, codes.NONE, codes.UNKNOWN)
+    place = shape.pose.pose
+    return Side(confidence=shape.confidence if has_shape else 0.0, centre=(place.position.x, place.position.y),
+                aim=aim, angle=yaw(place.orientation), symmetry=shape.symmetry,
+                is_bound=shape.unknown_reason == codes.NOT_SEEN)
+
+
+def asked_for(grasp, aim: tuple[float, float]) -> Correction:
+    """What a Grasp asks for while it is current; ``aim``: where on the pad the contact should be [m]."""
+    codes = type(grasp)
+    if not grasp.fresh or grasp.contact in (codes.NOT_KNOWN, codes.UNSEEN):
+        return HOLD
+    if grasp.contact == codes.NO_CONTACT:  # both pads are seen and empty: nothing is held
+        return Correction('open')
+    if grasp.contact != codes.TWO_SIDED or grasp.line_is_bound:
+        return Correction('wait')
+    return choose(*(side(shape, aim) for shape in grasp.sides), grasp.offset, grasp.stable)
+
+
+class Planner:
+    """Decides on the latest grasp as long as it is current. Times are of a steady clock [s]."""
+
+    def __init__(self) -> None:
+        self._correction = HOLD
+        self._arrival = -inf
+        self._age_on_arrival = inf
+
+    def receive(self, correction: Correction, arrival: float, age: float) -> None:
+        """Take what a grasp asks for, which arrived at ``arrival`` with an ``age`` [s]; inf: not known."""
+        self._correction = correction
+        self._arrival = arrival
+        self._age_on_arrival = age
+
+    def decide(self, now: float) -> Correction:
+        """Return what to do at ``now``."""
+        since = now - self._arrival
+        is_current = since <= MAX_SILENCE and self._age_on_arrival + since <= MAX_AGE
+        return self._correction if is_current else HOLD
+
+
 def main() -> None:
     import rclpy
+    from rclpy.clock import Clock, ClockType
     from rclpy.executors import ExternalShutdownException
     from rclpy.qos import qos_profile_sensor_data
 
+    from tactile_node.ros.message_age import InputAge
     from tactile_node.ros.message_checks import check_grasp
-    from tactile_skin.msg import ContactShape, Grasp
-
-    def side(shape: ContactShape, aim: tuple[float, float]) -> Side:
-        place = shape.pose.pose
-        return Side(touched=shape.shape != ContactShape.NONE, confidence=shape.confidence if shape.fit_valid else 0.0,
-                    centre=(place.position.x, place.position.y), aim=aim, angle=yaw(place.orientation),
-                    symmetry=shape.symmetry)
+    from tactile_skin.msg import Grasp
 
     def on_grasp(grasp: Grasp) -> None:
         reason = check_grasp(grasp)  # a malformed message is no information
         if reason is not None:
             node.get_logger().warning(f'grasp dropped: {reason.key}', throttle_duration_sec=10.0)
             return
+        arrival = ages.arrived(grasp)  # its age counts what held it back on the way here
         aim = tuple(node.get_parameter('aim').value)
-        correction = choose(*(side(shape, aim) for shape in grasp.sides), grasp.offset, grasp.stable)
+        planner.receive(asked_for(grasp, aim), arrival.steady, arrival.age_on_arrival)
+        act()
+
+    def act() -> None:
+        """Report the decision: at once when it changes, so that nothing acts on what is over."""
+        nonlocal reported, reported_at
+        now = time.monotonic()
+        correction = planner.decide(now)
+        if correction.action == reported and now - reported_at < REPORT_PERIOD:
+            return
+        reported, reported_at = correction.action, now
         x, y = (1e3 * each for each in correction.shift)
         node.get_logger().info(f'{correction.action}: shift {x:.1f}, {y:.1f} mm, '
                                f'rotate {degrees(correction.angle):.1f} degrees')
@@ -85,7 +150,10 @@ def main() -> None:
     rclpy.init()
     node = rclpy.create_node('planner_client')
     node.declare_parameter('aim', [0.015, 0.015])
+    planner, ages = Planner(), InputAge()
+    reported, reported_at = '', -inf
     node.create_subscription(Grasp, 'grasp', on_grasp, qos_profile_sensor_data)
+    node.create_timer(WATCHDOG_PERIOD, act, clock=Clock(clock_type=ClockType.STEADY_TIME))
     try:
         rclpy.spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):

@@ -1,21 +1,27 @@
-"""Starts driver, processor and classifier for the pads of one CAN bus; see the arguments below."""
+"""Starts all nodes of one CAN bus, in one process unless `processes` says otherwise: `tactile bringup` with arguments.
 
+Arguments are checked there, not here: a wrong one is one error of that process, and the other nodes of the robot stay.
+"""
+
+import itertools
 import os
-import tempfile
+import sys
 
-from launch.actions import DeclareLaunchArgument, EmitEvent, ExecuteProcess, OpaqueFunction, RegisterEventHandler
-from launch.event_handlers import OnProcessExit, OnProcessIO, OnShutdown
+import launch.logging
+from launch.actions import DeclareLaunchArgument, EmitEvent, OpaqueFunction, RegisterEventHandler
+from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterFile
-from launch_ros.substitutions import ExecutableInPackage
 
 from launch import LaunchDescription
-from tactile_node.node_graph import NodeDescription, bus_nodes
+from tactile_node.errors import TactileError
+from tactile_node.node_graph import NodeDescription, Processes, bus_nodes, in_processes
 
 PACKAGE = 'tactile_skin'
-ARGUMENTS = {  # name: (default, description)
+RESPAWN_DELAY = 2.0  # s
+#: name: (default, description). Each is the option of `tactile bringup` of the same name; empty: not given.
+OPTIONS = {
     'interface': ('', 'python-can interface: socketcan (default), slcan, pcan, kvaser, ...'),
     'channel': ('', 'channel of the interface (default can0)'),
     'bitrate': ('', 'bit rate of the bus [bit/s] (default 1000000)'),
@@ -23,99 +29,100 @@ ARGUMENTS = {  # name: (default, description)
     'node_id': ('32', 'CANopen node-ID of each pad (of each of its nodes), comma-separated'),
     'layout': ('', 'skin layout of each pad, comma-separated, or one for all (default sim16x16.yaml)'),
     'eds': ('', 'EDS of each pad, comma-separated, or one for all; empty: named as the layout'),
-    'namespace': ('', 'namespace of all nodes and topics'),
+    'frame_ids': ('', 'frame of each pad, comma-separated (default <name>_pad)'),
+    'frame_prefix': ('', 'put before every frame of pads and grasp, as robot1/'),
+    'grasp_frame': ('', 'frame of the grasp (default gripper)'),
+    'gap_source': ('', 'where the opening of the gripper comes from: parameter (default), joint_states, tf or none'),
+    'gap': ('', 'opening of the gripper [m] with gap_source parameter; not known unless given'),
+    'gap_joints': ('', 'with joint_states: joints whose positions add to the opening, comma-separated'),
+    'gap_frames': ('', 'with tf: frames of the left and the right finger, comma-separated'),
+    'gap_scale': ('', 'opening for a metre or a radian of the joints, or a metre between the frames (default 1)'),
+    'gap_offset': ('', 'opening where these are 0 [m] (default 0)'),
+    'publish_pad_frames': ('', 'true: publish the frames of the pads to tf, where no URDF has them'),
     'params_file': ('', 'ROS 2 parameter file for all nodes; arguments given here win over it'),
-    'simulate': ('false', 'true: a simulated skin on a pseudo-terminal in place of the bus'),
-    'replay': ('', 'recorded CAN log to play in place of the bus'),
+    'use_sim_time': ('', 'true: take the time from /clock'),
+    'simulate': ('false', 'true: a simulated skin in place of the bus, in the process of the driver'),
+    'replay': ('', 'recorded CAN log to play in place of the bus; the process ends with the log, with code 1 when '
+               'frames did not come out as shapes'),
     'replay_channel': ('', 'bus to play from a log of several buses, as the log names it; for a bag, the topic'),
     'replay_pace': ('', 'speed of the replay: 1 as recorded (default), 0 as fast as possible'),
+    'publish_clock': ('', 'true: the replay publishes the time of the log on /clock, for use_sim_time'),
     'record': ('', 'file to record the bus to'),
     'wait_at_start': ('', 'true (default): wait for a missing bus or device; false: exit'),
     'autostart': ('', 'true (default): configure and activate at start; false: leave both to a lifecycle manager'),
 }
+BY_FILE = ('wait_at_start', 'autostart')  # given also if empty: `tactile bringup` then leaves them to the file
+ARGUMENTS = {  # name: (default, description, choices)
+    **{name: (default, description, None) for name, (default, description) in OPTIONS.items()},
+    'namespace': ('', 'namespace of all nodes and topics, below that of PushRosNamespace', None),
+    'processes': ('one', 'one: all nodes in one process; driver_apart: the driver in its own; each: a process a node; '
+                  'a replay is always one',
+                  [each.value for each in Processes]),
+    'on_exit': ('', 'when a process of these ends: keep: nothing more (default where another launch file includes '
+                'this one); respawn: start it again; shutdown: end the whole launch, with code 1 where the process '
+                'has failed (default where this file itself is launched)', ['', 'keep', 'respawn', 'shutdown']),
+}
 
 
 def generate_launch_description() -> LaunchDescription:
-    declared = [DeclareLaunchArgument(name, default_value=default, description=description)
-                for name, (default, description) in ARGUMENTS.items()]
+    declared = [DeclareLaunchArgument(name, default_value=default, description=description, choices=choices)
+                for name, (default, description, choices) in ARGUMENTS.items()]
     return LaunchDescription([*declared, OpaqueFunction(function=bringup)])
 
 
 def bringup(context) -> list:
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
-    simulate = switch('simulate', given['simulate'])
-    if simulate:
-        folder = tempfile.TemporaryDirectory(prefix='tactile_skin_')
-        link = os.path.join(folder.name, 'skin')
-        given |= {'interface': 'slcan', 'channel': link}
-    every = {'lossless': True} if given['replay'] else {}
-    described = bus_nodes(split(given['pads']), driver=driver_parameters(given), every=every,
-                          namespace=given['namespace'])
-    *others, driver = [ros_node(description, params_file(given)) for description in described]
-    if not simulate:
-        return [*others, driver, end_with(driver, 'the skin driver')]
-    return [*others, *simulated(given, link, driver), end_with(driver, 'the skin driver'),
-            RegisterEventHandler(OnShutdown(on_shutdown=lambda event, context: folder.cleanup()))]
+    given['on_exit'] = given['on_exit'] or ('shutdown' if is_launched_itself(sys.argv) else 'keep')
+    chosen = Processes.ONE if given['replay'] else Processes(given['processes'])
+    try:
+        processes = in_processes(bus_nodes(split(given['pads']), driver={}), chosen)
+    except TactileError as error:
+        return failed(str(error), given['on_exit'])
+    nodes = [process(part, given, whole=len(processes) == 1) for part in processes]
+    if given['on_exit'] != 'shutdown':
+        return nodes
+    return [*nodes, *(shutdown_with(node) for node in nodes)]
 
 
-def driver_parameters(given: dict) -> dict:
-    """Only what was given: the rest is left to the parameter file and the driver's defaults."""
-    readers = {'interface': str, 'channel': str, 'replay': str, 'replay_channel': str, 'record': str, 'bitrate': whole,
-               'replay_pace': float}
-    parameters = {name: reader(given[name]) for name, reader in readers.items() if given[name]}
-    parameters |= {name: split(given[argument]) for name, argument in (('layouts', 'layout'), ('eds', 'eds'))
-                   if given[argument]}
-    parameters |= {name: switch(name, given[name]) for name in ('autostart', 'wait_at_start') if given[name]}
-    return parameters | {'node_ids': [whole(node_id) for node_id in split(given['node_id'])]}
+def is_launched_itself(words: list[str]) -> bool:
+    """Whether `ros2 launch` was given this file, by its path or after its package. launch itself does not say so."""
+    return 'launch' in words and (any(os.path.realpath(word) == os.path.realpath(__file__) for word in words)
+                                  or (PACKAGE, os.path.basename(__file__)) in itertools.pairwise(words))
 
 
-def ros_node(description: NodeDescription, params_file: list) -> Node:
-    return Node(package=PACKAGE, executable=description.executable, name=description.name,
-                namespace=description.namespace, parameters=[*params_file, dict(description.parameters)],
-                output='screen')
+def process(nodes: tuple[NodeDescription, ...], given: dict[str, str], *, whole: bool) -> Node:
+    """One process. Names and namespaces of its nodes are its own affair: it takes the namespace of the launch alone."""
+    only = [] if whole else [f'--only={",".join(node.label for node in nodes)}']
+    return Node(package=PACKAGE, executable='tactile', exec_name=name_of(nodes), namespace=given['namespace'] or None,
+                arguments=['bringup', *options(given), *only, f'--end-with={os.getpid()}'], output='screen',
+                respawn=given['on_exit'] == 'respawn', respawn_delay=RESPAWN_DELAY)
 
 
-def simulated(given: dict, link: str, driver: Node) -> list:
-    """The simulated skin as its own process; the driver starts once the skin's port exists."""
-    words = [word for name, option in (('node_id', '--node-id'), ('layout', '--layout'), ('eds', '--eds'))
-             if given[name] for word in (option, given[name])]
-    skin = ExecuteProcess(cmd=[ExecutableInPackage('tactile', PACKAGE), 'simulate', '--pty', '--link', link, *words],
-                          output='screen')
-    started = []
-
-    def when_ready(event):
-        if not started and b'Simulated skin' in event.text:
-            started.append(True)
-            return [driver]
-    return [skin, RegisterEventHandler(OnProcessIO(target_action=skin, on_stdout=when_ready)),
-            end_with(skin, 'the simulated skin')]
+def options(given: dict[str, str]) -> list[str]:
+    """Only what was given: the rest is left to the parameter file and the nodes' defaults."""
+    return [f'--{name.replace("_", "-")}={given[name]}' for name in OPTIONS if given[name] or name in BY_FILE]
 
 
-def end_with(process, name: str) -> RegisterEventHandler:
-    """End the launch with ``process``; with exit code 1 where it has failed, for systemd."""
+def name_of(nodes: tuple[NodeDescription, ...]) -> str:
+    """The process as the launch logs it."""
+    return nodes[0].label.replace('/', '_') if len(nodes) == 1 else 'tactile'
+
+
+def shutdown_with(node: Node) -> RegisterEventHandler:
+    """End the launch with ``node``; with exit code 1 where it has failed, for systemd."""
     def ended(event, context):
         if event.returncode and not context.is_shutdown:
-            raise RuntimeError(f'{name} has failed, code {event.returncode}')
-        return [EmitEvent(event=Shutdown(reason=f'{name} has ended'))]
-    return RegisterEventHandler(OnProcessExit(target_action=process, on_exit=ended))
+            raise RuntimeError(f'{event.process_name} has failed, code {event.returncode}')
+        return [EmitEvent(event=Shutdown(reason=f'{event.process_name} has ended'))]
+    return RegisterEventHandler(OnProcessExit(target_action=node, on_exit=ended))
 
 
-def params_file(given: dict) -> list:
-    return [ParameterFile(given['params_file'])] if given['params_file'] else []
+def failed(error: str, on_exit: str) -> list:
+    if on_exit == 'shutdown':
+        raise RuntimeError(error)
+    launch.logging.get_logger(PACKAGE).error(error)
+    return []
 
 
-def switch(name: str, text: str) -> bool:
-    if text.lower() not in ('true', 'false', '1', '0', 'yes', 'no'):
-        raise ValueError(f'{name}:={text}: expected true or false')
-    return text.lower() in ('true', '1', 'yes')
-
-
-def whole(text: str) -> int:
-    try:
-        return int(text, 0)
-    except ValueError:
-        raise ValueError(f'expected a whole number, got {text!r} (bitrate, node_id)') from None
-
-
-def split(text: str) -> list:
+def split(text: str) -> list[str]:
     return [part.strip() for part in text.split(',') if part.strip()]

@@ -45,12 +45,13 @@ class TareRefusal(IntEnum):
     """Why a tare was refused; the numbers are stable."""
 
     NOT_KNOWN = 0
-    PRESSED = 1            #: something presses the pad
+    PRESSED = 1            #: a taxel reads tare_limit or more
     NO_VALID_VALUES = 2    #: no taxel of the pad has a valid value
     TOO_FEW_FRAMES = 3     #: the frames to average did not come in time
     DRIVER_NOT_ACTIVE = 4
     BUSY = 5               #: another request is under way
     TOO_MANY_FRAMES = 6    #: the request would take too long
+    CONTACT = 7            #: a contact is present, though the parameter tare_limit allows its readings
 
 
 class TareRefusedError(TactileError):

@@ -1,9 +1,16 @@
-"""Ctrl-C and SIGTERM as an event, so that a command can end in order: log closed, devices off."""
+"""Ctrl-C, SIGTERM and the end of another process as an event, so that a command can end in order: log closed, devices
+off.
+"""
 
+import logging
+import os
+import select
 import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+
+logger = logging.getLogger(__name__)
 
 
 @contextmanager
@@ -17,6 +24,30 @@ def interruption() -> Iterator[threading.Event]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def stop_with(process_id: int, stop_requested: threading.Event) -> None:
+    """Set the event when that process ends, in whatever way; Linux, elsewhere nothing happens.
+
+    `ros2 launch` leaves its processes behind when it gets SIGTERM ("using SIGTERM can result in orphaned processes").
+    """
+    if not hasattr(os, 'pidfd_open'):
+        return
+    try:
+        process = os.pidfd_open(process_id)
+    except ProcessLookupError:
+        stop_requested.set()
+        return
+    except OSError as error:  # a kernel without it, or a container that forbids it
+        logger.warning('Process %d is not watched (%s): end this one yourself when that one ends.', process_id, error)
+        return
+    threading.Thread(target=_set_at_end, args=(process, stop_requested), name='end_with', daemon=True).start()
+
+
+def _set_at_end(process: int, stop_requested: threading.Event) -> None:
+    select.select([process], [], [])  # a process descriptor becomes readable when the process ends: pidfd_open(2)
+    os.close(process)
+    stop_requested.set()
 
 
 def ignore_interruptions() -> None:

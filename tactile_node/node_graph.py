@@ -3,9 +3,11 @@
 Imports neither rclpy nor a numerical library, so that a launch file can read it at once.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from enum import Enum
 from typing import NamedTuple
+
+from tactile_node.errors import ConfigurationError
 
 ParameterValue = bool | int | float | str | list[str] | list[int] | list[float]
 Parameters = Mapping[str, ParameterValue]
@@ -20,10 +22,19 @@ class Role(Enum):
     GRASP = 'grasp'
 
 
+class Processes(Enum):
+    """How the nodes of a bus are spread over processes."""
+
+    ONE = 'one'
+    DRIVER_APART = 'driver_apart'
+    EACH = 'each'
+
+
 NODE_NAMES = {Role.DRIVER: 'skin_driver', Role.PROCESSOR: 'processor', Role.CLASSIFIER: 'classifier',
               Role.GRASP: 'grasp'}
-#: The topics that come frame by frame: name relative to the pad, message. `pose` comes too, from ClassifierNode.
-PAD_TOPICS = {'taxels': 'TaxelArray', 'features': 'ContactFeatures', 'shape': 'ContactShape'}
+#: The topics that come frame by frame: name relative to the pad, message. `pose` and `shapes` come too; `features` and
+#: `shapes` are computed while something subscribes to them.
+PAD_TOPICS = {'taxels': 'TaxelArray', 'contact': 'Contact', 'features': 'ContactFeatures', 'shape': 'ContactShape'}
 GRASP_TOPIC = {'grasp': 'Grasp'}
 PADS_OF_A_GRASP = 2
 
@@ -32,7 +43,8 @@ class NodeDescription(NamedTuple):
     """One node; ``parameters`` win over parameter files and defaults."""
 
     role: Role
-    namespace: str
+    pad: str            #: '' for a node of the whole bus
+    bus_namespace: str  #: '' for the root
     parameters: Parameters
 
     @property
@@ -40,37 +52,66 @@ class NodeDescription(NamedTuple):
         return NODE_NAMES[self.role]
 
     @property
-    def executable(self) -> str:
-        return f'{self.role.value}_node'
+    def namespace(self) -> str:
+        return '/'.join(part for part in (self.bus_namespace, self.pad) if part)
+
+    @property
+    def label(self) -> str:
+        """The node's name below the namespace of its bus."""
+        return f'{self.pad}/{self.name}' if self.pad else self.name
 
 
 def bus_nodes(pads: Sequence[str], *, driver: Parameters, every: Parameters | None = None,
-              namespace: str = '') -> tuple[NodeDescription, ...]:
+              grasp: Parameters | None = None, namespace: str = '') -> tuple[NodeDescription, ...]:
     """Describe the nodes of one bus: a processor and a classifier for each pad, a grasp of two pads, the driver last.
 
-    ``driver``: parameters of the driver; ``every``: of all nodes. Two pads are taken to face each other.
+    ``driver``, ``grasp``: parameters of these; ``every``: of all nodes. Two pads are taken to face each other.
+    Raises ConfigurationError for pads that share a name.
 
     >>> for node in bus_nodes(['left', 'right'], driver={'channel': 'can1'}, namespace='hand'):
-    ...     print(node.executable, f'{node.namespace}/{node.name}')
-    processor_node hand/left/processor
-    classifier_node hand/left/classifier
-    processor_node hand/right/processor
-    classifier_node hand/right/classifier
-    grasp_node hand/grasp
-    driver_node hand/skin_driver
+    ...     print(node.label.ljust(16), f'{node.namespace}/{node.name}')
+    left/processor   hand/left/processor
+    left/classifier  hand/left/classifier
+    right/processor  hand/right/processor
+    right/classifier hand/right/classifier
+    grasp            hand/grasp
+    skin_driver      hand/skin_driver
     """
+    _check_names(pads)
     common = dict(every or {})
-    of_pads = [NodeDescription(role, pad_namespace(namespace, pad), common)
-               for pad in pads for role in (Role.PROCESSOR, Role.CLASSIFIER)]
-    return (*of_pads, *_grasp(pads, common, namespace),
-            NodeDescription(Role.DRIVER, namespace, {'pads': list(pads), **common, **driver}))
+    nodes = [NodeDescription(role, pad, namespace, common)
+             for pad in pads for role in (Role.PROCESSOR, Role.CLASSIFIER)]
+    if len(pads) == PADS_OF_A_GRASP:
+        sides: Parameters = {'left_pad': pads[0], 'right_pad': pads[1]}
+        nodes.append(NodeDescription(Role.GRASP, '', namespace, {**sides, **common, **(grasp or {})}))
+    return (*nodes, NodeDescription(Role.DRIVER, '', namespace, {'pads': list(pads), **common, **driver}))
+
+
+def chosen(nodes: Iterable[NodeDescription], labels: Sequence[str]) -> tuple[NodeDescription, ...]:
+    """Return the nodes with these labels. Raises ConfigurationError for a label of none."""
+    by_label = {node.label: node for node in nodes}
+    for label in labels:
+        if label not in by_label:
+            raise ConfigurationError('--only', expected='nodes of this bus: ' + ', '.join(by_label), got=repr(label),
+                                     remedy='Name one of them.')
+    return tuple(by_label[label] for label in labels)
+
+
+def in_processes(nodes: Sequence[NodeDescription], processes: Processes) -> tuple[tuple[NodeDescription, ...], ...]:
+    """Return the nodes of each process, that of the driver last."""
+    if processes is Processes.ONE:
+        return (tuple(nodes),)
+    if processes is Processes.EACH:
+        return tuple((node,) for node in nodes)
+    *others, driver = nodes
+    return (tuple(others), (driver,))
 
 
 def frame_topics(pads: Sequence[str], namespace: str = '') -> dict[str, str]:
     """Return the full names of the topics that come frame by frame, with their messages' names.
 
-    >>> frame_topics(['pad'])
-    {'/pad/taxels': 'TaxelArray', '/pad/features': 'ContactFeatures', '/pad/shape': 'ContactShape'}
+    >>> list(frame_topics(['pad']))
+    ['/pad/taxels', '/pad/contact', '/pad/features', '/pad/shape']
     """
     root = f'/{namespace.strip("/")}' if namespace.strip('/') else ''
     topics = {f'{root}/{pad}/{name}': message for pad in pads for name, message in PAD_TOPICS.items()}
@@ -79,11 +120,9 @@ def frame_topics(pads: Sequence[str], namespace: str = '') -> dict[str, str]:
     return topics
 
 
-def pad_namespace(namespace: str, pad: str) -> str:
-    return f'{namespace}/{pad}' if namespace else pad
-
-
-def _grasp(pads: Sequence[str], common: Parameters, namespace: str) -> list[NodeDescription]:
-    if len(pads) != PADS_OF_A_GRASP:
-        return []
-    return [NodeDescription(Role.GRASP, namespace, {'left_pad': pads[0], 'right_pad': pads[1], **common})]
+def _check_names(pads: Sequence[str]) -> None:
+    if not pads:
+        raise ConfigurationError('pads', expected='a name for each pad', got='none', remedy='Name a pad.')
+    if len(set(pads)) != len(pads):
+        raise ConfigurationError('pads', expected='a different name for each', got=', '.join(pads),
+                                 remedy='Give every pad a different one.')

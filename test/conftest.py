@@ -2,5 +2,16 @@
 
 import os
 
+import pytest
+
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
+
+
+@pytest.fixture(scope='session')
+def tf_message(tmp_path_factory):
+    """The message of /tf."""
+    from built_tf2_msgs import tf2_msgs
+    with tf2_msgs(tmp_path_factory.mktemp('tf2_msgs')):
+        from tf2_msgs.msg import TFMessage
+        yield TFMessage

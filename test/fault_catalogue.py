@@ -20,6 +20,8 @@ from canopen import SdoAbortedError, SdoCommunicationError
 from fault_bench import TIMEOUT, FaultBench
 
 from tactile_node.cia301.emergency import Emergency
+from tactile_node.cia301.nmt import NmtState
+from tactile_node.conditioning.contact_guard import ContactGuard
 from tactile_node.conditioning.tare import TaredPad
 from tactile_node.errors import BusError, DeviceAbsentError, DeviceError, TareRefusedError
 from tactile_node.frames.health import BusFault, ForeignCommand, NodeFault
@@ -181,7 +183,8 @@ def refuses_operational(channel: str) -> FaultBench:
         bench.cause()
         bench.send(0x000, '8020')
         bench.detect(NodeFault.NOT_OPERATIONAL)
-        bench.wait(lambda: (bench.node().state, bench.node().fault) == ('PRE-OPERATIONAL', NodeFault.NOT_OPERATIONAL),
+        bench.wait(lambda: (bench.node().state, bench.node().fault) == (
+                       NmtState.PRE_OPERATIONAL, NodeFault.NOT_OPERATIONAL),
                    'not reported')
         bench.device.refuses_start = False
         bench.end_of_cause()
@@ -355,7 +358,8 @@ def foreign_frames(channel: str) -> FaultBench:
         bench.other.send(can.Message(arbitration_id=0x1A0, is_extended_id=True, data=bytes(8)))
         bench.wait(lambda: bench.driver.statistics().can_frames.get('foreign') == 2, 'not counted')
         bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
-        assert not bench.log.errors and (bench.node().state, bench.node().fault) == ('OPERATIONAL', NodeFault.NONE)
+        assert not bench.log.errors and (bench.node().state, bench.node().fault) == (
+            NmtState.OPERATIONAL, NodeFault.NONE)
     return bench
 
 
@@ -562,7 +566,7 @@ def guarded_by_another_master(channel: str) -> FaultBench:
             bench.send(0x720, answer)
         bench.wait(lambda: bench.driver.statistics().can_frames.get('remote') == 100, 'not counted')
         bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
-        assert not bench.log.errors and (bench.node().state, bench.node().boots) == ('OPERATIONAL', 0)
+        assert not bench.log.errors and (bench.node().state, bench.node().boots) == (NmtState.OPERATIONAL, 0)
     return bench
 
 
@@ -612,7 +616,7 @@ def tare_under_load(channel: str) -> FaultBench:
     """A tare while something presses is refused with the taxel that is pressed most; the zero stays as it was."""
     with FaultBench(channel) as bench:
         bench.run().cause()
-        pad, seen, outcome = TaredPad(), len(bench.kept), []
+        pad, seen, outcome = TaredPad(ContactGuard.of_unit('N')), len(bench.kept), []
 
         def tare() -> None:
             try:

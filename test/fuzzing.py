@@ -30,6 +30,7 @@ from can_bench import INTERFACE, TINY, Bench, wait_until
 from tactile_node.bus.bus_settings import DEFAULT_BITRATE
 from tactile_node.bus.slcan_bus import LONGEST_LINE, BulkSlcanBus
 from tactile_node.errors import TactileError
+from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.recording.log_reader import CanLogReader
 from tactile_node.shape.methods import VOLF, make_recogniser
 from tactile_node.shape.recogniser import ShapeRecogniser
@@ -224,7 +225,7 @@ class FrameFuzz:
 
     def _check(self, _name: str, frame) -> None:
         self.frames += 1
-        valid = frame.status == 0
+        valid = frame.status == TaxelStatus.VALID
         if not (np.isnan(frame.values) == ~valid).all() or not frame.stamp > self._stamp:
             self.bad.append(frame)
         self._stamp = frame.stamp

@@ -10,13 +10,13 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'tactile_node'
-NUMERICAL = {'geometry', 'conditioning', 'contact', 'helmholtz', 'shape', 'synthetic', 'pose', 'fusion', 'grasp',
-             'reproduction'}
+NUMERICAL = {'delay', 'geometry', 'conditioning', 'contact', 'helmholtz', 'shape', 'synthetic', 'pose', 'fusion',
+             'grasp', 'reproduction'}
 CAN_SIDE = {'cia301', 'frames', 'threads', 'skin', 'assembly', 'recording', 'bus', 'supervision'}
 #: room -> rooms of ours it may import beside itself and the modules at the top of the package
 ALLOWED = {
-    'geometry': set(), 'contact': set(), 'helmholtz': set(), 'conditioning': {'frames'},
-    'shape': {'contact', 'helmholtz'}, 'synthetic': {'geometry', 'shape'}, 'pose': {'geometry', 'shape'},
+    'delay': set(), 'geometry': set(), 'contact': set(), 'helmholtz': set(), 'conditioning': {'frames'},
+    'shape': {'contact', 'helmholtz'}, 'synthetic': {'geometry', 'shape'}, 'pose': {'contact', 'geometry', 'shape'},
     'fusion': {'shape'}, 'grasp': {'shape'},
     'reproduction': {'helmholtz', 'shape', 'synthetic'},
     'library': {'contact', 'fusion', 'helmholtz', 'pose', 'shape'},
@@ -25,11 +25,11 @@ ALLOWED = {
     'bus': {'assembly', 'cia301', 'frames', 'recording', 'skin', 'threads'},
     'supervision': {'bus', 'cia301', 'frames', 'skin', 'threads'},
     'simulator': {'bus', 'cia301', 'skin', 'synthetic'},
-    'ros': {'bus', 'frames', 'skin', *NUMERICAL},
+    'ros': {'bus', 'cia301', 'frames', 'skin', *NUMERICAL},
     'nodes': {'bus', 'frames', 'recording', 'ros', 'skin', 'supervision', 'threads', *NUMERICAL},
     'demo': {'nodes', 'ros', 'simulator', 'skin', 'synthetic'}}
 ROS = {'rclpy', 'tactile_skin', 'std_msgs', 'diagnostic_msgs', 'geometry_msgs', 'rcl_interfaces', 'builtin_interfaces',
-       'lifecycle_msgs', 'launch', 'launch_ros'}
+       'sensor_msgs', 'tf2_msgs', 'lifecycle_msgs', 'rosgraph_msgs', 'launch', 'launch_ros'}
 CAN = {'can', 'canopen'}
 
 

@@ -15,6 +15,8 @@ pytestmark = [pytest.mark.ros, pytest.mark.bus]
 pytest.importorskip('rclpy')
 pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
 
+LOG = str(DATA / 'sim16x16_two_pads.log.gz')
+
 
 def test_a_log_comes_out_whole_and_the_command_reports_it(capsys):
     name = 'sim16x16_two_pads.log.gz'
@@ -51,6 +53,13 @@ def short_timeout(tmp_path):
     (['--interface', 'virtual', '--pads', 'left,right'], 'a node-ID for each of the pads'),
     (['--interface', 'virtual', '--pads', 'le ft'], 'letters, digits and underscores'),
     (['--interface', 'virtual', '--bitrate', '5'], 'within its range'),
+    (['--interface', 'virtual', '--pads', 'left,left', '--node-id', '32,64'], 'a different name for each'),
+    (['--interface', 'virtual', '--only', 'left/grasp'], 'nodes of this bus'),
+    (['--replay', LOG, '--record', '/nowhere.log'], 'a log that is played is not recorded'),
+    (['--replay', LOG, '--only', 'skin_driver'], 'all nodes of the bus in one process'),
+    (['--use-sim-time', 'maybe'], 'true or false'),
+    (['--interface', 'virtual', '--publish-clock', 'true'], 'publish_clock'),
+    (['--end-with', 'launch'], 'a process id'),
     (['--interface', 'virtual', '--node-id', 'one'], 'whole numbers'),
 ])
 def test_what_cannot_work_ends_with_a_sentence_and_code_2(words, expected, short_timeout, capsys):
@@ -58,6 +67,52 @@ def test_what_cannot_work_ends_with_a_sentence_and_code_2(words, expected, short
     error = capsys.readouterr().err.strip()
     assert error.startswith('tactile: error: ') and '\n' not in error
     assert expected in error
+
+
+@pytest.mark.parametrize('rule', ['-r', '--remap'])
+def test_a_namespace_for_the_whole_process_keeps_the_names_of_its_nodes(rule):
+    """What launch_ros passes inside PushRosNamespace; rcl alone would make both processors /robot/hand/processor."""
+    from tactile_node.cli.bringup import described
+    from tactile_node.cli.main import _parser
+    from tactile_node.nodes.bringup import running
+    from tactile_node.ros.global_names import without_global_names
+    args = _parser('bringup').parse_args(
+        ['bringup', '--pads', 'left,right', '--node-id', '32,64', '--namespace', 'elsewhere', '--ros-args', rule,
+         '__node:=one', '--ros-args', rule, '__ns:=/robot/hand', rule, 'grasp:=held', '-p', 'queue_depth:=7'])
+    given = without_global_names(args.ros_args)
+    with running(described(args, given.namespace), given.arguments) as (system, _):
+        assert [node.get_fully_qualified_name() for node in system.nodes] == [
+            '/robot/hand/' + name for name in ('left/processor', 'left/classifier', 'right/processor',
+                                               'right/classifier', 'grasp', 'skin_driver')]
+        assert {node.get_parameter('queue_depth').value for node in system.nodes} == {7}
+        published = {publisher.topic_name for node in system.nodes for publisher in node.publishers}
+        assert {'/robot/hand/left/shape', '/robot/hand/right/shape', '/robot/hand/held'} <= published
+        # `wait_at_start` false: the command, not the parameter file, says so
+        assert system.driver.get_parameter('wait_at_start').value is False
+
+
+def test_the_process_ends_with_the_one_that_it_is_to_end_with():
+    parent = subprocess.Popen(['sleep', '1000'])
+    process = subprocess.Popen([sys.executable, '-m', 'tactile_node.cli.main', 'bringup', '--simulate',
+                                '--end-with', str(parent.pid)], stderr=subprocess.PIPE, text=True)
+    try:
+        assert any('TPDOs ready' in line for line in process.stderr)
+        parent.kill()
+        parent.wait()
+        assert process.wait(20) == 0
+    finally:
+        process.kill()
+
+
+def test_frames_have_the_given_names_and_prefix(tmp_path):
+    from tactile_node.nodes.driver_source import pad_frames
+    from tactile_node.ros.settings import DriverSettings, GraspNodeSettings
+    from tactile_node.skin.pads import make_pads
+    pads = make_pads(['sim16x16.yaml'] * 2, [32, 64], ['left', 'right'])
+    assert pad_frames(DriverSettings(), pads) == ['left_pad', 'right_pad']
+    assert pad_frames(DriverSettings(frame_ids=('l', ''), frame_prefix='robot1/'), pads) == [
+        'robot1/l', 'robot1/right_pad']
+    assert GraspNodeSettings(frame_prefix='robot1/').frame == 'robot1/gripper'
 
 
 def test_a_missing_parameter_file_is_reported(capsys):
@@ -71,7 +126,7 @@ def test_demo_leaves_bag_log_table_and_picture(tmp_path, capsys):
     with Reader(tmp_path / 'bag') as bag:
         counts = {connection.topic: connection.msgcount for connection in bag.connections}
     assert set(counts) == {'/grasp'} | {f'/{pad}/{topic}' for pad in ('left', 'right')
-                                        for topic in ('taxels', 'features', 'shape')}
+                                        for topic in ('taxels', 'contact', 'features', 'shape')}
     assert min(counts.values()) > 50
     with (tmp_path / 'touches.csv').open(encoding='utf-8') as file:
         touches = list(csv.DictReader(file))

@@ -53,6 +53,15 @@ def test_classify_takes_the_largest_contact_and_features_only_on_request(tactile
     assert tactile('features', mask, '--largest-contact')[0]['N'] == 16
 
 
+def test_classify_gives_the_reason_of_an_unknown_shape(tactile):
+    frames = np.zeros((4, 16, 16))
+    frames[0, 4:11] = np.nan
+    frames[1, 5, 5:8] = frames[2, 4:11, 4:11] = 1
+    found = tactile('classify', frames)
+    assert [each['shape'] for each in found] == ['unknown', 'unknown', 'square', 'none']
+    assert [each.get('reason') for each in found] == ['not_seen', 'too_small', None, None]
+
+
 @pytest.mark.parametrize('kind', [float, np.float32, np.uint8, int])
 def test_numbers_0_and_1_are_as_good_as_bool(tactile, kind):
     mask = assorted()['shape 2']

@@ -5,8 +5,15 @@ from math import pi
 import numpy as np
 import pytest
 
+from tactile_node.contact.pattern import ContactPattern, PatternExtractor
+from tactile_node.contact.press import PressThresholds
+from tactile_node.contact.resting_noise import resting_noise
+from tactile_node.contact.visibility import visibility_of
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.pose.moments import contact_moments
+from tactile_node.synthetic.pressure import Skin, pressure_frame
+from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.synthetic.world import CLASSES, random_contact
 
 PITCH = 0.002
 VALUES = np.array([[0, 1000.0, 0], [0, 3000.0, 0], [0, 0, 500.0]])
@@ -37,7 +44,7 @@ def test_a_dead_taxel_counts_as_its_neighbours():
 
 def test_only_dead_taxels_have_no_centre():
     found = contact_moments(np.full((2, 2), np.nan), np.ones((2, 2), bool), PITCH, 'N')
-    assert found.force == 0 and np.isnan(found.centre_of_pressure).all() and found.filled == 4
+    assert np.isnan(found.force) and np.isnan(found.centre_of_pressure).all() and found.filled == 4
 
 
 @pytest.mark.parametrize(('shape', 'expected'), [((3, 9), 0.0), ((9, 3), pi / 2)])
@@ -64,3 +71,162 @@ def test_wrong_input_is_refused():
         contact_moments(VALUES, MASK, PITCH, 'kPa')
     with pytest.raises(ConfigurationError, match='pitch'):
         contact_moments(VALUES, MASK, 0.0, 'Pa')
+
+
+THRESHOLDS = PressThresholds(30e3, 24e3)
+
+
+def moments(frame, unit='Pa', pitch=PITCH, **masks):
+    pattern = PatternExtractor(THRESHOLDS).extract(frame, **masks)
+    return contact_moments(pattern.values, pattern.mask, pitch, unit, visibility_of(pattern), resting_noise(pattern))
+
+
+def test_an_unseen_pad_has_no_force_that_could_be_taken_for_none():
+    unseen = np.full((16, 16), np.nan)
+    for found in (moments(unseen), contact_moments(unseen, np.zeros((16, 16), bool), PITCH, 'Pa')):
+        assert np.isnan([found.force, found.area, *found.centre_of_pressure]).all()
+    unseen[7:] = 0
+    assert np.isnan(moments(unseen).force), 'seven rows are enough for an object'
+    assert moments(np.zeros((16, 16))).force == 0
+
+
+def block(level=100e3, side=8):
+    frame = np.zeros((16, 16))
+    frame[4:4 + side, 4:4 + side] = level
+    return frame
+
+
+def test_saturation_makes_force_and_centre_bounds():
+    """64 N on a skin that ends at 100 kPa read 25.6 N."""
+    frame = block()
+    clean = moments(frame, pitch=0.002)
+    assert clean.force == pytest.approx(25.6)
+    assert not (clean.force_is_bound or clean.centre_of_pressure_is_bound or clean.size_is_bound)
+    found = moments(frame, pitch=0.002, saturated=frame >= 100e3)
+    assert found.force == clean.force and found.force_is_bound and found.centre_of_pressure_is_bound
+    assert found.size_is_bound
+    far = np.zeros((16, 16), bool)
+    far[0, 0] = True
+    assert not moments(frame, saturated=far).force_is_bound
+
+
+def test_a_contact_that_may_continue_in_hidden_taxels_is_a_bound():
+    frame = block()
+    frame[12:] = np.nan
+    found = moments(frame)
+    assert found.force_is_bound and found.centre_of_pressure_is_bound and found.size_is_bound
+    frame = block()
+    frame[6, 6] = np.nan
+    found = moments(frame)
+    assert not (found.force_is_bound or found.size_is_bound) and found.filled == 1, 'enclosed: as its neighbours'
+
+
+@pytest.mark.parametrize('place', [(4, 4), (4, 7), (11, 11), (8, 4)])
+def test_a_dead_taxel_at_the_rim_makes_the_force_uncertain_and_no_bound(place):
+    """The object covers it; without its value the force is that of the other taxels."""
+    frame = block(level=50e3) + np.random.default_rng(3).normal(0, 100, (16, 16))
+    whole = moments(frame).force
+    frame[place] = np.nan
+    found = moments(frame)
+    assert not (found.force_is_bound or found.centre_of_pressure_is_bound or found.size_is_bound)
+    assert 0 < whole - found.force <= 2.5 * found.force_sd < 0.05 * whole
+
+
+def test_what_presses_under_a_hidden_group_within_a_contact_is_not_made_up():
+    """A hollow object: filled from its rim the force read 1.8 times the true one."""
+    frame = np.zeros((16, 16))
+    frame[4:10, 4:10] = 100e3
+    frame[5:9, 5:9] = np.nan
+    found = moments(frame, pitch=0.002)
+    assert found.force == pytest.approx(20 * 100e3 * 0.002**2) and found.force_is_bound and found.size_is_bound
+
+
+def test_places_without_a_taxel_within_a_contact_add_no_force():
+    frame = np.zeros((16, 16))
+    frame[4:10, 4:10] = 100e3
+    unmapped = np.zeros((16, 16), bool)
+    unmapped[6:8, 6:8] = True
+    found = moments(np.where(unmapped, np.nan, frame), pitch=0.002, unmapped=unmapped)
+    assert found.force == pytest.approx(32 * 100e3 * 0.002**2) and found.area == pytest.approx(32 * 0.002**2)
+    assert not found.force_is_bound
+
+
+def test_at_the_pads_edge_the_size_is_a_bound_and_the_force_is_whole():
+    found = moments(block()[4:])
+    assert found.size_is_bound and not found.force_is_bound and not found.centre_of_pressure_is_bound
+
+
+@pytest.mark.parametrize('dead', [False, True])
+@pytest.mark.parametrize(('side', 'noise'), [(4, 500.0), (8, 500.0), (8, 4000.0)])
+def test_standard_deviations_are_those_of_repeated_frames(side, noise, dead):
+    """Within a factor of 2; each frame states its own from the noise beside the contact."""
+    rng, extractor, found = np.random.default_rng(side), PatternExtractor(THRESHOLDS), []
+    ramp = np.linspace(60e3, 100e3, 16)
+    for _ in range(400):
+        frame = np.where(block(1.0, side) > 0, ramp, 0.0) + noise * rng.standard_normal((16, 16))
+        frame[5, 5] = np.nan if dead else frame[5, 5]
+        pattern = extractor.extract(frame)
+        found.append(contact_moments(pattern.values, pattern.mask, PITCH, 'Pa', visibility_of(pattern),
+                                     resting_noise(pattern)))
+    force = np.array([each.force for each in found])
+    centre = np.array([each.centre_of_pressure for each in found])
+    stated = np.median([each.force_sd for each in found])
+    stated_centre = np.median([each.centre_of_pressure_sd for each in found], axis=0)
+    if not dead:
+        assert 0.5 < stated / force.std() < 2 and ((0.5 < stated_centre / centre.std(0)) & (
+            stated_centre / centre.std(0) < 2)).all()
+    truth = np.where(block(1.0, side) > 0, ramp, 0.0).sum() * PITCH**2
+    assert abs(force.mean() - truth) < 2 * stated, 'also a filled taxel is within what is stated'
+    assert stated >= 0.5 * force.std()
+
+
+@pytest.mark.parametrize('noise', [0.005, 0.01, 0.03])
+def test_standard_deviations_of_contacts_with_a_rim(noise):
+    """Taxels of the rim enter and leave the contact, of which one frame shows little: in the median a factor of 2."""
+    ratios = np.array([ratios_of(generator(Purpose.TEST, 400 + k), CLASSES[k % 5], noise) for k in range(20)])
+    assert (np.median(ratios, axis=0) > 0.5).all() and (np.median(ratios, axis=0) < 2).all()
+    assert (np.mean(ratios > 0.5, axis=0) >= 0.8).all(), 'to state too little would mislead'
+
+
+def ratios_of(rng, kind, noise):
+    """Stated standard deviation of force and centre by that of 150 frames."""
+    contact = random_contact(rng, kind, float(rng.uniform(15, 100)), 24, 24)
+    touch = pressure_frame(contact, rng, 24, 24, pressure=0.6, skin=Skin(blur=0.5))
+    extractor, found = PatternExtractor(THRESHOLDS), []
+    for _ in range(150):
+        pattern = extractor.extract(touch + 1e5 * noise * rng.standard_normal(touch.shape))
+        one = contact_moments(pattern.values, pattern.mask, PITCH, 'Pa', visibility_of(pattern),
+                              resting_noise(pattern))
+        found.append((one.force, one.centre_of_pressure[0], one.force_sd, one.centre_of_pressure_sd[0]))
+    found = np.array(found)
+    return np.sqrt(np.mean(found[:, 2:]**2, axis=0)) / found[:, :2].std(0)
+
+
+def test_without_visible_noise_deviations_are_not_known():
+    found = moments(block())
+    assert np.isnan(found.force_sd) and np.isnan(found.centre_of_pressure_sd).all()
+    on_off = np.array(block() > 0)
+    assert np.isnan(moments(on_off, unit='1').centre_of_pressure_sd).all()
+
+
+def test_noise_is_that_of_resting_taxels_and_robust():
+    rng = np.random.default_rng(1)
+    values = 2.0 * rng.standard_normal((32, 32)) + 7
+    values[3:9, 3:9] = 1000
+    pattern = ContactPattern.of(values > 500, values)
+    assert resting_noise(pattern) == pytest.approx(2.0, rel=0.1)
+    values[20, :5] = 300  # less than pressed: five taxels of a thousand
+    assert resting_noise(ContactPattern.of(values > 500, values)) == pytest.approx(2.0, rel=0.1)
+    counts = np.where(rng.random((32, 32)) < 0.1, 4.0, 0.0)
+    assert resting_noise(ContactPattern.of(counts > 500, counts)) == pytest.approx(4 * np.sqrt(0.1), rel=0.3)
+    assert np.isnan(resting_noise(ContactPattern.of(counts > 500, np.zeros((32, 32)))))
+    assert np.isnan(resting_noise(ContactPattern.of(np.ones((3, 3), bool), np.ones((3, 3)))))
+    hidden = np.where(rng.random((32, 32)) < 0.2, np.nan, values)
+    assert resting_noise(ContactPattern.of(hidden > 500, hidden)) == pytest.approx(2.0, rel=0.1)
+
+
+def test_a_noise_of_each_taxel():
+    noise = np.where(MASK, [[0, 30.0, 0], [0, 40.0, 0], [0, 0, 0]], 1.0)
+    found = contact_moments(VALUES, MASK, PITCH, 'Pa', noise=noise)
+    assert found.force_sd == pytest.approx(50 * PITCH**2)
+    assert found.centre_of_pressure_sd == (0.0, pytest.approx(np.hypot(30 * 0.75, 40 * 0.25) / 4000 * PITCH))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_node.contact.pattern import PatternExtractor, largest_contact
+from tactile_node.contact.pattern import ContactPattern, PatternExtractor, number_contacts
 from tactile_node.contact.press import PressThresholds
 from tactile_node.errors import ConfigurationError, InputError
 
@@ -42,8 +42,77 @@ def test_taxels_that_touch_by_a_corner_are_one_contact():
 
 
 def test_equally_large_contacts_the_first_is_taken():
-    mask, contacts = largest_contact(np.array([[1, 0, 1]], bool))
-    assert (mask.tolist(), contacts) == ([[True, False, False]], 2)
+    labels, contacts = number_contacts(np.array([[1, 0, 1]], bool), np.zeros((1, 3), bool))
+    assert (labels.tolist(), contacts) == ([[1, 0, 2]], 2)
+
+
+def test_contacts_are_numbered_by_their_size():
+    pattern = extract([[9, 0, 9, 9, 9], [0, 0, 0, 0, 0], [9, 9, 0, 0, 0]])
+    assert pattern.labels.tolist() == [[3, 0, 1, 1, 1], [0, 0, 0, 0, 0], [2, 2, 0, 0, 0]]
+    assert (pattern.contacts, pattern.sizes, pattern.labels.dtype) == (3, (3, 2, 1), np.uint8)
+    assert (extract([[0]]).sizes, extract([[9]]).sizes) == ((), (1,))
+
+
+def test_more_contacts_than_labels_are_counted():
+    frame = np.zeros((40, 40))
+    frame[::2, ::2] = 9
+    frame[-2:, -2:] = 9
+    pattern = extract(frame)
+    assert pattern.contacts == 400 and len(pattern.sizes) == 255 and pattern.labels.max() == 255
+    assert pattern.labels[-1, -1] == 1 and pattern.sizes[0] == 4
+
+
+@pytest.mark.parametrize('hidden', [1, 2, 7])
+def test_rows_that_are_not_seen_tear_no_contact_apart(hidden):
+    """A planner that counts contacts would look for two objects, and miss the force on one half."""
+    frame = np.zeros((hidden + 8, 8))
+    frame[2:-2, 2:6] = 9
+    frame[4:4 + hidden] = NAN
+    for turned in (frame, frame.T):
+        pattern = extract(turned)
+        assert (pattern.contacts, pattern.sizes) == (1, (16,))
+        np.testing.assert_array_equal(pattern.mask, np.nan_to_num(turned) == 9)
+
+
+def test_hidden_taxels_join_only_contacts_that_face_each_other():
+    frame = np.zeros((5, 9))
+    frame[:2, :3] = frame[3:, 6:] = 9
+    frame[2] = NAN
+    assert extract(frame).contacts == 2
+    frame[2, 4] = 0
+    frame[3:, :3] = 9
+    assert extract(frame).sizes == (12, 6)
+
+
+def test_two_contacts_with_a_seen_taxel_between_hidden_ones_are_two():
+    assert extract([[9, NAN, 0, NAN, 9]]).contacts == 2
+    assert extract([[9, NAN, NAN, 9]]).contacts == 1
+
+
+def test_hidden_saturated_and_unmapped_taxels():
+    frame, unmapped = np.array([[9, NAN, NAN], [np.inf, 0, 9]]), np.array([[0, 0, 1], [0, 0, 0]], bool)
+    saturated = np.array([[1, 1, 0], [0, 0, 0]], bool)
+    pattern = PatternExtractor(PressThresholds(5, 3)).extract(frame, saturated=saturated, unmapped=unmapped)
+    assert pattern.hidden.tolist() == [[False, True, False], [True, False, False]]
+    assert pattern.saturated.tolist() == [[True, False, False], [False] * 3], 'without a value it has no bound'
+    np.testing.assert_array_equal(pattern.unmapped, unmapped)
+    whole = extract(frame)
+    assert whole.hidden.sum() == 3 and not whole.saturated.any() and not whole.unmapped.any()
+
+
+@pytest.mark.parametrize('wrong', [np.zeros((1, 1), bool), np.zeros((2, 2)), [[True]]])
+def test_masks_of_another_shape_or_kind_are_refused(wrong):
+    for name in ('saturated', 'unmapped'):
+        with pytest.raises(InputError, match=name):
+            PatternExtractor(PressThresholds(5, 3)).extract(np.zeros((2, 2)), **{name: wrong})
+
+
+def test_a_pattern_of_a_mask_is_what_the_extractor_finds():
+    frame = np.array([[9, 0, NAN], [9, 9, 0]])
+    found = extract(frame)
+    made = ContactPattern.of(found.mask, found.values)
+    for name, array in made._asdict().items():
+        np.testing.assert_array_equal(array, getattr(found, name), err_msg=name)
 
 
 def test_all_contacts_on_request():

@@ -1,5 +1,7 @@
 """/diagnostics is never OK while data is being discarded."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticStatus  # noqa: E402
 
 from tactile_node.assembly.router import BusStatistics  # noqa: E402
 from tactile_node.cia301.emergency import decode_emergency  # noqa: E402
+from tactile_node.cia301.nmt import NmtState  # noqa: E402
 from tactile_node.conditioning.condition_text import ZERO_TEXT  # noqa: E402
 from tactile_node.conditioning.conditioned_pad import PadCondition  # noqa: E402
 from tactile_node.conditioning.tare import ZeroState  # noqa: E402
@@ -38,7 +41,12 @@ def statistics(frames=10, late=0, overruns=0):
     return BusStatistics({'left': pad}, {'tpdo': 32 * frames + late}, queue_overruns=overruns)
 
 
-WELL = NodeHealth(32, 'OPERATIONAL', True, 0.05)
+WELL = NodeHealth(32, NmtState.OPERATIONAL, True, 0.05)
+
+
+def each_second():
+    """Diagnostics of states that are a second apart."""
+    return BusDiagnostics('/gripper/driver', 'can0', steady=itertools.count(100.0).__next__)
 
 
 def value_of(status, key):
@@ -55,20 +63,33 @@ def healthy_but(**changes):
 
 
 def test_what_was_lost_before_the_first_message_is_reported():
-    assert levels(BusDiagnostics('driver', 'can0'), statistics(late=3, overruns=2)) == [WARN, WARN]
+    assert levels(each_second(), statistics(late=3, overruns=2)) == [WARN, WARN]
 
 
 def test_the_level_is_of_the_time_since_the_message_before():
-    diagnostics = BusDiagnostics('driver', 'can0')
+    diagnostics = each_second()
     assert levels(diagnostics, statistics(frames=10)) == [OK, OK]
     assert levels(diagnostics, statistics(frames=20, late=1)) == [OK, WARN]
     assert levels(diagnostics, statistics(frames=30, late=1)) == [OK, OK]
     assert levels(diagnostics, statistics(frames=30, late=1)) == [OK, STALE]
 
 
+def test_a_loss_stays_reported_for_a_second_however_often_the_state_is_evaluated():
+    """A reader of the latest message alone would not see it."""
+    clock = itertools.count(100.0, 1 / 16)
+    diagnostics = BusDiagnostics('driver', 'can0', steady=clock.__next__)
+    seen = [levels(diagnostics, statistics(frames=10 + i, late=int(i >= 30)))[1] for i in range(60)]
+    assert seen == [OK] * 30 + [WARN] * 16 + [OK] * 14
+
+
+def test_statuses_have_the_nodes_full_name():
+    names = [status.name for status in each_second().message(statistics(), BusHealth()).status]
+    assert names == ['/gripper/driver: bus', '/gripper/driver: left']
+
+
 def test_a_dead_bus_is_an_error_with_its_reason():
     failure = Failure(BusFault.RECEPTION_FAILED, 'unplugged')
-    status = BusDiagnostics('driver', 'can0').message(statistics(), BusHealth(failure)).status[0]
+    status = each_second().message(statistics(), BusHealth(failure)).status[0]
     assert (status.level, status.message, status.hardware_id) == (ERROR, failure_text(failure), 'can0')
     assert value_of(status, 'fault') == 'RECEPTION_FAILED'
 
@@ -76,13 +97,13 @@ def test_a_dead_bus_is_an_error_with_its_reason():
 @pytest.mark.parametrize('changes, level, text', [
     ({}, OK, '20 taxel frames'),
     ({'fault': NodeFault.SILENT}, ERROR, PHRASES[NodeFault.SILENT]),
-    ({'state': 'STOPPED', 'is_operational': False}, ERROR, 'STOPPED'),
+    ({'state': NmtState.STOPPED, 'is_operational': False}, ERROR, 'STOPPED'),
     ({'outages': Outages(1, 0.3, NodeFault.BOOTED)}, WARN, PHRASES[NodeFault.BOOTED]),
     ({'emergencies': 1, 'last_emergency': decode_emergency(bytes.fromhex('1042090000000000'), 0.0)}, WARN, '0x4210'),
     ({'distrusted': 3}, WARN, '3 taxel frames'),
 ])
 def test_a_pad_is_ok_only_while_its_node_is(changes, level, text):
-    diagnostics = BusDiagnostics('driver', 'can0')
+    diagnostics = each_second()
     diagnostics.message(statistics(), BusHealth(nodes={'left': (WELL,)}))
     pad = diagnostics.message(statistics(frames=30), healthy_but(**changes)).status[1]
     assert pad.level == level and text in pad.message
@@ -90,7 +111,7 @@ def test_a_pad_is_ok_only_while_its_node_is(changes, level, text):
 
 
 def test_an_error_a_device_still_has_stays_reported_until_it_reports_its_end():
-    diagnostics = BusDiagnostics('driver', 'can0')
+    diagnostics = each_second()
     fault, gone = (decode_emergency(bytes.fromhex(text), 0.0) for text in ('1042090000000000', '0000000000000000'))
     seen = [levels(diagnostics, statistics(frames=10 * (i + 1)), healthy_but(emergencies=count, last_emergency=last))[1]
             for i, (count, last) in enumerate([(0, None), (1, fault), (1, fault), (2, gone), (2, gone)])]
@@ -102,13 +123,13 @@ def test_an_error_a_device_still_has_stays_reported_until_it_reports_its_end():
     (BusHealth(outages=Outages(1, 0.2, Failure(BusFault.BUS_OFF))), WARN),
     (BusHealth(foreign_commands=1, last_command=ForeignCommand(2, 32)), WARN)])
 def test_the_bus_is_ok_only_while_nothing_happens_to_it(health, level):
-    assert levels(BusDiagnostics('driver', 'can0'), statistics(), health)[0] == level
+    assert levels(each_second(), statistics(), health)[0] == level
 
 
 def test_values_of_a_node_are_reported_by_name():
     last = decode_emergency(bytes.fromhex('3081110000000000'), 0.0)
     health = healthy_but(heartbeat_age=0.25, emergencies=4, last_emergency=last, outages=Outages(2, 1.5))
-    pad = BusDiagnostics('driver', 'can0').message(statistics(), health._replace(load=0.305)).status
+    pad = each_second().message(statistics(), health._replace(load=0.305)).status
     values = {item.key: item.value for status in pad for item in status.values}
     assert values['bus_load_percent'] == '30.5'
     assert (values['nmt_state'], values['heartbeat_age_s'], values['outages'], values['outage_seconds']) == (
@@ -118,7 +139,7 @@ def test_values_of_a_node_are_reported_by_name():
 
 @pytest.mark.parametrize('zero', [zero for zero in ZeroState if zero is not ZeroState.VALID])
 def test_a_pad_whose_zero_is_not_valid_is_an_error_with_its_reason(zero):
-    diagnostics, no_faults = BusDiagnostics('driver', 'can0'), FaultyTaxels(np.zeros((1, 1), np.uint8))
+    diagnostics, no_faults = each_second(), FaultyTaxels(np.zeros((1, 1), np.uint8))
     conditions = {'left': PadCondition(no_faults, zero=zero)}
     status = diagnostics.message(statistics(), healthy_but(), conditions).status[1]
     assert status.level == ERROR and ZERO_TEXT[zero] in status.message
@@ -130,5 +151,5 @@ def test_what_the_device_reported_of_a_zero_in_part_is_named():
     error = HalfZeroedError('node 5', expected='that it zeroes itself', got='an abort', remedy='See its manual.')
     condition = PadCondition(FaultyTaxels(np.zeros((1, 1), np.uint8)), zero=ZeroState.DEVICE_PARTLY_ZEROED,
                              zero_error=error)
-    status = BusDiagnostics('driver', 'can0').message(statistics(), healthy_but(), {'left': condition}).status[1]
+    status = each_second().message(statistics(), healthy_but(), {'left': condition}).status[1]
     assert str(error) in status.message

@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
+from tactile_node.conditioning.contact_guard import ContactGuard
 from tactile_node.conditioning.drift import DriftFollower
 from tactile_node.conditioning.tare import TaredPad
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 
 LIMIT, RATE, SIDE, NOISE = 10e3, 50, 16, 300.0  # Pa, Hz, taxels, Pa
 GRASP = 40e3
+GUARD = ContactGuard.of_unit('Pa')
 GRIP = np.zeros((SIDE, SIDE))
 GRIP[5:11, 5:11] = GRASP
 
@@ -18,7 +20,7 @@ def given(pad: TaredPad, seconds: float, load, drift, begin: float = 0.0, seed: 
     rng, last = np.random.default_rng(seed), []
     for t in begin + np.arange(int(seconds * RATE)) / RATE:
         values = (load + drift(t) + NOISE * rng.standard_normal((SIDE, SIDE))).astype(np.float32)
-        found = pad.feed(TaxelFrame(t, 0, values, np.zeros((SIDE, SIDE), np.uint8), missing_can_frames=0)).values
+        found = pad.feed(TaxelFrame(t, 0, values, np.ones((SIDE, SIDE), np.uint8), missing_can_frames=0)).values
         last = [*last[-RATE + 1:], found]
     return np.mean(last, axis=0)
 
@@ -31,14 +33,15 @@ def drifting(t: float) -> float:
 @pytest.mark.slow
 def test_slow_drift_is_followed():
     """A zero that lags TIME_CONSTANT behind a drift of at most 10.5 Pa/s is 210 Pa off."""
-    assert np.abs(given(TaredPad(DriftFollower(LIMIT)), 600, 0.0, drifting)).max() < 210 + 5 * NOISE / RATE ** 0.5
+    left = given(TaredPad(GUARD, DriftFollower(LIMIT)), 600, 0.0, drifting)
+    assert np.abs(left).max() < 210 + 5 * NOISE / RATE ** 0.5
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize('before', [0.0, 30.0])
 def test_a_grasp_of_ten_minutes_keeps_its_pressure_and_leaves_no_jump(before):
     """Also one that is there from the first frame. The skin itself does not drift here: what is lost is the code's."""
-    pad = TaredPad(DriftFollower(LIMIT))
+    pad = TaredPad(GUARD, DriftFollower(LIMIT))
     if before:
         given(pad, before, 0.0, lambda t: 0.0)
     held = given(pad, 600, GRIP, lambda t: 0.0, begin=before)
@@ -48,10 +51,19 @@ def test_a_grasp_of_ten_minutes_keeps_its_pressure_and_leaves_no_jump(before):
     assert np.abs(released).max() < 0.03 * LIMIT
 
 
+def test_a_grasp_that_a_low_offset_hides_from_the_start_is_not_followed():
+    """It reads 2 kPa; before a tare nothing but the pad around it shows that it is there."""
+    pad, last = TaredPad(GUARD, DriftFollower(LIMIT)), None
+    load = np.where(GRIP > 0, 2e3, -33e3).astype(np.float32)
+    for t in np.arange(0, 120, 0.1):
+        last = pad.feed(TaxelFrame(t, 0, load, np.ones((SIDE, SIDE), np.uint8), missing_can_frames=0)).values
+    np.testing.assert_array_equal(last, load)
+
+
 def test_a_taxel_taken_out_as_faulty_does_not_keep_the_others_from_being_followed():
-    pad, last = TaredPad(DriftFollower(LIMIT)), None
+    pad, last = TaredPad(GUARD, DriftFollower(LIMIT)), None
     for t in np.arange(0, 120, 0.02):
-        values, status = np.full((1, 2), min(t, 60) * 20.0, np.float32), np.zeros((1, 2), np.uint8)
+        values, status = np.full((1, 2), min(t, 60) * 20.0, np.float32), np.ones((1, 2), np.uint8)
         if t > 10:
             values[0, 1], status[0, 1] = np.nan, TaxelStatus.FAULTY
         last = pad.feed(TaxelFrame(t, 0, values, status, missing_can_frames=0)).values
@@ -60,7 +72,7 @@ def test_a_taxel_taken_out_as_faulty_does_not_keep_the_others_from_being_followe
 
 def test_a_light_lasting_touch_is_taken_for_drift_slowly():
     """3 kPa is below half the limit: at most limit / 300 a second is lost."""
-    pad = TaredPad(DriftFollower(LIMIT))
+    pad = TaredPad(GUARD, DriftFollower(LIMIT))
     given(pad, 10, 0.0, lambda t: 0.0)
     touch = given(pad, 30, np.full((SIDE, SIDE), 3e3), lambda t: 0.0, begin=10)
     assert touch.mean() > 3e3 - 30 * LIMIT / 300 - 100

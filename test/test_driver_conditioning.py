@@ -1,6 +1,7 @@
 """The driver node's conditioning as a user meets it: files, services, parameters changed while frames flow."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,7 +17,10 @@ from std_srvs.srv import Trigger  # noqa: E402
 
 from tactile_node.conditioning.fault_file import load_faults  # noqa: E402
 from tactile_node.conditioning.taxel_faults import TaxelFault  # noqa: E402
+from tactile_node.frames.taxel_frame import TaxelFrame  # noqa: E402
 from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
+from tactile_node.nodes.driver_source import driver_pads  # noqa: E402
+from tactile_node.ros.conditioning_setup import conditioned_pads  # noqa: E402
 from tactile_node.ros.parameters import table  # noqa: E402
 from tactile_node.ros.qos import STATUS_QOS, frames_qos  # noqa: E402
 from tactile_node.ros.settings import DriverSettings  # noqa: E402
@@ -140,7 +144,8 @@ def test_changes_take_effect_live_or_are_refused_with_a_reason(make, tmp_path):
     assert not driver.set('heartbeat_timeout', 0.01).successful
     assert driver.set('follow_drift', True).successful
     drift = driver.node._pads['pad32'].conditioned.tared.drift
-    assert driver.set('tare_limit', 50.0).successful and drift.limit == 50.0
+    assert driver.set('tare_limit', 0.02).successful and drift.limit == 0.02
+    assert driver.set('tare_limit', 50.0).successful and drift.limit == 0.03  # a grasp would be taken for drift
     assert driver.set('frozen_after', 0.1).successful  # the skin reads the same for ever
     driver.taxels.clear()
     driver.wait(lambda: driver.taxels and np.isnan(driver.taxels[-1].values).all())
@@ -159,6 +164,19 @@ def test_how_long_a_node_may_be_silent_can_be_changed_live(make):
     driver.wait(lambda: driver.status[-1].pads[0].nodes[0].fault == NodeStatus.FAULT_SILENT)
 
 
+def test_another_publisher_of_the_pads_taxels_is_reported(make):
+    """Also one of the same name, as a driver that was started twice."""
+    driver = make()
+    driver.wait(lambda: driver.status and driver.status[-1].pads and driver.status[-1].pads[0].level == SkinStatus.OK)
+    with rclpy.context.Context() as context:  # as in another process
+        other = rclpy.create_node('skin_driver', context=context)
+        other.create_publisher(TaxelArray, '/pad32/taxels', 10)
+        driver.wait(lambda: driver.status[-1].pads[0].level == SkinStatus.WARN
+                    and '/skin_driver' in driver.status[-1].pads[0].message)
+        other.destroy_node()
+    driver.wait(lambda: driver.status[-1].pads[0].level == SkinStatus.OK)
+
+
 def test_incomplete_frames_can_be_dropped_live(make):
     driver = make()
     driver.values()
@@ -174,10 +192,24 @@ def test_incomplete_frames_can_be_dropped_live(make):
     driver.values()
 
 
+@pytest.mark.parametrize(('gain', 'reading'), [(1.0, 40e3), (10.0, 4e3)])
+def test_no_tare_limit_lets_the_zero_follow_a_grasp(tmp_path, gain, reading):
+    """Both read 40 kPa, for a minute."""
+    np.savetxt(tmp_path / 'gains.txt', np.full((16, 16), gain))
+    settings = DriverSettings(follow_drift=True, tare_limit=1e9, gain_files=(str(tmp_path / 'gains.txt'),))
+    pad = conditioned_pads(driver_pads(replace(settings, replay='a log')), settings)['pad']
+    for n in range(3000):
+        values = np.full((16, 16), reading if n > 250 else 0.0, np.float32)
+        last = pad.feed(TaxelFrame(0.02 * n, n, values, np.zeros((16, 16), np.uint8), missing_can_frames=0))
+    np.testing.assert_allclose(last.values, 40e3, rtol=0.01)
+
+
 @pytest.mark.parametrize('parameter', table(DriverSettings), ids=lambda parameter: parameter.name)
 def test_every_parameter_is_described_and_says_whether_it_can_be_changed(node, parameter):
     declared = node.describe_parameter(parameter.name)
-    assert len(declared.description) > 10 and declared.read_only == (parameter.name not in LIVE)
+    assert len(declared.description) > 10
+    assert declared.read_only == (parameter.name in ('autostart', 'wait_at_start'))
+    assert bool(declared.additional_constraints) == (parameter.name not in {*LIVE, 'autostart', 'wait_at_start'})
     if type(parameter.default) in (int, float):
         assert declared.integer_range or declared.floating_point_range
     if declared.read_only:

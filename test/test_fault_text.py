@@ -5,6 +5,7 @@ from functools import partial
 import pytest
 
 from tactile_node.cia301.emergency import decode_emergency
+from tactile_node.cia301.nmt import NmtState
 from tactile_node.errors import (
     BusError,
     ConfigurationError,
@@ -40,7 +41,7 @@ def test_codes_are_not_known_and_none_first_and_fit_a_uint8(faults):
 
 @pytest.mark.parametrize('fault', NodeFault)
 def test_a_nodes_sentence_names_node_pad_and_fault(fault):
-    text = node_text('left', NodeHealth(32, 'STOPPED', False, 0.62, fault=fault))
+    text = node_text('left', NodeHealth(32, NmtState.STOPPED, False, 0.62, fault=fault))
     if fault in (NodeFault.NOT_KNOWN, NodeFault.NONE):
         assert text == ''
     else:
@@ -48,14 +49,15 @@ def test_a_nodes_sentence_names_node_pad_and_fault(fault):
 
 
 def test_a_nodes_sentence_tells_the_last_heartbeat():
-    silent = NodeHealth(32, 'STOPPED', False, 0.62, fault=NodeFault.SILENT)
+    silent = NodeHealth(32, NmtState.STOPPED, False, 0.62, fault=NodeFault.SILENT)
     assert node_text('left', silent).endswith('(last heartbeat 0.6 s ago: STOPPED).')
     assert node_text('left', silent._replace(heartbeat_age=None)).endswith('(no heartbeat so far).')
 
 
 def test_of_an_outage_that_lasts_the_sentence_tells_why():
     outages = Outages(1, 0.5, NodeFault.BOOTED, Failure(BusFault.SENDING_FAILED, 'Transmit buffer full'))
-    text = node_text('left', NodeHealth(32, 'OPERATIONAL', True, 0.1, fault=NodeFault.AWAITING_TAXELS, outages=outages))
+    text = node_text('left', NodeHealth(32, NmtState.OPERATIONAL, True, 0.1, fault=NodeFault.AWAITING_TAXELS,
+                                        outages=outages))
     assert text.endswith('not back yet; the outage: the CAN bus cannot send: Transmit buffer full.')
 
 
@@ -90,7 +92,7 @@ def test_reactions():
 
 def test_an_emergency_is_decoded_and_counted():
     last = decode_emergency(bytes.fromhex('1042090000000000'), 0.0)
-    node = NodeHealth(32, 'OPERATIONAL', True, 0.1, emergencies=7, last_emergency=last)
+    node = NodeHealth(32, NmtState.OPERATIONAL, True, 0.1, emergencies=7, last_emergency=last)
     assert emergency_text('left', node) == (
         "Node 32 (pad 'left') sends EMCY 0x4210 (device temperature), error register: generic, temperature; "
         '7 EMCY in all.')

@@ -9,6 +9,7 @@ from fault_bench import FaultBench
 from fault_catalogue import FAULTS
 
 from tactile_node.cia301.emergency import decode_emergency
+from tactile_node.cia301.nmt import NmtState
 from tactile_node.frames.health import BusFault, NodeFault
 
 pytestmark = pytest.mark.bus
@@ -26,7 +27,7 @@ def test_without_recovery_faults_are_reported_and_left_alone():
         bench.wait(lambda: bench.node().fault is NodeFault.NOT_OPERATIONAL, 'not reported')
         bench.adapter.is_plugged = False
         bench.wait(lambda: bench.driver.failure is not None, 'not reported')
-        assert bench.adapter.opened == 1 and bench.node().state == 'STOPPED'
+        assert bench.adapter.opened == 1 and bench.node().state == NmtState.STOPPED
         bench.detect(BusFault.RECEPTION_FAILED, BusFault.SENDING_FAILED)
         failed, = (one.message for one in bench.log.records if isinstance(one.fact, BusFault))
         assert 'deactivate, clean up and configure' in failed and '..' not in failed

@@ -7,7 +7,7 @@ import pytest
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.fusion.recognitions import FusionSettings, RecognitionFusion
-from tactile_node.shape.recognition import Shape
+from tactile_node.shape.recognition import Recognition, Shape, UnknownReason
 from tactile_node.synthetic.seeds import Purpose, generator
 
 PERIOD = 0.01
@@ -16,11 +16,11 @@ CIRCLE = {Shape.SQUARE: 0.08, Shape.CIRCLE: 0.8, Shape.UNKNOWN: 0.08, Shape.RECT
 
 
 def feed(fusion, frames, start=0.0, period=PERIOD):
-    return [fusion.update(start + i * period, frame) for i, frame in enumerate(frames)]
+    return [fusion.update(start + i * period, Recognition.of(frame)) for i, frame in enumerate(frames)]
 
 
 def test_the_first_frame_is_taken_as_it_is():
-    fused = RecognitionFusion(FusionSettings(floor=1e-9, lead=50.0)).update(5.0, SQUARE)
+    fused = RecognitionFusion(FusionSettings(floor=1e-9, lead=50.0)).update(5.0, Recognition.of(SQUARE))
     assert fused.recognition.shape is Shape.SQUARE
     assert fused.recognition.confidence == pytest.approx(0.6)
     assert (fused.since, fused.held, fused.frames) == (5.0, 0.0, 1)
@@ -60,8 +60,8 @@ def test_a_change_is_followed_within_the_stated_frames_and_not_by_one(period):
 def test_none_is_reported_at_once_and_forgets():
     fusion = RecognitionFusion()
     feed(fusion, [SQUARE] * 50)
-    empty = fusion.update(0.5, {Shape.NONE: 1.0})
-    again = fusion.update(0.51, CIRCLE)
+    empty = fusion.update(0.5, Recognition.certain(Shape.NONE))
+    again = fusion.update(0.51, Recognition.of(CIRCLE))
     assert empty.recognition.shape is Shape.NONE and empty.held == 0
     assert again.recognition.shape is Shape.CIRCLE and again.frames == 1
 
@@ -70,7 +70,7 @@ def test_none_is_reported_at_once_and_forgets():
 def test_a_stamp_that_jumps_starts_again(stamp):
     fusion = RecognitionFusion()
     feed(fusion, [SQUARE] * 50)
-    assert fusion.update(stamp, CIRCLE).recognition.shape is Shape.CIRCLE
+    assert fusion.update(stamp, Recognition.of(CIRCLE)).recognition.shape is Shape.CIRCLE
 
 
 def test_flicker_between_two_classes_is_quietened():
@@ -97,3 +97,71 @@ def test_probabilities_sum_to_one_and_survive_certain_frames():
 def test_settings_that_cannot_work_are_refused(wrong):
     with pytest.raises(ConfigurationError):
         FusionSettings(**wrong)
+
+
+def of(**shares):
+    """As far as the taxels are seen, and with the hidden ones read in another way."""
+    return Recognition.of_alternatives((0.5, 0.5), [Recognition.of({Shape(name): p, Shape.CIRCLE: 1 - p})
+                                                    for name, p in shares.items()])
+
+
+def test_a_frame_that_is_not_seen_is_reported_at_once_and_is_no_evidence():
+    fusion, unseen = RecognitionFusion(), Recognition.unknown(UnknownReason.NOT_SEEN)
+    before = feed(fusion, [SQUARE] * 50)[-1]
+    for k in range(20):
+        found = fusion.update(0.5 + k * PERIOD, unseen)
+        assert (found.recognition, found.held, found.frames) == (unseen, 0.0, 0)
+    after = fusion.update(0.7, Recognition.of(SQUARE))
+    assert after.recognition.shape is Shape.SQUARE
+    assert after.recognition.confidence > 0.9 * before.recognition.confidence
+    assert (after.since, after.held, after.frames) == (0.7, 0.0, 1), 'what was not seen was not held'
+
+
+def test_after_a_long_time_unseen_it_starts_again():
+    fusion, settings = RecognitionFusion(), FusionSettings()
+    feed(fusion, [SQUARE] * 50)
+    for k in range(60):
+        fusion.update(0.5 + k * PERIOD, Recognition.unknown(UnknownReason.NOT_SEEN))
+    assert 1.1 - 0.49 > settings.max_gap
+    assert fusion.update(1.1, Recognition.of(CIRCLE)).recognition.shape is Shape.CIRCLE
+
+
+def test_unseen_between_two_contacts_joins_none_of_their_evidence():
+    fusion = RecognitionFusion()
+    feed(fusion, [SQUARE] * 50)
+    fusion.update(0.5, Recognition.certain(Shape.NONE))
+    fusion.update(0.51, Recognition.unknown(UnknownReason.NOT_SEEN))
+    assert fusion.update(0.52, Recognition.of(CIRCLE)).recognition.shape is Shape.CIRCLE
+
+
+def test_repetition_does_not_show_what_is_hidden():
+    """Each frame says 75 % square; fused as independent frames, they would soon say 100 %."""
+    frame = Recognition.of_alternatives((0.75, 0.25), [Recognition.certain(Shape.SQUARE),
+                                                       Recognition.certain(Shape.RECTANGLE)])
+    fusion = RecognitionFusion()
+    for k in range(200):
+        found = fusion.update(k * PERIOD, frame)
+    assert found.recognition.shape is Shape.SQUARE and found.recognition.confidence == pytest.approx(0.75, abs=0.01)
+    apart = RecognitionFusion()
+    for k in range(200):
+        single = apart.update(k * PERIOD, Recognition.of(frame.probabilities))
+    assert single.recognition.confidence > 0.95
+
+
+def test_evidence_of_before_counts_for_every_way_to_read_what_is_hidden_now():
+    fusion = RecognitionFusion()
+    feed(fusion, [SQUARE] * 50)
+    hidden = fusion.update(0.5, of(square=0.6, rectangle=0.6))
+    assert hidden.recognition.shape is Shape.SQUARE and hidden.recognition.confidence > 0.75
+    seen = fusion.update(0.51, Recognition.of(SQUARE))
+    assert seen.recognition.confidence > 0.75 and seen.frames == 52
+
+
+def test_the_reason_of_unknown_is_that_of_the_frames():
+    fusion = RecognitionFusion()
+    for k, reason in enumerate([UnknownReason.TOO_SMALL] * 20):
+        found = fusion.update(k * PERIOD, Recognition.unknown(reason))
+        assert (found.recognition.shape, found.recognition.reason) == (Shape.UNKNOWN, reason)
+    for k in range(20, 60):
+        found = fusion.update(k * PERIOD, Recognition.certain(Shape.SQUARE))
+    assert (found.recognition.shape, found.recognition.reason) == (Shape.SQUARE, UnknownReason.NOT_UNKNOWN)

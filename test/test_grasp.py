@@ -1,4 +1,7 @@
-"""The grasp of two pads: geometry by hand, holding as a state machine of stamps."""
+"""The grasp of two pads: geometry by hand, holding and withdrawal as a state machine of times.
+
+The rule: a reader of the latest state takes neither "not seen" for "empty" nor old results for current ones.
+"""
 
 from math import atan2, pi, sqrt
 
@@ -7,23 +10,40 @@ import pytest
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.gripper import Gripper, PadPose
-from tactile_node.grasp.tracker import GraspContact, GraspSettings, GraspTracker, SideResult
-from tactile_node.shape.recognition import Shape
+from tactile_node.grasp.steadiness import SteadinessSettings
+from tactile_node.grasp.tracker import GraspContact, GraspSettings, GraspTracker, SideResult, SideState
 
 # Left pad looks along +y, its x along the gripper's x; the right one along -y.
 LEFT, RIGHT = PadPose((0.0, 0.0, 0.0), (-pi / 2, 0.0, 0.0)), PadPose((0.0, 0.0, 0.0), (pi / 2, 0.0, 0.0))
-SETTINGS = GraspSettings(Gripper(LEFT, RIGHT), centre_tolerance=0.001, min_hold=0.2, max_skew=0.05)
+SETTINGS = GraspSettings(Gripper(LEFT, RIGHT), SteadinessSettings(max_creep=0.0005, slip=0.001), min_hold=0.2,
+                         max_skew=0.05, max_age=0.25)
+RESOLUTION = 0.0002  # m
+PERIOD, PATH = 0.02, 0.01  # s: between results, from acquisition to arrival
+STABLE_AFTER = 0.6  # s: 1.5 resolutions at max_creep, without noise
 
 
-def touch(stamp, shape=Shape.CIRCLE, centre=(0.01, 0.0)):
-    return SideResult(stamp, shape, centre)
+def touch(time, name='circle', centre=(0.01, 0.0), **changes):
+    return SideResult(time, SideState.TOUCHED, name, centre, RESOLUTION)._replace(**changes)
 
 
-def run(tracker, stamps, gap=0.04, left=touch, right=touch):
-    for stamp in stamps:
-        tracker.update('left', left(stamp), gap)
-        state = tracker.update('right', right(stamp), gap)
+def empty(time):
+    return SideResult(time, SideState.EMPTY)
+
+
+def unseen(time):
+    return SideResult(time, SideState.UNSEEN, 'unknown')
+
+
+def run(tracker, times, gap=0.04, left=touch, right=touch):
+    """Both sides' results, each received PATH after its time."""
+    for time in times:
+        tracker.update('left', left(time), time + PATH, gap)
+        state = tracker.update('right', right(time), time + PATH, gap)
     return state
+
+
+def until(end, begin=0.0):
+    return np.arange(begin, end, PERIOD)
 
 
 def test_roll_pitch_yaw_are_about_fixed_axes():
@@ -49,64 +69,170 @@ def test_contacts_that_do_not_face_each_other_are_measured():
     assert state.line.misalignment == pytest.approx(atan2(3, 4))
 
 
-def test_a_grasp_is_stable_once_it_has_held():
-    tracker, stamps = GraspTracker(SETTINGS), np.arange(0, 0.31, 0.02)
-    states = [run(tracker, [stamp]) for stamp in stamps]
-    assert [state.stable for state in states] == [stamp >= 0.2 - 1e-9 for stamp in stamps]
-    assert states[-1].held == pytest.approx(0.3)
+def test_without_an_opening_only_the_offset_is_known():
+    line = run(GraspTracker(SETTINGS), [0.0], gap=np.nan, right=lambda t: touch(t, centre=(0.04, 0.0))).line
+    assert line.offset == pytest.approx(0.03)
+    assert np.isnan([line.width, line.misalignment, *line.left, *line.midpoint, *line.axis]).all()
 
 
-@pytest.mark.parametrize('disturbed', [
-    lambda t: touch(t, Shape.SQUARE), lambda t: touch(t, centre=(0.0112, 0.0)),
-    lambda t: touch(t, centre=None)])
-def test_another_shape_a_slip_or_a_loss_restarts_the_hold(disturbed):
+# What is touched
+
+E, T, U, N = SideState.EMPTY, SideState.TOUCHED, SideState.UNSEEN, SideState.NOT_KNOWN
+CONTACT = {(E, E): GraspContact.NO_CONTACT, (E, T): GraspContact.ONE_SIDED, (T, T): GraspContact.TWO_SIDED,
+           (E, U): GraspContact.UNSEEN, (T, U): GraspContact.UNSEEN, (U, U): GraspContact.UNSEEN,
+           (E, N): GraspContact.NOT_KNOWN, (T, N): GraspContact.NOT_KNOWN, (U, N): GraspContact.NOT_KNOWN}
+RESULT = {E: empty, T: touch, U: unseen}
+
+
+@pytest.mark.parametrize(('states', 'expected'), CONTACT.items())
+@pytest.mark.parametrize('mirrored', [False, True])
+def test_a_contact_is_what_both_sides_are_known_to_be(states, expected, mirrored):
     tracker = GraspTracker(SETTINGS)
-    assert run(tracker, np.arange(0, 0.3, 0.02)).stable
-    assert not run(tracker, [0.3], right=disturbed).stable
-    after = run(tracker, np.arange(0.32, 0.43, 0.02))
+    states = states[::-1] if mirrored else states
+    for side, state in zip(('left', 'right'), states):
+        if state is not N:
+            tracker.update(side, RESULT[state](0.0), PATH)
+    state = tracker.state(PATH)
+    assert state.side_states == states and state.contact is expected
+    assert state.fresh == (N not in states)
+    assert (state.line is not None) == (expected is GraspContact.TWO_SIDED) and not state.stable
+
+
+@pytest.mark.parametrize('state', [T, E])
+def test_a_result_that_is_too_old_is_unseen(state):
+    """Also when it has just arrived: it was held back."""
+    tracker = GraspTracker(SETTINGS)
+    for time in until(0.3):
+        tracker.update('left', touch(time), time + PATH)
+        found = tracker.update('right', RESULT[state](time), time + 0.26)
+    assert found.side_states[1] is U and found.contact is GraspContact.UNSEEN and not found.fresh
+
+
+def test_a_result_of_unknown_age_is_unseen():
+    for result in (empty, touch):
+        tracker = GraspTracker(SETTINGS)
+        tracker.update('left', empty(0.0), 0.0)
+        state = tracker.update('right', result(-np.inf), 0.0)
+        assert state.side_states == (E, U) and state.contact is GraspContact.UNSEEN and not state.fresh
+
+
+@pytest.mark.parametrize('stopped', [('left', 'right'), ('left',), ('right',)])
+@pytest.mark.parametrize('period', [0.01, 0.02, 0.05, 0.1])
+def test_freshness_ends_when_the_results_of_a_side_stop(stopped, period):
+    """Within 3 periods, at least 0.1 s, a reader has to know: earlier, so that there is time to send it."""
+    tracker = GraspTracker(SETTINGS)
+    last = run(tracker, np.arange(0, 3, period))
+    assert last.fresh and last.stable
+    now = 3 - period + PATH
+    bound = max(0.1, 3 * period)
+    assert max(tracker.silence_limit(side) for side in stopped) < 0.8 * bound
+    for time in np.arange(3, 3 + bound, period):
+        for side in {'left', 'right'} - set(stopped):
+            tracker.update(side, touch(time), time + PATH)
+    state = tracker.state(now + 0.8 * bound)
+    assert not (state.fresh or state.stable) and state.line is None and state.contact is GraspContact.UNSEEN
+    assert [found is U for found in state.side_states] == [side in stopped for side in ('left', 'right')]
+
+
+def test_freshness_outlives_a_lost_result():
+    tracker = GraspTracker(SETTINGS)
+    run(tracker, until(2.0))
+    assert tracker.state(2.0 - PERIOD + PATH + 2.5 * PERIOD).fresh
+    assert run(tracker, [2.0 + 2 * PERIOD]).stable
+
+
+def test_sides_of_different_times_are_not_fresh():
+    tracker = GraspTracker(SETTINGS)
+    for time in until(1.0):
+        tracker.update('left', touch(time), time + PATH)
+        state = tracker.update('right', touch(time - 0.06), time + PATH)
+    assert not state.fresh and not state.stable and state.contact is GraspContact.TWO_SIDED and state.line is None
+
+
+# Holding
+
+def test_a_grasp_is_stable_once_it_has_held():
+    tracker, times = GraspTracker(SETTINGS), until(1.0)
+    states = [run(tracker, [time]) for time in times]
+    assert [state.stable for state in states] == [time > STABLE_AFTER + 1e-9 for time in times]
+    assert states[-1].held == pytest.approx(0.98) and states[-1].creep == pytest.approx(0.0, abs=1e-9)
+    assert np.isnan(states[0].creep)
+
+
+def test_min_hold_may_ask_for_more():
+    tracker = GraspTracker(GraspSettings(min_hold=1.5))
+    assert [run(tracker, [time]).stable for time in until(2.0)] == [time >= 1.5 - 1e-9 for time in until(2.0)]
+
+
+ENDING = {'shape': lambda t: touch(t, 'square'), 'slip': lambda t: touch(t, centre=(0.0112, 0.0)), 'loss': empty}
+UNCERTAIN = {'no centre': lambda t: touch(t, centre=None), 'creep hidden': lambda t: touch(t, hides_creep=True),
+             'hidden': unseen, 'age not known': lambda t: touch(-np.inf)}
+
+
+@pytest.mark.parametrize('name', [*ENDING, *UNCERTAIN])
+def test_one_disturbed_result_withdraws_stability_at_once(name):
+    tracker, disturbed = GraspTracker(SETTINGS), (ENDING | UNCERTAIN)[name]
+    assert run(tracker, until(1.0)).stable
+    state = run(tracker, [1.0], right=disturbed)
+    assert not state.stable and not state.held > 0.0
+
+
+@pytest.mark.parametrize('name', ENDING)
+def test_another_shape_a_slip_or_a_loss_restarts_the_hold(name):
+    tracker = GraspTracker(SETTINGS)
+    run(tracker, until(1.0))
+    run(tracker, [1.0], right=ENDING[name])
+    after = run(tracker, until(1.13, begin=1.02))
     assert not after.stable and after.held == pytest.approx(0.1)
 
 
-def test_a_slow_creep_is_seen_although_no_step_is_large():
+@pytest.mark.parametrize('name', UNCERTAIN)
+def test_a_single_result_that_shows_nothing_only_suspends_it(name):
+    """As a lost one; when they last, the hold starts again."""
+    tracker, disturbed = GraspTracker(SETTINGS), UNCERTAIN[name]
+    run(tracker, until(1.0))
+    run(tracker, [1.0], right=disturbed)
+    assert run(tracker, [1.02]).stable
+    assert not any(run(tracker, [time], right=disturbed).stable for time in until(1.2, begin=1.04))
+    state = run(tracker, [1.2])
+    assert not state.stable and state.held == 0.0
+
+
+def test_a_result_that_is_a_bound_says_so():
+    state = run(GraspTracker(SETTINGS), until(3.0), left=lambda t: touch(t, is_bound=True))
+    assert state.line is not None and state.line_is_bound and state.stable
+
+
+def test_a_contact_that_could_creep_unseen_is_never_stable():
+    """A bar across the whole pad may slide along itself without a change of its visible part."""
+    state = run(GraspTracker(SETTINGS), until(3.0), left=lambda t: touch(t, hides_creep=True))
+    assert state.fresh and state.line is not None and not state.stable and np.isnan(state.creep)
+
+
+def test_back_after_a_silence_it_holds_from_then():
     tracker = GraspTracker(SETTINGS)
-    creep = lambda t: touch(t, centre=(0.01 + 0.01 * t, 0.0))  # noqa: E731  0.2 mm a frame, 10 mm/s
-    assert not any(run(tracker, [stamp], left=creep).stable for stamp in np.arange(0, 1, 0.02))
+    assert run(tracker, until(1.0)).stable
+    for time in until(1.2, begin=1.0):
+        tracker.update('left', touch(time), time + PATH)
+    state = tracker.update('right', touch(1.18), 1.18 + PATH)
+    assert state.fresh and not state.stable and state.held == 0.0
 
 
-def test_small_movements_are_tolerated():
+def test_results_that_were_held_back_are_never_fresh():
     tracker = GraspTracker(SETTINGS)
-    shaken = lambda t: touch(t, centre=(0.01 + 0.0009 * np.cos(round(t / 0.02) * pi), 0.0))  # noqa: E731
-    first = SideResult(0.0, Shape.CIRCLE, (0.01, 0.0))
-    tracker.update('left', first), tracker.update('right', first)
-    assert run(tracker, np.arange(0.02, 0.3, 0.02), left=shaken).stable
-
-
-def test_a_side_that_falls_silent_makes_the_grasp_stale_not_stable():
-    tracker = GraspTracker(SETTINGS)
-    assert run(tracker, np.arange(0, 0.3, 0.02)).stable
-    for stamp in np.arange(0.3, 0.4, 0.02):
-        state = tracker.update('left', touch(stamp), 0.04)
-    assert not state.fresh and not state.stable and state.line is None
-    assert not tracker.update('right', touch(0.38), 0.04).stable  # back after a silence: holds again from then
-
-
-def test_one_side_alone_is_one_sided():
-    tracker = GraspTracker(SETTINGS)
-    assert tracker.update('left', touch(0.0)).contact is GraspContact.ONE_SIDED
-    assert tracker.update('right', touch(0.0, Shape.NONE, None)).contact is GraspContact.ONE_SIDED
-    assert tracker.update('left', touch(0.01, Shape.NONE, None)).contact is GraspContact.NO_CONTACT
-
-
-def test_a_clock_set_back_restarts_the_hold():
-    tracker = GraspTracker(SETTINGS)
-    run(tracker, np.arange(10, 10.3, 0.02))
-    assert not run(tracker, [0.0]).stable
+    assert run(tracker, until(2.0)).stable
+    states = []
+    for time in until(2.2, begin=2.0):
+        for side in ('left', 'right'):
+            states.append(tracker.update(side, touch(time), 7.0 + time / 1000))
+    assert not any(state.fresh or state.stable or state.line for state in states)
+    assert {state.contact for state in states} == {GraspContact.UNSEEN}
 
 
 def test_unknown_shapes_are_not_the_same_shape():
-    unknown = [lambda t: touch(t, Shape.UNKNOWN)] * 2
-    state = run(GraspTracker(SETTINGS), [0.0], 0.04, *unknown)
-    assert not state.same_shape
+    assert not run(GraspTracker(SETTINGS), [0.0], 0.04, *[lambda t: touch(t, 'unknown')] * 2).same_shape
+    assert run(GraspTracker(SETTINGS), [0.0], 0.04, *[lambda t: touch(t, 'my_hexagon')] * 2).same_shape
+    assert not run(GraspTracker(SETTINGS), [0.0], 0.04, empty, empty).same_shape
 
 
 def test_wrong_settings_are_refused():
@@ -114,7 +240,8 @@ def test_wrong_settings_are_refused():
         Gripper(LEFT, LEFT)
     with pytest.raises(ConfigurationError):
         PadPose((0.0, 0.0, float('nan')))
+    for wrong in ({'max_skew': 0.0}, {'max_age': np.nan}, {'min_hold': -1.0}):
+        with pytest.raises(ConfigurationError):
+            GraspSettings(**wrong)
     with pytest.raises(ConfigurationError):
-        GraspSettings(centre_tolerance=0.0)
-    with pytest.raises(ConfigurationError):
-        GraspTracker().update('top', touch(0.0))
+        GraspTracker().update('top', touch(0.0), 0.0)

@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
 
 from tactile_node.cia301.connection_set import SERVICES  # noqa: E402
+from tactile_node.cia301.nmt import NmtState  # noqa: E402
 from tactile_node.conditioning.conditioned_pad import PadCondition  # noqa: E402
 from tactile_node.conditioning.taxel_faults import FaultDetector  # noqa: E402
 from tactile_node.frames.fault_text import PHRASES  # noqa: E402
@@ -26,7 +27,7 @@ def reported() -> set[str]:
                         losses=dict.fromkeys(LossReason, 0))
     services = {service.use for service in SERVICES} | {'tpdo', 'sync', 'foreign', 'remote'}
     counts = BusStatistics({'pad': pad}, dict.fromkeys(services, 0))
-    health = BusHealth(nodes={'pad': (NodeHealth(32, 'STOPPED', False, None),)})
+    health = BusHealth(nodes={'pad': (NodeHealth(32, NmtState.STOPPED, False, None),)})
     condition = PadCondition(FaultDetector(1, 1, 1.0).faults)
     statuses = BusDiagnostics('driver', 'can0').message(counts, health, {'pad': condition}).status
     return {pair.key for status in statuses for pair in status.values}

@@ -140,9 +140,44 @@ def test_a_stream_keeps_what_is_pressed_and_fuses_as_the_core_does():
     assert [bool(one.contact.mask.any()) for one in found] == [True, True, False, False]
     for k, one in enumerate(found):
         assert one.recognition == alone.recognise(one.contact)
-        assert one.fused == fusion.update(0.02 * k, one.recognition.probabilities)
+        assert one.fused == fusion.update(0.02 * k, one.recognition)
     assert found[1].fit.dimensions[0] == pytest.approx(0.028, abs=0.001)
     assert found[3].fit is None and found[3].recognition.shape is tn.Shape.NONE
+
+
+def test_a_pad_that_is_not_seen_is_not_taken_for_an_empty_one():
+    hidden = np.zeros((16, 16))
+    hidden[4:11] = np.nan
+    contact = tn.find_contact(hidden)
+    assert (contact.contacts, contact.pad_seen) == (0, False)
+    found = tn.Recogniser().recognise(contact)
+    assert (found.shape, found.reason.name) == (tn.Shape.UNKNOWN, 'NOT_SEEN')
+    unmapped = np.isnan(hidden)
+    assert tn.find_contact(hidden, unmapped=unmapped).pad_seen
+    assert tn.Recogniser().recognise(tn.find_contact(hidden, unmapped=unmapped)).shape is tn.Shape.NONE
+    masked = np.ma.masked_array(np.zeros((16, 16)), mask=unmapped)
+    assert not tn.find_contact(masked).pad_seen
+
+
+def test_a_stream_reports_a_frame_that_is_not_seen_and_goes_on_with_what_it_knew():
+    stream, unseen = tn.ContactStream(pitch=0.004), np.full(SQUARE.shape, np.nan)
+    before = [stream.update(SQUARE, 0.02 * k) for k in range(20)][-1]
+    hidden = [stream.update(unseen, 0.4 + 0.02 * k) for k in range(5)][-1]
+    after = stream.update(SQUARE, 0.5)
+    assert (hidden.fused.recognition.shape, hidden.fused.recognition.reason.name) == (tn.Shape.UNKNOWN, 'NOT_SEEN')
+    assert hidden.fused.held == 0 and hidden.fit is None and not hidden.contact.pad_seen
+    assert after.fused.recognition.shape is before.fused.recognition.shape is tn.Shape.SQUARE
+    assert after.fused.recognition.confidence > 0.9 * before.fused.recognition.confidence and after.fused.frames == 1
+
+
+def test_a_stream_fits_a_torn_contact_as_a_whole():
+    torn = np.pad(np.full((9, 9), 50e3), 5)
+    torn[10:12] = 0
+    found = tn.ContactStream().update(torn, 0.0)
+    assert found.recognition.joined and found.contact.contacts == 1 and found.contact.mask.sum() == 63
+    assert found.fit.centre[1] == pytest.approx(9, abs=0.5)
+    saturated = tn.ContactStream().update(torn, 0.0, saturated=torn > 0).contact
+    assert saturated.saturated.sum() == 63
 
 
 def test_a_picture_shows_the_frame_and_its_outline_in_metres():

@@ -17,15 +17,18 @@ import pytest
 rclpy = pytest.importorskip('rclpy')
 pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
 
+from builtin_interfaces.msg import Time  # noqa: E402
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 
 from tactile_node.contact.pattern import ContactPattern  # noqa: E402
+from tactile_node.contact.visibility import visibility_of  # noqa: E402
 from tactile_node.errors import InputError  # noqa: E402
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus  # noqa: E402
 from tactile_node.fusion.recognitions import FusedRecognition, RecognitionFusion  # noqa: E402
-from tactile_node.grasp.tracker import GraspTracker, SideResult  # noqa: E402
+from tactile_node.grasp.opening import GapSource, Opening  # noqa: E402
+from tactile_node.grasp.tracker import GraspTracker, SideResult, SideState  # noqa: E402
 from tactile_node.helmholtz.features import Group, compute_features  # noqa: E402
 from tactile_node.nodes.classifier_node import ClassifierNode  # noqa: E402
 from tactile_node.nodes.grasp_node import GraspNode  # noqa: E402
@@ -34,21 +37,25 @@ from tactile_node.nodes.processor_node import ProcessorNode  # noqa: E402
 from tactile_node.nodes.replay_gate import ReplayGate  # noqa: E402
 from tactile_node.pose.fit import fit_shape  # noqa: E402
 from tactile_node.pose.moments import contact_moments  # noqa: E402
+from tactile_node.ros.contact_messages import contact_message  # noqa: E402
 from tactile_node.ros.feature_messages import features_message  # noqa: E402
 from tactile_node.ros.grasp_messages import grasp_message, side_result  # noqa: E402
 from tactile_node.ros.message_checks import (  # noqa: E402
     RejectReason,
+    check_contact,
     check_contact_features,
     check_contact_shape,
+    check_contact_shapes,
     check_grasp,
     check_taxel_array,
 )
-from tactile_node.ros.message_health import MessageCounts, health_status  # noqa: E402
+from tactile_node.ros.message_health import MessageCounts, StreamFault, StreamHealth, health_status  # noqa: E402
 from tactile_node.ros.qos import frames_qos  # noqa: E402
 from tactile_node.ros.shape_messages import Findings, shape_message  # noqa: E402
 from tactile_node.ros.taxel_messages import taxel_array_message, taxel_values  # noqa: E402
+from tactile_node.ros.time_messages import duration_message, time_message  # noqa: E402
 from tactile_node.shape.recognition import Recognition, Shape  # noqa: E402
-from tactile_skin.msg import ContactFeatures, ContactShape, FeatureRange, Grasp, TaxelArray  # noqa: E402
+from tactile_skin.msg import Contact, ContactFeatures, ContactShape, ContactShapes, FeatureRange, Grasp, TaxelArray  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
@@ -71,25 +78,39 @@ def good_taxels(sequence=0) -> TaxelArray:
 
 def good_features(sequence=0) -> ContactFeatures:
     taxels = good_taxels(sequence)
-    mask = taxel_values(taxels) > 0
-    return features_message(taxels, ContactPattern(mask, taxel_values(taxels), 1),
-                            compute_features(mask, Group.CLASSIFIER))
+    pattern = ContactPattern.of(taxel_values(taxels) > 0, taxel_values(taxels))
+    return features_message(taxels, pattern, visibility_of(pattern), compute_features(pattern.mask, Group.CLASSIFIER))
+
+
+def good_contact(sequence=0) -> Contact:
+    taxels = good_taxels(sequence)
+    pattern = ContactPattern.of(taxel_values(taxels) > 0, taxel_values(taxels))
+    return contact_message(taxels, pattern, visibility_of(pattern))
 
 
 def good_shape(sequence=0) -> ContactShape:
-    features = good_features(sequence)
-    values = taxel_values(features)
+    contact = good_contact(sequence)
+    values = taxel_values(contact)
     mask = values > 0
     frame = Recognition.of({Shape.SQUARE: 0.75, Shape.UNKNOWN: 0.25})
+    pattern = ContactPattern.of(mask, values)
     found = Findings(frame, FusedRecognition(frame, STAMP, 1.5, 30), fit_shape(values, mask, Shape.SQUARE, PITCH),
-                     contact_moments(values, mask, PITCH, 'Pa'))
-    return shape_message(features, found, 'learned', 0.0)
+                     contact_moments(values, mask, PITCH, 'Pa'), visibility_of(pattern), pattern)
+    return shape_message(contact, found, 'learned', 0.0)
+
+
+def good_shapes(sequence=0) -> ContactShapes:
+    shape = good_shape(sequence)
+    return ContactShapes(header=shape.header, sequence=sequence, state=ContactShapes.TOUCHED, contacts=3,
+                         shapes=[shape, shape])
 
 
 def good_grasp(sequence=0) -> Grasp:
     tracker, side = GraspTracker(), good_shape(sequence)
-    tracker.update('left', side_result(side))
-    return grasp_message(tracker.update('right', side_result(side)), [side, side], 0.04, 'gripper')
+    opening = Opening(0.04, GapSource.PARAMETER, 1.0)
+    tracker.update('left', side_result(side, 5.0), now=5.0)
+    state = tracker.update('right', side_result(side, 5.0), now=5.0, gap=opening.gap)
+    return grasp_message(state, [side, side], opening, 'gripper', age=0.02)
 
 
 def changed(**fields):
@@ -112,44 +133,104 @@ def element(field, index, value):
     return change
 
 
+def labels_of(*numbers):
+    """Set the labels of the first taxels, and empty the others."""
+    return changed(labels=array('B', [*numbers, *[0] * (256 - len(numbers))]))
+
+
+def both(*changes):
+    def change(message):
+        for one in changes:
+            one(message)
+    return change
+
+
 R = RejectReason
+TIMES = [
+    ('10^9 ns', changed(header__stamp__nanosec=10**9), R.WRONG_STAMP),
+    ('before 1970', changed(header__stamp__sec=-1), R.WRONG_STAMP),
+    ('at the end of time', changed(header__stamp__sec=2**31 - 1), R.WRONG_STAMP),
+    ('of the future', changed(age__sec=-1), R.WRONG_STAMP),
+    ('an age with 10^9 ns', changed(age__nanosec=10**9), R.WRONG_STAMP)]
+PITCHES = [(f'pitch {pitch}', changed(pitch=pitch), R.WRONG_PITCH) for pitch in (NAN, 0.0, -0.002, INF, -INF)]
 GRID = [
     ('rows that do not match', changed(rows=15), R.WRONG_LENGTH),
     ('0x0, with values', changed(rows=0, cols=0), R.NO_TAXELS),
     ('0x16', changed(rows=0), R.NO_TAXELS),
     ('4e9 x 4e9', changed(rows=HUGE, cols=HUGE), R.TOO_LARGE),
     ('a product that is 0 in 32 bits', changed(rows=1 << 16, cols=1 << 16), R.TOO_LARGE),
+    *PITCHES, *TIMES]
+VALUES = [
     ('too few values', changed(values=array('f', [1.0] * 255)), R.WRONG_LENGTH),
     ('no values', changed(values=array('f')), R.WRONG_LENGTH),
     ('unknown unit', changed(unit='psi'), R.UNKNOWN_UNIT),
     ('no unit', changed(unit=''), R.UNKNOWN_UNIT),
-    *((f'pitch {pitch}', changed(pitch=pitch), R.WRONG_PITCH) for pitch in (NAN, 0.0, -0.002, INF, -INF)),
     ('an infinite value', element('values', 7, INF), R.NOT_FINITE),
-    ('10^9 ns', changed(header__stamp__nanosec=10**9), R.WRONG_STAMP),
-    ('before 1970', changed(header__stamp__sec=-1), R.WRONG_STAMP),
-    ('at the end of time', changed(header__stamp__sec=2**31 - 1), R.WRONG_STAMP)]
-TAXELS = [
-    *GRID,
+    ('NaN with the code of a valid value', element('values', 7, NAN), R.INCONSISTENT),
+    ('a value of a taxel that has none', element('status', 7, TaxelStatus.DEAD), R.INCONSISTENT),
+    ('a value of a code that is not known', changed(status=array('B', [0] * 256)), R.INCONSISTENT),
     ('too few codes', changed(status=array('B', [0] * 255)), R.WRONG_LENGTH),
     ('no codes', changed(status=array('B')), R.WRONG_LENGTH),
-    ('unknown code', element('status', 3, 6), R.UNKNOWN_CODE)]
+    ('unknown code', element('status', 3, 7), R.UNKNOWN_CODE)]
+TAXELS = [
+    *GRID, *VALUES,
+    ('ages without TPDOs', changed(tpdo_ages=array('f', [0.1])), R.WRONG_LENGTH),
+    ('TPDOs without ages', changed(taxel_tpdos=array('H', [0] * 256)), R.UNKNOWN_CODE),
+    ('a TPDO without an age', changed(tpdo_ages=array('f', [0.1]), taxel_tpdos=array('H', [1] * 256)), R.UNKNOWN_CODE),
+    ('a NaN age', changed(tpdo_ages=array('f', [NAN]), taxel_tpdos=array('H', [0] * 256)), R.NOT_FINITE)]
+CONTACTS = [
+    *GRID, *VALUES,
+    ('too few labels', changed(labels=array('B', [1] * 255)), R.WRONG_LENGTH),
+    ('a label that is not counted', labels_of(1, 2), R.INCONSISTENT),
+    ('a count without its label', labels_of(), R.INCONSISTENT),
+    ('a label that is skipped', both(labels_of(2), changed(contact_taxels=array('I', [1]))), R.INCONSISTENT),
+    ('another count', changed(contact_taxels=array('I', [4])), R.INCONSISTENT),
+    ('fewer counts than contacts', changed(contacts=2), R.WRONG_LENGTH),
+    ('4e9 contacts', changed(contacts=HUGE), R.WRONG_LENGTH),
+    ('touched without a contact', both(labels_of(), changed(contacts=0, contact_taxels=array('I'))), R.INCONSISTENT),
+    ('empty with a contact', changed(state=Contact.EMPTY), R.INCONSISTENT),
+    ('state not known', changed(state=0), R.UNKNOWN_CODE),
+    ('unknown state', changed(state=4), R.UNKNOWN_CODE),
+    ('empty, and not seen', both(labels_of(), changed(contacts=0, contact_taxels=array('I'), state=Contact.EMPTY,
+                                                      pad_seen=False)), R.INCONSISTENT),
+    ('no smallest contact', changed(smallest_contact=0), R.INCONSISTENT),
+    ('not seen, and seen', both(labels_of(), changed(contacts=0, contact_taxels=array('I'), state=Contact.NOT_SEEN,
+                                                     pad_seen=True)), R.INCONSISTENT),
+    ('too short a noise floor', changed(noise_floor=array('f', [1.0])), R.WRONG_LENGTH),
+    ('noise below 0', changed(noise_floor=array('f', [-1.0] * 256)), R.NOT_FINITE)]
 FEATURES = [
     *GRID,
     ('too short a pattern', changed(pattern=array('B', [1] * 255)), R.WRONG_LENGTH),
     ('a pattern of 2', element('pattern', 3, 2), R.UNKNOWN_CODE),
     ('a contact without taxels', changed(pattern=array('B', [0] * 256)), R.INCONSISTENT),
     ('taxels without a contact', changed(contacts=0), R.INCONSISTENT),
+    ('state not known', changed(state=0), R.UNKNOWN_CODE),
     ('a contact without features', changed(features=[]), R.INCONSISTENT),
     ('an infinite angle', element('features', 1, FeatureRange(name='P05', max_angle=INF)), R.NOT_FINITE),
     ('too many features', changed(features=[FeatureRange()] * 1001), R.TOO_LARGE)]
+EMPTY = changed(shape=ContactShape.NONE, class_name='none', confidence=1.0, fit_valid=False, taxels=0, contacts=0,
+                contact_areas=array('d'), probabilities=array('f', [0, 0, 0, 0, 0, 1, 0]))
 SHAPES = [
-    ('unknown shape', changed(shape=7), R.UNKNOWN_CODE),
+    ('unknown shape', changed(shape=9), R.UNKNOWN_CODE),
+    ('shape not known', changed(shape=0), R.UNKNOWN_CODE),
+    ('unknown reason', changed(unknown_reason=5), R.UNKNOWN_CODE),
+    ('a reason for UNKNOWN, which it is not', changed(unknown_reason=ContactShape.NOT_SEEN), R.INCONSISTENT),
+    ('UNKNOWN without a reason', changed(shape=ContactShape.UNKNOWN, class_name='unknown'), R.INCONSISTENT),
+    ('the name of another shape', changed(class_name='circle'), R.INCONSISTENT),
+    ('a class that is not listed', changed(shape=ContactShape.OTHER, class_name='star'), R.INCONSISTENT),
+    ('a class twice', element('class_names', 0, 'square'), R.INCONSISTENT),
+    ('fewer classes than probabilities', changed(class_names=['square']), R.WRONG_LENGTH),
+    ('more hidden taxels than taxels', changed(hidden_taxels=HUGE), R.INCONSISTENT),
+    ('others, and one contact', changed(others_present=True), R.INCONSISTENT),
+    ('contacts without areas', changed(contact_areas=array('d')), R.WRONG_LENGTH),
+    ('an infinite area', changed(contact_areas=array('d', [INF])), R.NOT_FINITE),
+    ('no standard deviations', changed(standard_deviations=array('d')), R.WRONG_LENGTH),
     ('unknown shape of the frame', changed(frame_shape=255), R.UNKNOWN_CODE),
     ('NaN among the probabilities', element('probabilities', 3, NAN), R.NOT_FINITE),
     ('infinite probability of the frame', element('frame_probabilities', 3, INF), R.NOT_FINITE),
-    ('no probabilities', changed(probabilities=np.zeros(7, np.float32)), R.WRONG_PROBABILITIES),
+    ('no probabilities', changed(probabilities=array('f', [0.0] * 7)), R.WRONG_PROBABILITIES),
     ('a sum of 2', element('probabilities', 3, 1.75), R.WRONG_PROBABILITIES),
-    ('a negative probability', changed(frame_probabilities=np.array([-1, 2, 0, 0, 0, 0, 0], np.float32)),
+    ('a negative probability', changed(frame_probabilities=array('f', [-1, 2, 0, 0, 0, 0, 0])),
      R.WRONG_PROBABILITIES),
     ('NaN confidence', changed(confidence=NAN), R.NOT_FINITE),
     ('the confidence of another shape', changed(confidence=0.1), R.INCONSISTENT),
@@ -160,26 +241,51 @@ SHAPES = [
     ('dimensions without names', changed(dimension_names=[]), R.WRONG_LENGTH),
     ('too small a covariance', changed(covariance=array('d', [0.0])), R.WRONG_LENGTH),
     ('a fit without taxels', changed(taxels=0), R.INCONSISTENT),
-    ('an empty pad with taxels', changed(shape=0, probabilities=np.eye(7, dtype=np.float32)[0], confidence=1.0,
-                                         fit_valid=False), R.INCONSISTENT),
-    ('10^9 ns', changed(header__stamp__nanosec=10**9), R.WRONG_STAMP),
-    ('before 1970', changed(header__stamp__sec=-1), R.WRONG_STAMP),
+    ('an empty pad with taxels', both(EMPTY, changed(taxels=36)), R.INCONSISTENT),
+    ('an empty pad that is not seen', both(EMPTY, changed(pad_seen=False)), R.INCONSISTENT),
+    ('an empty pad with a contact', both(EMPTY, changed(contacts=1, contact_areas=array('d', [1e-4]))), R.INCONSISTENT),
+    *TIMES,
     ('held for less than nothing', changed(held__sec=-1), R.WRONG_STAMP)]
+SHAPE_LISTS = [
+    ('no shape of a contact', changed(shapes=[]), R.INCONSISTENT),
+    ('shapes of no contact', changed(contacts=0), R.INCONSISTENT),
+    ('more shapes than contacts', changed(contacts=1), R.INCONSISTENT),
+    ('state not known', changed(state=0), R.UNKNOWN_CODE),
+    ('a malformed shape', changed(shapes__1__shape=0), R.UNKNOWN_CODE),
+    *TIMES]
 GRASPS = [
-    ('unknown contact', changed(contact=3), R.UNKNOWN_CODE),
-    ('NaN gap', changed(gap=NAN), R.NOT_FINITE),
+    ('unknown contact', changed(contact=5), R.UNKNOWN_CODE),
+    ('unknown state of a side', element('side_states', 0, 4), R.UNKNOWN_CODE),
+    ('unknown source of the gap', changed(gap_source=4), R.UNKNOWN_CODE),
+    ('no contact while both are touched', changed(contact=Grasp.NO_CONTACT), R.INCONSISTENT),
+    ('no contact while a side is unseen', both(element('side_states', 0, Grasp.SIDE_UNSEEN),
+                                               element('side_states', 1, Grasp.SIDE_EMPTY),
+                                               changed(contact=Grasp.NO_CONTACT, fresh=False)), R.INCONSISTENT),
+    ('one-sided while a side is unseen', both(element('side_states', 0, Grasp.SIDE_UNSEEN),
+                                              changed(contact=Grasp.ONE_SIDED, fresh=False)), R.INCONSISTENT),
+    ('a gap without a source', changed(gap_source=0), R.INCONSISTENT),
+    ('infinite gap', changed(gap=INF), R.NOT_FINITE),
+    ('a width without a gap', changed(gap=NAN), R.INCONSISTENT),
     ('NaN offset', changed(offset=NAN), R.NOT_FINITE),
-    ('stable without contact', changed(stable=True, contact=0), R.INCONSISTENT),
-    ('no sides', changed(sides=[ContactShape(), ContactShape()]), R.INCONSISTENT),
-    ('fresh with one side', lambda grasp: changed(sides=[grasp.sides[0], ContactShape()])(grasp), R.INCONSISTENT),
-    ('a malformed side', changed(sides__1__shape=9), R.UNKNOWN_CODE)]
-DEFAULTS = {TaxelArray: R.NO_TAXELS, ContactFeatures: R.NO_TAXELS, ContactShape: R.WRONG_PROBABILITIES,
-            Grasp: R.INCONSISTENT}
+    ('stable and not fresh', changed(stable=True, fresh=False, width=NAN), R.INCONSISTENT),
+    ('no sides', changed(sides=[ContactShape(), ContactShape()], side_states=[0, 0]), R.INCONSISTENT),
+    ('fresh with one side', both(changed(contact=0), element('side_states', 1, 0)), R.INCONSISTENT),
+    ('a side without a result that is touched', element('sides', 1, ContactShape()), R.UNKNOWN_CODE),
+    ('a malformed side', changed(sides__1__shape=9), R.UNKNOWN_CODE),
+    ('a gap of the future', changed(gap_age__sec=-1), R.WRONG_STAMP),
+    *TIMES]
+DEFAULTS = {TaxelArray: R.NO_TAXELS, Contact: R.NO_TAXELS, ContactFeatures: R.NO_TAXELS, ContactShape: R.UNKNOWN_CODE,
+            ContactShapes: R.UNKNOWN_CODE, Grasp: R.INCONSISTENT}
 TABLE = [(check, good, [*cases, ('default-constructed', None, DEFAULTS[type(good())])]) for check, good, cases in (
-    (check_taxel_array, good_taxels, TAXELS), (check_contact_features, good_features, FEATURES),
-    (check_contact_shape, good_shape, SHAPES), (check_grasp, good_grasp, GRASPS))]
+    (check_taxel_array, good_taxels, TAXELS), (check_contact, good_contact, CONTACTS),
+    (check_contact_features, good_features, FEATURES), (check_contact_shape, good_shape, SHAPES),
+    (check_contact_shapes, good_shapes, SHAPE_LISTS), (check_grasp, good_grasp, GRASPS))]
 CASES = [pytest.param(check, good, change, reason, id=f'{check.__name__}: {name}')
          for check, good, cases in TABLE for name, change, reason in cases]
+
+
+def cases_of(check):
+    return next(cases for each, _, cases in TABLE if each is check)
 
 
 def malformed(good, change, sequence=0):
@@ -202,13 +308,14 @@ def test_a_good_message_is_accepted(check, good):
 
 
 def test_an_empty_pad_and_a_pad_without_valid_taxels_are_accepted():
-    for value in (0.0, NAN):
+    for value, status in ((0.0, TaxelStatus.VALID), (NAN, TaxelStatus.STALE)):
         taxels = good_taxels()
         taxels.values = array('f', [value] * 256)
+        taxels.status = array('B', [status] * 256)
         assert check_taxel_array(taxels) is None
-        mask = np.zeros((16, 16), bool)
-        features = features_message(taxels, ContactPattern(mask, taxel_values(taxels), 0),
-                                    compute_features(mask, Group.CLASSIFIER))
+        pattern = ContactPattern.of(np.zeros((16, 16), bool), taxel_values(taxels))
+        features = features_message(taxels, pattern, visibility_of(pattern),
+                                    compute_features(pattern.mask, Group.CLASSIFIER))
         assert check_contact_features(features) is None
 
 
@@ -230,6 +337,8 @@ def test_whatever_our_own_nodes_make_is_accepted(chain, method, fuse):
         values[rng.random(values.shape) < (0, 0, 0.03, 0.5, 1)[sequence % 5]] = np.nan
         message = good_taxels(sequence)
         message.values = array('f', values.tobytes())
+        message.status = array('B', [TaxelStatus.STALE if invalid else TaxelStatus.VALID
+                                     for invalid in np.isnan(values).flat])
         assert check_taxel_array(message) is None
         publisher.publish(message)
         chain.wait_for(shapes, sequence + 1)
@@ -251,7 +360,8 @@ def test_codes_are_stable():
     assert {reason.name: reason.value for reason in RejectReason} == {
         'NOT_KNOWN': 0, 'UNKNOWN_UNIT': 1, 'NO_TAXELS': 2, 'TOO_LARGE': 3, 'WRONG_LENGTH': 4, 'WRONG_PITCH': 5,
         'UNKNOWN_CODE': 6, 'NOT_FINITE': 7, 'WRONG_PROBABILITIES': 8, 'WRONG_STAMP': 9, 'INCONSISTENT': 10,
-        'PROCESSING_FAILED': 11}
+        'PROCESSING_FAILED': 11, 'MISSING_JOINT': 12, 'IMPLAUSIBLE_OPENING': 13,
+        'STAMP_AHEAD': 14, 'WRONG_SEQUENCE': 15}
 
 
 class Chain:
@@ -261,9 +371,14 @@ class Chain:
         self._stack = stack
         self._executor = SingleThreadedExecutor()
         self.diagnostics: list[DiagnosticStatus] = []
+        self.stamps: list[Time] = []  # of their messages
         self.peer = self.add(rclpy.create_node('peer'))
         self.peer.create_subscription(DiagnosticArray, '/diagnostics',
-                                      lambda message: self.diagnostics.extend(message.status), 100)
+                                      self._diagnosed, 100)
+
+    def _diagnosed(self, message) -> None:
+        self.stamps.append(message.header.stamp)
+        self.diagnostics.extend(message.status)
 
     def add(self, node):
         self._executor.add_node(node)
@@ -275,8 +390,8 @@ class Chain:
         self.peer.create_subscription(kind, topic, heard.append, frames_qos(DEPTH))
         return heard
 
-    def publisher(self, kind, topic, readers=1):
-        publisher = self.peer.create_publisher(kind, topic, frames_qos(DEPTH))
+    def publisher(self, kind, topic, readers=1, lossless=False):
+        publisher = self.peer.create_publisher(kind, topic, frames_qos(DEPTH, lossless))
         self.wait(lambda: publisher.get_subscription_count() >= readers)
         return publisher
 
@@ -324,7 +439,7 @@ def test_no_taxel_array_stops_a_processor_and_the_other_pad_continues(chain):
         chain.add(ProcessorNode(namespace=f'/{pad}'))
     left, right = (chain.listen(ContactFeatures, f'/{pad}/features') for pad in ('left', 'right'))
     bad, other = (chain.publisher(TaxelArray, f'/{pad}/taxels') for pad in ('left', 'right'))
-    cases = TABLE[0][2]
+    cases = cases_of(check_taxel_array)
     expected = send_all(chain, bad, good_taxels, cases, left)
     other.publish(good_taxels(5))
     chain.wait(lambda: right)
@@ -333,12 +448,12 @@ def test_no_taxel_array_stops_a_processor_and_the_other_pad_continues(chain):
     assert chain.dropped('/left/processor', len(cases)) == expected
 
 
-def test_no_contact_features_stop_a_classifier_nor_enter_its_fusion(chain):
+def test_no_contact_stops_a_classifier_nor_enters_its_fusion(chain):
     chain.add(ClassifierNode(namespace='/left'))
     shapes = chain.listen(ContactShape, '/left/shape')
-    publisher = chain.publisher(ContactFeatures, '/left/features')
-    cases = TABLE[1][2]
-    expected = send_all(chain, publisher, good_features, cases, shapes)
+    publisher = chain.publisher(Contact, '/left/contact')
+    cases = cases_of(check_contact)
+    expected = send_all(chain, publisher, good_contact, cases, shapes)
     assert [shape.sequence for shape in shapes] == list(range(1, len(cases) + 1))
     assert [shape.fused_frames for shape in shapes] == list(range(1, len(cases) + 1))  # no malformed one counts
     assert all(np.isfinite(shape.probabilities).all() and shape.shape == ContactShape.SQUARE for shape in shapes)
@@ -348,34 +463,47 @@ def test_no_contact_features_stop_a_classifier_nor_enter_its_fusion(chain):
 def test_values_at_the_end_of_float32_leave_no_nan_in_the_fusion(chain):
     chain.add(ClassifierNode(namespace='/left'))
     shapes = chain.listen(ContactShape, '/left/shape')
-    publisher = chain.publisher(ContactFeatures, '/left/features')
-    extreme = good_features(1)
+    publisher = chain.publisher(Contact, '/left/contact')
+    extreme = good_contact(1)
     extreme.values = array('f', [3.4e38 if value > 0 else -3.4e38 for value in extreme.values])
     publisher.publish(extreme)
-    publisher.publish(good_features(2))
+    publisher.publish(good_contact(2))
     chain.wait(lambda: shapes and shapes[-1].sequence == 2)
     assert check_contact_shape(shapes[-1]) is None and np.isfinite(shapes[-1].probabilities).all()
 
 
-def test_features_that_a_method_lacks_are_counted_as_a_failure(chain):
+def test_a_method_that_reads_features_computes_them(chain):
+    """No processor publishes any: nothing subscribes to them."""
     chain.add(ClassifierNode(namespace='/left', parameter_overrides=[Parameter('method', value='volf')]))
     shapes = chain.listen(ContactShape, '/left/shape')
-    publisher = chain.publisher(ContactFeatures, '/left/features')
-    lacking = good_features(1)
-    lacking.features = lacking.features[:1]
-    publisher.publish(lacking)
-    publisher.publish(good_features(2))
+    publisher = chain.publisher(Contact, '/left/contact')
+    publisher.publish(good_contact(1))
     chain.wait(lambda: shapes)
-    assert [shape.sequence for shape in shapes] == [2]
-    assert chain.dropped('/left/classifier', 1) == {'processing_failed': 1}
+    assert shapes[0].method == 'volf' and shapes[0].sequence == 1 and check_contact_shape(shapes[0]) is None
+
+
+def test_features_are_computed_while_they_have_a_subscriber(chain):
+    chain.add(ProcessorNode(namespace='/left'))
+    contacts = chain.listen(Contact, '/left/contact')
+    publisher = chain.publisher(TaxelArray, '/left/taxels')
+    publisher.publish(good_taxels(1))
+    chain.wait_for(contacts, 1)
+    features: list = []
+    subscription = chain.peer.create_subscription(ContactFeatures, '/left/features', features.append, frames_qos(DEPTH))
+    chain.wait(lambda: subscription.get_publisher_count() > 0)
+    chain.wait(lambda: chain.peer.count_subscribers('/left/features') > 0)
+    publisher.publish(good_taxels(2))
+    chain.wait_for(features, 1)
+    assert [message.sequence for message in features] == [2] and check_contact_features(features[0]) is None
 
 
 @pytest.mark.parametrize('bad_side', ['left', 'right'])
 def test_no_contact_shape_stops_a_grasp_nor_breaks_its_hold(chain, bad_side):
-    chain.add(GraspNode())
+    """As a lossless replay, for the shapes do not come in the pace of their stamps."""
+    chain.add(GraspNode(parameter_overrides=[Parameter('lossless', value=True)]))
     grasps = chain.listen(Grasp, '/grasp')
-    publishers = {side: chain.publisher(ContactShape, f'/{side}/shape') for side in ('left', 'right')}
-    cases = TABLE[2][2]
+    publishers = {side: chain.publisher(ContactShape, f'/{side}/shape', lossless=True) for side in ('left', 'right')}
+    cases = cases_of(check_contact_shape)
     good_side = 'left' if bad_side == 'right' else 'right'
     for sequence, (_, change, _) in enumerate(cases, start=1):
         publishers[bad_side].publish(malformed(good_shape, change, sequence))
@@ -394,12 +522,135 @@ def test_no_contact_shape_stops_a_replay_gate(chain):
     gate = ReplayGate(chain.peer, ['left', 'right'], frames_qos(DEPTH))
     for side in ('left', 'right'):
         publisher = chain.publisher(ContactShape, f'/{side}/shape')
-        for _, change, _ in TABLE[2][2]:
+        for _, change, _ in cases_of(check_contact_shape):
             publisher.publish(malformed(good_shape, change))
-        publisher.publish(good_shape(600))
-    chain.wait(lambda: min(gate._seen.values()) == 600)
-    gate.wait('left', 1000)  # returns at once
+        gate.wait(side, 400)
+        publisher.publish(good_shape(400))
+    chain.wait(lambda: min(gate._seen.values()) == 400)
+    gate.wait('left', 900)  # returns at once
     gate.destroy()
+
+
+def test_a_shape_of_a_frame_that_was_not_played_does_not_open_a_replay_gate(chain):
+    """The log would run ahead of its consumers, who would lose frames of a lossless replay."""
+    gate = ReplayGate(chain.peer, ['left'], frames_qos(DEPTH))
+    publisher = chain.publisher(ContactShape, '/left/shape')
+    gate.wait('left', 400)
+    for sequence in (2**64 - 1, 401, 399, 3):
+        publisher.publish(good_shape(sequence))
+    subscription, = gate._subscriptions
+    chain.wait(lambda: subscription.counts.received == 4)
+    assert gate._seen == {'left': 399} and subscription.counts.dropped == {R.WRONG_SEQUENCE: 2}
+    waiting = threading.Thread(target=gate.wait, args=('left', 1000))
+    waiting.start()
+    waiting.join(0.2)
+    assert waiting.is_alive()
+    gate.destroy()
+    waiting.join(TIMEOUT)
+
+
+def test_a_stamp_far_in_the_future_reaches_neither_fusion_nor_hold(chain):
+    """The shape would be held for an hour, and the true frames after it would be of the past."""
+    chain.add(ClassifierNode(namespace='/left'))
+    shapes = chain.listen(ContactShape, '/left/shape')
+    publisher = chain.publisher(Contact, '/left/contact')
+    for sequence in range(1, 21):
+        publisher.publish(good_contact(sequence))
+        if sequence % 5 == 0:
+            false = good_contact(sequence)
+            false.header.stamp.sec += 3600
+            publisher.publish(false)
+        chain.wait_for(shapes, sequence)
+    assert [shape.sequence for shape in shapes] == list(range(1, 21))
+    assert shapes[-1].fused_frames == 20 and shapes[-1].held.sec == 0
+    assert chain.dropped('/left/classifier', 4) == {'stamp_ahead': 4}
+
+
+def test_a_clock_that_was_set_forward_is_followed_after_three_messages(chain):
+    subscription, received = guarded(chain)
+    publisher = chain.publisher(TaxelArray, 'taxels')
+    for sequence in range(10):
+        message = good_taxels(sequence)
+        message.header.stamp.sec += 3600 * (sequence >= 5)
+        publisher.publish(message)
+    chain.wait(lambda: subscription.counts.received == 10)
+    assert [message.sequence for message in received] == [0, 1, 2, 3, 4, 7, 8, 9]
+    assert subscription.counts.dropped == {R.STAMP_AHEAD: 2}
+
+
+def test_a_lossless_replay_may_jump(chain):
+    received: list = []
+    subscription = GuardedSubscription(chain.peer, TaxelArray, 'taxels', received.append, frames_qos(1, True),
+                                       check=check_taxel_array)
+    publisher = chain.peer.create_publisher(TaxelArray, 'taxels', frames_qos(1, True))
+    for sequence in range(10):
+        publisher.publish(good_taxels(1000 * sequence))  # 20 s apart
+    chain.wait(lambda: subscription.counts.received == 10)
+    assert len(received) == 10
+
+
+def guarded(chain, topic='taxels'):
+    received: list = []
+    return GuardedSubscription(chain.peer, TaxelArray, topic, received.append, frames_qos(DEPTH),
+                               check=check_taxel_array), received
+
+
+def test_frames_that_never_arrived_are_counted_and_a_false_sequence_is_not(chain):
+    subscription, received = guarded(chain)
+    publisher = chain.publisher(TaxelArray, 'taxels')
+    for sequence in (7, 8, 11, 12, 2**64 - 1, 13, 14, 16, 0, 1, 1):
+        publisher.publish(with_sequence(sequence))
+    chain.wait(lambda: len(received) == 11)
+    assert subscription.counts.skipped == 2 + 1  # 9, 10; 15; a restart is no gap
+
+
+def with_sequence(sequence):
+    message = good_taxels()
+    message.sequence = sequence
+    return message
+
+
+def test_the_age_of_the_newest_data_grows_while_nothing_comes(chain):
+    subscription, _ = guarded(chain)
+    assert subscription.health.age == INF
+    publisher = chain.publisher(TaxelArray, 'taxels')
+    started = time.monotonic()
+    while time.monotonic() - started < 1.0:  # until the least delay of the way is settled
+        message = good_taxels()
+        message.header.stamp = time_message(STAMP + time.monotonic() - started)
+        message.age = duration_message(0.25)
+        publisher.publish(message)
+        chain._executor.spin_once(timeout_sec=0.02)
+        time.sleep(0.02)
+    first = subscription.health.age
+    assert 0.25 <= first < 0.75
+    time.sleep(0.3)
+    assert subscription.health.age - first == pytest.approx(0.3, abs=0.1)
+
+
+def test_two_publishers_for_one_pad_are_reported_and_logged_once(chain, caplog):
+    """Their arrays take turns: a consumer of the latest one sees two skins as one."""
+    chain.add(ProcessorNode(namespace='/left'))
+    chain.publisher(TaxelArray, '/left/taxels')
+    chain.wait(lambda: fact(chain, 'faults') == 'SILENT')
+    with caplog.at_level(logging.WARNING, 'tactile_node'):
+        other = chain.add(rclpy.create_node('other_driver', namespace='/gripper'))
+        publisher = other.create_publisher(TaxelArray, '/left/taxels', frames_qos(DEPTH))
+        chain.wait(lambda: 'SEVERAL_PUBLISHERS' in fact(chain, 'faults'))
+        status = chain.diagnostics[-1]
+        assert status.level == WARN and fact(chain, 'publishers') == '2'
+        assert '/gripper/other_driver' in status.message and '/peer' in status.message
+        reported = len(chain.diagnostics)
+        chain.wait_for(chain.diagnostics, reported + 2)
+        assert len([record for record in caplog.records
+                    if getattr(record, 'fact', None) is StreamFault.SEVERAL_PUBLISHERS]) == 1
+    other.destroy_publisher(publisher)
+    chain.wait(lambda: fact(chain, 'faults') == 'SILENT')
+
+
+def fact(chain, key) -> str:
+    """A value of the last diagnostic."""
+    return next((pair.value for status in chain.diagnostics[-1:] for pair in status.values if pair.key == key), '')
 
 
 def test_an_exception_is_counted_and_logged_once_with_its_traceback(chain, caplog):
@@ -433,27 +684,59 @@ def test_health_continues_with_simulated_time_and_no_clock(chain):
     assert {status.name for status in chain.diagnostics} == {'/gripper_a/left/processor'}
     values = {pair.key: pair.value for pair in chain.diagnostics[-1].values}
     assert (values['received'], values['processed'], values['dropped_no_taxels']) == ('2', '1', '1')
-    assert set(values) == {'received', 'processed', *(f'dropped_{reason.key}' for reason in RejectReason if reason)}
+    assert set(values) == {'faults', 'received', 'processed', 'rate_hz', 'age_s', 'skipped', 'publishers',
+                           *(f'dropped_{reason.key}' for reason in RejectReason if reason)}
+    assert all(stamp == Time() for stamp in chain.stamps)  # as before the first /clock
+
+
+def status_of(**now):
+    """The status after a second in which a stream has changed from 4 messages to this."""
+    before = MessageCounts(received=4, processed=4, dropped={})
+    fields = {'counts': MessageCounts(received=54, processed=54, dropped={}), 'age': 0.02, 'publishers': ('/driver',)}
+    return health_status('/gripper/grasp', {'/left/shape': StreamHealth(**fields | now)}, {'/left/shape': before}, 1.0)
+
+
+@pytest.mark.parametrize(('now', 'level', 'fault'), [
+    ({}, OK, 'NONE'),
+    ({'counts': MessageCounts(4, 4, {})}, STALE, 'SILENT'),
+    ({'counts': MessageCounts(54, 53, {R.NOT_FINITE: 1})}, WARN, 'DROPPED'),
+    ({'counts': MessageCounts(54, 54, {}, skipped=2)}, WARN, 'SKIPPED'),
+    ({'age': 1.5}, WARN, 'OLD'),
+    ({'age': 1.5, 'counts': MessageCounts(4, 4, {})}, STALE, 'SILENT'),
+    ({'publishers': ('/driver', '/rogue')}, WARN, 'SEVERAL_PUBLISHERS'),
+    ({'publishers': ('/driver', '/rogue'), 'counts': MessageCounts(4, 4, {})}, WARN, 'SEVERAL_PUBLISHERS, SILENT')])
+def test_health_is_ok_only_while_each_frame_arrives_in_time_from_one_source(now, level, fault):
+    status = status_of(**now)
+    values = {pair.key: pair.value for pair in status.values}
+    assert (status.level, values['faults'], status.name) == (level, fault, '/gripper/grasp')
+
+
+def test_health_has_rate_and_age():
+    values = {pair.key: pair.value for pair in status_of().values}
+    assert (values['rate_hz'], values['age_s'], values['publishers']) == ('50.0', '0.020', '1')
+    assert {pair.key: pair.value for pair in status_of(age=INF).values}['age_s'] == 'not known'
 
 
 def test_health_names_the_topic_that_is_silent_and_counts_all():
     before = {'/left/shape': MessageCounts(5, 5, {}), '/right/shape': MessageCounts(4, 3, {R.NOT_FINITE: 1})}
-    now = before | {'/left/shape': MessageCounts(7, 7, {})}
-    status = health_status('/gripper/grasp', now, before)
+    now = {'/left/shape': StreamHealth(MessageCounts(7, 7, {}), 0.5),
+           '/right/shape': StreamHealth(before['/right/shape'], 0.75)}
+    status = health_status('/gripper/grasp', now, before, 1.0)
     assert status.level == STALE and '/right/shape' in status.message and '/left' not in status.message
     values = {pair.key: pair.value for pair in status.values}
     assert (values['received'], values['processed'], values['dropped_not_finite']) == ('11', '10', '1')
+    assert values['age_s'] == '0.750'  # of the side whose data is older
 
 
 @pytest.mark.parametrize('probabilities', [{Shape.CIRCLE: NAN}, {Shape.CIRCLE: INF, Shape.NONE: 0.0}])
 def test_fusion_refuses_what_is_not_finite_and_keeps_its_state(probabilities):
     fusion = RecognitionFusion()
-    fusion.update(0.0, {Shape.CIRCLE: 1.0})
+    fusion.update(0.0, Recognition.certain(Shape.CIRCLE))
     with pytest.raises(InputError):
-        fusion.update(0.02, probabilities)
+        fusion.update(0.02, Recognition.of(probabilities))
     with pytest.raises(InputError):
-        fusion.update(NAN, {Shape.CIRCLE: 1.0})
-    after = fusion.update(0.04, {Shape.CIRCLE: 1.0})
+        fusion.update(NAN, Recognition.certain(Shape.CIRCLE))
+    after = fusion.update(0.04, Recognition.certain(Shape.CIRCLE))
     assert after.recognition.shape is Shape.CIRCLE and after.frames == 2
     assert np.isfinite(list(after.recognition.probabilities.values())).all()
 
@@ -461,12 +744,14 @@ def test_fusion_refuses_what_is_not_finite_and_keeps_its_state(probabilities):
 def test_the_tracker_refuses_what_is_not_finite_and_keeps_its_state():
     tracker = GraspTracker()
     for side in ('left', 'right'):
-        tracker.update(side, SideResult(0.0, Shape.CIRCLE, (0.01, 0.01)))
-    for result in (SideResult(0.02, Shape.CIRCLE, (NAN, 0.0)), SideResult(NAN, Shape.CIRCLE, (0.01, 0.01)),
-                   SideResult(INF, Shape.NONE, None)):
+        tracker.update(side, SideResult(0.0, SideState.TOUCHED, 'circle', (0.01, 0.01)), now=0.0)
+    good = SideResult(0.02, SideState.TOUCHED, 'circle', (0.01, 0.01))
+    for result in (good._replace(centre=(NAN, 0.0)), good._replace(time=NAN), SideResult(INF, SideState.EMPTY)):
         with pytest.raises(InputError):
-            tracker.update('left', result)
-    state = tracker.update('left', SideResult(0.02, Shape.CIRCLE, (0.01, 0.01)))
+            tracker.update('left', result, now=0.02)
+    with pytest.raises(InputError):
+        tracker.update('left', good, now=NAN)
+    state = tracker.update('left', good, now=0.02)
     assert state.fresh and state.line is not None
 
 
@@ -482,11 +767,12 @@ def test_no_grasp_stops_the_planner_example(chain):
         # Best effort may lose any of them, so all are sent until one of either kind has arrived
         while not (any('grasp dropped' in line for line in lines) and any('rotate' in line for line in lines)):
             assert process.poll() is None and time.monotonic() < deadline, lines
-            for _, change, _ in TABLE[3][2]:
+            for _, change, _ in cases_of(check_grasp):
                 publisher.publish(malformed(good_grasp, change))
-                time.sleep(0.01)
-            publisher.publish(good_grasp())
-            time.sleep(0.1)
+                good = good_grasp()
+                good.header.stamp = time_message(time.time())  # it acts on what is current
+                publisher.publish(good)
+                time.sleep(0.02)
         assert process.poll() is None
     finally:
         process.terminate()

@@ -8,12 +8,13 @@ from tactile_node.contact.press import PressThresholds
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.package_files import config_path
+from tactile_node.shape.completion import completions
 from tactile_node.shape.invariants import COUNT, ORDERS, describe
 from tactile_node.shape.methods import DEFAULT, LEARNED, METHODS, VOLF, make_recogniser
 from tactile_node.shape.network import Network
-from tactile_node.shape.patch import ROOM, SIDE, joined, make_patch
+from tactile_node.shape.patch import ROOM, SIDE, join_pieces, joined, make_patch
 from tactile_node.shape.recogniser import LOG_SIZES, Calibration, ShapeRecogniser
-from tactile_node.shape.recognition import Shape
+from tactile_node.shape.recognition import Shape, UnknownReason
 from tactile_node.shape.volf import GROUPS
 from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import CLASSES, Contact, random_contact
@@ -115,6 +116,29 @@ def test_torn_contact_is_joined_and_a_second_one_is_not():
     assert joined(pattern_of(apart)).sum() == 21
 
 
+def test_pieces_that_are_joined_are_one_contact_in_mask_labels_and_counts():
+    frame = np.zeros((14, 30), bool)
+    frame[2:9, 2:5] = frame[2:9, 7:10] = True  # two silent columns between
+    frame[2:6, 20:25] = frame[12, 2:4] = True  # others
+    pattern = PatternExtractor(PressThresholds(0.5, 0.4)).extract(frame)
+    assert (pattern.contacts, pattern.sizes) == (4, (21, 21, 20, 2))
+    whole = join_pieces(pattern)
+    assert (whole.contacts, whole.sizes) == (3, (42, 20, 2))
+    np.testing.assert_array_equal(whole.mask, joined(pattern))
+    assert whole.labels[3, 3] == whole.labels[3, 8] == 1 and whole.labels[3, 22] == 2 and whole.labels[12, 2] == 3
+    alone = join_pieces(pattern_of(frame[:, 15:]))
+    assert (alone.contacts, alone.sizes) == (1, (20,)), 'nothing to join'
+
+
+def test_a_recognition_reports_whether_it_is_of_joined_pieces(recogniser):
+    frame = np.zeros((14, 20), bool)
+    frame[2:10, 2:5] = frame[2:10, 7:10] = True
+    assert recogniser.recognise(pattern_of(frame)).joined
+    assert not recogniser.recognise(pattern_of(frame[:, :6])).joined
+    frame[2, 5:7] = True
+    assert not recogniser.recognise(pattern_of(frame)).joined, 'in one piece'
+
+
 def test_hull_numbers_of_a_square_and_a_strip():
     """Fill of the least box about 1, its sides' ratio as drawn (box of taxel centres, widened by a taxel)."""
     square, strip = (np.zeros((20, 20), bool) for _ in range(2))
@@ -179,7 +203,7 @@ def test_torn_ring_is_a_circle_and_two_contacts_are_the_larger(recogniser):
 
 def test_works_from_the_mask_alone(recogniser):
     mask = random_contact(generator(Purpose.TEST, 41), 'rectangle', 80).pattern()
-    nothing_else = ContactPattern(mask, mask.astype(float), 1)
+    nothing_else = ContactPattern.of(mask, mask.astype(float))
     assert recogniser.recognise(nothing_else).shape is Shape.RECTANGLE
 
 
@@ -229,7 +253,90 @@ def test_frames_of_the_field_have_their_faults():
 @pytest.mark.parametrize('method', ['learned', 'volf'])
 def test_a_pad_that_cannot_be_seen_is_not_called_untouched(method):
     extractor, recogniser = PatternExtractor(PressThresholds(0.5, 0.4)), make_recogniser(method)
-    unseen = np.full((16, 16), np.nan)
-    assert recogniser.recognise(extractor.extract(unseen)).shape is Shape.UNKNOWN
-    unseen[:12] = 0
-    assert recogniser.recognise(extractor.extract(unseen)).shape is Shape.NONE
+    frame = np.zeros((16, 16))
+    assert recogniser.recognise(extractor.extract(frame)).shape is Shape.NONE
+    frame[4:11] = np.nan  # an object of seven rows may lie there
+    found = recogniser.recognise(extractor.extract(frame))
+    assert (found.shape, found.reason, found.confidence) == (Shape.UNKNOWN, UnknownReason.NOT_SEEN, 1.0)
+    frame[5::2] = 0  # only single rows are left: each may hide a bar
+    assert recogniser.recognise(extractor.extract(frame)).reason is UnknownReason.NOT_SEEN
+    frame[:, 3::4] = 0  # of three taxels each
+    assert recogniser.recognise(extractor.extract(frame)).shape is Shape.NONE
+
+
+def test_the_smallest_contact_decides_how_much_of_a_pad_must_be_seen():
+    frame = np.zeros((8, 8))
+    frame[2:4, 2:4] = np.nan
+    assert make_recogniser().recognise(pattern_of(frame)).shape is Shape.UNKNOWN
+    assert make_recogniser(smallest_contact=5).recognise(pattern_of(frame)).shape is Shape.NONE
+
+
+@pytest.mark.parametrize('method', ['learned', 'volf'])
+def test_why_a_shape_is_unknown(method):
+    recogniser = make_recogniser(method)
+    few = np.zeros((9, 9))
+    few[4, 3:6] = 1
+    assert recogniser.recognise(pattern_of(few)).reason is UnknownReason.TOO_SMALL
+    few[3, 4:6] = np.nan  # it may be larger than it looks
+    found = recogniser.recognise(pattern_of(few))
+    assert found.reason is UnknownReason.NOT_SEEN and not found.is_evidence
+    assert recogniser.recognise(pattern_of(np.zeros((9, 9)))).reason is UnknownReason.NOT_UNKNOWN
+
+
+def test_a_foreign_shape_is_unfamiliar():
+    y, x = np.indices((36, 36))
+    cross = (abs(x - 17) < 14) & (abs(y - 18) < 2) | (abs(y - 18) < 14) & (abs(x - 17) < 2)
+    found = make_recogniser().recognise(pattern_of(cross))
+    assert (found.shape, found.reason) == (Shape.UNKNOWN, UnknownReason.UNFAMILIAR) and found.is_evidence
+    assert found.as_json()['reason'] == 'unfamiliar'
+    cross[17:19, 24] = False
+    frame = np.where(np.isin(x * 100 + y, (2417, 2418)), np.nan, cross)
+    assert make_recogniser().recognise(pattern_of(frame)).reason is UnknownReason.UNFAMILIAR, 'whatever is hidden'
+
+
+@pytest.mark.parametrize(('hidden', 'most'), [(6, 0.84), (4, 0.84), (0, 1.0)])
+def test_an_answer_that_depends_on_hidden_rows_is_not_confident(recogniser, hidden, most):
+    """A rectangle of 8x14 taxels, whose last rows are hidden, looks like a square."""
+    frame = np.zeros((24, 24))
+    frame[4:18, 8:16] = 1
+    seen = frame.copy()
+    seen[18 - hidden:] = 0
+    frame[18 - hidden:24] = np.nan if hidden else 0
+    found = make_recogniser().recognise(pattern_of(frame))
+    assert found.confidence <= most
+    if hidden:
+        assert recogniser.recognise(pattern_of(frame)).confidence > 0.9, 'without the other ways to read it'
+        assert len(found.alternatives) == 4 and sum(weight for weight, _ in found.alternatives) == pytest.approx(1)
+        assert sum(found.probabilities.values()) == pytest.approx(1)
+    else:
+        assert (found.shape, found.alternatives) == (Shape.RECTANGLE, ())
+
+
+def test_a_dead_taxel_within_a_contact_changes_nothing(recogniser):
+    frame = np.zeros((16, 16))
+    frame[4:11, 4:11] = 1
+    frame[6, 7] = frame[1, 1] = np.nan
+    found = make_recogniser().recognise(pattern_of(frame))
+    assert found == recogniser.recognise(pattern_of(frame)) and not found.alternatives
+    frame[6, 8] = np.nan  # two together may be a hole
+    assert make_recogniser().recognise(pattern_of(frame)).alternatives
+
+
+def test_hidden_taxels_are_read_as_empty_as_pressed_beside_and_as_pressed_straight_on():
+    frame = np.zeros((9, 8))
+    frame[1:4, 2:6] = 8
+    frame[4:7] = np.nan
+    empty, beside, straight = completions(pattern_of(frame))
+    assert [int(each.mask.sum()) for each in (empty, beside, straight)] == [12, 18, 24]
+    assert beside.mask[4].tolist() == [False, True, True, True, True, True, True, False]
+    assert straight.mask[1:7, 2:6].all() and straight.values[6, 2] == 8 and straight.values[6, 1] == 0
+    for each in (empty, beside, straight):
+        assert not each.hidden.any() and not np.isnan(each.values).any()
+
+
+def test_a_torn_contact_read_as_empty_is_its_largest_piece():
+    frame = np.zeros((10, 8))
+    frame[1:4, 2:6] = frame[5:9, 2:6] = 8
+    frame[4] = np.nan
+    empty, _, straight = completions(pattern_of(frame))
+    assert (empty.mask.sum(), empty.contacts, straight.mask.sum(), straight.contacts) == (16, 2, 32, 1)

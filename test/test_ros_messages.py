@@ -8,14 +8,18 @@ import pytest
 pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
 
 from tactile_node.contact.pattern import ContactPattern  # noqa: E402
+from tactile_node.contact.visibility import visibility_of  # noqa: E402
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus  # noqa: E402
 from tactile_node.fusion.recognitions import FusedRecognition  # noqa: E402
-from tactile_node.grasp.tracker import GraspTracker  # noqa: E402
+from tactile_node.grasp.opening import NOT_KNOWN, GapSource, Opening  # noqa: E402
+from tactile_node.grasp.tracker import GraspTracker, SideState  # noqa: E402
 from tactile_node.helmholtz.features import Group, compute_features  # noqa: E402
 from tactile_node.pose.fit import fit_shape  # noqa: E402
 from tactile_node.pose.moments import contact_moments  # noqa: E402
-from tactile_node.ros.feature_messages import features_message, features_of, pattern_of  # noqa: E402
+from tactile_node.ros.contact_messages import contact_message, pattern_of  # noqa: E402
+from tactile_node.ros.feature_messages import features_message, features_of  # noqa: E402
 from tactile_node.ros.grasp_messages import grasp_message, side_result  # noqa: E402
+from tactile_node.ros.message_age import age_seconds  # noqa: E402
 from tactile_node.ros.shape_messages import Findings, pose_message, shape_message  # noqa: E402
 from tactile_node.ros.taxel_messages import taxel_array_message, taxel_values  # noqa: E402
 from tactile_node.shape.recognition import Recognition, Shape  # noqa: E402
@@ -43,19 +47,25 @@ def block(rows, cols, value=50e3):
 
 def features(values):
     message = taxels(values)
-    mask = np.asarray(values) > 0
-    return features_message(message, ContactPattern(mask, taxel_values(message), int(mask.any())),
-                            compute_features(mask, Group.ALL))
+    pattern = ContactPattern.of(np.asarray(values) > 0, taxel_values(message))
+    return features_message(message, pattern, visibility_of(pattern), compute_features(pattern.mask, Group.ALL))
+
+
+def contact(values):
+    message = taxels(values)
+    pattern = ContactPattern.of(np.asarray(values) > 0, taxel_values(message))
+    return contact_message(message, pattern, visibility_of(pattern))
 
 
 def shape(values, kind, solid_height=0.0):
-    message = features(values)
+    message = contact(values)
     pattern = pattern_of(message)
     frame = Recognition.of({kind: 0.75, Shape.UNKNOWN: 0.25})
     fit = fit_shape(pattern.values, pattern.mask, kind, PITCH)
     moments = contact_moments(pattern.values, pattern.mask, PITCH, 'Pa')
-    return shape_message(message, Findings(frame, FusedRecognition(frame, STAMP - 1.5, 1.5, 30), fit, moments),
-                         'learned', solid_height)
+    found = Findings(frame, FusedRecognition(frame, STAMP - 1.5, 1.5, 30), fit, moments, visibility_of(pattern),
+                     pattern)
+    return shape_message(message, found, 'learned', solid_height)
 
 
 def test_taxels_keep_values_nan_status_and_stamp():
@@ -85,8 +95,9 @@ def test_an_empty_pad_has_no_features():
 def test_shape_message_tells_a_rectangle_in_metres():
     message = shape(block(4, 9), Shape.RECTANGLE)
     assert message.shape == message.frame_shape == ContactShape.RECTANGLE
+    assert message.class_name == message.frame_class_name == 'rectangle'
     assert message.confidence == pytest.approx(0.75)
-    assert message.probabilities[ContactShape.UNKNOWN] == pytest.approx(0.25)
+    assert dict(zip(message.class_names, message.probabilities))['unknown'] == pytest.approx(0.25)
     assert (message.held.sec, message.held.nanosec, message.fused_frames) == (1, 500_000_000, 30)
     assert list(message.dimension_names) == ['long', 'short'] and message.symmetry == 2
     assert list(message.dimensions) == pytest.approx([9 * PITCH, 4 * PITCH], rel=0.02)
@@ -121,19 +132,109 @@ def test_without_a_shape_there_is_no_fit():
 
 def test_two_pads_become_one_grasp():
     message, tracker = shape(block(6, 6), Shape.SQUARE), GraspTracker()
-    tracker.update('left', side_result(message))
-    state = tracker.update('right', side_result(message))
-    grasp = grasp_message(state, [message, message], 0.0, 'gripper')
+    opening = Opening(0.0, GapSource.JOINT_STATES, 0.25)
+    tracker.update('left', side_result(message, 5.0), now=5.0)
+    state = tracker.update('right', side_result(message, 5.0), now=5.0, gap=opening.gap)
+    grasp = grasp_message(state, [message, message], opening, 'gripper', age=0.5)
+    assert grasp.age.nanosec == 500_000_000
     assert grasp.contact == Grasp.TWO_SIDED and grasp.fresh and grasp.same_shape and not grasp.stable
     assert grasp.header.frame_id == 'gripper' and grasp.header.stamp == message.header.stamp
     # Default pads: the right one rotated by pi about x, so y of the right centre is the left one's mirrored.
     assert grasp.right_centre.x == pytest.approx(grasp.left_centre.x)
     assert grasp.right_centre.y == pytest.approx(-grasp.left_centre.y)
     assert grasp.width == pytest.approx(2 * grasp.left_centre.y)
+    assert (grasp.gap, grasp.gap_source, grasp.gap_age.nanosec) == (0.0, Grasp.GAP_JOINT_STATES, 250_000_000)
+
+
+def test_without_an_opening_a_grasp_has_no_width_and_says_so():
+    message, tracker = shape(block(6, 6), Shape.SQUARE), GraspTracker()
+    tracker.update('left', side_result(message, 5.0), now=5.0)
+    state = tracker.update('right', side_result(message, 5.0), now=5.0)
+    grasp = grasp_message(state, [message, message], NOT_KNOWN, 'gripper', math.inf)
+    assert math.isinf(age_seconds(grasp.age))
+    assert grasp.contact == Grasp.TWO_SIDED and grasp.fresh
+    assert grasp.gap_source == Grasp.GAP_NOT_KNOWN and math.isinf(age_seconds(grasp.gap_age))
+    places = [(place.x, place.y, place.z) for place in (grasp.left_centre, grasp.right_centre, grasp.midpoint)]
+    assert np.isnan([grasp.gap, grasp.width, grasp.misalignment, grasp.axis.z, *np.ravel(places)]).all()
+    assert math.isfinite(grasp.offset)
+
+
+def test_the_sources_of_an_opening_have_the_codes_of_the_message():
+    assert {source.name: source.value for source in GapSource} == {
+        name.removeprefix('GAP_'): getattr(Grasp, name) for name in (
+            'GAP_NOT_KNOWN', 'GAP_PARAMETER', 'GAP_JOINT_STATES', 'GAP_TF')}
 
 
 def test_one_touched_pad_is_no_line():
     message, tracker = shape(block(6, 6), Shape.SQUARE), GraspTracker()
-    state = tracker.update('left', side_result(message))
-    grasp = grasp_message(state, [message, ContactShape()], 0.0, 'gripper')
+    empty = shape(np.zeros((16, 16), np.float32), Shape.NONE)
+    tracker.update('left', side_result(message, 5.0), now=5.0)
+    state = tracker.update('right', side_result(empty, 5.0), now=5.0)
+    grasp = grasp_message(state, [message, empty], NOT_KNOWN, 'gripper', 0.0)
     assert grasp.contact == Grasp.ONE_SIDED and math.isnan(grasp.width) and math.isnan(grasp.midpoint.x)
+
+
+# What a side is, and whether its centre can be trusted
+
+def dead(values, *taxels):
+    for row, col in taxels:
+        values[row, col] = np.nan
+    return values
+
+
+def bar():
+    values = np.zeros((16, 16), np.float32)
+    values[5:10, :] = 50e3
+    return values
+
+
+def rows_hidden():
+    values = block(6, 6)
+    values[:8] = np.nan
+    return values
+
+
+@pytest.mark.parametrize(('values', 'kind', 'state', 'hides_creep'), [
+    (block(6, 6), Shape.SQUARE, SideState.TOUCHED, False),
+    (block(6, 6), Shape.UNKNOWN, SideState.TOUCHED, False),
+    (np.zeros((16, 16), np.float32), Shape.NONE, SideState.EMPTY, False),
+    (dead(np.zeros((16, 16), np.float32), (3, 3), (9, 4)), Shape.NONE, SideState.EMPTY, False),
+    (bar(), Shape.RECTANGLE, SideState.TOUCHED, True), (bar(), Shape.UNKNOWN, SideState.TOUCHED, True),
+    (rows_hidden(), Shape.UNKNOWN, SideState.TOUCHED, True)],
+    ids=['square', 'unknown', 'empty', 'empty with dead taxels', 'bar', 'unknown bar', 'half of it is hidden'])
+def test_a_side_is_empty_only_if_seen_and_a_cut_contact_shows_no_creep(values, kind, state, hides_creep):
+    result = side_result(shape(values, kind), 5.0)
+    assert (result.state, result.hides_creep, result.time) == (state, hides_creep, 5.0)
+    assert (result.centre is None) == (state is SideState.EMPTY)
+    assert result.is_bound == hides_creep
+
+
+def test_a_dead_taxel_beside_a_contact_does_not_hide_its_creep():
+    rows, cols = np.nonzero(block(6, 6))
+    values = dead(block(6, 6), (rows.min() - 1, cols.min() + 2))
+    message = shape(values, Shape.SQUARE)
+    result = side_result(message, 5.0)
+    assert not message.size_is_bound and message.hidden_ring_taxels == 1
+    assert not result.hides_creep and not result.is_bound
+    assert not side_result(shape(values, Shape.UNKNOWN), 5.0).is_bound  # its deviation holds what one taxel may add
+
+
+def test_the_resolution_of_a_centre_is_that_of_its_source():
+    assert side_result(shape(block(6, 6), Shape.SQUARE), 0.0).resolution == pytest.approx(0.1 * PITCH, rel=0.01)
+    assert side_result(shape(block(6, 6), Shape.UNKNOWN), 0.0).resolution == pytest.approx(0.5 * PITCH, rel=0.01)
+    message = shape(block(6, 6), Shape.SQUARE)
+    message.force = math.nan  # of on/off taxels
+    assert side_result(message, 0.0).resolution == pytest.approx(PITCH, rel=0.01)
+    message = shape(block(6, 6), Shape.SQUARE)
+    message.standard_deviations[0] = 0.5 * PITCH
+    assert side_result(message, 0.0).resolution == pytest.approx(PITCH)
+
+
+def test_hidden_taxels_that_could_hold_a_contact_are_not_empty():
+    names = ['none', 'unknown']
+    message = ContactShape(shape=ContactShape.UNKNOWN, class_name='unknown', unknown_reason=ContactShape.NOT_SEEN,
+                           class_names=names, probabilities=[0.0, 1.0], frame_probabilities=[0.0, 1.0])
+    assert side_result(message, 0.0).state is SideState.UNSEEN
+    assert side_result(ContactShape(), 0.0).state is SideState.UNSEEN
+    message.shape = ContactShape.NONE  # NONE of a pad that was not seen is no emptiness
+    assert side_result(message, 0.0).state is SideState.UNSEEN

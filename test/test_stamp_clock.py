@@ -101,3 +101,22 @@ def test_adapter_that_counts_again_is_mapped_again(hands):
     assert clock.of(0.25) == pytest.approx(1001)
     hands.wait(0.5)
     assert clock.of(0.75) == pytest.approx(1001.5, abs=1e-3)
+
+
+@pytest.mark.parametrize('step', [0.0, 0.05, 3600.0, -3600.0, 1.0])
+@pytest.mark.parametrize('before', [0.0, -60.0, 60.0])
+def test_ages_are_of_the_steady_clock_however_the_wall_clock_is_set(hands, before, step):
+    """A consumer would take old taxels for current ones, or current ones for old."""
+    clock = hands.clock()
+    clock.now()
+    hands.wall += before
+    clock.now()
+    hands.wait(10)
+    sent = clock.now()
+    hands.wait(0.03)
+    hands.wall += step
+    hands.wait(0.01)
+    received, again = clock.of(hands.wall - 0.005), clock.now()
+    hands.wait(0.02)
+    assert clock.age(sent) == pytest.approx(0.06, abs=0.1 if abs(step) < 0.1 else 1e-6)
+    assert clock.age(received) == pytest.approx(0.025) and clock.age(again) == pytest.approx(0.02)

@@ -11,6 +11,7 @@ pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run 
 
 from rclpy.qos import DurabilityPolicy  # noqa: E402
 
+from tactile_node.cia301.nmt import NmtState  # noqa: E402
 from tactile_node.conditioning.conditioned_pad import PadCondition  # noqa: E402
 from tactile_node.conditioning.tare import ZeroState  # noqa: E402
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault  # noqa: E402
@@ -19,6 +20,7 @@ from tactile_node.frames.fault_text import PHRASES, failure_text  # noqa: E402
 from tactile_node.frames.health import BusFault, BusHealth, Failure, NodeFault, NodeHealth, Outages  # noqa: E402
 from tactile_node.frames.losses import BusStatistics, LossReason, PadStatistics  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
+from tactile_node.ros.lifecycle import PrimaryState  # noqa: E402
 from tactile_node.ros.qos import STATUS_QOS  # noqa: E402
 from tactile_node.ros.status_message import status_message  # noqa: E402
 from tactile_skin.msg import FaultyTaxel, NodeStatus, PadStatus, SkinStatus  # noqa: E402
@@ -31,7 +33,7 @@ def message(late=0, fault=NodeFault.NONE, **health):
     pad = PadStatistics(complete=9, incomplete=1, expected=320, received=319 + late, used=318, pending=0,
                         losses={LossReason.LATE: late, LossReason.SHORT: 1})
     counts = BusStatistics({'left': pad}, {'tpdo': 320, 'error': 4}, queue_overruns=2, clock_jumps=3)
-    node = NodeHealth(32, 'OPERATIONAL', True, None, boots=1, fault=fault,
+    node = NodeHealth(32, NmtState.OPERATIONAL, True, None, boots=1, fault=fault,
                       outages=Outages(2, 1.5, NodeFault.BOOTED))
     state = BusHealth(nodes={'left': (node,)}, load=0.25, **health)
     return status_message(BusDiagnostics('driver', 'can0').message(counts, state), counts, state)
@@ -42,7 +44,8 @@ def test_counts_and_state_are_in_their_fields():
     assert (found.error_frames, found.queue_overruns, found.clock_jumps, found.bus_load) == (4, 2, 3, 0.25)
     pad, = found.pads
     node, = pad.nodes
-    assert (pad.pad, node.node_id, node.nmt_state, node.boots) == ('left', 32, 'OPERATIONAL', 1)
+    assert (pad.pad, node.node_id, node.nmt_state, node.boots) == ('left', 32, NodeStatus.NMT_OPERATIONAL, 1)
+    assert node.nmt_state_text == 'OPERATIONAL'
     assert (pad.frames_complete, pad.frames_incomplete, pad.tpdos_expected, pad.tpdos_used) == (9, 1, 320, 318)
     assert dict(zip(pad.loss_reasons, pad.loss_counts)) == {'late': 5, 'short': 1}
     assert dict(zip(pad.loss_codes, pad.loss_counts)) == {PadStatus.LOSS_LATE: 5, PadStatus.LOSS_SHORT: 1}
@@ -64,11 +67,33 @@ def test_a_failure_has_its_code_and_text():
 
 
 @pytest.mark.parametrize(('kind', 'faults', 'prefix'), [
-    (NodeStatus, NodeFault, 'FAULT_'), (SkinStatus, BusFault, 'FAULT_'), (FaultyTaxel, TaxelFault, ''),
+    (NodeStatus, NodeFault, 'FAULT_'), (SkinStatus, BusFault, 'FAULT_'),
     (PadStatus, LossReason, 'LOSS_'), (PadStatus, ZeroState, 'ZERO_'), (Tare.Response, TareRefusal, 'REFUSAL_')])
 def test_the_messages_have_a_constant_of_each_code_and_no_other(kind, faults, prefix):
     constants = {name: getattr(kind, name) for name in constants_of(kind) if name.startswith(prefix)}
     assert constants == {f'{prefix}{fault.name}': fault.value for fault in faults}
+
+
+def test_the_lifecycle_state_has_the_numbers_of_lifecycle_msgs():
+    numbers = {name: getattr(SkinStatus, name) for name in ('UNCONFIGURED', 'INACTIVE', 'ACTIVE', 'FINALIZED')}
+    assert numbers | {'NOT_KNOWN': SkinStatus.LIFECYCLE_NOT_KNOWN} == PrimaryState.__members__
+    assert SkinStatus().lifecycle_state == SkinStatus.LIFECYCLE_NOT_KNOWN
+
+
+def test_code_0_of_a_faulty_taxel_is_not_known():
+    constants = {name: getattr(FaultyTaxel, name) for name in constants_of(FaultyTaxel)}
+    assert constants == {'NOT_KNOWN': 0} | {fault.name: fault.value for fault in TaxelFault if fault}
+
+
+@pytest.mark.parametrize(('state', 'number'), [
+    (None, NodeStatus.NMT_NOT_KNOWN), (0x00, NodeStatus.NMT_BOOT_UP), (0x04, NodeStatus.NMT_STOPPED),
+    (0x05, NodeStatus.NMT_OPERATIONAL), (0x7F, NodeStatus.NMT_PRE_OPERATIONAL), (0x33, NodeStatus.NMT_UNDEFINED)])
+def test_nmt_states_have_their_numbers_and_0_is_not_known(state, number):
+    pad = PadStatistics(complete=9, incomplete=0, expected=320, received=320, used=320, pending=0, losses={})
+    counts = BusStatistics({'left': pad}, {})
+    health = BusHealth(nodes={'left': (NodeHealth(32, state, True, None),)})
+    node, = status_message(BusDiagnostics('driver', 'can0').message(counts, health), counts, health).pads[0].nodes
+    assert node.nmt_state == number and (node.nmt_state == 0) == (state is None)
 
 
 def constants_of(kind):

@@ -5,11 +5,13 @@ import threading
 import numpy as np
 import pytest
 
+from tactile_node.conditioning.contact_guard import ContactGuard
 from tactile_node.conditioning.tare import TaredPad, ZeroState, measure
 from tactile_node.errors import DeviceError, HalfZeroedError, TareRefusal, TareRefusedError
 from tactile_node.frames.taxel_frame import TaxelFrame
 
 LIMIT = 10.0
+GUARD = ContactGuard.of_unit('Pa')
 
 
 def frames(offset: np.ndarray, noise: float, count: int = 200, seed: int = 1) -> np.ndarray:
@@ -18,13 +20,13 @@ def frames(offset: np.ndarray, noise: float, count: int = 200, seed: int = 1) ->
 
 def frame(values, missing=0):
     values = np.asarray(values, np.float32)
-    return TaxelFrame(0.0, 0, values, np.zeros(values.shape, np.uint8), missing_can_frames=missing)
+    return TaxelFrame(0.0, 0, values, np.ones(values.shape, np.uint8), missing_can_frames=missing)
 
 
 def test_offsets_and_noise_are_found():
     """Mean of K samples: standard error noise / sqrt(K); the noise itself to a few per cent over 48 taxels."""
     offset = np.linspace(-3, 3, 48).reshape(6, 8)
-    found = measure(frames(offset, 0.5), LIMIT)
+    found = measure(frames(offset, 0.5), LIMIT, GUARD)
     np.testing.assert_allclose(found.offset, offset, atol=5 * 0.5 / 200 ** 0.5)
     assert found.noise == pytest.approx(0.5, rel=0.03) and found.frames == 200
     assert abs(found.largest) == pytest.approx(3, abs=0.2)
@@ -36,28 +38,28 @@ def test_refused_while_something_presses(press):
     values[:, 2, 3] += {'held': np.full(50, 11.0), 'growing': np.linspace(0, 11, 50),
                         'tapping': np.arange(50) % 25 == 0}[press] * (12 if press == 'tapping' else 1)
     with pytest.raises(TareRefusedError, match='row 2, column 3') as refused:
-        measure(values, LIMIT)
+        measure(values, LIMIT, GUARD)
     assert refused.value.refusal is TareRefusal.PRESSED
 
 
 def test_a_taxel_without_a_valid_value_keeps_its_zero():
     values = frames(np.ones((2, 2)), 0.0, 5)
     values[2, 0, 1] = np.nan
-    assert measure(values, LIMIT).offset.tolist() == [[1, 0], [1, 1]]
+    assert measure(values, LIMIT, GUARD).offset.tolist() == [[1, 0], [1, 1]]
     with pytest.raises(TareRefusedError) as refused:
-        measure(np.full((5, 2, 2), np.nan), LIMIT)
+        measure(np.full((5, 2, 2), np.nan), LIMIT, GUARD)
     assert refused.value.refusal is TareRefusal.NO_VALID_VALUES
 
 
 def tared(pad: TaredPad, given: list[TaxelFrame], count: int, timeout: float = 20.0, zero_device=None,
-          is_kept=lambda: True):
+          boots=lambda: 0):
     """Tare on a thread while ``given`` frames come again and again."""
     outcome = []
 
     def run():
         try:
             outcome.append(pad.tare(count, LIMIT, timeout) if zero_device is None else
-                           pad.tare_after(zero_device, is_kept, frames=count, limit=LIMIT, timeout=timeout))
+                           pad.tare_after(zero_device, boots, frames=count, limit=LIMIT, timeout=timeout))
         except (TareRefusedError, DeviceError) as error:
             outcome.append(error)
     thread = threading.Thread(target=run)
@@ -70,7 +72,7 @@ def tared(pad: TaredPad, given: list[TaxelFrame], count: int, timeout: float = 2
 
 
 def test_whole_frames_alone_count_and_the_tare_is_taken_off_afterwards():
-    pad = TaredPad()
+    pad = TaredPad(GUARD)
     before = frame([[1, 2], [3, np.nan]])
     assert pad.feed(before) is before
     found = tared(pad, [frame([[1, 2], [3, np.nan]]), frame([[50, 50], [50, 50]], missing=1)], 4)
@@ -82,7 +84,7 @@ def test_whole_frames_alone_count_and_the_tare_is_taken_off_afterwards():
 
 
 def test_a_refused_tare_leaves_the_one_before_and_too_few_frames_are_reported():
-    pad = TaredPad()
+    pad = TaredPad(GUARD)
     tared(pad, [frame([[1.0]])], 3)
     assert tared(pad, [frame([[50.0]])], 3).refusal is TareRefusal.PRESSED
     assert pad.feed(frame([[1.0]])).values.tolist() == [[0.0]]
@@ -91,7 +93,7 @@ def test_a_refused_tare_leaves_the_one_before_and_too_few_frames_are_reported():
 
 
 def test_while_the_device_zeroes_itself_no_value_is_valid():
-    pad, seen, given = TaredPad(), [], [frame([[3.0, 4.0]])]
+    pad, seen, given = TaredPad(GUARD), [], [frame([[3.0, 4.0]])]
     tared(pad, given, 3)
 
     def zero_device():
@@ -105,7 +107,7 @@ def test_while_the_device_zeroes_itself_no_value_is_valid():
 
 
 def test_a_device_is_not_requested_to_take_a_load_for_its_zero():
-    pad, requests = TaredPad(), []
+    pad, requests = TaredPad(GUARD), []
     refused = tared(pad, [frame([[50.0]])], 3, zero_device=lambda: requests.append(1))
     assert refused.refusal is TareRefusal.PRESSED and not requests
     assert pad.feed(frame([[50.0]])).values.tolist() == [[50]]
@@ -118,7 +120,7 @@ def refuses(error):
 
 
 def test_a_device_that_zeroes_nothing_leaves_the_tare_before():
-    pad = TaredPad()
+    pad = TaredPad(GUARD)
     tared(pad, [frame([[3.0]])], 3)
     error = tared(pad, [frame([[3.0]])], 3, zero_device=refuses(DeviceError))
     assert type(error) is DeviceError and error.got == 'an abort'
@@ -126,7 +128,7 @@ def test_a_device_that_zeroes_nothing_leaves_the_tare_before():
 
 
 def test_of_a_device_that_zeroes_itself_in_part_no_value_is_valid_until_the_next_tare():
-    pad = TaredPad()
+    pad = TaredPad(GUARD)
     tared(pad, [frame([[3.0]])], 3)
     error = tared(pad, [frame([[3.0]])], 3, zero_device=refuses(HalfZeroedError))
     assert np.isnan(pad.feed(frame([[4.0]])).values).all()
@@ -136,8 +138,8 @@ def test_of_a_device_that_zeroes_itself_in_part_no_value_is_valid_until_the_next
 
 
 def test_a_device_that_has_lost_its_zero_gives_no_valid_value_until_the_next_tare():
-    pad, boots = TaredPad(), []
-    tared(pad, [frame([[0.5]])], 3, zero_device=lambda: 1, is_kept=lambda: not boots)
+    pad, boots = TaredPad(GUARD), []
+    tared(pad, [frame([[0.5]])], 3, zero_device=lambda: 1, boots=lambda: len(boots))
     assert pad.feed(frame([[4.0]])).values.tolist() == [[3.5]]
     boots.append('power cycle')
     assert np.isnan(pad.feed(frame([[8.0]])).values).all()
@@ -147,7 +149,7 @@ def test_a_device_that_has_lost_its_zero_gives_no_valid_value_until_the_next_tar
 
 
 def test_a_tare_that_waits_for_frames_that_no_longer_come_is_refused():
-    pad, refused = TaredPad(), []
+    pad, refused = TaredPad(GUARD), []
 
     def tare():
         with pytest.raises(TareRefusedError) as error:
@@ -161,3 +163,95 @@ def test_a_tare_that_waits_for_frames_that_no_longer_come_is_refused():
     assert refused
     pad.expect()
     assert tared(pad, [frame([[1.0]])], 3).frames == 3
+
+
+SIDE, ANY_LIMIT = 16, 1e9
+OBJECT = np.zeros((SIDE, SIDE), bool)
+OBJECT[5:11, 4:12] = True
+SMALL = np.zeros((SIDE, SIDE), bool)
+SMALL[7:9, 3:5] = True
+
+
+def tared_with_any_limit(readings, unit='Pa', zero=0.0, gains=1.0, noise=0.01):
+    """The tare of 20 frames of ``readings`` with noise, a part of the unit's press threshold."""
+    guard = ContactGuard.of_unit(unit, gains)
+    return measure(frames(np.asarray(readings, float), noise * guard.press, 20), ANY_LIMIT, guard, zero)
+
+
+@pytest.mark.parametrize(('what', 'given'), [
+    ('an object', {'readings': 50e3 * OBJECT}),
+    ('a small one', {'readings': 35e3 * SMALL}),
+    ('one taxel, as the processor reports it', {'readings': 35e3 * (np.arange(256) == 40).reshape(SIDE, SIDE)}),
+    ('one that lightens, but is not released yet', {'readings': 26e3 * OBJECT}),
+    ('all over the pad', {'readings': np.full((SIDE, SIDE), 40e3)}),
+    ('an object on a skin in newton', {'readings': 0.3 * OBJECT, 'unit': 'N'}),
+    ('a zero far below what the object adds', {'readings': -20e3 + 28e3 * OBJECT, 'zero': -20e3}),
+    ('at start-up, hidden in a low offset', {'readings': -20e3 + 35e3 * OBJECT}),
+    ('lighter than a contact, but it stands out', {'readings': 15e3 * OBJECT}),
+    ('a weak taxel that its gain makes a contact', {'readings': 5e3 * OBJECT, 'gains': np.full((SIDE, SIDE), 10.0)})])
+def test_a_contact_is_never_tared_away_whatever_the_limit(what, given):
+    """The planner would see an empty gripper."""
+    with pytest.raises(TareRefusedError) as refused:
+        tared_with_any_limit(**given)
+    assert refused.value.refusal is TareRefusal.CONTACT, what
+
+
+def test_a_contact_that_comes_and_goes_during_the_tare_is_one():
+    values = frames(np.zeros((SIDE, SIDE)), 100.0, 50)
+    values[20:22, OBJECT] += 50e3
+    with pytest.raises(TareRefusedError) as refused:
+        measure(values, ANY_LIMIT, GUARD)
+    assert refused.value.refusal is TareRefusal.CONTACT
+
+
+def test_a_contact_that_is_partly_hidden_is_one():
+    values = frames(50e3 * SMALL, 100.0, 50)
+    values[::2, SMALL] = np.nan
+    with pytest.raises(TareRefusedError) as refused:
+        measure(values, ANY_LIMIT, GUARD)
+    assert refused.value.refusal is TareRefusal.CONTACT
+
+
+@pytest.mark.parametrize('spread', [0.0, 1e3, 3e3])
+def test_offsets_are_no_contact(spread):
+    """Of a hundred pads each, drawn independently of the code: taxels apart, a tilted pad, a common offset."""
+    tilt = np.linspace(-2e3, 4e3, SIDE)[:, np.newaxis]
+    for seed in range(100):
+        apart = spread * np.random.default_rng(seed).standard_normal((SIDE, SIDE))
+        for offset in (apart, apart + 8e3, apart - 50e3, apart + tilt):
+            found = tared_with_any_limit(offset)
+            np.testing.assert_allclose(found.offset, offset, atol=6 * 300 / 20 ** 0.5)
+
+
+def test_two_taxels_with_large_offsets_are_tared_with_a_higher_limit():
+    offset = np.zeros((SIDE, SIDE))
+    offset[3, 3:5] = 20e3
+    with pytest.raises(TareRefusedError) as refused:
+        measure(frames(offset, 100.0, 20), 10e3, GUARD)
+    assert refused.value.refusal is TareRefusal.PRESSED
+    assert tared_with_any_limit(offset).largest == pytest.approx(20e3, rel=0.02)
+
+
+def test_after_the_devices_zero_a_tare_that_fails_leaves_no_valid_value():
+    """An object was put in meanwhile: the device may have taken a part of it for its zero."""
+    pad, given = TaredPad(GUARD), [frame([[0.5, 0.5]])]
+
+    def zero_device():
+        given[0] = frame([[20.0, 20.0]])
+        return 2
+    refused = tared(pad, given, 3, zero_device=zero_device)
+    assert refused.refusal is TareRefusal.PRESSED
+    assert np.isnan(pad.feed(frame([[20.0, 20.0]])).values).all()
+    assert pad.zero_state is ZeroState.DEVICE_NOT_CHECKED
+    tared(pad, [frame([[0.25, 0.25]])], 3)
+    assert pad.feed(frame([[1.25, 0.25]])).values.tolist() == [[1, 0]] and pad.zero_state is ZeroState.VALID
+
+
+def test_the_devices_zero_is_watched_also_after_the_next_plain_tare():
+    """The plain tare has measured what the device's zero had left; without that zero it is wrong."""
+    pad, boots = TaredPad(GUARD), []
+    tared(pad, [frame([[0.5]])], 3, zero_device=lambda: 1, boots=lambda: len(boots))
+    tared(pad, [frame([[1.0]])], 3)
+    assert pad.feed(frame([[4.0]])).values.tolist() == [[3.0]]
+    boots.append('power cycle')
+    assert np.isnan(pad.feed(frame([[8.0]])).values).all() and pad.zero_state is ZeroState.DEVICE_HAS_RESTARTED

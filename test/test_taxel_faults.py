@@ -5,6 +5,7 @@ import pytest
 
 from tactile_node.conditioning.condition_text import faults_text
 from tactile_node.conditioning.conditioned_pad import ConditionedPad
+from tactile_node.conditioning.contact_guard import ContactGuard
 from tactile_node.conditioning.fault_file import load_faults, save_faults
 from tactile_node.conditioning.gain import load_gains
 from tactile_node.conditioning.tare import TaredPad
@@ -13,6 +14,7 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 
 SIDE, LIMIT, PRESS, FULL, PERIOD = 12, 10.0, 60.0, 100.0, 0.02
+GUARD = ContactGuard.of_unit('Pa')
 DEAD, STUCK, FLICKERING, SATURATED = (kind for kind in TaxelFault if kind)
 ROWS, COLS = np.mgrid[:SIDE, :SIDE]
 
@@ -163,7 +165,7 @@ def test_places_are_reported_and_bounded():
     assert faults_text(FaultyTaxels(kinds)).endswith('(1, 8) and 2 more')
 
 
-def frame(values, status=0):
+def frame(values, status=TaxelStatus.VALID):
     values = np.asarray(values, np.float32)
     return TaxelFrame(1.0, 0, values, np.full(values.shape, status, np.uint8), missing_can_frames=0)
 
@@ -176,7 +178,7 @@ def known(*taxels):
 
 
 def test_known_taxels_are_nan_from_the_first_frame_with_their_reason():
-    pad = ConditionedPad(TaredPad(), FaultDetector(2, 2, LIMIT), known((0, 1, DEAD), (1, 0, STUCK)))
+    pad = ConditionedPad(TaredPad(GUARD), FaultDetector(2, 2, LIMIT), known((0, 1, DEAD), (1, 0, STUCK)))
     got = pad.feed(frame([[1, 2], [3, 4]]))
     np.testing.assert_array_equal(got.values, np.array([[1, np.nan], [np.nan, 4]], np.float32))
     assert got.status.tolist() == [[TaxelStatus.VALID, TaxelStatus.DEAD], [TaxelStatus.FAULTY, TaxelStatus.VALID]]
@@ -185,7 +187,7 @@ def test_known_taxels_are_nan_from_the_first_frame_with_their_reason():
 
 
 def test_what_is_found_is_masked_only_on_request():
-    pad = ConditionedPad(TaredPad(), FaultDetector(2, 2, LIMIT), known())
+    pad = ConditionedPad(TaredPad(GUARD), FaultDetector(2, 2, LIMIT), known())
     pad.detector.update = lambda *_: known((0, 1, DEAD))
     assert pad.feed(frame([[1, 2], [3, 4]])).values.tolist() == [[1, 2], [3, 4]] and pad.faults.total == 1
     pad.masks = True
@@ -220,7 +222,7 @@ def test_a_weak_taxel_is_not_dead():
 
 
 def test_gains_act_on_what_is_above_zero():
-    tared, gains = TaredPad(), np.array([[1, 2], [0.5, 4]], np.float32)
+    tared, gains = TaredPad(GUARD), np.array([[1, 2], [0.5, 4]], np.float32)
     tared.offset = np.full((2, 2), 10, np.float32)
     pad = ConditionedPad(tared, FaultDetector(2, 2, LIMIT), known((1, 1, DEAD)), gains)
     np.testing.assert_array_equal(pad.feed(frame([[11, 12], [14, 20]])).values,
@@ -273,13 +275,13 @@ def test_bad_files_of_faults(tmp_path, content, says):
 
 
 def test_a_pad_that_repeats_itself_to_the_bit_is_frozen_on_request():
-    pad, random = ConditionedPad(TaredPad(), FaultDetector(2, 2, LIMIT), known()), np.random.default_rng(2)
+    pad, random = ConditionedPad(TaredPad(GUARD), FaultDetector(2, 2, LIMIT), known()), np.random.default_rng(2)
     last = random.standard_normal((2, 2))
     live = [frame(random.standard_normal((2, 2)))._replace(stamp=0.02 * n) for n in range(50)]
     frozen = [frame(last)._replace(stamp=1 + 0.02 * n) for n in range(60)]
     assert np.isfinite([pad.feed(each).values for each in live + frozen]).all()
     assert pad.unchanged == pytest.approx(0.02 * 59) and not pad.is_frozen
-    pad = ConditionedPad(TaredPad(), FaultDetector(2, 2, LIMIT), known())
+    pad = ConditionedPad(TaredPad(GUARD), FaultDetector(2, 2, LIMIT), known())
     pad.frozen_after = 0.5
     given = [pad.feed(each) for each in live + frozen + [frame(-last)._replace(stamp=2.5)]]
     valid = [bool(np.isfinite(each.values).all()) for each in given]

@@ -14,7 +14,7 @@ from rclpy.parameter import Parameter  # noqa: E402
 
 from tactile_node.node_graph import bus_nodes  # noqa: E402
 from tactile_node.nodes.grasp_node import GraspNode  # noqa: E402
-from tactile_node.nodes.system import make_system  # noqa: E402
+from tactile_node.nodes.system import System  # noqa: E402
 from tactile_node.simulator.skin_simulator import SkinSimulator  # noqa: E402
 from tactile_node.skin.pads import make_pad  # noqa: E402
 from tactile_skin.msg import Grasp, TaxelArray  # noqa: E402
@@ -43,7 +43,7 @@ def fingers():
             skin.start('virtual', channel)
             stack.callback(skin.stop)
             driver = {'interface': 'virtual', 'channel': channel, 'node_ids': [32], 'layouts': [layout]}
-            system = make_system(bus_nodes([name], driver=driver, namespace=f'{name}_finger'))
+            system = System(bus_nodes([name], driver=driver, namespace=f'{name}_finger'))
             stack.callback(system.destroy)
             for node in system.nodes:
                 executor.add_node(node)

@@ -12,7 +12,7 @@ PACKAGE = ROOT / 'tactile_node'
 #: rooms by rows, the lowest first; x is in units of a box
 PLACES = {
     'cia301': (1.0, 0), 'threads': (3.0, 0), 'contact': (5.1, 0), 'helmholtz': (6.3, 0), 'geometry': (8.6, 0),
-    'frames': (1.0, 1), 'shape': (5.7, 1),
+    'frames': (1.0, 1), 'delay': (4.2, 1), 'shape': (5.7, 1),
     'skin': (1.0, 2), 'conditioning': (2.8, 2), 'grasp': (4.5, 2), 'pose': (5.7, 2), 'fusion': (6.9, 2),
     'synthetic': (8.6, 2),
     'assembly': (1.0, 3), 'reproduction': (9.1, 3), 'library': (7.7, 3.6),

@@ -13,7 +13,7 @@ from bench.recognition.figures import Rate, calibration_error
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.fusion.recognitions import RecognitionFusion
 from tactile_node.shape.recogniser import OUTPUTS, ShapeRecogniser
-from tactile_node.shape.recognition import Shape
+from tactile_node.shape.recognition import Recognition, Shape
 from training.samples import UNKNOWN, Samples
 
 ORDER = (*OUTPUTS, Shape.NONE)
@@ -76,7 +76,7 @@ def answers_of(recogniser: ShapeRecogniser, patterns: Iterable[ContactPattern]) 
 def fused(stamps: np.ndarray, answers: np.ndarray) -> np.ndarray:
     """What the classifier node reports of successive ``answers``, as probabilities of 0 and 1, (K, 7)."""
     fusion = RecognitionFusion()
-    said = [fusion.update(stamp, dict(zip(ORDER, answer.tolist()))).recognition.shape
+    said = [fusion.update(stamp, Recognition.of(dict(zip(ORDER, answer.tolist())))).recognition.shape
             for stamp, answer in zip(stamps, answers)]
     return np.eye(len(ORDER))[[ORDER.index(shape) for shape in said]]
 

@@ -35,7 +35,6 @@ Limits
     where the end of one sweep and the beginning of the next one are lost.
 """
 
-from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -76,7 +75,7 @@ class FrameAssembler:
         self._withheld = 0
         self._received = 0
         self._used = [0] * len(node_ids)
-        self._losses: Counter[LossReason] = Counter()
+        self._losses = dict.fromkeys(LossReason, 0)
         self._before: SweepPeriod | None = None  # not yet emitted: its end may still come
         self._period: SweepPeriod | None = None
         self.restart()
@@ -152,7 +151,7 @@ class FrameAssembler:
         return PadStatistics(
             complete=self._complete, incomplete=self._incomplete, expected=frames * len(self._lengths),
             received=self._received, used=sum(self._used), pending=self._pending(),
-            losses={reason: self._losses[reason] for reason in LossReason}, withheld=self._withheld,
+            losses=dict(self._losses), withheld=self._withheld,
             used_by_node=tuple(self._used))
 
     def _forget(self) -> None:

@@ -4,7 +4,6 @@ A period begins with the request of an upload, by any client, and ends with the 
 succeed gives, at that next one, a frame whose taxels are all NaN and STALE, or none (``drop_incomplete``).
 """
 
-from collections import Counter
 
 import numpy as np
 
@@ -37,7 +36,7 @@ class DomainAssembler:
         self._complete = 0
         self._incomplete = 0
         self._withheld = 0
-        self._losses: Counter[LossReason] = Counter()
+        self._losses = dict.fromkeys(LossReason, 0)
         self._stamp: float | None = None  # of the period under way
         self.restart()
 
@@ -92,7 +91,7 @@ class DomainAssembler:
             complete=self._complete, incomplete=self._incomplete,
             expected=self._complete + self._incomplete + self._withheld,
             received=self._complete + sum(self._losses.values()), used=self._complete, pending=0,
-            losses={reason: self._losses[reason] for reason in LossReason}, withheld=self._withheld,
+            losses=dict(self._losses), withheld=self._withheld,
             used_by_node=(self._complete,))
 
     def _take(self, step: Step) -> Results:

@@ -105,6 +105,10 @@ class SkinBus:
         if node.node_id in self._polls:
             self._polls[node.node_id].by_block = is_block
 
+    def age(self, stamp: float) -> float:
+        """Time since what was stamped ``stamp`` was on the bus [s], by the steady clock."""
+        return self._traffic.clock.age(stamp)
+
     def auto_zero(self, pad: str) -> int:
         """Let the pad's devices zero themselves; how many channels. Raises DeviceError, BusError, HalfZeroedError."""
         zeroed = 0

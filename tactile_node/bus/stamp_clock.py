@@ -39,6 +39,7 @@ class StampClock:
             wall, steady = self._both()
             self._offset = wall - steady
             self._before = 0.0  # the offset before the last jump
+            self._lead_before = 0.0  # of the stamps before the last jump on the steady clock
             self._jumped = -float('inf')  # when
             self._least: float | None = None
             self._looked = steady
@@ -62,6 +63,18 @@ class StampClock:
             ages = [wall - timestamp, steady + self._before - timestamp]  # stamped after, or before the jump
             return wall + self.ahead - min((age for age in ages if age >= 0), default=0.0)
 
+    def age(self, stamp: float) -> float:
+        """Return for how long ``stamp`` has been past [s], by the steady clock: also when the wall clock was set since.
+
+        ``stamp`` is one that ``now`` or ``of`` has given, before at most one jump.
+        """
+        with self._lock:
+            _, steady = self._look()
+            taken = stamp - self._lead_before
+            if taken > self._jumped:
+                taken = stamp - self._offset - self.ahead
+            return max(0.0, steady - taken)
+
     def _both(self) -> tuple[float, float]:
         """Both clocks at one time."""
         steady = self._steady()
@@ -79,6 +92,7 @@ class StampClock:
         if abs(step := offset - self._offset) > JUMP:
             self.jumps += 1
             self._before, self._jumped = self._offset, steady
+            self._lead_before = self._offset + self.ahead
             self.ahead = max(0.0, self.ahead - step)
         self._offset = offset
         return wall, steady

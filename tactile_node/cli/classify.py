@@ -23,7 +23,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--curves', default='', metavar='FILE',
                         help=f'of --method volf, default config/{FILES[VOLF]}')
     parser.epilog = ('Prints {"frame": k, "shape": ..., "confidence": ..., "probabilities": {name: ...}, '
-                     '"N": ..., "contacts": ...}: N taxels in the largest of so many contacts.')
+                     '"N": ..., "contacts": ...}: N taxels in the largest of so many contacts. An unknown shape has '
+                     'a "reason": not_seen (too many NaN), unfamiliar or too_small.')
 
 
 def run(args: argparse.Namespace) -> int:

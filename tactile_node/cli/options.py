@@ -39,6 +39,24 @@ def pace(text: str) -> float:
     return value
 
 
+def switch(text: str) -> bool:
+    """'true' -> True; as ROS writes it, in any case, or as 1 and 0."""
+    if text.lower() not in ('true', 'false', '1', '0'):
+        raise ConfigurationError('a switch', expected='true or false', got=repr(text), remedy='Write one of them.')
+    return text.lower() in ('true', '1')
+
+
+def switch_or_file(text: str) -> bool | None:
+    """As `switch`; None for the empty text, which leaves it to the parameter file."""
+    return switch(text) if text else None
+
+
+def process_id(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise ConfigurationError('--end-with', expected='a process id', got=repr(text), remedy='Give a number.')
+    return int(text)
+
+
 def add_bus_options(parser: argparse.ArgumentParser, *, channel: str = DEFAULT_CHANNEL, is_set: bool = True) -> None:
     """Add --interface, --channel and --bitrate; not ``is_set``: None where not given, which leaves them to a file."""
     for option, default, kind, text in (('--interface', DEFAULT_INTERFACE, str, 'python-can interface'),

@@ -9,7 +9,8 @@ ZERO_TEXT = {
     ZeroState.NOT_KNOWN: 'the state of its zero is not known',
     ZeroState.DEVICE_IS_ZEROING: 'its device is zeroing itself',
     ZeroState.DEVICE_PARTLY_ZEROED: 'its device has zeroed itself in part',
-    ZeroState.DEVICE_HAS_RESTARTED: 'its device has restarted since it zeroed itself'}
+    ZeroState.DEVICE_HAS_RESTARTED: 'its device has restarted since it zeroed itself',
+    ZeroState.DEVICE_NOT_CHECKED: 'its device has zeroed itself, and the tare that checks it has failed'}
 
 
 def faults_text(faults: FaultyTaxels) -> str:

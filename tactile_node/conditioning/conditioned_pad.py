@@ -21,6 +21,7 @@ class PadCondition(NamedTuple):
     is_frozen: bool = False
     zero: ZeroState = ZeroState.VALID  #: unless VALID, no value is valid
     zero_error: HalfZeroedError | None = None  #: what the device reported, when it is PARTLY_ZEROED
+    other_publishers: tuple[str, ...] = ()  #: nodes that publish taxels of this pad, too, by full name
 
 
 class ConditionedPad:
@@ -42,7 +43,7 @@ class ConditionedPad:
         self.unchanged = 0.0
         self._stamp = np.inf
         self._known = known
-        self._gains = gains
+        self.gains = gains
         self._faults = known
         self._found: FaultyTaxels | None = None
         self._status = np.zeros_like(known.kinds)
@@ -75,8 +76,8 @@ class ConditionedPad:
         if self.is_frozen:
             frame = without_any_value(frame)
         frame = self.tared.feed(frame)
-        if self._gains is not None:
-            frame = frame._replace(values=read_only(frame.values * self._gains))
+        if self.gains is not None:
+            frame = frame._replace(values=read_only(frame.values * self.gains))
         return frame
 
     def _count_unchanged(self, frame: TaxelFrame) -> None:

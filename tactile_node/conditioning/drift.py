@@ -25,16 +25,17 @@ class DriftFollower:
         self._seen: np.ndarray | bool = False  # taxels that have had a value
 
     def update(self, stamp: float, values: np.ndarray, zero: np.ndarray,
-               is_faulty: np.ndarray | bool = False) -> np.ndarray:
+               is_faulty: np.ndarray | bool = False, is_contact: bool = False) -> np.ndarray:
         """Return the zero, (rows, cols), after a frame of ``values`` (NaN: unknown) as measured at ``stamp`` [s].
 
-        Taxels that are faulty (bool, (rows, cols)) are not waited for.
+        Taxels that are faulty (bool, (rows, cols)) are not waited for. ``is_contact``: something presses the pad,
+        whatever its taxels read above zero.
         """
         passed, self._stamp = stamp - self._stamp, stamp
         above = np.where(np.isfinite(values), values - zero, 0)
         lost = self._seen & ~np.isfinite(values) & ~np.asarray(is_faulty)  # it may be pressed
         self._seen = self._seen | np.isfinite(values)
-        if lost.any() or (above >= PRESSED * self.limit).any() or not 0 <= passed < QUIET:
+        if is_contact or lost.any() or (above >= PRESSED * self.limit).any() or not 0 <= passed < QUIET:
             self._pressed_at = stamp
         if stamp - self._pressed_at < QUIET:
             return zero

@@ -1,11 +1,13 @@
 """What a taxel may read at rest: above, something is on the pad."""
 
+import numpy as np
+
 from tactile_node.errors import ConfigurationError
+from tactile_node.press_levels import PRESS_BY_UNIT
 
 #: A taxel that reads so much is pressed when a tare is requested: less than a contact worth the name.
 TARE_LIMIT_BY_UNIT = {'Pa': 10e3, 'N': 0.03}
 ON_OFF_UNIT = '1'
-ON_OFF_LIMIT = 0.5
 
 
 def tare_limit(given: float, unit: str) -> float:
@@ -19,4 +21,13 @@ def tare_limit(given: float, unit: str) -> float:
 
 def rest_limit(given: float, unit: str) -> float:
     """Return the same for on/off taxels too: below it a taxel is not pressed."""
-    return ON_OFF_LIMIT if unit == ON_OFF_UNIT else tare_limit(given, unit)
+    return PRESS_BY_UNIT[ON_OFF_UNIT] if unit == ON_OFF_UNIT else tare_limit(given, unit)
+
+
+def drift_limit(given: float, unit: str, gains: np.ndarray | None = None) -> float:
+    """Return what the zero may be followed by: a ``given`` tare limit beyond the unit's own would hide a grasp.
+
+    So would one that the largest of ``gains`` makes a contact of. Raises ConfigurationError where there is no zero.
+    """
+    largest = 1.0 if gains is None else max(1.0, float(gains.max()))
+    return min(tare_limit(given, unit), tare_limit(0.0, unit)) / largest

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_node.conditioning.contact_guard import ContactGuard
 from tactile_node.conditioning.drift import DriftFollower
 from tactile_node.errors import HalfZeroedError, TareRefusal, TareRefusedError
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus, without_any_value
@@ -24,6 +25,7 @@ class ZeroState(IntEnum):
     DEVICE_IS_ZEROING = 2       #: the device is zeroing itself
     DEVICE_PARTLY_ZEROED = 3    #: the device has zeroed some of its channels only
     DEVICE_HAS_RESTARTED = 4    #: the device has restarted since it zeroed itself
+    DEVICE_NOT_CHECKED = 5      #: the device has zeroed itself, and the tare that checks it has failed
 
 
 class Tare(NamedTuple):
@@ -40,11 +42,11 @@ class Tare(NamedTuple):
         return float(self.offset.flat[np.abs(self.offset).argmax()])
 
 
-def measure(values: np.ndarray, limit: float) -> Tare:
+def measure(values: np.ndarray, limit: float, guard: ContactGuard, zero: np.ndarray | float = 0.0) -> Tare:
     """Return the zero of a pad from frames without a tare, (K, rows, cols), NaN where invalid.
 
-    Raises TareRefusedError where something presses: a taxel reads ``limit`` or more, or varies by as much. And
-    where not one taxel has a valid value in all frames.
+    Raises TareRefusedError where something presses: a taxel reads ``limit`` or more, or varies by as much, or
+    ``guard`` finds a contact over the present ``zero``. And where not one taxel has a valid value in all frames.
     """
     known = np.isfinite(values).all(0)
     if not known.any():
@@ -60,25 +62,42 @@ def measure(values: np.ndarray, limit: float) -> Tare:
             got=f'{np.count_nonzero(worst >= limit)} taxels above, most at row {row}, column {col}: mean '
                 f'{mean[row, col]:g}, varying by {varies[row, col]:g}',
             remedy='Open the gripper. If nothing presses: set "offset" in the layout, or raise tare_limit.')
+    _refuse_contact(values, guard, zero)
     return Tare(read_only(mean.astype(np.float32)), len(values), float(np.sqrt(values.var(0)[known].mean())), known)
+
+
+def _refuse_contact(values: np.ndarray, guard: ContactGuard, zero: np.ndarray | float) -> None:
+    """Raise TareRefusedError where ``guard`` finds a contact."""
+    pressed = guard.pressed(values, zero)
+    if pressed.any():
+        loads = np.where(pressed, np.where(np.isfinite(values), values - zero, -np.inf).max(0), -np.inf)
+        row, col = np.unravel_index(loads.argmax(), loads.shape)
+        raise TareRefusedError(
+            'tare', TareRefusal.CONTACT, expected='no contact on the pad, whatever tare_limit is',
+            got=f'{np.count_nonzero(pressed)} pressed taxels, most at row {row}, column {col}: {loads[row, col]:g} '
+                'above zero',
+            remedy='Open the gripper. If nothing presses: set "offset" in the layout, or take out faulty taxels.')
 
 
 class TaredPad:
     """Subtracts the zero of one pad from its frames; frames come on one thread, ``tare`` is called on another.
 
-    With ``drift`` the zero follows the taxels while nothing presses.
+    ``guard`` finds the contacts that are never tared away. With ``drift`` the zero follows the taxels while nothing
+    presses.
 
-    >>> pad = TaredPad()
+    >>> pad = TaredPad(ContactGuard.of_unit('Pa'))
     >>> pad.offset is None
     True
     """
 
-    def __init__(self, drift: DriftFollower | None = None):
+    def __init__(self, guard: ContactGuard, drift: DriftFollower | None = None):
         self.offset: np.ndarray | None = None
         self.drift = drift
         self.zero_error: HalfZeroedError | None = None  #: what the device reported, when it is PARTLY_ZEROED
+        self._guard = guard
         self._zero_state = ZeroState.VALID
-        self._is_device_zero_kept: Callable[[], bool] = lambda: True
+        self._boots: Callable[[], int] | None = None  # of a device that has zeroed itself
+        self._zeroed_after = 0  # so many boots
         self._wanted = 0
         self._taken: list[np.ndarray] = []
         self._changed = threading.Condition()
@@ -87,7 +106,7 @@ class TaredPad:
     @property
     def zero_state(self) -> ZeroState:
         """Whether the zero is valid; while it is not, no value is."""
-        if self._zero_state is ZeroState.VALID and not self._is_device_zero_kept():
+        if self._zero_state is ZeroState.VALID and self._boots is not None and self._boots() != self._zeroed_after:
             return ZeroState.DEVICE_HAS_RESTARTED
         return self._zero_state
 
@@ -101,7 +120,8 @@ class TaredPad:
                 self._changed.notify()
             if (drift := self.drift) is not None and is_valid:
                 zero = np.zeros_like(frame.values) if self.offset is None else self.offset
-                self.offset = drift.update(frame.stamp, frame.values, zero, np.isin(frame.status, FAULTY))
+                is_contact = bool(self._guard.pressed(frame.values[np.newaxis], zero).any())
+                self.offset = drift.update(frame.stamp, frame.values, zero, np.isin(frame.status, FAULTY), is_contact)
         if not is_valid:
             return without_any_value(frame)
         if self.offset is None:
@@ -110,27 +130,29 @@ class TaredPad:
 
     def tare(self, frames: int, limit: float, timeout: float) -> Tare:
         """Average the next complete ``frames`` into a new tare; TareRefusedError, also after ``timeout`` [s]."""
-        found = self.measure_next(frames, limit, timeout)
+        boots = self._boots() if self._boots is not None else 0
+        found = self._measure_next(frames, limit, timeout)
         with self._changed:  # a taxel that could not be measured keeps its zero
             offset = found.offset if self.offset is None else np.where(found.known, found.offset, self.offset)
             self.offset = read_only(offset)
+            self._zeroed_after = boots
             self._zero_state = ZeroState.VALID
-            self._is_device_zero_kept = lambda: True
         return found
 
-    def tare_after(self, zero_device: Callable[[], int], is_kept: Callable[[], bool], frames: int, limit: float,
+    def tare_after(self, zero_device: Callable[[], int], boots: Callable[[], int], frames: int, limit: float,
                    timeout: float) -> tuple[int, Tare]:
         """Let the device zero itself, then subtract what is left; return the result of ``zero_device``, too.
 
         Refused under load before the device receives the request, or it would take the load for its zero. Until the
-        new tare is known no value is valid. From then on ``is_kept`` reports whether the device still has its zero
-        (CiA 404: after a reset it has not, unless it was commanded to save it); once it has not, no value is valid
-        before the next tare. When ``zero_device`` raises, all is as before; after HalfZeroedError no value is valid.
+        new tare is known no value is valid, also when it fails. From then on ``boots``, which counts the boot-ups of
+        the device, shows whether it still has its zero (CiA 404: after a reset it has not, unless it was commanded to
+        save it); once it has not, no value is valid before the next tare. When ``zero_device`` raises, all is as
+        before; after HalfZeroedError no value is valid.
         """
-        self.measure_next(frames, limit, timeout)
-        before = self._zero_state, self.offset
+        self._measure_next(frames, limit, timeout)
+        before = self._zero_state, self.offset, self._boots
         with self._changed:
-            self._zero_state, self.offset = ZeroState.DEVICE_IS_ZEROING, None
+            self._zero_state, self.offset, self._boots = ZeroState.DEVICE_IS_ZEROING, None, boots
         try:
             zeroed = zero_device()
         except HalfZeroedError as error:
@@ -139,13 +161,14 @@ class TaredPad:
             raise
         except BaseException:
             with self._changed:
-                self._zero_state, self.offset = before
+                self._zero_state, self.offset, self._boots = before
             raise
         try:
-            self.measure_next(SETTLING, np.inf, timeout)
+            self._take_next(SETTLING, timeout)
             return zeroed, self.tare(frames, limit, timeout)
-        finally:
-            self._zero_state, self._is_device_zero_kept = ZeroState.VALID, is_kept
+        except BaseException:
+            self._zero_state = ZeroState.DEVICE_NOT_CHECKED
+            raise
 
     def give_up(self, why: str) -> None:
         """No frames come until ``expect``: any tare that waits for some is refused at once."""
@@ -157,8 +180,13 @@ class TaredPad:
         """Frames come again."""
         self._ended = ''
 
-    def measure_next(self, frames: int, limit: float, timeout: float) -> Tare:
+    def _measure_next(self, frames: int, limit: float, timeout: float) -> Tare:
         """As ``tare``, but only measure."""
+        taken = self._take_next(frames, timeout)
+        return measure(taken, limit, self._guard, 0.0 if self.offset is None else self.offset)
+
+    def _take_next(self, frames: int, timeout: float) -> np.ndarray:
+        """Return the values of the next complete ``frames``, (frames, rows, cols); TareRefusedError."""
         with self._changed:
             self._taken, self._wanted = [], frames
             self._changed.wait_for(lambda: not self._wanted or self._ended, timeout)
@@ -171,4 +199,4 @@ class TaredPad:
             raise TareRefusedError('tare', TareRefusal.TOO_FEW_FRAMES, got=f'{len(taken)}',
                                    expected=f'{frames} whole taxel frames within {timeout:.1f} s',
                                    remedy='See /diagnostics: it names the losses.')
-        return measure(np.stack(taken), limit)
+        return np.stack(taken)

@@ -1,4 +1,4 @@
-"""Taxel values -> contact pattern: threshold with hysteresis, then the largest contact."""
+"""Taxel values -> contact pattern: threshold with hysteresis, then the contacts, the largest first."""
 
 from typing import NamedTuple
 
@@ -7,10 +7,11 @@ from numpy.typing import ArrayLike
 from scipy import ndimage
 
 from tactile_node.contact.press import PressThresholds
+from tactile_node.contact.seen import EIGHT_CONNECTED, pad_seen
 from tactile_node.errors import InputError
 from tactile_node.read_only import read_only
 
-EIGHT_CONNECTED = read_only(np.ones((3, 3), bool))
+MOST_LABELS = 255  #: contacts beyond so many have no label
 
 
 class ContactPattern(NamedTuple):
@@ -18,7 +19,30 @@ class ContactPattern(NamedTuple):
 
     mask: np.ndarray    #: bool, the largest contact
     values: np.ndarray  #: float, the frame's values, NaN where a taxel has no valid one
-    contacts: int       #: number of separate contacts on the pad, 0 when it is empty
+    contacts: int       #: number of separate contacts seen on the pad, 0 when it is empty or not seen
+    labels: np.ndarray  #: uint8, the contact that a taxel belongs to: 1 the largest, 2 the next, ...; 0 none
+    sizes: tuple[int, ...]  #: taxels of each label: sizes[0] is that of label 1
+    hidden: np.ndarray      #: bool, taxels of the pad without a valid value
+    saturated: np.ndarray   #: bool, taxels at the end of their range: their value is a lower bound
+    unmapped: np.ndarray    #: bool, places without a taxel: no part of the pad, as what lies beyond its edge
+
+    @property
+    def pad_seen(self) -> bool:
+        """Whether no group of hidden taxels has room for a contact of 4: only then do 0 contacts mean an empty pad."""
+        return pad_seen(self.hidden, self.unmapped)
+
+    @classmethod
+    def of(cls, mask: np.ndarray, values: np.ndarray) -> 'ContactPattern':
+        """Return the pattern of one contact ``mask``, bool, or none, of a frame ``values``, both (rows, cols).
+
+        >>> ContactPattern.of(np.array([[True, False]]), np.array([[5.0, np.nan]])).hidden.tolist()
+        [[False, True]]
+        """
+        taxels = int(np.count_nonzero(mask))
+        nowhere = read_only(np.zeros(mask.shape, bool))
+        return cls(mask=mask, values=values, contacts=int(taxels > 0), labels=mask.astype(np.uint8),
+                   sizes=(taxels,) if taxels else (), hidden=~np.isfinite(values), saturated=nowhere,
+                   unmapped=nowhere)
 
 
 class PatternExtractor:
@@ -29,7 +53,10 @@ class PatternExtractor:
     it is valid again. One exception: invalid taxels fully enclosed by the contact are filled in, for a dead
     taxel under an object is no hole of the object. A bool frame is itself the pressed taxels.
 
-    With ``largest`` False the pattern is every pressed taxel of the pad, not the largest contact alone.
+    Pressed taxels that face each other across hidden ones, along a row or a column, are one contact: a row that
+    was not seen tears no contact apart.
+
+    With ``largest`` False the mask is every pressed taxel of the pad, not the largest contact alone.
     """
 
     def __init__(self, thresholds: PressThresholds, *, largest: bool = True):
@@ -37,19 +64,30 @@ class PatternExtractor:
         self._largest = largest
         self._pressed: np.ndarray | None = None
 
-    def extract(self, values: ArrayLike) -> ContactPattern:
+    def extract(self, values: ArrayLike, *, saturated: ArrayLike | None = None,
+                unmapped: ArrayLike | None = None) -> ContactPattern:
         """Return the contact pattern of a frame, real numbers or bool, shape (rows, cols).
 
-        A frame of another shape than the one before starts again without a pressed taxel. Raises InputError
-        for anything else.
+        ``saturated`` and ``unmapped``: bool, of the same shape, as in ContactPattern; None: no such taxel. A frame of
+        another shape than the one before starts again without a pressed taxel. Raises InputError for anything else.
         """
         frame = as_frame(values)
         numbers = frame.astype(float, copy=False)
         valid = np.isfinite(numbers)
+        missing = _taxels(unmapped, frame.shape, 'unmapped')
+        hidden = ~(valid | missing)
         pressed = frame if frame.dtype == bool else self._update(numbers, valid) & valid
-        largest, contacts = largest_contact(pressed)
-        mask = _with_enclosed(largest if self._largest else pressed.copy(), valid)
-        return ContactPattern(read_only(mask), read_only(np.where(valid, numbers, np.nan)), contacts)
+        labels, contacts = number_contacts(pressed, hidden)
+        if self._largest:
+            mask = _with_enclosed(labels == 1, ~hidden)
+            labels[mask] = 1
+        else:
+            mask = pressed.copy()
+        return ContactPattern(
+            mask=read_only(mask), values=read_only(np.where(valid, numbers, np.nan)), contacts=contacts,
+            labels=read_only(labels), sizes=tuple(np.bincount(labels.reshape(-1))[1:].tolist()),
+            hidden=read_only(hidden), saturated=read_only(_taxels(saturated, frame.shape, 'saturated') & valid),
+            unmapped=read_only(missing))
 
     def _update(self, values: np.ndarray, valid: np.ndarray) -> np.ndarray:
         before = self._pressed
@@ -62,16 +100,55 @@ class PatternExtractor:
         return pressed
 
 
-def largest_contact(active: np.ndarray) -> tuple[np.ndarray, int]:
-    """Return the mask of the largest 8-connected contact of ``active`` and the number of contacts.
+def of_contact(pattern: ContactPattern, number: int) -> ContactPattern:
+    """Return ``pattern`` with the contact of label ``number``, and the hidden taxels that it encloses, as its mask."""
+    if number == 1:
+        return pattern
+    mask = _with_enclosed(pattern.labels == number, ~pattern.hidden)
+    return pattern._replace(mask=read_only(mask))
 
-    Of several equally large ones, the first in row-major order.
+
+def number_contacts(pressed: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray, int]:
+    """Return the contact of each taxel, uint8, 1 the largest, 0 none, and the number of contacts.
+
+    A contact is 8-connected; hidden taxels with pressed ones on both sides of their row or column connect. Of equally
+    large contacts the first in row-major order comes first; those after MOST_LABELS are counted and have no label.
     """
-    labels, contacts = ndimage.label(active, EIGHT_CONNECTED)
+    connected = pressed | between(pressed, hidden) if hidden.any() else pressed
+    found, contacts = ndimage.label(connected, EIGHT_CONNECTED)
     if contacts <= 1:
-        return active.copy(), contacts
-    sizes = np.bincount(labels.reshape(-1))
-    return labels == sizes[1:].argmax() + 1, contacts
+        return pressed.astype(np.uint8), contacts
+    if connected is not pressed:
+        found = found * pressed
+    largest_first = np.argsort(-np.bincount(found.reshape(-1))[1:], kind='stable')
+    number = np.zeros(contacts + 1, np.uint8)
+    number[largest_first[:MOST_LABELS] + 1] = np.arange(1, min(contacts, MOST_LABELS) + 1)
+    return number[found], contacts
+
+
+def between(pressed: np.ndarray, hidden: np.ndarray) -> np.ndarray:
+    """Return the ``hidden`` taxels of a row or column between two ``pressed`` ones, with only hidden others."""
+    left, right, below, above = in_line(pressed, hidden)
+    between_two: np.ndarray = left & right | below & above
+    return between_two
+
+
+def in_line(pressed: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the ``hidden`` taxels whose next taxel that is not hidden is ``pressed``, by the direction of that one.
+
+    Towards lower and higher columns, lower and higher rows.
+    """
+    below, above = _in_line_along_rows(pressed.T, hidden.T)
+    return *_in_line_along_rows(pressed, hidden), below.T, above.T
+
+
+def _in_line_along_rows(pressed: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    cols = hidden.shape[1]
+    place = np.arange(cols)
+    before = np.maximum.accumulate(np.where(hidden, -1, place), 1)
+    after = np.minimum.accumulate(np.where(hidden, cols, place)[:, ::-1], 1)[:, ::-1]
+    framed = np.pad(pressed, ((0, 0), (1, 1)))
+    return hidden & np.take_along_axis(framed, before + 1, 1), hidden & np.take_along_axis(framed, after + 1, 1)
 
 
 def _with_enclosed(mask: np.ndarray, valid: np.ndarray) -> np.ndarray:
@@ -99,6 +176,17 @@ def as_frame(values: ArrayLike) -> np.ndarray:
     if frame.ndim != 2 or not frame.size or frame.dtype.kind not in 'biuf':
         raise _no_frame(f'{frame.dtype}, shape {frame.shape}')
     return frame if frame.dtype == bool else frame.astype(float, copy=False)
+
+
+def _taxels(given: ArrayLike | None, shape: tuple[int, ...], name: str) -> np.ndarray:
+    """Return the taxels of ``given``, none where it is None; always a new array."""
+    if given is None:
+        return np.zeros(shape, bool)
+    taxels = np.array(given)
+    if taxels.shape != shape or taxels.dtype != bool:
+        raise InputError(f'{name} taxels', expected=f'bool, shape {shape}', got=f'{taxels.dtype}, shape {taxels.shape}',
+                         remedy='Pass an array of the shape of the frame, or None.')
+    return taxels
 
 
 def _no_frame(got: str) -> InputError:

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tactile_node.errors import ConfigurationError
+from tactile_node.press_levels import PRESS_BY_UNIT as PRESS_BY_UNIT
+from tactile_node.press_levels import RELEASE_RATIO as RELEASE_RATIO
 
-#: A taxel is pressed from here on, by the unit of its values: 30 kPa, 0.1 N, on.
-PRESS_BY_UNIT = {'Pa': 30e3, 'N': 0.1, '1': 0.5}
-RELEASE_RATIO = 0.8  #: of the press threshold
 #: The same for arrays without a unit, as fractions of the full scale.
 PRESS_FRACTION = 0.3
 RELEASE_FRACTION = 0.2

@@ -17,7 +17,7 @@ from tactile_node.interruption import interruption
 from tactile_node.node_graph import Parameters, bus_nodes, frame_topics
 from tactile_node.nodes.drain import drain
 from tactile_node.nodes.spinning import Spinner
-from tactile_node.nodes.system import make_system
+from tactile_node.nodes.system import System
 from tactile_node.ros.bag import BagRecorder
 from tactile_node.ros.qos import frames_qos
 from tactile_node.simulator.skin_simulator import SkinSimulator
@@ -52,7 +52,7 @@ class DemoSession:
         driver: Parameters = {
             'interface': 'virtual', 'channel': CHANNEL, 'node_ids': list(NODE_IDS), 'layouts': [LAYOUT],
             'sync_period': SYNC_PERIOD, 'record': str(self._folder / 'can.log')}
-        self._system = make_system(bus_nodes(PADS, driver=driver, every={'queue_depth': DEPTH}))
+        self._system = System(bus_nodes(PADS, driver=driver, every={'queue_depth': DEPTH}))
         self.watcher = Watcher(PADS, lambda stamp: stamp - (self._origin or stamp), FULL_SCALE)
         self.bag = BagRecorder(self.watcher, self._folder / 'bag', frame_topics(PADS), frames_qos(DEPTH))
         self._spinner = Spinner((*self._system.nodes, self.watcher))

@@ -13,7 +13,6 @@ from tactile_node.demo.terminal import PadView
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.ros.message_checks import check_contact_shape, check_taxel_array
 from tactile_node.ros.qos import frames_qos
-from tactile_node.ros.shape_messages import SHAPE_NUMBERS
 from tactile_node.ros.taxel_messages import taxel_values
 from tactile_node.ros.time_messages import seconds
 from tactile_skin.msg import ContactShape, TaxelArray
@@ -58,7 +57,7 @@ class Watcher(Node):
         stamp = seconds(message.header.stamp)
         self.latency.append(time.time() - stamp)
         if taxels is not None:
-            names = {shape.value: float(message.probabilities[number]) for shape, number in SHAPE_NUMBERS.items()}
+            names = dict(zip(message.class_names, map(float, message.probabilities)))
             self.seen[pad].append(Seen(self._demo_time(stamp), names, np.array(taxels)))
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from tactile_node.cia301.nmt import command_name
+from tactile_node.cia301.nmt import command_name, state_name
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError, DeviceError, LogError, TactileError
 from tactile_node.frames.health import BusFault, Failure, ForeignCommand, NodeFault, NodeHealth
 
@@ -63,7 +63,7 @@ def failure_text(failure: Failure | NodeFault | None) -> str:
 def node_text(pad: str, node: NodeHealth) -> str:
     """The fault of one of ``pad``'s nodes, empty without one.
 
-    >>> node_text('left', NodeHealth(32, 'OPERATIONAL', False, 0.62, NodeFault.SILENT))
+    >>> node_text('left', NodeHealth(32, 0x05, False, 0.62, NodeFault.SILENT))
     "Node 32 (pad 'left'): it sends neither heartbeat nor taxels (last heartbeat 0.6 s ago: OPERATIONAL)."
     """
     if not node.fault.is_fault:
@@ -71,8 +71,8 @@ def node_text(pad: str, node: NodeHealth) -> str:
     if node.fault is NodeFault.AWAITING_TAXELS:
         reason = f'; the outage: {failure_text(node.outages.current)}' if node.outages.current is not None else ''
     else:
-        age = node.heartbeat_age
-        reason = ' (no heartbeat so far)' if age is None else f' (last heartbeat {age:.1f} s ago: {node.state})'
+        age, state = node.heartbeat_age, state_name(node.state)
+        reason = ' (no heartbeat so far)' if age is None else f' (last heartbeat {age:.1f} s ago: {state})'
     return f'{node_label(pad, node.node_id)}: {PHRASES[node.fault]}{reason}.'
 
 

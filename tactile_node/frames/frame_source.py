@@ -24,6 +24,9 @@ class FrameSource(Protocol):
     def close(self) -> None:
         """Release everything; allowed in any state, also twice."""
 
+    def age(self, stamp: float) -> float:
+        """Time since the frame of ``stamp`` was acquired, or played, by the steady clock [s]."""
+
     def auto_zero(self, pad: str) -> int:
         """Let the pad's devices zero themselves (CiA 404); how many channels.
 

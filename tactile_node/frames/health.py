@@ -69,7 +69,7 @@ class NodeHealth(NamedTuple):
     """One of a pad's nodes."""
 
     node_id: int
-    state: str  #: NMT state by name, as last received
+    state: int | None  #: NMT state as last received; None: never heard
     is_operational: bool  #: by a heartbeat that is not older than the timeout
     heartbeat_age: float | None  #: [s], None: none was received
     fault: NodeFault = NodeFault.NONE

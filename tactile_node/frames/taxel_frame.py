@@ -11,12 +11,13 @@ from tactile_node.read_only import read_only
 class TaxelStatus(IntEnum):
     """Why a taxel has, or has not, a valid value (TaxelArray.msg mirrors these numbers)."""
 
-    VALID = 0
-    STALE = 1      #: its CAN frame did not arrive in this SYNC period
-    UNMAPPED = 2   #: the skin layout maps no TPDO field to it
-    DEAD = 3       #: known to be dead, by the layout file or by what it sent
-    SATURATED = 4  #: at the end of its range: the value is a lower bound, still given
-    FAULTY = 5     #: stuck or flickering, by what it sent
+    NOT_KNOWN = 0  #: the default of a message; no value
+    VALID = 1
+    STALE = 2      #: its CAN frame did not arrive in this SYNC period
+    UNMAPPED = 3   #: the skin layout maps no TPDO field to it
+    DEAD = 4       #: known to be dead, by the layout file or by what it sent
+    SATURATED = 5  #: at the end of its range: the value is a lower bound, still given
+    FAULTY = 6     #: stuck or flickering, by what it sent
 
 
 class TaxelFrame(NamedTuple):

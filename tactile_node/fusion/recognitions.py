@@ -5,9 +5,12 @@ err together: a frame counts only for the share of ``correlation_time`` that has
 And the object may change: evidence fades with ``memory``, no frame counts for more than ``floor`` allows, and no
 class leads by more than ``lead``. So a change is followed after at most
 `FusionSettings.frames_to_follow` frames that agree; a contact that begins or ends starts again at once.
+
+What is hidden stays hidden: however many frames agree, they do not show it. So each way in which the hidden taxels may
+be read (`Recognition.alternatives`) is fused apart, and the result is the mean of these. A frame in which nothing is
+seen is no evidence: it is reported as not seen, and the evidence of the frames before waits for the next that is.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from math import exp, log
 from typing import NamedTuple
@@ -15,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.errors import ConfigurationError, InputError
-from tactile_node.shape.recognition import Recognition, Shape
+from tactile_node.shape.recognition import Alternative, Recognition, Shape, UnknownReason
 
 TOUCHING = tuple(shape for shape in Shape if shape is not Shape.NONE)
 
@@ -62,8 +65,8 @@ class FusedRecognition(NamedTuple):
 
     recognition: Recognition
     since: float  #: stamp of the first frame reported as this shape without a break [s]
-    held: float   #: time since then [s]
-    frames: int   #: frames reported so
+    held: float   #: time since then [s]; 0 in a frame that is not seen
+    frames: int   #: frames reported so; 0 in a frame that is not seen
 
 
 class RecognitionFusion:
@@ -79,19 +82,21 @@ class RecognitionFusion:
         self._shape: Shape | None = None
         self._since = 0.0
         self._frames = 0
-        self._evidence = np.zeros(len(TOUCHING))
+        self._reason = UnknownReason.UNFAMILIAR
+        self._evidence = np.zeros((1, len(TOUCHING)))  # a row for each alternative
+        self._weights = np.ones(1)
 
-    def update(self, stamp: float, probabilities: Mapping[Shape, float]) -> FusedRecognition:
-        """Take the frame of ``stamp`` [s] and return the fused result.
+    def update(self, stamp: float, frame: Recognition) -> FusedRecognition:
+        """Take the recognition of the frame of ``stamp`` [s] and return the fused result.
 
-        A frame whose likeliest class is NONE ends the contact: it is reported at once. A stamp that goes
-        back or comes after ``max_gap`` starts again. Raises InputError for NaN or infinite numbers, which would
-        stay in the evidence.
+        A frame whose likeliest class is NONE ends the contact: it is reported at once. A frame that is no evidence
+        is reported as not seen, and `held` starts again with the next. A stamp that goes back or comes after
+        ``max_gap`` starts again. Raises InputError for NaN or infinite numbers, which would stay in the evidence.
         """
-        if not np.isfinite((stamp, *probabilities.values())).all():
-            raise InputError('frame to fuse', expected='a finite stamp and finite probabilities',
-                             got=f'{stamp}, {dict(probabilities)}', remedy='Leave this frame out.')
-        frame = Recognition.of(probabilities)
+        _check(stamp, frame)
+        if not frame.is_evidence:
+            self._frames = 0
+            return FusedRecognition(frame, stamp, held=0.0, frames=0)
         passed = float('inf') if self._stamp is None else stamp - self._stamp
         if not 0 <= passed <= self._settings.max_gap or Shape.NONE in (frame.shape, self._shape):
             self.reset()
@@ -100,32 +105,61 @@ class RecognitionFusion:
         if frame.shape is Shape.NONE:
             return self._report(stamp, frame.shape, frame)
         self._add(frame, passed)
-        return self._report(stamp, self._chosen(), self._belief())
+        if frame.shape is Shape.UNKNOWN:
+            self._reason = frame.reason
+        shares = self._shares()
+        return self._report(stamp, self._chosen(), Recognition.of(dict(zip(TOUCHING, shares.tolist()))))
 
     def _add(self, frame: Recognition, passed: float) -> None:
-        seen = np.array([frame.probabilities[shape] for shape in TOUCHING])
+        alternatives = frame.alternatives or (Alternative(1.0, frame.probabilities),)
+        seen = np.array([[probabilities[shape] for shape in TOUCHING] for _, probabilities in alternatives])
+        if len(self._evidence) != len(seen):
+            self._evidence = np.tile(self._together(), (len(seen), 1))
+        self._weights = np.array([weight for weight, _ in alternatives])
         fading = exp(-passed / self._settings.memory)
         evidence = self._evidence * fading
         evidence += self._settings.gain(passed) * np.log(np.maximum(seen, self._settings.floor))
         # Every class stays within `lead` of the one ahead, so that a change is followed in bounded time.
-        self._evidence = np.maximum(evidence - evidence.max(), -self._settings.lead)
+        self._evidence = np.maximum(evidence - evidence.max(1, keepdims=True), -self._settings.lead)
+
+    def _together(self) -> np.ndarray:
+        """The evidence of all alternatives as that of one, 0 for the class ahead."""
+        if len(self._evidence) == 1:
+            only: np.ndarray = self._evidence[0]
+            return only
+        evidence = np.log(self._shares())
+        together: np.ndarray = np.maximum(evidence - evidence.max(), -self._settings.lead)
+        return together
+
+    def _shares(self) -> np.ndarray:
+        """The probabilities that the evidence stands for: the weighted mean of the alternatives."""
+        weights = np.exp(self._evidence)
+        shares: np.ndarray = self._weights @ (weights / weights.sum(1, keepdims=True))
+        return shares
 
     def _chosen(self) -> Shape:
         """The class ahead, unless the one reported so far is close behind."""
-        ahead = TOUCHING[int(self._evidence.argmax())]
+        evidence = self._together()
+        ahead = TOUCHING[int(evidence.argmax())]
         if self._shape in (None, Shape.NONE, ahead):
             return ahead
-        behind = -self._evidence[TOUCHING.index(self._shape)]
+        behind = -evidence[TOUCHING.index(self._shape)]
         return ahead if behind >= self._settings.switch else self._shape
 
-    def _belief(self) -> Recognition:
-        weights = np.exp(self._evidence)
-        return Recognition.of(dict(zip(TOUCHING, (weights / weights.sum()).tolist())))
-
     def _report(self, stamp: float, shape: Shape, belief: Recognition) -> FusedRecognition:
-        if shape is not self._shape:
+        if shape is not self._shape or not self._frames:
             self._shape = shape
             self._since = stamp
             self._frames = 0
         self._frames += 1
-        return FusedRecognition(belief._replace(shape=shape), self._since, stamp - self._since, self._frames)
+        return FusedRecognition(belief.reported_as(shape, self._reason), self._since, stamp - self._since,
+                                self._frames)
+
+
+def _check(stamp: float, frame: Recognition) -> None:
+    numbers = [stamp, *frame.probabilities.values()]
+    for _, probabilities in frame.alternatives:
+        numbers += probabilities.values()
+    if not np.isfinite(numbers).all():
+        raise InputError('frame to fuse', expected='a finite stamp and finite probabilities',
+                         got=f'{stamp}, {dict(frame.probabilities)}', remedy='Leave this frame out.')

@@ -1,6 +1,7 @@
 """Where two opposing pads are: from a point on a pad to the gripper's frame."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -51,9 +52,10 @@ class Gripper:
                 got=f'z axes {self.left.normal.round(3)} and {self.right.normal.round(3)}',
                 remedy='Check the rpy of both; z points out of each skin.')
 
-    @property
+    @cached_property
     def closing(self) -> np.ndarray:
         """Unit vector from the left pad towards the right one."""
         direction = self.left.normal - self.right.normal
         unit: np.ndarray = direction / np.linalg.norm(direction)
+        unit.flags.writeable = False
         return unit

@@ -1,141 +1,245 @@
-"""The results of two opposing pads, as they arrive, as one grasp: what is held, how straight, for how long."""
+"""The results of two opposing pads, as they arrive, as one grasp: what is held, how straight, for how long.
 
+Rule: what is not known is never EMPTY. A side without a current result, or whose pad is not seen, is UNSEEN.
+"""
+
+from collections import deque
 from dataclasses import dataclass
 from enum import IntEnum
+from statistics import median
 from typing import NamedTuple
 
 import numpy as np
 
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.grasp.gripper import Gripper
+from tactile_node.grasp.line import Line, contact_line
+from tactile_node.grasp.steadiness import Steadiness, SteadinessSettings
 from tactile_node.shape.recognition import Shape
 
 SIDES = ('left', 'right')
+SHORTEST_SILENCE = 0.1  #: s, and
+SILENT_PERIODS = 3      #: of a side: results have stopped; a reader is to know by then, so
+NOTICE = 0.75           #: after this fraction they are taken to have stopped
+PERIODS = 15            #: of which the median is the period of a side
+
+
+class SideState(IntEnum):
+    """What is known of a pad (Grasp.msg mirrors these numbers)."""
+
+    NOT_KNOWN = 0  #: no result yet
+    UNSEEN = 1     #: hidden taxels could hold a contact, or the latest result is too old
+    EMPTY = 2      #: seen, and nothing touches it
+    TOUCHED = 3
 
 
 class SideResult(NamedTuple):
-    """The result of one pad at one time; ``centre`` None when nothing touches it."""
+    """The result of one pad at one acquisition."""
 
-    stamp: float                         #: acquisition [s]
-    shape: Shape
-    centre: tuple[float, float] | None   #: of the contact, in the pad's frame [m]
+    time: float                          #: acquisition, on our clock [s]; -inf: its age is not known
+    state: SideState                     #: as the pad reported it
+    class_name: str = Shape.NONE.value   #: of the shape
+    centre: tuple[float, float] | None = None  #: of the contact, in the pad's frame [m]; None: not known
+    resolution: float = 0.0002           #: what a moving contact's centre is wrong by beside its noise [m]
+    is_bound: bool = False               #: the contact may reach beyond what is seen: its centre may be another one
+    hides_creep: bool = False            #: so much is not seen that it could creep without a move of its centre
 
 
 class GraspContact(IntEnum):
     """Which pads are touched (Grasp.msg mirrors these numbers)."""
 
-    NO_CONTACT = 0
-    ONE_SIDED = 1
-    TWO_SIDED = 2
+    NOT_KNOWN = 0   #: a side has no result yet
+    UNSEEN = 1      #: a side is not seen
+    NO_CONTACT = 2  #: both are seen and empty
+    ONE_SIDED = 3   #: one is touched, the other seen and empty
+    TWO_SIDED = 4
 
+    @classmethod
+    def of(cls, states: tuple[SideState, SideState]) -> 'GraspContact':
+        """Return what the states of both sides make together.
 
-class Line(NamedTuple):
-    """From the left contact's centre to the right one's, in the gripper's frame."""
-
-    left: np.ndarray       #: (3,) [m]
-    right: np.ndarray      #: (3,) [m]
-    width: float           #: its length [m]
-    offset: float          #: distance of the two centres across the closing direction [m]
-    misalignment: float    #: angle between the line and the closing direction [rad]
-
-    @property
-    def midpoint(self) -> np.ndarray:
-        middle: np.ndarray = (self.left + self.right) / 2
-        return middle
-
-    @property
-    def axis(self) -> np.ndarray:
-        """Unit vector from left to right; NaN when both are one point."""
-        return (self.right - self.left) / self.width if self.width else np.full(3, np.nan)
+        >>> GraspContact.of((SideState.TOUCHED, SideState.UNSEEN)).name
+        'UNSEEN'
+        """
+        if SideState.NOT_KNOWN in states:
+            return cls.NOT_KNOWN
+        if SideState.UNSEEN in states:
+            return cls.UNSEEN
+        return cls(cls.NO_CONTACT + states.count(SideState.TOUCHED))
 
 
 class GraspState(NamedTuple):
-    """Of both pads at ``stamp``, the later of the two."""
+    """Of both pads at one time."""
 
-    stamp: float
-    sides: tuple[SideResult | None, SideResult | None]  #: left, right; None: nothing received yet
+    side_states: tuple[SideState, SideState]  #: left, right
     contact: GraspContact
-    fresh: bool         #: both sides are known, and of nearly one time
-    line: Line | None   #: None unless TWO_SIDED and fresh
+    fresh: bool         #: both sides are current, and of nearly one time
+    same_shape: bool    #: both sides are touched and report the same shape, which is known
+    line: Line | None   #: None unless TWO_SIDED and fresh with both centres known
+    line_is_bound: bool
     held: float         #: for how long shapes and centres of both sides have held [s]
-    stable: bool        #: two-sided, fresh, and held long enough
-
-    @property
-    def same_shape(self) -> bool:
-        """Both sides report the same, and it is one of the five shapes."""
-        left, right = (side.shape if side else Shape.NONE for side in self.sides)
-        return left is right and left not in (Shape.NONE, Shape.UNKNOWN)
+    stable: bool        #: two-sided, fresh, held long enough, and neither centre creeps
+    creep: float        #: speed of the faster centre [m/s]; NaN: not known
 
 
 @dataclass(frozen=True)
 class GraspSettings:
-    """When a grasp counts as stable."""
+    """When a result is current and when a grasp counts as stable."""
 
     gripper: Gripper = Gripper()
-    centre_tolerance: float = 0.001  #: how far a centre may move from where it was when the grasp began [m]
+    steadiness: SteadinessSettings = SteadinessSettings()
     min_hold: float = 0.2            #: [s]
-    max_skew: float = 0.1            #: how far the two sides' stamps may be apart [s]
+    max_skew: float = 0.1            #: how far the acquisitions of the two sides may be apart [s]
+    max_age: float = 0.25            #: of a result [s]
 
     def __post_init__(self) -> None:
-        if not (0 < self.centre_tolerance < np.inf and 0 < self.max_skew < np.inf and 0 <= self.min_hold):
-            raise ConfigurationError(
-                'grasp settings', expected='centre_tolerance and max_skew > 0, min_hold >= 0',
-                got=str(self), remedy='Give metres and seconds.')
+        if not (0 < self.max_skew < np.inf and 0 < self.max_age < np.inf and 0 <= self.min_hold):
+            raise ConfigurationError('grasp settings', expected='max_skew and max_age > 0, min_hold >= 0',
+                                     got=str(self), remedy='Give seconds.')
 
 
 class GraspTracker:
-    """Takes the sides' results in any order; pure: time is given by the stamps alone."""
+    """Takes the sides' results in any order; pure: time is what it is given, of one clock that never goes back."""
 
     def __init__(self, settings: GraspSettings = GraspSettings()):
         self._settings = settings
-        self._latest: dict[str, SideResult | None] = dict.fromkeys(SIDES)
-        self._anchors: dict[str, SideResult | None] = dict.fromkeys(SIDES)
+        self._sides = {side: _Side(settings) for side in SIDES}
 
-    def update(self, side: str, result: SideResult, gap: float = 0.0) -> GraspState:
-        """Take ``result`` of ``side`` ("left" or "right") at an opening of ``gap`` [m] and return the grasp.
+    def update(self, side: str, result: SideResult, now: float, gap: float = np.nan) -> GraspState:
+        """Take ``result`` of ``side`` ("left", "right"), received ``now`` [s], and return the grasp.
 
-        A result older than the side's latest starts that side again: its clock was set back. Raises
-        ConfigurationError for another side, InputError for a stamp or a centre that is not finite.
+        ``gap`` [m]: opening of the gripper; NaN: not known. Raises ConfigurationError for another side, InputError for
+        a time or a centre that is not finite.
         """
         if side not in SIDES:
             raise ConfigurationError('side of a grasp', expected=' or '.join(SIDES), got=repr(side),
                                      remedy='Name the pads by side.')
-        if not np.isfinite((result.stamp, *(result.centre or ()))).all():
-            raise InputError('result of a side', expected='a finite stamp and centre',
-                             got=f'{result.stamp}, {result.centre}', remedy='Give centre None where nothing touches.')
-        self._anchor(side, result)
-        self._latest[side] = result
-        return self._state(gap)
+        if not (np.isfinite((now, *(result.centre or ()))).all() and result.time < np.inf):
+            raise InputError('result of a side', expected='a finite time and centre',
+                             got=f'{result.time}, {now}, {result.centre}',
+                             remedy='Give centre None where it is not known, time -inf where the age is not.')
+        self._sides[side].update(result, now)
+        return self.state(now, gap)
 
-    def _anchor(self, side: str, result: SideResult) -> None:
-        """Keep the result since which this side has held: another shape, a slip or a silence starts it again."""
-        anchor, before = self._anchors[side], self._latest[side]
-        if result.centre is None:
-            self._anchors[side] = None
-        elif (anchor is None or anchor.centre is None or before is None or result.shape is not anchor.shape
-              or not 0 <= result.stamp - before.stamp <= self._settings.max_skew
-              or np.hypot(*np.subtract(result.centre, anchor.centre)) > self._settings.centre_tolerance):
-            self._anchors[side] = result
+    def silence_limit(self, side: str) -> float:
+        """Return the time without a result after which ``side`` is not current any more [s]."""
+        return self._sides[side].silence_limit
 
-    def _state(self, gap: float) -> GraspState:
-        left, right = (self._latest[side] for side in SIDES)
-        known = [side for side in (left, right) if side is not None]
-        centres = [side.centre for side in known if side.centre is not None]
-        fresh = left is not None and right is not None and abs(left.stamp - right.stamp) <= self._settings.max_skew
-        state = GraspState(stamp=max(side.stamp for side in known), sides=(left, right),
-                           contact=GraspContact(len(centres)), fresh=fresh, line=None, held=0.0, stable=False)
-        if state.contact is not GraspContact.TWO_SIDED or not fresh:
+    def state(self, now: float, gap: float = np.nan) -> GraspState:
+        """Return the grasp at ``now`` [s], with an opening of ``gap`` [m]."""
+        left, right = (self._sides[side] for side in SIDES)
+        states = left.state(now), right.state(now)
+        contact = GraspContact.of(states)
+        fresh = (left.is_current(now) and right.is_current(now)
+                 and abs(left.time - right.time) <= self._settings.max_skew)
+        state = GraspState(
+            side_states=states, contact=contact, fresh=fresh, same_shape=_is_same_shape(states, left, right), line=None,
+            line_is_bound=False, held=0.0, stable=False, creep=np.nan)
+        if contact is not GraspContact.TWO_SIDED or not fresh:
             return state
-        began = max(anchor.stamp for anchor in self._anchors.values() if anchor is not None)
-        held = max(0.0, min(side.stamp for side in known) - began)
-        line = self._line(centres[0], centres[1], gap)
-        return state._replace(line=line, held=held, stable=held >= self._settings.min_hold)
+        held = min(left.held, right.held)
+        is_bound = left.is_bound or right.is_bound
+        return state._replace(
+            line=self._line(left, right, gap), line_is_bound=is_bound, held=held,
+            creep=float(np.maximum(left.creep, right.creep)),
+            stable=left.rests and right.rests and held >= self._settings.min_hold)
 
-    def _line(self, left_centre: tuple[float, float], right_centre: tuple[float, float], gap: float) -> Line:
-        gripper = self._settings.gripper
-        left, right = gripper.left.place(left_centre, gap), gripper.right.place(right_centre, gap)
-        across = right - left
-        along = float(across @ gripper.closing)
-        offset = float(np.linalg.norm(across - along * gripper.closing))
-        return Line(left=left, right=right, width=float(np.linalg.norm(across)), offset=offset,
-                    misalignment=float(np.arctan2(offset, along)))
+    def _line(self, left: '_Side', right: '_Side', gap: float) -> Line | None:
+        if left.centre is None or right.centre is None:
+            return None
+        return contact_line(self._settings.gripper, left.centre, right.centre, gap)
+
+
+def _is_same_shape(states: tuple[SideState, SideState], left: '_Side', right: '_Side') -> bool:
+    is_known = left.class_name not in (Shape.NONE.value, Shape.UNKNOWN.value)
+    return states == (SideState.TOUCHED, SideState.TOUCHED) and is_known and left.class_name == right.class_name
+
+
+class _Side:
+    """One pad: its latest result, its period, and since when it holds."""
+
+    def __init__(self, settings: GraspSettings):
+        self._settings = settings
+        self._latest: SideResult | None = None
+        self._received = -np.inf
+        self._gaps: deque[float] = deque(maxlen=PERIODS)
+        self._steadiness = Steadiness(settings.steadiness)
+        self._touch: SideResult | None = None  # the latest with a centre, of this contact
+        self._rests = False
+
+    @property
+    def silence_limit(self) -> float:
+        return NOTICE * self._longest_gap()
+
+    def _longest_gap(self) -> float:
+        return max(SHORTEST_SILENCE, SILENT_PERIODS * median(self._gaps)) if self._gaps else SHORTEST_SILENCE
+
+    @property
+    def time(self) -> float:
+        return self._latest.time if self._latest else -np.inf
+
+    @property
+    def class_name(self) -> str:
+        return self._latest.class_name if self._latest else Shape.NONE.value
+
+    @property
+    def centre(self) -> tuple[float, float] | None:
+        return self._latest.centre if self._latest else None
+
+    @property
+    def is_bound(self) -> bool:
+        return self._latest is not None and self._latest.is_bound
+
+    @property
+    def rests(self) -> bool:
+        """Whether the latest result shows that the centre rests."""
+        return self._rests
+
+    @property
+    def _is_followed(self) -> bool:
+        return self._touch is not None and self._touch is self._latest
+
+    @property
+    def held(self) -> float:
+        """For how long shape and centre have held [s]; 0 while nothing does."""
+        return max(0.0, self.time - self._steadiness.since) if self._is_followed else 0.0
+
+    @property
+    def creep(self) -> float:
+        """Speed of the centre [m/s]; NaN: not known."""
+        speed = self._steadiness.speed
+        return speed.value if speed and self._is_followed else np.nan
+
+    def is_current(self, now: float) -> bool:
+        return now - self.time <= self._settings.max_age and now - self._received < self.silence_limit
+
+    def state(self, now: float) -> SideState:
+        if self._latest is None:
+            return SideState.NOT_KNOWN
+        return self._latest.state if self.is_current(now) else SideState.UNSEEN
+
+    def update(self, result: SideResult, now: float) -> None:
+        gap = result.time - self.time
+        if np.isfinite(gap) and gap > 0:
+            self._gaps.append(gap)
+        self._latest = result
+        self._received = now
+        self._rests = False
+        if result.state is SideState.EMPTY:
+            self._touch = None
+        elif result.state is SideState.TOUCHED and np.isfinite(result.time) and not result.hides_creep:
+            self._follow(result)
+
+    def _follow(self, result: SideResult) -> None:
+        """Hold on to the contact: another shape or a silence starts it again, a single hidden frame does not.
+
+        What reaches the edge of the pad may hide its creep: a bar across the whole pad slides along itself.
+        """
+        if result.centre is None:
+            return
+        before = self._touch
+        if (before is None or result.class_name != before.class_name
+                or abs(result.time - before.time) > self._longest_gap()):
+            self._steadiness.restart()
+        self._touch = result
+        self._rests = self._steadiness.update(result.time, result.centre, result.resolution)

@@ -16,10 +16,13 @@ from tactile_node.shape.recognition import Recognition, Shape
 
 
 def find_contact(values: ArrayLike, unit: str | None = 'Pa',
-                 thresholds: PressThresholds | None = None) -> ContactPattern:
+                 thresholds: PressThresholds | None = None, *, saturated: ArrayLike | None = None,
+                 unmapped: ArrayLike | None = None) -> ContactPattern:
     """Return the largest contact of one frame; ``values`` are real numbers or bool, shape (rows, cols).
 
-    NaN, infinite and masked taxels have no valid value. A bool array is itself the pressed taxels.
+    NaN, infinite and masked taxels have no valid value: they are hidden, and a pad of which too much is hidden is not
+    seen (`pad_seen`), so that 0 contacts do not mean that it is empty. ``unmapped`` (bool): places without a taxel,
+    which hide nothing. ``saturated`` (bool): values that are lower bounds. A bool array is itself the pressed taxels.
     ``unit``: 'Pa' (pressed from 30 kPa), 'N' (from 0.1 N per taxel) or '1' (on/off). None: an array without a unit;
     pressed is what reaches 0.3 of its largest value, so there must be a contact in it. ``thresholds`` replace these.
 
@@ -33,7 +36,7 @@ def find_contact(values: ArrayLike, unit: str | None = 'Pa',
     if thresholds is None:
         check_values(frame, unit)
         thresholds = _default_thresholds(frame, unit)
-    return PatternExtractor(given_thresholds(thresholds)).extract(frame)
+    return PatternExtractor(given_thresholds(thresholds)).extract(frame, saturated=saturated, unmapped=unmapped)
 
 
 def _default_thresholds(frame: np.ndarray, unit: str | None) -> PressThresholds:
@@ -73,7 +76,11 @@ class Recogniser:
         self._method = make_recogniser(method, str(file or ''))
 
     def recognise(self, contact: ContactPattern) -> Recognition:
-        """Return the most probable shape and the probability of each. Raises InputError for anything but a contact."""
+        """Return the most probable shape and the probability of each. Raises InputError for anything but a contact.
+
+        NONE where the pad was seen and nothing presses it. `reason` says why a shape is UNKNOWN: not seen, unfamiliar
+        or too small. Where hidden taxels could change the answer, its confidence stays below 0.9.
+        """
         return self._method.recognise(_contact(contact))
 
 

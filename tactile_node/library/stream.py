@@ -12,13 +12,14 @@ from tactile_node.library.arguments import check_values, given_thresholds, insta
 from tactile_node.library.contacts import Recogniser, fit_shape
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.pitch import check_pitch
+from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.recognition import Recognition
 
 
 class StreamedContact(NamedTuple):
     """The results for one frame, and for all frames of the contact up to it."""
 
-    contact: ContactPattern
+    contact: ContactPattern   #: as recognised: the largest contact with the pieces of it that are torn off
     recognition: Recognition  #: of this frame alone
     fused: FusedRecognition   #: of all frames since the contact began
     fit: ShapeFit | None      #: of the fused shape; None while nothing with an outline touches
@@ -54,9 +55,12 @@ class ContactStream:
         self._fusion = RecognitionFusion(instance(fusion, FusionSettings, 'fusion', 'Pass FusionSettings(), or None.'))
         self._shape: tuple[int, ...] | None = None
 
-    def update(self, values: ArrayLike, stamp: float) -> StreamedContact:
+    def update(self, values: ArrayLike, stamp: float, *, saturated: ArrayLike | None = None,
+               unmapped: ArrayLike | None = None) -> StreamedContact:
         """Take the frame ``values``, shape (rows, cols), of time ``stamp`` [s], and return the results so far.
 
+        Hidden, ``saturated`` and ``unmapped`` taxels as in `find_contact`. A frame in which the pad is not seen is
+        reported as UNKNOWN, not seen, and changes nothing in what the frames before and after it say of the contact.
         Stamps that go back or leave out more than `FusionSettings.max_gap` start the fusion again. Raises InputError
         for another array, one of another shape than before, and a stamp that is no time.
         """
@@ -64,9 +68,11 @@ class ContactStream:
         frame = as_frame(values)
         check_values(frame, self._unit)
         self._check_shape(frame.shape)
-        contact = self._extractor.extract(frame)
+        contact = self._extractor.extract(frame, saturated=saturated, unmapped=unmapped)
         recognition = self._recogniser.recognise(contact)
-        fused = self._fusion.update(stamp, recognition.probabilities)
+        if recognition.joined:
+            contact = join_pieces(contact)
+        fused = self._fusion.update(stamp, recognition)
         touches = bool(contact.mask.any())
         fit = fit_shape(contact, fused.recognition.shape, self._pitch) if touches else None
         return StreamedContact(contact, recognition, fused, fit)

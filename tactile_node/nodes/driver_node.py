@@ -4,10 +4,11 @@ configure = open the bus, check identities, write the configuration; activate = 
 deactivate = pre-operational; cleanup = close.
 """
 
+import logging
+import math
 import sys
 import threading
 from collections.abc import Callable, Mapping
-from contextlib import nullcontext
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -20,22 +21,28 @@ from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError
 from tactile_node.frames.frame_source import FrameSource
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.node_graph import NODE_NAMES, Role
-from tactile_node.nodes.driver_source import driver_pads, make_source
+from tactile_node.nodes.clock_output import ClockOutput
+from tactile_node.nodes.driver_source import driver_pads, make_source, pad_frames
 from tactile_node.nodes.fault_service import FaultService
-from tactile_node.nodes.health_timer import start_health_timer
 from tactile_node.nodes.lifecycle_steps import LifecycleSteps
 from tactile_node.nodes.pad_output import PadOutput
 from tactile_node.nodes.replay_gate import ReplayGate
 from tactile_node.nodes.run import run_node
-from tactile_node.nodes.state_publisher import StatePublisher
+from tactile_node.nodes.state_publisher import DriverState, StatePublisher
 from tactile_node.nodes.tare_service import TareService, Zeroing
 from tactile_node.ros.conditioning_setup import adjust, conditioned_pads
-from tactile_node.ros.lifecycle import reject_invalid_transitions
-from tactile_node.ros.parameters import changed, declare, read
+from tactile_node.ros.lifecycle import PrimaryState, reject_invalid_transitions
+from tactile_node.ros.parameters import changed, declare, read, table
 from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
 from tactile_node.ros.settings import DriverSettings
-from tactile_node.skin.pads import one_for_each
 
+#: All that is not live; autostart and wait_at_start are read once, before that.
+READ_AT_CONFIGURE = frozenset(each.name for each in table(DriverSettings) if not each.properties.live
+                              and each.name not in ('autostart', 'wait_at_start'))
+logger = logging.getLogger(__name__)
+
+WAITED_FOR = (BusError, DeviceAbsentError)
+LAST_ANSWER = 0.3  # s in which the answer to the transition `shutdown` is sent before the process ends
 RETRY_PERIOD = 0.5  # s between two attempts to configure while the driver waits at start
 
 
@@ -45,37 +52,46 @@ class DriverNode(LifecycleNode):
     def __init__(self, **options: Any):
         super().__init__(NODE_NAMES[Role.DRIVER], **options)
         reject_invalid_transitions(self)
-        declare(self, DriverSettings)
+        declare(self, DriverSettings, READ_AT_CONFIGURE)
         self.add_on_set_parameters_callback(self._on_parameters)
+        self._settings: DriverSettings | None = None  # as configure has read them
         self._source: FrameSource | None = None
+        self._age: Callable[[float], float] = lambda stamp: math.inf  # of a frame; the last source's
         self._pads: dict[str, PadOutput] = {}
         self._gate: ReplayGate | None = None
         self._owned: list[Callable[[], object]] = []  # releases all that configure has made, last first
         self._steps = LifecycleSteps(self)
+        self._stop_requested: threading.Event | None = None
         self._tare = TareService(self)
-        self._state = StatePublisher(self)
-        start_health_timer(self, self._publish_state)
+        self._lifecycle = PrimaryState.UNCONFIGURED
+        self._state = StatePublisher(self, self._driver_state)
         forward_logs_to(self)
 
     def autostart(self, stop_requested: threading.Event | None = None) -> None:
         """Configure and activate where the parameter `autostart` is true. Raises the error of a failed transition.
 
-        With `wait_at_start` it waits for a missing bus or device until ``stop_requested`` is set.
+        With `wait_at_start` it waits for a missing bus or device until ``stop_requested`` is set. The node sets this
+        event itself once it is finalized: nothing can be done with it any more, so its process ends.
         """
+        self._stop_requested = stop_requested
         if not self.get_parameter('autostart').value:
             return
         stop = stop_requested if self.get_parameter('wait_at_start').value else None
+        with self._steps.autostart(waits_for=() if stop is None else WAITED_FOR):
+            if self._is_configured_at_start(stop) and self.trigger_activate() != TransitionCallbackReturn.SUCCESS:
+                raise self._steps.failure('activate')
+
+    def _is_configured_at_start(self, stop: threading.Event | None) -> bool:
+        """Configure, repeatedly while ``stop`` is given and not set; False where it is set or a manager was faster."""
         try:
-            with nullcontext() if stop is None else self._steps.waiting():
-                while self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
-                    if stop is None or not isinstance(self._steps.error, (BusError, DeviceAbsentError)):
-                        raise self._steps.failure('configure')
-                    if stop.wait(RETRY_PERIOD):
-                        return
+            while self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
+                if stop is None or not isinstance(self._steps.error, WAITED_FOR):
+                    raise self._steps.failure('configure')
+                if stop.wait(RETRY_PERIOD):
+                    return False
         except RuntimeError:  # RCLError: a lifecycle manager has configured the node meanwhile
-            return
-        if self.trigger_activate() != TransitionCallbackReturn.SUCCESS:
-            raise self._steps.failure('activate')
+            return False
+        return True
 
     @property
     def source(self) -> FrameSource | None:
@@ -86,44 +102,51 @@ class DriverNode(LifecycleNode):
         result = self._steps.attempt(self._configure)
         if result != TransitionCallbackReturn.SUCCESS:
             self._release()
-        return self._publish_after(result)
+        return self._publish_after(result, PrimaryState.INACTIVE)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        return self._publish_after(self._steps.attempt(self._start))
+        return self._publish_after(self._steps.attempt(self._start), PrimaryState.ACTIVE)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         self._tare.give_up('one that was deactivated')
-        return self._publish_after(self._steps.attempt(self._configured_source().stop))
+        return self._publish_after(self._steps.attempt(self._configured_source().stop), PrimaryState.INACTIVE)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         self._release()
-        return self._publish_after(TransitionCallbackReturn.SUCCESS)
+        return self._publish_after(TransitionCallbackReturn.SUCCESS, PrimaryState.UNCONFIGURED)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         self._release()
-        return self._publish_after(TransitionCallbackReturn.SUCCESS)
+        if self._stop_requested is not None:
+            self.get_logger().info('The driver is finalized: its process ends.')
+            threading.Timer(LAST_ANSWER, self._stop_requested.set).start()
+        return self._publish_after(TransitionCallbackReturn.SUCCESS, PrimaryState.FINALIZED)
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self._release()
+        return self._publish_after(TransitionCallbackReturn.SUCCESS, PrimaryState.UNCONFIGURED)
 
     def destroy_node(self) -> None:
         self._release()
         if self.context.ok():
-            self._publish_state()
+            self._state.update(is_last=True)
         stop_forwarding_to(self)
         super().destroy_node()
 
     def _configure(self) -> None:
-        settings = read(self, DriverSettings)
+        self._settings = settings = read(self, DriverSettings)
         pads = driver_pads(settings)
-        frame_ids = one_for_each('frame_ids', settings.frame_ids, pads)
         conditioned = conditioned_pads(pads, settings)
         outputs = {}
-        for pad, frame_id in zip(pads, frame_ids):
+        for pad, frame_id in zip(pads, pad_frames(settings, pads)):
             outputs[pad.name] = output = PadOutput(self, pad, frame_id, conditioned[pad.name], qos=settings.qos)
             self._owned.append(output.destroy)
         self._pads = outputs  # all at once: at start the executor publishes the state of these meanwhile
         saving = FaultService(self, settings.faulty_taxels_file, self._faults)
-        self._state.begin(f'{settings.interface} {settings.channel}')
+        self._state.begin(f'{settings.interface} {settings.channel}', settings.sync_period)
         self._gate = self._make_gate(settings)
-        source = make_source(settings, pads, self._publish)
+        source = make_source(settings, pads, self._publish, self._make_clock(settings))
+        self._age = source.age
         self._tare.begin(Zeroing(pads={name: pad.tared for name, pad in conditioned.items()},
                                  limit=self._tare_limit({pad.name: pad.layout.value.unit for pad in pads}),
                                  frame_period=settings.sync_period, auto_zero=source.auto_zero, boots=source.boots))
@@ -149,8 +172,23 @@ class DriverNode(LifecycleNode):
         self._owned.append(gate.destroy)
         return gate
 
+    def _make_clock(self, settings: DriverSettings) -> Callable[[float], None] | None:
+        """Return what shows the time of a log on /clock, where that is wanted. Raises ConfigurationError for a bus."""
+        if not settings.publish_clock:
+            return None
+        if not settings.replay:
+            raise ConfigurationError('parameter publish_clock', expected='a log whose time is published (replay)',
+                                     got='a live bus', remedy='Leave it false, or name a log.')
+        clock = ClockOutput(self)
+        self._owned.append(clock.destroy)
+        return clock.show
+
     def _on_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Apply a change that needs no new configuration, as a whole or not at all."""
+        """Apply a change as a whole or not at all; what configure has read stays until cleanup."""
+        fixed = [each.name for each in parameters if each.name in READ_AT_CONFIGURE]
+        if self._settings is not None and fixed:
+            return SetParametersResult(successful=False, reason=f'{", ".join(fixed)}: read at configure. Clean up the '
+                                       'driver (ros2 lifecycle set), set it and configure again.')
         settings = changed(read(self, DriverSettings), parameters)
         try:
             adjust({name: pad.conditioned for name, pad in self._pads.items()},
@@ -162,9 +200,12 @@ class DriverNode(LifecycleNode):
         return SetParametersResult(successful=True)
 
     def _publish(self, pad: str, frame: TaxelFrame) -> None:
-        if self._gate is not None:
-            self._gate.wait(pad, frame.sequence)
-        self._pads[pad].publish(frame)
+        if self._gate is None:
+            self._pads[pad].publish(frame, self._age)
+            return
+        age = self._age(frame.stamp)  # the time at the gate is not in it: the frame is played after it
+        self._gate.wait(pad, frame.sequence)
+        self._pads[pad].publish(frame, lambda _stamp: age)
 
     def _tare_limit(self, units: Mapping[str, str]) -> Callable[[str], float]:
         """Return what gives the limit of a pad, by its name, at the time of the call."""
@@ -173,16 +214,23 @@ class DriverNode(LifecycleNode):
     def _faults(self) -> dict[str, FaultyTaxels]:
         return {name: pad.conditioned.faults for name, pad in self._pads.items()}
 
-    def _publish_state(self) -> None:
-        self._state.publish(self._source, self._steps.error,
-                            {name: pad.conditioned.condition for name, pad in self._pads.items()})
+    def _driver_state(self) -> DriverState:
+        return DriverState(self._lifecycle, self._source, self._steps.error,
+                           {name: pad.condition for name, pad in self._pads.items()})
 
-    def _publish_after(self, result: TransitionCallbackReturn) -> TransitionCallbackReturn:
-        """Publish the state after a transition and return the transition's result."""
-        self._publish_state()
+    def _publish_after(self, result: TransitionCallbackReturn, goal: PrimaryState) -> TransitionCallbackReturn:
+        """Publish the state after a transition, to ``goal`` if it succeeds, and return the transition's result."""
+        if result == TransitionCallbackReturn.SUCCESS:
+            self.get_logger().info(f'Lifecycle: {self._lifecycle.name.lower()} -> {goal.name.lower()}.')
+            self._lifecycle = goal
+        try:
+            self._state.update()
+        except Exception:  # what cannot be reported must not fail the transition: the driver works
+            logger.exception('The state of the driver could not be published.')
         return result
 
     def _release(self) -> None:
+        self._settings = None
         self._source = None
         while self._owned:
             self._owned.pop()()

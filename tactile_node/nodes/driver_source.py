@@ -1,5 +1,7 @@
 """Where the driver's frames come from, by its settings: a live bus, or a recorded log in its place."""
 
+from collections.abc import Callable, Sequence
+
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.errors import ConfigurationError
 from tactile_node.frames.consumer import OnFrame
@@ -7,7 +9,7 @@ from tactile_node.frames.frame_source import FrameSource
 from tactile_node.recording.log_source import LogSource
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.skin.pad_rules import live_pads
-from tactile_node.skin.pads import PadSettings, make_pads, with_dictionaries
+from tactile_node.skin.pads import PadSettings, make_pads, one_for_each, with_dictionaries
 from tactile_node.supervision.supervisor import Supervisor
 
 
@@ -19,12 +21,26 @@ def driver_pads(settings: DriverSettings) -> tuple[PadSettings, ...]:
     return pads if settings.replay else with_dictionaries(pads, settings.eds)  # a log needs none
 
 
-def make_source(settings: DriverSettings, pads: tuple[PadSettings, ...], on_frame: OnFrame) -> FrameSource:
-    """Make the supervised bus, or the log of a replay, not yet open."""
+def pad_frames(settings: DriverSettings, pads: Sequence[PadSettings]) -> list[str]:
+    """Return the frame of each pad. Raises ConfigurationError for a wrong number of them."""
+    frame_ids = one_for_each('frame_ids', settings.frame_ids, pads)
+    return [settings.frame_prefix + (frame_id or f'{pad.name}_pad') for pad, frame_id in zip(pads, frame_ids)]
+
+
+def make_source(settings: DriverSettings, pads: tuple[PadSettings, ...], on_frame: OnFrame,
+                on_time: Callable[[float], None] | None = None) -> FrameSource:
+    """Make the supervised bus, or the log of a replay, not yet open. Raises ConfigurationError for both at once.
+
+    ``on_time``: of a log, called with the time that it has reached [s].
+    """
+    if settings.replay and settings.record:
+        raise ConfigurationError('parameters replay and record', expected='one of them: a log that is played is not '
+                                 'recorded', got=f'{settings.replay!r} and {settings.record!r}',
+                                 remedy='Leave out one, or copy the log.')
     if settings.replay:
         return LogSource(settings.replay, pads, on_frame, pace=settings.replay_pace or None,
                          loop=settings.replay_loop, drop_incomplete=settings.drop_incomplete,
-                         channel=settings.replay_channel)
+                         channel=settings.replay_channel, on_time=on_time)
     bus = BusSettings(interface=settings.interface, channel=settings.channel, bitrate=settings.bitrate,
                       sync_period=settings.sync_period, produce_sync=settings.produce_sync,
                       boot_timeout=settings.boot_timeout, drop_incomplete=settings.drop_incomplete,

@@ -1,25 +1,36 @@
 """The shapes under two opposing pads -> one grasp, on a topic."""
 
+import math
 import sys
+import time
 from functools import partial
 
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from tactile_node.grasp.gripper import Gripper, PadPose
-from tactile_node.grasp.tracker import SIDES, GraspSettings, GraspTracker
+from tactile_node.grasp.opening import Opening
+from tactile_node.grasp.steadiness import SteadinessSettings
+from tactile_node.grasp.tracker import SIDES, GraspSettings, GraspState, GraspTracker
 from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.node_health import MessageHealth
+from tactile_node.nodes.opening_source import make_opening_source
+from tactile_node.nodes.pad_frames import publish_pad_frames
 from tactile_node.nodes.run import run_node
 from tactile_node.ros.grasp_messages import grasp_message, side_result
+from tactile_node.ros.message_age import Arrival
 from tactile_node.ros.message_checks import check_contact_shape
 from tactile_node.ros.parameters import declare, read
 from tactile_node.ros.settings import GraspNodeSettings
+from tactile_node.ros.time_messages import seconds
 from tactile_skin.msg import ContactShape, Grasp
+
+ANOTHER_LOG = 60.0  # s by which stamps go back when another log is replayed; pads of one log are less apart
 
 
 class GraspNode(Node):
-    """Publishes `grasp` for every usable `<pad>/shape` of its two pads.
+    """Publishes `grasp` for every usable `<pad>/shape` of its two pads, and when the shapes of a pad stop.
 
     Raises ConfigurationError for a wrong parameter.
     """
@@ -30,20 +41,69 @@ class GraspNode(Node):
         self._settings = settings = read(self, GraspNodeSettings)
         gripper = Gripper(PadPose(settings.left_xyz, settings.left_rpy),
                           PadPose(settings.right_xyz, settings.right_rpy))
-        self._tracker = GraspTracker(GraspSettings(gripper, settings.centre_tolerance, settings.min_hold,
-                                                   settings.max_skew))
+        self._tracker = GraspTracker(GraspSettings(
+            gripper, SteadinessSettings(settings.max_creep, settings.centre_tolerance), min_hold=settings.min_hold,
+            max_skew=settings.max_skew, max_age=settings.max_age))
+        self._opening = make_opening_source(self, settings, gripper.closing)
+        publish_pad_frames(self, settings, gripper, self._opening)
         self._latest = {side: ContactShape() for side in SIDES}
+        self._arrivals: dict[str, Arrival] = {}
+        self._stamp = 0.0  # the latest [s]; the clock of a lossless replay
         self._publisher = self.create_publisher(Grasp, 'grasp', settings.qos)
-        MessageHealth(self, [
-            GuardedSubscription(self, ContactShape, f'{pad}/shape', partial(self._on_shape, side), settings.qos,
-                                check=check_contact_shape)
-            for side, pad in zip(SIDES, (settings.left_pad, settings.right_pad))])
+        # On the steady clock: with use_sim_time and no /clock the node's own clock stands still
+        self._silences = {side: self.create_timer(self._tracker.silence_limit(side), self._on_silence,
+                                                  clock=Clock(clock_type=ClockType.STEADY_TIME)) for side in SIDES}
+        for silence in self._silences.values():
+            silence.cancel()
+        self._shapes = {
+            side: GuardedSubscription(self, ContactShape, f'{pad}/shape', partial(self._on_shape, side), settings.qos,
+                                      check=check_contact_shape)
+            for side, pad in zip(SIDES, (settings.left_pad, settings.right_pad))}
+        MessageHealth(self, tuple(self._shapes.values()))
 
     def _on_shape(self, side: str, message: ContactShape) -> None:
-        state = self._tracker.update(side, side_result(message), self._settings.gap)
+        arrival = self._shapes[side].arrival
+        self._arrivals[side] = arrival
         self._latest[side] = message
+        stamp = seconds(message.header.stamp)
+        self._stamp = max(stamp, self._stamp) if self._stamp - stamp < ANOTHER_LOG else stamp
+        acquired = stamp if self._settings.lossless else arrival.steady - arrival.age_on_arrival
+        opening = self._opening.current(time.monotonic())
+        state = self._tracker.update(side, side_result(message, acquired), self._now(), opening.gap)
+        self._publish(state, opening)
+        if not self._settings.lossless:
+            self._await_next(side)
+
+    def _now(self) -> float:
+        """Return the time that results are measured by [s]: in a lossless replay that of the stamps."""
+        return self._stamp if self._settings.lossless else time.monotonic()
+
+    def _await_next(self, side: str) -> None:
+        """Publish again when no shape of ``side`` follows in time: the last grasp must not stay fresh."""
+        silence, limit = self._silences[side], round(self._tracker.silence_limit(side) * 1e9)
+        if silence.timer_period_ns != limit:
+            silence.timer_period_ns = limit
+        silence.reset()
+
+    def _on_silence(self) -> None:
+        self._publish_without_result(self._now())
+
+    def destroy_node(self) -> None:
+        """Withdraw the last grasp first: nothing follows that could."""
+        if self.context.ok() and self._arrivals:
+            self._publish_without_result(math.inf)
+        super().destroy_node()
+
+    def _publish_without_result(self, now: float) -> None:
+        """Publish the grasp at ``now`` [s] of what has been received."""
+        opening = self._opening.current(time.monotonic())
+        self._publish(self._tracker.state(now, opening.gap), opening)
+
+    def _publish(self, state: GraspState, opening: Opening) -> None:
+        now = time.monotonic()
+        age = max(self._arrivals[side].age(now) if side in self._arrivals else math.inf for side in SIDES)
         sides = [self._latest[side] for side in SIDES]
-        self._publisher.publish(grasp_message(state, sides, self._settings.gap, self._settings.frame_id))
+        self._publisher.publish(grasp_message(state, sides, opening, self._settings.frame, age))
 
 
 def main() -> int:

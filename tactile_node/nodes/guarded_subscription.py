@@ -1,19 +1,33 @@
 """A subscription whose messages cannot stop its node."""
 
 import logging
+import math
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable
-from typing import Generic
+from typing import Generic, Protocol, TypeGuard
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
+from tactile_node.delay.stamp_guard import StampGuard
+from tactile_node.nodes.publisher_names import publisher_names
+from tactile_node.ros.message_age import AgedMessage, Arrival, InputAge
 from tactile_node.ros.message_checks import Check, Message, RejectReason
-from tactile_node.ros.message_health import MessageCounts
+from tactile_node.ros.message_health import MessageCounts, StreamHealth
+from tactile_node.ros.qos import is_lossless
+from tactile_node.ros.time_messages import seconds
 from tactile_node.threads.reminder import Reminder
 
 logger = logging.getLogger(__name__)
+
+MOST_SKIPPED = 10_000  #: a larger gap in the sequence is another count, not frames that were missed
+
+
+class ChainMessage(AgedMessage, Protocol):
+    """A message about one taxel frame."""
+
+    sequence: int
 
 
 class GuardedSubscription(Generic[Message]):
@@ -21,6 +35,9 @@ class GuardedSubscription(Generic[Message]):
 
     An exception of the callback is logged with its traceback and counted as PROCESSING_FAILED: it would end the
     executor, and with it every node of the process.
+
+    Messages of our chain have stamp, age and sequence: one whose stamp runs ahead of the others is dropped too, unless
+    ``qos`` is that of a lossless replay, and gaps in the sequence are counted. Their topic has one publisher.
     """
 
     def __init__(self, node: Node, kind: type[Message], topic: str, callback: Callable[[Message], None],
@@ -32,12 +49,32 @@ class GuardedSubscription(Generic[Message]):
         self._processed = 0
         self._dropped: Counter[RejectReason] = Counter()
         self._reminders: defaultdict[RejectReason, Reminder] = defaultdict(Reminder)
+        self._kind_is_of_chain = all(hasattr(kind, field) for field in ('header', 'age', 'sequence'))
+        self._stamps = None if is_lossless(qos) else StampGuard()
+        self._age = InputAge(lossless=is_lossless(qos))
+        self._arrival: Arrival | None = None  # of the newest message that was used
+        self._sequence: int | None = None
+        self._skipped = 0
         self._subscription = node.create_subscription(kind, topic, self._on_message, qos)
         self.topic: str = self._subscription.topic_name  #: its full name
 
     @property
     def counts(self) -> MessageCounts:
-        return MessageCounts(self._received, self._processed, dict(self._dropped))
+        return MessageCounts(self._received, self._processed, dict(self._dropped), self._skipped)
+
+    @property
+    def arrival(self) -> Arrival:
+        """Of the message of the chain that ``callback`` is called with. Raises RuntimeError before the first."""
+        if self._arrival is None:
+            raise RuntimeError(f'{self.topic}: no message of the chain has arrived')
+        return self._arrival
+
+    @property
+    def health(self) -> StreamHealth:
+        """Its counts, the age of its newest data now, and who publishes it."""
+        age = math.inf if self._arrival is None else self._arrival.age(time.monotonic())
+        publishers = publisher_names(self._node, self.topic) if self._kind_is_of_chain else ()
+        return StreamHealth(self.counts, age, tuple(publishers))
 
     def destroy(self) -> None:
         self._node.destroy_subscription(self._subscription)
@@ -45,8 +82,9 @@ class GuardedSubscription(Generic[Message]):
     def _on_message(self, message: Message) -> None:
         self._received += 1
         try:
-            reason = self._check(message)
+            reason = self._check(message) or self._check_stamp(message)
             if reason is None:
+                self._note(message)
                 self._callback(message)
                 self._processed += 1
                 return
@@ -56,6 +94,25 @@ class GuardedSubscription(Generic[Message]):
             self._drop(RejectReason.PROCESSING_FAILED, error)
             return
         self._drop(reason)
+
+    def _is_of_chain(self, message: object) -> TypeGuard[ChainMessage]:
+        return self._kind_is_of_chain
+
+    def _check_stamp(self, message: Message) -> RejectReason | None:
+        if self._stamps is None or not self._is_of_chain(message):
+            return None
+        is_accepted = self._stamps.accepts(time.monotonic(), seconds(message.header.stamp))
+        return None if is_accepted else RejectReason.STAMP_AHEAD
+
+    def _note(self, message: Message) -> None:
+        """Note age and sequence of a message that is used."""
+        if not self._is_of_chain(message):
+            return
+        self._arrival = self._age.arrived(message)
+        if self._sequence is not None:
+            gap = message.sequence - self._sequence - 1
+            self._skipped += gap if 0 < gap <= MOST_SKIPPED else 0
+        self._sequence = message.sequence
 
     def _drop(self, reason: RejectReason, error: Exception | None = None) -> None:
         self._dropped[reason] += 1

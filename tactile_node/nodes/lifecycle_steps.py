@@ -20,12 +20,16 @@ class LifecycleSteps:
     def __init__(self, node: Node):
         self._node = node
         self._reminder: Reminder | None = None
+        self._waits_for: tuple[type[TactileError], ...] = ()
         self.error: TactileError | None = None
 
     @contextmanager
-    def waiting(self) -> Iterator[None]:
-        """Inside the block, steps that fail are repeated: log the same error again only when the reminder is due."""
-        self._reminder = Reminder()
+    def autostart(self, waits_for: tuple[type[TactileError], ...]) -> Iterator[None]:
+        """Inside the block, a step that fails with one of these errors is repeated: log each when a reminder is due.
+
+        Any other error ends the block and is reported where it is caught, so that it is reported once.
+        """
+        self._reminder, self._waits_for = Reminder(), waits_for
         try:
             yield
         finally:
@@ -54,5 +58,5 @@ class LifecycleSteps:
     def _log(self, error: TactileError) -> None:
         if self._reminder is None:
             self._node.get_logger().error(str(error))
-        elif self._reminder.is_due(str(error), time.monotonic()):
+        elif isinstance(error, self._waits_for) and self._reminder.is_due(str(error), time.monotonic()):
             self._node.get_logger().error(f'{error} {WAITING}')

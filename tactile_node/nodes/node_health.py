@@ -1,5 +1,7 @@
 """The diagnostic of a node that processes messages: /diagnostics, once a second."""
 
+import logging
+import time
 from collections.abc import Sequence
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -8,25 +10,39 @@ from rclpy.qos import QoSProfile
 
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.health_timer import start_health_timer
-from tactile_node.ros.message_health import MessageCounts, health_status
+from tactile_node.ros.message_health import StreamFault, StreamHealth, health_status, several_text, topics_of_several
+
+logger = logging.getLogger(__name__)
 
 
 class MessageHealth:
-    """Publishes what ``node`` does with the messages of ``subscriptions``; it lasts as long as the node."""
+    """Publishes what ``node`` does with the messages of ``subscriptions``; it lasts as long as the node.
+
+    The stamp is of the node's clock: with use_sim_time and before the first /clock it is 0, and the messages continue.
+    """
 
     def __init__(self, node: Node, subscriptions: Sequence[GuardedSubscription]):
         self._node = node
         self._subscriptions = tuple(subscriptions)
-        self._before = self._counts()
+        self._before = {subscription.topic: subscription.counts for subscription in subscriptions}
+        self._at = time.monotonic()
+        self._of_several: set[str] = set()  # topics that were reported
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', QoSProfile(depth=10))
         start_health_timer(node, self._publish)
 
-    def _counts(self) -> dict[str, MessageCounts]:
-        return {subscription.topic: subscription.counts for subscription in self._subscriptions}
-
     def _publish(self) -> None:
-        now = self._counts()
-        message = DiagnosticArray(status=[health_status(self._node.get_fully_qualified_name(), now, self._before)])
+        now, at = {subscription.topic: subscription.health for subscription in self._subscriptions}, time.monotonic()
+        status = health_status(self._node.get_fully_qualified_name(), now, self._before, at - self._at)
+        self._log_several(now)
+        self._before, self._at = {topic: stream.counts for topic, stream in now.items()}, at
+        message = DiagnosticArray(status=[status])
         message.header.stamp = self._node.get_clock().now().to_msg()
-        self._before = now
         self._publisher.publish(message)
+
+    def _log_several(self, now: dict[str, StreamHealth]) -> None:
+        """Once for each topic, until it has one publisher again."""
+        found = topics_of_several(now)
+        for topic in found.keys() - self._of_several:
+            logger.warning('%s: %s', self._node.get_fully_qualified_name(), several_text(topic, found[topic]),
+                           extra={'fact': StreamFault.SEVERAL_PUBLISHERS})
+        self._of_several = set(found)

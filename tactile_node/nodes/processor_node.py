@@ -1,39 +1,50 @@
-"""Taxel array -> contact pattern -> features, on topics."""
+"""Taxel array -> contact pattern, and its features while something subscribes to them, on topics."""
 
 import sys
+import time
 from collections.abc import Sequence
 
+from builtin_interfaces.msg import Duration
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PRESS_BY_UNIT, PressThresholds
+from tactile_node.contact.visibility import visibility_of
 from tactile_node.errors import ConfigurationError, TactileError
+from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.run import run_node
+from tactile_node.ros.contact_messages import contact_message, taxels_of
 from tactile_node.ros.feature_messages import features_message
+from tactile_node.ros.message_age import age_message
 from tactile_node.ros.message_checks import check_taxel_array
 from tactile_node.ros.parameters import changed, declare, read
 from tactile_node.ros.settings import ProcessorSettings
 from tactile_node.ros.taxel_messages import taxel_values
-from tactile_skin.msg import ContactFeatures, TaxelArray
+from tactile_skin.msg import Contact, ContactFeatures, TaxelArray
 
 
 class ProcessorNode(Node):
-    """Publishes `features` for every usable message on `taxels`. Raises ConfigurationError for a wrong parameter."""
+    """Publishes `contact` for every usable message on `taxels`, and `features` while something subscribes to it.
+
+    A lossless one always publishes both, since it keeps messages for late subscribers. Raises ConfigurationError for a
+    wrong parameter.
+    """
 
     def __init__(self, **options):
         super().__init__(NODE_NAMES[Role.PROCESSOR], **options)
         declare(self, ProcessorSettings)
         self._apply(read(self, ProcessorSettings))
         qos = self._settings.qos
-        self._publisher = self.create_publisher(ContactFeatures, 'features', qos)
-        subscription = GuardedSubscription(self, TaxelArray, 'taxels', self._on_taxels, qos, check=check_taxel_array)
-        MessageHealth(self, [subscription])
+        self._contacts = self.create_publisher(Contact, 'contact', qos)
+        self._features = self.create_publisher(ContactFeatures, 'features', qos)
+        self._taxels = GuardedSubscription(self, TaxelArray, 'taxels', self._on_taxels, qos, check=check_taxel_array)
+        MessageHealth(self, [self._taxels])
         self.add_on_set_parameters_callback(self._on_parameters)
 
     def _apply(self, settings: ProcessorSettings) -> None:
@@ -53,9 +64,21 @@ class ProcessorNode(Node):
         return SetParametersResult(successful=True)
 
     def _on_taxels(self, message: TaxelArray) -> None:
-        pattern = self._extractors[message.unit].extract(taxel_values(message))
-        features = compute_features(pattern.mask, self._groups)
-        self._publisher.publish(features_message(message, pattern, features))
+        pattern = self._extractors[message.unit].extract(
+            taxel_values(message), saturated=taxels_of(message, TaxelStatus.SATURATED),
+            unmapped=taxels_of(message, TaxelStatus.UNMAPPED))
+        visibility = visibility_of(pattern, self._settings.smallest_contact)
+        contact = contact_message(message, pattern, visibility, self._settings.smallest_contact)
+        contact.age = self._age()
+        self._contacts.publish(contact)
+        if self._settings.lossless or self._features.get_subscription_count():  # a late subscriber gets all
+            features = features_message(message, pattern, visibility, compute_features(pattern.mask, self._groups))
+            features.age = self._age()
+            self._features.publish(features)
+
+    def _age(self) -> Duration:
+        """Of what is made of the present message, when it is sent."""
+        return age_message(self._taxels.arrival.age(time.monotonic()))
 
 
 def feature_groups(names: Sequence[str]) -> Group:

@@ -8,7 +8,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
-from tactile_node.ros.message_checks import check_contact_shape
+from tactile_node.ros.message_checks import RejectReason, check_contact_shape
 from tactile_skin.msg import ContactShape
 
 WINDOW = 500  # frames that may be under way; well below qos.REPLAY_DEPTH
@@ -21,11 +21,12 @@ class ReplayGate:
     def __init__(self, node: Node, pads: Sequence[str], qos: QoSProfile):
         self._node = node
         self._open = False
+        self._played = dict.fromkeys(pads, -1)  # the last frame let through
         self._seen = dict.fromkeys(pads, -1)
         self._progress = threading.Condition()
         self._subscriptions = [
             GuardedSubscription(node, ContactShape, f'{pad}/shape', partial(self._on_shape, pad), qos,
-                                check=check_contact_shape) for pad in pads]
+                                check=partial(self._check, pad)) for pad in pads]
 
     def wait(self, pad: str, sequence: int) -> None:
         """Return when fewer than WINDOW frames before ``sequence`` still lack their shape."""
@@ -35,6 +36,7 @@ class ReplayGate:
                     self._open = True
                     self._node.get_logger().warning(
                         f'No shape for {TIMEOUT:.0f} s: the log is played without waiting for any.')
+            self._played[pad] = sequence
 
     def destroy(self) -> None:
         """Stop listening and release a waiting log."""
@@ -44,7 +46,14 @@ class ReplayGate:
         for subscription in self._subscriptions:
             subscription.destroy()
 
+    def _check(self, pad: str, message: ContactShape) -> RejectReason | None:
+        """A shape of a frame that was not played yet would open the gate until the log gets there."""
+        reason = check_contact_shape(message)
+        if reason is None and message.sequence > self._played[pad]:
+            return RejectReason.WRONG_SEQUENCE
+        return reason
+
     def _on_shape(self, pad: str, message: ContactShape) -> None:
         with self._progress:
-            self._seen[pad] = message.sequence
+            self._seen[pad] = max(self._seen[pad], message.sequence)
             self._progress.notify_all()

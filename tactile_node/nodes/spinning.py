@@ -4,15 +4,17 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
+
+from tactile_node.nodes.frame_executor import FrameExecutor
 
 
 class Spinner:
     """An executor on a thread; `check` raises what a callback has raised, which the thread would lose."""
 
     def __init__(self, nodes: Sequence[Node]):
-        self._executor = SingleThreadedExecutor()
+        self._executor = FrameExecutor()
         self._error: Exception | None = None
         self._stopping = threading.Event()
         for node in nodes:

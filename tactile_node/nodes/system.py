@@ -1,30 +1,34 @@
-"""All nodes of one bus in one process."""
+"""The nodes of one bus that run in this process."""
 
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
+from threading import Event
+from typing import TYPE_CHECKING, Any
 
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from tactile_node.frames.frame_source import FrameSource
 from tactile_node.node_graph import NodeDescription, Role
-from tactile_node.nodes.classifier_node import ClassifierNode
-from tactile_node.nodes.driver_node import DriverNode
-from tactile_node.nodes.grasp_node import GraspNode
-from tactile_node.nodes.processor_node import ProcessorNode
 
-CLASSES: dict[Role, Callable[..., Node]] = {Role.DRIVER: DriverNode, Role.PROCESSOR: ProcessorNode,
-                                   Role.CLASSIFIER: ClassifierNode, Role.GRASP: GraspNode}
+if TYPE_CHECKING:
+    from tactile_node.nodes.classifier_node import ClassifierNode
+    from tactile_node.nodes.driver_node import DriverNode
 
 
-class System(NamedTuple):
-    """The nodes of one bus."""
+class System:
+    """Makes the described nodes. Raises ConfigurationError for a wrong parameter of processor, classifier or grasp."""
 
-    nodes: tuple[Node, ...]
+    def __init__(self, descriptions: Sequence[NodeDescription]):
+        self._driver: DriverNode | None = None
+        self._classifiers: list[ClassifierNode] = []
+        self.nodes = tuple(self._make(each.role, _options(each)) for each in descriptions)
 
     @property
-    def driver(self) -> DriverNode:
-        return next(node for node in self.nodes if isinstance(node, DriverNode))
+    def driver(self) -> 'DriverNode':
+        """Raises RuntimeError where the driver runs in another process."""
+        if self._driver is None:
+            raise RuntimeError('the driver runs in another process')
+        return self._driver
 
     @property
     def source(self) -> FrameSource:
@@ -36,21 +40,38 @@ class System(NamedTuple):
     @property
     def recognised(self) -> int:
         """Shapes published by all classifiers."""
-        return sum(node.recognised for node in self.nodes if isinstance(node, ClassifierNode))
+        return sum(node.recognised for node in self._classifiers)
+
+    def autostart(self, stop_requested: Event) -> None:
+        """Start the driver, where it runs in this process; see `DriverNode.autostart`."""
+        if self._driver is not None:
+            self._driver.autostart(stop_requested)
 
     def destroy(self) -> None:
         """Destroy all nodes, the driver, which feeds the others, first."""
-        self.driver.destroy_node()
+        if self._driver is not None:
+            self._driver.destroy_node()
         for node in self.nodes:
-            if node is not self.driver:
+            if node is not self._driver:
                 node.destroy_node()
 
+    def _make(self, role: Role, options: dict[str, Any]) -> Node:
+        """Imports the node's module here: a process loads only what its own nodes need."""
+        if role is Role.DRIVER:
+            from tactile_node.nodes.driver_node import DriverNode
+            self._driver = DriverNode(**options)
+            return self._driver
+        if role is Role.CLASSIFIER:
+            from tactile_node.nodes.classifier_node import ClassifierNode
+            self._classifiers.append(ClassifierNode(**options))
+            return self._classifiers[-1]
+        if role is Role.PROCESSOR:
+            from tactile_node.nodes.processor_node import ProcessorNode
+            return ProcessorNode(**options)
+        from tactile_node.nodes.grasp_node import GraspNode
+        return GraspNode(**options)
 
-def make_system(descriptions: Sequence[NodeDescription]) -> System:
-    """Make the described nodes. Raises ConfigurationError for a wrong parameter of processor, classifier or grasp."""
-    return System(tuple(_made(description) for description in descriptions))
 
-
-def _made(description: NodeDescription) -> Node:
-    overrides = [Parameter(name, value=value) for name, value in description.parameters.items()]
-    return CLASSES[description.role](namespace=description.namespace, parameter_overrides=overrides)
+def _options(description: NodeDescription) -> dict[str, Any]:
+    return {'namespace': description.namespace,
+            'parameter_overrides': [Parameter(name, value=value) for name, value in description.parameters.items()]}

@@ -138,8 +138,7 @@ def _tared(zeroing: Zeroing, name: str, count: int, request: Tare.Request, respo
                                remedy='Ask for fewer frames, or for one pad after another.')
     if not request.on_device:
         return _noted(name, pad.tare(*given), response)
-    boots = zeroing.boots(name)
-    channels, found = pad.tare_after(lambda: zeroing.auto_zero(name), lambda: zeroing.boots(name) == boots, *given)
+    channels, found = pad.tare_after(lambda: zeroing.auto_zero(name), lambda: zeroing.boots(name), *given)
     return _noted(name, found, response, f'{channels} channels zeroed on the device, then ')
 
 

@@ -3,7 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import ndtr
 
+from tactile_node.contact.pattern import ContactPattern
+from tactile_node.contact.visibility import Visibility, grown, visibility_of
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.pose.pitch import check_pitch
 
@@ -12,39 +15,70 @@ ROUND = 0.02  #: relative difference of the two second moments below which no ax
 
 
 class ContactMoments(NamedTuple):
-    """Of one contact, in the pad's frame; NaN where undefined."""
+    """Of one contact, in the pad's frame; NaN where undefined and where the pad is not seen.
+
+    Standard deviations are those by the noise of the taxels; NaN where that is not known. A contact at the pad's edge
+    ends there: its force is whole, though the object may be larger.
+    """
 
     force: float                             #: sum of the taxels' forces [N]; NaN for an on/off skin
     centre_of_pressure: tuple[float, float]  #: [m]
     area: float                              #: taxels of the contact, invalid ones too, times pitch² [m²]
     principal_axis: float                    #: of the contact's area, x to y, in (-π/2, π/2] [rad]
     filled: int                              #: invalid taxels, taken as the mean of their neighbours
+    force_sd: float                          #: [N]
+    centre_of_pressure_sd: tuple[float, float]  #: along x and along y [m]
+    force_is_bound: bool  #: a lower bound: taxels are saturated, or the contact may continue in hidden ones
+    centre_of_pressure_is_bound: bool        #: not that of the whole contact, for the same reasons
+    #: it may be larger: hidden taxels or the pad's edge next to it; or taxels are saturated: a fit may be too large
+    size_is_bound: bool
 
 
-def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: str) -> ContactMoments:
+def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: str,
+                    visibility: Visibility | None = None, noise: float | np.ndarray = np.nan) -> ContactMoments:
     """Return the moments of the contact ``mask`` (bool) of a frame ``values``, both (rows, cols).
 
     ``pitch`` [m]; ``unit`` of the values: "Pa" (force = pressure times pitch²), "N" or "1" (on/off). An
     invalid taxel (NaN) of the contact counts with the mean of its valid neighbours in the contact, or else
     of the whole contact, so that a dead taxel neither lowers the force nor shifts its centre. Negative values
-    count as 0. Raises InputError for shapes that differ, ConfigurationError for pitch or unit.
+    count as 0. ``visibility`` of the contact; None: that of its values, none of them saturated. ``noise``: standard
+    deviation of a taxel [unit], or of each, (rows, cols). Raises InputError for shapes that differ,
+    ConfigurationError for pitch or unit.
 
     >>> contact_moments(np.full((2, 3), 1000.0), np.ones((2, 3), bool), 0.002, 'Pa').force
     0.024
     """
     _check(values, mask, pitch, unit)
+    if visibility is None:
+        visibility = visibility_of(ContactPattern.of(mask, values))
     if not mask.any():
-        nan = float('nan')
-        return ContactMoments(force=nan if unit == '1' else 0.0, centre_of_pressure=(nan, nan), area=0.0,
-                              principal_axis=nan, filled=0)
+        return _without_contact(unit, visibility.pad_seen)
     rows, cols = np.nonzero(mask)
     of_contact, filled = _filled(values, mask, rows, cols)
+    if visibility.inside_hidden and filled < len(of_contact):  # what is not seen adds nothing: a lower bound
+        of_contact = np.where(np.isfinite(values[mask]), of_contact, 0.0)
     total = of_contact.sum()
-    force = {'Pa': total * pitch**2, 'N': total, '1': np.nan}[unit]
     share = of_contact / total if total > 0 else np.full(len(rows), np.nan)
-    centre = (float(share @ cols * pitch), float(share @ rows * pitch))
-    return ContactMoments(force=float(force), centre_of_pressure=centre, area=len(rows) * pitch**2,
-                          principal_axis=_principal_axis(cols, rows), filled=filled)
+    centre = (float(share @ cols), float(share @ rows))
+    near, deviation = _deviations(values, mask, of_contact, noise=noise)
+    of_unit = {'Pa': pitch**2, 'N': 1.0, '1': np.nan}[unit]  # newtons
+    is_bound = visibility.outline_hidden or visibility.inside_hidden or visibility.saturated_in_contact > 0
+    return ContactMoments(
+        force=float(total * of_unit), centre_of_pressure=(centre[0] * pitch, centre[1] * pitch),
+        area=len(rows) * pitch**2, principal_axis=_principal_axis(cols, rows), filled=filled,
+        force_sd=float(np.sqrt(deviation @ deviation) * of_unit),
+        centre_of_pressure_sd=(_centre_sd(deviation, near[1] - centre[0], total) * pitch,
+                               _centre_sd(deviation, near[0] - centre[1], total) * pitch),
+        force_is_bound=is_bound, centre_of_pressure_is_bound=is_bound,
+        size_is_bound=is_bound or visibility.at_edge)
+
+
+def _without_contact(unit: str, pad_seen: bool) -> ContactMoments:
+    nan = float('nan')
+    return ContactMoments(
+        force=0.0 if pad_seen and unit != '1' else nan, centre_of_pressure=(nan, nan), area=0.0 if pad_seen else nan,
+        principal_axis=nan, filled=0, force_sd=nan, centre_of_pressure_sd=(nan, nan), force_is_bound=False,
+        centre_of_pressure_is_bound=False, size_is_bound=False)
 
 
 def _check(values: np.ndarray, mask: np.ndarray, pitch: float, unit: str) -> None:
@@ -63,12 +97,42 @@ def _filled(values: np.ndarray, mask: np.ndarray, rows: np.ndarray,
     of_contact = np.maximum(values[mask].astype(float), 0)
     invalid = ~np.isfinite(of_contact)
     if invalid.all():
-        return np.zeros(len(of_contact)), len(of_contact)
+        return np.full(len(of_contact), np.nan), len(of_contact)
     mean = of_contact[~invalid].mean()
     for i in np.flatnonzero(invalid):
         near = (np.abs(rows - rows[i]) <= 1) & (np.abs(cols - cols[i]) <= 1) & ~invalid
         of_contact[i] = of_contact[near].mean() if near.any() else mean
     return of_contact, int(invalid.sum())
+
+
+def _deviations(values: np.ndarray, mask: np.ndarray, of_contact: np.ndarray, *,
+                noise: float | np.ndarray) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
+    """Return the taxels of contact and ring (rows, cols), and the standard deviation of what each adds to the sums.
+
+    Beside the noise of its value: a taxel near its threshold is in the contact in one frame and not in the next. With
+    hysteresis, taxels of the contact leave it at or below its least value and that of the greatest in the ring, those
+    of the ring enter it at or above both. A filled taxel is as uncertain as the values of the contact differ, an
+    invalid one in the ring as whether it is pressed.
+    """
+    level = np.maximum(np.where(np.isfinite(values), values, 0.0), 0)
+    own = np.broadcast_to(np.asarray(noise, float), mask.shape)
+    filled = mask & ~np.isfinite(values)
+    ring = grown(mask) & ~mask
+    ends = level[mask & ~filled].min(initial=np.inf), level[ring].max(initial=0.0)
+    margin = np.where(mask, level - min(ends), max(ends) - level)
+    with np.errstate(divide='ignore', invalid='ignore'):
+        other = ndtr(-margin / own)  # how probable the other side of the threshold is
+    variance = np.where(mask, own**2, 0.0) + np.where(own > 0, other * (1 - other) * level**2, own)
+    variance[filled] += of_contact.var()
+    variance[ring & ~np.isfinite(values)] += of_contact.mean()**2 / 4  # it may belong to the contact, or not
+    near = np.nonzero(mask | ring)
+    return near, np.sqrt(variance[near])
+
+
+def _centre_sd(deviation: np.ndarray, offset: np.ndarray, total: float) -> float:
+    """Of the weighted mean of places, whose derivative by a weight is ``offset`` from the mean / ``total``."""
+    weighted = deviation * offset
+    return float(np.sqrt(weighted @ weighted) / total) if total > 0 else float('nan')
 
 
 def _principal_axis(x: np.ndarray, y: np.ndarray) -> float:

@@ -4,7 +4,7 @@ import itertools
 import logging
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import can
 
@@ -15,6 +15,7 @@ from tactile_node.frames.fault_text import failure_text
 from tactile_node.frames.health import BusFault, BusHealth, Failure
 from tactile_node.frames.losses import BusStatistics
 from tactile_node.recording.log_reader import CanLogReader
+from tactile_node.recording.played_times import PlayedTimes
 from tactile_node.recording.stray_stamps import SET_BACK
 from tactile_node.skin.pad_rules import check_pads
 from tactile_node.skin.pads import PadSettings
@@ -32,11 +33,12 @@ class LogSource:
     nothing. With ``loop`` the log begins again at its end, stamps shifted by its length. ``stop`` pauses,
     ``start`` continues at the next CAN frame. ``finished`` is set when the log has ended, ``failure`` when it
     could not be played to its end. ``channel`` chooses one bus of a log of several; needed where two have the same
-    pad.
+    pad. ``on_time`` is called with the stamp [s] of each CAN frame before it is played.
     """
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], on_frame: OnFrame, pace: float | None = 1.0,
-                 loop: bool = False, drop_incomplete: bool = False, channel: str = ''):
+                 loop: bool = False, drop_incomplete: bool = False, channel: str = '',
+                 on_time: Callable[[float], None] | None = None):
         check_pads(pads)
         self._path = path
         self._pace = pace
@@ -53,6 +55,8 @@ class LogSource:
         self._jumps = 0  # of the clock, while recording
         self._ahead = 0.0  # of the log's clock [s]
         self._is_active = False
+        self._played = PlayedTimes()
+        self._on_time = on_time
         self.failure: Failure | None = None
 
     def open(self) -> None:
@@ -80,6 +84,10 @@ class LogSource:
     def close(self) -> None:
         self.stop()
         self._messages = None
+
+    def age(self, stamp: float) -> float:
+        """Time since what is stamped ``stamp`` was played [s]; of what was played long ago, too short."""
+        return self._played.age(stamp)
 
     def auto_zero(self, pad: str) -> int:
         raise DeviceError(f'pad {pad!r}', expected='a device that zeroes itself', got=f'the log {self._path}',
@@ -133,6 +141,9 @@ class LogSource:
         try:
             for message in self._messages or ():
                 clock.wait_until(message.timestamp)
+                self._played.note(message.timestamp)
+                if self._on_time is not None:
+                    self._on_time(message.timestamp)
                 self._check_channel(message)
                 self._router.feed_message(message)
                 if stopping.is_set():

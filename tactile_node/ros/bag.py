@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from tactile_node.package_files import package_file
 
 PACKAGE = 'tactile_skin'
-MESSAGES = ('TaxelArray', 'FeatureRange', 'ContactFeatures', 'ContactShape', 'Grasp')
+MESSAGES = ('TaxelArray', 'Contact', 'FeatureRange', 'ContactFeatures', 'ContactShape', 'ContactShapes', 'Grasp')
 
 
 class BagRecorder:

@@ -3,10 +3,11 @@
 from collections.abc import Mapping
 
 from tactile_node.conditioning.conditioned_pad import ConditionedPad
+from tactile_node.conditioning.contact_guard import ContactGuard
 from tactile_node.conditioning.drift import DriftFollower
 from tactile_node.conditioning.fault_file import load_faults
 from tactile_node.conditioning.gain import load_gains
-from tactile_node.conditioning.limits import ON_OFF_UNIT, rest_limit, tare_limit
+from tactile_node.conditioning.limits import ON_OFF_UNIT, drift_limit, rest_limit
 from tactile_node.conditioning.tare import TaredPad
 from tactile_node.conditioning.taxel_faults import FaultDetector
 from tactile_node.errors import ConfigurationError
@@ -26,9 +27,11 @@ def conditioned_pads(pads: tuple[PadSettings, ...], settings: DriverSettings) ->
     known = load_faults(settings.faulty_taxels_file, shapes) if settings.faulty_taxels_file else {}
     made = {}
     for pad, gain_file in zip(pads, gain_files):
-        detector = FaultDetector(*shapes[pad.name], rest_limit(settings.tare_limit, pad.layout.value.unit))
-        made[pad.name] = ConditionedPad(TaredPad(), detector, known.get(pad.name) or detector.faults,
-                                        load_gains(gain_file, *shapes[pad.name]) if gain_file else None)
+        unit = pad.layout.value.unit
+        gains = load_gains(gain_file, *shapes[pad.name]) if gain_file else None
+        guard = ContactGuard.of_unit(unit, 1.0 if gains is None else gains)
+        detector = FaultDetector(*shapes[pad.name], rest_limit(settings.tare_limit, unit))
+        made[pad.name] = ConditionedPad(TaredPad(guard), detector, known.get(pad.name) or detector.faults, gains)
     adjust(made, {pad.name: pad.layout.value.unit for pad in pads}, settings)
     return made
 
@@ -40,7 +43,7 @@ def adjust(pads: Mapping[str, ConditionedPad], units: Mapping[str, str], setting
     """
     masks = masks_faulty(settings.faulty_taxels)
     rest = {name: rest_limit(settings.tare_limit, units[name]) for name in pads}
-    drifting = {name: tare_limit(settings.tare_limit, units[name]) for name in pads
+    drifting = {name: drift_limit(settings.tare_limit, units[name], pad.gains) for name, pad in pads.items()
                 if settings.follow_drift and units[name] != ON_OFF_UNIT}  # on/off taxels have no zero
     for name, pad in pads.items():
         pad.masks = masks

@@ -1,11 +1,15 @@
 """What the driver counts and sees, as DiagnosticArray (REP-107): never OK while data is being discarded."""
 
-from collections.abc import Mapping
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from tactile_node.cia301.nmt import state_name
 from tactile_node.conditioning.condition_text import ZERO_TEXT, faults_text
 from tactile_node.conditioning.conditioned_pad import PadCondition
 from tactile_node.conditioning.tare import ZeroState
@@ -13,39 +17,81 @@ from tactile_node.frames.fault_text import command_text, failure_text, node_text
 from tactile_node.frames.health import BusHealth, NodeHealth, Outages
 from tactile_node.frames.losses import BusStatistics, PadStatistics
 
+PERIOD = 1.0  #: s over which a level is evaluated
+
 
 class Finding(NamedTuple):
     level: bytes
     message: str
 
 
-class BusDiagnostics:
-    """Turns successive states of one bus into messages; the level is of the time between two of them."""
+class Look(NamedTuple):
+    """Counts and health at one time of the monotonic clock [s]."""
 
-    def __init__(self, node: str, hardware_id: str):
+    at: float
+    counts: BusStatistics
+    health: BusHealth
+
+
+class BusDiagnostics:
+    """Turns successive states of one bus into messages, under the full name of their ``node``.
+
+    The level is of the time since the last state that is ``window`` [s] old: what was lost stays reported for so long,
+    however often the state is evaluated.
+    """
+
+    def __init__(self, node: str, hardware_id: str, window: float = PERIOD,
+                 steady: Callable[[], float] = time.monotonic):
         self._node = node
         self._hardware_id = hardware_id
-        self._before: BusStatistics | None = None
-        self._health_before = BusHealth()
+        self._window = window
+        self._steady = steady
+        self._looks: deque[Look] = deque()  # ascending; the first is the one to compare with
 
-    def message(self, now: BusStatistics, health: BusHealth,
-                conditions: Mapping[str, PadCondition] = MappingProxyType({})) -> DiagnosticArray:
-        before, health_before = self._before or _nothing_yet(now), self._health_before
-        self._before, self._health_before = now, health
-        statuses = [self._status('bus', _worst(_bus_findings(now, before, health, health_before)),
-                                 _bus_values(now, health))]
-        for name, pad in now.pads.items():
+    def evaluate(self, counts: BusStatistics, health: BusHealth,
+                 conditions: Mapping[str, PadCondition] = MappingProxyType({})) -> tuple[Finding, ...]:
+        """Return what is found now, of the bus and then of each pad."""
+        before = self._before(Look(self._steady(), counts, health))
+        findings = [_worst(_bus_findings(counts, before.counts, health, before.health))]
+        for name, pad in counts.pads.items():
             nodes = health.nodes.get(name, ())  # none of a replayed log
-            findings = []
-            for node, node_before in zip(nodes, health_before.nodes.get(name) or map(_new, nodes)):
-                findings += _node_findings(name, node, node_before, health.is_active)
-            findings += _pad_findings(pad, before.pads[name])
+            of_pad = []
+            for node, node_before in zip(nodes, before.health.nodes.get(name) or map(_new, nodes)):
+                of_pad += _node_findings(name, node, node_before, health.is_active)
+            of_pad += _pad_findings(pad, before.counts.pads[name])
+            if (condition := conditions.get(name)) is not None:
+                of_pad += _condition_findings(condition)
+            findings.append(_worst(of_pad))
+        return tuple(findings)
+
+    def message(self, counts: BusStatistics, health: BusHealth,
+                conditions: Mapping[str, PadCondition] = MappingProxyType({})) -> DiagnosticArray:
+        """Evaluate the state and return its message."""
+        return self.message_of(self.evaluate(counts, health, conditions), counts, health, conditions)
+
+    def message_of(self, findings: Sequence[Finding], counts: BusStatistics, health: BusHealth,
+                   conditions: Mapping[str, PadCondition] = MappingProxyType({})) -> DiagnosticArray:
+        """Return the message of what ``evaluate`` has found."""
+        statuses = [self._status('bus', findings[0], _bus_values(counts, health))]
+        for finding, (name, pad) in zip(findings[1:], counts.pads.items()):
             extra: dict[str, object] = {}
             if (condition := conditions.get(name)) is not None:
-                findings += _condition_findings(condition)
-                extra = {'faulty_taxels': faults_text(condition.faults), 'unchanged_s': f'{condition.unchanged:.2f}'}
-            statuses.append(self._status(name, _worst(findings), _pad_values(pad) | extra | _nodes_values(nodes)))
+                extra = {'faulty_taxels': faults_text(condition.faults), 'unchanged_s': f'{condition.unchanged:.2f}',
+                         'other_publishers': ', '.join(condition.other_publishers)}
+            statuses.append(self._status(name, finding,
+                                         _pad_values(pad) | extra | _nodes_values(health.nodes.get(name, ()))))
         return DiagnosticArray(status=statuses)
+
+    def _before(self, now: Look) -> Look:
+        """Return the last state that is ``window`` old, before the first one all counts at zero."""
+        looks = self._looks
+        if not looks:
+            looks.append(Look(-math.inf, _nothing_yet(now.counts), BusHealth()))
+        while len(looks) > 1 and now.at - looks[1].at >= self._window:
+            looks.popleft()
+        before = looks[0]
+        looks.append(now)
+        return before
 
     def _status(self, part: str, finding: Finding, values: dict[str, object]) -> DiagnosticStatus:
         return DiagnosticStatus(
@@ -53,12 +99,17 @@ class BusDiagnostics:
             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])
 
 
-def unconfigured(node: str, health: BusHealth) -> DiagnosticArray:
+def unconfigured(health: BusHealth) -> tuple[Finding, ...]:
     """Of a driver without a bus: why, or only that it is not configured."""
-    failed = health.failure is not None
+    if health.failure is not None:
+        return (Finding(DiagnosticStatus.ERROR, failure_text(health.failure)),)
+    return (Finding(DiagnosticStatus.STALE, 'not configured'),)
+
+
+def diagnostic_array(node: str, finding: Finding, health: BusHealth) -> DiagnosticArray:
+    """Return the message of a driver without a bus."""
     return DiagnosticArray(status=[DiagnosticStatus(
-        level=DiagnosticStatus.ERROR if failed else DiagnosticStatus.STALE, name=f'{node}: bus',
-        message=failure_text(health.failure) if failed else 'not configured',
+        level=finding.level, name=f'{node}: bus', message=finding.message,
         values=[KeyValue(key='fault', value=health.fault.name)])])
 
 
@@ -70,7 +121,7 @@ def _nothing_yet(now: BusStatistics) -> BusStatistics:
 
 
 def _new(node: NodeHealth) -> NodeHealth:
-    return NodeHealth(node.node_id, '', True, None)
+    return NodeHealth(node.node_id, None, True, None)
 
 
 def _worst(findings: list[Finding]) -> Finding:
@@ -98,7 +149,7 @@ def _node_findings(pad: str, now: NodeHealth, before: NodeHealth, is_active: boo
     findings = [Finding(DiagnosticStatus.ERROR, node_text(pad, now))] if now.fault.is_fault else []
     if not now.is_operational and not now.fault.is_fault:
         level = DiagnosticStatus.ERROR if is_active else DiagnosticStatus.STALE
-        findings.append(Finding(level, f'node {now.node_id} is not OPERATIONAL: {now.state}'))
+        findings.append(Finding(level, f'node {now.node_id} is not OPERATIONAL: {state_name(now.state)}'))
     texts = _new_outages(now.outages, before.outages)
     if now.emergencies > before.emergencies or now.last_emergency is not None and not now.last_emergency.is_reset:
         texts.append(f'node {now.node_id}: {now.last_emergency}')
@@ -131,6 +182,8 @@ def _condition_findings(condition: PadCondition) -> list[Finding]:
     texts = [f'{faults.total} faulty taxels, {faults_text(faults)}'] if faults.total else []
     if condition.is_frozen:
         texts.append(f'no taxel has changed by one count for {condition.unchanged:.1f} s: has it stopped sampling?')
+    if condition.other_publishers:
+        texts.append(f'taxels of this pad are published by others, too: {", ".join(condition.other_publishers)}')
     findings = [Finding(DiagnosticStatus.WARN, one) for one in texts]
     if condition.zero is not ZeroState.VALID:
         detail = f': {condition.zero_error}' if condition.zero_error else ''
@@ -176,7 +229,7 @@ def _nodes_values(nodes: tuple[NodeHealth, ...]) -> dict[str, object]:
 def _node_values(node: NodeHealth) -> dict[str, object]:
     age = 'never heard' if node.heartbeat_age is None else f'{node.heartbeat_age:.2f}'
     return {'node_id': node.node_id, 'fault': node.fault.name,
-            'nmt_state': node.state, 'heartbeat_age_s': age, 'boot_ups': node.boots,
+            'nmt_state': state_name(node.state), 'heartbeat_age_s': age, 'boot_ups': node.boots,
             'emcy_count': node.emergencies, 'emcy_last': node.last_emergency or '',
             'outages': node.outages.count, 'outage_seconds': f'{node.outages.seconds:.2f}',
             'outage_last_reason': failure_text(node.outages.cause), 'frames_distrusted': node.distrusted}

@@ -1,19 +1,22 @@
-"""Contact patterns and features as messages, and back."""
+"""Features as messages, and back."""
 
 import numpy as np
 
 from tactile_node.contact.pattern import ContactPattern
+from tactile_node.contact.visibility import Visibility
 from tactile_node.helmholtz.features import UNDEFINED, Extremes, Features
-from tactile_node.ros.taxel_messages import as_array, taxel_values
+from tactile_node.ros.contact_messages import pad_state
+from tactile_node.ros.taxel_messages import as_array
 from tactile_skin.msg import ContactFeatures, FeatureRange, TaxelArray
 
 
-def features_message(taxels: TaxelArray, pattern: ContactPattern, features: Features) -> ContactFeatures:
+def features_message(taxels: TaxelArray, pattern: ContactPattern, visibility: Visibility,
+                     features: Features) -> ContactFeatures:
     """An empty pattern has no features: the list stays empty."""
     return ContactFeatures(
-        header=taxels.header, sequence=taxels.sequence, contacts=pattern.contacts,
-        missing_can_frames=taxels.missing_can_frames, rows=taxels.rows, cols=taxels.cols, pitch=taxels.pitch,
-        pattern=as_array('B', pattern.mask, np.uint8), unit=taxels.unit, values=taxels.values,
+        header=taxels.header, sequence=taxels.sequence, age=taxels.age, state=pad_state(pattern, visibility),
+        hidden_taxels=visibility.hidden_in_contact + visibility.hidden_in_ring, contacts=pattern.contacts,
+        rows=taxels.rows, cols=taxels.cols, pitch=taxels.pitch, pattern=as_array('B', pattern.mask, np.uint8),
         features=_feature_ranges(features) if pattern.contacts else [])
 
 
@@ -43,9 +46,3 @@ def _degrees(angle: int | None) -> float:
 
 def _angle(degrees: float) -> int | None:
     return None if degrees != degrees else int(degrees)
-
-
-def pattern_of(message: ContactFeatures) -> ContactPattern:
-    """Return the contact pattern that ``message`` was made from."""
-    mask = np.frombuffer(message.pattern, np.uint8).reshape(message.rows, message.cols).astype(bool)
-    return ContactPattern(mask, taxel_values(message), message.contacts)

@@ -5,26 +5,71 @@ import math
 import numpy as np
 from geometry_msgs.msg import Point, Vector3
 
-from tactile_node.grasp.tracker import GraspState, Line, SideResult
-from tactile_node.ros.shape_messages import SHAPE_OF_NUMBER
-from tactile_node.ros.time_messages import duration_message, seconds, time_message
-from tactile_node.shape.recognition import Shape
+from tactile_node.grasp.line import Line
+from tactile_node.grasp.opening import Opening
+from tactile_node.grasp.steadiness import OF_FIT, OF_PATTERN, OF_PRESSURE
+from tactile_node.grasp.tracker import GraspState, SideResult, SideState
+from tactile_node.ros.message_age import age_message
+from tactile_node.ros.time_messages import duration_message
 from tactile_skin.msg import ContactShape, Grasp
 
-
-def side_result(message: ContactShape) -> SideResult:
-    """What one pad reports; the centre is the fit's, or the centre of pressure where there is no fit."""
-    shape = SHAPE_OF_NUMBER[message.shape]
-    place = message.pose.pose.position if message.fit_valid else message.centre_of_pressure
-    touched = shape is not Shape.NONE and np.isfinite((place.x, place.y)).all()
-    return SideResult(seconds(message.header.stamp), shape, (place.x, place.y) if touched else None)
+MOST_HIDDEN = 0.25  #: fraction of a contact or of the ring around it; 3 % of dead taxels hide less
 
 
-def grasp_message(state: GraspState, sides: list[ContactShape], gap: float, frame_id: str) -> Grasp:
-    """``sides``: the latest message of the left and the right pad; ``gap`` [m]."""
-    message = Grasp(gap=gap, sides=sides, contact=int(state.contact), fresh=state.fresh, same_shape=state.same_shape,
-                    stable=state.stable, held=duration_message(state.held))
-    message.header.stamp, message.header.frame_id = time_message(state.stamp), frame_id
+def side_result(message: ContactShape, time: float) -> SideResult:
+    """What one pad reports; ``time`` [s]: of its acquisition, on our clock."""
+    is_hidden = _is_largely_hidden(message)
+    place, resolution, is_bound = _of_fit(message) if message.fit_valid else _of_pressure(message)
+    if not (message.taxels and message.contacts and math.isfinite(place.x) and math.isfinite(place.y)):
+        return SideResult(time, _reported_state(message), message.class_name, hides_creep=is_hidden)
+    return SideResult(time, _reported_state(message), message.class_name, (place.x, place.y), resolution,
+                      is_bound=is_bound or is_hidden, hides_creep=is_hidden)
+
+
+def _reported_state(message: ContactShape) -> SideState:
+    """EMPTY only what says so: NONE of a pad that was seen."""
+    if message.taxels or message.contacts:
+        return SideState.TOUCHED
+    return SideState.EMPTY if message.shape == ContactShape.NONE and message.pad_seen else SideState.UNSEEN
+
+
+def _is_largely_hidden(message: ContactShape) -> bool:
+    """Whether the object may be another one than what is seen of it: at the pad's edge, or under many hidden taxels.
+
+    A few of them, scattered, neither cut an edge off nor hide that it moves.
+    """
+    return (message.at_edge or message.hidden_ring_taxels > MOST_HIDDEN * message.ring_taxels
+            or message.hidden_taxels > MOST_HIDDEN * message.taxels
+            or message.size_is_bound and not message.saturated_taxels)
+
+
+def _of_fit(message: ContactShape) -> tuple[Point, float, bool]:
+    """The centre, its resolution [m], and whether it is a bound: then it is that of the part that is seen."""
+    of_values = OF_PATTERN if math.isnan(message.force) else OF_FIT
+    uncertain = 2 * max(message.standard_deviations[:2], default=0.0)
+    return message.pose.pose.position, max(of_values * _pitch(message), uncertain), message.size_is_bound
+
+
+def _of_pressure(message: ContactShape) -> tuple[Point, float, bool]:
+    """The same of the centre of pressure, which saturation shifts, and every hidden taxel at the rim."""
+    of_values = OF_PATTERN if math.isnan(message.force) else OF_PRESSURE
+    return message.centre_of_pressure, of_values * _pitch(message), message.centre_of_pressure_is_bound
+
+
+def _pitch(message: ContactShape) -> float:
+    """Of the pad [m]; 0 without a contact."""
+    return math.sqrt(message.contact_areas[0] / message.taxels) if message.taxels and message.contacts else 0.0
+
+
+def grasp_message(state: GraspState, sides: list[ContactShape], opening: Opening, frame_id: str, age: float) -> Grasp:
+    """``sides``: the latest message of the left and the right pad; ``age`` [s]: of the older one, inf: not known."""
+    message = Grasp(
+        age=age_message(age), sides=sides, side_states=[int(each) for each in state.side_states],
+        contact=int(state.contact), fresh=state.fresh, gap=opening.gap, gap_source=int(opening.source),
+        gap_age=age_message(opening.age), same_shape=state.same_shape, stable=state.stable,
+        held=duration_message(state.held), creep=state.creep, line_is_bound=state.line_is_bound)
+    message.header.stamp = max((side.header.stamp for side in sides), key=lambda stamp: (stamp.sec, stamp.nanosec))
+    message.header.frame_id = frame_id
     _add_line(message, state.line)
     return message
 

@@ -1,7 +1,20 @@
 """What rclpy's lifecycle nodes lack."""
 
+from enum import IntEnum
+
+from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode
+
+
+class PrimaryState(IntEnum):
+    """The primary states of a lifecycle node; the codes are those of lifecycle_msgs/State and of SkinStatus."""
+
+    NOT_KNOWN = State.PRIMARY_STATE_UNKNOWN
+    UNCONFIGURED = State.PRIMARY_STATE_UNCONFIGURED
+    INACTIVE = State.PRIMARY_STATE_INACTIVE
+    ACTIVE = State.PRIMARY_STATE_ACTIVE
+    FINALIZED = State.PRIMARY_STATE_FINALIZED
 
 
 def reject_invalid_transitions(node: LifecycleNode) -> None:

@@ -8,24 +8,42 @@ import math
 from array import array
 from collections.abc import Callable, Sequence
 from enum import IntEnum
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
+from geometry_msgs.msg import TransformStamped
 
+from tactile_node.contact.pattern import MOST_LABELS
 from tactile_node.contact.press import PRESS_BY_UNIT
 from tactile_node.frames.taxel_frame import TaxelStatus
+from tactile_node.grasp.opening import LinearGap, is_plausible
 from tactile_node.grasp.tracker import GraspContact
+from tactile_node.ros.opening_messages import frame_name, sum_of_positions
 from tactile_node.ros.shape_messages import SHAPE_OF_NUMBER
 from tactile_node.skin.layout import MAX_SIDE
-from tactile_skin.msg import ContactFeatures, ContactShape, FeatureRange, Grasp, TaxelArray
+from tactile_skin.msg import Contact, ContactFeatures, ContactShape, ContactShapes, FeatureRange, Grasp, TaxelArray
+
+if TYPE_CHECKING:
+    from sensor_msgs.msg import JointState  # 40 ms, which only a grasp node that needs it pays
 
 MAX_FEATURES = 1000  #: of one message; ours have far fewer
+MAX_CLASSES = 1000  #: the same
 TOLERANCE = 1e-3  #: of probabilities, which are float32
 LAST_SECOND = 2**31 - 1  #: of Time; rounding must not go beyond it
 NANOSECONDS = 10**9
+QUATERNION_TOLERANCE = 1e-2  #: of its length, as in tf2
+#: By TaxelStatus, to its largest number: whether a taxel of this status has a value
+GIVES_VALUE = np.isin(np.arange(256), (TaxelStatus.VALID, TaxelStatus.SATURATED))
+NAME_OF_NUMBER = {number: shape.value for number, shape in SHAPE_OF_NUMBER.items()}
+SHAPE_NUMBERS_KNOWN = frozenset((*SHAPE_OF_NUMBER, ContactShape.OTHER))
+UNKNOWN_REASONS = (ContactShape.NOT_UNKNOWN, ContactShape.NOT_SEEN, ContactShape.UNFAMILIAR, ContactShape.TOO_SMALL)
 
 Message = TypeVar('Message')
+
+
+#: They have stamp and age.
+Staged: TypeAlias = TaxelArray | Contact | ContactFeatures | ContactShape | ContactShapes | Grasp
 
 
 class RejectReason(IntEnum):
@@ -43,6 +61,10 @@ class RejectReason(IntEnum):
     WRONG_STAMP = 9  #: a time before 1970, after 2038, or with 10^9 ns and more; a duration below 0
     INCONSISTENT = 10  #: fields that contradict each other
     PROCESSING_FAILED = 11  #: the message passed the checks, and its processing raised an error
+    MISSING_JOINT = 12  #: of the joints that make the opening of the gripper
+    IMPLAUSIBLE_OPENING = 13  #: no gripper is opened so far: a wrong sign, scale or offset
+    STAMP_AHEAD = 14  #: its stamp runs ahead of all before: a false message, or a clock that was set forward
+    WRONG_SEQUENCE = 15  #: a sequence number that cannot be yet
 
     @property
     def key(self) -> str:
@@ -55,54 +77,103 @@ Check = Callable[[Message], RejectReason | None]
 
 
 def check_taxel_array(message: TaxelArray) -> RejectReason | None:
-    """Check sizes, unit, pitch, codes and stamp; NaN is a value, an infinite number is none."""
+    """Check sizes, unit, pitch, codes and stamp; a taxel has a finite value exactly where its code gives one."""
     return (_grid(message.rows, message.cols, len(message.values), len(message.status))
             or _scale(message.unit, message.pitch)
             or _codes(message.status, max(TaxelStatus))
-            or _taxels(message.values)
-            or _time(message.header.stamp))
+            or _taxels(message.values, message.status)
+            or _tpdo_ages(message)
+            or _times(message))
+
+
+def check_contact(message: Contact) -> RejectReason | None:
+    """Check the taxels as `check_taxel_array` does, and that labels, counts and state belong together."""
+    return (_grid(message.rows, message.cols, len(message.values), len(message.status), len(message.labels))
+            or (RejectReason.TOO_LARGE if len(message.contact_taxels) > len(message.labels) else None)
+            or _scale(message.unit, message.pitch)
+            or _codes(message.status, max(TaxelStatus))
+            or _taxels(message.values, message.status)
+            or _noise_floor(message)
+            or _state(message.state, message.contacts)
+            or _labels(message)
+            or _times(message))
 
 
 def check_contact_features(message: ContactFeatures) -> RejectReason | None:
-    """Check the taxels as `check_taxel_array` does, and that pattern, contacts and features belong together."""
-    return (_grid(message.rows, message.cols, len(message.values), len(message.pattern))
+    """Check that pattern, state, contacts and features belong together."""
+    return (_grid(message.rows, message.cols, len(message.pattern))
             or (RejectReason.TOO_LARGE if len(message.features) > MAX_FEATURES else None)
-            or _scale(message.unit, message.pitch)
+            or (None if 0 < message.pitch < math.inf else RejectReason.WRONG_PITCH)
             or _codes(message.pattern, 1)
-            or _taxels(message.values)
-            or _contacts(message)
+            or _state(message.state, message.contacts)
+            or _featured(message)
             or _angles(message.features)
-            or _time(message.header.stamp))
+            or _times(message))
 
 
 def check_contact_shape(message: ContactShape) -> RejectReason | None:
-    """Check codes, probabilities, place and fit. A default-constructed message has no probabilities."""
+    """Check codes, classes, probabilities, place and fit. A default-constructed message has no shape."""
     return (_shapes(message)
+            or _classes(message)
             or _probabilities(message.probabilities)
             or _probabilities(message.frame_probabilities)
             or _confidence(message)
+            or _counts(message)
             or _place(message)
             or _fit(message)
-            or _time(message.header.stamp)
+            or _times(message)
             or _duration(message.held))
+
+
+def check_contact_shapes(message: ContactShapes) -> RejectReason | None:
+    """Check every shape, and that state and contacts belong together."""
+    fits = len(message.shapes) <= message.contacts and bool(message.shapes) == bool(message.contacts)
+    return (_state(message.state, message.contacts)
+            or (None if fits else RejectReason.INCONSISTENT)
+            or next((reason for shape in message.shapes if (reason := check_contact_shape(shape))), None)
+            or _times(message))
 
 
 def check_grasp(message: Grasp) -> RejectReason | None:
-    """Check both sides and the line between them. A side may be unset, "none yet"; both may not."""
-    if message.contact not in tuple(GraspContact):
-        return RejectReason.UNKNOWN_CODE
-    sides = [side for side in message.sides if not _is_unset(side)]
-    if not sides:
+    """Check both sides, their states, and the line between them. A side without a result is not looked at."""
+    return (_grasp_codes(message)
+            or _grasp_states(message)
+            or next((reason for side, state in zip(message.sides, message.side_states)
+                     if state != Grasp.SIDE_NOT_KNOWN and (reason := check_contact_shape(side))), None)
+            or _line(message)
+            or _times(message)
+            or _duration(message.held)
+            or _duration(message.gap_age))
+
+
+def check_joint_state(message: 'JointState', joints: Sequence[str], law: LinearGap) -> RejectReason | None:
+    """Check that it has one position of each of ``joints``, which make an opening. Other joints are not checked."""
+    if len(message.position) != len(message.name):
+        return RejectReason.WRONG_LENGTH
+    if not set(joints) <= set(message.name):
+        return RejectReason.MISSING_JOINT
+    if any(message.name.count(joint) > 1 for joint in joints):
         return RejectReason.INCONSISTENT
-    has_line = message.fresh and message.contact == Grasp.TWO_SIDED
-    if message.fresh and len(sides) < 2 or message.stable and not has_line:
+    total = sum_of_positions(message, joints)
+    return (_finite(total)
+            or (None if is_plausible(law.gap(total)) else RejectReason.IMPLAUSIBLE_OPENING)
+            or _time(message.header.stamp))
+
+
+def check_transforms(transforms: Sequence[TransformStamped]) -> RejectReason | None:
+    """Check a message of tf: each transform joins two frames, and its quaternion is of length 1 as tf2 requires."""
+    return next((reason for each in transforms if (reason := _transform(each))), None)
+
+
+def _transform(message: TransformStamped) -> RejectReason | None:
+    place, turn = message.transform.translation, message.transform.rotation
+    parent, child = frame_name(message.header.frame_id), frame_name(message.child_frame_id)
+    numbers = (place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w)
+    if not (all(map(math.isfinite, numbers))):
+        return RejectReason.NOT_FINITE
+    if not parent or not child or parent == child or abs(math.hypot(*numbers[3:]) - 1) > QUATERNION_TOLERANCE:
         return RejectReason.INCONSISTENT
-    middle = message.midpoint
-    line = (middle.x, middle.y, middle.z, message.width, message.offset, message.misalignment) if has_line else ()
-    return (next((reason for side in sides if (reason := check_contact_shape(side))), None)
-            or _finite(message.gap, *line)
-            or _time(message.header.stamp)
-            or _duration(message.held))
+    return _time(message.header.stamp)
 
 
 def _grid(rows: int, cols: int, *lengths: int) -> RejectReason | None:
@@ -123,11 +194,55 @@ def _codes(codes: array, last: int) -> RejectReason | None:
     return RejectReason.UNKNOWN_CODE if np.frombuffer(codes, np.uint8).max() > last else None
 
 
-def _taxels(values: array) -> RejectReason | None:
-    return RejectReason.NOT_FINITE if np.isinf(np.frombuffer(values, np.float32)).any() else None
+def _taxels(values: array, status: array) -> RejectReason | None:
+    """A value without a code that gives one would be taken for valid, and NaN under VALID for a defect of ours."""
+    numbers = np.frombuffer(values, np.float32)
+    if np.isinf(numbers).any():
+        return RejectReason.NOT_FINITE
+    return None if (GIVES_VALUE[np.frombuffer(status, np.uint8)] != np.isnan(numbers)).all() \
+        else RejectReason.INCONSISTENT
 
 
-def _contacts(message: ContactFeatures) -> RejectReason | None:
+def _tpdo_ages(message: TaxelArray) -> RejectReason | None:
+    if not len(message.tpdo_ages) and not len(message.taxel_tpdos):
+        return None
+    if len(message.taxel_tpdos) != len(message.values) or len(message.tpdo_ages) > len(message.values):
+        return RejectReason.WRONG_LENGTH
+    if not len(message.tpdo_ages) or max(message.taxel_tpdos) >= len(message.tpdo_ages):
+        return RejectReason.UNKNOWN_CODE
+    return _finite(*message.tpdo_ages)
+
+
+def _noise_floor(message: Contact) -> RejectReason | None:
+    """NaN: not known of this taxel."""
+    if not len(message.noise_floor):
+        return None
+    if len(message.noise_floor) != len(message.values):
+        return RejectReason.WRONG_LENGTH
+    noise = np.frombuffer(message.noise_floor, np.float32)
+    return RejectReason.NOT_FINITE if (np.isinf(noise) | (noise < 0)).any() else None
+
+
+def _state(state: int, contacts: int) -> RejectReason | None:
+    if not Contact.NOT_SEEN <= state <= Contact.TOUCHED:
+        return RejectReason.UNKNOWN_CODE
+    return None if (state == Contact.TOUCHED) == bool(contacts) else RejectReason.INCONSISTENT
+
+
+def _labels(message: Contact) -> RejectReason | None:
+    """Each contact has its label and its count; an empty pad was seen."""
+    if len(message.contact_taxels) != min(message.contacts, MOST_LABELS):
+        return RejectReason.WRONG_LENGTH
+    if not message.smallest_contact:
+        return RejectReason.INCONSISTENT
+    if message.state != Contact.TOUCHED and message.pad_seen != (message.state == Contact.EMPTY):
+        return RejectReason.INCONSISTENT
+    labelled = np.bincount(np.frombuffer(message.labels, np.uint8))[1:]
+    fits = labelled.all() and np.array_equal(labelled, message.contact_taxels)
+    return None if fits else RejectReason.INCONSISTENT
+
+
+def _featured(message: ContactFeatures) -> RejectReason | None:
     touched = bool(np.frombuffer(message.pattern, np.uint8).any())
     fits = touched == bool(message.contacts) == bool(message.features)
     return None if fits else RejectReason.INCONSISTENT
@@ -140,14 +255,28 @@ def _angles(features: Sequence[FeatureRange]) -> RejectReason | None:
 
 
 def _shapes(message: ContactShape) -> RejectReason | None:
-    is_known = message.shape in SHAPE_OF_NUMBER and message.frame_shape in SHAPE_OF_NUMBER
-    return None if is_known else RejectReason.UNKNOWN_CODE
+    is_known = message.shape in SHAPE_NUMBERS_KNOWN and message.frame_shape in SHAPE_NUMBERS_KNOWN
+    if not is_known or message.unknown_reason not in UNKNOWN_REASONS:
+        return RejectReason.UNKNOWN_CODE
+    is_unknown = message.shape == ContactShape.UNKNOWN
+    return None if is_unknown == (message.unknown_reason != ContactShape.NOT_UNKNOWN) else RejectReason.INCONSISTENT
 
 
-def _probabilities(values: np.ndarray) -> RejectReason | None:
-    probabilities = np.asarray(values, float)
-    if probabilities.shape != (len(SHAPE_OF_NUMBER),):
+def _classes(message: ContactShape) -> RejectReason | None:
+    """Every number of ours goes with its name."""
+    names = message.class_names
+    if len(names) > MAX_CLASSES:
+        return RejectReason.TOO_LARGE
+    if len({len(names), len(message.probabilities), len(message.frame_probabilities)}) > 1:
         return RejectReason.WRONG_LENGTH
+    named = (message.class_name, message.frame_class_name)
+    numbers = (message.shape, message.frame_shape)
+    fits = all(name in names and name == NAME_OF_NUMBER.get(number, name) for name, number in zip(named, numbers))
+    return None if fits and len(set(names)) == len(names) else RejectReason.INCONSISTENT
+
+
+def _probabilities(values: array) -> RejectReason | None:
+    probabilities = np.asarray(values, float)
     if not np.isfinite(probabilities).all():
         return RejectReason.NOT_FINITE
     is_distribution = probabilities.min() >= 0 and abs(probabilities.sum() - 1) <= TOLERANCE
@@ -157,8 +286,19 @@ def _probabilities(values: np.ndarray) -> RejectReason | None:
 def _confidence(message: ContactShape) -> RejectReason | None:
     if not math.isfinite(message.confidence):
         return RejectReason.NOT_FINITE
-    is_same = abs(message.confidence - message.probabilities[message.shape]) <= TOLERANCE
-    return None if is_same else RejectReason.INCONSISTENT
+    probability = message.probabilities[message.class_names.index(message.class_name)]
+    return None if abs(message.confidence - probability) <= TOLERANCE else RejectReason.INCONSISTENT
+
+
+def _counts(message: ContactShape) -> RejectReason | None:
+    """An empty pad was seen; no more taxels are hidden or saturated than there are."""
+    fits = (message.others_present == (message.contacts > 1)
+            and (message.shape != ContactShape.NONE or message.pad_seen and not message.contacts)
+            and max(message.hidden_taxels, message.saturated_taxels) <= message.taxels
+            and max(message.hidden_ring_taxels, message.saturated_ring_taxels) <= message.ring_taxels)
+    if len(message.contact_areas) != min(message.contacts, MOST_LABELS):
+        return RejectReason.WRONG_LENGTH
+    return _finite(*message.contact_areas) if fits else RejectReason.INCONSISTENT
 
 
 def _place(message: ContactShape) -> RejectReason | None:
@@ -166,21 +306,66 @@ def _place(message: ContactShape) -> RejectReason | None:
     is_none = message.shape == ContactShape.NONE
     if is_none and message.taxels or message.fit_valid and (is_none or not message.taxels):
         return RejectReason.INCONSISTENT
-    return _finite(message.centre_of_pressure.x, message.centre_of_pressure.y) if message.taxels else None
+    if not message.taxels or message.unknown_reason == ContactShape.NOT_SEEN:
+        return None
+    return _finite(message.centre_of_pressure.x, message.centre_of_pressure.y)
 
 
 def _fit(message: ContactShape) -> RejectReason | None:
     if not message.fit_valid:
         return None
-    if (len(message.dimension_names) != len(message.dimensions)
-            or len(message.parameter_names)**2 != len(message.covariance)):
+    parameters = len(message.parameter_names)
+    if (len(message.dimension_names) != len(message.dimensions) or parameters**2 != len(message.covariance)
+            or parameters != len(message.standard_deviations)):
         return RejectReason.WRONG_LENGTH
     place, direction = message.pose.pose.position, message.pose.pose.orientation
     return _finite(place.x, place.y, direction.x, direction.y, direction.z, direction.w, *message.dimensions)
 
 
+def _grasp_codes(message: Grasp) -> RejectReason | None:
+    is_known = (message.contact in tuple(GraspContact) and message.gap_source <= Grasp.GAP_TF
+                and max(message.side_states) <= Grasp.SIDE_TOUCHED)
+    return None if is_known else RejectReason.UNKNOWN_CODE
+
+
+def _grasp_states(message: Grasp) -> RejectReason | None:
+    """``contact`` follows from the states of the sides; what is fresh is seen, what is stable is held by both pads."""
+    states = sorted(message.side_states)
+    if states == [Grasp.SIDE_NOT_KNOWN] * 2:  # nothing to say: a default-constructed message
+        return RejectReason.INCONSISTENT
+    if states[0] <= Grasp.SIDE_UNSEEN:
+        contact = Grasp.NOT_KNOWN if states[0] == Grasp.SIDE_NOT_KNOWN else Grasp.UNSEEN
+    else:
+        contact = Grasp.NO_CONTACT + states.count(Grasp.SIDE_TOUCHED)
+    fits = (message.contact == contact and not (message.fresh and contact == Grasp.NOT_KNOWN)
+            and not (message.stable and not (message.fresh and contact == Grasp.TWO_SIDED)))
+    return None if fits else RejectReason.INCONSISTENT
+
+
+def _line(message: Grasp) -> RejectReason | None:
+    """A fresh grasp of both pads has a line unless a centre is not known; without an opening, only its offset."""
+    if math.isinf(message.gap):
+        return RejectReason.NOT_FINITE
+    if message.gap_source == Grasp.GAP_NOT_KNOWN and math.isfinite(message.gap):
+        return RejectReason.INCONSISTENT
+    middle = message.midpoint
+    of_gap = (middle.x, middle.y, middle.z, message.width, message.misalignment)
+    has_line = message.fresh and message.contact == Grasp.TWO_SIDED
+    if has_line and not message.stable and all(map(math.isnan, (message.offset, *of_gap))):
+        return None
+    if has_line and math.isfinite(message.gap):
+        return _finite(message.offset, *of_gap)
+    if not all(map(math.isnan, of_gap)):
+        return RejectReason.INCONSISTENT
+    return _finite(message.offset) if has_line else None
+
+
 def _finite(*numbers: float) -> RejectReason | None:
     return None if all(map(math.isfinite, numbers)) else RejectReason.NOT_FINITE
+
+
+def _times(message: Staged) -> RejectReason | None:
+    return _time(message.header.stamp) or _duration(message.age)
 
 
 def _time(time: Time) -> RejectReason | None:
@@ -189,9 +374,3 @@ def _time(time: Time) -> RejectReason | None:
 
 def _duration(duration: Duration) -> RejectReason | None:
     return None if duration.sec >= 0 and duration.nanosec < NANOSECONDS else RejectReason.WRONG_STAMP
-
-
-def _is_unset(side: ContactShape) -> bool:
-    """Whether it is the message before the first of its pad."""
-    stamp = side.header.stamp
-    return not (stamp.sec or stamp.nanosec or side.sequence or side.method or np.any(side.probabilities))

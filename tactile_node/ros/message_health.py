@@ -1,12 +1,28 @@
-"""What a node does with the messages that it receives: counts, and their diagnostic."""
+"""What a node does with the messages that it receives: counts, ages, and their diagnostic."""
 
+import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from enum import IntEnum
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from tactile_node.ros.message_checks import RejectReason
+
+OLD = 1.0  #: s: data that still comes, and is older, was held back
+
+
+class StreamFault(IntEnum):
+    """What is wrong with the messages of a node; the codes are stable."""
+
+    NOT_KNOWN = 0
+    NONE = 1
+    DROPPED = 2             #: messages were dropped, see RejectReason
+    SKIPPED = 3             #: frames that the node never saw: their sequence numbers are missing
+    OLD = 4                 #: messages come, and their data is more than OLD old
+    SEVERAL_PUBLISHERS = 5  #: of one pad's topic: its messages are of two sources
+    SILENT = 6              #: a topic has brought none
 
 
 class MessageCounts(NamedTuple):
@@ -15,36 +31,87 @@ class MessageCounts(NamedTuple):
     received: int
     processed: int
     dropped: Mapping[RejectReason, int]  #: only the reasons that have occurred
+    skipped: int = 0  #: frames between those received
 
 
-def health_status(node: str, now: Mapping[str, MessageCounts], before: Mapping[str, MessageCounts]) -> DiagnosticStatus:
-    """Return the status of ``node``, by its full name; counts are by topic, of now and of the last status.
+class StreamHealth(NamedTuple):
+    """One subscription now."""
 
-    WARN: messages were dropped since then; STALE: a topic has brought none; else OK.
+    counts: MessageCounts
+    age: float = math.inf  #: of the newest message's data [s]; inf: not known
+    publishers: tuple[str, ...] = ()  #: full names of the nodes that publish its topic; of our chain only
+
+
+def health_status(node: str, now: Mapping[str, StreamHealth], before: Mapping[str, MessageCounts],
+                  period: float) -> DiagnosticStatus:
+    """Return the status of ``node``, by its full name; by topic: the state now and the counts ``period`` [s] before.
+
+    WARN: messages were dropped or skipped since then, are old, or have two sources; STALE: a topic has brought none;
+    else OK.
     """
-    dropped = Counter(_dropped(now))
-    grown = dropped - Counter(_dropped(before))
-    silent = [topic for topic, counts in now.items() if counts.received == before[topic].received]
-    processed = _sum(now, 'processed') - _sum(before, 'processed')
-    if grown:
-        texts = ', '.join(f'{count} ({reason.key})' for reason, count in sorted(grown.items()))
-        level, text = DiagnosticStatus.WARN, f'messages dropped: {texts}'
-    elif silent:
-        level, text = DiagnosticStatus.STALE, f'nothing received on {", ".join(silent)}'
-    else:
-        level, text = DiagnosticStatus.OK, f'{processed} messages, none dropped'
-    values = {'received': _sum(now, 'received'), 'processed': _sum(now, 'processed'),
+    found = dict(_found(now, before))
+    processed = _sum(now, 'processed') - sum(counts.processed for counts in before.values())
+    text = '; '.join(found.values()) or f'{processed} messages, none dropped'
+    level = _level(found)
+    dropped = _dropped(stream.counts for stream in now.values())
+    values = {'faults': ', '.join(fault.name for fault in found) or StreamFault.NONE.name,
+              'received': _sum(now, 'received'), 'processed': _sum(now, 'processed'),
+              'rate_hz': f'{processed / period:.1f}', 'age_s': _age(now), 'skipped': _sum(now, 'skipped'),
+              'publishers': max((len(stream.publishers) for stream in now.values()), default=0),
               **{f'dropped_{reason.key}': dropped[reason] for reason in RejectReason if reason}}
     return DiagnosticStatus(level=level, name=node, message=text,
                             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])
 
 
-def _sum(counts: Mapping[str, MessageCounts], field: str) -> int:
-    return sum(getattr(of_topic, field) for of_topic in counts.values())
+def topics_of_several(now: Mapping[str, StreamHealth]) -> dict[str, tuple[str, ...]]:
+    """Return the topics that more than one node publishes, with their names."""
+    return {topic: stream.publishers for topic, stream in now.items() if len(stream.publishers) > 1}
 
 
-def _dropped(counts: Mapping[str, MessageCounts]) -> Counter[RejectReason]:
+def _found(now: Mapping[str, StreamHealth], before: Mapping[str, MessageCounts]) -> Iterable[tuple[StreamFault, str]]:
+    """Give each fault with its sentence."""
+    dropped = _dropped(stream.counts for stream in now.values()) - _dropped(before.values())
+    if dropped:
+        texts = ', '.join(f'{count} ({reason.key})' for reason, count in sorted(dropped.items()))
+        yield StreamFault.DROPPED, f'messages dropped: {texts}'
+    skipped = _sum(now, 'skipped') - sum(counts.skipped for counts in before.values())
+    if skipped:
+        yield StreamFault.SKIPPED, f'{skipped} frames skipped: they never arrived'
+    silent = [topic for topic, stream in now.items() if stream.counts.received == before[topic].received]
+    old = [f'{topic} {stream.age:.1f} s' for topic, stream in now.items()
+           if topic not in silent and OLD < stream.age < math.inf]
+    if old:
+        yield StreamFault.OLD, f'data is old: {", ".join(old)}'
+    for topic, publishers in topics_of_several(now).items():
+        yield StreamFault.SEVERAL_PUBLISHERS, several_text(topic, publishers)
+    if silent:
+        yield StreamFault.SILENT, f'nothing received on {", ".join(silent)}'
+
+
+def several_text(topic: str, publishers: Iterable[str]) -> str:
+    """The sentence for a topic that several nodes publish."""
+    return f'{topic} has several publishers: {", ".join(publishers)}'
+
+
+def _level(found: Iterable[StreamFault]) -> bytes:
+    faults = set(found)
+    if faults - {StreamFault.SILENT}:
+        return DiagnosticStatus.WARN
+    return DiagnosticStatus.STALE if faults else DiagnosticStatus.OK
+
+
+def _age(now: Mapping[str, StreamHealth]) -> str:
+    """Of the topic whose newest data is oldest."""
+    oldest = max((stream.age for stream in now.values()), default=math.inf)
+    return f'{oldest:.3f}' if oldest < math.inf else 'not known'
+
+
+def _sum(now: Mapping[str, StreamHealth], field: str) -> int:
+    return sum(getattr(stream.counts, field) for stream in now.values())
+
+
+def _dropped(counts: Iterable[MessageCounts]) -> Counter[RejectReason]:
     total: Counter[RejectReason] = Counter()
-    for of_topic in counts.values():
+    for of_topic in counts:
         total.update(of_topic.dropped)
     return total

@@ -2,7 +2,7 @@
 
 import math
 from array import array
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
 from typing import Any, NamedTuple, TypeVar
@@ -65,12 +65,15 @@ def table(settings: type[NodeSettings]) -> tuple[Parameter, ...]:
     return tuple(Parameter(each.name, each.default, each.metadata[METADATA]) for each in fields(settings))
 
 
-def declare(node: Node, settings: type[NodeSettings]) -> None:
-    """Declare the parameters of ``settings`` on ``node``; what is not live is read-only once declared."""
+def declare(node: Node, settings: type[NodeSettings], read_at_configure: Collection[str] = ()) -> None:
+    """Declare the parameters of ``settings`` on ``node``; what is not live is read-only once declared.
+
+    Those that a lifecycle node reads at configure are not: the node itself refuses a change while it is configured.
+    """
     rows = table(settings)
     for row in rows:
         default = list(row.default) if isinstance(row.default, tuple) else row.default
-        node.declare_parameter(row.name, default, _descriptor(row))
+        node.declare_parameter(row.name, default, _descriptor(row, row.name in read_at_configure))
     _warn_of_misspelt(node, [row.name for row in rows])
 
 
@@ -90,9 +93,12 @@ def _immutable(value: Any) -> Any:
     return tuple(value) if isinstance(value, (list, array)) else value
 
 
-def _descriptor(row: Parameter) -> ParameterDescriptor:
+def _descriptor(row: Parameter, read_at_configure: bool) -> ParameterDescriptor:
     description, low, high, live = row.properties
-    descriptor = ParameterDescriptor(name=row.name, description=description, read_only=not live)
+    descriptor = ParameterDescriptor(name=row.name, description=description,
+                                     read_only=not (live or read_at_configure))
+    if read_at_configure:
+        descriptor.additional_constraints = 'read at configure: can be set while the node is unconfigured'
     if not math.isfinite(high):
         return descriptor
     if isinstance(row.default, float):

@@ -6,6 +6,8 @@ REPLAY_DEPTH = 5000  # messages, also for subscribers that come late
 
 
 STATUS_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+TF_QOS = QoSProfile(depth=100)  # as tf2_ros
+TF_STATIC_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def frames_qos(depth: int, lossless: bool = False) -> QoSProfile:
@@ -18,3 +20,8 @@ def frames_qos(depth: int, lossless: bool = False) -> QoSProfile:
         return QoSProfile(reliability=ReliabilityPolicy.RELIABLE, depth=REPLAY_DEPTH,
                           durability=DurabilityPolicy.TRANSIENT_LOCAL)
     return QoSProfile(reliability=ReliabilityPolicy.RELIABLE, depth=depth)
+
+
+def is_lossless(profile: QoSProfile) -> bool:
+    """Return whether ``profile`` is that of a lossless replay."""
+    return bool(profile.depth >= REPLAY_DEPTH and profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)

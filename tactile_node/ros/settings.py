@@ -6,8 +6,11 @@ from dataclasses import dataclass
 from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE
 from tactile_node.conditioning.limits import TARE_LIMIT_BY_UNIT
 from tactile_node.contact.press import PRESS_BY_UNIT, RELEASE_RATIO
+from tactile_node.contact.seen import SMALLEST_CONTACT
 from tactile_node.ros.parameters import NodeSettings, parameter
 from tactile_node.shape.methods import DEFAULT
+
+FRAME_PREFIX = 'put before every frame, as robot_state_publisher does: robot1/'
 
 
 @dataclass(frozen=True)
@@ -20,6 +23,8 @@ class DriverSettings(NodeSettings):
     replay_channel: str = parameter('', 'bus to play from a log of several buses, as the log names it; for a bag, the '
                                     'topic')
     replay_loop: bool = parameter(False, 'start the log again at its end; the stamps continue')
+    publish_clock: bool = parameter(False, 'of a replay: true: publish the time of the log on /clock, for nodes with '
+                                    'use_sim_time')
     record: str = parameter('', 'file to record the bus to; its suffix chooses the format; an existing file is kept '
                             'and the new one numbered; empty: do not record')
     pads: tuple[str, ...] = parameter(('pad',), 'names of the pads on this bus; topics are <name>/taxels')
@@ -30,6 +35,7 @@ class DriverSettings(NodeSettings):
     eds: tuple[str, ...] = parameter(('',), 'EDS of each pad, or one for all; empty: named as the layout, suffix .eds')
     frame_ids: tuple[str, ...] = parameter(('',), 'frame of each pad (origin at taxel (0, 0), x along columns, z '
                                            'outwards); empty: <name>_pad')
+    frame_prefix: str = parameter('', FRAME_PREFIX)
     sync_period: float = parameter(0.02, 'time between two SYNCs, which is the time between two frames [s]', 0.001, 10)
     produce_sync: bool = parameter(True, 'true: the driver sends SYNC; false: another node on the bus sends it')
     boot_timeout: float = parameter(5.0, 'time for each device to answer at configure [s]', 0.1, 3600)
@@ -39,9 +45,11 @@ class DriverSettings(NodeSettings):
                               'false: report faults only')
     tare_limit: float = parameter(0.0, 'reading from which on a taxel counts as pressed when a tare is requested '
                                   f'[unit of the taxels]; 0: by the unit ({TARE_LIMIT_BY_UNIT["Pa"] / 1e3:g} kPa, '
-                                  f'{TARE_LIMIT_BY_UNIT["N"]:g} N)', 0, 1e9, live=True)
+                                  f'{TARE_LIMIT_BY_UNIT["N"]:g} N); a contact is refused whatever the limit', 0, 1e9,
+                                  live=True)
     follow_drift: bool = parameter(False, 'true: the zero of the taxels follows slow drift while none reads half of '
-                                   'tare_limit; it never follows a grasp', live=True)
+                                   "tare_limit, or of the unit's own limit where that is lower; it never follows a "
+                                   'grasp', live=True)
     faulty_taxels: str = parameter('report', 'handling of taxels detected as dead, stuck or flickering: report (they '
                                    'are reported only) or mask (their values are also NaN); those of '
                                    'faulty_taxels_file are always NaN', live=True)
@@ -66,6 +74,8 @@ class ProcessorSettings(NodeSettings):
                                        f'{PRESS_BY_UNIT["1"]:g} for on/off)', 0, 1e9, live=True)
     release_ratio: float = parameter(RELEASE_RATIO, 'fraction of press_threshold below which a pressed taxel is '
                                      'released', 0.01, 1.0, live=True)
+    smallest_contact: int = parameter(SMALLEST_CONTACT, 'taxels of the smallest contact that is looked for: a pad is '
+                                      'not seen while hidden taxels could hold one', 1, 10_000, live=True)
     features: tuple[str, ...] = parameter(('classifier',), 'groups of features to compute beside those the classifier '
                                           'needs: information, gravity, eigenvalues, border, rotated, all', live=True)
 
@@ -85,6 +95,7 @@ class GraspNodeSettings(NodeSettings):
     left_pad: str = parameter('left', 'name of the left pad')
     right_pad: str = parameter('right', 'name of the right pad, which faces the left one')
     frame_id: str = parameter('gripper', 'frame of the gripper, in which the grasp is published')
+    frame_prefix: str = parameter('', FRAME_PREFIX)
     left_xyz: tuple[float, float, float] = parameter(
         (0.0, 0.0, 0.0), 'taxel (0, 0) of the left pad in the gripper frame, gripper closed [m]')
     left_rpy: tuple[float, float, float] = parameter(
@@ -93,7 +104,45 @@ class GraspNodeSettings(NodeSettings):
         (0.0, 0.03, 0.0), 'taxel (0, 0) of the right pad in the gripper frame, gripper closed [m]')
     right_rpy: tuple[float, float, float] = parameter(
         (math.pi, 0.0, 0.0), 'roll, pitch, yaw of the right pad in the gripper frame [rad]')
-    gap: float = parameter(0.0, 'opening of the gripper [m]', 0, 1)
-    centre_tolerance: float = parameter(0.001, "distance a held contact's centre may move [m]", 1e-6, 1)
+    gap_source: str = parameter('parameter', 'where the opening of the gripper comes from: parameter (gap), '
+                                'joint_states, tf or none; while it is not known, what depends on it is NaN')
+    gap: float = parameter(-1.0, 'opening of the gripper with gap_source parameter [m]; below 0: not known', -1, 1,
+                           live=True)
+    gap_joints: tuple[str, ...] = parameter(('',), 'joints whose positions, added, give the opening (gap_source '
+                                            'joint_states)')
+    joint_states_topic: str = parameter('/joint_states', 'topic of the joints (gap_source joint_states)')
+    gap_frames: tuple[str, ...] = parameter(('', ''), 'frames on the left and the right finger whose distance along '
+                                            'the closing direction gives the opening (gap_source tf)')
+    gap_scale: float = parameter(1.0, 'opening for a metre or a radian of the joints, or a metre of the distance: '
+                                 'opening = gap_offset + gap_scale * reading; < 0: it closes as they rise', -1000, 1000)
+    gap_offset: float = parameter(0.0, 'opening at reading 0 [m]', -10, 10)
+    publish_pad_frames: bool = parameter(False, 'true: publish where both pads are in frame_id to tf, as long as the '
+                                         'opening is known; for a robot whose URDF does not have these frames')
+    pad_frames: tuple[str, ...] = parameter(('', ''), 'frames of the left and the right pad for publish_pad_frames, '
+                                            'as frame_ids of the driver; empty: <name>_pad')
+    max_gap_age: float = parameter(0.3, 'age from which on an opening of joint_states or tf is not known any more '
+                                   '[s]', 0.01, 3600)
+    max_creep: float = parameter(0.0005, "speed of a contact's centre from which on a grasp is never stable; at a "
+                                 'tenth of it, it stays so [m/s]', 1e-6, 1)
+    centre_tolerance: float = parameter(0.001, "distance of a sudden move of a contact's centre that ends a stable "
+                                        'grasp at once [m]', 1e-6, 1)
     min_hold: float = parameter(0.2, 'time shapes and centres must hold for a stable grasp [s]', 0, 3600)
-    max_skew: float = parameter(0.1, "largest difference of the two pads' stamps [s]", 1e-3, 3600)
+    max_skew: float = parameter(0.1, 'largest time between the acquisitions of the two pads for a fresh grasp [s]',
+                                1e-3, 3600)
+    max_age: float = parameter(0.25, "age of a pad's result from which on the pad counts as unseen [s]", 1e-3, 3600)
+
+    @property
+    def frame(self) -> str:
+        return self.frame_prefix + self.frame_id
+
+    @property
+    def fingers(self) -> tuple[str, ...]:
+        """The frames on the left and on the right finger."""
+        return tuple(self.frame_prefix + name.lstrip('/') for name in self.gap_frames)
+
+    @property
+    def frames_of_pads(self) -> tuple[str, ...]:
+        """The frames of the left and the right pad: those given, else as the driver's defaults."""
+        pads = (self.left_pad, self.right_pad)
+        given = self.pad_frames if len(self.pad_frames) == len(pads) else ('', '')
+        return tuple(self.frame_prefix + (name or f'{pad.rsplit("/", 1)[-1]}_pad') for name, pad in zip(given, pads))

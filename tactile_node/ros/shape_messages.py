@@ -6,20 +6,24 @@ import numpy as np
 from geometry_msgs.msg import Point, Point32, Polygon, PoseWithCovariance, PoseWithCovarianceStamped
 from shape_msgs.msg import Mesh, MeshTriangle, SolidPrimitive
 
+from tactile_node.contact.pattern import ContactPattern
+from tactile_node.contact.visibility import Visibility
 from tactile_node.fusion.recognitions import FusedRecognition
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.moments import ContactMoments
 from tactile_node.pose.solids import pose_covariance, prism, solid
 from tactile_node.ros.time_messages import duration_message
 from tactile_node.shape.recognition import Recognition, Shape
-from tactile_skin.msg import ContactFeatures, ContactShape
+from tactile_skin.msg import Contact, ContactShape, ContactShapes
 
-#: ContactShape.msg numbers of our shapes, also the index into its probabilities.
+#: ContactShape.msg numbers of our shapes.
 SHAPE_NUMBERS = {
     Shape.NONE: ContactShape.NONE, Shape.UNKNOWN: ContactShape.UNKNOWN, Shape.CIRCLE: ContactShape.CIRCLE,
     Shape.SQUARE: ContactShape.SQUARE, Shape.RECTANGLE: ContactShape.RECTANGLE,
     Shape.RIGHT_TRIANGLE: ContactShape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE: ContactShape.ISOSCELES_TRIANGLE}
 SHAPE_OF_NUMBER = {number: shape for shape, number in SHAPE_NUMBERS.items()}
+CLASS_NAMES = [shape.value for shape in Shape]  #: in the order of a message's probabilities
+MOST_SHAPES = 4  #: of a ContactShapes message
 SOLIDS = {'box': SolidPrimitive.BOX, 'cylinder': SolidPrimitive.CYLINDER}
 
 
@@ -30,17 +34,29 @@ class Findings(NamedTuple):
     fused: FusedRecognition
     fit: ShapeFit | None
     moments: ContactMoments
+    visibility: Visibility
+    pattern: ContactPattern
 
 
-def shape_message(features: ContactFeatures, found: Findings, method: str, solid_height: float) -> ContactShape:
+def shape_message(contact: Contact, found: Findings, method: str, solid_height: float) -> ContactShape:
     """``solid_height`` [m]: of the solid to add, 0 for none."""
     fused = found.fused.recognition
+    seen = found.visibility
     message = ContactShape(
-        header=features.header, sequence=features.sequence, shape=SHAPE_NUMBERS[fused.shape],
-        confidence=fused.confidence, probabilities=_probabilities(fused), frame_shape=SHAPE_NUMBERS[found.frame.shape],
+        header=contact.header, sequence=contact.sequence, age=contact.age,
+        shape=SHAPE_NUMBERS[fused.shape], class_name=fused.shape.value,
+        unknown_reason=fused.reason,
+        confidence=fused.confidence, class_names=CLASS_NAMES, probabilities=_probabilities(fused),
+        frame_shape=SHAPE_NUMBERS[found.frame.shape], frame_class_name=found.frame.shape.value,
         frame_probabilities=_probabilities(found.frame), held=duration_message(found.fused.held),
-        fused_frames=found.fused.frames, method=method, taxels=sum(features.pattern),
-        missing_can_frames=features.missing_can_frames, pose=_nowhere(), residual=float('nan'))
+        fused_frames=found.fused.frames, method=method, pad_seen=contact.pad_seen,
+        taxels=int(np.count_nonzero(found.pattern.mask)), hidden_taxels=seen.hidden_in_contact,
+        saturated_taxels=seen.saturated_in_contact, ring_taxels=seen.ring, hidden_ring_taxels=seen.hidden_in_ring,
+        saturated_ring_taxels=seen.saturated_in_ring, at_edge=seen.at_edge,
+        missing_can_frames=contact.missing_can_frames,
+        contacts=found.pattern.contacts, others_present=found.pattern.contacts > 1,
+        contact_areas=[taxels * contact.pitch**2 for taxels in found.pattern.sizes],
+        pose=_nowhere(), residual=float('nan'))
     _add_moments(message, found.moments)
     if found.fit is not None:
         _add_fit(message, found.fit)
@@ -49,22 +65,29 @@ def shape_message(features: ContactFeatures, found: Findings, method: str, solid
     return message
 
 
+def shapes_message(contact: Contact, contacts: int, shapes: list[ContactShape]) -> ContactShapes:
+    """``shapes``: of the largest of so many ``contacts``, at most MOST_SHAPES."""
+    return ContactShapes(header=contact.header, sequence=contact.sequence, age=contact.age, state=contact.state,
+                         contacts=contacts, pad_seen=contact.pad_seen, shapes=shapes)
+
+
 def pose_message(shape: ContactShape) -> PoseWithCovarianceStamped:
     """The fitted pose alone, as localisation tools take it."""
     return PoseWithCovarianceStamped(header=shape.header, pose=shape.pose)
 
 
-def _probabilities(recognition: Recognition) -> np.ndarray:
-    probabilities = np.zeros(len(SHAPE_NUMBERS), np.float32)
-    for shape, number in SHAPE_NUMBERS.items():
-        probabilities[number] = recognition.probabilities[shape]
-    return probabilities
+def _probabilities(recognition: Recognition) -> list[float]:
+    """In the order of CLASS_NAMES."""
+    return [recognition.probabilities[shape] for shape in Shape]
 
 
 def _add_moments(message: ContactShape, moments: ContactMoments) -> None:
     x, y = moments.centre_of_pressure
     message.force, message.centre_of_pressure = moments.force, Point(x=x, y=y)
     message.contact_area, message.principal_axis = moments.area, moments.principal_axis
+    message.force_sd, message.centre_of_pressure_sd = moments.force_sd, float(max(moments.centre_of_pressure_sd))
+    message.force_is_bound, message.size_is_bound = moments.force_is_bound, moments.size_is_bound
+    message.centre_of_pressure_is_bound = moments.centre_of_pressure_is_bound
 
 
 def _add_fit(message: ContactShape, fit: ShapeFit) -> None:
@@ -72,6 +95,7 @@ def _add_fit(message: ContactShape, fit: ShapeFit) -> None:
     message.symmetry, message.handedness = fit.symmetry, fit.handedness
     message.dimension_names, message.dimensions = fit.dimension_names, fit.dimensions
     message.parameter_names, message.covariance = fit.parameter_names, fit.covariance.reshape(-1)
+    message.standard_deviations = np.sqrt(np.diag(fit.covariance))
     message.residual = fit.residual
     message.outline = Polygon(points=[Point32(x=x, y=y) for x, y in fit.outline.tolist()])
 

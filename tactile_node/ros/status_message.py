@@ -7,24 +7,32 @@ from types import MappingProxyType
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
+from tactile_node.cia301.nmt import NmtState, state_name
 from tactile_node.conditioning.conditioned_pad import PadCondition
 from tactile_node.conditioning.tare import ZeroState
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
 from tactile_node.frames.fault_text import command_text, failure_text, node_text
 from tactile_node.frames.health import BusHealth, NodeHealth
 from tactile_node.frames.losses import BusStatistics, PadStatistics
+from tactile_node.ros.lifecycle import PrimaryState
 from tactile_skin.msg import FaultyTaxel, NodeStatus, PadStatus, SkinStatus
 
+#: NodeStatus.msg numbers of the NMT states; None: never heard.
+NMT_NUMBERS: Mapping[int | None, int] = {None: NodeStatus.NMT_NOT_KNOWN, NmtState.BOOT_UP: NodeStatus.NMT_BOOT_UP,
+               NmtState.STOPPED: NodeStatus.NMT_STOPPED, NmtState.OPERATIONAL: NodeStatus.NMT_OPERATIONAL,
+               NmtState.PRE_OPERATIONAL: NodeStatus.NMT_PRE_OPERATIONAL}
 SEVERITY = (DiagnosticStatus.OK, DiagnosticStatus.STALE, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
 
 
 def status_message(diagnostics: DiagnosticArray, counts: BusStatistics, health: BusHealth,
-                   conditions: Mapping[str, PadCondition] = MappingProxyType({})) -> SkinStatus:
+                   conditions: Mapping[str, PadCondition] = MappingProxyType({}),
+                   lifecycle: PrimaryState = PrimaryState.NOT_KNOWN) -> SkinStatus:
     """``diagnostics``: what BusDiagnostics made of the same ``counts`` and ``health``: the bus, then its pads."""
     bus, *pads = diagnostics.status
     worst = max((status.level for status in diagnostics.status), key=SEVERITY.index)
     return SkinStatus(
-        header=diagnostics.header, level=worst[0], message=bus.message, active=health.is_active,
+        header=diagnostics.header, level=_level(worst), message=bus.message, active=health.is_active,
+        lifecycle_state=lifecycle,
         fault=health.fault.value, failure=failure_text(health.failure), bus_load=health.load,
         error_passive=health.is_error_passive, tx_error_count=health.error_counters.tx,
         rx_error_count=health.error_counters.rx, error_frames=counts.can_frames.get('error', 0),
@@ -38,10 +46,15 @@ def status_message(diagnostics: DiagnosticArray, counts: BusStatistics, health: 
               for status, (name, pad) in zip(pads, counts.pads.items())])
 
 
+def _level(level: bytes) -> int:
+    """Return the number of SkinStatus: 0 is its default, so it counts from 1."""
+    return level[0] + 1
+
+
 def _pad(name: str, status: DiagnosticStatus, pad: PadStatistics, nodes: tuple[NodeHealth, ...],
          condition: PadCondition | None) -> PadStatus:
     return PadStatus(
-        pad=name, level=status.level[0], message=status.message, nodes=[_node(name, node) for node in nodes],
+        pad=name, level=_level(status.level), message=status.message, nodes=[_node(name, node) for node in nodes],
         frames_complete=pad.complete, frames_incomplete=pad.incomplete, tpdos_expected=pad.expected,
         tpdos_received=pad.received, tpdos_used=pad.used, loss_reasons=[reason.key for reason in pad.losses],
         loss_codes=array('B', pad.losses), loss_counts=array('Q', pad.losses.values()),
@@ -57,7 +70,8 @@ def _faulty(faults: FaultyTaxels) -> list[FaultyTaxel]:
 
 def _node(pad: str, node: NodeHealth) -> NodeStatus:
     return NodeStatus(
-        node_id=node.node_id, nmt_state=node.state, operational=node.is_operational, fault=node.fault.value,
+        node_id=node.node_id, nmt_state=NMT_NUMBERS.get(node.state, NodeStatus.NMT_UNDEFINED),
+        nmt_state_text=state_name(node.state), operational=node.is_operational, fault=node.fault.value,
         fault_text=node_text(pad, node),
         heartbeat_age=math.nan if node.heartbeat_age is None else node.heartbeat_age, boots=node.boots,
         emcy_count=node.emergencies, emcy_last=str(node.last_emergency or ''), outages=node.outages.count,

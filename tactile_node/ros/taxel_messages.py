@@ -6,7 +6,7 @@ import numpy as np
 
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.ros.time_messages import time_message
-from tactile_skin.msg import TaxelArray
+from tactile_skin.msg import Contact, TaxelArray
 
 
 def taxel_array_message(frame: TaxelFrame, pitch: float, unit: str, frame_id: str) -> TaxelArray:
@@ -20,8 +20,8 @@ def taxel_array_message(frame: TaxelFrame, pitch: float, unit: str, frame_id: st
     return message
 
 
-def taxel_values(message) -> np.ndarray:
-    """Return the values of a TaxelArray or ContactFeatures, float32, shape (rows, cols), NaN = no valid value."""
+def taxel_values(message: TaxelArray | Contact) -> np.ndarray:
+    """Return the values of a TaxelArray or Contact, float32, shape (rows, cols), NaN = no valid value."""
     return np.frombuffer(message.values, np.float32).reshape(message.rows, message.cols)
 
 

@@ -1,23 +1,25 @@
 """The ways to recognise a shape, chosen by name: what nodes and commands call."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol
 
-import numpy as np
-
 from tactile_node.contact.pattern import ContactPattern
+from tactile_node.contact.seen import SMALLEST_CONTACT
+from tactile_node.contact.visibility import Visibility, visibility_of
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import Features, Group, compute_features
 from tactile_node.package_files import config_path
+from tactile_node.shape.completion import completions, distinct, hidden_taxels_matter
 from tactile_node.shape.recogniser import ShapeRecogniser
-from tactile_node.shape.recognition import Recognition, Shape
+from tactile_node.shape.recognition import Recognition, UnknownReason
 from tactile_node.shape.volf import GROUPS, VolfClassifier
 
 LEARNED, VOLF = 'learned', 'volf'
 DEFAULT = LEARNED
-SEEN = 0.5  #: share of a pad's taxels that must have valid values before it is reported untouched
 FILES = {LEARNED: 'recogniser.npz', VOLF: 'volf_curves.yaml'}  #: what each reads by default, in config/
+#: of the frame as it is, and of each of its completions: any of these that differs keeps the confidence below 0.9
+WEIGHTS = (1 / 2, 1 / 6, 1 / 6, 1 / 6)
 
 
 class RecognitionMethod(Protocol):
@@ -27,6 +29,10 @@ class RecognitionMethod(Protocol):
 
     def recognise(self, pattern: ContactPattern, features: Features | None = None) -> Recognition:
         """Recognise ``pattern``; ``features`` of its mask spare their computation where they are known."""
+        ...
+
+    def recognise_all(self, patterns: Sequence[ContactPattern]) -> list[Recognition]:
+        """Recognise each of ``patterns``."""
         ...
 
 
@@ -41,6 +47,9 @@ class Learned:
     def recognise(self, pattern: ContactPattern, features: Features | None = None) -> Recognition:
         return self._recogniser.recognise(pattern)
 
+    def recognise_all(self, patterns: Sequence[ContactPattern]) -> list[Recognition]:
+        return self._recogniser.recognise_all(patterns)
+
 
 class Volf:
     """The paper's three planes behind the common interface."""
@@ -53,29 +62,50 @@ class Volf:
     def recognise(self, pattern: ContactPattern, features: Features | None = None) -> Recognition:
         return self._classifier.recognise(compute_features(pattern.mask, GROUPS) if features is None else features)
 
+    def recognise_all(self, patterns: Sequence[ContactPattern]) -> list[Recognition]:
+        return [self.recognise(pattern) for pattern in patterns]
+
 
 class VisibilityGuard:
-    """A method that distinguishes an empty pad from one that it cannot see: without valid values it answers UNKNOWN."""
+    """A method that does not take what is hidden for what is not there.
 
-    def __init__(self, method: RecognitionMethod):
+    NONE needs a pad that is seen: otherwise it answers UNKNOWN, NOT_SEEN, as it does for the few visible taxels of a
+    contact that may continue where taxels are hidden. Where hidden taxels may change the answer, it reports the mean
+    of what the method answers to each way of reading them.
+    """
+
+    def __init__(self, method: RecognitionMethod, smallest_contact: int = SMALLEST_CONTACT):
         self._method = method
+        self._smallest_contact = smallest_contact
         self.groups = method.groups
 
-    def recognise(self, pattern: ContactPattern, features: Features | None = None) -> Recognition:
-        if not pattern.contacts and np.isfinite(pattern.values).mean() < SEEN:
-            return Recognition.certain(Shape.UNKNOWN)
-        return self._method.recognise(pattern, features)
+    def recognise(self, pattern: ContactPattern, features: Features | None = None,
+                  visibility: Visibility | None = None) -> Recognition:
+        """As the method does; ``visibility`` of the pattern spares its computation where it is known."""
+        if visibility is None:
+            visibility = visibility_of(pattern, self._smallest_contact)
+        if not pattern.contacts and not visibility.pad_seen:
+            return Recognition.unknown(UnknownReason.NOT_SEEN)
+        if not hidden_taxels_matter(pattern, visibility):
+            return self._method.recognise(pattern, features)
+        readings, which = distinct([pattern, *completions(pattern)])
+        found = self._method.recognise_all(readings)
+        if found[0].reason is UnknownReason.TOO_SMALL:
+            return Recognition.unknown(UnknownReason.NOT_SEEN)
+        return Recognition.of_alternatives(WEIGHTS, [found[k] for k in which])
 
 
 METHODS: dict[str, Callable[[Path], RecognitionMethod]] = {LEARNED: Learned, VOLF: Volf}
 
 
-def make_recogniser(method: str = DEFAULT, file: str = '') -> RecognitionMethod:
+def make_recogniser(method: str = DEFAULT, file: str = '',
+                    smallest_contact: int = SMALLEST_CONTACT) -> VisibilityGuard:
     """Return the recogniser called ``method``; ``file``: its weights or curves, '' for those of config/.
 
-    Raises ConfigurationError for a name that is none, or a file that cannot be used.
+    ``smallest_contact``: taxels of the smallest contact that a hidden part of the pad may hold. Raises
+    ConfigurationError for a name that is none, or a file that cannot be used.
     """
     if method not in METHODS:
         raise ConfigurationError('recognition method', expected='one of ' + ', '.join(METHODS), got=repr(method),
                                  remedy=f'Use {DEFAULT!r} unless you want the paper as published.')
-    return VisibilityGuard(METHODS[method](config_path(file or FILES[method])))
+    return VisibilityGuard(METHODS[method](config_path(file or FILES[method])), smallest_contact)

@@ -10,7 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from tactile_node.contact.pattern import EIGHT_CONNECTED, ContactPattern
+from tactile_node.contact.pattern import MOST_LABELS, ContactPattern
+from tactile_node.contact.seen import EIGHT_CONNECTED
+from tactile_node.read_only import read_only
 
 SIDE = 20        #: rows and columns of a patch
 ROOM = 18        #: a contact wider than this is scaled down to it
@@ -44,6 +46,21 @@ def joined(pattern: ContactPattern) -> np.ndarray:
     groups = _linked(pressed, BRIDGED)
     together: np.ndarray = pressed & (groups == groups[pattern.mask][0])
     return together
+
+
+def join_pieces(pattern: ContactPattern) -> ContactPattern:
+    """Return ``pattern`` with the largest contact and the pieces `joined` to it as one, in mask, labels and counts."""
+    together = joined(pattern)
+    is_piece = np.zeros(MOST_LABELS + 1, bool)
+    is_piece[pattern.labels[together | pattern.mask]] = True
+    is_piece[0] = False
+    number = np.where(is_piece, 1, np.cumsum(~is_piece)).astype(np.uint8)  # none, then the others in their order
+    number[0] = 0
+    labels = number[pattern.labels]
+    labels[together] = 1
+    sizes = tuple(np.bincount(labels.reshape(-1))[1:].tolist())
+    return pattern._replace(mask=read_only(labels == 1), labels=read_only(labels), sizes=sizes,
+                            contacts=pattern.contacts - int(np.count_nonzero(is_piece)) + 1)
 
 
 def _linked(taxels: np.ndarray, between: int) -> np.ndarray:

@@ -1,7 +1,7 @@
 """The shapes, and what a recogniser reports for a contact."""
 
-from collections.abc import Mapping
-from enum import Enum
+from collections.abc import Mapping, Sequence
+from enum import Enum, IntEnum
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -18,20 +18,49 @@ class Shape(str, Enum):
     UNKNOWN = 'unknown'  #: something does, and its shape cannot be determined
 
 
+class UnknownReason(IntEnum):
+    """Why a shape is UNKNOWN (ContactShape.msg mirrors these numbers)."""
+
+    NOT_KNOWN = 0
+    NOT_UNKNOWN = 1  #: the shape is another one
+    NOT_SEEN = 2     #: hidden taxels: whether something touches the pad, or the outline of what does
+    UNFAMILIAR = 3   #: seen, and none of the shapes known
+    TOO_SMALL = 4    #: seen, and of too few taxels
+
+
 #: The shapes that a contact can have, in the package's one order. Files that keep another one name it at their loader.
 SHAPES = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE)
 
 
+class Alternative(NamedTuple):
+    """What a contact is when its hidden taxels are read in one way."""
+
+    weight: float  #: of this way; all sum to 1
+    probabilities: Mapping[Shape, float]
+
+
 class Recognition(NamedTuple):
-    """The most probable shape; ``probabilities`` holds all seven and sums to 1."""
+    """The most probable shape; ``probabilities`` holds all seven and sums to 1.
+
+    Where hidden taxels may change the answer, ``alternatives`` holds that for each way in which they may be read, and
+    ``probabilities`` are the weighted mean of these; otherwise it is empty.
+    """
 
     shape: Shape
     probabilities: Mapping[Shape, float]
+    reason: UnknownReason = UnknownReason.NOT_UNKNOWN  #: why ``shape`` is UNKNOWN
+    alternatives: tuple[Alternative, ...] = ()
+    joined: bool = False  #: of the largest contact together with pieces close to it, `patch.join_pieces`
 
     @property
     def confidence(self) -> float:
         """Probability of ``shape``."""
         return self.probabilities[self.shape]
+
+    @property
+    def is_evidence(self) -> bool:
+        """Whether it says anything of what touches the pad; it does not where that was not seen."""
+        return self.reason is not UnknownReason.NOT_SEEN or bool(self.alternatives)
 
     @classmethod
     def certain(cls, shape: Shape) -> 'Recognition':
@@ -39,12 +68,44 @@ class Recognition(NamedTuple):
         return cls.of({shape: 1.0})
 
     @classmethod
-    def of(cls, probabilities: Mapping[Shape, float]) -> 'Recognition':
-        """Make a recognition of these probabilities; classes not named have none."""
+    def unknown(cls, reason: UnknownReason) -> 'Recognition':
+        """Make a recognition that is certainly UNKNOWN."""
+        return cls.of({Shape.UNKNOWN: 1.0}, reason)
+
+    @classmethod
+    def of(cls, probabilities: Mapping[Shape, float],
+           reason: UnknownReason = UnknownReason.UNFAMILIAR) -> 'Recognition':
+        """Make a recognition of these probabilities; classes not named have none.
+
+        ``reason`` counts where UNKNOWN is the most probable.
+        """
         every = {shape: float(probabilities.get(shape, 0.0)) for shape in Shape}
-        return cls(max(every, key=every.__getitem__), MappingProxyType(every))
+        return cls._of(max(every, key=every.__getitem__), every, reason)
+
+    @classmethod
+    def of_alternatives(cls, weights: Sequence[float], alternatives: Sequence['Recognition']) -> 'Recognition':
+        """Make a recognition of one contact, parts of which are hidden, from those of its ``alternatives``.
+
+        An UNKNOWN has their reason where they agree in it, else NOT_SEEN.
+        """
+        mean = {shape: sum(weight * each.probabilities[shape] for weight, each in zip(weights, alternatives))
+                for shape in Shape}
+        reasons = {each.reason for each in alternatives}
+        reason = reasons.pop() if len(reasons) == 1 else UnknownReason.NOT_SEEN
+        return cls.of(mean, reason)._replace(joined=alternatives[0].joined, alternatives=tuple(
+            Alternative(weight, each.probabilities) for weight, each in zip(weights, alternatives)))
+
+    def reported_as(self, shape: Shape, reason: UnknownReason) -> 'Recognition':
+        """Return it with another ``shape`` as the answer; ``reason`` counts where that is UNKNOWN."""
+        return self._of(shape, self.probabilities, reason)._replace(alternatives=self.alternatives)
+
+    @classmethod
+    def _of(cls, shape: Shape, probabilities: Mapping[Shape, float], reason: UnknownReason) -> 'Recognition':
+        return cls(shape, MappingProxyType(dict(probabilities)),
+                   reason if shape is Shape.UNKNOWN else UnknownReason.NOT_UNKNOWN)
 
     def as_json(self) -> dict[str, Any]:
-        """Return what one line of `tactile classify` holds."""
-        return {'shape': self.shape.value, 'confidence': self.confidence,
+        """Return what one line of `tactile classify` holds; `reason` only of an unknown shape."""
+        reason = {'reason': self.reason.name.lower()} if self.shape is Shape.UNKNOWN else {}
+        return {'shape': self.shape.value, **reason, 'confidence': self.confidence,
                 'probabilities': {shape.value: p for shape, p in self.probabilities.items()}}

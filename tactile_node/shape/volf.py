@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import Features, Group
 from tactile_node.shape.plane import Plane
-from tactile_node.shape.recognition import Recognition, Shape
+from tactile_node.shape.recognition import Recognition, Shape, UnknownReason
 
 GROUPS = Group.CLASSIFIER  #: the features the classifier reads
 SMALLEST = 15  #: a pattern of fewer taxels is UNKNOWN
@@ -70,11 +70,11 @@ class VolfClassifier:
         if count == 0:
             return Recognition.certain(Shape.NONE)
         if count < SMALLEST:
-            return Recognition.certain(Shape.UNKNOWN)
+            return Recognition.unknown(UnknownReason.TOO_SMALL)
         heights = np.array([plane.height(plane_feature(features, plane.horizontal),
                                          plane_feature(features, plane.vertical)) for plane in self.planes.values()])
         if np.isnan(heights).any():
-            return Recognition.certain(Shape.UNKNOWN)
+            return Recognition.unknown(UnknownReason.UNFAMILIAR)
         shares = self.shares[band_of(count), by_curves(heights)]
         return Recognition.of(dict(zip(ANSWERS, shares.tolist())))
 

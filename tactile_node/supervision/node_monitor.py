@@ -1,7 +1,7 @@
 """Detects the fault of one CANopen node by what is received of it. Times are of the monotonic clock [s]."""
 
 from tactile_node.bus.bus_monitor import BusMonitor
-from tactile_node.cia301.nmt import NmtState, state_name
+from tactile_node.cia301.nmt import NmtState
 from tactile_node.frames.health import Failure, NodeFault, NodeHealth
 from tactile_node.frames.losses import PadStatistics
 from tactile_node.skin.pads import CanopenNode
@@ -112,7 +112,7 @@ class NodeMonitor:
         if not fault.is_fault and outages.current is not None:
             fault = NodeFault.AWAITING_TAXELS
         return NodeHealth(
-            node_id=node_id, state=state_name(state),
+            node_id=node_id, state=state,
             is_operational=state == NmtState.OPERATIONAL and not self._is_silent(now),
             heartbeat_age=None if heard is None else now - heard, fault=fault, boots=self.boots,
             emergencies=emergencies.count, last_emergency=emergencies.last, outages=outages,

@@ -108,6 +108,9 @@ class Supervisor:
             thread.join()
         self._bus.close()
 
+    def age(self, stamp: float) -> float:
+        return self._bus.age(stamp)
+
     def auto_zero(self, pad: str) -> int:
         return self._bus.auto_zero(pad)
 

@@ -1,0 +1,224 @@
+"""What the nodes of a gripper cost: start, memory, CPU and latency, in one process and in several.
+
+Two pads of 16x16 taxels at 50 frames a second; the simulated skin is its own process behind a pseudo-terminal (slcan),
+as an adapter would be, and this process is the consumer. Of each form, the median of --repeat runs and the best:
+
+    python bench/bench_launch.py [--repeat 5] [--seconds 20] [--against OTHER/.venv] [FORM ...]
+
+--against measures another installation by turns with this one, on the same machine in the same minutes. Figures of a
+machine that does other work are too high: each run waits until it is idle (at most --patience seconds), what other
+processes used meanwhile is printed, and so is the run in which that was least.
+"""
+
+import argparse
+import json
+import os
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+PADS, NODE_IDS = ('left', 'right'), '32,64'
+BRINGUP = ('bringup', '--interface', 'slcan', '--pads', ','.join(PADS), '--node-id', NODE_IDS)
+#: The processes of each form; a word list is `tactile WORDS`.
+FORMS = {
+    'one': [()],
+    'driver_apart': [('--only', 'left/processor,left/classifier,right/processor,right/classifier,grasp'),
+                     ('--only', 'skin_driver')],
+    'each': [('--only', name) for name in ('left/processor', 'left/classifier', 'right/processor', 'right/classifier',
+                                           'grasp', 'skin_driver')],
+    'executables': []}  # one node a process, as `ros2 run` starts them
+ROWS = {'first_shapes': 's from start to a shape of both pads',
+        'start_cpu': 's of CPU that all processes have used until then', 'pss': 'MB, PSS of all processes',
+        'largest': 'MB, PSS of the largest process', 'cpu': '% of one core, all processes',
+        'taxels_p50': 'ms from SYNC to <pad>/taxels at the consumer, median', 'taxels_p99': '..., p99',
+        'shape_p50': 'ms from SYNC to <pad>/shape at the consumer, median', 'shape_p99': '..., p99',
+        'rate': 'shapes a second of each pad',
+        'others': '% of one core that all other processes used meanwhile, without skin and consumer'}
+START_TIMEOUT, SETTLE = 60.0, 3.0  # s
+IDLE = 0.15  # of one core
+TICKS = os.sysconf('SC_CLK_TCK')
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('forms', nargs='*', default=['one', 'driver_apart', 'each'], metavar='FORM')
+    parser.add_argument('--repeat', type=int, default=3)
+    parser.add_argument('--seconds', type=float, default=20.0, help='length of a measurement')
+    parser.add_argument('--patience', type=float, default=60.0, help='longest wait for an idle machine')
+    parser.add_argument('--against', type=Path, help='virtual environment of another installation')
+    parser.add_argument('--single', action='store_true', help='one run of one form, as JSON')
+    args = parser.parse_args()
+    if args.single:
+        print(json.dumps(measured(args.forms[0], args.seconds)))
+        return 0
+    environments = {'here': Path(sys.prefix)} | ({'there': args.against} if args.against else {})
+    runs: dict[tuple[str, str], list[dict[str, float]]] = {}
+    for _ in range(args.repeat):
+        for form in args.forms:
+            for label, prefix in environments.items():
+                wait_until_idle(args.patience)
+                runs.setdefault((form, label), []).append(run_once(prefix, form, args.seconds))
+                print('.', end='', file=sys.stderr, flush=True)
+    print(file=sys.stderr)
+    for (form, label), found in runs.items():
+        print(f'\n{f"{form} ({label}, {len(found)} runs)":26} median  quietest run')
+        quietest = min(found, key=lambda each: each['others'])
+        for row, text in ROWS.items():
+            print(f'  {row:24} {statistics.median(each[row] for each in found):6.2f} {quietest[row]:8.2f}   {text}')
+    return 0
+
+
+def run_once(prefix: Path, form: str, seconds: float) -> dict[str, float]:
+    """One run in a separate process, with the interpreter and the messages of the installation at ``prefix``."""
+    environment = {name: value for name, value in os.environ.items()
+                   if name not in ('LD_LIBRARY_PATH', '_ROS_WHEELS_BOOTSTRAP_COMPLETE')}
+    environment |= {'AMENT_PREFIX_PATH': str(prefix), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+    words = [prefix / 'bin/python', Path(__file__).resolve(), form, '--single', '--seconds', str(seconds)]
+    output = subprocess.run(words, env=environment, cwd='/', check=True, stdout=subprocess.PIPE, text=True).stdout
+    return json.loads(output.splitlines()[-1])
+
+
+def measured(form: str, seconds: float) -> dict[str, float]:
+    """Start skin and nodes, measure for ``seconds`` and end them."""
+    with ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory())
+        channel = f'{folder}/skin'
+        consumer = stack.enter_context(Consumer())
+        skin = started(['simulate', '--pty', '--link', channel, '--node-id', NODE_IDS], stdout=subprocess.PIPE)
+        stack.callback(ended, [skin])
+        while b'Simulated skin' not in skin.stdout.readline():
+            pass
+        begun = time.monotonic()
+        processes = ([started([*BRINGUP, '--channel', channel, *words]) for words in FORMS[form]]
+                     or executables(channel))
+        stack.callback(ended, processes)
+        while len(consumer.shapes) < len(PADS):
+            consumer.spin(0.01)
+            if time.monotonic() > begun + START_TIMEOUT or any(process.poll() is not None for process in processes):
+                raise SystemExit(f'{form}: expected shapes of both pads within {START_TIMEOUT} s, got none')
+        first, start_cpu = time.monotonic() - begun, cpu_seconds(processes)
+        consumer.spin(SETTLE)
+        consumer.clear()
+        cpu, busy, own, before = cpu_seconds(processes), busy_seconds(), cpu_seconds([skin]), time.monotonic()
+        own += time.process_time()
+        consumer.spin(seconds)
+        elapsed = time.monotonic() - before
+        cpu = cpu_seconds(processes) - cpu
+        others = busy_seconds() - busy - cpu - (cpu_seconds([skin]) + time.process_time() - own)
+        memory = [pss(process) for process in processes]
+        return {'first_shapes': first, 'start_cpu': start_cpu, 'pss': sum(memory), 'largest': max(memory),
+                'cpu': 100 * cpu / elapsed,
+                **{f'{topic}_p{share}': percentile(late, share) for topic, late in consumer.late.items()
+                   for share in (50, 99)},
+                'rate': len(consumer.late['shape']) / len(PADS) / elapsed, 'others': 100 * others / elapsed}
+
+
+class Consumer:
+    """Subscribes taxels and shapes of all pads; ``late``: time from acquisition stamp to arrival [s]."""
+
+    def __enter__(self) -> 'Consumer':
+        import rclpy
+        from rclpy.executors import SingleThreadedExecutor
+
+        from tactile_skin.msg import ContactShape, TaxelArray
+        rclpy.init()
+        self.node = rclpy.create_node('consumer')
+        self.late: dict[str, list[float]] = {'taxels': [], 'shape': []}
+        self.shapes: set[str] = set()
+        for pad in PADS:
+            self.node.create_subscription(TaxelArray, f'{pad}/taxels', self._on_taxels, 50)
+            self.node.create_subscription(ContactShape, f'{pad}/shape',
+                                          lambda message, pad=pad: self._on_shape(pad, message), 50)
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        return self
+
+    def __exit__(self, *exception) -> None:
+        import rclpy
+        self.executor.shutdown()
+        self.node.destroy_node()
+        rclpy.shutdown()
+
+    def spin(self, seconds: float) -> None:
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0:
+            self.executor.spin_once(timeout_sec=left)
+
+    def clear(self) -> None:
+        for late in self.late.values():
+            late.clear()
+
+    def _on_taxels(self, message) -> None:
+        self._note('taxels', message)
+
+    def _on_shape(self, pad: str, message) -> None:
+        self.shapes.add(pad)
+        self._note('shape', message)
+
+    def _note(self, topic: str, message) -> None:
+        stamp = message.header.stamp
+        self.late[topic].append(time.time() - stamp.sec - stamp.nanosec * 1e-9)
+
+
+def started(words: list[str], **options) -> subprocess.Popen:
+    return subprocess.Popen([f'{sys.prefix}/bin/tactile', *words], start_new_session=True,
+                            **{'stderr': subprocess.DEVNULL, 'stdout': subprocess.DEVNULL, **options})
+
+
+def executables(channel: str) -> list[subprocess.Popen]:
+    """Start each node by its own executable."""
+    driver = ['-p', 'interface:=slcan', '-p', f'channel:={channel}', '-p', f'node_ids:=[{NODE_IDS}]', '-p',
+              f'pads:=[{",".join(PADS)}]']
+    nodes = [(role, ['-r', f'__ns:=/{pad}']) for pad in PADS for role in ('processor', 'classifier')]
+    return [subprocess.Popen([sys.executable, '-m', f'tactile_node.nodes.{role}_node', '--ros-args', *words],
+                             start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            for role, words in (*nodes, ('grasp', []), ('driver', driver))]
+
+
+def ended(processes: list[subprocess.Popen]) -> None:
+    for process in processes:
+        process.send_signal(signal.SIGINT)
+    for process in processes:
+        process.wait(20)
+
+
+def cpu_seconds(processes: list[subprocess.Popen]) -> float:
+    """User and system time of the processes (proc(5), stat)."""
+    fields = [Path(f'/proc/{process.pid}/stat').read_text().rsplit(')', 1)[1].split() for process in processes]
+    return sum(int(each[11]) + int(each[12]) for each in fields) / TICKS
+
+
+def busy_seconds() -> float:
+    """What all processors have worked: all of the first line of /proc/stat but idle and iowait (proc(5))."""
+    fields = [int(word) for word in Path('/proc/stat').read_text().split('\n', 1)[0].split()[1:9]]
+    return (sum(fields) - fields[3] - fields[4]) / TICKS
+
+
+def wait_until_idle(patience: float) -> None:
+    """Return when the machine has used less than IDLE of one core for a second, or ``patience`` is over."""
+    end = time.monotonic() + patience
+    while time.monotonic() < end:
+        before = busy_seconds()
+        time.sleep(1.0)
+        if busy_seconds() - before < IDLE:
+            return
+
+
+def pss(process: subprocess.Popen) -> float:
+    """Memory of a process, its share of what others map too [MB]."""
+    lines = Path(f'/proc/{process.pid}/smaps_rollup').read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith('Pss:')) / 1024
+
+
+def percentile(values: list[float], share: int) -> float:
+    """In milliseconds."""
+    return 1e3 * sorted(values)[min(len(values) - 1, len(values) * share // 100)]
+
+
+if __name__ == '__main__':
+    sys.exit(main())

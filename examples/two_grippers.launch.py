@@ -1,0 +1,22 @@
+"""A robot with two grippers, two pads each: `ros2 launch /path/to/two_grippers.launch.py simulate:=true`."""
+
+from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDescription
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import PushRosNamespace
+from launch_ros.substitutions import FindPackageShare
+
+from launch import LaunchDescription
+
+
+def generate_launch_description() -> LaunchDescription:
+    return LaunchDescription([DeclareLaunchArgument('simulate', default_value='false'),
+                              gripper('left_arm', channel='can0'), gripper('right_arm', channel='can1')])
+
+
+def gripper(arm: str, channel: str) -> GroupAction:
+    """In a separate group, whose arguments do not reach the next one: topics are /<arm>/gripper/left/shape, ..."""
+    bringup = PythonLaunchDescriptionSource([FindPackageShare('tactile_skin'), '/launch/bringup.launch.py'])
+    given = {'channel': channel, 'pads': 'left,right', 'node_id': '32,64', 'namespace': 'gripper',
+             'frame_prefix': f'{arm}/', 'simulate': LaunchConfiguration('simulate')}
+    return GroupAction([PushRosNamespace(arm), IncludeLaunchDescription(bringup, launch_arguments=given.items())])

@@ -1,0 +1,77 @@
+"""How much of a pad, and of what lies around a contact, a frame shows.
+
+A hidden taxel belongs to the pad and has no valid value. What lies beyond the pad's edge, and places without a taxel,
+are no part of the pad.
+"""
+
+from math import ceil
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.contact.pattern import ContactPattern
+from tactile_node.contact.seen import SMALLEST_CONTACT, largest_group, pad_seen
+
+PART = 0.1  #: of a contact's taxels: so many hidden ones together beside it may change its size by as much
+
+
+class Visibility(NamedTuple):
+    """Counts are in taxels; those of the contact and its ring are 0 where there is no contact."""
+
+    pad_seen: bool             #: no group of hidden taxels has room for the smallest contact
+    hidden: int                #: of the pad
+    largest_hidden: int        #: of the largest 8-connected group of hidden taxels
+    hidden_in_contact: int     #: enclosed by the contact and counted as a part of it
+    hidden_in_ring: int        #: of the ring: the taxels next to the contact, also by a corner
+    ring: int                  #: the whole ring, hidden taxels too
+    saturated_in_contact: int
+    saturated_in_ring: int
+    at_edge: bool              #: the contact reaches the pad's edge, or a place without a taxel
+    #: a group of hidden taxels in the ring has room for the smallest contact, or for PART of this one: it may continue
+    #: there. Fewer (scattered dead taxels) make its outline uncertain.
+    outline_hidden: bool
+    inside_hidden: bool        #: the same of a group that the contact encloses: what presses there is not known
+
+
+def visibility_of(pattern: ContactPattern, smallest_contact: int = SMALLEST_CONTACT) -> Visibility:
+    """Return what is seen of the pad and of the mask of ``pattern``; ``smallest_contact`` [taxels].
+
+    >>> values = np.full((4, 4), np.nan)
+    >>> visibility_of(ContactPattern.of(values > 0, values)).pad_seen
+    False
+    """
+    hidden = int(np.count_nonzero(pattern.hidden))
+    is_seen = pad_seen(pattern.hidden, pattern.unmapped, smallest_contact)
+    mask = pattern.mask
+    ring, at_edge = _around(pattern)
+    room = min(smallest_contact, ceil(PART * np.count_nonzero(mask)))
+    return Visibility(
+        pad_seen=is_seen, hidden=hidden,
+        largest_hidden=largest_group(pattern.hidden),
+        hidden_in_contact=int(np.count_nonzero(mask & pattern.hidden)) if hidden else 0,
+        hidden_in_ring=int(np.count_nonzero(ring & pattern.hidden)) if hidden else 0,
+        ring=int(np.count_nonzero(ring)), saturated_in_contact=int(np.count_nonzero(mask & pattern.saturated)),
+        saturated_in_ring=int(np.count_nonzero(ring & pattern.saturated)), at_edge=at_edge,
+        outline_hidden=0 < room <= largest_group(pattern.hidden, ring),
+        inside_hidden=0 < room <= largest_group(pattern.hidden & mask))
+
+
+def grown(mask: np.ndarray) -> np.ndarray:
+    """Return ``mask`` and its 8 neighbours (a fifth of the time of ndimage's dilation)."""
+    rows, cols = mask.shape
+    wide = np.zeros((rows + 2, cols), bool)
+    wide[1:-1] = mask
+    tall = wide[:-2] | wide[1:-1] | wide[2:]
+    around = tall.copy()
+    around[:, 1:] |= tall[:, :-1]
+    around[:, :-1] |= tall[:, 1:]
+    return around
+
+
+def _around(pattern: ContactPattern) -> tuple[np.ndarray, bool]:
+    """Return the ring of the contact, and whether the contact reaches the end of the pad."""
+    mask = pattern.mask
+    around = grown(mask) & ~mask
+    border = mask[0].any() or mask[-1].any() or mask[:, 0].any() or mask[:, -1].any()
+    beyond = around & pattern.unmapped
+    return around & ~pattern.unmapped, bool(border or beyond.any())

@@ -1,0 +1,1 @@
+"""How long messages were under way between two clocks that are not synchronised."""

@@ -1,0 +1,84 @@
+"""The frames of the two pads on tf, for a robot whose URDF does not have them."""
+
+import logging
+import math
+import time
+
+from rclpy.node import Node
+from rclpy.time import Duration
+
+from tactile_node.errors import ConfigurationError
+from tactile_node.grasp.gripper import Gripper
+from tactile_node.grasp.opening import GapSource
+from tactile_node.nodes.health_timer import start_health_timer
+from tactile_node.nodes.opening_source import OpeningSource
+from tactile_node.ros.opening_messages import frame_name, pad_transform
+from tactile_node.ros.qos import TF_QOS, TF_STATIC_QOS
+from tactile_node.ros.settings import GraspNodeSettings
+from tactile_node.ros.tf_message import tf_message_type
+
+logger = logging.getLogger(__name__)
+
+PERIOD = 0.05  # s; robot_state_publisher's
+SAME = 1e-4  # s; measurements less apart are one
+
+
+class PadFrames:
+    """Publishes where both pads are in the frame of the gripper, as long as its opening is known.
+
+    At an opening that is a parameter, the transforms are static; at a measured one they are on /tf, with the time of
+    the measurement. Without an opening there are none: a closed gripper would be a guess.
+    """
+
+    def __init__(self, node: Node, settings: GraspNodeSettings, gripper: Gripper, source: OpeningSource):
+        self._node = node
+        self._message = tf_message_type('parameter publish_pad_frames')
+        self._frame = frame_name(settings.frame)
+        self._pads = tuple(zip(map(frame_name, settings.frames_of_pads), (gripper.left, gripper.right)))
+        self._source = source
+        self._gap = math.nan  # of the last transforms
+        self._measured = -math.inf
+        is_static = settings.gap_source == GapSource.PARAMETER.name.lower()
+        self._publisher = node.create_publisher(self._message, '/tf_static' if is_static else '/tf',
+                                                TF_STATIC_QOS if is_static else TF_QOS)
+        start_health_timer(node, self._publish_static if is_static else self._publish_moving, PERIOD)
+
+    def _publish_static(self) -> None:
+        gap = self._source.current(time.monotonic()).gap
+        if not math.isnan(gap) and gap != self._gap:
+            self._publish(gap, 0.0)
+
+    def _publish_moving(self) -> None:
+        now = time.monotonic()
+        opening = self._source.current(now)
+        if not math.isnan(opening.gap) and now - opening.age > self._measured + SAME:
+            self._measured = now - opening.age
+            self._publish(opening.gap, opening.age)
+
+    def _publish(self, gap: float, age: float) -> None:
+        stamp = self._node.get_clock().now()
+        past = Duration(nanoseconds=min(round(1e9 * age), stamp.nanoseconds))
+        self._publisher.publish(self._message(transforms=[
+            pad_transform(pose, gap, frame, self._frame, (stamp - past).to_msg()) for frame, pose in self._pads]))
+        self._gap = gap
+
+
+def publish_pad_frames(node: Node, settings: GraspNodeSettings, gripper: Gripper, source: OpeningSource) -> None:
+    """Start `PadFrames` where the parameter publish_pad_frames is set and tf2_msgs is installed, else log a warning.
+
+    Raises ConfigurationError for frames that cannot be published.
+    """
+    if not settings.publish_pad_frames:
+        return
+    frames = {frame_name(name) for name in (*settings.frames_of_pads, settings.frame)}
+    if len(frames) < 3 or frames & set(settings.fingers) - {settings.frame}:
+        raise ConfigurationError(
+            'parameter publish_pad_frames', expected='two pad_frames other than frame_id and gap_frames',
+            got=', '.join(settings.frames_of_pads), remedy='Leave it false where a URDF has the frames of the pads.')
+    if settings.gap_source == 'none':
+        raise ConfigurationError('parameter publish_pad_frames', expected='a source of the opening', got='none',
+                                 remedy='Set gap_source: where the pads are depends on the opening.')
+    try:
+        PadFrames(node, settings, gripper, source)
+    except ConfigurationError as error:
+        logger.warning('%s: the frames of the pads are not published: %s', node.get_fully_qualified_name(), error)

@@ -1,0 +1,57 @@
+"""Contact patterns as messages, and back."""
+
+from array import array
+
+import numpy as np
+
+from tactile_node.contact.pattern import ContactPattern
+from tactile_node.contact.resting_noise import resting_noise
+from tactile_node.contact.seen import SMALLEST_CONTACT
+from tactile_node.contact.visibility import Visibility
+from tactile_node.frames.taxel_frame import TaxelStatus
+from tactile_node.ros.taxel_messages import as_array, taxel_values
+from tactile_skin.msg import Contact, TaxelArray
+
+
+def contact_message(taxels: TaxelArray, pattern: ContactPattern, visibility: Visibility,
+                    smallest_contact: int = SMALLEST_CONTACT) -> Contact:
+    """``pattern``: of ``taxels``, as ``visibility``, which was found for ``smallest_contact`` [taxels]."""
+    return Contact(
+        header=taxels.header, sequence=taxels.sequence, age=taxels.age, state=pad_state(pattern, visibility),
+        smallest_contact=smallest_contact,
+        pad_seen=visibility.pad_seen, rows=taxels.rows, cols=taxels.cols, pitch=taxels.pitch, unit=taxels.unit,
+        values=taxels.values, status=taxels.status, labels=as_array('B', pattern.labels, np.uint8),
+        contacts=pattern.contacts, contact_taxels=array('I', pattern.sizes),
+        missing_can_frames=taxels.missing_can_frames)
+
+
+def pad_state(pattern: ContactPattern, visibility: Visibility) -> int:
+    """Return the `state` of a Contact: without a contact, a pad that is not seen is not EMPTY."""
+    if pattern.contacts:
+        return Contact.TOUCHED
+    return Contact.EMPTY if visibility.pad_seen else Contact.NOT_SEEN
+
+
+def pattern_of(message: Contact) -> ContactPattern:
+    """Return the contact pattern that ``message`` was made from."""
+    labels = np.frombuffer(message.labels, np.uint8).reshape(message.rows, message.cols)
+    values = taxel_values(message)
+    unmapped = taxels_of(message, TaxelStatus.UNMAPPED)
+    return ContactPattern(
+        mask=labels == 1, values=values, contacts=message.contacts, labels=labels, sizes=tuple(message.contact_taxels),
+        hidden=~(np.isfinite(values) | unmapped), saturated=taxels_of(message, TaxelStatus.SATURATED),
+        unmapped=unmapped)
+
+
+def noise_of(message: Contact, pattern: ContactPattern) -> float | np.ndarray:
+    """Return the standard deviation of each taxel, (rows, cols); without one in the message that of resting ones."""
+    if not len(message.noise_floor):
+        return resting_noise(pattern)
+    return np.frombuffer(message.noise_floor, np.float32).reshape(message.rows, message.cols)
+
+
+def taxels_of(message: TaxelArray | Contact, status: TaxelStatus) -> np.ndarray:
+    """Return which taxels of ``message`` have this status, bool, shape (rows, cols)."""
+    codes = np.frombuffer(message.status, np.uint8).reshape(message.rows, message.cols)
+    of_status: np.ndarray = codes == status
+    return of_status

@@ -1,0 +1,325 @@
+"""Where consumers are misled on purpose: the whole chain, between a skin and a consumer in processes of their own.
+
+An object is held by both pads of a simulated gripper. A case changes what the skin, the bus, the nodes or the way
+between them do, and names the claims that are false from then on. `World.false` gives for how long the consumer's
+latest message made such a claim.
+"""
+
+import json
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+import rclpy
+from misled_skin import LAYOUT, NODE_IDS, PADS
+from rclpy.context import Context
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
+
+from tactile_node.nodes.classifier_node import ClassifierNode
+from tactile_node.nodes.driver_node import DriverNode
+from tactile_node.nodes.frame_executor import FrameExecutor
+from tactile_node.nodes.grasp_node import GraspNode
+from tactile_node.nodes.processor_node import ProcessorNode
+from tactile_skin.msg import Contact, ContactShape, TaxelArray
+
+PERIOD = 0.02  # s between two frames
+WITHDRAWN = max(0.1, 3 * PERIOD)  # s in which freshness must be withdrawn
+QOS = QoSProfile(depth=100)
+PAUSE = 0.005  # s
+MESSAGES = {'taxels': TaxelArray, 'contact': Contact, 'shape': ContactShape}
+READERS = {'taxels': 'processor', 'contact': 'classifier', 'shape': 'grasp'}
+TIMEOUT = 30.0  # s, for a busy machine
+Record = dict[str, Any]  # a line of the consumer
+Claim = Callable[[Record], bool]
+
+
+def empty(record: Record) -> bool:
+    """It says, of a pad or of both, that nothing touches."""
+    return (record.get('contact') in ('NO_CONTACT', 'ONE_SIDED') or 'SIDE_EMPTY' in record.get('sides', ())
+            or record.get('shape') == 'NONE' or 'NONE' in record.get('shapes', ()))
+
+
+def current(record: Record) -> bool:
+    """It says that it is of now."""
+    return bool(record.get('fresh') or record.get('stable'))
+
+
+def stable(record: Record) -> bool:
+    return bool(record.get('stable'))
+
+
+class SkinProcess:
+    """The skin that misled_skin.py simulates, on the serial port ``link``."""
+
+    def __init__(self, link: str, attributes: dict[str, Any]):
+        path = Path(__file__).with_name('misled_skin.py')
+        self._process = subprocess.Popen([sys.executable, str(path), link, json.dumps(attributes)], text=True,
+                                         stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        assert self._process.stdout.readline() == 'ready\n'
+
+    def set(self, **attributes: Any) -> None:
+        """Change what the pads hold: `misled_skin.Object`."""
+        self._send(set=attributes)
+
+    def lose(self, can_ids: Iterable[int]) -> None:
+        self._send(lose=list(can_ids))
+
+    def power_off(self, node_id: int) -> None:
+        self._send(power_off=node_id)
+
+    def unplug(self) -> None:
+        """Take the adapter away."""
+        self._send(unplug=True)
+
+    def _send(self, **command: Any) -> None:
+        self._process.stdin.write(json.dumps(command) + '\n')
+        self._process.stdin.flush()
+        assert self._process.stdout.readline() == 'done\n'
+
+    def end(self) -> None:
+        self._process.kill()
+        self._process.wait()
+
+
+class Finding(NamedTuple):
+    """What a consumer was led to believe in one case."""
+
+    claim: str       #: what would be false
+    seconds: float   #: for how long its latest message said so
+    messages: int    #: how many messages said so
+    bound: float     #: for how long it may [s]
+    latency: float   #: from an acquisition to the consumer, before: what is on its way still comes [s]
+    stall: float     #: for how long the machine itself did not run meanwhile [s]
+    seen: str        #: what it was shown instead
+
+    @property
+    def misleads(self) -> bool:
+        """Whether the claim could do harm; the others only keep the truth from the consumer."""
+        return not self.claim.startswith('not ')
+
+    @property
+    def holds(self) -> bool:
+        return self.seconds <= self.bound + (self.latency + self.stall if self.bound else 0.0)
+
+
+class Relay:
+    """A link on which messages can be held back: then it keeps so many, and loses all after them."""
+
+    def __init__(self, node: Any, kind: type, topic: str, relayed: str):
+        self._publisher = node.create_publisher(kind, relayed, QOS)
+        self._subscription = node.create_subscription(kind, topic, self._pass, QOS)
+        self._room: int | None = None  # None: nothing is held back
+        self._kept: list[Any] = []
+
+    @property
+    def is_full(self) -> bool:
+        return len(self._kept) == self._room
+
+    def hold_back(self, messages: int) -> None:
+        self._room = messages
+
+    def release(self) -> None:
+        for message in self._kept:
+            self._publisher.publish(message)
+
+    def _pass(self, message: Any) -> None:
+        if self._room is None:
+            self._publisher.publish(message)
+        elif len(self._kept) < self._room:
+            self._kept.append(message)
+
+
+class World:
+    """The chain of a gripper; nodes may be left out, or get other parameters, by role."""
+
+    def __init__(self, held: dict[str, Any] | None = None, *, without: Sequence[str] = (),
+                 topics: Sequence[str] = ('grasp=grasp', 'left=left/shape'), relayed: str = '',
+                 **parameters: dict[str, Any]):
+        self._held = held or {}
+        self.latency = 0.0  #: the longest from an acquisition to the consumer, before anything was wrong [s]
+        self.unstable = 0.0  #: part of the time that the consumer saw no stable grasp, before anything was wrong
+        self.records: list[Record] = []
+        self.stalls: list[tuple[float, float]] = []  #: when this process did not run, and for how long
+        self.nodes: dict[str, Any] = {}
+        self._without = without
+        self._topics = topics
+        self._relayed = relayed
+        self.relays: list[Relay] = []
+        self._parameters = parameters
+        self._stack = ExitStack()
+        self._stop = threading.Event()
+
+    def __enter__(self) -> 'World':
+        self._stack = self._started()
+        return self
+
+    def __exit__(self, *problem: object) -> None:
+        self._stack.close()
+
+    def _started(self) -> ExitStack:
+        stack = ExitStack()
+        try:
+            self._start(stack)
+        except BaseException:
+            stack.close()
+            raise
+        return stack
+
+    def _start(self, stack: ExitStack) -> None:
+        self.context = Context()
+        rclpy.init(context=self.context)
+        stack.callback(self.context.try_shutdown)
+        self._consume(stack)
+        self._port = str(Path(stack.enter_context(TemporaryDirectory())) / 'skin')
+        self.skin = SkinProcess(self._port, self._held)
+        stack.callback(self.skin.end)
+        self.executor = FrameExecutor(context=self.context)
+        self._make_nodes()
+        stack.callback(self._destroy_nodes)
+        spinner = threading.Thread(target=self._spin, daemon=True)
+        spinner.start()
+        ticker = threading.Thread(target=self._tick, daemon=True)
+        ticker.start()
+        stack.callback(ticker.join)
+        stack.callback(spinner.join)
+        stack.callback(self._stop.set)
+        if 'driver' in self.nodes:
+            self.nodes['driver'].autostart()
+
+    def _make_nodes(self) -> None:
+        driver = {'interface': 'slcan', 'channel': self._port, 'pads': list(PADS), 'node_ids': list(NODE_IDS),
+                  'layouts': [LAYOUT], 'sync_period': PERIOD}
+        kinds = [('driver', DriverNode, '', driver),
+                 *((f'{role}_{pad}', kind, pad, {}) for pad in PADS
+                   for role, kind in (('processor', ProcessorNode), ('classifier', ClassifierNode))),
+                 ('grasp', GraspNode, '', {'left_pad': 'left', 'right_pad': 'right'})]
+        for name, kind, namespace, given in kinds:
+            if name not in self._without:
+                self.add(name, kind, namespace, given | self._parameters.get(name, {}))
+
+        if self._relayed:
+            peer = self.peer()
+            self.relays = [Relay(peer, MESSAGES[self._relayed], f'{pad}/{self._relayed}', f'{pad}/relayed')
+                           for pad in PADS]
+
+    def peer(self) -> Any:
+        """Another node beside the chain."""
+        node = rclpy.create_node('peer', context=self.context)
+        self.nodes['peer'] = node
+        self.executor.add_node(node)
+        return node
+
+    def add(self, name: str, kind: type, namespace: str, parameters: dict[str, Any]) -> None:
+        node = kind(context=self.context, namespace=namespace, cli_args=self._remappings(name),
+                    parameter_overrides=[Parameter(key, value=value) for key, value in parameters.items()])
+        self.nodes[name] = node
+        self.executor.add_node(node)
+
+    def _remappings(self, name: str) -> list[str]:
+        """The reader of a relayed topic takes it from the relay."""
+        if not self._relayed or name.split('_')[0] != READERS[self._relayed]:
+            return []
+        rules = [f'{pad}/shape:={pad}/relayed' for pad in PADS] if name == 'grasp' else [f'{self._relayed}:=relayed']
+        return ['--ros-args', *(word for rule in rules for word in ('-r', rule))]
+
+    def remove(self, name: str) -> None:
+        """End a node as a crash would: without a message; on the executor's thread, which may be using it."""
+        node = self.nodes.pop(name)
+        done = threading.Event()
+
+        def end() -> None:
+            self.executor.remove_node(node)
+            node.destroy_node()
+            done.set()
+        self.executor.create_task(end)
+        self.wait(done.is_set, f'{name} to end')
+
+    def _destroy_nodes(self) -> None:
+        self.executor.shutdown()
+        for name in sorted(self.nodes, key='driver'.__ne__):  # the driver, which feeds the others, first
+            self.nodes[name].destroy_node()
+        self.nodes.clear()
+
+    def _spin(self) -> None:
+        while not self._stop.is_set():
+            self.executor.spin_once(timeout_sec=0.1)
+
+    def _tick(self) -> None:
+        """Record when this process was given no processor, or its interpreter was held: a pause that came late."""
+        before = time.monotonic()
+        while not self._stop.wait(PAUSE):
+            now = time.monotonic()
+            if now - before > 2 * PAUSE:
+                self.stalls.append((before, now - before - PAUSE))
+            before = now
+
+    def _consume(self, stack: ExitStack) -> None:
+        path = Path(__file__).with_name('misled_consumer.py')
+        self._consumer = subprocess.Popen([sys.executable, str(path), *self._topics], stdout=subprocess.PIPE, text=True)
+        reader = threading.Thread(target=self._read, daemon=True)
+        reader.start()
+        stack.callback(reader.join)
+        stack.callback(self._consumer.wait)
+        stack.callback(self._consumer.kill)
+        self.wait(lambda: self.records, 'the consumer to start')
+
+    def _read(self) -> None:
+        for line in self._consumer.stdout:
+            self.records.append(json.loads(line))
+
+    def wait(self, condition: Callable[[], Any], what: str, timeout: float = TIMEOUT) -> None:
+        end = time.monotonic() + timeout
+        while not condition():
+            assert time.monotonic() < end, f'waited {timeout:.0f} s for {what}; last: {self.records[-3:]}'
+            time.sleep(0.005)
+
+    def latest(self, topic: str) -> Record:
+        return next((record for record in reversed(self.records) if record['topic'] == topic), {})
+
+    def hold(self, seconds: float = 1.0) -> None:
+        """Wait until the consumer sees a grasp that is stable, and for some time more, in which nothing is wrong."""
+        self.wait(lambda: self.latest('grasp').get('stable'), 'a stable grasp')
+        began = time.monotonic()
+        time.sleep(seconds)
+        held = [record for record in list(self.records) if record['topic'] == 'left' and record['time'] > began]
+        self.latency = max((record['latency'] for record in held), default=0.0)
+        self.unstable = self.false('', lambda record: not stable(record), began).seconds / max(seconds, 1e-9)
+
+    def false(self, name: str, claim: Claim, since: float, *, bound: float = 0.0, until: float | None = None,
+              topic: str = 'grasp') -> Finding:
+        """For how long after ``since`` [s, monotonic] the latest message of ``topic`` made this false ``claim``."""
+        until = time.monotonic() if until is None else until
+        records = [record for record in list(self.records) if record['topic'] == topic and record['time'] <= until]
+        assert records, f'no message on {topic}'
+        ends = [record['time'] for record in records[1:]] + [until]
+        claimed = [(max(record['time'], since), end, record['time'] > since)
+                   for record, end in zip(records, ends) if end > since and claim(record)]
+        last = max((end for _, end, _ in claimed), default=since)
+        stall = sum(length for begin, length in list(self.stalls) if since <= begin + length and begin <= last)
+        return Finding(name, sum(end - begin for begin, end, _ in claimed), sum(sent for _, _, sent in claimed), bound,
+                       self.latency, stall, self._seen(topic, since, until))
+
+    def _seen(self, topic: str, since: float, until: float) -> str:
+        """The states that were shown, in their order."""
+        seen: list[str] = []
+        for record in list(self.records):
+            if record['topic'] == topic and since < record['time'] <= until:
+                state = _state(record)
+                if not seen or seen[-1] != state:
+                    seen.append(state)
+        return ' > '.join(seen[:4] + ['...'] * (len(seen) > 4)) or 'nothing'
+
+
+def _state(record: Record) -> str:
+    if record['topic'] == 'grasp':
+        words = [record['contact'], *(word for word in ('fresh', 'stable') if record[word])]
+    else:
+        words = [record['shape'], *([record['reason']] if record['shape'] == 'UNKNOWN' else [])]
+    return ' '.join(words).lower()

@@ -1,0 +1,341 @@
+"""Who could be misled, when, and for how long: each case changes one thing while an object is held by both pads.
+
+`python test/misled_catalogue.py` (`make misled`) runs every case and prints what a consumer, which looks at the latest
+message only, was led to believe, for how long, and what is allowed. `test_misled.py` runs the short ones.
+"""
+
+import argparse
+import sys
+import time
+from array import array
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import yaml
+from misled_bench import PERIOD, QOS, WITHDRAWN, Finding, Record, World, current, empty, stable
+from misled_skin import NODE_IDS, PADS, gripper_pads
+from sensor_msgs.msg import JointState
+
+from tactile_node.nodes.classifier_node import ClassifierNode
+from tactile_node.nodes.processor_node import ProcessorNode
+from tactile_skin.msg import Contact, ContactShape, TaxelArray
+from tactile_skin.srv import Tare
+
+FROZEN_AFTER = 0.5  # s, parameter of the driver
+HELD_BACK = 5.0  # s
+BURST = 10  # messages
+SETTLED = 0.3  # s after which the truth must be seen again
+MINUTE = 60.0
+Case = Callable[[], list[Finding]]
+
+
+def skin_freezes() -> list[Finding]:
+    """The skin repeats its last values to the bit; the driver has frozen_after."""
+    with World(driver={'frozen_after': FROZEN_AFTER}) as world:
+        world.hold()
+        world.skin.set(is_frozen=True)
+        since = time.monotonic()
+        time.sleep(FROZEN_AFTER + 1.0)
+        return [world.false('empty', empty, since),
+                world.false('stable', stable, since, bound=FROZEN_AFTER + PERIOD + WITHDRAWN)]
+
+
+def bus_fails() -> list[Finding]:
+    """The CAN adapter is unplugged."""
+    with World() as world:
+        world.hold()
+        world.skin.unplug()
+        return _after(world, 1.0, WITHDRAWN + PERIOD)
+
+
+def skin_loses_power() -> list[Finding]:
+    """Both pads go silent; the driver publishes frames without values, or none."""
+    return _power_off(*NODE_IDS)
+
+
+def one_pad_loses_power() -> list[Finding]:
+    """The right pad goes silent, the left one continues."""
+    return _power_off(NODE_IDS[1])
+
+
+def _power_off(*node_ids: int) -> list[Finding]:
+    with World() as world:
+        world.hold()
+        for node_id in node_ids:
+            world.skin.power_off(node_id)
+        since = time.monotonic()
+        time.sleep(1.5)
+        return [world.false('empty', empty, since),
+                world.false('stable', stable, since, bound=WITHDRAWN + 2 * PERIOD)]
+
+
+def driver_ends() -> list[Finding]:
+    """The driver is destroyed; the other nodes continue."""
+    with World() as world:
+        world.hold()
+        world.remove('driver')  # which stops the devices first; meanwhile no node of this process runs
+        return _after(world, 1.0, WITHDRAWN + PERIOD)
+
+
+def processor_ends() -> list[Finding]:
+    """One of the two processing nodes is gone without a message."""
+    return _without('processor_left')
+
+
+def classifier_ends() -> list[Finding]:
+    """One of the two classifiers is gone without a message."""
+    return _without('classifier_right')
+
+
+def _without(node: str) -> list[Finding]:
+    with World() as world:
+        world.hold()
+        since = time.monotonic()
+        world.remove(node)
+        return _after(world, 1.0, WITHDRAWN + PERIOD, since)
+
+
+def nodes_start_while_held() -> list[Finding]:
+    """Processing and classifier of a pad start again; the object was held all the time."""
+    with World() as world:
+        world.hold()
+        since = time.monotonic()
+        for name, kind in (('processor_left', ProcessorNode), ('classifier_left', ClassifierNode)):
+            world.remove(name)
+            world.add(name, kind, 'left', {})
+        world.hold()
+        return [world.false('empty', empty, since), world.false('empty', empty, since, topic='left')]
+
+
+def one_pad_never_answers() -> list[Finding]:
+    """No result of the right pad has come yet."""
+    with World(without=['classifier_right']) as world:
+        since = time.monotonic()
+        world.wait(lambda: world.latest('grasp'), 'a grasp')
+        time.sleep(1.0)
+        return [world.false('empty', empty, since), world.false('current', current, since)]
+
+
+def rows_are_hidden() -> list[Finding]:
+    """The TPDOs of the nine rows under the object are lost on the left pad."""
+    with World({'side': 5.0}) as world:
+        world.hold()
+        layout = gripper_pads()[0].layout
+        lost = {layout.tpdos[2 * row + half].cob_id.of(NODE_IDS[0]) for row in range(3, 12) for half in (0, 1)}
+        world.skin.lose(lost)
+        since = time.monotonic()
+        time.sleep(1.5)
+        return [world.false('empty', empty, since), world.false('empty', empty, since, topic='left'),
+                world.false('stable', stable, since, bound=WITHDRAWN + PERIOD),
+                world.false('a force', _has_force, since, bound=SETTLED, topic='left')]
+
+
+def a_part_is_hidden() -> list[Finding]:
+    """The lower rows of the object are hidden: what is seen is shorter, lighter, and its centre is another one."""
+    with World() as world:
+        world.hold()
+        layout = gripper_pads()[0].layout
+        world.skin.lose({tpdo.cob_id.of(NODE_IDS[0]) for tpdo in layout.tpdos[16:24]})  # rows 8 to 11
+        since = time.monotonic()
+        time.sleep(1.5)
+        return [world.false('empty', empty, since), world.false('empty', empty, since, topic='left'),
+                world.false('stable', stable, since, bound=WITHDRAWN + PERIOD),
+                world.false('a force', _has_force, since, bound=SETTLED, topic='left'),
+                world.false('a size', lambda record: record['fit_valid'] and not record['size_is_bound'], since,
+                            bound=SETTLED, topic='left')]
+
+
+def taxels_saturate() -> list[Finding]:
+    """The object presses 2.5 times harder than the taxels can measure."""
+    since = time.monotonic()
+    with World({'pressure': 2.5}) as world:
+        world.wait(lambda: world.latest('left').get('taxels'), 'a contact')
+        time.sleep(1.0)
+        return [world.false('a force', _has_force, since, topic='left')]
+
+
+def object_creeps() -> list[Finding]:
+    """The object slides at 0.5 mm/s from the first moment."""
+    since = time.monotonic()
+    with World({'speed': 0.5e-3}) as world:
+        world.wait(lambda: world.latest('grasp').get('contact') == 'TWO_SIDED', 'contact')
+        time.sleep(4.0)
+        return [world.false('stable', stable, since)]
+
+
+def object_creeps_slowly() -> list[Finding]:
+    """At 0.05 mm/s for a minute: the grasp is held, and to deny it would be false, too."""
+    with World({'speed': 0.05e-3}) as world:
+        world.hold()
+        since = time.monotonic()
+        time.sleep(MINUTE)
+        return [world.false('not stable', _not(stable), since, bound=world.unstable * MINUTE)]
+
+
+def messages_held_back(link: str = 'shape') -> list[Finding]:
+    """Ten messages of each pad are held back for 5 s on their way, then come at once."""
+    with World(relayed=link) as world:
+        world.hold()
+        relays = world.relays
+        since = time.monotonic()
+        for relay in relays:
+            relay.hold_back(BURST)
+        world.wait(lambda: all(relay.is_full for relay in relays), 'ten messages')
+        time.sleep(HELD_BACK)
+        for relay in relays:
+            relay.release()
+        time.sleep(0.5)
+        return [world.false('current', current, since, bound=WITHDRAWN + PERIOD), world.false('empty', empty, since)]
+
+
+def malformed_messages() -> list[Finding]:
+    """Default-constructed and contradictory messages on every topic of the left pad, every 50 ms."""
+    with World() as world:
+        world.hold()
+        peer = world.peer()
+        publishers = [(peer.create_publisher(kind, f'left/{topic}', QOS), kind) for topic, kind in (
+            ('taxels', TaxelArray), ('contact', Contact), ('shape', ContactShape))]
+        since = time.monotonic()
+        while time.monotonic() < since + 1.5:
+            for publisher, kind in publishers:
+                publisher.publish(kind())
+            publishers[0][0].publish(TaxelArray(rows=4_000_000_000, cols=4_000_000_000, pitch=float('nan'), unit='psi'))
+            publishers[0][0].publish(TaxelArray(rows=2, cols=2, pitch=0.004, unit='Pa', values=array('f', [0.0] * 4),
+                                                status=array('B', [0] * 4)))
+            time.sleep(0.05)
+        return [world.false('empty', empty, since),
+                world.false('not stable', _not(stable), since, bound=(0.02 + world.unstable) * 1.5)]
+
+
+def tare_is_requested() -> list[Finding]:
+    """Someone asks for a tare while the object is held; tare_limit is above the pressure of the object."""
+    with World(driver={'tare_limit': 1e6}) as world:
+        world.hold()
+        client = world.peer().create_client(Tare, 'skin_driver/tare')
+        world.wait(client.service_is_ready, 'the service')
+        since = time.monotonic()
+        future = client.call_async(Tare.Request(frames=5))
+        world.wait(future.done, 'an answer')
+        time.sleep(0.5)
+        success = future.result().success
+        answered = Finding('tared', float(success), int(success), 0.0, 0.0, 0.0, future.result().message[:60])
+        return [world.false('empty', empty, since), answered]
+
+
+def joint_states_end() -> list[Finding]:
+    """The opening comes from joint states, which end: an old width would be taken for the present one."""
+    limit = 0.3
+    with World(grasp={'gap_source': 'joint_states', 'gap_joints': ['finger'], 'max_gap_age': limit}) as world:
+        controller = world.peer()
+        publisher = controller.create_publisher(JointState, '/joint_states', QOS)
+        world.hold(0.0)
+        before = time.monotonic()
+        while time.monotonic() < before + 1.0:
+            message = JointState(name=['finger'], position=[0.04])
+            message.header.stamp = controller.get_clock().now().to_msg()  # as every controller does
+            publisher.publish(message)
+            time.sleep(PERIOD)
+        since = time.monotonic()
+        assert any(record.get('width') for record in world.records), 'no width was published while the joint was known'
+        time.sleep(1.0)
+        return [world.false('a width', lambda record: record['width'] is not None, since, bound=limit + PERIOD),
+                world.false('a gap', lambda record: record['gap'] is not None, since, bound=limit + PERIOD)]
+
+
+def opening_is_not_known() -> list[Finding]:
+    """No source gives the opening: there is no width, not that of a closed gripper."""
+    since = time.monotonic()
+    with World() as world:
+        world.hold()
+        return [world.false('a width', lambda record: record['width'] is not None, since)]
+
+
+def taxels_are_dead() -> list[Finding]:
+    """Of each pad eight scattered taxels (3 %) are dead: this must not cost the grasp, nor an empty pad."""
+    places = {pad: np.random.default_rng(number).permutation(256)[:8] for number, pad in enumerate(PADS)}
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / 'faults.yaml'
+        file.write_text(yaml.safe_dump({'pads': {pad: {'dead': [[int(k) // 16, int(k) % 16] for k in dead]}
+                                                 for pad, dead in places.items()}}))
+        with World(driver={'faulty_taxels_file': str(file)}) as world:
+            world.hold()
+            since = time.monotonic()
+            time.sleep(3.0)
+            held = [world.false('empty', empty, since),
+                    world.false('not stable', _not(stable), since, bound=(0.02 + world.unstable) * 3.0)]
+            world.skin.set(is_there=False)
+            since = time.monotonic()
+            time.sleep(1.0)
+            return [*held, world.false('not empty', lambda record: record['contact'] != 'NO_CONTACT', since,
+                                       bound=SETTLED)]
+
+
+def object_is_taken_away() -> list[Finding]:
+    """Both pads are empty from then on: to deny it for long would be false, too."""
+    with World() as world:
+        world.hold()
+        world.skin.set(is_there=False)
+        since = time.monotonic()
+        time.sleep(1.0)
+        return [world.false('not empty', lambda record: record['contact'] != 'NO_CONTACT', since, bound=SETTLED),
+                world.false('stable', stable, since, bound=WITHDRAWN)]
+
+
+def _after(world: World, seconds: float, bound: float, since: float | None = None) -> list[Finding]:
+    """Of a chain that is cut: nothing is empty, and nothing is current for longer than ``bound``."""
+    since = time.monotonic() if since is None else since
+    time.sleep(seconds)
+    return [world.false('empty', empty, since), world.false('current', current, since, bound=bound)]
+
+
+def _has_force(record: Record) -> bool:
+    return record['force'] is not None and not record['force_is_bound']
+
+
+def _not(claim: Callable[[Record], bool]) -> Callable[[Record], bool]:
+    return lambda record: not claim(record)
+
+
+def named(name: str, function: Callable[..., list[Finding]]) -> Case:
+    function.__name__ = name  # type: ignore[attr-defined]
+    return function
+
+
+#: in `make test`; the others need its time, and have tests of their parts there
+SHORT: Sequence[Case] = (
+    skin_freezes, bus_fails, rows_are_hidden, a_part_is_hidden, taxels_saturate, object_creeps, malformed_messages,
+    tare_is_requested)
+LONG: Sequence[Case] = (
+    skin_loses_power, one_pad_loses_power, driver_ends, processor_ends, classifier_ends, nodes_start_while_held,
+    one_pad_never_answers, taxels_are_dead, joint_states_end, opening_is_not_known, object_is_taken_away,
+    messages_held_back,
+    *(named(f'{link}_held_back', partial(messages_held_back, link=link)) for link in ('contact', 'taxels')),
+    object_creeps_slowly)
+HEADER = ('case', 'false claim', 'misled [s]', 'messages', 'allowed [s]', 'latency [s]', 'stalled [s]',
+          'the consumer sees')
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--only', default='', help='run the cases whose name contains this')
+    parser.add_argument('--short', action='store_true', help='leave out the long cases')
+    args = parser.parse_args()
+    print('| ' + ' | '.join(HEADER) + ' |\n|' + ' --- |' * len(HEADER))
+    wrong = 0
+    for case in (*SHORT, *(() if args.short else LONG)):
+        if args.only in case.__name__:
+            for finding in case():
+                wrong += not finding.holds
+                times = (finding.bound, finding.latency, finding.stall)
+                print(f'| {case.__name__.replace("_", " ")} | {finding.claim} | {finding.seconds:.2f} | '
+                      f'{finding.messages} | {" | ".join(f"{time:.2f}" for time in times)} | {finding.seen} |'
+                      + ('' if finding.holds else ' **misled**'), flush=True)
+    print(f'\n{wrong} claims lasted longer than allowed' if wrong else '\nNo consumer was misled.')
+    return int(wrong > 0)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

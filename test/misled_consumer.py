@@ -1,0 +1,81 @@
+"""A consumer of our messages in a separate process: prints what it receives, one JSON line each, when it comes.
+
+    python test/misled_consumer.py grasp=grasp left=left/shape
+
+It knows the message types only, as a planner on another machine would.
+"""
+
+import json
+import math
+import sys
+import time
+from functools import partial
+
+import rclpy
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+from tactile_skin.msg import ContactShape, Grasp
+
+SHAPES = ('NOT_KNOWN', 'NONE', 'UNKNOWN', 'CIRCLE', 'SQUARE', 'RECTANGLE', 'RIGHT_TRIANGLE', 'ISOSCELES_TRIANGLE')
+CONTACTS = ('NOT_KNOWN', 'UNSEEN', 'NO_CONTACT', 'ONE_SIDED', 'TWO_SIDED')
+SIDES = ('SIDE_NOT_KNOWN', 'SIDE_UNSEEN', 'SIDE_EMPTY', 'SIDE_TOUCHED')
+REASONS = ('REASON_NOT_KNOWN', 'NOT_UNKNOWN', 'NOT_SEEN', 'UNFAMILIAR', 'TOO_SMALL')
+GAPS = ('GAP_NOT_KNOWN', 'GAP_PARAMETER', 'GAP_JOINT_STATES', 'GAP_TF')
+
+
+def main() -> None:
+    topics = dict(argument.split('=') for argument in sys.argv[1:])
+    rclpy.init(args=[])
+    node = Node('consumer')
+    qos = QoSProfile(depth=100)
+    for name, topic in topics.items():
+        kind, facts = (Grasp, grasp_facts) if name == 'grasp' else (ContactShape, shape_facts)
+        node.create_subscription(kind, topic, partial(report, name, facts), qos)
+    print(json.dumps({'topic': 'ready', 'time': time.monotonic()}), flush=True)
+    try:
+        rclpy.spin(node)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+
+
+def report(topic, facts, message) -> None:
+    now = time.monotonic()
+    numbers = {name: value if not isinstance(value, float) or math.isfinite(value) else None
+               for name, value in facts(message).items()}
+    print(json.dumps({'topic': topic, 'time': now, **numbers}), flush=True)
+
+
+def shape_facts(message: ContactShape) -> dict:
+    return {'latency': time.time() - message.header.stamp.sec - 1e-9 * message.header.stamp.nanosec,
+            'shape': name_of(ContactShape, SHAPES, message.shape), 'sequence': message.sequence,
+            'reason': name_of(ContactShape, REASONS, getattr(message, 'unknown_reason', -1)),
+            'confidence': float(message.confidence), 'taxels': message.taxels, 'force': float(message.force),
+            'force_is_bound': getattr(message, 'force_is_bound', False),
+            'size_is_bound': getattr(message, 'size_is_bound', False), 'fit_valid': message.fit_valid,
+            'contacts': getattr(message, 'contacts', 0), 'age': seconds(message)}
+
+
+def grasp_facts(message: Grasp) -> dict:
+    return {'contact': name_of(Grasp, CONTACTS, message.contact),
+            'sides': [name_of(Grasp, SIDES, state) for state in getattr(message, 'side_states', ())],
+            'shapes': [name_of(ContactShape, SHAPES, side.shape) for side in message.sides],
+            'fresh': message.fresh, 'stable': message.stable, 'gap': float(message.gap), 'width': float(message.width),
+            'offset': float(message.offset), 'age': seconds(message),
+            'gap_source': name_of(Grasp, GAPS, getattr(message, 'gap_source', -1))}
+
+
+def seconds(message) -> float:
+    """The message's age [s]; NaN where it has none."""
+    age = getattr(message, 'age', None)
+    return math.nan if age is None else age.sec + age.nanosec * 1e-9
+
+
+def name_of(kind: type, names: tuple[str, ...], number: int) -> str:
+    """The name of a constant; a message of an older version has fewer."""
+    return next((name for name in names if getattr(kind, name, None) == number), str(number))
+
+
+if __name__ == '__main__':
+    main()

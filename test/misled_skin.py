@@ -1,0 +1,111 @@
+"""The skin of a gripper that holds an object, in a separate process: two pads behind a serial CAN adapter.
+
+    python test/misled_skin.py /tmp/port '{"side": 7.0}'
+
+Lines of JSON on stdin change it while it runs: {"set": {"is_frozen": true}}, {"lose": [417, 418]} (CAN identifiers that
+the adapter loses from then on), {"power_off": 48}, {"unplug": true}.
+"""
+
+import fcntl
+import json
+import sys
+import termios
+import time
+from array import array
+from collections.abc import Callable
+from typing import Any
+
+import can
+import numpy as np
+
+from tactile_node.simulator.skin_simulator import SkinSimulator
+from tactile_node.simulator.slcan_pty import SlcanPty
+from tactile_node.skin.pads import LivePad, make_pads, with_dictionaries
+from tactile_node.synthetic.pressure import Skin, pressure_frame
+from tactile_node.synthetic.world import Contact as Touching
+
+PADS, NODE_IDS, LAYOUT = ('left', 'right'), (32, 48), 'sim16x16.yaml'
+PITCH = 0.002  # m, of the layout
+FULL_SCALE = 100e3  # Pa
+
+
+def gripper_pads() -> tuple[LivePad, ...]:
+    return with_dictionaries(make_pads([LAYOUT], NODE_IDS, PADS))
+
+
+class Object:
+    """What the pads hold; every attribute may be changed while the skin runs."""
+
+    def __init__(self, **attributes: Any):
+        self.side = 7.0  #: of the square [taxels]
+        self.pressure = 0.5  #: [fraction of full scale]
+        self.angle = 0.2  #: [rad]
+        self.is_there = True
+        self.is_frozen = False  #: the skin has stopped sampling
+        self.speed = 0.0  #: along x, from the left part of the pad [m/s]
+        self._began = time.monotonic()
+        self._random = np.random.default_rng(5)
+        self._last = {pad: np.zeros((16, 16)) for pad in PADS}
+        self.set(attributes)
+
+    def set(self, attributes: dict[str, Any]) -> None:
+        for name, value in attributes.items():
+            assert hasattr(self, name), name
+            setattr(self, name, value)
+
+    def source(self, pad: str) -> Callable[[float], np.ndarray]:
+        def sample(_time: float) -> np.ndarray:
+            if not self.is_frozen:
+                self._last[pad] = self._frame()
+            return self._last[pad]
+        return sample
+
+    def _frame(self) -> np.ndarray:
+        x = 7.6 if not self.speed else 5.0 + self.speed * (time.monotonic() - self._began) / PITCH
+        square = Touching('square', (self.side,), x=x, y=7.3, angle=self.angle) if self.is_there else None
+        values = pressure_frame(square, self._random, 16, 16, pressure=self.pressure,
+                                skin=Skin(full_scale=FULL_SCALE, blur=0.5, noise=0.005))
+        return np.clip(values, 0, FULL_SCALE)
+
+
+class LossyPort(SlcanPty):
+    """An adapter that loses frames of some identifiers."""
+
+    def __init__(self, link: str):
+        self.lost_ids: frozenset[int] = frozenset()
+        super().__init__(link)
+
+    def lose(self, can_ids: frozenset[int]) -> None:
+        """Return when all that was sent before has left, too: a busy host reads it later."""
+        self.lost_ids = can_ids
+        waiting = array('i', [1])
+        while waiting[0] or self._unsent:
+            fcntl.ioctl(self._port_fd, termios.FIONREAD, waiting)
+            time.sleep(0.001)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        if msg.arbitration_id not in self.lost_ids:
+            super().send(msg, timeout)
+
+
+def main() -> None:
+    held, port = Object(**json.loads(sys.argv[2])), LossyPort(sys.argv[1])
+    simulator = SkinSimulator(gripper_pads(), {pad: held.source(pad) for pad in PADS})
+    simulator.start_on(port)
+    print('ready', flush=True)
+    for line in sys.stdin:
+        (command, value), = json.loads(line).items()
+        if command == 'set':
+            held.set(value)
+        elif command == 'lose':
+            port.lose(frozenset(value))
+        elif command == 'power_off':
+            simulator.devices[value].power_off()
+        else:
+            assert command == 'unplug', command
+            simulator.stop()
+        print('done', flush=True)
+
+
+if __name__ == '__main__':
+    main()

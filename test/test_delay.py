@@ -1,0 +1,235 @@
+"""How long messages were held back: clocks that are apart, drift and jump, bursts, a busy machine.
+
+Each case is a sender's timeline and its true delays; what is asserted is what a reader of the latest message needs:
+never settled and current while it is old, and usable again after the stated time.
+"""
+
+from math import inf, nan
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from tactile_node.delay.estimator import DelayEstimator, DelaySettings
+from tactile_node.errors import ConfigurationError, InputError
+
+SETTINGS = DelaySettings()
+LIMIT = 0.1  #: s, what a reader takes as current
+OFFSETS = (-1.7e9, -5.0, 0.0, 1e-3, 3600.0, 1.7e9)
+
+
+class Result(NamedTuple):
+    """Of each message, in order of arrival."""
+
+    arrival: np.ndarray
+    true: np.ndarray      #: delay on the way [s]
+    held: np.ndarray
+    settled: np.ndarray
+
+    @property
+    def fresh(self) -> np.ndarray:
+        return self.settled & (self.held <= LIMIT)
+
+    @property
+    def misled(self) -> np.ndarray:
+        """Taken as current although it is older than the limit and the path's own error."""
+        return self.fresh & (self.true > LIMIT + SETTINGS.error)
+
+
+def jitter(rng, count, typical=0.001, late=0.02, share=0.02):
+    """Delays of a busy machine: exponential, and now and then 10-50 ms more."""
+    return 0.0005 + rng.exponential(typical, count) + (rng.random(count) < share) * rng.uniform(0.5, 2.5, count) * late
+
+
+def run(sent, delay, clock=lambda t: t, estimator=None, keep=None):
+    """Messages sent at true times ``sent``, which arrive ``delay`` later, in order of arrival."""
+    estimator = estimator or DelayEstimator()
+    chosen = np.ones(len(sent), bool) if keep is None else keep
+    sent, delay = sent[chosen], np.broadcast_to(delay, len(chosen))[chosen]
+    order = np.argsort(sent + delay, kind='stable')
+    sent, arrival = sent[order], (sent + delay)[order]
+    results = [estimator.update(*pair) for pair in zip(arrival, map(clock, sent))]
+    return Result(arrival, arrival - sent, np.array([each.held_back for each in results]),
+                  np.array([each.settled for each in results]))
+
+
+def queued(sent, delay):
+    """The delays where no message overtakes another, as in one DDS topic."""
+    return np.maximum.accumulate(sent + delay) - sent
+
+
+def times(period=0.02, duration=10.0, begin=0.0):
+    return begin + period * np.arange(round(duration / period))
+
+
+def held_until(sent, release, begin, count):
+    """Extra delays that keep ``count`` messages from ``begin`` on until ``release``, then 0.1 ms apart."""
+    extra = np.zeros(len(sent))
+    first = np.searchsorted(sent, begin)
+    extra[first:first + count] = release + 1e-4 * np.arange(count) - sent[first:first + count]
+    return extra
+
+
+@pytest.mark.parametrize('offset', OFFSETS)
+@pytest.mark.parametrize('period', [0.001, 0.01, 0.02, 0.05])
+def test_delays_are_found_whatever_the_offset_of_the_clocks(offset, period):
+    rng = np.random.default_rng(1)
+    sent = times(period)
+    result = run(sent, queued(sent, jitter(rng, len(sent))), lambda t: t + offset)
+    late = result.arrival > 1.0
+    assert result.settled[late].all()
+    assert result.held[late] == pytest.approx(result.true[late] - 0.0005, abs=2e-3)
+    assert result.fresh[late].all()
+
+
+@pytest.mark.parametrize('rate', [1e-4, -1e-4])
+def test_drift_neither_withdraws_freshness_nor_builds_up(rate):
+    rng = np.random.default_rng(2)
+    sent = times(duration=400.0)
+    result = run(sent, queued(sent, jitter(rng, len(sent))), lambda t: t * (1 + rate) + 7.0)
+    late = result.arrival > 1.0
+    assert result.fresh[late].all()
+    assert np.abs(result.held - result.true)[late].max() < 0.006
+
+
+@pytest.mark.parametrize('offset', OFFSETS)
+@pytest.mark.parametrize('continues', [True, False], ids=['then live', 'then silence'])
+def test_ten_messages_held_back_for_five_seconds_are_not_fresh(offset, continues):
+    """The stream stops for 5 s, its ten messages come at once, and it continues or not."""
+    sent = np.concatenate([times(duration=3.0), times(duration=0.2, begin=3.0),
+                           times(duration=2.0 * continues, begin=8.01)])
+    delay = 0.001 + held_until(sent, 8.0, 3.0, 10)
+    result = run(sent, delay, lambda t: t + offset)
+    burst = result.true > 1.0
+    assert burst.sum() == 10
+    assert not result.fresh[burst].any() and result.held[burst].min() > 4.7
+    assert result.fresh[~burst & (result.arrival > 1.0)].all()
+
+
+def test_a_burst_that_live_messages_overtake_is_not_fresh():
+    sent = times(duration=12.0)
+    result = run(sent, 0.001 + held_until(sent, 8.0, 3.0, 10))
+    assert not result.misled.any()
+    assert result.fresh[result.arrival > 8.7].all()
+
+
+@pytest.mark.parametrize('missing', [0, 2, 7])
+def test_start_in_the_middle_of_a_burst_is_not_settled(missing):
+    """The first message that is ever seen was held back: nothing shows it but the fall that follows."""
+    sent = np.concatenate([times(duration=0.2), times(duration=5.0, begin=5.0 + 0.1 * missing)])
+    result = run(sent, 0.001 + held_until(sent, 5.0, 0.0, 10))
+    assert not result.misled.any()
+    assert not result.settled[:10 + 5].any()
+    assert result.fresh[result.arrival > 6.5].all()
+
+
+def test_a_backlog_that_is_worked_off_slowly_is_not_settled():
+    """After 3 s of hold a relay sends its backlog at 1.25 times the rate, from the start of the reader on."""
+    sent = times(duration=30.0)
+    delay = np.maximum(0.001, 3.0 - 0.25 * sent)
+    result = run(sent, delay)
+    assert not result.misled.any()
+    assert result.fresh[result.arrival > 13.0].all()
+
+
+@pytest.mark.parametrize('jump', [0.06, 1.0, 3600.0])
+def test_the_senders_clock_set_forward_costs_the_settling_time(jump):
+    sent = times(duration=20.0)
+    result = run(sent, 0.001, lambda t: t + jump * (t >= 10))
+    after = result.arrival - 10.0
+    assert not result.settled[(after > 0) & (after < SETTINGS.settle - 0.05)].any()
+    assert result.fresh[(after > SETTINGS.settle + 0.05) | ((after < 0) & (result.arrival > 1))].all()
+
+
+@pytest.mark.parametrize('jump', [0.05, 1.0, 3600.0])
+def test_the_senders_clock_set_back_or_its_restart_costs_the_settling_time(jump):
+    sent = times(duration=20.0)
+    result = run(sent, 0.001, lambda t: t - jump * (t >= 10))
+    after = result.arrival - 10.0
+    assert not result.settled[(after > 0) & (after < SETTINGS.settle - 0.05)].any()
+    assert result.fresh[after > SETTINGS.settle + 0.05].all()
+
+
+def test_a_clock_set_back_during_a_silence_costs_at_most_the_window():
+    sent = np.concatenate([times(duration=5.0), times(duration=60.0, begin=9.0)])
+    result = run(sent, 0.001, lambda t: t - 2.0 * (t >= 9))
+    after = result.arrival - 9.0
+    assert not result.fresh[(after > 0) & (after < SETTINGS.window / 2)].any()  # it may as well be a slower path
+    assert result.fresh[after > SETTINGS.window].all()
+
+
+def test_one_stamp_from_the_future_does_not_last():
+    sent = times(duration=10.0)
+    result = run(sent, 0.001, lambda t: t + 50.0 * (abs(t - 5.0) < 0.001))
+    assert not result.settled[(result.arrival > 5.0) & (result.arrival < 5.4)].any()
+    assert result.fresh[result.arrival > 5.6].all()
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_a_busy_machine_does_not_withdraw_freshness_for_long(seed):
+    """10-50 ms now and then, from the first message on: below 1 % of the time, never 0.6 s in a piece."""
+    rng = np.random.default_rng(seed)
+    sent = times(duration=60.0)
+    delay = queued(sent, jitter(rng, len(sent), typical=0.002, share=0.05))
+    late = (result := run(sent, delay)).arrival > 1.5
+    lacking = late & ~result.fresh
+    assert lacking.mean() < 0.01
+    assert not lacking.any() or np.ptp(result.arrival[lacking]) < 0.6 or lacking.sum() < 30
+
+
+def test_a_blocked_reader_sees_that_its_queue_is_old():
+    """The reader stands for 5 s and then takes the ten messages that its queue kept."""
+    sent = times(duration=5.0)
+    estimator = DelayEstimator()
+    run(sent, 0.001, estimator=estimator)
+    kept = 10.0 - 0.02 * np.arange(10, 0, -1)
+    held = [estimator.update(10.0 + 0.0005 * i, stamp) for i, stamp in enumerate(kept)]
+    assert [each.held_back for each in held] == pytest.approx(10.0 - kept, abs=0.006)
+
+
+@pytest.mark.parametrize('seed', range(10))
+def test_lost_messages_change_nothing(seed):
+    rng = np.random.default_rng(seed)
+    sent = times(duration=20.0)
+    result = run(sent, queued(sent, jitter(rng, len(sent))), lambda t: t + 1e9, keep=rng.random(len(sent)) < 0.5)
+    assert result.fresh[result.arrival > 1.5].all()
+
+
+def test_a_silence_longer_than_the_window_starts_again():
+    sent = np.concatenate([times(duration=3.0), times(duration=3.0, begin=40.0)])
+    result = run(sent, np.where(sent < 39, 0.001, 20.0))  # held back all the time since
+    assert not result.settled[(result.arrival > 59) & (result.arrival < 60.4)].any()
+
+
+@pytest.mark.parametrize('period', [0.01, 0.1, 0.2, 0.5])
+def test_slow_messages_settle_too(period):
+    sent = times(period, duration=20.0)
+    result = run(sent, 0.001)
+    assert result.settled[sent > max(0.6, 7 * period)].all()
+
+
+@pytest.mark.parametrize('seed', range(30))
+def test_random_holds_never_mislead(seed):
+    """Random holds of random lengths at random times, in order, with jitter, drift, losses, any offset."""
+    rng = np.random.default_rng(100 + seed)
+    sent = times(duration=120.0)
+    delay = jitter(rng, len(sent))
+    for begin in rng.uniform(0, 115, 12):
+        hold = rng.uniform(0.1, 8.0)
+        within = (sent >= begin) & (sent < begin + hold)
+        delay[within] = np.maximum(delay[within], begin + hold - sent[within])
+    offset, drift = rng.uniform(-1e6, 1e6), rng.uniform(-1e-4, 1e-4)
+    result = run(sent, queued(sent, delay), lambda t: offset + t * (1 + drift),
+                 keep=rng.random(len(sent)) < 0.9)
+    assert not result.misled.any()
+    assert (result.fresh | (result.true > LIMIT / 2))[result.arrival > 15].mean() > 0.9
+
+
+def test_wrong_times_and_settings_are_refused():
+    for arrival, sent in ((nan, 0.0), (0.0, nan), (0.0, inf)):
+        with pytest.raises(InputError):
+            DelayEstimator().update(arrival, sent)
+    for wrong in ({'window': 0.1}, {'settle': 0.0}, {'tolerance': nan}, {'drift': 1.0},
+                  {'tolerance': 0.1}):
+        with pytest.raises(ConfigurationError):
+            DelaySettings(**wrong)

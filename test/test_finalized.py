@@ -1,0 +1,64 @@
+"""A process whose node is finalized ends in order: it can do nothing more, and would look alive to a launch file."""
+
+import subprocess
+import sys
+import time
+from contextlib import ExitStack
+
+import pytest
+
+rclpy = pytest.importorskip('rclpy')
+pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
+
+from lifecycle_msgs.msg import Transition  # noqa: E402
+from lifecycle_msgs.srv import ChangeState  # noqa: E402
+
+from tactile_node.ros.qos import STATUS_QOS  # noqa: E402
+from tactile_skin.msg import SkinStatus  # noqa: E402
+
+pytestmark = [pytest.mark.ros, pytest.mark.bus]
+
+TIMEOUT = 60.0  # s, for a busy machine
+SHUTDOWN = {SkinStatus.UNCONFIGURED: Transition.TRANSITION_UNCONFIGURED_SHUTDOWN,
+            SkinStatus.INACTIVE: Transition.TRANSITION_INACTIVE_SHUTDOWN,
+            SkinStatus.ACTIVE: Transition.TRANSITION_ACTIVE_SHUTDOWN}
+NO_TRANSITION = 77
+DRIVER = [sys.executable, '-m', 'tactile_node.nodes.driver_node', '--ros-args', '-p', 'interface:=virtual']
+BRINGUP = [sys.executable, '-m', 'tactile_node.cli.main', 'bringup', '--simulate', '--pads', 'left,right',
+           '--node-id', '32,64']
+
+
+@pytest.mark.parametrize(('command', 'state'), [
+    ([*DRIVER, '-p', 'autostart:=false'], SkinStatus.UNCONFIGURED),
+    ([*DRIVER, '-p', 'boot_timeout:=0.2'], SkinStatus.UNCONFIGURED),  # it waits for a device
+    (BRINGUP, SkinStatus.ACTIVE)], ids=['driver', 'driver that waits', 'all nodes in one process'])
+def test_the_transition_shutdown_is_answered_and_ends_the_process(command, state):
+    rclpy.init()
+    with ExitStack() as stack:
+        stack.callback(rclpy.shutdown)
+        node, heard = rclpy.create_node('manager'), []
+        stack.callback(node.destroy_node)
+        node.create_subscription(SkinStatus, '/skin_driver/status', heard.append, STATUS_QOS)
+        client = node.create_client(ChangeState, '/skin_driver/change_state')
+        process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        stack.callback(process.kill)
+
+        def wait(condition):
+            deadline = time.monotonic() + TIMEOUT
+            while not condition():
+                assert time.monotonic() < deadline and process.poll() is None, heard[-1:]
+                rclpy.spin_once(node, timeout_sec=0.1)
+        wait(lambda: heard and heard[-1].lifecycle_state == state and client.service_is_ready())
+
+        def change(transition, seconds=TIMEOUT):
+            answer = client.call_async(ChangeState.Request(transition=Transition(id=transition)))
+            rclpy.spin_until_future_complete(node, answer, timeout_sec=seconds)
+            return answer.result()
+        while change(NO_TRANSITION, 2.0) is None:  # the first answers may be lost: DDS has not discovered us yet
+            assert process.poll() is None
+        while not (answer := change(SHUTDOWN[state])).success:  # a driver that waits is "configuring" now and then
+            assert answer is not None and state == SkinStatus.UNCONFIGURED
+        assert process.wait(TIMEOUT) == 0
+        assert 'Traceback' not in process.stderr.read()
+        while heard[-1].lifecycle_state != SkinStatus.FINALIZED:
+            rclpy.spin_once(node, timeout_sec=1.0)

@@ -1,0 +1,88 @@
+"""The executor of our processes: everything that rclpy's executor serves is served, QoS events once a second."""
+
+import threading
+import time
+
+import pytest
+
+rclpy = pytest.importorskip('rclpy')
+
+from rclpy.callback_groups import ReentrantCallbackGroup  # noqa: E402
+from rclpy.event_handler import SubscriptionEventCallbacks  # noqa: E402
+from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
+from rclpy.task import Future  # noqa: E402
+from std_msgs.msg import String  # noqa: E402
+from std_srvs.srv import Trigger  # noqa: E402
+
+from tactile_node.nodes.frame_executor import EVENTS_PERIOD, FrameExecutor  # noqa: E402
+from tactile_node.nodes.spinning import spinning  # noqa: E402
+
+pytestmark = [pytest.mark.ros, pytest.mark.bus]
+
+TIMEOUT = 20.0  # s
+
+
+@pytest.fixture
+def nodes():
+    rclpy.init()
+    made = [rclpy.create_node(name) for name in ('served', 'other')]
+    yield made
+    for node in made:
+        node.destroy_node()
+    rclpy.shutdown()
+
+
+def wait_for(condition):
+    end = time.monotonic() + TIMEOUT
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.02)
+    assert condition()
+
+
+def test_messages_timers_and_answers_that_take_a_while_are_served(nodes):
+    served, other = nodes
+    heard, ticks = [], []
+
+    async def answer(request, response):
+        done = Future(executor=served.executor)
+        threading.Timer(0.3, lambda: done.set_result(True)).start()
+        response.success = await done
+        return response
+    served.create_subscription(String, 'words', lambda message: heard.append(message.data), 10)
+    served.create_timer(0.05, lambda: ticks.append(time.monotonic()))
+    served.create_service(Trigger, 'ask', answer, callback_group=ReentrantCallbackGroup())  # as the tare has it
+    client = other.create_client(Trigger, 'ask')
+    publisher = other.create_publisher(String, 'words', 10)
+    with spinning(nodes):
+        assert client.wait_for_service(TIMEOUT)
+        call = client.call_async(Trigger.Request())
+        wait_for(lambda: publisher.get_subscription_count() == 1)
+        for word in 'abc':
+            publisher.publish(String(data=word))
+        wait_for(lambda: call.done() and len(ticks) > 5 and heard == ['a', 'b', 'c'])
+    assert call.result().success
+
+
+def test_a_publisher_whose_qos_does_not_fit_is_reported_also_while_messages_come(nodes):
+    served, other = nodes
+    events = []
+    served.create_subscription(String, 'words', lambda message: None, QoSProfile(depth=1),
+                               event_callbacks=SubscriptionEventCallbacks(incompatible_qos=events.append))
+    served.create_subscription(String, 'busy', lambda message: None, 10)
+    busy = other.create_publisher(String, 'busy', 10)
+    other.create_timer(0.005, lambda: busy.publish(String()))
+    with spinning(nodes):
+        time.sleep(1.5 * EVENTS_PERIOD)
+        other.create_publisher(String, 'words', QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT))
+        wait_for(lambda: events)
+
+
+def test_most_waits_are_without_event_handlers(nodes):
+    executor = FrameExecutor()
+    for node in nodes:
+        executor.add_node(node)
+    first, second = executor.get_nodes(), executor.get_nodes()
+    assert [a is b for a, b in zip(first, second)] == [True, True]
+    assert [list(each.waitables) for each in second] == [[], []]
+    executor.remove_node(nodes[0])
+    assert len(executor.get_nodes()) == 1

@@ -1,0 +1,199 @@
+"""The grasp node with shapes that stop, are held back, hidden or stamped by other clocks: what its reader is given."""
+
+import math
+import time
+from contextlib import ExitStack
+
+import pytest
+
+rclpy = pytest.importorskip('rclpy')
+pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
+
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+from test_malformed_messages import good_shape  # noqa: E402
+
+from tactile_node.nodes.grasp_node import GraspNode  # noqa: E402
+from tactile_node.ros.message_age import age_message, age_seconds  # noqa: E402
+from tactile_node.ros.message_checks import check_grasp  # noqa: E402
+from tactile_node.ros.qos import frames_qos  # noqa: E402
+from tactile_node.ros.time_messages import time_message  # noqa: E402
+from tactile_skin.msg import ContactShape, Grasp  # noqa: E402
+
+pytestmark = pytest.mark.ros
+
+PERIOD, AGE = 0.02, 0.015  # s
+BOUND = max(0.1, 3 * PERIOD)  # s, until a reader knows that shapes have stopped
+BOTH = ('left', 'right')
+TIMEOUT = 30.0  # s, for a busy machine
+
+
+def hidden_shape() -> ContactShape:
+    """Nothing is visible, and hidden taxels could hold a contact."""
+    names = ['none', 'unknown']
+    return ContactShape(shape=ContactShape.UNKNOWN, class_name='unknown', unknown_reason=ContactShape.NOT_SEEN,
+                        confidence=1.0, class_names=names, probabilities=[0.0, 1.0], frame_probabilities=[0.0, 1.0],
+                        frame_shape=ContactShape.UNKNOWN, frame_class_name='unknown', method='learned')
+
+
+class Gripper:
+    """Two classifiers, each with another clock, and a reader of the node's grasps."""
+
+    def __init__(self, stack: ExitStack, parameters=(), offsets=(0.0, 0.0)):
+        self.grasps: list[tuple[float, Grasp]] = []
+        self._executor = SingleThreadedExecutor()
+        self._offsets = dict(zip(BOTH, offsets))
+        self._sequence = 0
+        self._shape = good_shape()
+        self.stalled = 0.0  # for how long this process did not run when it should have [s]
+        peer = rclpy.create_node('peer')
+        for node in (peer, GraspNode(parameter_overrides=[Parameter(*each) for each in parameters])):
+            self._executor.add_node(node)
+            stack.callback(node.destroy_node)
+        peer.create_subscription(Grasp, '/grasp', self._on_grasp, frames_qos(500))
+        self._publishers = {side: peer.create_publisher(ContactShape, f'/{side}/shape', frames_qos(500))
+                            for side in BOTH}
+        end = time.monotonic() + TIMEOUT
+        while not all(each.get_subscription_count() for each in self._publishers.values()):
+            assert time.monotonic() < end
+            self._executor.spin_once(timeout_sec=0.1)
+
+    def _on_grasp(self, grasp: Grasp) -> None:
+        assert check_grasp(grasp) is None
+        self.grasps.append((time.monotonic(), grasp))
+
+    @property
+    def latest(self) -> Grasp:
+        return self.grasps[-1][1]
+
+    def after(self, since: float) -> list[tuple[float, Grasp]]:
+        return [each for each in self.grasps if each[0] > since]
+
+    def message(self, side: str, shape: ContactShape | None = None) -> ContactShape:
+        """The shape of an acquisition AGE ago, by the clock of its side."""
+        shape = shape or self._shape
+        shape.header.stamp = time_message(1.7e9 + self._offsets[side] + time.monotonic() - AGE)
+        shape.age = age_message(AGE)
+        shape.sequence = self._sequence
+        return shape
+
+    def publish(self, side: str, message: ContactShape) -> None:
+        self._publishers[side].publish(message)
+
+    def spin(self, seconds: float) -> None:
+        end = before = time.monotonic()
+        end += seconds
+        while before < end:
+            self._executor.spin_once(timeout_sec=max(0.0, min(0.005, end - before)))
+            now = time.monotonic()
+            self.stalled += max(0.0, now - before - 0.005)
+            before = now
+
+    def run(self, seconds: float, sides=BOTH, shapes=None) -> None:
+        """Publish the shapes of ``sides`` every PERIOD."""
+        for _ in range(round(seconds / PERIOD)):
+            self._sequence += 1
+            for side in sides:
+                self.publish(side, self.message(side, (shapes or {}).get(side)))
+            self.spin(PERIOD)
+
+    def run_until(self, condition, what: str) -> None:
+        end = time.monotonic() + TIMEOUT
+        while not (self.grasps and condition(self.latest)):
+            assert time.monotonic() < end, what
+            self.run(PERIOD)
+        self.stalled = 0.0
+
+
+@pytest.fixture
+def make_gripper():
+    rclpy.init()
+    with ExitStack() as stack:
+        stack.callback(rclpy.shutdown)
+        yield lambda *args, **options: Gripper(stack, *args, **options)
+
+
+OFFSETS = [(0.0, 0.0), (3600.0, -86400.0)]
+SIM_TIME = [(), (('use_sim_time', Parameter.Type.BOOL, True),)]
+
+
+@pytest.mark.parametrize('offsets', OFFSETS, ids=['one clock', 'two clocks'])
+def test_pads_of_any_clocks_are_one_grasp_with_an_age(make_gripper, offsets):
+    gripper = make_gripper(offsets=offsets)
+    gripper.run(0.3)
+    assert gripper.latest.contact == Grasp.UNSEEN and not gripper.latest.fresh
+    assert age_seconds(gripper.latest.age) == math.inf  # not settled: it may have been held back for any time
+    gripper.run_until(lambda grasp: grasp.stable, 'a stable grasp')
+    assert gripper.latest.contact == Grasp.TWO_SIDED and gripper.latest.fresh and gripper.latest.creep < 1e-4
+    assert AGE <= age_seconds(gripper.latest.age) < AGE + 0.1
+
+
+@pytest.mark.parametrize('parameters', SIM_TIME, ids=['', 'sim time without a clock'])
+@pytest.mark.parametrize('continuing', [(), ('left',), ('right',)], ids=['none', 'left', 'right'])
+def test_when_shapes_stop_a_message_says_so_in_time(make_gripper, parameters, continuing):
+    gripper = make_gripper(parameters)
+    gripper.run_until(lambda grasp: grasp.stable, 'a stable grasp')
+    last = time.monotonic() - PERIOD
+    gripper.run(0.4, continuing)
+    ended = max((at for at, grasp in gripper.after(last) if grasp.fresh or grasp.stable), default=last)
+    later = gripper.after(ended)
+    assert later[0][0] - last <= BOUND + gripper.stalled
+    assert len(later) > 1  # said again, for one may be lost
+    assert all(grasp.contact == Grasp.UNSEEN and math.isnan(grasp.offset) for _, grasp in later)
+    stopped = [side not in continuing for side in BOTH]
+    assert any([state == Grasp.SIDE_UNSEEN for state in grasp.side_states] == stopped for _, grasp in later)
+    assert age_seconds(gripper.latest.age) > 0.3
+
+
+@pytest.mark.parametrize('offsets', OFFSETS, ids=['one clock', 'two clocks'])
+def test_ten_shapes_held_back_for_five_seconds_are_never_fresh(make_gripper, offsets):
+    gripper = make_gripper(offsets=offsets)
+    gripper.run_until(lambda grasp: grasp.stable, 'a stable grasp')
+    kept = []
+    for _ in range(10):
+        kept += [(side, gripper.message(side, good_shape())) for side in BOTH]
+        gripper.spin(PERIOD)
+    gripper.spin(5.0)
+    released = time.monotonic()
+    for side, message in kept:
+        gripper.publish(side, message)
+    gripper.spin(0.5)
+    burst = [grasp for _, grasp in gripper.after(released)]
+    assert len(burst) >= 20
+    assert not any(grasp.fresh or grasp.stable for grasp in burst)
+    assert {grasp.contact for grasp in burst} == {Grasp.UNSEEN}
+    assert all(age_seconds(grasp.age) > 4.0 for grasp in burst)
+    gripper.run(0.1)
+    gripper.run_until(lambda grasp: grasp.stable, 'a stable grasp after it')
+
+
+def test_a_start_in_the_middle_of_a_burst_is_not_fresh(make_gripper):
+    gripper = make_gripper()
+    kept = []
+    for _ in range(10):
+        kept += [(side, gripper.message(side, good_shape())) for side in BOTH]
+        gripper.spin(PERIOD)
+    gripper.spin(1.0)
+    for side, message in kept:
+        gripper.publish(side, message)
+    gripper.spin(0.5)
+    gripper.run(0.3)
+    assert len(gripper.grasps) >= 20 and not any(grasp.fresh for _, grasp in gripper.grasps)
+
+
+@pytest.mark.parametrize('hidden', BOTH)
+def test_a_pad_that_is_not_seen_is_unseen(make_gripper, hidden):
+    gripper = make_gripper()
+    gripper.run_until(lambda grasp: grasp.stable, 'a stable grasp')
+    since = time.monotonic()
+    gripper.run(0.5, shapes={hidden: hidden_shape()})
+    found = [grasp for _, grasp in gripper.after(since) if not grasp.stable]
+    assert len(found) > 20 and {grasp.contact for grasp in found} == {Grasp.UNSEEN}
+    assert found[-1].side_states[BOTH.index(hidden)] == Grasp.SIDE_UNSEEN
+
+
+def test_a_side_that_never_answers_is_not_known(make_gripper):
+    gripper = make_gripper()
+    gripper.run(1.0, ['left'])
+    assert {(grasp.contact, grasp.fresh) for _, grasp in gripper.grasps} == {(Grasp.NOT_KNOWN, False)}
+    assert age_seconds(gripper.latest.age) == math.inf

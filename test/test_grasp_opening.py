@@ -1,0 +1,155 @@
+"""The whole chain, a simulated gripper that moves: no single Grasp message has a wrong or an old opening.
+
+The pads are those of urdf/example_gripper.urdf.xacro. Both are pressed by a square of 6x6 taxels of 2 mm; the middle of
+the left one is at column 8.5, row 7.5, of the right one three columns on, so the contacts are 6 mm apart across the
+closing direction.
+"""
+
+import time
+from contextlib import ExitStack
+from math import atan2, hypot, isfinite, isnan, pi
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip('rclpy')
+pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
+
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from sensor_msgs.msg import JointState  # noqa: E402
+
+from tactile_node.node_graph import bus_nodes  # noqa: E402
+from tactile_node.nodes.system import System  # noqa: E402
+from tactile_node.ros.message_age import age_seconds  # noqa: E402
+from tactile_node.ros.message_checks import check_grasp  # noqa: E402
+from tactile_node.simulator.skin_simulator import SkinSimulator  # noqa: E402
+from tactile_node.skin.pads import make_pad  # noqa: E402
+from tactile_skin.msg import Grasp  # noqa: E402
+
+pytestmark = [pytest.mark.ros, pytest.mark.bus]
+
+TIMEOUT = 60.0  # s, for a busy machine
+LIMIT, ON_ITS_WAY = 0.3, 0.3  # s: max_gap_age; of a message on a busy machine
+JOINTS = ['left_finger_joint', 'right_finger_joint']
+GRASP = {'gap_source': 'joint_states', 'gap_joints': JOINTS, 'max_gap_age': LIMIT,
+         'left_xyz': [-0.015, 0.0, 0.145], 'left_rpy': [-pi / 2, 0.0, 0.0],
+         'right_xyz': [-0.015, 0.0, 0.115], 'right_rpy': [pi / 2, 0.0, 0.0]}
+ACROSS = 0.006  # m
+PLACE = 0.0005  # m, of a contact's centre
+
+
+def square(column):
+    values = np.zeros((16, 16))
+    values[5:11, column:column + 6] = 60e3
+    return lambda t: values
+
+
+class World:
+    """The nodes of a gripper, and what one consumer reads."""
+
+    def __init__(self, stack):
+        channel = 'grasp_opening'
+        pads = [make_pad('left', 32, 'sim16x16.yaml'), make_pad('right', 64, 'sim16x16.yaml')]
+        skin = SkinSimulator(pads, {'left': square(6), 'right': square(9)})
+        skin.start('virtual', channel)
+        stack.callback(skin.stop)
+        system = System(bus_nodes(['left', 'right'], grasp=GRASP, driver={
+            'interface': 'virtual', 'channel': channel, 'node_ids': [32, 64], 'layouts': ['sim16x16.yaml']}))
+        stack.callback(system.destroy)
+        self.executor = SingleThreadedExecutor()
+        stack.callback(self.executor.shutdown)
+        beside = rclpy.create_node('beside')
+        stack.callback(beside.destroy_node)
+        for node in (*system.nodes, beside):
+            self.executor.add_node(node)
+        self.grasps = []  # (time of reception, message)
+        beside.create_subscription(Grasp, 'grasp', lambda grasp: self.grasps.append((time.monotonic(), grasp)), 10)
+        self.joints = beside.create_publisher(JointState, '/joint_states', 10)
+        self.clock = beside.get_clock()
+        system.driver.autostart()
+        self.system = system
+
+    def move(self, opening):
+        half = opening / 2
+        message = JointState(name=JOINTS, position=[half, half])
+        message.header.stamp = self.clock.now().to_msg()
+        self.joints.publish(message)
+
+    def spin(self, seconds, opening=None):
+        """Run; the gripper reports ``opening`` every 10 ms. Return the grasps that came."""
+        first, end, due = len(self.grasps), time.monotonic() + seconds, 0.0
+        while time.monotonic() < end:
+            if opening is not None and time.monotonic() >= due:
+                self.move(opening)
+                due = time.monotonic() + 0.01
+            self.executor.spin_once(timeout_sec=0.005)
+        return self.grasps[first:]
+
+    def spin_until(self, condition, opening):
+        end = time.monotonic() + TIMEOUT
+        while not (self.grasps and condition(self.grasps[-1][1])):
+            assert time.monotonic() < end, self.grasps[-1:]
+            self.spin(0.05, opening)
+
+
+@pytest.fixture
+def world():
+    rclpy.init()
+    with ExitStack() as stack:
+        stack.callback(rclpy.shutdown)
+        yield World(stack)
+
+
+def check_place(grasp, gap):
+    """Against the drawing: the square on the left is 17 mm from column 0 and 15 mm from row 0."""
+    assert grasp.gap == pytest.approx(gap) and grasp.gap_source == Grasp.GAP_JOINT_STATES
+    left, right = grasp.left_centre, grasp.right_centre
+    assert (left.x, left.y, left.z) == pytest.approx((0.002, -gap / 2, 0.130), abs=PLACE)
+    assert (right.x, right.y, right.z) == pytest.approx((0.008, gap / 2, 0.130), abs=PLACE)
+    assert grasp.offset == pytest.approx(ACROSS, abs=2 * PLACE)
+    assert grasp.width == pytest.approx(hypot(gap, ACROSS), abs=2 * PLACE)
+    assert grasp.misalignment == pytest.approx(atan2(ACROSS, gap), abs=2 * PLACE / gap)
+    assert grasp.midpoint.y == pytest.approx(0, abs=1e-9)
+
+
+def two_sided(grasp):
+    return grasp.contact == Grasp.TWO_SIDED and grasp.fresh
+
+
+def test_no_grasp_has_a_wrong_or_an_old_opening(world):
+    world.spin_until(two_sided, None)
+    first = [grasp for _, grasp in world.grasps]
+    assert all(isnan(grasp.gap) and isnan(grasp.width) and isnan(grasp.midpoint.x) for grasp in first)
+    assert first[-1].offset == pytest.approx(ACROSS, abs=2 * PLACE)
+
+    world.spin_until(lambda grasp: two_sided(grasp) and isfinite(grasp.width), 0.040)
+    check_place(world.grasps[-1][1], 0.040)
+
+    jumped = time.monotonic()  # the opening jumps: each message has the one or the other, and all of it
+    for at, grasp in world.spin(0.5, 0.020):
+        assert grasp.gap == pytest.approx(0.020) or grasp.gap == pytest.approx(0.040) and at < jumped + ON_ITS_WAY
+        if two_sided(grasp):
+            check_place(grasp, grasp.gap)
+    assert world.grasps[-1][1].gap == pytest.approx(0.020)
+
+    stopped = time.monotonic()  # joint states stop, shapes go on
+    after = world.spin(3 * LIMIT)
+    assert len(after) > 10
+    for at, grasp in after:
+        assert at < stopped + LIMIT + ON_ITS_WAY or isnan(grasp.gap)
+        assert not isfinite(grasp.gap) or age_seconds(grasp.gap_age) <= LIMIT
+        assert isnan(grasp.width) or isfinite(grasp.gap)
+    last = after[-1][1]
+    assert last.gap_source == Grasp.GAP_JOINT_STATES and age_seconds(last.gap_age) > LIMIT
+    assert all(check_grasp(grasp) is None for _, grasp in world.grasps)
+
+
+def test_when_the_shapes_stop_the_latest_grasp_has_the_present_opening(world):
+    world.spin_until(lambda grasp: two_sided(grasp) and isfinite(grasp.width), 0.040)
+    world.system.driver.trigger_deactivate()
+    world.spin(1.0, 0.060)
+    latest = world.grasps[-1][1]
+    assert not latest.fresh and isnan(latest.width)
+    assert latest.gap == pytest.approx(0.060)
+    world.spin(2 * LIMIT)
+    assert isnan(world.grasps[-1][1].gap)

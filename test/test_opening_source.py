@@ -1,0 +1,314 @@
+"""The opening of the gripper as a running node knows it: what it must never take for the present opening.
+
+The grippers are known from their makers' drawings; each expected number is computed by hand.
+"""
+
+import time
+from collections import Counter
+from contextlib import ExitStack
+from math import inf, isinf, isnan, nan
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip('rclpy')
+pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
+
+from builtin_interfaces.msg import Time  # noqa: E402
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+from rclpy.qos import QoSProfile  # noqa: E402
+from sensor_msgs.msg import JointState  # noqa: E402
+from std_msgs.msg import Header  # noqa: E402
+
+from tactile_node.errors import ConfigurationError  # noqa: E402
+from tactile_node.grasp.opening import NOT_KNOWN, GapSource, Opening  # noqa: E402
+from tactile_node.nodes.opening_source import make_opening_source  # noqa: E402
+from tactile_node.ros.message_checks import RejectReason as R  # noqa: E402
+from tactile_node.ros.opening_health import opening_status  # noqa: E402
+from tactile_node.ros.parameters import declare, read  # noqa: E402
+from tactile_node.ros.settings import GraspNodeSettings  # noqa: E402
+
+pytestmark = [pytest.mark.ros, pytest.mark.bus]
+
+TIMEOUT = 20.0  # s, for a busy machine
+LIMIT = 0.3  # s, max_gap_age
+TWO_FINGERS = {'gap_source': 'joint_states', 'gap_joints': ['finger_left', 'finger_right']}  # each moves half the gap
+KNUCKLE = {'gap_source': 'joint_states', 'gap_joints': ['knuckle'], 'gap_offset': 0.085, 'gap_scale': -0.1}
+ARM = (['shoulder', 'elbow'], [0.1, 0.2])
+
+
+class Gripper:
+    """A node with an opening source, and a publisher of joint states beside it."""
+
+    def __init__(self, stack: ExitStack):
+        self.stack = stack
+        self.executor = SingleThreadedExecutor()
+        stack.callback(self.executor.shutdown)
+        self.publishing = self._add(rclpy.create_node('joints'))
+        self.publisher = self.publishing.create_publisher(JointState, '/joint_states', QoSProfile(depth=50))
+
+    def _add(self, node):
+        self.stack.callback(node.destroy_node)
+        self.executor.add_node(node)
+        return node
+
+    def make(self, **parameters):
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        self.node = self._add(rclpy.create_node('grasp', parameter_overrides=overrides))
+        declare(self.node, GraspNodeSettings)
+        self.source = make_opening_source(self.node, read(self.node, GraspNodeSettings), np.array((0.0, 0.0, 1.0)))
+        end = time.monotonic() + TIMEOUT
+        while hasattr(self.source, 'subscriptions') and not self.publisher.get_subscription_count():
+            assert time.monotonic() < end, 'not discovered'
+            self.executor.spin_once(timeout_sec=0.01)
+        return self
+
+    @property
+    def counts(self):
+        return self.source.subscriptions[0].counts
+
+    def send(self, names, positions, stamp=0.0):
+        """Publish one joint state and return the opening once it was received."""
+        before = self.counts.received
+        header = Header(stamp=Time(sec=int(stamp), nanosec=round(stamp % 1 * 1e9)))
+        self.publisher.publish(JointState(header=header, name=names, position=positions))
+        end = time.monotonic() + TIMEOUT
+        while self.counts.received == before:
+            assert time.monotonic() < end, 'not received'
+            self.executor.spin_once(timeout_sec=0.01)
+        return self.current()
+
+    def wait(self, seconds):
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self.executor.spin_once(timeout_sec=0.01)
+
+    def current(self):
+        return self.source.current(time.monotonic())
+
+
+@pytest.fixture
+def gripper():
+    rclpy.init()
+    with ExitStack() as stack:
+        stack.callback(rclpy.shutdown)
+        yield Gripper(stack)
+
+
+def test_two_fingers_add_to_the_opening_wherever_they_stand_in_the_message(gripper):
+    gripper.make(**TWO_FINGERS)
+    assert gripper.current() is NOT_KNOWN
+    opening = gripper.send(['elbow', 'finger_right', 'finger_left'], [1.5, 0.010, 0.012])
+    assert opening.gap == pytest.approx(0.022) and opening.source is GapSource.JOINT_STATES
+    assert 0 <= opening.age < LIMIT
+
+
+def test_a_knuckle_that_closes_as_it_turns_and_jumps(gripper):
+    gripper.make(**KNUCKLE)
+    assert gripper.send(['knuckle'], [0.0]).gap == pytest.approx(0.085)
+    assert gripper.send(['knuckle'], [0.8]).gap == pytest.approx(0.005)
+    assert gripper.send(['knuckle'], [0.2]).gap == pytest.approx(0.065)
+
+
+def test_joint_states_that_stop_leave_no_opening(gripper):
+    gripper.make(**TWO_FINGERS)
+    assert not isnan(gripper.send(['finger_left', 'finger_right'], [0.01, 0.01]).gap)
+    gripper.wait(LIMIT)
+    late = gripper.current()
+    assert isnan(late.gap) and late.age > LIMIT
+    assert gripper.send(['finger_left', 'finger_right'], [0.02, 0.02]).gap == pytest.approx(0.04)
+
+
+def test_a_renamed_joint_leaves_no_opening_and_is_counted(gripper):
+    gripper.make(**KNUCKLE)
+    assert not isnan(gripper.send(['knuckle'], [0.5]).gap)
+    gripper.wait(LIMIT)
+    for _ in range(3):
+        assert isnan(gripper.send(['knuckle_joint'], [0.5]).gap)
+    assert gripper.counts.dropped == {R.MISSING_JOINT: 3}
+
+
+def test_joint_states_of_an_arm_on_the_same_topic_are_neither_an_opening_nor_a_fault(gripper):
+    gripper.make(**KNUCKLE)
+    gripper.send(['knuckle'], [0.5])
+    gripper.send(*ARM)
+    assert gripper.current().gap == pytest.approx(0.035) and not gripper.counts.dropped
+    end = time.monotonic() + 2 * LIMIT
+    while time.monotonic() < end:  # the arm alone does not keep the gripper's opening alive
+        gripper.send(*ARM)
+    assert isnan(gripper.current().gap)
+
+
+@pytest.mark.parametrize('names, positions, reason', [
+    (['finger_left', 'finger_right'], [0.03], R.WRONG_LENGTH),
+    (['finger_left', 'finger_right'], [], R.WRONG_LENGTH),         # velocities or efforts alone
+    (['finger_left', 'finger_right'], [0.03, nan], R.NOT_FINITE),
+    (['finger_left', 'finger_right'], [0.03, float('inf')], R.NOT_FINITE),
+    (['finger_left'], [0.03], R.MISSING_JOINT),
+    (['finger_left', 'finger_right', 'finger_left'], [0.03, 0.03, 0.01], R.INCONSISTENT),
+    (['finger_left', 'finger_right'], [-0.03, -0.03], R.IMPLAUSIBLE_OPENING),  # a wrong sign
+    (['finger_left', 'finger_right'], [30.0, 30.0], R.IMPLAUSIBLE_OPENING)])   # millimetres
+def test_a_malformed_joint_state_is_dropped_and_counted(gripper, names, positions, reason):
+    gripper.make(**TWO_FINGERS)
+    assert isnan(gripper.send(names, positions).gap)
+    good = gripper.send(['finger_left', 'finger_right'], [0.01, 0.01])
+    assert good.gap == pytest.approx(0.02)
+    after = gripper.send(names, positions).gap
+    assert isnan(after) or after == pytest.approx(0.02)
+    assert gripper.counts.dropped == {reason: 2}
+
+
+def test_diagnostics_report_the_opening_and_what_was_dropped(gripper):
+    seen = []
+    gripper.publishing.create_subscription(DiagnosticArray, '/diagnostics', lambda array: seen.extend(array.status), 10)
+    gripper.make(**KNUCKLE)
+
+    def wait_for(level):
+        seen.clear()
+        end = time.monotonic() + TIMEOUT
+        while not any(status.level == level for status in seen):
+            assert time.monotonic() < end, seen
+            gripper.send(*state)
+        status = next(status for status in seen if status.level == level)
+        assert status.name == '/grasp: opening'
+        return {each.key: each.value for each in status.values}
+    state = ['knuckle_joint'], [0.5]
+    values = wait_for(DiagnosticStatus.STALE)
+    assert values['source'] == 'not_known' and int(values['dropped_missing_joint']) > 0
+    state = ['knuckle'], [0.5]
+    values = wait_for(DiagnosticStatus.OK)
+    assert values['gap_m'] == '0.0350' and values['source'] == 'joint_states' and float(values['age_s']) < LIMIT
+
+
+@pytest.mark.parametrize('opening, words', [
+    (NOT_KNOWN, 'no joint'), (Opening(nan, GapSource.TF, 2.0), '2.0 s old'),
+    (Opening(nan, GapSource.TF, inf), 'stamps')])
+def test_the_diagnostic_has_the_reason(opening, words):
+    status = opening_status('/grasp', opening, Counter(), Counter(), 'no joint')
+    assert status.level == DiagnosticStatus.STALE and words in status.message
+
+
+def test_two_controllers_that_disagree_about_the_time_are_no_opening(gripper):
+    """Their joint states alternate: neither is the present opening."""
+    gripper.make(**KNUCKLE)
+    first, second = Sender(gripper, 1.7e9), Sender(gripper, 1.7e9 - 5.0)
+    for _ in range(60):
+        assert isnan(first.send(0.0, 0.2).gap) and isnan(second.send(0.0, 0.8).gap)
+
+
+def test_a_nan_of_another_joint_is_not_ours(gripper):
+    gripper.make(**KNUCKLE)
+    assert gripper.send(['knuckle', 'elbow'], [0.5, nan]).gap == pytest.approx(0.035)
+
+
+class Sender:
+    """Sends a joint state every 10 ms with stamps of another clock, as a controller does."""
+
+    def __init__(self, gripper, clock):
+        self.gripper = gripper
+        self.shift = clock - time.monotonic()
+
+    def send(self, seconds, angle=0.5):
+        end = time.monotonic() + seconds
+        while True:
+            opening = self.gripper.send(['knuckle'], [angle], time.monotonic() + self.shift)
+            if time.monotonic() > end:
+                return opening
+            self.gripper.wait(0.01)
+
+
+@pytest.mark.parametrize('clock', [5.0, 1.7e9, 1.9e9])
+def test_the_clock_of_the_controller_need_not_be_ours(gripper, clock):
+    gripper.make(**KNUCKLE)
+    opening = Sender(gripper, clock).send(1.0)
+    assert opening.gap == pytest.approx(0.035) and opening.age < LIMIT
+
+
+@pytest.mark.parametrize('step', [-3600.0, 3600.0])
+def test_a_jump_of_the_clock_never_leaves_an_old_opening_and_is_over_in_a_second(gripper, step):
+    gripper.make(**KNUCKLE)
+    sender = Sender(gripper, 1.7e9)
+    sender.send(1.0, 0.2)
+    sender.shift += step
+    for _ in range(20):
+        assert sender.send(0.0, 0.8).gap in (pytest.approx(0.005), pytest.approx(nan, nan_ok=True))
+    assert sender.send(1.0, 0.8).gap == pytest.approx(0.005)
+    gripper.wait(LIMIT)
+    assert isnan(gripper.current().gap)
+
+
+def test_joint_states_that_were_held_back_are_no_opening(gripper):
+    gripper.make(**KNUCKLE)
+    sender = Sender(gripper, 1.7e9)
+    sender.send(1.0)
+    stamps = [time.monotonic() + sender.shift + 0.01 * i for i in range(10)]
+    gripper.wait(1.0)
+    for stamp in stamps:  # they come at once
+        assert isnan(gripper.send(['knuckle'], [0.5], stamp).gap)
+    assert gripper.current().age > 0.8
+    assert sender.send(0.0).gap == pytest.approx(0.035)
+
+
+def test_what_was_held_back_before_the_node_started_is_no_opening(gripper):
+    """The first messages may all be late by the same time: until it shows that none comes sooner, their age is open."""
+    gripper.make(**KNUCKLE)
+    for i in range(10):
+        opening = gripper.send(['knuckle'], [0.5], 1.7e9 + 0.01 * i)
+        assert isnan(opening.gap) and opening.source is GapSource.JOINT_STATES and isinf(opening.age)
+
+
+@pytest.mark.parametrize('more', [{}, {'use_sim_time': True}])
+def test_a_measurement_that_is_sent_again_and_again_grows_old(gripper, more):
+    gripper.make(**KNUCKLE, **more)
+    sender = Sender(gripper, 1.7e9)
+    sender.send(1.0)
+    stamp = time.monotonic() + sender.shift
+    end = time.monotonic() + 2 * LIMIT
+    while time.monotonic() < end:
+        opening = gripper.send(['knuckle'], [0.5], stamp)
+    assert isnan(opening.gap) and opening.age > LIMIT
+    assert sender.send(0.0).gap == pytest.approx(0.035)
+
+
+@pytest.mark.parametrize('speed', [0.2, 3.0])
+def test_simulated_time_may_run_at_another_speed(gripper, speed):
+    gripper.make(**KNUCKLE, use_sim_time=True)
+    for i in range(100):
+        opening = gripper.send(['knuckle'], [0.5], 10 + 0.01 * speed * i)
+        gripper.wait(0.01)
+    assert opening.gap == pytest.approx(0.035) and opening.age < LIMIT
+
+
+def test_a_parameter_is_live_and_holds_until_it_is_set_again(gripper):
+    gripper.make()
+    assert gripper.current() is NOT_KNOWN
+
+    def set_gap(value):
+        return gripper.node.set_parameters([Parameter('gap', value=value)])[0].successful
+    assert set_gap(0.04)
+    gripper.wait(2 * LIMIT)
+    assert gripper.current().gap == 0.04 and gripper.current().source is GapSource.PARAMETER
+    assert gripper.current().age > 2 * LIMIT - 0.01
+    assert set_gap(0.02) and gripper.current().gap == 0.02 and gripper.current().age < LIMIT
+    assert not set_gap(nan) and not set_gap(1.5) and not set_gap('wide') and gripper.current().gap == 0.02
+    assert set_gap(-1.0) and isnan(gripper.current().gap) and gripper.current().source is GapSource.NOT_KNOWN
+
+
+@pytest.mark.parametrize('parameters', [TWO_FINGERS, {'gap_source': 'none'}])
+def test_a_gap_that_nothing_reads_is_refused_at_run_time(gripper, parameters):
+    gripper.make(**parameters)
+    result, = gripper.node.set_parameters([Parameter('gap', value=0.04)])
+    assert not result.successful and 'gap_source' in result.reason
+    assert isnan(gripper.current().gap)
+
+
+@pytest.mark.parametrize('parameters, where', [
+    ({'gap_source': 'guess'}, 'gap_source'), ({'gap_source': 'none', 'gap': 0.04}, 'gap'),
+    ({**TWO_FINGERS, 'gap': 0.04}, 'gap'), ({'gap_source': 'joint_states'}, 'gap_joints'),
+    ({'gap_source': 'joint_states', 'gap_joints': ['a', 'a']}, 'gap_joints'), ({**KNUCKLE, 'gap_scale': 0.0}, 'scale'),
+    ({'gap_source': 'tf'}, 'gap_frames'), ({'gap_source': 'tf', 'gap_frames': ['a', '/a']}, 'gap_frames')])
+def test_parameters_that_do_not_fit_the_source_are_refused(gripper, parameters, where):
+    with pytest.raises(ConfigurationError, match=where):
+        gripper.make(**parameters)

@@ -1,0 +1,189 @@
+"""The frames of the pads on tf, without a URDF: only where they are, and only while that is known."""
+
+import logging
+import sys
+import time
+from contextlib import ExitStack
+from math import pi
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip('rclpy')
+pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
+
+from geometry_msgs.msg import TransformStamped  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+from scipy.spatial.transform import Rotation  # noqa: E402
+from sensor_msgs.msg import JointState  # noqa: E402
+
+from tactile_node.errors import ConfigurationError  # noqa: E402
+from tactile_node.grasp.gripper import Gripper, PadPose  # noqa: E402
+from tactile_node.nodes.opening_source import make_opening_source  # noqa: E402
+from tactile_node.nodes.pad_frames import publish_pad_frames  # noqa: E402
+from tactile_node.ros.opening_messages import quaternion  # noqa: E402
+from tactile_node.ros.parameters import declare, read  # noqa: E402
+from tactile_node.ros.qos import TF_QOS, TF_STATIC_QOS  # noqa: E402
+from tactile_node.ros.settings import GraspNodeSettings  # noqa: E402
+
+pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.slow]
+
+TIMEOUT = 20.0  # s, for a busy machine
+LIMIT = 0.3  # s, max_gap_age
+#: The pads of urdf/example_gripper.urdf.xacro
+POSES = {'left_xyz': [-0.015, 0.0, 0.145], 'left_rpy': [-pi / 2, 0.0, 0.0],
+         'right_xyz': [-0.015, 0.0, 0.115], 'right_rpy': [pi / 2, 0.0, 0.0]}
+JOINTS = {'gap_source': 'joint_states', 'gap_joints': ['finger']}
+
+
+class FrameGripper:
+    """A node that publishes the frames, beside a listener."""
+
+    def __init__(self, stack):
+        self.stack = stack
+        self.executor = SingleThreadedExecutor()
+        stack.callback(self.executor.shutdown)
+        self.beside = self.add(rclpy.create_node('beside'))
+
+    def add(self, node):
+        self.stack.callback(node.destroy_node)
+        self.executor.add_node(node)
+        return node
+
+    def make(self, **parameters):
+        overrides = [Parameter(name, value=value)
+                     for name, value in {'publish_pad_frames': True, **POSES, **parameters}.items()]
+        self.node = self.add(rclpy.create_node('grasp', parameter_overrides=overrides))
+        declare(self.node, GraspNodeSettings)
+        settings = read(self.node, GraspNodeSettings)
+        gripper = Gripper(PadPose(settings.left_xyz, settings.left_rpy),
+                          PadPose(settings.right_xyz, settings.right_rpy))
+        source = make_opening_source(self.node, settings, gripper.closing)
+        publish_pad_frames(self.node, settings, gripper, source)
+
+    def listen(self, kind, topic, qos):
+        """Return the lists of messages that come, as {frame: transform}."""
+        heard = []
+        self.beside.create_subscription(
+            kind, topic, lambda given: heard.append({each.child_frame_id: each for each in given.transforms}), qos)
+        return heard
+
+    def wait_for(self, heard, count=1):
+        end = time.monotonic() + TIMEOUT
+        while len(heard) < count:
+            assert time.monotonic() < end, 'no transforms'
+            self.executor.spin_once(timeout_sec=0.01)
+        return heard[-1]
+
+    def wait(self, seconds):
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self.executor.spin_once(timeout_sec=0.01)
+
+
+@pytest.fixture
+def gripper():
+    rclpy.init()
+    with ExitStack() as stack:
+        stack.callback(rclpy.shutdown)
+        yield FrameGripper(stack)
+
+
+def origin(transform):
+    place = transform.transform.translation
+    return place.x, place.y, place.z
+
+
+def check(transforms, gap, parent='gripper', names=('left_pad', 'right_pad')):
+    """Against the drawing of the example gripper, as in test_urdf.py."""
+    left, right = (transforms[name] for name in names)
+    assert len(transforms) == 2 and {each.header.frame_id for each in (left, right)} == {parent}
+    assert origin(left) == pytest.approx((-0.015, -gap / 2, 0.145))
+    assert origin(right) == pytest.approx((-0.015, gap / 2, 0.115))
+    turn = left.transform.rotation
+    assert Rotation.from_quat((turn.x, turn.y, turn.z, turn.w)).apply((0, 0, 1)) == pytest.approx([0, 1, 0])
+
+
+def test_at_a_given_opening_they_are_static_and_come_late_too(gripper, tf_message):
+    gripper.make(gap=0.04)
+    gripper.wait(0.5)
+    heard = gripper.listen(tf_message, '/tf_static', TF_STATIC_QOS)
+    check(gripper.wait_for(heard), 0.04)
+    gripper.wait(0.3)
+    assert len(heard) == 1  # once
+    assert gripper.node.set_parameters([Parameter('gap', value=0.01)])[0].successful
+    check(gripper.wait_for(heard, 2), 0.01)
+
+
+def test_without_an_opening_there_are_none(gripper, tf_message):
+    gripper.make()
+    heard = gripper.listen(tf_message, '/tf_static', TF_STATIC_QOS)
+    gripper.wait(1.0)
+    assert not heard
+    gripper.node.set_parameters([Parameter('gap', value=0.0)])
+    check(gripper.wait_for(heard), 0.0)
+
+
+def test_at_a_measured_opening_they_move_and_stop_with_it(gripper, tf_message):
+    gripper.make(**JOINTS, frame_prefix='robot1/', pad_frames=['a', 'b'])
+    heard = gripper.listen(tf_message, '/tf', TF_QOS)
+    publisher = gripper.beside.create_publisher(JointState, '/joint_states', 10)
+    gripper.wait(0.5)
+    assert not heard
+    for i in range(20):
+        publisher.publish(JointState(name=['finger'], position=[0.002 * i]))
+        gripper.wait(0.05)
+    check(gripper.wait_for(heard, 3), 0.038, 'robot1/gripper', ('robot1/a', 'robot1/b'))
+    stamps = [each['robot1/a'].header.stamp for each in heard]
+    assert all((a.sec, a.nanosec) < (b.sec, b.nanosec) for a, b in zip(stamps, stamps[1:]))  # tf2 drops repetitions
+    gripper.wait(LIMIT)
+    heard.clear()
+    gripper.wait(2 * LIMIT)
+    assert not heard
+
+
+def test_at_an_opening_from_tf_they_come_beside_the_fingers_and_do_not_feed_themselves(gripper, tf_message):
+    gripper.make(gap_source='tf', gap_frames=['left_finger', 'right_finger'], gap_offset=-0.02)
+    heard = gripper.listen(tf_message, '/tf', TF_QOS)
+    publisher = gripper.beside.create_publisher(tf_message, '/tf', TF_QOS)
+
+    def of_pads():
+        return [each for each in heard if 'left_pad' in each]
+    gripper.wait(0.5)
+    for _ in range(10):
+        fingers = [TransformStamped(child_frame_id=f'{side}_finger') for side in ('left', 'right')]
+        for finger, y in zip(fingers, (-0.025, 0.025)):
+            finger.header.frame_id = 'gripper'
+            finger.transform.translation.y = y
+        publisher.publish(tf_message(transforms=fingers))
+        gripper.wait(0.05)
+    gripper.wait(2 * LIMIT)
+    check(of_pads()[-1], 0.030)
+    assert len(of_pads()) <= 10  # one for each measurement; they end with them
+    heard.clear()
+    gripper.wait(LIMIT)
+    assert not heard
+
+
+@pytest.mark.parametrize('parameters', [
+    {'gap_source': 'none'}, {'pad_frames': ['pad', 'pad']}, {'pad_frames': ['gripper', 'pad']},
+    {'gap_source': 'tf', 'gap_frames': ['left_pad', 'right_pad']}])
+def test_frames_that_cannot_be_published_are_refused(gripper, tf_message, parameters):
+    with pytest.raises(ConfigurationError, match='publish_pad_frames'):
+        gripper.make(**parameters)
+
+
+def test_where_tf2_msgs_is_missing_a_warning_says_so_and_the_node_runs(gripper, monkeypatch, caplog):
+    monkeypatch.setitem(sys.modules, 'tf2_msgs', None)
+    monkeypatch.setitem(sys.modules, 'tf2_msgs.msg', None)
+    with caplog.at_level(logging.WARNING, logger='tactile_node'):
+        gripper.make(gap=0.04)
+    assert any('tf2_msgs' in record.getMessage() for record in caplog.records)
+
+
+@pytest.mark.parametrize('rpy', [(0.1, -0.7, 2.9), (pi, 0.0, 0.0), (-1.0, 1.5, -3.0), (0.0, 0.0, pi)])
+def test_roll_pitch_yaw_as_a_quaternion(rpy):
+    q = quaternion(*rpy)
+    expected = Rotation.from_euler('xyz', rpy)
+    assert np.abs(expected.as_quat() @ (q.x, q.y, q.z, q.w)) == pytest.approx(1)

@@ -1,0 +1,223 @@
+"""Processor and classifier on real topics: what a consumer reads of pads hidden, saturated or touched twice."""
+
+import time
+from contextlib import ExitStack
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip('rclpy')
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+
+from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus  # noqa: E402
+from tactile_node.nodes.classifier_node import ClassifierNode  # noqa: E402
+from tactile_node.nodes.processor_node import ProcessorNode  # noqa: E402
+from tactile_node.ros.message_age import age_seconds  # noqa: E402
+from tactile_node.ros.message_checks import (  # noqa: E402
+    check_contact,
+    check_contact_features,
+    check_contact_shape,
+    check_contact_shapes,
+)
+from tactile_node.ros.qos import frames_qos  # noqa: E402
+from tactile_node.ros.taxel_messages import taxel_array_message  # noqa: E402
+from tactile_skin.msg import Contact, ContactFeatures, ContactShape, ContactShapes, TaxelArray  # noqa: E402
+
+pytestmark = pytest.mark.ros
+PITCH = 0.002
+TOPICS = {'contact': (Contact, check_contact), 'shape': (ContactShape, check_contact_shape),
+          'shapes': (ContactShapes, check_contact_shapes), 'features': (ContactFeatures, check_contact_features)}
+
+
+class Pad:
+    """Both nodes of a pad, and a peer that publishes its taxels and reads its topics."""
+
+    def __init__(self, stack: ExitStack):
+        self._executor = SingleThreadedExecutor()
+        self.peer = rclpy.create_node('peer')
+        self.processor, self.classifier = ProcessorNode(), ClassifierNode()
+        for node in (self.peer, self.processor, self.classifier):
+            self._executor.add_node(node)
+            stack.callback(node.destroy_node)
+        self._taxels = self.peer.create_publisher(TaxelArray, 'taxels', frames_qos(50))
+        self._subscriptions, self.heard, self._sequence = {}, {topic: [] for topic in TOPICS}, 0
+        for topic in ('contact', 'shape'):
+            self.subscribe(topic)
+
+    def subscribe(self, topic: str) -> None:
+        self._subscriptions[topic] = self.peer.create_subscription(TOPICS[topic][0], topic, self.heard[topic].append,
+                                                                   frames_qos(50))
+        self._spin_until(lambda: self.peer.count_publishers(topic) and all(
+            publisher.get_subscription_count() for publisher in self._publishers(topic)))
+
+    def unsubscribe(self, topic: str) -> None:
+        self.peer.destroy_subscription(self._subscriptions.pop(topic))
+        self._spin_until(lambda: not any(each.get_subscription_count() for each in self._publishers(topic)))
+
+    def _publishers(self, topic):
+        return [each for node in (self.processor, self.classifier) for each in node.publishers
+                if each.topic_name == f'/{topic}']
+
+    def send(self, frame, saturated=False, unmapped=False) -> SimpleNamespace:
+        """Publish a frame [Pa] and return the messages made of it by topic, each checked, None where there is none."""
+        self._spin_until(lambda: self._taxels.get_subscription_count())
+        values = np.asarray(frame, np.float32)
+        status = np.where(np.isnan(values), TaxelStatus.STALE, TaxelStatus.VALID).astype(np.uint8)
+        status[np.broadcast_to(saturated, status.shape)] = TaxelStatus.SATURATED
+        status[np.broadcast_to(unmapped, status.shape)] = TaxelStatus.UNMAPPED
+        taxels = taxel_array_message(TaxelFrame(time.time(), self._sequence, values, status, 0),
+                                     PITCH, 'Pa', 'left_pad')
+        self._taxels.publish(taxels)
+        self._spin_until(lambda: all(heard and heard[-1].sequence == taxels.sequence
+                                     for topic, heard in self.heard.items() if topic in self._subscriptions))
+        self._sequence += 1
+        made = {topic: heard[-1] if topic in self._subscriptions else None for topic, heard in self.heard.items()}
+        for topic, message in made.items():
+            assert message is None or TOPICS[topic][1](message) is None
+        return SimpleNamespace(**made)
+
+    def _spin_until(self, condition) -> None:
+        for _ in range(600):
+            if condition():
+                return
+            self._executor.spin_once(timeout_sec=0.01)
+        raise AssertionError('timeout')
+
+
+@pytest.fixture
+def pad():
+    rclpy.init()
+    with ExitStack() as stack:
+        stack.callback(rclpy.shutdown)
+        yield Pad(stack)
+
+
+def block(rows=slice(4, 11), cols=slice(4, 11), level=50e3):
+    frame = np.zeros((16, 16))
+    frame[rows, cols] = level
+    return frame
+
+
+def test_an_object_under_seven_hidden_rows_is_not_reported_as_none(pad):
+    hidden = np.zeros((16, 16))
+    hidden[4:11] = np.nan
+    empty = pad.send(np.zeros((16, 16)))
+    assert (empty.contact.state, empty.shape.shape, empty.shape.force) == (Contact.EMPTY, ContactShape.NONE, 0.0)
+    assert empty.shape.pad_seen and empty.shape.unknown_reason == ContactShape.NOT_UNKNOWN
+    found = pad.send(hidden)
+    assert (found.contact.state, found.contact.pad_seen) == (Contact.NOT_SEEN, False)
+    assert (found.shape.shape, found.shape.unknown_reason) == (ContactShape.UNKNOWN, ContactShape.NOT_SEEN)
+    assert not found.shape.pad_seen and np.isnan([found.shape.force, found.shape.contact_area]).all()
+
+
+def test_places_without_a_taxel_hide_nothing(pad):
+    unmapped = np.zeros((16, 16), bool)
+    unmapped[:6, :6] = True
+    found = pad.send(np.where(unmapped, np.nan, 0.0), unmapped=unmapped)
+    assert (found.contact.state, found.shape.shape) == (Contact.EMPTY, ContactShape.NONE)
+
+
+def test_a_grasp_that_freezes_is_unseen_at_once_and_its_shape_comes_back(pad):
+    for _ in range(20):
+        before = pad.send(block()).shape
+    assert before.shape == ContactShape.SQUARE and before.fused_frames == 20
+    for _ in range(5):
+        hidden = pad.send(np.full((16, 16), np.nan)).shape
+        assert (hidden.shape, hidden.unknown_reason) == (ContactShape.UNKNOWN, ContactShape.NOT_SEEN)
+        assert hidden.held.sec == hidden.held.nanosec == hidden.fused_frames == 0 and np.isnan(hidden.force)
+    after = pad.send(block()).shape
+    assert after.shape == ContactShape.SQUARE and after.fused_frames == 1 and after.confidence > 0.9
+
+
+def test_hidden_taxels_are_counted_and_keep_force_and_size_bounds(pad):
+    frame = block()
+    frame[11:13] = frame[6, 6] = np.nan
+    found = pad.send(frame).shape
+    assert (found.taxels, found.hidden_taxels, found.ring_taxels, found.hidden_ring_taxels) == (49, 1, 32, 9)
+    assert found.force_is_bound and found.centre_of_pressure_is_bound and found.size_is_bound
+    assert found.confidence < 0.9 and not found.at_edge
+    whole = pad.send(block()).shape
+    assert not (whole.force_is_bound or whole.centre_of_pressure_is_bound or whole.size_is_bound)
+
+
+def test_sixty_four_newtons_on_a_saturated_skin_are_a_bound(pad):
+    frame = block(slice(4, 12), slice(4, 12), 100e3)
+    found = pad.send(frame, saturated=frame > 0).shape
+    assert found.force == pytest.approx(25.6) and found.force_is_bound and found.saturated_taxels == 64
+    assert found.saturated_ring_taxels == 0 and not pad.send(frame).shape.force_is_bound
+
+
+def test_force_has_a_standard_deviation_where_noise_is_seen(pad):
+    assert np.isnan(pad.send(block()).shape.force_sd)
+    noise = 500 * np.random.default_rng(5).standard_normal((16, 16))
+    found = pad.send(block() + noise).shape
+    assert found.force_sd == pytest.approx(500 * 7 * PITCH**2, rel=0.3)
+    assert 0 < found.centre_of_pressure_sd < 1e-4
+    np.testing.assert_allclose(np.square(found.standard_deviations), np.diag(
+        np.reshape(found.covariance, (len(found.parameter_names),) * 2)))
+
+
+def test_all_contacts_are_counted_and_the_four_largest_have_shapes(pad):
+    pad.subscribe('shapes')
+    frame = block(slice(0, 7), slice(1, 8))
+    frame[1:5, 11:15] = frame[10:15, 1:5] = 60e3
+    frame[10:13, 11:14] = frame[15, 15] = frame[15, 9] = 70e3
+    found = pad.send(frame)
+    assert (found.contact.contacts, list(found.contact.contact_taxels)) == (6, [49, 20, 16, 9, 1, 1])
+    assert found.shape.contacts == 6 and found.shape.others_present
+    np.testing.assert_allclose(found.shape.contact_areas, np.array([49, 20, 16, 9, 1, 1]) * PITCH**2)
+    assert [shape.taxels for shape in found.shapes.shapes] == [49, 20, 16, 9] and found.shapes.contacts == 6
+    assert found.shapes.shapes[0].shape == ContactShape.SQUARE
+    centres = [(round(shape.centre_of_pressure.x / PITCH, 3), round(shape.centre_of_pressure.y / PITCH, 3))
+               for shape in found.shapes.shapes]
+    assert centres == [(4, 3), (2.5, 12), (12.5, 2.5), (12, 11)]
+    assert [shape.force for shape in found.shapes.shapes] == pytest.approx(
+        [49 * 0.2, 20 * 0.24, 16 * 0.24, 9 * 0.28])
+    alone = pad.send(block())
+    assert (alone.shape.contacts, alone.shape.others_present, len(alone.shapes.shapes)) == (1, False, 1)
+    nothing = pad.send(np.full((16, 16), np.nan)).shapes
+    assert (nothing.state, nothing.contacts, len(nothing.shapes)) == (ContactShapes.NOT_SEEN, 0, 0)
+
+
+def test_a_contact_torn_by_rows_is_one_in_count_force_and_fit(pad):
+    """Hidden rows are a part of it that is not seen; of silent ones, 0 Pa, the recogniser decides."""
+    pad.subscribe('shapes')
+    for silent in (np.nan, 0.0):
+        frame = block(slice(3, 12), slice(3, 12))
+        frame[8:10] = silent
+        found = pad.send(frame)
+        assert found.contact.contacts == (1 if np.isnan(silent) else 2), 'the processor counts what is seen'
+        assert found.shape.contacts == len(found.shapes.shapes) == 1 and found.shape.taxels == 63
+        assert found.shape.force == pytest.approx(63 * 0.2) and list(found.shape.contact_areas) == [
+            pytest.approx(63 * PITCH**2)]
+        assert found.shape.fit_valid and found.shape.pose.pose.position.y == pytest.approx(7 * PITCH, abs=PITCH / 2)
+
+
+def test_features_and_shapes_are_computed_while_something_subscribes(pad):
+    pad.send(block())
+    assert not pad.heard['features'] and not pad.heard['shapes']
+    pad.subscribe('features')
+    pad.subscribe('shapes')
+    found = pad.send(block())
+    assert found.features.features and found.features.hidden_taxels == 0 and len(found.shapes.shapes) == 1
+    hidden = block()
+    hidden[11] = hidden[6, 6] = np.nan
+    assert pad.send(hidden).features.hidden_taxels == 1 + 9
+    unseen = pad.send(np.full((16, 16), np.nan)).features
+    assert unseen.state == ContactFeatures.NOT_SEEN and not unseen.features
+    for topic in ('features', 'shapes'):
+        pad.unsubscribe(topic)
+    counts = len(pad.heard['features']), len(pad.heard['shapes'])
+    pad.send(block())
+    assert counts == (len(pad.heard['features']), len(pad.heard['shapes']))
+
+
+def test_every_stage_adds_to_the_age(pad):
+    for topic in ('features', 'shapes'):
+        pad.subscribe(topic)
+    for _ in range(60):
+        found = pad.send(block())
+        time.sleep(0.02)
+    ages = {topic: age_seconds(getattr(found, topic).age) for topic in TOPICS}
+    assert 0 < ages['contact'] < ages['features'] < 0.5 and ages['contact'] < ages['shape'] < ages['shapes'] < 0.5

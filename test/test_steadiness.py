@@ -1,0 +1,151 @@
+"""A creeping contact never rests and a resting one does, with noise, steps and the errors of real fits."""
+
+import numpy as np
+import pytest
+
+from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.contact.press import PressThresholds
+from tactile_node.errors import ConfigurationError
+from tactile_node.grasp.steadiness import OF_FIT, OF_PATTERN, OF_PRESSURE, Steadiness, SteadinessSettings
+from tactile_node.pose.fit import fit_shape
+from tactile_node.pose.moments import contact_moments
+from tactile_node.shape.recognition import Shape
+from tactile_node.synthetic.pressure import Skin, pressure_frame
+from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.synthetic.world import CLASSES, Contact, random_contact
+
+CREEP, REST = 0.5e-3, 0.05e-3  # m/s
+FRACTION = 0.1  # resolution of a fit [pitches]
+RATES, PITCHES, NOISES = (20, 50, 100), (0.002, 0.005), (0.0, 0.06)  # Hz, m, pitches
+
+
+def path(speed, rate, duration, rng, noise=0.0, step=0.0, begin=0.0):
+    """Times and centres [m] of a contact that creeps from ``begin`` on; ``step``: the measurement moves by it."""
+    times = np.arange(round(duration * rate)) / rate
+    way = rng.uniform(0, 0.005) + speed * np.maximum(0, times - begin)
+    way = np.floor(way / step) * step if step else way
+    angle = rng.uniform(0, 2 * np.pi)
+    return times, way[:, None] * (np.cos(angle), np.sin(angle)) + noise * rng.standard_normal((len(times), 2))
+
+
+def rests(times, centres, resolution):
+    steadiness = Steadiness()
+    return np.array([steadiness.update(time, tuple(centre), resolution) for time, centre in zip(times, centres)])
+
+
+@pytest.mark.parametrize('rate', RATES)
+@pytest.mark.parametrize('pitch', PITCHES)
+@pytest.mark.parametrize('noise', NOISES)
+@pytest.mark.parametrize('step', [0.0, 0.1])
+@pytest.mark.parametrize('speed', [CREEP, 1e-3, 3e-3])
+def test_a_steady_creep_never_rests(rate, pitch, noise, step, speed):
+    rng = np.random.default_rng(1)
+    for _ in range(2):
+        times, centres = path(speed, rate, 12.0, rng, noise * pitch, step * pitch)
+        assert not rests(times, centres, FRACTION * pitch).any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('rate', RATES)
+@pytest.mark.parametrize('pitch', PITCHES)
+@pytest.mark.parametrize('noise', NOISES)
+@pytest.mark.parametrize('step', [0.0, 0.1])
+@pytest.mark.parametrize('speed', [0.0, REST])
+def test_what_rests_is_seen_to_and_stays_so_for_a_minute(rate, pitch, noise, step, speed):
+    """Within 1 s and 0.7 s a mm of pitch: what it costs to tell it from a creep."""
+    rng = np.random.default_rng(2)
+    times, centres = path(speed, rate, 65.0, rng, noise * pitch, step * pitch)
+    found = rests(times, centres, FRACTION * pitch)
+    began = times[found.argmax()]
+    assert found.any() and began < 1.0 + 700 * pitch
+    assert found[times >= began].all()
+
+
+@pytest.mark.parametrize('pitch', PITCHES)
+@pytest.mark.parametrize('noise', NOISES)
+def test_a_creep_after_a_rest_ends_it_before_two_tolerances(pitch, noise):
+    rng = np.random.default_rng(3)
+    for _ in range(3):
+        times, centres = path(CREEP, 50, 40.0, rng, noise * pitch, begin=15.0)
+        found = rests(times, centres, FRACTION * pitch)
+        assert found[(times > 10) & (times < 15)].all()
+        assert not found[times > 15 + 1.2e3 * pitch].any()
+
+
+@pytest.mark.parametrize('noise', NOISES)
+def test_a_slip_ends_the_rest_at_once(noise):
+    rng = np.random.default_rng(4)
+    times, centres = path(0.0, 50, 10.0, rng, noise * 0.002)
+    centres[300:] += (0.0015, 0.0)
+    found = rests(times, centres, 0.0002)
+    assert found[290:300].all() and not found[300:320].any() and found[-1]
+
+
+def test_a_time_that_goes_back_starts_again():
+    steadiness = Steadiness()
+    for time in np.arange(0, 2, 0.02):
+        resting = steadiness.update(time, (0.0, 0.0), 0.0002)
+    assert resting and steadiness.since == 0.0
+    assert not steadiness.update(1.0, (0.0, 0.0), 0.0002) and steadiness.since == 1.0
+
+
+def test_wrong_settings_are_refused():
+    for wrong in ({'max_creep': 0.0}, {'slip': np.nan}, {'max_creep': np.inf}):
+        with pytest.raises(ConfigurationError):
+            SteadinessSettings(**wrong)
+
+
+# With the centres of real fits: errors that are neither white nor known. Lengths in pitches.
+
+PAD, AREA = 28, 40.0
+SKIN = Skin(blur=0.5, noise=0.02)
+
+
+def measured(kind, contact, rng, extractor):
+    """The centre of ``contact`` [pitches] as it is measured."""
+    if kind == 'pattern':
+        values = contact.pattern(PAD, PAD).astype(float)
+        mask = values > 0
+    else:
+        values = pressure_frame(contact, rng, PAD, PAD, skin=SKIN)
+        mask = extractor.extract(values).mask
+    if kind == 'fit':
+        return fit_shape(values, mask, Shape(contact.shape)).centre
+    return contact_moments(values, mask, 1.0, 'Pa').centre_of_pressure
+
+
+def centres_of(kind, shape, direction, travelled, seed=0):
+    rng = generator(Purpose.TEST, seed)
+    begin = random_contact(rng, shape, AREA, PAD, PAD)  # in the middle: it may travel by 6 before it meets the edge
+    extractor = PatternExtractor(PressThresholds.of_unit('Pa'))
+    places = [Contact(shape, begin.dimensions, begin.x + way * np.cos(direction), begin.y + way * np.sin(direction),
+                      begin.angle) for way in travelled]
+    return np.array([measured(kind, place, rng, extractor) for place in places])
+
+
+CASES = [('fit', OF_FIT, 3.0), ('pressure', OF_PRESSURE, 6.0),
+         ('pattern', OF_PATTERN, 6.0)]
+RATE = 20  # Hz
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(('kind', 'fraction', 'travel'), CASES)
+@pytest.mark.parametrize('shape', CLASSES)
+@pytest.mark.parametrize('direction', [0.0, 0.5])
+def test_no_contact_that_creeps_rests(kind, fraction, travel, shape, direction):
+    for pitch in (0.002, 0.005) if kind != 'fit' else (0.003,):
+        times = np.arange(0, travel * pitch / CREEP, 1 / RATE)
+        centres = pitch * centres_of(kind, shape, direction, times * CREEP / pitch)
+        assert not rests(times, centres, fraction * pitch).any(), pitch
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(('kind', 'fraction', 'travel'), CASES)
+@pytest.mark.parametrize('shape', CLASSES)
+def test_every_contact_that_hardly_moves_rests(kind, fraction, travel, shape):
+    pitch = 0.002
+    times = np.arange(0, 16 * fraction * pitch / CREEP, 1 / RATE)
+    centres = pitch * centres_of(kind, shape, 0.3, times * REST / pitch)
+    found = rests(times, centres, fraction * pitch)
+    assert found.any() and found[found.argmax():].all()
+    assert times[found.argmax()] < 4.5 * fraction * pitch / CREEP

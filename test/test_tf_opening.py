@@ -1,0 +1,207 @@
+"""The opening of the gripper from tf, in a running node with real messages: when it must not be known."""
+
+import time
+from contextlib import ExitStack
+from math import cos, inf, isnan, nan, pi, sin
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip('rclpy')
+pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
+
+from geometry_msgs.msg import Quaternion, TransformStamped, Vector3  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+
+from tactile_node.errors import ConfigurationError  # noqa: E402
+from tactile_node.grasp.opening import NOT_KNOWN, GapSource  # noqa: E402
+from tactile_node.nodes.opening_source import make_opening_source  # noqa: E402
+from tactile_node.ros.message_checks import RejectReason as R  # noqa: E402
+from tactile_node.ros.parameters import declare, read  # noqa: E402
+from tactile_node.ros.qos import TF_QOS, TF_STATIC_QOS  # noqa: E402
+from tactile_node.ros.settings import GraspNodeSettings  # noqa: E402
+from tactile_node.ros.time_messages import time_message  # noqa: E402
+
+pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.slow]
+
+TIMEOUT = 20.0  # s, for a busy machine
+LIMIT = 0.3  # s, max_gap_age
+#: The fingers of the hand slide along its y; their frames are 12 mm apart when it is closed.
+PARAMETERS = {'gap_source': 'tf', 'frame_id': 'hand', 'gap_frames': ['left_finger', '/right_finger'],
+              'gap_offset': -0.012}
+ALONG_Y = np.array((0.0, 1.0, 0.0))
+
+
+def transform(frame, parent, x=0.0, y=0.0, z=0.0, rotation=(0.0, 0.0, 0.0, 1.0), stamp=0.0):
+    made = TransformStamped(child_frame_id=frame)
+    made.header.frame_id = parent
+    made.header.stamp = time_message(stamp)
+    made.transform.translation = Vector3(x=x, y=y, z=z)
+    made.transform.rotation = Quaternion(**dict(zip('xyzw', rotation)))
+    return made
+
+
+def fingers(left, right, stamp=0.0):
+    return [transform('left_finger', 'hand', y=-left, stamp=stamp),
+            transform('right_finger', 'hand', y=right, stamp=stamp)]
+
+
+class Robot:
+    """A node with an opening source, and publishers of tf beside it."""
+
+    def __init__(self, stack, kind, **more):
+        self.kind = kind
+        self.executor = SingleThreadedExecutor()
+        stack.callback(self.executor.shutdown)
+        publishing = rclpy.create_node('robot_state_publisher')
+        overrides = [Parameter(name, value=value) for name, value in {**PARAMETERS, **more}.items()]
+        node = rclpy.create_node('grasp', parameter_overrides=overrides)
+        for each in (publishing, node):
+            stack.callback(each.destroy_node)
+            self.executor.add_node(each)
+        declare(node, GraspNodeSettings)
+        self.source = make_opening_source(node, read(node, GraspNodeSettings), ALONG_Y)
+        self.publishers = [publishing.create_publisher(kind, topic, qos)
+                           for topic, qos in (('/tf', TF_QOS), ('/tf_static', TF_STATIC_QOS))]
+        end = time.monotonic() + TIMEOUT
+        while not all(publisher.get_subscription_count() for publisher in self.publishers):
+            assert time.monotonic() < end, 'not discovered'
+            self.wait(0.01)
+
+    def send(self, *transforms, static=False):
+        """Publish one message and return the opening once it was received."""
+        subscription = self.source.subscriptions[static]
+        before = subscription.counts.received
+        self.publishers[static].publish(self.kind(transforms=transforms))
+        end = time.monotonic() + TIMEOUT
+        while subscription.counts.received == before:
+            assert time.monotonic() < end, 'not received'
+            self.wait(0.01)
+        return self.current()
+
+    def wait(self, seconds):
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self.executor.spin_once(timeout_sec=0.01)
+
+    def current(self):
+        return self.source.current(time.monotonic())
+
+
+@pytest.fixture
+def robot(tf_message):
+    rclpy.init()
+    with ExitStack() as stack:
+        stack.callback(rclpy.shutdown)
+        yield Robot(stack, tf_message)
+
+
+def test_the_distance_of_the_fingers_along_the_closing_direction(robot):
+    assert robot.current() is NOT_KNOWN
+    opening = robot.send(*fingers(0.020, 0.030))
+    assert opening.gap == pytest.approx(0.050 - 0.012) and opening.source is GapSource.TF and opening.age < LIMIT
+    opening = robot.send(transform('left_finger', 'hand', x=0.004, y=-0.010, z=0.03))  # across does not count
+    assert opening.gap == pytest.approx(0.040 - 0.012)
+
+
+def test_a_hand_that_is_mounted_askew_and_fingers_that_are_turned(robot):
+    eighth = (0.0, 0.0, sin(pi / 8), cos(pi / 8))
+    robot.send(transform('hand', 'flange', 0.1, 0.2, 0.3, eighth), static=True)
+    robot.send(transform('left_knuckle', 'hand', y=-0.01, rotation=(0.0, 0.0, 1.0, 0.0)))  # half a turn
+    robot.send(transform('left_finger', 'left_knuckle', y=0.005))
+    assert robot.send(transform('right_finger', 'hand', y=0.025)).gap == pytest.approx(0.015 + 0.025 - 0.012)
+
+
+def test_transforms_that_stop_leave_no_opening_though_others_continue(robot):
+    assert not isnan(robot.send(*fingers(0.02, 0.02)).gap)
+    end = time.monotonic() + 2 * LIMIT
+    while time.monotonic() < end:
+        robot.send(transform('hand', 'flange'))
+        opening = robot.send(transform('right_finger', 'hand', y=0.02))  # one finger alone is half an opening
+    assert isnan(opening.gap) and opening.age > LIMIT
+    assert robot.send(transform('left_finger', 'hand', y=-0.01)).gap == pytest.approx(0.030 - 0.012)
+
+
+def test_frames_that_no_joint_moves_are_no_opening(robot):
+    for each in fingers(0.02, 0.02):
+        robot.send(each, static=True)
+    assert robot.current() is NOT_KNOWN
+
+
+def test_one_finger_may_be_fixed(robot):
+    robot.send(transform('left_finger', 'hand', y=-0.005), static=True)
+    assert robot.send(transform('right_finger', 'hand', y=0.04)).gap == pytest.approx(0.045 - 0.012)
+
+
+def test_a_finger_on_the_wrong_side_is_no_opening(robot):
+    assert robot.send(*fingers(-0.05, -0.05)) is NOT_KNOWN
+
+
+def test_transforms_that_were_held_back_are_no_opening(robot):
+    shift = 1.7e9 - time.monotonic()
+    end = time.monotonic() + 1.0
+    while time.monotonic() < end:
+        opening = robot.send(*fingers(0.02, 0.02, stamp=time.monotonic() + shift))
+        robot.wait(0.01)
+    assert opening.gap == pytest.approx(0.028)
+    late = time.monotonic() + shift
+    robot.wait(1.0)
+    for i in range(5):
+        opening = robot.send(*fingers(0.02, 0.02, stamp=late + 0.01 * i))
+        assert isnan(opening.gap) and opening.age > 0.8
+
+
+@pytest.mark.parametrize('gap', [0.0, 0.0305, 0.08])
+def test_the_frames_of_the_pads_in_a_urdf_give_the_opening(tf_message, gap):
+    """The example gripper, closed with skin on skin, as robot_state_publisher publishes it."""
+    pytest.importorskip('xacro', reason='xacro is not installed')
+    from scipy.spatial.transform import Rotation
+    from urdf_frames import expand, joints
+    from urdf_frames import transform as place
+    positions = {'left_finger_joint': gap / 4, 'right_finger_joint': 3 * gap / 4}
+    made = {'fixed': [], 'prismatic': []}
+    for joint in joints(expand('example_gripper.urdf.xacro')):
+        there = place(joint, positions)
+        rotation = Rotation.from_matrix(there[:3, :3]).as_quat()
+        made[joint.kind].append(transform(joint.child, joint.parent, *there[:3, 3], rotation=rotation))
+    rclpy.init()
+    with ExitStack() as stack:
+        stack.callback(rclpy.shutdown)
+        robot = Robot(stack, tf_message, frame_id='gripper', gap_frames=['left_pad', 'right_pad'], gap_offset=0.0)
+        robot.send(*made['fixed'], static=True)
+        assert robot.send(*made['prismatic']).gap == pytest.approx(gap)
+
+
+@pytest.mark.parametrize('wrong, reason', [
+    (transform('left_finger', 'hand', y=nan), R.NOT_FINITE), (transform('left_finger', 'hand', x=inf), R.NOT_FINITE),
+    (transform('left_finger', 'hand', rotation=(0.0, 0.0, 0.0, 0.0)), R.INCONSISTENT),
+    (transform('left_finger', 'hand', rotation=(0.0, 0.0, 0.0, 0.9)), R.INCONSISTENT),
+    (transform('left_finger', 'left_finger'), R.INCONSISTENT), (transform('', 'hand'), R.INCONSISTENT),
+    (transform('left_finger', '/'), R.INCONSISTENT), (TransformStamped(), R.INCONSISTENT)])
+def test_a_malformed_transform_is_dropped_and_counted(robot, wrong, reason):
+    assert robot.send(*fingers(0.02, 0.03)).gap == pytest.approx(0.038)
+    robot.send(wrong, transform('right_finger', 'hand', y=0.5))
+    assert robot.source.subscriptions[0].counts.dropped == {reason: 1}
+    assert isnan(robot.current().gap) or robot.current().gap == pytest.approx(0.038)
+
+
+def test_made_up_frames_do_not_fill_the_memory(robot):
+    for first in range(0, 20_000, 1000):
+        robot.send(*(transform(f'made_up_{first + i}', 'hand') for i in range(1000)))
+    dropped = robot.source.subscriptions[0].counts.dropped
+    assert set(dropped) == {R.TOO_LARGE} and dropped[R.TOO_LARGE] >= 10
+
+
+def test_where_tf2_msgs_is_missing_the_error_names_it(monkeypatch):
+    monkeypatch.setitem(__import__('sys').modules, 'tf2_msgs', None)
+    monkeypatch.setitem(__import__('sys').modules, 'tf2_msgs.msg', None)
+    rclpy.init()
+    try:
+        overrides = [Parameter(name, value=value) for name, value in PARAMETERS.items()]
+        node = rclpy.create_node('grasp', parameter_overrides=overrides)
+        declare(node, GraspNodeSettings)
+        with pytest.raises(ConfigurationError, match='tf2_msgs'):
+            make_opening_source(node, read(node, GraspNodeSettings), ALONG_Y)
+    finally:
+        rclpy.shutdown()

@@ -1,0 +1,88 @@
+"""The macro of the pads' frames, used by a gripper: where they are, by hand, and that the grasp node agrees."""
+
+import re
+from math import pi
+
+import numpy as np
+import pytest
+import yaml
+
+pytest.importorskip('xacro', reason='xacro is not installed')
+
+from urdf_frames import URDF, expand, joints, place  # noqa: E402
+
+from tactile_node.grasp.gripper import Gripper, PadPose  # noqa: E402
+from tactile_node.grasp.line import contact_line  # noqa: E402
+
+GRIPPER = 'example_gripper.urdf.xacro'
+
+
+@pytest.fixture(scope='module')
+def robot():
+    return expand(GRIPPER)
+
+
+def opened(by):
+    return {'left_finger_joint': by / 2, 'right_finger_joint': by / 2}
+
+
+@pytest.mark.parametrize('gap', [0.0, 0.04])
+def test_the_pads_are_where_the_drawing_has_them(robot, gap):
+    """Middles of the skins 130 mm ahead; taxel (0, 0) is 15 columns and rows of 2 mm, halved, from the middle."""
+    left, right = (place(robot, f'{side}_pad', opened(gap)) for side in ('left', 'right'))
+    assert left[:3, 3] == pytest.approx([-0.015, -gap / 2, 0.145])
+    assert right[:3, 3] == pytest.approx([-0.015, gap / 2, 0.115])
+    assert left[:3, :3] == pytest.approx(np.array([(1, 0, 0), (0, 0, 1), (0, -1, 0)]))  # z towards the right pad
+    assert right[:3, :3] == pytest.approx(np.array([(1, 0, 0), (0, 0, -1), (0, 1, 0)]))
+    for side in ('left', 'right'):
+        skin = place(robot, f'{side}_skin', opened(gap))
+        assert skin[:3, 3] == pytest.approx([0, {'left': -1, 'right': 1}[side] * gap / 2, 0.130])
+
+
+def test_a_grasp_has_the_places_of_the_urdf(robot):
+    """The parameters left_xyz ... right_rpy, read off the closed gripper, place contacts as the moved frames do."""
+    node = Gripper(PadPose((-0.015, 0.0, 0.145), (-pi / 2, 0.0, 0.0)),
+                   PadPose((-0.015, 0.0, 0.115), (pi / 2, 0.0, 0.0)))
+    for gap in (0.0, 0.013, 0.08):
+        line = contact_line(node, (0.012, 0.004), (0.017, 0.021), gap)
+        left = place(robot, 'left_pad', opened(gap)) @ (0.012, 0.004, 0.0, 1.0)
+        right = place(robot, 'right_pad', opened(gap)) @ (0.017, 0.021, 0.0, 1.0)
+        assert line.left == pytest.approx(left[:3]) and line.right == pytest.approx(right[:3])
+        assert line.width == pytest.approx(np.linalg.norm((right - left)[:3]))
+
+
+def test_the_parameters_in_the_documentation_are_those_of_the_gripper(robot):
+    page = (URDF.parent / 'docs/gripper.md').read_text(encoding='utf-8')
+    given = yaml.safe_load(re.search(r'```yaml\n(.*?)```', page, re.DOTALL)[1])['/**/grasp']['ros__parameters']
+    for side in ('left', 'right'):
+        closed = place(robot, f'{side}_pad', opened(0.0))
+        pose = PadPose(tuple(given[f'{side}_xyz']), tuple(given[f'{side}_rpy']))
+        assert pose.xyz == pytest.approx(tuple(closed[:3, 3]))
+        assert pose.rotation == pytest.approx(closed[:3, :3], abs=1e-6)
+    assert set(given['gap_joints']) == {joint.name for joint in joints(robot) if joint.kind == 'prismatic'}
+    macro = (URDF / 'example_gripper.urdf.xacro').read_text(encoding='utf-8')
+    for line in re.search(r'```xml\n(.*?)```', page, re.DOTALL)[1].splitlines()[1:]:
+        assert line.strip() in macro
+
+
+def test_every_link_but_the_root_has_one_parent(robot):
+    children = [joint.child for joint in joints(robot)]
+    links = {link.get('name') for link in robot.findall('link')}
+    assert len(children) == len(set(children)) and links - set(children) == {'gripper'}
+    assert {joint.parent for joint in joints(robot)} <= links
+
+
+def test_pads_of_two_grippers_have_names_of_their_own(tmp_path):
+    include = f'<xacro:include filename="{URDF}/tactile_pads.urdf.xacro"/>'
+    pads = ''.join(
+        f'<xacro:tactile_pads prefix="{hand}_" left_parent="base" right_parent="base" rows="12" cols="5" pitch="0.003">'
+        '<origin xyz="0 0 0"/><origin xyz="0 0 0.1" rpy="${pi} 0 0"/></xacro:tactile_pads>' for hand in ('a', 'b'))
+    path = tmp_path / 'two.urdf.xacro'
+    path.write_text(f'<robot name="two" xmlns:xacro="http://www.ros.org/wiki/xacro">{include}<link name="base"/>{pads}'
+                    '</robot>', encoding='utf-8')
+    robot = expand(path)
+    children = [joint.child for joint in joints(robot)]
+    assert sorted(name for name in children if name.endswith('_pad')) == [
+        'a_left_pad', 'a_right_pad', 'b_left_pad', 'b_right_pad']
+    assert place(robot, 'b_left_pad', {})[:3, 3] == pytest.approx([-0.006, -0.0165, 0])
+    assert place(robot, 'b_right_pad', {})[:3, 3] == pytest.approx([-0.006, 0.0165, 0.1])
