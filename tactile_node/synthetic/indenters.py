@@ -1,0 +1,105 @@
+"""Rigid indenters as gap surfaces: flat punches with rounded edges, balls, cylinders on their side, cones.
+
+Lengths are in units of the square root of the nominal contact area, pressures of the contact modulus E*. A half-space
+has no length scale, so that one solution holds for every size. The mean pressure over E*, the ``compression``, belongs
+to the indenter: at 0.1 a soft skin wraps a rounded edge, at 0.01 a stiff one touches the flat part only.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import pi, sqrt
+
+import numpy as np
+
+from tactile_node.geometry.outlines import OUTLINES
+from tactile_node.geometry.polygon import edges_of
+from tactile_node.synthetic.world import Contact
+
+#: of the grid over the closed form's contact, for what no silhouette bounds
+ROOM = 1.2
+OUTLINE_POINTS = 64  #: of a circle
+
+
+@dataclass(frozen=True)
+class Indenter:
+    """One indenter, pressed with the nominal area times ``compression``."""
+
+    kind: str             #: flat_punch, ball, cylinder or cone
+    label: str            #: shape of its contact, one of world.CLASSES
+    compression: float    #: mean pressure over the nominal area [E*]
+    gap: Callable[[np.ndarray, np.ndarray], np.ndarray]  #: at x, y; infinite outside the silhouette
+    low: tuple[float, float]   #: corner of the rectangle (x, y) that holds the contact
+    high: tuple[float, float]
+    outline: np.ndarray   #: nominal outline of the contact, (n, 2), about the origin
+
+
+def flat_punch(contact: Contact, compression: float, rounding: float = 0.0) -> Indenter:
+    """A prism with the outline of ``contact`` (area 1, at the origin) and an edge rounded to a quarter of a circle.
+
+    ``rounding``: the edge's radius as a fraction of the outline's inscribed radius, 0 (sharp) to 1.
+    """
+    radius, outline = rounding * inscribed_radius(contact), contact.outline(OUTLINE_POINTS)
+
+    def gap(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        depth = contact.depth(x, y)
+        inset = np.clip(radius - depth, 0, radius)
+        return np.where(depth < 0, np.inf, radius - np.sqrt(radius ** 2 - inset ** 2))
+    return Indenter('flat_punch', contact.shape, compression, gap, low=_pair(outline.min(0)),
+                    high=_pair(outline.max(0)), outline=outline)
+
+
+def ball(compression: float) -> Indenter:
+    """A ball, as a paraboloid: a contact of area 1 by Hertz, a³ = 3 P R / (4 E*)."""
+    a = 1 / sqrt(pi)
+    radius = 4 * a ** 3 / (3 * compression)
+    return _round('ball', compression, lambda r: r ** 2 / (2 * radius), a)
+
+
+def cone(compression: float, tip: float = 0.0) -> Indenter:
+    """A cone pressed on its tip: a contact of area 1 by Sneddon (1948), P = π a² E* slope / 2.
+
+    ``tip``: radius within which its tip is a parabola of the same slope there [fraction of the contact's radius].
+    """
+    a, slope = 1 / sqrt(pi), 2 * compression
+
+    def profile(r: np.ndarray) -> np.ndarray:
+        blunt = tip * a
+        return slope * np.where(r < blunt, (r * r / blunt + blunt) / 2 if blunt else r, r)
+    return _round('cone', compression, profile, a)
+
+
+def cylinder(compression: float, ratio: float, rounding: float = 0.0) -> Indenter:
+    """A cylinder on its side, its axis along x: a contact ``ratio`` times as long as wide, of area 1.
+
+    Its radius follows from Hertz's line contact, b² = 4 P R / (π E* length). ``rounding``: the radius of its ends'
+    edges as a fraction of the contact's half-width; sharp ends (0) widen the contact there.
+    """
+    length, half_width = sqrt(ratio), 1 / sqrt(ratio) / 2
+    radius, edge = pi * half_width / (8 * compression), rounding * half_width
+
+    def gap(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        depth = length / 2 - np.abs(x)
+        inset = np.clip(edge - depth, 0, edge)
+        return np.where(depth < 0, np.inf, y * y / (2 * radius) + edge - np.sqrt(edge ** 2 - inset ** 2))
+    outline = OUTLINES['rectangle'].placed(np.zeros(2), 0.0, np.array((length, 2 * half_width)))
+    reach = (length / 2, 1.6 * half_width)
+    return Indenter('cylinder', 'rectangle', compression, gap, low=(-reach[0], -reach[1]), high=reach, outline=outline)
+
+
+def inscribed_radius(contact: Contact) -> float:
+    """Radius of the largest circle inside ``contact``: half the short side, or 2 area / perimeter."""
+    if contact.shape == 'circle':
+        return contact.dimensions[0]
+    if contact.shape in ('square', 'rectangle'):
+        return min(contact.dimensions) / 2
+    return float(2 * contact.area / edges_of(contact.outline()).length.sum())
+
+
+def _round(kind: str, compression: float, profile: Callable[[np.ndarray], np.ndarray], a: float) -> Indenter:
+    reach, outline = ROOM * a, Contact('circle', (a,), x=0.0, y=0.0).outline(OUTLINE_POINTS)
+    return Indenter(kind, 'circle', compression, lambda x, y: profile(np.hypot(x, y)), low=(-reach, -reach),
+                    high=(reach, reach), outline=outline)
+
+
+def _pair(corner: np.ndarray) -> tuple[float, float]:
+    return float(corner[0]), float(corner[1])

@@ -1,0 +1,70 @@
+"""Solutions of indenters on an elastic half-space, free of scale: solved once, sampled at any size and pose."""
+
+from dataclasses import dataclass
+from math import ceil, pi, sqrt
+
+import numpy as np
+
+from tactile_node.read_only import read_only
+from tactile_node.synthetic.contact_solver import TOLERANCE, press
+from tactile_node.synthetic.indenters import Indenter
+
+CELLS = 48  #: in the square root of the nominal contact area
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The pressure under an indenter, in units of its mean over the contact and of the square root of its area.
+
+    The origin is that of the indenter, the centre of area of its nominal outline. ``tilt``: see `solve`.
+    """
+
+    kind: str
+    label: str
+    pressure: np.ndarray         #: (rows, cols), read-only; mean 1 over the contact, 0 outside
+    cell: float                  #: side of a cell
+    origin: tuple[float, float]  #: x, y of the centre of cell [0, 0]
+    outline: np.ndarray          #: nominal outline, (n, 2), read-only
+    filled: float                #: area in contact over nominal area; low where a tilted indenter has lifted off
+    compression: float
+    tilt: tuple[float, float]
+
+    @property
+    def contact(self) -> np.ndarray:
+        """The cells in contact, bool, shape of ``pressure``; their area is 1."""
+        return self.pressure > 0
+
+
+def solve(indenter: Indenter, tilt: tuple[float, float] = (0.0, 0.0), cells: int = CELLS,
+          tolerance: float = TOLERANCE) -> Solution:
+    """Press ``indenter``; ``cells``: how many in the square root of its nominal area.
+
+    ``tilt`` along x and y: its size is a fraction of the rotation at which a flat punch's rim starts to lift off,
+    exact for a sharp circle (θ = P / (4 E* radius²)), the pressure rising by this fraction from middle to rim.
+    """
+    cell = 1 / cells
+    (x, left), (y, low) = (_centres(indenter.low[k], indenter.high[k], cell) for k in (0, 1))
+    rotation = _rotation(indenter, tilt)
+    gap = indenter.gap(x[np.newaxis], y[:, np.newaxis]) - rotation[0] * x - rotation[1] * y[:, np.newaxis]
+    pressure = press(gap, cell, load=indenter.compression, tolerance=tolerance).pressure
+    touching = pressure > 0
+    unit = cell * sqrt(touching.sum())  # the square root of the contact's area
+    return Solution(indenter.kind, indenter.label, read_only(pressure / pressure[touching].mean()), cell=cell / unit,
+                    origin=(left / unit, low / unit), outline=read_only(indenter.outline / unit),
+                    filled=float(unit ** 2), compression=indenter.compression, tilt=tilt)
+
+
+def _rotation(indenter: Indenter, tilt: tuple[float, float]) -> np.ndarray:
+    """About y and x [radians], for the reach of the outline on the side that would lift off."""
+    size = float(np.hypot(*tilt))
+    if not size:
+        return np.zeros(2)
+    reach = float((indenter.outline @ (-np.array(tilt) / size)).max())
+    return np.array(tilt) * (sqrt(pi) / 4 * indenter.compression / reach)
+
+
+def _centres(low: float, high: float, cell: float) -> tuple[np.ndarray, float]:
+    """Centres of the cells that cover ``low`` to ``high``, and the first of them."""
+    count = ceil((high - low) / cell - 1e-9)
+    centres = (low + high) / 2 + (np.arange(count) - (count - 1) / 2) * cell
+    return centres, float(centres[0])
