@@ -1,0 +1,220 @@
+"""How familiar a plane figure is: its best intersection over union with any of the five shapes.
+
+Each shape is laid over the figure at many angles and ratios of its sides, on a coarse raster; the best of them are
+improved by the simplex method, all at once, and those that may be the best of all on a fine raster.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tactile_node.geometry.outlines import outline_of
+from tactile_node.geometry.raster import as_raster, coarser
+from tactile_node.geometry.simplex import maximised
+from tactile_node.read_only import read_only
+
+SHAPES = ('circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle')
+FACTOR = 4        #: cells of the fine raster to one of the coarse
+STARTS = 3        #: places from which each shape is improved
+COARSE_STEPS = 50, 30   #: of all starts, and of the best of each shape
+FINE_STEPS = 70
+MARGIN = 0.03     #: coarse overlaps are wrong by less
+TIE = 0.005       #: of shapes whose overlaps differ by less, the one of fewer dimensions names the figure
+ANGLES, RATIOS = 24, 5       #: that a shape is first tried at, over its period and its limits
+WIDEST_FIRST = 1.2           #: logarithm of the ratio that is tried first at most
+SIZES = (-0.05, 0.12)        #: logarithms of its first sizes relative to the figure's [roots of area]
+#: of a first simplex: x, y, angle, log size, log ratio
+SPREAD = read_only(np.array((0.06, 0.06, 0.1, 0.05, 0.1)))
+
+
+class Limits(NamedTuple):
+    """Which figures are of a shape."""
+
+    ratio: tuple[float, float]  #: of a rectangle's sides, long / short
+    legs: tuple[float, float]   #: of a right triangle's legs, long / short
+    apex: tuple[float, float]   #: angle at an isosceles triangle's apex [degrees]
+
+
+#: every rectangle, right and isosceles triangle (thinner ones do not occur)
+ANY = Limits(ratio=(1, 16), legs=(1, 16), apex=(5, 160))
+
+
+class Overlap(NamedTuple):
+    """The shape that a figure is most like, and their intersection over union, 0...1."""
+
+    shape: str
+    iou: float
+
+
+class _Families(NamedTuple):
+    """The outlines that are tried, n of them; of area 1 where the dimensions are root * exp(±ratio / 2)."""
+
+    shapes: tuple[str, ...]
+    is_round: np.ndarray   #: bool, (n,)
+    corners: np.ndarray    #: (n, 4, 2, 2) as an Outline's template; of a triangle the first comes twice
+    root: np.ndarray       #: (n,)
+    period: np.ndarray     #: (n,): a rotation by this angle changes nothing [rad]
+    low: np.ndarray        #: (n,): least logarithm of the first dimension / the second
+    high: np.ndarray       #: (n,): largest
+
+
+class _Cells(NamedTuple):
+    """A figure of area 1 about its centre of area."""
+
+    filled: np.ndarray  #: float32, (rows, cols): covered fraction of each cell
+    x: np.ndarray       #: float32, of the cells' centres, (cols,)
+    y: np.ndarray       #: (rows,)
+    width: float        #: of a cell
+
+
+def best_overlap(figure: ArrayLike, limits: Limits = ANY) -> Overlap:
+    """Return the shape of the best intersection over union with ``figure``, which is found within about 0.005.
+
+    ``figure``: the corners of one polygon without crossings, (n, 2), x and y; or a raster, bool or the covered
+    fraction of each cell, (rows, cols) with more than two columns, of any number of pieces. ``limits``: which figures
+    are rectangles, right and isosceles triangles. Raises ValueError for a figure without area.
+
+    >>> best_overlap(np.array([[0, 0], [6, 0], [6, 3], [0, 3]])).shape
+    'rectangle'
+    """
+    found = overlaps(figure, limits)
+    largest = max(found.values())
+    shape = next(shape for shape, iou in found.items() if iou >= largest - TIE)
+    return Overlap(shape, largest)
+
+
+def overlaps(figure: ArrayLike, limits: Limits = ANY) -> dict[str, float]:
+    """Return the best overlap with each of the five shapes; a lower bound for those far from the best."""
+    raster, families = as_raster(figure), _families(limits)
+    fine, coarse = _cells(raster), _cells(coarser(raster, FACTOR))
+    kinds, poses = _first(coarse, families)
+    for steps in COARSE_STEPS:
+        poses, found = _improved(coarse, families, kinds, poses, SPREAD, steps)
+        best = _best(kinds, found)
+        kinds, poses, found = kinds[best], poses[best], found[best]
+    likely = found >= found.max() - MARGIN
+    found -= MARGIN
+    _, found[likely] = _improved(fine, families, kinds[likely], poses[likely], SPREAD / 3, FINE_STEPS)
+    by_shape = dict.fromkeys(SHAPES, 0.0)
+    for kind, iou in zip(kinds, found):
+        by_shape[families.shapes[kind]] = max(by_shape[families.shapes[kind]], float(iou))
+    return by_shape
+
+
+def _families(limits: Limits) -> _Families:
+    """The right triangle comes twice, mirrored too."""
+    turn, root = 2 * np.pi, 2 ** 0.5
+    apex = 2 * np.tan(np.radians(limits.apex) / 2)
+    rows = [('circle', np.zeros((4, 2, 2)), 1.0, turn, (1, 1)),
+            ('square', np.repeat(_template('square'), 2, -1) / 2, 1.0, turn / 4, (1, 1)),
+            ('rectangle', _template('rectangle'), 1.0, turn / 2, limits.ratio),
+            *(('right_triangle', _template('right_triangle', side), root, turn, limits.legs) for side in (1, -1)),
+            ('isosceles_triangle', _template('isosceles_triangle'), root, turn, apex)]
+    shapes, corners, roots, periods, ratios = zip(*rows)
+    low, high = np.log(np.array(ratios, float)).T
+    return _Families(shapes, np.array(shapes) == 'circle', np.array(corners), np.array(roots), np.array(periods),
+                     low, high)
+
+
+def _template(shape: str, handedness: int = 1) -> np.ndarray:
+    template = outline_of(shape, handedness).template
+    return template[np.arange(4) % len(template)]
+
+
+def _cells(raster: np.ndarray) -> _Cells:
+    area = raster.sum()
+    width = area ** -0.5
+    y, x = (np.arange(size) - raster.sum(axis) @ np.arange(size) / area for size, axis in zip(raster.shape, (1, 0)))
+    return _Cells(raster.astype(np.float32), (x * width).astype(np.float32), (y * width).astype(np.float32), width)
+
+
+def _first(cells: _Cells, families: _Families) -> tuple[np.ndarray, np.ndarray]:
+    """Return the number of the outline of each start, (s,), and its pose, (s, 5)."""
+    kinds, poses = [], []
+    for kind, (low, high) in enumerate(zip(families.low, families.high)):
+        angles = np.arange(1 if families.is_round[kind] else ANGLES) * (families.period[kind] / ANGLES)
+        ratios = np.linspace(max(low, -WIDEST_FIRST), min(high, WIDEST_FIRST), RATIOS if high > low else 1)
+        tried = np.array([(0, 0, angle, size, ratio) for angle in angles for ratio in ratios for size in SIZES])
+        found = _iou(cells, families, np.full(len(tried), kind), tried)
+        chosen = _peaks(found.reshape(len(angles), len(ratios), len(SIZES)))
+        kinds += [kind] * len(chosen)
+        poses += list(tried[chosen])
+    return np.array(kinds), np.array(poses)
+
+
+def _peaks(found: np.ndarray) -> list[int]:
+    """Return the indices of the STARTS best of (angles, ratios, sizes), not next to each other in angle and ratio."""
+    left = found.copy()
+    chosen: list[int] = []
+    angles, ratios, sizes = found.shape
+    for _ in range(min(STARTS, angles)):
+        best = int(left.argmax())
+        angle, ratio = best // (ratios * sizes), best // sizes % ratios
+        chosen.append(best)
+        near = (angle + np.arange(-1, 2)) % angles
+        left[near[:, None], np.arange(max(ratio - 1, 0), min(ratio + 2, ratios))] = -1
+    return chosen
+
+
+def _best(kinds: np.ndarray, found: np.ndarray) -> np.ndarray:
+    """Return the index of the best start of each outline."""
+    return np.array([np.flatnonzero(kinds == kind)[found[kinds == kind].argmax()] for kind in np.unique(kinds)])
+
+
+def _improved(cells: _Cells, families: _Families, kinds: np.ndarray, poses: np.ndarray, spread: np.ndarray,
+              steps: int) -> tuple[np.ndarray, np.ndarray]:
+    def function(tried: np.ndarray, start: np.ndarray) -> np.ndarray:
+        return _iou(cells, families, kinds[start], tried)
+    return maximised(function, poses, spread, steps)
+
+
+def _iou(cells: _Cells, families: _Families, kinds: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    """Return the intersections over union of poses (m, 5), their ratios kept within the limits, (m,)."""
+    area = np.exp(2 * poses[:, 3])
+    is_round = families.is_round[kinds]
+    common = np.empty(len(poses))
+    for chosen, function in ((is_round, _common_with_circles), (~is_round, _common_with_polygons)):
+        if chosen.any():
+            common[chosen] = function(cells, families, kinds[chosen], poses[chosen])
+    ious: np.ndarray = common / (1 + area - common)
+    return ious
+
+
+def _corners(families: _Families, kinds: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    """Return the corners, (m, 4, 2)."""
+    half = np.clip(poses[:, 4], families.low[kinds], families.high[kinds]) / 2
+    size = np.exp(poses[:, 3]) * families.root[kinds]
+    lengths = np.stack((size * np.exp(half), size * np.exp(-half)), 1)
+    x, y = (families.corners[kinds] @ lengths[:, None, :, None])[..., 0].transpose(2, 0, 1)
+    cos, sin = np.cos(poses[:, 2, None]), np.sin(poses[:, 2, None])
+    return np.stack((x * cos - y * sin + poses[:, :1], x * sin + y * cos + poses[:, 1:2]), -1)
+
+
+def _common_with_polygons(cells: _Cells, families: _Families, kinds: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    """A cell counts by its depth [cells] + 1/2, from 0 to its covered fraction: edges are as soft as a cell."""
+    corners = _corners(families, kinds, poses)
+    is_triangle = (corners[:, 3] == corners[:, 0]).all(1)
+    following = np.roll(corners, -1, axis=1)
+    following[is_triangle, 3] = corners[is_triangle, 1]  # the first edge twice
+    edge = following - corners
+    outward = (edge / np.sqrt((edge ** 2).sum(-1, keepdims=True)))[..., ::-1] * (1.0, -1.0) / cells.width
+    offset = (outward * corners).sum(-1) + 0.5
+    along_x = -outward[..., :1].astype(np.float32) * cells.x
+    along_y = (offset[..., None] - outward[..., 1:] * cells.y).astype(np.float32)
+    inside = np.broadcast_to(cells.filled, (len(corners), *cells.filled.shape)).copy()
+    line = np.empty_like(inside)
+    for side in range(4):
+        np.add(along_y[:, side, :, None], along_x[:, side, None], out=line)
+        np.minimum(inside, line, out=inside)
+    common: np.ndarray = np.maximum(inside, 0, out=inside).sum((1, 2)) * cells.width ** 2
+    return common
+
+
+def _common_with_circles(cells: _Cells, families: _Families, kinds: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    poses = poses.astype(np.float32)
+    radius = np.exp(poses[:, 3]) / np.float32(np.sqrt(np.pi))
+    square = (cells.y - poses[:, 1, None])[:, :, None] ** 2 + (cells.x - poses[:, 0, None])[:, None] ** 2
+    depth = (radius[:, None, None] - np.sqrt(square)) / np.float32(cells.width) + np.float32(0.5)
+    common: np.ndarray = np.clip(depth, 0, cells.filled).sum((1, 2)) * cells.width ** 2
+    return common
