@@ -3,18 +3,23 @@
 Contact modulus E* = 1 throughout. Tolerances are those of the grids, a few cells per cent.
 """
 
+import ast
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from bench.recognition import mechanics as reported
 from tactile_node.synthetic.contact_solver import press
 from tactile_node.synthetic.half_space import displacement_influence, stress_influence
 from tactile_node.synthetic.indenters import ball, cone, cylinder, flat_punch, inscribed_radius
-from tactile_node.synthetic.layer import sample, stress_field
+from tactile_node.synthetic.layer import measured, sample, stress_field
 from tactile_node.synthetic.mechanics import solve
 from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import CLASSES, random_contact
+from training.mechanics import PRESSURE, contact_shift, draw_mechanics, random_solution, solution_pool
+from training.samples import LABELS
 
 
 def centred(count, cell):
@@ -286,3 +291,92 @@ def test_a_taxel_is_the_mean_of_its_four_quarters():
     quarters = [sample(field, 10.3 + dx, 10.1 + dy, 0.4, 21, 21, aperture=0.5)
                 for dx in (-0.25, 0.25) for dy in (-0.25, 0.25)]
     assert sample(field, 10.3, 10.1, 0.4, 21, 21) == pytest.approx(np.mean(quarters, axis=0), abs=0.015)
+
+
+def test_a_skin_saturates_and_has_dead_taxels_without_a_value():
+    stress = np.full((200, 200), 0.5)
+    stress[:100] = 3.0
+    values = measured(stress, 0.6, generator(Purpose.TEST, 3), noise=0.02, dead=0.05)
+    assert np.isnan(values).mean() == pytest.approx(0.05, abs=0.006)
+    assert (values[:100][~np.isnan(values[:100])] == 1).all()
+    lower = values[100:][~np.isnan(values[100:])]
+    assert (lower.mean(), lower.std()) == pytest.approx((0.3, 0.02), abs=0.001)
+
+
+# The pools of training and report
+
+@pytest.fixture(scope='module')
+def pool(tmp_path_factory):
+    folder = tmp_path_factory.mktemp('mechanics')
+    return folder, solution_pool(folder, count=15, seed=4, purpose=Purpose.TEST)
+
+
+def test_a_pool_is_solved_once_and_read_again(pool):
+    folder, solutions = pool
+    written = [path.stat().st_mtime_ns for path in folder.iterdir()]
+    again = solution_pool(folder, count=15, seed=4, purpose=Purpose.TEST)
+    assert [path.stat().st_mtime_ns for path in folder.iterdir()] == written and len(written) == 1
+    rng = generator(Purpose.TEST, 4)
+    for k, (first, second) in enumerate(zip(solutions, again)):
+        drawn = random_solution(rng, CLASSES[k % 5])
+        assert (second.kind, second.label, second.tilt, second.origin) == (drawn.kind, drawn.label, drawn.tilt,
+                                                                          drawn.origin)
+        assert second.pressure == pytest.approx(drawn.pressure, rel=1e-6)
+        assert (second.outline == drawn.outline).all() and (first.pressure == second.pressure).all()
+
+
+def test_no_contact_of_a_pool_has_been_tilted_off(pool):
+    for solution in pool[1]:
+        assert contact_shift(solution) < 0.1
+        assert solution.pressure[solution.contact].mean() == pytest.approx(1, rel=1e-5)
+
+
+@pytest.mark.parametrize('on_off', [False, True])
+def test_training_frames_show_their_contact(pool, on_off):
+    drawn = draw_mechanics(generator(Purpose.TEST, 6), 202, on_off, pool[1], areas=(20, 60))
+    assert len(drawn.frames) == len(drawn.labels) == len(drawn.areas) == 202
+    assert set(drawn.labels) <= {LABELS.index(name) for name in CLASSES} and len(set(drawn.labels)) == 5
+    if on_off:
+        assert 0.6 < np.median([np.nansum(frame) / area for frame, area in zip(drawn.frames, drawn.areas)]) < 1.3
+    for frame, area, pressure in zip(drawn.frames, drawn.areas, drawn.pressures):
+        assert 20 <= area <= 60
+        known = frame[~np.isnan(frame)]
+        assert 0.85 < known.size / frame.size
+        if on_off:
+            assert set(known) <= {0, 1} and known.sum() < 2.5 * area
+        else:
+            assert known.max() <= 1 and PRESSURE[0] <= pressure <= PRESSURE[1]
+            assert known.sum() < (1.02 * area + 0.1 * np.sqrt(frame.size)) * pressure + 0.1 * np.sqrt(frame.size)
+
+
+def test_frames_are_drawn_again_alike(pool):
+    first, second = (draw_mechanics(generator(Purpose.TEST, 7), 9, False, pool[1]) for _ in range(2))
+    for one, other in zip(first.frames, second.frames):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize('row', reported.ROWS)
+def test_reported_frames_hold_the_load_of_their_contact_within_their_outline(row):
+    case = reported.ROWS[row](25.0, 10, 1)
+    assert case.frames.shape == (10, 16, 16)
+    for frame, pressed in zip(case.frames, case.pressed):
+        alive = ~np.isnan(frame)
+        low, high = pressed.outline.min(0), pressed.outline.max(0)
+        assert (low > -1).all() and (high < 16).all()
+        weights = np.where(alive, np.maximum(frame - 0.05, 0), 0)
+        row_, col = np.indices(frame.shape)
+        centre = np.array([(weights * col).sum(), (weights * row_).sum()]) / weights.sum()
+        assert (low < centre).all() and (centre < high).all()
+        assert np.nansum(frame) < 1.05 * (25 * pressed.pressure) + 3 * 16 * reported.NOISE
+
+
+def test_the_reported_flat_punches_show_every_class_and_the_rows_what_they_are():
+    assert sorted(reported.flat_punch_frames(12, 10, 2).labels) == sorted(2 * [LABELS.index(name) for name in CLASSES])
+    for row, label in (('balls', 'circle'), ('cones', 'circle'), ('cylinders on their side', 'rectangle')):
+        assert set(reported.ROWS[row](12, 2, 2).labels) == {LABELS.index(label)}
+
+
+def test_the_report_draws_nothing_from_the_training():
+    tree = ast.parse(Path(reported.__file__).read_text(encoding='utf-8'))
+    modules = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+    assert not {name for name in modules if name.split('.')[0] in ('training', 'bench')}

@@ -59,6 +59,17 @@ def sample(field: StressField, x: float, y: float, angle: float, rows: int, cols
     return frame
 
 
+def measured(stress: np.ndarray, mean_pressure: float, rng: np.random.Generator, noise: float = 0.0,
+             dead: float = 0.0) -> np.ndarray:
+    """Return a skin's values under ``stress`` (mean pressure 1): fractions of full scale, at most 1, NaN where dead.
+
+    ``mean_pressure``, ``noise`` (standard deviation): fractions of full scale; ``dead``: fraction of the taxels.
+    """
+    values = np.minimum(mean_pressure * stress + noise * rng.standard_normal(stress.shape), 1.0)
+    values[rng.random(values.shape) < dead] = np.nan
+    return values
+
+
 def _coarser(pressure: np.ndarray, times: int) -> np.ndarray:
     """Means over ``times`` × ``times`` cells, zeros added at the far ends."""
     if times == 1:

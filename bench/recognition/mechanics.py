@@ -1,0 +1,128 @@
+"""Contacts computed by contact mechanics, for the report: indenters, parameters and seeds that no training has seen.
+
+Lengths are in taxel pitches, pressures fractions of full scale. Each frame has a solved indenter of its own, on a finer
+grid than the training's.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.shape.recogniser import OUTPUTS
+from tactile_node.synthetic.indenters import Indenter, ball, cone, cylinder, flat_punch
+from tactile_node.synthetic.layer import measured, sample, stress_field
+from tactile_node.synthetic.mechanics import solve
+from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.synthetic.world import CLASSES, random_contact
+
+SEEDS = 50_000_000  #: the seeds of this report start here, above those of the other cases
+CELLS = 64          #: in the square root of the nominal contact area
+SIDES = (16, 24, 32, 48, 64)  #: of pads
+LONGEST = 5.8       #: longest squared diameter of a class over its area: a right triangle with legs of ratio 2.5
+ROOM = 2.0          #: around the contact [pitches]
+
+COMPRESSION = (0.01, 0.1)  #: mean pressure over contact modulus, log-uniform
+ROUNDING = (0.05, 0.25)    #: of a punch's edges [inscribed radius]
+TILT = (0.0, 0.4)
+DEPTH = (0.2, 1.2)         #: of the taxels
+PRESSURE = (0.05, 0.8)     #: mean over the contact
+NOISE, DEAD = 0.01, 0.03
+
+
+class Pressed(NamedTuple):
+    """What was pressed: the truth of a frame."""
+
+    label: int           #: index of `OUTPUTS`, the recogniser's and the training's order
+    area: float          #: of the contact set [taxels]
+    outline: np.ndarray  #: nominal outline on the pad, (n, 2), x = column, y = row [pitches]
+    depth: float         #: of the taxels
+    pressure: float      #: mean over the contact
+    tilt: float
+
+
+class Case(NamedTuple):
+    """``frames``: (K, side, side), fractions of full scale, NaN where dead."""
+
+    frames: np.ndarray
+    pressed: tuple[Pressed, ...]
+
+    @property
+    def labels(self) -> np.ndarray:
+        return np.array([each.label for each in self.pressed])
+
+
+def flat_punch_frames(area: float, count: int, seed: int) -> Case:
+    """Flat punches with rounded edges, moderately tilted, the five classes in turn."""
+    return _case(area, count, seed, _flat_punch)
+
+
+def ball_frames(area: float, count: int, seed: int) -> Case:
+    """Balls: circles whose pressure falls towards the rim."""
+    return _case(area, count, seed, lambda rng, number: (ball(_compression(rng)), 0.0))
+
+
+def cylinder_frames(area: float, count: int, seed: int) -> Case:
+    """Cylinders on their side, tilted along their axis: rectangles."""
+    def draw(rng: np.random.Generator, number: int) -> tuple[Indenter, float]:
+        lying = cylinder(_compression(rng), rng.uniform(1.6, 2.8), rounding=rng.uniform(0.1, 0.5))
+        return lying, rng.uniform(*TILT)
+    return _case(area, count, seed, draw)
+
+
+def cone_frames(area: float, count: int, seed: int) -> Case:
+    """Cones with a blunt tip: circles with a peak."""
+    return _case(area, count, seed, lambda rng, number: (cone(_compression(rng), tip=rng.uniform(0.1, 0.5)), 0.0))
+
+
+#: of the report's rows, by indenter; each row takes seeds of its own
+ROWS: dict[str, Callable[[float, int, int], Case]] = {
+    'flat punches': flat_punch_frames, 'balls': ball_frames, 'cylinders on their side': cylinder_frames,
+    'cones': cone_frames}
+
+
+def side_of(area: float) -> int:
+    """Rows and columns of the pad for contacts of ``area`` taxels: the same for all classes."""
+    return next(side for side in SIDES if side >= np.sqrt(LONGEST * area) + ROOM)
+
+
+def _case(area: float, count: int, seed: int,
+          draw: Callable[[np.random.Generator, int], tuple[Indenter, float]]) -> Case:
+    rng = generator(Purpose.EVALUATION, SEEDS + seed)
+    made = []
+    for number in range(count):
+        indenter, tilt = draw(rng, number)
+        made.append(_frame(rng, area, indenter, tilt))
+    frames, pressed = zip(*made)
+    return Case(np.stack(frames), pressed)
+
+
+def _flat_punch(rng: np.random.Generator, number: int) -> tuple[Indenter, float]:
+    contact = random_contact(rng, CLASSES[number % len(CLASSES)], 1.0)
+    upright = replace(contact, x=0.0, y=0.0, angle=0.0)
+    return flat_punch(upright, _compression(rng), rng.uniform(*ROUNDING)), rng.uniform(*TILT)
+
+
+def _frame(rng: np.random.Generator, area: float, indenter: Indenter, tilt: float) -> tuple[np.ndarray, Pressed]:
+    towards = rng.uniform(0, 2 * np.pi) if indenter.kind == 'flat_punch' else 0.0
+    solution = solve(indenter, (float(tilt * np.cos(towards)), float(tilt * np.sin(towards))), cells=CELLS)
+    depth, pressure, angle = rng.uniform(*DEPTH), rng.uniform(*PRESSURE), rng.uniform(0, 2 * np.pi)
+    side = side_of(area)
+    around = _turned(solution.outline, angle) * np.sqrt(area)
+    middle = (around.min(0) + around.max(0)) / 2  # in the middle of the pad, for a triangle reaches far from its centre
+    x, y = (side - 1) / 2 + rng.uniform(-0.5, 0.5, 2) - middle
+    stress = sample(stress_field(solution, area, depth), x, y, angle, side, side)
+    pressed = Pressed([shape.value for shape in OUTPUTS].index(solution.label), area, outline=around + (x, y),
+                      depth=depth, pressure=pressure, tilt=tilt)
+    return measured(stress, pressure, rng, noise=NOISE, dead=DEAD), pressed
+
+
+def _turned(outline: np.ndarray, angle: float) -> np.ndarray:
+    cos, sin = np.cos(angle), np.sin(angle)
+    turned: np.ndarray = outline @ np.array(((cos, sin), (-sin, cos)))
+    return turned
+
+
+def _compression(rng: np.random.Generator) -> float:
+    return float(np.exp(rng.uniform(*np.log(COMPRESSION))))

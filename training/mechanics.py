@@ -1,0 +1,131 @@
+"""Contacts computed by contact mechanics, for training: a pool of solved indenters, sampled at many sizes and poses.
+
+Lengths are in taxel pitches, pressures fractions of full scale. Ranges and seeds are those of the training; the
+reported figures have others (bench/recognition/mechanics.py).
+"""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.synthetic.indenters import Indenter, ball, cone, cylinder, flat_punch
+from tactile_node.synthetic.layer import measured, sample, stress_field
+from tactile_node.synthetic.mechanics import Solution, solve
+from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.synthetic.world import CLASSES, random_contact
+from training.samples import LABELS
+from training.solutions import read_solutions, source_digest, write_solutions
+
+SOLUTIONS = 1000
+SEED = 900_000      #: of the pool; no other part of the training draws from it
+POSES = 4           #: frames in a row of one solution, size and depth
+LEAST_SIDE = 12     #: of a pad
+MOST_SHIFT = 0.10   #: of the contact by its tilt [square root of its area]: farther, too much of it has lifted off
+
+COMPRESSION = (0.005, 0.15)  #: mean pressure over contact modulus
+ROUNDING = (0.0, 0.3)        #: of a punch's edges [inscribed radius]
+TILT = (0.0, 0.8)
+DEPTH = (0.15, 1.3)          #: of the taxels
+PRESSURE = (0.04, 0.9)       #: mean over the contact
+ON_OFF_PRESSURE = 0.5        #: of a skin whose threshold follows the pressure, so that only the noise's share matters
+NOISE = (0.0, 0.02)
+DEAD = (0.0, 0.06)
+APERTURE = (0.7, 1.0)        #: side of a taxel's sensitive square
+THRESHOLD = (0.15, 0.6)      #: of an on/off skin [mean pressure]; the middle of a flat punch carries about half of it
+RATIO = (1.5, 3.0)           #: of a rectangle's sides, of a lying cylinder's contact
+#: How often a circle is a ball or a cone, a rectangle a lying cylinder; the rest are flat punches.
+BALLS, CONES, CYLINDERS = 0.25, 0.2, 0.3
+
+
+class Frames(NamedTuple):
+    """K frames and what they show."""
+
+    frames: list[np.ndarray]  #: (rows, cols) each, fractions of full scale or 0 and 1; NaN where dead
+    labels: np.ndarray        #: (K,), index LABELS
+    areas: np.ndarray         #: (K,), of the contact [taxels]
+    depths: np.ndarray        #: (K,), of the taxels [pitches]
+    pressures: np.ndarray     #: (K,), mean over the contact
+
+
+def solution_pool(folder: Path, count: int = SOLUTIONS, seed: int = SEED, purpose: Purpose = Purpose.TRAINING,
+                  ) -> list[Solution]:
+    """Return ``count`` solutions, the classes in turn; solved once, then read from ``folder`` (build/mechanics)."""
+    path = folder / f'{purpose.name.lower()}_{seed}_{count}_{source_digest()}.npz'
+    if not path.exists():
+        rng = generator(purpose, seed)
+        write_solutions(path, [random_solution(rng, CLASSES[k % len(CLASSES)]) for k in range(count)])
+    return read_solutions(path)
+
+
+def draw_mechanics(rng: np.random.Generator, count: int, on_off: bool, solutions: list[Solution],
+                   areas: tuple[float, float] = (8.0, 200.0), least_side: int = LEAST_SIDE) -> Frames:
+    """Draw ``count`` frames; ``areas``: range of contact areas [taxels], small ones more often.
+
+    Frames in a row share solution, size and depth, POSES at a time: shuffle them. The area is that of the contact set,
+    not of the punch. Pads are square and leave room around the contact.
+    """
+    frames, facts = [], []
+    while len(frames) < count:
+        solution = solutions[rng.integers(len(solutions))]
+        area, depth, aperture = _log_uniform(rng, areas), rng.uniform(*DEPTH), rng.uniform(*APERTURE)
+        field = stress_field(solution, area, depth)
+        side = max(least_side, int(np.ceil(3.2 * np.sqrt(area))) + 8)
+        for _ in range(min(POSES, count - len(frames))):
+            x, y = rng.uniform(-0.5, 0.5, 2) + (side - 1) / 2
+            stress = sample(field, x, y, rng.uniform(0, 2 * np.pi), side, side, aperture)
+            pressure = ON_OFF_PRESSURE if on_off else _log_uniform(rng, PRESSURE)
+            frames.append(_read(rng, stress, pressure, on_off))
+            facts.append((LABELS.index(solution.label), area, depth, pressure))
+    labels, *others = (np.array(column) for column in zip(*facts))
+    return Frames(frames, labels, *others)
+
+
+def random_solution(rng: np.random.Generator, label: str) -> Solution:
+    """Draw an indenter of one class and its tilt, and solve it."""
+    while True:
+        indenter = random_indenter(rng, label)
+        solution = solve(indenter, _random_tilt(rng, indenter.kind))
+        if contact_shift(solution) < MOST_SHIFT:
+            return solution
+
+
+def random_indenter(rng: np.random.Generator, label: str) -> Indenter:
+    """Draw an indenter whose contact is a ``label``, one of world.CLASSES."""
+    compression, kind = _log_uniform(rng, COMPRESSION), rng.random()
+    if label == 'circle' and kind < BALLS:
+        return ball(compression)
+    if label == 'circle' and kind < BALLS + CONES:
+        return cone(compression, tip=rng.uniform(0, 0.6))
+    if label == 'rectangle' and kind < CYLINDERS:
+        return cylinder(compression, rng.uniform(*RATIO), rounding=rng.uniform(0, 0.6))
+    contact = replace(random_contact(rng, label, 1.0), x=0.0, y=0.0, angle=0.0)
+    return flat_punch(contact, compression, rng.uniform(*ROUNDING))
+
+
+def contact_shift(solution: Solution) -> float:
+    """Distance of the contact's centre of area from the indenter's [square root of the contact's area]."""
+    rows, cols = np.nonzero(solution.contact)
+    x, y = solution.origin
+    return float(np.hypot(x + cols.mean() * solution.cell, y + rows.mean() * solution.cell))
+
+
+def _random_tilt(rng: np.random.Generator, kind: str) -> tuple[float, float]:
+    """A tilted ball touches as an upright one does; a cylinder tilts along its axis, around it it rolls."""
+    tilt, angle = rng.uniform(*TILT), rng.uniform(0, 2 * np.pi)
+    if kind == 'flat_punch':
+        return float(tilt * np.cos(angle)), float(tilt * np.sin(angle))
+    return (float(tilt), 0.0) if kind == 'cylinder' else (0.0, 0.0)
+
+
+def _read(rng: np.random.Generator, stress: np.ndarray, pressure: float, on_off: bool) -> np.ndarray:
+    values = measured(stress, pressure, rng, noise=rng.uniform(*NOISE), dead=rng.uniform(*DEAD))
+    if not on_off:
+        return values
+    threshold = pressure * rng.uniform(*THRESHOLD)
+    return np.where(np.isnan(values), np.nan, values >= threshold)
+
+
+def _log_uniform(rng: np.random.Generator, limits: tuple[float, float]) -> float:
+    return float(np.exp(rng.uniform(*np.log(limits))))
