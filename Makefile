@@ -94,10 +94,12 @@ faults: setup  ## inject every fault of the catalogue, print what the user sees 
 fuzz: setup  ## a million random CAN messages, ten thousand broken EDS, layout and log files
 	@$(BIN)/python test/fuzzing.py
 
+# Those that run longer or more cases with TACTILE_LONG.
+LONG_TESTS := test/test_planner_client.py test/test_steadiness.py test/test_drift.py
 misled: setup  ## what a consumer is led to believe when the skin, the bus or a node fails (SHORT=1: under 2 minutes)
 	@$(BIN)/python test/misled_catalogue.py $(if $(SHORT),--short) 2>build/misled.log \
 		|| { [ $$? -eq 1 ] || tail -20 build/misled.log; exit 1; }
-	@$(if $(SHORT),,TACTILE_LONG=1 $(BIN)/python -m pytest test/test_planner_client.py -q)
+	@$(if $(SHORT),,TACTILE_LONG=1 $(BIN)/python -m pytest $(LONG_TESTS) -q)
 
 soak: setup  ## two pads at the bus's full load: TPDOs lost, memory, latency over time (MINUTES=10)
 	@$(BIN)/python bench/soak.py --minutes $(or $(MINUTES),10)

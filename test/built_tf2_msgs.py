@@ -1,7 +1,10 @@
 """tf2_msgs with its one message, built into a folder where no ROS installation has it: PyPI does not."""
 
 import ctypes
+import fcntl
+import hashlib
 import importlib.util
+import json
 import os
 import subprocess
 import sys
@@ -26,11 +29,18 @@ ament_package()''',
 
 @contextmanager
 def tf2_msgs(folder: Path) -> Iterator[None]:
-    """Make tf2_msgs importable: the installed one, or one that is built in ``folder`` (about 10 s)."""
+    """Make tf2_msgs importable: the installed one, or one that is built in ``folder`` (about 10 s), once."""
     if importlib.util.find_spec('tf2_msgs'):
         yield
         return
-    prefix = _build(folder)
+    folder = folder / _fingerprint()
+    folder.mkdir(parents=True, exist_ok=True)
+    prefix, is_built = folder / 'install', folder / 'is_built'
+    with (folder / 'lock').open('w') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # another run of pytest may build it, too
+        if not is_built.exists():
+            _build(folder)
+            is_built.touch()
     modules, = prefix.glob('lib/python*/site-packages')
     for library in prefix.glob('lib/*.so'):  # rosidl opens them by name: those that are loaded are found
         ctypes.CDLL(str(library))
@@ -43,7 +53,14 @@ def tf2_msgs(folder: Path) -> Iterator[None]:
             del sys.modules[name]
 
 
-def _build(folder: Path) -> Path:
+def _fingerprint() -> str:
+    """Of what the build depends on: the sources, the environment and when the environment was installed."""
+    geometry_msgs = Path(importlib.util.find_spec('geometry_msgs').origin)
+    facts = [SOURCE, sys.prefix, sys.version, geometry_msgs.stat().st_mtime_ns]
+    return hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
+
+
+def _build(folder: Path) -> None:
     source, build, prefix = folder / 'source', folder / 'build', folder / 'install'
     for name, text in SOURCE.items():
         (source / name).parent.mkdir(parents=True, exist_ok=True)
@@ -57,4 +74,3 @@ def _build(folder: Path) -> Path:
         done = subprocess.run([cmake, *map(str, arguments)], env=environment, stdout=subprocess.PIPE,
                               stderr=subprocess.STDOUT, text=True)
         assert done.returncode == 0, done.stdout[-3000:]
-    return prefix

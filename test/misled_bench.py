@@ -55,6 +55,10 @@ def stable(record: Record) -> bool:
     return bool(record.get('stable'))
 
 
+def negated(claim: Claim) -> Claim:
+    return lambda record: not claim(record)
+
+
 class SkinProcess:
     """The skin that misled_skin.py simulates, on the serial port ``link``."""
 
@@ -88,6 +92,15 @@ class SkinProcess:
         self._process.wait()
 
 
+class FalseClaim(NamedTuple):
+    """What is false from some time on."""
+
+    name: str
+    is_made: Claim       #: by a message
+    bound: float = 0.0   #: for how long it may be made still [s]; 0: it may never be made
+    topic: str = 'grasp'
+
+
 class Finding(NamedTuple):
     """What a consumer was led to believe in one case."""
 
@@ -98,11 +111,7 @@ class Finding(NamedTuple):
     latency: float   #: from an acquisition to the consumer, before: what is on its way still comes [s]
     stall: float     #: for how long the machine itself did not run meanwhile [s]
     seen: str        #: what it was shown instead
-
-    @property
-    def misleads(self) -> bool:
-        """Whether the claim could do harm; the others only keep the truth from the consumer."""
-        return not self.claim.startswith('not ')
+    has_ended: bool  #: its latest message no longer says so
 
     @property
     def holds(self) -> bool:
@@ -290,21 +299,32 @@ class World:
         time.sleep(seconds)
         held = [record for record in list(self.records) if record['topic'] == 'left' and record['time'] > began]
         self.latency = max((record['latency'] for record in held), default=0.0)
-        self.unstable = self.false('', lambda record: not stable(record), began).seconds / max(seconds, 1e-9)
+        self.unstable = self.false(FalseClaim('not stable', negated(stable)), began).seconds / max(seconds, 1e-9)
 
-    def false(self, name: str, claim: Claim, since: float, *, bound: float = 0.0, until: float | None = None,
-              topic: str = 'grasp') -> Finding:
-        """For how long after ``since`` [s, monotonic] the latest message of ``topic`` made this false ``claim``."""
-        until = time.monotonic() if until is None else until
-        records = [record for record in list(self.records) if record['topic'] == topic and record['time'] <= until]
-        assert records, f'no message on {topic}'
+    def watch(self, since: float, seconds: float, *claims: FalseClaim) -> list[Finding]:
+        """What was claimed after ``since`` [s, monotonic]: for ``seconds``, and until what may be claimed has ended."""
+        end = since + seconds
+        time.sleep(max(0.0, end - time.monotonic()))
+        while True:
+            findings = [self.false(claim, since) for claim in claims]
+            if all(finding.has_ended or not finding.bound for finding in findings) or time.monotonic() > end + TIMEOUT:
+                return findings
+            time.sleep(PERIOD)
+
+    def false(self, claim: FalseClaim, since: float) -> Finding:
+        """For how long after ``since`` [s, monotonic] the latest message has made this ``claim``."""
+        until = time.monotonic()
+        records = [record for record in list(self.records)
+                   if record['topic'] == claim.topic and record['time'] <= until]
+        assert records, f'no message on {claim.topic}'
         ends = [record['time'] for record in records[1:]] + [until]
         claimed = [(max(record['time'], since), end, record['time'] > since)
-                   for record, end in zip(records, ends) if end > since and claim(record)]
+                   for record, end in zip(records, ends) if end > since and claim.is_made(record)]
         last = max((end for _, end, _ in claimed), default=since)
         stall = sum(length for begin, length in list(self.stalls) if since <= begin + length and begin <= last)
-        return Finding(name, sum(end - begin for begin, end, _ in claimed), sum(sent for _, _, sent in claimed), bound,
-                       self.latency, stall, self._seen(topic, since, until))
+        return Finding(claim.name, sum(end - begin for begin, end, _ in claimed), sum(sent for _, _, sent in claimed),
+                       claim.bound, self.latency, stall, self._seen(claim.topic, since, until),
+                       not claim.is_made(records[-1]))
 
     def _seen(self, topic: str, since: float, until: float) -> str:
         """The states that were shown, in their order."""

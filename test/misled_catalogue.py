@@ -1,7 +1,7 @@
 """Who could be misled, when, and for how long: each case changes one thing while an object is held by both pads.
 
 `python test/misled_catalogue.py` (`make misled`) runs every case and prints what a consumer, which looks at the latest
-message only, was led to believe, for how long, and what is allowed. `test_misled.py` runs the short ones.
+message only, was led to believe, for how long, and what is allowed. `test_misled.py` runs some, and times none.
 """
 
 import argparse
@@ -15,7 +15,20 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import yaml
-from misled_bench import PERIOD, QOS, WITHDRAWN, Finding, Record, World, current, empty, stable
+from misled_bench import (
+    PERIOD,
+    QOS,
+    WITHDRAWN,
+    Claim,
+    FalseClaim,
+    Finding,
+    Record,
+    World,
+    current,
+    empty,
+    negated,
+    stable,
+)
 from misled_skin import NODE_IDS, PADS, gripper_pads
 from sensor_msgs.msg import JointState
 
@@ -29,6 +42,8 @@ HELD_BACK = 5.0  # s
 BURST = 10  # messages
 SETTLED = 0.3  # s after which the truth must be seen again
 MINUTE = 60.0
+EMPTY, LEFT_EMPTY = FalseClaim('empty', empty), FalseClaim('empty', empty, topic='left')
+NOT_EMPTY = FalseClaim('not empty', lambda record: record['contact'] != 'NO_CONTACT', SETTLED)
 Case = Callable[[], list[Finding]]
 
 
@@ -38,9 +53,8 @@ def skin_freezes() -> list[Finding]:
         world.hold()
         world.skin.set(is_frozen=True)
         since = time.monotonic()
-        time.sleep(FROZEN_AFTER + 1.0)
-        return [world.false('empty', empty, since),
-                world.false('stable', stable, since, bound=FROZEN_AFTER + PERIOD + WITHDRAWN)]
+        return world.watch(since, FROZEN_AFTER + 1.0, EMPTY,
+                           FalseClaim('stable', stable, FROZEN_AFTER + PERIOD + WITHDRAWN))
 
 
 def bus_fails() -> list[Finding]:
@@ -67,9 +81,7 @@ def _power_off(*node_ids: int) -> list[Finding]:
         for node_id in node_ids:
             world.skin.power_off(node_id)
         since = time.monotonic()
-        time.sleep(1.5)
-        return [world.false('empty', empty, since),
-                world.false('stable', stable, since, bound=WITHDRAWN + 2 * PERIOD)]
+        return world.watch(since, 1.5, EMPTY, FalseClaim('stable', stable, WITHDRAWN + 2 * PERIOD))
 
 
 def driver_ends() -> list[Finding]:
@@ -107,7 +119,7 @@ def nodes_start_while_held() -> list[Finding]:
             world.remove(name)
             world.add(name, kind, 'left', {})
         world.hold()
-        return [world.false('empty', empty, since), world.false('empty', empty, since, topic='left')]
+        return world.watch(since, 0.0, EMPTY, LEFT_EMPTY)
 
 
 def one_pad_never_answers() -> list[Finding]:
@@ -116,7 +128,7 @@ def one_pad_never_answers() -> list[Finding]:
         since = time.monotonic()
         world.wait(lambda: world.latest('grasp'), 'a grasp')
         time.sleep(1.0)
-        return [world.false('empty', empty, since), world.false('current', current, since)]
+        return world.watch(since, 0.0, EMPTY, FalseClaim('current', current))
 
 
 def rows_are_hidden() -> list[Finding]:
@@ -127,10 +139,8 @@ def rows_are_hidden() -> list[Finding]:
         lost = {layout.tpdos[2 * row + half].cob_id.of(NODE_IDS[0]) for row in range(3, 12) for half in (0, 1)}
         world.skin.lose(lost)
         since = time.monotonic()
-        time.sleep(1.5)
-        return [world.false('empty', empty, since), world.false('empty', empty, since, topic='left'),
-                world.false('stable', stable, since, bound=WITHDRAWN + PERIOD),
-                world.false('a force', _has_force, since, bound=SETTLED, topic='left')]
+        return world.watch(since, 1.5, EMPTY, LEFT_EMPTY, FalseClaim('stable', stable, WITHDRAWN + PERIOD),
+                           FalseClaim('a force', _has_force, SETTLED, 'left'))
 
 
 def a_part_is_hidden() -> list[Finding]:
@@ -140,12 +150,9 @@ def a_part_is_hidden() -> list[Finding]:
         layout = gripper_pads()[0].layout
         world.skin.lose({tpdo.cob_id.of(NODE_IDS[0]) for tpdo in layout.tpdos[16:24]})  # rows 8 to 11
         since = time.monotonic()
-        time.sleep(1.5)
-        return [world.false('empty', empty, since), world.false('empty', empty, since, topic='left'),
-                world.false('stable', stable, since, bound=WITHDRAWN + PERIOD),
-                world.false('a force', _has_force, since, bound=SETTLED, topic='left'),
-                world.false('a size', lambda record: record['fit_valid'] and not record['size_is_bound'], since,
-                            bound=SETTLED, topic='left')]
+        return world.watch(since, 1.5, EMPTY, LEFT_EMPTY, FalseClaim('stable', stable, WITHDRAWN + PERIOD),
+                           FalseClaim('a force', _has_force, SETTLED, 'left'),
+                           FalseClaim('a size', _has_size, SETTLED, 'left'))
 
 
 def taxels_saturate() -> list[Finding]:
@@ -154,7 +161,7 @@ def taxels_saturate() -> list[Finding]:
     with World({'pressure': 2.5}) as world:
         world.wait(lambda: world.latest('left').get('taxels'), 'a contact')
         time.sleep(1.0)
-        return [world.false('a force', _has_force, since, topic='left')]
+        return world.watch(since, 0.0, FalseClaim('a force', _has_force, topic='left'))
 
 
 def object_creeps() -> list[Finding]:
@@ -163,7 +170,7 @@ def object_creeps() -> list[Finding]:
     with World({'speed': 0.5e-3}) as world:
         world.wait(lambda: world.latest('grasp').get('contact') == 'TWO_SIDED', 'contact')
         time.sleep(4.0)
-        return [world.false('stable', stable, since)]
+        return world.watch(since, 0.0, FalseClaim('stable', stable))
 
 
 def object_creeps_slowly() -> list[Finding]:
@@ -171,8 +178,7 @@ def object_creeps_slowly() -> list[Finding]:
     with World({'speed': 0.05e-3}) as world:
         world.hold()
         since = time.monotonic()
-        time.sleep(MINUTE)
-        return [world.false('not stable', _not(stable), since, bound=world.unstable * MINUTE)]
+        return world.watch(since, MINUTE, FalseClaim('not stable', negated(stable), world.unstable * MINUTE))
 
 
 def messages_held_back(link: str = 'shape') -> list[Finding]:
@@ -188,7 +194,7 @@ def messages_held_back(link: str = 'shape') -> list[Finding]:
         for relay in relays:
             relay.release()
         time.sleep(0.5)
-        return [world.false('current', current, since, bound=WITHDRAWN + PERIOD), world.false('empty', empty, since)]
+        return world.watch(since, 0.0, FalseClaim('current', current, WITHDRAWN + PERIOD), EMPTY)
 
 
 def malformed_messages() -> list[Finding]:
@@ -206,8 +212,7 @@ def malformed_messages() -> list[Finding]:
             publishers[0][0].publish(TaxelArray(rows=2, cols=2, pitch=0.004, unit='Pa', values=array('f', [0.0] * 4),
                                                 status=array('B', [0] * 4)))
             time.sleep(0.05)
-        return [world.false('empty', empty, since),
-                world.false('not stable', _not(stable), since, bound=(0.02 + world.unstable) * 1.5)]
+        return world.watch(since, 0.0, EMPTY, FalseClaim('not stable', negated(stable), (0.02 + world.unstable) * 1.5))
 
 
 def tare_is_requested() -> list[Finding]:
@@ -221,8 +226,9 @@ def tare_is_requested() -> list[Finding]:
         world.wait(future.done, 'an answer')
         time.sleep(0.5)
         success = future.result().success
-        answered = Finding('tared', float(success), int(success), 0.0, 0.0, 0.0, future.result().message[:60])
-        return [world.false('empty', empty, since), answered]
+        answered = Finding('tared', float(success), int(success), 0.0, 0.0, 0.0, future.result().message[:60],
+                           has_ended=not success)
+        return [*world.watch(since, 0.0, EMPTY), answered]
 
 
 def joint_states_end() -> list[Finding]:
@@ -240,9 +246,8 @@ def joint_states_end() -> list[Finding]:
             time.sleep(PERIOD)
         since = time.monotonic()
         assert any(record.get('width') for record in world.records), 'no width was published while the joint was known'
-        time.sleep(1.0)
-        return [world.false('a width', lambda record: record['width'] is not None, since, bound=limit + PERIOD),
-                world.false('a gap', lambda record: record['gap'] is not None, since, bound=limit + PERIOD)]
+        return world.watch(since, 1.0, FalseClaim('a width', _has('width'), limit + PERIOD),
+                           FalseClaim('a gap', _has('gap'), limit + PERIOD))
 
 
 def opening_is_not_known() -> list[Finding]:
@@ -250,7 +255,7 @@ def opening_is_not_known() -> list[Finding]:
     since = time.monotonic()
     with World() as world:
         world.hold()
-        return [world.false('a width', lambda record: record['width'] is not None, since)]
+        return world.watch(since, 0.0, FalseClaim('a width', _has('width')))
 
 
 def taxels_are_dead() -> list[Finding]:
@@ -263,14 +268,10 @@ def taxels_are_dead() -> list[Finding]:
         with World(driver={'faulty_taxels_file': str(file)}) as world:
             world.hold()
             since = time.monotonic()
-            time.sleep(3.0)
-            held = [world.false('empty', empty, since),
-                    world.false('not stable', _not(stable), since, bound=(0.02 + world.unstable) * 3.0)]
+            held = world.watch(since, 3.0, EMPTY,
+                               FalseClaim('not stable', negated(stable), (0.02 + world.unstable) * 3.0))
             world.skin.set(is_there=False)
-            since = time.monotonic()
-            time.sleep(1.0)
-            return [*held, world.false('not empty', lambda record: record['contact'] != 'NO_CONTACT', since,
-                                       bound=SETTLED)]
+            return [*held, *world.watch(time.monotonic(), 1.0, NOT_EMPTY)]
 
 
 def object_is_taken_away() -> list[Finding]:
@@ -278,25 +279,25 @@ def object_is_taken_away() -> list[Finding]:
     with World() as world:
         world.hold()
         world.skin.set(is_there=False)
-        since = time.monotonic()
-        time.sleep(1.0)
-        return [world.false('not empty', lambda record: record['contact'] != 'NO_CONTACT', since, bound=SETTLED),
-                world.false('stable', stable, since, bound=WITHDRAWN)]
+        return world.watch(time.monotonic(), 1.0, NOT_EMPTY, FalseClaim('stable', stable, WITHDRAWN))
 
 
 def _after(world: World, seconds: float, bound: float, since: float | None = None) -> list[Finding]:
     """Of a chain that is cut: nothing is empty, and nothing is current for longer than ``bound``."""
     since = time.monotonic() if since is None else since
-    time.sleep(seconds)
-    return [world.false('empty', empty, since), world.false('current', current, since, bound=bound)]
+    return world.watch(since, seconds, EMPTY, FalseClaim('current', current, bound))
 
 
 def _has_force(record: Record) -> bool:
     return record['force'] is not None and not record['force_is_bound']
 
 
-def _not(claim: Callable[[Record], bool]) -> Callable[[Record], bool]:
-    return lambda record: not claim(record)
+def _has_size(record: Record) -> bool:
+    return record['fit_valid'] and not record['size_is_bound']
+
+
+def _has(name: str) -> Claim:
+    return lambda record: record[name] is not None
 
 
 def named(name: str, function: Callable[..., list[Finding]]) -> Case:
@@ -304,7 +305,7 @@ def named(name: str, function: Callable[..., list[Finding]]) -> Case:
     return function
 
 
-#: in `make test`; the others need its time, and have tests of their parts there
+#: with `make misled SHORT=1`
 SHORT: Sequence[Case] = (
     skin_freezes, bus_fails, rows_are_hidden, a_part_is_hidden, taxels_saturate, object_creeps, malformed_messages,
     tare_is_requested)

@@ -5,6 +5,7 @@ import itertools
 import threading
 import time
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 import pytest
@@ -32,6 +33,7 @@ from tactile_node.ros.parameters import read  # noqa: E402
 from tactile_node.ros.qos import STATUS_QOS, frames_qos  # noqa: E402
 from tactile_node.ros.settings import DriverSettings  # noqa: E402
 from tactile_node.ros.time_messages import seconds  # noqa: E402
+from tactile_node.threads import change_pace  # noqa: E402
 from tactile_node.threads.reminder import FIRST_REMINDER  # noqa: E402
 from tactile_skin.msg import NodeStatus, SkinStatus, TaxelArray  # noqa: E402
 from tactile_skin.srv import Tare  # noqa: E402
@@ -323,48 +325,33 @@ def test_a_state_that_stays_is_published_once_a_second(chain, monkeypatch):
     heard = seen_status(chain)
     chain.wait(lambda: heard and heard[-1][1].level == SkinStatus.STALE, 'the frames do not stop')
     begin = len(heard)
-    until = time.monotonic() + 5.0
-    chain.wait(lambda: time.monotonic() > until, 'the time does not pass')
-    times = [at for at, _ in heard[begin - 1:]]
-    assert 5 <= len(times) <= 6 and 0.9 < np.median(np.diff(times)) < 1.1, np.diff(times)
+    chain.wait(lambda: len(heard) >= begin + 3, 'it is not repeated')
+    stamps = [seconds(message.header.stamp) for _, message in heard[begin - 1:]]
+    assert stamps[3] - stamps[0] > 2.0, stamps  # not at each look, every 50 ms
 
 
-def test_a_fault_reaches_the_status_within_a_tenth_of_a_second(chain):
-    """From the time the driver knows it; the median of five, for the machine may be busy."""
+def test_a_fault_reaches_the_status_when_it_changes(chain, monkeypatch):
+    """Not by the message of each second, which does not come here; `make faults` measures how soon."""
     chain.driver.autostart()
     chain.wait(lambda: (OK, OK) in chain.levels, 'never OK')
-    heard, delays = seen_status(chain), []
-    for _ in range(5):
-        chain.wait(lambda: heard and heard[-1][1].fault == SkinStatus.FAULT_NONE, 'not well')
-        known = []
-
-        def watch(known=known):
-            while chain.driver.source.failure is None:
-                time.sleep(0.001)
-            known.append(time.monotonic())
-        watching = threading.Thread(target=watch, daemon=True)
-        watching.start()
-        before = len(heard)
-        chain.bench.adapter.is_plugged = False  # found by receiving or by sending, whichever comes first
-        chain.wait(lambda: heard[-1][1].fault != SkinStatus.FAULT_NONE, 'not reported')
-        watching.join()
-        delays.append(next(at for at, message in heard[before:] if message.fault != SkinStatus.FAULT_NONE) - known[0])
-        chain.bench.adapter.is_plugged = True
-    assert np.median(delays) < 0.1, delays
+    monkeypatch.setattr(change_pace, 'EARLY', -inf)
+    heard = seen_status(chain)
+    chain.bench.adapter.is_plugged = False
+    chain.wait(lambda: heard and heard[-1][1].fault != SkinStatus.FAULT_NONE, 'not reported')
+    chain.bench.adapter.is_plugged = True
+    chain.wait(lambda: heard[-1][1].fault == SkinStatus.FAULT_NONE, 'the end is not reported')
 
 
-def test_a_flapping_fault_gives_at_most_twenty_messages_a_second_and_the_last_state(chain, monkeypatch):
+def test_of_a_flapping_fault_the_last_state_is_reported(chain, monkeypatch):
+    """How often at most: test_change_pace.py."""
     chain.driver.autostart()
     chain.wait(lambda: (OK, OK) in chain.levels, 'never OK')
     heard, source = seen_status(chain), chain.driver.source
     states = itertools.cycle([None, Failure(BusFault.BUS_OFF)])
     health = source.health
     monkeypatch.setattr(source, 'health', lambda: health()._replace(failure=next(states)))
-    until = time.monotonic() + 3.0
-    chain.wait(lambda: time.monotonic() > until, 'the time does not pass')
-    stamps = np.array([message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec for _, message in heard])
-    assert max(np.count_nonzero((stamps >= begin) & (stamps < begin + 1)) for begin in stamps) <= 20
-    assert len(stamps) > 20
+    chain.wait(lambda: len(heard) > 20, 'the changes are not reported')
+    assert {message.fault for _, message in heard} == {SkinStatus.FAULT_NONE, SkinStatus.FAULT_BUS_OFF}
     monkeypatch.setattr(source, 'health', lambda: health()._replace(failure=Failure(BusFault.SENDING_FAILED)))
     chain.wait(lambda: heard[-1][1].fault == SkinStatus.FAULT_SENDING_FAILED, 'the last state is missing')
 

@@ -23,7 +23,7 @@ from tactile_skin.msg import ContactShape, Grasp  # noqa: E402
 pytestmark = pytest.mark.ros
 
 PERIOD, AGE = 0.02, 0.015  # s
-BOUND = max(0.1, 3 * PERIOD)  # s, until a reader knows that shapes have stopped
+HELD_BACK = 1.5  # s, fifteen times what a grasp may be old
 BOTH = ('left', 'right')
 TIMEOUT = 30.0  # s, for a busy machine
 
@@ -45,7 +45,6 @@ class Gripper:
         self._offsets = dict(zip(BOTH, offsets))
         self._sequence = 0
         self._shape = good_shape()
-        self.stalled = 0.0  # for how long this process did not run when it should have [s]
         peer = rclpy.create_node('peer')
         for node in (peer, GraspNode(parameter_overrides=[Parameter(*each) for each in parameters])):
             self._executor.add_node(node)
@@ -81,13 +80,16 @@ class Gripper:
         self._publishers[side].publish(message)
 
     def spin(self, seconds: float) -> None:
-        end = before = time.monotonic()
-        end += seconds
-        while before < end:
-            self._executor.spin_once(timeout_sec=max(0.0, min(0.005, end - before)))
-            now = time.monotonic()
-            self.stalled += max(0.0, now - before - 0.005)
-            before = now
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0:
+            self._executor.spin_once(timeout_sec=min(0.005, left))
+
+    def spin_until(self, condition) -> None:
+        """Publish nothing."""
+        end = time.monotonic() + TIMEOUT
+        while not condition():
+            assert time.monotonic() < end, self.grasps[-1:]
+            self._executor.spin_once(timeout_sec=0.01)
 
     def run(self, seconds: float, sides=BOTH, shapes=None) -> None:
         """Publish the shapes of ``sides`` every PERIOD."""
@@ -97,12 +99,11 @@ class Gripper:
                 self.publish(side, self.message(side, (shapes or {}).get(side)))
             self.spin(PERIOD)
 
-    def run_until(self, condition, what: str) -> None:
+    def run_until(self, condition, what: str, **given) -> None:
         end = time.monotonic() + TIMEOUT
         while not (self.grasps and condition(self.latest)):
             assert time.monotonic() < end, what
-            self.run(PERIOD)
-        self.stalled = 0.0
+            self.run(PERIOD, **given)
 
 
 @pytest.fixture
@@ -120,50 +121,47 @@ SIM_TIME = [(), (('use_sim_time', Parameter.Type.BOOL, True),)]
 @pytest.mark.parametrize('offsets', OFFSETS, ids=['one clock', 'two clocks'])
 def test_pads_of_any_clocks_are_one_grasp_with_an_age(make_gripper, offsets):
     gripper = make_gripper(offsets=offsets)
-    gripper.run(0.3)
-    assert gripper.latest.contact == Grasp.UNSEEN and not gripper.latest.fresh
+    gripper.run_until(lambda grasp: grasp.contact == Grasp.UNSEEN, 'a grasp of both')
+    assert not gripper.latest.fresh
     assert age_seconds(gripper.latest.age) == math.inf  # not settled: it may have been held back for any time
-    gripper.run_until(lambda grasp: grasp.stable, 'a stable grasp')
+    gripper.run_until(lambda grasp: grasp.stable and age_seconds(grasp.age) < AGE + 0.1, 'a stable grasp')
     assert gripper.latest.contact == Grasp.TWO_SIDED and gripper.latest.fresh and gripper.latest.creep < 1e-4
-    assert AGE <= age_seconds(gripper.latest.age) < AGE + 0.1
+    assert age_seconds(gripper.latest.age) >= AGE
 
 
 @pytest.mark.parametrize('parameters', SIM_TIME, ids=['', 'sim time without a clock'])
 @pytest.mark.parametrize('continuing', [(), ('left',), ('right',)], ids=['none', 'left', 'right'])
-def test_when_shapes_stop_a_message_says_so_in_time(make_gripper, parameters, continuing):
+def test_when_shapes_stop_a_message_says_so(make_gripper, parameters, continuing):
+    """How soon: test_grasp.py has the limit, `make misled` measures it."""
     gripper = make_gripper(parameters)
     gripper.run_until(lambda grasp: grasp.stable, 'a stable grasp')
-    last = time.monotonic() - PERIOD
-    gripper.run(0.4, continuing)
-    ended = max((at for at, grasp in gripper.after(last) if grasp.fresh or grasp.stable), default=last)
-    later = gripper.after(ended)
-    assert later[0][0] - last <= BOUND + gripper.stalled
-    assert len(later) > 1  # said again, for one may be lost
-    assert all(grasp.contact == Grasp.UNSEEN and math.isnan(grasp.offset) for _, grasp in later)
-    stopped = [side not in continuing for side in BOTH]
-    assert any([state == Grasp.SIDE_UNSEEN for state in grasp.side_states] == stopped for _, grasp in later)
-    assert age_seconds(gripper.latest.age) > 0.3
+    gripper.run_until(lambda grasp: not grasp.fresh and age_seconds(grasp.age) > 0.3, 'nothing', sides=continuing)
+    ended, stopped = gripper.grasps[-1][0], [side not in continuing for side in BOTH]
+    gripper.run_until(lambda grasp: age_seconds(grasp.age) > 0.6, 'it again, for one may be lost', sides=continuing)
+    gripper.run_until(lambda grasp: [state == Grasp.SIDE_UNSEEN for state in grasp.side_states] == stopped,
+                      'which side', sides=continuing)
+    later = [grasp for _, grasp in gripper.after(ended)]
+    assert later and not any(grasp.fresh or grasp.stable for grasp in later)
+    assert all(grasp.contact == Grasp.UNSEEN and math.isnan(grasp.offset) for grasp in later)
 
 
 @pytest.mark.parametrize('offsets', OFFSETS, ids=['one clock', 'two clocks'])
-def test_ten_shapes_held_back_for_five_seconds_are_never_fresh(make_gripper, offsets):
+def test_ten_shapes_that_were_held_back_are_never_fresh(make_gripper, offsets):
     gripper = make_gripper(offsets=offsets)
     gripper.run_until(lambda grasp: grasp.stable, 'a stable grasp')
     kept = []
     for _ in range(10):
         kept += [(side, gripper.message(side, good_shape())) for side in BOTH]
         gripper.spin(PERIOD)
-    gripper.spin(5.0)
+    gripper.spin(HELD_BACK)
     released = time.monotonic()
     for side, message in kept:
         gripper.publish(side, message)
-    gripper.spin(0.5)
+    gripper.spin_until(lambda: len(gripper.after(released)) >= 20)
     burst = [grasp for _, grasp in gripper.after(released)]
-    assert len(burst) >= 20
     assert not any(grasp.fresh or grasp.stable for grasp in burst)
     assert {grasp.contact for grasp in burst} == {Grasp.UNSEEN}
-    assert all(age_seconds(grasp.age) > 4.0 for grasp in burst)
-    gripper.run(0.1)
+    assert all(age_seconds(grasp.age) > 0.9 * HELD_BACK for grasp in burst)
     gripper.run_until(lambda grasp: grasp.stable, 'a stable grasp after it')
 
 
@@ -173,12 +171,11 @@ def test_a_start_in_the_middle_of_a_burst_is_not_fresh(make_gripper):
     for _ in range(10):
         kept += [(side, gripper.message(side, good_shape())) for side in BOTH]
         gripper.spin(PERIOD)
-    gripper.spin(1.0)
+    gripper.spin(HELD_BACK)
     for side, message in kept:
         gripper.publish(side, message)
-    gripper.spin(0.5)
-    gripper.run(0.3)
-    assert len(gripper.grasps) >= 20 and not any(grasp.fresh for _, grasp in gripper.grasps)
+    gripper.spin_until(lambda: len(gripper.grasps) >= 20)
+    assert not any(grasp.fresh for _, grasp in gripper.grasps)
 
 
 @pytest.mark.parametrize('hidden', BOTH)
@@ -186,14 +183,18 @@ def test_a_pad_that_is_not_seen_is_unseen(make_gripper, hidden):
     gripper = make_gripper()
     gripper.run_until(lambda grasp: grasp.stable, 'a stable grasp')
     since = time.monotonic()
-    gripper.run(0.5, shapes={hidden: hidden_shape()})
-    found = [grasp for _, grasp in gripper.after(since) if not grasp.stable]
-    assert len(found) > 20 and {grasp.contact for grasp in found} == {Grasp.UNSEEN}
-    assert found[-1].side_states[BOTH.index(hidden)] == Grasp.SIDE_UNSEEN
+
+    def found() -> list[Grasp]:
+        return [grasp for _, grasp in gripper.after(since) if not grasp.stable]
+    gripper.run_until(lambda grasp: len(found()) > 20 and not grasp.stable, 'it is not seen',
+                      shapes={hidden: hidden_shape()})
+    assert {grasp.contact for grasp in found()} == {Grasp.UNSEEN}
+    assert found()[-1].side_states[BOTH.index(hidden)] == Grasp.SIDE_UNSEEN
 
 
 def test_a_side_that_never_answers_is_not_known(make_gripper):
     gripper = make_gripper()
     gripper.run(1.0, ['left'])
+    gripper.spin_until(lambda: len(gripper.grasps) > 20)
     assert {(grasp.contact, grasp.fresh) for _, grasp in gripper.grasps} == {(Grasp.NOT_KNOWN, False)}
     assert age_seconds(gripper.latest.age) == math.inf

@@ -195,7 +195,7 @@ def test_two_controllers_that_disagree_about_the_time_are_no_opening(gripper):
     gripper.make(**KNUCKLE)
     first, second = Sender(gripper, 1.7e9), Sender(gripper, 1.7e9 - 5.0)
     for _ in range(60):
-        assert isnan(first.send(0.0, 0.2).gap) and isnan(second.send(0.0, 0.8).gap)
+        assert isnan(first.send(0.2).gap) and isnan(second.send(0.8).gap)
 
 
 def test_a_nan_of_another_joint_is_not_ours(gripper):
@@ -210,31 +210,34 @@ class Sender:
         self.gripper = gripper
         self.shift = clock - time.monotonic()
 
-    def send(self, seconds, angle=0.5):
-        end = time.monotonic() + seconds
-        while True:
-            opening = self.gripper.send(['knuckle'], [angle], time.monotonic() + self.shift)
-            if time.monotonic() > end:
-                return opening
+    def send(self, angle=0.5):
+        return self.gripper.send(['knuckle'], [angle], time.monotonic() + self.shift)
+
+    def send_until_known(self, angle=0.5):
+        """Until the least delay of the way is settled, and on a busy machine longer."""
+        end = time.monotonic() + TIMEOUT
+        while isnan((opening := self.send(angle)).gap):
+            assert time.monotonic() < end, 'not known'
             self.gripper.wait(0.01)
+        return opening
 
 
 @pytest.mark.parametrize('clock', [5.0, 1.7e9, 1.9e9])
 def test_the_clock_of_the_controller_need_not_be_ours(gripper, clock):
     gripper.make(**KNUCKLE)
-    opening = Sender(gripper, clock).send(1.0)
+    opening = Sender(gripper, clock).send_until_known()
     assert opening.gap == pytest.approx(0.035) and opening.age < LIMIT
 
 
 @pytest.mark.parametrize('step', [-3600.0, 3600.0])
-def test_a_jump_of_the_clock_never_leaves_an_old_opening_and_is_over_in_a_second(gripper, step):
+def test_a_jump_of_the_clock_never_leaves_an_old_opening_and_is_over(gripper, step):
     gripper.make(**KNUCKLE)
     sender = Sender(gripper, 1.7e9)
-    sender.send(1.0, 0.2)
+    sender.send_until_known(0.2)
     sender.shift += step
     for _ in range(20):
-        assert sender.send(0.0, 0.8).gap in (pytest.approx(0.005), pytest.approx(nan, nan_ok=True))
-    assert sender.send(1.0, 0.8).gap == pytest.approx(0.005)
+        assert sender.send(0.8).gap in (pytest.approx(0.005), pytest.approx(nan, nan_ok=True))
+    assert sender.send_until_known(0.8).gap == pytest.approx(0.005)
     gripper.wait(LIMIT)
     assert isnan(gripper.current().gap)
 
@@ -242,19 +245,19 @@ def test_a_jump_of_the_clock_never_leaves_an_old_opening_and_is_over_in_a_second
 def test_joint_states_that_were_held_back_are_no_opening(gripper):
     gripper.make(**KNUCKLE)
     sender = Sender(gripper, 1.7e9)
-    sender.send(1.0)
+    sender.send_until_known()
     stamps = [time.monotonic() + sender.shift + 0.01 * i for i in range(10)]
     gripper.wait(1.0)
     for stamp in stamps:  # they come at once
         assert isnan(gripper.send(['knuckle'], [0.5], stamp).gap)
     assert gripper.current().age > 0.8
-    assert sender.send(0.0).gap == pytest.approx(0.035)
+    assert sender.send_until_known().gap == pytest.approx(0.035)
 
 
 def test_what_was_held_back_before_the_node_started_is_no_opening(gripper):
     """The first messages may all be late by the same time: until it shows that none comes sooner, their age is open."""
     gripper.make(**KNUCKLE)
-    for i in range(10):
+    for i in range(3):
         opening = gripper.send(['knuckle'], [0.5], 1.7e9 + 0.01 * i)
         assert isnan(opening.gap) and opening.source is GapSource.JOINT_STATES and isinf(opening.age)
 
@@ -263,20 +266,23 @@ def test_what_was_held_back_before_the_node_started_is_no_opening(gripper):
 def test_a_measurement_that_is_sent_again_and_again_grows_old(gripper, more):
     gripper.make(**KNUCKLE, **more)
     sender = Sender(gripper, 1.7e9)
-    sender.send(1.0)
+    sender.send_until_known()
     stamp = time.monotonic() + sender.shift
     end = time.monotonic() + 2 * LIMIT
     while time.monotonic() < end:
         opening = gripper.send(['knuckle'], [0.5], stamp)
     assert isnan(opening.gap) and opening.age > LIMIT
-    assert sender.send(0.0).gap == pytest.approx(0.035)
+    assert sender.send_until_known().gap == pytest.approx(0.035)
 
 
 @pytest.mark.parametrize('speed', [0.2, 3.0])
 def test_simulated_time_may_run_at_another_speed(gripper, speed):
     gripper.make(**KNUCKLE, use_sim_time=True)
-    for i in range(100):
-        opening = gripper.send(['knuckle'], [0.5], 10 + 0.01 * speed * i)
+    begun, opening = time.monotonic(), NOT_KNOWN
+    while isnan(opening.gap):
+        passed = time.monotonic() - begun
+        assert passed < TIMEOUT, 'not known'
+        opening = gripper.send(['knuckle'], [0.5], 10 + speed * passed)
         gripper.wait(0.01)
     assert opening.gap == pytest.approx(0.035) and opening.age < LIMIT
 
@@ -291,7 +297,9 @@ def test_a_parameter_is_live_and_holds_until_it_is_set_again(gripper):
     gripper.wait(2 * LIMIT)
     assert gripper.current().gap == 0.04 and gripper.current().source is GapSource.PARAMETER
     assert gripper.current().age > 2 * LIMIT - 0.01
-    assert set_gap(0.02) and gripper.current().gap == 0.02 and gripper.current().age < LIMIT
+    before = time.monotonic()
+    assert set_gap(0.02) and gripper.current().gap == 0.02
+    assert gripper.current().age <= time.monotonic() - before
     assert not set_gap(nan) and not set_gap(1.5) and not set_gap('wide') and gripper.current().gap == 0.02
     assert set_gap(-1.0) and isnan(gripper.current().gap) and gripper.current().source is GapSource.NOT_KNOWN
 

@@ -153,6 +153,7 @@ def planning() -> Iterator[Actions]:
         process.wait(20)
 
 
+LONG = bool(os.environ.get('TACTILE_LONG'))
 ATTEMPTS = 3  # at a time, on a busy machine; a wrong advice has none
 
 
@@ -182,27 +183,27 @@ def hide(world) -> None:
 @pytest.mark.parametrize(('fail', 'notice'), [
     (freeze, FROZEN_AFTER),
     *(((end_grasp, 0.0), (cut, 0.0), (end_classifier, 0.0), (hide, 0.0))
-      if os.environ.get('TACTILE_LONG') else ())],
+      if LONG else ())],
     ids=lambda value: getattr(value, '__name__', ''))
 def test_a_planner_that_holds_an_object_keeps_still_when_its_sight_fails(fail: Callable, notice: float):
     pytest.importorskip('rclpy')
     bench = pytest.importorskip('misled_bench')
     late = [acted_too_long(bench, fail, notice)]
-    while late[-1] > 0 and len(late) < ATTEMPTS:
+    while LONG and late[-1] > 0 and len(late) < ATTEMPTS:  # `make misled`: how soon
         late.append(acted_too_long(bench, fail, notice))
-    assert late[-1] <= 0, late
+    assert not LONG or late[-1] <= 0, late
 
 
 def acted_too_long(bench, fail: Callable, notice: float) -> float:
-    """Return for how much longer the planner acted on what it had seen than it may [s]."""
+    """The planner keeps still; return for how much longer than it may it acted on what it had seen [s]."""
     with planning() as actions, bench.World({'angle': 0.0}, driver={'frozen_after': FROZEN_AFTER}) as world:
         world.wait(lambda: actions.latest == 'lift', 'the planner to lift', timeout=60.0)
         since = time.monotonic()
         fail(world)
-        time.sleep(notice + 1.5)
+        time.sleep(notice + 1.0)
+        world.wait(lambda: actions.latest in STILL, 'the planner to keep still')
         stall = sum(length for begin, length in world.stalls if begin + length >= since)
         assert 'open' not in actions.after(since) and 'regrasp' not in actions.after(since)
-        assert actions.latest in STILL
         return actions.acting_until(since) - (notice + 2 * bench.WITHDRAWN + stall)
 
 
