@@ -74,18 +74,35 @@ def test_pressures_in_any_unit_go_through_the_nodes_extraction(tactile):
     contact = random_contact(rng, 'square', 60)
     frames = np.array([pressure_frame(contact, rng, skin=Skin(noise=0.01, dead=0.02)) for _ in range(3)])
     top = np.nanmax(frames)
-    extractor = PatternExtractor(PressThresholds(0.3 * top, 0.2 * top))
+    extractor, fixed = PatternExtractor(), PatternExtractor(PressThresholds(0.3 * top, 0.2 * top))
     expected = [int(extractor.extract(frame).mask.sum()) for frame in frames]
     assert [line['N'] for line in tactile('classify', frames)] == expected
     assert [line['N'] for line in tactile('classify', frames / 1000)] == expected
+    assert [line['N'] for line in tactile('classify', frames, '--full-scale', str(top))] == [
+        int(fixed.extract(frame).mask.sum()) for frame in frames]
     assert tactile('classify', frames, '--full-scale', '1e9')[0]['shape'] == 'none'
 
 
 def test_frames_of_a_file_follow_each_other(tactile):
     frames = np.full((3, 4, 4), 1.0)
     frames[1], frames[2] = 0.25, 0.1
-    assert [line['N'] for line in tactile('features', frames)] == [16, 16, 0]
-    assert [line['N'] for line in tactile('features', frames, '--release', '0.3')] == [16, 0, 0]
+    fixed = '--full-scale', '1'
+    assert [line['N'] for line in tactile('features', frames, *fixed)] == [16, 16, 0]
+    assert [line['N'] for line in tactile('features', frames, *fixed, '--release', '0.3')] == [16, 0, 0]
+
+
+def test_a_light_and_a_heavy_grip_of_one_file_are_both_found(tactile):
+    rng = generator(Purpose.TEST, 10)
+    contact = random_contact(rng, 'circle', 50)
+    grips = [pressure_frame(contact, rng, pressure=pressure, skin=Skin(noise=0.005)) for pressure in (0.06, 0.9)]
+    assert [line['shape'] for line in tactile('classify', np.array(grips))] == ['circle', 'circle']
+
+
+@pytest.mark.parametrize('option', ['--press', '--release'])
+def test_fractions_need_the_full_scale(tmp_path, capsys, option):
+    np.save(tmp_path / 'frames.npy', np.zeros((2, 2)))
+    assert main(['classify', str(tmp_path / 'frames.npy'), option, '0.3']) == 2
+    assert '--full-scale' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize('values, expected', [

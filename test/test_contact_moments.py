@@ -5,9 +5,8 @@ from math import pi
 import numpy as np
 import pytest
 
-from tactile_node.contact.pattern import ContactPattern, PatternExtractor
+from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PressThresholds
-from tactile_node.contact.resting_noise import resting_noise
 from tactile_node.contact.visibility import visibility_of
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.pose.moments import contact_moments
@@ -78,7 +77,7 @@ THRESHOLDS = PressThresholds(30e3, 24e3)
 
 def moments(frame, unit='Pa', pitch=PITCH, **masks):
     pattern = PatternExtractor(THRESHOLDS).extract(frame, **masks)
-    return contact_moments(pattern.values, pattern.mask, pitch, unit, visibility_of(pattern), resting_noise(pattern))
+    return contact_moments(pattern.values, pattern.mask, pitch, unit, visibility_of(pattern), pattern.noise)
 
 
 def test_an_unseen_pad_has_no_force_that_could_be_taken_for_none():
@@ -167,7 +166,7 @@ def test_standard_deviations_are_those_of_repeated_frames(side, noise, dead):
         frame[5, 5] = np.nan if dead else frame[5, 5]
         pattern = extractor.extract(frame)
         found.append(contact_moments(pattern.values, pattern.mask, PITCH, 'Pa', visibility_of(pattern),
-                                     resting_noise(pattern)))
+                                     pattern.noise))
     force = np.array([each.force for each in found])
     centre = np.array([each.centre_of_pressure for each in found])
     stated = np.median([each.force_sd for each in found])
@@ -196,7 +195,7 @@ def ratios_of(rng, kind, noise):
     for _ in range(150):
         pattern = extractor.extract(touch + 1e5 * noise * rng.standard_normal(touch.shape))
         one = contact_moments(pattern.values, pattern.mask, PITCH, 'Pa', visibility_of(pattern),
-                              resting_noise(pattern))
+                              pattern.noise)
         found.append((one.force, one.centre_of_pressure[0], one.force_sd, one.centre_of_pressure_sd[0]))
     found = np.array(found)
     return np.sqrt(np.mean(found[:, 2:]**2, axis=0)) / found[:, :2].std(0)
@@ -207,22 +206,6 @@ def test_without_visible_noise_deviations_are_not_known():
     assert np.isnan(found.force_sd) and np.isnan(found.centre_of_pressure_sd).all()
     on_off = np.array(block() > 0)
     assert np.isnan(moments(on_off, unit='1').centre_of_pressure_sd).all()
-
-
-def test_noise_is_that_of_resting_taxels_and_robust():
-    rng = np.random.default_rng(1)
-    values = 2.0 * rng.standard_normal((32, 32)) + 7
-    values[3:9, 3:9] = 1000
-    pattern = ContactPattern.of(values > 500, values)
-    assert resting_noise(pattern) == pytest.approx(2.0, rel=0.1)
-    values[20, :5] = 300  # less than pressed: five taxels of a thousand
-    assert resting_noise(ContactPattern.of(values > 500, values)) == pytest.approx(2.0, rel=0.1)
-    counts = np.where(rng.random((32, 32)) < 0.1, 4.0, 0.0)
-    assert resting_noise(ContactPattern.of(counts > 500, counts)) == pytest.approx(4 * np.sqrt(0.1), rel=0.3)
-    assert np.isnan(resting_noise(ContactPattern.of(counts > 500, np.zeros((32, 32)))))
-    assert np.isnan(resting_noise(ContactPattern.of(np.ones((3, 3), bool), np.ones((3, 3)))))
-    hidden = np.where(rng.random((32, 32)) < 0.2, np.nan, values)
-    assert resting_noise(ContactPattern.of(hidden > 500, hidden)) == pytest.approx(2.0, rel=0.1)
 
 
 def test_a_noise_of_each_taxel():

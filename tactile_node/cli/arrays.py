@@ -22,14 +22,16 @@ def add_array_arguments(parser: argparse.ArgumentParser) -> None:
                              'infinite are taxels without a valid value; "-" or nothing: standard input')
     parser.add_argument('-o', '--output', metavar='FILE', help='write there instead of to standard output')
     numeric = parser.add_argument_group(
-        'thresholds of integer and float arrays (a bool array is itself the pressed taxels)',
-        'Frames of a file follow each other in time: a taxel is pressed from --press until below --release.')
-    numeric.add_argument('--press', type=float, default=PRESS_FRACTION, metavar='FRACTION',
-                         help='of the full scale, default %(default)s')
+        'pressed taxels of integer and float arrays (a bool array is itself the pressed taxels)',
+        'Pressed is what stands out of the noise of the taxels at rest (a quarter of them must rest), up to where it '
+        'reads half of its contact. An array of 0 and one other value is on/off. Frames of a file follow each other '
+        'in time. With --full-scale, a taxel is pressed from a fixed value on:')
+    numeric.add_argument('--full-scale', type=float, metavar='VALUE', help='in the unit of the values')
+    numeric.add_argument('--press', type=float, metavar='FRACTION',
+                         help=f'of the full scale from which on a taxel is pressed, default {PRESS_FRACTION}')
     numeric.add_argument('--release', type=float, metavar='FRACTION',
-                         help=f'of the full scale, default {RELEASE_FRACTION} (or --press where that is lower)')
-    numeric.add_argument('--full-scale', type=float, metavar='VALUE',
-                         help='in the unit of the values; default: the largest valid value in the file')
+                         help=f'of the full scale below which it is released, default {RELEASE_FRACTION} (or --press '
+                              'where that is lower)')
 
 
 def read_frames(path: str) -> np.ndarray:
@@ -53,7 +55,7 @@ def read_frames(path: str) -> np.ndarray:
 
 def patterns(frames: np.ndarray, args: argparse.Namespace, *, largest: bool) -> Iterator[ContactPattern]:
     """Yield the contact pattern of each frame; of a bool frame, all active taxels unless ``largest``."""
-    extractor = PatternExtractor(_thresholds(frames, args), largest=largest)
+    extractor = PatternExtractor(_thresholds(args), largest=largest)
     yield from map(extractor.extract, frames)
 
 
@@ -84,11 +86,15 @@ def _load(path: str) -> np.ndarray:
     return loaded
 
 
-def _thresholds(frames: np.ndarray, args: argparse.Namespace) -> PressThresholds:
-    if frames.dtype == bool:
-        return PressThresholds.of_unit('1')
-    full_scale = np.nanmax(frames, initial=0.0) if args.full_scale is None else args.full_scale
-    return PressThresholds.of_full_scale(full_scale, args.press, args.release)
+def _thresholds(args: argparse.Namespace) -> PressThresholds | None:
+    """Return the fixed thresholds that were asked for, if any."""
+    if args.full_scale is not None:
+        return PressThresholds.of_full_scale(args.full_scale, PRESS_FRACTION if args.press is None else args.press,
+                                             args.release)
+    if args.press is not None or args.release is not None:
+        raise InputError('thresholds', expected='--full-scale with --press or --release', got='no full scale',
+                         remedy='Give the largest value that a taxel can have, or leave all three out.')
+    return None
 
 
 @contextmanager

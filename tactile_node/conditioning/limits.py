@@ -3,11 +3,10 @@
 import numpy as np
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.press_levels import PRESS_BY_UNIT
+from tactile_node.press_levels import ON_OFF_UNIT, PRESS_BY_UNIT
 
 #: A taxel that reads so much is pressed when a tare is requested: less than a contact worth the name.
 TARE_LIMIT_BY_UNIT = {'Pa': 10e3, 'N': 0.03}
-ON_OFF_UNIT = '1'
 
 
 def tare_limit(given: float, unit: str) -> float:

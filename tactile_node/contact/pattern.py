@@ -1,4 +1,4 @@
-"""Taxel values -> contact pattern: threshold with hysteresis, then the contacts, the largest first."""
+"""Taxel values -> contact pattern: what is pressed, with hysteresis, then the contacts, the largest first."""
 
 from typing import NamedTuple
 
@@ -6,11 +6,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import ndimage
 
+from tactile_node.contact.neighbours import grown
+from tactile_node.contact.noise_floor import NoiseFloor
 from tactile_node.contact.press import PressThresholds
 from tactile_node.contact.seen import EIGHT_CONNECTED, pad_seen
+from tactile_node.contact.standing_out import Threshold, standing_out
 from tactile_node.errors import InputError
+from tactile_node.press_levels import LEAST_BY_UNIT, ON_OFF_UNIT
 from tactile_node.read_only import read_only
 
+LEAST_COUNTS = 3.0  #: of readings in whole counts: idle ones differ by two
 MOST_LABELS = 255  #: contacts beyond so many have no label
 
 
@@ -25,6 +30,7 @@ class ContactPattern(NamedTuple):
     hidden: np.ndarray      #: bool, taxels of the pad without a valid value
     saturated: np.ndarray   #: bool, taxels at the end of their range: their value is a lower bound
     unmapped: np.ndarray    #: bool, places without a taxel: no part of the pad, as what lies beyond its edge
+    noise: np.ndarray       #: float, standard deviation of each taxel at rest [unit of the values]; NaN: not known
 
     @property
     def pad_seen(self) -> bool:
@@ -42,16 +48,21 @@ class ContactPattern(NamedTuple):
         nowhere = read_only(np.zeros(mask.shape, bool))
         return cls(mask=mask, values=values, contacts=int(taxels > 0), labels=mask.astype(np.uint8),
                    sizes=(taxels,) if taxels else (), hidden=~np.isfinite(values), saturated=nowhere,
-                   unmapped=nowhere)
+                   unmapped=nowhere, noise=read_only(np.full(mask.shape, np.nan)))
 
 
 class PatternExtractor:
     """Extracts the contact pattern of successive frames of one pad.
 
-    A taxel becomes pressed at the press threshold or above and is released below the release threshold. A
-    taxel without a valid value (NaN, infinite) is not in the pattern, but keeps its hysteresis state for when
+    Pressed is what stands out of the noise, up to where it reads half of its contact's own level (`standing_out`).
+    With ``thresholds`` it is what reaches fixed values: a taxel becomes pressed at the press threshold or above and is
+    released below the release threshold. ``unit`` of the values, 'Pa', 'N' or '1' (on/off, pressed from 0.5 on);
+    None: any. Arrays without a unit of which no value is other than 0 and one more are on/off.
+    A bool frame is itself the pressed taxels.
+
+    A taxel without a valid value (NaN, infinite) is not in the pattern, but keeps its hysteresis state for when
     it is valid again. One exception: invalid taxels fully enclosed by the contact are filled in, for a dead
-    taxel under an object is no hole of the object. A bool frame is itself the pressed taxels.
+    taxel under an object is no hole of the object.
 
     Pressed taxels that face each other across hidden ones, along a row or a column, are one contact: a row that
     was not seen tears no contact apart.
@@ -59,8 +70,14 @@ class PatternExtractor:
     With ``largest`` False the mask is every pressed taxel of the pad, not the largest contact alone.
     """
 
-    def __init__(self, thresholds: PressThresholds, *, largest: bool = True):
+    def __init__(self, thresholds: PressThresholds | None = None, *, unit: str | None = None, largest: bool = True):
+        if thresholds is None and unit == ON_OFF_UNIT:
+            thresholds = PressThresholds.of_unit(unit)
         self._thresholds = thresholds
+        self._is_on_off = unit == ON_OFF_UNIT
+        self._least = LEAST_BY_UNIT.get(unit or '', 0.0)
+        self._is_free = unit is None and thresholds is None
+        self._floor = NoiseFloor(self._least or np.inf)
         self._largest = largest
         self._pressed: np.ndarray | None = None
 
@@ -76,7 +93,8 @@ class PatternExtractor:
         valid = np.isfinite(numbers)
         missing = _taxels(unmapped, frame.shape, 'unmapped')
         hidden = ~(valid | missing)
-        pressed = frame if frame.dtype == bool else self._update(numbers, valid) & valid
+        pressed, noise = self._found(frame, numbers, valid)
+        pressed &= valid
         labels, contacts = number_contacts(pressed, hidden)
         if self._largest:
             mask = _with_enclosed(labels == 1, ~hidden)
@@ -87,17 +105,56 @@ class PatternExtractor:
             mask=read_only(mask), values=read_only(np.where(valid, numbers, np.nan)), contacts=contacts,
             labels=read_only(labels), sizes=tuple(np.bincount(labels.reshape(-1))[1:].tolist()),
             hidden=read_only(hidden), saturated=read_only(_taxels(saturated, frame.shape, 'saturated') & valid),
-            unmapped=read_only(missing))
+            unmapped=read_only(missing), noise=noise)
 
-    def _update(self, values: np.ndarray, valid: np.ndarray) -> np.ndarray:
-        before = self._pressed
-        if before is None or before.shape != values.shape:
-            before = np.zeros(values.shape, bool)
+    def _found(self, frame: np.ndarray, values: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the pressed taxels and the noise of all."""
+        unknown = read_only(np.full(frame.shape, np.nan))
+        if frame.dtype == bool:
+            return frame.copy(), unknown
+        if self._is_on_off or self._is_free and _are_on_off(values[valid]):
+            return self._above(values, valid), unknown
+        level, noise = self._floor.measure(values, valid)
+        if self._thresholds:
+            pressed = self._above(values, valid)
+        else:
+            least = LEAST_COUNTS if self._is_free and _are_counts(values[valid]) else self._least
+            pressed = self._standing_out(values, valid, Threshold(level, noise, least))
+        self._floor.learn(values, noise, valid & ~grown(grown(pressed)))
+        return pressed, noise if noise.any() else unknown
+
+    def _above(self, values: np.ndarray, valid: np.ndarray) -> np.ndarray:
+        """Return what reaches the thresholds; without any, what is not 0."""
+        press = release = np.finfo(float).tiny
+        if self._thresholds:
+            press, release = self._thresholds.press, self._thresholds.release
+        before = self._before(values.shape)
         # Comparisons with NaN are false, as wanted: neither pressed nor released.
-        pressed = before & ~(valid & (values < self._thresholds.release))
-        pressed |= valid & (values >= self._thresholds.press)
+        pressed = before & ~(valid & (values < release))
+        pressed |= valid & (values >= press)
         self._pressed = pressed
+        return pressed.copy()
+
+    def _standing_out(self, values: np.ndarray, valid: np.ndarray, threshold: Threshold) -> np.ndarray:
+        before = self._before(values.shape)
+        pressed = standing_out(values, valid, threshold, before)
+        self._pressed = pressed | before & ~valid
         return pressed
+
+    def _before(self, shape: tuple[int, ...]) -> np.ndarray:
+        before = self._pressed
+        return np.zeros(shape, bool) if before is None or before.shape != shape else before
+
+
+def _are_on_off(values: np.ndarray) -> bool:
+    """Return whether ``values`` are 0 and at most one other number above it."""
+    highest = values.max(initial=0.0)
+    return bool(((values == 0) | (values == highest)).all())
+
+
+def _are_counts(values: np.ndarray) -> bool:
+    """Return whether ``values`` are whole numbers."""
+    return bool((values == np.rint(values)).all())
 
 
 def of_contact(pattern: ContactPattern, number: int) -> ContactPattern:

@@ -23,8 +23,9 @@ def find_contact(values: ArrayLike, unit: str | None = 'Pa',
     NaN, infinite and masked taxels have no valid value: they are hidden, and a pad of which too much is hidden is not
     seen (`pad_seen`), so that 0 contacts do not mean that it is empty. ``unmapped`` (bool): places without a taxel,
     which hide nothing. ``saturated`` (bool): values that are lower bounds. A bool array is itself the pressed taxels.
-    ``unit``: 'Pa' (pressed from 30 kPa), 'N' (from 0.1 N per taxel) or '1' (on/off). None: an array without a unit;
-    pressed is what reaches 0.3 of its largest value, so there must be a contact in it. ``thresholds`` replace these.
+    Pressed is what stands out of the noise of the taxels at rest, of which there must be a quarter, up to where it
+    reads half of its contact. ``unit``: 'Pa' (from 2 kPa on), 'N' (from 7 mN) or '1' (on/off). None: an array without
+    a unit; one whose values are 0 and a single other is on/off. ``thresholds`` replace this rule by fixed values.
 
     >>> import numpy as np
     >>> int(find_contact(np.pad(np.full((2, 3), 50e3), 1)).mask.sum())  # taxels pressed together
@@ -35,15 +36,10 @@ def find_contact(values: ArrayLike, unit: str | None = 'Pa',
     frame = as_frame(values)
     if thresholds is None:
         check_values(frame, unit)
-        thresholds = _default_thresholds(frame, unit)
-    return PatternExtractor(given_thresholds(thresholds)).extract(frame, saturated=saturated, unmapped=unmapped)
-
-
-def _default_thresholds(frame: np.ndarray, unit: str | None) -> PressThresholds:
-    """Return the thresholds of ``unit``; without one, fractions of the largest valid value."""
-    if unit is not None:
-        return PressThresholds.of_unit(known_unit(unit))
-    return PressThresholds.of_full_scale(float(frame[np.isfinite(frame)].max(initial=0.0)))
+        extractor = PatternExtractor(unit=unit if unit is None else known_unit(unit))
+    else:
+        extractor = PatternExtractor(given_thresholds(thresholds))
+    return extractor.extract(frame, saturated=saturated, unmapped=unmapped)
 
 
 def paper_features(contact: ContactPattern, groups: Group = Group.ALL) -> Features:

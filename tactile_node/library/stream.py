@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor, as_frame
 from tactile_node.contact.press import PressThresholds
-from tactile_node.errors import ConfigurationError, InputError
+from tactile_node.errors import InputError
 from tactile_node.fusion.recognitions import FusedRecognition, FusionSettings, RecognitionFusion
 from tactile_node.library.arguments import check_values, given_thresholds, instance, known_unit, seconds
 from tactile_node.library.contacts import Recogniser, fit_shape
@@ -29,8 +29,8 @@ class ContactStream:
     """Follows the contact on one pad, frame by frame, as the ROS nodes do.
 
     ``recogniser``: one that several streams share; None: the package's own. ``pitch``, ``unit`` and ``thresholds`` as
-    in `fit_shape` and `find_contact`. Values without a unit need thresholds, ``unit`` then counts for nothing: a
-    stream may begin without a contact, so no frame shows the full scale. ``fusion``: other constants of the fusion.
+    in `find_contact` and `fit_shape`; with ``thresholds``, ``unit`` counts for nothing. The noise of each taxel is
+    learned while nothing presses it. ``fusion``: other constants of the fusion.
 
     >>> import numpy as np
     >>> stream, frame = ContactStream(pitch=0.004), np.pad(np.full((7, 7), 50e3), 4)
@@ -50,8 +50,10 @@ class ContactStream:
         self._recogniser = instance(recogniser, Recogniser, 'recogniser', 'Pass Recogniser(method), or None.')
         self._pitch = pitch
         self._unit = unit if thresholds is None else None
-        self._extractor = PatternExtractor(_stream_thresholds(unit) if thresholds is None
-                                           else given_thresholds(thresholds))
+        if thresholds is None:
+            self._extractor = PatternExtractor(unit=unit if unit is None else known_unit(unit))
+        else:
+            self._extractor = PatternExtractor(given_thresholds(thresholds))
         self._fusion = RecognitionFusion(instance(fusion, FusionSettings, 'fusion', 'Pass FusionSettings(), or None.'))
         self._shape: tuple[int, ...] | None = None
 
@@ -83,10 +85,3 @@ class ContactStream:
         if shape != self._shape:
             raise InputError('taxel frame of a stream', expected=f'shape {self._shape}, as before', got=f'{shape}',
                              remedy='Make a ContactStream for each pad.')
-
-
-def _stream_thresholds(unit: str | None) -> PressThresholds:
-    if unit is None:
-        raise ConfigurationError('thresholds of a stream', expected='a unit, or thresholds', got='neither',
-                                 remedy='Pass thresholds=PressThresholds.of_full_scale(VALUE), VALUE the largest one.')
-    return PressThresholds.of_unit(known_unit(unit))

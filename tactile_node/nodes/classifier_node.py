@@ -16,7 +16,7 @@ from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.run import run_node
 from tactile_node.pose.fit import ShapeFit, fit_shape
 from tactile_node.pose.moments import contact_moments
-from tactile_node.ros.contact_messages import noise_of, pattern_of
+from tactile_node.ros.contact_messages import pattern_of
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.message_checks import check_contact
 from tactile_node.ros.parameters import declare, read
@@ -83,7 +83,7 @@ class ClassifierNode(Node):
     def _message(self, message: Contact, pattern: ContactPattern, seen: Visibility, *, frame: Recognition,
                  fused: FusedRecognition) -> ContactShape:
         moments = contact_moments(pattern.values, pattern.mask, message.pitch, message.unit, seen,
-                                  noise_of(message, pattern))
+                                  pattern.noise)
         found = Findings(frame=frame, fused=fused, fit=self._fitted(message, pattern, fused.recognition.shape),
                          moments=moments, visibility=seen, pattern=pattern)
         shape = shape_message(message, found, self._settings.method, self._settings.solid_height)

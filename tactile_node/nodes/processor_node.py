@@ -51,7 +51,8 @@ class ProcessorNode(Node):
         """Apply ``settings`` as a whole or not at all; the contact in progress is then found again."""
         groups = feature_groups(settings.features)
         press, ratio = settings.press_threshold, settings.release_ratio
-        extractors = {unit: PatternExtractor(PressThresholds.of_unit(unit, press, ratio)) for unit in PRESS_BY_UNIT}
+        thresholds = {unit: PressThresholds.of_unit(unit, press, ratio) if press else None for unit in PRESS_BY_UNIT}
+        extractors = {unit: PatternExtractor(thresholds[unit], unit=unit) for unit in PRESS_BY_UNIT}
         self._settings = settings
         self._groups = groups
         self._extractors = extractors

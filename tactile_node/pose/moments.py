@@ -5,8 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtr
 
+from tactile_node.contact.neighbours import grown
 from tactile_node.contact.pattern import ContactPattern
-from tactile_node.contact.visibility import Visibility, grown, visibility_of
+from tactile_node.contact.visibility import Visibility, visibility_of
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.pose.pitch import check_pitch
 

@@ -7,10 +7,11 @@ from tactile_node.conditioning.contact_guard import ContactGuard
 from tactile_node.conditioning.drift import DriftFollower
 from tactile_node.conditioning.fault_file import load_faults
 from tactile_node.conditioning.gain import load_gains
-from tactile_node.conditioning.limits import ON_OFF_UNIT, drift_limit, rest_limit
+from tactile_node.conditioning.limits import drift_limit, rest_limit
 from tactile_node.conditioning.tare import TaredPad
 from tactile_node.conditioning.taxel_faults import FaultDetector
 from tactile_node.errors import ConfigurationError
+from tactile_node.press_levels import ON_OFF_UNIT
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.skin.pads import PadSettings, one_for_each
 

@@ -5,7 +5,6 @@ from array import array
 import numpy as np
 
 from tactile_node.contact.pattern import ContactPattern
-from tactile_node.contact.resting_noise import resting_noise
 from tactile_node.contact.seen import SMALLEST_CONTACT
 from tactile_node.contact.visibility import Visibility
 from tactile_node.frames.taxel_frame import TaxelStatus
@@ -22,6 +21,7 @@ def contact_message(taxels: TaxelArray, pattern: ContactPattern, visibility: Vis
         pad_seen=visibility.pad_seen, rows=taxels.rows, cols=taxels.cols, pitch=taxels.pitch, unit=taxels.unit,
         values=taxels.values, status=taxels.status, labels=as_array('B', pattern.labels, np.uint8),
         contacts=pattern.contacts, contact_taxels=array('I', pattern.sizes),
+        noise_floor=as_array('f', pattern.noise, np.float32) if np.isfinite(pattern.noise).all() else array('f'),
         missing_can_frames=taxels.missing_can_frames)
 
 
@@ -40,13 +40,12 @@ def pattern_of(message: Contact) -> ContactPattern:
     return ContactPattern(
         mask=labels == 1, values=values, contacts=message.contacts, labels=labels, sizes=tuple(message.contact_taxels),
         hidden=~(np.isfinite(values) | unmapped), saturated=taxels_of(message, TaxelStatus.SATURATED),
-        unmapped=unmapped)
+        unmapped=unmapped, noise=_noise(message))
 
 
-def noise_of(message: Contact, pattern: ContactPattern) -> float | np.ndarray:
-    """Return the standard deviation of each taxel, (rows, cols); without one in the message that of resting ones."""
+def _noise(message: Contact) -> np.ndarray:
     if not len(message.noise_floor):
-        return resting_noise(pattern)
+        return np.full((message.rows, message.cols), np.nan)
     return np.frombuffer(message.noise_floor, np.float32).reshape(message.rows, message.cols)
 
 

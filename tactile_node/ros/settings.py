@@ -7,6 +7,7 @@ from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFA
 from tactile_node.conditioning.limits import TARE_LIMIT_BY_UNIT
 from tactile_node.contact.press import PRESS_BY_UNIT, RELEASE_RATIO
 from tactile_node.contact.seen import SMALLEST_CONTACT
+from tactile_node.press_levels import LEAST_BY_UNIT
 from tactile_node.ros.parameters import NodeSettings, parameter
 from tactile_node.shape.methods import DEFAULT
 
@@ -69,11 +70,13 @@ class DriverSettings(NodeSettings):
 
 @dataclass(frozen=True)
 class ProcessorSettings(NodeSettings):
-    press_threshold: float = parameter(0.0, 'reading from which on a taxel is pressed [unit of the taxels]; 0: by the '
-                                       f'unit ({PRESS_BY_UNIT["Pa"] / 1e3:g} kPa, {PRESS_BY_UNIT["N"]:g} N, '
-                                       f'{PRESS_BY_UNIT["1"]:g} for on/off)', 0, 1e9, live=True)
-    release_ratio: float = parameter(RELEASE_RATIO, 'fraction of press_threshold below which a pressed taxel is '
-                                     'released', 0.01, 1.0, live=True)
+    press_threshold: float = parameter(0.0, 'reading from which on a taxel is pressed [unit of the taxels]; 0: what '
+                                       'stands out of the noise (at least '
+                                       f'{LEAST_BY_UNIT["Pa"] / 1e3:g} kPa, {LEAST_BY_UNIT["N"]:g} N) and reads half '
+                                       f'of its contact; on/off taxels from {PRESS_BY_UNIT["1"]:g} on', 0, 1e9,
+                                       live=True)
+    release_ratio: float = parameter(RELEASE_RATIO, 'fraction of press_threshold, if one is given, below which a '
+                                     'pressed taxel is released', 0.01, 1.0, live=True)
     smallest_contact: int = parameter(SMALLEST_CONTACT, 'taxels of the smallest contact that is looked for: a pad is '
                                       'not seen while hidden taxels could hold one', 1, 10_000, live=True)
     features: tuple[str, ...] = parameter(('classifier',), 'groups of features to compute beside those the classifier '

@@ -13,6 +13,7 @@ from tactile_node.package_files import config_path
 from tactile_node.shape.completion import completions, distinct, hidden_taxels_matter
 from tactile_node.shape.recogniser import ShapeRecogniser
 from tactile_node.shape.recognition import Recognition, UnknownReason
+from tactile_node.shape.specks import is_by_chance
 from tactile_node.shape.volf import GROUPS, VolfClassifier
 
 LEARNED, VOLF = 'learned', 'volf'
@@ -72,6 +73,8 @@ class VisibilityGuard:
     NONE needs a pad that is seen: otherwise it answers UNKNOWN, NOT_SEEN, as it does for the few visible taxels of a
     contact that may continue where taxels are hidden. Where hidden taxels may change the answer, it reports the mean
     of what the method answers to each way of reading them.
+
+    A contact that specks or lines make by chance is UNKNOWN, UNFAMILIAR.
     """
 
     def __init__(self, method: RecognitionMethod, smallest_contact: int = SMALLEST_CONTACT):
@@ -86,6 +89,8 @@ class VisibilityGuard:
             visibility = visibility_of(pattern, self._smallest_contact)
         if not pattern.contacts and not visibility.pad_seen:
             return Recognition.unknown(UnknownReason.NOT_SEEN)
+        if is_by_chance(pattern):
+            return Recognition.unknown(UnknownReason.UNFAMILIAR)
         if not hidden_taxels_matter(pattern, visibility):
             return self._method.recognise(pattern, features)
         readings, which = distinct([pattern, *completions(pattern)])

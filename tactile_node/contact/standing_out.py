@@ -1,0 +1,105 @@
+"""Which taxels stand out of the noise, and where a contact ends: relative to the noise and to the contact's own level.
+
+Grips are light: a fixed fraction of the full scale misses most of them. Under a flat indenter the normal stress in the
+skin is half of the indenter's pressure at its edge, at any depth (Boussinesq, a loaded half-plane), so a contact's
+outline is where its taxels read half of what they read inside.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import ndimage
+
+from tactile_node.contact.neighbours import grown
+from tactile_node.contact.seen import EIGHT_CONNECTED
+
+OUTLINE = 0.5      #: of the local level
+NOISE = 3.0        #: standard deviations that a taxel of a contact is above the level at rest
+KEPT = 0.85        #: of both: what is pressed stays so down to here
+ALONE = 6.0        #: standard deviations of a group of fewer than GROUP taxels: noise makes groups, too
+GROUP = 4          #: taxels at NOISE that noise does not make (once in 20,000 frames of 256 taxels)
+HALO = 0.25        #: of the highest reading within REACH taxels: less is the skin's response beside a contact
+REACH = 3
+PLANE_FROM = 12    #: taxels that show a tilt
+STEEPEST = 0.5     #: the plane of the local level changes by at most so much of its mean
+
+
+class Threshold(NamedTuple):
+    """From where on a taxel stands out, in the unit of the values."""
+
+    level: float       #: of the taxels at rest
+    noise: np.ndarray  #: (rows, cols), standard deviation of each
+    least: float       #: above the level at rest, whatever the noise
+
+
+def standing_out(values: np.ndarray, valid: np.ndarray, threshold: Threshold, before: np.ndarray) -> np.ndarray:
+    """Return the pressed taxels, bool (rows, cols), of ``values``; those that were pressed ``before`` stay so longer.
+
+    ``valid``: bool, the taxels with a value.
+    """
+    raised = np.where(valid, values - threshold.level, 0.0)
+    ease = np.where(before, KEPT, 1.0)
+    candidates = valid & (raised > 0) & (raised >= np.maximum(NOISE * threshold.noise, threshold.least) * ease)
+    pressed = np.zeros(values.shape, bool)
+    if candidates.any():
+        box = _box(candidates)
+        pressed[box] = _pressed(raised[box], candidates[box], ease[box], ALONE * threshold.noise[box])
+    return pressed
+
+
+def _box(taxels: np.ndarray) -> tuple[slice, slice]:
+    """Return the rows and columns of ``taxels`` and REACH more: the time then depends on the contacts alone."""
+    rows, cols = np.flatnonzero(taxels.any(1)), np.flatnonzero(taxels.any(0))
+    return (slice(max(int(rows[0]) - REACH, 0), int(rows[-1]) + REACH + 1),
+            slice(max(int(cols[0]) - REACH, 0), int(cols[-1]) + REACH + 1))
+
+
+def _pressed(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray, strong: np.ndarray) -> np.ndarray:
+    candidates = candidates & (raised >= HALO * ndimage.maximum_filter(raised, 2 * REACH + 1, mode='constant'))
+    pressed = _outlined(raised, candidates, ease)
+    rest = candidates & ~grown(pressed)
+    if np.count_nonzero(rest) >= GROUP:  # beside a stronger contact, joined to it by the skin's response
+        pressed |= _outlined(raised, rest, ease)
+    return _significant(pressed, raised >= strong)
+
+
+def _outlined(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray) -> np.ndarray:
+    """Return the ``candidates`` at half of the level of their group or more."""
+    groups, count = ndimage.label(candidates, EIGHT_CONNECTED)
+    flat, weight = groups.reshape(-1), raised.reshape(-1)
+    sums = np.bincount(flat, weight, count + 1)
+    levels = np.bincount(flat, weight * weight, count + 1) / np.maximum(sums, np.finfo(float).tiny)
+    local = levels[groups]
+    inside = candidates & (raised >= OUTLINE * local)
+    sizes = np.bincount(groups[inside], minlength=count + 1)
+    for number in np.flatnonzero(sizes[1:] >= PLANE_FROM) + 1:
+        _tilted(local, raised, groups == number, inside)
+    outlined: np.ndarray = candidates & (raised >= OUTLINE * ease * local)
+    return outlined
+
+
+def _tilted(local: np.ndarray, raised: np.ndarray, group: np.ndarray, inside: np.ndarray) -> None:
+    """Set ``local`` in the ``group`` to the plane through what its ``inside`` reads."""
+    row, col = np.nonzero(group)
+    y, x = np.nonzero(group & inside)
+    reading = raised[y, x]
+    mean, middle = reading.mean(), (y.mean(), x.mean())
+    dy, dx = y - middle[0], x - middle[1]
+    yy, xx, xy = dy @ dy, dx @ dx, dy @ dx
+    determinant = yy * xx - xy * xy
+    if determinant <= 1e-9 * (yy + xx) ** 2:  # a line of taxels
+        return
+    vy, vx = dy @ reading, dx @ reading
+    along_y, along_x = (vy * xx - vx * xy) / determinant, (vx * yy - vy * xy) / determinant
+    plane = mean + along_y * (row - middle[0]) + along_x * (col - middle[1])
+    local[row, col] = np.clip(plane, (1 - STEEPEST) * mean, (1 + STEEPEST) * mean)
+
+
+def _significant(pressed: np.ndarray, strong: np.ndarray) -> np.ndarray:
+    """Return ``pressed`` without the small groups that noise makes."""
+    groups, count = ndimage.label(pressed, EIGHT_CONNECTED)
+    keeps = np.bincount(groups.reshape(-1), minlength=count + 1) >= GROUP
+    keeps[groups[pressed & strong]] = True
+    keeps[0] = False
+    significant: np.ndarray = keeps[groups]
+    return significant
