@@ -125,7 +125,7 @@ class PatternExtractor:
 
     def _above(self, values: np.ndarray, valid: np.ndarray) -> np.ndarray:
         """Return what reaches the thresholds; without any, what is not 0."""
-        press = release = np.finfo(float).tiny
+        press = release = float(np.finfo(float).tiny)
         if self._thresholds:
             press, release = self._thresholds.press, self._thresholds.release
         before = self._before(values.shape)

@@ -45,7 +45,7 @@ def is_by_chance(pattern: ContactPattern) -> bool:
     density = _density_beside(pattern, together)
     if density < DENSEST and taxels >= np.interp(density, DENSITIES, GROUPS):
         return False
-    return _compactness(mask) < max(COMPACT, 1 - LOOSE / taxels ** 0.5)
+    return bool(_compactness(mask) < max(COMPACT, 1 - LOOSE / taxels ** 0.5))
 
 
 def _is_line(taxels: np.ndarray) -> bool:
@@ -57,7 +57,7 @@ def _is_line(taxels: np.ndarray) -> bool:
     narrowest = (yy + xx) / 2 - np.hypot((yy - xx) / 2, xy)
     width = (12 * max(float(narrowest), 0.0) + 1) ** 0.5  # of a bar with this second moment, of whole taxels
     is_across = y.min() == 0 and y.max() == rows - 1 or x.min() == 0 and x.max() == cols - 1
-    return width < (ACROSS if is_across else THIN)
+    return bool(width < (ACROSS if is_across else THIN))
 
 
 def _density_beside(pattern: ContactPattern, together: np.ndarray) -> float:
