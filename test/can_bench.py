@@ -53,7 +53,7 @@ def tiny_layout(folder: Path, text: str = TINY):
     return load_layout(path)
 
 
-def wait_until(condition: Callable[[], bool], timeout: float = 20.0) -> bool:
+def wait_until(condition: Callable[[], bool], timeout: float = 60.0) -> bool:
     end = time.monotonic() + timeout
     while not (met := condition()) and time.monotonic() < end:
         threading.Event().wait(0.002)
@@ -103,7 +103,7 @@ class Bench:
         self.driver.start()
 
     def take(self, count: int) -> list:
-        return [self.frames.get(timeout=30) for _ in range(count)]
+        return [self.frames.get(timeout=60) for _ in range(count)]
 
     def take_whole(self, count: int) -> list:
         """The next frames that miss nothing: on a busy machine some TPDOs come late, and are lost as late."""

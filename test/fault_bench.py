@@ -18,7 +18,7 @@ from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.supervision.supervisor import Supervisor
 
 LAYOUT, SIDE, PRESSED = 'sim8x8_16bit.yaml', 8, 12.5
-TIMEOUT = 20.0  # s; a busy machine may be slow, a wrong one never gets there
+TIMEOUT = 60.0  # s; a busy machine may be slow, a wrong one never gets there
 
 
 class Coded:

@@ -35,7 +35,7 @@ QOS = QoSProfile(depth=100)
 PAUSE = 0.005  # s
 MESSAGES = {'taxels': TaxelArray, 'contact': Contact, 'shape': ContactShape}
 READERS = {'taxels': 'processor', 'contact': 'classifier', 'shape': 'grasp'}
-TIMEOUT = 30.0  # s, for a busy machine
+TIMEOUT = 60.0  # s, for a busy machine
 Record = dict[str, Any]  # a line of the consumer
 Claim = Callable[[Record], bool]
 

@@ -99,7 +99,7 @@ def test_the_process_ends_with_the_one_that_it_is_to_end_with():
         assert any('TPDOs ready' in line for line in process.stderr)
         parent.kill()
         parent.wait()
-        assert process.wait(20) == 0
+        assert process.wait(60) == 0
     finally:
         process.kill()
 

@@ -33,7 +33,7 @@ def running(*parameters: str, role: str, namespace: str) -> Iterator[subprocess.
         assert process.poll() is None, f'{role} ended with {process.returncode}'
     finally:
         process.terminate()
-        assert process.wait(20) == 0
+        assert process.wait(60) == 0
 
 
 class Listener:

@@ -202,7 +202,7 @@ def test_simulated_skin_end_to_end_and_its_log_again(tmp_path, refuses_blocks):
     source = LogSource(str(log), pads, lambda *given: replayed.append(given), None)
     source.open()
     source.start()
-    assert source.finished.wait(20)
+    assert source.finished.wait(60)
     source.close()
     values = [frame.values.tolist() for _, frame in replayed]
     assert all(frame.values.tolist() in values for _, frame in live)

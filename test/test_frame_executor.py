@@ -19,7 +19,7 @@ from tactile_node.nodes.spinning import spinning  # noqa: E402
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
-TIMEOUT = 20.0  # s
+TIMEOUT = 60.0  # s
 
 
 @pytest.fixture

@@ -32,7 +32,7 @@ def play(path, pads, **options):
                        **{'pace': None} | options)
     source.open()
     source.start()
-    assert source.finished.wait(20)
+    assert source.finished.wait(60)
     source.close()
     return frames, source
 
@@ -246,13 +246,13 @@ def test_pace_stop_and_start_lose_nothing(tmp_path):
     source = LogSource(str(tiny_log(tmp_path, *lines)), tiny_pads(tmp_path), on_frame, pace=10)
     source.open()
     source.start()
-    assert stopped.wait(5)
+    assert stopped.wait(60)
     for thread in threading.enumerate():
         if thread.name == 'replay':
-            thread.join(5)
+            thread.join(60)
     assert len(stamps) == 10 and not source.finished.is_set()
     source.start()
-    assert source.finished.wait(5)
+    assert source.finished.wait(60)
     source.close()
     np.testing.assert_allclose(stamps, np.arange(30) / 100)
 
@@ -263,7 +263,7 @@ def test_loop_keeps_stamps_rising(tmp_path):
                        lambda _name, frame: frames.put(frame), pace=None, loop=True)
     source.open()
     source.start()
-    stamps = [frames.get(timeout=5).stamp for _ in range(4)]
+    stamps = [frames.get(timeout=60).stamp for _ in range(4)]
     source.close()
     np.testing.assert_allclose(stamps, [1.0, 1.3, 1.6, 1.9])
 
@@ -276,7 +276,7 @@ def test_a_loop_never_completes_its_last_sweep_with_its_first_can_frames(tmp_pat
                        pace=None, loop=True)
     source.open()
     source.start()
-    taken = [frames.get(timeout=5) for _ in range(3)]
+    taken = [frames.get(timeout=60) for _ in range(3)]
     source.close()
     assert [frame.missing_can_frames for frame in taken] == [2, 2, 2]
     assert all(np.isnan(frame.values[1:]).all() and (frame.values[0] == 20).all() for frame in taken)
@@ -324,7 +324,7 @@ def test_consumer_that_fails_is_counted(tmp_path, caplog):
     source = LogSource(str(tiny_log(tmp_path, SYNC, *ROWS)), tiny_pads(tmp_path), lambda *_: 1 / 0, pace=None)
     source.open()
     source.start()
-    assert source.finished.wait(5)
+    assert source.finished.wait(60)
     source.close()
     assert source.statistics().consumer_errors == 1 and 'division by zero' in caplog.text
 

@@ -61,7 +61,7 @@ pytestmark = pytest.mark.ros
 
 ROOT = Path(__file__).resolve().parents[1]
 STAMP, PITCH = 1_700_000_000.25, 0.002
-TIMEOUT = 30.0  # s, for a busy machine
+TIMEOUT = 60.0  # s, for a busy machine
 DEPTH = 500
 NAN, INF, HUGE = math.nan, math.inf, 4_000_000_000
 WARN, STALE, OK = DiagnosticStatus.WARN, DiagnosticStatus.STALE, DiagnosticStatus.OK
@@ -777,7 +777,7 @@ def test_no_grasp_stops_the_planner_example(chain):
         assert process.poll() is None
     finally:
         process.terminate()
-        process.wait(20)
+        process.wait(60)
 
 
 def test_every_reason_is_in_the_table():

@@ -150,7 +150,7 @@ def planning() -> Iterator[Actions]:
         assert process.poll() is None
     finally:
         process.terminate()
-        process.wait(20)
+        process.wait(60)
 
 
 LONG = bool(os.environ.get('TACTILE_LONG'))

@@ -79,7 +79,7 @@ def test_recorded_session_plays_back_the_same_frames(tmp_path):
     source = LogSource(str(record), bench.pads, lambda _n, f: played.append(f), pace=None)
     source.open()
     source.start()
-    assert source.finished.wait(10)
+    assert source.finished.wait(60)
     source.close()
     for one, other in zip(live, played):
         np.testing.assert_array_equal(one.values, other.values)
@@ -144,7 +144,7 @@ def test_absent_tpdo_is_missing_not_zero():
         other.send(can.Message(arbitration_id=0x620, is_extended_id=False,
                                data=bytes.fromhex('23021801A2010080')))
         # 0x1802 sub 1 is written
-        assert wait_until(lambda: other.recv(5).data.hex() == '6002180100000000', 1)
+        assert wait_until(lambda: other.recv(60).data.hex() == '6002180100000000')
         other.send(can.Message(arbitration_id=0x80, is_extended_id=False))
         assert wait_until(lambda: bench.driver.statistics().pads['pad32'].received == 31)
         other.send(can.Message(arbitration_id=0x80, is_extended_id=False))
@@ -166,7 +166,7 @@ def test_no_device_on_the_bus():
 
 
 def test_second_pad_missing_names_its_node():
-    with Bench('half', nodes=(32, 64), boot_timeout=0.5) as bench:
+    with Bench('half', nodes=(32, 64), boot_timeout=2.0) as bench:
         bench.simulator.devices[64].power_off()
         bench.driver.open()
         with pytest.raises(DeviceError, match="node 64 .pad 'pad64'"):

@@ -27,7 +27,7 @@ from tactile_skin.msg import Contact, ContactFeatures, ContactShape, ContactShap
 
 pytestmark = pytest.mark.ros
 PITCH = 0.002
-TIMEOUT = 30.0  # s, for a busy machine
+TIMEOUT = 60.0  # s, for a busy machine
 TOPICS = {'contact': (Contact, check_contact), 'shape': (ContactShape, check_contact_shape),
           'shapes': (ContactShapes, check_contact_shapes), 'features': (ContactFeatures, check_contact_features)}
 

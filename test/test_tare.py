@@ -51,7 +51,7 @@ def test_a_taxel_without_a_valid_value_keeps_its_zero():
     assert refused.value.refusal is TareRefusal.NO_VALID_VALUES
 
 
-def tared(pad: TaredPad, given: list[TaxelFrame], count: int, timeout: float = 20.0, zero_device=None,
+def tared(pad: TaredPad, given: list[TaxelFrame], count: int, timeout: float = 60.0, zero_device=None,
           boots=lambda: 0):
     """Tare on a thread while ``given`` frames come again and again."""
     outcome = []
@@ -159,7 +159,7 @@ def test_a_tare_that_waits_for_frames_that_no_longer_come_is_refused():
     waiting = threading.Thread(target=tare)
     waiting.start()
     pad.give_up('one that was deactivated')
-    waiting.join(10.0)
+    waiting.join(60.0)
     assert refused
     pad.expect()
     assert tared(pad, [frame([[1.0]])], 3).frames == 3
