@@ -48,8 +48,7 @@ from tactile_node.shape.recogniser import ShapeRecogniser
 from tactile_node.shape.recognition import Shape
 from tactile_node.synthetic.seeds import Purpose, generator
 from training.batch import draw_many
-from training.pools import joined_samples
-from training.samples import UNKNOWN, Samples, draw
+from training.samples import UNKNOWN, Samples, draw, joined_samples
 
 ANCHOR_SEEDS = {True: 900_001, False: 900_002}
 HELD = 40  #: taxels on: while the ring is held there are more, before and after fewer

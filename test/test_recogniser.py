@@ -66,7 +66,7 @@ def test_network_is_the_documented_one():
 
 def test_calibration():
     """Equal logits share what is not foreign; at the size's bias foreign is as probable as not."""
-    biases = np.array([3.0, 1, 1, 1, 1, 1])
+    biases = np.append(3.0, np.ones(len(LOG_SIZES) - 1))
     even = Calibration(2.0, biases).probabilities(np.array([[7.0] * 5 + [3.0]]), LOG_SIZES[:1])
     np.testing.assert_allclose(even, [[0.1] * 5 + [0.5]])
     between = Calibration(2.0, biases).probabilities(np.array([[7.0] * 5 + [2.0]]), LOG_SIZES[:2].mean(keepdims=True))

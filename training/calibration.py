@@ -1,5 +1,6 @@
-"""From logits to probabilities that mean something, on validation patterns alone."""
+"""From logits to probabilities that mean something, on validation contacts alone."""
 
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -9,26 +10,43 @@ from scipy.optimize import minimize_scalar
 from tactile_node.shape.recogniser import LOG_SIZES, Calibration
 from tactile_node.synthetic.seeds import Purpose, generator
 from training.batch import draw_many
+from training.mechanics import draw_mechanics, solution_pool
 from training.model import Model
-from training.samples import UNKNOWN, Samples
+from training.samples import SMALLEST, UNKNOWN, Samples, joined_samples, samples_from
+from training.segmentation import as_shipped
 
-LOSS = 0.001  #: of nominal contacts of any size, the fraction that may be called unknown
-LEAST_BIAS = 1.5  #: large nominal contacts would allow less, but the same contacts in the field need it
+#: of clean contacts of the five shapes, the fraction that may be called unknown, by size [taxels]
+LOSSES = {12: 0.005, 25: 0.0025, 50: 0.001, 100: 0.0005}
+LEAST_BIAS = 1.5  #: large clean contacts would allow less, but the same contacts in the field need it
+CLEAN = ((9, 60, 30, 80), (60, 130, 36, 40), (130, 500, 56, 16))  #: areas, pad, batches of 250 or what memory holds
+SOLUTIONS, FRAMES = 150, 4000  #: of contact mechanics
+MECHANICS_SEED = 910_000
 
 
 class Validation(NamedTuple):
-    """Logits, labels and sizes of nominal contacts of the five classes."""
+    """Logits, labels and sizes of clean contacts of the five classes, of each world in turn."""
 
     known: np.ndarray
     labels: np.ndarray
     log_taxels: np.ndarray
 
 
-def validation(model: Model, on_off: bool, seed: int, patterns: int = 30_000) -> Validation:
+def validation(model: Model, on_off: bool, seed: int, folder: Path) -> list[Validation]:
+    """Of our generator and of contact mechanics; ``folder`` keeps the solved indenters."""
     rng = generator(Purpose.VALIDATION, seed)
-    drawn = [draw_many(rng, 250, on_off, (9, 85), faulty=0.0) for _ in range(patterns // 250)]
-    known = Samples(*map(np.concatenate, zip(*drawn)))
-    return Validation(logits(model, known), known.labels, known.geometry[:, 0])
+    own = joined_samples([draw_many(rng, min(250, 400_000 // pad ** 2), on_off, (low, high), faulty=0.0, pad=pad)
+                          for low, high, pad, batches in CLEAN for _ in range(batches)])
+    return [Validation(logits(model, known), known.labels, known.geometry[:, 0])
+            for known in (own, mechanics_samples(rng, on_off, FRAMES, folder))]
+
+
+def mechanics_samples(rng: np.random.Generator, on_off: bool, count: int, folder: Path,
+                      areas: tuple[float, float] = (9.0, 200.0)) -> Samples:
+    solutions = solution_pool(folder, SOLUTIONS, MECHANICS_SEED, Purpose.VALIDATION)
+    drawn = draw_mechanics(rng, count, on_off, solutions, areas)
+    patterns = [as_shipped(frame, on_off) for frame in drawn.frames]
+    return samples_from((pattern, pattern.mask, label) for pattern, label in zip(patterns, drawn.labels)
+                        if pattern.mask.sum() >= SMALLEST)
 
 
 def logits(model: Model, samples: Samples) -> np.ndarray:
@@ -38,13 +56,22 @@ def logits(model: Model, samples: Samples) -> np.ndarray:
     return np.concatenate(parts).astype(float)
 
 
-def calibrated(found: Validation) -> Calibration:
-    """The temperature of least log-loss; the bias by size at which LOSS of known contacts is unknown."""
-    def log_loss(log_temperature: float) -> float:  # noqa: E306
-        scaled = found.known[:, :UNKNOWN] / np.exp(log_temperature)
-        chosen = scaled[np.arange(len(scaled)), found.labels]
+def calibrated(worlds: list[Validation]) -> Calibration:
+    """The temperature of least log-loss; the bias by size at which no world loses more than LOSSES."""
+    own = worlds[0]
+
+    def log_loss(log_temperature: float) -> float:
+        scaled = own.known[:, :UNKNOWN] / np.exp(log_temperature)
+        chosen = scaled[np.arange(len(scaled)), own.labels]
         return float((np.logaddexp.reduce(scaled, 1) - chosen).mean())
     temperature = float(np.exp(minimize_scalar(log_loss, bounds=(-1, 2), method='bounded').x))
-    nearest = np.abs(found.log_taxels[:, None] - LOG_SIZES).argmin(1)
-    biases = [np.quantile(found.known[nearest == size, UNKNOWN], 1 - LOSS) for size in range(len(LOG_SIZES))]
-    return Calibration(temperature, np.maximum(biases, LEAST_BIAS))
+    return Calibration(temperature, np.maximum(np.max([_biases(world) for world in worlds], axis=0), LEAST_BIAS))
+
+
+def _biases(world: Validation) -> np.ndarray:
+    """What a contact's evidence for UNKNOWN exceeds as rarely as LOSSES allow, at each of SIZES."""
+    nearest = np.abs(world.log_taxels[:, None] - LOG_SIZES).argmin(1)
+    allowed = np.exp(np.interp(LOG_SIZES, np.log(list(LOSSES)), np.log(list(LOSSES.values()))))
+    evidence = [world.known[nearest == size, UNKNOWN] for size in range(len(LOG_SIZES))]
+    return np.array([np.quantile(found, 1 - loss) if len(found) else -np.inf
+                     for found, loss in zip(evidence, allowed)])

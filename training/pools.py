@@ -7,19 +7,36 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.synthetic.seeds import Purpose, generator
-from training.batch import draw_many
-from training.samples import Samples, draw
+from training.batch import MEMORY, TRIANGLES, draw_forms, draw_many
+from training.forms import ALL, Forms, stored_forms
+from training.mechanics import draw_mechanics, solution_pool
+from training.noise import draw_noise
+from training.samples import SMALLEST, UNKNOWN, Samples, draw, joined_samples, samples_from
+from training.segmentation import pattern_beside
 
-BULK_AREAS = {'on_off': ((7, 60), (7, 30), (30, 75)), 'graded': ((7, 60), (7, 30))}
-LARGE_AREAS = ((30, 110),)
-BATCH, BATCHES, SLOW = 256, 200, 10_000
+#: areas [taxels] that are drawn in turn, and the pad's side
+BULK = {'on_off': ((7, 60, 30), (7, 30, 22), (30, 75, 30)), 'graded': ((7, 60, 30), (7, 30, 22))}
+LARGE = ((30, 110, 30), (60, 300, 46), (300, 4300, 68), (60, 110, 36))
+#: of figures: least and largest area, the pad's side, share
+FOREIGN_AREAS = ((14, 40, 24, 0.12), (40, 110, 34, 0.55), (110, 400, 54, 0.26), (400, 3000, 70, 0.07))
+BLEMISH_AREAS = ((16, 60, 30, 0.1), (60, 150, 36, 0.45), (150, 400, 52, 0.37), (400, 3000, 70, 0.08))
+MECHANICS_AREAS = (8.0, 130.0), (60.0, 600.0)
+WIDE = 0.2  #: of the contacts of mechanics, the fraction of the wider areas
+FOREIGN_BLEMISHES = 0.35  #: of the blemished figures, the fraction with too large a blemish
+FORMS = {'foreign': 3000, 'blemish': 1600}
+FORMS_SEED = 700_000
 KIND_SEED = {'on_off': 500_000, 'graded': 600_000}
-FIRST = {'bulk': 0, 'large': 10_000, 'faulty': 20_000, 'outliers': 40_000}  #: seeds of a kind's parts start here
+FIRST = {'bulk': 0, 'large': 10_000, 'faulty': 20_000, 'foreign': 40_000, 'blemish': 50_000, 'noise': 60_000,
+         'mechanics': 70_000}  #: seeds of a kind's parts start here
+PART = 10_000  #: samples of a part, about
 
 
 class Part(NamedTuple):
-    """One file of samples; ``pool``: bulk, large (bulk of 30 to 110 taxels), faulty (one or two faults each,
-    all areas) or outliers."""
+    """One file of samples.
+
+    ``pool``: bulk, large (30 to 4,300 taxels), faulty (one or two faults each), foreign and blemish (figures of
+    forms.py), noise, mechanics (computed contacts).
+    """
 
     kind: str
     pool: str
@@ -28,14 +45,63 @@ class Part(NamedTuple):
     def path(self, folder: Path) -> Path:
         return folder / f'{self.kind}_{self.pool}_{self.number}.npz'
 
-    def draw(self) -> Samples:
+    def draw(self, folder: Path) -> Samples:
+        """``folder`` holds the pools of figures."""
         rng = generator(Purpose.TRAINING, KIND_SEED[self.kind] + FIRST[self.pool] + self.number)
         on_off = self.kind == 'on_off'
         if self.pool in ('bulk', 'large'):
-            areas = BULK_AREAS[self.kind] if self.pool == 'bulk' else LARGE_AREAS
-            return joined_samples(draw_many(rng, BATCH, on_off, areas[k % len(areas)]) for k in range(BATCHES))
-        outliers = self.pool == 'outliers'
-        return draw(rng, SLOW, on_off, faulty=0.3 if outliers else 1.0, outliers=float(outliers))
+            return _contacts(rng, on_off, BULK[self.kind] if self.pool == 'bulk' else LARGE)
+        if self.pool in ALL:
+            return _figures(rng, on_off, self.pool, forms_of(folder, self.pool))
+        if self.pool == 'mechanics':
+            return _mechanics(rng, on_off, folder)
+        if self.pool == 'noise':
+            return joined_samples(draw_noise(rng, PART // 40, on_off) for _ in range(40))
+        return draw(rng, PART, on_off, faulty=1.0, outliers=0.0)
+
+
+def forms_of(folder: Path, pool: str) -> Forms:
+    """The figures of a pool that have a label; of the foreign families no triangles, which may be of any angles."""
+    forms = stored_forms(folder, pool, ALL[pool], FORMS[pool], Purpose.TRAINING, FORMS_SEED + FIRST[pool])
+    triangle = np.isin(forms.labels, TRIANGLES) & (pool == 'foreign')
+    return forms.chosen((forms.labels >= 0) & ~triangle)
+
+
+def _contacts(rng, on_off: bool, areas) -> Samples:
+    drawn, count = [], 0
+    while count < PART:
+        low, high, pad = areas[len(drawn) % len(areas)]
+        drawn.append(draw_many(rng, min(256, MEMORY // pad ** 2), on_off, (low, high), pad=pad))
+        count += len(drawn[-1].labels)
+    return joined_samples(drawn)
+
+
+def _figures(rng, on_off: bool, pool: str, forms: Forms) -> Samples:
+    """Foreign figures as often as their families; of the blemished each shape as often as the others."""
+    if pool == 'blemish':
+        share = np.append(np.full(UNKNOWN, 1 - FOREIGN_BLEMISHES) / UNKNOWN, FOREIGN_BLEMISHES)
+        weight = (share / np.maximum(np.bincount(forms.labels, minlength=UNKNOWN + 1), 1))[forms.labels]
+    else:
+        weight = np.ones(len(forms.labels))
+    drawn = []
+    for low, high, pad, share in FOREIGN_AREAS if pool == 'foreign' else BLEMISH_AREAS:
+        left, each = int(PART * share), min(128, MEMORY // pad ** 2)
+        while left > 0:
+            which = rng.choice(len(weight), each, p=weight / weight.sum())
+            area = np.exp(rng.uniform(np.log(low), np.log(high), each))
+            drawn.append(draw_forms(rng, forms.chosen(which), area, on_off, pad=pad))
+            left -= each
+    return joined_samples(drawn)
+
+
+def _mechanics(rng, on_off: bool, folder: Path) -> Samples:
+    solutions, found = solution_pool(folder.parent / 'mechanics'), []
+    while len(found) < PART:
+        drawn = draw_mechanics(rng, PART // 4, on_off, solutions, MECHANICS_AREAS[rng.random() < WIDE])
+        patterns = [pattern_beside(rng, frame, on_off) for frame in drawn.frames]
+        found += [(pattern, pattern.mask, label) for pattern, label in zip(patterns, drawn.labels)
+                  if pattern.mask.sum() >= SMALLEST]
+    return samples_from(found)
 
 
 def draw_parts(folder: Path, parts: list[Part]) -> Iterator[Part]:
@@ -44,7 +110,7 @@ def draw_parts(folder: Path, parts: list[Part]) -> Iterator[Part]:
     for part in parts:
         if not part.path(folder).exists():
             unfinished = part.path(folder).with_suffix('.part.npz')
-            np.savez(unfinished, **part.draw()._asdict())
+            np.savez(unfinished, **part.draw(folder)._asdict())
             unfinished.rename(part.path(folder))
         yield part
 
@@ -55,7 +121,3 @@ def read_parts(folder: Path, parts: list[Part]) -> Samples:
         with np.load(part.path(folder)) as data:
             loaded.append(Samples(**data))
     return joined_samples(loaded)
-
-
-def joined_samples(several) -> Samples:
-    return Samples(*map(np.concatenate, zip(*several)))

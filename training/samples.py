@@ -5,17 +5,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.contact.pattern import ContactPattern, PatternExtractor
-from tactile_node.contact.press import PressThresholds
-from tactile_node.shape.invariants import COUNT, describe
-from tactile_node.shape.patch import SIDE, joined, make_patch
+from tactile_node.contact.pattern import ContactPattern
+from tactile_node.shape.invariants import describe_all
+from tactile_node.shape.patch import joined, make_patch
 from tactile_node.shape.recogniser import OUTPUTS
 from training.field import Conditions, field_frame
 from training.outliers import TRAINED
+from training.segmentation import ON_OFF, pattern_at, pattern_beside
 
 LABELS = tuple(shape.value for shape in OUTPUTS)  #: a label is an index into these
 UNKNOWN = LABELS.index('unknown')
 SMALLEST = 5           #: taxels of a pattern worth a sample
+ABSOLUTE = 0.4         #: of the pressure frames, the fraction with an absolute threshold
 LEVEL_STEPS = 160.0    #: levels are kept as whole numbers of this fraction
 
 FAULTS: dict[str, Callable[[np.random.Generator], dict]] = {
@@ -53,6 +54,10 @@ class Samples(NamedTuple):
         return images.astype(np.float32), self.geometry[chosen]
 
 
+def joined_samples(several) -> Samples:
+    return Samples(*map(np.concatenate, zip(*several)))
+
+
 def random_area(rng: np.random.Generator, hollow: bool) -> float:
     """Small contacts more often than large ones: they are harder; hollow ones are of larger objects."""
     low, high = (7, 60) if rng.random() < 0.8 and not hollow else (40, 300)
@@ -63,7 +68,7 @@ def random_conditions(rng: np.random.Generator, on_off: bool, faulty: float = 0.
     """Nominal conditions, or in a fraction ``faulty`` with one or two faults."""
     known = {'on_off': True} if on_off else {
         'pressure': rng.uniform(0.35, 0.8), 'tilt': rng.uniform(0, 0.4), 'blur': rng.uniform(0.3, 0.7),
-        'noise': rng.uniform(0, 0.02), 'dead': rng.uniform(0, 0.06), 'threshold': rng.uniform(0.4, 0.75)}
+        'noise': rng.uniform(0, 0.02), 'dead': rng.uniform(0, 0.06), 'threshold': rng.uniform(0.35, 0.7)}
     if rng.random() < faulty:
         for name in rng.choice(list(FAULTS), rng.integers(1, 3), replace=False):
             known |= FAULTS[name](rng)
@@ -72,10 +77,11 @@ def random_conditions(rng: np.random.Generator, on_off: bool, faulty: float = 0.
     return Conditions(**known)
 
 
-def pattern_of(frame: np.ndarray, conditions: Conditions) -> ContactPattern:
-    """The contact pattern of a frame as the processor extracts it."""
-    press = 0.5 if conditions.on_off else conditions.threshold * conditions.pressure
-    return PatternExtractor(PressThresholds(press, 0.8 * press)).extract(frame)
+def pattern_of(rng: np.random.Generator, frame: np.ndarray, conditions: Conditions) -> ContactPattern:
+    """The contact pattern of a frame, at an absolute threshold or one relative to the contact."""
+    if conditions.on_off or rng.random() < ABSOLUTE:
+        return pattern_at(frame, ON_OFF if conditions.on_off else conditions.threshold * conditions.pressure)
+    return pattern_beside(rng, frame, conditions.on_off)
 
 
 def random_sample(rng: np.random.Generator, on_off: bool, faulty: float = 0.45,
@@ -88,7 +94,7 @@ def random_sample(rng: np.random.Generator, on_off: bool, faulty: float = 0.45,
         area = random_area(rng, conditions.wall > 0 and rng.random() < 0.7)
         if label == UNKNOWN:
             area = max(area, 12.0)
-        pattern = pattern_of(field_frame(rng, kind, area, conditions, least_side=12), conditions)
+        pattern = pattern_of(rng, field_frame(rng, kind, area, conditions, least_side=12), conditions)
         if pattern.mask.sum() < SMALLEST:
             continue
         mask = joined(pattern)
@@ -99,17 +105,24 @@ def random_sample(rng: np.random.Generator, on_off: bool, faulty: float = 0.45,
         return pattern, mask, label
 
 
-def draw(rng: np.random.Generator, count: int, on_off: bool, progress: Callable[[int], None] = lambda done: None,
-         **options) -> Samples:
+def draw(rng: np.random.Generator, count: int, on_off: bool, **options) -> Samples:
     """Draw ``count`` samples; options as of `random_sample`."""
-    levels, unseen = (np.empty((count, SIDE, SIDE), np.uint8) for _ in range(2))
-    geometry, labels = np.empty((count, COUNT), np.float32), np.empty(count, np.int64)
-    for k in range(count):
-        pattern, mask, labels[k] = random_sample(rng, on_off, **options)
-        patch = make_patch(pattern.values, mask)
-        levels[k] = np.clip(patch.level * LEVEL_STEPS + 0.5, 0, 255)
-        unseen[k] = patch.unseen * 255 + 0.5
-        geometry[k] = describe(patch)
-        if k % 5000 == 0:
-            progress(k)
-    return Samples(levels, unseen, geometry, labels)
+    return samples_from(random_sample(rng, on_off, **options) for _ in range(count))
+
+
+def samples_from(contacts) -> Samples:
+    """Samples of (pattern, mask of the contact, label)."""
+    patches, labels = [], []
+    for pattern, mask, label in contacts:
+        patches.append(make_patch(pattern.values, mask))
+        labels.append(label)
+    levels, unseen = (np.array([getattr(patch, name) for patch in patches]) for name in ('level', 'unseen'))
+    return packed(levels, unseen, np.array([patch.scale for patch in patches]), np.array(labels))
+
+
+def packed(levels: np.ndarray, unseen: np.ndarray, scales: np.ndarray, labels: np.ndarray) -> Samples:
+    """Samples of K patches, (K, SIDE, SIDE) each."""
+    at_a_time = [slice(first, first + 256) for first in range(0, len(labels), 256)]  # describe_all takes much memory
+    geometry = [describe_all(levels[part], unseen[part], scales[part]) for part in at_a_time]
+    return Samples(np.clip(levels * LEVEL_STEPS + 0.5, 0, 255).astype(np.uint8),
+                   (unseen * 255 + 0.5).astype(np.uint8), np.concatenate(geometry), labels)

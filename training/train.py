@@ -1,13 +1,18 @@
 """Trains the recogniser and writes its weights: python -m training.train --output config/recogniser.npz.
 
-Samples are drawn once into a folder (--samples) and read from there by later runs. Steps, not minutes,
-bound the training, so that a run can be repeated; both networks see the same number of samples.
+Samples are drawn once into a folder (--samples) and read from there by later runs. Steps, not minutes, bound the
+training, so that a run can be repeated: same seed, same machine, same file.
 """
 
 import argparse
 import json
+import multiprocessing
 import os
+import subprocess
 import sys
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 os.environ.setdefault('OMP_NUM_THREADS', '1')
@@ -17,12 +22,16 @@ import torch
 from torch.nn import functional
 
 from tactile_node.shape.recogniser import KINDS
+from tactile_node.version import package_version
 from training.calibration import calibrated, validation
 from training.model import Model
-from training.pools import Part, draw_parts, read_parts
+from training.pools import FORMS, Part, draw_parts, forms_of, read_parts
 from training.samples import UNKNOWN, Samples
 
-MIX = {'bulk': 210, 'large': 50, 'faulty': 190, 'outliers': 62}  #: of each pool in a batch
+#: of each pool: parts of about 10,000 samples, and samples in a batch
+PARTS = {'bulk': 28, 'large': 12, 'faulty': 22, 'foreign': 12, 'blemish': 7, 'mechanics': 10, 'noise': 3}
+MIX = {'bulk': 150, 'large': 60, 'faulty': 130, 'foreign': 80, 'blemish': 40, 'mechanics': 40, 'noise': 12}
+STEPS = 32_000
 FOREIGN_WEIGHT = 0.5
 RATE, DECAY, AVERAGED = 2e-3, 1e-3, 0.998
 
@@ -43,66 +52,84 @@ def loss_of(found: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
     return functional.cross_entropy(found[known, :UNKNOWN], labels[known]) + FOREIGN_WEIGHT * foreign
 
 
-def fit(pools: dict[str, Samples], steps: int, seed: int, start: dict | None = None, rate: float = RATE) -> Model:
+def fit(pools: dict[str, Samples], steps: int, seed: int, progress: Callable[[int, float], None]) -> Model:
     """AdamW with a rate falling like a cosine; returns the running average of the weights."""
     geometry = np.concatenate([pool.geometry[:5000] for pool in pools.values()])
     torch.manual_seed(seed)
-    model = Model(geometry.mean(0), geometry.std(0) + 1e-3)
-    if start:
-        model.load_state_dict(start)
-    average = Model(geometry.mean(0), geometry.std(0))
+    model, average = (Model(geometry.mean(0), geometry.std(0) + 1e-3).to(memory_format=torch.channels_last)
+                      for _ in range(2))
     average.load_state_dict(model.state_dict())
-    optimiser = torch.optim.AdamW(model.parameters(), rate, weight_decay=DECAY)
+    optimiser = torch.optim.AdamW(model.parameters(), RATE, weight_decay=DECAY)
     for step, (images, geometry, labels) in zip(range(steps), batches(pools, np.random.default_rng(seed))):
-        now = rate * min(1, (step + 1) / 300) * (0.5 + 0.5 * np.cos(np.pi * step / steps) + 0.005)
+        now = RATE * min(1, (step + 1) / 300) * (0.5 + 0.5 * np.cos(np.pi * step / steps) + 0.005)
         optimiser.param_groups[0]['lr'] = now
-        loss = loss_of(model(images, geometry), labels)
+        loss = loss_of(model(images.contiguous(memory_format=torch.channels_last), geometry), labels)
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
         with torch.no_grad():
-            for mean, new in zip(average.parameters(), model.parameters()):
-                mean.lerp_(new, 1 - min(AVERAGED, 1 - 1 / (step + 1)))
-        if step % 200 == 0:
-            print(f'  step {step} of {steps}, loss {loss.item():.3f}', flush=True)
+            torch._foreach_lerp_(list(average.parameters()), list(model.parameters()),
+                                 1 - min(AVERAGED, 1 - 1 / (step + 1)))
+        if step % 1000 == 0:
+            progress(step, loss.item())
     return average
 
 
-def exported(model: Model, kind: str, seed: int) -> dict[str, np.ndarray]:
+def exported(model: Model, kind: str, seed: int, folder: Path) -> dict[str, np.ndarray]:
     """The arrays of one network with its calibration."""
-    found = calibrated(validation(model, kind == 'on_off', seed))
+    found = calibrated(validation(model, kind == 'on_off', seed, folder))
     arrays = {f'{kind}_{name}': array for name, array in model.arrays().items()}
     return arrays | {f'{kind}_temperature': np.array(found.temperature), f'{kind}_biases': found.biases}
 
 
+def trained(kind: str, args: argparse.Namespace) -> tuple[dict[str, np.ndarray], dict]:
+    """Draw, train and calibrate one network; its arrays and what is to be said about it."""
+    torch.set_num_threads(1)
+    torch.use_deterministic_algorithms(True)
+    began, pools = time.monotonic(), {}
+    for pool, count in PARTS.items():
+        wanted = [Part(kind, pool, number) for number in range(max(1, round(count * args.share)))]
+        for part in draw_parts(args.samples, wanted):
+            _say(began, f'{part.kind}: {part.pool} {part.number + 1} of {len(wanted)}')
+        pools[pool] = read_parts(args.samples, wanted)
+    _say(began, f'{kind}: training')
+    model = fit(pools, args.steps, args.seed, lambda step, loss: _say(began, f'{kind}: step {step}, loss {loss:.3f}'))
+    arrays = exported(model, kind, args.seed, args.samples.parent / 'mechanics')
+    _say(began, f'{kind}: done')
+    return arrays, {name: len(pool.labels) for name, pool in pools.items()}
+
+
 def main() -> int:
     args = _arguments()
-    torch.set_num_threads(1)
-    arrays, parts = {}, {'bulk': args.bulk, 'large': args.large, 'faulty': args.faulty, 'outliers': args.outliers}
-    for kind in KINDS:
-        pools = {}
-        for pool, count in parts.items():
-            wanted = [Part(kind, pool, number) for number in range(count)]
-            for part in draw_parts(args.samples, wanted):
-                print(f'{part.kind}: {part.pool} {part.number + 1} of {count}', flush=True)
-            pools[pool] = read_parts(args.samples, wanted)
-        print(f'{kind}: training', flush=True)
-        arrays |= exported(fit(pools, args.steps, args.seed), kind, args.seed)
-    arrays['about'] = np.array(json.dumps({'steps': args.steps, 'seed': args.seed, 'parts': parts}))
-    np.savez_compressed(args.output, **arrays)
-    print(f'{args.output}: {args.output.stat().st_size / 1e6:.2f} MB')
+    forms = {name: len(forms_of(args.samples, name).labels) for name in FORMS}
+    with ProcessPoolExecutor(args.jobs, multiprocessing.get_context('spawn')) as jobs:
+        found = list(jobs.map(trained, KINDS, [args] * len(KINDS)))
+    about = {'code': _code(), 'seed': args.seed, 'steps': args.steps, 'batch': sum(MIX.values()), 'figures': forms,
+             'samples': {kind: counts for kind, (_, counts) in zip(KINDS, found)}, 'mix': MIX}
+    arrays = {name: array for of_kind, _ in found for name, array in of_kind.items()}
+    np.savez_compressed(args.output, **arrays, about=np.array(json.dumps(about)))
+    print(f'{args.output}: {args.output.stat().st_size / 1e6:.2f} MB, {json.dumps(about)}')
     return 0
+
+
+def _code() -> str:
+    """Version of the package, and commit where there is one, marked where the working tree differs."""
+    described = subprocess.run(['git', 'describe', '--always', '--dirty', '--exclude', '*'], capture_output=True,
+                               text=True, cwd=Path(__file__).parent)
+    return ' '.join([package_version(), *described.stdout.split()])
+
+
+def _say(began: float, what: str) -> None:
+    print(f'{(time.monotonic() - began) / 60:6.1f} min  {what}', flush=True)
 
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.split(':')[0])
     parser.add_argument('--output', type=Path, default=Path('config/recogniser.npz'))
     parser.add_argument('--samples', type=Path, default=Path('build/samples'), help='folder for drawn samples')
-    parser.add_argument('--steps', type=int, default=24_000, help='batches of 512')
-    parser.add_argument('--bulk', type=int, default=8, help='parts of 51,200 samples')
-    parser.add_argument('--large', type=int, default=2, help='parts of 51,200 samples')
-    parser.add_argument('--faulty', type=int, default=30, help='parts of 10,000 samples')
-    parser.add_argument('--outliers', type=int, default=8, help='parts of 10,000 samples')
+    parser.add_argument('--steps', type=int, default=STEPS, help=f'batches of {sum(MIX.values())}')
+    parser.add_argument('--share', type=float, default=1.0, help='of the samples, for a short trial')
+    parser.add_argument('--jobs', type=int, default=1, help='2: train both networks at the same time')
     parser.add_argument('--seed', type=int, default=1)
     return parser.parse_args()
 

@@ -27,7 +27,7 @@ SMALLEST = {'on_off': 6, 'graded': 4}
 DOUBT = 0.2   #: by so much the whole must be likelier unknown than its largest piece to be given up
 LAYERS = len(TAPS) + 3
 KINDS = ('on_off', 'graded')  #: of frames: without and with values between none and full
-SIZES = (12, 17, 24, 34, 48, 68)  #: taxels at which the evidence for UNKNOWN is calibrated
+SIZES = (12, 17, 24, 34, 48, 68, 96, 136, 200, 300)  #: taxels at which the evidence for UNKNOWN is calibrated
 LOG_SIZES = np.log(SIZES)
 
 

@@ -1,0 +1,212 @@
+"""Foreign figures to train on, by family: bool on a grid. The families that are reported are in none of these modules.
+
+A figure has about unit size about the origin; its place, angle and size are drawn later. How familiar a figure is says
+its overlap with the five shapes (forms.py), not its family: a hexagon is nearly a circle.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy import ndimage
+
+from training.outliers import FORMS, TRAINED
+
+Figure = Callable[[np.random.Generator, np.ndarray, np.ndarray], np.ndarray]  #: of x, y: bool, of their shape
+
+
+def disc(x, y, radius, x0=0.0, y0=0.0):
+    return np.hypot(x - x0, y - y0) <= radius
+
+
+def box(x, y, x0, x1, y0, y1):
+    return (x >= x0) & (x <= x1) & (y >= y0) & (y <= y1)
+
+
+def inside(x, y, corners):
+    """Within a polygon that need not be convex, by the parity of the edges crossed."""
+    found = np.zeros(x.shape, bool)
+    for (xa, ya), (xb, yb) in zip(corners, np.roll(corners, -1, axis=0)):
+        if ya != yb:
+            found ^= ((ya > y) != (yb > y)) & (x < xa + (y - ya) * (xb - xa) / (yb - ya))
+    return found
+
+
+def stroke(x, y, points, width):
+    """Within half a ``width`` of a line through ``points``."""
+    found = np.zeros(x.shape, bool)
+    for (xa, ya), (xb, yb) in zip(points, points[1:]):
+        dx, dy = xb - xa, yb - ya
+        along = np.clip(((x - xa) * dx + (y - ya) * dy) / max(dx * dx + dy * dy, 1e-9), 0, 1)
+        found |= np.hypot(x - xa - along * dx, y - ya - along * dy) <= width / 2
+    return found
+
+
+def polar(corners, middle=(0.0, 0.0)):
+    angle, radius = np.array(corners).T
+    return np.column_stack((middle[0] + radius * np.cos(angle), middle[1] + radius * np.sin(angle)))
+
+
+def comb(rng, x, y):
+    """A back with two to five teeth."""
+    teeth, back = rng.integers(2, 6), rng.uniform(0.2, 0.5)
+    share, height = rng.uniform(0.35, 0.7), rng.uniform(0.5, 1.1)
+    pitch = 1.4 / (teeth - 1 + share)
+    found = box(x, y, -0.7, 0.7, -height / 2, -height / 2 + back * height)
+    for tooth in range(teeth):
+        found |= box(x, y, -0.7 + tooth * pitch, -0.7 + (tooth + share) * pitch, -height / 2, height / 2)
+    return found
+
+
+def ring_sector(rng, x, y):
+    """A part of a ring, from an eighth to nearly all of it."""
+    hole, opening = rng.uniform(0.35, 0.8), rng.uniform(0.25, 1.75) * np.pi
+    return disc(x, y, 1) & ~disc(x, y, hole) & (np.arctan2(y, x) % (2 * np.pi) <= opening)
+
+
+def arrow(rng, x, y):
+    head, wide, shaft = rng.uniform(0.4, 0.9), rng.uniform(0.35, 0.8), rng.uniform(0.1, 0.3)
+    notch = rng.uniform(-0.2, 0.3) * head
+    return inside(x, y, np.array([(1, 0), (1 - head, wide), (1 - head + notch, shaft), (-0.8, shaft), (-0.8, -shaft),
+                                  (1 - head + notch, -shaft), (1 - head, -wide)]))
+
+
+def kite(rng, x, y):
+    """Kites, rhombs and darts."""
+    wide, at = rng.uniform(0.3, 0.9), rng.uniform(-0.9, 0.8)
+    return inside(x, y, np.array([(1, 0), (at, wide), (-1 if rng.random() < 0.7 else at + 0.35, 0), (at, -wide)]))
+
+
+def regular(rng, x, y):
+    """Five to eight corners, some a little pulled or stretched."""
+    corners = rng.integers(5, 9)
+    angle = np.arange(corners) * 2 * np.pi / corners
+    points = polar(np.column_stack((angle, np.ones(corners))))
+    points += rng.choice((0.0, 0.06, 0.2)) * rng.standard_normal(points.shape)
+    return inside(x, y, points * (1, rng.choice((1.0, rng.uniform(0.45, 1)))))
+
+
+def parallelogram(rng, x, y):
+    high, lean = rng.uniform(0.25, 0.9), rng.uniform(0.15, 1.2)
+    return inside(x, y, np.array([(-0.8 - lean / 2, -high), (0.8 - lean / 2, -high), (0.8 + lean / 2, high),
+                                  (-0.8 + lean / 2, high)]) * 0.8)
+
+
+def trapezium(rng, x, y):
+    top, lean, high = rng.uniform(0.2, 0.85), rng.uniform(-0.5, 0.5), rng.uniform(0.3, 0.9)
+    return inside(x, y, np.array([(-0.9, -high), (0.9, -high), (lean + 0.9 * top, high), (lean - 0.9 * top, high)]))
+
+
+def scalene(rng, x, y):
+    """Triangles and quadrangles of any corners."""
+    corners = rng.integers(3, 5)
+    angle = np.sort(rng.uniform(0, 2 * np.pi, corners))
+    return inside(x, y, polar(np.column_stack((angle, rng.uniform(0.7, 1.2, corners)))))
+
+
+def sector(rng, x, y):
+    """Quarter, half and other parts of a disc, from the middle or cut straight."""
+    if rng.random() < 0.5:
+        return disc(x, y, 1) & (np.arctan2(y, x) % (2 * np.pi) <= rng.uniform(0.2, 1.7) * np.pi)
+    return disc(x, y, 1) & (x >= rng.uniform(-0.7, 0.5))
+
+
+def teardrop(rng, x, y):
+    """A disc with a point."""
+    tip, radius = rng.uniform(1.15, 2.4), rng.uniform(0.4, 0.6)
+    tip *= radius
+    touch = radius * radius / tip
+    across = np.sqrt(radius ** 2 - touch ** 2)
+    x = x + tip / 2 - radius / 2
+    return disc(x, y, radius) | inside(x, y, np.array([(tip, 0), (touch, across), (touch, -across)]))
+
+
+def pair(rng, x, y):
+    """Two simple figures that touch or overlap a little: the same or different ones, of any relative size."""
+    parts, sizes = [], (0.5, rng.uniform(0.2, 0.5))
+    away = rng.uniform(0, 2 * np.pi)
+    for k, size in enumerate(sizes):
+        angle, kind = rng.uniform(0, 2 * np.pi), rng.integers(4)
+        middle = k * sum(sizes) * rng.uniform(0.7, 1.15)
+        xk, yk = x + 0.3 - middle * np.cos(away), y - middle * np.sin(away)
+        u, v = xk * np.cos(angle) + yk * np.sin(angle), yk * np.cos(angle) - xk * np.sin(angle)
+        half = size * rng.uniform(0.4, 1)
+        parts.append((disc(u, v, size), box(u, v, -size, size, -half, half), box(u, v, -size, size, -size, size),
+                      inside(u, v, size * 1.2 * polar([(a, 1) for a in (0, 2.1, 4.0)])))[kind])
+    return parts[0] | parts[1]
+
+
+def curve(rng, x, y):
+    """Radius of random harmonics about the middle: from a slightly uneven disc to lobes of any kind."""
+    order = np.arange(2, rng.integers(4, 12))
+    weight = rng.standard_normal(len(order)) / order ** rng.uniform(0.2, 1.5)
+    weight *= rng.uniform(0.05, 0.45) * np.sqrt(2) / np.linalg.norm(weight)
+    angle, phase = np.arctan2(y, x), rng.uniform(0, 2 * np.pi, len(order))
+    radius = 1 + sum(w * np.cos(k * angle + p) for w, k, p in zip(weight, order, phase))
+    return np.hypot(x, y) <= np.clip(radius, 0.15, 1.9) * 0.75
+
+
+def polyomino(rng, x, y):
+    """Three to seven squares side by side, at random."""
+    cells, count = {(0, 0)}, rng.integers(3, 8)
+    while len(cells) < count:
+        row, col = list(cells)[rng.integers(len(cells))]
+        cells.add([(row + 1, col), (row - 1, col), (row, col + 1), (row, col - 1)][rng.integers(4)])
+    middle, unit = np.mean(list(cells), 0), 1.5 / np.sqrt(count) * rng.uniform(0.6, 0.8)
+    aspect = rng.choice((1.0, rng.uniform(0.6, 1.6)))
+    return np.any([box(x / unit, y / unit / aspect, col - 0.501, col + 0.501, row - 0.501, row + 0.501)
+                   for row, col in np.array(list(cells)) - middle], axis=0)
+
+
+def strokes(rng, x, y):
+    """A random line with one to four bends, thick or thin, and sometimes a second one across it."""
+    width, found = rng.uniform(0.15, 0.45), np.zeros(x.shape, bool)
+    for _ in range(rng.integers(1, 3)):
+        found |= stroke(x, y, rng.uniform(-0.9, 0.9, (rng.integers(2, 6), 2)), width)
+    return found
+
+
+def stadium(rng, x, y):
+    """Rounded boxes, from nearly a rectangle to two half discs with a box between; cut corners."""
+    long, high = 1.0, rng.uniform(0.3, 1.0)
+    by = rng.uniform(0.2, 1) * high
+    if rng.random() < 0.3:
+        cut = np.abs(x) + np.abs(y) <= long + high - by
+        return box(x, y, -long, long, -high, high) & cut
+    u, v = np.maximum(np.abs(x) - (long - by), 0), np.maximum(np.abs(y) - (high - by), 0)
+    return (np.hypot(u, v) <= by) & (np.abs(x) <= long) & (np.abs(y) <= high)
+
+
+def oval(rng, x, y):
+    """Ellipses of ratio 1.15 to 3.5 and eggs."""
+    ratio, egg = rng.uniform(1.15, 3.5), rng.choice((0.0, rng.uniform(0, 0.5)))
+    return (x / 1.1) ** 2 + (y * ratio / 1.1) ** 2 * (1 + egg * x) <= 1
+
+
+def ragged(rng, x, y):
+    """Filtered noise above a level, its largest piece: no outline of any design."""
+    noise = ndimage.gaussian_filter(rng.standard_normal(x.shape), len(x) * rng.uniform(0.03, 0.12))
+    noise = noise / noise.std() - rng.uniform(0.8, 2.5) * (x * x + y * y)
+    labels, _ = ndimage.label(noise > rng.uniform(-0.6, 0.3))
+    sizes = np.bincount(labels.reshape(-1))
+    sizes[0] = 0
+    return labels == sizes.argmax()
+
+
+def perforated(rng, x, y):
+    """A disc, box or triangle with one to five holes or bites anywhere."""
+    whole = (disc(x, y, 0.9), box(x, y, -0.9, 0.9, -0.6, 0.6), inside(x, y, polar([(a, 1.1) for a in (0, 2.1, 4.2)])))
+    found = whole[rng.integers(3)]
+    for _ in range(rng.integers(1, 6)):
+        found = found & ~disc(x, y, rng.uniform(0.15, 0.4), *rng.uniform(-0.8, 0.8, 2))
+    return found
+
+
+def _of_outlier(kind: str) -> Figure:
+    return lambda rng, x, y: FORMS[kind](rng)(x, y) >= 0
+
+
+FAMILIES: dict[str, Figure] = {
+    **{kind: _of_outlier(kind) for kind in TRAINED},
+    **{figure.__name__: figure for figure in (
+        comb, ring_sector, arrow, kite, regular, parallelogram, trapezium, scalene, sector, teardrop, pair, curve,
+        polyomino, strokes, stadium, oval, ragged, perforated)}}

@@ -1,0 +1,118 @@
+"""Frames in bulk -> samples: what `patch.make_patch` does, for hundreds of contacts at a time.
+
+Contacts wider than a patch are scaled down one by one, by `make_patch`.
+"""
+
+import numpy as np
+from scipy import ndimage
+
+from tactile_node.shape.invariants import COUNT
+from tactile_node.shape.patch import BRIDGED, RIM, ROOM, SIDE, make_patch
+from training.samples import SMALLEST, Samples, joined_samples, packed
+
+CELLS = np.arange(SIDE)
+FLAT = np.pad(np.ones((1, 3, 3), bool), ((1, 1), (0, 0), (0, 0)))
+NOTHING = Samples(*(np.empty((0, SIDE, SIDE), np.uint8) for _ in range(2)), np.empty((0, COUNT), np.float32),
+                  np.empty(0, int))
+CROPPED = 0.15  #: of the sides of wide contacts, the fraction beside which the pad ends
+
+
+def samples_of(rng: np.random.Generator, values: np.ndarray, press: np.ndarray, dead: np.ndarray, labels: np.ndarray,
+               graded: bool) -> Samples:
+    """The largest contact of each of K frames (K, rows, cols), with what is joined to it.
+
+    ``press``: the threshold of a frame or of each of its taxels, (K, 1, 1) or (K, rows, cols).
+    Left out are frames whose contact is too small, or touches the frame's edge.
+    """
+    pressed = (values >= press) & ~dead
+    parts, found = ndimage.label(pressed, FLAT)
+    sizes = np.bincount(parts.reshape(-1), minlength=found + 1)
+    sizes[0] = 0
+    largest = parts.reshape(len(labels), -1)
+    main = largest[np.arange(len(labels)), sizes[largest].argmax(1)]
+    wide = ndimage.maximum_filter(pressed.view(np.uint8), (1, BRIDGED + 1, BRIDGED + 1), mode='constant')
+    groups, _ = ndimage.label(wide, FLAT)
+    which = np.where(parts == main[:, None, None], groups, 0).reshape(len(labels), -1).max(1)
+    mask = pressed & (groups == which[:, None, None])
+    low, extent = _bounds(mask)
+    good = (sizes[main] >= SMALLEST) & (main > 0) & (low > 0).all(1) & (low + extent < mask.shape[1:]).all(1)
+    narrow, large = good & (extent.max(1) <= ROOM), good & (extent.max(1) > ROOM)
+    made = []
+    if narrow.any():
+        made.append(_placed(values[narrow], mask[narrow], dead[narrow], low=low[narrow], extent=extent[narrow],
+                            labels=labels[narrow], graded=graded))
+    if large.any():
+        made.append(_scaled(rng, np.where(dead, np.nan, values)[large], mask[large], labels[large]))
+    return joined_samples(made) if made else NOTHING
+
+
+def _scaled(rng, values, mask, labels) -> Samples:
+    patches = [make_patch(*_cropped(rng, *frame)) for frame in zip(values, mask)]
+    levels, unseen = (np.array([getattr(patch, name) for patch in patches]) for name in ('level', 'unseen'))
+    return packed(levels, unseen, np.array([patch.scale for patch in patches]), labels)
+
+
+def _cropped(rng, values, mask) -> tuple[np.ndarray, np.ndarray]:
+    """Some sides end at the contact, or a taxel beside it."""
+    box = []
+    for axis in (1, 0):
+        used = np.flatnonzero(mask.any(axis))
+        first, last = used[0] - rng.integers(0, 2), used[-1] + 1 + rng.integers(0, 2)
+        keep = rng.random(2) >= CROPPED
+        box.append(slice(0 if keep[0] else max(first, 0), None if keep[1] else last))
+    return values[tuple(box)], mask[tuple(box)]
+
+
+def _bounds(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    spans = [mask.any(2), mask.any(1)]
+    low = np.column_stack([span.argmax(1) for span in spans])
+    high = np.column_stack([span.shape[1] - span[:, ::-1].argmax(1) for span in spans])
+    return low, high - low
+
+
+def _placed(values, mask, dead, low, extent, labels, graded) -> Samples:
+    known = np.where(dead, 0, values)
+    if graded:
+        inside = known * mask
+        scale = inside.sum((1, 2)) / np.square(inside).sum((1, 2))
+        near = ndimage.maximum_filter(mask.view(np.uint8), (1, 2 * RIM + 1, 2 * RIM + 1), mode='constant')
+        level = known * near * scale[:, None, None]
+    else:
+        level = mask.astype(float)
+    valid = (~dead).astype(float)
+    sums, seen = (ndimage.uniform_filter(a, (1, 3, 3), mode='constant') for a in (level * valid, valid))
+    level = np.where(dead, sums / np.maximum(seen, 1 / 9), level)
+    start = low - (SIDE - extent) // 2
+    row, col = (start[:, axis, None] + np.arange(SIDE) for axis in (0, 1))
+    at = np.arange(len(labels))[:, None, None], row[:, :, None] + SIDE, col[:, None, :] + SIDE
+    room = ((0, 0), (SIDE, SIDE), (SIDE, SIDE))
+    # A patch shows RIM taxels around the contact's box, as make_patch crops it; the rest is as a pad without contact.
+    around = [(a >= first[:, None] - RIM) & (a < first[:, None] + size[:, None] + RIM)
+              for a, first, size in ((row, low[:, 0], extent[:, 0]), (col, low[:, 1], extent[:, 1]))]
+    shown = around[0][:, :, None] & around[1][:, None, :]
+    levels = np.where(shown, np.pad(level, room)[at], 0)
+    unseen = np.where(shown, np.pad(dead, room)[at], 1).astype(float)
+    levels, unseen = _standing(levels.astype(np.float32), unseen.astype(np.float32), extent % 2)
+    return packed(levels, unseen, np.ones(len(labels)), labels)
+
+
+def _standing(levels: np.ndarray, unseen: np.ndarray, odd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of each of K patches' eight rotations and reflections: longer along x, more spread to greater x and y.
+
+    ``odd``: (K, 2), 1 where the contact is an odd number of cells high, wide: half a cell off the middle.
+    """
+    (xx, xxx), (yy, yyy) = _spread(levels.sum(1)), _spread(levels.sum(2))
+    rows, cols = (np.where(skew[:, None] < 0, (SIDE - 1 - off[:, None] - CELLS) % SIDE, CELLS)
+                  for skew, off in ((yyy, odd[:, 0]), (xxx, odd[:, 1])))
+    lying = (yy > xx)[:, None, None]
+    rows, cols = np.where(lying, rows[:, None, :], rows[:, :, None]), np.where(lying, cols[:, :, None],
+                                                                               cols[:, None, :])
+    k = np.arange(len(levels))[:, None, None]
+    return levels[k, rows, cols], unseen[k, rows, cols]
+
+
+def _spread(weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Second and third central moments of K distributions (K, SIDE) along one axis."""
+    place = CELLS - (weight @ CELLS / weight.sum(1))[:, None]
+    square = weight * place * place
+    return square.sum(1), (square * place).sum(1)
