@@ -32,6 +32,9 @@ ROS = {'rclpy', 'tactile_skin', 'std_msgs', 'diagnostic_msgs', 'geometry_msgs', 
        'sensor_msgs', 'tf2_msgs', 'lifecycle_msgs', 'rosgraph_msgs', 'launch', 'launch_ros'}
 CAN = {'can', 'canopen'}
 
+#: modules of bench/recognition/ that draw what is reported: worlds that training has never seen
+REPORTED = ('foreign', 'blemish', 'stamp', 'idle', 'spots', 'mechanics')
+
 
 def imports(path: Path) -> set[str]:
     found = set()
@@ -73,6 +76,25 @@ def test_only_commands_and_the_demo_import_nodes():
     for path in PACKAGE.rglob('*.py'):
         if path.relative_to(PACKAGE).parts[0] not in ('nodes', 'cli', 'demo'):
             assert not any(name.startswith('tactile_node.nodes') for name in imports(path)), path
+
+
+def test_training_knows_nothing_of_the_report():
+    found = sorted((ROOT / 'training').glob('*.py'))
+    assert found
+    for path in found:
+        assert not any(name.split('.')[0] == 'bench' for name in imports(path)), path
+
+
+@pytest.mark.parametrize('module', REPORTED)
+def test_what_is_reported_on_is_drawn_without_training(module):
+    seen, waiting = set(), [f'bench.recognition.{module}']
+    while waiting:  # also by what it imports
+        name = waiting.pop()
+        if name in seen or not name.startswith(('bench.', 'training.')):
+            continue
+        seen.add(name)
+        waiting += imports(ROOT / f'{name.replace(".", "/")}.py')
+    assert not any(name.startswith('training') for name in seen), seen
 
 
 def test_the_picture_shows_the_imports_of_today():

@@ -1,8 +1,7 @@
 """Contacts outside the five shapes, in general position: what a recogniser must call unknown.
 
-Two families that share no code but the frame they are drawn in: EVALUATED ones are what rejection is
-measured on, TRAINED ones are for training and for choosing thresholds. Sizes are found by counting
-area, so that all have the required area.
+They are for training and for choosing thresholds; rejection is reported on families of its own code and parameters
+(bench/recognition/foreign.py). Sizes are found by counting area, so that all have the required area.
 """
 
 from collections.abc import Callable
@@ -14,7 +13,6 @@ from tactile_node.geometry.polygon import depth_inside
 
 Depth = Callable[[np.ndarray, np.ndarray], np.ndarray]  #: of points about the origin, about unit size
 
-EVALUATED = ('L', 'cross', 'crescent', 'ellipse', 'blob')
 TRAINED = ('bars', 'star', 'lens', 'ellipses', 'superellipse', 'discs', 'polygon', 'notched')
 
 
@@ -87,42 +85,6 @@ def _radial(radius: Callable[[np.ndarray], np.ndarray]) -> Depth:
 def _convex(corners: np.ndarray) -> Depth:
     return lambda x, y: depth_inside(corners, x, y)
 
-
-# Evaluated.
-
-def letter_l(rng: np.random.Generator) -> Depth:
-    """Two arms of the same width, 0.3 to 0.45 of the longer; the other is at least 0.7 of it."""
-    width, short = rng.uniform(0.3, 0.45), rng.uniform(0.7, 1.0)
-    return _union([_box(0, 1, 0, width), _box(0, width, 0, short)])
-
-
-def cross(rng: np.random.Generator) -> Depth:
-    """Two equal bars, 0.25 to 0.4 as wide as long."""
-    half = rng.uniform(0.25, 0.4) / 2
-    return _union([_box(-0.5, 0.5, -half, half), _box(-half, half, -0.5, 0.5)])
-
-
-def crescent(rng: np.random.Generator) -> Depth:
-    """A disc without another, 0.7 to 0.95 as large, moved by 0.4 to 0.6 radii."""
-    return _without(_disc(0, 0, 1), _disc(rng.uniform(0.4, 0.6), 0, rng.uniform(0.7, 0.95)))
-
-
-def ellipse(rng: np.random.Generator) -> Depth:
-    """Axes' ratio 1.6."""
-    return _ellipse(1.6 ** 0.5, 1.6 ** -0.5)
-
-
-def blob(rng: np.random.Generator) -> Depth:
-    """Radius 1 + harmonics 2 to 5 of random phase, 0.22 in root mean square."""
-    order = np.arange(2, 6)
-    weight = rng.standard_normal(4) / order ** 0.5
-    weight *= 0.22 * np.sqrt(2) / np.sqrt((weight ** 2).sum())
-    phase = rng.uniform(0, 2 * np.pi, 4)
-    waves = list(zip(weight, order, phase))
-    return _radial(lambda a: np.maximum(1 + sum(w * np.cos(k * a + p) for w, k, p in waves), 0.2))
-
-
-# Trained.
 
 def bars(rng: np.random.Generator) -> Depth:
     """Two or three bars that meet: T, U, Z, H, and among them L and cross."""
@@ -205,6 +167,5 @@ def notched(rng: np.random.Generator) -> Depth:
 
 
 FORMS: dict[str, Callable[[np.random.Generator], Depth]] = {
-    'L': letter_l, 'cross': cross, 'crescent': crescent, 'ellipse': ellipse, 'blob': blob,
     'bars': bars, 'star': star, 'lens': lens, 'ellipses': ellipses, 'superellipse': superellipse, 'discs': discs,
     'polygon': polygon, 'notched': notched}

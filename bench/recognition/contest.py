@@ -10,9 +10,10 @@ import torch
 from bench.recognition.anchors import Single
 from bench.recognition.cases import Case
 from bench.recognition.figures import Rate, calibration_error
+from tactile_node import Recogniser
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.fusion.recognitions import RecognitionFusion
-from tactile_node.shape.recogniser import OUTPUTS, ShapeRecogniser
+from tactile_node.shape.recogniser import OUTPUTS
 from tactile_node.shape.recognition import Recognition, Shape
 from training.samples import UNKNOWN, Samples
 
@@ -45,7 +46,7 @@ class Result(NamedTuple):
 class Contest:
     """``anchors`` by kind of frame: on/off -> [CNN, trees]."""
 
-    def __init__(self, ours: ShapeRecogniser, anchors: dict[bool, list[Anchor]]):
+    def __init__(self, ours: Recogniser, anchors: dict[bool, list[Anchor]]):
         self.ours, self.anchors = ours, anchors
 
     def run(self, case: Case) -> Result:
@@ -67,7 +68,7 @@ class Contest:
                 for name, (function, frames) in calls.items()}
 
 
-def answers_of(recogniser: ShapeRecogniser, patterns: Iterable[ContactPattern]) -> np.ndarray:
+def answers_of(recogniser: Recogniser, patterns: Iterable[ContactPattern]) -> np.ndarray:
     """Probabilities in ORDER, (K, 7)."""
     found = [recogniser.recognise(pattern).probabilities for pattern in patterns]
     return np.array([[probabilities[shape] for shape in ORDER] for probabilities in found])

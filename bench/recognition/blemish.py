@@ -1,0 +1,118 @@
+"""Known shapes with a blemish, which are still to be recognised; training imports nothing from here.
+
+The overlap with the unblemished shape is KEPT or more; the shape is the one of the five that the figure is most like.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from scipy import ndimage
+
+from bench.recognition.stamp import Stamp, drawn, points
+from tactile_node.geometry.overlap import Limits
+from tactile_node.synthetic.world import Contact, random_contact
+
+KEPT = 0.92      #: overlap of a blemished figure with its shape, at least
+SPOILED = 0.02   #: by its blemish it loses at least so much
+AREA = 0.5       #: of a figure in its square of 2 x 2
+#: what the five shapes are where they are drawn
+LIMITS = Limits(ratio=(1.5, 3), legs=(1.5, 2.5), apex=(40, 75))
+
+#: changes a filled figure of ``contact``
+Blemish = Callable[[np.random.Generator, Contact, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+
+
+def bank(rng: np.random.Generator, kind: str, shape: str, count: int) -> list[Stamp]:
+    """Draw ``count`` figures of ``shape`` with a blemish of ``kind``."""
+    stamps: list[Stamp] = []
+    while len(stamps) < count:
+        stamp = drawn(kind, rng, lambda rng, x, y: _blemished(rng, kind, shape, x, y), LIMITS)
+        if stamp.shape == shape and stamp.overlap >= KEPT:
+            stamps.append(stamp)
+    return stamps
+
+
+def whole(rng: np.random.Generator, shape: str) -> Stamp:
+    """Draw a figure of ``shape`` without a blemish."""
+    return Stamp('known', _middle(rng, shape).depth(*points()) >= 0, shape, 1.0)
+
+
+def _middle(rng: np.random.Generator, shape: str) -> Contact:
+    return replace(random_contact(rng, shape, AREA, rows=1, cols=1), x=0.0, y=0.0)
+
+
+def _blemished(rng: np.random.Generator, kind: str, shape: str, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    while True:
+        contact = _middle(rng, shape)
+        whole = contact.depth(x, y) >= 0
+        figure = BLEMISHES[kind](rng, contact, whole, x, y)
+        overlap = np.count_nonzero(figure & whole) / np.count_nonzero(figure | whole)
+        if KEPT <= overlap <= 1 - SPOILED and ndimage.label(figure)[1] == 1:
+            return figure
+
+
+def _at_edge(rng: np.random.Generator, contact: Contact) -> tuple[np.ndarray, np.ndarray]:
+    """A place on the outline, evenly by length, and the direction outwards."""
+    corners = contact.outline(128)
+    edge = np.roll(corners, -1, axis=0) - corners
+    length = np.hypot(*edge.T)
+    k = rng.choice(len(corners), p=length / length.sum())
+    return corners[k] + rng.random() * edge[k], np.array((edge[k, 1], -edge[k, 0])) / length[k]
+
+
+def _bar(x: np.ndarray, y: np.ndarray, start: np.ndarray, along: np.ndarray, size: tuple[float, float]) -> np.ndarray:
+    """Points of a bar from ``start`` in the direction ``along``; ``size``: length and width."""
+    u, v = x - start[0], y - start[1]
+    length, width = size
+    ahead, aside = u * along[0] + v * along[1], v * along[0] - u * along[1]
+    return (ahead >= -0.02) & (ahead <= length) & (np.abs(aside) <= width / 2)
+
+
+def _turned(direction: np.ndarray, angle: float) -> np.ndarray:
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.array((direction[0] * cos - direction[1] * sin, direction[0] * sin + direction[1] * cos))
+
+
+def bump(rng: np.random.Generator, contact: Contact, whole: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """A knob: a disc about a place on the outline."""
+    place, _ = _at_edge(rng, contact)
+    return whole | (np.hypot(x - place[0], y - place[1]) <= rng.uniform(0.1, 0.24))
+
+
+def wire(rng: np.random.Generator, contact: Contact, whole: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """A straight line, as wide as 0.4 to 1.2 taxels of a contact of 100, that leaves the contact."""
+    place, outward = _at_edge(rng, contact)
+    taxel = np.sqrt(AREA) / 10
+    size = rng.uniform(2, 9) * taxel, rng.uniform(0.4, 1.2) * taxel
+    return whole | _bar(x, y, place, _turned(outward, rng.uniform(-1, 1)), size)
+
+
+def rough(rng: np.random.Generator, contact: Contact, whole: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The outline moved in and out at random, over lengths of 0.5 to 2 taxels of a contact of 100."""
+    waves = ndimage.gaussian_filter(rng.standard_normal(x.shape), rng.uniform(0.5, 2) * np.sqrt(AREA) / 10 * 128 / 2)
+    rough = contact.depth(x, y) + rng.uniform(0.01, 0.06) * waves / waves.std() >= 0
+    labels, _ = ndimage.label(rough)
+    return ndimage.binary_fill_holes(labels == np.bincount(labels[rough]).argmax())
+
+
+def notch(rng: np.random.Generator, contact: Contact, whole: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """A slot or a round bite cut in from the outline."""
+    place, outward = _at_edge(rng, contact)
+    if rng.random() < 0.5:
+        return whole & (np.hypot(x - place[0], y - place[1]) > rng.uniform(0.1, 0.24))
+    size = rng.uniform(0.1, 0.4), rng.uniform(0.05, 0.2)
+    return whole & ~_bar(x, y, place + 0.05 * outward, _turned(-outward, rng.uniform(-0.6, 0.6)), size)
+
+
+def chip(rng: np.random.Generator, contact: Contact, whole: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """A corner cut off by a straight line; of a circle, a flat."""
+    corners = contact.outline(128)
+    corner = corners[rng.integers(len(corners))]
+    away = _turned(corner / np.hypot(*corner), rng.uniform(-0.3, 0.3))
+    inward = rng.uniform(0.03, 0.3)
+    return whole & (away[0] * x + away[1] * y <= away @ corner - inward)
+
+
+BLEMISHES: dict[str, Blemish] = {
+    'bump': bump, 'wire': wire, 'rough edge': rough, 'notch': notch, 'chipped corner': chip}

@@ -1,0 +1,128 @@
+"""Where ours falls behind an anchor: accuracy by cell, a test of each, curves."""
+
+import csv
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import matplotlib
+import numpy as np
+
+from bench.recognition.cases import Case, patches, seeded
+from bench.recognition.contest import OURS, Contest, Result
+from bench.recognition.figures import Rate, p_value_behind
+from bench.recognition.page import KIND, Table
+from bench.recognition.spots import Cell, cells, frame
+from tactile_node import find_contact
+from tactile_node.shape.recogniser import OUTPUTS
+from tactile_node.synthetic.seeds import Purpose
+
+matplotlib.use('Agg')
+import matplotlib.pyplot as plt  # noqa: E402
+
+SEEDS = 800_000
+BEHIND = 0.015    #: by more than this ours must not fall behind the better anchor
+LEVEL = 0.001     #: of significance, for all cells together
+SHOWN = 12        #: rows of the table, those that are farthest behind
+LABELS = tuple(shape.value for shape in OUTPUTS)
+
+
+class Measured(NamedTuple):
+    """One cell."""
+
+    cell: Cell
+    rates: dict[str, Rate]       #: by contestant
+    by_shape: dict[str, Rate]    #: of ours
+    better: str                  #: the better anchor
+    p_value: float               #: of ours not being BEHIND that one, for this cell alone
+
+    @property
+    def gap(self) -> float:
+        return self.rates[self.better].value - self.rates[OURS].value
+
+
+def measured(contest: Contest, count: int, purpose: Purpose, every: int = 1) -> Iterator[Measured]:
+    """Yield all cells, ``count`` patterns each; only one of ``every``, for a look."""
+    for number, cell in list(enumerate(cells()))[::every]:
+        yield _of(cell, contest.run(_case(cell, count, seeded(SEEDS + number, purpose))))
+
+
+def _case(cell: Cell, count: int, rng: np.random.Generator) -> Case:
+    kinds = cell.kinds(count)
+    patterns = [find_contact(frame(cell, kind, rng), unit=None) for kind in kinds]
+    labels = np.array([LABELS.index(kind) for kind in kinds])
+    return Case(f'{cell.curve}: {cell.label}', cell.on_off, 0, patterns, patches(patterns, labels))
+
+
+def _of(cell: Cell, result: Result) -> Measured:
+    rates = {name: result.rate(name) for name in result.answers}
+    better = max((name for name in rates if name != OURS), key=lambda name: rates[name].value)
+    ours, labels = result.right(OURS), result.case.labels
+    by_shape = {LABELS[k]: Rate(int(ours[labels == k].sum()), int((labels == k).sum())) for k in np.unique(labels)}
+    return Measured(cell, rates, by_shape, better, p_value_behind(ours, result.right(better), BEHIND))
+
+
+def table(found: list[Measured]) -> Table:
+    behind = [one for one in found if is_behind(one, len(found))]
+    made = Table('Blind spots', f'{len(found)} cells of {found[0].rates[OURS].count} patterns each; {len(behind)} of '
+                 f'them significantly (p < {LEVEL:g}, corrected for their number) more than {100 * BEHIND:g} points '
+                 f'below the better anchor (required: none). The {SHOWN} cells that are farthest behind it; all are in '
+                 'blind_spots.csv',
+                 ['varied', 'value', 'frames', *(f'{name}, %' for name in found[0].rates), 'ours by shape, %',
+                  'behind, points', 'p, corrected', 'required'])
+    for one in sorted(found, key=lambda one: (one.p_value, -one.gap))[:max(SHOWN, len(behind))]:
+        by_shape = ', '.join(f'{shape} {100 * rate.value:.1f}' for shape, rate in one.by_shape.items())
+        made.add(one.cell.curve, one.cell.words, KIND[one.cell.on_off], *one.rates.values(), by_shape,
+                 f'{100 * one.gap:.1f}', f'{min(1.0, one.p_value * len(found)):.2g}',
+                 'NOT MET' if one in behind else 'met')
+    return made
+
+
+def is_behind(one: Measured, number: int) -> bool:
+    """Bonferroni's correction for ``number`` cells."""
+    return one.p_value * number < LEVEL
+
+
+def write_spots(path: Path, found: list[Measured]) -> None:
+    names = list(found[0].rates)
+    with path.open('w', newline='', encoding='utf-8') as stream:
+        writer = csv.writer(stream)
+        writer.writerow(['varied', 'value', 'frames', 'count', *names, *(f'ours_{shape}' for shape in LABELS[:-1]),
+                         'better_anchor', 'p_value', 'p_corrected'])
+        for one in found:
+            by_shape = [f'{one.by_shape[shape].value:.5f}' if shape in one.by_shape else '' for shape in LABELS[:-1]]
+            writer.writerow([one.cell.curve, one.cell.words, KIND[one.cell.on_off], one.rates[OURS].count,
+                             *(f'{one.rates[name].value:.5f}' for name in names), *by_shape, one.better,
+                             f'{one.p_value:.3g}', f'{min(1.0, one.p_value * len(found)):.3g}'])
+
+
+def draw_curves(path: Path, found: list[Measured], columns: int = 4) -> None:
+    """One panel a curve and kind of frame; a ring marks a cell that is significantly behind."""
+    curves: dict[tuple[str, bool], list[Measured]] = {}
+    for one in found:
+        curves.setdefault((one.cell.curve, one.cell.on_off), []).append(one)
+    ordered = sorted(curves.items(), key=lambda item: list(dict.fromkeys(key[0] for key in curves)).index(item[0][0]))
+    rows = -(-len(ordered) // columns)
+    figure, axes = plt.subplots(rows, columns, figsize=(4.4 * columns, 3.1 * rows), layout='constrained', squeeze=False)
+    for axis, ((curve, on_off), of_curve) in zip(axes.flat, ordered):
+        _draw(axis, of_curve, len(found))
+        axis.set_title(f'{curve}\n{KIND[on_off]}', fontsize=10)
+    for axis in axes.flat[len(ordered):]:
+        axis.axis('off')
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc='outside upper center', ncols=4)
+    figure.savefig(path, dpi=70)
+    plt.close(figure)
+
+
+def _draw(axis, of_curve: list[Measured], number: int) -> None:
+    place = np.arange(len(of_curve))
+    for name in of_curve[0].rates:
+        axis.plot(place, [100 * one.rates[name].value for one in of_curve], marker='.', label=name,
+                  linewidth=2 if name == OURS else 1)
+    behind = [k for k in place if is_behind(of_curve[k], number)]
+    axis.plot(behind, [100 * of_curve[k].rates[OURS].value for k in behind], 'o', markersize=11, fillstyle='none',
+              color='red', label='ours significantly behind')
+    every = 1 + len(place) // 12
+    axis.set_xticks(place[::every], [one.cell.label for one in of_curve][::every], fontsize=8)
+    axis.set_ylabel('recognised, %', fontsize=9)
+    axis.grid(alpha=0.3)

@@ -1,0 +1,127 @@
+"""Whether the unfamiliar is UNKNOWN and a blemish is not: cases of foreign, blemished, whole figures; their tables."""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from bench.recognition import blemish, foreign
+from bench.recognition.cases import Case, patches, seeded
+from bench.recognition.contest import ORDER, OURS, Result, rejection_at_loss
+from bench.recognition.figures import Rate
+from bench.recognition.page import KIND, Table
+from bench.recognition.stamp import Stamp, pressed
+from tactile_node import Shape, find_contact
+from tactile_node.shape.recogniser import OUTPUTS
+from tactile_node.synthetic.seeds import Purpose
+from tactile_node.synthetic.world import CLASSES
+
+FOREIGN_AREAS = (12, 20, 40, 50, 100, 200)
+BLEMISH_AREAS = (40, 100, 200)
+REJECTED, FROM_AREA = 0.98, 40             #: of foreign contacts from so many taxels on
+RECOGNISED, BLEMISHED_FROM = 0.9, 100      #: of blemished ones
+LABEL = {shape.value: k for k, shape in enumerate(OUTPUTS)}
+UNKNOWN = OUTPUTS.index(Shape.UNKNOWN)
+SEEDS = {'foreign': 400_000, 'blemish': 600_000, 'whole': 700_000}
+
+
+def pressed_case(rng: np.random.Generator, name: str, stamps: list[Stamp], labels: list[int], *, on_off: bool,
+                 area: float, count: int) -> Case:
+    """Press ``stamps`` in turn, ``count`` times; their contacts are found as the library finds them."""
+    chosen = np.arange(count) % len(stamps)
+    patterns = [find_contact(pressed(stamps[k], rng, area, on_off), unit=None) for k in chosen]
+    return Case(name, on_off, area, patterns, patches(patterns, np.array(labels)[chosen]))
+
+
+def _cases(name: str, seed: int, stamps: list[Stamp], labels: list[int], areas: tuple[int, ...], count: int,
+           purpose: Purpose) -> Iterator[Case]:
+    for on_off in (True, False):
+        for area in areas:
+            rng = seeded(seed + 1000 * on_off + area, purpose)
+            yield pressed_case(rng, name, stamps, labels, on_off=on_off, area=area, count=count)
+
+
+def foreign_cases(figures: int, count: int, purpose: Purpose) -> Iterator[Case]:
+    """``figures`` of each family, pressed ``count`` times for each size and kind of frame."""
+    for number, family in enumerate(foreign.FAMILIES):
+        seed = SEEDS['foreign'] + 10_000 * number
+        stamps = foreign.bank(seeded(seed, purpose), family, figures)
+        yield from _cases(family, seed, stamps, [UNKNOWN] * figures, FOREIGN_AREAS, count, purpose)
+
+
+def blemish_cases(figures: int, count: int, purpose: Purpose) -> Iterator[Case]:
+    """``figures`` of each kind and shape, pressed ``count`` times for each size and kind of frame."""
+    for number, kind in enumerate(blemish.BLEMISHES):
+        seed = SEEDS['blemish'] + 10_000 * number
+        rng = seeded(seed, purpose)
+        banks = [blemish.bank(rng, kind, shape, figures) for shape in CLASSES]
+        stamps = [stamp for of_all in zip(*banks) for stamp in of_all]
+        yield from _cases(kind, seed, stamps, [LABEL[stamp.shape] for stamp in stamps], BLEMISH_AREAS, count, purpose)
+
+
+def whole_cases(figures: int, count: int, purpose: Purpose) -> Iterator[Case]:
+    """Known shapes without a blemish, pressed in the same way."""
+    rng = seeded(SEEDS['whole'], purpose)
+    stamps = [stamp for _ in range(figures) for stamp in map(lambda shape: blemish.whole(rng, shape), CLASSES)]
+    labels = [LABEL[stamp.shape] for stamp in stamps]
+    yield from _cases('known', SEEDS['whole'], stamps, labels, FOREIGN_AREAS, count, purpose)
+
+
+def foreign_table(known: list[Result], results: list[Result]) -> Table:
+    """As shipped, and at limits that lose 2 % of known shapes of the same size, of validation patterns ``known``."""
+    table = Table('Foreign shapes', f'best overlap with any of the five below {foreign.FOREIGN}; called unknown [%]: '
+                  'ours as shipped, and each at a limit that loses 2 % of known shapes of that size and kind of frame '
+                  '(of validation patterns); anchors by their highest probability. Required: '
+                  f'{100 * REJECTED:g} % as shipped from {FROM_AREA} taxels up',
+                  ['shape', 'frames', 'area', 'patterns', 'ours, as shipped', 'called a shape, > 0.9 sure',
+                   *(f'{name}, 2 % loss' for name in results[0].answers), 'required'])
+    for on_off, area, same in _by_size(results, FOREIGN_AREAS):
+        limit = [r for r in known if (r.case.on_off, r.case.area) == (on_off, area)]
+        for name, chosen in [*((r.case.condition, [r]) for r in same), ('all', same)]:
+            right = _together(chosen, lambda r: r.right(OURS))
+            sure = _together(chosen, lambda r: r.answers[OURS][:, :UNKNOWN].max(1) > 0.9)
+            table.add(name, KIND[on_off], area, right.count, right, f'{100 * sure.value:.1f}',
+                      *(rejection_at_loss(limit, chosen, contestant) for contestant in same[0].answers),
+                      _verdict(right, REJECTED) if area >= FROM_AREA else '')
+    return table
+
+
+def blemish_table(results: list[Result]) -> Table:
+    table = Table('Known shapes with a blemish', f'overlap with the shape {blemish.KEPT} to {1 - blemish.SPOILED:g}; '
+                  f'recognised [%], and called unknown by ours. Required: {100 * RECOGNISED:g} % from '
+                  f'{BLEMISHED_FROM} taxels up',
+                  ['blemish', 'frames', 'area', 'patterns', *results[0].answers, 'ours unknown, %', 'required'])
+    for on_off, area, same in _by_size(results, BLEMISH_AREAS):
+        for name, chosen in [*((r.case.condition, [r]) for r in same), ('all', same)]:
+            rates = [_together(chosen, lambda r, name=contestant: r.right(name)) for contestant in same[0].answers]
+            table.add(name, KIND[on_off], area, rates[0].count, *rates, f'{100 * _unknown(chosen).value:.1f}',
+                      _verdict(rates[0], RECOGNISED) if area >= BLEMISHED_FROM else '')
+    return table
+
+
+def whole_table(results: list[Result]) -> Table:
+    """What the limit for unknown costs."""
+    table = Table('The same shapes without a blemish', 'pressed in the same way: recognised [%], and called unknown by '
+                  'ours', ['frames', 'area', 'patterns', *results[0].answers, 'ours unknown, %'])
+    for result in results:
+        table.add(KIND[result.case.on_off], result.case.area, len(result.case.labels),
+                  *(result.rate(name) for name in result.answers), f'{100 * _unknown([result]).value:.2f}')
+    return table
+
+
+def _by_size(results: list[Result], areas: tuple[int, ...]) -> Iterator[tuple[bool, int, list[Result]]]:
+    for on_off in (True, False):
+        for area in areas:
+            yield on_off, area, [r for r in results if (r.case.on_off, r.case.area) == (on_off, area)]
+
+
+def _together(results: list[Result], right: Callable[[Result], np.ndarray]) -> Rate:
+    chosen = np.concatenate([right(result) for result in results])
+    return Rate(int(chosen.sum()), len(chosen))
+
+
+def _unknown(results: list[Result]) -> Rate:
+    return _together(results, lambda r: r.answers[OURS].argmax(1) == ORDER.index(Shape.UNKNOWN))
+
+
+def _verdict(rate: Rate, least: float) -> str:
+    return 'met' if rate.value >= least else 'NOT MET'

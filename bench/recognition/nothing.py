@@ -1,0 +1,117 @@
+"""Pads that nothing presses: how often a frame is called a shape, and how long a stream reports one.
+
+Every kind is measured alone, in sequences of FRAMES frames, PERIOD apart. Training imports nothing from here.
+"""
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from bench.recognition.figures import Rate
+from bench.recognition.idle import IDLE, Idle
+from bench.recognition.page import Table
+from tactile_node import ConfigurationError, ContactStream, PressThresholds, Recogniser, find_contact
+from tactile_node.shape.recognition import Shape
+
+FRAMES = 50
+PERIOD = 0.02             #: [s]
+SIDES = (16,) * 7 + (8, 32, 64)  #: of the pads, taken in turn
+ENOUGH = 200              #: sequences, 10,000 frames of a kind
+MOST_CALLED = 0.001       #: of the frames of a kind
+LONGEST = 0.1             #: a shape may stay on the topic [s]
+SHAPES = tuple(shape for shape in Shape if shape not in (Shape.NONE, Shape.UNKNOWN))
+
+
+class Stream(Protocol):
+    """What follows one pad: the library's ContactStream."""
+
+    def update(self, values: np.ndarray, stamp: float): ...
+
+
+Recognise = Callable[[np.ndarray], Shape]
+NewStream = Callable[[], Stream]
+
+
+class Seen(NamedTuple):
+    """What was made of one kind."""
+
+    kind: str
+    called: Rate          #: single frames called one of the five shapes
+    by_shape: dict[Shape, int]
+    longest: float        #: time that a stream reports a shape without a break [s]
+    streams: Rate         #: sequences in which a stream reports one for more than LONGEST
+
+    @property
+    def is_met(self) -> bool:
+        return self.called.value <= MOST_CALLED and self.longest <= LONGEST + 1e-9
+
+
+def measured(rng: np.random.Generator, kind: str, recognise: Recognise, new_stream: NewStream,
+             sequences: int = ENOUGH) -> Seen:
+    """Return what single frames are called, and what a stream reports of each sequence.
+
+    ``recognise``: shape of a single frame; ``new_stream``: makes what follows a pad. Frames are bool, or float in
+    fractions of full scale.
+    """
+    by_shape, frames, times = dict.fromkeys(SHAPES, 0), 0, []
+    for idle in drawn(rng, kind, sequences):
+        for frame in idle.frames[idle.begin:]:
+            frames += 1
+            shape = recognise(frame)
+            if shape in SHAPES:
+                by_shape[shape] += 1
+        times.append(PERIOD * longest_run(_reported(new_stream(), idle)))
+    too_long = sum(time > LONGEST + 1e-9 for time in times)
+    return Seen(kind, Rate(sum(by_shape.values()), frames), by_shape, max(times), Rate(too_long, len(times)))
+
+
+def library(recogniser: Recogniser) -> tuple[Recognise, NewStream]:
+    """Return how the library, without options, recognises single frames and follows a pad."""
+    def recognise(frame: np.ndarray) -> Shape:
+        return recogniser.recognise(find_contact(frame, unit=None)).shape
+
+    def new_stream() -> Stream:
+        try:
+            return ContactStream(recogniser, unit=None)
+        except ConfigurationError:  # a stream that needs to know full scale
+            return ContactStream(recogniser, thresholds=PressThresholds.of_full_scale(1.0))
+    return recognise, new_stream
+
+
+def table(found: list[Seen]) -> Table:
+    made = Table('Nothing presses', f'{FRAMES} frames a sequence at {1 / PERIOD:g} Hz, pads of {min(SIDES)} to '
+                 f'{max(SIDES)} taxels square; single frames called one of the five shapes [%], and the longest time '
+                 f'that a stream, as the nodes, has one on the topic. Required: at most {100 * MOST_CALLED:g} % and '
+                 f'{LONGEST:g} s', ['kind', 'frames', 'called a shape, %', 'most often', 'on the topic, s',
+                                    f'sequences over {LONGEST:g} s, %', 'required'])
+    for seen in found:
+        often = max(seen.by_shape, key=lambda shape: seen.by_shape[shape])
+        made.add(seen.kind, seen.called.count, seen.called, often.value if seen.called.right else '',
+                 f'{seen.longest:.2f}', f'{100 * seen.streams.value:.1f}', 'met' if seen.is_met else 'NOT MET')
+    return made
+
+
+def drawn(rng: np.random.Generator, kind: str, sequences: int) -> Iterator[Idle]:
+    """Draw ``sequences`` of a kind on pads of SIDES in turn; as many more as it takes for the frames that count."""
+    count, number = 0, 0
+    while count < sequences * FRAMES:
+        idle = IDLE[kind](rng, FRAMES, SIDES[number % len(SIDES)])
+        count, number = count + len(idle.frames) - idle.begin, number + 1
+        yield idle
+
+
+def longest_run(reported: np.ndarray) -> int:
+    """Return the most successive true values of ``reported``, (n,).
+
+    >>> longest_run(np.array([True, False, True, True]))
+    2
+    """
+    ends = np.flatnonzero(~np.concatenate(([False], reported, [False])))
+    return int(np.diff(ends).max() - 1)
+
+
+def _reported(stream: Stream, idle: Idle) -> np.ndarray:
+    """Whether a shape is on the topic after each frame in which nothing presses."""
+    fused = [stream.update(frame, PERIOD * k).fused.recognition.shape in SHAPES for k, frame in enumerate(idle.frames)]
+    return np.array(fused[idle.begin:])

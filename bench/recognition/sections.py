@@ -1,0 +1,149 @@
+"""The sections of the report, each with its tables, pictures and results; any of them can be run alone."""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+from bench.recognition import blind_spots, familiar, nothing, tables
+from bench.recognition.cases import Case, clean_cases, field_cases, seeded
+from bench.recognition.contest import OURS, Contest, Result
+from bench.recognition.idle import IDLE
+from bench.recognition.page import KIND, Table, draw_failures
+from bench.recognition.punches import mechanics_cases
+from tactile_node import Recogniser
+from tactile_node.synthetic.seeds import Purpose
+
+AREAS, FIELD_AREAS = (9, 12, 15, 20, 25, 35, 50, 75, 100), (20, 50, 100)
+NOTHING_SEEDS = 900_000
+
+
+class Amount(NamedTuple):
+    """How much is drawn."""
+
+    bulk: int       #: samples that the anchors are trained on, of each kind of frame
+    faulty: int     #: the same under field conditions
+    epochs: int     #: of the CNN
+    clean: int      #: patterns a case
+    field: int
+    mechanics: int
+    figures: int    #: of a family of foreign shapes; of blemished ones a tenth for each shape
+    pressed: int    #: frames of a family and size
+    sequences: int  #: of a kind of nothing
+    cell: int       #: patterns of a cell of the blind spots
+    repeat: int     #: frames that are timed
+
+
+FULL = Amount(bulk=100_000, faulty=8_000, epochs=4, clean=3000, field=400, mechanics=2000, figures=100, pressed=400,
+              sequences=nothing.ENOUGH, cell=2000, repeat=400)
+QUICK = Amount(bulk=20_000, faulty=1000, epochs=2, clean=300, field=60, mechanics=100, figures=12, pressed=60,
+               sequences=20, cell=100, repeat=100)
+
+
+class Clock(Protocol):
+    def __call__(self, text: str) -> None: ...
+
+
+class Run(NamedTuple):
+    """What every section works with."""
+
+    contest: Contest
+    recogniser: Recogniser   #: as shipped
+    amount: Amount
+    purpose: Purpose
+    output: Path
+    clock: Clock
+
+    def results(self, cases: Iterable[Case], what: str) -> list[Result]:
+        found = []
+        for case in cases:
+            found.append(self.contest.run(case))
+            self.clock(f'{what}: {case.condition}, {KIND[case.on_off]}, {case.area:g} taxels: '
+                       f'ours {found[-1].rate(OURS)} %')
+        return found
+
+    def failures(self, name: str, caption: str, results: list[Result]) -> tuple[str, str]:
+        """Draw failures; return the file's name and its caption."""
+        file = f'recognition_failures_{name}.png'
+        return file, f'{caption} ({draw_failures(self.output / file, results)} in all)'
+
+
+class Section(NamedTuple):
+    """``pictures``: name of the file in the run's folder, and caption."""
+
+    tables: list[Table]
+    results: list[Result] = []
+    pictures: list[tuple[str, str]] = []
+
+
+def clean(run: Run) -> Section:
+    results = run.results(clean_cases(AREAS, run.amount.clean, run.purpose), 'clean frames')
+    rates = tables.rates('Clean frames', 'recognised [%], 95 % Wilson intervals; the verdict compares ours with the '
+                         'interval of the better anchor', results)
+    return Section([rates, tables.probabilities(results)], results,
+                   [run.failures('clean', 'Clean frames that ours gets wrong', results)])
+
+
+def mechanics(run: Run) -> Section:
+    results = run.results(mechanics_cases(run.amount.mechanics, run.purpose), 'contact mechanics')
+    rates = tables.rates('Contact mechanics', 'frames computed for indenters on an elastic half-space, as the library '
+                         'sees them without options: recognised [%]', results)
+    return Section([rates], results, [run.failures('mechanics', 'Computed frames that ours gets wrong', results)])
+
+
+def speed(run: Run) -> Section:
+    return Section([tables.speed(run.contest, run.amount.repeat, run.purpose)])
+
+
+def foreign(run: Run) -> Section:
+    known = run.results(familiar.whole_cases(10 * run.amount.figures, run.amount.clean, Purpose.VALIDATION),
+                        'known shapes for the limits')
+    results = run.results(familiar.foreign_cases(run.amount.figures, run.amount.pressed, run.purpose), 'foreign')
+    return Section([familiar.foreign_table(known, results)], results,
+                   [run.failures('foreign', 'Foreign shapes that ours takes for a known one', results)])
+
+
+def blemish(run: Run) -> Section:
+    figures = max(2, run.amount.figures // 10)
+    results = run.results(familiar.blemish_cases(figures, run.amount.pressed, run.purpose), 'blemish')
+    whole = run.results(familiar.whole_cases(run.amount.figures, run.amount.clean, run.purpose), 'without a blemish')
+    return Section([familiar.blemish_table(results), familiar.whole_table(whole)], [*results, *whole],
+                   [run.failures('blemish', 'Blemished shapes that ours gets wrong', results)])
+
+
+def idle(run: Run) -> Section:
+    found = []
+    for number, kind in enumerate(IDLE):
+        found.append(nothing.measured(seeded(NOTHING_SEEDS + number, run.purpose), kind,
+                                      *nothing.library(run.recogniser), run.amount.sequences))
+        run.clock(f'nothing: {kind}: {found[-1].called} % called a shape, {found[-1].longest:.2f} s on the topic')
+    return Section([nothing.table(found)])
+
+
+def spots(run: Run) -> Section:
+    found = []
+    for one in blind_spots.measured(run.contest, run.amount.cell, run.purpose):
+        found.append(one)
+        run.clock(f'blind spots: {one.cell.curve} {one.cell.label}, {KIND[one.cell.on_off]}: {one.rates[OURS]} %')
+    file = 'recognition_blind_spots.png'
+    blind_spots.draw_curves(run.output / file, found)
+    blind_spots.write_spots(run.output / 'blind_spots.csv', found)
+    return Section([blind_spots.table(found)], pictures=[(file, 'Accuracy by orientation, place, size, aspect and '
+                                                                'pressure')])
+
+
+def field(run: Run) -> Section:
+    results = run.results(field_cases(FIELD_AREAS, run.amount.field, run.purpose), 'field conditions')
+    rates = tables.rates('Field conditions', 'one condition changed, the rest nominal; UNKNOWN, which the anchors '
+                         'cannot say, counts as not recognised', results)
+    return Section([rates], results,
+                   [run.failures('field', 'Frames under field conditions that ours gets wrong', results)])
+
+
+def recordings(run: Run) -> Section:
+    return Section([tables.recordings(run.contest)])
+
+
+SECTIONS: dict[str, Callable[[Run], Section]] = {
+    'clean': clean, 'mechanics': mechanics, 'recordings': recordings, 'nothing': idle, 'foreign': foreign,
+    'blemish': blemish, 'blind-spots': spots, 'speed': speed, 'field': field}
+WITHOUT_ANCHORS = frozenset({'nothing'})

@@ -1,0 +1,104 @@
+"""Cells of the search for blind spots: contacts of exact orientation, place, size, aspect and pressure.
+
+Training imports nothing from here, and nothing here comes from training.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import ndimage
+
+from tactile_node.synthetic.pressure import coverage
+from tactile_node.synthetic.world import CLASSES, Contact, random_contact
+
+AREAS = 16.0, 200.0    #: [taxels], log-uniform where the size is not what is varied
+PRESSURE, TILT, BLUR, NOISE = 0.5, 0.2, 0.5, 0.01  #: nominal, as in training.field
+MARGIN = 4             #: taxels around a contact
+ANGLES = range(0, 91, 5)                   #: [degrees], with a random number of quarter turns
+PLACES = (0.0, 0.25, 0.5)                  #: of the centre of area from a taxel's centre [pitches]
+WIDTHS = (8, 10, 12, 14, 16, 18, 20, 24, 32, 48, 64)  #: longest side, or diameter [taxels]
+RATIOS = {'rectangle': (1.5, 1.75, 2.0, 2.5, 3.0), 'right_triangle': (1.5, 2.0, 2.5)}
+APEXES = (40, 50, 60, 75)                  #: of isosceles triangles [degrees]
+PRESSURES = (0.05, 0.1, 0.2, 0.4, 0.6, 0.8)
+ANY_ANGLE, FLAT, DIAGONAL = 'any angle', '0 degrees', '45 degrees'
+
+
+class Cell(NamedTuple):
+    """What is kept in one cell; None: as usual, in general position."""
+
+    curve: str               #: what is varied, and what is kept beside it
+    value: float             #: where on the curve
+    label: str               #: of the value
+    on_off: bool
+    angle: float | None = None                    #: [degrees]
+    places: tuple[tuple[float, float], ...] = ()  #: one of these is drawn
+    width: float | None = None
+    pressure: float = PRESSURE
+    shape: str = ''          #: '': the five in turn
+    ratio: float | None = None
+
+    @property
+    def words(self) -> str:
+        """The label on one line."""
+        return self.label.replace('\n', ', ')
+
+    def kinds(self, count: int) -> list[str]:
+        """The shape of each of ``count`` contacts."""
+        return [self.shape or CLASSES[k % len(CLASSES)] for k in range(count)]
+
+
+def cells() -> list[Cell]:
+    """All cells, those of one curve one after another."""
+    found = []
+    for on_off in (True, False):
+        found += [Cell('orientation [degrees]', angle, f'{angle}', on_off, angle=angle) for angle in ANGLES]
+        for name, angle in ((ANY_ANGLE, None), (FLAT, 0.0)):
+            places = [(x, y) for k, x in enumerate(PLACES) for y in PLACES[k:]]
+            found += [Cell(f'place in the taxel, {name}', k, f'{x:g}\n{y:g}', on_off, angle, ((x, y), (y, x)))
+                      for k, (x, y) in enumerate(places)]
+        exact = tuple((x, y) for x in PLACES for y in PLACES)
+        for name, angle, where in ((ANY_ANGLE, None, ()), (FLAT, 0.0, exact), (DIAGONAL, 45.0, exact)):
+            found += [Cell(f'width [taxels], {name}', width, f'{width}', on_off, angle, where, width)
+                      for width in WIDTHS]
+        for shape, ratios in RATIOS.items():
+            found += [Cell(f'ratio of sides, {shape.replace("_", " ")}', ratio, f'{ratio:g}', on_off, shape=shape,
+                           ratio=ratio) for ratio in ratios]
+        found += [Cell('apex [degrees], isosceles triangle', apex, f'{apex}', on_off, shape='isosceles_triangle',
+                       ratio=2 * float(np.tan(np.radians(apex) / 2))) for apex in APEXES]
+    found += [Cell('pressure [% of full scale]', 100 * pressure, f'{100 * pressure:g}', on_off=False,
+                   pressure=pressure) for pressure in PRESSURES]
+    return found
+
+
+def frame(cell: Cell, kind: str, rng: np.random.Generator) -> np.ndarray:
+    """Draw a frame of one contact of ``kind``: bool, or float in fractions of full scale."""
+    contact, side = contact_in(cell, kind, rng)
+    if cell.on_off:
+        return contact.pattern(side, side)
+    y, x = np.indices((side, side), float)
+    towards, rise = rng.uniform(0, 2 * np.pi), TILT / np.sqrt(contact.area / np.pi)
+    slope = 1 + rise * (np.cos(towards) * (x - contact.x) + np.sin(towards) * (y - contact.y))
+    values = ndimage.gaussian_filter(coverage(contact, side, side) * np.clip(cell.pressure * slope, 0, 1), BLUR)
+    return values + NOISE * rng.standard_normal(values.shape)
+
+
+def contact_in(cell: Cell, kind: str, rng: np.random.Generator) -> tuple[Contact, int]:
+    """Draw the contact and the side of a pad with room for it."""
+    drawn = random_contact(rng, kind, float(np.exp(rng.uniform(*np.log(AREAS)))))
+    dimensions = _dimensions(cell, drawn)
+    angle = drawn.angle if cell.angle is None else np.radians(cell.angle) + np.pi / 2 * rng.integers(4)
+    side = 2 * (int(np.ceil(Contact(kind, dimensions, 0.0, 0.0).reach)) + MARGIN) + 1
+    offset = cell.places[rng.integers(len(cell.places))] if cell.places else rng.uniform(-0.5, 0.5, 2)
+    x, y = (side // 2 + offset[0], side // 2 + offset[1])
+    return Contact(kind, dimensions, x=float(x), y=float(y), angle=float(angle)), side
+
+
+def _dimensions(cell: Cell, drawn: Contact) -> tuple[float, ...]:
+    """Of the ratio and width that the cell prescribes."""
+    lengths, rest = np.array(drawn.dimensions[:2]), drawn.dimensions[2:]
+    if cell.ratio is not None:
+        lengths = np.sqrt(lengths.prod()) * np.array((cell.ratio ** 0.5, cell.ratio ** -0.5))
+    if cell.width is not None:
+        longest = 2 * lengths[0] if drawn.shape == 'circle' else lengths.max()
+        lengths = lengths * (cell.width / longest)
+    return (*(float(length) for length in lengths), *rest)

@@ -1,0 +1,90 @@
+"""A figure on fine cells, pressed on a pad in general position: how foreign and blemished contacts become frames.
+
+Nothing here or in the families that use it comes from training.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy import ndimage
+
+from tactile_node.geometry.overlap import ANY, Limits, best_overlap
+
+CELLS = 256        #: of the square that a figure is drawn in, x and y from -1 to 1
+SUBSAMPLES = 6     #: a taxel's coverage is counted on 6 x 6 points
+PRESSURE = 0.1, 0.8  #: mean pressure [fraction of full scale]
+TILT = 0.3         #: largest relative rise of the pressure over the contact's mean radius
+BLUR = 0.5         #: standard deviation of the elastomer's spread [pitches]
+NOISE = 0.01       #: standard deviation [fraction of full scale]
+DEAD = 0.03        #: fraction of taxels without a valid value
+
+#: draws which points, (x, y) of shape (CELLS, CELLS), belong to a figure
+Drawing = Callable[[np.random.Generator, np.ndarray, np.ndarray], np.ndarray]
+
+
+class Stamp(NamedTuple):
+    """What is pressed on a pad, without a unit of length."""
+
+    name: str           #: of its family
+    filled: np.ndarray  #: bool, (rows, cols)
+    shape: str          #: of the five, the one that it is most like, its enclosed holes filled
+    overlap: float      #: with that shape, intersection over union
+
+
+def drawn(name: str, rng: np.random.Generator, drawing: Drawing, limits: Limits = ANY) -> Stamp:
+    """Draw a figure, without regard to its overlap; one in pieces, or cut by the square's edge, is drawn again."""
+    x, y = points()
+    while True:
+        filled = drawing(rng, x, y)
+        if ndimage.label(filled)[1] == 1 and not _on_edge(filled):
+            return Stamp(name, filled, *best_overlap(ndimage.binary_fill_holes(filled), limits))
+
+
+def points() -> tuple[np.ndarray, np.ndarray]:
+    """Return x and y of the cells' middles, each (CELLS, CELLS)."""
+    place = (np.arange(CELLS) + 0.5) * (2 / CELLS) - 1
+    x, y = np.meshgrid(place, place)
+    return x, y
+
+
+def _on_edge(filled: np.ndarray) -> bool:
+    return bool(filled[[0, -1]].any() or filled[:, [0, -1]].any())
+
+
+def pressed(stamp: Stamp, rng: np.random.Generator, area: float, on_off: bool) -> np.ndarray:
+    """Return a frame of ``stamp`` of ``area`` [taxels] at any angle and sub-taxel place, in the middle of a pad.
+
+    bool: a taxel is on when its centre is inside; or float, fractions of full scale, NaN where dead.
+    """
+    rows, cols = np.nonzero(stamp.filled)
+    cell = np.sqrt(area / len(rows))  # [pitches]
+    middle = np.array((rows.mean(), cols.mean()))
+    reach = np.hypot(rows - middle[0], cols - middle[1]).max() * cell
+    side = max(16, int(np.ceil(2 * reach)) + 8)
+    centre = (side - 1) / 2 + rng.uniform(-0.5, 0.5, 2)
+    angle = rng.uniform(0, 2 * np.pi)
+    turn = np.array(((np.cos(angle), np.sin(angle)), (-np.sin(angle), np.cos(angle)))) / cell
+
+    def inside(places: np.ndarray) -> np.ndarray:
+        at = np.rint((places - centre) @ turn + middle).astype(int)
+        valid = ((at >= 0) & (at < stamp.filled.shape)).all(-1)
+        return valid & stamp.filled[tuple(np.moveaxis(np.where(valid[..., None], at, 0), -1, 0))]
+
+    taxels = np.moveaxis(np.indices((side, side)), 0, -1).astype(float)
+    if on_off:
+        return inside(taxels)
+    step = (np.arange(SUBSAMPLES) + 0.5) / SUBSAMPLES - 0.5
+    points = np.moveaxis(np.array(np.meshgrid(step, step)), 0, -1).reshape(-1, 2)
+    covered = inside(taxels[:, :, None] + points).mean(-1)
+    return _values(rng, covered, taxels - centre, np.sqrt(area / np.pi))
+
+
+def _values(rng: np.random.Generator, covered: np.ndarray, arms: np.ndarray, radius: float) -> np.ndarray:
+    """Pressures under ``covered`` taxels, ``arms`` (rows, cols, 2) from the contact's middle [pitches]."""
+    tilt, angle = rng.uniform(0, TILT) / radius, rng.uniform(0, 2 * np.pi)
+    rise = 1 + tilt * (arms @ (np.sin(angle), np.cos(angle)))
+    values = ndimage.gaussian_filter(covered * np.clip(rng.uniform(*PRESSURE) * rise, 0, 1), BLUR)
+    values += NOISE * rng.standard_normal(values.shape)
+    values[rng.random(values.shape) < DEAD] = np.nan
+    return values

@@ -1,0 +1,72 @@
+"""The tables of clean frames, field conditions, time and recordings."""
+
+import numpy as np
+
+from bench.recognition.cases import CLEAN, make_case, patches, recorded
+from bench.recognition.contest import ORDER, OURS, Contest, Result, answers_of, calibration, fused
+from bench.recognition.figures import Rate
+from bench.recognition.page import KIND, Table
+from tactile_node.shape.recognition import Shape
+from tactile_node.synthetic.seeds import Purpose
+
+HELD = 40  #: taxels on: while the ring is held there are more, before and after fewer
+
+
+def rates(heading: str, text: str, results: list[Result]) -> Table:
+    names = list(results[0].answers)
+    table = Table(heading, text, ['condition', 'frames', 'area', 'patterns', *(f'{name}, %' for name in names),
+                                  'ours unknown, %', 'ours against the better'])
+    for result in results:
+        best = max((result.rate(name) for name in names if name != OURS), key=lambda rate: rate.value)
+        ours, (low, high) = result.rate(OURS), best.interval
+        verdict = 'above' if ours.value > high else 'within' if ours.value >= low else 'BELOW'
+        table.add(result.case.condition, KIND[result.case.on_off], f'{result.case.area:g}', ours.count,
+                  *(result.rate(name) for name in names), f'{100 * unknown(result).value:.2f}', verdict)
+    return table
+
+
+def unknown(result: Result) -> Rate:
+    """Known shapes that ours calls unknown."""
+    called = result.answers[OURS].argmax(1) == ORDER.index(Shape.UNKNOWN)
+    return Rate(int(called.sum()), len(called))
+
+
+def speed(contest: Contest, repeat: int, purpose: Purpose) -> Table:
+    table = Table('Time of a single frame', f'median of {repeat} frames, one core, each by itself [us]; ours from the '
+                  'contact pattern on, the anchors from a prepared patch on (its making is not counted)',
+                  ['frames', 'area', OURS, 'CNN', 'contours + trees', 'ours / CNN', 'ours / (contours + trees)'])
+    for on_off in (True, False):
+        for area in (20, 50, 100):
+            taken = contest.times(make_case(3000 + on_off, CLEAN, on_off, area, count=50, purpose=purpose), repeat)
+            ours, cnn, trees = taken.values()
+            table.add(KIND[on_off], area, *(f'{t * 1e6:.0f}' for t in (ours, cnn, trees)), f'{ours / cnn:.2f}',
+                      f'{ours / trees:.3f}')
+    return table
+
+
+def probabilities(clean: list[Result]) -> Table:
+    names = list(clean[0].answers)
+    table = Table('Expected calibration error', 'clean frames of all sizes, 15 bins [%]', ['frames', *names])
+    for on_off in (True, False):
+        chosen = [result for result in clean if result.case.on_off == on_off]
+        table.add(KIND[on_off], *(f'{100 * calibration(chosen, name):.2f}' for name in names))
+    return table
+
+
+def recordings(contest: Contest) -> Table:
+    """Real touches; they were never used for training or tuning."""
+    table = Table('Real recordings', 'share of answers over the frames in which the object is held (at least '
+                  f'{HELD} taxels on; of the square, moved and noisy, at least 30) [%]: frame by frame, and ours as '
+                  'the classifier node reports it, successive frames fused',
+                  ['recording', 'frames', 'contestant', *(shape.value for shape in ORDER)])
+    for log, least in (('nus_ring_session.log.gz', HELD), ('nus_square_excerpt.log.gz', 30)):
+        stamps, patterns = recorded(log)
+        held = np.flatnonzero([(pattern.values > 0.5).sum() >= least for pattern in patterns])
+        ours = answers_of(contest.ours, patterns)
+        answers = {OURS: ours[held], f'{OURS}, fused': fused(stamps, ours)[held]}
+        samples = patches([patterns[k] for k in held], np.zeros(len(held), int))
+        answers |= {anchor.name: anchor.probabilities(samples) for anchor in contest.anchors[True]}
+        for name, answer in answers.items():
+            share = np.bincount(answer.argmax(1), minlength=len(ORDER)) / len(held)
+            table.add(log.split('.')[0], len(held), name, *(f'{100 * s:.0f}' for s in share))
+    return table
