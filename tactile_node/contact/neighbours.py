@@ -1,6 +1,9 @@
 """The 8 taxels around each one: a few whole-array operations take a fifth of the time of ndimage's filters."""
 
 import numpy as np
+from scipy import ndimage
+
+from tactile_node.contact.seen import EIGHT_CONNECTED
 
 
 def grown(mask: np.ndarray) -> np.ndarray:
@@ -31,3 +34,14 @@ def sum_around(values: np.ndarray) -> np.ndarray:
     around[:, 1:] += tall[:, :-1]
     around[:, :-1] += tall[:, 1:]
     return around
+
+
+def linked(taxels: np.ndarray, between: int) -> np.ndarray:
+    """Number the groups of ``taxels``, bool (rows, cols), with at most so many others ``between`` neighbours; 0: none.
+
+    >>> linked(np.array([[True, False, True, False, False, True]]), 1)[0, [0, 2, 5]].tolist()
+    [1, 1, 2]
+    """
+    wide = ndimage.maximum_filter(taxels.view(np.uint8), between + 1, mode='constant')
+    groups: np.ndarray = ndimage.label(wide, EIGHT_CONNECTED)[0]
+    return groups

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import ndimage
 
+from tactile_node.contact.left_over import LeftOver
 from tactile_node.contact.neighbours import grown
 from tactile_node.contact.noise_floor import NoiseFloor
 from tactile_node.contact.press import PressThresholds
@@ -23,11 +24,11 @@ class ContactPattern(NamedTuple):
     """The taxels pressed together; arrays are read-only, of shape (rows, cols)."""
 
     mask: np.ndarray    #: bool, the largest contact
-    values: np.ndarray  #: float, the frame's values, NaN where a taxel has no valid one
+    values: np.ndarray  #: float, the frame's values, NaN where a taxel has no valid one or is left over
     contacts: int       #: number of separate contacts seen on the pad, 0 when it is empty or not seen
     labels: np.ndarray  #: uint8, the contact that a taxel belongs to: 1 the largest, 2 the next, ...; 0 none
     sizes: tuple[int, ...]  #: taxels of each label: sizes[0] is that of label 1
-    hidden: np.ndarray      #: bool, taxels of the pad without a valid value
+    hidden: np.ndarray      #: bool, taxels of the pad without a valid value, or left over
     saturated: np.ndarray   #: bool, taxels at the end of their range: their value is a lower bound
     unmapped: np.ndarray    #: bool, places without a taxel: no part of the pad, as what lies beyond its edge
     noise: np.ndarray       #: float, standard deviation of each taxel at rest [unit of the values]; NaN: not known
@@ -64,6 +65,9 @@ class PatternExtractor:
     it is valid again. One exception: invalid taxels fully enclosed by the contact are filled in, for a dead
     taxel under an object is no hole of the object.
 
+    Taxels that stay on after their contact is gone are hidden (`LeftOver`): they are no contact, and whether something
+    presses there is not known.
+
     Pressed taxels that face each other across hidden ones, along a row or a column, are one contact: a row that
     was not seen tears no contact apart.
 
@@ -79,6 +83,7 @@ class PatternExtractor:
         self._is_free = unit is None and thresholds is None
         self._floor = NoiseFloor(self._least or np.inf)
         self._largest = largest
+        self._left_over = LeftOver()
         self._pressed: np.ndarray | None = None
 
     def extract(self, values: ArrayLike, *, saturated: ArrayLike | None = None,
@@ -96,6 +101,11 @@ class PatternExtractor:
         pressed, noise = self._found(frame, numbers, valid)
         pressed &= valid
         labels, contacts = number_contacts(pressed, hidden)
+        left = self._left_over.update(pressed) if self._largest else None
+        if left is not None and left.any():  # what they read is no contact, and hides whether there is one
+            valid = valid & ~left
+            hidden = hidden | left
+            labels, contacts = number_contacts(pressed & ~left, hidden)
         if self._largest:
             mask = _with_enclosed(labels == 1, ~hidden)
             labels[mask] = 1

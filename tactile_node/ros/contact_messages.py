@@ -15,14 +15,25 @@ from tactile_skin.msg import Contact, TaxelArray
 def contact_message(taxels: TaxelArray, pattern: ContactPattern, visibility: Visibility,
                     smallest_contact: int = SMALLEST_CONTACT) -> Contact:
     """``pattern``: of ``taxels``, as ``visibility``, which was found for ``smallest_contact`` [taxels]."""
+    values, status = _without_left_over(taxels, pattern)
     return Contact(
         header=taxels.header, sequence=taxels.sequence, age=taxels.age, state=pad_state(pattern, visibility),
         smallest_contact=smallest_contact,
         pad_seen=visibility.pad_seen, rows=taxels.rows, cols=taxels.cols, pitch=taxels.pitch, unit=taxels.unit,
-        values=taxels.values, status=taxels.status, labels=as_array('B', pattern.labels, np.uint8),
+        values=values, status=status, labels=as_array('B', pattern.labels, np.uint8),
         contacts=pattern.contacts, contact_taxels=array('I', pattern.sizes),
         noise_floor=as_array('f', pattern.noise, np.float32) if np.isfinite(pattern.noise).all() else array('f'),
         missing_can_frames=taxels.missing_can_frames)
+
+
+def _without_left_over(taxels: TaxelArray, pattern: ContactPattern) -> tuple[array, array]:
+    """Return values and status of the taxels; those left over by a contact are FAULTY, without a value."""
+    left = pattern.hidden & np.isfinite(taxel_values(taxels))
+    if not left.any():
+        return taxels.values, taxels.status
+    status = np.frombuffer(taxels.status, np.uint8).reshape(left.shape)
+    return (as_array('f', pattern.values, np.float32),
+            as_array('B', np.where(left, TaxelStatus.FAULTY, status), np.uint8))
 
 
 def pad_state(pattern: ContactPattern, visibility: Visibility) -> int:

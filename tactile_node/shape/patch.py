@@ -8,10 +8,9 @@ taxels give pressures, the partial pressures of its rim.
 from typing import NamedTuple
 
 import numpy as np
-from scipy import ndimage
 
+from tactile_node.contact.neighbours import linked
 from tactile_node.contact.pattern import MOST_LABELS, ContactPattern
-from tactile_node.contact.seen import EIGHT_CONNECTED
 from tactile_node.read_only import read_only
 
 SIDE = 20        #: rows and columns of a patch
@@ -40,10 +39,10 @@ def joined(pattern: ContactPattern) -> np.ndarray:
         return pattern.mask
     least = np.nanmin(pattern.values[pattern.mask], initial=np.inf)
     others = (pattern.values >= least) & ~pattern.mask
-    groups = _linked(others, 1)
+    groups = linked(others, 1)
     others &= (np.bincount(groups[others], minlength=groups.max() + 1) >= PIECE)[groups]
     pressed = pattern.mask | others
-    groups = _linked(pressed, BRIDGED)
+    groups = linked(pressed, BRIDGED)
     together: np.ndarray = pressed & (groups == groups[pattern.mask][0])
     return together
 
@@ -61,13 +60,6 @@ def join_pieces(pattern: ContactPattern) -> ContactPattern:
     sizes = tuple(np.bincount(labels.reshape(-1))[1:].tolist())
     return pattern._replace(mask=read_only(labels == 1), labels=read_only(labels), sizes=sizes,
                             contacts=pattern.contacts - int(np.count_nonzero(is_piece)) + 1)
-
-
-def _linked(taxels: np.ndarray, between: int) -> np.ndarray:
-    """Number the groups of ``taxels`` with at most so many others between neighbours; 0 is none."""
-    wide = ndimage.maximum_filter(taxels.view(np.uint8), between + 1, mode='constant')
-    groups: np.ndarray = ndimage.label(wide, EIGHT_CONNECTED)[0]
-    return groups
 
 
 def make_patch(values: np.ndarray, mask: np.ndarray) -> Patch:
