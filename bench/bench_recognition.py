@@ -1,15 +1,13 @@
 """How well shapes are recognised: ours beside a small CNN and OpenCV contours with 300 trees.
 
 Run by `make bench`, or: .venv-bench/bin/python bench/bench_recognition.py [--quick] [--only SECTION ...]. Both anchors
-are trained in this run, on training seeds of the generator. Writes recognition.csv, blind_spots.csv, the page and its
+are trained in this run, on the samples of `make train`. Writes recognition.csv, blind_spots.csv, the page and its
 pictures. With --validation the patterns come from seeds that are never reported: for a look while something is changed.
 """
 
 import argparse
 import os
 import sys
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
 
@@ -20,17 +18,13 @@ sys.path.insert(0, str(ROOT))
 import cv2
 import torch
 
-from bench.recognition.anchors import Cnn, ContourTrees
+from bench.recognition.anchor_training import train_anchors
 from bench.recognition.contest import Contest
 from bench.recognition.page import write_csv, write_page
-from bench.recognition.sections import FULL, QUICK, SECTIONS, WITHOUT_ANCHORS, Amount, Run
+from bench.recognition.sections import FULL, QUICK, SECTIONS, WITHOUT_ANCHORS, Run
 from tactile_node import Recogniser
 from tactile_node.package_files import config_path
-from tactile_node.synthetic.seeds import Purpose, generator
-from training.batch import draw_many
-from training.samples import UNKNOWN, Samples, draw, joined_samples
-
-ANCHOR_SEEDS = {True: 900_001, False: 900_002}
+from tactile_node.synthetic.seeds import Purpose
 
 
 class Clock:
@@ -43,32 +37,6 @@ class Clock:
         print(f'[{perf_counter() - self._begin:5.0f} s] {text}', flush=True)
 
 
-def anchor_samples(on_off: bool, bulk: int, faulty: int) -> Samples:
-    """Nominal and field conditions as for ours, without outliers: the anchors know five classes."""
-    rng = generator(Purpose.TRAINING, ANCHOR_SEEDS[on_off])
-    parts = [draw_many(rng, 256, on_off, ((7, 60), (30, 110))[k % 4 == 3]) for k in range(bulk // 256)]
-    samples = joined_samples([*parts, draw(rng, faulty, on_off, faulty=1.0, outliers=0.0)])
-    return Samples(*(array[samples.labels != UNKNOWN] for array in samples))  # two contacts in one are no class
-
-
-def trained(on_off: bool, bulk: int, faulty: int, epochs: float) -> list:
-    """The CNN and the trees for one kind of frame."""
-    torch.set_num_threads(1)
-    samples = anchor_samples(on_off, bulk, faulty)
-    return [Cnn(samples, epochs), ContourTrees(samples, not on_off)]
-
-
-def train_anchors(clock: Clock, jobs: int, amount: Amount) -> dict:
-    """Both kinds of frames at once, if ``jobs`` is 2."""
-    clock(f'training the anchors on {amount.bulk} + {amount.faulty} samples of each kind of frame, the CNN for '
-          f'{amount.epochs:g} epochs')
-    kinds, of_each = (True, False), (amount.bulk, amount.faulty, amount.epochs)
-    if jobs < 2:
-        return {on_off: trained(on_off, *of_each) for on_off in kinds}
-    with ProcessPoolExecutor(2, get_context('spawn')) as pool:
-        return dict(zip(kinds, pool.map(trained, kinds, *([value] * 2 for value in of_each))))
-
-
 def main() -> int:
     args = _arguments()
     clock = Clock()
@@ -76,7 +44,8 @@ def main() -> int:
     cv2.setNumThreads(1)
     args.output.mkdir(parents=True, exist_ok=True)
     amount = QUICK if args.quick else FULL
-    anchors = {True: [], False: []} if set(args.only) <= WITHOUT_ANCHORS else train_anchors(clock, args.jobs, amount)
+    anchors = {True: [], False: []} if set(args.only) <= WITHOUT_ANCHORS else train_anchors(
+        args.samples, amount.share, amount.epochs, args.jobs, clock)
     recogniser = Recogniser(file=config_path(args.weights))
     run = Run(Contest(recogniser, anchors), recogniser, amount, output=args.output, clock=clock,
               purpose=Purpose.VALIDATION if args.validation else Purpose.EVALUATION)
@@ -103,6 +72,7 @@ def _arguments() -> argparse.Namespace:
                         help=f'of {", ".join(SECTIONS)}; default all')
     parser.add_argument('--validation', action='store_true', help='validation seeds: for a look, not for the report')
     parser.add_argument('--output', type=Path, default=ROOT / 'bench_output')
+    parser.add_argument('--samples', type=Path, default=ROOT / 'build/samples', help="folder of training's samples")
     parser.add_argument('--jobs', type=int, default=2, help='processes that train the anchors, default %(default)s')
     parser.add_argument('--weights', default='recogniser.npz')
     return parser.parse_args()

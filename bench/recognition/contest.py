@@ -10,11 +10,10 @@ import torch
 from bench.recognition.anchors import Single
 from bench.recognition.cases import Case
 from bench.recognition.figures import Rate, calibration_error
-from tactile_node import Recogniser
+from tactile_node import ContactStream, Recogniser
 from tactile_node.contact.pattern import ContactPattern
-from tactile_node.fusion.recognitions import RecognitionFusion
 from tactile_node.shape.recogniser import OUTPUTS
-from tactile_node.shape.recognition import Recognition, Shape
+from tactile_node.shape.recognition import Shape
 from training.samples import UNKNOWN, Samples
 
 ORDER = (*OUTPUTS, Shape.NONE)
@@ -74,11 +73,10 @@ def answers_of(recogniser: Recogniser, patterns: Iterable[ContactPattern]) -> np
     return np.array([[probabilities[shape] for shape in ORDER] for probabilities in found])
 
 
-def fused(stamps: np.ndarray, answers: np.ndarray) -> np.ndarray:
-    """What the classifier node reports of successive ``answers``, as probabilities of 0 and 1, (K, 7)."""
-    fusion = RecognitionFusion()
-    said = [fusion.update(stamp, Recognition.of(dict(zip(ORDER, answer.tolist())))).recognition.shape
-            for stamp, answer in zip(stamps, answers)]
+def streamed(recogniser: Recogniser, stamps: np.ndarray, frames: Iterable[np.ndarray]) -> np.ndarray:
+    """What the nodes report of successive on/off ``frames``, as probabilities of 0 and 1, (K, 7)."""
+    stream = ContactStream(recogniser, unit='1')
+    said = [stream.update(frame, stamp).fused.recognition.shape for stamp, frame in zip(stamps, frames)]
     return np.eye(len(ORDER))[[ORDER.index(shape) for shape in said]]
 
 

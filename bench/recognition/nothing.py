@@ -11,7 +11,7 @@ import numpy as np
 from bench.recognition.figures import Rate
 from bench.recognition.idle import IDLE, Idle
 from bench.recognition.page import Table
-from tactile_node import ConfigurationError, ContactStream, PressThresholds, Recogniser, find_contact
+from tactile_node import ContactStream, Recogniser, find_contact
 from tactile_node.shape.recognition import Shape
 
 FRAMES = 50
@@ -72,10 +72,7 @@ def library(recogniser: Recogniser) -> tuple[Recognise, NewStream]:
         return recogniser.recognise(find_contact(frame, unit=None)).shape
 
     def new_stream() -> Stream:
-        try:
-            return ContactStream(recogniser, unit=None)
-        except ConfigurationError:  # a stream that needs to know full scale
-            return ContactStream(recogniser, thresholds=PressThresholds.of_full_scale(1.0))
+        return ContactStream(recogniser, unit=None)
     return recognise, new_stream
 
 

@@ -20,8 +20,7 @@ NOTHING_SEEDS = 900_000
 class Amount(NamedTuple):
     """How much is drawn."""
 
-    bulk: int       #: samples that the anchors are trained on, of each kind of frame
-    faulty: int     #: the same under field conditions
+    share: float    #: of training's samples, for the anchors
     epochs: int     #: of the CNN
     clean: int      #: patterns a case
     field: int
@@ -33,9 +32,9 @@ class Amount(NamedTuple):
     repeat: int     #: frames that are timed
 
 
-FULL = Amount(bulk=100_000, faulty=8_000, epochs=4, clean=3000, field=400, mechanics=2000, figures=100, pressed=400,
+FULL = Amount(share=0.3, epochs=4, clean=3000, field=400, mechanics=2000, figures=100, pressed=400,
               sequences=nothing.ENOUGH, cell=2000, repeat=400)
-QUICK = Amount(bulk=20_000, faulty=1000, epochs=2, clean=300, field=60, mechanics=100, figures=12, pressed=60,
+QUICK = Amount(share=0.07, epochs=2, clean=300, field=60, mechanics=100, figures=12, pressed=60,
                sequences=20, cell=100, repeat=100)
 
 
@@ -140,7 +139,7 @@ def field(run: Run) -> Section:
 
 
 def recordings(run: Run) -> Section:
-    return Section([tables.recordings(run.contest)])
+    return Section([tables.recordings(run.contest, run.recogniser)])
 
 
 SECTIONS: dict[str, Callable[[Run], Section]] = {

@@ -1,0 +1,59 @@
+"""The anchors, trained on the samples that ours is trained on, as many of each pool as a share of its batches."""
+
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from bench.recognition.anchors import Cnn, ContourTrees
+from training.mechanics import solution_pool
+from training.pools import Part, draw_parts, forms_of, read_parts
+from training.samples import UNKNOWN, Samples
+from training.train import MIX, PARTS
+
+WITHOUT = frozenset({'foreign', 'noise'})  #: the anchors know five classes
+
+
+def train_anchors(folder: Path, share: float, epochs: float, jobs: int, say: Callable[[str], None]) -> dict[bool, list]:
+    """Return the CNN and the trees by kind of frame; both kinds at once, if ``jobs`` is 2.
+
+    ``folder``: of training's samples, drawn where it does not hold them; ``share`` of the largest pool is taken.
+    """
+    parts = parts_of(share)
+    say(f'training the anchors on {sum(parts.values())} parts of training for each kind of frame ('
+        f'{", ".join(f"{name} {count}" for name, count in parts.items())}), the CNN for {epochs:g} epochs')
+    forms_of(folder, 'blemish')  # the pools that both kinds of frames share
+    solution_pool(folder.parent / 'mechanics')
+    kinds, of_each = (True, False), (folder, share, epochs)
+    if jobs < 2:
+        return {on_off: trained(on_off, *of_each) for on_off in kinds}
+    with ProcessPoolExecutor(2, get_context('spawn')) as pool:
+        return dict(zip(kinds, pool.map(trained, kinds, *([value] * 2 for value in of_each))))
+
+
+def parts_of(share: float) -> dict[str, int]:
+    """How many parts of each pool, as in a batch of ours: at least one, at most all that there are."""
+    known = {name: size for name, size in MIX.items() if name not in WITHOUT}
+    most = max(known, key=lambda name: known[name])
+    unit = share * PARTS[most] / known[most]
+    return {name: int(np.clip(round(unit * size), 1, PARTS[name])) for name, size in known.items()}
+
+
+def trained(on_off: bool, folder: Path, share: float, epochs: float) -> list:
+    """The CNN and the trees for one kind of frame."""
+    torch.set_num_threads(1)
+    samples = anchor_samples(on_off, folder, share)
+    return [Cnn(samples, epochs), ContourTrees(samples, not on_off)]
+
+
+def anchor_samples(on_off: bool, folder: Path, share: float) -> Samples:
+    """Samples of the five classes."""
+    wanted = [Part('on_off' if on_off else 'graded', pool, number)
+              for pool, count in parts_of(share).items() for number in range(count)]
+    for _ in draw_parts(folder, wanted):
+        pass
+    samples = read_parts(folder, wanted)
+    return Samples(*(array[samples.labels != UNKNOWN] for array in samples))
