@@ -21,7 +21,7 @@ def random_stream(seed):
 def test_a_foreign_figure_is_of_one_piece_and_like_none_of_the_five(family):
     stamp, = foreign.bank(random_stream(1), family, 1)
     assert ndimage.label(stamp.filled)[1] == 1
-    rng, filled = random_stream(2), ndimage.binary_fill_holes(stamp.filled)[::2, ::2]
+    rng, filled = random_stream(2), np.pad(ndimage.binary_fill_holes(stamp.filled)[::2, ::2], 40)
     rows, cols = np.nonzero(filled)
     y, x = (np.indices(filled.shape) - np.array((rows.mean(), cols.mean()))[:, None, None]) / np.sqrt(len(rows))
     for k in range(150):  # shapes in random poses about its centre: none reaches the limit

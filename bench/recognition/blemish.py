@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import ndimage
 
-from bench.recognition.stamp import Stamp, drawn, points
+from bench.recognition.stamp import Stamp, cropped, drawn, points
 from tactile_node.geometry.overlap import Limits
 from tactile_node.synthetic.world import Contact, random_contact
 
@@ -35,7 +35,7 @@ def bank(rng: np.random.Generator, kind: str, shape: str, count: int) -> list[St
 
 def whole(rng: np.random.Generator, shape: str) -> Stamp:
     """Draw a figure of ``shape`` without a blemish."""
-    return Stamp('known', _middle(rng, shape).depth(*points()) >= 0, shape, 1.0)
+    return Stamp('known', cropped(_middle(rng, shape).depth(*points()) >= 0), shape, 1.0)
 
 
 def _middle(rng: np.random.Generator, shape: str) -> Contact:

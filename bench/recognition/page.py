@@ -1,13 +1,13 @@
 """The tables as text, CSV and Markdown, and the pictures of failures; nothing in them is typed by hand."""
 
 import csv
+import textwrap
 from pathlib import Path
 
 import matplotlib
 import numpy as np
 
 from bench.recognition.contest import ORDER, OURS, Result
-from tactile_node.shape.recognition import Shape
 
 matplotlib.use('Agg')
 import matplotlib.pyplot as plt  # noqa: E402
@@ -58,28 +58,33 @@ def write_page(path: Path, title: str, tables: list[Table], pictures: list[tuple
     path.write_text('\n'.join(text), encoding='utf-8')
 
 
-def draw_failures(path: Path, results: list[Result], columns: int = 8, rows: int = 3) -> int:
+def draw_failures(path: Path, results: list[Result], columns: int = 6, rows: int = 4) -> int:
     """Draw the first failures of ours, the conditions in turn; return how many there are in all."""
     failed = [[(result, k) for k in np.flatnonzero(~result.right(OURS))] for result in results]
     alternating = [one for rank in range(max(map(len, failed), default=0)) for one in
                    (case[rank] for case in failed if rank < len(case))]
-    figure, axes = plt.subplots(rows, columns, figsize=(columns * 1.5, rows * 1.9))
-    for axis, (result, k) in zip(axes.flat, alternating):
-        _draw(axis, result, k)
+    figure, axes = plt.subplots(rows, columns, figsize=(columns * 2.3, rows * 2.9), layout='constrained')
     for axis in axes.flat:
         axis.axis('off')
-    figure.tight_layout(pad=0.3)
-    figure.savefig(path, dpi=80)
+    for axis, (result, k) in zip(axes.flat, alternating):
+        _draw(axis, result, k)
+    figure.savefig(path, dpi=75)
     plt.close(figure)
     return len(alternating)
 
 
 def _draw(axis, result: Result, k: int) -> None:
+    """The contact with what is around it, in taxels; white has no valid value."""
     pattern, answer = result.case.patterns[k], result.answers[OURS][k]
     touched = np.argwhere(pattern.mask)
     low, high = (touched.min(0) - 3, touched.max(0) + 4) if len(touched) else (np.zeros(2, int), np.full(2, 12))
-    low = np.maximum(low, 0)
-    axis.imshow(np.ma.masked_invalid(pattern.values[low[0]:high[0], low[1]:high[1]]), cmap='viridis')
-    true = ORDER[result.case.labels[k]].value if result.case.labels[k] < len(Shape) else '?'
-    axis.set_title(f'{result.case.condition[:22]}\n{true[:14]}:\n{ORDER[answer.argmax()].value[:14]} '
-                   f'{answer.max():.2f}', fontsize=6)
+    low, high = np.maximum(low, 0), np.minimum(high, pattern.values.shape)
+    shown = np.ma.masked_invalid(pattern.values[low[0]:high[0], low[1]:high[1]])
+    axis.imshow(shown, cmap='viridis', extent=(0, shown.shape[1], shown.shape[0], 0))
+    axis.axis('on')
+    axis.set_xticks([0, shown.shape[1]], ['0', f'{shown.shape[1]} taxels'], fontsize=7)
+    axis.set_yticks([])
+    said = f'{ORDER[answer.argmax()].value} {answer.max():.2f}'.replace('_', ' ')
+    true = ORDER[result.case.labels[k]].value.replace('_', ' ')
+    title = [*textwrap.wrap(result.case.condition, 26), f'is: {true}', f'said: {said}']
+    axis.set_title('\n'.join(title), fontsize=8, loc='left')

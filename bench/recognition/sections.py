@@ -25,7 +25,7 @@ class Amount(NamedTuple):
     clean: int      #: patterns a case
     field: int
     mechanics: int
-    figures: int    #: of a family of foreign shapes; of blemished ones a tenth for each shape
+    figures: int    #: of a family of foreign shapes; of blemished ones a quarter for each shape
     pressed: int    #: frames of a family and size
     sequences: int  #: of a kind of nothing
     cell: int       #: patterns of a cell of the blind spots
@@ -78,7 +78,7 @@ def clean(run: Run) -> Section:
     results = run.results(clean_cases(AREAS, run.amount.clean, run.purpose), 'clean frames')
     rates = tables.rates('Clean frames', 'recognised [%], 95 % Wilson intervals; the verdict compares ours with the '
                          'interval of the better anchor', results)
-    return Section([rates, tables.probabilities(results)], results,
+    return Section([rates, tables.lost(results), tables.probabilities(results)], results,
                    [run.failures('clean', 'Clean frames that ours gets wrong', results)])
 
 
@@ -86,7 +86,8 @@ def mechanics(run: Run) -> Section:
     results = run.results(mechanics_cases(run.amount.mechanics, run.purpose), 'contact mechanics')
     rates = tables.rates('Contact mechanics', 'frames computed for indenters on an elastic half-space, as the library '
                          'sees them without options: recognised [%]', results)
-    return Section([rates], results, [run.failures('mechanics', 'Computed frames that ours gets wrong', results)])
+    return Section([tables.against_bars(results), rates], results,
+                   [run.failures('mechanics', 'Computed frames that ours gets wrong', results)])
 
 
 def speed(run: Run) -> Section:
@@ -94,7 +95,7 @@ def speed(run: Run) -> Section:
 
 
 def foreign(run: Run) -> Section:
-    known = run.results(familiar.whole_cases(10 * run.amount.figures, run.amount.clean, Purpose.VALIDATION),
+    known = run.results(familiar.whole_cases(5 * run.amount.figures, run.amount.clean, Purpose.VALIDATION),
                         'known shapes for the limits')
     results = run.results(familiar.foreign_cases(run.amount.figures, run.amount.pressed, run.purpose), 'foreign')
     return Section([familiar.foreign_table(known, results)], results,
@@ -102,7 +103,7 @@ def foreign(run: Run) -> Section:
 
 
 def blemish(run: Run) -> Section:
-    figures = max(2, run.amount.figures // 10)
+    figures = max(2, run.amount.figures // 4)
     results = run.results(familiar.blemish_cases(figures, run.amount.pressed, run.purpose), 'blemish')
     whole = run.results(familiar.whole_cases(run.amount.figures, run.amount.clean, run.purpose), 'without a blemish')
     return Section([familiar.blemish_table(results), familiar.whole_table(whole)], [*results, *whole],

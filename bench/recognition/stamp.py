@@ -38,7 +38,14 @@ def drawn(name: str, rng: np.random.Generator, drawing: Drawing, limits: Limits 
     while True:
         filled = drawing(rng, x, y)
         if ndimage.label(filled)[1] == 1 and not _on_edge(filled):
+            filled = cropped(filled)
             return Stamp(name, filled, *best_overlap(ndimage.binary_fill_holes(filled), limits))
+
+
+def cropped(filled: np.ndarray) -> np.ndarray:
+    """Return the box around the filled cells."""
+    rows, cols = np.flatnonzero(filled.any(1)), np.flatnonzero(filled.any(0))
+    return filled[rows[0]:rows[-1] + 1, cols[0]:cols[-1] + 1].copy()
 
 
 def points() -> tuple[np.ndarray, np.ndarray]:

@@ -7,10 +7,13 @@ from bench.recognition.contest import ORDER, OURS, Contest, Result, answers_of, 
 from bench.recognition.figures import Rate
 from bench.recognition.frame_labels import LABELS, frame_labels
 from bench.recognition.page import KIND, Table
+from bench.recognition.punches import PUNCHES
 from tactile_node import Recogniser
 from tactile_node.shape.recognition import Shape
 from tactile_node.synthetic.seeds import Purpose
 
+MOST_LOST = {12: 0.01, 25: 0.005, 50: 0.002, 100: 0.001}  #: to unknown, by area
+BARS = {12: 0.97, 25: 0.985, 50: 0.995, 100: 0.998}       #: of flat punches, by area
 RECORDINGS = 'nus_ring_session', 'nus_square_excerpt'
 
 
@@ -31,6 +34,32 @@ def unknown(result: Result) -> Rate:
     """Known shapes that ours calls unknown."""
     called = result.answers[OURS].argmax(1) == ORDER.index(Shape.UNKNOWN)
     return Rate(int(called.sum()), len(called))
+
+
+def lost(clean: list[Result]) -> Table:
+    """What the limit for unknown costs."""
+    table = Table('Known contacts lost to unknown', 'clean frames, at the limit as shipped [%]',
+                  ['frames', 'area', 'patterns', 'ours unknown, %', 'at most, %', 'required'])
+    for result in clean:
+        most = MOST_LOST.get(int(result.case.area))
+        if most is not None:
+            rate = unknown(result)
+            table.add(KIND[result.case.on_off], f'{result.case.area:g}', rate.count, rate, f'{100 * most:g}',
+                      'met' if rate.value <= most else 'NOT MET')
+    return table
+
+
+def against_bars(computed: list[Result]) -> Table:
+    """Flat punches as the library sees them without options."""
+    table = Table('Flat punches', 'computed frames, mean pressure 5 to 80 % of full scale: recognised by ours [%]',
+                  ['area', 'frames', 'ours, %', 'at least, %', 'required'])
+    for result in computed:
+        least = BARS.get(int(result.case.area))
+        if result.case.condition == PUNCHES and least is not None:
+            rate = result.rate(OURS)
+            table.add(result.case.area, rate.count, rate, f'{100 * least:g}',
+                      'met' if rate.value >= least else 'NOT MET')
+    return table
 
 
 def speed(contest: Contest, repeat: int, purpose: Purpose) -> Table:
