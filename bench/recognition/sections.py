@@ -15,6 +15,7 @@ from tactile_node.synthetic.seeds import Purpose
 
 AREAS, FIELD_AREAS = (9, 12, 15, 20, 25, 35, 50, 75, 100), (20, 50, 100)
 NOTHING_SEEDS = 900_000
+SHOWN = 100  #: taxels of the foreign and blemished contacts in the pictures
 
 
 class Amount(NamedTuple):
@@ -99,7 +100,8 @@ def foreign(run: Run) -> Section:
                         'known shapes for the limits')
     results = run.results(familiar.foreign_cases(run.amount.figures, run.amount.pressed, run.purpose), 'foreign')
     return Section([familiar.foreign_table(known, results)], results,
-                   [run.failures('foreign', 'Foreign shapes that ours takes for a known one', results)])
+                   [run.failures('foreign', f'Foreign shapes of {SHOWN} taxels that ours takes for a known one',
+                                 _of_area(results))])
 
 
 def blemish(run: Run) -> Section:
@@ -107,7 +109,8 @@ def blemish(run: Run) -> Section:
     results = run.results(familiar.blemish_cases(figures, run.amount.pressed, run.purpose), 'blemish')
     whole = run.results(familiar.whole_cases(run.amount.figures, run.amount.clean, run.purpose), 'without a blemish')
     return Section([familiar.blemish_table(results), familiar.whole_table(whole)], [*results, *whole],
-                   [run.failures('blemish', 'Blemished shapes that ours gets wrong', results)])
+                   [run.failures('blemish', f'Blemished shapes of {SHOWN} taxels that ours gets wrong',
+                                 _of_area(results))])
 
 
 def idle(run: Run) -> Section:
@@ -123,7 +126,7 @@ def spots(run: Run) -> Section:
     found = []
     for one in blind_spots.measured(run.contest, run.amount.cell, run.purpose):
         found.append(one)
-        run.clock(f'blind spots: {one.cell.curve} {one.cell.label}, {KIND[one.cell.on_off]}: {one.rates[OURS]} %')
+        run.clock(f'blind spots: {one.cell.curve} {one.cell.words}, {KIND[one.cell.on_off]}: {one.rates[OURS]} %')
     file = 'recognition_blind_spots.png'
     blind_spots.draw_curves(run.output / file, found)
     blind_spots.write_spots(run.output / 'blind_spots.csv', found)
@@ -141,6 +144,10 @@ def field(run: Run) -> Section:
 
 def recordings(run: Run) -> Section:
     return Section([tables.recordings(run.contest, run.recogniser)])
+
+
+def _of_area(results: list[Result]) -> list[Result]:
+    return [result for result in results if result.case.area == SHOWN]
 
 
 SECTIONS: dict[str, Callable[[Run], Section]] = {
