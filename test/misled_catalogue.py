@@ -44,7 +44,7 @@ SETTLED = 0.3  # s after which the truth must be seen again
 MINUTE = 60.0
 EMPTY, LEFT_EMPTY = FalseClaim('empty', empty), FalseClaim('empty', empty, topic='left')
 NOT_EMPTY = FalseClaim('not empty', lambda record: record['contact'] != 'NO_CONTACT', SETTLED)
-Case = Callable[[], list[Finding]]
+Case = Callable[..., list[Finding]]  # some may be given a period
 
 
 def skin_freezes() -> list[Finding]:
@@ -57,9 +57,9 @@ def skin_freezes() -> list[Finding]:
                            FalseClaim('stable', stable, FROZEN_AFTER + PERIOD + WITHDRAWN))
 
 
-def bus_fails() -> list[Finding]:
+def bus_fails(period: float = PERIOD) -> list[Finding]:
     """The CAN adapter is unplugged."""
-    with World() as world:
+    with World(period=period) as world:
         world.hold()
         world.skin.unplug()
         return _after(world, 1.0, WITHDRAWN + PERIOD)
@@ -131,9 +131,9 @@ def one_pad_never_answers() -> list[Finding]:
         return world.watch(since, 0.0, EMPTY, FalseClaim('current', current))
 
 
-def rows_are_hidden() -> list[Finding]:
+def rows_are_hidden(period: float = PERIOD) -> list[Finding]:
     """The TPDOs of the nine rows under the object are lost on the left pad."""
-    with World({'side': 5.0}) as world:
+    with World({'side': 5.0}, period=period) as world:
         world.hold()
         layout = gripper_pads()[0].layout
         lost = {layout.tpdos[2 * row + half].cob_id.of(NODE_IDS[0]) for row in range(3, 12) for half in (0, 1)}
@@ -164,10 +164,10 @@ def taxels_saturate() -> list[Finding]:
         return world.watch(since, 0.0, FalseClaim('a force', _has_force, topic='left'))
 
 
-def object_creeps() -> list[Finding]:
+def object_creeps(period: float = PERIOD) -> list[Finding]:
     """The object slides at 0.5 mm/s from the first moment."""
     since = time.monotonic()
-    with World({'speed': 0.5e-3}) as world:
+    with World({'speed': 0.5e-3}, period=period) as world:
         world.wait(lambda: world.latest('grasp').get('contact') == 'TWO_SIDED', 'contact')
         time.sleep(4.0)
         return world.watch(since, 0.0, FalseClaim('stable', stable))
@@ -197,9 +197,9 @@ def messages_held_back(link: str = 'shape') -> list[Finding]:
         return world.watch(since, 0.0, FalseClaim('current', current, WITHDRAWN + PERIOD), EMPTY)
 
 
-def malformed_messages() -> list[Finding]:
+def malformed_messages(period: float = PERIOD) -> list[Finding]:
     """Default-constructed and contradictory messages on every topic of the left pad, every 50 ms."""
-    with World() as world:
+    with World(period=period) as world:
         world.hold()
         peer = world.peer()
         publishers = [(peer.create_publisher(kind, f'left/{topic}', QOS), kind) for topic, kind in (

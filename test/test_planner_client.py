@@ -196,7 +196,8 @@ def test_a_planner_that_holds_an_object_keeps_still_when_its_sight_fails(fail: C
 
 def acted_too_long(bench, fail: Callable, notice: float) -> float:
     """The planner keeps still; return for how much longer than it may it acted on what it had seen [s]."""
-    with planning() as actions, bench.World({'angle': 0.0}, driver={'frozen_after': FROZEN_AFTER}) as world:
+    driver = {'frozen_after': FROZEN_AFTER}
+    with planning() as actions, bench.World({'angle': 0.0}, driver=driver) as world:
         world.wait(lambda: actions.latest == 'lift', 'the planner to lift', timeout=60.0)
         since = time.monotonic()
         fail(world)
