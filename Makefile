@@ -82,8 +82,8 @@ bench: setup $(BENCH_VENV)/.installed  ## how fast and how good, against the alt
 		$(BIN)/python $$file || exit 1; done
 	@$(BENCH_VENV)/bin/python bench/bench_recognition.py
 
-train: $(BENCH_VENV)/.installed  ## train the shape recogniser again (about two hours on one core)
-	@$(BENCH_VENV)/bin/python -m training.train --output config/recogniser.npz
+train: $(BENCH_VENV)/.installed  ## train the shape recogniser again (under two hours on one core; JOBS=2: on two)
+	@$(BENCH_VENV)/bin/python -m training.train --output config/recogniser.npz --jobs $(or $(JOBS),1)
 
 reproduce: setup  ## the paper's figures and claims beside ours, on one page in reproduction/
 	@$(BIN)/tactile reproduce --output reproduction --jobs 2

@@ -20,6 +20,8 @@ TRIANGLES = [LABELS.index(shape) for shape in ('right_triangle', 'isosceles_tria
 STEPS = 5  #: coverage is counted on STEPS x STEPS points
 EXACT = 0.12      #: fraction of the contacts that lie exactly along the lattice, or at 45 degrees to it
 NOISELESS = 0.1   #: fraction of the nominal pressure frames without any noise, and without blur
+LIGHT = 0.3       #: fraction of the pressure frames pressed lightly, at 5 to 35 % of full scale
+NOISIEST = 0.25   #: standard deviation relative to the contact's level
 ABSOLUTE = 0.35   #: fraction of the pressure frames whose threshold does not follow the contact's level and tilt
 MEMORY = 400_000  #: taxels of the frames that are drawn at a time
 
@@ -160,7 +162,9 @@ def _graded(rng, contacts: Covered, faulty: float) -> tuple[np.ndarray, np.ndarr
     count, shape = len(contacts.areas), contacts.covered.shape[1:]
     def either(low, high, worse):  # noqa: E306
         return np.where(rng.random(count) < faulty, rng.uniform(high, worse, count), rng.uniform(low, high, count))
-    angle, tilt, pressure = rng.uniform(0, 2 * np.pi, count), either(0, 0.4, 0.8), rng.uniform(0.35, 0.8, count)
+    angle, tilt = rng.uniform(0, 2 * np.pi, count), either(0, 0.4, 0.8)
+    pressure = np.where(rng.random(count) < LIGHT * (faulty > 0), np.exp(rng.uniform(*np.log((0.05, 0.35)), count)),
+                        rng.uniform(0.35, 0.8, count))
     y, x = np.indices(shape, np.float32) - (shape[0] - 1) / 2
     unit = tilt / np.sqrt(contacts.areas / np.pi)
     rise = (np.cos(angle) * unit)[:, None, None] * x + (np.sin(angle) * unit)[:, None, None] * y
@@ -171,11 +175,12 @@ def _graded(rng, contacts: Covered, faulty: float) -> tuple[np.ndarray, np.ndarr
         silent[chosen] = quiet = rng.random() < NOISELESS
         sigma = rng.uniform(0.5, 1.2) if rng.random() < faulty else 0.0 if quiet else rng.uniform(0.3, 0.7)
         values[chosen] = ndimage.gaussian_filter(values[chosen], (0, sigma, sigma), truncate=3.0)
-    noise = np.where(silent, 0, either(0, 0.02, 0.08)) / pressure
+    noise = np.where(silent, 0, np.minimum(either(0, 0.02, 0.08) / pressure, NOISIEST))
     values += noise[:, None, None].astype(np.float32) * rng.standard_normal(values.shape, np.float32)
     level = np.where(flat[:, None, None], 1, np.clip(1 + rise, 0.5, 1.5))
-    return _with_specks(rng, values, faulty), np.where(flat, either(0.35, 0.7, 0.85), rng.uniform(0.38, 0.62, count)
-                                                       )[:, None, None] * level
+    relative = np.maximum(rng.uniform(0.38, 0.62, count), 3 * noise)  # the library's rule: three deviations, too
+    press = np.where(flat, either(0.35, 0.7, 0.85), np.minimum(relative, 0.75))
+    return _with_specks(rng, values, faulty), press[:, None, None] * level
 
 
 def _with_specks(rng, values: np.ndarray, faulty: float) -> np.ndarray:

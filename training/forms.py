@@ -91,7 +91,7 @@ def _form(figure: np.ndarray, step: float, family: str) -> tuple:
     distance = (ndimage.distance_transform_edt(figure) - ndimage.distance_transform_edt(~figure)) * (step / root)
     distance -= np.sign(distance) * step / root / 2  # from the cells' border, not from the next cell's middle
     rows, cols = figure.nonzero()
-    found = overlaps(figure)
+    found = overlaps(ndimage.binary_fill_holes(figure))  # a ring is a circle that is pressed with its rim
     return (np.clip(np.round(distance * STEPS), -127, 127).astype(np.int8), step / root, (cols.mean(), rows.mean()),
             [found[name] for name in LABELS[:UNKNOWN]], family)
 

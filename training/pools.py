@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_node.shape.patch import joined
 from tactile_node.synthetic.seeds import Purpose, generator
 from training.batch import MEMORY, TRIANGLES, draw_forms, draw_many
 from training.forms import ALL, Forms, stored_forms
@@ -99,7 +100,7 @@ def _mechanics(rng, on_off: bool, folder: Path) -> Samples:
     while len(found) < PART:
         drawn = draw_mechanics(rng, PART // 4, on_off, solutions, MECHANICS_AREAS[rng.random() < WIDE])
         patterns = [pattern_beside(rng, frame, on_off) for frame in drawn.frames]
-        found += [(pattern, pattern.mask, label) for pattern, label in zip(patterns, drawn.labels)
+        found += [(pattern, joined(pattern), label) for pattern, label in zip(patterns, drawn.labels)
                   if pattern.mask.sum() >= SMALLEST]
     return samples_from(found)
 

@@ -23,7 +23,8 @@ from torch.nn import functional
 
 from tactile_node.shape.recogniser import KINDS
 from tactile_node.version import package_version
-from training.calibration import calibrated, validation
+from training.calibration import calibrated, validation, validation_solutions
+from training.mechanics import solution_pool
 from training.model import Model
 from training.pools import FORMS, Part, draw_parts, forms_of, read_parts
 from training.samples import UNKNOWN, Samples
@@ -101,10 +102,13 @@ def trained(kind: str, args: argparse.Namespace) -> tuple[dict[str, np.ndarray],
 
 def main() -> int:
     args = _arguments()
-    forms = {name: len(forms_of(args.samples, name).labels) for name in FORMS}
+    forms = {name: len(forms_of(args.samples, name).labels) for name in FORMS}  # what both networks share comes first
+    folder = args.samples.parent / 'mechanics'
+    solved = len(solution_pool(folder)), len(validation_solutions(folder))
     with ProcessPoolExecutor(args.jobs, multiprocessing.get_context('spawn')) as jobs:
         found = list(jobs.map(trained, KINDS, [args] * len(KINDS)))
-    about = {'code': _code(), 'seed': args.seed, 'steps': args.steps, 'batch': sum(MIX.values()), 'figures': forms,
+    about = {'code': _code(), 'seed': args.seed, 'steps': args.steps, 'figures': forms,
+             'indenters': dict(zip(('training', 'validation'), solved)),
              'samples': {kind: counts for kind, (_, counts) in zip(KINDS, found)}, 'mix': MIX}
     arrays = {name: array for of_kind, _ in found for name, array in of_kind.items()}
     np.savez_compressed(args.output, **arrays, about=np.array(json.dumps(about)))
