@@ -17,6 +17,7 @@ from tactile_node.press_levels import LEAST_BY_UNIT, ON_OFF_UNIT
 from tactile_node.read_only import read_only
 
 LEAST_COUNTS = 3.0  #: of readings in whole counts: idle ones differ by two
+HIGHEST = 1e150    #: magnitude from which on a number is no value, as if infinite: its square has no float
 MOST_LABELS = 255  #: contacts beyond so many have no label
 
 
@@ -32,11 +33,15 @@ class ContactPattern(NamedTuple):
     saturated: np.ndarray   #: bool, taxels at the end of their range: their value is a lower bound
     unmapped: np.ndarray    #: bool, places without a taxel: no part of the pad, as what lies beyond its edge
     noise: np.ndarray       #: float, standard deviation of each taxel at rest [unit of the values]; NaN: not known
+    is_left_over: bool = False  #: all that is pressed is left over: what remains of a contact, however small, is held
 
     @property
     def pad_seen(self) -> bool:
-        """Whether no group of hidden taxels has room for a contact of 4: only then do 0 contacts mean an empty pad."""
-        return pad_seen(self.hidden, self.unmapped)
+        """Whether no group of hidden taxels has room for a contact of 4: only then do 0 contacts mean an empty pad.
+
+        A pad on which something is left over is not empty.
+        """
+        return not self.is_left_over and pad_seen(self.hidden, self.unmapped)
 
     @classmethod
     def of(cls, mask: np.ndarray, values: np.ndarray) -> 'ContactPattern':
@@ -95,7 +100,7 @@ class PatternExtractor:
         """
         frame = as_frame(values)
         numbers = frame.astype(float, copy=False)
-        valid = np.isfinite(numbers)
+        valid = np.abs(numbers) < HIGHEST
         missing = _taxels(unmapped, frame.shape, 'unmapped')
         hidden = ~(valid | missing)
         pressed, noise = self._found(frame, numbers, valid)
@@ -115,7 +120,8 @@ class PatternExtractor:
             mask=read_only(mask), values=read_only(np.where(valid, numbers, np.nan)), contacts=contacts,
             labels=read_only(labels), sizes=tuple(np.bincount(labels.reshape(-1))[1:].tolist()),
             hidden=read_only(hidden), saturated=read_only(_taxels(saturated, frame.shape, 'saturated') & valid),
-            unmapped=read_only(missing), noise=noise)
+            unmapped=read_only(missing), noise=noise,
+            is_left_over=left is not None and not contacts and bool(left.any()))
 
     def _found(self, frame: np.ndarray, values: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the pressed taxels and the noise of all."""

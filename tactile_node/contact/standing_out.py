@@ -68,7 +68,8 @@ def _outlined(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray) -> n
     groups, count = ndimage.label(candidates, EIGHT_CONNECTED)
     flat, weight = groups.reshape(-1), raised.reshape(-1)
     sums = np.bincount(flat, weight, count + 1)
-    levels = np.bincount(flat, weight * weight, count + 1) / np.maximum(sums, np.finfo(float).tiny)
+    sums[0] = 1.0  # of no group, of any sign
+    levels = np.bincount(flat, weight * weight, count + 1) / sums
     local = levels[groups]
     inside = candidates & (raised >= OUTLINE * local)
     sizes = np.bincount(groups[inside], minlength=count + 1)

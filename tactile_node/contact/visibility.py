@@ -19,7 +19,7 @@ PART = 0.1  #: of a contact's taxels: so many hidden ones together beside it may
 class Visibility(NamedTuple):
     """Counts are in taxels; those of the contact and its ring are 0 where there is no contact."""
 
-    pad_seen: bool             #: no group of hidden taxels has room for the smallest contact
+    pad_seen: bool             #: no group of hidden taxels has room for the smallest contact, and none is left over
     hidden: int                #: of the pad
     largest_hidden: int        #: of the largest 8-connected group of hidden taxels
     hidden_in_contact: int     #: enclosed by the contact and counted as a part of it
@@ -42,7 +42,7 @@ def visibility_of(pattern: ContactPattern, smallest_contact: int = SMALLEST_CONT
     False
     """
     hidden = int(np.count_nonzero(pattern.hidden))
-    is_seen = pad_seen(pattern.hidden, pattern.unmapped, smallest_contact)
+    is_seen = not pattern.is_left_over and pad_seen(pattern.hidden, pattern.unmapped, smallest_contact)
     mask = pattern.mask
     ring, at_edge = _around(pattern)
     room = min(smallest_contact, ceil(PART * np.count_nonzero(mask)))

@@ -1,0 +1,140 @@
+"""Taxels that stay on after their contact is gone: hidden, but never called an empty pad while something presses."""
+
+import numpy as np
+import pytest
+
+from tactile_node.contact.left_over import FORGOTTEN, LeftOver
+from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.contact.visibility import visibility_of
+
+ROWS, COLS = np.mgrid[:16, :16]
+TRIANGLE = (COLS >= 3) & (ROWS >= 3) & (COLS + ROWS <= 16)
+
+
+def disc(radius, row=7.2, col=7.9):
+    return (ROWS - row) ** 2 + (COLS - col) ** 2 <= radius ** 2
+
+
+def box(row, col, rows, cols):
+    return (ROWS >= row) & (ROWS < row + rows) & (COLS >= col) & (COLS < col + cols)
+
+
+def states(masks, *, each=8, unit='Pa', seed=1):
+    """Pattern of each frame in which something presses: ``each`` frames of ``masks`` at 40 kPa, after a free pad."""
+    rng, extractor = np.random.default_rng(seed), PatternExtractor(unit=unit)
+    for mask in [np.zeros((16, 16), bool)] * 8 + list(masks):
+        for _ in range(each):
+            pattern = extractor.extract(40e3 * mask + 500 * rng.standard_normal(mask.shape))
+            if mask.any():
+                yield mask, pattern
+
+
+HELD = {
+    'ball that is let go slowly': [disc(radius) for radius in np.linspace(4.4, 0.5, 30)],
+    'ball from 60 to 10 taxels': [disc(radius) for radius in np.linspace(4.4, 1.8, 30)],
+    'triangle peeled off to its corner': [TRIANGLE & (ROWS + COLS <= last) for last in range(16, 5, -1)],
+    'triangle peeled off to its side': [TRIANGLE & (ROWS + COLS >= first) for first in range(6, 17)],
+    'triangle peeled off by rows': [TRIANGLE & (ROWS >= first) for first in range(3, 14)],
+    'rod that gets shorter': [box(7, 3, 3, 10)] * 3 + [box(8, 3, 1, length) for length in range(10, 0, -1)],
+    'tip that slides off the pad': [(COLS <= 15) & (COLS >= tip) & (abs(ROWS - 8) <= (COLS - tip) / 4)
+                                    for tip in range(4, 16)],
+    'tail that slides over the pad': [(COLS >= first) & (COLS <= first + 6) & (abs(ROWS - 8) <= (COLS - first) / 4)
+                                       for first in range(-6, 16)],
+    'ring that is torn': [disc(5) & ~disc(3.5)] * 3 + [disc(5) & ~disc(3.5) & (COLS > 11)] * 3
+                         + [disc(5) & ~disc(3.5) & (COLS > 11) & (ROWS % 3 > 0)] * 3,
+    'small object beside a larger one': [disc(3, 4, 4) | box(8, 6, 1, 5)] * 3 + [box(8, 6, 1, 5)] * 6,
+    'place gripped again': [disc(4)] * 3 + [disc(4) & ((3 * ROWS + 7 * COLS) % 5 == 0)] * 3 + [disc(4), disc(2)] * 3,
+}
+
+
+@pytest.mark.parametrize('unit', ['Pa', None])
+@pytest.mark.parametrize('masks', HELD.values(), ids=HELD)
+def test_a_pad_is_not_empty_while_something_presses_it(masks, unit):
+    """A gripper that opens on "empty" would drop the object."""
+    for mask, pattern in states(masks, unit=unit):
+        assert pattern.contacts or not pattern.pad_seen, f'{mask.sum()} taxels'
+        assert pattern.contacts or not visibility_of(pattern).pad_seen, f'{mask.sum()} taxels'
+        assert pattern.contacts or not visibility_of(pattern, smallest_contact=20).pad_seen, f'{mask.sum()} taxels'
+
+
+def test_a_pad_that_nothing_is_left_on_is_empty_at_once():
+    free = np.zeros((16, 16))
+    extractor, specks = PatternExtractor(), disc(4) & ((3 * ROWS + 7 * COLS) % 9 == 0)
+    for mask in (free, disc(4), specks, specks):
+        pattern = extractor.extract(9.0 * mask)
+    assert not pattern.contacts and not pattern.pad_seen and pattern.is_left_over
+    np.testing.assert_array_equal(pattern.hidden, specks)
+    assert np.isnan(pattern.values[specks]).all() and (pattern.values[~specks] == 0).all()
+    pattern = extractor.extract(free)
+    assert pattern.pad_seen and not pattern.is_left_over and not pattern.hidden.any()
+
+
+def test_a_compact_contact_that_shrinks_is_followed_down_to_its_last_square():
+    found = LeftOver()
+    for side in (9, 7, 5, 4, 3):
+        assert not found.update(box(3, 3, side, side)).any(), side
+
+
+@pytest.mark.parametrize('gap', [3, 6])
+def test_an_object_of_two_stays_when_the_other_leaves(gap):
+    """It was never a part of the other contact."""
+    found, stays = LeftOver(), box(4 + gap, 3, 1, 5)
+    for mask in (box(0, 0, 4, 10) | stays, stays):
+        assert not found.update(mask).any()
+
+
+def test_another_contact_does_not_clear_what_is_left_over_elsewhere():
+    found, specks = LeftOver(), np.isin(16 * ROWS + COLS, [2 * 16 + 2, 3 * 16 + 4, 4 * 16 + 2])
+    found.update(disc(3, 3, 3))
+    np.testing.assert_array_equal(found.update(specks), specks)
+    np.testing.assert_array_equal(found.update(specks | box(10, 9, 6, 6)), specks)
+    assert not found.update(disc(3, 3, 3)).any(), 'a contact that reaches it again clears it'
+
+
+def test_specks_that_were_never_in_a_contact_are_not_left_over():
+    found, specks = LeftOver(), np.isin(16 * ROWS + COLS, [34, 52, 66])
+    for _ in range(100):
+        assert not found.update(specks).any()
+
+
+def test_a_taxel_begins_again_after_it_was_off_for_long_enough():
+    free, specks = np.zeros((16, 16), bool), np.isin(16 * ROWS + COLS, [34, 52, 66])
+    for idle, is_left in ((FORGOTTEN, True), (FORGOTTEN + 1, False)):
+        found = LeftOver()
+        found.update(disc(3, 3, 3))
+        for _ in range(idle):
+            assert not found.update(free).any()
+        assert found.update(specks).any() == is_left
+
+
+def test_what_is_left_over_is_pressed_read_only_and_independent_of_the_input():
+    rng, found = np.random.default_rng(2), LeftOver()
+    for _ in range(300):
+        pressed = rng.random((8, 8)) < rng.random()
+        kept = pressed.copy()
+        left = found.update(pressed)
+        assert not (left & ~pressed).any() and not left.flags.writeable
+        np.testing.assert_array_equal(pressed, kept)
+
+
+@pytest.mark.parametrize('turn', [np.transpose, np.flipud, np.fliplr])
+def test_a_turned_pad_has_the_same_taxels_left_over(turn):
+    rng, plain, turned = np.random.default_rng(3), LeftOver(), LeftOver()
+    for _ in range(200):
+        pressed = rng.random((8, 12)) < rng.choice([0.02, 0.3, 0.9])
+        np.testing.assert_array_equal(turn(plain.update(pressed)), turned.update(turn(pressed)))
+
+
+def test_a_frame_of_another_shape_starts_again():
+    found = LeftOver()
+    found.update(disc(4))
+    assert not found.update(np.eye(5, dtype=bool)).any()
+
+
+def test_of_single_arrays_and_of_all_pressed_taxels_nothing_is_left_over():
+    assert not PatternExtractor().extract(np.eye(8)).hidden.any()
+    extractor, specks = PatternExtractor(largest=False), np.isin(16 * ROWS + COLS, [34, 52, 66])
+    for mask in (disc(3, 3, 3), specks):
+        pattern = extractor.extract(9.0 * mask)
+    np.testing.assert_array_equal(pattern.mask, specks)
+    assert not pattern.hidden.any() and not pattern.is_left_over
