@@ -11,7 +11,7 @@ from tactile_node.synthetic.seeds import Purpose
 
 AREAS = (12, 25, 50, 100)
 PUNCHES = 'flat punches'
-FEWER = 5            #: times as many flat punches as other indenters
+FEWER = 10           #: times as many flat punches as other indenters
 DEVELOPMENT = 500    #: a round that is never reported: the seeds while something is changed
 
 
