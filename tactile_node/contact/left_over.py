@@ -22,18 +22,28 @@ class LeftOver:
     def __init__(self) -> None:
         self._largest = self._idle = np.zeros((0, 0))
 
-    def update(self, pressed: np.ndarray) -> np.ndarray:
-        """Return the taxels left over, bool (rows, cols), of successive frames ``pressed``."""
+    def update(self, pressed: np.ndarray, is_one: bool = False) -> np.ndarray:
+        """Return the taxels left over, bool (rows, cols), of successive frames ``pressed``.
+
+        ``is_one``: they are known to be one group, which spares the search.
+        """
         if self._largest.shape != pressed.shape:
             self._largest, self._idle = np.zeros((2, *pressed.shape))
         self._idle = np.where(pressed, 0, self._idle + 1)
         self._largest *= self._idle <= FORGOTTEN
-        if not pressed.any():
+        if not np.count_nonzero(pressed):
             return read_only(np.zeros(pressed.shape, bool))
-        size, ragged = _groups(pressed)
+        size, ragged = _group(pressed) if is_one else _groups(pressed)
         left = ragged & (size <= REMAINS * self._largest)
         self._largest = np.maximum(self._largest, size)
         return read_only(left)
+
+
+def _group(pressed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """As `_groups` where all are one group."""
+    size = np.count_nonzero(pressed)
+    shared = np.count_nonzero(pressed[1:] & pressed[:-1]) + np.count_nonzero(pressed[:, 1:] & pressed[:, :-1])
+    return size * pressed, pressed & (shared < COMPACT * 2 * size)
 
 
 def _groups(pressed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""The 8 taxels around each one: a few whole-array operations take a fifth of the time of ndimage's filters."""
+"""The taxels around each one: a few whole-array operations take a fifth of the time of ndimage's filters."""
 
 import numpy as np
 from scipy import ndimage
@@ -36,12 +36,33 @@ def sum_around(values: np.ndarray) -> np.ndarray:
     return around
 
 
+def highest_near(values: np.ndarray, reach: int) -> np.ndarray:
+    """Return the highest of ``values``, float (rows, cols), and 0, up to ``reach`` rows and columns away.
+
+    >>> highest_near(np.array([[1.0, 2.0, 4.0, -1.0]]), 1).tolist()
+    [[2.0, 4.0, 4.0, 4.0]]
+    """
+    rows, cols = values.shape
+    highest = np.zeros((rows + 2 * reach, cols + 2 * reach))
+    highest[reach:reach + rows, reach:reach + cols] = values
+    width = 1  # of the window behind each place
+    while width <= 2 * reach:
+        step = min(width, 2 * reach + 1 - width)
+        highest = np.maximum(highest[step:], highest[:-step])
+        highest = np.maximum(highest[:, step:], highest[:, :-step])
+        width += step
+    return highest
+
+
 def linked(taxels: np.ndarray, between: int) -> np.ndarray:
     """Number the groups of ``taxels``, bool (rows, cols), with at most so many others ``between`` neighbours; 0: none.
 
     >>> linked(np.array([[True, False, True, False, False, True]]), 1)[0, [0, 2, 5]].tolist()
     [1, 1, 2]
     """
-    wide = ndimage.maximum_filter(taxels.view(np.uint8), between + 1, mode='constant')
+    if between == 2:
+        wide = grown(taxels)
+    else:
+        wide = ndimage.maximum_filter(taxels.view(np.uint8), between + 1, mode='constant')
     groups: np.ndarray = ndimage.label(wide, EIGHT_CONNECTED)[0]
     return groups

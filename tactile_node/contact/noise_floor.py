@@ -43,7 +43,7 @@ class NoiseFloor:
             self._squares, self._frames = np.zeros((2, *values.shape))
         deviation = self._last.deviation
         own = np.where(self._frames >= LEARNED_AFTER, np.sqrt(self._squares), 0.0)
-        return self._last.level, read_only(np.clip(own, deviation, LOUDEST * deviation))
+        return self._last.level, read_only(np.minimum(np.maximum(own, deviation), LOUDEST * deviation))
 
     def learn(self, values: np.ndarray, noise: np.ndarray, at_rest: np.ndarray) -> None:
         """Learn from the taxels ``at_rest``, bool, of the frame measured last, whose ``noise`` was returned."""
@@ -52,7 +52,7 @@ class NoiseFloor:
         quiet = at_rest & ~grown(together)
         self._frames += quiet
         news = np.minimum(off * off, (OUTLYING * noise) ** 2) - self._squares
-        self._squares += np.where(quiet, news / np.clip(self._frames, 1, REMEMBERED), 0.0)
+        self._squares += np.where(quiet, news / np.minimum(np.maximum(self._frames, 1), REMEMBERED), 0.0)
 
     def _followed(self, found: Resting) -> Resting:
         """Return what is at rest, if anything is."""

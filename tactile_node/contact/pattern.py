@@ -106,8 +106,9 @@ class PatternExtractor:
         pressed, noise = self._found(frame, numbers, valid)
         pressed &= valid
         labels, contacts = number_contacts(pressed, hidden)
-        left = self._left_over.update(pressed) if self._largest else None
-        if left is not None and left.any():  # what they read is no contact, and hides whether there is one
+        is_one = contacts == 1 and not np.count_nonzero(hidden)
+        left = self._left_over.update(pressed, is_one) if self._largest else None
+        if left is not None and np.count_nonzero(left):  # what they read is no contact, and hides whether there is one
             valid = valid & ~left
             hidden = hidden | left
             labels, contacts = number_contacts(pressed & ~left, hidden)
@@ -121,7 +122,7 @@ class PatternExtractor:
             labels=read_only(labels), sizes=tuple(np.bincount(labels.reshape(-1))[1:].tolist()),
             hidden=read_only(hidden), saturated=read_only(_taxels(saturated, frame.shape, 'saturated') & valid),
             unmapped=read_only(missing), noise=noise,
-            is_left_over=left is not None and not contacts and bool(left.any()))
+            is_left_over=left is not None and not contacts and bool(np.count_nonzero(left)))
 
     def _found(self, frame: np.ndarray, values: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the pressed taxels and the noise of all."""
@@ -137,7 +138,7 @@ class PatternExtractor:
             least = LEAST_COUNTS if self._is_free and _are_counts(values[valid]) else self._least
             pressed = self._standing_out(values, valid, Threshold(level, noise, least))
         self._floor.learn(values, noise, valid & ~grown(grown(pressed)))
-        return pressed, noise if noise.any() else unknown
+        return pressed, noise if np.count_nonzero(noise) else unknown
 
     def _above(self, values: np.ndarray, valid: np.ndarray) -> np.ndarray:
         """Return what reaches the thresholds; without any, what is not 0."""
@@ -187,7 +188,7 @@ def number_contacts(pressed: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray
     A contact is 8-connected; hidden taxels with pressed ones on both sides of their row or column connect. Of equally
     large contacts the first in row-major order comes first; those after MOST_LABELS are counted and have no label.
     """
-    connected = pressed | between(pressed, hidden) if hidden.any() else pressed
+    connected = pressed | between(pressed, hidden) if np.count_nonzero(hidden) else pressed
     found, contacts = ndimage.label(connected, EIGHT_CONNECTED)
     if contacts <= 1:
         return pressed.astype(np.uint8), contacts
@@ -226,7 +227,7 @@ def _in_line_along_rows(pressed: np.ndarray, hidden: np.ndarray) -> tuple[np.nda
 
 def _with_enclosed(mask: np.ndarray, valid: np.ndarray) -> np.ndarray:
     """Add the groups of invalid taxels with only taxels of ``mask`` around them; the pad's edge is open."""
-    if valid.all():
+    if np.count_nonzero(valid) == valid.size:
         return mask
     labels, count = ndimage.label(np.pad(~valid, 1), EIGHT_CONNECTED)
     outside = ~np.pad(mask, 1) & (labels == 0)

@@ -1,5 +1,6 @@
 """What taxels read that nothing presses, by one frame: their level and its noise."""
 
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -39,17 +40,18 @@ def resting_of(values: np.ndarray) -> Resting:
     count = values.size
     if count < FEWEST:
         return UNKNOWN
-    ordered = np.sort(values, axis=None)
+    ordered = values.flatten()
+    ordered.sort()
     origin = float(ordered[0])
     offset = ordered - origin  # sums of squares of small numbers
-    sums, squares = np.cumsum(offset), np.cumsum(offset * offset)
+    sums, squares = offset.cumsum(), (offset * offset).cumsum()
     taken = max(int(RESTING * count), 1)
     for _ in range(ROUNDS):
-        mean = sums[taken - 1] / taken
-        deviation = float(np.sqrt(max(squares[taken - 1] / taken - mean * mean, 0.0)))
-        reach = int(np.searchsorted(offset, mean + SPREADS * deviation, side='right'))
+        mean = sums.item(taken - 1) / taken
+        deviation = sqrt(max(squares.item(taken - 1) / taken - mean * mean, 0.0))
+        reach = int(offset.searchsorted(mean + SPREADS * deviation, 'right'))
         if reach <= taken:
             break
         taken = reach
     deviation /= NARROWER
-    return Resting(origin + float(mean) + LEFT_OUT * deviation, deviation)
+    return Resting(origin + mean + LEFT_OUT * deviation, deviation)

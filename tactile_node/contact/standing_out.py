@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from tactile_node.contact.neighbours import grown
+from tactile_node.contact.neighbours import grown, highest_near
 from tactile_node.contact.seen import EIGHT_CONNECTED
 
 OUTLINE = 0.5      #: of the local level
@@ -41,7 +41,7 @@ def standing_out(values: np.ndarray, valid: np.ndarray, threshold: Threshold, be
     ease = np.where(before, KEPT, 1.0)
     candidates = valid & (raised > 0) & (raised >= np.maximum(NOISE * threshold.noise, threshold.least) * ease)
     pressed = np.zeros(values.shape, bool)
-    if candidates.any():
+    if np.count_nonzero(candidates):
         box = _box(candidates)
         pressed[box] = _pressed(raised[box], candidates[box], ease[box], ALONE * threshold.noise[box])
     return pressed
@@ -49,13 +49,13 @@ def standing_out(values: np.ndarray, valid: np.ndarray, threshold: Threshold, be
 
 def _box(taxels: np.ndarray) -> tuple[slice, slice]:
     """Return the rows and columns of ``taxels`` and REACH more: the time then depends on the contacts alone."""
-    rows, cols = np.flatnonzero(taxels.any(1)), np.flatnonzero(taxels.any(0))
+    rows, cols = taxels.any(1).nonzero()[0], taxels.any(0).nonzero()[0]
     return (slice(max(int(rows[0]) - REACH, 0), int(rows[-1]) + REACH + 1),
             slice(max(int(cols[0]) - REACH, 0), int(cols[-1]) + REACH + 1))
 
 
 def _pressed(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray, strong: np.ndarray) -> np.ndarray:
-    candidates = candidates & (raised >= HALO * ndimage.maximum_filter(raised, 2 * REACH + 1, mode='constant'))
+    candidates = candidates & (raised >= HALO * highest_near(raised, REACH))
     pressed = _outlined(raised, candidates, ease)
     rest = candidates & ~grown(pressed)
     if np.count_nonzero(rest) >= GROUP:  # beside a stronger contact, joined to it by the skin's response
@@ -73,7 +73,7 @@ def _outlined(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray) -> n
     local = levels[groups]
     inside = candidates & (raised >= OUTLINE * local)
     sizes = np.bincount(groups[inside], minlength=count + 1)
-    for number in np.flatnonzero(sizes[1:] >= PLANE_FROM) + 1:
+    for number in (sizes[1:] >= PLANE_FROM).nonzero()[0] + 1:
         _tilted(local, raised, groups == number, inside)
     outlined: np.ndarray = candidates & (raised >= OUTLINE * ease * local)
     return outlined
@@ -81,10 +81,11 @@ def _outlined(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray) -> n
 
 def _tilted(local: np.ndarray, raised: np.ndarray, group: np.ndarray, inside: np.ndarray) -> None:
     """Set ``local`` in the ``group`` to the plane through what its ``inside`` reads."""
-    row, col = np.nonzero(group)
-    y, x = np.nonzero(group & inside)
+    row, col = group.nonzero()
+    y, x = (group & inside).nonzero()
     reading = raised[y, x]
-    mean, middle = reading.mean(), (y.mean(), x.mean())
+    taxels = len(reading)
+    mean, middle = reading.sum() / taxels, (y.sum() / taxels, x.sum() / taxels)
     dy, dx = y - middle[0], x - middle[1]
     yy, xx, xy = dy @ dy, dx @ dx, dy @ dx
     determinant = yy * xx - xy * xy
@@ -93,11 +94,13 @@ def _tilted(local: np.ndarray, raised: np.ndarray, group: np.ndarray, inside: np
     vy, vx = dy @ reading, dx @ reading
     along_y, along_x = (vy * xx - vx * xy) / determinant, (vx * yy - vy * xy) / determinant
     plane = mean + along_y * (row - middle[0]) + along_x * (col - middle[1])
-    local[row, col] = np.clip(plane, (1 - STEEPEST) * mean, (1 + STEEPEST) * mean)
+    local[row, col] = np.minimum(np.maximum(plane, (1 - STEEPEST) * mean), (1 + STEEPEST) * mean)
 
 
 def _significant(pressed: np.ndarray, strong: np.ndarray) -> np.ndarray:
     """Return ``pressed`` without the small groups that noise makes."""
+    if not np.count_nonzero(pressed & ~strong):
+        return pressed
     groups, count = ndimage.label(pressed, EIGHT_CONNECTED)
     keeps = np.bincount(groups.reshape(-1), minlength=count + 1) >= GROUP
     keeps[groups[pressed & strong]] = True
