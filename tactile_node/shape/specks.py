@@ -37,9 +37,9 @@ def is_by_chance(pattern: ContactPattern) -> bool:
     """
     mask = pattern.mask
     taxels = int(np.count_nonzero(mask))
-    if taxels < GROUPS[0]:
-        return False  # too small for a shape anyway
     together = joined(pattern)
+    if np.count_nonzero(together) < GROUPS[0]:
+        return False  # too small for a shape anyway
     if _is_line(together):
         return True
     density = _density_beside(pattern, together)

@@ -1,0 +1,185 @@
+"""Level and noise at rest: learned while nothing presses, never from a contact."""
+
+import numpy as np
+import pytest
+
+from tactile_node.contact.noise_floor import LEARNED_AFTER, NoiseFloor
+from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.contact.press import PressThresholds
+
+SHAPE = (12, 12)
+ROWS, COLS = np.mgrid[:12, :12]
+SQUARE = (ROWS >= 3) & (ROWS < 9) & (COLS >= 4) & (COLS < 9)
+NOISE = {'Pa': 1e3, 'N': 0.0035, None: 10.0}  #: standard deviation, 1 % of the full scale
+UNITS = pytest.mark.parametrize('unit', NOISE)
+WHOLE, HALF, MOST = np.ones(SHAPE, bool), COLS < 6, ROWS < 11
+
+
+def patterns(heights, unit, mask=SQUARE, *, seed=1, fixed=None):
+    """Pattern of each frame: ``heights`` in standard deviations of the noise, over ``mask``."""
+    rng, extractor = np.random.default_rng(seed), PatternExtractor(fixed, unit=unit)
+    for height in heights:
+        yield extractor.extract(NOISE[unit] * (height * mask + rng.standard_normal(SHAPE)))
+
+
+def check_held(heights, unit, mask, *, from_height):
+    """Once ``from_height`` is reached, the contact is there in each frame, and in the end whole and not learned."""
+    least = mask.sum() / 2
+    for height, pattern in zip(heights, patterns(heights, unit, mask)):
+        if height >= from_height:
+            assert pattern.contacts and pattern.mask.sum() >= least, height
+    np.testing.assert_array_equal(pattern.mask, mask)
+    if mask is not WHOLE and np.isfinite(pattern.noise).any():
+        assert np.median(pattern.noise[mask]) < 2 * NOISE[unit]
+
+
+@UNITS
+@pytest.mark.parametrize('seconds', [1, 10, pytest.param(60, marks=pytest.mark.slow),
+                                     pytest.param(300, marks=pytest.mark.slow)])
+def test_a_contact_that_grows_slowly_is_never_noise(seconds, unit):
+    heights = np.concatenate((np.zeros(50), np.linspace(0, 30, 50 * seconds), np.full(100, 30.0)))
+    check_held(heights, unit, SQUARE, from_height=10)
+
+
+@UNITS
+@pytest.mark.parametrize('frames', [500, pytest.param(30000, marks=pytest.mark.slow)])
+def test_an_object_held_from_the_first_frame_is_never_noise(frames, unit):
+    """30,000 frames are 10 minutes at 50 Hz; then it is let go, and the pad is free at once."""
+    heights = np.concatenate((np.full(frames, 20.0), np.zeros(5)))
+    *held, a, b, c, d, free = patterns(heights, unit)
+    assert all((pattern.mask == SQUARE).all() for pattern in held)
+    assert not free.contacts and free.pad_seen
+
+
+@UNITS
+@pytest.mark.parametrize('mask', [WHOLE, HALF, MOST], ids=['whole', 'half', '11 of 12'])
+def test_an_object_that_covers_the_pad_after_rest_is_held(mask, unit):
+    heights = np.concatenate((np.zeros(60), np.full(600, 20.0)))
+    check_held(heights, unit, mask, from_height=10)
+
+
+@pytest.mark.parametrize('unit', ['Pa', 'N'])
+@pytest.mark.parametrize('mask', [WHOLE, HALF, MOST], ids=['whole', 'half', '11 of 12'])
+@pytest.mark.parametrize('seconds', [0, 5, pytest.param(60, marks=pytest.mark.slow)])
+def test_with_a_unit_the_pad_may_be_covered_from_the_start_or_slowly(seconds, mask, unit):
+    heights = np.concatenate((np.linspace(0, 20, 50 * seconds), np.full(300, 20.0)))
+    check_held(heights, unit, mask, from_height=12)
+
+
+@UNITS
+def test_a_pad_that_is_covered_in_steps(unit):
+    rng, extractor = np.random.default_rng(2), PatternExtractor(unit=unit)
+    for cols in range(13):
+        for _ in range(60):
+            pattern = extractor.extract(NOISE[unit] * (20 * (COLS < cols) + rng.standard_normal(SHAPE)))
+            np.testing.assert_array_equal(pattern.mask, COLS < cols)
+
+
+@pytest.mark.parametrize('unit', ['Pa', 'N'])
+def test_a_contact_between_noise_and_fixed_thresholds_is_not_learned(unit):
+    """With absolute thresholds a light contact is not pressed; the floor must not follow it."""
+    fixed = PressThresholds.of_unit(unit)
+    heights = np.concatenate((np.zeros(50), np.full(1000, 9.0)))
+    *_, last = patterns(heights, unit, fixed=fixed)
+    assert not last.contacts and last.noise[SQUARE].max() < 2 * NOISE[unit]
+
+
+@UNITS
+def test_the_noise_of_each_taxel_is_found(unit):
+    """An idle pad with taxels of half to twice the noise: within a fifth of what was drawn for nine in ten."""
+    rng = np.random.default_rng(3)
+    drawn = rng.uniform(0.7, 1.5, SHAPE)
+    extractor = PatternExtractor(unit=unit)
+    for _ in range(600):
+        pattern = extractor.extract(NOISE[unit] * drawn * rng.standard_normal(SHAPE))
+    ratio = pattern.noise / NOISE[unit] / drawn
+    is_above = drawn > 1.2  # others count as the mean taxel: the noise is never less than over the pad
+    assert (abs(ratio[is_above] - 1) < 0.2).mean() > 0.9 and not pattern.noise.flags.writeable
+    assert (pattern.noise > 0.7 * NOISE[unit]).all()
+
+
+def test_a_loud_taxel_presses_nothing_once_its_noise_is_known():
+    rng, extractor = np.random.default_rng(4), PatternExtractor()
+    loud = np.ones(SHAPE)
+    loud[[1, 5, 9], [2, 8, 4]] = 3.5
+    contacts = [extractor.extract(loud * rng.standard_normal(SHAPE)).contacts for _ in range(600)]
+    assert sum(contacts[200:]) <= 4 < sum(PatternExtractor().extract(loud * rng.standard_normal(SHAPE)).contacts
+                                          for _ in range(400))
+
+
+def test_an_offset_that_was_not_tared_presses_nothing_and_a_contact_on_it_is_found():
+    rng, extractor = np.random.default_rng(5), PatternExtractor()
+    offset = 500 + 3 * rng.standard_normal(SHAPE)
+    for _ in range(300):
+        assert not extractor.extract(offset + rng.standard_normal(SHAPE)).contacts
+    np.testing.assert_array_equal(extractor.extract(offset + 40 * SQUARE).mask, SQUARE)
+
+
+@pytest.mark.parametrize('sense', [-1, 1])
+def test_a_slow_drift_is_followed_up_and_down(sense):
+    """By one standard deviation a second; a contact on it is found to the taxel."""
+    rng, extractor = np.random.default_rng(6), PatternExtractor()
+    for k in range(500):
+        assert not extractor.extract(sense * k / 50 + rng.standard_normal(SHAPE)).contacts
+    np.testing.assert_array_equal(extractor.extract(sense * 10 + 25 * SQUARE + rng.standard_normal(SHAPE)).mask, SQUARE)
+
+
+def test_noise_that_rises_at_once_is_no_contact_of_the_size_of_a_shape():
+    rng, extractor = np.random.default_rng(7), PatternExtractor()
+    for k in range(300):
+        pattern = extractor.extract((1 if k < 100 else 5) * rng.standard_normal(SHAPE))
+        assert pattern.mask.sum() < 4
+
+
+def test_a_release_is_seen_in_its_frame():
+    rng, extractor = np.random.default_rng(8), PatternExtractor()
+    for height, mask in [(0, WHOLE)] * 30 + [(50, WHOLE)] * 200:
+        extractor.extract(height * mask + rng.standard_normal(SHAPE))
+    assert not extractor.extract(rng.standard_normal(SHAPE)).contacts
+
+
+def test_taxels_without_a_value_learn_nothing_and_spoil_nothing():
+    rng, floor, dead = np.random.default_rng(9), NoiseFloor(), ROWS % 4 == 0
+    for _ in range(100):
+        values = np.where(dead, np.nan, rng.standard_normal(SHAPE))
+        level, noise = floor.measure(values, ~dead)
+        floor.learn(values, noise, ~dead)
+        assert np.isfinite(noise).all() and np.isfinite(level)
+    assert 0.7 < noise.min() and noise.max() < 1.6 and abs(level) < 0.4
+
+
+def test_a_few_taxels_and_a_pad_that_is_not_seen_have_no_floor():
+    nothing = np.full((2, 3), np.nan)
+    for values in (np.arange(6.0).reshape(2, 3), nothing):
+        level, noise = NoiseFloor().measure(values, np.isfinite(values))
+        assert level == 0 and not noise.any()
+    assert np.isnan(PatternExtractor().extract(nothing).noise).all()
+
+
+def test_the_floor_stays_while_the_pad_is_not_seen():
+    rng, floor = np.random.default_rng(10), NoiseFloor()
+    for _ in range(50):
+        values = 100 + rng.standard_normal(SHAPE)
+        known = floor.measure(values, WHOLE)
+        floor.learn(values, known[1], WHOLE)
+    level, noise = floor.measure(np.full(SHAPE, np.nan), ~WHOLE)
+    assert abs(level - 100) < 0.5 and (noise > 0.5).all()
+
+
+def test_a_taxel_counts_by_its_own_noise_only_after_it_rested_long_enough():
+    rng, floor = np.random.default_rng(11), NoiseFloor()
+    loud = np.where((ROWS == 5) & (COLS == 5), 3.0, 1.0)
+    seen = []
+    for _ in range(4 * LEARNED_AFTER):
+        values = loud * rng.standard_normal(SHAPE)
+        _, noise = floor.measure(values, WHOLE)
+        floor.learn(values, noise, WHOLE)
+        seen.append(noise)
+    assert all(np.ptp(noise) == 0 for noise in seen[:LEARNED_AFTER])
+    assert seen[-1][5, 5] > 1.5 * np.median(seen[-1])
+
+
+def test_values_that_were_tared_have_a_level_that_no_pad_at_rest_reaches():
+    values = np.full(SHAPE, 50.0)
+    assert NoiseFloor(highest=7.0).measure(values, WHOLE)[0] == 0
+    assert NoiseFloor().measure(values, WHOLE)[0] == pytest.approx(50.0)
