@@ -14,6 +14,8 @@ from tactile_node.shape.patch import joined
 #: Fraction of the taxels beside the contact that are pressed -> taxels of a group that chance does not make there.
 DENSITIES = (0.005, 0.02, 0.04, 0.06, 0.08, 0.10, 0.12, 0.16)
 GROUPS = (4, 6, 9, 13, 16, 19, 22, 32)
+PLACES = 256       #: taxels of the pad for which GROUPS holds; there is more chance on larger ones:
+MORE_PLACES = 0.6  #: groups are larger by this part where there are PLACES times as many
 DENSEST = 0.16     #: from here on groups of any size are made by chance, and only compactness counts
 OTHER = 6          #: taxels of another contact, which is no speck
 OTHER_COMPACT = 0.57  #: compactness of such a contact
@@ -22,42 +24,67 @@ MARGIN = 1         #: taxels around that box
 COMPACT = 0.62     #: compactness that chance does not reach, for small groups
 LOOSE = 1.7        #: large groups are more compact: 1 - LOOSE / sqrt(taxels)
 THIN = 1.7         #: width of a line [taxels]: one taxel, and up to 1.5 where it lies obliquely
-ACROSS = 2.5       #: width of a bar across the whole pad, whose ends are not seen [taxels]
+FALL, SLOPE = 2, 0.1   #: so many taxels beside a contact, and by this part of its width more, its pressure has fallen
+STEEP = 0.35       #: to this part of it, or less
+RAGGED = 0.45      #: compactness below which a contact is none where
+SPECKLED = 0.08    #: so many taxels beside it are pressed, or
+FEW = 14           #: it is of fewer taxels, with the pieces close to it, or
+LARGEST = 0.4      #: less than this part of them is in one piece
+SURE = 15.0        #: -log of the probability that chance presses all taxels of a compact contact
 
 
 def is_by_chance(pattern: ContactPattern) -> bool:
-    """Return whether the contact of ``pattern`` is what noise, stuck taxels or lines make, too.
+    """Return whether the contact of ``pattern`` is what noise, stuck taxels, lines or drift make, too.
 
     That is a group of the size that chance makes at the density of the pressed taxels beside it, a line one taxel
-    wide, or a thin bar from edge to edge, whose ends are not seen.
+    wide, what reaches from edge to edge of the pad, so that its ends are not seen, and a rise without an edge.
 
     >>> diagonal = np.eye(8, dtype=bool)
     >>> is_by_chance(ContactPattern.of(diagonal, diagonal.astype(float)))
     True
     """
-    mask = pattern.mask
-    taxels = int(np.count_nonzero(mask))
+    taxels = int(np.count_nonzero(pattern.mask))
     together = joined(pattern)
     if np.count_nonzero(together) < GROUPS[0]:
         return False  # too small for a shape anyway
-    if _is_line(together):
+    if _is_line(together) or _is_across(pattern.mask) or _is_flat(pattern, together):
         return True
-    density = _density_beside(pattern, together)
-    if density < DENSEST and taxels >= np.interp(density, DENSITIES, GROUPS):
+    density, compactness = _density_beside(pattern, together), _compactness(pattern.mask)
+    whole = np.count_nonzero(together)
+    if compactness < RAGGED and (density >= SPECKLED or whole < FEW or taxels < LARGEST * whole):
+        return True
+    places = max(np.log(pattern.mask.size / PLACES) / np.log(PLACES), 0.0)
+    if density < DENSEST and taxels >= np.interp(density, DENSITIES, GROUPS) * (1 + MORE_PLACES * places):
         return False
-    return bool(_compactness(mask) < max(COMPACT, 1 - LOOSE / taxels ** 0.5))
+    return bool(taxels < SURE / -np.log(density) or compactness < max(COMPACT, 1 - LOOSE / taxels ** 0.5))
 
 
 def _is_line(taxels: np.ndarray) -> bool:
-    """Return whether the contact is one taxel wide, or thin and reaches from edge to edge of the pad."""
-    rows, cols = taxels.shape
+    """Return whether the contact is one taxel wide."""
     y, x = np.nonzero(taxels)
     dy, dx = y - y.mean(), x - x.mean()
     yy, xx, xy = dy @ dy / len(y), dx @ dx / len(y), dy @ dx / len(y)
     narrowest = (yy + xx) / 2 - np.hypot((yy - xx) / 2, xy)
-    width = (12 * max(float(narrowest), 0.0) + 1) ** 0.5  # of a bar with this second moment, of whole taxels
-    is_across = y.min() == 0 and y.max() == rows - 1 or x.min() == 0 and x.max() == cols - 1
-    return bool(width < (ACROSS if is_across else THIN))
+    return bool((12 * max(float(narrowest), 0.0) + 1) ** 0.5 < THIN)  # a bar with this second moment, of whole taxels
+
+
+def _is_across(mask: np.ndarray) -> bool:
+    """Return whether the contact reaches from one edge of the pad to the opposite one."""
+    return bool(mask[0].any() and mask[-1].any() or mask[:, 0].any() and mask[:, -1].any())
+
+
+def _is_flat(pattern: ContactPattern, together: np.ndarray) -> bool:
+    """Return whether pressures do not fall off around the contact: it is a rise of the pad's readings, no contact."""
+    near = together
+    for _ in range(FALL + int(SLOPE * np.count_nonzero(together) ** 0.5)):
+        inner, near = near, grown(near)
+    visible = ~(pattern.hidden | pattern.unmapped)
+    beside, away = near & ~inner & visible, visible & ~near
+    if not beside.any():
+        return False
+    rest = float(np.median(pattern.values[away])) if away.any() else 0.0
+    level = float(np.nanmean(pattern.values[together])) - rest
+    return bool(np.median(pattern.values[beside]) - rest > STEEP * level)
 
 
 def _density_beside(pattern: ContactPattern, together: np.ndarray) -> float:
