@@ -38,3 +38,30 @@ def test_noise_below_the_resolution_is_not_seen():
 
 def test_a_few_taxels_show_nothing():
     assert not resting_of(np.arange(7.0)).is_known and resting_of(np.arange(8.0)).is_known
+
+
+@pytest.mark.parametrize('taxels', [1, 5, 20, 31])
+@pytest.mark.parametrize('below', [30.0, 1e3, 1e6])
+def test_a_few_taxels_far_below_the_others_hide_no_contact(taxels, below):
+    """As of taxels that lost their offset: with them as noise, nothing would be pressed, and a held object be lost."""
+    rng = np.random.default_rng(8)
+    for covered in (0, 30, 120):
+        values = rng.standard_normal(256)
+        values[:taxels] -= below
+        values[256 - covered:] += 20
+        found = resting_of(values)
+        assert abs(found.level) < 0.6 and 0.6 < found.deviation < 1.6
+    counts = np.full(256, 1000)
+    counts[:taxels] = 0
+    assert resting_of(counts.astype(float)) == (1000, 0)
+
+
+@pytest.mark.parametrize('size', [64, 256, 4096])
+@pytest.mark.parametrize('step', [0.0, 0.5, 1.0])
+def test_of_noise_alone_nothing_is_taken_for_far_below(size, step):
+    """Normal values, and the same in whole steps."""
+    rng, deviations = np.random.default_rng(9), []
+    for _ in range(200):
+        values = rng.standard_normal(size)
+        deviations.append(resting_of(np.rint(values / step) * step if step else values).deviation)
+    assert 0.85 < np.median(deviations) < 1.15
