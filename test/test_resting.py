@@ -57,7 +57,7 @@ def test_a_few_taxels_far_below_the_others_hide_no_contact(taxels, below):
 
 
 @pytest.mark.parametrize('size', [64, 256, 4096])
-@pytest.mark.parametrize('step', [0.0, 0.5, 1.0])
+@pytest.mark.parametrize('step', [0.0, 0.25, 0.5])
 def test_of_noise_alone_nothing_is_taken_for_far_below(size, step):
     """Normal values, and the same in whole steps."""
     rng, deviations = np.random.default_rng(9), []
