@@ -106,8 +106,10 @@ def test_a_contact_that_silent_rows_tear_is_no_chance():
     assert not is_by_chance(of_taxels(SHAPES['square'], hidden))
 
 
-def test_a_contact_that_covers_the_pad_is_no_chance():
-    for mask in (np.ones((16, 16), bool), box(1, 1, 14, 14), box(0, 0, 16, 9)):
+def test_what_reaches_from_edge_to_edge_has_no_shape_since_its_ends_are_not_seen():
+    for mask in (np.ones((16, 16), bool), box(0, 0, 16, 9), box(5, 0, 7, 16)):
+        assert is_by_chance(of_taxels(mask))
+    for mask in (box(1, 1, 14, 14), box(0, 0, 15, 15), box(1, 0, 15, 9)):
         assert not is_by_chance(of_taxels(mask))
 
 

@@ -9,6 +9,7 @@ from scipy import ndimage
 from tactile_node.contact.left_over import LeftOver
 from tactile_node.contact.neighbours import grown
 from tactile_node.contact.noise_floor import NoiseFloor
+from tactile_node.contact.on_off import are_on_off
 from tactile_node.contact.press import PressThresholds
 from tactile_node.contact.seen import EIGHT_CONNECTED, pad_seen
 from tactile_node.contact.standing_out import Threshold, standing_out
@@ -129,7 +130,7 @@ class PatternExtractor:
         unknown = read_only(np.full(frame.shape, np.nan))
         if frame.dtype == bool:
             return frame.copy(), unknown
-        if self._is_on_off or self._is_free and _are_on_off(values[valid]):
+        if self._is_on_off or self._is_free and are_on_off(values[valid]):
             return self._above(values, valid), unknown
         level, noise = self._floor.measure(values, valid)
         if self._thresholds:
@@ -161,12 +162,6 @@ class PatternExtractor:
     def _before(self, shape: tuple[int, ...]) -> np.ndarray:
         before = self._pressed
         return np.zeros(shape, bool) if before is None or before.shape != shape else before
-
-
-def _are_on_off(values: np.ndarray) -> bool:
-    """Return whether ``values`` are 0 and at most one other number above it."""
-    highest = values.max(initial=0.0)
-    return bool(((values == 0) | (values == highest)).all())
 
 
 def _are_counts(values: np.ndarray) -> bool:

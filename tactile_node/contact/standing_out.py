@@ -49,7 +49,7 @@ def standing_out(values: np.ndarray, valid: np.ndarray, threshold: Threshold, be
 
 def _box(taxels: np.ndarray) -> tuple[slice, slice]:
     """Return the rows and columns of ``taxels`` and REACH more: the time then depends on the contacts alone."""
-    rows, cols = taxels.any(1).nonzero()[0], taxels.any(0).nonzero()[0]
+    rows, cols = np.flatnonzero(taxels.any(1)), np.flatnonzero(taxels.any(0))
     return (slice(max(int(rows[0]) - REACH, 0), int(rows[-1]) + REACH + 1),
             slice(max(int(cols[0]) - REACH, 0), int(cols[-1]) + REACH + 1))
 

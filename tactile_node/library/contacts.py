@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-import numpy as np
 from numpy.typing import ArrayLike
 
+from tactile_node.contact.on_off import are_on_off
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor, as_frame
 from tactile_node.contact.press import PressThresholds
 from tactile_node.helmholtz.features import Features, Group, compute_features
@@ -83,19 +83,18 @@ class Recogniser:
 def fit_shape(contact: ContactPattern, shape: Shape, pitch: float = 1.0) -> ShapeFit | None:
     """Return pose and size of ``contact`` as a ``shape``, with covariance; None for NONE and UNKNOWN.
 
-    ``pitch``: distance of neighbouring taxels; all lengths come in its unit. Values that are all 0 or 1 are taken as
-    on/off. Raises InputError where the contact has no taxel, or for an unknown shape; ConfigurationError for a pitch
-    that is no length > 0.
+    ``pitch``: distance of neighbouring taxels; all lengths come in its unit. Values that are 0 or one other number are
+    taken as on/off. Raises InputError where the contact has no taxel, or for an unknown shape; ConfigurationError for
+    a pitch that is no length > 0.
 
     >>> import numpy as np
     >>> found = fit_shape(find_contact(np.pad(np.full((7, 7), 50e3), 4)), Shape.SQUARE, pitch=0.004)
-    >>> [round(1000 * length, 1) for length in (*found.centre, *found.dimensions)]
-    [28.0, 28.0, 28.0]
+    >>> [round(1000 * length) for length in (*found.centre, *found.dimensions)]
+    [28, 28, 28]
     """
     shape = known_shape(shape)
-    finite = _contact(contact).values[np.isfinite(contact.values)]
-    is_on_off = bool(((finite == 0) | (finite == 1)).all())
-    return fit.fit_shape(contact.mask if is_on_off else contact.values, contact.mask, shape, pitch)
+    taxels = contact.mask if are_on_off(_contact(contact).values) else contact.values
+    return fit.fit_shape(taxels, contact.mask, shape, pitch)
 
 
 def _contact(contact: object) -> ContactPattern:

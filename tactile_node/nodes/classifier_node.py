@@ -7,6 +7,7 @@ from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.node import Node
 
+from tactile_node.contact.on_off import are_on_off
 from tactile_node.contact.pattern import ContactPattern, of_contact
 from tactile_node.contact.visibility import Visibility, visibility_of
 from tactile_node.fusion.recognitions import FusedRecognition, RecognitionFusion
@@ -102,7 +103,7 @@ class ClassifierNode(Node):
     def _fitted(self, message: Contact, pattern: ContactPattern, shape: Shape) -> ShapeFit | None:
         if not self._settings.fit or not pattern.mask.any():
             return None
-        taxels = pattern.mask if message.unit == '1' else pattern.values
+        taxels = pattern.mask if are_on_off(pattern.values) else pattern.values
         return fit_shape(taxels, pattern.mask, shape, message.pitch)
 
 

@@ -14,16 +14,23 @@ from tactile_node.contact.seen import EIGHT_CONNECTED
 from tactile_node.contact.visibility import Visibility
 from tactile_node.read_only import read_only
 
+SCATTERED = 0.1  #: of the ring: so many hidden taxels apart from each other are dead ones, which change little
+
 
 def hidden_taxels_matter(pattern: ContactPattern, visibility: Visibility) -> bool:
-    """Return whether taxels are hidden in the ring of the contact, or more than single ones within it."""
-    if visibility.hidden_in_ring:
+    """Return whether more than single taxels are hidden within the contact or its ring, or many of the ring's.
+
+    A few scattered ones are what the recogniser was trained with.
+    """
+    if not visibility.hidden_in_ring and not visibility.hidden_in_contact:
+        return False
+    if visibility.hidden_in_ring > SCATTERED * visibility.ring:
         return True
-    if not visibility.hidden_in_contact or visibility.largest_hidden == 1:
+    if visibility.largest_hidden == 1:
         return False
     labels, _ = ndimage.label(pattern.hidden, EIGHT_CONNECTED)
-    within = np.bincount(labels[pattern.mask & pattern.hidden])
-    return bool(within.max() > 1)
+    sizes = np.bincount(labels.reshape(-1))
+    return bool((sizes[labels[grown(pattern.mask) & pattern.hidden]] > 1).any())
 
 
 def completions(pattern: ContactPattern) -> tuple[ContactPattern, ContactPattern, ContactPattern]:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.contact.neighbours import linked
+from tactile_node.contact.on_off import are_on_off
 from tactile_node.contact.pattern import MOST_LABELS, ContactPattern
 from tactile_node.read_only import read_only
 
@@ -109,8 +110,7 @@ def _levels(values: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarra
     """Levels, dead taxels (as 1.0), and whether there are pressures between none and full."""
     dead = np.isnan(values)
     known = np.where(dead, 0, values)
-    peak = known.max()
-    graded = bool(((known > 0) & (known < peak)).any())
+    graded = not are_on_off(values)
     if graded:
         inside = known * mask
         known = known * _grown(mask)
