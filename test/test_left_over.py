@@ -138,3 +138,34 @@ def test_of_single_arrays_and_of_all_pressed_taxels_nothing_is_left_over():
         pattern = extractor.extract(9.0 * mask)
     np.testing.assert_array_equal(pattern.mask, specks)
     assert not pattern.hidden.any() and not pattern.is_left_over
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize('specks', [[34], [34, 52, 66], list(range(34, 44))])
+def test_what_is_left_over_arrives_in_a_message_that_is_accepted(specks):
+    """NOT_SEEN, never EMPTY, with the taxels as FAULTY and without a value, and with the noise of each taxel."""
+    pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
+    from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
+    from tactile_node.ros.contact_messages import contact_message, pattern_of
+    from tactile_node.ros.message_checks import check_contact, check_taxel_array
+    from tactile_node.ros.taxel_messages import taxel_array_message, taxel_values
+    from tactile_skin.msg import Contact
+    rng, extractor, stays = np.random.default_rng(4), PatternExtractor(unit='Pa'), np.isin(16 * ROWS + COLS, specks)
+    status = np.full((16, 16), TaxelStatus.VALID, np.uint8)
+    status[15, 15] = TaxelStatus.STALE
+    for number, mask in enumerate([np.zeros((16, 16), bool)] * 40 + [box(1, 1, 8, 12)] * 5 + [stays] * 3):
+        values = (40e3 * mask + 500 * rng.standard_normal(mask.shape)).astype(np.float32)
+        values[15, 15] = np.nan
+        taxels = taxel_array_message(TaxelFrame(1.7e9 + number / 50, number, values, status, missing_can_frames=0),
+                                     0.002, 'Pa', 'pad')
+        assert check_taxel_array(taxels) is None
+        pattern = extractor.extract(taxel_values(taxels))
+        message = contact_message(taxels, pattern, visibility_of(pattern))
+        assert check_contact(message) is None
+    assert message.state == Contact.NOT_SEEN and not message.pad_seen and not message.contacts
+    codes = np.frombuffer(message.status, np.uint8).reshape(16, 16)
+    assert (codes[stays] == TaxelStatus.FAULTY).all() and codes[15, 15] == TaxelStatus.STALE
+    arrived = pattern_of(message)
+    np.testing.assert_array_equal(arrived.hidden, pattern.hidden)
+    np.testing.assert_allclose(arrived.noise, pattern.noise, rtol=1e-6)
+    assert 300 < np.median(arrived.noise) < 700
