@@ -57,11 +57,13 @@ def test_a_few_taxels_far_below_the_others_hide_no_contact(taxels, below):
 
 
 @pytest.mark.parametrize('size', [64, 256, 4096])
-@pytest.mark.parametrize('step', [0.0, 0.25, 0.5])
-def test_of_noise_alone_nothing_is_taken_for_far_below(size, step):
-    """Normal values, and the same in whole steps."""
-    rng, deviations = np.random.default_rng(9), []
+@pytest.mark.parametrize('step', [0.0, 0.25, 0.5, 1.0, 1.5])
+def test_noise_in_whole_steps_and_on_small_pads_is_found(size, step):
+    """Rounding adds a twelfth of the square of the step to the variance (Sheppard)."""
+    rng, found = np.random.default_rng(9), []
     for _ in range(200):
         values = rng.standard_normal(size)
-        deviations.append(resting_of(np.rint(values / step) * step if step else values).deviation)
-    assert 0.85 < np.median(deviations) < 1.15
+        found.append(resting_of(np.rint(values / step) * step if step else values))
+    levels, deviations = np.array(found).T
+    assert np.median(deviations) == pytest.approx((1 + step ** 2 / 12) ** 0.5, rel=0.12)
+    assert abs(np.median(levels)) < 0.15

@@ -196,3 +196,13 @@ def test_noise_alone_seldom_makes_a_group():
     patterns = [PatternExtractor().extract(rng.standard_normal((SIDE, SIDE)) + 7) for _ in range(400)]
     assert sum(pattern.mask.sum() >= 4 for pattern in patterns) < 4
     assert sum(pattern.contacts > 0 for pattern in patterns) < 20
+
+
+@pytest.mark.parametrize('deviation', [0.3, 0.75, 1.0, 1.5])
+def test_idle_counts_press_nothing_and_a_light_contact_on_them_is_found(deviation):
+    rng, stream, mask = np.random.default_rng(10), PatternExtractor(), box(4, 5, 6, 7)
+    idle = [np.rint(deviation * rng.standard_normal((SIDE, SIDE))) for _ in range(150)]
+    assert sum(stream.extract(frame).contacts > 0 for frame in idle) < 5
+    assert sum(PatternExtractor().extract(frame).contacts > 0 for frame in idle) < 5
+    pattern = PatternExtractor().extract(np.rint(idle[0] + max(8 * deviation, 6) * mask))
+    np.testing.assert_array_equal(pattern.labels == 1, mask)

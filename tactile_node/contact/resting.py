@@ -35,7 +35,8 @@ def resting_of(values: np.ndarray) -> Resting:
     The lowest quarter is taken to rest, then all that is no farther above the mean of those taken than two standard
     deviations, until nothing changes (sigma clipping from below; both are then corrected as for normal values). Of
     noise below the resolution the deviation is 0. Of 64 values or more, up to an eighth may lie far below the others,
-    as of taxels that lost their offset: they are left out. UNKNOWN for fewer than 8 values.
+    as of taxels that lost their offset: they are left out. Values in whole steps are taken up to one step farther, for
+    there are none between. UNKNOWN for fewer than 8 values.
 
     >>> resting_of(np.array([4.0, 5.0, 6.0] * 20 + [50.0] * 20)).level
     4.0
@@ -51,10 +52,11 @@ def resting_of(values: np.ndarray) -> Resting:
     offset = ordered - origin  # sums of squares of small numbers
     sums, squares = offset.cumsum(), (offset * offset).cumsum()
     taken = max(int(RESTING * count), 1)
+    step = _step(offset[:taken])
     for _ in range(ROUNDS):
         mean = sums.item(taken - 1) / taken
         deviation = sqrt(max(squares.item(taken - 1) / taken - mean * mean, 0.0))
-        reach = int(offset.searchsorted(mean + SPREADS * deviation, 'right'))
+        reach = int(offset.searchsorted(mean + SPREADS * deviation + step, 'right'))
         if reach <= taken:
             break
         taken = reach
@@ -73,3 +75,10 @@ def _far_below(ordered: np.ndarray) -> int:
         distance = ordered.item(next_one) - eighth if next_one < ordered.size else 0.0
     lowest = eighth - FAR_BELOW * distance
     return int(ordered.searchsorted(lowest)) if ordered.item(0) < lowest else 0
+
+
+def _step(ordered: np.ndarray) -> float:
+    """Return the resolution of values, sorted, of which at most a quarter differ; 0 of others, and where none do."""
+    gaps = ordered[1:] - ordered[:-1]
+    gaps = gaps[gaps > 0]
+    return float(gaps.min()) if 0 < 4 * len(gaps) < len(ordered) else 0.0
