@@ -18,6 +18,7 @@ sys.path.insert(0, str(ROOT))
 import cv2
 import torch
 
+from bench.recognition import tables
 from bench.recognition.anchor_training import train_anchors
 from bench.recognition.contest import Contest
 from bench.recognition.page import write_csv, write_page
@@ -55,11 +56,13 @@ def main() -> int:
         sections.append(SECTIONS[name](run))
         for table in sections[-1].tables:
             print(table.plain(), flush=True)
+    results = [result for section in sections for result in section.results]
+    worlds = [tables.three_worlds(results, run.contest, recogniser)] if {'clean', 'mechanics'} <= set(args.only) else []
     mode = ('a quick run: anchors half trained' if args.quick else 'the full run') + (
         ', on validation seeds' if args.validation else '')
-    write_csv(args.output / 'recognition.csv', [result for section in sections for result in section.results])
+    write_csv(args.output / 'recognition.csv', results)
     write_page(args.output / 'recognition_results.md', f'Recognition, measured ({mode})',
-               [table for section in sections for table in section.tables],
+               [*worlds, *(table for section in sections for table in section.tables)],
                [picture for section in sections for picture in section.pictures])
     clock(f'written to {args.output}')
     return 0

@@ -7,9 +7,9 @@ from bench.recognition.cases import recorded
 from bench.recognition.frame_labels import frame_labels
 
 
-@pytest.mark.parametrize('recording', ['nus_ring_session', 'nus_square_excerpt'])
+@pytest.mark.parametrize('recording', ['nus_ring_session', 'nus_square_excerpt', 'nus_square_moving'])
 def test_labels_cover_all_frames_of_the_log(recording):
-    stamps, _ = recorded(f'{recording}.log.gz')
+    stamps, _ = recorded(recording)
     assert len(frame_labels(recording)) == len(stamps)
 
 

@@ -1,8 +1,10 @@
 """What is evaluated: patterns that no method was trained on, by condition, kind of frame and size."""
 
+import gzip
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +15,7 @@ from tactile_node.contact.press import PressThresholds
 from tactile_node.recording.log_source import LogSource
 from tactile_node.shape.invariants import describe
 from tactile_node.shape.patch import joined, make_patch
+from tactile_node.simulator.recording import load_recording
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings
 from tactile_node.synthetic.seeds import Purpose, generator
@@ -25,7 +28,7 @@ from training.field import (
 )
 from training.samples import LABELS, LEVEL_STEPS, UNKNOWN, Samples
 
-ROOT = Path(__file__).resolve().parents[2]
+DATA = Path(__file__).resolve().parents[2] / 'test/data'
 PRESS, RELEASE = 0.3, 0.24  #: a fixed threshold for pressures, of which drifting ones are so much more or less
 CLEAN = 'clean'
 #: Evaluation seeds serve one report: the next one counts this up, for what a report showed has prompted changes.
@@ -122,15 +125,27 @@ def seeded(seed: int, purpose: Purpose) -> np.random.Generator:
     return generator(purpose, seed + 1_000_000 * ROUND)
 
 
-def recorded(log: str) -> tuple[np.ndarray, list[ContactPattern]]:
-    """The stamps [s] and contact patterns of a recorded session of the real 64x64 array."""
+def recorded(name: str) -> tuple[np.ndarray, list[np.ndarray]]:
+    """The stamps [s] and on/off frames of a recording of the real 64x64 array: a CAN log, or its events as text."""
+    events = DATA / f'{name}.txt.gz'
+    return _events(events) if events.exists() else _log(DATA / f'{name}.log.gz')
+
+
+def _events(path: Path) -> tuple[np.ndarray, list[np.ndarray]]:
+    with TemporaryDirectory() as folder:
+        text = Path(folder) / path.stem
+        text.write_bytes(gzip.decompress(path.read_bytes()))
+        recording = load_recording(text)
+    return recording.stamps, list(recording.frames.astype(float))
+
+
+def _log(path: Path) -> tuple[np.ndarray, list[np.ndarray]]:
     pad, frames = PadSettings('pad', (32,), load_layout('nus_sinapse_64x64.yaml')), []
-    source = LogSource(str(ROOT / 'test/data' / log), (pad,), lambda name, frame: frames.append(frame), pace=None)
+    source = LogSource(str(path), (pad,), lambda name, frame: frames.append(frame), pace=None)
     source.open()
     source.start()
     source.finished.wait()
     source.close()
     if source.failure:
         raise RuntimeError(source.failure.detail)
-    extractor = PatternExtractor(PressThresholds(0.5, 0.4))
-    return np.array([frame.stamp for frame in frames]), [extractor.extract(frame.values) for frame in frames]
+    return np.array([frame.stamp for frame in frames]), [frame.values for frame in frames]

@@ -9,12 +9,15 @@ from bench.recognition.frame_labels import LABELS, frame_labels
 from bench.recognition.page import KIND, Table
 from bench.recognition.punches import PUNCHES
 from tactile_node import Recogniser
+from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.shape.recognition import Shape
 from tactile_node.synthetic.seeds import Purpose
 
 MOST_LOST = {12: 0.01, 25: 0.005, 50: 0.002, 100: 0.001}  #: to unknown, by area
 BARS = {12: 0.97, 25: 0.985, 50: 0.995, 100: 0.998}       #: of flat punches, by area
-RECORDINGS = 'nus_ring_session', 'nus_square_excerpt'
+#: recordings, and what was pressed
+RECORDED = {'nus_ring_session': Shape.CIRCLE, 'nus_square_moving': Shape.SQUARE}
+HELD = 'object'
 
 
 def rates(heading: str, text: str, results: list[Result]) -> Table:
@@ -89,18 +92,45 @@ def recordings(contest: Contest, recogniser: Recogniser) -> Table:
     table = Table('Real recordings', 'share of answers over the frames that hold the object, by labels given by hand, '
                   'and over the others, where any shape is wrong [%]: frame by frame, and ours as a stream reports it',
                   ['recording', 'labelled', 'frames', 'contestant', *(shape.value for shape in ORDER)])
-    for name in RECORDINGS:
-        stamps, patterns = recorded(f'{name}.log.gz')
-        labels, ours = frame_labels(name), answers_of(contest.ours, patterns)
-        reported = streamed(recogniser, stamps, [pattern.values for pattern in patterns])
+    for name in RECORDED:
         for label in LABELS:
-            chosen = np.flatnonzero(labels == label)
-            if not len(chosen):
-                continue
-            samples = patches([patterns[k] for k in chosen], np.zeros(len(chosen), int))
-            answers = {OURS: ours[chosen], f'{OURS}, stream': reported[chosen]}
-            answers |= {anchor.name: anchor.probabilities(samples) for anchor in contest.anchors[True]}
-            for contestant, answer in answers.items():
-                share = np.bincount(answer.argmax(1), minlength=len(ORDER)) / len(chosen)
-                table.add(name, label, len(chosen), contestant, *(f'{100 * s:.0f}' for s in share))
+            for contestant, answer in _recorded_answers(contest, recogniser, name, label).items():
+                share = np.bincount(answer.argmax(1), minlength=len(ORDER)) / len(answer)
+                table.add(name, label, len(answer), contestant, *(f'{100 * s:.0f}' for s in share))
     return table
+
+
+def three_worlds(results: list[Result], contest: Contest, recogniser: Recogniser) -> Table:
+    """The same weights and anchors on our generator, on computed contacts and on recordings."""
+    shown = [result for result in results if int(result.case.area) in BARS and (
+        result.case.condition in (PUNCHES, CLEAN))]
+    names = list(shown[0].answers)
+    table = Table('Three worlds', 'recognised [%], 95 % Wilson intervals: our generator, which training draws from, '
+                  'too; contact mechanics with parameters and seeds of its own; recordings of a real array, which no '
+                  'training has seen (frames that hold the object, by labels given by hand)',
+                  ['world', 'frames', 'area', 'patterns', *(f'{name}, %' for name in names)])
+    for world, condition in (('own generator', CLEAN), ('contact mechanics', PUNCHES)):
+        for result in shown:
+            if result.case.condition == condition:
+                table.add(world, KIND[result.case.on_off], f'{result.case.area:g}', result.rate(OURS).count,
+                          *(result.rate(name) for name in names))
+    for name, shape in RECORDED.items():
+        answers = _recorded_answers(contest, recogniser, name, HELD)
+        right = {contestant: answer.argmax(1) == ORDER.index(shape) for contestant, answer in answers.items()}
+        table.add(name, KIND[True], '', len(right[OURS]),
+                  *(Rate(int(right[each].sum()), len(right[each])) for each in names))
+    return table
+
+
+def _recorded_answers(contest: Contest, recogniser: Recogniser, name: str, label: str) -> dict[str, np.ndarray]:
+    """What each contestant makes of the frames with ``label``; empty where no frame has it."""
+    chosen = np.flatnonzero(frame_labels(name) == label)
+    if not len(chosen):
+        return {}
+    stamps, frames = recorded(name)
+    extractor = PatternExtractor(unit='1')
+    patterns = [extractor.extract(frame) for frame in frames]
+    reported = streamed(recogniser, stamps, frames)
+    samples = patches([patterns[k] for k in chosen], np.zeros(len(chosen), int))
+    answers = {OURS: answers_of(contest.ours, [patterns[k] for k in chosen]), f'{OURS}, stream': reported[chosen]}
+    return answers | {anchor.name: anchor.probabilities(samples) for anchor in contest.anchors[True]}
