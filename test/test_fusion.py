@@ -165,3 +165,15 @@ def test_the_reason_of_unknown_is_that_of_the_frames():
     for k in range(20, 60):
         found = fusion.update(k * PERIOD, Recognition.certain(Shape.SQUARE))
     assert (found.recognition.shape, found.recognition.reason) == (Shape.SQUARE, UnknownReason.NOT_UNKNOWN)
+
+
+def test_a_contact_that_has_become_too_small_ends_at_once():
+    """What is left over after a release was the shape of before, until as many frames had outweighed it."""
+    fusion = RecognitionFusion()
+    for k in range(50):
+        held = fusion.update(0.02 * k, Recognition.of({Shape.CIRCLE: 0.99, Shape.SQUARE: 0.01}))
+    assert held.recognition.shape is Shape.CIRCLE
+    small = fusion.update(1.0, Recognition.unknown(UnknownReason.TOO_SMALL))
+    assert (small.recognition.shape, small.recognition.reason) == (Shape.UNKNOWN, UnknownReason.TOO_SMALL)
+    again = fusion.update(1.02, Recognition.of({Shape.SQUARE: 0.9, Shape.CIRCLE: 0.1}))
+    assert (again.recognition.shape, again.frames) == (Shape.SQUARE, 1)

@@ -83,13 +83,15 @@ class RecognitionFusion:
         self._since = 0.0
         self._frames = 0
         self._reason = UnknownReason.UNFAMILIAR
+        self._is_over = True
         self._evidence = np.zeros((1, len(TOUCHING)))  # a row for each alternative
         self._weights = np.ones(1)
 
     def update(self, stamp: float, frame: Recognition) -> FusedRecognition:
         """Take the recognition of the frame of ``stamp`` [s] and return the fused result.
 
-        A frame whose likeliest class is NONE ends the contact: it is reported at once. A frame that is no evidence
+        A frame whose likeliest class is NONE ends the contact, as does one of too few taxels for a shape: it is reported
+        at once. A frame that is no evidence
         is reported as not seen, and `held` starts again with the next. A stamp that goes back or comes after
         ``max_gap`` starts again. Raises InputError for NaN or infinite numbers, which would stay in the evidence.
         """
@@ -98,10 +100,12 @@ class RecognitionFusion:
             self._frames = 0
             return FusedRecognition(frame, stamp, held=0.0, frames=0)
         passed = float('inf') if self._stamp is None else stamp - self._stamp
-        if not 0 <= passed <= self._settings.max_gap or Shape.NONE in (frame.shape, self._shape):
+        ends = frame.shape is Shape.NONE or frame.reason is UnknownReason.TOO_SMALL
+        if ends is not self._is_over or frame.shape is Shape.NONE or not 0 <= passed <= self._settings.max_gap:
             self.reset()
             passed = float('inf')
         self._stamp = stamp
+        self._is_over = ends
         if frame.shape is Shape.NONE:
             return self._report(stamp, frame.shape, frame)
         self._add(frame, passed)
