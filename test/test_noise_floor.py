@@ -183,3 +183,17 @@ def test_values_that_were_tared_have_a_level_that_no_pad_at_rest_reaches():
     values = np.full(SHAPE, 50.0)
     assert NoiseFloor(highest=7.0).measure(values, WHOLE)[0] == 0
     assert NoiseFloor().measure(values, WHOLE)[0] == pytest.approx(50.0)
+
+
+@pytest.mark.parametrize('unit', ['Pa', None])
+def test_an_object_that_is_held_does_not_drown_in_noise_that_rises(unit):
+    """A motor starts: the noise is ten times that of before. Nothing may say that the pad is empty."""
+    rng, extractor, held = np.random.default_rng(8), PatternExtractor(unit=unit), np.zeros((16, 16))
+    held[5:11, 5:11] = 20e3
+    for _ in range(100):
+        extractor.extract(1e3 * rng.standard_normal((16, 16)))
+    for _ in range(50):
+        assert extractor.extract(held + 1e3 * rng.standard_normal((16, 16))).contacts == 1
+    for _ in range(300):
+        found = extractor.extract(held + 1e4 * rng.standard_normal((16, 16)))
+        assert found.contacts or not found.pad_seen

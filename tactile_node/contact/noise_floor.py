@@ -12,6 +12,7 @@ LOUDEST = 4.0         #: x the noise of the pad: what reads more is a contact or
 OUTLYING = 2.0        #: standard deviations that one frame counts at most
 TOGETHER = 9.0        #: standard deviations by which 3x3 taxels rise together where a contact grows slowly
 FOLLOWED = 0.1        #: standard deviations that the level at rest rises in a frame
+LOUDER = 2.0          #: x the noise before something pressed
 SCATTER = 0.5         #: of the noise: the level of resting taxels varies less, that of a covered pad more
 
 
@@ -24,13 +25,17 @@ class NoiseFloor:
     with an object that is held from the start.
 
     The level rises slowly and falls at once: where an object comes to cover the whole pad, the lowest taxels are
-    pressed. ``highest``: of values that were tared, the level that no pad at rest reaches.
+    pressed. While something presses, the noise of the frame counts for at most LOUDER times that before: a held object
+    must not drown in the noise of a motor. ``highest``: of values that were tared, the level that no pad at rest
+    reaches.
     """
 
     def __init__(self, highest: float = np.inf):
         self._highest = highest
         self._last = Resting(0.0, 0.0)
         self._is_first = True
+        self._quiet = np.inf  # noise of the pad while something presses it, before it became louder
+        self._is_loud = False
         self._squares = self._frames = np.zeros((0, 0))
 
     def measure(self, values: np.ndarray, valid: np.ndarray) -> tuple[float, np.ndarray]:
@@ -45,8 +50,14 @@ class NoiseFloor:
         own = np.where(self._frames >= LEARNED_AFTER, np.sqrt(self._squares), 0.0)
         return self._last.level, read_only(np.minimum(np.maximum(own, deviation), LOUDEST * deviation))
 
-    def learn(self, values: np.ndarray, noise: np.ndarray, at_rest: np.ndarray) -> None:
-        """Learn from the taxels ``at_rest``, bool, of the frame measured last, whose ``noise`` was returned."""
+    def learn(self, values: np.ndarray, noise: np.ndarray, at_rest: np.ndarray,
+              is_touched: bool = False) -> None:
+        """Learn from the taxels ``at_rest``, bool, of the frame measured last, whose ``noise`` was returned.
+
+        ``is_touched``: whether something presses the pad, as far as noise that has become louder does not decide.
+        """
+        if not self._is_loud:
+            self._quiet = min(self._quiet, self._last.deviation) if is_touched else np.inf
         off = np.where(at_rest, values - self._last.level, 0.0)
         together = np.abs(sum_around(off)) > TOGETHER * np.maximum(noise, self._last.deviation)
         quiet = at_rest & ~grown(together)
@@ -64,4 +75,5 @@ class NoiseFloor:
             return self._last
         rise = np.inf if self._is_first else FOLLOWED * found.deviation
         self._is_first = False
-        return Resting(min(found.level, level + rise), found.deviation)
+        self._is_loud = found.deviation > LOUDER * self._quiet
+        return Resting(min(found.level, level + rise), min(found.deviation, LOUDER * self._quiet))

@@ -138,7 +138,7 @@ class PatternExtractor:
         else:
             least = LEAST_COUNTS if self._is_free and _are_counts(values[valid]) else self._least
             pressed = self._standing_out(values, valid, Threshold(level, noise, least))
-        self._floor.learn(values, noise, valid & ~grown(grown(pressed)))
+        self._floor.learn(values, noise, valid & ~grown(grown(pressed)), bool(pressed.any()))
         return pressed, noise if np.count_nonzero(noise) else unknown
 
     def _above(self, values: np.ndarray, valid: np.ndarray) -> np.ndarray:

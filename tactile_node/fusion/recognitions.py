@@ -90,10 +90,10 @@ class RecognitionFusion:
     def update(self, stamp: float, frame: Recognition) -> FusedRecognition:
         """Take the recognition of the frame of ``stamp`` [s] and return the fused result.
 
-        A frame whose likeliest class is NONE ends the contact, as does one of too few taxels for a shape: it is reported
-        at once. A frame that is no evidence
-        is reported as not seen, and `held` starts again with the next. A stamp that goes back or comes after
-        ``max_gap`` starts again. Raises InputError for NaN or infinite numbers, which would stay in the evidence.
+        A frame whose likeliest class is NONE ends the contact, as does one of too few taxels for a shape: it is
+        reported at once. A frame that is no evidence is reported as not seen, and `held` starts again with the next. A
+        stamp that goes back or comes after ``max_gap`` starts again. Raises InputError for NaN or infinite numbers,
+        which would stay in the evidence.
         """
         _check(stamp, frame)
         if not frame.is_evidence:
