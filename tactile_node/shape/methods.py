@@ -13,7 +13,7 @@ from tactile_node.package_files import config_path
 from tactile_node.shape.completion import completions, distinct, hidden_taxels_matter
 from tactile_node.shape.recogniser import ShapeRecogniser
 from tactile_node.shape.recognition import Recognition, UnknownReason
-from tactile_node.shape.specks import is_by_chance
+from tactile_node.shape.shapeless import is_shapeless
 from tactile_node.shape.volf import GROUPS, VolfClassifier
 
 LEARNED, VOLF = 'learned', 'volf'
@@ -89,7 +89,7 @@ class VisibilityGuard:
             visibility = visibility_of(pattern, self._smallest_contact)
         if not pattern.contacts and not visibility.pad_seen:
             return Recognition.unknown(UnknownReason.NOT_SEEN)
-        if is_by_chance(pattern):
+        if is_shapeless(pattern):
             return Recognition.unknown(UnknownReason.UNFAMILIAR)
         if not hidden_taxels_matter(pattern, visibility):
             return self._method.recognise(pattern, features)

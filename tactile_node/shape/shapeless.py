@@ -33,14 +33,14 @@ LARGEST = 0.4      #: less than this part of them is in one piece
 SURE = 15.0        #: -log of the probability that chance presses all taxels of a compact contact
 
 
-def is_by_chance(pattern: ContactPattern) -> bool:
+def is_shapeless(pattern: ContactPattern) -> bool:
     """Return whether the contact of ``pattern`` is what noise, stuck taxels, lines or drift make, too.
 
     That is a group of the size that chance makes at the density of the pressed taxels beside it, a line one taxel
     wide, what reaches from edge to edge of the pad, so that its ends are not seen, and a rise without an edge.
 
     >>> diagonal = np.eye(8, dtype=bool)
-    >>> is_by_chance(ContactPattern.of(diagonal, diagonal.astype(float)))
+    >>> is_shapeless(ContactPattern.of(diagonal, diagonal.astype(float)))
     True
     """
     taxels = int(np.count_nonzero(pattern.mask))
@@ -79,12 +79,18 @@ def _is_flat(pattern: ContactPattern, together: np.ndarray) -> bool:
     for _ in range(FALL + int(SLOPE * np.count_nonzero(together) ** 0.5)):
         inner, near = near, grown(near)
     visible = ~(pattern.hidden | pattern.unmapped)
-    beside, away = near & ~inner & visible, visible & ~near
-    if not beside.any():
+    beside, away = pattern.values[near & ~inner & visible], pattern.values[visible & ~near]
+    if not beside.size:
         return False
-    rest = float(np.median(pattern.values[away])) if away.any() else 0.0
-    level = float(np.nanmean(pattern.values[together])) - rest
-    return bool(np.median(pattern.values[beside]) - rest > STEEP * level)
+    rest = _median(away) if away.size else 0.0
+    level = float(pattern.values[together & visible].mean()) - rest
+    return _median(beside) - rest > STEEP * level
+
+
+def _median(values: np.ndarray) -> float:
+    """Return the upper median (a quarter of the time of numpy's)."""
+    middle = values.size // 2
+    return float(np.partition(values, middle)[middle])
 
 
 def _density_beside(pattern: ContactPattern, together: np.ndarray) -> float:

@@ -6,7 +6,7 @@ import pytest
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.recognition import Shape
-from tactile_node.shape.specks import is_by_chance
+from tactile_node.shape.shapeless import is_shapeless
 
 ROWS, COLS = np.mgrid[:16, :16]
 
@@ -41,7 +41,7 @@ SHAPES = {
 def test_a_contact_on_a_quiet_pad_is_no_chance(mask, specks):
     pressed = mask.copy()
     pressed[[0, 15][:specks], [0, 15][:specks]] = True
-    assert not is_by_chance(of_taxels(pressed))
+    assert not is_shapeless(of_taxels(pressed))
 
 
 @pytest.mark.parametrize('gap', [3, 4])
@@ -53,7 +53,7 @@ def test_a_second_contact_makes_the_first_no_chance(other, gap):
     rows, cols = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
     piece = mask[rows[0]:rows[-1] + 1, cols[0]:cols[-1] + 1]
     pressed[7 + gap:7 + gap + piece.shape[0], 7 + gap:7 + gap + piece.shape[1]] = piece
-    assert not is_by_chance(of_taxels(pressed))
+    assert not is_shapeless(of_taxels(pressed))
 
 
 LINES = {
@@ -65,13 +65,13 @@ LINES = {
 
 @pytest.mark.parametrize('mask', LINES.values(), ids=LINES)
 def test_a_line_is_chance(mask):
-    assert is_by_chance(of_taxels(mask))
+    assert is_shapeless(of_taxels(mask))
 
 
 @pytest.mark.parametrize('period', [2, 3])
 def test_checkerboards_and_grids_are_chance(period):
-    assert is_by_chance(of_taxels((ROWS + COLS) % 2 == 0))
-    assert is_by_chance(of_taxels((ROWS % period == 0) | (COLS % period == 0)))
+    assert is_shapeless(of_taxels((ROWS + COLS) % 2 == 0))
+    assert is_shapeless(of_taxels((ROWS % period == 0) | (COLS % period == 0)))
 
 
 @pytest.mark.parametrize('density', [0.01, 0.03, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5])
@@ -82,7 +82,7 @@ def test_salt_makes_no_contact_of_a_size_that_has_a_shape(density, side):
     passed = 0
     for _ in range(300):
         pattern = of_taxels(rng.random((side, side)) < density)
-        passed += bool(pattern.mask.sum() >= 6 and not is_by_chance(pattern))
+        passed += bool(pattern.mask.sum() >= 6 and not is_shapeless(pattern))
     assert passed <= 3
 
 
@@ -93,24 +93,24 @@ def test_a_turned_contact_is_as_much_chance(turn):
     for _ in range(300):
         pressed = rng.random((12, 16)) < rng.uniform(0.05, 0.9)
         mask = of_taxels(pressed).mask
-        answer = is_by_chance(ContactPattern.of(mask, mask.astype(float)))
+        answer = is_shapeless(ContactPattern.of(mask, mask.astype(float)))
         turned = turn(mask)
-        assert is_by_chance(ContactPattern.of(turned, turned.astype(float))) == answer
+        assert is_shapeless(ContactPattern.of(turned, turned.astype(float))) == answer
         answers.add(answer)
     assert answers == {True, False}
 
 
 def test_a_contact_that_silent_rows_tear_is_no_chance():
     hidden = np.isin(ROWS, (6, 9))
-    assert not is_by_chance(of_taxels(disc(5), hidden))
-    assert not is_by_chance(of_taxels(SHAPES['square'], hidden))
+    assert not is_shapeless(of_taxels(disc(5), hidden))
+    assert not is_shapeless(of_taxels(SHAPES['square'], hidden))
 
 
 def test_what_reaches_from_edge_to_edge_has_no_shape_since_its_ends_are_not_seen():
     for mask in (np.ones((16, 16), bool), box(0, 0, 16, 9), box(5, 0, 7, 16)):
-        assert is_by_chance(of_taxels(mask))
+        assert is_shapeless(of_taxels(mask))
     for mask in (box(1, 1, 14, 14), box(0, 0, 15, 15), box(1, 0, 15, 9)):
-        assert not is_by_chance(of_taxels(mask))
+        assert not is_shapeless(of_taxels(mask))
 
 
 @pytest.mark.parametrize('shape', [(1, 1), (1, 20), (4, 4), (2, 3), (64, 64)])
@@ -119,7 +119,7 @@ def test_pads_of_any_size_and_patterns_without_a_contact(shape):
     for density in (0.0, 0.2, 0.6, 1.0):
         for hidden in (0.0, 0.3, 1.0):
             pressed, unseen = rng.random(shape) < density, rng.random(shape) < hidden
-            answer = is_by_chance(of_taxels(pressed, unseen))
+            answer = is_shapeless(of_taxels(pressed, unseen))
             assert isinstance(answer, bool)
             if not (pressed & ~unseen).any():
                 assert not answer
