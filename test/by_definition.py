@@ -37,6 +37,12 @@ def border(points, k):
     return [(r, c) for r, c in points if any((r + dr, c + dc) not in active for dr, dc in steps)]
 
 
+def inside(mask):
+    """The number of active taxels whose four edge neighbours are all active."""
+    active = set(taxels(mask))
+    return sum(all((r + dr, c + dc) in active for dr, dc in EDGES) for r, c in active)
+
+
 def of_matrix(points, k):
     """Eigenvalue, information measures, centre of gravity of A_k of ``points``."""
     n = len(points)

@@ -3,17 +3,22 @@
 import csv
 import re
 
+import by_definition
 import numpy as np
 import pytest
 
 from tactile_node.cli.main import main
 from tactile_node.helmholtz.features import compute_features
 from tactile_node.reproduction.curve_fitting import COLUMNS, Samples
+from tactile_node.reproduction.inside import ACTIVE, INSIDE, areas_around, by_inside, count_inside
+from tactile_node.reproduction.inside_reading import replaced, wanted_inside
+from tactile_node.reproduction.methods import SIZES
 from tactile_node.reproduction.neighbours import NearestNeighbours
 from tactile_node.reproduction.rates import confusion, lost_in_plane, rate
 from tactile_node.reproduction.sampling import Wanted, draw, plane_features
-from tactile_node.reproduction.worlds import WORLDS, draw_pattern
-from tactile_node.shape.volf import GROUPS, plane_feature
+from tactile_node.reproduction.worlds import EQUILATERAL_TRIANGLES, WORLDS, draw_contact, draw_pattern
+from tactile_node.shape.recognition import Shape
+from tactile_node.shape.volf import ANSWERS, GROUPS, plane_feature
 from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import CLASSES, random_pattern
 
@@ -60,6 +65,59 @@ def test_patterns_of_a_world_have_the_required_area(world):
         assert np.mean(taxels) == pytest.approx(60, abs=4 * np.std(taxels) / np.sqrt(60) + 1e-9)
 
 
+@pytest.mark.parametrize('shape', CLASSES)
+def test_inside_taxels_are_those_with_four_active_neighbours(shape):
+    rng = generator(Purpose.TEST, 23)
+    for area in (3, 15, 60):
+        mask = random_pattern(rng, shape, area)
+        assert count_inside(mask) == by_definition.inside(mask)
+    assert count_inside(np.ones((5, 7), bool)) == 15, 'a full rectangle: (5 - 2) x (7 - 2)'
+
+
+def test_equilateral_triangles_have_equal_sides_and_no_other_class_is_changed():
+    corners = draw_contact(EQUILATERAL_TRIANGLES, generator(Purpose.TEST, 24), 'isosceles_triangle', 60, 40).outline()
+    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1)
+    assert sides == pytest.approx([np.sqrt(4 * 60 / np.sqrt(3))] * 3)
+    for shape in CLASSES:
+        one, other = (draw_pattern(world, generator(Purpose.TEST, 25), shape, 60)
+                      for world in ('benchmark', 'equilateral triangles'))
+        same = one.shape == other.shape and (one == other).all()
+        assert same == (shape != 'isosceles_triangle')
+
+
+@pytest.mark.parametrize('size', [SIZES[0], SIZES[-1]])
+def test_no_class_has_so_many_inside_taxels_beyond_the_areas_searched(size):
+    rng = generator(Purpose.TEST, 26)
+    for area, beyond in zip(areas_around(size), (np.less, np.greater)):
+        for shape in CLASSES:
+            assert all(beyond(count_inside(random_pattern(rng, shape, area)), size) for _ in range(60)), (area, shape)
+
+
+def test_patterns_drawn_by_inside_taxels_have_that_many_in_every_class():
+    wanted = {'a': Wanted('benchmark', Purpose.TEST, 20, areas_around(20), inside=20)}
+    drawn = draw(wanted, 3, 1, lambda text: None)['a']
+    for samples in drawn:
+        assert (samples.of(INSIDE) == 20).all() and (samples.of(ACTIVE) > 20).all()
+        assert np.bincount(samples.labels).tolist() == [4] * 5
+        assert (by_inside(samples).of(ACTIVE) == 20).all()
+
+
+def test_only_the_isosceles_triangles_are_replaced_one_for_one():
+    triangle = Shape.ISOSCELES_TRIANGLE
+    many = len([label for label in range(18) if ANSWERS[label % 5] is triangle])
+    wanted = {'all': Wanted('benchmark', Purpose.TEST, 18, (30, 30)),
+              'new': Wanted('equilateral triangles', Purpose.TEST, many, (30, 30), (triangle,))}
+    drawn = draw(wanted, 4, 1, lambda text: None)
+    found, number = replaced(drawn['all'], drawn['new']), ANSWERS.index(triangle)
+    for old, new, joined in zip(drawn['all'], drawn['new'], found):
+        np.testing.assert_array_equal(np.bincount(joined.labels), np.bincount(old.labels))
+        for column in COLUMNS:
+            np.testing.assert_array_equal(joined.of(column)[joined.labels == number], new.of(column))
+            np.testing.assert_array_equal(joined.of(column)[joined.labels != number],
+                                          old.of(column)[old.labels != number])
+    assert wanted_inside(18, 18)['triangles training'].patterns == many
+
+
 def test_what_is_drawn_does_not_depend_on_the_number_of_processes():
     wanted = {'a': Wanted('benchmark', Purpose.TEST, 260, (20, 40)),
               'b': Wanted('one proportion', Purpose.TEST, 5, (30, 30))}
@@ -87,7 +145,7 @@ def test_a_small_run_writes_page_and_numbers(tmp_path, capsys):
     folder = tmp_path / 'out'
     assert main(['reproduce', '-o', str(folder), '--patterns', '15', '--training', '600', '--jobs', '1']) == 0
     page = (folder / 'index.html').read_text(encoding='utf-8')
-    assert page.count('<img ') == page.count('data:image/svg+xml;base64,') == 10
+    assert page.count('<img ') == page.count('data:image/svg+xml;base64,') == 12
     assert not re.search(r'(src|href)="(?!data:)', page), 'the page needs something else'
     with open(folder / 'rates.csv', encoding='utf-8', newline='') as stream:
         rows = list(csv.DictReader(stream))
@@ -95,8 +153,24 @@ def test_a_small_run_writes_page_and_numbers(tmp_path, capsys):
     for row in rows:
         assert float(row['low95']) <= float(row['recognised']) <= float(row['high95'])
         assert f'{float(row["recognised"]):.1%}' in page and row['method'] in page
+    _check_inside_reading(folder, page)
     assert rows[0]['method'].startswith('as published') and rows[0]['patterns'] == '15'
     assert 'patterns drawn: 100%' in capsys.readouterr().err
+
+
+def _check_inside_reading(folder, page):
+    with open(folder / 'inside.csv', encoding='utf-8', newline='') as stream:
+        share = {(row['method'], row['N']): float(row['recognised']) for row in csv.DictReader(stream)}
+    with open(folder / 'rates.csv', encoding='utf-8', newline='') as stream:
+        published = {row['area']: float(row['recognised']) for row in csv.DictReader(stream)
+                     if row['method'].startswith('as published')}
+    for size, goal in (('20', 70), ('35', 90), ('100', 99.9)):
+        both, before = (100 * value for value in (share['N inside taxels, equilateral triangles', size],
+                                                  published[size]))
+        said = re.search(rf'N = {size}: .*? so that ([-.0-9]+) points .*? both ([-+.0-9]+) ± .*?; ([-.0-9]+) remain',
+                         page)
+        assert [float(number) for number in said.groups()] == pytest.approx(
+            [goal - before, both - before, goal - both], abs=0.051)
 
 
 @pytest.mark.parametrize('wrong', [['--patterns', '3'], ['--training', '10'], ['--jobs', '0'], ['--seed', '-1']])

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tactile_node.reproduction.curve_fitting import Samples
-from tactile_node.reproduction.experiments import PUBLISHED, SIZES, Method, Results
+from tactile_node.reproduction.methods import PUBLISHED, SIZES, Method, published_share
 from tactile_node.shape.plane import Plane
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS
@@ -21,9 +21,11 @@ LABELS = {('value', 'N'): 'N', ('dif', 'alpha9'): 'dif α9 [degrees]', ('min', '
 MARKS = ('o', 's', 'D', '^', 'v', 'P', 'X')
 
 
-def first_plane(samples: Samples, planes: dict[str, Plane]) -> Figure:
-    """Fig. 6: two curves, rectangle | right triangle | the rest."""
-    return _cloud(samples, [planes['rectangle'], planes['right_triangle']], ANSWERS)
+def first_plane(samples: Samples, planes: dict[str, Plane], counted: str = 'N') -> Figure:
+    """Fig. 6: two curves, rectangle | right triangle | the rest; ``counted``: what N is."""
+    figure = _cloud(samples, [planes['rectangle'], planes['right_triangle']], ANSWERS)
+    figure.axes[0].set_xlabel(counted)
+    return figure
 
 
 def second_plane(samples: Samples, planes: dict[str, Plane]) -> Figure:
@@ -55,17 +57,18 @@ def _cloud(samples: Samples, curves: list[Plane], shapes: Sequence[Shape]) -> Fi
     return figure
 
 
-def rates_by_size(results: Results) -> Figure:
-    """Recognition of every method against size, with 95 % intervals, and the published points."""
+def rates_by_size(methods: Sequence[Method], size: str) -> Figure:
+    """Recognition of every method against ``size``, with 95 % intervals, and the published points."""
     figure = Figure(figsize=(9.6, 5.6), layout='constrained')
-    axes = figure.add_subplot(xlabel='area [taxels]', ylabel='recognised', xscale='log', ylim=(0.3, 1.05))
-    for number, (method, mark) in enumerate(zip(results.methods, MARKS)):
+    axes = figure.add_subplot(xlabel=size, ylabel='recognised', xscale='log', ylim=(0.3, 1.05))
+    for number, (method, mark) in enumerate(zip(methods, MARKS)):
         colour, width = ('black', 2.2) if number == 0 else (f'C{number - 1}', 1.2)
         _line(axes, method, mark, colour=colour, width=width)
-    for size, text in PUBLISHED.items():
-        axes.annotate(f'paper: {text}', (size, _number(text)), (-8, 6), textcoords='offset points', fontsize=9,
-                      color='#c2410c', ha='right')
-        axes.plot(size, _number(text), '*', ms=13, color='#c2410c')
+    for taxels, text in PUBLISHED.items():
+        axes.annotate(f'paper: {text}', (taxels, published_share(taxels)), (-8, 6), textcoords='offset points',
+                      fontsize=9, color='#c2410c', ha='right',
+                      bbox={'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.8, 'pad': 1})
+        axes.plot(taxels, published_share(taxels), '*', ms=13, color='#c2410c')
     axes.set_xticks(SIZES, [str(size) for size in SIZES])
     axes.set_xticks([], minor=True)
     axes.grid(alpha=0.3)
@@ -78,8 +81,3 @@ def _line(axes: Axes, method: Method, mark: str, colour: str, width: float) -> N
     spread = [[rate.share - rate.low for rate in rates], [rate.high - rate.share for rate in rates]]
     axes.errorbar(list(method.rates), [rate.share for rate in rates], spread, marker=mark, ms=4, lw=width,
                   capsize=2, color=colour, label=method.name)
-
-
-def _number(text: str) -> float:
-    """'more than 90 %' -> 0.9."""
-    return float(text.rstrip(' %').split()[-1]) / 100

@@ -13,6 +13,9 @@ from tactile_node.reproduction.curve_fitting import (
     answers,
     fit_classifier,
 )
+from tactile_node.reproduction.inside_reading import WORLD as INSIDE_WORLD
+from tactile_node.reproduction.inside_reading import InsideReading, measure_inside, wanted_inside
+from tactile_node.reproduction.methods import SIZES, Method, best_fit, measured
 from tactile_node.reproduction.neighbours import NearestNeighbours
 from tactile_node.reproduction.rates import Rate, confusion, lost_in_plane, rate
 from tactile_node.reproduction.sampling import Drawn, Wanted, draw
@@ -20,17 +23,9 @@ from tactile_node.reproduction.worlds import WORLDS, draw_pattern
 from tactile_node.shape.volf import ANSWERS, VolfClassifier
 from tactile_node.synthetic.seeds import Purpose, generator
 
-SIZES = (15, 20, 25, 30, 35, 50, 75, 100)  #: areas [taxels] at which recognition is measured
-PUBLISHED = {20: 'about 70 %', 35: 'more than 90 %', 100: 'about 99.9 %'}
 VANISHING = 25  #: area at which the angles that lose taxels are looked for
+WORLDS_BY_AREA = tuple(world for world in WORLDS if world != INSIDE_WORLD)
 FEWER = 3  #: the worlds beside the benchmark get so many times fewer patterns
-
-
-class Method(NamedTuple):
-    """A way to recognise, and what it reached at each of SIZES."""
-
-    name: str
-    rates: dict[int, Rate]
 
 
 class Results(NamedTuple):
@@ -48,18 +43,18 @@ class Results(NamedTuple):
     vanished: dict[int, float]              #: share of patterns with an angle that keeps less than half
     remaining: np.ndarray                   #: share of taxels that each of ANGLES keeps, at VANISHING taxels
     neighbours: int
+    inside: InsideReading
 
 
 def measure(classifier: VolfClassifier, patterns: int, training: int, seed: int, jobs: int,
             progress: Callable[[str], None]) -> Results:
     """Measure everything; ``patterns`` at each size, of the benchmark's world."""
-    drawn = draw(_wanted(patterns, training), seed, jobs, progress)
+    drawn = draw(_wanted(patterns, training) | wanted_inside(patterns, training), seed, jobs, progress)
     every = {size: drawn[f'benchmark {size}'].every for size in SIZES}
     answered = {size: answers(classifier.planes, samples) for size, samples in every.items()}
-    methods = [Method('as published, the three planes', {size: rate(answered[size] == every[size].labels)
-                                                         for size in SIZES})]
+    methods = [measured('as published, the three planes', classifier, every)]
     fitted = {}
-    for world in WORLDS:
+    for world in WORLDS_BY_AREA:
         for kept in (False, True):
             if world == 'benchmark' and not kept:
                 continue
@@ -82,12 +77,13 @@ def measure(classifier: VolfClassifier, patterns: int, training: int, seed: int,
         long_lost=_lost(drawn[f'long rectangles {SIZES[-1]}'].kept, fitted['long rectangles', True]),
         vanished={size: _vanished(drawn[f'benchmark {size}']) for size in SIZES},
         remaining=_remaining(seed),
-        neighbours=learner.number)
+        neighbours=learner.number,
+        inside=measure_inside(drawn, classifier, progress))
 
 
 def _wanted(patterns: int, training: int) -> dict[str, Wanted]:
     wanted = {}
-    for world in WORLDS:
+    for world in WORLDS_BY_AREA:
         fewer = 1 if world == 'benchmark' else FEWER
         wanted[f'{world} training'] = Wanted(world, Purpose.TRAINING, training // fewer, AREAS)
         wanted |= {f'{world} {size}': Wanted(world, Purpose.EVALUATION, patterns // fewer, (size, size))
@@ -97,15 +93,9 @@ def _wanted(patterns: int, training: int) -> dict[str, Wanted]:
 
 def _refitted(drawn: dict[str, Drawn], world: str, kept: bool) -> tuple[Method, VolfClassifier]:
     """The three planes with curves fitted for ``world``, the better reading of the third in training."""
-    training = drawn[f'{world} training'][kept]
-    fits = [fit_classifier(training, third) for third in READINGS.values()]
-    best = max(fits, key=lambda fit: np.mean(answers(fit.planes, training) == training.labels))
-    rates = {}
-    for size in SIZES:
-        samples = drawn[f'{world} {size}'][kept]
-        rates[size] = rate(answers(best.planes, samples) == samples.labels)
+    best = best_fit(drawn[f'{world} training'][kept])
     name = f'three planes, {world}' + (', vanishing angles left out' if kept else '')
-    return Method(name, rates), best
+    return measured(name, best, {size: drawn[f'{world} {size}'][kept] for size in SIZES}), best
 
 
 def _lost(samples: Samples, classifier: VolfClassifier) -> dict[int, float]:

@@ -11,9 +11,11 @@ from string import Template
 from matplotlib.figure import Figure
 
 from tactile_node.reproduction import clouds, sketches
-from tactile_node.reproduction.experiments import PUBLISHED, SIZES, Method, Results
+from tactile_node.reproduction.experiments import Results
+from tactile_node.reproduction.methods import PUBLISHED, SIZES, Method
 from tactile_node.reproduction.rates import Rate
 from tactile_node.reproduction.wording import findings
+from tactile_node.reproduction.wording_inside import explained
 from tactile_node.reproduction.worlds import LONG_RECTANGLES
 from tactile_node.shape.volf import ANSWERS
 
@@ -26,6 +28,7 @@ tr.paper { color: #c2410c } tr:nth-child(even) { background: #f6f6f6 }
 figure { display: inline-block; margin: 1em 1em 1em 0; vertical-align: top } figure.wide { display: block }
 figcaption { font-size: 13px; color: #555; max-width: 44em } small { color: #777 }
 td { white-space: nowrap } td:first-child { white-space: normal }'''
+INTERVALS = 'Recognition with 95 % intervals (Wilson); stars: published.'
 PAGE = Template('''<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>Volf, Dvořák, Vlček: re-drawn and re-measured</title>
 <style>$style</style></head><body>
@@ -36,6 +39,10 @@ $rates
 $chart
 <h2>Findings</h2>
 <ul>$findings</ul>
+<h2>One more reading: N inside taxels, equilateral triangles</h2>
+$inside_rates
+$inside_chart
+<p>$explained</p>
 <h2>Which plane loses what (as published)</h2>
 $lost
 <h2>Confusion (as published): share of each true class by answer</h2>
@@ -47,23 +54,29 @@ $figures
 
 
 def write_page(folder: Path, results: Results, command: str) -> list[Path]:
-    """Write index.html, rates.csv, lost.csv and confusion.csv into ``folder``; return their paths."""
-    rates, lost, confusions = _rate_rows(results), _lost_rows(results), _confusion_rows(results)
+    """Write index.html, rates.csv, inside.csv, lost.csv and confusion.csv into ``folder``; return their paths."""
+    lost, confusions = _lost_rows(results), _confusion_rows(results)
+    beside = [results.methods[0], *results.inside.methods]
     page = PAGE.substitute(
-        style=STYLE, command=escape(command), rates=_rate_table(results), chart=_figure(
-            clouds.rates_by_size(results), 'Recognition with 95 % intervals (Wilson); stars: published.', True),
+        style=STYLE, command=escape(command), rates=_rate_table(results.methods), chart=_figure(
+            clouds.rates_by_size(results.methods, 'area [taxels]'), INTERVALS, True),
+        inside_rates=_rate_table(beside), inside_chart=_figure(
+            clouds.rates_by_size(beside, 'N [taxels]: area, or inside taxels'), INTERVALS, True),
+        explained=escape(explained(results)),
         findings=''.join(f'<li>{escape(text)}</li>' for text in findings(results)),
         lost=_table(lost, percent=True), confusions=_table(confusions, percent=True), figures=_figures(results))
     (folder / 'index.html').write_text(page, encoding='utf-8')
-    for name, rows in (('rates', rates), ('lost', lost), ('confusion', confusions)):
+    tables = {'rates': _rate_rows(results.methods, 'area'), 'inside': _rate_rows(results.inside.methods, 'N'),
+              'lost': lost, 'confusion': confusions}
+    for name, rows in tables.items():
         with open(folder / f'{name}.csv', 'w', encoding='utf-8', newline='') as stream:
             csv.writer(stream).writerows(rows)
-    return [folder / 'index.html', *(folder / f'{name}.csv' for name in ('rates', 'lost', 'confusion'))]
+    return [folder / 'index.html', *(folder / f'{name}.csv' for name in tables)]
 
 
-def _rate_rows(results: Results) -> list[Row]:
-    rows: list[Row] = [['method', 'area', 'recognised', 'low95', 'high95', 'patterns']]
-    for method in results.methods:
+def _rate_rows(methods: Sequence[Method], size_is: str) -> list[Row]:
+    rows: list[Row] = [['method', size_is, 'recognised', 'low95', 'high95', 'patterns']]
+    for method in methods:
         rows += [[method.name, size, rate.share, rate.low, rate.high, rate.patterns]
                  for size, rate in method.rates.items()]
     return rows
@@ -80,10 +93,10 @@ def _confusion_rows(results: Results) -> list[Row]:
               for size in SIZES for index, shape in enumerate(ANSWERS))]
 
 
-def _rate_table(results: Results) -> str:
+def _rate_table(methods: Sequence[Method]) -> str:
     rows = [_row('th', ['recognised', *(f'{size}' for size in SIZES)]),
             _row('td', ['the paper', *(PUBLISHED.get(size, '') for size in SIZES)], 'paper')]
-    return f'<table>{"".join(rows + [_method_row(method) for method in results.methods])}</table>'
+    return f'<table>{"".join(rows + [_method_row(method) for method in methods])}</table>'
 
 
 def _method_row(method: Method) -> str:
@@ -109,6 +122,7 @@ def _row(kind: str, cells: Iterable[object], style: str = '') -> str:
 def _figures(results: Results) -> str:
     samples, planes = results.clouds, results.classifier.planes
     long = results.long_clouds, results.long_classifier.planes
+    inside = results.inside.clouds, results.inside.classifier.planes
     return ''.join(_figure(figure, caption) for figure, caption in (
         (sketches.discrete_circle(), 'Fig. 1. The discrete pattern of a circle.'),
         (sketches.circle_border(), 'Fig. 2. Border P05 (black) of the pattern of a circle.'),
@@ -120,7 +134,9 @@ def _figures(results: Results) -> str:
         (clouds.second_plane(samples, planes), 'Fig. 7. min I5 = f(min P05).'),
         (clouds.third_plane(samples, planes), f'Fig. 8. dif I5 = f({" ".join(planes["square"].horizontal)}).'),
         (clouds.first_plane(*long), 'Fig. 6 again, in a world of one proportion a class with rectangles '
-                                    f'{LONG_RECTANGLES.rectangle:g}:1.')))
+                                    f'{LONG_RECTANGLES.rectangle:g}:1.'),
+        (clouds.first_plane(*inside, counted='N, inside taxels'),
+         'Fig. 6 again, over inside taxels, isosceles triangles equilateral.')))
 
 
 def _figure(figure: Figure, caption: str, wide: bool = False) -> str:

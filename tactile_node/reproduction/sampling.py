@@ -9,7 +9,9 @@ import numpy as np
 
 from tactile_node.helmholtz.features import Group, features_at_angles
 from tactile_node.reproduction.curve_fitting import COLUMNS, Samples
+from tactile_node.reproduction.inside import INSIDE, count_inside
 from tactile_node.reproduction.worlds import draw_pattern
+from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS
 from tactile_node.synthetic.seeds import Purpose, generator
 
@@ -17,12 +19,17 @@ BATCH = 250  #: patterns a process draws at a time
 
 
 class Wanted(NamedTuple):
-    """Patterns to draw: ``areas`` are equal for one size, else log-uniform between the two [taxels]."""
+    """Patterns to draw: ``areas`` are equal for one size, else log-uniform between the two [taxels].
+
+    Only those with ``inside`` inside taxels are kept, unless that is None.
+    """
 
     world: str
     purpose: Purpose
     patterns: int
     areas: tuple[float, float]
+    shapes: tuple[Shape, ...] = ANSWERS  #: they take turns
+    inside: int | None = None
 
 
 class Task(NamedTuple):
@@ -64,14 +71,17 @@ def _mapped(pool: Executor | None, tasks: list[Task]) -> Iterable[np.ndarray]:
 
 
 def draw_batch(task: Task) -> np.ndarray:
-    """Rows of the features of COLUMNS over all angles, over those kept, and the label; shape (n, 13)."""
+    """Rows of the features of COLUMNS over all angles, over those kept, inside taxels and the label; (n, 14)."""
     wanted, first, count, rng = task
     low, high = np.log(wanted.areas)
     rows: list[list[float]] = []
     while len(rows) < count:
-        label = (first + len(rows)) % len(ANSWERS)
-        mask = draw_pattern(wanted.world, rng, ANSWERS[label].value, float(np.exp(rng.uniform(low, high))))
-        row = [*plane_features(mask), label]
+        shape = wanted.shapes[(first + len(rows)) % len(wanted.shapes)]
+        mask = draw_pattern(wanted.world, rng, shape.value, float(np.exp(rng.uniform(low, high))))
+        inside = count_inside(mask)
+        if wanted.inside not in (None, inside):
+            continue
+        row = [*plane_features(mask), inside, ANSWERS.index(shape)]
         if not np.isnan(row).any():  # alpha9 is undefined where no two taxels are neighbours
             rows.append(row)
     return np.array(rows)
@@ -93,5 +103,6 @@ def plane_features(mask: np.ndarray) -> list[float]:
 
 def _samples(rows: np.ndarray) -> Drawn:
     half = len(COLUMNS)
-    labels = rows[:, -1].astype(int)
-    return Drawn(*(Samples(dict(zip(COLUMNS, rows[:, first:first + half].T)), labels) for first in (0, half)))
+    inside, labels = {INSIDE: rows[:, -2]}, rows[:, -1].astype(int)
+    return Drawn(*(Samples(dict(zip(COLUMNS, rows[:, first:first + half].T)) | inside, labels)
+                   for first in (0, half)))

@@ -4,33 +4,41 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.synthetic.world import PAD, Contact, random_pattern
+from tactile_node.synthetic.world import CLASSES, PAD, Contact, random_pattern
 
 
 class Fixed(NamedTuple):
-    """A world in which each class has one proportion only; position and angle stay random."""
+    """A world in which each class of ``shapes`` has one proportion only; position and angle stay random."""
 
-    rectangle: float             #: ratio of sides
+    rectangle: float = 2.0       #: ratio of sides
     right_triangle: float = 2.0  #: ratio of legs
     apex: float = 60.0           #: of the isosceles triangle [degrees]
+    shapes: tuple[str, ...] = CLASSES  #: the others vary as in the benchmark
 
 
-ONE_PROPORTION = Fixed(2.0)
-LONG_RECTANGLES = Fixed(4.0)
+ONE_PROPORTION = Fixed()
+LONG_RECTANGLES = Fixed(rectangle=4.0)
+EQUILATERAL_TRIANGLES = Fixed(apex=60.0, shapes=('isosceles_triangle',))
 #: by name; None is the benchmark's world, whose proportions vary
 WORLDS: dict[str, Fixed | None] = {
-    'benchmark': None, 'one proportion': ONE_PROPORTION, 'long rectangles': LONG_RECTANGLES}
+    'benchmark': None, 'one proportion': ONE_PROPORTION, 'long rectangles': LONG_RECTANGLES,
+    'equilateral triangles': EQUILATERAL_TRIANGLES}
 
 
 def draw_pattern(world: str, rng: np.random.Generator, shape: str, area: float) -> np.ndarray:
     """Draw the pattern of a contact of ``world`` in general position, bool, shape (rows, cols)."""
     fixed = WORLDS[world]
-    if fixed is None:
+    if fixed is None or shape not in fixed.shapes:
         return random_pattern(rng, shape, area)
     room = max(PAD, int(np.ceil(6 * np.sqrt(area))) + 4)
+    return draw_contact(fixed, rng, shape, area, room).pattern(room, room)
+
+
+def draw_contact(fixed: Fixed, rng: np.random.Generator, shape: str, area: float, room: int) -> Contact:
+    """Draw a contact of ``area`` [taxels] in general position, in the middle of a pad of ``room`` rows and columns."""
     x, y = rng.uniform(-0.5, 0.5, 2) + (room - 1) / 2
     angle, handedness = rng.uniform(0, 2 * np.pi), rng.choice((-1.0, 1.0))
-    return Contact(shape, _dimensions(fixed, shape, area, handedness), x=x, y=y, angle=angle).pattern(room, room)
+    return Contact(shape, _dimensions(fixed, shape, area, handedness), x=x, y=y, angle=angle)
 
 
 def _dimensions(fixed: Fixed, shape: str, area: float, handedness: float) -> tuple[float, ...]:

@@ -1,0 +1,37 @@
+"""What is compared: ways to recognise, at each size, beside the published figures."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.reproduction.curve_fitting import READINGS, Samples, answers, fit_classifier
+from tactile_node.reproduction.rates import Rate, rate
+from tactile_node.shape.volf import VolfClassifier
+
+SIZES = (15, 20, 25, 30, 35, 50, 75, 100)  #: N [taxels] at which recognition is measured
+PUBLISHED = {20: 'about 70 %', 35: 'more than 90 %', 100: 'about 99.9 %'}
+
+
+class Method(NamedTuple):
+    """A way to recognise, and what it reached at each of SIZES."""
+
+    name: str
+    rates: dict[int, Rate]
+
+
+def published_share(size: int) -> float:
+    """Return the figure of PUBLISHED as a share: 'more than 90 %' is 0.9."""
+    return float(PUBLISHED[size].rstrip(' %').split()[-1]) / 100
+
+
+def best_fit(training: Samples) -> VolfClassifier:
+    """Fit both readings of the third plane; return the one that is better in training."""
+    fits = [fit_classifier(training, third) for third in READINGS.values()]
+    return max(fits, key=lambda fit: np.mean(answers(fit.planes, training) == training.labels))
+
+
+def measured(name: str, classifier: VolfClassifier, evaluation: Mapping[int, Samples]) -> Method:
+    """Return what the curves of ``classifier`` reach on fresh patterns by size."""
+    return Method(name, {size: rate(answers(classifier.planes, samples) == samples.labels)
+                         for size, samples in evaluation.items()})
