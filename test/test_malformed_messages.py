@@ -111,7 +111,7 @@ def good_grasp(sequence=0) -> Grasp:
     opening = Opening(0.04, GapSource.PARAMETER, 1.0)
     tracker.update('left', side_result(side, 5.0), now=5.0)
     state = tracker.update('right', side_result(side, 5.0), now=5.0, gap=opening.gap)
-    return grasp_message(state, [side, side], opening, 'gripper', age=0.02)
+    return grasp_message(state, [side, side], opening, 'gripper', ages=(0.02, 0.01))
 
 
 def changed(**fields):

@@ -19,9 +19,10 @@ from tactile_node.pose.moments import contact_moments  # noqa: E402
 from tactile_node.ros.contact_messages import contact_message, pattern_of  # noqa: E402
 from tactile_node.ros.feature_messages import features_message, features_of  # noqa: E402
 from tactile_node.ros.grasp_messages import grasp_message, side_result  # noqa: E402
-from tactile_node.ros.message_age import age_seconds  # noqa: E402
+from tactile_node.ros.message_age import InputAge, age_seconds  # noqa: E402
 from tactile_node.ros.shape_messages import Findings, pose_message, shape_message  # noqa: E402
 from tactile_node.ros.taxel_messages import taxel_array_message, taxel_values  # noqa: E402
+from tactile_node.ros.time_messages import time_message  # noqa: E402
 from tactile_node.shape.recognition import Recognition, Shape  # noqa: E402
 from tactile_skin.msg import ContactShape, Grasp  # noqa: E402
 
@@ -135,7 +136,7 @@ def test_two_pads_become_one_grasp():
     opening = Opening(0.0, GapSource.JOINT_STATES, 0.25)
     tracker.update('left', side_result(message, 5.0), now=5.0)
     state = tracker.update('right', side_result(message, 5.0), now=5.0, gap=opening.gap)
-    grasp = grasp_message(state, [message, message], opening, 'gripper', age=0.5)
+    grasp = grasp_message(state, [message, message], opening, 'gripper', ages=(0.5, 0.4))
     assert grasp.age.nanosec == 500_000_000
     assert grasp.contact == Grasp.TWO_SIDED and grasp.fresh and grasp.same_shape and not grasp.stable
     assert grasp.header.frame_id == 'gripper' and grasp.header.stamp == message.header.stamp
@@ -146,11 +147,29 @@ def test_two_pads_become_one_grasp():
     assert (grasp.gap, grasp.gap_source, grasp.gap_age.nanosec) == (0.0, Grasp.GAP_JOINT_STATES, 250_000_000)
 
 
+@pytest.mark.parametrize('period', [0.02, 0.05, 0.2])
+def test_a_receiver_of_grasps_knows_their_age_whatever_the_period(period):
+    """Stamp and age are of one side: of two, they differed by a period, and a planner's age never settled."""
+    left, right = shape(block(6, 6), Shape.SQUARE), shape(block(6, 6), Shape.SQUARE)
+    arrivals, now = {}, 50.0
+    ages, tracker = InputAge(steady=lambda: now), GraspTracker()
+    state = tracker.state(0.0)
+    for k in range(100):
+        for delay, pad in ((0.020, left), (0.023, right)):
+            pad.header.stamp = time_message(1.7e9 + k * period)
+            now = 50.0 + k * period + delay
+            arrivals[id(pad)] = k * period
+            if len(arrivals) == 2:
+                since = [now - 50.0 - arrivals[id(side)] for side in (left, right)]
+                found = ages.arrived(grasp_message(state, [left, right], NOT_KNOWN, 'gripper', since))
+    assert found.age_on_arrival == pytest.approx(0.023, abs=0.005)
+
+
 def test_without_an_opening_a_grasp_has_no_width_and_says_so():
     message, tracker = shape(block(6, 6), Shape.SQUARE), GraspTracker()
     tracker.update('left', side_result(message, 5.0), now=5.0)
     state = tracker.update('right', side_result(message, 5.0), now=5.0)
-    grasp = grasp_message(state, [message, message], NOT_KNOWN, 'gripper', math.inf)
+    grasp = grasp_message(state, [message, message], NOT_KNOWN, 'gripper', (math.inf, math.inf))
     assert math.isinf(age_seconds(grasp.age))
     assert grasp.contact == Grasp.TWO_SIDED and grasp.fresh
     assert grasp.gap_source == Grasp.GAP_NOT_KNOWN and math.isinf(age_seconds(grasp.gap_age))
@@ -170,7 +189,7 @@ def test_one_touched_pad_is_no_line():
     empty = shape(np.zeros((16, 16), np.float32), Shape.NONE)
     tracker.update('left', side_result(message, 5.0), now=5.0)
     state = tracker.update('right', side_result(empty, 5.0), now=5.0)
-    grasp = grasp_message(state, [message, empty], NOT_KNOWN, 'gripper', 0.0)
+    grasp = grasp_message(state, [message, empty], NOT_KNOWN, 'gripper', (0.0, 0.0))
     assert grasp.contact == Grasp.ONE_SIDED and math.isnan(grasp.width) and math.isnan(grasp.midpoint.x)
 
 

@@ -101,9 +101,9 @@ class GraspNode(Node):
 
     def _publish(self, state: GraspState, opening: Opening) -> None:
         now = time.monotonic()
-        age = max(self._arrivals[side].age(now) if side in self._arrivals else math.inf for side in SIDES)
+        ages = [self._arrivals[side].age(now) if side in self._arrivals else math.inf for side in SIDES]
         sides = [self._latest[side] for side in SIDES]
-        self._publisher.publish(grasp_message(state, sides, opening, self._settings.frame, age))
+        self._publisher.publish(grasp_message(state, sides, opening, self._settings.frame, ages))
 
 
 def main() -> int:

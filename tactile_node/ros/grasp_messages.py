@@ -1,6 +1,7 @@
 """Grasps as messages, and the sides they are made of."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from geometry_msgs.msg import Point, Vector3
@@ -61,17 +62,28 @@ def _pitch(message: ContactShape) -> float:
     return math.sqrt(message.contact_areas[0] / message.taxels) if message.taxels and message.contacts else 0.0
 
 
-def grasp_message(state: GraspState, sides: list[ContactShape], opening: Opening, frame_id: str, age: float) -> Grasp:
-    """``sides``: the latest message of the left and the right pad; ``age`` [s]: of the older one, inf: not known."""
+def grasp_message(state: GraspState, sides: list[ContactShape], opening: Opening, frame_id: str,
+                  ages: Sequence[float]) -> Grasp:
+    """``sides``: the latest message of the left and the right pad; ``ages`` of both [s], inf: not known.
+
+    Stamp and age are those of the older one: a receiver measures the delay of its path by both together.
+    """
     message = Grasp(
-        age=age_message(age), sides=sides, side_states=[int(each) for each in state.side_states],
+        age=age_message(max(ages)), sides=sides, side_states=[int(each) for each in state.side_states],
         contact=int(state.contact), fresh=state.fresh, gap=opening.gap, gap_source=int(opening.source),
         gap_age=age_message(opening.age), same_shape=state.same_shape, stable=state.stable,
         held=duration_message(state.held), creep=state.creep, line_is_bound=state.line_is_bound)
-    message.header.stamp = max((side.header.stamp for side in sides), key=lambda stamp: (stamp.sec, stamp.nanosec))
+    message.header.stamp = _older(sides, ages).header.stamp
     message.header.frame_id = frame_id
     _add_line(message, state.line)
     return message
+
+
+def _older(sides: list[ContactShape], ages: Sequence[float]) -> ContactShape:
+    """Return the side of the greater age; one that has no message yet only where neither has."""
+    by_age = sorted(zip(ages, sides), key=lambda each: each[0], reverse=True)
+    received = [side for _, side in by_age if side.header.stamp.sec or side.header.stamp.nanosec]
+    return received[0] if received else by_age[0][1]
 
 
 def _add_line(message: Grasp, line: Line | None) -> None:
