@@ -93,11 +93,18 @@ def trained(kind: str, args: argparse.Namespace) -> tuple[dict[str, np.ndarray],
         for part in draw_parts(args.samples, wanted):
             _say(began, f'{part.kind}: {part.pool} {part.number + 1} of {len(wanted)}')
         pools[pool] = read_parts(args.samples, wanted)
-    _say(began, f'{kind}: training')
-    model = fit(pools, args.steps, args.seed, lambda step, loss: _say(began, f'{kind}: step {step}, loss {loss:.3f}'))
+    model = _fitted(pools, kind, args, lambda step, loss: _say(began, f'{kind}: step {step}, loss {loss:.3f}'))
     arrays = exported(model, kind, args.seed, args.samples.parent / 'mechanics')
     _say(began, f'{kind}: done')
     return arrays, {name: len(pool.labels) for name, pool in pools.items()}
+
+
+def _fitted(pools: dict[str, Samples], kind: str, args: argparse.Namespace, progress) -> Model:
+    """Train, or read what a run before has trained on the samples of this folder: calibration can be repeated."""
+    path = args.samples / f'{kind}_{args.steps}_{args.seed}_{args.share:g}.pt'
+    if not path.exists():
+        torch.save(fit(pools, args.steps, args.seed, progress), path)
+    return torch.load(path, weights_only=False)
 
 
 def main() -> int:

@@ -1,4 +1,5 @@
-"""Patch -> numbers that do not change when the contact is rotated: moments of contact and hull, the hull's width.
+"""Patch -> numbers that do not change when the contact is rotated: moments of contact and hull, the hull's width, and
+how well each of the five shapes covers it.
 
 What silent taxels take from a contact's inside, its hull gives back.
 
@@ -11,6 +12,7 @@ from math import comb
 
 import numpy as np
 
+from tactile_node.shape import likeness
 from tactile_node.shape.patch import SIDE, Patch
 
 DIRECTIONS = 48
@@ -21,7 +23,7 @@ HARMONICS = 8
 WAVES = np.exp(-1j * np.outer(ANGLE, np.arange(HARMONICS + 1))) / DIRECTIONS
 ORDERS = ((2, 0), (1, 1), (3, 0), (2, 1), (4, 0), (3, 1), (2, 2), (5, 0), (6, 0))  #: of complex moments c_pq
 HIGHEST = 6
-COUNT = 9 + 2 * len(ORDERS) + HARMONICS  #: numbers a patch
+COUNT = 9 + 2 * len(ORDERS) + HARMONICS + likeness.COUNT  #: numbers a patch
 
 
 def _expansion(p: int, q: int) -> np.ndarray:
@@ -52,15 +54,22 @@ def describe_all(levels: np.ndarray, unseen: np.ndarray, scales: np.ndarray) -> 
     y, x = (PLACE - (profile @ PLACE / total)[:, None] for profile in (down, across))
     sizes = np.array([np.log(total * scales ** 2), 10 / (total * scales ** 2), np.log(scales), unseen.mean((1, 2))])
     support = _support(levels > 0.5, y, x)
-    return np.concatenate((sizes.T, _moments(weight, y, x, total), _widths(support, total),
-                           _hull_moments(support, y, x, total)), 1).astype(np.float32)
+    moments = _moments(weight, y, x, total)
+    return np.concatenate((sizes.T, _magnitudes(moments), _widths(support, total),
+                           _hull_moments(support, y, x, total),
+                           likeness.likeness(weight, y, x, total, moments)), 1).astype(np.float32)
 
 
 def _moments(weight: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray) -> np.ndarray:
-    """Magnitudes of the complex moments, weight in sum 1, lengths in units of the root of the area."""
+    """Means of y^a x^b, (K, HIGHEST + 1, HIGHEST + 1), lengths in units of the root of the area."""
     unit = 1 / np.sqrt(total)[:, None]
-    raw = ((y * unit)[:, None] ** POWERS) @ weight @ ((x * unit)[..., None] ** POWERS.T)
-    magnitudes: np.ndarray = np.abs(raw.reshape(len(total), -1) @ EXPANSIONS) / total[:, None]
+    moments: np.ndarray = ((y * unit)[:, None] ** POWERS) @ weight @ ((x * unit)[..., None] ** POWERS.T)
+    return moments / total[:, None, None]
+
+
+def _magnitudes(moments: np.ndarray) -> np.ndarray:
+    """Magnitudes of the complex moments."""
+    magnitudes: np.ndarray = np.abs(moments.reshape(len(moments), -1) @ EXPANSIONS)
     return magnitudes
 
 
@@ -97,4 +106,4 @@ def _hull_moments(support: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.n
     down, across = filled.sum(2), filled.sum(1)
     area = down.sum(1)
     y, x = (place - ((profile * place).sum(1) / area)[:, None] for profile, place in ((down, y), (across, x)))
-    return np.concatenate(((total / area)[:, None], _moments(filled, y, x, area)), 1)
+    return np.concatenate(((total / area)[:, None], _magnitudes(_moments(filled, y, x, area))), 1)
