@@ -13,7 +13,7 @@ from tactile_node.synthetic.layer import measured, sample, stress_field
 from tactile_node.synthetic.mechanics import Solution
 from tactile_node.synthetic.seeds import Purpose, generator
 from training.batch import draw_many
-from training.mechanics import ON_OFF_PRESSURE, solution_pool
+from training.mechanics import DEPTH, ON_OFF_PRESSURE, solution_pool
 from training.model import Model
 from training.samples import LABELS, SMALLEST, UNKNOWN, Samples, joined_samples, samples_from
 from training.segmentation import as_shipped
@@ -25,7 +25,7 @@ CLEAN = ((9, 60, 30, 80), (60, 130, 36, 40), (130, 500, 56, 16))  #: areas, pad,
 NEAR = 0.3  #: contacts of sizes within this logarithm count alike
 SOLUTIONS, FRAMES, POSES = 150, 12_000, 3  #: of contact mechanics
 MECHANICS_SEED = 910_000
-TILT, DEPTH, PRESSURE, NOISE, DEAD = 0.4, (0.2, 1.2), (0.05, 0.8), 0.01, 0.03  #: of clean contacts by mechanics
+PRESSURE, NOISE, DEAD = (0.05, 0.8), 0.01, 0.03  #: of clean contacts by mechanics; tilt and depth as in training
 
 
 class Validation(NamedTuple):
@@ -55,7 +55,7 @@ def validation_solutions(folder: Path) -> list[Solution]:
 def mechanics_samples(rng: np.random.Generator, on_off: bool, count: int, folder: Path,
                       areas: tuple[float, float] = (9.0, 250.0)) -> Samples:
     """Clean contacts by mechanics, as they are pressed in most grips; the areas log-uniform."""
-    solutions = [each for each in validation_solutions(folder) if np.hypot(*each.tilt) <= TILT]
+    solutions = validation_solutions(folder)
     found = []
     while len(found) < count:
         solution = solutions[rng.integers(len(solutions))]
