@@ -63,8 +63,9 @@ def describe_all(levels: np.ndarray, unseen: np.ndarray, scales: np.ndarray) -> 
 def _moments(weight: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray) -> np.ndarray:
     """Means of y^a x^b, (K, HIGHEST + 1, HIGHEST + 1), lengths in units of the root of the area."""
     unit = 1 / np.sqrt(total)[:, None]
-    moments: np.ndarray = ((y * unit)[:, None] ** POWERS) @ weight @ ((x * unit)[..., None] ** POWERS.T)
-    return moments / total[:, None, None]
+    sums = ((y * unit)[:, None] ** POWERS) @ weight @ ((x * unit)[..., None] ** POWERS.T)
+    moments: np.ndarray = sums / total[:, None, None]
+    return moments
 
 
 def _magnitudes(moments: np.ndarray) -> np.ndarray:
