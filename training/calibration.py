@@ -20,7 +20,7 @@ from training.segmentation import as_shipped
 
 #: of clean contacts of the five shapes, the fraction that may be called unknown, by size [taxels]
 LOSSES = {12: 0.005, 25: 0.003, 50: 0.0012, 100: 0.0006}
-LEAST_BIAS = -0.5  #: large clean contacts would allow less, but the same contacts in the field need it
+LEAST_BIAS = 0.5  #: large clean contacts would allow less, but the same contacts in the field need it
 CLEAN = ((9, 60, 30, 80), (60, 130, 36, 40), (130, 500, 56, 16))  #: areas, pad, batches of 250 or what memory holds
 NEAR = 0.3  #: contacts of sizes within this logarithm count alike
 SOLUTIONS, FRAMES, POSES = 150, 12_000, 3  #: of contact mechanics

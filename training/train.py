@@ -32,7 +32,7 @@ from training.samples import UNKNOWN, Samples
 #: of each pool: parts of about 10,000 samples, and samples in a batch
 PARTS = {'bulk': 28, 'large': 12, 'faulty': 22, 'foreign': 12, 'blemish': 7, 'mechanics': 10, 'noise': 3}
 MIX = {'bulk': 150, 'large': 60, 'faulty': 130, 'foreign': 80, 'blemish': 40, 'mechanics': 40, 'noise': 12}
-STEPS = 32_000
+STEPS = 16_000
 FOREIGN_WEIGHT = 0.5
 RATE, DECAY, AVERAGED = 2e-3, 1e-3, 0.998
 
