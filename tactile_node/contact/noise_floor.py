@@ -75,5 +75,6 @@ class NoiseFloor:
             return self._last
         rise = np.inf if self._is_first else FOLLOWED * found.deviation
         self._is_first = False
-        self._is_loud = found.deviation > LOUDER * self._quiet
-        return Resting(min(found.level, level + rise), min(found.deviation, LOUDER * self._quiet))
+        most = LOUDER * self._quiet if self._quiet > 0 else np.inf  # noise below the resolution is not known
+        self._is_loud = found.deviation > most
+        return Resting(min(found.level, level + rise), min(found.deviation, most))
