@@ -16,6 +16,7 @@ pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run 
 
 from builtin_interfaces.msg import Time  # noqa: E402
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
+from opening_bench import TIMEOUT, OpeningBench  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 from rclpy.qos import QoSProfile  # noqa: E402
@@ -32,14 +33,13 @@ from tactile_node.ros.settings import GraspNodeSettings  # noqa: E402
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
-TIMEOUT = 60.0  # s, for a busy machine
 LIMIT = 0.3  # s, max_gap_age
 TWO_FINGERS = {'gap_source': 'joint_states', 'gap_joints': ['finger_left', 'finger_right']}  # each moves half the gap
 KNUCKLE = {'gap_source': 'joint_states', 'gap_joints': ['knuckle'], 'gap_offset': 0.085, 'gap_scale': -0.1}
 ARM = (['shoulder', 'elbow'], [0.1, 0.2])
 
 
-class Gripper:
+class Gripper(OpeningBench):
     """A node with an opening source, and a publisher of joint states beside it."""
 
     def __init__(self, stack: ExitStack):
@@ -59,10 +59,8 @@ class Gripper:
         self.node = self._add(rclpy.create_node('grasp', parameter_overrides=overrides))
         declare(self.node, GraspNodeSettings)
         self.source = make_opening_source(self.node, read(self.node, GraspNodeSettings), np.array((0.0, 0.0, 1.0)))
-        end = time.monotonic() + TIMEOUT
-        while hasattr(self.source, 'subscriptions') and not self.publisher.get_subscription_count():
-            assert time.monotonic() < end, 'not discovered'
-            self.executor.spin_once(timeout_sec=0.01)
+        self.until(lambda: not hasattr(self.source, 'subscriptions') or self.publisher.get_subscription_count(),
+                   'not discovered')
         return self
 
     @property
@@ -74,19 +72,8 @@ class Gripper:
         before = self.counts.received
         header = Header(stamp=Time(sec=int(stamp), nanosec=round(stamp % 1 * 1e9)))
         self.publisher.publish(JointState(header=header, name=names, position=positions))
-        end = time.monotonic() + TIMEOUT
-        while self.counts.received == before:
-            assert time.monotonic() < end, 'not received'
-            self.executor.spin_once(timeout_sec=0.01)
+        self.until(lambda: self.counts.received != before, 'not received')
         return self.current()
-
-    def wait(self, seconds):
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            self.executor.spin_once(timeout_sec=0.01)
-
-    def current(self):
-        return self.source.current(time.monotonic())
 
 
 @pytest.fixture

@@ -191,7 +191,7 @@ def test_no_array_of_numbers_warns_or_fails(shape, unit):
 
 
 def test_noise_alone_seldom_makes_a_group():
-    """16x16 taxels, 400 arrays each by itself: a group of 4 or more in fewer than 1 %."""
+    """16x16 taxels, 400 arrays, each alone: a group of 4 or more in fewer than 1 %."""
     rng = np.random.default_rng(9)
     patterns = [PatternExtractor().extract(rng.standard_normal((SIDE, SIDE)) + 7) for _ in range(400)]
     assert sum(pattern.mask.sum() >= 4 for pattern in patterns) < 4

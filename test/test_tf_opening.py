@@ -11,6 +11,7 @@ rclpy = pytest.importorskip('rclpy')
 pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
 
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3  # noqa: E402
+from opening_bench import TIMEOUT, OpeningBench  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 
@@ -25,7 +26,6 @@ from tactile_node.ros.time_messages import time_message  # noqa: E402
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.slow]
 
-TIMEOUT = 60.0  # s, for a busy machine
 LIMIT = 0.3  # s, max_gap_age
 #: The fingers of the hand slide along its y; their frames are 12 mm apart when it is closed.
 PARAMETERS = {'gap_source': 'tf', 'frame_id': 'hand', 'gap_frames': ['left_finger', '/right_finger'],
@@ -47,7 +47,7 @@ def fingers(left, right, stamp=0.0):
             transform('right_finger', 'hand', y=right, stamp=stamp)]
 
 
-class Robot:
+class Robot(OpeningBench):
     """A node with an opening source, and publishers of tf beside it."""
 
     def __init__(self, stack, kind, **more):
@@ -64,29 +64,15 @@ class Robot:
         self.source = make_opening_source(node, read(node, GraspNodeSettings), ALONG_Y)
         self.publishers = [publishing.create_publisher(kind, topic, qos)
                            for topic, qos in (('/tf', TF_QOS), ('/tf_static', TF_STATIC_QOS))]
-        end = time.monotonic() + TIMEOUT
-        while not all(publisher.get_subscription_count() for publisher in self.publishers):
-            assert time.monotonic() < end, 'not discovered'
-            self.wait(0.01)
+        self.until(lambda: all(each.get_subscription_count() for each in self.publishers), 'not discovered')
 
     def send(self, *transforms, static=False):
         """Publish one message and return the opening once it was received."""
         subscription = self.source.subscriptions[static]
         before = subscription.counts.received
         self.publishers[static].publish(self.kind(transforms=transforms))
-        end = time.monotonic() + TIMEOUT
-        while subscription.counts.received == before:
-            assert time.monotonic() < end, 'not received'
-            self.wait(0.01)
+        self.until(lambda: subscription.counts.received != before, 'not received')
         return self.current()
-
-    def wait(self, seconds):
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            self.executor.spin_once(timeout_sec=0.01)
-
-    def current(self):
-        return self.source.current(time.monotonic())
 
 
 @pytest.fixture

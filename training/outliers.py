@@ -1,6 +1,6 @@
 """Contacts outside the five shapes, in general position: what a recogniser must call unknown.
 
-They are for training and for choosing thresholds; rejection is reported on families of its own code and parameters
+They are for training and for choosing thresholds; rejection is reported on families with other code and parameters
 (bench/recognition/foreign.py). Sizes are found by counting area, so that all have the required area.
 """
 

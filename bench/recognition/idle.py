@@ -36,7 +36,7 @@ def _log_uniform(rng: np.random.Generator, low: float, high: float, size=None):
 
 
 def _graded(rng: np.random.Generator, active: np.ndarray) -> Idle:
-    """Half of the pads are on/off; of the others, active taxels are at any level, each of its own or all the same."""
+    """Half of the pads are on/off; of the others, active taxels are at any level, each at another or all the same."""
     if rng.random() < 0.5:
         return Idle(active)
     own = rng.uniform(0.2, 1.0, active.shape[1:]) if rng.random() < 0.5 else rng.uniform(0.1, 1.0)
@@ -67,7 +67,7 @@ def drift(rng: np.random.Generator, frames: int, side: int) -> Idle:
 
 
 def hum(rng: np.random.Generator, frames: int, side: int) -> Idle:
-    """Each row (or column) moves by a sine of its own size and phase, the frequency common; noise."""
+    """Each row (or column) moves by a sine, each with another size and phase and the same frequency; noise."""
     time = np.arange(frames)[:, None] / RATE
     size = _log_uniform(rng, 0.01, 0.4) * rng.uniform(0, 1, side) ** rng.uniform(0, 4)
     phase = rng.uniform(0, 2 * np.pi) + rng.uniform(0, 2) * rng.uniform(-np.pi, np.pi, side)
@@ -93,7 +93,7 @@ def stuck(rng: np.random.Generator, frames: int, side: int) -> Idle:
 
 
 def flickering(rng: np.random.Generator, frames: int, side: int) -> Idle:
-    """0.5 to 12 % of the taxels come and go, each with a duty and a rate of its own; some of them stay on."""
+    """0.5 to 12 % of the taxels come and go, each with another duty and rate; some of them stay on."""
     chosen = _chosen(rng, (side, side), _log_uniform(rng, 0.005, 0.12))
     duty, stay = rng.uniform(0.1, 1.0, (side, side)), rng.uniform(0, 0.95, (side, side))
     on = np.empty(_shape(frames, side), bool)

@@ -1,6 +1,6 @@
 """Contacts computed by contact mechanics, for the report: indenters, parameters and seeds that no training has seen.
 
-Lengths are in taxel pitches, pressures fractions of full scale. Each frame has a solved indenter of its own, on a finer
+Lengths are in taxel pitches, pressures fractions of full scale. Each frame has another solved indenter, on a finer
 grid than the training's.
 """
 
@@ -76,7 +76,7 @@ def cone_frames(area: float, count: int, seed: int) -> Case:
     return _case(area, count, seed, lambda rng, number: (cone(_compression(rng), tip=rng.uniform(0.1, 0.5)), 0.0))
 
 
-#: of the report's rows, by indenter; each row takes seeds of its own
+#: of the report's rows, by indenter; each row takes other seeds
 ROWS: dict[str, Callable[[float, int, int], Case]] = {
     'flat punches': flat_punch_frames, 'balls': ball_frames, 'cylinders on their side': cylinder_frames,
     'cones': cone_frames}

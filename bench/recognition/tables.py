@@ -66,7 +66,7 @@ def against_bars(computed: list[Result]) -> Table:
 
 
 def speed(contest: Contest, repeat: int, purpose: Purpose) -> Table:
-    table = Table('Time of a single frame', f'median of {repeat} frames, one core, each by itself [us]; ours from the '
+    table = Table('Time of a single frame', f'median of {repeat} frames, one core, each alone [us]; ours from the '
                   'contact pattern on, the anchors from a prepared patch on (its making is not counted)',
                   ['frames', 'area', OURS, 'CNN', 'contours + trees', 'ours / CNN', 'ours / (contours + trees)'])
     for on_off in (True, False):
@@ -106,7 +106,7 @@ def three_worlds(results: list[Result], contest: Contest, recogniser: Recogniser
         result.case.condition in (PUNCHES, CLEAN))]
     names = list(shown[0].answers)
     table = Table('Three worlds', 'recognised [%], 95 % Wilson intervals: our generator, which training draws from, '
-                  'too; contact mechanics with parameters and seeds of its own; recordings of a real array, which no '
+                  'too; contact mechanics with other parameters and seeds; recordings of a real array, which no '
                   'training has seen (frames that hold the object, by labels given by hand)',
                   ['world', 'frames', 'area', 'patterns', *(f'{name}, %' for name in names)])
     for world, condition in (('own generator', CLEAN), ('contact mechanics', PUNCHES)):

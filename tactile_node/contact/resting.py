@@ -8,7 +8,7 @@ import numpy as np
 FEWEST = 8       #: taxels that show a level
 RESTING = 0.25   #: part of the visible taxels that has to rest; an object may cover the others
 SPREADS = 2.5    #: standard deviations of those taken within which a taxel is taken, too: a light contact is near
-LEFT_OUT = 0.023  #: of normal values this leaves out the upper 4 %: the mean of the others is so many of their standard
+LEFT_OUT = 0.023  #: of normal values this leaves out the upper 1 %: the mean of the others is so many of their standard
 NARROWER = 0.972  #: deviations too low, and these are by this factor too small
 FAR_BELOW = 10.0  #: distances of the lowest quarter from the lowest eighth below that; of normal values 5 at most
 MANY = 64         #: values whose eighth and quarter show a distance
@@ -32,7 +32,7 @@ UNKNOWN = Resting(float('nan'), float('nan'))
 def resting_of(values: np.ndarray) -> Resting:
     """Return level and noise of the taxels at rest among the visible ``values``, finite, of any shape.
 
-    The lowest quarter is taken to rest, then all that is no farther above the mean of those taken than two standard
+    The lowest quarter is taken to rest, then all that is no farther above the mean of those taken than 2.5 standard
     deviations, until nothing changes (sigma clipping from below; both are then corrected as for normal values). Of
     noise below the resolution the deviation is 0. Of 64 values or more, up to an eighth may lie far below the others,
     as of taxels that lost their offset: they are left out. Values in whole steps are taken up to one step farther, for

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.contact.neighbours import linked
+from tactile_node.contact.neighbours import grown, linked
 from tactile_node.contact.on_off import are_on_off
 from tactile_node.contact.pattern import MOST_LABELS, ContactPattern
 from tactile_node.read_only import read_only
@@ -113,23 +113,14 @@ def _levels(values: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarra
     graded = not are_on_off(values)
     if graded:
         inside = known * mask
-        known = known * _grown(mask)
+        near = mask
+        for _ in range(RIM):
+            near = grown(near)
+        known = known * near
         level = known * (inside.sum() / np.square(inside).sum())
     else:
         level = mask.astype(float)
     return (_filled(level, dead) if dead.any() else level), dead.astype(float), graded
-
-
-def _grown(mask: np.ndarray) -> np.ndarray:
-    """``mask`` and what is within RIM rows and columns of it (a fifth of the time of ndimage's filter)."""
-    rows, cols = mask.shape
-    wide = np.zeros((rows + 2 * RIM, cols + 2 * RIM), bool)
-    for shift in range(2 * RIM + 1):
-        wide[shift:shift + rows, RIM:RIM + cols] |= mask
-    grown = wide[RIM:RIM + rows, :cols].copy()
-    for shift in range(1, 2 * RIM + 1):
-        grown |= wide[RIM:RIM + rows, shift:shift + cols]
-    return grown
 
 
 def _filled(level: np.ndarray, dead: np.ndarray) -> np.ndarray:
