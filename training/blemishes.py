@@ -7,7 +7,7 @@ import numpy as np
 from scipy import ndimage
 
 from tactile_node.synthetic.world import CLASSES, Contact, random_contact
-from training.families import Figure, disc, inside, stroke
+from training.shapes import Figure, disc, inside, stroke
 
 AREA = 1.6  #: of the shapes before they get a blemish
 

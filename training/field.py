@@ -8,14 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
+from tactile_node.synthetic.indenters import inscribed_radius
 from tactile_node.synthetic.pressure import Touching, coverage
 from tactile_node.synthetic.world import CLASSES, PAD, random_contact
 from training.outliers import random_outlier
-from training.variants import (
-    Hollow,
-    Rounded,
-    inscribed_radius,
-)
+from training.variants import Hollow, Rounded
 
 THINNEST_WALL = 1.25  #: [pitches]: a thinner rim falls to pieces
 

@@ -13,8 +13,9 @@ from scipy import ndimage
 from tactile_node.geometry.overlap import overlaps
 from tactile_node.synthetic.seeds import Purpose, generator
 from training.blemishes import BLEMISHES
-from training.families import FAMILIES, Figure
+from training.families import FAMILIES
 from training.samples import LABELS, UNKNOWN
+from training.shapes import Figure
 
 SIDE = 144           #: cells along the raster
 EXTENT = 1.55        #: figures are drawn from -EXTENT to EXTENT

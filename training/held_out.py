@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from training.families import Figure, box, disc, inside, stroke
+from training.shapes import Figure, box, disc, inside, stroke
 
 
 def heart(rng, x, y):

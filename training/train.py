@@ -30,8 +30,9 @@ from training.pools import FORMS, Part, draw_parts, forms_of, read_parts
 from training.samples import UNKNOWN, Samples
 
 #: of each pool: parts of about 10,000 samples, and samples in a batch
-PARTS = {'bulk': 28, 'large': 12, 'faulty': 22, 'foreign': 12, 'blemish': 7, 'mechanics': 10, 'noise': 3}
-MIX = {'bulk': 150, 'large': 60, 'faulty': 130, 'foreign': 80, 'blemish': 40, 'mechanics': 40, 'noise': 12}
+PARTS = {'bulk': 28, 'large': 12, 'faulty': 22, 'foreign': 16, 'blemish': 7, 'mechanics': 10, 'noise': 3}
+MIX = {'bulk': 150, 'large': 60, 'faulty': 130, 'foreign': 112, 'blemish': 40, 'mechanics': 40, 'noise': 12}
+SHARED = *FORMS, 'indenters', 'indenters of validation'  #: what both networks are trained on, drawn first
 STEPS = 16_000
 FOREIGN_WEIGHT = 0.5
 RATE, DECAY, AVERAGED = 2e-3, 1e-3, 0.998
@@ -107,15 +108,23 @@ def _fitted(pools: dict[str, Samples], kind: str, args: argparse.Namespace, prog
     return torch.load(path, weights_only=False)
 
 
+def _shared(name: str, samples: Path) -> int:
+    """Draw what both networks are trained on, where it is not there yet; how much there is."""
+    began, folder = time.monotonic(), samples.parent / 'mechanics'
+    if name in FORMS:
+        count = len(forms_of(samples, name).labels)
+    else:
+        count = len((solution_pool if name == 'indenters' else validation_solutions)(folder))
+    _say(began, f'{name}: {count}')
+    return count
+
+
 def main() -> int:
     args = _arguments()
-    forms = {name: len(forms_of(args.samples, name).labels) for name in FORMS}  # what both networks share comes first
-    folder = args.samples.parent / 'mechanics'
-    solved = len(solution_pool(folder)), len(validation_solutions(folder))
     with ProcessPoolExecutor(args.jobs, multiprocessing.get_context('spawn')) as jobs:
+        drawn = dict(zip(SHARED, jobs.map(_shared, SHARED, [args.samples] * len(SHARED))))
         found = list(jobs.map(trained, KINDS, [args] * len(KINDS)))
-    about = {'code': _code(), 'seed': args.seed, 'steps': args.steps, 'figures': forms,
-             'indenters': dict(zip(('training', 'validation'), solved)),
+    about = {'code': _code(), 'seed': args.seed, 'steps': args.steps, 'figures and indenters': drawn,
              'samples': {kind: counts for kind, (_, counts) in zip(KINDS, found)}, 'mix': MIX}
     arrays = {name: array for of_kind, _ in found for name, array in of_kind.items()}
     np.savez_compressed(args.output, **arrays, about=np.array(json.dumps(about)))

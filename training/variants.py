@@ -67,16 +67,6 @@ class Hollow:
         return np.minimum(depth, self.wall - depth)
 
 
-def inscribed_radius(contact: Contact) -> float:
-    """Radius of the largest circle inside ``contact`` [pitches]."""
-    if contact.shape == 'circle':
-        return contact.dimensions[0]
-    if contact.shape in ('square', 'rectangle'):
-        return min(contact.dimensions) / 2
-    corners = contact.outline()
-    return 2 * contact.area / np.hypot(*(np.roll(corners, -1, axis=0) - corners).T).sum()
-
-
 def _shrunk(corners: np.ndarray, by: float) -> np.ndarray:
     """Move every edge of a convex polygon inwards."""
     edge = np.roll(corners, -1, axis=0) - corners
