@@ -13,7 +13,7 @@ import numpy as np
 from tactile_node.shape.recogniser import OUTPUTS
 from tactile_node.synthetic.indenters import Indenter, ball, cone, cylinder, flat_punch
 from tactile_node.synthetic.layer import measured, sample, stress_field
-from tactile_node.synthetic.mechanics import solve
+from tactile_node.synthetic.mechanics import Solution, solve
 from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import CLASSES, random_contact
 
@@ -55,7 +55,7 @@ class Case(NamedTuple):
 
 def flat_punch_frames(area: float, count: int, seed: int) -> Case:
     """Flat punches with rounded edges, moderately tilted, the five classes in turn."""
-    return _case(area, count, seed, _flat_punch)
+    return _case(area, count, seed, random_punch)
 
 
 def ball_frames(area: float, count: int, seed: int) -> Case:
@@ -98,7 +98,8 @@ def _case(area: float, count: int, seed: int,
     return Case(np.stack(frames), pressed)
 
 
-def _flat_punch(rng: np.random.Generator, number: int) -> tuple[Indenter, float]:
+def random_punch(rng: np.random.Generator, number: int) -> tuple[Indenter, float]:
+    """Draw a flat punch of the class ``number`` in turn, and its tilt."""
     contact = random_contact(rng, CLASSES[number % len(CLASSES)], 1.0)
     upright = replace(contact, x=0.0, y=0.0, angle=0.0)
     return flat_punch(upright, _compression(rng), rng.uniform(*ROUNDING)), rng.uniform(*TILT)
@@ -106,10 +107,10 @@ def _flat_punch(rng: np.random.Generator, number: int) -> tuple[Indenter, float]
 
 def _frame(rng: np.random.Generator, area: float, indenter: Indenter, tilt: float) -> tuple[np.ndarray, Pressed]:
     towards = rng.uniform(0, 2 * np.pi) if indenter.kind == 'flat_punch' else 0.0
-    solution = solve(indenter, (float(tilt * np.cos(towards)), float(tilt * np.sin(towards))), cells=CELLS)
+    solution = solved(indenter, tilt, towards)
     depth, pressure, angle = rng.uniform(*DEPTH), rng.uniform(*PRESSURE), rng.uniform(0, 2 * np.pi)
     side = side_of(area)
-    around = _turned(solution.outline, angle) * np.sqrt(area)
+    around = turned(solution.outline, angle) * np.sqrt(area)
     middle = (around.min(0) + around.max(0)) / 2  # in the middle of the pad, for a triangle reaches far from its centre
     x, y = (side - 1) / 2 + rng.uniform(-0.5, 0.5, 2) - middle
     stress = sample(stress_field(solution, area, depth), x, y, angle, side, side)
@@ -118,10 +119,15 @@ def _frame(rng: np.random.Generator, area: float, indenter: Indenter, tilt: floa
     return measured(stress, pressure, rng, noise=NOISE, dead=DEAD), pressed
 
 
-def _turned(outline: np.ndarray, angle: float) -> np.ndarray:
+def solved(indenter: Indenter, tilt: float, towards: float) -> Solution:
+    return solve(indenter, (float(tilt * np.cos(towards)), float(tilt * np.sin(towards))), cells=CELLS)
+
+
+def turned(outline: np.ndarray, angle: float) -> np.ndarray:
+    """Rotate points (n, 2), x towards y."""
     cos, sin = np.cos(angle), np.sin(angle)
-    turned: np.ndarray = outline @ np.array(((cos, sin), (-sin, cos)))
-    return turned
+    found: np.ndarray = outline @ np.array(((cos, sin), (-sin, cos)))
+    return found
 
 
 def _compression(rng: np.random.Generator) -> float:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
-from bench.recognition import blind_spots, familiar, nothing, tables
+from bench.recognition import blind_spots, familiar, nothing, several, tables
 from bench.recognition.cases import Case, clean_cases, field_cases, seeded
 from bench.recognition.contest import OURS, Contest, Result
 from bench.recognition.idle import IDLE
@@ -26,6 +26,7 @@ class Amount(NamedTuple):
     clean: int      #: patterns a case
     field: int
     mechanics: int
+    pads: int       #: with several contacts, a kind
     figures: int    #: of a family of foreign shapes; of blemished ones a quarter for each shape
     pressed: int    #: frames of a family and size
     sequences: int  #: of a kind of nothing
@@ -33,9 +34,9 @@ class Amount(NamedTuple):
     repeat: int     #: frames that are timed
 
 
-FULL = Amount(share=0.3, epochs=4, clean=3000, field=400, mechanics=2000, figures=100, pressed=400,
+FULL = Amount(share=0.3, epochs=4, clean=3000, field=400, mechanics=2000, pads=100, figures=100, pressed=400,
               sequences=nothing.ENOUGH, cell=2000, repeat=400)
-QUICK = Amount(share=0.07, epochs=2, clean=300, field=60, mechanics=100, figures=12, pressed=60,
+QUICK = Amount(share=0.07, epochs=2, clean=300, field=60, mechanics=100, pads=20, figures=12, pressed=60,
                sequences=20, cell=100, repeat=100)
 
 
@@ -89,6 +90,14 @@ def mechanics(run: Run) -> Section:
                          'sees them without options: recognised [%]', results)
     return Section([tables.against_bars(results), rates], results,
                    [run.failures('mechanics', 'Computed frames that ours gets wrong', results)])
+
+
+def several_contacts(run: Run) -> Section:
+    found = []
+    for one in several.cases(run.recogniser, run.amount.pads, run.purpose):
+        found.append(one)
+        run.clock(f'several contacts: {one.number} of {one.area} taxels, {one.gap:g} between: {one.together} %')
+    return Section([several.table(found)])
 
 
 def speed(run: Run) -> Section:
@@ -152,5 +161,5 @@ def _of_area(results: list[Result]) -> list[Result]:
 
 SECTIONS: dict[str, Callable[[Run], Section]] = {
     'clean': clean, 'mechanics': mechanics, 'recordings': recordings, 'nothing': idle, 'foreign': foreign,
-    'blemish': blemish, 'blind-spots': spots, 'speed': speed, 'field': field}
-WITHOUT_ANCHORS = frozenset({'nothing'})
+    'blemish': blemish, 'several': several_contacts, 'blind-spots': spots, 'speed': speed, 'field': field}
+WITHOUT_ANCHORS = frozenset({'nothing', 'several'})
