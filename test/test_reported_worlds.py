@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from bench.recognition import blemish, foreign, spots
+from bench.recognition import beside, blemish, foreign, spots
 from bench.recognition.figures import p_value_behind
 from bench.recognition.idle import IDLE
 from bench.recognition.stamp import Stamp, pressed
@@ -55,6 +55,19 @@ def test_a_stamp_is_pressed_with_its_area_at_any_angle():
     values = pressed(stamp, rng, 120.0, on_off=False)
     assert values.dtype == float
     assert 0 < np.isnan(values).mean() < 0.1
+
+
+def test_punches_on_one_pad_lie_beside_each_other_and_their_stresses_add():
+    pad = beside.draw(random_stream(5), 3, area=50.0, gap=6.0)
+    assert len(pad.labels) == len(pad.alone) == 3
+    for under in pad.under:  # each covers about its area, and no other comes near
+        assert 30 < under.sum() < 60
+        others = pad.under.sum(0) > under
+        assert ndimage.distance_transform_edt(~others)[under].min() > 5
+    strongest = np.nanmax(pad.together)
+    apart = np.abs(pad.together - pad.alone.sum(0))
+    assert np.nanmedian(apart) < 0.03 and np.nanmax(apart) < 0.1 + 0.2 * strongest
+    assert 0 < np.isnan(pad.together).mean() < 0.1
 
 
 @pytest.mark.parametrize('kind', IDLE)
