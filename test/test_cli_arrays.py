@@ -98,6 +98,37 @@ def test_a_light_and_a_heavy_grip_of_one_file_are_both_found(tactile):
     assert [line['shape'] for line in tactile('classify', np.array(grips))] == ['circle', 'circle']
 
 
+@pytest.mark.parametrize(('shape', 'names', 'turn'), [
+    ('circle', ('radius',), None), ('rectangle', ('long', 'short'), np.pi),
+    ('right_triangle', ('long_leg', 'short_leg'), 2 * np.pi)])
+def test_classify_fits_pose_and_size_with_the_pitch(tactile, shape, names, turn):
+    rng, pitch = generator(Purpose.TEST, 11), 0.004
+    contact = random_contact(rng, shape, 80)
+    frame = pressure_frame(contact, rng, skin=Skin(noise=0.01))
+    empty, line = tactile('classify', np.array([np.zeros_like(frame), frame]), '--pitch', str(pitch))
+    assert not {'x', 'dimensions', 'sd'} & set(empty)
+    assert line['shape'] == shape
+    assert [line['x'] / pitch, line['y'] / pitch] == pytest.approx(contact.outline().mean(0), abs=0.1)
+    assert tuple(line['dimensions']) == names
+    lengths = np.sort(contact.dimensions[:len(names)]) * pitch
+    assert sorted(line['dimensions'].values()) == pytest.approx(lengths, rel=0.05)
+    assert tuple(line['sd']) == ('x', 'y', 'angle', *names)
+    if turn is None:
+        assert line['angle'] is None and line['sd']['angle'] is None
+    else:
+        away = (line['angle'] - contact.angle + turn / 2) % turn - turn / 2
+        assert abs(away) < 0.05 and 0 < line['sd']['angle'] < 0.05
+    assert all(0 < line['sd'][name] < 0.1 * pitch for name in ('x', 'y', *names))
+    assert 'x' not in tactile('classify', frame)[0]
+
+
+@pytest.mark.parametrize('pitch', ['0', '-0.004', 'nan'])
+def test_a_pitch_that_is_no_length_is_refused(tmp_path, capsys, pitch):
+    np.save(tmp_path / 'frames.npy', np.zeros((2, 2)))
+    assert main(['classify', str(tmp_path / 'frames.npy'), f'--pitch={pitch}']) == 2
+    assert 'pitch' in capsys.readouterr().err
+
+
 @pytest.mark.parametrize('option', ['--press', '--release'])
 def test_fractions_need_the_full_scale(tmp_path, capsys, option):
     np.save(tmp_path / 'frames.npy', np.zeros((2, 2)))

@@ -1,6 +1,9 @@
 """`tactile classify`: the shape of the largest contact, with the probability of every class."""
 
 import argparse
+import math
+
+import numpy as np
 
 from tactile_node.cli.arrays import (
     add_array_arguments,
@@ -8,7 +11,13 @@ from tactile_node.cli.arrays import (
     read_frames,
     write_lines,
 )
+from tactile_node.contact.on_off import are_on_off
+from tactile_node.contact.pattern import ContactPattern
+from tactile_node.pose.fit import ShapeFit, fit_shape
+from tactile_node.pose.pitch import check_pitch
 from tactile_node.shape.methods import DEFAULT, FILES, LEARNED, METHODS, VOLF, make_recogniser
+from tactile_node.shape.patch import join_pieces
+from tactile_node.shape.recognition import Recognition
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
@@ -22,12 +31,19 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
                         help=f'of --method learned, default config/{FILES[LEARNED]}')
     parser.add_argument('--curves', default='', metavar='FILE',
                         help=f'of --method volf, default config/{FILES[VOLF]}')
+    parser.add_argument('--pitch', type=float, metavar='METRES',
+                        help='distance of neighbouring taxels: fit pose and size of what is recognised')
     parser.epilog = ('Prints {"frame": k, "shape": ..., "confidence": ..., "probabilities": {name: ...}, '
                      '"N": ..., "contacts": ...}: N taxels in the largest of so many contacts. An unknown shape has '
-                     'a "reason": not_seen (too many NaN), unfamiliar or too_small.')
+                     'a "reason": not_seen (too many NaN), unfamiliar or too_small. With --pitch, one of the five '
+                     'shapes has "x", "y", "angle" of its centre and its x axis in the frame of the pad (origin at '
+                     'taxel (0, 0), x along columns, y along rows; metres, radians), "dimensions" (metres) and "sd", '
+                     'one standard deviation of each of them by name; the angle of a circle is null.')
 
 
 def run(args: argparse.Namespace) -> int:
+    if args.pitch is not None:
+        check_pitch(args.pitch)
     recogniser = make_recogniser(args.method, {LEARNED: args.weights, VOLF: args.curves}[args.method])
     frames = read_frames(args.frames)
 
@@ -35,7 +51,30 @@ def run(args: argparse.Namespace) -> int:
         for k, pattern in enumerate(patterns(frames, args, largest=True)):
             recognition = recogniser.recognise(pattern)
             yield {'frame': k, **recognition.as_json(),
-                   'N': int(pattern.mask.sum()), 'contacts': pattern.contacts}
+                   'N': int(pattern.mask.sum()), 'contacts': pattern.contacts,
+                   **(_fitted(pattern, recognition, args.pitch) if args.pitch else {})}
 
     write_lines(records(), args.output)
     return 0
+
+
+def _fitted(pattern: ContactPattern, recognition: Recognition, pitch: float) -> dict:
+    """Pose and size of a recognised shape with their standard deviations; nothing for another answer."""
+    contact = join_pieces(pattern) if recognition.joined else pattern
+    taxels = contact.mask if are_on_off(contact.values) else contact.values
+    fit = fit_shape(taxels, contact.mask, recognition.shape, pitch) if contact.mask.any() else None
+    return _as_json(fit) if fit else {}
+
+
+def _as_json(fit: ShapeFit) -> dict:
+    """Numbers that are not known, as the angle of a circle, are None."""
+    found = dict(zip(fit.parameter_names, fit.parameters))
+    deviations = dict(zip(fit.parameter_names, np.sqrt(np.diag(fit.covariance))))
+    names = 'x', 'y', 'angle'
+    return {**{name: _number(found.get(name)) for name in names},
+            'dimensions': {name: _number(found[name]) for name in fit.dimension_names},
+            'sd': {name: _number(deviations.get(name)) for name in (*names, *fit.dimension_names)}}
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)
