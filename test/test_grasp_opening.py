@@ -54,7 +54,8 @@ class World:
         skin.start('virtual', channel)
         stack.callback(skin.stop)
         system = System(bus_nodes(['left', 'right'], grasp=GRASP, driver={
-            'interface': 'virtual', 'channel': channel, 'node_ids': [32, 64], 'layouts': ['sim16x16.yaml']}))
+            'interface': 'virtual', 'channel': channel, 'node_ids': [32, 64], 'layouts': ['sim16x16.yaml'],
+            'sync_period': 0.05}))  # s: the chain, the skins and the consumer share one process
         stack.callback(system.destroy)
         self.executor = SingleThreadedExecutor()
         stack.callback(self.executor.shutdown)
