@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PressThresholds
@@ -15,6 +16,7 @@ from training.blemishes import BLEMISHES
 from training.families import FAMILIES
 from training.forms import labels_of, make_forms
 from training.held_out import HELD_OUT
+from training.hidden import LINES, draw_hidden, hidden_taxels
 from training.noise import draw_noise
 from training.patches import samples_of
 from training.samples import LEVEL_STEPS, UNKNOWN
@@ -97,3 +99,27 @@ def test_own_level_is_what_most_of_the_contact_reads():
 
 def test_sizes_of_the_calibration_rise():
     assert (np.diff(SIZES) > 0).all()
+
+
+def test_hidden_taxels_are_whole_tpdos_or_adjacent_lines():
+    rng, shares = np.random.default_rng(5), []
+    for _ in range(300):
+        hidden = hidden_taxels(rng, 16, 16)
+        shares.append(hidden.mean())
+        lines = [axis for axis in (0, 1) if (hidden.all(axis) == hidden.any(axis)).all()]
+        if lines and 0 < hidden.all(lines[0]).sum() <= LINES:
+            continue
+        along_rows, along_cols = ((turned.reshape(16, 8, 2).any(2) == turned.reshape(16, 8, 2).all(2)).all()
+                                  for turned in (hidden, hidden.T))
+        assert along_rows or along_cols, 'neither pairs along rows nor along columns are hidden together'
+    assert 0 < min(shares) < 0.02 and 0.4 < max(shares) <= 0.5 and 0.1 < np.mean(shares) < 0.25
+
+
+@pytest.mark.parametrize('on_off', [True, False])
+def test_contacts_that_are_seen_in_part_keep_the_label_of_the_whole(on_off):
+    samples = draw_hidden(np.random.default_rng(6), 60, on_off)
+    assert len(samples.labels) == 60 and set(samples.labels) == set(range(UNKNOWN + 1))
+    near = samples.levels > 80
+    beside = np.array([ndimage.binary_dilation(contact, iterations=2) for contact in near])
+    hidden_beside = (samples.unseen > 128) & beside
+    assert 0.3 < (hidden_beside.sum((1, 2)) > 3).mean() < 1, 'most, not all, miss taxels in the contact or next to it'

@@ -1,6 +1,7 @@
 """Foreign figures made of lines: what a network takes for the torn rim of a hollow object unless it has seen many.
 
-As families.py: bool on a grid, of about unit size about the origin.
+As families.py: bool on a grid, of about unit size about the origin. Outlines with a gap are left to the hollow objects:
+the rim of a real ring with silent columns has gaps, too.
 """
 
 import numpy as np
@@ -20,17 +21,6 @@ def _smooth(points: np.ndarray, closed: bool = False) -> np.ndarray:
     return line * 0.9 / max(0.9, np.abs(line).max())
 
 
-def _outline(rng) -> np.ndarray:
-    """Closed: a polygon of three to eight corners, regular or not, or an ellipse; (60, 2)."""
-    corners = rng.choice((3, 4, 4, 5, 6, 8, 60))
-    radius = rng.uniform(0.75, 1, corners) if corners < 9 and rng.random() < 0.6 else np.ones(corners)
-    points = 0.9 * polar(np.column_stack((np.arange(corners) * 2 * np.pi / corners, radius)))
-    points *= 1, rng.choice((1.0, rng.uniform(0.4, 1)))
-    where = np.arange(60) * corners / 60
-    first, share = where.astype(int), (where % 1)[:, None]
-    return points[first] * (1 - share) + points[(first + 1) % corners] * share
-
-
 def scrawl(rng, x, y):
     """A smooth line that may cross itself."""
     points = rng.uniform(-0.8, 0.8, (rng.integers(3, 8), 2))
@@ -45,13 +35,6 @@ def loop_with_tail(rng, x, y):
     start = loop[rng.integers(POINTS)]
     tail = np.array([start, start * 1.5 + rng.uniform(-0.3, 0.3, 2), rng.uniform(-0.9, 0.9, 2)])
     return stroke(x, y, loop, width) | stroke(x, y, _smooth(tail), width)
-
-
-def open_outline(rng, x, y):
-    """An outline with a gap, 15 to 50 % of it: more than what a hollow object's rim loses to silent lines."""
-    line, start = _outline(rng), rng.integers(60)
-    kept = round(60 * rng.uniform(0.5, 0.85))
-    return stroke(x, y, line[(start + np.arange(kept)) % 60], rng.uniform(0.12, 0.4))
 
 
 def branches(rng, x, y):
@@ -88,17 +71,6 @@ def grid(rng, x, y):
     return found
 
 
-def crossed_outline(rng, x, y):
-    """An outline with one or two bars across it that reach beyond."""
-    width = rng.uniform(0.12, 0.3)
-    found = stroke(x, y, np.concatenate((line := _outline(rng) * 0.7, line[:1])), width)
-    for _ in range(rng.integers(1, 3)):
-        angle, beside = rng.uniform(0, np.pi), rng.uniform(-0.3, 0.3)
-        way, off = np.array((np.cos(angle), np.sin(angle))), np.array((-np.sin(angle), np.cos(angle))) * beside
-        found |= stroke(x, y, np.array([off - rng.uniform(0, 0.95) * way, off + rng.uniform(0.8, 0.95) * way]), width)
-    return found
-
-
 def beads(rng, x, y):
     """Discs along a smooth line, touching: a chain of one width or swelling."""
     line, size = _smooth(rng.uniform(-0.75, 0.75, (rng.integers(3, 6), 2))), rng.uniform(0.1, 0.25)
@@ -110,4 +82,4 @@ def beads(rng, x, y):
 
 
 LINES = {figure.__name__: figure for figure in (
-    scrawl, loop_with_tail, open_outline, branches, zigzag, grid, crossed_outline, beads)}
+    scrawl, loop_with_tail, branches, zigzag, grid, beads)}

@@ -10,6 +10,7 @@ from tactile_node.shape.patch import joined
 from tactile_node.synthetic.seeds import Purpose, generator
 from training.batch import MEMORY, TRIANGLES, draw_forms, draw_many
 from training.forms import ALL, Forms, stored_forms
+from training.hidden import draw_hidden
 from training.mechanics import draw_mechanics, solution_pool
 from training.noise import draw_noise
 from training.samples import SMALLEST, UNKNOWN, Samples, draw, joined_samples, samples_from
@@ -28,7 +29,7 @@ FORMS = {'foreign': 4000, 'blemish': 1600}
 FORMS_SEED = 700_000
 KIND_SEED = {'on_off': 500_000, 'graded': 600_000}
 FIRST = {'bulk': 0, 'large': 10_000, 'faulty': 20_000, 'foreign': 40_000, 'blemish': 50_000, 'noise': 60_000,
-         'mechanics': 70_000}  #: seeds of a kind's parts start here
+         'mechanics': 70_000, 'hidden': 80_000}  #: seeds of a kind's parts start here
 PART = 10_000  #: samples of a part, about
 
 
@@ -36,7 +37,7 @@ class Part(NamedTuple):
     """One file of samples.
 
     ``pool``: bulk, large (30 to 4,300 taxels), faulty (one or two faults each), foreign and blemish (figures of
-    forms.py), noise, mechanics (computed contacts).
+    forms.py), noise, mechanics (computed contacts), hidden (seen in part).
     """
 
     kind: str
@@ -58,6 +59,8 @@ class Part(NamedTuple):
             return _mechanics(rng, on_off, folder)
         if self.pool == 'noise':
             return joined_samples(draw_noise(rng, PART // 40, on_off) for _ in range(40))
+        if self.pool == 'hidden':
+            return draw_hidden(rng, PART, on_off)
         return draw(rng, PART, on_off, faulty=1.0, outliers=0.0)
 
 
