@@ -27,7 +27,7 @@ def gather(values: np.ndarray, mask: np.ndarray) -> Evidence:
 
     ``values`` that are bool, or the numbers 0 and 1 only, are an on/off pattern. Raises InputError.
     """
-    values, mask = _checked(values, mask)
+    values, mask = checked(values, mask)
     window = _window(mask)
     values, mask = values[window.slices], mask[window.slices]
     valid = np.isfinite(values)
@@ -49,7 +49,8 @@ def gather(values: np.ndarray, mask: np.ndarray) -> Evidence:
                     level=level, on_off=on_off)
 
 
-def _checked(values: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def checked(values: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a frame as float and its contact as bool; InputError where they are none."""
     values, mask = np.asarray(values), np.asarray(mask)
     if values.ndim != 2 or values.shape != mask.shape or values.dtype.kind not in 'biuf':
         raise InputError(

@@ -5,12 +5,14 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.geometry.outlines import OUTLINES, Outline, outline_of
-from tactile_node.pose.evidence import Evidence, gather
+from tactile_node.pose.blocks import in_blocks, size_of
+from tactile_node.pose.evidence import Evidence, checked, gather
 from tactile_node.pose.first_guess import Guess, guesses, moments_of
 from tactile_node.pose.least_squares import Problem, Solution, evaluate, minimise
 from tactile_node.pose.noise import covariance_scale, weights_after
 from tactile_node.pose.pitch import check_pitch
 from tactile_node.pose.skin_model import Model, PatternModel, PressureModel
+from tactile_node.read_only import read_only
 from tactile_node.shape.recognition import Shape
 
 COARSE = 0.3  #: when the first pass stops [pitches]
@@ -53,8 +55,8 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float =
     """Fit the outline of ``shape`` to the contact ``mask`` of a frame; None when the shape has none.
 
     ``values``: (rows, cols), any unit that grows with pressure, NaN = no valid value; or an on/off pattern
-    (bool). ``mask``: bool, the contact's taxels. ``pitch`` [m]. Raises InputError for other arrays, ConfigurationError
-    for another pitch.
+    (bool). ``mask``: bool, the contact's taxels. ``pitch`` [m]. A wide contact is fitted in blocks of taxels. Raises
+    InputError for other arrays, ConfigurationError for another pitch.
 
     >>> fit = fit_shape(np.pad(np.ones((4, 4)), 3), np.pad(np.ones((4, 4), bool), 3), Shape.SQUARE)
     >>> [round(length, 1) for length in (*fit.centre, *fit.dimensions)]
@@ -63,7 +65,18 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float =
     check_pitch(pitch)
     if shape not in OUTLINES:
         return None
-    evidence = gather(values, mask)
+    values, mask = checked(values, mask)
+    size = size_of(mask)
+    if size == 1:
+        return _fitted(gather(values, mask), Shape(shape), pitch)
+    blocks = in_blocks(values, mask, size)
+    if not blocks.mask.any():  # a line that no block is half full of
+        return _fitted(gather(values, mask), Shape(shape), pitch)
+    fit = _fitted(gather(blocks.values, blocks.mask), Shape(shape), pitch * size)
+    return _moved(fit, blocks.x * pitch, blocks.y * pitch)
+
+
+def _fitted(evidence: Evidence, shape: Shape, pitch: float) -> ShapeFit:
     candidates = [_coarse(evidence, shape, guess) for guess in _guesses(evidence, shape)]
     best = min(candidates, key=lambda candidate: candidate.solution.cost)
     weights = weights_after(shape, best.solution.prediction, evidence)
@@ -73,6 +86,11 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float =
                         key=lambda candidate: candidate.solution.cost)
     estimate = _together(shape, evidence, candidates)
     return _in_metres(shape, pitch, evidence, found=candidates[0], estimate=estimate)
+
+
+def _moved(fit: ShapeFit, x: float, y: float) -> ShapeFit:
+    """``fit`` in a frame whose origin is at -``x``, -``y`` [m]."""
+    return fit._replace(centre=(fit.centre[0] + x, fit.centre[1] + y), outline=read_only(fit.outline + (x, y)))
 
 
 class _Estimate(NamedTuple):

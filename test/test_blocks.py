@@ -1,0 +1,85 @@
+"""Large contacts are fitted in blocks of taxels: the same pose and size, at a bounded cost."""
+
+import numpy as np
+import pytest
+
+from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.pose.blocks import AROUND, WIDEST, in_blocks, size_of
+from tactile_node.pose.fit import fit_shape
+from tactile_node.shape.recognition import Shape
+from tactile_node.synthetic.pressure import Skin, pressure_frame
+from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.synthetic.world import CLASSES, random_contact
+
+
+@pytest.mark.parametrize(('extent', 'size'), [(1, 1), (32, 1), (33, 2), (64, 2), (65, 3), (1024, 32)])
+def test_no_contact_is_wider_than_so_many_blocks(extent, size):
+    assert size_of(np.ones((extent, 3), bool)) == size_of(np.ones((3, extent), bool)) == size
+
+
+def test_blocks_are_means_of_what_is_seen_and_lie_in_the_middle_of_their_taxels():
+    values, mask = np.arange(40.0 * 30).reshape(40, 30), np.zeros((40, 30), bool)
+    mask[10:20, 9:14] = True
+    values[4, 3], values[6:8, 5:7] = np.nan, np.nan  # one of block (0, 0), all of block (1, 1)
+    values[8, 4:6] = np.nan                          # half of block (2, 0) or less than half of any
+    blocks = in_blocks(values, mask, 2)
+    assert (blocks.x, blocks.y) == (3.5, 4.5)  # three blocks around the contact's first taxel, (10, 9)
+    assert blocks.values.shape == blocks.mask.shape == (11, 9)
+    assert blocks.values[0, 0] == pytest.approx(np.mean([values[4, 4], values[5, 3], values[5, 4]]))
+    assert np.isnan(blocks.values[1, 1]) and np.isfinite(blocks.values[2, :2]).all()
+    assert blocks.values[3, 3] == pytest.approx(values[10:12, 9:11].mean())
+    assert blocks.mask[3:8, 3:5].all() and blocks.mask[3:8, 5].all() and blocks.mask.sum() == 15
+
+
+def test_blocks_that_the_edge_of_the_pad_cuts_have_no_value():
+    values, mask = np.ones((35, 35)), np.zeros((35, 35), bool)
+    mask[2:, 1:] = True
+    blocks = in_blocks(values, mask, 2)
+    assert (blocks.x, blocks.y) == (0.5, 0.5)
+    assert np.isnan(blocks.values[-1]).all() and np.isnan(blocks.values[:, -1]).all()
+    assert np.isfinite(blocks.values[:-1, :-1]).all()
+
+
+@pytest.mark.parametrize('pad', [64, 256, 1024])
+def test_what_a_fit_looks_at_has_a_bound(pad):
+    y, x = np.indices((pad, pad))
+    mask = np.hypot(x - pad / 2, y - pad / 2) < 0.45 * pad
+    blocks = in_blocks(mask.astype(float), mask, size_of(mask))
+    assert max(blocks.values.shape) <= WIDEST + 2 * AROUND + 1
+
+
+@pytest.mark.parametrize('shape', CLASSES)
+@pytest.mark.parametrize('is_on_off', [False, True])
+@pytest.mark.parametrize('area', [1100.0, 4000.0])
+def test_a_large_contact_is_where_it_is_and_as_large_as_it_is(shape, is_on_off, area):
+    rng, pitch, side = generator(Purpose.TEST, 41), 0.002, 140
+    contact = random_contact(rng, shape, area, rows=side, cols=side)
+    if is_on_off:
+        values = mask = contact.pattern(side, side)
+    else:
+        values = pressure_frame(contact, rng, side, side, skin=Skin(noise=0.01, blur=0.5, dead=0.03))
+        mask = PatternExtractor(unit='Pa').extract(values).mask
+    assert size_of(mask) > 1
+    fit = fit_shape(values, mask, Shape(shape), pitch)
+    centre = contact.outline().mean(0) if 'triangle' in shape else np.array((contact.x, contact.y))
+    assert np.hypot(*(np.array(fit.centre) / pitch - centre)) < 0.15
+    lengths = np.sort(contact.dimensions[:len(fit.dimensions)]) * pitch
+    assert np.sort(fit.dimensions) == pytest.approx(lengths, rel=0.008)
+    distance = np.linalg.norm(fit.outline[:, None] / pitch - contact.outline()[None], axis=-1)
+    assert shape == 'circle' or distance.min(1).max() < 0.6  # its corners
+
+
+def test_a_large_contact_over_the_edge_of_the_pad_is_completed():
+    rng = generator(Purpose.TEST, 42)
+    contact = random_contact(rng, 'circle', 2000.0, rows=100, cols=100)
+    values = pressure_frame(contact, rng, 100, 100, skin=Skin(noise=0.01, blur=0.5))[:, 33:]
+    fit = fit_shape(values, PatternExtractor(unit='Pa').extract(values).mask, Shape.CIRCLE)
+    assert np.hypot(fit.centre[0] + 33 - contact.x, fit.centre[1] - contact.y) < 0.3
+    assert fit.dimensions[0] == pytest.approx(contact.dimensions[0], rel=0.01)
+
+
+def test_a_line_that_no_block_is_half_full_of_is_fitted_in_taxels():
+    mask = np.zeros((80, 80), bool)
+    mask[40, 5:75] = True
+    fit = fit_shape(mask, mask, Shape.RECTANGLE)
+    assert fit.dimensions[0] == pytest.approx(70, abs=2) and np.isfinite(fit.covariance).all()
