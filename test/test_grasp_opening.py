@@ -55,7 +55,7 @@ class World:
         stack.callback(skin.stop)
         system = System(bus_nodes(['left', 'right'], grasp=GRASP, driver={
             'interface': 'virtual', 'channel': channel, 'node_ids': [32, 64], 'layouts': ['sim16x16.yaml'],
-            'sync_period': 0.05}))  # s: the chain, the skins and the consumer share one process
+            'sync_period': 0.1}))  # s: the chain, the skins and the consumer share one process
         stack.callback(system.destroy)
         self.executor = SingleThreadedExecutor()
         stack.callback(self.executor.shutdown)
@@ -77,12 +77,12 @@ class World:
         self.joints.publish(message)
 
     def spin(self, seconds, opening=None):
-        """Run; the gripper reports ``opening`` every 10 ms."""
+        """Run; the gripper reports ``opening`` every 30 ms."""
         end, due = time.monotonic() + seconds, 0.0
         while time.monotonic() < end:
             if opening is not None and time.monotonic() >= due:
                 self.move(opening)
-                due = time.monotonic() + 0.01
+                due = time.monotonic() + 0.03
             self.executor.spin_once(timeout_sec=0.005)
 
     def spin_until(self, condition, opening):
