@@ -70,11 +70,11 @@ def _step(problem: Problem, at: Solution, damping: float) -> np.ndarray:
 
 
 def _bounded(model: Model, parameters: np.ndarray) -> np.ndarray:
-    """Dimensions stay positive, blur stays between none and a pitch."""
+    """Dimensions stay positive, extras where the model knows them."""
     extras = model.start.size
     first = len(parameters) - extras - len(model.outline.dimensions)
     dimensions = slice(first, len(parameters) - extras)
     parameters[dimensions] = np.maximum(parameters[dimensions], SMALLEST)
     if extras:
-        parameters[-1] = min(max(parameters[-1], 0.0), 0.6)
+        parameters[-extras:] = model.bounded(parameters[-extras:])
     return parameters
