@@ -8,6 +8,7 @@ from tactile_node.geometry.outlines import OUTLINES, Outline, outline_of
 from tactile_node.pose.evidence import Evidence, gather
 from tactile_node.pose.first_guess import Guess, guesses, moments_of
 from tactile_node.pose.least_squares import Problem, Solution, evaluate, minimise
+from tactile_node.pose.model_error import corrected
 from tactile_node.pose.noise import covariance_scale, weights_after
 from tactile_node.pose.pitch import check_pitch
 from tactile_node.pose.skin_model import Model, PatternModel, PressureModel
@@ -67,7 +68,7 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float =
     candidates = [_coarse(evidence, shape, guess) for guess in _guesses(evidence, shape)]
     best = min(candidates, key=lambda candidate: candidate.solution.cost)
     weights = weights_after(shape, best.solution.prediction, evidence)
-    candidates = [_reweighted(candidate, weights) for candidate in candidates]
+    candidates = [_reweighted(_with_likely_peak(candidate), weights) for candidate in candidates]
     within = min(candidate.solution.cost for candidate in candidates) + HOPELESS
     candidates = sorted((_fine(candidate) for candidate in candidates if candidate.solution.cost < within),
                         key=lambda candidate: candidate.solution.cost)
@@ -117,6 +118,15 @@ def _vague(outline: Outline, guess: np.ndarray) -> np.ndarray:
     return 1 / np.maximum(lengths, 1)**2
 
 
+def _with_likely_peak(candidate: _Candidate) -> _Candidate:
+    problem, model = candidate.problem, candidate.problem.model
+    if not isinstance(model, PressureModel):
+        return candidate
+    expected, precision = problem.expected.copy(), problem.precision.copy()
+    expected[model.PEAK], precision[model.PEAK] = model.likely_peak(candidate.solution.parameters)
+    return candidate._replace(problem=problem._replace(expected=expected, precision=precision))
+
+
 def _reweighted(candidate: _Candidate, weights: np.ndarray) -> _Candidate:
     problem, solution = candidate.problem._replace(weights=weights), candidate.solution
     solution = evaluate(problem, solution.parameters, solution.prediction)
@@ -163,6 +173,9 @@ def _estimate(shape: Shape, evidence: Evidence, found: _Candidate) -> _Estimate:
     covariance = _covariance(evidence, shape, found)
     fitted = found.solution.parameters[:len(covariance)]
     parameters, handedness, covariance = _canonical(shape, found.handedness, fitted, covariance)
+    if not evidence.on_off:
+        peak = found.solution.parameters[PressureModel.PEAK]
+        parameters, covariance = corrected(shape, handedness, parameters, covariance, peak)
     return _Estimate(parameters, covariance, handedness, OUTLINES[shape].symmetry)
 
 

@@ -11,9 +11,16 @@ from tactile_node.geometry.outlines import Outline
 from tactile_node.read_only import read_only
 
 INSETS = read_only(np.array((0.0, 0.1, 0.3)))       #: of the inscribed radius
-STEPS = read_only(np.array((2.25, -1.26, -0.41)))   #: of the pressure from one outline to the next, the mean about 1
-#: of the outlines: a uniform pressure, and what a punch's differs from it
-PROFILES = read_only(np.array(((1.0, 0.0, 0.0), STEPS - (1.0, 0.0, 0.0))))
+#: Of the pressure from one outline to the next, its mean about 1; by the names of an outline's dimensions.
+STEPS = {
+    ('radius',): (2.10, -1.13, -0.38), ('side',): (2.21, -1.27, -0.36), ('long', 'short'): (2.40, -1.20, -0.58),
+    ('long_leg', 'short_leg'): (2.31, -1.40, -0.36), ('base', 'height'): (2.23, -1.31, -0.37)}
+
+
+def profiles(outline: Outline) -> np.ndarray:
+    """Weights of the outlines, (2, k): of a uniform pressure, and of what a punch's differs from it."""
+    uniform = np.array((1.0, 0.0, 0.0))
+    return np.array((uniform, STEPS[outline.dimensions] - uniform))
 
 
 def nested(outline: Outline, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -13,9 +13,12 @@ from tactile_node.geometry.coverage import Window, coverages
 from tactile_node.geometry.outlines import Outline
 from tactile_node.geometry.polygon import moving_depth
 from tactile_node.pose.layer_kernel import DEPTHS, REACH, taps_at
-from tactile_node.pose.punch import PROFILES, nested
+from tactile_node.pose.punch import nested, profiles
 from tactile_node.read_only import read_only
 
+PEAKS = 0.0, 1.03    #: of an even pressure and of a flat punch's, as fits find it
+PEAK_NEAR = 0.4      #: a first fit is as near to one of them
+PEAK_KNOWN = 0.08    #: standard deviation about it
 LOG_DEPTHS = float(np.log(DEPTHS[0])), float(np.log(DEPTHS[1]))
 
 
@@ -72,18 +75,19 @@ class PressureModel:
     PEAK_SPREAD = 0.7
     DEPTH_SPREAD = 0.6    #: and of the logarithm of the depth
     EXTRAS = 5
+    PEAK = -2             #: its place among the parameters
     start = read_only(np.array((1.0, 0.0, 0.0, 0.7, np.log(0.6))))
     precision = read_only(np.array((1.0, TILT_SPREAD, TILT_SPREAD, PEAK_SPREAD, DEPTH_SPREAD)) ** -2)
 
     def __init__(self, outline: Outline, window: Window, centre: np.ndarray):
-        self.outline, self._window = outline, window
+        self.outline, self._window, self._profiles = outline, window, profiles(outline)
         self._x = window.col + np.arange(window.cols) - centre[0]
         self._y = (window.row + np.arange(window.rows) - centre[1])[:, np.newaxis]
         self._row_distance, self._col_distance = _distances(window.rows), _distances(window.cols)
 
     def predict(self, parameters: np.ndarray) -> Prediction:
         geometry, (level, tilt_x, tilt_y, peak, log_depth) = np.split(parameters, [-self.EXTRAS])
-        covered, changes = coverages(*nested(self.outline, geometry), PROFILES, self._window)
+        covered, changes = coverages(*nested(self.outline, geometry), self._profiles, self._window)
         pressed, force = covered[0] + peak * covered[1], level + tilt_x * self._x + tilt_y * self._y
         count = len(parameters)
         sharp = np.empty((count, *pressed.shape))
@@ -105,6 +109,15 @@ class PressureModel:
         jacobian = jacobian.reshape(count, -1)
         rim = np.sqrt(jacobian[0]**2 + jacobian[1]**2)  # the change by a pitch of displacement
         return Prediction(values, jacobian, rim)
+
+    def likely_peak(self, parameters: np.ndarray) -> tuple[float, float]:
+        """Return what ``peak`` is expected to be after a first fit, and 1 / variance of that.
+
+        Indenters are of few kinds: what looks like a flat punch is one, and what looks even is even.
+        """
+        nearest = min(PEAKS, key=lambda peak: abs(peak - parameters[self.PEAK]))
+        near = abs(nearest - parameters[self.PEAK]) < PEAK_NEAR
+        return (nearest, PEAK_KNOWN ** -2) if near else (float(self.start[self.PEAK]), self.PEAK_SPREAD ** -2)
 
     def bounded(self, extras: np.ndarray) -> np.ndarray:
         """The extras, the depth within what the kernel is known for."""

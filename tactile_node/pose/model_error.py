@@ -1,0 +1,59 @@
+"""What the model of a punch leaves out, by shape: corners that carry less, edges of unknown rounding.
+
+Found on computed contacts of training seeds (bench/bench_pose.py --calibrate), in the shape's own frame: place in
+inscribed radii, angle in radians, dimensions relative. A uniform pressure has none of it, a punch all.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.geometry.outlines import outline_of
+from tactile_node.shape.recognition import Shape
+
+MOST = 1.2  #: of a punch's peak
+
+
+class ModelError(NamedTuple):
+    """Of x, y, angle (but a circle's) and the dimensions."""
+
+    bias: tuple[float, ...]       #: under a punch
+    of_size: tuple[float, ...]    #: and so much more of it at an inscribed radius of one pitch, less in proportion
+    of_ratio: tuple[float, ...]   #: and so much for a logarithm of 1 of the two dimensions' ratio
+    deviation: tuple[float, ...]  #: standard deviation about that
+
+
+ERRORS = {
+    Shape.CIRCLE: ModelError((0, 0, -0.002), (0, 0, -0.010), (0, 0, 0), (0.005, 0.005, 0.017)),
+    Shape.SQUARE: ModelError((0, 0, 0, -0.011), (0, 0, 0, 0.027), (0, 0, 0, 0), (0.005, 0.005, 0.006, 0.018)),
+    Shape.RECTANGLE: ModelError((0, 0, 0, -0.016, 0.012), (0, 0, 0, 0.075, -0.017), (0, 0, 0, -0.005, -0.038),
+                                (0.006, 0.005, 0.004, 0.012, 0.022)),
+    Shape.RIGHT_TRIANGLE: ModelError((-0.039, 0.008, -0.001, -0.011, 0.011), (0.067, -0.020, -0.020, 0.113, 0.022),
+                                     (0.081, -0.013, -0.006, 0.007, -0.063), (0.020, 0.014, 0.008, 0.016, 0.022)),
+    Shape.ISOSCELES_TRIANGLE: ModelError((0, 0.006, 0, -0.016, -0.012), (0, 0.022, 0, 0.058, 0.079),
+                                         (0, -0.028, 0, 0.026, -0.023), (0.006, 0.015, 0.004, 0.014, 0.016)),
+}
+
+
+def corrected(shape: Shape, handedness: int, parameters: np.ndarray, covariance: np.ndarray,
+              peak: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return parameters [pitches] and covariance of a fit that found ``peak``, without what punches add to it."""
+    outline, error, share = outline_of(shape, handedness), ERRORS[shape], min(max(peak, 0.0), MOST)
+    radius = _radius(outline.corners(parameters))
+    _, angle, dimensions = outline.split(parameters)
+    to_pad = np.diag((radius, radius, *([1.0] if outline.symmetry else []), *dimensions))
+    cos, sin = np.cos(angle), np.sin(angle)
+    to_pad[:2, :2] = radius * np.array(((cos, -sin), (sin, cos)))
+    ratio = float(np.log(dimensions[0] / dimensions[-1]))
+    bias = share * (np.array(error.bias) + np.array(error.of_size) / radius + np.array(error.of_ratio) * ratio)
+    if shape is Shape.RIGHT_TRIANGLE:
+        bias[1:3] *= handedness
+    systematic = to_pad @ np.diag((share * np.array(error.deviation)) ** 2) @ to_pad.T
+    return parameters - to_pad @ bias, covariance + systematic
+
+
+def _radius(corners: np.ndarray) -> float:
+    """2 area / perimeter: of the inscribed circle, but a rectangle's."""
+    following = np.roll(corners, -1, axis=0)
+    area = abs((corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]).sum()) / 2
+    return float(2 * area / np.hypot(*(following - corners).T).sum())
