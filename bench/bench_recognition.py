@@ -8,6 +8,9 @@ pictures. With --validation the patterns come from seeds that are never reported
 import argparse
 import os
 import sys
+from collections.abc import Iterator, Sequence
+from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from time import perf_counter
 
@@ -22,7 +25,7 @@ from bench.recognition import tables
 from bench.recognition.anchor_training import train_anchors
 from bench.recognition.contest import Contest
 from bench.recognition.page import write_csv, write_page
-from bench.recognition.sections import FULL, QUICK, SECTIONS, WITHOUT_ANCHORS, Run
+from bench.recognition.sections import ALONE, FULL, QUICK, SECTIONS, WITHOUT_ANCHORS, Run, Section
 from tactile_node import Recogniser
 from tactile_node.package_files import config_path
 from tactile_node.synthetic.seeds import Purpose
@@ -50,12 +53,13 @@ def main() -> int:
     recogniser = Recogniser(file=config_path(args.weights))
     run = Run(Contest(recogniser, anchors), recogniser, amount, output=args.output, clock=clock,
               purpose=Purpose.VALIDATION if args.validation else Purpose.EVALUATION)
-    sections = []
-    for name in args.only:
-        clock(name)
-        sections.append(SECTIONS[name](run))
-        for table in sections[-1].tables:
+    found = {}
+    for name, section in measured(args.only, run, args.jobs):
+        clock(f'{name}: done')
+        found[name] = section
+        for table in section.tables:
             print(table.plain(), flush=True)
+    sections = [found[name] for name in args.only]
     results = [result for section in sections for result in section.results]
     worlds = [tables.three_worlds(results, run.contest, recogniser)] if {'clean', 'mechanics'} <= set(args.only) else []
     mode = ('a quick run: anchors half trained' if args.quick else 'the full run') + (
@@ -68,6 +72,31 @@ def main() -> int:
     return 0
 
 
+def measured(names: Sequence[str], run: Run, jobs: int) -> Iterator[tuple[str, Section]]:
+    """Yield the sections as they are done, ``jobs`` at a time; what measures time runs alone, after the others."""
+    fork = get_context('fork')  # which shares the anchors
+    waiting, running = [name for name in names if name not in ALONE], {}
+    while waiting or running:
+        while waiting and len(running) < jobs:
+            receiver, sender = fork.Pipe(duplex=False)
+            process = fork.Process(target=_send, args=(sender, run, waiting[0]))
+            process.start()
+            sender.close()
+            running[receiver] = waiting.pop(0), process
+        for receiver in wait(list(running)):
+            name, process = running.pop(receiver)
+            yield name, receiver.recv()
+            process.join()
+    for name in names:
+        if name in ALONE:
+            yield name, SECTIONS[name](run)
+
+
+def _send(sender: Connection, run: Run, name: str) -> None:
+    section = SECTIONS[name](run)
+    sender.send(section._replace(results=[result.without_patterns() for result in section.results]))
+
+
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('--quick', action='store_true', help='a few minutes, wide intervals, anchors half trained')
@@ -76,7 +105,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument('--validation', action='store_true', help='validation seeds: for a look, not for the report')
     parser.add_argument('--output', type=Path, default=ROOT / 'bench_output')
     parser.add_argument('--samples', type=Path, default=ROOT / 'build/samples', help="folder of training's samples")
-    parser.add_argument('--jobs', type=int, default=2, help='processes that train the anchors, default %(default)s')
+    parser.add_argument('--jobs', type=int, default=2, help='processes, default %(default)s')
     parser.add_argument('--weights', default='recogniser.npz')
     return parser.parse_args()
 

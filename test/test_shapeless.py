@@ -143,3 +143,34 @@ def test_specks_that_lie_near_each_other_are_together_no_shape():
         if of_taxels(pressed).mask.sum() < 4:
             shapes.append(recogniser.recognise(of_taxels(pressed)).shape)
     assert len(shapes) > 20 and set(shapes) <= {Shape.UNKNOWN, Shape.NONE}
+
+
+@pytest.mark.parametrize('turn', [np.asarray, np.transpose])
+def test_a_part_of_a_line_that_hums_is_no_contact(turn):
+    rng = np.random.default_rng(3)
+    hum = 0.02 * rng.standard_normal((24, 24))
+    hum[10:12] += 0.6
+    hum[10:12, 6:14] += 0.2  # what stands out of the two rows
+    mask = np.zeros((24, 24), bool)
+    mask[10:12, 6:14] = True
+    assert is_shapeless(ContactPattern.of(turn(mask), turn(hum)))
+    contact = 0.02 * rng.standard_normal((24, 24))
+    contact[10:12, 6:14] += 0.8
+    assert not is_shapeless(ContactPattern.of(turn(mask), turn(contact)))
+    contact[10:12, 17:22] += 0.8  # a second contact on the same rows
+    assert not is_shapeless(ContactPattern.of(turn(mask), turn(contact)))
+
+
+def test_a_ragged_group_among_specks_is_no_contact_and_a_solid_one_is():
+    rng = np.random.default_rng(4)
+    pressed = np.zeros((40, 40), bool)
+    pressed[rng.random((40, 40)) < 0.1] = True
+    pressed[10:30, 10:30] = False
+    ragged = np.zeros((40, 40), bool)
+    ragged[15:25, 15:25] = np.add.outer(np.arange(10), np.arange(10)) % 3 > 0
+    ragged[15:25, 16:24:3] = False
+    assert is_shapeless(ContactPattern.of(ragged, (pressed | ragged).astype(float))._replace(
+        labels=(pressed * 2 + ragged).astype(np.uint8), contacts=2, sizes=(int(ragged.sum()), int(pressed.sum()))))
+    solid = np.zeros((40, 40), bool)
+    solid[15:25, 15:25] = True
+    assert not is_shapeless(of_taxels(pressed | solid))

@@ -163,3 +163,4 @@ SECTIONS: dict[str, Callable[[Run], Section]] = {
     'clean': clean, 'mechanics': mechanics, 'recordings': recordings, 'nothing': idle, 'foreign': foreign,
     'blemish': blemish, 'several': several_contacts, 'blind-spots': spots, 'speed': speed, 'field': field}
 WITHOUT_ANCHORS = frozenset({'nothing', 'several'})
+ALONE = frozenset({'speed'})

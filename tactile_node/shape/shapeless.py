@@ -26,8 +26,10 @@ LOOSE = 1.7        #: large groups are more compact: 1 - LOOSE / sqrt(taxels)
 THIN = 1.7         #: width of a line [taxels]: one taxel, and up to 1.5 where it lies obliquely
 FALL, SLOPE = 2, 0.1   #: so many taxels beside a contact, and by this part of its width more, its pressure has fallen
 STEEP = 0.35       #: to this part of it, or less
-RAGGED = 0.45      #: compactness below which a contact is none where
-SPECKLED = 0.08    #: so many taxels beside it are pressed, or
+LINE = 3           #: taxels of a row away from the contact, on average: fewer do not show whether it hums
+SPECKLED = 0.08    #: where so many taxels beside a contact are pressed,
+AMONG_SPECKS = 0.55  #: it is none below this compactness
+RAGGED = 0.45      #: nor below this one where
 FEW = 14           #: it is of fewer taxels, with the pieces close to it, or
 LARGEST = 0.4      #: less than this part of them is in one piece
 SURE = 15.0        #: -log of the probability that chance presses all taxels of a compact contact
@@ -47,11 +49,13 @@ def is_shapeless(pattern: ContactPattern) -> bool:
     together = joined(pattern)
     if np.count_nonzero(together) < GROUPS[0]:
         return False  # too small for a shape anyway
-    if _is_line(together) or _is_across(pattern.mask) or _is_flat(pattern, together):
+    if _is_line(together) or _is_across(pattern.mask) or _is_rise(pattern, together):
         return True
     density, compactness = _density_beside(pattern, together), _compactness(pattern.mask)
     whole = np.count_nonzero(together)
-    if compactness < RAGGED and (density >= SPECKLED or whole < FEW or taxels < LARGEST * whole):
+    if density >= SPECKLED and compactness < AMONG_SPECKS:
+        return True
+    if compactness < RAGGED and (whole < FEW or taxels < LARGEST * whole):
         return True
     places = max(np.log(pattern.mask.size / PLACES) / np.log(PLACES), 0.0)
     if density < DENSEST and taxels >= np.interp(density, DENSITIES, GROUPS) * (1 + MORE_PLACES * places):
@@ -73,18 +77,34 @@ def _is_across(mask: np.ndarray) -> bool:
     return bool(mask[0].any() and mask[-1].any() or mask[:, 0].any() and mask[:, -1].any())
 
 
-def _is_flat(pattern: ContactPattern, together: np.ndarray) -> bool:
-    """Return whether pressures do not fall off around the contact: it is a rise of the pad's readings, no contact."""
+def _is_rise(pattern: ContactPattern, together: np.ndarray) -> bool:
+    """Return whether pressures do not fall off around the contact, or not along its rows or columns.
+
+    It is a rise of the pad's readings, or of whole lines (hum), no contact.
+    """
     near = together
     for _ in range(FALL + int(SLOPE * np.count_nonzero(together) ** 0.5)):
         inner, near = near, grown(near)
     visible = ~(pattern.hidden | pattern.unmapped)
-    beside, away = pattern.values[near & ~inner & visible], pattern.values[visible & ~near]
-    if not beside.size:
+    beside, away = near & ~inner & visible, visible & ~near
+    if not beside.any():
         return False
-    rest = _median(away) if away.size else 0.0
-    level = float(pattern.values[together & visible].mean()) - rest
-    return _median(beside) - rest > STEEP * level
+    rest = _median(pattern.values[away]) if away.any() else 0.0
+    most = STEEP * (float(pattern.values[together & visible].mean()) - rest)
+    return _median(pattern.values[beside]) - rest > most or any(
+        _lines_rise(*turned, rest + most) for turned in ((pattern.values, together, away),
+                                                         (pattern.values.T, together.T, away.T)))
+
+
+def _lines_rise(values: np.ndarray, taxels: np.ndarray, away: np.ndarray, most: float) -> bool:
+    """Return whether the rows of the contact read more than ``most`` away from it, too."""
+    rows = np.flatnonzero(taxels.any(1))
+    used = away[rows[0]:rows[-1] + 1]
+    count = np.count_nonzero(used)
+    if count < LINE * len(used):
+        return False
+    along = values[rows[0]:rows[-1] + 1][used]
+    return bool(along.sum() > most * count and _median(along) > most)  # the sum is the quicker
 
 
 def _median(values: np.ndarray) -> float:
