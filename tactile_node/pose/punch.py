@@ -24,7 +24,9 @@ def profiles(outline: Outline) -> np.ndarray:
 
 
 def nested(outline: Outline, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the corners of the outlines moved inwards by INSETS, (k, n, 2), and d corners / d parameters, (p, k, n, 2).
+    """Return the corners of the outlines moved inwards by INSETS, (k, n, 2).
+
+    And their derivatives by the parameters, (p, k, n, 2).
     """
     corners, motions = outline.moving(parameters)
     inwards, changes = _inwards(outline, parameters, corners, motions)
