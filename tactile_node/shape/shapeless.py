@@ -30,7 +30,8 @@ LINE = 3           #: taxels of a row away from the contact, on average: fewer d
 SPECKLED = 0.08    #: where so many taxels beside a contact are pressed,
 AMONG_SPECKS = 0.55  #: it is none below this compactness
 RAGGED = 0.45      #: nor below this one where
-FEW = 14           #: it is of fewer taxels, with the pieces close to it, or
+FEW = 14           #: it is of fewer taxels, with the pieces close to it,
+FEW_ALONE = 7      #: where nothing else is pressed of fewer than these (slim triangles of 9 taxels are ragged), or
 LARGEST = 0.4      #: less than this part of them is in one piece
 SURE = 15.0        #: -log of the probability that chance presses all taxels of a compact contact
 
@@ -55,7 +56,8 @@ def is_shapeless(pattern: ContactPattern) -> bool:
     whole = np.count_nonzero(together)
     if density >= SPECKLED and compactness < AMONG_SPECKS:
         return True
-    if compactness < RAGGED and (whole < FEW or taxels < LARGEST * whole):
+    few = FEW if pattern.contacts > 1 else FEW_ALONE
+    if compactness < RAGGED and (whole < few or taxels < LARGEST * whole):
         return True
     places = max(np.log(pattern.mask.size / PLACES) / np.log(PLACES), 0.0)
     if density < DENSEST and taxels >= np.interp(density, DENSITIES, GROUPS) * (1 + MORE_PLACES * places):
