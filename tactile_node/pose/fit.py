@@ -64,11 +64,11 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float =
     check_pitch(pitch)
     if shape not in OUTLINES:
         return None
-    evidence = gather(values, mask)
+    shape, evidence = Shape(shape), gather(values, mask)
     candidates = [_coarse(evidence, shape, guess) for guess in _guesses(evidence, shape)]
     best = min(candidates, key=lambda candidate: candidate.solution.cost)
     weights = weights_after(shape, best.solution.prediction, evidence)
-    candidates = [_reweighted(_with_likely_peak(candidate), weights) for candidate in candidates]
+    candidates = [_with_likely_peak(_reweighted(candidate, weights)) for candidate in candidates]
     within = min(candidate.solution.cost for candidate in candidates) + HOPELESS
     candidates = sorted((_fine(candidate) for candidate in candidates if candidate.solution.cost < within),
                         key=lambda candidate: candidate.solution.cost)
@@ -119,12 +119,18 @@ def _vague(outline: Outline, guess: np.ndarray) -> np.ndarray:
 
 
 def _with_likely_peak(candidate: _Candidate) -> _Candidate:
-    problem, model = candidate.problem, candidate.problem.model
+    """Expect the peak of a kind of indenter, where the taxels show of which."""
+    problem, model, solution = candidate.problem, candidate.problem.model, candidate.solution
     if not isinstance(model, PressureModel):
         return candidate
+    deviation = np.sqrt(np.linalg.inv(solution.information)[model.PEAK, model.PEAK])
+    likely = model.likely_peak(solution.parameters, deviation)
+    if likely is None:
+        return candidate
     expected, precision = problem.expected.copy(), problem.precision.copy()
-    expected[model.PEAK], precision[model.PEAK] = model.likely_peak(candidate.solution.parameters)
-    return candidate._replace(problem=problem._replace(expected=expected, precision=precision))
+    expected[model.PEAK], precision[model.PEAK] = likely
+    problem = problem._replace(expected=expected, precision=precision)
+    return candidate._replace(problem=problem, solution=evaluate(problem, solution.parameters, solution.prediction))
 
 
 def _reweighted(candidate: _Candidate, weights: np.ndarray) -> _Candidate:

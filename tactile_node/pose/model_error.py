@@ -12,6 +12,9 @@ from tactile_node.geometry.outlines import outline_of
 from tactile_node.shape.recognition import Shape
 
 MOST = 1.2  #: of a punch's peak
+#: Standard deviations that no fit goes below: taxels differ from the model's, and a layer from a half-space.
+LEAST_PLACE, LEAST_ANGLE, LEAST_LENGTH = 0.003, 0.001, 0.02  #: [pitches, radians]
+FEW = 20.0  #: area [taxels] at which the deviation is twice that of large contacts
 
 
 class ModelError(NamedTuple):
@@ -39,7 +42,7 @@ def corrected(shape: Shape, handedness: int, parameters: np.ndarray, covariance:
               peak: float) -> tuple[np.ndarray, np.ndarray]:
     """Return parameters [pitches] and covariance of a fit that found ``peak``, without what punches add to it."""
     outline, error, share = outline_of(shape, handedness), ERRORS[shape], min(max(peak, 0.0), MOST)
-    radius = _radius(outline.corners(parameters))
+    area, radius = _area_and_radius(outline.corners(parameters))
     _, angle, dimensions = outline.split(parameters)
     to_pad = np.diag((radius, radius, *([1.0] if outline.symmetry else []), *dimensions))
     cos, sin = np.cos(angle), np.sin(angle)
@@ -48,12 +51,15 @@ def corrected(shape: Shape, handedness: int, parameters: np.ndarray, covariance:
     bias = share * (np.array(error.bias) + np.array(error.of_size) / radius + np.array(error.of_ratio) * ratio)
     if shape is Shape.RIGHT_TRIANGLE:
         bias[1:3] *= handedness
-    systematic = to_pad @ np.diag((share * np.array(error.deviation)) ** 2) @ to_pad.T
+    deviation = share * (1 + (FEW / area) ** 2) * np.array(error.deviation)
+    least = np.concatenate(([LEAST_PLACE] * 2, [LEAST_ANGLE] * (len(parameters) - 2 - len(dimensions)),
+                            [LEAST_LENGTH] * len(dimensions)))
+    systematic = to_pad @ np.diag(deviation ** 2) @ to_pad.T + np.diag(least ** 2)
     return parameters - to_pad @ bias, covariance + systematic
 
 
-def _radius(corners: np.ndarray) -> float:
-    """2 area / perimeter: of the inscribed circle, but a rectangle's."""
+def _area_and_radius(corners: np.ndarray) -> tuple[float, float]:
+    """Area, and 2 area / perimeter: the radius of the inscribed circle, but a rectangle's."""
     following = np.roll(corners, -1, axis=0)
     area = abs((corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]).sum()) / 2
-    return float(2 * area / np.hypot(*(following - corners).T).sum())
+    return float(area), float(2 * area / np.hypot(*(following - corners).T).sum())

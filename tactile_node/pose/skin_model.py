@@ -18,6 +18,7 @@ from tactile_node.read_only import read_only
 
 PEAKS = 0.0, 1.03    #: of an even pressure and of a flat punch's, as fits find it
 PEAK_NEAR = 0.4      #: a first fit is as near to one of them
+PEAK_SHOWN = 0.25    #: to this standard deviation or less
 PEAK_KNOWN = 0.08    #: standard deviation about it
 LOG_DEPTHS = float(np.log(DEPTHS[0])), float(np.log(DEPTHS[1]))
 
@@ -110,14 +111,16 @@ class PressureModel:
         rim = np.sqrt(jacobian[0]**2 + jacobian[1]**2)  # the change by a pitch of displacement
         return Prediction(values, jacobian, rim)
 
-    def likely_peak(self, parameters: np.ndarray) -> tuple[float, float]:
-        """Return what ``peak`` is expected to be after a first fit, and 1 / variance of that.
+    def likely_peak(self, parameters: np.ndarray, deviation: float) -> tuple[float, float] | None:
+        """Return what ``peak`` is expected to be and 1 / variance of that, by a first fit and its ``deviation``.
 
-        Indenters are of few kinds: what looks like a flat punch is one, and what looks even is even.
+        Indenters are of few kinds: what looks like a flat punch is one, and what looks even is even. None: it looks
+        like neither.
         """
         nearest = min(PEAKS, key=lambda peak: abs(peak - parameters[self.PEAK]))
-        near = abs(nearest - parameters[self.PEAK]) < PEAK_NEAR
-        return (nearest, PEAK_KNOWN ** -2) if near else (float(self.start[self.PEAK]), self.PEAK_SPREAD ** -2)
+        if deviation > PEAK_SHOWN or abs(nearest - parameters[self.PEAK]) > PEAK_NEAR:
+            return None
+        return nearest, PEAK_KNOWN ** -2
 
     def bounded(self, extras: np.ndarray) -> np.ndarray:
         """The extras, the depth within what the kernel is known for."""
