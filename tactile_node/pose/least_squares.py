@@ -31,15 +31,15 @@ class Solution(NamedTuple):
 
 
 def minimise(problem: Problem, at: Solution, *, tolerance: float, max_steps: int) -> Solution:
-    """Minimise from ``at``; the last step is shorter than ``tolerance`` [pitches].
+    """Minimise from ``at``; the last step of the outline is shorter than ``tolerance`` [pitches].
 
     Steps converge quadratically: what is left then is of the order of ``tolerance`` squared.
     """
-    damping, best = 1e-3, at
+    damping, best, geometry = 1e-3, at, len(problem.model.outline.parameters)
     for _ in range(max_steps):
         parameters = _bounded(problem.model, best.parameters + _step(problem, best, damping))
         trial = evaluate(problem, parameters, problem.model.predict(parameters))
-        size = np.abs(trial.parameters - best.parameters).max()
+        size = np.abs(trial.parameters - best.parameters)[:geometry].max()
         if trial.cost <= best.cost:
             best, damping = trial, damping / 10
         else:

@@ -13,7 +13,7 @@ from tactile_node.geometry.coverage import Window, coverages
 from tactile_node.geometry.outlines import Outline
 from tactile_node.geometry.polygon import moving_depth
 from tactile_node.pose.layer_kernel import DEPTHS, REACH, taps_at
-from tactile_node.pose.punch import nested, profiles
+from tactile_node.pose.punch import PROFILES, nested
 from tactile_node.read_only import read_only
 
 PEAKS = 0.0, 1.03    #: of an even pressure and of a flat punch's, as fits find it
@@ -81,18 +81,19 @@ class PressureModel:
     precision = read_only(np.array((1.0, TILT_SPREAD, TILT_SPREAD, PEAK_SPREAD, DEPTH_SPREAD)) ** -2)
 
     def __init__(self, outline: Outline, window: Window, centre: np.ndarray):
-        self.outline, self._window, self._profiles = outline, window, profiles(outline)
+        self.outline, self._window = outline, window
         self._x = window.col + np.arange(window.cols) - centre[0]
         self._y = (window.row + np.arange(window.rows) - centre[1])[:, np.newaxis]
         self._row_distance, self._col_distance = _distances(window.rows), _distances(window.cols)
 
     def predict(self, parameters: np.ndarray) -> Prediction:
         geometry, (level, tilt_x, tilt_y, peak, log_depth) = np.split(parameters, [-self.EXTRAS])
-        covered, changes = coverages(*nested(self.outline, geometry), self._profiles, self._window)
+        of_change = PROFILES[0] + peak * PROFILES[1]
+        covered, change = coverages(*nested(self.outline, geometry), self._window, PROFILES, of_change)
         pressed, force = covered[0] + peak * covered[1], level + tilt_x * self._x + tilt_y * self._y
         count = len(parameters)
         sharp = np.empty((count, *pressed.shape))
-        np.multiply(changes[0] + peak * changes[1], force, out=sharp[:-self.EXTRAS])
+        np.multiply(change, force, out=sharp[:-self.EXTRAS])
         sharp[-5] = pressed
         np.multiply(pressed, self._x, out=sharp[-4])
         np.multiply(pressed, self._y, out=sharp[-3])
