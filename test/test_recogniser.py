@@ -296,8 +296,8 @@ def test_a_foreign_shape_is_unfamiliar():
     assert make_recogniser().recognise(pattern_of(frame)).reason is UnknownReason.UNFAMILIAR, 'whatever is hidden'
 
 
-@pytest.mark.parametrize(('hidden', 'most', 'as_seen'), [(6, 0.84, 0.9), (5, 0.84, 0.84), (0, 1.0, 1.0)])
-def test_an_answer_that_depends_on_hidden_rows_is_not_confident(recogniser, hidden, most, as_seen):
+@pytest.mark.parametrize(('hidden', 'most'), [(6, 0.84), (5, 0.84), (0, 1.0)])
+def test_an_answer_that_depends_on_hidden_rows_is_not_confident(recogniser, hidden, most):
     """A rectangle of 8x14 taxels, whose last rows are hidden, looks like a square."""
     frame = np.zeros((24, 24))
     frame[4:18, 8:16] = 1
@@ -307,7 +307,7 @@ def test_an_answer_that_depends_on_hidden_rows_is_not_confident(recogniser, hidd
     found = make_recogniser().recognise(pattern_of(frame))
     assert found.confidence <= most
     if hidden:
-        assert recogniser.recognise(pattern_of(frame)).confidence > as_seen, 'without the other ways to read it'
+        assert recogniser.recognise(pattern_of(frame)).confidence > 0.9, 'without the other ways to read it'
         assert len(found.alternatives) == 4 and sum(weight for weight, _ in found.alternatives) == pytest.approx(1)
         assert sum(found.probabilities.values()) == pytest.approx(1)
     else:

@@ -18,7 +18,6 @@ FAULTY = 0.15             #: and of frames with another fault
 WIDTHS = (2, 4, 8)        #: taxels of a TPDO, in a row of the pad: of 32, 16 and 8 bits
 MOST = 0.5                #: of the pad's TPDOs that are lost
 LINES = 6                 #: adjacent rows or columns at most
-AREA = 12.0               #: of a foreign figure at least
 
 
 def draw_hidden(rng: np.random.Generator, count: int, on_off: bool) -> Samples:
@@ -31,7 +30,7 @@ def draw_hidden(rng: np.random.Generator, count: int, on_off: bool) -> Samples:
         conditions = random_conditions(rng, on_off, FAULTY)
         if conditions.second:
             continue
-        frame = field_frame(rng, kind, max(area, AREA), conditions, least_side=SIDE)
+        frame = field_frame(rng, kind, area, conditions, least_side=SIDE)
         frame[hidden_taxels(rng, *frame.shape)] = np.nan
         pattern = as_shipped(frame, on_off)
         if np.count_nonzero(pattern.mask & ~pattern.hidden) >= SMALLEST:
