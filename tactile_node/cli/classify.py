@@ -11,9 +11,9 @@ from tactile_node.cli.arrays import (
     read_frames,
     write_lines,
 )
-from tactile_node.contact.on_off import are_on_off
 from tactile_node.contact.pattern import ContactPattern
-from tactile_node.pose.fit import ShapeFit, fit_shape
+from tactile_node.library.contacts import fit_shape
+from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.pitch import check_pitch
 from tactile_node.shape.methods import DEFAULT, FILES, LEARNED, METHODS, VOLF, make_recogniser
 from tactile_node.shape.patch import join_pieces
@@ -61,8 +61,7 @@ def run(args: argparse.Namespace) -> int:
 def _fitted(pattern: ContactPattern, recognition: Recognition, pitch: float) -> dict:
     """Pose and size of a recognised shape with their standard deviations; nothing for another answer."""
     contact = join_pieces(pattern) if recognition.joined else pattern
-    taxels = contact.mask if are_on_off(contact.values) else contact.values
-    fit = fit_shape(taxels, contact.mask, recognition.shape, pitch) if contact.mask.any() else None
+    fit = fit_shape(contact, recognition.shape, pitch) if contact.mask.any() else None
     return _as_json(fit) if fit else {}
 
 
