@@ -33,6 +33,7 @@ class Conditions:
     dead: float = 0.0             #: fraction of taxels known to be dead, NaN
     stuck: float = 0.0            #: fraction of taxels stuck at nothing or at the contact's pressure, unknown
     silent_lines: int = 0         #: rows or columns next to each other that answer nothing, unknown
+    silent_places: int = 1        #: where on the contact such rows or columns are, all one way
     poor_lines: float = 0.0       #: fraction of rows and columns that answer poorly, unknown: some of their taxels not
     threshold: float = 0.5
     cut: float = 0.0              #: at most this fraction of the contact is beyond the pad's edge
@@ -130,8 +131,9 @@ def _with_faults(rng, values: np.ndarray, conditions: Conditions) -> np.ndarray:
     if conditions.silent_lines:
         lines = values if rng.random() < 0.5 else values.T
         touched = np.flatnonzero((lines > level / 2).any(1))
-        first = rng.choice(touched) if len(touched) else 0
-        lines[first:first + conditions.silent_lines] = 0
+        for _ in range(conditions.silent_places):
+            first = rng.choice(touched) if len(touched) else 0
+            lines[first:first + conditions.silent_lines] = 0
     if conditions.poor_lines:
         for lines in (values, values.T):
             poor = rng.random(len(lines)) < conditions.poor_lines

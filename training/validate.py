@@ -14,7 +14,7 @@ from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import Contact
 from training.batch import draw_forms
 from training.calibration import mechanics_samples
-from training.field import NOMINAL_ON_OFF, NOMINAL_PRESSURE, field_frame
+from training.field import NOMINAL_ON_OFF, NOMINAL_PRESSURE, Conditions, field_frame
 from training.forms import ALL, Forms, stored_forms
 from training.held_out import HELD_OUT
 from training.noise import draw_noise
@@ -48,6 +48,18 @@ def clean(rng, kind: str, area: float, count: int, faulty: float = 0.0) -> Sampl
             pattern = as_shipped(frame, kind == 'on_off')
         if pattern.mask.sum() > 4:
             found.append((pattern, pattern.mask if conditions.second else joined(pattern), k % UNKNOWN))
+    return samples_from(found)
+
+
+def torn(rng, kind: str, count: int) -> Samples:
+    """Hollow contacts with pairs of silent rows or columns, as the recording of the ring is described."""
+    found = []
+    for k in range(count):
+        conditions = Conditions(on_off=kind == 'on_off', wall=rng.uniform(0.15, 0.5), silent_lines=2,
+                                silent_places=int(rng.integers(1, 4)), stuck=0.01)
+        frame = field_frame(rng, LABELS[k % UNKNOWN], rng.uniform(60, 300), conditions)
+        pattern = as_shipped(frame, kind == 'on_off')
+        found.append((pattern, joined(pattern), k % UNKNOWN))
     return samples_from(found)
 
 
@@ -100,6 +112,7 @@ def _sets(kind: str, pools: dict[str, Forms], args):
         yield f'field {area}', clean(rng, kind, area, count, faulty=1.0)
     for low, high in ((10, 14), (21, 29), (42, 58), (84, 116)):
         yield f'mechanics {low}-{high}', mechanics_samples(rng, on_off, count, args.build / 'mechanics', (low, high))
+    yield 'hollow, torn', torn(rng, kind, count)
     if on_off:
         yield 'aligned squares', aligned_squares(kind)
     for name, forms in pools.items():
