@@ -9,6 +9,7 @@ from tactile_node.pose.blocks import in_blocks, size_of
 from tactile_node.pose.evidence import Evidence, checked, gather
 from tactile_node.pose.first_guess import Guess, guesses, moments_of
 from tactile_node.pose.least_squares import Problem, Solution, evaluate, minimise
+from tactile_node.pose.model_error import corrected
 from tactile_node.pose.noise import covariance_scale, weights_after
 from tactile_node.pose.pitch import check_pitch
 from tactile_node.pose.skin_model import Model, PatternModel, PressureModel
@@ -18,6 +19,7 @@ from tactile_node.shape.recognition import Shape
 COARSE = 0.3  #: when the first pass stops [pitches]
 FINE = 0.05   #: and the second
 FIRST_NOISE = 0.05    #: of a value in the first pass [fraction of level]
+SMALLER = 0.87  #: a contact of pressures than a guess from its moments, under a flat punch of training seeds
 MARGIN = 0.15         #: corners of a triangle are tried when their angles, or log lengths, are so close
 MARGIN_ON_OFF = 0.35
 AMBIGUOUS = 6.0       #: two fits whose sums of squares differ by less cannot be distinguished
@@ -68,19 +70,19 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float =
     values, mask = checked(values, mask)
     size = size_of(mask)
     if size == 1:
-        return _fitted(gather(values, mask), Shape(shape), pitch)
+        return fit_evidence(gather(values, mask), Shape(shape), pitch)
     blocks = in_blocks(values, mask, size)
     if not blocks.mask.any():  # a line that no block is half full of
-        return _fitted(gather(values, mask), Shape(shape), pitch)
-    fit = _fitted(gather(blocks.values, blocks.mask), Shape(shape), pitch * size)
+        return fit_evidence(gather(values, mask), Shape(shape), pitch)
+    fit = fit_evidence(gather(blocks.values, blocks.mask), Shape(shape), pitch * size)
     return _moved(fit, blocks.x * pitch, blocks.y * pitch)
 
 
-def _fitted(evidence: Evidence, shape: Shape, pitch: float) -> ShapeFit:
+def fit_evidence(evidence: Evidence, shape: Shape, pitch: float) -> ShapeFit:
     candidates = [_coarse(evidence, shape, guess) for guess in _guesses(evidence, shape)]
     best = min(candidates, key=lambda candidate: candidate.solution.cost)
     weights = weights_after(shape, best.solution.prediction, evidence)
-    candidates = [_reweighted(candidate, weights) for candidate in candidates]
+    candidates = [_with_likely_peak(_reweighted(candidate, weights)) for candidate in candidates]
     within = min(candidate.solution.cost for candidate in candidates) + HOPELESS
     candidates = sorted((_fine(candidate) for candidate in candidates if candidate.solution.cost < within),
                         key=lambda candidate: candidate.solution.cost)
@@ -120,6 +122,7 @@ def _coarse(evidence: Evidence, shape: Shape, guess: Guess) -> _Candidate:
         model: Model = PatternModel(outline, evidence.window)
     else:
         model = PressureModel(outline, evidence.window, guess.parameters[:2])
+        guess = guess._replace(parameters=_without_rim(outline, guess.parameters))
     start = np.concatenate((guess.parameters, model.start))
     precision = np.concatenate((_vague(outline, guess.parameters), model.precision))
     problem = Problem(model, values=evidence.values, weights=evidence.used / FIRST_NOISE**2, expected=start,
@@ -128,11 +131,33 @@ def _coarse(evidence: Evidence, shape: Shape, guess: Guess) -> _Candidate:
     return _Candidate(problem, minimise(problem, at, tolerance=COARSE, max_steps=10), guess.handedness)
 
 
+def _without_rim(outline: Outline, guess: np.ndarray) -> np.ndarray:
+    """A guess from moments is too large by what a punch's pressure has at its rim and by the layer's spread."""
+    smaller = guess.copy()
+    smaller[-len(outline.dimensions):] *= SMALLER
+    return smaller
+
+
 def _vague(outline: Outline, guess: np.ndarray) -> np.ndarray:
     """1 / variance of a guess: a length may be wrong by itself, the place by the largest; the angle is free."""
     _, _, dimensions = outline.split(guess)
     lengths = np.concatenate(([dimensions.max()] * 2, *([[1.8]] if outline.symmetry else []), dimensions))
     return 1 / np.maximum(lengths, 1)**2
+
+
+def _with_likely_peak(candidate: _Candidate) -> _Candidate:
+    """Expect the peak of a kind of indenter, where the taxels show of which."""
+    problem, model, solution = candidate.problem, candidate.problem.model, candidate.solution
+    if not isinstance(model, PressureModel):
+        return candidate
+    deviation = np.sqrt(np.linalg.inv(solution.information)[model.PEAK, model.PEAK])
+    likely = model.likely_peak(solution.parameters, deviation)
+    if likely is None:
+        return candidate
+    expected, precision = problem.expected.copy(), problem.precision.copy()
+    expected[model.PEAK], precision[model.PEAK] = likely
+    problem = problem._replace(expected=expected, precision=precision)
+    return candidate._replace(problem=problem, solution=evaluate(problem, solution.parameters, solution.prediction))
 
 
 def _reweighted(candidate: _Candidate, weights: np.ndarray) -> _Candidate:
@@ -181,6 +206,9 @@ def _estimate(shape: Shape, evidence: Evidence, found: _Candidate) -> _Estimate:
     covariance = _covariance(evidence, shape, found)
     fitted = found.solution.parameters[:len(covariance)]
     parameters, handedness, covariance = _canonical(shape, found.handedness, fitted, covariance)
+    if not evidence.on_off:
+        peak = found.solution.parameters[PressureModel.PEAK]
+        parameters, covariance = corrected(shape, handedness, parameters, covariance, peak)
     return _Estimate(parameters, covariance, handedness, OUTLINES[shape].symmetry)
 
 
