@@ -18,8 +18,8 @@ from tactile_node.shape.recognition import Shape
 
 COARSE = 0.3  #: when the first pass stops [pitches]
 FINE = 0.05   #: and the second
+CLEARLY = 0.25       #: a less likely start is taken where its cost is lower by this factor
 FIRST_NOISE = 0.05    #: of a value in the first pass [fraction of level]
-SMALLER = 0.87  #: a contact of pressures than a guess from its moments, under a flat punch of training seeds
 MARGIN = 0.15         #: corners of a triangle are tried when their angles, or log lengths, are so close
 MARGIN_ON_OFF = 0.35
 AMBIGUOUS = 6.0       #: two fits whose sums of squares differ by less cannot be distinguished
@@ -40,6 +40,8 @@ class ShapeFit(NamedTuple):
     dimensions: tuple[float, ...]      #: [m]
     covariance: np.ndarray             #: of ``parameter_names``, [m, rad]
     residual: float                    #: root mean square of value - model, fraction of the contact's level
+    peak: float                        #: 0 under an even pressure, about 1 under a flat punch, NaN: on/off taxels
+    depth: float                       #: of the taxels below the skin's surface, as fitted [m]; NaN: on/off taxels
     outline: np.ndarray                #: corners, (n, 2), in the sense from x to y [m]
 
     @property
@@ -122,20 +124,14 @@ def _coarse(evidence: Evidence, shape: Shape, guess: Guess) -> _Candidate:
         model: Model = PatternModel(outline, evidence.window)
     else:
         model = PressureModel(outline, evidence.window, guess.parameters[:2])
-        guess = guess._replace(parameters=_without_rim(outline, guess.parameters))
-    start = np.concatenate((guess.parameters, model.start))
+    expected = np.concatenate((guess.parameters, model.expected))
     precision = np.concatenate((_vague(outline, guess.parameters), model.precision))
-    problem = Problem(model, values=evidence.values, weights=evidence.used / FIRST_NOISE**2, expected=start,
+    problem = Problem(model, values=evidence.values, weights=evidence.used / FIRST_NOISE**2, expected=expected,
                       precision=precision)
-    at = evaluate(problem, start, model.predict(start))
+    likely, *others = (evaluate(problem, start, model.predict(start)) for start in model.starts(guess.parameters))
+    at = min((other for other in others if other.cost < CLEARLY * likely.cost), key=lambda start: start.cost,
+             default=likely)
     return _Candidate(problem, minimise(problem, at, tolerance=COARSE, max_steps=10), guess.handedness)
-
-
-def _without_rim(outline: Outline, guess: np.ndarray) -> np.ndarray:
-    """A guess from moments is too large by what a punch's pressure has at its rim and by the layer's spread."""
-    smaller = guess.copy()
-    smaller[-len(outline.dimensions):] *= SMALLER
-    return smaller
 
 
 def _vague(outline: Outline, guess: np.ndarray) -> np.ndarray:
@@ -207,9 +203,16 @@ def _estimate(shape: Shape, evidence: Evidence, found: _Candidate) -> _Estimate:
     fitted = found.solution.parameters[:len(covariance)]
     parameters, handedness, covariance = _canonical(shape, found.handedness, fitted, covariance)
     if not evidence.on_off:
-        peak = found.solution.parameters[PressureModel.PEAK]
-        parameters, covariance = corrected(shape, handedness, parameters, covariance, peak)
+        parameters, covariance = corrected(shape, handedness, parameters, covariance, *_skin(evidence, found))
     return _Estimate(parameters, covariance, handedness, OUTLINES[shape].symmetry)
+
+
+def _skin(evidence: Evidence, found: _Candidate) -> tuple[float, float]:
+    """Peak and depth [pitches]."""
+    if evidence.on_off:
+        return np.nan, np.nan
+    *_, peak, log_depth = found.solution.parameters
+    return float(peak), float(np.exp(log_depth))
 
 
 def _in_metres(shape: Shape, pitch: float, evidence: Evidence, found: _Candidate,
@@ -221,9 +224,11 @@ def _in_metres(shape: Shape, pitch: float, evidence: Evidence, found: _Candidate
     corners.flags.writeable = covariance.flags.writeable = False
     centre, angle, dimensions = outline.split(estimate.parameters * scale)
     handedness = estimate.handedness if shape is Shape.RIGHT_TRIANGLE else 0
+    peak, depth = _skin(evidence, found)
     return ShapeFit(shape=shape, centre=tuple(centre.tolist()), angle=angle, symmetry=estimate.symmetry,
                     handedness=handedness, dimension_names=outline.dimensions, dimensions=tuple(dimensions.tolist()),
-                    covariance=covariance, residual=_residual(evidence, found.solution), outline=corners)
+                    covariance=covariance, residual=_residual(evidence, found.solution), peak=peak, depth=depth * pitch,
+                    outline=corners)
 
 
 def _canonical(shape: Shape, handedness: int, parameters: np.ndarray,

@@ -22,7 +22,7 @@ TERMS = 2
 class Taps(NamedTuple):
     """Kernel = sum of sign * taps along rows * taps along columns, by distance."""
 
-    signs: tuple[float, ...]
+    signs: np.ndarray        #: (TERMS, 1)
     taps: np.ndarray         #: (TERMS, REACH + 2), 0 beyond REACH
     by_log_depth: np.ndarray  #: their derivatives
 
@@ -39,11 +39,10 @@ def taps_at(log_depth: float) -> Taps:
 
 
 @cache
-def _table() -> tuple[tuple[float, ...], np.ndarray]:
+def _table() -> tuple[np.ndarray, np.ndarray]:
     """Signs of the terms, and taps, (NODES, TERMS, REACH + 2)."""
     found = [_terms(kernel(float(depth))) for depth in np.geomspace(*DEPTHS, NODES)]
-    signs = tuple(float(sign) for sign in found[0][0])
-    return signs, read_only(np.array([taps for _, taps in found]))
+    return read_only(found[0][0][:, np.newaxis]), read_only(np.array([taps for _, taps in found]))
 
 
 def kernel(depth: float) -> np.ndarray:

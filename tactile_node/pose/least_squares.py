@@ -71,7 +71,7 @@ def _step(problem: Problem, at: Solution, damping: float) -> np.ndarray:
 
 def _bounded(model: Model, parameters: np.ndarray) -> np.ndarray:
     """Dimensions stay positive, extras where the model knows them."""
-    extras = model.start.size
+    extras = model.expected.size
     first = len(parameters) - extras - len(model.outline.dimensions)
     dimensions = slice(first, len(parameters) - extras)
     parameters[dimensions] = np.maximum(parameters[dimensions], SMALLEST)

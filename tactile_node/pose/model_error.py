@@ -1,6 +1,6 @@
 """What the model of a punch leaves out, by shape: corners that carry less, edges of unknown rounding.
 
-Found on computed contacts of training seeds (bench/bench_pose.py --calibrate), in the shape's own frame: place in
+Found on computed contacts of training seeds (bench/pose_calibration.py), in the shape's own frame: place in
 inscribed radii, angle in radians, dimensions relative. A uniform pressure has none of it, a punch all.
 """
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.geometry.outlines import outline_of
+from tactile_node.geometry.outlines import Outline, outline_of
 from tactile_node.shape.recognition import Shape
 
 MOST = 1.2  #: of a punch's peak
@@ -23,39 +23,69 @@ class ModelError(NamedTuple):
     bias: tuple[float, ...]       #: under a punch
     of_size: tuple[float, ...]    #: and so much more of it at an inscribed radius of one pitch, less in proportion
     of_ratio: tuple[float, ...]   #: and so much for a logarithm of 1 of the two dimensions' ratio
+    of_depth: tuple[float, ...]   #: and so much where the taxels lie an inscribed radius deep
     deviation: tuple[float, ...]  #: standard deviation about that
 
 
 ERRORS = {
-    Shape.CIRCLE: ModelError((0, 0, -0.017), (0, 0, 0.015), (0, 0, 0), (0.005, 0.005, 0.017)),
-    Shape.SQUARE: ModelError((0, 0, 0, -0.021), (0, 0, 0, 0.046), (0, 0, 0, 0), (0.005, 0.005, 0.006, 0.019)),
-    Shape.RECTANGLE: ModelError((0, 0, 0, -0.004, -0.046), (0, 0, 0, -0.009, 0.035), (0, 0, 0, 0.007, 0.066),
-                                (0.006, 0.005, 0.004, 0.013, 0.023)),
-    Shape.RIGHT_TRIANGLE: ModelError((-0.053, 0.015, -0.002, -0.019, -0.021), (0.124, -0.016, 0.005, 0.090, 0.125),
-                                     (0.054, -0.016, -0.004, 0.014, -0.021), (0.023, 0.012, 0.006, 0.013, 0.021)),
-    Shape.ISOSCELES_TRIANGLE: ModelError((0, 0, 0, -0.029, -0.027), (0, 0.032, 0, 0.103, 0.109),
-                                         (0, -0.020, 0, 0.005, -0.005), (0.006, 0.019, 0.004, 0.017, 0.016)),
+    Shape.CIRCLE: ModelError((0, 0, 0.003), (0, 0, -0.035), (0, 0, 0), (0, 0, -0.040), (0.006, 0.007, 0.013)),
+    Shape.SQUARE: ModelError((0, 0, 0, -0.019), (0, 0, 0, 0.013), (0, 0, 0, 0), (0, 0, 0, 0.032),
+                             (0.009, 0.011, 0.013, 0.014)),
+    Shape.RECTANGLE: ModelError((0, 0, 0, 0, -0.041), (0, 0, 0, -0.029, 0.029), (0, 0, 0, 0.016, 0.049),
+                                (0, 0, 0, -0.033, 0.115), (0.009, 0.010, 0.007, 0.011, 0.025)),
+    Shape.RIGHT_TRIANGLE: ModelError((-0.066, 0.006, 0.001, -0.028, -0.020), (0.084, -0.005, -0.004, 0.076, 0.082),
+                                     (0.063, -0.006, -0.005, 0.013, -0.029), (0.118, -0.007, 0.002, 0.064, 0.112),
+                                     (0.018, 0.013, 0.005, 0.012, 0.021)),
+    Shape.ISOSCELES_TRIANGLE: ModelError((0, -0.004, 0, -0.040, -0.034), (0, 0.029, 0, 0.099, 0.088),
+                                         (0, -0.022, 0, 0.018, -0.018), (0, 0.027, 0, 0.054, 0.065),
+                                         (0.011, 0.012, 0.004, 0.018, 0.017)),
 }
 
 
-def corrected(shape: Shape, handedness: int, parameters: np.ndarray, covariance: np.ndarray,
-              peak: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return parameters [pitches] and covariance of a fit that found ``peak``, without what punches add to it."""
-    outline, error, share = outline_of(shape, handedness), ERRORS[shape], min(max(peak, 0.0), MOST)
-    area, radius = _area_and_radius(outline.corners(parameters))
-    _, angle, dimensions = outline.split(parameters)
-    to_pad = np.diag((radius, radius, *([1.0] if outline.symmetry else []), *dimensions))
-    cos, sin = np.cos(angle), np.sin(angle)
-    to_pad[:2, :2] = radius * np.array(((cos, -sin), (sin, cos)))
-    ratio = float(np.log(dimensions[0] / dimensions[-1]))
-    bias = share * (np.array(error.bias) + np.array(error.of_size) / radius + np.array(error.of_ratio) * ratio)
-    if shape is Shape.RIGHT_TRIANGLE:
-        bias[1:3] *= handedness
-    deviation = share * (1 + (FEW / area) ** 2) * np.array(error.deviation)
-    least = np.concatenate(([LEAST_PLACE] * 2, [LEAST_ANGLE] * (len(parameters) - 2 - len(dimensions)),
-                            [LEAST_LENGTH] * len(dimensions)))
+def corrected(shape: Shape, handedness: int, parameters: np.ndarray, covariance: np.ndarray, peak: float,
+              depth: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return parameters and covariance of a fit without what punches add to them.
+
+    Lengths in pitches. ``peak``, ``depth``: what the fit found of pressure and skin.
+    """
+    outline, error, share = outline_of(shape, handedness), ERRORS[shape], share_of(peak)
+    causes, to_pad = causes_of(outline, parameters, depth), scales_of(outline, handedness, parameters)
+    bias = share * (causes @ np.array(error[:-1]))
+    deviation = share * spread_at(outline, parameters) * np.array(error.deviation)
+    least = np.concatenate(([LEAST_PLACE] * 2, [LEAST_ANGLE] * bool(outline.symmetry),
+                            [LEAST_LENGTH] * len(outline.dimensions)))
     systematic = to_pad @ np.diag(deviation ** 2) @ to_pad.T + np.diag(least ** 2)
     return parameters - to_pad @ bias, covariance + systematic
+
+
+def share_of(peak: float) -> float:
+    """Return how much of a punch's errors a fit has that found ``peak``."""
+    return min(max(peak, 0.0), MOST)
+
+
+def causes_of(outline: Outline, parameters: np.ndarray, depth: float) -> np.ndarray:
+    """Return what the terms of a ModelError are multiplied by, (4,)."""
+    _, radius = _area_and_radius(outline.corners(parameters))
+    _, _, dimensions = outline.split(parameters)
+    return np.array((1, 1 / radius, np.log(dimensions[0] / dimensions[-1]), depth / radius))
+
+
+def spread_at(outline: Outline, parameters: np.ndarray) -> float:
+    """Return the factor of the deviation by size."""
+    area, _ = _area_and_radius(outline.corners(parameters))
+    return 1 + (FEW / area) ** 2
+
+
+def scales_of(outline: Outline, handedness: int, parameters: np.ndarray) -> np.ndarray:
+    """Return the matrix from errors in the shape's frame, relative, to errors of the parameters, (p, p)."""
+    _, radius = _area_and_radius(outline.corners(parameters))
+    _, angle, dimensions = outline.split(parameters)
+    turned = [float(handedness)] if outline.symmetry else []  # a mirrored one turns the other way
+    scales = np.diag((radius, radius, *turned, *dimensions))
+    cos, sin = np.cos(angle), np.sin(angle)
+    scales[:2, :2] = radius * np.array(((cos, -sin), (sin, cos)))
+    scales[:2, 1] *= handedness
+    return scales
 
 
 def _area_and_radius(corners: np.ndarray) -> tuple[float, float]:

@@ -35,8 +35,11 @@ class Model(Protocol):
     """Parameters are the outline's, then the model's own ``extras``."""
 
     outline: Outline
-    start: np.ndarray      #: first values of the extras
-    precision: np.ndarray  #: 1 / variance of the extras beforehand, about ``start``
+    expected: np.ndarray   #: of the extras, beforehand
+    precision: np.ndarray  #: 1 / variance of that
+
+    def starts(self, guess: np.ndarray) -> list[np.ndarray]:
+        """Where a fit may start, the likeliest first, given a guess of the outline's parameters from moments."""
 
     def predict(self, parameters: np.ndarray) -> Prediction: ...
 
@@ -47,7 +50,7 @@ class PatternModel:
     """On/off values: a logistic step across the outline, for where a taxel's centre is inside."""
 
     EDGE = 0.1  #: its width [pitches]
-    start = precision = np.empty(0)
+    expected = precision = np.empty(0)
 
     def __init__(self, outline: Outline, window: Window):
         self.outline = outline
@@ -59,6 +62,10 @@ class PatternModel:
         inside = expit(depth / self.EDGE)
         rim = inside * (1 - inside)
         return Prediction(inside, change * (rim / self.EDGE), rim)
+
+    def starts(self, guess: np.ndarray) -> list[np.ndarray]:
+        """The guess itself."""
+        return [guess]
 
     def bounded(self, extras: np.ndarray) -> np.ndarray:
         """There are none."""
@@ -77,7 +84,9 @@ class PressureModel:
     DEPTH_SPREAD = 0.6    #: and of the logarithm of the depth
     EXTRAS = 5
     PEAK = -2             #: its place among the parameters
-    start = read_only(np.array((1.0, 0.0, 0.0, 0.7, np.log(0.6))))
+    expected = read_only(np.array((1.0, 0.0, 0.0, 0.7, np.log(0.6))))
+    EVEN, PUNCH = (1.0, 0.0, 0.0, 0.0, np.log(0.4)), (1.0, 0.0, 0.0, 1.0, np.log(0.6))  #: extras to start with
+    SMALLER = 0.87        #: a punch than a guess from its moments, for its pressure is at its rim; training seeds
     precision = read_only(np.array((1.0, TILT_SPREAD, TILT_SPREAD, PEAK_SPREAD, DEPTH_SPREAD)) ** -2)
 
     def __init__(self, outline: Outline, window: Window, centre: np.ndarray):
@@ -85,6 +94,15 @@ class PressureModel:
         self._x = window.col + np.arange(window.cols) - centre[0]
         self._y = (window.row + np.arange(window.rows) - centre[1])[:, np.newaxis]
         self._row_distance, self._col_distance = _distances(window.rows), _distances(window.cols)
+
+    def starts(self, guess: np.ndarray) -> list[np.ndarray]:
+        """A punch, smaller than the guess, and an even pressure.
+
+        Of few taxels both fit nearly as well; rigid objects press as punches do.
+        """
+        smaller = guess.copy()
+        smaller[-len(self.outline.dimensions):] *= self.SMALLER
+        return [np.concatenate((smaller, self.PUNCH)), np.concatenate((guess, self.EVEN))]
 
     def predict(self, parameters: np.ndarray) -> Prediction:
         geometry, (level, tilt_x, tilt_y, peak, log_depth) = np.split(parameters, [-self.EXTRAS])
@@ -99,18 +117,22 @@ class PressureModel:
         np.multiply(pressed, self._y, out=sharp[-3])
         np.multiply(covered[1], force, out=sharp[-2])
         np.multiply(pressed, force, out=sharp[-1])
-        signs, taps, by_log_depth = taps_at(log_depth)
-        jacobian, deeper = np.zeros_like(sharp), np.zeros_like(pressed)
-        for sign, tap, change in zip(signs, taps, by_log_depth):
-            along, across = tap[self._row_distance] * sign, tap[self._col_distance]
-            spread = sharp @ across
-            jacobian += along @ spread
-            deeper += change[self._row_distance] @ spread[-1] * sign + along @ (sharp[-1] @ change[self._col_distance])
-        values = jacobian[-1].reshape(-1)
-        jacobian[-1], values = deeper, values.copy()
+        along, across, deeper_along, deeper_across = self._kernels(log_depth)
+        by_cols = sharp @ across[:, np.newaxis]
+        jacobian = (along[:, np.newaxis] @ by_cols).sum(0)
+        values = jacobian[-1].reshape(-1).copy()
+        jacobian[-1] = (deeper_along @ by_cols[:, -1] + along @ (sharp[-1] @ deeper_across)).sum(0)
         jacobian = jacobian.reshape(count, -1)
         rim = np.sqrt(jacobian[0]**2 + jacobian[1]**2)  # the change by a pitch of displacement
         return Prediction(values, jacobian, rim)
+
+    def _kernels(self, log_depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Along rows (with the sign) and across them, and by the depth's logarithm: (TERMS, n, n) each."""
+        signs, taps, by_log_depth = taps_at(log_depth)
+        both = np.stack((taps, by_log_depth))
+        along, deeper_along = (both * signs)[..., self._row_distance]
+        across, deeper_across = both[..., self._col_distance]
+        return along, across, deeper_along, deeper_across
 
     def likely_peak(self, parameters: np.ndarray, deviation: float) -> tuple[float, float] | None:
         """Return what ``peak`` is expected to be and 1 / variance of that, by a first fit and its ``deviation``.
