@@ -6,20 +6,16 @@ import numpy as np
 
 from tactile_node.geometry.outlines import OUTLINES, Outline, outline_of
 from tactile_node.pose.blocks import in_blocks, size_of
+from tactile_node.pose.candidate import Candidate, coarse, fine, reweighted, skin_of, with_likely_peak
 from tactile_node.pose.evidence import Evidence, checked, gather
 from tactile_node.pose.first_guess import Guess, guesses, moments_of
-from tactile_node.pose.least_squares import Problem, Solution, evaluate, minimise
+from tactile_node.pose.least_squares import Solution
 from tactile_node.pose.model_error import corrected
 from tactile_node.pose.noise import covariance_scale, weights_after
 from tactile_node.pose.pitch import check_pitch
-from tactile_node.pose.skin_model import Model, PatternModel, PressureModel
 from tactile_node.read_only import read_only
 from tactile_node.shape.recognition import Shape
 
-COARSE = 0.3  #: when the first pass stops [pitches]
-FINE = 0.05   #: and the second
-CLEARLY = 0.25       #: a less likely start is taken where its cost is lower by this factor
-FIRST_NOISE = 0.05    #: of a value in the first pass [fraction of level]
 MARGIN = 0.15         #: corners of a triangle are tried when their angles, or log lengths, are so close
 MARGIN_ON_OFF = 0.35
 AMBIGUOUS = 6.0       #: two fits whose sums of squares differ by less cannot be distinguished
@@ -81,12 +77,12 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float =
 
 
 def fit_evidence(evidence: Evidence, shape: Shape, pitch: float) -> ShapeFit:
-    candidates = [_coarse(evidence, shape, guess) for guess in _guesses(evidence, shape)]
+    candidates = [coarse(evidence, shape, guess) for guess in _guesses(evidence, shape)]
     best = min(candidates, key=lambda candidate: candidate.solution.cost)
     weights = weights_after(shape, best.solution.prediction, evidence)
-    candidates = [_with_likely_peak(_reweighted(candidate, weights)) for candidate in candidates]
+    candidates = [with_likely_peak(reweighted(candidate, weights)) for candidate in candidates]
     within = min(candidate.solution.cost for candidate in candidates) + HOPELESS
-    candidates = sorted((_fine(candidate) for candidate in candidates if candidate.solution.cost < within),
+    candidates = sorted((fine(candidate) for candidate in candidates if candidate.solution.cost < within),
                         key=lambda candidate: candidate.solution.cost)
     estimate = _together(shape, evidence, candidates)
     return _in_metres(shape, pitch, evidence, found=candidates[0], estimate=estimate)
@@ -106,71 +102,16 @@ class _Estimate(NamedTuple):
     symmetry: int
 
 
-class _Candidate(NamedTuple):
-    problem: Problem
-    solution: Solution
-    handedness: int
-
-
 def _guesses(evidence: Evidence, shape: Shape) -> list[Guess]:
     y, x = np.indices(evidence.solid.shape).reshape(2, -1)
     moments = moments_of(x + evidence.window.col, y + evidence.window.row, evidence.solid.reshape(-1))
     return guesses(shape, moments, MARGIN_ON_OFF if evidence.on_off else MARGIN)
 
 
-def _coarse(evidence: Evidence, shape: Shape, guess: Guess) -> _Candidate:
-    outline = outline_of(shape, guess.handedness)
-    if evidence.on_off:
-        model: Model = PatternModel(outline, evidence.window)
-    else:
-        model = PressureModel(outline, evidence.window, guess.parameters[:2])
-    expected = np.concatenate((guess.parameters, model.expected))
-    precision = np.concatenate((_vague(outline, guess.parameters), model.precision))
-    problem = Problem(model, values=evidence.values, weights=evidence.used / FIRST_NOISE**2, expected=expected,
-                      precision=precision)
-    likely, *others = (evaluate(problem, start, model.predict(start)) for start in model.starts(guess.parameters))
-    at = min((other for other in others if other.cost < CLEARLY * likely.cost), key=lambda start: start.cost,
-             default=likely)
-    return _Candidate(problem, minimise(problem, at, tolerance=COARSE, max_steps=10), guess.handedness)
-
-
-def _vague(outline: Outline, guess: np.ndarray) -> np.ndarray:
-    """1 / variance of a guess: a length may be wrong by itself, the place by the largest; the angle is free."""
-    _, _, dimensions = outline.split(guess)
-    lengths = np.concatenate(([dimensions.max()] * 2, *([[1.8]] if outline.symmetry else []), dimensions))
-    return 1 / np.maximum(lengths, 1)**2
-
-
-def _with_likely_peak(candidate: _Candidate) -> _Candidate:
-    """Expect the peak of a kind of indenter, where the taxels show of which."""
-    problem, model, solution = candidate.problem, candidate.problem.model, candidate.solution
-    if not isinstance(model, PressureModel):
-        return candidate
-    deviation = np.sqrt(np.linalg.inv(solution.information)[model.PEAK, model.PEAK])
-    likely = model.likely_peak(solution.parameters, deviation)
-    if likely is None:
-        return candidate
-    expected, precision = problem.expected.copy(), problem.precision.copy()
-    expected[model.PEAK], precision[model.PEAK] = likely
-    problem = problem._replace(expected=expected, precision=precision)
-    return candidate._replace(problem=problem, solution=evaluate(problem, solution.parameters, solution.prediction))
-
-
-def _reweighted(candidate: _Candidate, weights: np.ndarray) -> _Candidate:
-    problem, solution = candidate.problem._replace(weights=weights), candidate.solution
-    solution = evaluate(problem, solution.parameters, solution.prediction)
-    return candidate._replace(problem=problem, solution=solution)
-
-
-def _fine(candidate: _Candidate) -> _Candidate:
-    solution = minimise(candidate.problem, candidate.solution, tolerance=FINE, max_steps=6)
-    return candidate._replace(solution=solution)
-
-
-def _covariance(evidence: Evidence, shape: Shape, found: _Candidate) -> np.ndarray:
+def _covariance(evidence: Evidence, shape: Shape, found: Candidate) -> np.ndarray:
     """Of the outline's parameters, with weights by the last residuals."""
     weights = weights_after(shape, found.solution.prediction, evidence)
-    information = _reweighted(found, weights).solution.information
+    information = reweighted(found, weights).solution.information
     count = len(found.problem.model.outline.parameters)
     return np.linalg.inv(information)[:count, :count] * covariance_scale(shape, evidence.on_off)
 
@@ -180,7 +121,7 @@ def _residual(evidence: Evidence, solution: Solution) -> float:
     return float(np.sqrt(residual @ residual / max(len(residual), 1)))
 
 
-def _together(shape: Shape, evidence: Evidence, candidates: list[_Candidate]) -> _Estimate:
+def _together(shape: Shape, evidence: Evidence, candidates: list[Candidate]) -> _Estimate:
     """The best candidate; the others, as far as they are likely too, widen its covariance."""
     estimates = [_estimate(shape, evidence, candidate) for candidate in candidates]
     best, costs = estimates[0], np.array([candidate.solution.cost for candidate in candidates])
@@ -198,24 +139,16 @@ def _together(shape: Shape, evidence: Evidence, candidates: list[_Candidate]) ->
     return best._replace(covariance=covariance)
 
 
-def _estimate(shape: Shape, evidence: Evidence, found: _Candidate) -> _Estimate:
+def _estimate(shape: Shape, evidence: Evidence, found: Candidate) -> _Estimate:
     covariance = _covariance(evidence, shape, found)
     fitted = found.solution.parameters[:len(covariance)]
     parameters, handedness, covariance = _canonical(shape, found.handedness, fitted, covariance)
     if not evidence.on_off:
-        parameters, covariance = corrected(shape, handedness, parameters, covariance, *_skin(evidence, found))
+        parameters, covariance = corrected(shape, handedness, parameters, covariance, *skin_of(found))
     return _Estimate(parameters, covariance, handedness, OUTLINES[shape].symmetry)
 
 
-def _skin(evidence: Evidence, found: _Candidate) -> tuple[float, float]:
-    """Peak and depth [pitches]."""
-    if evidence.on_off:
-        return np.nan, np.nan
-    *_, peak, log_depth = found.solution.parameters
-    return float(peak), float(np.exp(log_depth))
-
-
-def _in_metres(shape: Shape, pitch: float, evidence: Evidence, found: _Candidate,
+def _in_metres(shape: Shape, pitch: float, evidence: Evidence, found: Candidate,
                estimate: _Estimate) -> ShapeFit:
     outline = outline_of(shape, estimate.handedness)
     scale = np.array([1.0 if name == 'angle' else pitch for name in outline.parameters])
@@ -224,7 +157,7 @@ def _in_metres(shape: Shape, pitch: float, evidence: Evidence, found: _Candidate
     corners.flags.writeable = covariance.flags.writeable = False
     centre, angle, dimensions = outline.split(estimate.parameters * scale)
     handedness = estimate.handedness if shape is Shape.RIGHT_TRIANGLE else 0
-    peak, depth = _skin(evidence, found)
+    peak, depth = skin_of(found)
     return ShapeFit(shape=shape, centre=tuple(centre.tolist()), angle=angle, symmetry=estimate.symmetry,
                     handedness=handedness, dimension_names=outline.dimensions, dimensions=tuple(dimensions.tolist()),
                     covariance=covariance, residual=_residual(evidence, found.solution), peak=peak, depth=depth * pitch,
