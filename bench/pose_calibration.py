@@ -19,7 +19,8 @@ from pose_mechanics import Pressed, outlined, pressed
 
 from tactile_node.geometry.outlines import OUTLINES, outline_of
 from tactile_node.pose.fit import ShapeFit, fit_shape
-from tactile_node.pose.model_error import ERRORS, ModelError, causes_of, scales_of, share_of, spread_at
+from tactile_node.pose.model_error import ModelError, Skin, causes_of, errors_of, scales_of, share_of, spread_at
+from tactile_node.pose.profiles import DOMES
 from tactile_node.shape.recognition import Shape
 from tactile_node.synthetic.mechanics import Solution
 from tactile_node.synthetic.seeds import Purpose, generator
@@ -35,10 +36,11 @@ SYMMETRIC = {Shape.CIRCLE: (0, 1), Shape.SQUARE: (0, 1, 2), Shape.RECTANGLE: (0,
              Shape.ISOSCELES_TRIANGLE: (0, 2)}
 
 
-def frames(folder: Path, shape: Shape, count: int) -> list[Pressed]:
-    """Flat punches of one class, at any pose, depth and pressure."""
+def frames(folder: Path, shape: Shape, is_punch: bool, count: int) -> list[Pressed]:
+    """Flat punches or domes of one class, at any pose, depth and pressure."""
     rng = generator(Purpose.TRAINING, SEED + list(OUTLINES).index(shape))
-    solutions = [(solution, outlined(solution)) for solution in solution_pool(folder) if _is_flat(solution, shape)]
+    solutions = [(solution, outlined(solution)) for solution in solution_pool(folder)
+                 if _is_meant(solution, shape, is_punch)]
     found = []
     while len(found) < count:
         solution, outline = solutions[rng.integers(len(solutions))]
@@ -48,26 +50,30 @@ def frames(folder: Path, shape: Shape, count: int) -> list[Pressed]:
     return found
 
 
-def _is_flat(solution: Solution, shape: Shape) -> bool:
-    return solution.kind == 'flat_punch' and solution.label == shape and np.hypot(*solution.tilt) < TILT
+def _is_meant(solution: Solution, shape: Shape, is_punch: bool) -> bool:
+    return ((solution.kind == 'flat_punch') == is_punch and solution.label == shape
+            and np.hypot(*solution.tilt) < TILT)
 
 
-def calibrated(shape: Shape, frames: list[Pressed]) -> ModelError:
-    """The table's row from what fits leave after the row in force."""
+def calibrated(shape: Shape, is_punch: bool, frames: list[Pressed]) -> ModelError:
+    """The table's row from what fits leave after the row in force; fits by the other pressure do not count."""
     errors, causes, spreads, deviations = [], [], [], []
     for frame in frames:
         fit = fit_shape(frame.values, frame.mask, shape)
         assert fit is not None
-        outline, share = outline_of(shape, fit.handedness or 1), share_of(fit.peak)
-        if share < 0.2 or not _is_same(fit, frame):
+        skin = Skin(not fit.is_dome, fit.peak, fit.depth)
+        outline, share = outline_of(shape, fit.handedness or 1), share_of(skin)
+        if skin.is_punch != is_punch or share < 0.2 or not _is_same(fit, frame):
             continue
         to_shape = np.linalg.inv(scales_of(outline, fit.handedness or 1, fit.parameters))
         errors.append(to_shape @ _apart(fit, frame.truth) / share)
-        causes.append(causes_of(outline, fit.parameters, fit.depth))
+        causes.append(causes_of(outline, fit.parameters, skin))
         spreads.append(spread_at(outline, fit.parameters))
-        systematic = spreads[-1] * np.array(ERRORS[shape].deviation)
+        systematic = spreads[-1] * np.array(errors_of(shape, skin).deviation)
         deviations.append(np.diag(to_shape @ fit.covariance @ to_shape.T) / share ** 2 - systematic ** 2)
-    return _row(shape, *map(np.array, (errors, causes, spreads, deviations)))
+    print(f'    # {len(errors)} of {len(frames)} fits')
+    in_force = errors_of(shape, Skin(is_punch, 1.0, 1.0))
+    return _row(SYMMETRIC[shape], in_force, *map(np.array, (errors, causes, spreads, deviations)))
 
 
 def _is_same(fit: ShapeFit, frame: Pressed) -> bool:
@@ -83,13 +89,13 @@ def _apart(fit: ShapeFit, truth: np.ndarray) -> np.ndarray:
     return vector
 
 
-def _row(shape: Shape, errors: np.ndarray, causes: np.ndarray, spreads: np.ndarray,
+def _row(symmetric: tuple[int, ...], in_force: ModelError, errors: np.ndarray, causes: np.ndarray, spreads: np.ndarray,
          noise: np.ndarray) -> ModelError:
     """``errors``: (K, p); ``causes``: (K, TERMS); ``noise``: (K, p), the variance that the fits state by themselves."""
-    terms, deviation = np.array(ERRORS[shape][:-1]), []
+    terms, deviation = np.array(in_force[:-1], float), []
     for parameter, found in enumerate(errors.T):
         residual, used = found, np.ones(len(found), bool)
-        if parameter not in SYMMETRIC[shape]:
+        if parameter not in symmetric:
             for _ in range(5):
                 change, *_ = np.linalg.lstsq(causes[used] / spreads[used, None], found[used] / spreads[used])
                 residual = found - causes @ change
@@ -111,10 +117,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--frames', type=int, default=3000, help='of all shapes')
     parser.add_argument('--build', type=Path, default=ROOT / 'build', help='with the solved indenters')
+    parser.add_argument('--pressure', choices=('punch', 'dome'), help='only those')
     args = parser.parse_args()
-    for shape in map(Shape, OUTLINES):
-        row = calibrated(shape, frames(args.build / 'mechanics', shape, args.frames // len(OUTLINES)))
-        print(f'    {shape!r}: {row},', flush=True)
+    for name, shapes in (('punch', tuple(OUTLINES)), ('dome', tuple(DOMES))):
+        for shape in map(Shape, shapes if args.pressure in (name, None) else ()):
+            drawn = frames(args.build / 'mechanics', shape, name == 'punch', args.frames // len(OUTLINES))
+            print(f'    {name}, {shape}: {calibrated(shape, name == "punch", drawn)},', flush=True)
 
 
 if __name__ == '__main__':

@@ -8,6 +8,8 @@ from tactile_node.geometry.outlines import Outline, outline_of
 from tactile_node.pose.evidence import Evidence
 from tactile_node.pose.first_guess import Guess
 from tactile_node.pose.least_squares import Problem, Solution, evaluate, minimise
+from tactile_node.pose.model_error import Skin
+from tactile_node.pose.profiles import PUNCH, Profile
 from tactile_node.pose.skin_model import Model, PatternModel, PressureModel
 from tactile_node.shape.recognition import Shape
 
@@ -25,13 +27,13 @@ class Candidate(NamedTuple):
     handedness: int
 
 
-def coarse(evidence: Evidence, shape: Shape, guess: Guess) -> Candidate:
+def coarse(evidence: Evidence, shape: Shape, guess: Guess, profile: Profile = PUNCH) -> Candidate:
     """Fit from ``guess`` with equal weights, until steps are short compared with a taxel."""
     outline = outline_of(shape, guess.handedness)
     if evidence.on_off:
         model: Model = PatternModel(outline, evidence.window)
     else:
-        model = PressureModel(outline, evidence.window, guess.parameters[:2])
+        model = PressureModel(outline, evidence.window, guess.parameters[:2], profile)
     expected = np.concatenate((guess.parameters, model.expected))
     precision = np.concatenate((_vague(outline, guess.parameters), model.precision))
     problem = Problem(model, values=evidence.values, weights=evidence.used / FIRST_NOISE**2, expected=expected,
@@ -77,9 +79,10 @@ def fine(candidate: Candidate) -> Candidate:
     return candidate._replace(solution=solution)
 
 
-def skin_of(found: Candidate) -> tuple[float, float]:
-    """Return peak and depth [pitches]; NaN where the taxels are on/off."""
-    if not isinstance(found.problem.model, PressureModel):
-        return np.nan, np.nan
+def skin_of(found: Candidate) -> Skin | None:
+    """Return what was found of the skin, lengths in pitches; None where the taxels are on/off."""
+    model = found.problem.model
+    if not isinstance(model, PressureModel):
+        return None
     *_, peak, log_depth = found.solution.parameters
-    return float(peak), float(np.exp(log_depth))
+    return Skin(model.profile is PUNCH, float(peak), float(np.exp(log_depth)))

@@ -13,12 +13,14 @@ from tactile_node.pose.least_squares import Solution
 from tactile_node.pose.model_error import corrected
 from tactile_node.pose.noise import covariance_scale, weights_after
 from tactile_node.pose.pitch import check_pitch
+from tactile_node.pose.profiles import DOMES
 from tactile_node.read_only import read_only
 from tactile_node.shape.recognition import Shape
 
 MARGIN = 0.15         #: corners of a triangle are tried when their angles, or log lengths, are so close
 MARGIN_ON_OFF = 0.35
 AMBIGUOUS = 6.0       #: two fits whose sums of squares differ by less cannot be distinguished
+DOME_PEAK = 0.3       #: a circle that is fitted as a punch of less may be a ball
 HOPELESS = 500.0      #: a fit that is worse by more after the first pass is not refined
 
 
@@ -36,9 +38,10 @@ class ShapeFit(NamedTuple):
     dimensions: tuple[float, ...]      #: [m]
     covariance: np.ndarray             #: of ``parameter_names``, [m, rad]
     residual: float                    #: root mean square of value - model, fraction of the contact's level
-    peak: float                        #: 0 under an even pressure, about 1 under a flat punch, NaN: on/off taxels
-    depth: float                       #: of the taxels below the skin's surface, as fitted [m]; NaN: on/off taxels
     outline: np.ndarray                #: corners, (n, 2), in the sense from x to y [m]
+    is_dome: bool                      #: pressed as a ball, a cone or a lying cylinder does, not as a flat punch
+    peak: float                        #: 0: an even pressure; about 1: a punch's or a dome's; NaN: on/off taxels
+    depth: float                       #: of the taxels below the skin's surface, as fitted [m]; NaN: on/off taxels
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -77,7 +80,10 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float =
 
 
 def fit_evidence(evidence: Evidence, shape: Shape, pitch: float) -> ShapeFit:
-    candidates = [coarse(evidence, shape, guess) for guess in _guesses(evidence, shape)]
+    starts = _guesses(evidence, shape)
+    candidates = [coarse(evidence, shape, guess) for guess in starts]
+    if _may_be_dome(shape, candidates[0]):
+        candidates.append(coarse(evidence, shape, starts[0], DOMES[shape]))
     best = min(candidates, key=lambda candidate: candidate.solution.cost)
     weights = weights_after(shape, best.solution.prediction, evidence)
     candidates = [with_likely_peak(reweighted(candidate, weights)) for candidate in candidates]
@@ -91,6 +97,12 @@ def fit_evidence(evidence: Evidence, shape: Shape, pitch: float) -> ShapeFit:
 def _moved(fit: ShapeFit, x: float, y: float) -> ShapeFit:
     """``fit`` in a frame whose origin is at -``x``, -``y`` [m]."""
     return fit._replace(centre=(fit.centre[0] + x, fit.centre[1] + y), outline=read_only(fit.outline + (x, y)))
+
+
+def _may_be_dome(shape: Shape, punch: Candidate) -> bool:
+    """A lying cylinder looks like a punch until its own model is tried; a ball, like a punch of little peak."""
+    skin = skin_of(punch)
+    return skin is not None and shape in DOMES and (shape is not Shape.CIRCLE or skin.peak < DOME_PEAK)
 
 
 class _Estimate(NamedTuple):
@@ -143,8 +155,9 @@ def _estimate(shape: Shape, evidence: Evidence, found: Candidate) -> _Estimate:
     covariance = _covariance(evidence, shape, found)
     fitted = found.solution.parameters[:len(covariance)]
     parameters, handedness, covariance = _canonical(shape, found.handedness, fitted, covariance)
-    if not evidence.on_off:
-        parameters, covariance = corrected(shape, handedness, parameters, covariance, *skin_of(found))
+    skin = skin_of(found)
+    if skin is not None:
+        parameters, covariance = corrected(shape, handedness, parameters, covariance, skin)
     return _Estimate(parameters, covariance, handedness, OUTLINES[shape].symmetry)
 
 
@@ -157,11 +170,12 @@ def _in_metres(shape: Shape, pitch: float, evidence: Evidence, found: Candidate,
     corners.flags.writeable = covariance.flags.writeable = False
     centre, angle, dimensions = outline.split(estimate.parameters * scale)
     handedness = estimate.handedness if shape is Shape.RIGHT_TRIANGLE else 0
-    peak, depth = skin_of(found)
+    skin = skin_of(found)
     return ShapeFit(shape=shape, centre=tuple(centre.tolist()), angle=angle, symmetry=estimate.symmetry,
                     handedness=handedness, dimension_names=outline.dimensions, dimensions=tuple(dimensions.tolist()),
-                    covariance=covariance, residual=_residual(evidence, found.solution), peak=peak, depth=depth * pitch,
-                    outline=corners)
+                    covariance=covariance, residual=_residual(evidence, found.solution), outline=corners,
+                    is_dome=skin is not None and not skin.is_punch, peak=skin.peak if skin else np.nan,
+                    depth=skin.depth * pitch if skin else np.nan)
 
 
 def _canonical(shape: Shape, handedness: int, parameters: np.ndarray,

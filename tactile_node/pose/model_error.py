@@ -12,9 +12,18 @@ from tactile_node.geometry.outlines import Outline, outline_of
 from tactile_node.shape.recognition import Shape
 
 MOST = 1.2  #: of a punch's peak
+MOST_PEAKED = 2.0  #: of a dome's above 1, a cone's
 #: Standard deviations that no fit goes below: taxels differ from the model's, and a layer from a half-space.
 LEAST_PLACE, LEAST_ANGLE, LEAST_LENGTH = 0.003, 0.001, 0.02  #: [pitches, radians]
 FEW = 20.0  #: area [taxels] at which the deviation is twice that of large contacts
+
+
+class Skin(NamedTuple):
+    """What a fit found of pressure and skin."""
+
+    is_punch: bool  #: by a flat punch's pressure, or by a dome's
+    peak: float     #: 0: even; 1: of the profile
+    depth: float    #: of the taxels [pitches]
 
 
 class ModelError(NamedTuple):
@@ -24,32 +33,44 @@ class ModelError(NamedTuple):
     of_size: tuple[float, ...]    #: and so much more of it at an inscribed radius of one pitch, less in proportion
     of_ratio: tuple[float, ...]   #: and so much for a logarithm of 1 of the two dimensions' ratio
     of_depth: tuple[float, ...]   #: and so much where the taxels lie an inscribed radius deep
+    of_peak: tuple[float, ...]    #: and so much for a peak of 2 instead of 1
     deviation: tuple[float, ...]  #: standard deviation about that
 
 
-ERRORS = {
-    Shape.CIRCLE: ModelError((0, 0, 0.003), (0, 0, -0.035), (0, 0, 0), (0, 0, -0.040), (0.006, 0.007, 0.013)),
+PUNCH_ERRORS = {
+    Shape.CIRCLE: ModelError((0, 0, 0.003), (0, 0, -0.035), (0, 0, 0), (0, 0, -0.040), (0, 0, 0),
+                             (0.006, 0.007, 0.013)),
     Shape.SQUARE: ModelError((0, 0, 0, -0.019), (0, 0, 0, 0.013), (0, 0, 0, 0), (0, 0, 0, 0.032),
-                             (0.009, 0.011, 0.013, 0.014)),
+                             (0, 0, 0, 0), (0.009, 0.011, 0.013, 0.014)),
     Shape.RECTANGLE: ModelError((0, 0, 0, 0, -0.041), (0, 0, 0, -0.029, 0.029), (0, 0, 0, 0.016, 0.049),
-                                (0, 0, 0, -0.033, 0.115), (0.009, 0.010, 0.007, 0.011, 0.025)),
+                                (0, 0, 0, -0.033, 0.115), (0, 0, 0, 0, 0), (0.009, 0.010, 0.007, 0.011, 0.025)),
     Shape.RIGHT_TRIANGLE: ModelError((-0.066, 0.006, 0.001, -0.028, -0.020), (0.084, -0.005, -0.004, 0.076, 0.082),
                                      (0.063, -0.006, -0.005, 0.013, -0.029), (0.118, -0.007, 0.002, 0.064, 0.112),
-                                     (0.018, 0.013, 0.005, 0.012, 0.021)),
+                                     (0, 0, 0, 0, 0), (0.018, 0.013, 0.005, 0.012, 0.021)),
     Shape.ISOSCELES_TRIANGLE: ModelError((0, -0.004, 0, -0.040, -0.034), (0, 0.029, 0, 0.099, 0.088),
                                          (0, -0.022, 0, 0.018, -0.018), (0, 0.027, 0, 0.054, 0.065),
-                                         (0.011, 0.012, 0.004, 0.018, 0.017)),
+                                         (0, 0, 0, 0, 0), (0.011, 0.012, 0.004, 0.018, 0.017)),
 }
 
 
-def corrected(shape: Shape, handedness: int, parameters: np.ndarray, covariance: np.ndarray, peak: float,
-              depth: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return parameters and covariance of a fit without what punches add to them.
+#: Of balls and cones, and of cylinders on their side.
+DOME_ERRORS = {
+    Shape.CIRCLE: ModelError((0, 0, 0.044), (0, 0, -0.125), (0, 0, 0), (0, 0, -0.281), (0, 0, 0.063),
+                             (0.006, 0.007, 0.022)),
+    Shape.RECTANGLE: ModelError((0, 0, 0, 0.014, 0.042), (0, 0, 0, 0.012, -0.036), (0, 0, 0, 0.007, -0.025),
+                                (0, 0, 0, -0.041, 0.003), (0, 0, 0, -0.032, 0.123),
+                                (0.013, 0.006, 0.007, 0.010, 0.012)),
+}
 
-    Lengths in pitches. ``peak``, ``depth``: what the fit found of pressure and skin.
+
+def corrected(shape: Shape, handedness: int, parameters: np.ndarray, covariance: np.ndarray,
+              skin: Skin) -> tuple[np.ndarray, np.ndarray]:
+    """Return parameters and covariance of a fit without what the object's pressure adds to them.
+
+    Lengths in pitches.
     """
-    outline, error, share = outline_of(shape, handedness), ERRORS[shape], share_of(peak)
-    causes, to_pad = causes_of(outline, parameters, depth), scales_of(outline, handedness, parameters)
+    outline, error, share = outline_of(shape, handedness), errors_of(shape, skin), share_of(skin)
+    causes, to_pad = causes_of(outline, parameters, skin), scales_of(outline, handedness, parameters)
     bias = share * (causes @ np.array(error[:-1]))
     deviation = share * spread_at(outline, parameters) * np.array(error.deviation)
     least = np.concatenate(([LEAST_PLACE] * 2, [LEAST_ANGLE] * bool(outline.symmetry),
@@ -58,16 +79,22 @@ def corrected(shape: Shape, handedness: int, parameters: np.ndarray, covariance:
     return parameters - to_pad @ bias, covariance + systematic
 
 
-def share_of(peak: float) -> float:
-    """Return how much of a punch's errors a fit has that found ``peak``."""
-    return min(max(peak, 0.0), MOST)
+def errors_of(shape: Shape, skin: Skin) -> ModelError:
+    """Return the row that holds for a fit."""
+    return (PUNCH_ERRORS if skin.is_punch else DOME_ERRORS)[shape]
 
 
-def causes_of(outline: Outline, parameters: np.ndarray, depth: float) -> np.ndarray:
-    """Return what the terms of a ModelError are multiplied by, (4,)."""
+def share_of(skin: Skin) -> float:
+    """Return how much of it: none under an even pressure."""
+    return min(max(skin.peak, 0.0), MOST) if skin.is_punch else 1.0
+
+
+def causes_of(outline: Outline, parameters: np.ndarray, skin: Skin) -> np.ndarray:
+    """Return what the terms of a ModelError are multiplied by, (5,)."""
     _, radius = _area_and_radius(outline.corners(parameters))
     _, _, dimensions = outline.split(parameters)
-    return np.array((1, 1 / radius, np.log(dimensions[0] / dimensions[-1]), depth / radius))
+    peak = min(max(skin.peak - 1, -1.0), MOST_PEAKED)
+    return np.array((1, 1 / radius, np.log(dimensions[0] / dimensions[-1]), skin.depth / radius, peak))
 
 
 def spread_at(outline: Outline, parameters: np.ndarray) -> float:

@@ -13,7 +13,7 @@ from tactile_node.geometry.coverage import Window, coverages
 from tactile_node.geometry.outlines import Outline
 from tactile_node.geometry.polygon import moving_depth
 from tactile_node.pose.layer_kernel import DEPTHS, REACH, taps_at
-from tactile_node.pose.punch import PROFILES, nested
+from tactile_node.pose.profiles import PUNCH, Profile, nested
 from tactile_node.read_only import read_only
 
 PEAKS = 0.0, 1.03    #: of an even pressure and of a flat punch's, as fits find it
@@ -75,7 +75,7 @@ class PatternModel:
 class PressureModel:
     """Values in units of a typical pressure, so that ``level`` is about 1.
 
-    ``peak``: 0 for a uniform pressure, 1 for a flat punch's, negative under a dome. ``log_depth``: of the taxels below
+    ``peak``: 0 for a uniform pressure, 1 for the profile's. ``log_depth``: of the taxels below
     the skin's surface [logarithm of pitches].
     """
 
@@ -85,29 +85,32 @@ class PressureModel:
     EXTRAS = 5
     PEAK = -2             #: its place among the parameters
     expected = read_only(np.array((1.0, 0.0, 0.0, 0.7, np.log(0.6))))
-    EVEN, PUNCH = (1.0, 0.0, 0.0, 0.0, np.log(0.4)), (1.0, 0.0, 0.0, 1.0, np.log(0.6))  #: extras to start with
-    SMALLER = 0.87        #: a punch than a guess from its moments, for its pressure is at its rim; training seeds
+    EVEN, FULL = (1.0, 0.0, 0.0, 0.0, np.log(0.4)), (1.0, 0.0, 0.0, 1.0, np.log(0.6))  #: extras to start with
     precision = read_only(np.array((1.0, TILT_SPREAD, TILT_SPREAD, PEAK_SPREAD, DEPTH_SPREAD)) ** -2)
 
-    def __init__(self, outline: Outline, window: Window, centre: np.ndarray):
-        self.outline, self._window = outline, window
+    def __init__(self, outline: Outline, window: Window, centre: np.ndarray, profile: Profile = PUNCH):
+        self.outline, self.profile, self._window = outline, profile, window
         self._x = window.col + np.arange(window.cols) - centre[0]
         self._y = (window.row + np.arange(window.rows) - centre[1])[:, np.newaxis]
         self._row_distance, self._col_distance = _distances(window.rows), _distances(window.cols)
 
     def starts(self, guess: np.ndarray) -> list[np.ndarray]:
-        """A punch, smaller than the guess, and an even pressure.
+        """With the profile's pressure and, of a punch, with an even one: of few taxels both fit nearly as well.
 
-        Of few taxels both fit nearly as well; rigid objects press as punches do.
+        Rigid objects press as punches and domes do.
         """
-        smaller = guess.copy()
-        smaller[-len(self.outline.dimensions):] *= self.SMALLER
-        return [np.concatenate((smaller, self.PUNCH)), np.concatenate((guess, self.EVEN))]
+        sized, count = guess.copy(), len(self.outline.dimensions)
+        sized[-count:] *= self.profile.larger[-count:]
+        starts = [np.concatenate((sized, self.FULL))]
+        if self.profile is PUNCH:
+            starts.append(np.concatenate((guess, self.EVEN)))
+        return starts
 
     def predict(self, parameters: np.ndarray) -> Prediction:
         geometry, (level, tilt_x, tilt_y, peak, log_depth) = np.split(parameters, [-self.EXTRAS])
-        of_change = PROFILES[0] + peak * PROFILES[1]
-        covered, change = coverages(*nested(self.outline, geometry), self._window, PROFILES, of_change)
+        weights = self.profile.weights
+        of_change = weights[0] + peak * weights[1]
+        covered, change = coverages(*nested(self.profile, self.outline, geometry), self._window, weights, of_change)
         pressed, force = covered[0] + peak * covered[1], level + tilt_x * self._x + tilt_y * self._y
         count = len(parameters)
         sharp = np.empty((count, *pressed.shape))
@@ -140,6 +143,8 @@ class PressureModel:
         Indenters are of few kinds: what looks like a flat punch is one, and what looks even is even. None: it looks
         like neither.
         """
+        if self.profile is not PUNCH:
+            return None
         nearest = min(PEAKS, key=lambda peak: abs(peak - parameters[self.PEAK]))
         if deviation > PEAK_SHOWN or abs(nearest - parameters[self.PEAK]) > PEAK_NEAR:
             return None
