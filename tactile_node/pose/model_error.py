@@ -15,7 +15,7 @@ MOST = 1.2  #: of a punch's peak
 MOST_PEAKED = 2.0  #: of a dome's above 1, a cone's
 #: Standard deviations that no fit goes below: taxels differ from the model's, and a layer from a half-space.
 LEAST_PLACE, LEAST_ANGLE, LEAST_LENGTH = 0.003, 0.001, 0.02  #: [pitches, radians]
-FEW = 20.0  #: area [taxels] at which the deviation is twice that of large contacts
+FEW = 26.0  #: area [taxels] at which the deviation is twice that of large contacts
 
 
 class Skin(NamedTuple):
@@ -86,7 +86,7 @@ def errors_of(shape: Shape, skin: Skin) -> ModelError:
 
 def share_of(skin: Skin) -> float:
     """Return how much of it: none under an even pressure."""
-    return min(max(skin.peak, 0.0), MOST) if skin.is_punch else 1.0
+    return min(max(skin.peak, 0.0), MOST if skin.is_punch else 1.0)
 
 
 def causes_of(outline: Outline, parameters: np.ndarray, skin: Skin) -> np.ndarray:
