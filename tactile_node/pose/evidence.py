@@ -20,6 +20,7 @@ class Evidence(NamedTuple):
     solid: np.ndarray   #: (rows, cols), values >= 0, invalid taxels and holes filled: for moments
     level: float        #: typical value of the contact, in the unit of the frame
     on_off: bool        #: values are 0 and 1 only
+    at_edge: bool       #: of the pad: a part of the contact may be beyond
 
 
 def gather(values: np.ndarray, mask: np.ndarray) -> Evidence:
@@ -28,7 +29,7 @@ def gather(values: np.ndarray, mask: np.ndarray) -> Evidence:
     ``values`` that are bool, or the numbers 0 and 1 only, are an on/off pattern. Raises InputError.
     """
     values, mask = checked(values, mask)
-    window = _window(mask)
+    window, at_edge = _window(mask), _touches_edge(mask)
     values, mask = _seen_through(window, values, np.nan), _seen_through(window, mask, False)
     valid = np.isfinite(values)
     values = np.where(valid, values, 0.0)
@@ -46,7 +47,7 @@ def gather(values: np.ndarray, mask: np.ndarray) -> Evidence:
     if hole is not None:
         solid[hole] = 1.0
     return Evidence(window=window, values=values.reshape(-1), used=used.reshape(-1), solid=np.maximum(solid, 0),
-                    level=level, on_off=on_off)
+                    level=level, on_off=on_off, at_edge=at_edge)
 
 
 def checked(values: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -77,6 +78,10 @@ def _seen_through(window: Window, taxels: np.ndarray, beyond: float) -> np.ndarr
     part = taxels[max(first_row, 0):last_row, max(first_col, 0):last_col]
     missing = ((max(-first_row, 0), max(last_row - rows, 0)), (max(-first_col, 0), max(last_col - cols, 0)))
     return np.pad(part, missing, constant_values=beyond) if any(map(any, missing)) else part
+
+
+def _touches_edge(mask: np.ndarray) -> bool:
+    return bool(mask[0].any() or mask[-1].any() or mask[:, 0].any() or mask[:, -1].any())
 
 
 def _around(mask: np.ndarray, reach: int) -> np.ndarray:

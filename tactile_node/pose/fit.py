@@ -117,7 +117,8 @@ class _Estimate(NamedTuple):
 def _guesses(evidence: Evidence, shape: Shape) -> list[Guess]:
     y, x = np.indices(evidence.solid.shape).reshape(2, -1)
     moments = moments_of(x + evidence.window.col, y + evidence.window.row, evidence.solid.reshape(-1))
-    return guesses(shape, moments, MARGIN_ON_OFF if evidence.on_off else MARGIN)
+    margin = np.inf if evidence.at_edge else MARGIN_ON_OFF if evidence.on_off else MARGIN
+    return guesses(shape, moments, margin)
 
 
 def _covariance(evidence: Evidence, shape: Shape, found: Candidate) -> np.ndarray:
@@ -125,7 +126,7 @@ def _covariance(evidence: Evidence, shape: Shape, found: Candidate) -> np.ndarra
     weights = weights_after(shape, found.solution.prediction, evidence)
     information = reweighted(found, weights).solution.information
     count = len(found.problem.model.outline.parameters)
-    return np.linalg.inv(information)[:count, :count] * covariance_scale(shape, evidence.on_off)
+    return np.linalg.inv(information)[:count, :count] * covariance_scale(shape, evidence)
 
 
 def _residual(evidence: Evidence, solution: Solution) -> float:
