@@ -18,6 +18,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
 
 import numpy as np
 import pose_fusion
+import pose_mechanics
 import pose_pictures
 from pose_world import CONDITIONS, by_moments, by_rectangle, draw, error, same_handedness
 from scipy.stats import binom, binomtest, chi2
@@ -231,6 +232,7 @@ def main() -> None:
     for part in (accuracy, alternatives, regions, corners, times):
         part(report, fitted)
     by_area(report, max(args.patterns // 3, 20))
+    pose_mechanics.report(report.say, report.table, max(args.patterns // 2, 20))
     pose_fusion.measure(report)
     worst = [(condition, max(((of.strict[i].centre + of.strict[i].length / 20, of.samples[i], of.fits[i], of.strict[i])
                               for i in range(len(of.fits))), key=lambda each: each[0])[1:])

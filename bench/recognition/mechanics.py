@@ -60,20 +60,17 @@ def flat_punch_frames(area: float, count: int, seed: int) -> Case:
 
 def ball_frames(area: float, count: int, seed: int) -> Case:
     """Balls: circles whose pressure falls towards the rim."""
-    return _case(area, count, seed, lambda rng, number: (ball(_compression(rng)), 0.0))
+    return _case(area, count, seed, random_ball)
 
 
 def cylinder_frames(area: float, count: int, seed: int) -> Case:
     """Cylinders on their side, tilted along their axis: rectangles."""
-    def draw(rng: np.random.Generator, number: int) -> tuple[Indenter, float]:
-        lying = cylinder(_compression(rng), rng.uniform(1.6, 2.8), rounding=rng.uniform(0.1, 0.5))
-        return lying, rng.uniform(*TILT)
-    return _case(area, count, seed, draw)
+    return _case(area, count, seed, random_cylinder)
 
 
 def cone_frames(area: float, count: int, seed: int) -> Case:
     """Cones with a blunt tip: circles with a peak."""
-    return _case(area, count, seed, lambda rng, number: (cone(_compression(rng), tip=rng.uniform(0.1, 0.5)), 0.0))
+    return _case(area, count, seed, random_cone)
 
 
 #: of the report's rows, by indenter; each row takes other seeds
@@ -103,6 +100,19 @@ def random_punch(rng: np.random.Generator, number: int) -> tuple[Indenter, float
     contact = random_contact(rng, CLASSES[number % len(CLASSES)], 1.0)
     upright = replace(contact, x=0.0, y=0.0, angle=0.0)
     return flat_punch(upright, _compression(rng), rng.uniform(*ROUNDING)), rng.uniform(*TILT)
+
+
+def random_ball(rng: np.random.Generator, number: int) -> tuple[Indenter, float]:
+    return ball(_compression(rng)), 0.0
+
+
+def random_cylinder(rng: np.random.Generator, number: int) -> tuple[Indenter, float]:
+    lying = cylinder(_compression(rng), rng.uniform(1.6, 2.8), rounding=rng.uniform(0.1, 0.5))
+    return lying, rng.uniform(*TILT)
+
+
+def random_cone(rng: np.random.Generator, number: int) -> tuple[Indenter, float]:
+    return cone(_compression(rng), tip=rng.uniform(0.1, 0.5)), 0.0
 
 
 def _frame(rng: np.random.Generator, area: float, indenter: Indenter, tilt: float) -> tuple[np.ndarray, Pressed]:

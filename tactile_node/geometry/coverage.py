@@ -27,27 +27,41 @@ def coverage(corners: np.ndarray, motions: np.ndarray, window: Window) -> tuple[
     Shapes (rows, cols) and (p, rows, cols).
 
     ``corners``: (n, 2), in the sense from x to y; ``motions``: (p, n, 2), d corners / d parameter.
+    """
+    once = np.ones((1, 1))
+    covered, changes = coverages(corners[np.newaxis], motions[:, np.newaxis], window, once, once[0])
+    return covered[0], changes
+
+
+def coverages(corners: np.ndarray, motions: np.ndarray, window: Window, weights: np.ndarray,
+              of_change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return sums of what k polygons cover of each taxel, each with its weight, and the derivatives of one such sum.
+
+    Shapes (m, rows, cols) and (p, rows, cols). ``corners``: (k, n, 2); ``motions``: (p, k, n, 2); ``weights``: (m, k),
+    a row a sum; ``of_change``: (k,), of the sum whose derivatives are wanted.
     By the divergence theorem: an edge's outward normal N (as long as the edge) and the stretch t0...t1 of it
     within a taxel give d area = ∫ N · motion dt, and area = ∫ N_x (x - left) dt + the length of the taxel's
     right side within the polygon; that length is what all edges to the left have let in.
     """
-    edges = len(corners)
-    following = np.arange(1, edges + 1) % edges
-    stop = corners[following]
-    edge = stop - corners
+    sums, each = len(weights), corners.shape[1]
+    edges = corners.shape[0] * each
+    following = np.arange(1, each + 1) % each
+    start, stop = corners.reshape(-1, 2), corners[:, following].reshape(-1, 2)
+    edge = stop - start
     normal = edge[:, ::-1] * (1.0, -1.0)
-    rows = np.empty((2 + len(motions), 2 * edges))
-    rows[1, :edges] = rows[1, edges:] = normal[:, 0]
-    rows[0, :edges], rows[0, edges:] = normal[:, 0] * corners[:, 0], normal[:, 0] * stop[:, 0]
-    by_corner = motions * normal
-    rows[2:, :edges] = by_corner[..., 0] + by_corner[..., 1]
-    by_corner = motions[:, following] * normal
-    rows[2:, edges:] = by_corner[..., 0] + by_corner[..., 1]
-    stretches = _stretches(corners, edge, window).reshape(2 * edges, -1)
+    rows = np.empty((2 * sums + len(motions), 2 * edges))
+    weight = np.repeat(weights, each, axis=1) * normal[:, 0]
+    rows[sums:2 * sums, :edges] = rows[sums:2 * sums, edges:] = weight
+    rows[:sums, :edges], rows[:sums, edges:] = weight * start[:, 0], weight * stop[:, 0]
+    by_corner = motions * (normal.reshape(corners.shape) * of_change[:, np.newaxis, np.newaxis])
+    rows[2 * sums:, :edges] = (by_corner[..., 0] + by_corner[..., 1]).reshape(-1, edges)
+    by_corner = motions[:, :, following] * (normal.reshape(corners.shape) * of_change[:, np.newaxis, np.newaxis])
+    rows[2 * sums:, edges:] = (by_corner[..., 0] + by_corner[..., 1]).reshape(-1, edges)
+    stretches = _stretches(start, edge, window).reshape(2 * edges, -1)
     flux = (rows @ stretches).reshape(len(rows), window.rows, window.cols + 1)
     left = window.col - 0.5 + np.arange(window.cols)
-    right_side = -flux[1].cumsum(1)[:, 1:]
-    return flux[0, :, 1:] - left * flux[1, :, 1:] + right_side, flux[2:, :, 1:]
+    right_side = -flux[sums:2 * sums].cumsum(2)[..., 1:]
+    return flux[:sums, :, 1:] - left * flux[sums:2 * sums, :, 1:] + right_side, flux[2 * sums:, :, 1:]
 
 
 def _stretches(start: np.ndarray, edge: np.ndarray, window: Window) -> np.ndarray:

@@ -20,6 +20,7 @@ class Evidence(NamedTuple):
     solid: np.ndarray   #: (rows, cols), values >= 0, invalid taxels and holes filled: for moments
     level: float        #: typical value of the contact, in the unit of the frame
     on_off: bool        #: values are 0 and 1 only
+    at_edge: bool       #: of the pad: a part of the contact may be beyond
 
 
 def gather(values: np.ndarray, mask: np.ndarray) -> Evidence:
@@ -28,8 +29,8 @@ def gather(values: np.ndarray, mask: np.ndarray) -> Evidence:
     ``values`` that are bool, or the numbers 0 and 1 only, are an on/off pattern. Raises InputError.
     """
     values, mask = checked(values, mask)
-    window = _window(mask)
-    values, mask = values[window.slices], mask[window.slices]
+    window, at_edge = _window(mask), _touches_edge(mask)
+    values, mask = _seen_through(window, values, np.nan), _seen_through(window, mask, False)
     valid = np.isfinite(values)
     values = np.where(valid, values, 0.0)
     near = _around(mask, MARGIN)
@@ -46,7 +47,7 @@ def gather(values: np.ndarray, mask: np.ndarray) -> Evidence:
     if hole is not None:
         solid[hole] = 1.0
     return Evidence(window=window, values=values.reshape(-1), used=used.reshape(-1), solid=np.maximum(solid, 0),
-                    level=level, on_off=on_off)
+                    level=level, on_off=on_off, at_edge=at_edge)
 
 
 def checked(values: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -63,10 +64,24 @@ def checked(values: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _window(mask: np.ndarray) -> Window:
+    """Around the contact, also beyond the pad's edge: what presses there is felt by the taxels at the edge."""
     rows, cols = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-    row, col = max(rows[0] - MARGIN, 0), max(cols[0] - MARGIN, 0)
-    return Window(int(row), int(col), int(min(rows[-1] + MARGIN + 1, mask.shape[0]) - row),
-                  int(min(cols[-1] + MARGIN + 1, mask.shape[1]) - col))
+    return Window(int(rows[0]) - MARGIN, int(cols[0]) - MARGIN, int(np.ptp(rows)) + 1 + 2 * MARGIN,
+                  int(np.ptp(cols)) + 1 + 2 * MARGIN)
+
+
+def _seen_through(window: Window, taxels: np.ndarray, beyond: float) -> np.ndarray:
+    """The window's part of ``taxels``, with the value ``beyond`` where there are none."""
+    (first_row, last_row), (first_col, last_col) = ((first, first + count) for first, count in (
+        (window.row, window.rows), (window.col, window.cols)))
+    rows, cols = taxels.shape
+    part = taxels[max(first_row, 0):last_row, max(first_col, 0):last_col]
+    missing = ((max(-first_row, 0), max(last_row - rows, 0)), (max(-first_col, 0), max(last_col - cols, 0)))
+    return np.pad(part, missing, constant_values=beyond) if any(map(any, missing)) else part
+
+
+def _touches_edge(mask: np.ndarray) -> bool:
+    return bool(mask[0].any() or mask[-1].any() or mask[:, 0].any() or mask[:, -1].any())
 
 
 def _around(mask: np.ndarray, reach: int) -> np.ndarray:

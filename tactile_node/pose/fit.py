@@ -6,21 +6,21 @@ import numpy as np
 
 from tactile_node.geometry.outlines import OUTLINES, Outline, outline_of
 from tactile_node.pose.blocks import in_blocks, size_of
+from tactile_node.pose.candidate import Candidate, coarse, fine, reweighted, skin_of, with_likely_peak
 from tactile_node.pose.evidence import Evidence, checked, gather
 from tactile_node.pose.first_guess import Guess, guesses, moments_of
-from tactile_node.pose.least_squares import Problem, Solution, evaluate, minimise
+from tactile_node.pose.least_squares import Solution
+from tactile_node.pose.model_error import corrected
 from tactile_node.pose.noise import covariance_scale, weights_after
 from tactile_node.pose.pitch import check_pitch
-from tactile_node.pose.skin_model import Model, PatternModel, PressureModel
+from tactile_node.pose.profiles import DOMES
 from tactile_node.read_only import read_only
 from tactile_node.shape.recognition import Shape
 
-COARSE = 0.3  #: when the first pass stops [pitches]
-FINE = 0.05   #: and the second
-FIRST_NOISE = 0.05    #: of a value in the first pass [fraction of level]
 MARGIN = 0.15         #: corners of a triangle are tried when their angles, or log lengths, are so close
 MARGIN_ON_OFF = 0.35
 AMBIGUOUS = 6.0       #: two fits whose sums of squares differ by less cannot be distinguished
+DOME_PEAK = 0.3       #: a circle that is fitted as a punch of less may be a ball
 HOPELESS = 500.0      #: a fit that is worse by more after the first pass is not refined
 
 
@@ -39,6 +39,9 @@ class ShapeFit(NamedTuple):
     covariance: np.ndarray             #: of ``parameter_names``, [m, rad]
     residual: float                    #: root mean square of value - model, fraction of the contact's level
     outline: np.ndarray                #: corners, (n, 2), in the sense from x to y [m]
+    is_dome: bool                      #: pressed as a ball, a cone or a lying cylinder does, not as a flat punch
+    peak: float                        #: 0: an even pressure; about 1: a punch's or a dome's; NaN: on/off taxels
+    depth: float                       #: of the taxels below the skin's surface, as fitted [m]; NaN: on/off taxels
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -68,21 +71,24 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float =
     values, mask = checked(values, mask)
     size = size_of(mask)
     if size == 1:
-        return _fitted(gather(values, mask), Shape(shape), pitch)
+        return fit_evidence(gather(values, mask), Shape(shape), pitch)
     blocks = in_blocks(values, mask, size)
     if not blocks.mask.any():  # a line that no block is half full of
-        return _fitted(gather(values, mask), Shape(shape), pitch)
-    fit = _fitted(gather(blocks.values, blocks.mask), Shape(shape), pitch * size)
+        return fit_evidence(gather(values, mask), Shape(shape), pitch)
+    fit = fit_evidence(gather(blocks.values, blocks.mask), Shape(shape), pitch * size)
     return _moved(fit, blocks.x * pitch, blocks.y * pitch)
 
 
-def _fitted(evidence: Evidence, shape: Shape, pitch: float) -> ShapeFit:
-    candidates = [_coarse(evidence, shape, guess) for guess in _guesses(evidence, shape)]
+def fit_evidence(evidence: Evidence, shape: Shape, pitch: float) -> ShapeFit:
+    starts = _guesses(evidence, shape)
+    candidates = [coarse(evidence, shape, guess) for guess in starts]
+    if _may_be_dome(shape, candidates[0]):
+        candidates.append(coarse(evidence, shape, starts[0], DOMES[shape]))
     best = min(candidates, key=lambda candidate: candidate.solution.cost)
     weights = weights_after(shape, best.solution.prediction, evidence)
-    candidates = [_reweighted(candidate, weights) for candidate in candidates]
+    candidates = [with_likely_peak(reweighted(candidate, weights)) for candidate in candidates]
     within = min(candidate.solution.cost for candidate in candidates) + HOPELESS
-    candidates = sorted((_fine(candidate) for candidate in candidates if candidate.solution.cost < within),
+    candidates = sorted((fine(candidate) for candidate in candidates if candidate.solution.cost < within),
                         key=lambda candidate: candidate.solution.cost)
     estimate = _together(shape, evidence, candidates)
     return _in_metres(shape, pitch, evidence, found=candidates[0], estimate=estimate)
@@ -91,6 +97,12 @@ def _fitted(evidence: Evidence, shape: Shape, pitch: float) -> ShapeFit:
 def _moved(fit: ShapeFit, x: float, y: float) -> ShapeFit:
     """``fit`` in a frame whose origin is at -``x``, -``y`` [m]."""
     return fit._replace(centre=(fit.centre[0] + x, fit.centre[1] + y), outline=read_only(fit.outline + (x, y)))
+
+
+def _may_be_dome(shape: Shape, punch: Candidate) -> bool:
+    """A lying cylinder looks like a punch until its own model is tried; a ball, like a punch of little peak."""
+    skin = skin_of(punch)
+    return skin is not None and shape in DOMES and (shape is not Shape.CIRCLE or skin.peak < DOME_PEAK)
 
 
 class _Estimate(NamedTuple):
@@ -102,56 +114,19 @@ class _Estimate(NamedTuple):
     symmetry: int
 
 
-class _Candidate(NamedTuple):
-    problem: Problem
-    solution: Solution
-    handedness: int
-
-
 def _guesses(evidence: Evidence, shape: Shape) -> list[Guess]:
     y, x = np.indices(evidence.solid.shape).reshape(2, -1)
     moments = moments_of(x + evidence.window.col, y + evidence.window.row, evidence.solid.reshape(-1))
-    return guesses(shape, moments, MARGIN_ON_OFF if evidence.on_off else MARGIN)
+    margin = np.inf if evidence.at_edge else MARGIN_ON_OFF if evidence.on_off else MARGIN
+    return guesses(shape, moments, margin)
 
 
-def _coarse(evidence: Evidence, shape: Shape, guess: Guess) -> _Candidate:
-    outline = outline_of(shape, guess.handedness)
-    if evidence.on_off:
-        model: Model = PatternModel(outline, evidence.window)
-    else:
-        model = PressureModel(outline, evidence.window, guess.parameters[:2])
-    start = np.concatenate((guess.parameters, model.start))
-    precision = np.concatenate((_vague(outline, guess.parameters), model.precision))
-    problem = Problem(model, values=evidence.values, weights=evidence.used / FIRST_NOISE**2, expected=start,
-                      precision=precision)
-    at = evaluate(problem, start, model.predict(start))
-    return _Candidate(problem, minimise(problem, at, tolerance=COARSE, max_steps=10), guess.handedness)
-
-
-def _vague(outline: Outline, guess: np.ndarray) -> np.ndarray:
-    """1 / variance of a guess: a length may be wrong by itself, the place by the largest; the angle is free."""
-    _, _, dimensions = outline.split(guess)
-    lengths = np.concatenate(([dimensions.max()] * 2, *([[1.8]] if outline.symmetry else []), dimensions))
-    return 1 / np.maximum(lengths, 1)**2
-
-
-def _reweighted(candidate: _Candidate, weights: np.ndarray) -> _Candidate:
-    problem, solution = candidate.problem._replace(weights=weights), candidate.solution
-    solution = evaluate(problem, solution.parameters, solution.prediction)
-    return candidate._replace(problem=problem, solution=solution)
-
-
-def _fine(candidate: _Candidate) -> _Candidate:
-    solution = minimise(candidate.problem, candidate.solution, tolerance=FINE, max_steps=6)
-    return candidate._replace(solution=solution)
-
-
-def _covariance(evidence: Evidence, shape: Shape, found: _Candidate) -> np.ndarray:
+def _covariance(evidence: Evidence, shape: Shape, found: Candidate) -> np.ndarray:
     """Of the outline's parameters, with weights by the last residuals."""
     weights = weights_after(shape, found.solution.prediction, evidence)
-    information = _reweighted(found, weights).solution.information
+    information = reweighted(found, weights).solution.information
     count = len(found.problem.model.outline.parameters)
-    return np.linalg.inv(information)[:count, :count] * covariance_scale(shape, evidence.on_off)
+    return np.linalg.inv(information)[:count, :count] * covariance_scale(shape, evidence)
 
 
 def _residual(evidence: Evidence, solution: Solution) -> float:
@@ -159,7 +134,7 @@ def _residual(evidence: Evidence, solution: Solution) -> float:
     return float(np.sqrt(residual @ residual / max(len(residual), 1)))
 
 
-def _together(shape: Shape, evidence: Evidence, candidates: list[_Candidate]) -> _Estimate:
+def _together(shape: Shape, evidence: Evidence, candidates: list[Candidate]) -> _Estimate:
     """The best candidate; the others, as far as they are likely too, widen its covariance."""
     estimates = [_estimate(shape, evidence, candidate) for candidate in candidates]
     best, costs = estimates[0], np.array([candidate.solution.cost for candidate in candidates])
@@ -177,14 +152,17 @@ def _together(shape: Shape, evidence: Evidence, candidates: list[_Candidate]) ->
     return best._replace(covariance=covariance)
 
 
-def _estimate(shape: Shape, evidence: Evidence, found: _Candidate) -> _Estimate:
+def _estimate(shape: Shape, evidence: Evidence, found: Candidate) -> _Estimate:
     covariance = _covariance(evidence, shape, found)
     fitted = found.solution.parameters[:len(covariance)]
     parameters, handedness, covariance = _canonical(shape, found.handedness, fitted, covariance)
+    skin = skin_of(found)
+    if skin is not None:
+        parameters, covariance = corrected(shape, handedness, parameters, covariance, skin)
     return _Estimate(parameters, covariance, handedness, OUTLINES[shape].symmetry)
 
 
-def _in_metres(shape: Shape, pitch: float, evidence: Evidence, found: _Candidate,
+def _in_metres(shape: Shape, pitch: float, evidence: Evidence, found: Candidate,
                estimate: _Estimate) -> ShapeFit:
     outline = outline_of(shape, estimate.handedness)
     scale = np.array([1.0 if name == 'angle' else pitch for name in outline.parameters])
@@ -193,9 +171,12 @@ def _in_metres(shape: Shape, pitch: float, evidence: Evidence, found: _Candidate
     corners.flags.writeable = covariance.flags.writeable = False
     centre, angle, dimensions = outline.split(estimate.parameters * scale)
     handedness = estimate.handedness if shape is Shape.RIGHT_TRIANGLE else 0
+    skin = skin_of(found)
     return ShapeFit(shape=shape, centre=tuple(centre.tolist()), angle=angle, symmetry=estimate.symmetry,
                     handedness=handedness, dimension_names=outline.dimensions, dimensions=tuple(dimensions.tolist()),
-                    covariance=covariance, residual=_residual(evidence, found.solution), outline=corners)
+                    covariance=covariance, residual=_residual(evidence, found.solution), outline=corners,
+                    is_dome=skin is not None and not skin.is_punch, peak=skin.peak if skin else np.nan,
+                    depth=skin.depth * pitch if skin else np.nan)
 
 
 def _canonical(shape: Shape, handedness: int, parameters: np.ndarray,

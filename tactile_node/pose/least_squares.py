@@ -31,15 +31,15 @@ class Solution(NamedTuple):
 
 
 def minimise(problem: Problem, at: Solution, *, tolerance: float, max_steps: int) -> Solution:
-    """Minimise from ``at``; the last step is shorter than ``tolerance`` [pitches].
+    """Minimise from ``at``; the last step of the outline is shorter than ``tolerance`` [pitches].
 
     Steps converge quadratically: what is left then is of the order of ``tolerance`` squared.
     """
-    damping, best = 1e-3, at
+    damping, best, geometry = 1e-3, at, len(problem.model.outline.parameters)
     for _ in range(max_steps):
         parameters = _bounded(problem.model, best.parameters + _step(problem, best, damping))
         trial = evaluate(problem, parameters, problem.model.predict(parameters))
-        size = np.abs(trial.parameters - best.parameters).max()
+        size = np.abs(trial.parameters - best.parameters)[:geometry].max()
         if trial.cost <= best.cost:
             best, damping = trial, damping / 10
         else:
@@ -70,11 +70,11 @@ def _step(problem: Problem, at: Solution, damping: float) -> np.ndarray:
 
 
 def _bounded(model: Model, parameters: np.ndarray) -> np.ndarray:
-    """Dimensions stay positive, blur stays between none and a pitch."""
-    extras = model.start.size
+    """Dimensions stay positive, extras where the model knows them."""
+    extras = model.expected.size
     first = len(parameters) - extras - len(model.outline.dimensions)
     dimensions = slice(first, len(parameters) - extras)
     parameters[dimensions] = np.maximum(parameters[dimensions], SMALLEST)
     if extras:
-        parameters[-1] = min(max(parameters[-1], 0.0), 0.6)
+        parameters[-extras:] = model.bounded(parameters[-extras:])
     return parameters

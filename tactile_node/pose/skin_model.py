@@ -1,8 +1,7 @@
 """What a skin shows of a contact: taxel values as a function of outline, pressure and blur.
 
-A pressure skin shows (level + tilt_x X + tilt_y Y) times the covered fraction of the taxel, blurred by the
-elastomer: a sampled Gaussian with taps proportional to spread^(k²), spread = exp(-1 / 2σ²). An on/off skin
-shows 1 where a taxel's centre is inside.
+A pressure skin shows the pressure under a punch, or a more even one (`punch`), times (level + tilt_x X + tilt_y Y),
+spread by the layer over the taxels (`layer_kernel`). An on/off skin shows 1 where a taxel's centre is inside.
 """
 
 from typing import NamedTuple, Protocol
@@ -10,9 +9,18 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from scipy.special import expit
 
-from tactile_node.geometry.coverage import Window, coverage
+from tactile_node.geometry.coverage import Window, coverages
 from tactile_node.geometry.outlines import Outline
 from tactile_node.geometry.polygon import moving_depth
+from tactile_node.pose.layer_kernel import DEPTHS, REACH, taps_at
+from tactile_node.pose.profiles import PUNCH, Profile, nested
+from tactile_node.read_only import read_only
+
+PEAKS = 0.0, 1.03    #: of an even pressure and of a flat punch's, as fits find it
+PEAK_NEAR = 0.4      #: a first fit is as near to one of them
+PEAK_SHOWN = 0.25    #: to this standard deviation or less
+PEAK_KNOWN = 0.08    #: standard deviation about it
+LOG_DEPTHS = float(np.log(DEPTHS[0])), float(np.log(DEPTHS[1]))
 
 
 class Prediction(NamedTuple):
@@ -27,17 +35,22 @@ class Model(Protocol):
     """Parameters are the outline's, then the model's own ``extras``."""
 
     outline: Outline
-    start: np.ndarray      #: first values of the extras
-    precision: np.ndarray  #: 1 / variance of the extras beforehand, about ``start``
+    expected: np.ndarray   #: of the extras, beforehand
+    precision: np.ndarray  #: 1 / variance of that
+
+    def starts(self, guess: np.ndarray) -> list[np.ndarray]:
+        """Where a fit may start, the likeliest first, given a guess of the outline's parameters from moments."""
 
     def predict(self, parameters: np.ndarray) -> Prediction: ...
+
+    def bounded(self, extras: np.ndarray) -> np.ndarray: ...
 
 
 class PatternModel:
     """On/off values: a logistic step across the outline, for where a taxel's centre is inside."""
 
     EDGE = 0.1  #: its width [pitches]
-    start = precision = np.empty(0)
+    expected = precision = np.empty(0)
 
     def __init__(self, outline: Outline, window: Window):
         self.outline = outline
@@ -50,52 +63,100 @@ class PatternModel:
         rim = inside * (1 - inside)
         return Prediction(inside, change * (rim / self.EDGE), rim)
 
+    def starts(self, guess: np.ndarray) -> list[np.ndarray]:
+        """The guess itself."""
+        return [guess]
+
+    def bounded(self, extras: np.ndarray) -> np.ndarray:
+        """There are none."""
+        return extras
+
 
 class PressureModel:
-    """Values in units of a typical pressure, so that ``level`` is about 1."""
+    """Values in units of a typical pressure, so that ``level`` is about 1.
+
+    ``peak``: 0 for a uniform pressure, 1 for the profile's. ``log_depth``: of the taxels below
+    the skin's surface [logarithm of pitches].
+    """
 
     TILT_SPREAD = 0.06    #: standard deviation expected of the tilt [relative rise a pitch]
-    BLUR_SPREAD = 0.15    #: and of the neighbour's share; 0.135 is a blur of half a pitch
-    start = np.array((1.0, 0.0, 0.0, 0.02))
-    precision = np.array((1.0, TILT_SPREAD**-2, TILT_SPREAD**-2, BLUR_SPREAD**-2))
+    PEAK_SPREAD = 0.7
+    DEPTH_SPREAD = 0.6    #: and of the logarithm of the depth
+    EXTRAS = 5
+    PEAK = -2             #: its place among the parameters
+    expected = read_only(np.array((1.0, 0.0, 0.0, 0.7, np.log(0.6))))
+    EVEN, FULL = (1.0, 0.0, 0.0, 0.0, np.log(0.4)), (1.0, 0.0, 0.0, 1.0, np.log(0.6))  #: extras to start with
+    precision = read_only(np.array((1.0, TILT_SPREAD, TILT_SPREAD, PEAK_SPREAD, DEPTH_SPREAD)) ** -2)
 
-    def __init__(self, outline: Outline, window: Window, centre: np.ndarray):
-        self.outline, self._window = outline, window
+    def __init__(self, outline: Outline, window: Window, centre: np.ndarray, profile: Profile = PUNCH):
+        self.outline, self.profile, self._window = outline, profile, window
         self._x = window.col + np.arange(window.cols) - centre[0]
         self._y = (window.row + np.arange(window.rows) - centre[1])[:, np.newaxis]
         self._row_distance, self._col_distance = _distances(window.rows), _distances(window.cols)
 
+    def starts(self, guess: np.ndarray) -> list[np.ndarray]:
+        """With the profile's pressure and, of a punch, with an even one: of few taxels both fit nearly as well.
+
+        Rigid objects press as punches and domes do.
+        """
+        sized, count = guess.copy(), len(self.outline.dimensions)
+        sized[-count:] *= self.profile.larger[-count:]
+        starts = [np.concatenate((sized, self.FULL))]
+        if self.profile is PUNCH:
+            starts.append(np.concatenate((guess, self.EVEN)))
+        return starts
+
     def predict(self, parameters: np.ndarray) -> Prediction:
-        geometry, (level, tilt_x, tilt_y, spread) = parameters[:-4], parameters[-4:]
-        covered, change = coverage(*self.outline.moving(geometry), self._window)
-        pressure = level + tilt_x * self._x + tilt_y * self._y
+        geometry, (level, tilt_x, tilt_y, peak, log_depth) = np.split(parameters, [-self.EXTRAS])
+        weights = self.profile.weights
+        of_change = weights[0] + peak * weights[1]
+        covered, change = coverages(*nested(self.profile, self.outline, geometry), self._window, weights, of_change)
+        pressed, force = covered[0] + peak * covered[1], level + tilt_x * self._x + tilt_y * self._y
         count = len(parameters)
-        sharp = np.empty((count, *covered.shape))
-        np.multiply(change, pressure, out=sharp[:-4])
-        sharp[-4] = covered
-        np.multiply(covered, self._x, out=sharp[-3])
-        np.multiply(covered, self._y, out=sharp[-2])
-        np.multiply(covered, pressure, out=sharp[-1])
-        taps, d_taps = _taps(spread)
-        rows, cols, d_rows = taps[self._row_distance], taps[self._col_distance], d_taps[self._row_distance]
-        jacobian = sharp @ cols
-        contact = d_rows @ jacobian[-1] + rows @ (sharp[-1] @ d_taps[self._col_distance])
-        jacobian = rows @ jacobian
-        jacobian[-1] = contact
+        sharp = np.empty((count, *pressed.shape))
+        np.multiply(change, force, out=sharp[:-self.EXTRAS])
+        sharp[-5] = pressed
+        np.multiply(pressed, self._x, out=sharp[-4])
+        np.multiply(pressed, self._y, out=sharp[-3])
+        np.multiply(covered[1], force, out=sharp[-2])
+        np.multiply(pressed, force, out=sharp[-1])
+        along, across, deeper_along, deeper_across = self._kernels(log_depth)
+        by_cols = sharp @ across[:, np.newaxis]
+        jacobian = (along[:, np.newaxis] @ by_cols).sum(0)
+        values = jacobian[-1].reshape(-1).copy()
+        jacobian[-1] = (deeper_along @ by_cols[:, -1] + along @ (sharp[-1] @ deeper_across)).sum(0)
         jacobian = jacobian.reshape(count, -1)
         rim = np.sqrt(jacobian[0]**2 + jacobian[1]**2)  # the change by a pitch of displacement
-        return Prediction(parameters[-4:-1] @ jacobian[-4:-1], jacobian, rim)
+        return Prediction(values, jacobian, rim)
+
+    def _kernels(self, log_depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Along rows (with the sign) and across them, and by the depth's logarithm: (TERMS, n, n) each."""
+        signs, taps, by_log_depth = taps_at(log_depth)
+        both = np.stack((taps, by_log_depth))
+        along, deeper_along = (both * signs)[..., self._row_distance]
+        across, deeper_across = both[..., self._col_distance]
+        return along, across, deeper_along, deeper_across
+
+    def likely_peak(self, parameters: np.ndarray, deviation: float) -> tuple[float, float] | None:
+        """Return what ``peak`` is expected to be and 1 / variance of that, by a first fit and its ``deviation``.
+
+        Indenters are of few kinds: what looks like a flat punch is one, and what looks even is even. None: it looks
+        like neither.
+        """
+        if self.profile is not PUNCH:
+            return None
+        nearest = min(PEAKS, key=lambda peak: abs(peak - parameters[self.PEAK]))
+        if deviation > PEAK_SHOWN or abs(nearest - parameters[self.PEAK]) > PEAK_NEAR:
+            return None
+        return nearest, PEAK_KNOWN ** -2
+
+    def bounded(self, extras: np.ndarray) -> np.ndarray:
+        """The extras, the depth within what the kernel is known for."""
+        extras[-1] = min(max(extras[-1], LOG_DEPTHS[0]), LOG_DEPTHS[1])
+        return extras
 
 
 def _distances(count: int) -> np.ndarray:
     place = np.arange(count)
-    apart: np.ndarray = np.minimum(np.abs(place[:, np.newaxis] - place), 3)
+    apart: np.ndarray = np.minimum(np.abs(place[:, np.newaxis] - place), REACH + 1)
     return apart
-
-
-def _taps(spread: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return a blurring kernel at the distances 0, 1, 2, more and its derivative by ``spread``."""
-    taps = np.array((1.0, spread, spread**4, 0.0))
-    d_taps = np.array((0.0, 1.0, 4 * spread**3, 0.0))
-    total, d_total = 1 + 2 * spread + 2 * spread**4, 2 + 8 * spread**3
-    return taps / total, d_taps / total - taps * (d_total / total**2)

@@ -1,0 +1,129 @@
+"""Finds the table of tactile_node/pose/model_error.py on computed contacts of training solutions.
+
+Run from the checkout: python bench/pose_calibration.py [--frames 3000] [--build build]
+The first run solves the indenters of the training (some minutes) unless `make train` has. What it prints replaces the
+table; a second run then finds nearly nothing to change. Circles are punches, too; a ball has no peak.
+"""
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+os.environ.setdefault('OMP_NUM_THREADS', '1')
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
+
+import numpy as np
+from pose_mechanics import Pressed, outlined, pressed
+
+from tactile_node.geometry.outlines import OUTLINES, outline_of
+from tactile_node.pose.fit import ShapeFit, fit_shape
+from tactile_node.pose.model_error import ModelError, Skin, causes_of, errors_of, scales_of, share_of, spread_at
+from tactile_node.pose.profiles import DOMES
+from tactile_node.shape.recognition import Shape
+from tactile_node.synthetic.mechanics import Solution
+from tactile_node.synthetic.seeds import Purpose, generator
+from training.mechanics import solution_pool
+
+SEED = 950_000
+TILT = 0.4            #: beyond, more than the fit's model is wrong
+AREAS = 22.0, 130.0   #: log-uniform
+OUTLIERS = 4.0        #: of the residuals, in robust standard deviations, do not count
+TERMS = len(ModelError._fields) - 1
+#: Parameters without a bias, for the shape looks the same from both sides.
+SYMMETRIC = {Shape.CIRCLE: (0, 1), Shape.SQUARE: (0, 1, 2), Shape.RECTANGLE: (0, 1, 2), Shape.RIGHT_TRIANGLE: (),
+             Shape.ISOSCELES_TRIANGLE: (0, 2)}
+
+
+def frames(folder: Path, shape: Shape, is_punch: bool, count: int) -> list[Pressed]:
+    """Flat punches or domes of one class, at any pose, depth and pressure."""
+    rng = generator(Purpose.TRAINING, SEED + list(OUTLINES).index(shape))
+    solutions = [(solution, outlined(solution)) for solution in solution_pool(folder)
+                 if _is_meant(solution, shape, is_punch)]
+    found = []
+    while len(found) < count:
+        solution, outline = solutions[rng.integers(len(solutions))]
+        frame = pressed(rng, solution, outline, float(np.exp(rng.uniform(*np.log(AREAS)))))
+        if frame.mask.any():
+            found.append(frame)
+    return found
+
+
+def _is_meant(solution: Solution, shape: Shape, is_punch: bool) -> bool:
+    return ((solution.kind == 'flat_punch') == is_punch and solution.label == shape
+            and np.hypot(*solution.tilt) < TILT)
+
+
+def calibrated(shape: Shape, is_punch: bool, frames: list[Pressed]) -> ModelError:
+    """The table's row from what fits leave after the row in force; fits by the other pressure do not count."""
+    errors, causes, spreads, deviations = [], [], [], []
+    for frame in frames:
+        fit = fit_shape(frame.values, frame.mask, shape)
+        assert fit is not None
+        skin = Skin(not fit.is_dome, fit.peak, fit.depth)
+        outline, share = outline_of(shape, fit.handedness or 1), share_of(skin)
+        if skin.is_punch != is_punch or share < 0.2 or not _is_same(fit, frame):
+            continue
+        to_shape = np.linalg.inv(scales_of(outline, fit.handedness or 1, fit.parameters))
+        errors.append(to_shape @ _apart(fit, frame.truth) / share)
+        causes.append(causes_of(outline, fit.parameters, skin))
+        spreads.append(spread_at(outline, fit.parameters))
+        systematic = spreads[-1] * np.array(errors_of(shape, skin).deviation)
+        deviations.append(np.diag(to_shape @ fit.covariance @ to_shape.T) / share ** 2 - systematic ** 2)
+    print(f'    # {len(errors)} of {len(frames)} fits')
+    in_force = errors_of(shape, Skin(is_punch, 1.0, 1.0))
+    return _row(SYMMETRIC[shape], in_force, *map(np.array, (errors, causes, spreads, deviations)))
+
+
+def _is_same(fit: ShapeFit, frame: Pressed) -> bool:
+    """Mirrored, or another corner as the apex, is another error than a length's."""
+    return abs(_apart(fit, frame.truth)[2]) < 0.3 if fit.symmetry in (1, 3) else True
+
+
+def _apart(fit: ShapeFit, truth: np.ndarray) -> np.ndarray:
+    vector = fit.parameters - truth
+    if fit.symmetry:
+        period = 2 * np.pi / fit.symmetry
+        vector[2] = (vector[2] + period / 2) % period - period / 2
+    return vector
+
+
+def _row(symmetric: tuple[int, ...], in_force: ModelError, errors: np.ndarray, causes: np.ndarray, spreads: np.ndarray,
+         noise: np.ndarray) -> ModelError:
+    """``errors``: (K, p); ``causes``: (K, TERMS); ``noise``: (K, p), the variance that the fits state by themselves."""
+    terms, deviation = np.array(in_force[:-1], float), []
+    for parameter, found in enumerate(errors.T):
+        residual, used = found, np.ones(len(found), bool)
+        if parameter not in symmetric:
+            for _ in range(5):
+                change, *_ = np.linalg.lstsq(causes[used] / spreads[used, None], found[used] / spreads[used])
+                residual = found - causes @ change
+                used = np.abs(residual) < OUTLIERS * _robust(residual)
+            terms[:, parameter] += change
+        by_size = residual / spreads
+        own = np.median(np.maximum(noise[:, parameter], 0) / spreads ** 2)
+        deviation.append(float(np.sqrt(max(_robust(by_size) ** 2 - own, 0.002 ** 2))))
+    return ModelError(*(tuple(np.round(row, 3).tolist()) for row in (*terms, deviation)))
+
+
+def _robust(values: np.ndarray) -> float:
+    """Half of the range that 95 % of them are in, as a standard deviation: regions are of 95 %."""
+    low, high = np.quantile(values, (0.025, 0.975))
+    return float(high - low) / 2 / 1.96
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('--frames', type=int, default=3000, help='of all shapes')
+    parser.add_argument('--build', type=Path, default=ROOT / 'build', help='with the solved indenters')
+    parser.add_argument('--pressure', choices=('punch', 'dome'), help='only those')
+    args = parser.parse_args()
+    for name, shapes in (('punch', tuple(OUTLINES)), ('dome', tuple(DOMES))):
+        for shape in map(Shape, shapes if args.pressure in (name, None) else ()):
+            drawn = frames(args.build / 'mechanics', shape, name == 'punch', args.frames // len(OUTLINES))
+            print(f'    {name}, {shape}: {calibrated(shape, name == "punch", drawn)},', flush=True)
+
+
+if __name__ == '__main__':
+    main()

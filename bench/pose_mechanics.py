@@ -1,0 +1,162 @@
+"""Fits of contacts computed by contact mechanics: a world whose pressure is not the fit's model.
+
+The truth is the contact set of the solver: the outline of the same shape that covers it best, found on its fine grid.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from pose_world import Error
+from scipy.stats import binomtest, chi2
+
+from bench.recognition import mechanics
+from tactile_node import find_contact
+from tactile_node.geometry.outlines import OUTLINES
+from tactile_node.pose.evidence import gather
+from tactile_node.pose.fit import ShapeFit, fit_evidence, fit_shape
+from tactile_node.shape.recognition import Shape
+from tactile_node.synthetic.layer import measured, sample, stress_field
+from tactile_node.synthetic.mechanics import Solution
+from tactile_node.synthetic.seeds import Purpose, generator
+
+AREAS = (25, 50, 100)
+BIAS, SPREAD, CENTRE, ANGLE = 3.0, 3.0, 0.03, 0.5  #: required of flat punches [%, %, pitches, degrees]
+INSIDE = 0.92, 0.98                                #: required of the 95 % regions
+
+FLAT, CUT = 'flat punches', 'flat punches over the edge'
+MOST_CUT = 1 / 3  #: of a contact beyond the pad's edge
+SEED = 60_000_000
+
+#: draws an indenter and its tilt: of rng and the number of the class
+DRAWN: dict[str, Callable] = {
+    FLAT: mechanics.random_punch, 'balls': mechanics.random_ball,
+    'cylinders on their side': mechanics.random_cylinder, 'cones': mechanics.random_cone}
+
+
+class Outlined(NamedTuple):
+    """The contact set of a solution as a shape: lengths in square roots of its area, origin at the indenter's."""
+
+    parameters: np.ndarray
+    handedness: int
+
+
+class Pressed(NamedTuple):
+    """A frame, its contact and where it is [pitches]."""
+
+    shape: Shape
+    values: np.ndarray
+    mask: np.ndarray
+    truth: np.ndarray
+    depth: float      #: of the taxels
+    pressure: float   #: mean [fraction of full scale]
+
+
+class Row(NamedTuple):
+    """What fits of one kind of indenter and size found."""
+
+    name: str
+    area: float
+    errors: list[Error]
+    signed: np.ndarray   #: mean relative error of the lengths of each fit [%]
+    inside: np.ndarray   #: bool: the 95 % region holds the truth
+    residuals: np.ndarray
+
+    @property
+    def bias(self) -> float:
+        return float(np.median(self.signed))
+
+    @property
+    def spread(self) -> float:
+        low, high = np.quantile(self.signed, (0.16, 0.84))
+        return float(high - low) / 2
+
+
+def outlined(solution: Solution) -> Outlined:
+    """Return the shape that covers the contact set best; its cells are small, so that an on/off fit is exact."""
+    fit = fit_evidence(gather(solution.contact, solution.contact), Shape(solution.label), solution.cell)
+    parameters = fit.parameters.copy()
+    parameters[:2] += solution.origin
+    return Outlined(parameters, fit.handedness)
+
+
+def pressed(rng: np.random.Generator, solution: Solution, found: Outlined, area: float) -> Pressed:
+    """Press ``solution`` at any pose, depth and pressure; its contact covers ``area`` taxels."""
+    shape, depth, pressure = Shape(solution.label), rng.uniform(*mechanics.DEPTH), rng.uniform(*mechanics.PRESSURE)
+    side, angle = mechanics.side_of(area) + 4, rng.uniform(0, 2 * np.pi)
+    x, y = (side - 1) / 2 + rng.uniform(-0.5, 0.5, 2)
+    stress = sample(stress_field(solution, area, depth), x, y, angle, side, side)
+    values = measured(stress, pressure, rng, noise=mechanics.NOISE, dead=mechanics.DEAD)
+    truth, first = found.parameters.copy(), 3 if OUTLINES[shape].symmetry else 2
+    truth[:2] = (x, y) + mechanics.turned(found.parameters[None, :2], angle)[0] * np.sqrt(area)
+    truth[2:first] += angle
+    truth[first:] *= np.sqrt(area)
+    return Pressed(shape, values, find_contact(values, unit=None).mask, truth, depth, pressure)
+
+
+def draw(rng: np.random.Generator, name: str, area: float, count: int) -> list[Pressed]:
+    """``count`` frames of one kind of indenter, each solved for itself."""
+    frames = []
+    for number in range(count):
+        indenter, tilt = DRAWN[FLAT if name == CUT else name](rng, number)
+        towards = rng.uniform(0, 2 * np.pi) if indenter.kind == 'flat_punch' else 0.0
+        solution = mechanics.solved(indenter, tilt, towards)
+        frame = pressed(rng, solution, outlined(solution), area)
+        frames.append(_cut(rng, frame) if name == CUT else frame)
+    return frames
+
+
+def _cut(rng: np.random.Generator, frame: Pressed) -> Pressed:
+    """Drop columns of the pad with up to MOST_CUT of the contact."""
+    lost = np.cumsum(frame.mask.sum(0)) / frame.mask.sum()
+    first = int(np.searchsorted(lost, MOST_CUT * rng.random(), side='right')) + 1
+    values, truth = frame.values[:, first:], frame.truth - np.eye(len(frame.truth))[0] * first
+    return frame._replace(values=values, mask=find_contact(values, unit=None).mask, truth=truth)
+
+
+def error_of(fit: ShapeFit, truth: np.ndarray) -> Error:
+    """Of a fit, by the symmetry that it declares."""
+    vector, first = fit.parameters - truth, 2
+    if fit.symmetry:
+        period, first = 2 * np.pi / fit.symmetry, 3
+        vector[2] = (vector[2] + period / 2) % period - period / 2
+    lengths = np.abs(vector[-len(fit.dimensions):] / truth[-len(fit.dimensions):])
+    return Error(float(np.hypot(*vector[:2])), float(np.degrees(abs(vector[2]))) if first == 3 else np.nan,
+                 float(lengths.max() * 100), vector)
+
+
+def measure(name: str, area: float, frames: list[Pressed]) -> Row:
+    """Fit the frames of which a contact is found."""
+    frames = [frame for frame in frames if frame.mask.any()]
+    fits = [fit_shape(frame.values, frame.mask, frame.shape) for frame in frames]
+    errors = [error_of(fit, frame.truth) for fit, frame in zip(fits, frames)]
+    signed = [100 * float(np.mean(error.vector[-len(fit.dimensions):] / frame.truth[-len(fit.dimensions):]))
+              for fit, frame, error in zip(fits, frames, errors)]
+    squared = [error.vector @ np.linalg.solve(fit.covariance, error.vector) for fit, error in zip(fits, errors)]
+    inside = [found < chi2.ppf(0.95, len(error.vector)) for found, error in zip(squared, errors)]
+    return Row(name, area, errors, np.array(signed), np.array(inside), np.array([fit.residual for fit in fits]))
+
+
+def report(say: Callable[[str], None], table: Callable[[list[str], list[list[str]]], None], count: int,
+           purpose: Purpose = Purpose.EVALUATION) -> None:
+    """Say what fits of ``count`` frames of each kind and size find."""
+    say('## On contact mechanics')
+    say('Rigid objects on an elastic half-space, taxels under a layer of unknown depth, pressure 5-80 % of full scale, '
+        'noise 1 %, 3 % dead. The truth is the outline of the contact set. Bias and spread (half of the 16-84 % range) '
+        'of the mean length in %, centre in pitches, angle in degrees (medians). Required of flat punches: at most '
+        f'{BIAS:g}, {SPREAD:g}, {CENTRE:g}, {ANGLE:g}; of all regions: {INSIDE[0]:.0%}-{INSIDE[1]:.0%}.')
+    say('')
+    rows = []
+    for number, (name, area) in enumerate((name, area) for name in (*DRAWN, CUT) for area in AREAS):
+        found = measure(name, area, draw(generator(purpose, SEED + number), name, area, count))
+        rows.append(_cells(found))
+        print(' | '.join(rows[-1]), flush=True)
+    table(['object', 'N', 'fits', 'bias', 'spread', 'centre', 'angle', 'in the 95 % region', 'residual'], rows)
+
+
+def _cells(row: Row) -> list[str]:
+    angles = [error.angle for error in row.errors if error.angle == error.angle]
+    interval = binomtest(int(row.inside.sum()), len(row.inside)).proportion_ci(method='wilson')
+    return [row.name, f'{row.area:g}', str(len(row.errors)), f'{row.bias:+.2f}', f'{row.spread:.2f}',
+            f'{np.median([error.centre for error in row.errors]):.3f}', f'{np.median(angles):.2f}' if angles else '-',
+            f'{row.inside.mean():.0%} [{interval.low:.0%}, {interval.high:.0%}]', f'{np.median(row.residuals):.3f}']

@@ -1,0 +1,122 @@
+"""What the model of a punch leaves out, by shape: corners that carry less, edges of unknown rounding.
+
+Found on computed contacts of training seeds (bench/pose_calibration.py), in the shape's own frame: place in
+inscribed radii, angle in radians, dimensions relative. A uniform pressure has none of it, a punch all.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.geometry.outlines import Outline, outline_of
+from tactile_node.shape.recognition import Shape
+
+MOST = 1.2  #: of a punch's peak
+MOST_PEAKED = 2.0  #: of a dome's above 1, a cone's
+#: Standard deviations that no fit goes below: taxels differ from the model's, and a layer from a half-space.
+LEAST_PLACE, LEAST_ANGLE, LEAST_LENGTH = 0.003, 0.001, 0.02  #: [pitches, radians]
+FEW = 26.0  #: area [taxels] at which the deviation is twice that of large contacts
+
+
+class Skin(NamedTuple):
+    """What a fit found of pressure and skin."""
+
+    is_punch: bool  #: by a flat punch's pressure, or by a dome's
+    peak: float     #: 0: even; 1: of the profile
+    depth: float    #: of the taxels [pitches]
+
+
+class ModelError(NamedTuple):
+    """Of x, y, angle (but a circle's) and the dimensions."""
+
+    bias: tuple[float, ...]       #: under a punch
+    of_size: tuple[float, ...]    #: and so much more of it at an inscribed radius of one pitch, less in proportion
+    of_ratio: tuple[float, ...]   #: and so much for a logarithm of 1 of the two dimensions' ratio
+    of_depth: tuple[float, ...]   #: and so much where the taxels lie an inscribed radius deep
+    of_peak: tuple[float, ...]    #: and so much for a peak of 2 instead of 1
+    deviation: tuple[float, ...]  #: standard deviation about that
+
+
+PUNCH_ERRORS = {
+    Shape.CIRCLE: ModelError((0, 0, 0.003), (0, 0, -0.035), (0, 0, 0), (0, 0, -0.040), (0, 0, 0),
+                             (0.006, 0.007, 0.013)),
+    Shape.SQUARE: ModelError((0, 0, 0, -0.019), (0, 0, 0, 0.013), (0, 0, 0, 0), (0, 0, 0, 0.032),
+                             (0, 0, 0, 0), (0.009, 0.011, 0.013, 0.014)),
+    Shape.RECTANGLE: ModelError((0, 0, 0, 0, -0.041), (0, 0, 0, -0.029, 0.029), (0, 0, 0, 0.016, 0.049),
+                                (0, 0, 0, -0.033, 0.115), (0, 0, 0, 0, 0), (0.009, 0.010, 0.007, 0.011, 0.025)),
+    Shape.RIGHT_TRIANGLE: ModelError((-0.066, 0.006, 0.001, -0.028, -0.020), (0.084, -0.005, -0.004, 0.076, 0.082),
+                                     (0.063, -0.006, -0.005, 0.013, -0.029), (0.118, -0.007, 0.002, 0.064, 0.112),
+                                     (0, 0, 0, 0, 0), (0.018, 0.013, 0.005, 0.012, 0.021)),
+    Shape.ISOSCELES_TRIANGLE: ModelError((0, -0.004, 0, -0.040, -0.034), (0, 0.029, 0, 0.099, 0.088),
+                                         (0, -0.022, 0, 0.018, -0.018), (0, 0.027, 0, 0.054, 0.065),
+                                         (0, 0, 0, 0, 0), (0.011, 0.012, 0.004, 0.018, 0.017)),
+}
+
+
+#: Of balls and cones, and of cylinders on their side.
+DOME_ERRORS = {
+    Shape.CIRCLE: ModelError((0, 0, 0.044), (0, 0, -0.125), (0, 0, 0), (0, 0, -0.281), (0, 0, 0.063),
+                             (0.006, 0.007, 0.022)),
+    Shape.RECTANGLE: ModelError((0, 0, 0, 0.014, 0.042), (0, 0, 0, 0.012, -0.036), (0, 0, 0, 0.007, -0.025),
+                                (0, 0, 0, -0.041, 0.003), (0, 0, 0, -0.032, 0.123),
+                                (0.013, 0.006, 0.007, 0.010, 0.012)),
+}
+
+
+def corrected(shape: Shape, handedness: int, parameters: np.ndarray, covariance: np.ndarray,
+              skin: Skin) -> tuple[np.ndarray, np.ndarray]:
+    """Return parameters and covariance of a fit without what the object's pressure adds to them.
+
+    Lengths in pitches.
+    """
+    outline, error, share = outline_of(shape, handedness), errors_of(shape, skin), share_of(skin)
+    causes, to_pad = causes_of(outline, parameters, skin), scales_of(outline, handedness, parameters)
+    bias = share * (causes @ np.array(error[:-1]))
+    deviation = share * spread_at(outline, parameters) * np.array(error.deviation)
+    least = np.concatenate(([LEAST_PLACE] * 2, [LEAST_ANGLE] * bool(outline.symmetry),
+                            [LEAST_LENGTH] * len(outline.dimensions)))
+    systematic = to_pad @ np.diag(deviation ** 2) @ to_pad.T + np.diag(least ** 2)
+    return parameters - to_pad @ bias, covariance + systematic
+
+
+def errors_of(shape: Shape, skin: Skin) -> ModelError:
+    """Return the row that holds for a fit."""
+    return (PUNCH_ERRORS if skin.is_punch else DOME_ERRORS)[shape]
+
+
+def share_of(skin: Skin) -> float:
+    """Return how much of it: none under an even pressure."""
+    return min(max(skin.peak, 0.0), MOST if skin.is_punch else 1.0)
+
+
+def causes_of(outline: Outline, parameters: np.ndarray, skin: Skin) -> np.ndarray:
+    """Return what the terms of a ModelError are multiplied by, (5,)."""
+    _, radius = _area_and_radius(outline.corners(parameters))
+    _, _, dimensions = outline.split(parameters)
+    peak = min(max(skin.peak - 1, -1.0), MOST_PEAKED)
+    return np.array((1, 1 / radius, np.log(dimensions[0] / dimensions[-1]), skin.depth / radius, peak))
+
+
+def spread_at(outline: Outline, parameters: np.ndarray) -> float:
+    """Return the factor of the deviation by size."""
+    area, _ = _area_and_radius(outline.corners(parameters))
+    return 1 + (FEW / area) ** 2
+
+
+def scales_of(outline: Outline, handedness: int, parameters: np.ndarray) -> np.ndarray:
+    """Return the matrix from errors in the shape's frame, relative, to errors of the parameters, (p, p)."""
+    _, radius = _area_and_radius(outline.corners(parameters))
+    _, angle, dimensions = outline.split(parameters)
+    turned = [float(handedness)] if outline.symmetry else []  # a mirrored one turns the other way
+    scales = np.diag((radius, radius, *turned, *dimensions))
+    cos, sin = np.cos(angle), np.sin(angle)
+    scales[:2, :2] = radius * np.array(((cos, -sin), (sin, cos)))
+    scales[:2, 1] *= handedness
+    return scales
+
+
+def _area_and_radius(corners: np.ndarray) -> tuple[float, float]:
+    """Area, and 2 area / perimeter: the radius of the inscribed circle, but a rectangle's."""
+    following = np.roll(corners, -1, axis=0)
+    area = abs((corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]).sum()) / 2
+    return float(area), float(2 * area / np.hypot(*(following - corners).T).sum())

@@ -1,0 +1,75 @@
+"""Pressure under rigid objects: low in the middle of a flat punch, high in the middle of a dome.
+
+As a sum of uniform pressures on outlines within each other, about the same centre.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.geometry.outlines import Outline
+from tactile_node.read_only import read_only
+from tactile_node.shape.recognition import Shape
+
+
+class Profile(NamedTuple):
+    """Outlines and the pressures on them; their sum has a mean of 1."""
+
+    sizes: np.ndarray    #: (k, 2), of the outline's first and last dimension, relative, from the whole outline inwards
+    weights: np.ndarray  #: (2, k): of a uniform pressure, and of what the profile's differs from it
+    larger: np.ndarray   #: (2,), lengths under it than those of an even pressure of the same moments
+
+
+def _profile(sizes: np.ndarray, steps: np.ndarray, larger: tuple[float, float]) -> Profile:
+    """``steps``, (k,): of the pressure from one outline to the next."""
+    even = np.zeros(len(steps))
+    even[0] = 1
+    return Profile(read_only(sizes), read_only(np.stack((even, steps - even))), read_only(np.array(larger)))
+
+
+#: of a dome's outlines: more of them where its pressure falls
+WITHIN = np.array((1.0, 0.94, 0.84, 0.68, 0.42))
+SHORTER, END = 0.85, 0.75  #: a cylinder's pressure at its ends: the closest to computed ones of training seeds
+BALL_LARGER, CYLINDER_LARGER = np.sqrt(5 / 4), np.sqrt(4 / 3)  #: of the second moments 2 / 5 and 1 / 4
+
+
+def _steps(beyond: np.ndarray, area: np.ndarray) -> np.ndarray:
+    """Of the mean pressure between neighbours, given the force ``beyond`` each outline and its ``area``, (k,)."""
+    force, ring = np.diff(beyond, append=1.0), -np.diff(area, append=0.0)
+    return np.diff(force / ring, prepend=0.0)
+
+
+def _ball() -> Profile:
+    """Hertz: p = 1.5 sqrt(1 - r^2); beyond r is a share (1 - r^2)^1.5 of the force."""
+    return _profile(np.column_stack((WITHIN, WITHIN)), _steps((1 - WITHIN ** 2) ** 1.5, WITHIN ** 2),
+                    (BALL_LARGER, BALL_LARGER))
+
+
+def _lying_cylinder() -> Profile:
+    """Hertz across the axis: p = 4 / pi sqrt(1 - y^2). Along it the ends carry more, as a punch's rim does."""
+    within = 2 / np.pi * (np.arcsin(WITHIN) + WITHIN * np.sqrt(1 - WITHIN ** 2))
+    across, whole = _steps(1 - within, WITHIN), np.ones_like(WITHIN)
+    sizes = np.concatenate((np.column_stack((whole, WITHIN)), np.column_stack((whole * SHORTER, WITHIN))))
+    return _profile(sizes, np.concatenate((across * (1 + END * SHORTER), across * -END)), (1.0, CYLINDER_LARGER))
+
+
+#: Two outlines whose sizes and pressures are the closest to what contact mechanics computes for the five shapes with
+#: edges of any rounding (synthetic/, training seeds).
+PUNCH = _profile(np.array(((1.0, 1.0), (0.85, 0.85))), np.array((1.90, -1.27)),
+                 (0.87, 0.87))
+BALL, LYING_CYLINDER = _ball(), _lying_cylinder()
+DOMES = {Shape.CIRCLE: BALL, Shape.RECTANGLE: LYING_CYLINDER}
+
+
+def nested(profile: Profile, outline: Outline, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the corners of a profile's outlines, (k, n, 2), and d corners / d parameters, (p, k, n, 2)."""
+    count = len(outline.dimensions)
+    sizes = profile.sizes[:, -count:]
+    corners = np.empty((len(sizes), len(outline.template), 2))
+    motions = np.empty((len(parameters), *corners.shape))
+    inner = parameters.copy()
+    for number, size in enumerate(sizes):
+        inner[-count:] = parameters[-count:] * size
+        corners[number], motions[:, number] = outline.moving(inner)
+        motions[-count:, number] *= size[:, np.newaxis, np.newaxis]
+    return corners, motions

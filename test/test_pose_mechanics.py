@@ -1,0 +1,58 @@
+"""Sizes one can set a gripper by: fits of contacts computed by contact mechanics.
+
+The truth is the solver's contact set: its area and its middle, counted on the solver's grid.
+"""
+
+import numpy as np
+import pytest
+
+from tactile_node import find_contact
+from tactile_node.geometry.outlines import outline_of
+from tactile_node.pose.fit import fit_shape
+from tactile_node.shape.recognition import Shape
+from tactile_node.synthetic.indenters import flat_punch
+from tactile_node.synthetic.layer import measured, sample, stress_field
+from tactile_node.synthetic.mechanics import solve
+from tactile_node.synthetic.world import Contact
+
+PUNCHES = {
+    'circle': (0.564,), 'square': (1.0,), 'rectangle': (1.4, 0.714), 'right_triangle': (1.73, 1.155, 1.0),
+    'isosceles_triangle': (1.41, 1.41)}
+AREA, POSES = 60.0, 16  #: [taxels], frames of each
+MOST = 3.0             #: bias of a length [%]
+
+
+def pressed_area(shape: str):
+    """Relative errors of the root of the area [%] and of the middle [pitches], and whether the regions hold them."""
+    rng = np.random.default_rng(20261122)
+    solution = solve(flat_punch(Contact(shape, PUNCHES[shape], 0.0, 0.0), 0.03, 0.12), (0.15, 0.1))
+    rows, cols = np.nonzero(solution.contact)
+    middle = np.array(solution.origin) + np.array((cols.mean(), rows.mean())) * solution.cell
+    sizes, centres, inside = [], [], []
+    for _ in range(POSES):
+        depth, angle, (x, y) = rng.uniform(0.3, 1.0), rng.uniform(0, 2 * np.pi), 13.5 + rng.uniform(-0.5, 0.5, 2)
+        frame = measured(sample(stress_field(solution, AREA, depth), x, y, angle, 28, 28), 0.4, rng, noise=0.01,
+                         dead=0.03)
+        fit = fit_shape(frame, find_contact(frame, unit=None).mask, Shape(shape))
+        cos, sin = np.cos(angle), np.sin(angle)
+        true = np.array((x, y)) + np.sqrt(AREA) * np.array((cos * middle[0] - sin * middle[1],
+                                                            sin * middle[0] + cos * middle[1]))
+        sizes.append(100 * (np.sqrt(area_of(fit) / AREA) - 1))
+        apart = np.array(fit.centre) - true
+        centres.append(np.hypot(*apart))
+        inside.append(apart @ np.linalg.solve(fit.covariance[:2, :2], apart) < 5.99)  # chi squared, 2, 95 %
+    return np.array(sizes), np.array(centres), np.array(inside)
+
+
+def area_of(fit) -> float:
+    corners = outline_of(fit.shape, fit.handedness or 1).corners(fit.parameters)
+    following = np.roll(corners, -1, axis=0)
+    return abs((corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]).sum()) / 2
+
+
+@pytest.mark.parametrize('shape', PUNCHES)
+def test_a_punch_is_as_large_as_its_contact(shape):
+    sizes, centres, inside = pressed_area(shape)
+    assert abs(np.median(sizes)) < MOST
+    assert np.median(centres) < 0.15
+    assert inside.mean() >= 0.8  # of 16: below it with 95 % regions once in 200
