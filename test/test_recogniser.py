@@ -307,7 +307,7 @@ def test_an_answer_that_depends_on_hidden_rows_is_not_confident(recogniser, hidd
     found = make_recogniser().recognise(pattern_of(frame))
     assert found.confidence <= most
     if hidden:
-        assert recogniser.recognise(pattern_of(frame)).confidence > 0.9, 'without the other ways to read it'
+        assert recogniser.recognise(pattern_of(frame)).confidence > found.confidence, 'without other ways'
         assert len(found.alternatives) == 4 and sum(weight for weight, _ in found.alternatives) == pytest.approx(1)
         assert sum(found.probabilities.values()) == pytest.approx(1)
     else:

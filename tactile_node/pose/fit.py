@@ -7,6 +7,7 @@ import numpy as np
 from tactile_node.geometry.outlines import OUTLINES, Outline, outline_of
 from tactile_node.pose.blocks import in_blocks, size_of
 from tactile_node.pose.candidate import Candidate, coarse, fine, reweighted, skin_of, with_likely_peak
+from tactile_node.pose.domes import may_be_dome
 from tactile_node.pose.evidence import Evidence, checked, gather
 from tactile_node.pose.first_guess import Guess, guesses, moments_of
 from tactile_node.pose.least_squares import Solution
@@ -20,8 +21,6 @@ from tactile_node.shape.recognition import Shape
 MARGIN = 0.15         #: corners of a triangle are tried when their angles, or log lengths, are so close
 MARGIN_ON_OFF = 0.35
 AMBIGUOUS = 6.0       #: two fits whose sums of squares differ by less cannot be distinguished
-#: Whether a dome is tried, too, by the fit as a punch; punches of training seeds and even pressures are rarely so.
-CIRCLE_PEAK, BALL_PEAK, DOME_CURVATURE = 0.3, -0.05, -0.005
 HOPELESS = 500.0      #: a fit that is worse by more after the first pass is not refined
 
 
@@ -83,7 +82,7 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float =
 def fit_evidence(evidence: Evidence, shape: Shape, pitch: float) -> ShapeFit:
     starts = _guesses(evidence, shape)
     candidates = [coarse(evidence, shape, guess) for guess in starts]
-    if _may_be_dome(evidence, shape, candidates[0]):
+    if may_be_dome(evidence, shape, candidates[0]):
         candidates.append(coarse(evidence, shape, starts[0], DOMES[shape]))
     best = min(candidates, key=lambda candidate: candidate.solution.cost)
     weights = weights_after(shape, best.solution.prediction, evidence)
@@ -98,33 +97,6 @@ def fit_evidence(evidence: Evidence, shape: Shape, pitch: float) -> ShapeFit:
 def _moved(fit: ShapeFit, x: float, y: float) -> ShapeFit:
     """``fit`` in a frame whose origin is at -``x``, -``y`` [m]."""
     return fit._replace(centre=(fit.centre[0] + x, fit.centre[1] + y), outline=read_only(fit.outline + (x, y)))
-
-
-def _may_be_dome(evidence: Evidence, shape: Shape, punch: Candidate) -> bool:
-    """What a fit as a punch shows: of a dome residuals that fall outwards; of a ball perhaps a negative peak."""
-    skin = skin_of(punch)
-    if skin is None or shape not in DOMES or shape is Shape.CIRCLE and skin.peak > CIRCLE_PEAK:
-        return False
-    if shape is Shape.CIRCLE and skin.peak < BALL_PEAK:
-        return True
-    return _curvature(evidence, shape, punch.solution) < DOME_CURVATURE
-
-
-def _curvature(evidence: Evidence, shape: Shape, solution: Solution) -> float:
-    """Of the residuals from the middle to the outline, across a rectangle's long axis [fraction of level]."""
-    row, col = np.divmod(np.arange(evidence.used.size), evidence.window.cols)
-    x, y = col + evidence.window.col - solution.parameters[0], row + evidence.window.row - solution.parameters[1]
-    if shape is Shape.CIRCLE:
-        outwards, along = np.hypot(x, y) / solution.parameters[2], 0.0
-    else:
-        angle, long, short = solution.parameters[2:5]
-        outwards = np.abs(y * np.cos(angle) - x * np.sin(angle)) / (short / 2)
-        along = np.abs(x * np.cos(angle) + y * np.sin(angle)) / (long / 2)
-    inside = evidence.used & (outwards < 1) & (along < 1)
-    square = outwards[inside] ** 2
-    square -= square.mean() if inside.any() else 0.0
-    residual = (evidence.values - solution.prediction.values)[inside]
-    return float(residual @ square / max(square @ square, 1e-9))
 
 
 class _Estimate(NamedTuple):

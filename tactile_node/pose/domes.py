@@ -1,0 +1,42 @@
+"""Whether what presses may be round, seen from a fit as a flat punch: a dome's own fit costs three of them."""
+
+import numpy as np
+
+from tactile_node.pose.candidate import Candidate, skin_of
+from tactile_node.pose.evidence import Evidence
+from tactile_node.pose.least_squares import Solution
+from tactile_node.pose.profiles import DOMES
+from tactile_node.shape.recognition import Shape
+
+#: Punches of training seeds and even pressures are rarely so.
+CIRCLE_PEAK, BALL_PEAK, DOME_CURVATURE = 0.3, -0.05, -0.005
+
+
+def may_be_dome(evidence: Evidence, shape: Shape, punch: Candidate) -> bool:
+    """Return whether a fit as a ``punch`` asks for one as a ball, a cone or a lying cylinder.
+
+    Its residuals then fall outwards; a ball may show as a negative peak.
+    """
+    skin = skin_of(punch)
+    if skin is None or shape not in DOMES or shape is Shape.CIRCLE and skin.peak > CIRCLE_PEAK:
+        return False
+    if shape is Shape.CIRCLE and skin.peak < BALL_PEAK:
+        return True
+    return _curvature(evidence, shape, punch.solution) < DOME_CURVATURE
+
+
+def _curvature(evidence: Evidence, shape: Shape, solution: Solution) -> float:
+    """Of the residuals from the middle to the outline, across a rectangle's long axis [fraction of level]."""
+    row, col = np.divmod(np.arange(evidence.used.size), evidence.window.cols)
+    x, y = col + evidence.window.col - solution.parameters[0], row + evidence.window.row - solution.parameters[1]
+    if shape is Shape.CIRCLE:
+        outwards, along = np.hypot(x, y) / solution.parameters[2], 0.0
+    else:
+        angle, long, short = solution.parameters[2:5]
+        outwards = np.abs(y * np.cos(angle) - x * np.sin(angle)) / (short / 2)
+        along = np.abs(x * np.cos(angle) + y * np.sin(angle)) / (long / 2)
+    inside = evidence.used & (outwards < 1) & (along < 1)
+    square = outwards[inside] ** 2
+    square -= square.mean() if inside.any() else 0.0
+    residual = (evidence.values - solution.prediction.values)[inside]
+    return float(residual @ square / max(square @ square, 1e-9))
