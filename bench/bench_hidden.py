@@ -4,6 +4,9 @@ Contacts of 12-100 taxels in general position, nominal pressures (1 % noise, blu
 (dead taxels: 2000). Hidden: lost TPDOs of 8 taxels in a row, single ones anywhere over the contact or adjacent rows of
 8 columns or of the whole pad, or dead taxels anywhere. The recogniser alone, and with hidden taxels read in several
 ways (`shape/completion.py`). Weights of the readings were chosen on validation seeds.
+
+Then whole sessions: contacts of 40-100 taxels on a 16x16 pad of 32 TPDOs, some of which never arrive; single frames as
+shipped, and ten frames fused.
 """
 
 import sys
@@ -14,18 +17,23 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import numpy as np
+from scipy import ndimage
 
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.contact.press import PressThresholds
+from tactile_node.fusion.recognitions import RecognitionFusion
 from tactile_node.package_files import config_path
 from tactile_node.shape.methods import FILES, LEARNED, Learned, make_recogniser
 from tactile_node.shape.recognition import Recognition, Shape
+from tactile_node.synthetic.pressure import Skin, pressure_frame
 from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import CLASSES
+from tactile_node.synthetic.world import CLASSES, Contact, random_contact
 from training.field import NOMINAL_ON_OFF, Conditions, field_frame
 
 PRESSURE = Conditions(tilt=0.2, blur=0.5, noise=0.01)
 AREAS, TPDO, SURE = (12, 100), 8, 0.9
+PAD, PAD_TPDOS, LOST_AREAS, LOST_CONTACTS, LOST_SEED = 16, 32, (40, 100), 500, 34_000
+LITTLE = 0.15  #: of the contact and the taxels around it
 CASES = (('nothing', 0), ('TPDOs', 2), ('TPDOs', 4), ('adjacent rows', 2), ('adjacent rows', 3), ('adjacent rows', 5),
          ('dead', 0.03))
 
@@ -46,6 +54,57 @@ def main() -> None:
                           f'{np.mean([misleads(truth, found) for truth, found in answers]):.1%}']
             print(f'| {amount} {kind} | {"on/off" if on_off else "pressure"} | {" | ".join(cells)} | {cost:.2f} |',
                   flush=True)
+
+
+    lost_tpdos()
+
+
+def lost_tpdos() -> None:
+    """Of PAD_TPDOS TPDOs of 8 taxels, how many are missing, anywhere or in a row."""
+    recogniser = make_recogniser()
+    print('\n| missing TPDOs | frames | wrong and sure, one frame | fused | little hidden: right and sure, one frame '
+          '| fused |\n' + '| --- ' * 6 + '|')
+    for number, (missing, in_a_row) in enumerate(((0, False), (2, False), (2, True), (8, False), (8, True), (16, False),
+                                                  (16, True))):
+        for on_off in (False, True):
+            rng, wrong, right = generator(Purpose.EVALUATION, LOST_SEED + 10 * number + on_off), [], []
+            for k in range(LOST_CONTACTS):
+                truth, frames, share = session(rng, CLASSES[k % len(CLASSES)], missing, in_a_row, on_off)
+                answers = [recogniser.recognise(pattern) for pattern in frames]
+                fusion = RecognitionFusion()
+                fused = [fusion.update(0.02 * n, answer) for n, answer in enumerate(answers)][-1].recognition
+                wrong.append([misleads(truth, answer) for answer in (answers[0], fused)])
+                if share < LITTLE:
+                    right.append([answer.shape is truth and answer.confidence >= SURE
+                                  for answer in (answers[0], fused)])
+            cells = [f'{share:.1%}' for share in np.mean(wrong, 0)]
+            cells += [f'{share:.1%} of {len(right)}' for share in np.mean(right, 0)] if right else ['-', '-']
+            print(f'| {missing} {"in a row" if in_a_row else "anywhere"} | {"on/off" if on_off else "pressure"} | '
+                  f'{" | ".join(cells)} |', flush=True)
+
+
+def session(rng: np.random.Generator, name: str, missing: int, in_a_row: bool,
+            on_off: bool) -> tuple[Shape, list[ContactPattern], float]:
+    """Shape, patterns of ten frames, and how much of the contact and the taxels around it is hidden."""
+    contact = _on_pad(rng, name)
+    order = (np.arange(PAD_TPDOS) + rng.integers(PAD_TPDOS)) % PAD_TPDOS if in_a_row else rng.permutation(PAD_TPDOS)
+    lost = np.isin(np.arange(PAD * PAD).reshape(PAD, PAD) // TPDO, order[:missing])
+    press = PressThresholds(0.5, 0.4) if on_off else PressThresholds(0.25, 0.2)
+    patterns = []
+    for _ in range(1 if on_off else 10):
+        frame = contact.pattern(PAD, PAD).astype(float) if on_off else pressure_frame(
+            contact, rng, PAD, PAD, skin=Skin(full_scale=1.0, noise=0.01, blur=0.5))
+        seen = ndimage.binary_dilation(frame >= press.press, np.ones((3, 3)))
+        patterns.append(PatternExtractor(press).extract(np.where(lost, np.nan, frame)))
+    return Shape(name), patterns * (10 if on_off else 1), float(lost[seen].mean())
+
+
+def _on_pad(rng: np.random.Generator, name: str) -> Contact:
+    while True:
+        contact = random_contact(rng, name, float(np.exp(rng.uniform(*np.log(LOST_AREAS)))), rows=PAD, cols=PAD)
+        outline = contact.outline()
+        if outline.min() > -0.5 and outline.max() < PAD - 0.5:
+            return contact
 
 
 def misleads(truth: Shape, found: Recognition) -> bool:

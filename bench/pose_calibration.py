@@ -19,7 +19,7 @@ from pose_mechanics import Pressed, outlined, pressed
 
 from tactile_node.geometry.outlines import OUTLINES, outline_of
 from tactile_node.pose.fit import ShapeFit, fit_shape
-from tactile_node.pose.model_error import ModelError, Skin, causes_of, errors_of, scales_of, share_of, spread_at
+from tactile_node.pose.model_error import Loading, ModelError, causes_of, errors_of, scales_of, share_of, spread_at
 from tactile_node.pose.profiles import DOMES
 from tactile_node.shape.recognition import Shape
 from tactile_node.synthetic.mechanics import Solution
@@ -61,18 +61,18 @@ def calibrated(shape: Shape, is_punch: bool, frames: list[Pressed]) -> ModelErro
     for frame in frames:
         fit = fit_shape(frame.values, frame.mask, shape)
         assert fit is not None
-        skin = Skin(not fit.is_dome, fit.peak, fit.depth)
-        outline, share = outline_of(shape, fit.handedness or 1), share_of(skin)
-        if skin.is_punch != is_punch or share < 0.2 or not _is_same(fit, frame):
+        loading = Loading(not fit.is_dome, fit.peak, fit.depth)
+        outline, share = outline_of(shape, fit.handedness or 1), share_of(loading)
+        if loading.is_punch != is_punch or share < 0.2 or not _is_same(fit, frame):
             continue
         to_shape = np.linalg.inv(scales_of(outline, fit.handedness or 1, fit.parameters))
         errors.append(to_shape @ _apart(fit, frame.truth) / share)
-        causes.append(causes_of(outline, fit.parameters, skin))
+        causes.append(causes_of(outline, fit.parameters, loading))
         spreads.append(spread_at(outline, fit.parameters))
-        systematic = spreads[-1] * np.array(errors_of(shape, skin).deviation)
+        systematic = spreads[-1] * np.array(errors_of(shape, loading).deviation)
         deviations.append(np.diag(to_shape @ fit.covariance @ to_shape.T) / share ** 2 - systematic ** 2)
     print(f'    # {len(errors)} of {len(frames)} fits')
-    in_force = errors_of(shape, Skin(is_punch, 1.0, 1.0))
+    in_force = errors_of(shape, Loading(is_punch, 1.0, 1.0))
     return _row(SYMMETRIC[shape], in_force, *map(np.array, (errors, causes, spreads, deviations)))
 
 

@@ -8,7 +8,7 @@ from tactile_node.geometry.outlines import Outline, outline_of
 from tactile_node.pose.evidence import Evidence
 from tactile_node.pose.first_guess import Guess
 from tactile_node.pose.least_squares import Problem, Solution, evaluate, minimise
-from tactile_node.pose.model_error import Skin
+from tactile_node.pose.model_error import Loading
 from tactile_node.pose.profiles import PUNCH, Profile
 from tactile_node.pose.skin_model import Model, PatternModel, PressureModel
 from tactile_node.shape.recognition import Shape
@@ -79,10 +79,10 @@ def fine(candidate: Candidate) -> Candidate:
     return candidate._replace(solution=solution)
 
 
-def skin_of(found: Candidate) -> Skin | None:
-    """Return what was found of the skin, lengths in pitches; None where the taxels are on/off."""
+def loading_of(found: Candidate) -> Loading | None:
+    """Return how the object loads the skin, lengths in pitches; None where the taxels are on/off."""
     model = found.problem.model
     if not isinstance(model, PressureModel):
         return None
     *_, peak, log_depth = found.solution.parameters
-    return Skin(model.profile is PUNCH, float(peak), float(np.exp(log_depth)))
+    return Loading(model.profile is PUNCH, float(peak), float(np.exp(log_depth)))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tactile_node.pose.candidate import Candidate, skin_of
+from tactile_node.pose.candidate import Candidate, loading_of
 from tactile_node.pose.evidence import Evidence
 from tactile_node.pose.least_squares import Solution
 from tactile_node.pose.profiles import DOMES
@@ -17,10 +17,10 @@ def may_be_dome(evidence: Evidence, shape: Shape, punch: Candidate) -> bool:
 
     Its residuals then fall outwards; a ball may show as a negative peak.
     """
-    skin = skin_of(punch)
-    if skin is None or shape not in DOMES or shape is Shape.CIRCLE and skin.peak > CIRCLE_PEAK:
+    loading = loading_of(punch)
+    if loading is None or shape not in DOMES or shape is Shape.CIRCLE and loading.peak > CIRCLE_PEAK:
         return False
-    if shape is Shape.CIRCLE and skin.peak < BALL_PEAK:
+    if shape is Shape.CIRCLE and loading.peak < BALL_PEAK:
         return True
     return _curvature(evidence, shape, punch.solution) < DOME_CURVATURE
 

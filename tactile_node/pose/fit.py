@@ -6,7 +6,7 @@ import numpy as np
 
 from tactile_node.geometry.outlines import OUTLINES, Outline, outline_of
 from tactile_node.pose.blocks import in_blocks, size_of
-from tactile_node.pose.candidate import Candidate, coarse, fine, reweighted, skin_of, with_likely_peak
+from tactile_node.pose.candidate import Candidate, coarse, fine, loading_of, reweighted, with_likely_peak
 from tactile_node.pose.domes import may_be_dome
 from tactile_node.pose.evidence import Evidence, checked, gather
 from tactile_node.pose.first_guess import Guess, guesses, moments_of
@@ -150,9 +150,9 @@ def _estimate(shape: Shape, evidence: Evidence, found: Candidate) -> _Estimate:
     covariance = _covariance(evidence, shape, found)
     fitted = found.solution.parameters[:len(covariance)]
     parameters, handedness, covariance = _canonical(shape, found.handedness, fitted, covariance)
-    skin = skin_of(found)
-    if skin is not None:
-        parameters, covariance = corrected(shape, handedness, parameters, covariance, skin)
+    loading = loading_of(found)
+    if loading is not None:
+        parameters, covariance = corrected(shape, handedness, parameters, covariance, loading)
     return _Estimate(parameters, covariance, handedness, OUTLINES[shape].symmetry)
 
 
@@ -165,12 +165,12 @@ def _in_metres(shape: Shape, pitch: float, evidence: Evidence, found: Candidate,
     corners.flags.writeable = covariance.flags.writeable = False
     centre, angle, dimensions = outline.split(estimate.parameters * scale)
     handedness = estimate.handedness if shape is Shape.RIGHT_TRIANGLE else 0
-    skin = skin_of(found)
+    loading = loading_of(found)
     return ShapeFit(shape=shape, centre=tuple(centre.tolist()), angle=angle, symmetry=estimate.symmetry,
                     handedness=handedness, dimension_names=outline.dimensions, dimensions=tuple(dimensions.tolist()),
                     covariance=covariance, residual=_residual(evidence, found.solution), outline=corners,
-                    is_dome=skin is not None and not skin.is_punch, peak=skin.peak if skin else np.nan,
-                    depth=skin.depth * pitch if skin else np.nan)
+                    is_dome=loading is not None and not loading.is_punch, peak=loading.peak if loading else np.nan,
+                    depth=loading.depth * pitch if loading else np.nan)
 
 
 def _canonical(shape: Shape, handedness: int, parameters: np.ndarray,

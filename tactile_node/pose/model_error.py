@@ -18,8 +18,8 @@ LEAST_PLACE, LEAST_ANGLE, LEAST_LENGTH = 0.003, 0.001, 0.02  #: [pitches, radian
 FEW = 26.0  #: area [taxels] at which the deviation is twice that of large contacts
 
 
-class Skin(NamedTuple):
-    """What a fit found of pressure and skin."""
+class Loading(NamedTuple):
+    """How an object loads the skin, as a fit found it."""
 
     is_punch: bool  #: by a flat punch's pressure, or by a dome's
     peak: float     #: 0: even; 1: of the profile
@@ -64,13 +64,13 @@ DOME_ERRORS = {
 
 
 def corrected(shape: Shape, handedness: int, parameters: np.ndarray, covariance: np.ndarray,
-              skin: Skin) -> tuple[np.ndarray, np.ndarray]:
+              loading: Loading) -> tuple[np.ndarray, np.ndarray]:
     """Return parameters and covariance of a fit without what the object's pressure adds to them.
 
     Lengths in pitches.
     """
-    outline, error, share = outline_of(shape, handedness), errors_of(shape, skin), share_of(skin)
-    causes, to_pad = causes_of(outline, parameters, skin), scales_of(outline, handedness, parameters)
+    outline, error, share = outline_of(shape, handedness), errors_of(shape, loading), share_of(loading)
+    causes, to_pad = causes_of(outline, parameters, loading), scales_of(outline, handedness, parameters)
     bias = share * (causes @ np.array(error[:-1]))
     deviation = share * spread_at(outline, parameters) * np.array(error.deviation)
     least = np.concatenate(([LEAST_PLACE] * 2, [LEAST_ANGLE] * bool(outline.symmetry),
@@ -79,22 +79,22 @@ def corrected(shape: Shape, handedness: int, parameters: np.ndarray, covariance:
     return parameters - to_pad @ bias, covariance + systematic
 
 
-def errors_of(shape: Shape, skin: Skin) -> ModelError:
+def errors_of(shape: Shape, loading: Loading) -> ModelError:
     """Return the row that holds for a fit."""
-    return (PUNCH_ERRORS if skin.is_punch else DOME_ERRORS)[shape]
+    return (PUNCH_ERRORS if loading.is_punch else DOME_ERRORS)[shape]
 
 
-def share_of(skin: Skin) -> float:
+def share_of(loading: Loading) -> float:
     """Return how much of it: none under an even pressure."""
-    return min(max(skin.peak, 0.0), MOST if skin.is_punch else 1.0)
+    return min(max(loading.peak, 0.0), MOST if loading.is_punch else 1.0)
 
 
-def causes_of(outline: Outline, parameters: np.ndarray, skin: Skin) -> np.ndarray:
+def causes_of(outline: Outline, parameters: np.ndarray, loading: Loading) -> np.ndarray:
     """Return what the terms of a ModelError are multiplied by, (5,)."""
     _, radius = _area_and_radius(outline.corners(parameters))
     _, _, dimensions = outline.split(parameters)
-    peak = min(max(skin.peak - 1, -1.0), MOST_PEAKED)
-    return np.array((1, 1 / radius, np.log(dimensions[0] / dimensions[-1]), skin.depth / radius, peak))
+    peak = min(max(loading.peak - 1, -1.0), MOST_PEAKED)
+    return np.array((1, 1 / radius, np.log(dimensions[0] / dimensions[-1]), loading.depth / radius, peak))
 
 
 def spread_at(outline: Outline, parameters: np.ndarray) -> float:
