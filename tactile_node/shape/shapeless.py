@@ -24,8 +24,10 @@ MARGIN = 1         #: taxels around that box
 COMPACT = 0.62     #: compactness that chance does not reach, for small groups
 LOOSE = 1.7        #: large groups are more compact: 1 - LOOSE / sqrt(taxels)
 THIN = 1.7         #: width of a line [taxels]: one taxel, and up to 1.5 where it lies obliquely
+STRING, LONG = 4, 0.6  #: rows of a string of pieces at most, and its length at least [of the pad's side]
 FALL, SLOPE = 2, 0.1   #: so many taxels beside a contact, and by this part of its width more, its pressure has fallen
 STEEP = 0.35       #: to this part of it, or less
+SCATTER = 0.8      #: of that part, the median deviation along lines that are too noisy to show a contact
 LINE = 3           #: taxels of a row away from the contact, on average: fewer do not show whether it hums
 SPECKLED = 0.08    #: where so many taxels beside a contact are pressed,
 AMONG_SPECKS = 0.55  #: it is none below this compactness
@@ -50,7 +52,8 @@ def is_shapeless(pattern: ContactPattern) -> bool:
     together = joined(pattern)
     if np.count_nonzero(together) < GROUPS[0]:
         return False  # too small for a shape anyway
-    if _is_line(together) or _is_across(pattern.mask) or _is_rise(pattern, together):
+    if _is_line(together) or _is_across(pattern.mask) or _is_string(pattern.mask, together) or _is_rise(
+            pattern, together):
         return True
     density, compactness = _density_beside(pattern, together), _compactness(pattern.mask)
     whole = np.count_nonzero(together)
@@ -79,6 +82,20 @@ def _is_across(mask: np.ndarray) -> bool:
     return bool(mask[0].any() and mask[-1].any() or mask[:, 0].any() and mask[:, -1].any())
 
 
+def _is_string(mask: np.ndarray, together: np.ndarray) -> bool:
+    """Return whether the contact is one of many pieces along a few rows or columns: noisy lines."""
+    (high, wide), extents = _extents(together), _extents(mask)
+    longest = max(high, wide)
+    return bool(min(high, wide) <= STRING and longest >= LONG * together.shape[0 if high > wide else 1]
+                and max(extents) < longest / 2)
+
+
+def _extents(taxels: np.ndarray) -> tuple[int, int]:
+    """Rows and columns of the box around them."""
+    rows, cols = np.flatnonzero(taxels.any(1)), np.flatnonzero(taxels.any(0))
+    return int(rows[-1] - rows[0] + 1), int(cols[-1] - cols[0] + 1)
+
+
 def _is_rise(pattern: ContactPattern, together: np.ndarray) -> bool:
     """Return whether pressures do not fall off around the contact, or not along its rows or columns.
 
@@ -93,19 +110,28 @@ def _is_rise(pattern: ContactPattern, together: np.ndarray) -> bool:
         return False
     rest = _median(pattern.values[away]) if away.any() else 0.0
     most = STEEP * (float(pattern.values[together & visible].mean()) - rest)
+    quiet = away & (pattern.labels == 0)
     return _median(pattern.values[beside]) - rest > most or any(
-        _lines_rise(*turned, rest + most) for turned in ((pattern.values, together, away),
-                                                         (pattern.values.T, together.T, away.T)))
+        _lines_rise(*turned, rest, most) for turned in (
+            (pattern.values, together, away, quiet), (pattern.values.T, together.T, away.T, quiet.T)))
 
 
-def _lines_rise(values: np.ndarray, taxels: np.ndarray, away: np.ndarray, most: float) -> bool:
-    """Return whether the rows of the contact read more than ``most`` away from it, too."""
+def _lines_rise(values: np.ndarray, taxels: np.ndarray, away: np.ndarray, quiet: np.ndarray, rest: float,
+                most: float) -> bool:
+    """Return whether the rows of the contact read more than ``most`` above ``rest`` away from it, too, or scatter.
+
+    ``quiet``: taxels away from it that are not pressed; they show the noise of these rows.
+    """
     rows = np.flatnonzero(taxels.any(1))
-    used = away[rows[0]:rows[-1] + 1]
+    rows_of_contact = slice(rows[0], rows[-1] + 1)
+    used = quiet[rows_of_contact]
+    if np.count_nonzero(used) >= LINE and _median(np.abs(values[rows_of_contact][used] - rest)) > SCATTER * most:
+        return True
+    used = away[rows_of_contact]
     count = np.count_nonzero(used)
     if count < LINE * len(used):
         return False
-    along = values[rows[0]:rows[-1] + 1][used]
+    along = values[rows_of_contact][used] - rest
     return bool(along.sum() > most * count and _median(along) > most)  # the sum is the quicker
 
 
