@@ -8,6 +8,7 @@ tactile_node/pose/noise.py, found on training seeds; everything else here is mea
 import argparse
 import os
 import sys
+import textwrap
 from pathlib import Path
 from time import process_time
 
@@ -34,6 +35,7 @@ AREA = 50
 AREAS = (12, 20, 35, 50, 100)
 TARGETS = {'centre': 0.05, 'angle': 1.5, 'length': 2.0}  # medians at N = 50 on clean pressure frames
 SEED = 5
+COLUMNS = 120
 
 
 class Report:
@@ -44,7 +46,7 @@ class Report:
 
     def say(self, line: str = '') -> None:
         print(line, flush=True)
-        self.lines.append(line)
+        self.lines += [line] if line.startswith('|') else textwrap.wrap(line, COLUMNS) or ['']
 
     def table(self, head: list[str], rows: list[list[str]]) -> None:
         for row in (head, ['---'] * len(head), *rows):

@@ -1,4 +1,4 @@
-"""The layer's kernel against closed forms, and against the contact mechanics that have their own."""
+"""The layer's kernel against closed forms."""
 
 import numpy as np
 import pytest

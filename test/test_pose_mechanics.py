@@ -56,7 +56,7 @@ def test_a_punch_is_as_large_as_its_contact(shape):
     sizes, centres, inside = pressed_area(punch, (0.15, 0.1))
     assert abs(np.median(sizes)) < MOST
     assert np.median(centres) < 0.15
-    assert inside.mean() >= 0.8  # of 16: below it with 95 % regions once in 200
+    assert inside.mean() >= 0.8  # of 16: below it with 95 % regions once in 140
 
 
 @pytest.mark.parametrize('dome', [ball(0.03), ball(0.08), cylinder(0.03, 1.8, 0.3), cylinder(0.05, 2.4, 0.2)],
@@ -67,3 +67,27 @@ def test_a_dome_is_as_large_as_its_contact(dome):
     assert abs(np.median(sizes)) < MOST
     assert np.median(centres) < 0.15
     assert inside.mean() >= 0.8
+
+
+@pytest.mark.parametrize('ratio', [1.002, 1.01, 1.05])
+def test_the_long_side_is_the_longer_one(ratio):
+    """The corrections of the two sides differ; they come after the fit."""
+    length = np.sqrt(AREA)
+    contact = Contact('rectangle', (np.sqrt(ratio), 1 / np.sqrt(ratio)), 0.0, 0.0)
+    stress = stress_field(solve(flat_punch(contact, 0.03, 0.12)), length ** 2, 0.6)
+    for angle in (0.0, 0.3, 1.2):
+        frame = sample(stress, 13.3, 13.6, angle, 28, 28)
+        fit = fit_shape(frame, find_contact(frame, unit=None).mask, Shape.RECTANGLE)
+        assert fit.dimensions[0] >= fit.dimensions[1] and -np.pi / 2 < fit.angle <= np.pi / 2
+
+
+def test_a_large_contact_at_the_pads_edge_knows_less_than_one_beside_it():
+    """Also where the last block of taxels is not whole."""
+    for rows in range(97, 103):
+        frame = np.zeros((rows, 120))
+        frame[rows - 70:, 10:100] = 1e4
+        frame += np.random.default_rng(1).normal(0, 100, frame.shape)
+        at_edge = fit_shape(frame, frame > 5e3, Shape.RECTANGLE)
+        beside = fit_shape(np.vstack((frame, np.zeros((12, 120)))),
+                           np.vstack((frame > 5e3, np.zeros((12, 120), bool))), Shape.RECTANGLE)
+        assert at_edge.covariance[3, 3] > 2 * beside.covariance[3, 3]

@@ -45,14 +45,14 @@ def coarse(evidence: Evidence, shape: Shape, guess: Guess, profile: Profile = PU
 
 
 def _vague(outline: Outline, guess: np.ndarray) -> np.ndarray:
-    """1 / variance of a guess: a length may be wrong by itself, the place by the largest; the angle is free."""
+    """1 / variance of a guess: a length may be wrong by 100 %, the place by the largest; the angle is free."""
     _, _, dimensions = outline.split(guess)
     lengths = np.concatenate(([dimensions.max()] * 2, *([[1.8]] if outline.symmetry else []), dimensions))
     return 1 / np.maximum(lengths, 1)**2
 
 
 def with_likely_peak(candidate: Candidate) -> Candidate:
-    """Expect the peak of a kind of indenter, where the taxels show of which."""
+    """Set the prior of the peak to the nearest known kind of object, if the fit is certain enough."""
     problem, model, solution = candidate.problem, candidate.problem.model, candidate.solution
     if not isinstance(model, PressureModel):
         return candidate
@@ -77,6 +77,12 @@ def fine(candidate: Candidate) -> Candidate:
     """Go on to the end."""
     solution = minimise(candidate.problem, candidate.solution, tolerance=FINE, max_steps=6)
     return candidate._replace(solution=solution)
+
+
+def misfit(candidate: Candidate) -> float:
+    """Return the sum of squares of what the model leaves: candidates have other priors, so costs do not compare."""
+    residual = candidate.problem.values - candidate.solution.prediction.values
+    return float(candidate.problem.weights @ residual ** 2)
 
 
 def loading_of(found: Candidate) -> Loading | None:

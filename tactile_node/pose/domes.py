@@ -1,4 +1,4 @@
-"""Whether what presses may be round, seen from a fit as a flat punch: a dome's own fit costs three of them."""
+"""Whether what presses may be round, seen from a fit as a flat punch: a fit as a dome takes three times as long."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from tactile_node.pose.least_squares import Solution
 from tactile_node.pose.profiles import DOMES
 from tactile_node.shape.recognition import Shape
 
-#: Punches of training seeds and even pressures are rarely so.
+#: Thresholds: few punches of training seeds and even pressures pass them.
 CIRCLE_PEAK, BALL_PEAK, DOME_CURVATURE = 0.3, -0.05, -0.005
 
 
@@ -26,7 +26,7 @@ def may_be_dome(evidence: Evidence, shape: Shape, punch: Candidate) -> bool:
 
 
 def _curvature(evidence: Evidence, shape: Shape, solution: Solution) -> float:
-    """Of the residuals from the middle to the outline, across a rectangle's long axis [fraction of level]."""
+    """Slope of the residuals against the squared distance from the middle, or from a rectangle's long axis."""
     row, col = np.divmod(np.arange(evidence.used.size), evidence.window.cols)
     x, y = col + evidence.window.col - solution.parameters[0], row + evidence.window.row - solution.parameters[1]
     if shape is Shape.CIRCLE:

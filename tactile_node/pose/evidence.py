@@ -23,13 +23,14 @@ class Evidence(NamedTuple):
     at_edge: bool       #: of the pad: a part of the contact may be beyond
 
 
-def gather(values: np.ndarray, mask: np.ndarray) -> Evidence:
+def gather(values: np.ndarray, mask: np.ndarray, at_edge: bool | None = None) -> Evidence:
     """Return the evidence in ``values`` (NaN: invalid) of the contact ``mask``, both (rows, cols).
 
-    ``values`` that are bool, or the numbers 0 and 1 only, are an on/off pattern. Raises InputError.
+    ``values`` that are bool, or the numbers 0 and 1 only, are an on/off pattern. ``at_edge``: whether the contact
+    touches the pad's edge, where ``mask`` does not show it exactly. Raises InputError.
     """
     values, mask = checked(values, mask)
-    window, at_edge = _window(mask), _touches_edge(mask)
+    window, at_edge = _window(mask), touches_edge(mask) if at_edge is None else at_edge
     values, mask = _seen_through(window, values, np.nan), _seen_through(window, mask, False)
     valid = np.isfinite(values)
     values = np.where(valid, values, 0.0)
@@ -80,7 +81,8 @@ def _seen_through(window: Window, taxels: np.ndarray, beyond: float) -> np.ndarr
     return np.pad(part, missing, constant_values=beyond) if any(map(any, missing)) else part
 
 
-def _touches_edge(mask: np.ndarray) -> bool:
+def touches_edge(mask: np.ndarray) -> bool:
+    """Return whether a taxel of ``mask``, bool (rows, cols), is in the first or last row or column."""
     return bool(mask[0].any() or mask[-1].any() or mask[:, 0].any() or mask[:, -1].any())
 
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from tactile_node.geometry.outlines import OUTLINES, Outline, outline_of
 from tactile_node.pose.blocks import in_blocks, size_of
-from tactile_node.pose.candidate import Candidate, coarse, fine, loading_of, reweighted, with_likely_peak
+from tactile_node.pose.candidate import Candidate, coarse, fine, loading_of, misfit, reweighted, with_likely_peak
 from tactile_node.pose.domes import may_be_dome
-from tactile_node.pose.evidence import Evidence, checked, gather
+from tactile_node.pose.evidence import Evidence, checked, gather, touches_edge
 from tactile_node.pose.first_guess import Guess, guesses, moments_of
 from tactile_node.pose.least_squares import Solution
 from tactile_node.pose.model_error import corrected
@@ -75,7 +75,7 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float =
     blocks = in_blocks(values, mask, size)
     if not blocks.mask.any():  # a line that no block is half full of
         return fit_evidence(gather(values, mask), Shape(shape), pitch)
-    fit = fit_evidence(gather(blocks.values, blocks.mask), Shape(shape), pitch * size)
+    fit = fit_evidence(gather(blocks.values, blocks.mask, touches_edge(mask)), Shape(shape), pitch * size)
     return _moved(fit, blocks.x * pitch, blocks.y * pitch)
 
 
@@ -84,12 +84,11 @@ def fit_evidence(evidence: Evidence, shape: Shape, pitch: float) -> ShapeFit:
     candidates = [coarse(evidence, shape, guess) for guess in starts]
     if may_be_dome(evidence, shape, candidates[0]):
         candidates.append(coarse(evidence, shape, starts[0], DOMES[shape]))
-    best = min(candidates, key=lambda candidate: candidate.solution.cost)
+    best = min(candidates, key=misfit)
     weights = weights_after(shape, best.solution.prediction, evidence)
     candidates = [with_likely_peak(reweighted(candidate, weights)) for candidate in candidates]
-    within = min(candidate.solution.cost for candidate in candidates) + HOPELESS
-    candidates = sorted((fine(candidate) for candidate in candidates if candidate.solution.cost < within),
-                        key=lambda candidate: candidate.solution.cost)
+    within = min(map(misfit, candidates)) + HOPELESS
+    candidates = sorted((fine(candidate) for candidate in candidates if misfit(candidate) < within), key=misfit)
     estimate = _together(shape, evidence, candidates)
     return _in_metres(shape, pitch, evidence, found=candidates[0], estimate=estimate)
 
@@ -131,9 +130,9 @@ def _residual(evidence: Evidence, solution: Solution) -> float:
 def _together(shape: Shape, evidence: Evidence, candidates: list[Candidate]) -> _Estimate:
     """The best candidate; the others, as far as they are likely too, widen its covariance."""
     estimates = [_estimate(shape, evidence, candidate) for candidate in candidates]
-    best, costs = estimates[0], np.array([candidate.solution.cost for candidate in candidates])
+    best, costs = estimates[0], np.array([misfit(candidate) for candidate in candidates])
     if shape is Shape.ISOSCELES_TRIANGLE and any(
-            cost - costs[0] < AMBIGUOUS and abs(other.parameters[2] - best.parameters[2]) > 1
+            cost - costs[0] < AMBIGUOUS and abs(_nearest_zero(other.parameters[2] - best.parameters[2], 1)) > 1
             for cost, other in zip(costs[1:], estimates[1:])):
         best = best._replace(symmetry=3)
     shares = np.exp((costs[0] - costs) / 2)
@@ -149,10 +148,13 @@ def _together(shape: Shape, evidence: Evidence, candidates: list[Candidate]) -> 
 def _estimate(shape: Shape, evidence: Evidence, found: Candidate) -> _Estimate:
     covariance = _covariance(evidence, shape, found)
     fitted = found.solution.parameters[:len(covariance)]
-    parameters, handedness, covariance = _canonical(shape, found.handedness, fitted, covariance)
     loading = loading_of(found)
-    if loading is not None:
+    if loading is not None and not loading.is_punch:  # a dome's first length is along its axis
+        fitted, covariance = corrected(shape, found.handedness, fitted, covariance, loading)
+    parameters, handedness, covariance = _canonical(shape, found.handedness, fitted, covariance)
+    if loading is not None and loading.is_punch:
         parameters, covariance = corrected(shape, handedness, parameters, covariance, loading)
+        parameters, handedness, covariance = _canonical(shape, handedness, parameters, covariance)
     return _Estimate(parameters, covariance, handedness, OUTLINES[shape].symmetry)
 
 

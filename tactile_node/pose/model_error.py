@@ -9,12 +9,14 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.geometry.outlines import Outline, outline_of
+from tactile_node.pose.least_squares import SMALLEST
 from tactile_node.shape.recognition import Shape
 
 MOST = 1.2  #: of a punch's peak
 MOST_PEAKED = 2.0  #: of a dome's above 1, a cone's
 #: Standard deviations that no fit goes below: taxels differ from the model's, and a layer from a half-space.
 LEAST_PLACE, LEAST_ANGLE, LEAST_LENGTH = 0.003, 0.001, 0.02  #: [pitches, radians]
+LEAST_AREA, LEAST_RADIUS, MOST_DEPTH = 12.0, 1.4, 1.3  #: [taxels, pitches]: the errors are not known beyond
 FEW = 26.0  #: area [taxels] at which the deviation is twice that of large contacts
 
 
@@ -30,10 +32,10 @@ class ModelError(NamedTuple):
     """Of x, y, angle (but a circle's) and the dimensions."""
 
     bias: tuple[float, ...]       #: under a punch
-    of_size: tuple[float, ...]    #: and so much more of it at an inscribed radius of one pitch, less in proportion
-    of_ratio: tuple[float, ...]   #: and so much for a logarithm of 1 of the two dimensions' ratio
-    of_depth: tuple[float, ...]   #: and so much where the taxels lie an inscribed radius deep
-    of_peak: tuple[float, ...]    #: and so much for a peak of 2 instead of 1
+    of_size: tuple[float, ...]    #: added, per 1 / inscribed radius [pitches]
+    of_ratio: tuple[float, ...]   #: added, per logarithm of the two dimensions' ratio
+    of_depth: tuple[float, ...]   #: added, per depth of the taxels / inscribed radius
+    of_peak: tuple[float, ...]    #: added, per peak - 1
     deviation: tuple[float, ...]  #: standard deviation about that
 
 
@@ -76,7 +78,10 @@ def corrected(shape: Shape, handedness: int, parameters: np.ndarray, covariance:
     least = np.concatenate(([LEAST_PLACE] * 2, [LEAST_ANGLE] * bool(outline.symmetry),
                             [LEAST_LENGTH] * len(outline.dimensions)))
     systematic = to_pad @ np.diag(deviation ** 2) @ to_pad.T + np.diag(least ** 2)
-    return parameters - to_pad @ bias, covariance + systematic
+    found = parameters - to_pad @ bias
+    count = len(outline.dimensions)
+    found[-count:] = np.maximum(found[-count:], SMALLEST)
+    return found, covariance + systematic
 
 
 def errors_of(shape: Shape, loading: Loading) -> ModelError:
@@ -94,13 +99,15 @@ def causes_of(outline: Outline, parameters: np.ndarray, loading: Loading) -> np.
     _, radius = _area_and_radius(outline.corners(parameters))
     _, _, dimensions = outline.split(parameters)
     peak = min(max(loading.peak - 1, -1.0), MOST_PEAKED)
-    return np.array((1, 1 / radius, np.log(dimensions[0] / dimensions[-1]), loading.depth / radius, peak))
+    radius = max(radius, LEAST_RADIUS)
+    depth = min(loading.depth, MOST_DEPTH)
+    return np.array((1, 1 / radius, np.log(dimensions[0] / dimensions[-1]), depth / radius, peak))
 
 
 def spread_at(outline: Outline, parameters: np.ndarray) -> float:
     """Return the factor of the deviation by size."""
     area, _ = _area_and_radius(outline.corners(parameters))
-    return 1 + (FEW / area) ** 2
+    return 1 + (FEW / max(area, LEAST_AREA)) ** 2
 
 
 def scales_of(outline: Outline, handedness: int, parameters: np.ndarray) -> np.ndarray:
@@ -116,7 +123,7 @@ def scales_of(outline: Outline, handedness: int, parameters: np.ndarray) -> np.n
 
 
 def _area_and_radius(corners: np.ndarray) -> tuple[float, float]:
-    """Area, and 2 area / perimeter: the radius of the inscribed circle, but a rectangle's."""
+    """Area, and 2 area / perimeter: the radius of the inscribed circle, except for rectangles."""
     following = np.roll(corners, -1, axis=0)
     area = abs((corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]).sum()) / 2
     return float(area), float(2 * area / np.hypot(*(following - corners).T).sum())

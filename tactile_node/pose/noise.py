@@ -22,7 +22,7 @@ class Calibration(NamedTuple):
     rim: float       #: of a taxel that feels the whole outline: what the model leaves out [fraction of level]
     pressure: float  #: factor of the covariance
     on_off: float    #: the same for on/off patterns, whose noise is only a picture of what is not known
-    at_edge: float   #: a further factor where the contact reaches the pad's edge: what lies beyond is a guess
+    at_edge: float   #: a further factor of pressures at the pad's edge: what lies beyond is a guess
 
 
 #: Factors found by `bench/bench_pose.py --calibrate --patterns 50` on training seeds (1200 fits each); rim
@@ -59,4 +59,4 @@ def covariance_scale(shape: Shape, evidence: Evidence) -> float:
     """Return the factor with which 95 % regions held 95 % of the training contacts."""
     calibration = CALIBRATION[shape]
     scale = calibration.on_off if evidence.on_off else calibration.pressure
-    return scale * (calibration.at_edge if evidence.at_edge else 1.0)
+    return scale * (calibration.at_edge if evidence.at_edge and not evidence.on_off else 1.0)

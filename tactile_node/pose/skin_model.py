@@ -1,7 +1,8 @@
-"""What a skin shows of a contact: taxel values as a function of outline, pressure and blur.
+"""What a skin shows of a contact: taxel values as a function of outline, pressure and depth.
 
-A pressure skin shows the pressure under a punch, or a more even one (`punch`), times (level + tilt_x X + tilt_y Y),
-spread by the layer over the taxels (`layer_kernel`). An on/off skin shows 1 where a taxel's centre is inside.
+A pressure skin shows the pressure under a punch or a dome, or a more even one (`profiles`), times (level + tilt_x X +
+tilt_y Y), spread by the layer over the taxels (`layer_kernel`). An on/off skin shows 1 where a taxel's centre is
+inside.
 """
 
 from typing import NamedTuple, Protocol
@@ -28,7 +29,7 @@ class Prediction(NamedTuple):
 
     values: np.ndarray    #: (rows * cols,)
     jacobian: np.ndarray  #: (parameters, rows * cols)
-    rim: np.ndarray       #: (rows * cols,), how much of the outline a taxel feels
+    rim: np.ndarray       #: (rows * cols,), how much its value changes with the place of the contact [1 / pitch]
 
 
 class Model(Protocol):

@@ -21,8 +21,8 @@ DEFAULT = LEARNED
 FILES = {LEARNED: 'recogniser.npz', VOLF: 'volf_curves.yaml'}  #: what each reads by default, in config/
 #: of the frame as it is, and of each of its completions: any of these that differs keeps the confidence below 0.9
 WEIGHTS = (1 / 2, 1 / 6, 1 / 6, 1 / 6)
-#: The same where less than FEW_HIDDEN of the ring is hidden, as the network was trained with: only all three together
-#: keep the confidence below 0.9. Chosen on validation contacts.
+#: The same where less than FEW_HIDDEN of the ring is hidden, as the network was trained with: two or three that
+#: differ keep it below 0.9, one does not. Chosen on validation contacts.
 FEW_HIDDEN, WEIGHTS_OF_FEW = 0.25, (0.79, 0.07, 0.07, 0.07)
 
 
