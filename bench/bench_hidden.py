@@ -54,8 +54,6 @@ def main() -> None:
                           f'{np.mean([misleads(truth, found) for truth, found in answers]):.1%}']
             print(f'| {amount} {kind} | {"on/off" if on_off else "pressure"} | {" | ".join(cells)} | {cost:.2f} |',
                   flush=True)
-
-
     lost_tpdos()
 
 

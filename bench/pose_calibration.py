@@ -2,7 +2,7 @@
 
 Run from the checkout: python bench/pose_calibration.py [--frames 3000] [--build build]
 The first run solves the indenters of the training (some minutes) unless `make train` has. What it prints replaces the
-table; a second run then finds nearly nothing to change. Circles are punches, too; a ball has no peak.
+table; a second run then changes little. Punches and domes have tables apart.
 """
 
 import argparse
@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
 
 import numpy as np
-from pose_mechanics import Pressed, outlined, pressed
+from pose_mechanics import Pressed, error_of, outlined, pressed
 
 from tactile_node.geometry.outlines import OUTLINES, outline_of
 from tactile_node.pose.fit import ShapeFit, fit_shape
@@ -55,10 +55,10 @@ def _is_meant(solution: Solution, shape: Shape, is_punch: bool) -> bool:
             and np.hypot(*solution.tilt) < TILT)
 
 
-def calibrated(shape: Shape, is_punch: bool, frames: list[Pressed]) -> ModelError:
+def calibrated(shape: Shape, is_punch: bool, drawn: list[Pressed]) -> ModelError:
     """The table's row from what fits leave after the row in force; fits by the other pressure do not count."""
     errors, causes, spreads, deviations = [], [], [], []
-    for frame in frames:
+    for frame in drawn:
         fit = fit_shape(frame.values, frame.mask, shape)
         assert fit is not None
         loading = Loading(not fit.is_dome, fit.peak, fit.depth)
@@ -66,32 +66,24 @@ def calibrated(shape: Shape, is_punch: bool, frames: list[Pressed]) -> ModelErro
         if loading.is_punch != is_punch or share < 0.2 or not _is_same(fit, frame):
             continue
         to_shape = np.linalg.inv(scales_of(outline, fit.handedness or 1, fit.parameters))
-        errors.append(to_shape @ _apart(fit, frame.truth) / share)
+        errors.append(to_shape @ error_of(fit, frame.truth).vector / share)
         causes.append(causes_of(outline, fit.parameters, loading))
         spreads.append(spread_at(outline, fit.parameters))
         systematic = spreads[-1] * np.array(errors_of(shape, loading).deviation)
         deviations.append(np.diag(to_shape @ fit.covariance @ to_shape.T) / share ** 2 - systematic ** 2)
-    print(f'    # {len(errors)} of {len(frames)} fits')
+    print(f'    # {len(errors)} of {len(drawn)} fits')
     in_force = errors_of(shape, Loading(is_punch, 1.0, 1.0))
     return _row(SYMMETRIC[shape], in_force, *map(np.array, (errors, causes, spreads, deviations)))
 
 
 def _is_same(fit: ShapeFit, frame: Pressed) -> bool:
     """Mirrored, or another corner as the apex, is another error than a length's."""
-    return abs(_apart(fit, frame.truth)[2]) < 0.3 if fit.symmetry in (1, 3) else True
-
-
-def _apart(fit: ShapeFit, truth: np.ndarray) -> np.ndarray:
-    vector = fit.parameters - truth
-    if fit.symmetry:
-        period = 2 * np.pi / fit.symmetry
-        vector[2] = (vector[2] + period / 2) % period - period / 2
-    return vector
+    return abs(error_of(fit, frame.truth).vector[2]) < 0.3 if fit.symmetry in (1, 3) else True
 
 
 def _row(symmetric: tuple[int, ...], in_force: ModelError, errors: np.ndarray, causes: np.ndarray, spreads: np.ndarray,
          noise: np.ndarray) -> ModelError:
-    """``errors``: (K, p); ``causes``: (K, TERMS); ``noise``: (K, p), the variance that the fits state by themselves."""
+    """``errors``: (K, p); ``causes``: (K, TERMS); ``noise``: (K, p), what the fits state, without the model error."""
     terms, deviation = np.array(in_force[:-1], float), []
     for parameter, found in enumerate(errors.T):
         residual, used = found, np.ones(len(found), bool)

@@ -95,7 +95,7 @@ def pressed(rng: np.random.Generator, solution: Solution, found: Outlined, area:
 
 
 def draw(rng: np.random.Generator, name: str, area: float, count: int) -> list[Pressed]:
-    """``count`` frames of one kind of indenter, each solved for itself."""
+    """``count`` frames of one kind of indenter, one solution a frame."""
     frames = []
     for number in range(count):
         indenter, tilt = DRAWN[FLAT if name == CUT else name](rng, number)

@@ -17,14 +17,14 @@ class Profile(NamedTuple):
 
     sizes: np.ndarray    #: (k, 2), of the outline's first and last dimension, relative, from the whole outline inwards
     weights: np.ndarray  #: (2, k): of a uniform pressure, and of what the profile's differs from it
-    larger: np.ndarray   #: (2,), lengths under it than those of an even pressure of the same moments
+    length_ratio: np.ndarray  #: (2,), lengths under it over those of an even pressure of the same moments
 
 
-def _profile(sizes: np.ndarray, steps: np.ndarray, larger: tuple[float, float]) -> Profile:
+def _profile(sizes: np.ndarray, steps: np.ndarray, length_ratio: tuple[float, float]) -> Profile:
     """``steps``, (k,): of the pressure from one outline to the next."""
     even = np.zeros(len(steps))
     even[0] = 1
-    return Profile(read_only(sizes), read_only(np.stack((even, steps - even))), read_only(np.array(larger)))
+    return Profile(read_only(sizes), read_only(np.stack((even, steps - even))), read_only(np.array(length_ratio)))
 
 
 #: of a dome's outlines: more of them where its pressure falls

@@ -101,7 +101,7 @@ class PressureModel:
         Rigid objects press as punches and domes do.
         """
         sized, count = guess.copy(), len(self.outline.dimensions)
-        sized[-count:] *= self.profile.larger[-count:]
+        sized[-count:] *= self.profile.length_ratio[-count:]
         starts = [np.concatenate((sized, self.FULL))]
         if self.profile is PUNCH:
             starts.append(np.concatenate((guess, self.EVEN)))
