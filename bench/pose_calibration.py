@@ -19,7 +19,16 @@ from pose_mechanics import Pressed, error_of, outlined, pressed
 
 from tactile_node.geometry.outlines import OUTLINES, outline_of
 from tactile_node.pose.fit import ShapeFit, fit_shape
-from tactile_node.pose.model_error import Loading, ModelError, causes_of, errors_of, scales_of, share_of, spread_at
+from tactile_node.pose.model_error import (
+    Loading,
+    ModelError,
+    area_and_radius,
+    causes_of,
+    errors_of,
+    scales_of,
+    share_of,
+    spread_at,
+)
 from tactile_node.pose.profiles import DOMES
 from tactile_node.shape.recognition import Shape
 from tactile_node.synthetic.mechanics import Solution
@@ -63,12 +72,13 @@ def calibrated(shape: Shape, is_punch: bool, drawn: list[Pressed]) -> ModelError
         assert fit is not None
         loading = Loading(not fit.is_dome, fit.peak, fit.depth)
         outline, share = outline_of(shape, fit.handedness or 1), share_of(loading)
-        if loading.is_punch != is_punch or share < 0.2 or not _is_same(fit, frame):
+        error, (area, radius) = error_of(fit, frame.truth).vector, area_and_radius(outline.corners(fit.parameters))
+        if loading.is_punch != is_punch or share < 0.2 or not _is_same(fit, error):
             continue
-        to_shape = np.linalg.inv(scales_of(outline, fit.handedness or 1, fit.parameters))
-        errors.append(to_shape @ error_of(fit, frame.truth).vector / share)
-        causes.append(causes_of(outline, fit.parameters, loading))
-        spreads.append(spread_at(outline, fit.parameters))
+        to_shape = np.linalg.inv(scales_of(outline, fit.handedness or 1, fit.parameters, radius))
+        errors.append(to_shape @ error / share)
+        causes.append(causes_of(outline, fit.parameters, radius, loading))
+        spreads.append(spread_at(area))
         systematic = spreads[-1] * np.array(errors_of(shape, loading).deviation)
         deviations.append(np.diag(to_shape @ fit.covariance @ to_shape.T) / share ** 2 - systematic ** 2)
     print(f'    # {len(errors)} of {len(drawn)} fits')
@@ -76,9 +86,9 @@ def calibrated(shape: Shape, is_punch: bool, drawn: list[Pressed]) -> ModelError
     return _row(SYMMETRIC[shape], in_force, *map(np.array, (errors, causes, spreads, deviations)))
 
 
-def _is_same(fit: ShapeFit, frame: Pressed) -> bool:
+def _is_same(fit: ShapeFit, error: np.ndarray) -> bool:
     """Mirrored, or another corner as the apex, is another error than a length's."""
-    return abs(error_of(fit, frame.truth).vector[2]) < 0.3 if fit.symmetry in (1, 3) else True
+    return abs(error[2]) < 0.3 if fit.symmetry in (1, 3) else True
 
 
 def _row(symmetric: tuple[int, ...], in_force: ModelError, errors: np.ndarray, causes: np.ndarray, spreads: np.ndarray,

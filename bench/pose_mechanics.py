@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from pose_world import Error
+from pose_world import Error, error_from
 from scipy.stats import binomtest, chi2
 
 from bench.recognition import mechanics
@@ -48,8 +48,6 @@ class Pressed(NamedTuple):
     values: np.ndarray
     mask: np.ndarray
     truth: np.ndarray
-    depth: float      #: of the taxels
-    pressure: float   #: mean [fraction of full scale]
 
 
 class Row(NamedTuple):
@@ -91,7 +89,7 @@ def pressed(rng: np.random.Generator, solution: Solution, found: Outlined, area:
     truth[:2] = (x, y) + mechanics.turned(found.parameters[None, :2], angle)[0] * np.sqrt(area)
     truth[2:first] += angle
     truth[first:] *= np.sqrt(area)
-    return Pressed(shape, values, find_contact(values, unit=None).mask, truth, depth, pressure)
+    return Pressed(shape, values, find_contact(values, unit=None).mask, truth)
 
 
 def draw(rng: np.random.Generator, name: str, area: float, count: int) -> list[Pressed]:
@@ -116,13 +114,7 @@ def _cut(rng: np.random.Generator, frame: Pressed) -> Pressed:
 
 def error_of(fit: ShapeFit, truth: np.ndarray) -> Error:
     """Of a fit, by the symmetry that it declares."""
-    vector, first = fit.parameters - truth, 2
-    if fit.symmetry:
-        period, first = 2 * np.pi / fit.symmetry, 3
-        vector[2] = (vector[2] + period / 2) % period - period / 2
-    lengths = np.abs(vector[-len(fit.dimensions):] / truth[-len(fit.dimensions):])
-    return Error(float(np.hypot(*vector[:2])), float(np.degrees(abs(vector[2]))) if first == 3 else np.nan,
-                 float(lengths.max() * 100), vector)
+    return error_from(fit.parameters, fit.symmetry, truth, len(fit.dimensions))
 
 
 def measure(name: str, area: float, frames: list[Pressed]) -> Row:

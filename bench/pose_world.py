@@ -69,12 +69,15 @@ def truth(contact: Contact) -> tuple[np.ndarray, int]:
 
 
 def error(parameters: np.ndarray, symmetry: int, contact: Contact) -> Error:
-    true, _ = truth(contact)
+    return error_from(parameters, symmetry, truth(contact)[0], len(OUTLINES[Shape(contact.shape)].dimensions))
+
+
+def error_from(parameters: np.ndarray, symmetry: int, true: np.ndarray, count: int) -> Error:
+    """Of ``parameters`` against the ``true`` ones, the last ``count`` of which are dimensions."""
     vector = parameters - true
     if symmetry:
         period = 2 * np.pi / symmetry
         vector[2] = (vector[2] + period / 2) % period - period / 2
-    count = len(OUTLINES[Shape(contact.shape)].dimensions)
     return Error(float(np.hypot(*vector[:2])), float(np.degrees(abs(vector[2]))) if symmetry else np.nan,
                  float(np.abs(vector[-count:] / true[-count:]).max() * 100), vector)
 

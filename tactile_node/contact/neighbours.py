@@ -21,6 +21,15 @@ def grown(mask: np.ndarray) -> np.ndarray:
     return around
 
 
+def touches_edge(mask: np.ndarray) -> bool:
+    """Return whether a taxel of ``mask``, bool (rows, cols), is in the first or last row or column.
+
+    >>> touches_edge(np.pad(np.ones((2, 2), bool), 1)), touches_edge(np.eye(3, dtype=bool))
+    (False, True)
+    """
+    return bool(mask[0].any() or mask[-1].any() or mask[:, 0].any() or mask[:, -1].any())
+
+
 def sum_around(values: np.ndarray) -> np.ndarray:
     """Return the sum over each taxel and its 8 neighbours, of numbers or bool (rows, cols); nothing beyond the edge.
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.contact.neighbours import grown
+from tactile_node.contact.neighbours import grown, touches_edge
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.contact.seen import SMALLEST_CONTACT, largest_group, pad_seen
 
@@ -61,6 +61,5 @@ def _around(pattern: ContactPattern) -> tuple[np.ndarray, bool]:
     """Return the ring of the contact, and whether the contact reaches the end of the pad."""
     mask = pattern.mask
     around = grown(mask) & ~mask
-    border = mask[0].any() or mask[-1].any() or mask[:, 0].any() or mask[:, -1].any()
     beyond = around & pattern.unmapped
-    return around & ~pattern.unmapped, bool(border or beyond.any())
+    return around & ~pattern.unmapped, touches_edge(mask) or bool(beyond.any())

@@ -14,7 +14,6 @@ class Blocks(NamedTuple):
 
     values: np.ndarray  #: float, (rows, cols), NaN where too little of a block is seen
     mask: np.ndarray    #: bool
-    size: int           #: taxels along a block's side
     x: float            #: column of the middle of block (0, 0) [taxels]
     y: float            #: row of it
 
@@ -54,4 +53,4 @@ def in_blocks(values: np.ndarray, mask: np.ndarray, size: int) -> Blocks:
     means = np.where(valid, window, 0).reshape(shape).sum(axes) / np.maximum(seen, 1)
     means[~whole | (seen < VISIBLE * size ** 2)] = np.nan
     half = (size - 1) / 2
-    return Blocks(means, taxels.reshape(shape).mean(axes) >= 0.5, size, x=col + half, y=row + half)
+    return Blocks(means, taxels.reshape(shape).mean(axes) >= 0.5, x=col + half, y=row + half)

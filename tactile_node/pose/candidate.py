@@ -79,12 +79,6 @@ def fine(candidate: Candidate) -> Candidate:
     return candidate._replace(solution=solution)
 
 
-def misfit(candidate: Candidate) -> float:
-    """Return the sum of squares of what the model leaves: candidates have other priors, so costs do not compare."""
-    residual = candidate.problem.values - candidate.solution.prediction.values
-    return float(candidate.problem.weights @ residual ** 2)
-
-
 def loading_of(found: Candidate) -> Loading | None:
     """Return how the object loads the skin, lengths in pitches; None where the taxels are on/off."""
     model = found.problem.model

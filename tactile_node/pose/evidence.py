@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
+from tactile_node.contact.neighbours import touches_edge
 from tactile_node.errors import InputError
 from tactile_node.geometry.coverage import Window
 
@@ -79,11 +80,6 @@ def _seen_through(window: Window, taxels: np.ndarray, beyond: float) -> np.ndarr
     part = taxels[max(first_row, 0):last_row, max(first_col, 0):last_col]
     missing = ((max(-first_row, 0), max(last_row - rows, 0)), (max(-first_col, 0), max(last_col - cols, 0)))
     return np.pad(part, missing, constant_values=beyond) if any(map(any, missing)) else part
-
-
-def touches_edge(mask: np.ndarray) -> bool:
-    """Return whether a taxel of ``mask``, bool (rows, cols), is in the first or last row or column."""
-    return bool(mask[0].any() or mask[-1].any() or mask[:, 0].any() or mask[:, -1].any())
 
 
 def _around(mask: np.ndarray, reach: int) -> np.ndarray:

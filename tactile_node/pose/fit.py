@@ -4,11 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_node.contact.neighbours import touches_edge
 from tactile_node.geometry.outlines import OUTLINES, Outline, outline_of
 from tactile_node.pose.blocks import in_blocks, size_of
-from tactile_node.pose.candidate import Candidate, coarse, fine, loading_of, misfit, reweighted, with_likely_peak
+from tactile_node.pose.candidate import Candidate, coarse, fine, loading_of, reweighted, with_likely_peak
 from tactile_node.pose.domes import may_be_dome
-from tactile_node.pose.evidence import Evidence, checked, gather, touches_edge
+from tactile_node.pose.evidence import Evidence, checked, gather
 from tactile_node.pose.first_guess import Guess, guesses, moments_of
 from tactile_node.pose.least_squares import Solution
 from tactile_node.pose.model_error import corrected
@@ -70,27 +71,31 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float =
         return None
     values, mask = checked(values, mask)
     size = size_of(mask)
-    if size == 1:
-        return fit_evidence(gather(values, mask), Shape(shape), pitch)
-    blocks = in_blocks(values, mask, size)
-    if not blocks.mask.any():  # a line that no block is half full of
+    blocks = in_blocks(values, mask, size) if size > 1 else None
+    if blocks is None or not blocks.mask.any():  # of a line no block is half full
         return fit_evidence(gather(values, mask), Shape(shape), pitch)
     fit = fit_evidence(gather(blocks.values, blocks.mask, touches_edge(mask)), Shape(shape), pitch * size)
     return _moved(fit, blocks.x * pitch, blocks.y * pitch)
 
 
 def fit_evidence(evidence: Evidence, shape: Shape, pitch: float) -> ShapeFit:
+    """Fit the outline of ``shape``, one of the five, to ``evidence``; ``pitch`` [m] of its taxels."""
     starts = _guesses(evidence, shape)
     candidates = [coarse(evidence, shape, guess) for guess in starts]
     if may_be_dome(evidence, shape, candidates[0]):
         candidates.append(coarse(evidence, shape, starts[0], DOMES[shape]))
-    best = min(candidates, key=misfit)
+    best = min(candidates, key=_misfit)
     weights = weights_after(shape, best.solution.prediction, evidence)
     candidates = [with_likely_peak(reweighted(candidate, weights)) for candidate in candidates]
-    within = min(map(misfit, candidates)) + HOPELESS
-    candidates = sorted((fine(candidate) for candidate in candidates if misfit(candidate) < within), key=misfit)
+    within = min(map(_misfit, candidates)) + HOPELESS
+    candidates = sorted((fine(candidate) for candidate in candidates if _misfit(candidate) < within), key=_misfit)
     estimate = _together(shape, evidence, candidates)
     return _in_metres(shape, pitch, evidence, found=candidates[0], estimate=estimate)
+
+
+def _misfit(candidate: Candidate) -> float:
+    """What candidates are compared by: their priors differ."""
+    return candidate.solution.misfit
 
 
 def _moved(fit: ShapeFit, x: float, y: float) -> ShapeFit:
@@ -130,7 +135,7 @@ def _residual(evidence: Evidence, solution: Solution) -> float:
 def _together(shape: Shape, evidence: Evidence, candidates: list[Candidate]) -> _Estimate:
     """The best candidate; the others, as far as they are likely too, widen its covariance."""
     estimates = [_estimate(shape, evidence, candidate) for candidate in candidates]
-    best, costs = estimates[0], np.array([misfit(candidate) for candidate in candidates])
+    best, costs = estimates[0], np.array([_misfit(candidate) for candidate in candidates])
     if shape is Shape.ISOSCELES_TRIANGLE and any(
             cost - costs[0] < AMBIGUOUS and abs(_nearest_zero(other.parameters[2] - best.parameters[2], 1)) > 1
             for cost, other in zip(costs[1:], estimates[1:])):

@@ -17,6 +17,7 @@ DEPTHS = 0.08, 2.2        #: for which it is known [pitches]
 NODES = 40                #: in equal ratios between them
 POINTS = 6                #: of a taxel, along each axis, that the stress is averaged over
 TERMS = 2
+LOG_DEPTHS = float(np.log(DEPTHS[0])), float(np.log(DEPTHS[1]))
 
 
 class Taps(NamedTuple):
@@ -30,7 +31,7 @@ class Taps(NamedTuple):
 def taps_at(log_depth: float) -> Taps:
     """Return the kernel at a depth, by its natural logarithm [pitches], within the limits of DEPTHS."""
     signs, table = _table()
-    low, high = np.log(DEPTHS)
+    low, high = LOG_DEPTHS
     step = (high - low) / (NODES - 1)
     place = min(max((log_depth - low) / step, 0.0), NODES - 1.001)
     node = int(place)
@@ -59,7 +60,7 @@ def kernel(depth: float) -> np.ndarray:
 
 
 def _newmark(y: np.ndarray, x: np.ndarray, z: float) -> np.ndarray:
-    """Stress under the corner of a rectangle x, y; odd in both."""
+    """Stress under the corner of a rectangle x, y; odd in both. Not shared with synthetic/, which judges the fit."""
     slant = np.sqrt(x * x + y * y + z * z)
     parts = x * y * z / slant * (1 / (x * x + z * z) + 1 / (y * y + z * z))
     stress: np.ndarray = (np.arctan(x * y / (z * slant)) + parts) / (2 * np.pi)

@@ -27,7 +27,8 @@ class Solution(NamedTuple):
     parameters: np.ndarray
     prediction: Prediction
     information: np.ndarray  #: inverse of the covariance
-    cost: float              #: what is minimised
+    misfit: float            #: sum weights (values - model)²
+    cost: float              #: that and the prior's part: what is minimised
 
 
 def minimise(problem: Problem, at: Solution, *, tolerance: float, max_steps: int) -> Solution:
@@ -53,9 +54,9 @@ def evaluate(problem: Problem, parameters: np.ndarray, prediction: Prediction) -
     """Return what the problem makes of ``prediction``, the model's at ``parameters``."""
     information = (prediction.jacobian * problem.weights) @ prediction.jacobian.T
     information.reshape(-1)[::len(parameters) + 1] += problem.precision
-    cost = (problem.weights @ (problem.values - prediction.values)**2
-            + problem.precision @ (parameters - problem.expected)**2)
-    return Solution(parameters, prediction, information, float(cost))
+    misfit = problem.weights @ (problem.values - prediction.values)**2
+    cost = misfit + problem.precision @ (parameters - problem.expected)**2
+    return Solution(parameters, prediction, information, float(misfit), float(cost))
 
 
 def _step(problem: Problem, at: Solution, damping: float) -> np.ndarray:

@@ -1,7 +1,7 @@
-"""What the model of a punch leaves out, by shape: corners that carry less, edges of unknown rounding.
+"""What the models of a punch and of domes leave out, by shape: corners that carry less, edges of unknown rounding.
 
 Found on computed contacts of training seeds (bench/pose_calibration.py), in the shape's own frame: place in
-inscribed radii, angle in radians, dimensions relative. A uniform pressure has none of it, a punch all.
+inscribed radii, angle in radians, dimensions relative. Nothing is taken off under an even pressure.
 """
 
 from typing import NamedTuple
@@ -31,7 +31,7 @@ class Loading(NamedTuple):
 class ModelError(NamedTuple):
     """Of x, y, angle (but a circle's) and the dimensions."""
 
-    bias: tuple[float, ...]       #: under a punch
+    bias: tuple[float, ...]       #: under a punch or a dome
     of_size: tuple[float, ...]    #: added, per 1 / inscribed radius [pitches]
     of_ratio: tuple[float, ...]   #: added, per logarithm of the two dimensions' ratio
     of_depth: tuple[float, ...]   #: added, per depth of the taxels / inscribed radius
@@ -72,9 +72,11 @@ def corrected(shape: Shape, handedness: int, parameters: np.ndarray, covariance:
     Lengths in pitches.
     """
     outline, error, share = outline_of(shape, handedness), errors_of(shape, loading), share_of(loading)
-    causes, to_pad = causes_of(outline, parameters, loading), scales_of(outline, handedness, parameters)
+    area, radius = area_and_radius(outline.corners(parameters))
+    causes = causes_of(outline, parameters, radius, loading)
+    to_pad = scales_of(outline, handedness, parameters, radius)
     bias = share * (causes @ np.array(error[:-1]))
-    deviation = share * spread_at(outline, parameters) * np.array(error.deviation)
+    deviation = share * spread_at(area) * np.array(error.deviation)
     least = np.concatenate(([LEAST_PLACE] * 2, [LEAST_ANGLE] * bool(outline.symmetry),
                             [LEAST_LENGTH] * len(outline.dimensions)))
     systematic = to_pad @ np.diag(deviation ** 2) @ to_pad.T + np.diag(least ** 2)
@@ -94,9 +96,8 @@ def share_of(loading: Loading) -> float:
     return min(max(loading.peak, 0.0), MOST if loading.is_punch else 1.0)
 
 
-def causes_of(outline: Outline, parameters: np.ndarray, loading: Loading) -> np.ndarray:
+def causes_of(outline: Outline, parameters: np.ndarray, radius: float, loading: Loading) -> np.ndarray:
     """Return what the terms of a ModelError are multiplied by, (5,)."""
-    _, radius = _area_and_radius(outline.corners(parameters))
     _, _, dimensions = outline.split(parameters)
     peak = min(max(loading.peak - 1, -1.0), MOST_PEAKED)
     radius = max(radius, LEAST_RADIUS)
@@ -104,15 +105,13 @@ def causes_of(outline: Outline, parameters: np.ndarray, loading: Loading) -> np.
     return np.array((1, 1 / radius, np.log(dimensions[0] / dimensions[-1]), depth / radius, peak))
 
 
-def spread_at(outline: Outline, parameters: np.ndarray) -> float:
+def spread_at(area: float) -> float:
     """Return the factor of the deviation by size."""
-    area, _ = _area_and_radius(outline.corners(parameters))
     return 1 + (FEW / max(area, LEAST_AREA)) ** 2
 
 
-def scales_of(outline: Outline, handedness: int, parameters: np.ndarray) -> np.ndarray:
+def scales_of(outline: Outline, handedness: int, parameters: np.ndarray, radius: float) -> np.ndarray:
     """Return the matrix from errors in the shape's frame, relative, to errors of the parameters, (p, p)."""
-    _, radius = _area_and_radius(outline.corners(parameters))
     _, angle, dimensions = outline.split(parameters)
     turned = [float(handedness)] if outline.symmetry else []  # a mirrored one turns the other way
     scales = np.diag((radius, radius, *turned, *dimensions))
@@ -122,8 +121,8 @@ def scales_of(outline: Outline, handedness: int, parameters: np.ndarray) -> np.n
     return scales
 
 
-def _area_and_radius(corners: np.ndarray) -> tuple[float, float]:
-    """Area, and 2 area / perimeter: the radius of the inscribed circle, except for rectangles."""
+def area_and_radius(corners: np.ndarray) -> tuple[float, float]:
+    """Return the area and 2 area / perimeter: the radius of the inscribed circle, except for rectangles."""
     following = np.roll(corners, -1, axis=0)
     area = abs((corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]).sum()) / 2
     return float(area), float(2 * area / np.hypot(*(following - corners).T).sum())

@@ -13,7 +13,7 @@ from scipy.special import expit
 from tactile_node.geometry.coverage import Window, coverages
 from tactile_node.geometry.outlines import Outline
 from tactile_node.geometry.polygon import moving_depth
-from tactile_node.pose.layer_kernel import DEPTHS, REACH, taps_at
+from tactile_node.pose.layer_kernel import LOG_DEPTHS, REACH, taps_at
 from tactile_node.pose.profiles import PUNCH, Profile, nested
 from tactile_node.read_only import read_only
 
@@ -21,7 +21,6 @@ PEAKS = 0.0, 1.03    #: of an even pressure and of a flat punch's, as fits find 
 PEAK_NEAR = 0.4      #: a first fit is as near to one of them
 PEAK_SHOWN = 0.25    #: to this standard deviation or less
 PEAK_KNOWN = 0.08    #: standard deviation about it
-LOG_DEPTHS = float(np.log(DEPTHS[0])), float(np.log(DEPTHS[1]))
 
 
 class Prediction(NamedTuple):

@@ -91,9 +91,15 @@ def _is_string(mask: np.ndarray, together: np.ndarray) -> bool:
 
 
 def _extents(taxels: np.ndarray) -> tuple[int, int]:
-    """Rows and columns of the box around them."""
+    """Rows and columns of the least box around them."""
+    rows, cols = _box(taxels)
+    return rows.stop - rows.start, cols.stop - cols.start
+
+
+def _box(taxels: np.ndarray) -> tuple[slice, slice]:
+    """The least box around ``taxels``, as rows and columns."""
     rows, cols = np.flatnonzero(taxels.any(1)), np.flatnonzero(taxels.any(0))
-    return int(rows[-1] - rows[0] + 1), int(cols[-1] - cols[0] + 1)
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(cols[0]), int(cols[-1]) + 1)
 
 
 def _is_rise(pattern: ContactPattern, together: np.ndarray) -> bool:
@@ -122,8 +128,7 @@ def _lines_rise(values: np.ndarray, taxels: np.ndarray, away: np.ndarray, quiet:
 
     ``quiet``: taxels away from it that are not pressed; they show the noise of these rows.
     """
-    rows = np.flatnonzero(taxels.any(1))
-    rows_of_contact = slice(rows[0], rows[-1] + 1)
+    rows_of_contact, _ = _box(taxels)
     used = quiet[rows_of_contact]
     if np.count_nonzero(used) >= LINE and _median(np.abs(values[rows_of_contact][used] - rest)) > SCATTER * most:
         return True
@@ -165,9 +170,9 @@ def _density_beside(pattern: ContactPattern, together: np.ndarray) -> float:
 
 def _box_around(taxels: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     """Return the taxels of the least box around ``taxels`` and MARGIN more."""
-    rows, cols = np.flatnonzero(taxels.any(1)), np.flatnonzero(taxels.any(0))
+    rows, cols = _box(taxels)
     box = np.zeros(shape, bool)
-    box[max(rows[0] - MARGIN, 0):rows[-1] + MARGIN + 1, max(cols[0] - MARGIN, 0):cols[-1] + MARGIN + 1] = True
+    box[max(rows.start - MARGIN, 0):rows.stop + MARGIN, max(cols.start - MARGIN, 0):cols.stop + MARGIN] = True
     return box
 
 
