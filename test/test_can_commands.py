@@ -166,6 +166,13 @@ def test_replay_of_two_pads_writes_two_files(tmp_path):
     np.testing.assert_array_equal(left, right[:, :, ::-1])
 
 
+def test_replay_writes_into_a_pipe():
+    replaying = spawn('replay', DATA / 'sim16x16_two_pads.log.gz', '--output', '-')
+    classifying = subprocess.run([sys.executable, '-c', TACTILE, 'classify'], cwd=ROOT, stdin=replaying.stdout,
+                                 capture_output=True, text=True, timeout=120, check=True)
+    assert replaying.wait(60) == 0 and len(classifying.stdout.splitlines()) == 120
+
+
 def test_replay_without_a_sync_fails(tmp_path, capsys):
     (tmp_path / 'x.log').write_text('(1.0) can0 1A0#0011223344556677\n')
     assert run(replay, tmp_path / 'x.log') == 1

@@ -186,8 +186,9 @@ def test_thresholds_of_a_full_scale(options, press, release):
     assert PressThresholds.of_full_scale(80.0, **options) == PressThresholds(press, release)
 
 
-def test_a_full_scale_of_nothing_counts_as_1():
-    assert PressThresholds.of_full_scale(0.0) == PressThresholds(0.3, 0.2)
+def test_a_full_scale_of_nothing_is_refused():
+    with pytest.raises(ConfigurationError, match='threshold'):
+        PressThresholds.of_full_scale(0.0)
 
 
 @pytest.mark.parametrize('largest', [True, False])

@@ -13,8 +13,6 @@ from tactile_node.geometry.polygon import depth_inside
 
 Depth = Callable[[np.ndarray, np.ndarray], np.ndarray]  #: of points about the origin, about unit size
 
-TRAINED = ('bars', 'star', 'lens', 'ellipses', 'superellipse', 'discs', 'polygon', 'notched')
-
 
 @dataclass(frozen=True)
 class Outlier:
@@ -119,7 +117,7 @@ def ellipses(rng: np.random.Generator) -> Depth:
 
 
 def superellipse(rng: np.random.Generator) -> Depth:
-    """Stadium-like (power 2.3 to 3, ratio over 1.4) or pinched (power below 1)."""
+    """Stadium-like (power 2 to 2.6, ratio over 1.4) or pinched (power below 1)."""
     if rng.random() < 0.5:
         ratio = rng.uniform(1.4, 2.6)
         return _ellipse(ratio ** 0.5, ratio ** -0.5, rng.uniform(2.0, 2.6))
@@ -169,3 +167,4 @@ def notched(rng: np.random.Generator) -> Depth:
 FORMS: dict[str, Callable[[np.random.Generator], Depth]] = {
     'bars': bars, 'star': star, 'lens': lens, 'ellipses': ellipses, 'superellipse': superellipse, 'discs': discs,
     'polygon': polygon, 'notched': notched}
+TRAINED = tuple(FORMS)

@@ -7,7 +7,7 @@ import numpy as np
 
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.shape.invariants import describe_all
-from tactile_node.shape.patch import joined, make_patch
+from tactile_node.shape.patch import HIGHEST_LEVEL, joined, make_patch
 from tactile_node.shape.recogniser import OUTPUTS
 from training.field import Conditions, field_frame
 from training.outliers import TRAINED
@@ -17,7 +17,7 @@ LABELS = tuple(shape.value for shape in OUTPUTS)  #: a label is an index into th
 UNKNOWN = LABELS.index('unknown')
 SMALLEST = 5           #: taxels of a pattern worth a sample
 ABSOLUTE = 0.4         #: of the pressure frames, the fraction with an absolute threshold
-LEVEL_STEPS = 160.0    #: levels are kept as whole numbers of this fraction
+LEVEL_STEPS = 255 / HIGHEST_LEVEL  #: levels are kept as whole numbers of this fraction
 
 FAULTS: dict[str, Callable[[np.random.Generator], dict]] = {
     'dead': lambda rng: {'dead': rng.uniform(0.03, 0.15)},

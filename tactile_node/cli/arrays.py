@@ -24,8 +24,9 @@ def add_array_arguments(parser: argparse.ArgumentParser) -> None:
     numeric = parser.add_argument_group(
         'pressed taxels of integer and float arrays (a bool array is itself the pressed taxels)',
         'Pressed is what stands out of the noise of the taxels at rest (a quarter of them must rest), up to where it '
-        'reads half of its contact. An array of 0 and one other value is on/off. Frames of a file follow each other '
-        'in time. With --full-scale, a taxel is pressed from a fixed value on:')
+        'reads half of its contact. An array of 0 and one other value is on/off. Whole numbers less than 3 above the '
+        'rest are noise. Frames of a file follow each other in time: what stays on after a contact is left over, so '
+        'give independent images a file each. With --full-scale, a taxel is pressed from a fixed value on:')
     numeric.add_argument('--full-scale', type=float, metavar='VALUE', help='in the unit of the values')
     numeric.add_argument('--press', type=float, metavar='FRACTION',
                          help=f'of the full scale from which on a taxel is pressed, default {PRESS_FRACTION}')

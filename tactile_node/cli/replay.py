@@ -1,6 +1,7 @@
 """``tactile replay``: play a CAN log without ROS; taxel frames as .npy, and the fate of every CAN frame."""
 
 import argparse
+import io
 import sys
 from pathlib import Path
 
@@ -51,7 +52,9 @@ def run(args: argparse.Namespace) -> int:
     layout = pads[0].layout
     for name, stream in outputs.items():
         with stream:
-            np.save(stream, np.array(frames[name]).reshape(-1, layout.rows, layout.cols))
+            array = io.BytesIO()  # numpy seeks in what it writes to, which a pipe cannot
+            np.save(array, np.array(frames[name]).reshape(-1, layout.rows, layout.cols))
+            stream.write(array.getbuffer())
     used = all(pad.used for pad in statistics.pads.values())
     if not used:
         print('A pad has no TPDO in this log: check --node-id and --layout.', file=sys.stderr)

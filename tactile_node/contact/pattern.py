@@ -17,6 +17,7 @@ from tactile_node.errors import InputError
 from tactile_node.press_levels import LEAST_BY_UNIT, ON_OFF_UNIT
 from tactile_node.read_only import read_only
 
+BASELINE = 0.1     #: of what a contact rises above it: less is noise, or the skin's response around a contact
 LEAST_COUNTS = 3.0  #: of readings in whole counts: idle ones differ by two
 HIGHEST = 1e150    #: magnitude from which on a number is no value, as if infinite: its square has no float
 MOST_LABELS = 255  #: contacts beyond so many have no label
@@ -26,7 +27,9 @@ class ContactPattern(NamedTuple):
     """The taxels pressed together; arrays are read-only, of shape (rows, cols)."""
 
     mask: np.ndarray    #: bool, the largest contact
-    values: np.ndarray  #: float, the frame's values, NaN where a taxel has no valid one or is left over
+    #: float, the frame's values, NaN where a taxel has no valid one or is left over; of an array without a unit, less
+    #: what its taxels read at rest where that is not about 0
+    values: np.ndarray
     contacts: int       #: number of separate contacts seen on the pad, 0 when it is empty or not seen
     labels: np.ndarray  #: uint8, the contact that a taxel belongs to: 1 the largest, 2 the next, ...; 0 none
     sizes: tuple[int, ...]  #: taxels of each label: sizes[0] is that of label 1
@@ -104,8 +107,10 @@ class PatternExtractor:
         valid = np.abs(numbers) < HIGHEST
         missing = _taxels(unmapped, frame.shape, 'unmapped')
         hidden = ~(valid | missing)
-        pressed, noise = self._found(frame, numbers, valid)
+        pressed, noise, rest = self._found(frame, numbers, valid)
         pressed &= valid
+        if rest and np.count_nonzero(pressed) and abs(rest) > BASELINE * abs(float(np.median(numbers[pressed])) - rest):
+            numbers = numbers - rest
         labels, contacts = number_contacts(pressed, hidden)
         is_one = contacts == 1 and not np.count_nonzero(hidden)
         left = self._left_over.update(pressed, is_one) if self._largest else None
@@ -125,13 +130,13 @@ class PatternExtractor:
             unmapped=read_only(missing), noise=noise,
             is_left_over=left is not None and not contacts and bool(np.count_nonzero(left)))
 
-    def _found(self, frame: np.ndarray, values: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the pressed taxels and the noise of all."""
+    def _found(self, frame: np.ndarray, values: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        """Return the pressed taxels, the noise of all, and what they read at rest; 0 where a unit gives the zero."""
         unknown = read_only(np.full(frame.shape, np.nan))
         if frame.dtype == bool:
-            return frame.copy(), unknown
+            return frame.copy(), unknown, 0.0
         if self._is_on_off or self._is_free and are_on_off(values[valid]):
-            return self._above(values, valid), unknown
+            return self._above(values, valid), unknown, 0.0
         level, noise = self._floor.measure(values, valid)
         if self._thresholds:
             pressed = self._above(values, valid)
@@ -139,7 +144,7 @@ class PatternExtractor:
             least = LEAST_COUNTS if self._is_free and _are_counts(values[valid]) else self._least
             pressed = self._standing_out(values, valid, Threshold(level, noise, least))
         self._floor.learn(values, noise, valid & ~grown(grown(pressed)), bool(pressed.any()))
-        return pressed, noise if np.count_nonzero(noise) else unknown
+        return pressed, noise if np.count_nonzero(noise) else unknown, level if self._is_free else 0.0
 
     def _above(self, values: np.ndarray, valid: np.ndarray) -> np.ndarray:
         """Return what reaches the thresholds; without any, what is not 0."""

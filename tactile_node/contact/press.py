@@ -50,7 +50,7 @@ class PressThresholds:
     @classmethod
     def of_full_scale(cls, full_scale: float, press: float = PRESS_FRACTION,
                       release: float | None = None) -> 'PressThresholds':
-        """Return thresholds that are fractions of ``full_scale``; 0, as of an array without a value, counts as 1.
+        """Return thresholds that are fractions of ``full_scale``.
 
         ``release`` None: RELEASE_FRACTION, or ``press`` where that is lower. Raises ConfigurationError.
 
@@ -59,5 +59,4 @@ class PressThresholds:
         """
         if release is None:
             release = min(RELEASE_FRACTION, press)
-        full_scale = full_scale if full_scale != 0 else 1.0
         return cls(press * full_scale, release * full_scale)

@@ -77,7 +77,7 @@ class VisibilityGuard:
     contact that may continue where taxels are hidden. Where hidden taxels may change the answer, it reports the mean
     of what the method answers to each way of reading them.
 
-    A contact that specks or lines make by chance is UNKNOWN, UNFAMILIAR.
+    A contact that specks or lines make by chance is UNKNOWN: NOT_SEEN where hidden taxels matter, else UNFAMILIAR.
     """
 
     def __init__(self, method: RecognitionMethod, smallest_contact: int = SMALLEST_CONTACT):
@@ -93,7 +93,8 @@ class VisibilityGuard:
         if not pattern.contacts and not visibility.pad_seen:
             return Recognition.unknown(UnknownReason.NOT_SEEN)
         if is_shapeless(pattern):
-            return Recognition.unknown(UnknownReason.UNFAMILIAR)
+            return Recognition.unknown(UnknownReason.NOT_SEEN if hidden_taxels_matter(pattern, visibility)
+                                       else UnknownReason.UNFAMILIAR)
         if not hidden_taxels_matter(pattern, visibility):
             return self._method.recognise(pattern, features)
         readings, which = distinct([pattern, *completions(pattern)])

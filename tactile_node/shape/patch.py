@@ -19,6 +19,7 @@ ROOM = 18        #: a contact wider than this is scaled down to it
 BRIDGED = 2      #: pieces with up to so many taxels between them are one contact [taxels]
 PIECE = 3        #: fewer taxels beside a contact are no piece of it
 RIM = 2          #: how far beyond the mask partial pressures reach [taxels]
+HIGHEST_LEVEL = 255 / 160  #: of a taxel: training keeps levels as bytes, so no network has seen a higher one
 ROWS_AROUND, COLS_AROUND = np.indices((3, 3)).reshape(2, -1)
 
 
@@ -44,7 +45,9 @@ def joined(pattern: ContactPattern) -> np.ndarray:
     others &= (np.bincount(groups[others], minlength=groups.max() + 1) >= PIECE)[groups]
     pressed = pattern.mask | others
     groups = linked(pressed, BRIDGED)
-    together: np.ndarray = pressed & (groups == groups[pattern.mask][0])
+    of_contact = np.zeros(int(groups.max()) + 1, bool)
+    of_contact[groups[pattern.mask]] = True  # hidden taxels may keep its pieces farther apart than BRIDGED
+    together: np.ndarray = pressed & of_contact[groups]
     return together
 
 
@@ -109,15 +112,15 @@ def _spread(weight: np.ndarray) -> tuple[float, float]:
 def _levels(values: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
     """Levels, dead taxels (as 1.0), and whether there are pressures between none and full."""
     dead = np.isnan(values)
-    known = np.where(dead, 0, values)
-    graded = not are_on_off(values)
+    known = np.where(dead, 0, np.maximum(values, 0))  # below 0 is noise, or what a broken taxel sends
+    inside = known * mask
+    graded = bool(inside.any()) and not are_on_off(values)
     if graded:
-        inside = known * mask
         near = mask
         for _ in range(RIM):
             near = grown(near)
         known = known * near
-        level = known * (inside.sum() / np.square(inside).sum())
+        level = np.minimum(known * (inside.sum() / np.square(inside).sum()), HIGHEST_LEVEL)
     else:
         level = mask.astype(float)
     return (_filled(level, dead) if dead.any() else level), dead.astype(float), graded

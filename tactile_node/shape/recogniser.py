@@ -1,7 +1,7 @@
 """The learned recogniser: contact pattern -> patch and geometry -> two small networks -> probabilities.
 
-One network is for on/off taxels, one for pressures. Each gives five logits, one a class, and one that
-the contact is none of them; each set is divided by its own temperature, found on validation patterns.
+One network is for on/off taxels, one for pressures. Each gives five logits, one a class, which are divided by a
+temperature found on validation patterns, and one that the contact is none of them, which has a bias.
 The weights are data (config/recogniser.npz), written by training/train.py.
 """
 

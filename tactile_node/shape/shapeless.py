@@ -158,11 +158,11 @@ def _density_beside(pattern: ContactPattern, together: np.ndarray) -> float:
         away = visible & ~grown(pattern.mask)
     pressed = (pattern.labels > 0) & away
     if pressed.any():
-        for number, taxels in enumerate(pattern.sizes[1:], 2):
+        for number, taxels in enumerate(pattern.sizes, 1):
             if taxels < OTHER:
                 break
             other = pattern.labels == number
-            if _compactness(other) >= OTHER_COMPACT:
+            if not (other & pattern.mask).any() and _compactness(other) >= OTHER_COMPACT:
                 away &= ~grown(other)
         pressed &= away
     return (int(np.count_nonzero(pressed)) + 1) / (int(np.count_nonzero(away)) + 2)
