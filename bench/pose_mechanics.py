@@ -12,6 +12,7 @@ from scipy.stats import binomtest, chi2
 
 from bench.recognition import mechanics
 from tactile_node import find_contact
+from tactile_node.calibration.response import SkinResponse
 from tactile_node.geometry.outlines import OUTLINES
 from tactile_node.pose.evidence import gather
 from tactile_node.pose.fit import ShapeFit, fit_evidence, fit_shape
@@ -50,6 +51,13 @@ class Pressed(NamedTuple):
     truth: np.ndarray
 
 
+class Skin(NamedTuple):
+    """One that presses share: the depth of its taxels [pitches], and what they read of a pressure [full scale]."""
+
+    depth: float
+    curve: Callable[[np.ndarray], np.ndarray]
+
+
 class Row(NamedTuple):
     """What fits of one kind of indenter and size found."""
 
@@ -78,12 +86,16 @@ def outlined(solution: Solution) -> Outlined:
     return Outlined(parameters, fit.handedness)
 
 
-def pressed(rng: np.random.Generator, solution: Solution, found: Outlined, area: float) -> Pressed:
-    """Press ``solution`` at any pose, depth and pressure; its contact covers ``area`` taxels."""
+def pressed(rng: np.random.Generator, solution: Solution, found: Outlined, area: float,
+            skin: Skin | None = None) -> Pressed:
+    """Press ``solution`` at any pose, pressure and, without a ``skin``, depth; its contact covers ``area`` taxels."""
     shape, depth, pressure = Shape(solution.label), rng.uniform(*mechanics.DEPTH), rng.uniform(*mechanics.PRESSURE)
+    depth = skin.depth if skin else depth
     side, angle = mechanics.side_of(area) + 4, rng.uniform(0, 2 * np.pi)
     x, y = (side - 1) / 2 + rng.uniform(-0.5, 0.5, 2)
     stress = sample(stress_field(solution, area, depth), x, y, angle, side, side)
+    if skin:
+        stress, pressure = skin.curve(np.maximum(pressure * stress, 0)), 1.0
     values = measured(stress, pressure, rng, noise=mechanics.NOISE, dead=mechanics.DEAD)
     truth, first = found.parameters.copy(), 3 if OUTLINES[shape].symmetry else 2
     truth[:2] = (x, y) + mechanics.turned(found.parameters[None, :2], angle)[0] * np.sqrt(area)
@@ -117,10 +129,15 @@ def error_of(fit: ShapeFit, truth: np.ndarray) -> Error:
     return error_from(fit.parameters, fit.symmetry, truth, len(fit.dimensions))
 
 
-def measure(name: str, area: float, frames: list[Pressed]) -> Row:
-    """Fit the frames of which a contact is found."""
+def measure(name: str, area: float, frames: list[Pressed], response: SkinResponse | None = None) -> Row:
+    """Fit the frames of which a contact is found; ``response``: of a calibrated skin."""
+    if response:
+        linear = [response.curve(frame.values) for frame in frames]
+        frames = [frame._replace(values=values, mask=find_contact(values, unit=None).mask)
+                  for frame, values in zip(frames, linear)]
     frames = [frame for frame in frames if frame.mask.any()]
-    fits = [fit_shape(frame.values, frame.mask, frame.shape) for frame in frames]
+    layer = response.layer if response else None
+    fits = [fit_shape(frame.values, frame.mask, frame.shape, layer=layer) for frame in frames]
     errors = [error_of(fit, frame.truth) for fit, frame in zip(fits, frames)]
     signed = [100 * float(np.mean(error.vector[-len(fit.dimensions):] / frame.truth[-len(fit.dimensions):]))
               for fit, frame, error in zip(fits, frames, errors)]

@@ -15,12 +15,16 @@ from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
+from tactile_node.calibration.response import SkinResponse, save_response  # noqa: E402
 from tactile_node.conditioning.fault_file import load_faults  # noqa: E402
+from tactile_node.conditioning.response_curve import make_curve  # noqa: E402
 from tactile_node.conditioning.taxel_faults import TaxelFault  # noqa: E402
+from tactile_node.errors import ConfigurationError  # noqa: E402
 from tactile_node.frames.taxel_frame import TaxelFrame  # noqa: E402
 from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
 from tactile_node.nodes.driver_source import driver_pads  # noqa: E402
-from tactile_node.ros.conditioning_setup import conditioned_pads  # noqa: E402
+from tactile_node.pose.layer import Layer  # noqa: E402
+from tactile_node.ros.conditioning_setup import conditioned_pads, skin_responses  # noqa: E402
 from tactile_node.ros.parameters import table  # noqa: E402
 from tactile_node.ros.qos import STATUS_QOS, frames_qos  # noqa: E402
 from tactile_node.ros.settings import DriverSettings  # noqa: E402
@@ -109,6 +113,24 @@ def test_files_act_from_the_first_frame_and_are_reported(make, tmp_path):
     assert (faulty.row, faulty.col, faulty.code, faulty.fault) == (2, 3, FaultyTaxel.DEAD, 'dead')
     driver.wait(lambda: any(status.level == DiagnosticStatus.WARN and 'dead: (2, 3)' in status.message
                             for message in driver.diagnostics for status in message.status))
+
+
+def test_a_calibrated_skin_publishes_pressures_and_its_layer(make, tmp_path):
+    path = tmp_path / 'skin.response.yaml'
+    curve = make_curve([0, PRESSED / 2, 2 * PRESSED], [0, PRESSED / 4, PRESSED])
+    save_response(path, SkinResponse('N', Layer(0.0015, 0.1), curve), 'of a test', {})
+    driver = make(response_files=[str(path)])
+    np.testing.assert_allclose(driver.values(), PRESSED / 2, rtol=1e-2)
+    message = driver.taxels[-1]
+    assert (message.layer_depth, message.layer_deviation) == pytest.approx((0.0015, 0.1))
+
+
+def test_a_response_to_another_unit_is_refused(tmp_path):
+    path = tmp_path / 'skin.response.yaml'
+    save_response(path, SkinResponse('N', Layer(0.0015, 0.1), make_curve([0, 1], [0, 1])), 'of a test', {})
+    settings = DriverSettings(response_files=(str(path),), replay='a log')
+    with pytest.raises(ConfigurationError, match="'N'"):
+        skin_responses(driver_pads(settings), settings)
 
 
 def test_faults_are_saved_on_request(make, tmp_path):

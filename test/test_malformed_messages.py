@@ -198,7 +198,10 @@ CONTACTS = [
     ('not seen, and seen', both(labels_of(), changed(contacts=0, contact_taxels=array('I'), state=Contact.NOT_SEEN,
                                                      pad_seen=True)), R.INCONSISTENT),
     ('too short a noise floor', changed(noise_floor=array('f', [1.0])), R.WRONG_LENGTH),
-    ('noise below 0', changed(noise_floor=array('f', [-1.0] * 256)), R.NOT_FINITE)]
+    ('noise below 0', changed(noise_floor=array('f', [-1.0] * 256)), R.NOT_FINITE),
+    ('a layer whose depth is not a number', changed(layer_depth=math.nan), R.NOT_FINITE),
+    ('a depth without a deviation', changed(layer_depth=0.001), R.INCONSISTENT),
+    ('a layer above the surface', changed(layer_depth=-0.001, layer_deviation=0.1), R.INCONSISTENT)]
 FEATURES = [
     *GRID,
     ('too short a pattern', changed(pattern=array('B', [1] * 255)), R.WRONG_LENGTH),

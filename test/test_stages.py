@@ -14,6 +14,7 @@ from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus  # noqa: E402
 from tactile_node.nodes.classifier_node import ClassifierNode  # noqa: E402
 from tactile_node.nodes.processor_node import ProcessorNode  # noqa: E402
+from tactile_node.pose.layer import Layer  # noqa: E402
 from tactile_node.ros.message_age import age_seconds  # noqa: E402
 from tactile_node.ros.message_checks import (  # noqa: E402
     check_contact,
@@ -61,7 +62,7 @@ class Pad:
         return [each for node in (self.processor, self.classifier) for each in node.publishers
                 if each.topic_name == f'/{topic}']
 
-    def send(self, frame, saturated=False, unmapped=False) -> SimpleNamespace:
+    def send(self, frame, saturated=False, unmapped=False, layer=None) -> SimpleNamespace:
         """Publish a frame [Pa] and return the messages made of it by topic, each checked, None where there is none."""
         self._spin_until(lambda: self._taxels.get_subscription_count())
         values = np.asarray(frame, np.float32)
@@ -69,7 +70,7 @@ class Pad:
         status[np.broadcast_to(saturated, status.shape)] = TaxelStatus.SATURATED
         status[np.broadcast_to(unmapped, status.shape)] = TaxelStatus.UNMAPPED
         taxels = taxel_array_message(TaxelFrame(time.time(), self._sequence, values, status, 0),
-                                     PITCH, 'Pa', 'left_pad')
+                                     PITCH, 'Pa', 'left_pad', layer)
         self._taxels.publish(taxels)
         self._spin_until(lambda: all(heard and heard[-1].sequence == taxels.sequence
                                      for topic, heard in self.heard.items() if topic in self._subscriptions))
@@ -98,6 +99,17 @@ def block(rows=slice(4, 11), cols=slice(4, 11), level=50e3):
     frame = np.zeros((16, 16))
     frame[rows, cols] = level
     return frame
+
+
+def test_the_layer_of_a_calibrated_skin_makes_its_fits_surer(pad):
+    rows, cols = np.indices((16, 16))
+    noise = np.random.default_rng(0).normal(0, 400, (16, 16))
+    disc = 50e3 / (1 + np.exp(3 * (np.hypot(cols - 7.6, rows - 7.3) - 3.2))) + noise
+    free, known = (pad.send(disc, layer=layer) for layer in (None, Layer(0.5 * PITCH, 0.05)))
+    assert (known.contact.layer_depth, known.contact.layer_deviation) == pytest.approx((0.5 * PITCH, 0.05))
+    assert free.contact.layer_depth == 0.0 and free.shape.shape == known.shape.shape == ContactShape.CIRCLE
+    deviations = [found.shape.covariance[-1] for found in (free, known)]
+    assert 0 < deviations[1] < deviations[0]
 
 
 def test_an_object_under_seven_hidden_rows_is_not_reported_as_none(pad):

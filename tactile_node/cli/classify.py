@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 
+from tactile_node.calibration.response import SkinResponse, load_response
 from tactile_node.cli.arrays import (
     add_array_arguments,
     patterns,
@@ -33,6 +34,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
                         help=f'of --method volf, default config/{FILES[VOLF]}')
     parser.add_argument('--pitch', type=float, metavar='METRES',
                         help='distance of neighbouring taxels: fit pose and size of what is recognised')
+    parser.add_argument('--response', default='', metavar='FILE',
+                        help="the skin's response, as written by `tactile calibrate`: readings become pressures by its "
+                             'curve, fits know the depth of the taxels')
     parser.epilog = ('Prints {"frame": k, "shape": ..., "confidence": ..., "probabilities": {name: ...}, '
                      '"N": ..., "contacts": ...}: N taxels in the largest of so many contacts. An unknown shape has '
                      'a "reason": not_seen (too many NaN), unfamiliar or too_small. With --pitch, one of the five '
@@ -45,23 +49,26 @@ def run(args: argparse.Namespace) -> int:
     if args.pitch is not None:
         check_pitch(args.pitch)
     recogniser = make_recogniser(args.method, {LEARNED: args.weights, VOLF: args.curves}[args.method])
+    response = load_response(args.response) if args.response else None
     frames = read_frames(args.frames)
+    if response is not None and frames.dtype != bool:
+        frames = response.curve(frames)
 
     def records():
         for k, pattern in enumerate(patterns(frames, args, largest=True)):
             recognition = recogniser.recognise(pattern)
             yield {'frame': k, **recognition.as_json(),
                    'N': int(pattern.mask.sum()), 'contacts': pattern.contacts,
-                   **(_fitted(pattern, recognition, args.pitch) if args.pitch else {})}
+                   **(_fitted(pattern, recognition, args.pitch, response) if args.pitch else {})}
 
     write_lines(records(), args.output)
     return 0
 
 
-def _fitted(pattern: ContactPattern, recognition: Recognition, pitch: float) -> dict:
+def _fitted(pattern: ContactPattern, recognition: Recognition, pitch: float, response: SkinResponse | None) -> dict:
     """Pose and size of a recognised shape with their standard deviations; nothing for another answer."""
     contact = join_pieces(pattern) if recognition.joined else pattern
-    fit = fit_shape(contact, recognition.shape, pitch) if contact.mask.any() else None
+    fit = fit_shape(contact, recognition.shape, pitch, response) if contact.mask.any() else None
     return _as_json(fit) if fit else {}
 
 

@@ -21,6 +21,7 @@ COMMANDS = (
     ('bringup', 'tactile_node.cli.bringup', 'run all ROS 2 nodes of one bus in this process'),
     ('demo', 'tactile_node.cli.demo', 'simulated gripper skin: five shapes, from CAN frame to topic'),
     ('simulate', 'tactile_node.cli.simulate', 'be a CANopen skin that touches shapes or repeats a recording'),
+    ('calibrate', 'tactile_node.cli.calibrate', "learn a skin's response from presses of a known disc"),
     ('record', 'tactile_node.cli.record', 'record a CAN log from a live bus'),
     ('replay', 'tactile_node.cli.replay', 'play a CAN log without ROS'),
 )

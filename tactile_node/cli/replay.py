@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from tactile_node.cli.options import DEFAULT_LAYOUT, add_node_id_option, node_ids_of, pace
-from tactile_node.errors import ConfigurationError, LogError
-from tactile_node.interruption import interruption
-from tactile_node.recording.log_source import LogSource
+from tactile_node.cli.played_log import play_log
+from tactile_node.errors import ConfigurationError
 from tactile_node.recording.summary import summary
 from tactile_node.skin.pads import PadSettings, make_pads
 
@@ -34,31 +33,21 @@ def run(args: argparse.Namespace) -> int:
     """Play the log to its end; 1 when it held no taxels of these pads or was interrupted."""
     pads = make_pads([args.layout], node_ids_of(args))
     outputs = _outputs(args.output, pads)
-    frames: dict[str, list[np.ndarray]] = {pad.name: [] for pad in pads}
-    source = LogSource(args.log, pads, lambda name, frame: frames[name].append(frame.values), pace=args.pace or None,
-                       channel=args.channel)
-    with interruption() as stop_requested:
-        source.open()
-        source.start()
-        while not source.finished.wait(0.1) and not stop_requested.is_set():
-            pass
-        source.close()
-    if source.failure:
-        raise LogError(args.log, expected='a log to its end', got=source.failure.detail, remedy='Record it again.')
-    statistics = source.statistics()
+    played = play_log(args.log, pads, pace=args.pace or None, channel=args.channel)
+    statistics = played.source.statistics()
     print(summary(statistics), file=sys.stderr if args.output == '-' else sys.stdout)
     if statistics.unread:
-        print(f'{args.log}: {source.summary}', file=sys.stderr)
+        print(f'{args.log}: {played.source.summary}', file=sys.stderr)
     layout = pads[0].layout
     for name, stream in outputs.items():
         with stream:
             array = io.BytesIO()  # numpy seeks in what it writes to, which a pipe cannot
-            np.save(array, np.array(frames[name]).reshape(-1, layout.rows, layout.cols))
+            values = [frame.values for frame in played.frames[name]]
+            np.save(array, np.array(values).reshape(-1, layout.rows, layout.cols))
             stream.write(array.getbuffer())
-    used = all(pad.used for pad in statistics.pads.values())
-    if not used:
+    if not played.used:
         print('A pad has no TPDO in this log: check --node-id and --layout.', file=sys.stderr)
-    return 0 if source.finished.is_set() and used else 1
+    return 0 if played.has_ended and played.used else 1
 
 
 def _outputs(output: str | None, pads: tuple[PadSettings, ...]) -> dict:

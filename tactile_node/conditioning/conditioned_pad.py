@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_node.conditioning.response_curve import ResponseCurve
 from tactile_node.conditioning.tare import TaredPad, ZeroState
 from tactile_node.conditioning.taxel_faults import FaultDetector, FaultyTaxels, TaxelFault
 from tactile_node.errors import HalfZeroedError
@@ -25,9 +26,9 @@ class PadCondition(NamedTuple):
 
 
 class ConditionedPad:
-    """Masks faulty taxels, subtracts the zero, applies the gains, in this order.
+    """Masks faulty taxels, subtracts the zero, applies the gains and the curve, in this order.
 
-    value = gain x (reading - zero), NaN where faulty.
+    value = curve(gain x (reading - zero)), NaN where faulty.
 
     ``known`` are faulty and taken out from the first frame; ``detector`` finds more, which are reported and, with
     ``masks``, taken out too.
@@ -35,7 +36,8 @@ class ConditionedPad:
     all are STALE. That is for skins that are never quite still; 0: never.
     """
 
-    def __init__(self, tared: TaredPad, detector: FaultDetector, known: FaultyTaxels, gains: np.ndarray | None = None):
+    def __init__(self, tared: TaredPad, detector: FaultDetector, known: FaultyTaxels, gains: np.ndarray | None = None,
+                 curve: ResponseCurve | None = None):
         self.tared = tared
         self.detector = detector
         self.masks = False
@@ -44,6 +46,7 @@ class ConditionedPad:
         self._stamp = np.inf
         self._known = known
         self.gains = gains
+        self._curve = curve
         self._faults = known
         self._found: FaultyTaxels | None = None
         self._status = np.zeros_like(known.kinds)
@@ -78,6 +81,8 @@ class ConditionedPad:
         frame = self.tared.feed(frame)
         if self.gains is not None:
             frame = frame._replace(values=read_only(frame.values * self.gains))
+        if self._curve is not None:
+            frame = frame._replace(values=read_only(self._curve(frame.values)))
         return frame
 
     def _count_unchanged(self, frame: TaxelFrame) -> None:

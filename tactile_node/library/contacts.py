@@ -4,6 +4,7 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
+from tactile_node.calibration.response import SkinResponse
 from tactile_node.contact.on_off import are_on_off
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor, as_frame
 from tactile_node.contact.press import PressThresholds
@@ -80,11 +81,13 @@ class Recogniser:
         return self._method.recognise(_contact(contact))
 
 
-def fit_shape(contact: ContactPattern, shape: Shape, pitch: float = 1.0) -> ShapeFit | None:
+def fit_shape(contact: ContactPattern, shape: Shape, pitch: float = 1.0,
+              response: SkinResponse | None = None) -> ShapeFit | None:
     """Return pose and size of ``contact`` as a ``shape``, with covariance; None for NONE and UNKNOWN.
 
     ``pitch``: distance of neighbouring taxels; all lengths come in its unit. Values that are 0 or one other number are
-    taken as on/off. Raises InputError where the contact has no taxel, or for an unknown shape; ConfigurationError for
+    taken as on/off. ``response``: of a calibrated skin, whose curve the values have already passed (`load_response`);
+    lengths in metres. Raises InputError where the contact has no taxel, or for an unknown shape; ConfigurationError for
     a pitch that is no length > 0.
 
     >>> import numpy as np
@@ -94,7 +97,7 @@ def fit_shape(contact: ContactPattern, shape: Shape, pitch: float = 1.0) -> Shap
     """
     shape = known_shape(shape)
     taxels = contact.mask if are_on_off(_contact(contact).values) else contact.values
-    return fit.fit_shape(taxels, contact.mask, shape, pitch)
+    return fit.fit_shape(taxels, contact.mask, shape, pitch, None if response is None else response.layer)
 
 
 def _contact(contact: object) -> ContactPattern:

@@ -17,7 +17,7 @@ from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.run import run_node
 from tactile_node.pose.fit import ShapeFit, fit_shape
 from tactile_node.pose.moments import contact_moments
-from tactile_node.ros.contact_messages import pattern_of
+from tactile_node.ros.contact_messages import layer_of, pattern_of
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.message_checks import check_contact
 from tactile_node.ros.parameters import declare, read
@@ -104,7 +104,7 @@ class ClassifierNode(Node):
         if not self._settings.fit or not pattern.mask.any():
             return None
         taxels = pattern.mask if are_on_off(pattern.values) else pattern.values
-        return fit_shape(taxels, pattern.mask, shape, message.pitch)
+        return fit_shape(taxels, pattern.mask, shape, message.pitch, layer_of(message))
 
 
 def _visibility(message: Contact, pattern: ContactPattern) -> Visibility:

@@ -30,7 +30,7 @@ from tactile_node.nodes.replay_gate import ReplayGate
 from tactile_node.nodes.run import run_node
 from tactile_node.nodes.state_publisher import DriverState, StatePublisher
 from tactile_node.nodes.tare_service import TareService, Zeroing
-from tactile_node.ros.conditioning_setup import adjust, conditioned_pads
+from tactile_node.ros.conditioning_setup import adjust, conditioned_pads, skin_responses
 from tactile_node.ros.lifecycle import PrimaryState, reject_invalid_transitions
 from tactile_node.ros.parameters import changed, declare, read, table
 from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
@@ -136,10 +136,13 @@ class DriverNode(LifecycleNode):
     def _configure(self) -> None:
         self._settings = settings = read(self, DriverSettings)
         pads = driver_pads(settings)
-        conditioned = conditioned_pads(pads, settings)
+        responses = skin_responses(pads, settings)
+        conditioned = conditioned_pads(pads, settings, responses)
         outputs = {}
         for pad, frame_id in zip(pads, pad_frames(settings, pads)):
-            outputs[pad.name] = output = PadOutput(self, pad, frame_id, conditioned[pad.name], qos=settings.qos)
+            outputs[pad.name] = output = PadOutput(
+                self, pad, frame_id, conditioned[pad.name], qos=settings.qos,
+                layer=responses[pad.name].layer if pad.name in responses else None)
             self._owned.append(output.destroy)
         self._pads = outputs  # all at once: at start the executor publishes the state of these meanwhile
         saving = FaultService(self, settings.faulty_taxels_file, self._faults)

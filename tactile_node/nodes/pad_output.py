@@ -10,6 +10,7 @@ from rclpy.qos import QoSProfile
 from tactile_node.conditioning.conditioned_pad import ConditionedPad, PadCondition
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.nodes.publisher_names import publisher_names
+from tactile_node.pose.layer import Layer
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.taxel_messages import taxel_array_message
 from tactile_node.skin.pads import PadSettings
@@ -19,13 +20,15 @@ LOOK_PERIOD = 1.0  # s between two looks for other publishers
 
 
 class PadOutput:
-    """Conditions the frames of ``pad`` and publishes them."""
+    """Conditions the frames of ``pad`` and publishes them; ``layer``: of a calibrated skin."""
 
-    def __init__(self, node: Node, pad: PadSettings, frame_id: str, conditioned: ConditionedPad, *, qos: QoSProfile):
+    def __init__(self, node: Node, pad: PadSettings, frame_id: str, conditioned: ConditionedPad, *, qos: QoSProfile,
+                 layer: Layer | None = None):
         self.conditioned = conditioned
         self.unit = pad.layout.value.unit
         self._pitch = pad.layout.pitch
         self._frame_id = frame_id
+        self._layer = layer
         self._node = node
         self._publisher = node.create_publisher(TaxelArray, f'{pad.name}/taxels', qos)
         self._topic = self._publisher.topic_name  # its publisher may be destroyed while the state is looked at
@@ -38,7 +41,8 @@ class PadOutput:
 
     def publish(self, frame: TaxelFrame, age: Callable[[float], float]) -> None:
         """``age``: the stamp of a frame -> the time since its acquisition [s], by the steady clock."""
-        message = taxel_array_message(self.conditioned.feed(frame), self._pitch, self.unit, self._frame_id)
+        message = taxel_array_message(self.conditioned.feed(frame), self._pitch, self.unit, self._frame_id,
+                                      self._layer)
         message.age = age_message(age(frame.stamp))
         self._publisher.publish(message)
 

@@ -7,8 +7,9 @@ import numpy as np
 from tactile_node.geometry.outlines import Outline, outline_of
 from tactile_node.pose.evidence import Evidence
 from tactile_node.pose.first_guess import Guess
+from tactile_node.pose.layer import Layer, expected_log_depth
 from tactile_node.pose.least_squares import Problem, Solution, evaluate, minimise
-from tactile_node.pose.model_error import Loading
+from tactile_node.pose.model_error import Loading, area_and_radius
 from tactile_node.pose.profiles import PUNCH, Profile
 from tactile_node.pose.skin_model import Model, PatternModel, PressureModel
 from tactile_node.shape.recognition import Shape
@@ -27,8 +28,9 @@ class Candidate(NamedTuple):
     handedness: int
 
 
-def coarse(evidence: Evidence, shape: Shape, guess: Guess, profile: Profile = PUNCH) -> Candidate:
-    """Fit from ``guess`` with equal weights, until steps are short compared with a taxel."""
+def coarse(evidence: Evidence, shape: Shape, guess: Guess, profile: Profile = PUNCH,
+           layer: Layer | None = None) -> Candidate:
+    """Fit from ``guess`` with equal weights, until steps are short compared with a taxel; ``layer`` in pitches."""
     outline = outline_of(shape, guess.handedness)
     if evidence.on_off:
         model: Model = PatternModel(outline, evidence.window)
@@ -36,6 +38,10 @@ def coarse(evidence: Evidence, shape: Shape, guess: Guess, profile: Profile = PU
         model = PressureModel(outline, evidence.window, guess.parameters[:2], profile)
     expected = np.concatenate((guess.parameters, model.expected))
     precision = np.concatenate((_vague(outline, guess.parameters), model.precision))
+    if isinstance(model, PressureModel) and layer is not None:
+        _, radius = area_and_radius(outline.corners(model.starts(guess.parameters)[0][:len(guess.parameters)]))
+        depth = expected_log_depth(layer, profile, radius)
+        expected[-1], precision[-1] = depth.mean, depth.deviation ** -2
     problem = Problem(model, values=evidence.values, weights=evidence.used / FIRST_NOISE**2, expected=expected,
                       precision=precision)
     likely, *others = (evaluate(problem, start, model.predict(start)) for start in model.starts(guess.parameters))

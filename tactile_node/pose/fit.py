@@ -11,6 +11,7 @@ from tactile_node.pose.candidate import Candidate, coarse, fine, loading_of, rew
 from tactile_node.pose.domes import may_be_dome
 from tactile_node.pose.evidence import Evidence, checked, gather
 from tactile_node.pose.first_guess import Guess, guesses, moments_of
+from tactile_node.pose.layer import Layer, check_layer
 from tactile_node.pose.least_squares import Solution
 from tactile_node.pose.model_error import corrected
 from tactile_node.pose.noise import covariance_scale, weights_after
@@ -55,35 +56,40 @@ class ShapeFit(NamedTuple):
         return np.array((*self.centre, *((self.angle,) if self.symmetry else ()), *self.dimensions))
 
 
-def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float = 1.0) -> ShapeFit | None:
+def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float = 1.0,
+              layer: Layer | None = None) -> ShapeFit | None:
     """Fit the outline of ``shape`` to the contact ``mask`` of a frame; None when the shape has none.
 
     ``values``: (rows, cols), any unit that grows with pressure, NaN = no valid value; or an on/off pattern
-    (bool). ``mask``: bool, the contact's taxels. ``pitch`` [m]. A wide contact is fitted in blocks of taxels. Raises
-    InputError for other arrays, ConfigurationError for another pitch.
+    (bool). ``mask``: bool, the contact's taxels. ``pitch`` [m]. ``layer``: of a calibrated skin; None: not known. A
+    wide contact is fitted in blocks of taxels. Raises InputError for other arrays, ConfigurationError for another
+    pitch or layer.
 
     >>> fit = fit_shape(np.pad(np.ones((4, 4)), 3), np.pad(np.ones((4, 4), bool), 3), Shape.SQUARE)
     >>> [round(length, 1) for length in (*fit.centre, *fit.dimensions)]
     [4.5, 4.5, 4.0]
     """
     check_pitch(pitch)
+    if layer is not None:
+        check_layer(layer)
     if shape not in OUTLINES:
         return None
     values, mask = checked(values, mask)
     size = size_of(mask)
     blocks = in_blocks(values, mask, size) if size > 1 else None
     if blocks is None or not blocks.mask.any():  # of a line no block is half full
-        return fit_evidence(gather(values, mask), Shape(shape), pitch)
-    fit = fit_evidence(gather(blocks.values, blocks.mask, touches_edge(mask)), Shape(shape), pitch * size)
+        return fit_evidence(gather(values, mask), Shape(shape), pitch, layer)
+    fit = fit_evidence(gather(blocks.values, blocks.mask, touches_edge(mask)), Shape(shape), pitch * size, layer)
     return _moved(fit, blocks.x * pitch, blocks.y * pitch)
 
 
-def fit_evidence(evidence: Evidence, shape: Shape, pitch: float) -> ShapeFit:
-    """Fit the outline of ``shape``, one of the five, to ``evidence``; ``pitch`` [m] of its taxels."""
+def fit_evidence(evidence: Evidence, shape: Shape, pitch: float, layer: Layer | None = None) -> ShapeFit:
+    """Fit the outline of ``shape``, one of the five, to ``evidence``; ``pitch`` [m] of its taxels, ``layer`` [m]."""
     starts = _guesses(evidence, shape)
-    candidates = [coarse(evidence, shape, guess) for guess in starts]
+    of_pitches = layer._replace(depth=layer.depth / pitch) if layer else None
+    candidates = [coarse(evidence, shape, guess, layer=of_pitches) for guess in starts]
     if may_be_dome(evidence, shape, candidates[0]):
-        candidates.append(coarse(evidence, shape, starts[0], DOMES[shape]))
+        candidates.append(coarse(evidence, shape, starts[0], DOMES[shape], of_pitches))
     best = min(candidates, key=_misfit)
     weights = weights_after(shape, best.solution.prediction, evidence)
     candidates = [with_likely_peak(reweighted(candidate, weights)) for candidate in candidates]

@@ -1,7 +1,9 @@
 """Sets up the conditioning of the driver's pads from its settings."""
 
 from collections.abc import Mapping
+from types import MappingProxyType
 
+from tactile_node.calibration.response import SkinResponse, load_response
 from tactile_node.conditioning.conditioned_pad import ConditionedPad
 from tactile_node.conditioning.contact_guard import ContactGuard
 from tactile_node.conditioning.drift import DriftFollower
@@ -18,8 +20,25 @@ from tactile_node.skin.pads import PadSettings, one_for_each
 MASK, REPORT = 'mask', 'report'
 
 
-def conditioned_pads(pads: tuple[PadSettings, ...], settings: DriverSettings) -> dict[str, ConditionedPad]:
-    """Make the conditioning of each pad, by its name.
+def skin_responses(pads: tuple[PadSettings, ...], settings: DriverSettings) -> dict[str, SkinResponse]:
+    """Return the responses of those pads that have one, by name.
+
+    Raises ConfigurationError for a file that cannot be used, or one of another unit than the pad's.
+    """
+    found = {}
+    for pad, path in zip(pads, one_for_each('response_files', settings.response_files, pads)):
+        if path:
+            found[pad.name] = response = load_response(path)
+            if response.unit != pad.layout.value.unit:
+                raise ConfigurationError(f'{path}, pad {pad.name!r}', got=f'readings in {response.unit!r}',
+                                         expected=f'a response to readings in {pad.layout.value.unit!r}',
+                                         remedy='Calibrate with the layout of this pad.')
+    return found
+
+
+def conditioned_pads(pads: tuple[PadSettings, ...], settings: DriverSettings,
+                     responses: Mapping[str, SkinResponse] = MappingProxyType({})) -> dict[str, ConditionedPad]:
+    """Make the conditioning of each pad, by its name; ``responses`` of those that have one.
 
     Raises ConfigurationError for a wrong parameter, gain file or file of faulty taxels.
     """
@@ -32,7 +51,9 @@ def conditioned_pads(pads: tuple[PadSettings, ...], settings: DriverSettings) ->
         gains = load_gains(gain_file, *shapes[pad.name]) if gain_file else None
         guard = ContactGuard.of_unit(unit, 1.0 if gains is None else gains)
         detector = FaultDetector(*shapes[pad.name], rest_limit(settings.tare_limit, unit))
-        made[pad.name] = ConditionedPad(TaredPad(guard), detector, known.get(pad.name) or detector.faults, gains)
+        curve = responses[pad.name].curve if pad.name in responses else None
+        made[pad.name] = ConditionedPad(TaredPad(guard), detector, known.get(pad.name) or detector.faults, gains,
+                                        curve)
     adjust(made, {pad.name: pad.layout.value.unit for pad in pads}, settings)
     return made
 

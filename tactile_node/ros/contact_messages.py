@@ -8,6 +8,7 @@ from tactile_node.contact.pattern import ContactPattern
 from tactile_node.contact.seen import SMALLEST_CONTACT
 from tactile_node.contact.visibility import Visibility
 from tactile_node.frames.taxel_frame import TaxelStatus
+from tactile_node.pose.layer import Layer
 from tactile_node.ros.taxel_messages import as_array, taxel_values
 from tactile_skin.msg import Contact, TaxelArray
 
@@ -23,6 +24,7 @@ def contact_message(taxels: TaxelArray, pattern: ContactPattern, visibility: Vis
         values=values, status=status, labels=as_array('B', pattern.labels, np.uint8),
         contacts=pattern.contacts, contact_taxels=array('I', pattern.sizes),
         noise_floor=as_array('f', pattern.noise, np.float32) if np.isfinite(pattern.noise).all() else array('f'),
+        layer_depth=taxels.layer_depth, layer_deviation=taxels.layer_deviation,
         missing_can_frames=taxels.missing_can_frames)
 
 
@@ -52,6 +54,11 @@ def pattern_of(message: Contact) -> ContactPattern:
         mask=labels == 1, values=values, contacts=message.contacts, labels=labels, sizes=tuple(message.contact_taxels),
         hidden=~(np.isfinite(values) | unmapped), saturated=taxels_of(message, TaxelStatus.SATURATED),
         unmapped=unmapped, noise=_noise(message))
+
+
+def layer_of(message: Contact) -> Layer | None:
+    """Return the layer of a calibrated skin, None where it is not known."""
+    return Layer(message.layer_depth, message.layer_deviation) if message.layer_depth else None
 
 
 def _noise(message: Contact) -> np.ndarray:

@@ -82,6 +82,7 @@ def check_taxel_array(message: TaxelArray) -> RejectReason | None:
             or _scale(message.unit, message.pitch)
             or _codes(message.status, max(TaxelStatus))
             or _taxels(message.values, message.status)
+            or _layer(message)
             or _tpdo_ages(message)
             or _times(message))
 
@@ -94,6 +95,7 @@ def check_contact(message: Contact) -> RejectReason | None:
             or _codes(message.status, max(TaxelStatus))
             or _taxels(message.values, message.status)
             or _noise_floor(message)
+            or _layer(message)
             or _state(message.state, message.contacts)
             or _labels(message)
             or _times(message))
@@ -201,6 +203,14 @@ def _taxels(values: array, status: array) -> RejectReason | None:
         return RejectReason.NOT_FINITE
     return None if (GIVES_VALUE[np.frombuffer(status, np.uint8)] != np.isnan(numbers)).all() \
         else RejectReason.INCONSISTENT
+
+
+def _layer(message: TaxelArray | Contact) -> RejectReason | None:
+    """A depth without its deviation would count for exact; 0: not known."""
+    depth, deviation = message.layer_depth, message.layer_deviation
+    if not (math.isfinite(depth) and math.isfinite(deviation)):
+        return RejectReason.NOT_FINITE
+    return None if depth > 0 and deviation > 0 or depth == deviation == 0 else RejectReason.INCONSISTENT
 
 
 def _tpdo_ages(message: TaxelArray) -> RejectReason | None:

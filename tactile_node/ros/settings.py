@@ -61,6 +61,9 @@ class DriverSettings(NodeSettings):
                                     'vary; 0: never', 0, 3600, live=True)
     gain_files: tuple[str, ...] = parameter(('',), 'per-taxel gains of each pad, or one file for all: text with one '
                                             'line for each row of the pad, or .npy; empty: none')
+    response_files: tuple[str, ...] = parameter(('',), "response of each pad's skin, or one for all, as written by "
+                                                '`tactile calibrate`: readings become pressures by its curve, fits '
+                                                'know the depth of the taxels; empty: not known')
     drop_incomplete: bool = parameter(False, 'true: a sweep that lacks CAN frames is withheld and counted; false: it '
                                       'is published with NaN and status STALE', live=True)
     wait_at_start: bool = parameter(True, 'with autostart: true: wait for a missing bus or device; false: exit')

@@ -5,18 +5,22 @@ from array import array
 import numpy as np
 
 from tactile_node.frames.taxel_frame import TaxelFrame
+from tactile_node.pose.layer import Layer
 from tactile_node.ros.time_messages import time_message
 from tactile_skin.msg import Contact, TaxelArray
 
 
-def taxel_array_message(frame: TaxelFrame, pitch: float, unit: str, frame_id: str) -> TaxelArray:
-    """``pitch`` [m], ``unit`` and ``frame_id`` are the pad's."""
+def taxel_array_message(frame: TaxelFrame, pitch: float, unit: str, frame_id: str,
+                        layer: Layer | None = None) -> TaxelArray:
+    """``pitch`` [m], ``unit``, ``frame_id`` and ``layer``, if it is known, are the pad's."""
     message = TaxelArray(
         sequence=frame.sequence, rows=frame.values.shape[0], cols=frame.values.shape[1], pitch=pitch, unit=unit,
         values=as_array('f', frame.values, np.float32), status=as_array('B', frame.status, np.uint8),
         missing_can_frames=frame.missing_can_frames)
     message.header.stamp = time_message(frame.stamp)
     message.header.frame_id = frame_id
+    if layer is not None:
+        message.layer_depth, message.layer_deviation = layer
     return message
 
 

@@ -1,0 +1,122 @@
+"""Sizes on skins of unknown response, before and after `tactile calibrate`'s search with one known disc.
+
+Run by `make bench`, or: python bench/bench_calibration.py [--count 60] [--validation] [--edges]. Rigid punches on an
+elastic half-space; the skins differ in the depth of their taxels and in what these read of a pressure. --edges prints
+how much a fit is off by the rounding of an object's edge, which a calibration must know.
+"""
+
+import argparse
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+os.environ.setdefault('OMP_NUM_THREADS', '1')
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
+
+import numpy as np
+from pose_mechanics import AREAS, Outlined, Row, Skin, error_of, measure, outlined, pressed
+
+from bench.recognition import mechanics
+from tactile_node.calibration.presses import LEAST_TAXELS, PressFrame
+from tactile_node.calibration.response_fit import Calibration, Disc, calibrate
+from tactile_node.pose.fit import fit_shape
+from tactile_node.synthetic.indenters import flat_punch
+from tactile_node.synthetic.mechanics import Solution, solve
+from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.synthetic.world import Contact
+
+SEED = 70_000_000
+DEPTHS = (0.35, 0.8)  #: of the taxels [pitches]
+#: what taxels read of a pressure, both as fractions of full scale
+CURVES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    'proportional': lambda p: p, 'power 0.6': lambda p: p ** 0.6, 'power 1.3': lambda p: p ** 1.3,
+    'saturating': lambda p: 1.4 * p / (p + 0.4)}
+KNOWN_AREA, SHARP = 120.0, 0.02  #: of the known disc [taxels]; rounding of its edge [radius]
+PRESSES, LEVELS = 10, 4          #: of the known disc: places, and pressures at each
+PUNCHES = 20                     #: other objects
+ROUNDINGS = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25)
+
+Objects = list[tuple[Solution, Outlined]]
+
+
+def known_disc(rounding: float) -> tuple[Solution, Outlined]:
+    radius = 1 / np.sqrt(np.pi)
+    solution = solve(flat_punch(Contact('circle', (radius,), 0.0, 0.0), 0.03, rounding), cells=mechanics.CELLS)
+    return solution, outlined(solution)
+
+
+def other_objects(rng: np.random.Generator) -> Objects:
+    """Punches of the five classes, edges and tilts as in the other reports."""
+    found = []
+    for number in range(PUNCHES):
+        indenter, tilt = mechanics.random_punch(rng, number)
+        solution = mechanics.solved(indenter, tilt, rng.uniform(0, 2 * np.pi))
+        found.append((solution, outlined(solution)))
+    return found
+
+
+def calibrated(rng: np.random.Generator, skin: Skin) -> Calibration:
+    """Press the known disc, lightly and firmly."""
+    solution, outline = known_disc(SHARP)
+    presses = []
+    while len(presses) < PRESSES:
+        frames = [pressed(rng, solution, outline, KNOWN_AREA, skin) for _ in range(LEVELS)]
+        usable = [PressFrame(frame.values, frame.mask) for frame in frames if frame.mask.sum() >= LEAST_TAXELS]
+        if usable:
+            presses.append(usable)
+    radius = float(np.sqrt(KNOWN_AREA / np.pi))
+    return calibrate(presses, Disc(radius, SHARP * radius), 1.0, '')
+
+
+def report(count: int, purpose: Purpose) -> None:
+    """Print a row for each skin and size: without and with the calibration."""
+    print('| depth | readings | N | bias % | spread % | in the 95 % region | found: exponent, depth |')
+    print('| --- | --- | --- | --- | --- | --- | --- |')
+    others = other_objects(generator(purpose, SEED))
+    for number, (depth, (name, curve)) in enumerate((d, c) for d in DEPTHS for c in CURVES.items()):
+        rng, skin = generator(purpose, SEED + 1 + number), Skin(depth, curve)
+        found = calibrated(rng, skin)
+        for area in AREAS:
+            frames = [pressed(rng, *others[k % PUNCHES], area, skin) for k in range(count)]
+            before, after = (measure(name, area, frames, response) for response in (None, found.response))
+            print(f'| {depth:g} | {name} | {area:g} | {_both(before, after, "bias", "+.2f")} '
+                  f'| {_both(before, after, "spread", ".2f")} | {before.inside.mean():.0%} -> '
+                  f'{after.inside.mean():.0%} '
+                  f'| {found.exponent:.2f}, {found.response.layer.depth:.2f} |', flush=True)
+
+
+def _both(before: Row, after: Row, name: str, form: str) -> str:
+    return ' -> '.join(format(getattr(row, name), form) for row in (before, after))
+
+
+def edges(count: int, purpose: Purpose) -> None:
+    """Print by how much fits of a circle are too large, by the rounding of its edge."""
+    print('| edge radius / radius | radius too large by [%] at depths of 0.3, 0.6, 1.0 pitches |')
+    print('| --- | --- |')
+    for number, rounding in enumerate(ROUNDINGS):
+        solution, outline = known_disc(rounding)
+        rng, biases = generator(purpose, SEED + 100 + number), []
+        for depth in (0.3, 0.6, 1.0):
+            frames = [pressed(rng, solution, outline, KNOWN_AREA, Skin(depth, lambda p: p)) for _ in range(count)]
+            fits = [(fit_shape(frame.values, frame.mask, frame.shape), frame.truth) for frame in frames
+                    if frame.mask.any()]
+            biases.append(np.median([error_of(fit, truth).vector[-1] / truth[-1] for fit, truth in fits]))
+        print(f'| {rounding:g} | ' + ', '.join(f'{100 * bias:+.2f}' for bias in biases) + ' |', flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('--count', type=int, default=60, help='frames of each skin and size')
+    parser.add_argument('--validation', action='store_true', help='seeds that are never reported')
+    parser.add_argument('--edges', action='store_true', help='only the edges, on validation seeds')
+    args = parser.parse_args()
+    if args.edges:
+        edges(args.count, Purpose.VALIDATION)
+    else:
+        report(args.count, Purpose.VALIDATION if args.validation else Purpose.EVALUATION)
+
+
+if __name__ == '__main__':
+    main()

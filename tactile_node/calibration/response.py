@@ -1,0 +1,72 @@
+"""The response of a skin, and its file: what `tactile calibrate` writes, the driver and `tactile classify` read."""
+
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+import yaml
+
+from tactile_node.conditioning.response_curve import ResponseCurve, make_curve
+from tactile_node.errors import ConfigurationError
+from tactile_node.pose.layer import Layer, check_layer
+from tactile_node.yaml_section import Section, load_mapping
+
+SUFFIX = '.response.yaml'  #: of the file beside a layout
+DIGITS = 6                 #: of what is written
+
+
+class SkinResponse(NamedTuple):
+    """Of all taxels of a skin."""
+
+    unit: str  #: of readings and pressures: 'Pa' or 'N'; '' for an array without a unit
+    layer: Layer
+    curve: ResponseCurve
+
+
+def load_response(path: str | Path) -> SkinResponse:
+    """Read a response file. Raises ConfigurationError naming file and key for anything wrong."""
+    top = load_mapping(Path(path), 'a skin response')
+    unit = top.choice('unit', ('Pa', 'N', ''))
+    section, nodes = top.section('layer'), top.section('curve')
+    layer = Layer(section.number('depth', positive=True), section.number('deviation', positive=True))
+    section.done()
+    lists = [[_number(nodes, key, value) for value in nodes.sequence(key)] for key in ('readings', 'pressures')]
+    nodes.done()
+    top.take('found_from', None)  # for people
+    top.done()
+    try:
+        check_layer(layer)
+        return SkinResponse(unit, layer, make_curve(*lists))
+    except ConfigurationError as error:
+        raise ConfigurationError(f'{path}, {error.where}', expected=error.expected, got=error.got,
+                                 remedy=error.remedy) from None
+
+
+def save_response(path: str | Path, response: SkinResponse, head: str, found_from: dict) -> None:
+    """Write a response with a comment ``head`` and what it was ``found_from``. Raises ConfigurationError."""
+    content = {
+        'unit': response.unit,
+        'layer': {'depth': _rounded(response.layer.depth), 'deviation': _rounded(response.layer.deviation)},
+        'curve': {'readings': [_rounded(value) for value in response.curve.readings],
+                  'pressures': [_rounded(value) for value in response.curve.pressures]},
+        'found_from': found_from}
+    path = Path(path)
+    comment = ''.join(f'# {line}\n' for line in head.splitlines())
+    try:
+        new = path.with_name(path.name + '.new')  # a crash amid writing leaves the old file
+        new.write_text(comment + yaml.safe_dump(content, default_flow_style=None, sort_keys=False, width=110),
+                       encoding='utf-8')
+        os.replace(new, path)
+    except OSError as error:
+        raise ConfigurationError(f'output {str(path)!r}', expected='a file that can be written',
+                                 got=error.strerror or str(error), remedy='Give another path with --output.') from None
+
+
+def _number(section: Section, key: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        section.refuse(key, expected='numbers', got=repr(value)[:80], remedy='Calibrate the skin again.')
+    return float(value)
+
+
+def _rounded(value: float) -> float:
+    return float(f'{value:.{DIGITS}g}')

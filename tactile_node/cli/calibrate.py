@@ -1,0 +1,155 @@
+"""`tactile calibrate`: a skin's response (depth of its taxels, curve of their readings) from presses of a known disc.
+
+Take a rigid cylinder with a flat face, 10 pitches or more across. Record the pad at rest, then press it at six places
+or more, lightly and firmly, and lift it in between; the face must lie flat and stay within the pad.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.calibration.presses import Presses, find_presses, zeroed
+from tactile_node.calibration.response import SUFFIX, save_response
+from tactile_node.calibration.response_fit import Calibration, Disc, calibrate, check_disc
+from tactile_node.cli.arrays import read_frames
+from tactile_node.cli.options import DEFAULT_LAYOUT, add_node_id_option, node_ids_of
+from tactile_node.cli.played_log import play_log
+from tactile_node.conditioning.gain import load_gains
+from tactile_node.errors import ConfigurationError, InputError
+from tactile_node.frames.taxel_frame import TaxelStatus
+from tactile_node.press_levels import ON_OFF_UNIT
+from tactile_node.skin.pads import make_pads
+
+
+class Readings(NamedTuple):
+    """Frames of one pad, less its zero."""
+
+    frames: np.ndarray     #: (K, rows, cols), NaN = no valid value
+    saturated: np.ndarray  #: (K, rows, cols), bool
+    pitch: float           #: [m]
+    unit: str              #: '' for an array
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> None:
+    parser = subparsers.add_parser('calibrate', description=__doc__,
+                                   help="learn a skin's response from presses of a known disc",
+                                   formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('recording', help='CAN log as of `tactile record`, or a .npy array (K, rows, cols), zeroed')
+    parser.add_argument('--radius', type=float, required=True, metavar='METRES', help='of the face that touches')
+    parser.add_argument('--edge-radius', type=float, default=0.0, metavar='METRES',
+                        help='of the rounded edge of that face, default 0: sharp')
+    parser.add_argument('--layout', default=DEFAULT_LAYOUT, help='skin layout of a log (default: %(default)s)')
+    add_node_id_option(parser)
+    parser.add_argument('--channel', default='', help='bus to play from a log of several buses')
+    parser.add_argument('--gains', default='', metavar='FILE', help='per-taxel gains, as in gain_files of the driver')
+    parser.add_argument('--pitch', type=float, metavar='METRES', help='distance of neighbouring taxels of an array')
+    parser.add_argument('-o', '--output', metavar='FILE', help=f'default: beside the layout, suffix {SUFFIX}')
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    known = Disc(args.radius, args.edge_radius)
+    check_disc(known)
+    output = _output(args)
+    readings = _readings(args)
+    found = find_presses(readings.frames, readings.saturated, readings.unit or None)
+    frames = sum(map(len, found.presses))
+    print(f'{len(found.presses)} presses, {frames} of their frames used{_unused(found)}')
+    done = [0]
+
+    def show(fits: int) -> None:
+        done[0] += fits
+        print(f'\r{done[0]} fits', end='', file=sys.stderr, flush=True)
+
+    try:
+        calibration = calibrate(found.presses, known, readings.pitch, readings.unit, progress=show)
+    finally:
+        if done[0]:
+            print(file=sys.stderr)
+    save_response(output, calibration.response, _head(args), _found_from(known, found, calibration))
+    print(_summary(calibration))
+    print(f'written to {output}. Give it to the driver (response_files) or to tactile classify (--response).')
+    return 0
+
+
+def _output(args: argparse.Namespace) -> str:
+    if args.output:
+        return str(args.output)
+    if _is_array(args):
+        raise ConfigurationError('--output', expected='a file to write', got='none', remedy='Name one.')
+    pads = make_pads([args.layout], node_ids_of(args))
+    return pads[0].layout.source.rsplit('.', 1)[0] + SUFFIX
+
+
+def _is_array(args: argparse.Namespace) -> bool:
+    return Path(args.recording).suffix == '.npy'
+
+
+def _readings(args: argparse.Namespace) -> Readings:
+    readings = _of_array(args) if _is_array(args) else _of_log(args)
+    if not args.gains:
+        return readings
+    rows, cols = readings.frames.shape[1:]
+    return readings._replace(frames=readings.frames * load_gains(args.gains, rows, cols))
+
+
+def _of_array(args: argparse.Namespace) -> Readings:
+    if args.pitch is None or not 0 < args.pitch < np.inf:
+        raise ConfigurationError('--pitch', expected='a length > 0 in metres', got=str(args.pitch),
+                                 remedy='Give the distance of neighbouring taxels.')
+    frames = read_frames(args.recording)
+    if frames.dtype == bool:
+        raise _on_off(args.recording)
+    return Readings(frames, np.zeros(frames.shape, bool), args.pitch, '')
+
+
+def _of_log(args: argparse.Namespace) -> Readings:
+    pads = make_pads([args.layout], node_ids_of(args))
+    layout = pads[0].layout
+    if len(pads) > 1:
+        raise ConfigurationError('--node-id', expected='the nodes of one pad', got=f'{len(pads)} pads',
+                                 remedy='Calibrate each pad from its own presses.')
+    if layout.value.unit == ON_OFF_UNIT:
+        raise _on_off(layout.source)
+    frames = play_log(args.recording, pads, channel=args.channel).frames[pads[0].name]
+    if not frames:
+        raise InputError(f'log {args.recording}', expected='taxel frames of this pad', got='none',
+                         remedy='Check --node-id and --layout.')
+    saturated = np.array([frame.status == TaxelStatus.SATURATED for frame in frames])
+    return Readings(zeroed(np.array([frame.values for frame in frames])), saturated, layout.pitch, layout.value.unit)
+
+
+def _on_off(where: str) -> InputError:
+    return InputError(where, expected='readings that grow with pressure', got='on/off taxels',
+                      remedy='On/off taxels have no response to calibrate.')
+
+
+def _unused(found: Presses) -> str:
+    if not found.unused:
+        return ''
+    counts = (f'{count} {reason.name.lower()}' for reason, count in sorted(found.unused.items()))
+    return '; not used: ' + ', '.join(counts)
+
+
+def _summary(found: Calibration) -> str:
+    layer = found.response.layer
+    return (f'Radius of the disc: {100 * found.before:+.1f} % without the calibration, {100 * found.after:+.1f} % '
+            f'with it ({100 * found.left_out:+.1f} % in presses left out).\n'
+            f'Taxels lie {1000 * layer.depth:.2f} mm below the surface (standard deviation {layer.deviation:.0%}); '
+            f'pressure grows as their reading to the power {found.exponent:.2f}.')
+
+
+def _head(args: argparse.Namespace) -> str:
+    return (f'Response of a tactile skin, by tactile calibrate {Path(args.recording).name}. All taxels share it.\n'
+            'layer: depth of the taxels below the surface [m], standard deviation of its logarithm.\n'
+            'curve: pressures for readings, straight lines between.')
+
+
+def _found_from(known: Disc, found: Presses, calibration: Calibration) -> dict:
+    errors = {'before': calibration.before, 'after': calibration.after, 'left_out': calibration.left_out}
+    return {'disc': {'radius': known.radius, 'edge_radius': known.edge_radius}, 'presses': len(found.presses),
+            'exponent': round(calibration.exponent, 3), 'bend': round(calibration.bend, 3),
+            'radius_error': {name: round(error, 4) for name, error in errors.items()}}

@@ -1,0 +1,37 @@
+"""A CAN log, played to its end without ROS: what `replay` and `calibrate` share."""
+
+from typing import NamedTuple
+
+from tactile_node.errors import LogError
+from tactile_node.frames.taxel_frame import TaxelFrame
+from tactile_node.interruption import interruption
+from tactile_node.recording.log_source import LogSource
+from tactile_node.skin.pads import PadSettings
+
+
+class PlayedLog(NamedTuple):
+    """What a log held."""
+
+    frames: dict[str, list[TaxelFrame]]  #: by the pad's name
+    source: LogSource                    #: closed: its statistics and summary
+    has_ended: bool                      #: False: interrupted
+
+    @property
+    def used(self) -> bool:
+        """Whether every pad has a TPDO in it."""
+        return all(pad.used for pad in self.source.statistics().pads.values())
+
+
+def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = None, channel: str = '') -> PlayedLog:
+    """Play ``path`` at ``pace`` (None: as fast as possible). Raises LogError where it cannot be played to its end."""
+    frames: dict[str, list[TaxelFrame]] = {pad.name: [] for pad in pads}
+    source = LogSource(path, pads, lambda name, frame: frames[name].append(frame), pace=pace, channel=channel)
+    with interruption() as stop_requested:
+        source.open()
+        source.start()
+        while not source.finished.wait(0.1) and not stop_requested.is_set():
+            pass
+        source.close()
+    if source.failure:
+        raise LogError(path, expected='a log to its end', got=source.failure.detail, remedy='Record it again.')
+    return PlayedLog(frames, source, source.finished.is_set())

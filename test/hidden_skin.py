@@ -1,0 +1,62 @@
+"""A 16x16 skin with a response of its own: contact mechanics under a layer, readings that saturate, CAN frames.
+
+The log is written by hand from CiA 301's identifiers, without our codec.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from tactile_node.synthetic.indenters import flat_punch
+from tactile_node.synthetic.layer import sample, stress_field
+from tactile_node.synthetic.mechanics import Solution, solve
+from tactile_node.synthetic.world import Contact
+
+SIDE, PITCH, NODE_ID = 16, 0.002, 32
+DEPTH = 0.7          #: of the taxels [pitches]
+FULL_SCALE = 255     #: counts
+PERIOD = 0.02        #: s
+IDLE = 12            #: frames without a contact before and after each press
+ZERO = 6.0           #: counts at rest
+
+
+def solved(shape: str, lengths: Sequence[float], rounding: float) -> tuple[Solution, float]:
+    """Return a flat face, pressed, and its area [taxels]; ``lengths`` [m]; ``rounding`` of its edge, of the inscribed
+    radius."""
+    contact = Contact(shape, tuple(length / PITCH for length in lengths), 0.0, 0.0)
+    unit = Contact(shape, tuple(length / np.sqrt(contact.area) for length in contact.dimensions), 0.0, 0.0)
+    return solve(flat_punch(unit, 0.03, rounding), cells=64), contact.area
+
+
+def counts(pressure: np.ndarray) -> np.ndarray:
+    """What the skin reads: 1.25 p / (p + 0.25), p in units of its range."""
+    pressure = np.maximum(pressure, 0)
+    return FULL_SCALE * 1.25 * pressure / (pressure + 0.25)
+
+
+def pressed(rng: np.random.Generator, solution: Solution, area: float, presses: int, frames: int) -> list[np.ndarray]:
+    """Frames of counts, uint8: ``presses`` at any pose, each of ``frames`` at rising pressure, with rest in between."""
+    field, found = stress_field(solution, area, DEPTH), [_noisy(rng, np.zeros((SIDE, SIDE))) for _ in range(IDLE)]
+    for _ in range(presses):
+        x, y = (SIDE - 1) / 2 + rng.uniform(-1, 1, 2)
+        stress = sample(field, x, y, rng.uniform(0, 2 * np.pi), SIDE, SIDE)
+        found += [_noisy(rng, counts(level * stress)) for level in np.linspace(0.1, 0.6, frames)]
+        found += [_noisy(rng, np.zeros((SIDE, SIDE))) for _ in range(IDLE)]
+    return found
+
+
+def write_log(path: Path, frames: Sequence[np.ndarray]) -> None:
+    """As candump writes it: a SYNC, then 32 TPDOs of 8 taxels, row by row."""
+    lines, spacing = [], PERIOD / 40
+    for number, frame in enumerate(frames):
+        start = 1000.0 + number * PERIOD
+        lines.append(f'({start:.6f}) can0 080#')
+        for tpdo, eight in enumerate(frame.reshape(-1, 8)):
+            can_id = 0x180 + 0x100 * (tpdo // 8) + tpdo % 8 + NODE_ID
+            lines.append(f'({start + (tpdo + 1) * spacing:.6f}) can0 {can_id:03X}#{eight.tobytes().hex().upper()}')
+    path.write_text('\n'.join(lines) + '\n')
+
+
+def _noisy(rng: np.random.Generator, values: np.ndarray) -> np.ndarray:
+    return np.clip(np.rint(values + ZERO + rng.normal(0, 0.8, values.shape)), 0, FULL_SCALE).astype(np.uint8)

@@ -1,0 +1,191 @@
+"""A skin's response, from presses of one known disc to the sizes of others; on a skin whose response is hidden."""
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+from hidden_skin import PITCH, pressed, solved, write_log
+
+from tactile_node.calibration.presses import (
+    LEAST_TAXELS,
+    OF_EACH,
+    PressFrame,
+    Unused,
+    find_presses,
+    zeroed,
+)
+from tactile_node.calibration.response import SkinResponse, load_response, save_response
+from tactile_node.calibration.response_fit import LEAST_PRESSES, Disc, calibrate
+from tactile_node.cli.main import main
+from tactile_node.conditioning.response_curve import make_curve
+from tactile_node.errors import ConfigurationError, InputError
+from tactile_node.pose.fit import fit_shape
+from tactile_node.pose.layer import Layer
+from tactile_node.shape.recognition import Shape
+from tactile_node.synthetic.seeds import Purpose, generator
+
+RADIUS = 0.0104  #: of the known disc [m]
+OTHERS = {'square': (0.0150,), 'rectangle': (0.0180, 0.0110)}  #: pressed after the calibration
+
+
+@pytest.fixture(scope='module')
+def rng():
+    return generator(Purpose.EVALUATION, 880_000)
+
+
+@pytest.fixture(scope='module')
+def response_file(rng, tmp_path_factory):
+    """What `tactile calibrate` writes after presses of the known disc."""
+    folder = tmp_path_factory.mktemp('calibrated')
+    write_log(folder / 'presses.log', pressed(rng, *solved('circle', (RADIUS,), 0.02), presses=8, frames=8))
+    output = folder / 'skin.response.yaml'
+    assert main(['calibrate', str(folder / 'presses.log'), '--radius', str(RADIUS), '-o', str(output)]) == 0
+    return output
+
+
+@pytest.fixture(scope='module')
+def other_log(rng, tmp_path_factory):
+    """Presses of the others, each with its shape and lengths, in one log."""
+    path = tmp_path_factory.mktemp('others') / 'others.log'
+    write_log(path, [frame for shape, lengths in OTHERS.items()
+                     for frame in pressed(rng, *solved(shape, lengths, 0.15), presses=6, frames=6)])
+    return path
+
+
+def length_errors(lines: str) -> dict[str, list[float]]:
+    """Of each shape recognised: mean relative errors of its lengths."""
+    errors: dict[str, list[float]] = {shape: [] for shape in OTHERS}
+    for record in map(json.loads, lines.splitlines()):
+        if record['shape'] in OTHERS and record['N'] > 20:
+            found = np.array(list(record['dimensions'].values()))
+            errors[record['shape']].append(float(np.mean(found / OTHERS[record['shape']]) - 1))
+    return errors
+
+
+def test_sizes_of_other_objects_are_right_after_one_calibration(response_file, other_log, tmp_path, capsys):
+    """Within 1.5 % with the response, 2.5 % too large and more without it."""
+    frames = tmp_path / 'others.npy'
+    assert main(['replay', str(other_log), '--output', str(frames)]) == 0
+    raw = np.load(frames)
+    np.save(frames, raw - np.median(raw[:10], axis=0))
+    found = {}
+    for name, options in (('without', []), ('with', ['--response', str(response_file)])):
+        capsys.readouterr()
+        assert main(['classify', str(frames), '--pitch', str(PITCH), *options]) == 0
+        found[name] = length_errors(capsys.readouterr().out)
+    for shape in OTHERS:
+        assert min(len(found[name][shape]) for name in found) > 25, shape
+        assert np.median(found['without'][shape]) > 0.025, shape
+        assert abs(np.median(found['with'][shape])) < 0.015, shape
+
+
+def test_the_file_says_what_it_was_found_from(response_file):
+    written = yaml.safe_load(response_file.read_text())
+    assert written['found_from']['disc'] == {'radius': RADIUS, 'edge_radius': 0.0}
+    assert written['found_from']['presses'] == 8 and written['unit'] == 'Pa'
+    errors = written['found_from']['radius_error']
+    assert errors['before'] > 0.02 > 0.01 > abs(errors['after'])
+    response = load_response(response_file)
+    assert 0.5 * 0.7 * PITCH < response.layer.depth < 2 * 0.7 * PITCH
+    ratio = response.curve.pressures[1:] / response.curve.readings[1:]
+    assert (np.diff(ratio) > 0).all()  # the skin saturates: the larger a reading, the more pressure per count
+
+
+def test_a_response_file_is_what_was_saved(tmp_path):
+    response = SkinResponse('N', Layer(0.0015, 0.1), make_curve([0, 1, 2], [0, 1, 4]))
+    save_response(tmp_path / 'r.yaml', response, 'of a test', {})
+    found = load_response(tmp_path / 'r.yaml')
+    assert (found.unit, found.layer) == (response.unit, response.layer)
+    assert found.curve.pressures.tolist() == [0, 1, 4]
+
+
+@pytest.mark.parametrize('change, where', [
+    ({'unit': 'lb'}, 'unit'), ({'layer': {'depth': -1, 'deviation': 0.1}}, 'layer.depth'),
+    ({'layer': {'depth': 1}}, 'layer.deviation'), ({'curve': {'readings': [0, 1], 'pressures': [0]}}, 'curve'),
+    ({'curve': {'readings': [0, 2, 1], 'pressures': [0, 1, 2]}}, 'curve'),
+    ({'curve': {'readings': [0, 'x'], 'pressures': [0, 1]}}, 'curve.readings'),
+    ({'curve': {'readings': [1, 2], 'pressures': [1, 2]}}, 'curve'),
+    ({'curve': {'readings': [0, float('nan')], 'pressures': [0, 1]}}, 'curve'), ({'more': 1}, 'more')])
+def test_broken_response_files_are_refused_by_key(tmp_path, change, where):
+    good = {'unit': 'Pa', 'layer': {'depth': 0.001, 'deviation': 0.1},
+            'curve': {'readings': [0, 1], 'pressures': [0, 2]}}
+    path = tmp_path / 'r.yaml'
+    path.write_text(yaml.safe_dump(good | change))
+    with pytest.raises(ConfigurationError) as error:
+        load_response(path)
+    assert str(path) in error.value.where and where in error.value.where
+
+
+def test_a_curve_keeps_what_has_no_value_and_the_type():
+    curve = make_curve([0, 1, 2], [0, 1, 4])
+    found = curve(np.array([np.nan, -2, 3, 0.5], np.float32))
+    assert found.dtype == np.float32
+    np.testing.assert_array_equal(found, np.array([np.nan, -4, 7, 0.5], np.float32))
+
+
+def disc(x, y, radius=5.0, side=24):
+    rows, cols = np.indices((side, side))
+    return 50e3 / (1 + np.exp(3 * (np.hypot(cols - x, rows - y) - radius)))
+
+
+def test_presses_are_separated_by_rest_and_by_place():
+    empty = np.zeros((24, 24))
+    frames = [empty] * 3 + [disc(8, 8)] * 9 + [empty] * 2 + [disc(8, 8)] * 2 + [disc(14, 12)] * 2
+    found = find_presses(frames, [None] * len(frames), 'Pa')
+    assert [len(press) for press in found.presses] == [OF_EACH, 2, 2] and not found.unused
+
+
+def test_frames_of_no_use_are_counted_by_reason():
+    two = np.maximum(disc(6, 6, 4), disc(17, 17, 4))
+    hidden = disc(12, 12)
+    hidden[10:14, 8:14] = np.nan
+    full = disc(12, 12)
+    cases = {Unused.SEVERAL_CONTACTS: two, Unused.AT_EDGE: disc(2, 12), Unused.TOO_SMALL: disc(12, 12, 2),
+             Unused.HIDDEN: hidden, Unused.SATURATED: full}
+    assert np.pi * 5 ** 2 > LEAST_TAXELS > np.pi * 2 ** 2
+    for reason, frame in cases.items():
+        saturated = frame > 49e3 if reason is Unused.SATURATED else None
+        found = find_presses([frame], [saturated], 'Pa')
+        assert found.unused == {reason: 1} and not found.presses, reason
+
+
+def test_the_zero_is_that_of_the_least_loaded_frames():
+    zero = np.random.default_rng(0).normal(0, 3e3, (24, 24))
+    frames = np.array([zero] * 20 + [zero + disc(12, 12)] * 30)
+    np.testing.assert_allclose(zeroed(frames)[0], 0, atol=1e-6)
+    np.testing.assert_allclose(zeroed(frames)[-1], disc(12, 12), atol=1e-6)
+    few = frames[:8]
+    assert zeroed(few) is few
+
+
+def presses(count, radius=5.0):
+    found = [disc(12 + 0.1 * k, 12 - 0.07 * k, radius) for k in range(count)]
+    return [[PressFrame(frame, frame > 25e3)] for frame in found]
+
+
+@pytest.mark.parametrize('given, known, says', [
+    (LEAST_PRESSES - 1, Disc(0.01), 'presses'), (8, Disc(-0.01), 'known disc'), (8, Disc(float('nan')), 'known disc'),
+    (8, Disc(0.01, 0.02), 'known disc'), (8, Disc(0.015), 'presses of a known disc')])
+def test_a_calibration_that_cannot_be_is_refused(given, known, says):
+    with pytest.raises(InputError) as error:
+        calibrate(presses(given), known, 0.002, 'Pa')
+    assert error.value.where.startswith(says)
+
+
+@pytest.mark.parametrize('words, says', [
+    (['x.npy', '--radius', '0.01'], '--output'), (['x.npy', '--radius', '0.01', '-o', 'y'], '--pitch'),
+    (['x.log', '--radius', '0'], 'radius'),
+    (['x.log', '--radius', '0.01', '--layout', 'nus_sinapse_64x64.yaml'], 'nus_sinapse_64x64.yaml')])
+def test_the_command_says_what_it_needs(words, says, capsys):
+    assert main(['calibrate', *words]) == 2
+    assert says in capsys.readouterr().err
+
+
+def test_a_known_layer_makes_the_fit_surer_and_a_wrong_one_is_refused():
+    values, noise = disc(12, 12, 3.2), np.random.default_rng(0).normal(0, 500, (24, 24))
+    mask = values > 25e3
+    free, known = (fit_shape(values + noise, mask, Shape.CIRCLE, 0.002, layer) for layer in (None, Layer(0.0012, 0.1)))
+    assert np.trace(known.covariance) < np.trace(free.covariance)
+    with pytest.raises(ConfigurationError):
+        fit_shape(values, mask, Shape.CIRCLE, 0.002, Layer(0.0, 0.1))
