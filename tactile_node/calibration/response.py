@@ -42,7 +42,7 @@ def load_response(path: str | Path) -> SkinResponse:
                                  remedy=error.remedy) from None
 
 
-def save_response(path: str | Path, response: SkinResponse, head: str, found_from: dict) -> None:
+def save_response(path: str | Path, response: SkinResponse, head: str, found_from: dict[str, object]) -> None:
     """Write a response with a comment ``head`` and what it was ``found_from``. Raises ConfigurationError."""
     content = {
         'unit': response.unit,
