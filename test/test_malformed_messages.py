@@ -56,7 +56,16 @@ from tactile_node.ros.shape_messages import Findings, shape_message  # noqa: E40
 from tactile_node.ros.taxel_messages import taxel_array_message, taxel_values  # noqa: E402
 from tactile_node.ros.time_messages import duration_message, time_message  # noqa: E402
 from tactile_node.shape.recognition import Recognition, Shape  # noqa: E402
-from tactile_skin.msg import Contact, ContactFeatures, ContactShape, ContactShapes, FeatureRange, Grasp, TaxelArray  # noqa: E402
+from tactile_skin.msg import (  # noqa: E402
+    Contact,
+    ContactFeatures,
+    ContactShape,
+    ContactShapes,
+    FeatureRange,
+    Grasp,
+    Progress,
+    TaxelArray,
+)
 
 pytestmark = pytest.mark.ros
 
@@ -524,26 +533,13 @@ def test_no_contact_shape_stops_a_grasp_nor_breaks_its_hold(chain, bad_side):
     assert sum(chain.dropped('/grasp', len(cases)).values()) == len(cases)
 
 
-def test_no_contact_shape_stops_a_replay_gate(chain):
-    gate = ReplayGate(chain.peer, ['left', 'right'], frames_qos(DEPTH))
-    for side in ('left', 'right'):
-        publisher = chain.publisher(ContactShape, f'/{side}/shape')
-        for _, change, _ in cases_of(check_contact_shape):
-            publisher.publish(malformed(good_shape, change))
-        gate.wait(side, 400)
-        publisher.publish(good_shape(400))
-    chain.wait(lambda: min(gate._seen.values()) == 400)
-    gate.wait('left', 900)  # returns at once
-    gate.destroy()
-
-
-def test_a_shape_of_a_frame_that_was_not_played_does_not_open_a_replay_gate(chain):
+def test_progress_of_a_frame_that_was_not_played_does_not_open_a_replay_gate(chain):
     """The log would run ahead of its consumers, who would lose frames of a lossless replay."""
     gate = ReplayGate(chain.peer, ['left'], frames_qos(DEPTH))
-    publisher = chain.publisher(ContactShape, '/left/shape')
+    publisher = chain.publisher(Progress, '/left/progress')
     gate.wait('left', 400)
     for sequence in (2**64 - 1, 401, 399, 3):
-        publisher.publish(good_shape(sequence))
+        publisher.publish(Progress(sequence=sequence))
     subscription, = gate._subscriptions
     chain.wait(lambda: subscription.counts.received == 4)
     assert gate._seen == {'left': 399} and subscription.counts.dropped == {R.WRONG_SEQUENCE: 2}
@@ -691,7 +687,7 @@ def test_health_continues_with_simulated_time_and_no_clock(chain):
     assert {status.name for status in chain.diagnostics} == {'/gripper_a/left/processor'}
     values = {pair.key: pair.value for pair in chain.diagnostics[-1].values}
     assert (values['received'], values['processed'], values['dropped_no_taxels']) == ('2', '1', '1')
-    assert set(values) == {'faults', 'received', 'processed', 'rate_hz', 'age_s', 'skipped', 'publishers',
+    assert set(values) == {'faults', 'received', 'processed', 'rate_hz', 'age_s', 'skipped', 'overtaken', 'publishers',
                            *(f'dropped_{reason.key}' for reason in RejectReason if reason)}
     assert all(stamp == Time() for stamp in chain.stamps)  # as before the first /clock
 
@@ -708,6 +704,8 @@ def status_of(**now):
     ({'counts': MessageCounts(4, 4, {})}, STALE, 'SILENT'),
     ({'counts': MessageCounts(54, 53, {R.NOT_FINITE: 1})}, WARN, 'DROPPED'),
     ({'counts': MessageCounts(54, 54, {}, skipped=2)}, WARN, 'SKIPPED'),
+    ({'counts': MessageCounts(54, 52, {}, overtaken=2)}, OK, 'NONE'),
+    ({'counts': MessageCounts(54, 49, {}, overtaken=5)}, WARN, 'OVERLOADED'),
     ({'age': 1.5}, WARN, 'OLD'),
     ({'age': 1.5, 'counts': MessageCounts(4, 4, {})}, STALE, 'SILENT'),
     ({'publishers': ('/driver', '/rogue')}, WARN, 'SEVERAL_PUBLISHERS'),

@@ -27,14 +27,15 @@ from tactile_node.ros.time_messages import seconds
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.recognition import Recognition, Shape
-from tactile_skin.msg import Contact, ContactShape, ContactShapes
+from tactile_skin.msg import Contact, ContactShape, ContactShapes, Progress
 
 
 class ClassifierNode(Node):
-    """Publishes `shape` for every usable message on `contact`, and `pose` while the contact has one.
+    """Publishes `shape` for the newest usable message on `contact`, and `pose` while the contact has one.
 
-    While something subscribes to it, `shapes` too: each of the largest contacts; a lossless classifier always publishes
-    it, since it keeps messages for late subscribers. Raises ConfigurationError for a wrong parameter.
+    While something subscribes to it, `shapes` too: each of the largest contacts. A lossless classifier answers every
+    message, always publishes `shapes`, since it keeps messages for late subscribers, and `progress`, which the driver
+    waits for. Raises ConfigurationError for a wrong parameter.
     """
 
     def __init__(self, **options):
@@ -48,7 +49,9 @@ class ClassifierNode(Node):
         self._publisher = self.create_publisher(ContactShape, 'shape', qos)
         self._poses = self.create_publisher(PoseWithCovarianceStamped, 'pose', qos)
         self._all_shapes = self.create_publisher(ContactShapes, 'shapes', qos)
-        self._contacts = GuardedSubscription(self, Contact, 'contact', self._on_contact, qos, check=check_contact)
+        self._progress = self.create_publisher(Progress, 'progress', qos) if self._settings.lossless else None
+        self._contacts = GuardedSubscription(self, Contact, 'contact', self._on_contact, qos, check=check_contact,
+                                             newest_only=True)
         MessageHealth(self, [self._contacts])
 
     def _on_contact(self, message: Contact) -> None:
@@ -66,6 +69,8 @@ class ClassifierNode(Node):
         self.recognised += 1
         if self._settings.lossless or self._all_shapes.get_subscription_count():  # a late subscriber gets all
             self._publish_all(message, pattern, frame)
+        if self._progress is not None:
+            self._progress.publish(Progress(sequence=message.sequence))
 
     def _publish_all(self, message: Contact, pattern: ContactPattern, largest: Recognition) -> None:
         """Each contact by this frame alone; ``largest`` is the recognition of the first."""

@@ -38,10 +38,13 @@ class GuardedSubscription(Generic[Message]):
 
     Messages of our chain have stamp, age and sequence: one whose stamp runs ahead of the others is dropped too, unless
     ``qos`` is that of a lossless replay, and gaps in the sequence are counted. Their topic has one publisher.
+
+    With ``newest_only`` a callback that cannot keep up gets the newest of the messages that wait; those that it
+    overtakes are counted. Of a lossless replay it gets all.
     """
 
     def __init__(self, node: Node, kind: type[Message], topic: str, callback: Callable[[Message], None],
-                 qos: QoSProfile, *, check: Check[Message]):
+                 qos: QoSProfile, *, check: Check[Message], newest_only: bool = False):
         self._node = node
         self._callback = callback
         self._check = check
@@ -55,12 +58,14 @@ class GuardedSubscription(Generic[Message]):
         self._arrival: Arrival | None = None  # of the newest message that was used
         self._sequence: int | None = None
         self._skipped = 0
+        self._overtaken = 0
+        self._newest_only = newest_only and not is_lossless(qos)
         self._subscription = node.create_subscription(kind, topic, self._on_message, qos)
         self.topic: str = self._subscription.topic_name  #: its full name
 
     @property
     def counts(self) -> MessageCounts:
-        return MessageCounts(self._received, self._processed, dict(self._dropped), self._skipped)
+        return MessageCounts(self._received, self._processed, dict(self._dropped), self._skipped, self._overtaken)
 
     @property
     def arrival(self) -> Arrival:
@@ -80,20 +85,44 @@ class GuardedSubscription(Generic[Message]):
         self._node.destroy_subscription(self._subscription)
 
     def _on_message(self, message: Message) -> None:
+        usable = [each for each in (message, *self._waiting()) if self._is_usable(each)]
+        if not usable:
+            return
+        self._overtaken += len(usable) - 1
+        try:
+            self._callback(usable[-1])
+            self._processed += 1
+        except Exception as error:
+            self._failed(error)
+
+    def _waiting(self) -> list[Message]:
+        """Take what has come since the executor took its message."""
+        found: list[Message] = []
+        while self._newest_only:
+            with self._subscription.handle:
+                taken = self._subscription.handle.take_message(self._subscription.msg_type, self._subscription.raw)
+            if taken is None:
+                break
+            found.append(taken[0])
+        return found
+
+    def _is_usable(self, message: Message) -> bool:
+        """Check and note a message; count one that cannot be used."""
         self._received += 1
         try:
             reason = self._check(message) or self._check_stamp(message)
             if reason is None:
                 self._note(message)
-                self._callback(message)
-                self._processed += 1
-                return
+                return True
+            self._drop(reason)
         except Exception as error:
-            if not self._node.context.ok():  # nothing can be published: the process ends
-                raise
-            self._drop(RejectReason.PROCESSING_FAILED, error)
-            return
-        self._drop(reason)
+            self._failed(error)
+        return False
+
+    def _failed(self, error: Exception) -> None:
+        if not self._node.context.ok():  # nothing can be published: the process ends
+            raise error
+        self._drop(RejectReason.PROCESSING_FAILED, error)
 
     def _is_of_chain(self, message: object) -> TypeGuard[ChainMessage]:
         return self._kind_is_of_chain

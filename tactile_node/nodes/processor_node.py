@@ -30,9 +30,9 @@ from tactile_skin.msg import Contact, ContactFeatures, TaxelArray
 
 
 class ProcessorNode(Node):
-    """Publishes `contact` for every usable message on `taxels`, and `features` while something subscribes to it.
+    """Publishes `contact` for the newest usable message on `taxels`, and `features` while something subscribes to it.
 
-    A lossless one always publishes both, since it keeps messages for late subscribers. Raises ConfigurationError for a
+    A lossless one answers every message and always publishes both, since it keeps them for late subscribers. Raises ConfigurationError for a
     wrong parameter.
     """
 
@@ -43,7 +43,8 @@ class ProcessorNode(Node):
         qos = self._settings.qos
         self._contacts = self.create_publisher(Contact, 'contact', qos)
         self._features = self.create_publisher(ContactFeatures, 'features', qos)
-        self._taxels = GuardedSubscription(self, TaxelArray, 'taxels', self._on_taxels, qos, check=check_taxel_array)
+        self._taxels = GuardedSubscription(self, TaxelArray, 'taxels', self._on_taxels, qos, check=check_taxel_array,
+                                           newest_only=True)
         MessageHealth(self, [self._taxels])
         self.add_on_set_parameters_callback(self._on_parameters)
 

@@ -1,4 +1,4 @@
-"""Slows a log played as fast as possible to the pace at which its frames come out as shapes."""
+"""Slows a log played as fast as possible to the pace of the last stage, which reports its progress."""
 
 import threading
 from collections.abc import Sequence
@@ -8,15 +8,15 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
-from tactile_node.ros.message_checks import RejectReason, check_contact_shape
-from tactile_skin.msg import ContactShape
+from tactile_node.ros.message_checks import RejectReason
+from tactile_skin.msg import Progress
 
 WINDOW = 500  # frames that may be under way; well below qos.REPLAY_DEPTH
-TIMEOUT = 10.0  # how long no shape may come before the log is played without them [s]
+TIMEOUT = 10.0  # how long no progress may come before the log is played without it [s]
 
 
 class ReplayGate:
-    """One gate for all pads of a log; ``wait`` is called on the log's thread, shapes arrive on the node's."""
+    """One gate for all pads of a log; ``wait`` is called on the log's thread, progress arrives on the node's."""
 
     def __init__(self, node: Node, pads: Sequence[str], qos: QoSProfile):
         self._node = node
@@ -25,17 +25,17 @@ class ReplayGate:
         self._seen = dict.fromkeys(pads, -1)
         self._progress = threading.Condition()
         self._subscriptions = [
-            GuardedSubscription(node, ContactShape, f'{pad}/shape', partial(self._on_shape, pad), qos,
+            GuardedSubscription(node, Progress, f'{pad}/progress', partial(self._on_progress, pad), qos,
                                 check=partial(self._check, pad)) for pad in pads]
 
     def wait(self, pad: str, sequence: int) -> None:
-        """Return when fewer than WINDOW frames before ``sequence`` still lack their shape."""
+        """Return when fewer than WINDOW frames before ``sequence`` are still under way."""
         with self._progress:
             while not self._open and sequence - self._seen[pad] > WINDOW:
                 if not self._progress.wait(TIMEOUT):
                     self._open = True
                     self._node.get_logger().warning(
-                        f'No shape for {TIMEOUT:.0f} s: the log is played without waiting for any.')
+                        f'No progress for {TIMEOUT:.0f} s: the log is played without waiting for any.')
             self._played[pad] = sequence
 
     def destroy(self) -> None:
@@ -46,14 +46,11 @@ class ReplayGate:
         for subscription in self._subscriptions:
             subscription.destroy()
 
-    def _check(self, pad: str, message: ContactShape) -> RejectReason | None:
-        """A shape of a frame that was not played yet would open the gate until the log gets there."""
-        reason = check_contact_shape(message)
-        if reason is None and message.sequence > self._played[pad]:
-            return RejectReason.WRONG_SEQUENCE
-        return reason
+    def _check(self, pad: str, message: Progress) -> RejectReason | None:
+        """Progress of a frame that was not played yet would open the gate until the log gets there."""
+        return RejectReason.WRONG_SEQUENCE if message.sequence > self._played[pad] else None
 
-    def _on_shape(self, pad: str, message: ContactShape) -> None:
+    def _on_progress(self, pad: str, message: Progress) -> None:
         with self._progress:
             self._seen[pad] = max(self._seen[pad], message.sequence)
             self._progress.notify_all()

@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from tactile_node.ros.message_checks import RejectReason
 
 OLD = 1.0  #: s: data that still comes, and is older, was held back
+MOST_OVERTAKEN = 0.05  #: of the messages received since the last look: more is an overload
 
 
 class StreamFault(IntEnum):
@@ -23,15 +24,17 @@ class StreamFault(IntEnum):
     OLD = 4                 #: messages come, and their data is more than OLD old
     SEVERAL_PUBLISHERS = 5  #: of one pad's topic: its messages are of two sources
     SILENT = 6              #: a topic has brought none
+    OVERLOADED = 7          #: the node cannot keep up: more than MOST_OVERTAKEN were overtaken by newer ones
 
 
 class MessageCounts(NamedTuple):
-    """Of one subscription since its node started. received = processed + the sum of ``dropped``."""
+    """Of one subscription since its node started. received = processed + overtaken + the sum of ``dropped``."""
 
     received: int
     processed: int
     dropped: Mapping[RejectReason, int]  #: only the reasons that have occurred
     skipped: int = 0  #: frames between those received
+    overtaken: int = 0  #: usable ones that a newer one came behind before the node got to them
 
 
 class StreamHealth(NamedTuple):
@@ -46,8 +49,8 @@ def health_status(node: str, now: Mapping[str, StreamHealth], before: Mapping[st
                   period: float) -> DiagnosticStatus:
     """Return the status of ``node``, by its full name; by topic: the state now and the counts ``period`` [s] before.
 
-    WARN: messages were dropped or skipped since then, are old, or have two sources; STALE: a topic has brought none;
-    else OK.
+    WARN: messages were dropped, skipped or, many, overtaken since then, are old, or have two sources; STALE: a topic
+    has brought none; else OK.
     """
     found = dict(_found(now, before))
     processed = _sum(now, 'processed') - sum(counts.processed for counts in before.values())
@@ -57,6 +60,7 @@ def health_status(node: str, now: Mapping[str, StreamHealth], before: Mapping[st
     values = {'faults': ', '.join(fault.name for fault in found) or StreamFault.NONE.name,
               'received': _sum(now, 'received'), 'processed': _sum(now, 'processed'),
               'rate_hz': f'{processed / period:.1f}', 'age_s': _age(now), 'skipped': _sum(now, 'skipped'),
+              'overtaken': _sum(now, 'overtaken'),
               'publishers': max((len(stream.publishers) for stream in now.values()), default=0),
               **{f'dropped_{reason.key}': dropped[reason] for reason in RejectReason if reason}}
     return DiagnosticStatus(level=level, name=node, message=text,
@@ -77,6 +81,10 @@ def _found(now: Mapping[str, StreamHealth], before: Mapping[str, MessageCounts])
     skipped = _sum(now, 'skipped') - sum(counts.skipped for counts in before.values())
     if skipped:
         yield StreamFault.SKIPPED, f'{skipped} frames skipped: they never arrived'
+    overtaken, received = (_sum(now, field) - sum(getattr(counts, field) for counts in before.values())
+                           for field in ('overtaken', 'received'))
+    if overtaken > MOST_OVERTAKEN * received:
+        yield StreamFault.OVERLOADED, f'overloaded: {overtaken} of {received} messages overtaken by newer ones'
     silent = [topic for topic, stream in now.items() if stream.counts.received == before[topic].received]
     old = [f'{topic} {stream.age:.1f} s' for topic, stream in now.items()
            if topic not in silent and OLD < stream.age < math.inf]

@@ -1,0 +1,126 @@
+"""A stage that cannot keep up works on the newest frame and counts the others; a lossless replay loses nothing."""
+
+import os
+import threading
+import time
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip('rclpy')
+pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
+
+from hidden_skin import NODE_ID, write_log  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+
+from tactile_node.frames.taxel_frame import TaxelFrame  # noqa: E402
+from tactile_node.nodes.classifier_node import ClassifierNode  # noqa: E402
+from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
+from tactile_node.nodes.guarded_subscription import GuardedSubscription  # noqa: E402
+from tactile_node.nodes.processor_node import ProcessorNode  # noqa: E402
+from tactile_node.nodes.replay_gate import WINDOW  # noqa: E402
+from tactile_node.ros.message_checks import check_taxel_array  # noqa: E402
+from tactile_node.ros.qos import frames_qos  # noqa: E402
+from tactile_node.ros.taxel_messages import taxel_array_message  # noqa: E402
+from tactile_skin.msg import ContactShape, TaxelArray  # noqa: E402
+
+pytestmark = [pytest.mark.ros, pytest.mark.bus]
+
+SIDE, PERIOD, SENT, TIMEOUT = 8, 0.01, 40, 60.0
+REPLAYED = 10_000 if os.environ.get('TACTILE_LONG') else WINDOW + 200
+
+
+def taxels(sequence):
+    values, status = np.zeros((SIDE, SIDE), np.float32), np.ones((SIDE, SIDE), np.uint8)
+    return taxel_array_message(TaxelFrame(time.time(), sequence, values, status, 0), 0.002, 'Pa', 'pad')
+
+
+@pytest.fixture
+def context():
+    rclpy.init()
+    yield
+    rclpy.shutdown()
+
+
+def spin_until(executor, condition):
+    end = time.monotonic() + TIMEOUT
+    while not condition():
+        assert time.monotonic() < end
+        executor.spin_once(timeout_sec=0.05)
+
+
+def followed_at_half_speed(lossless):
+    """Send SENT messages to a stage that takes two periods for each; return its subscription and what it worked on."""
+    sender, receiver = rclpy.create_node('sender'), rclpy.create_node('receiver')
+    worked_on = []
+
+    def work(message):
+        time.sleep(2 * PERIOD)
+        worked_on.append((message.sequence, time.time()))
+    qos = frames_qos(SENT, lossless)
+    subscription = GuardedSubscription(receiver, TaxelArray, 'taxels', work, qos, check=check_taxel_array,
+                                       newest_only=True)
+    publisher = sender.create_publisher(TaxelArray, 'taxels', qos)
+    executor = SingleThreadedExecutor()
+    executor.add_node(receiver)
+    spin_until(executor, publisher.get_subscription_count)
+    sent = {}
+
+    def send():
+        for sequence in range(SENT):
+            sent[sequence] = time.time()
+            publisher.publish(taxels(sequence))
+            time.sleep(PERIOD)
+    thread = threading.Thread(target=send)
+    thread.start()
+    spin_until(executor, lambda: worked_on and worked_on[-1][0] == SENT - 1)
+    thread.join()
+    executor.shutdown()
+    for node in (sender, receiver):
+        node.destroy_node()
+    return subscription.counts, [number for number, _ in worked_on], [end - sent[number] for number, end in worked_on]
+
+
+def test_a_stage_of_half_the_speed_works_on_the_newest_and_counts_the_others(context):
+    counts, numbers, ages = followed_at_half_speed(lossless=False)
+    assert counts.received == SENT and counts.processed == len(numbers) < SENT
+    assert counts.overtaken == SENT - len(numbers) and not counts.dropped and not counts.skipped
+    assert numbers == sorted(numbers)
+    # In order and without a loss the last one would be SENT periods old.
+    assert np.median(ages) < SENT * PERIOD / 4
+
+
+def test_a_lossless_stage_of_half_the_speed_works_on_all(context):
+    counts, numbers, _ = followed_at_half_speed(lossless=True)
+    assert numbers == list(range(SENT)) and counts.overtaken == 0
+
+
+def test_a_replay_as_fast_as_possible_answers_every_frame(context, tmp_path):
+    """More frames than may be under way at once: the driver waits for the progress of the last stage."""
+    press = np.zeros((16, 16), np.uint8)
+    press[4:11, 5:12] = 120
+    write_log(tmp_path / 'long.log', [press * (number // 50 % 2) for number in range(REPLAYED)])
+    options = {'lossless': True}
+    given = {'replay': str(tmp_path / 'long.log'), 'replay_pace': 0.0, 'pads': ['pad'], 'node_ids': [NODE_ID],
+             **options}
+
+    def parameters(values):
+        return [Parameter(name, value=value) for name, value in values.items()]
+    nodes = [ProcessorNode(namespace='/pad', parameter_overrides=parameters(options)),
+             ClassifierNode(namespace='/pad', parameter_overrides=parameters(options | {'fit': False}))]
+    driver = DriverNode(parameter_overrides=parameters(given))
+    listener, shapes = rclpy.create_node('listener'), []
+    listener.create_subscription(ContactShape, '/pad/shape', lambda message: shapes.append(message.sequence),
+                                 frames_qos(50, lossless=True))
+    executor = SingleThreadedExecutor()
+    for node in (*nodes, driver, listener):
+        executor.add_node(node)
+    driver.autostart()
+    end = time.monotonic() + max(TIMEOUT, REPLAYED / 20)
+    while len(shapes) < REPLAYED and time.monotonic() < end:
+        executor.spin_once(timeout_sec=0.1)
+    executor.shutdown()
+    for node in (*nodes, driver, listener):
+        node.destroy_node()
+    assert shapes == list(range(REPLAYED))
