@@ -32,8 +32,8 @@ from tactile_skin.msg import Contact, ContactFeatures, TaxelArray
 class ProcessorNode(Node):
     """Publishes `contact` for the newest usable message on `taxels`, and `features` while something subscribes to it.
 
-    A lossless one answers every message and always publishes both, since it keeps them for late subscribers. Raises ConfigurationError for a
-    wrong parameter.
+    A lossless one answers every message and always publishes both, since it keeps them for late subscribers. Raises
+    ConfigurationError for a wrong parameter.
     """
 
     def __init__(self, **options):
