@@ -21,6 +21,9 @@ from tactile_node.helmholtz.rotation import ANGLES, with_rotated
 from tactile_node.helmholtz.taxel_list import TaxelList, ringed_taxel_list, taxel_list
 
 
+TOGETHER = 400_000  #: taxels of rotated patterns described at a time: bounds the memory of large contacts
+
+
 class Group(Flag):
     """Which features to compute besides N, P05, P09; eigenvalues cost most."""
 
@@ -80,11 +83,19 @@ def compute_features(mask: np.ndarray, groups: Group = Group.ALL) -> Features:
     """
     _check(mask)
     is_rotated = groups & Group.ROTATED and mask.any()
-    taxels = ringed_taxel_list(with_rotated(mask)) if is_rotated else taxel_list(mask[np.newaxis])
-    stack = _described(taxels, groups, 1 if is_rotated else None)
+    stack = _of_rotated(mask, groups) if is_rotated else _described(taxel_list(mask[np.newaxis]), groups)
     values = {name: value[0].item() for name, value in stack.items()}
     rotated = _extremes(stack, 1 if is_rotated else 0) if groups & Group.ROTATED else {}
     return Features(MappingProxyType(values), MappingProxyType(rotated))
+
+
+def _of_rotated(mask: np.ndarray, groups: Group) -> dict[str, np.ndarray]:
+    """Features of the pattern and of its rotations, (47,); as many at a time as TOGETHER allows."""
+    patterns = with_rotated(mask)
+    step = max(1, TOGETHER // int(np.count_nonzero(mask)))
+    parts = [_described(ringed_taxel_list(patterns[first:first + step]), groups, extremes_from=0 if first else 1)
+             for first in range(0, len(patterns), step)]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def features_at_angles(mask: np.ndarray, groups: Group = Group.ALL) -> dict[str, np.ndarray]:

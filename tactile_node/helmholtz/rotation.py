@@ -15,6 +15,7 @@ FINE = 5  #: fine steps to a pitch
 ANGLES = np.arange(0, 181, 4)  #: [degrees], 46 of them
 ANGLES.flags.writeable = False
 TIE = 1e-9  #: [fine steps]
+SITES = 200_000  #: of all angles, traced together: bounds the memory of large patterns
 
 
 def with_rotated(mask: np.ndarray) -> np.ndarray:
@@ -67,8 +68,12 @@ def decimated(mask: np.ndarray) -> tuple[np.ndarray, tuple[int, int]]:
     wide, high = int(col.max()) + 2, int(row.max()) + 2
     stack = np.zeros((len(ANGLES) + 1, high, wide), bool)
     place = np.arange(1, len(ANGLES) + 1)[:, np.newaxis] * (high * wide) + (row * wide + col)
-    reached = _reached(fine_lattice(mask), sites - centre[:, np.newaxis], centre, radius)
-    stack.reshape(-1)[place.take(reached)] = True
+    fine, low = _corner_bits(fine_lattice(mask), centre, radius)
+    step = max(1, SITES // sites.shape[1])
+    for begin in range(0, len(ANGLES), step):
+        angles = slice(begin, begin + step)
+        reached = _reached(fine, sites - centre[:, np.newaxis], centre - low, angles)
+        stack.reshape(-1)[place[angles].take(reached)] = True
     return stack, (1 - int(first[1]), 1 - int(first[0]))
 
 
@@ -113,7 +118,7 @@ def _cosines_and_sines() -> tuple[np.ndarray, np.ndarray]:
 
 
 _COS, _SIN = _cosines_and_sines()
-_BACK = np.block([[_COS, -_SIN], [_SIN, _COS]]).T.copy()  # rotates (x, y) back by each angle: all x, all y
+_BACK = np.array(((_COS, _SIN), (-_SIN, _COS))).swapaxes(1, 2)  # rotates (x, y) back by each angle: (x or y, 46, 2)
 
 
 def _cropped(mask: np.ndarray) -> np.ndarray:
@@ -131,37 +136,40 @@ def _sites_within(centre: np.ndarray, radius: float) -> tuple[np.ndarray, np.nda
     return np.array([x[col], y[row]]), first
 
 
-def _reached(fine: np.ndarray, offset: np.ndarray, centre: np.ndarray, radius: float) -> np.ndarray:
-    """At which angle and site, at ``offset`` (2, n) from the centre, some active fine point arrives.
+def _reached(fine: np.ndarray, offset: np.ndarray, centre: np.ndarray, angles: slice) -> np.ndarray:
+    """At which of the ``angles`` and at which site, at ``offset`` (2, n) from the centre, some active point arrives.
 
-    Returned as indices into a flattened (46, n).
+    ``fine``: as of `_corner_bits`, ``centre`` in its coordinates. Returned as indices into a flattened (angles, n).
     """
-    low = np.floor(centre - radius) - 1
-    active, wide = _corner_bits(fine, -low.astype(int), int(2 * radius) + 5)
-    x, y = (_BACK @ offset).reshape(2, len(ANGLES), -1) + (centre - low)[:, np.newaxis, np.newaxis]
+    x, y = np.matmul(_BACK[:, angles], offset) + centre[:, np.newaxis, np.newaxis]
     col, row = np.floor(x), np.floor(y)
     x -= col
     y -= row
-    row *= wide
+    row *= fine.shape[1]
     row += col
-    bits = active.take(row.astype(np.intp))
+    bits = fine.take(row.astype(np.intp))
     some = bits != 0
     near, counts = np.flatnonzero(some), np.count_nonzero(some, axis=1)
     bits, x, y = bits.take(near), x.take(near), y.take(near)
-    arrive = _rounds_onto(bits, x, y, cos=np.repeat(_COS, counts), sin=np.repeat(_SIN, counts))
+    arrive = _rounds_onto(bits, x, y, cos=np.repeat(_COS[angles], counts), sin=np.repeat(_SIN[angles], counts))
     reached: np.ndarray = near[arrive]
     return reached
 
 
-def _corner_bits(fine: np.ndarray, origin: np.ndarray, wide: int) -> tuple[np.ndarray, int]:
-    """Bits 1, 2, 4, 8 of each fine cell: its corners (x, y), (x+1, y), (x, y+1), (x+1, y+1) are active."""
+def _corner_bits(fine: np.ndarray, centre: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """Bits 1, 2, 4, 8 of each fine cell: its corners (x, y), (x+1, y), (x, y+1), (x+1, y+1) are active.
+
+    Beside it the place (x, y) of its first cell: it has room for all points within ``radius`` of the ``centre``.
+    """
+    low, wide = np.floor(centre - radius) - 1, int(2 * radius) + 5
+    origin = -low.astype(int)
     room = np.zeros((wide, wide), np.uint8)
     room[origin[1]:origin[1] + fine.shape[0], origin[0]:origin[0] + fine.shape[1]] = fine
     bits = room.copy()
     bits[:, :-1] |= room[:, 1:] << 1
     bits[:-1] |= room[1:] << 2
     bits[:-1, :-1] |= room[1:, 1:] << 3
-    return bits.reshape(-1), wide
+    return bits, low
 
 
 def _rounds_onto(bits: np.ndarray, x: np.ndarray, y: np.ndarray, cos: np.ndarray, sin: np.ndarray) -> np.ndarray:
