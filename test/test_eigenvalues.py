@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from patterns import assorted, blob, ring, rotated_patterns, shapes
 
+from tactile_node.helmholtz import eigenvalues
 from tactile_node.helmholtz.eigenvalues import Problem, smallest_eigenvalues
 from tactile_node.helmholtz.operators import WEIGHTS, Stencil, matrix
 from tactile_node.helmholtz.taxel_list import taxel_list
@@ -15,7 +16,7 @@ def smallest(mask, stencil):
 
 
 @pytest.mark.parametrize('rows, cols', [(1, 1), (1, 2), (1, 40), (40, 1), (2, 2), (3, 3), (5, 9), (16, 16),
-                                        (60, 50)])
+                                        (60, 50), (90, 100)])
 def test_rectangles_have_their_closed_form(rows, cols):
     a, b = np.cos(np.pi / (rows + 1)), np.cos(np.pi / (cols + 1))
     mask = np.ones((rows, cols), bool)
@@ -109,3 +110,22 @@ def test_other_outlines_converge_with_first_order(name, stencil):
               for size in sizes for mask, exact in [membrane(name, size)]]
     order = -np.polyfit(np.log(sizes), np.log(errors), 1)[0]
     assert 0.7 < order < 2.1 and errors[-1] < 0.04, (order, errors)
+
+
+@pytest.mark.parametrize('stencil', Stencil)
+def test_parts_solved_by_sparse_factors_agree_with_a_dense_solver(stencil, monkeypatch):
+    monkeypatch.setattr(eigenvalues, 'LARGE', 4)
+    two = np.zeros((14, 20), bool)
+    two[2:12, 2:9] = two[5, 12:15] = two[8:12, 12:18] = True  # two above LARGE, one below
+    for name, mask in (assorted() | {'two': two}).items():
+        dense = np.linalg.eigvalsh(by_definition.dense(by_definition.taxels(mask), stencil))[0]
+        assert smallest(mask, stencil) == pytest.approx(dense, rel=1e-8), name
+
+
+def test_the_extremes_over_rotations_are_the_same_by_sparse_factors(monkeypatch):
+    stack = rotated_patterns(ring())
+    band = smallest_eigenvalues([Problem(taxel_list(stack), Stencil.FIVE)], 1)[0]
+    monkeypatch.setattr(eigenvalues, 'LARGE', 4)
+    found = smallest_eigenvalues([Problem(taxel_list(stack), Stencil.FIVE)], 1)[0]
+    for extreme in (np.nanmin, np.nanmax):
+        assert extreme(found[1:]) == pytest.approx(extreme(band[1:]), rel=1e-9)

@@ -20,7 +20,6 @@ from tactile_node.helmholtz.operators import WEIGHTS, Stencil
 from tactile_node.helmholtz.rotation import ANGLES, with_rotated
 from tactile_node.helmholtz.taxel_list import TaxelList, ringed_taxel_list, taxel_list
 
-
 TOGETHER = 400_000  #: taxels of rotated patterns described at a time: bounds the memory of large contacts
 
 
