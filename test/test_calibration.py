@@ -7,6 +7,7 @@ import pytest
 import yaml
 from hidden_skin import PITCH, pressed, solved, write_log
 
+import tactile_node as tn
 from tactile_node.calibration.presses import (
     LEAST_TAXELS,
     OF_EACH,
@@ -38,7 +39,7 @@ def rng():
 def response_file(rng, tmp_path_factory):
     """What `tactile calibrate` writes after presses of the known disc."""
     folder = tmp_path_factory.mktemp('calibrated')
-    write_log(folder / 'presses.log', pressed(rng, *solved('circle', (RADIUS,), 0.02), presses=7, frames=5))
+    write_log(folder / 'presses.log', pressed(rng, *solved('circle', (RADIUS,), 0.02), presses=6, frames=4))
     output = folder / 'skin.response.yaml'
     assert main(['calibrate', str(folder / 'presses.log'), '--radius', str(RADIUS), '-o', str(output)]) == 0
     return output
@@ -80,10 +81,21 @@ def test_sizes_of_other_objects_are_right_after_one_calibration(response_file, o
         assert abs(np.median(found['with'][shape])) < 0.015, shape
 
 
+def test_a_stream_of_readings_is_fitted_as_the_command_does(response_file, rng):
+    solution, area = solved('square', OTHERS['square'], 0.15)
+    frames = [frame - 6.0 for frame in pressed(rng, solution, area, presses=1, frames=8)]
+    sides = []
+    for response in (None, load_response(response_file)):
+        stream = tn.ContactStream(pitch=PITCH, unit=None, response=response)
+        found = [stream.update(frame * 392.0, 0.02 * k).fit for k, frame in enumerate(frames)]
+        sides.append(np.median([fit.dimensions[0] for fit in found if fit is not None]))
+    assert sides[0] > 1.02 * OTHERS['square'][0] > sides[1] > 0.98 * OTHERS['square'][0]
+
+
 def test_the_file_says_what_it_was_found_from(response_file):
     written = yaml.safe_load(response_file.read_text())
     assert written['found_from']['disc'] == {'radius': RADIUS, 'edge_radius': 0.0}
-    assert written['found_from']['presses'] == 7 and written['unit'] == 'Pa'
+    assert written['found_from']['presses'] == 6 and written['unit'] == 'Pa'
     errors = written['found_from']['radius_error']
     assert errors['before'] > 0.02 > 0.01 > abs(errors['after'])
     response = load_response(response_file)

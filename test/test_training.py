@@ -6,6 +6,7 @@ from scipy import ndimage
 
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PressThresholds
+from tactile_node.errors import ConfigurationError
 from tactile_node.shape.invariants import describe
 from tactile_node.shape.patch import joined, make_patch
 from tactile_node.shape.recogniser import SIZES
@@ -13,6 +14,7 @@ from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import Contact, random_contact
 from training.batch import aligned, draw_forms, draw_many
 from training.blemishes import BLEMISHES
+from training.drawn_by import claim
 from training.families import FAMILIES
 from training.forms import labels_of, make_forms
 from training.held_out import HELD_OUT
@@ -123,3 +125,15 @@ def test_contacts_that_are_seen_in_part_keep_the_label_of_the_whole(on_off):
     beside = np.array([ndimage.binary_dilation(contact, iterations=2) for contact in near])
     hidden_beside = (samples.unseen > 128) & beside
     assert 0.3 < (hidden_beside.sum((1, 2)) > 3).mean() < 1, 'most, not all, miss taxels in the contact or next to it'
+
+
+def test_samples_of_another_code_are_not_read(tmp_path):
+    claim(tmp_path / 'samples')
+    (tmp_path / 'samples' / 'on_off_bulk_0.npz').touch()
+    claim(tmp_path / 'samples')  # of this code
+    (tmp_path / 'samples' / 'drawn_by').write_text('another')
+    with pytest.raises(ConfigurationError):
+        claim(tmp_path / 'samples')
+    (tmp_path / 'samples' / 'drawn_by').unlink()
+    with pytest.raises(ConfigurationError, match='unknown'):
+        claim(tmp_path / 'samples')

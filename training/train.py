@@ -1,7 +1,7 @@
 """Trains the recogniser and writes its weights: python -m training.train --output config/recogniser.npz.
 
-Samples are drawn once into a folder (--samples) and read from there by later runs. Steps, not minutes, bound the
-training, so that a run can be repeated: same seed, same machine, same file.
+Samples are drawn once into a folder (--samples) and read from there by later runs of the same code. Steps, not minutes,
+bound the training, so that a run can be repeated: same seed, same machine, same file.
 """
 
 import argparse
@@ -24,6 +24,7 @@ from torch.nn import functional
 from tactile_node.shape.recogniser import KINDS
 from tactile_node.version import package_version
 from training.calibration import calibrated, validation, validation_solutions
+from training.drawn_by import claim
 from training.mechanics import solution_pool
 from training.model import Model
 from training.pools import FORMS, Part, draw_parts, forms_of, read_parts
@@ -123,6 +124,7 @@ def _shared(name: str, samples: Path) -> int:
 
 def main() -> int:
     args = _arguments()
+    claim(args.samples)
     with ProcessPoolExecutor(args.jobs, multiprocessing.get_context('spawn')) as jobs:
         drawn = dict(zip(SHARED, jobs.map(_shared, SHARED, [args.samples] * len(SHARED))))
         found = list(jobs.map(trained, KINDS, [args] * len(KINDS)))

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from bench.recognition.anchors import Cnn, ContourTrees
+from training.drawn_by import claim
 from training.mechanics import solution_pool
 from training.pools import Part, draw_parts, forms_of, read_parts
 from training.samples import UNKNOWN, Samples
@@ -22,6 +23,8 @@ def train_anchors(folder: Path, share: float, epochs: float, jobs: int, say: Cal
 
     ``folder``: of training's samples, drawn where it does not hold them; ``share`` of the largest pool is taken.
     """
+    if not any(folder.glob('*')):
+        claim(folder)
     parts = parts_of(share)
     say(f'training the anchors on {sum(parts.values())} parts of training for each kind of frame ('
         f'{", ".join(f"{name} {count}" for name, count in parts.items())}), the CNN for {epochs:g} epochs')

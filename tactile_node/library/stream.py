@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 from numpy.typing import ArrayLike
 
+from tactile_node.calibration.response import SkinResponse
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor, as_frame
 from tactile_node.contact.press import PressThresholds
 from tactile_node.errors import InputError
@@ -30,7 +31,8 @@ class ContactStream:
 
     ``recogniser``: one that several streams share; None: the package's own. ``pitch``, ``unit`` and ``thresholds`` as
     in `find_contact` and `fit_shape`; with ``thresholds``, ``unit`` counts for nothing. The noise of each taxel is
-    learned while nothing presses it. ``fusion``: other constants of the fusion.
+    learned while nothing presses it. ``fusion``: other constants of the fusion. ``response``: of a calibrated skin
+    (`load_response`): frames are then readings, less their zero, that its curve turns into pressures.
 
     >>> import numpy as np
     >>> stream, frame = ContactStream(pitch=0.004), np.pad(np.full((7, 7), 50e3), 4)
@@ -43,12 +45,14 @@ class ContactStream:
     """
 
     def __init__(self, recogniser: Recogniser | None = None, *, pitch: float = 1.0, unit: str | None = 'Pa',
-                 thresholds: PressThresholds | None = None, fusion: FusionSettings | None = None):
+                 thresholds: PressThresholds | None = None, fusion: FusionSettings | None = None,
+                 response: SkinResponse | None = None):
         check_pitch(pitch)
         recogniser = Recogniser() if recogniser is None else recogniser
         fusion = FusionSettings() if fusion is None else fusion
         self._recogniser = instance(recogniser, Recogniser, 'recogniser', 'Pass Recogniser(method), or None.')
         self._pitch = pitch
+        self._response = response
         self._unit = unit if thresholds is None else None
         if thresholds is None:
             self._extractor = PatternExtractor(unit=unit if unit is None else known_unit(unit))
@@ -70,13 +74,15 @@ class ContactStream:
         frame = as_frame(values)
         check_values(frame, self._unit)
         self._check_shape(frame.shape)
+        if self._response is not None and frame.dtype != bool:
+            frame = self._response.curve(frame.astype(float))
         contact = self._extractor.extract(frame, saturated=saturated, unmapped=unmapped)
         recognition = self._recogniser.recognise(contact)
         if recognition.joined:
             contact = join_pieces(contact)
         fused = self._fusion.update(stamp, recognition)
         touches = bool(contact.mask.any())
-        fit = fit_shape(contact, fused.recognition.shape, self._pitch) if touches else None
+        fit = fit_shape(contact, fused.recognition.shape, self._pitch, self._response) if touches else None
         return StreamedContact(contact, recognition, fused, fit)
 
     def _check_shape(self, shape: tuple[int, ...]) -> None:

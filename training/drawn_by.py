@@ -1,0 +1,30 @@
+"""Which code has drawn the samples in a folder."""
+
+from hashlib import sha256
+from pathlib import Path
+
+from tactile_node.errors import ConfigurationError
+
+ROOT = Path(__file__).resolve().parents[1]
+DRAWING = ('training', *(f'tactile_node/{room}' for room in ('contact', 'geometry', 'shape', 'synthetic')))
+
+
+def claim(folder: Path) -> None:
+    """Mark ``folder`` as of this code. Raises ConfigurationError for one of another code.
+
+    Samples, and networks half trained, that another code has drawn would carry this one's name.
+    """
+    mark, now = folder / 'drawn_by', _digest()
+    before = mark.read_text() if mark.exists() else '' if any(folder.glob('*')) else now
+    if before != now:
+        raise ConfigurationError(f'samples in {folder}', expected=f'those drawn by this code ({now})',
+                                 got=f'those drawn by {before or "unknown code"}',
+                                 remedy='Delete the folder, or give an empty one with --samples.')
+    folder.mkdir(parents=True, exist_ok=True)
+    mark.write_text(now)
+
+
+def _digest() -> str:
+    """Short name of all code that samples and networks depend on."""
+    paths = sorted(path for folder in DRAWING for path in (ROOT / folder).glob('*.py'))
+    return sha256(b''.join(path.read_bytes() for path in paths)).hexdigest()[:12]
