@@ -40,14 +40,24 @@ class Outline(NamedTuple):
 
     def moving(self, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the corners and d corners / d parameters, shape (parameters, corners, 2)."""
+        corners, motions = self.moving_nested(parameters, np.ones((1, len(self.dimensions))))
+        return corners[0], motions[:, 0]
+
+    def moving_nested(self, parameters: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the same of k outlines within each other, (k, corners, 2) and (parameters, k, corners, 2).
+
+        ``sizes``, (k, dimensions): of each, relative to those of ``parameters``.
+        """
         centre, angle, dimensions = self.split(parameters)
-        motions = np.zeros((len(parameters), len(self.template), 2))
-        motions[0, :, 0] = motions[1, :, 1] = 1
-        by_dimension = motions[-len(dimensions):]
-        np.matmul(self.template.transpose(2, 0, 1), _rotation(angle), out=by_dimension)
-        arms = sum(by_dimension[i] * dimension for i, dimension in enumerate(dimensions))
+        by_dimension = self.template.transpose(2, 0, 1) @ _rotation(angle)
+        motions = np.zeros((len(parameters), len(sizes), len(self.template), 2))
+        motions[0, :, :, 0] = motions[1, :, :, 1] = 1
+        np.multiply(sizes.T[:, :, np.newaxis, np.newaxis], by_dimension[:, np.newaxis], out=motions[-len(dimensions):])
+        arms = (sizes * dimensions) @ by_dimension.reshape(len(dimensions), -1)
+        arms = arms.reshape(motions.shape[1:])
         if self.symmetry:
-            motions[2, :, 0], motions[2, :, 1] = -arms[:, 1], arms[:, 0]
+            np.negative(arms[..., 1], out=motions[2, ..., 0])
+            motions[2, ..., 1] = arms[..., 0]
         return arms + centre, motions
 
 

@@ -63,13 +63,4 @@ DOMES = {Shape.CIRCLE: BALL, Shape.RECTANGLE: LYING_CYLINDER}
 
 def nested(profile: Profile, outline: Outline, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the corners of a profile's outlines, (k, n, 2), and d corners / d parameters, (p, k, n, 2)."""
-    count = len(outline.dimensions)
-    sizes = profile.sizes[:, -count:]
-    corners = np.empty((len(sizes), len(outline.template), 2))
-    motions = np.empty((len(parameters), *corners.shape))
-    inner = parameters.copy()
-    for number, size in enumerate(sizes):
-        inner[-count:] = parameters[-count:] * size
-        corners[number], motions[:, number] = outline.moving(inner)
-        motions[-count:, number] *= size[:, np.newaxis, np.newaxis]
-    return corners, motions
+    return outline.moving_nested(parameters, profile.sizes[:, -len(outline.dimensions):])

@@ -107,7 +107,7 @@ class PressureModel:
         return starts
 
     def predict(self, parameters: np.ndarray) -> Prediction:
-        geometry, (level, tilt_x, tilt_y, peak, log_depth) = np.split(parameters, [-self.EXTRAS])
+        geometry, (level, tilt_x, tilt_y, peak, log_depth) = parameters[:-self.EXTRAS], parameters[-self.EXTRAS:]
         weights = self.profile.weights
         of_change = weights[0] + peak * weights[1]
         covered, change = coverages(*nested(self.profile, self.outline, geometry), self._window, weights, of_change)
@@ -132,9 +132,8 @@ class PressureModel:
     def _kernels(self, log_depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Along rows (with the sign) and across them, and by the depth's logarithm: (TERMS, n, n) each."""
         signs, taps, by_log_depth = taps_at(log_depth)
-        both = np.stack((taps, by_log_depth))
-        along, deeper_along = (both * signs)[..., self._row_distance]
-        across, deeper_across = both[..., self._col_distance]
+        along, deeper_along = ((tap * signs).take(self._row_distance, 1) for tap in (taps, by_log_depth))
+        across, deeper_across = (tap.take(self._col_distance, 1) for tap in (taps, by_log_depth))
         return along, across, deeper_along, deeper_across
 
     def likely_peak(self, parameters: np.ndarray, deviation: float) -> tuple[float, float] | None:
