@@ -25,7 +25,7 @@ from bench.recognition import tables
 from bench.recognition.anchor_training import train_anchors
 from bench.recognition.contest import Contest
 from bench.recognition.page import write_csv, write_page
-from bench.recognition.sections import ALONE, FULL, QUICK, SECTIONS, WITHOUT_ANCHORS, Run, Section
+from bench.recognition.sections import ALONE, FULL, LONGEST, QUICK, SECTIONS, WITHOUT_ANCHORS, Run, Section
 from tactile_node import Recogniser
 from tactile_node.package_files import config_path
 from tactile_node.synthetic.seeds import Purpose
@@ -59,23 +59,30 @@ def main() -> int:
         found[name] = section
         for table in section.tables:
             print(table.plain(), flush=True)
-    sections = [found[name] for name in args.only]
+        write_report([name for name in args.only if name in found], found, run, args)  # what there is, if it is ended
+    clock(f'written to {args.output}')
+    return 0
+
+
+def write_report(names: Sequence[str], found: dict[str, Section], run: Run, args: argparse.Namespace) -> None:
+    """Write the CSV and the page of the sections that are done."""
+    sections = [found[name] for name in names]
     results = [result for section in sections for result in section.results]
-    worlds = [tables.three_worlds(results, run.contest, recogniser)] if {'clean', 'mechanics'} <= set(args.only) else []
+    worlds = [tables.three_worlds(results, run.contest, run.recogniser)] if {'clean', 'mechanics'} <= set(names) else []
+    missing = [name for name in args.only if name not in found]
     mode = ('a quick run: anchors half trained' if args.quick else 'the full run') + (
-        ', on validation seeds' if args.validation else '')
+        ', on validation seeds' if args.validation else '') + (
+        f'; not done: {", ".join(missing)}' if missing else '')
     write_csv(args.output / 'recognition.csv', results)
     write_page(args.output / 'recognition_results.md', f'Recognition, measured ({mode})',
                [*worlds, *(table for section in sections for table in section.tables)],
                [picture for section in sections for picture in section.pictures])
-    clock(f'written to {args.output}')
-    return 0
 
 
 def measured(names: Sequence[str], run: Run, jobs: int) -> Iterator[tuple[str, Section]]:
     """Yield the sections as they are done, ``jobs`` at a time; what measures time runs alone, after the others."""
     fork = get_context('fork')  # which shares the anchors
-    waiting, running = [name for name in names if name not in ALONE], {}
+    waiting, running = sorted((name for name in names if name not in ALONE), key=lambda name: name != LONGEST), {}
     while waiting or running:
         while waiting and len(running) < jobs:
             receiver, sender = fork.Pipe(duplex=False)

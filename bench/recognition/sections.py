@@ -164,3 +164,4 @@ SECTIONS: dict[str, Callable[[Run], Section]] = {
     'blemish': blemish, 'several': several_contacts, 'blind-spots': spots, 'speed': speed, 'field': field}
 WITHOUT_ANCHORS = frozenset({'nothing', 'several'})
 ALONE = frozenset({'speed'})
+LONGEST = 'blind-spots'  #: begun first, so that no process waits for it alone
