@@ -29,7 +29,7 @@ from tactile_node.pose.model_error import (
     share_of,
     spread_at,
 )
-from tactile_node.pose.profiles import DOMES
+from tactile_node.pose.profiles import DOMES, Indenter
 from tactile_node.shape.recognition import Shape
 from tactile_node.synthetic.mechanics import Solution
 from tactile_node.synthetic.seeds import Purpose, generator
@@ -64,16 +64,21 @@ def _is_meant(solution: Solution, shape: Shape, is_punch: bool) -> bool:
             and np.hypot(*solution.tilt) < TILT)
 
 
-def calibrated(shape: Shape, is_punch: bool, drawn: list[Pressed]) -> ModelError:
-    """The table's row from what fits leave after the row in force; fits by the other pressure do not count."""
+def fitted(shape: Shape, drawn: list[Pressed]) -> list[tuple[Pressed, ShapeFit]]:
+    """The frames of which there is a fit, with it."""
+    return [(frame, fit) for frame in drawn if (fit := fit_shape(frame.values, frame.mask, shape)) is not None]
+
+
+def calibrated(shape: Shape, indenter: Indenter, drawn: list[tuple[Pressed, ShapeFit]]) -> ModelError:
+    """The table's row from what fits leave after the row in force; fits by another pressure do not count."""
     errors, causes, spreads, deviations = [], [], [], []
-    for frame in drawn:
-        fit = fit_shape(frame.values, frame.mask, shape)
-        assert fit is not None
-        loading = Loading(not fit.is_dome, fit.peak, fit.depth)
+    for frame, fit in drawn:
+        if fit.indenter is not indenter:
+            continue
+        loading = Loading(indenter, fit.peak, fit.depth)
         outline, share = outline_of(shape, fit.handedness or 1), share_of(loading)
         error, (area, radius) = error_of(fit, frame.truth).vector, area_and_radius(outline.corners(fit.parameters))
-        if loading.is_punch != is_punch or share < 0.2 or not _is_same(fit, error):
+        if share < 0.2 or not _is_same(fit, error):
             continue
         to_shape = np.linalg.inv(scales_of(outline, fit.handedness or 1, fit.parameters, radius))
         errors.append(to_shape @ error / share)
@@ -82,7 +87,7 @@ def calibrated(shape: Shape, is_punch: bool, drawn: list[Pressed]) -> ModelError
         systematic = spreads[-1] * np.array(errors_of(shape, loading).deviation)
         deviations.append(np.diag(to_shape @ fit.covariance @ to_shape.T) / share ** 2 - systematic ** 2)
     print(f'    # {len(errors)} of {len(drawn)} fits')
-    in_force = errors_of(shape, Loading(is_punch, 1.0, 1.0))
+    in_force = errors_of(shape, Loading(indenter, 1.0, 1.0))
     return _row(SYMMETRIC[shape], in_force, *map(np.array, (errors, causes, spreads, deviations)))
 
 
@@ -124,7 +129,9 @@ def main() -> None:
     for name, shapes in (('punch', tuple(OUTLINES)), ('dome', tuple(DOMES))):
         for shape in map(Shape, shapes if args.pressure in (name, None) else ()):
             drawn = frames(args.build / 'mechanics', shape, name == 'punch', args.frames // len(OUTLINES))
-            print(f'    {name}, {shape}: {calibrated(shape, name == "punch", drawn)},', flush=True)
+            found = fitted(shape, drawn)
+            for indenter in [Indenter.FLAT_PUNCH] if name == 'punch' else [one.indenter for one in DOMES[shape]]:
+                print(f'    {indenter.value}, {shape}: {calibrated(shape, indenter, found)},', flush=True)
 
 
 if __name__ == '__main__':

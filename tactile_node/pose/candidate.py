@@ -91,4 +91,4 @@ def loading_of(found: Candidate) -> Loading | None:
     if not isinstance(model, PressureModel):
         return None
     *_, peak, log_depth = found.solution.parameters
-    return Loading(model.profile is PUNCH, float(peak), float(np.exp(log_depth)))
+    return Loading(model.profile.indenter, float(peak), float(np.exp(log_depth)))

@@ -10,6 +10,8 @@ from tactile_node.shape.recognition import Shape
 
 #: Thresholds: few punches of training seeds and even pressures pass them.
 CIRCLE_PEAK, BALL_PEAK, DOME_CURVATURE = 0.3, -0.05, -0.005
+BAD_FIT = 2.0         #: sum of squares a taxel
+NO_PUNCH_PEAK = -0.3  #: no punch, sharp or rounded, is so much higher in its middle
 
 
 def may_be_dome(evidence: Evidence, shape: Shape, punch: Candidate) -> bool:
@@ -20,9 +22,19 @@ def may_be_dome(evidence: Evidence, shape: Shape, punch: Candidate) -> bool:
     loading = loading_of(punch)
     if loading is None or shape not in DOMES or shape is Shape.CIRCLE and loading.peak > CIRCLE_PEAK:
         return False
-    if shape is Shape.CIRCLE and loading.peak < BALL_PEAK:
+    if shape is Shape.CIRCLE and (loading.peak < BALL_PEAK or _is_bad(punch.solution, evidence)):
         return True
     return _curvature(evidence, shape, punch.solution) < DOME_CURVATURE
+
+
+def is_no_punch(shape: Shape, punch: Candidate) -> bool:
+    """Return whether a fit as a ``punch`` has found a pressure that is none of a punch's."""
+    loading = loading_of(punch)
+    return loading is not None and shape is Shape.CIRCLE and loading.peak < NO_PUNCH_PEAK
+
+
+def _is_bad(solution: Solution, evidence: Evidence) -> bool:
+    return bool(solution.misfit > BAD_FIT * np.count_nonzero(evidence.used))
 
 
 def _curvature(evidence: Evidence, shape: Shape, solution: Solution) -> float:

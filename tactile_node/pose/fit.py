@@ -8,7 +8,7 @@ from tactile_node.contact.neighbours import touches_edge
 from tactile_node.geometry.outlines import OUTLINES, Outline, outline_of
 from tactile_node.pose.blocks import in_blocks, size_of
 from tactile_node.pose.candidate import Candidate, coarse, fine, loading_of, reweighted, with_likely_peak
-from tactile_node.pose.domes import may_be_dome
+from tactile_node.pose.domes import is_no_punch, may_be_dome
 from tactile_node.pose.evidence import Evidence, checked, gather
 from tactile_node.pose.first_guess import Guess, guesses, moments_of
 from tactile_node.pose.layer import Layer, check_layer
@@ -16,13 +16,15 @@ from tactile_node.pose.least_squares import Solution
 from tactile_node.pose.model_error import corrected
 from tactile_node.pose.noise import covariance_scale, weights_after
 from tactile_node.pose.pitch import check_pitch
-from tactile_node.pose.profiles import DOMES
+from tactile_node.pose.profiles import DOMES, Indenter
 from tactile_node.read_only import read_only
 from tactile_node.shape.recognition import Shape
 
 MARGIN = 0.15         #: corners of a triangle are tried when their angles, or log lengths, are so close
 MARGIN_ON_OFF = 0.35
 AMBIGUOUS = 6.0       #: two fits whose sums of squares differ by less cannot be distinguished
+AT_EDGE = 20.0        #: factor of that at the pad's edge: what lies beyond is a guess
+PUNCH_TOO = 1.4       #: a punch is not refined beside a dome whose sum of squares is lower by this factor
 HOPELESS = 500.0      #: a fit that is worse by more after the first pass is not refined
 
 
@@ -41,7 +43,7 @@ class ShapeFit(NamedTuple):
     covariance: np.ndarray             #: of ``parameter_names``, [m, rad]
     residual: float                    #: root mean square of value - model, fraction of the contact's level
     outline: np.ndarray                #: corners, (n, 2), in the sense from x to y [m]
-    is_dome: bool                      #: pressed as a ball, a cone or a lying cylinder does, not as a flat punch
+    indenter: Indenter | None          #: what presses, as far as its pressure shows; None: on/off taxels
     peak: float                        #: 0: an even pressure; about 1: a punch's or a dome's; NaN: on/off taxels
     depth: float                       #: of the taxels below the skin's surface, as fitted [m]; NaN: on/off taxels
 
@@ -85,11 +87,7 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float =
 
 def fit_evidence(evidence: Evidence, shape: Shape, pitch: float, layer: Layer | None = None) -> ShapeFit:
     """Fit the outline of ``shape``, one of the five, to ``evidence``; ``pitch`` [m] of its taxels, ``layer`` [m]."""
-    starts = _guesses(evidence, shape)
-    of_pitches = layer._replace(depth=layer.depth / pitch) if layer else None
-    candidates = [coarse(evidence, shape, guess, layer=of_pitches) for guess in starts]
-    if may_be_dome(evidence, shape, candidates[0]):
-        candidates.append(coarse(evidence, shape, starts[0], DOMES[shape], of_pitches))
+    candidates = _coarse_fits(evidence, shape, layer._replace(depth=layer.depth / pitch) if layer else None)
     best = min(candidates, key=_misfit)
     weights = weights_after(shape, best.solution.prediction, evidence)
     candidates = [with_likely_peak(reweighted(candidate, weights)) for candidate in candidates]
@@ -97,6 +95,20 @@ def fit_evidence(evidence: Evidence, shape: Shape, pitch: float, layer: Layer | 
     candidates = sorted((fine(candidate) for candidate in candidates if _misfit(candidate) < within), key=_misfit)
     estimate = _together(shape, evidence, candidates)
     return _in_metres(shape, pitch, evidence, found=candidates[0], estimate=estimate)
+
+
+def _coarse_fits(evidence: Evidence, shape: Shape, layer: Layer | None) -> list[Candidate]:
+    """From every start, and as a dome where it may be one; ``layer`` in pitches."""
+    starts = _guesses(evidence, shape)
+    punches = [coarse(evidence, shape, guess, layer=layer) for guess in starts]
+    if not may_be_dome(evidence, shape, punches[0]):
+        return punches
+    domes = [coarse(evidence, shape, starts[0], dome, layer) for dome in DOMES[shape]]
+    if is_no_punch(shape, punches[0]):
+        return domes
+    # Weights would take a tip for outliers; what is left looks like an even pressure on too small an outline
+    least = min(map(_misfit, domes))
+    return [punch for punch in punches if _misfit(punch) < PUNCH_TOO * least] + domes
 
 
 def _misfit(candidate: Candidate) -> float:
@@ -142,6 +154,8 @@ def _together(shape: Shape, evidence: Evidence, candidates: list[Candidate]) -> 
     """The best candidate; the others, as far as they are likely too, widen its covariance."""
     estimates = [_estimate(shape, evidence, candidate) for candidate in candidates]
     best, costs = estimates[0], np.array([_misfit(candidate) for candidate in candidates])
+    if evidence.at_edge and not evidence.on_off:
+        costs /= AT_EDGE
     if shape is Shape.ISOSCELES_TRIANGLE and any(
             cost - costs[0] < AMBIGUOUS and abs(_nearest_zero(other.parameters[2] - best.parameters[2], 1)) > 1
             for cost, other in zip(costs[1:], estimates[1:])):
@@ -161,10 +175,10 @@ def _estimate(shape: Shape, evidence: Evidence, found: Candidate) -> _Estimate:
     fitted = found.solution.parameters[:len(covariance)]
     loading = loading_of(found)
     if loading is not None and not loading.is_punch:  # a dome's first length is along its axis
-        fitted, covariance = corrected(shape, found.handedness, fitted, covariance, loading)
+        fitted, covariance = corrected(shape, found.handedness, fitted, covariance, loading, evidence.at_edge)
     parameters, handedness, covariance = _canonical(shape, found.handedness, fitted, covariance)
     if loading is not None and loading.is_punch:
-        parameters, covariance = corrected(shape, handedness, parameters, covariance, loading)
+        parameters, covariance = corrected(shape, handedness, parameters, covariance, loading, evidence.at_edge)
         parameters, handedness, covariance = _canonical(shape, handedness, parameters, covariance)
     return _Estimate(parameters, covariance, handedness, OUTLINES[shape].symmetry)
 
@@ -182,7 +196,7 @@ def _in_metres(shape: Shape, pitch: float, evidence: Evidence, found: Candidate,
     return ShapeFit(shape=shape, centre=tuple(centre.tolist()), angle=angle, symmetry=estimate.symmetry,
                     handedness=handedness, dimension_names=outline.dimensions, dimensions=tuple(dimensions.tolist()),
                     covariance=covariance, residual=_residual(evidence, found.solution), outline=corners,
-                    is_dome=loading is not None and not loading.is_punch, peak=loading.peak if loading else np.nan,
+                    indenter=loading.indenter if loading else None, peak=loading.peak if loading else np.nan,
                     depth=loading.depth * pitch if loading else np.nan)
 
 

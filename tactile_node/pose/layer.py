@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.pose.profiles import BALL, PUNCH, Profile
+from tactile_node.pose.profiles import Indenter, Profile
 
 
 class Layer(NamedTuple):
@@ -32,13 +32,14 @@ class _Found(NamedTuple):
 
 #: A fit makes the depth too small, the more so the smaller the contact: its two nested outlines are coarser than the
 #: pressure at a punch's rim. Found on computed contacts of training seeds (as model_error.py's tables).
-_PUNCH, _BALL, _CYLINDER = _Found(0.15, -1.2, 0.14), _Found(0.08, -0.17, 0.35), _Found(0.18, -0.92, 0.13)
+_FOUND = {Indenter.FLAT_PUNCH: _Found(0.15, -1.2, 0.14), Indenter.BALL: _Found(0.08, -0.17, 0.35),
+          Indenter.CONE: _Found(0.08, -0.17, 0.35), Indenter.LYING_CYLINDER: _Found(0.18, -0.92, 0.13)}
 LEAST_RADIUS = 1.4  #: [pitches]: not known below
 
 
 def expected_log_depth(layer: Layer, profile: Profile, radius: float) -> Expected:
     """Return what a fit of a contact of inscribed ``radius`` will find; it and the layer in units of pitches."""
-    found = _found(profile)
+    found = _FOUND[profile.indenter]
     return Expected(float(np.log(layer.depth) + _shift(found, radius)),
                     float(np.hypot(found.deviation, layer.deviation)))
 
@@ -48,7 +49,7 @@ def log_depth_from(found_depth: float, profile: Profile, radius: float, pitch: f
 
     Lengths in metres. One fit knows it to the deviation of `expected_log_depth` of an exact layer.
     """
-    return float(np.log(found_depth) - _shift(_found(profile), radius / pitch))
+    return float(np.log(found_depth) - _shift(_FOUND[profile.indenter], radius / pitch))
 
 
 def check_layer(layer: Layer) -> None:
@@ -61,7 +62,3 @@ def check_layer(layer: Layer) -> None:
 
 def _shift(found: _Found, radius: float) -> float:
     return found.large + found.of_size / max(radius, LEAST_RADIUS)
-
-
-def _found(profile: Profile) -> _Found:
-    return _PUNCH if profile is PUNCH else _BALL if profile is BALL else _CYLINDER

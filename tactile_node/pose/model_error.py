@@ -10,22 +10,28 @@ import numpy as np
 
 from tactile_node.geometry.outlines import Outline, outline_of
 from tactile_node.pose.least_squares import SMALLEST
+from tactile_node.pose.profiles import Indenter
 from tactile_node.shape.recognition import Shape
 
 MOST = 1.2  #: of a punch's peak
-MOST_PEAKED = 2.0  #: of a dome's above 1, a cone's
+MOST_PEAKED = 2.0  #: of a dome's above 1
 #: Standard deviations that no fit goes below: taxels differ from the model's, and a layer from a half-space.
 LEAST_PLACE, LEAST_ANGLE, LEAST_LENGTH = 0.003, 0.001, 0.02  #: [pitches, radians]
 LEAST_AREA, LEAST_RADIUS, MOST_DEPTH = 12.0, 1.4, 1.3  #: [taxels, pitches]: the errors are not known beyond
+AT_EDGE = 1.4  #: of the deviation
 FEW = 26.0  #: area [taxels] at which the deviation is twice that of large contacts
 
 
 class Loading(NamedTuple):
     """How an object loads the skin, as a fit found it."""
 
-    is_punch: bool  #: by a flat punch's pressure, or by a dome's
-    peak: float     #: 0: even; 1: of the profile
-    depth: float    #: of the taxels [pitches]
+    indenter: Indenter
+    peak: float         #: 0: even; 1: of the profile
+    depth: float        #: of the taxels [pitches]
+
+    @property
+    def is_punch(self) -> bool:
+        return self.indenter is Indenter.FLAT_PUNCH
 
 
 class ModelError(NamedTuple):
@@ -55,28 +61,29 @@ PUNCH_ERRORS = {
 }
 
 
-#: Of balls and cones, and of cylinders on their side.
 DOME_ERRORS = {
-    Shape.CIRCLE: ModelError((0, 0, 0.044), (0, 0, -0.125), (0, 0, 0), (0, 0, -0.281), (0, 0, 0.063),
-                             (0.006, 0.007, 0.022)),
-    Shape.RECTANGLE: ModelError((0, 0, 0, 0.014, 0.042), (0, 0, 0, 0.012, -0.036), (0, 0, 0, 0.007, -0.025),
-                                (0, 0, 0, -0.041, 0.003), (0, 0, 0, -0.032, 0.123),
-                                (0.013, 0.006, 0.007, 0.010, 0.012)),
+    Indenter.BALL: ModelError((0, 0, -0.001), (0, 0, 0), (0, 0, 0), (0, 0, -0.124), (0, 0, 0.057),
+                              (0.005, 0.004, 0.016)),
+    Indenter.CONE: ModelError((0, 0, -0.031), (0, 0, 0.180), (0, 0, 0), (0, 0, -0.213), (0, 0, 0.170),
+                              (0.005, 0.007, 0.023)),
+    Indenter.LYING_CYLINDER: ModelError((0, 0, 0, 0.017, 0.034), (0, 0, 0, -0.007, -0.017), (0, 0, 0, 0.006, -0.026),
+                                        (0, 0, 0, -0.031, 0.012), (0, 0, 0, -0.029, 0.126),
+                                        (0.015, 0.007, 0.004, 0.010, 0.011)),
 }
 
 
 def corrected(shape: Shape, handedness: int, parameters: np.ndarray, covariance: np.ndarray,
-              loading: Loading) -> tuple[np.ndarray, np.ndarray]:
+              loading: Loading, at_edge: bool = False) -> tuple[np.ndarray, np.ndarray]:
     """Return parameters and covariance of a fit without what the object's pressure adds to them.
 
-    Lengths in pitches.
+    Lengths in pitches. ``at_edge``: a part of the contact is beyond the pad.
     """
     outline, error, share = outline_of(shape, handedness), errors_of(shape, loading), share_of(loading)
     area, radius = area_and_radius(outline.corners(parameters))
     causes = causes_of(outline, parameters, radius, loading)
     to_pad = scales_of(outline, handedness, parameters, radius)
     bias = share * (causes @ np.array(error[:-1]))
-    deviation = share * spread_at(area) * np.array(error.deviation)
+    deviation = share * spread_at(area) * (AT_EDGE if at_edge else 1.0) * np.array(error.deviation)
     least = np.concatenate(([LEAST_PLACE] * 2, [LEAST_ANGLE] * bool(outline.symmetry),
                             [LEAST_LENGTH] * len(outline.dimensions)))
     systematic = to_pad @ np.diag(deviation ** 2) @ to_pad.T + np.diag(least ** 2)
@@ -88,12 +95,12 @@ def corrected(shape: Shape, handedness: int, parameters: np.ndarray, covariance:
 
 def errors_of(shape: Shape, loading: Loading) -> ModelError:
     """Return the row that holds for a fit."""
-    return (PUNCH_ERRORS if loading.is_punch else DOME_ERRORS)[shape]
+    return PUNCH_ERRORS[shape] if loading.is_punch else DOME_ERRORS[loading.indenter]
 
 
 def share_of(loading: Loading) -> float:
-    """Return how much of it: none under an even pressure."""
-    return min(max(loading.peak, 0.0), MOST if loading.is_punch else 1.0)
+    """Return how much of it: none under a punch's pressure that is even."""
+    return min(max(loading.peak, 0.0), MOST) if loading.is_punch else 1.0
 
 
 def causes_of(outline: Outline, parameters: np.ndarray, radius: float, loading: Loading) -> np.ndarray:

@@ -29,10 +29,10 @@ class Calibration(NamedTuple):
 #: noise chosen there, so that clean frames and noisy ones ask for nearly the same factor. At the edge: by computed
 #: punches of training seeds with up to a third beyond it (bench/pose_mechanics.py).
 CALIBRATION = {
-    Shape.CIRCLE: Calibration(0.018, 1.00, 0.25, 1),
-    Shape.SQUARE: Calibration(0.020, 1.01, 0.49, 1),
-    Shape.RECTANGLE: Calibration(0.021, 1.06, 0.46, 38),
-    Shape.RIGHT_TRIANGLE: Calibration(0.030, 0.96, 0.45, 13),
+    Shape.CIRCLE: Calibration(0.018, 1.00, 0.25, 1.5),
+    Shape.SQUARE: Calibration(0.020, 1.01, 0.49, 1.5),
+    Shape.RECTANGLE: Calibration(0.021, 1.06, 0.46, 70),
+    Shape.RIGHT_TRIANGLE: Calibration(0.030, 0.96, 0.45, 60),
     Shape.ISOSCELES_TRIANGLE: Calibration(0.024, 1.16, 0.47, 100),
 }
 

@@ -3,6 +3,7 @@
 As a sum of uniform pressures on outlines within each other, about the same centre.
 """
 
+from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
@@ -12,25 +13,39 @@ from tactile_node.read_only import read_only
 from tactile_node.shape.recognition import Shape
 
 
+class Indenter(str, Enum):
+    """What presses, as far as its pressure shows."""
+
+    FLAT_PUNCH = 'flat_punch'
+    BALL = 'ball'
+    CONE = 'cone'
+    LYING_CYLINDER = 'lying_cylinder'
+
+
 class Profile(NamedTuple):
     """Outlines and the pressures on them; their sum has a mean of 1."""
 
+    indenter: Indenter
     sizes: np.ndarray    #: (k, 2), of the outline's first and last dimension, relative, from the whole outline inwards
     weights: np.ndarray  #: (2, k): of a uniform pressure, and of what the profile's differs from it
     length_ratio: np.ndarray  #: (2,), lengths under it over those of an even pressure of the same moments
 
 
-def _profile(sizes: np.ndarray, steps: np.ndarray, length_ratio: tuple[float, float]) -> Profile:
+def _profile(indenter: Indenter, sizes: np.ndarray, steps: np.ndarray, length_ratio: tuple[float, float]) -> Profile:
     """``steps``, (k,): of the pressure from one outline to the next."""
     even = np.zeros(len(steps))
     even[0] = 1
-    return Profile(read_only(sizes), read_only(np.stack((even, steps - even))), read_only(np.array(length_ratio)))
+    return Profile(indenter, read_only(sizes), read_only(np.stack((even, steps - even))),
+                   read_only(np.array(length_ratio)))
 
 
 #: of a dome's outlines: more of them where its pressure falls
 WITHIN = np.array((1.0, 0.94, 0.84, 0.68, 0.42))
 SHORTER, END = 0.85, 0.75  #: a cylinder's pressure at its ends: the closest to computed ones of training seeds
-BALL_LARGER, CYLINDER_LARGER = np.sqrt(5 / 4), np.sqrt(4 / 3)  #: of the second moments 2 / 5 and 1 / 4
+#: of a cone's: more of them where its pressure rises
+WITHIN_CONE = np.array((1.0, 0.88, 0.70, 0.48, 0.24))
+#: of the second moments 2 / 5, 1 / 3 and 1 / 4
+BALL_LARGER, CONE_LARGER, CYLINDER_LARGER = np.sqrt(5 / 4), np.sqrt(3 / 2), np.sqrt(4 / 3)
 
 
 def _steps(beyond: np.ndarray, area: np.ndarray) -> np.ndarray:
@@ -41,8 +56,15 @@ def _steps(beyond: np.ndarray, area: np.ndarray) -> np.ndarray:
 
 def _ball() -> Profile:
     """Hertz: p = 1.5 sqrt(1 - r^2); beyond r is a share (1 - r^2)^1.5 of the force."""
-    return _profile(np.column_stack((WITHIN, WITHIN)), _steps((1 - WITHIN ** 2) ** 1.5, WITHIN ** 2),
+    return _profile(Indenter.BALL, np.column_stack((WITHIN, WITHIN)), _steps((1 - WITHIN ** 2) ** 1.5, WITHIN ** 2),
                     (BALL_LARGER, BALL_LARGER))
+
+
+def _cone() -> Profile:
+    """Sneddon (1948): p = arccosh(1 / r); beyond r is a share sqrt(1 - r^2) - r^2 arccosh(1 / r) of the force."""
+    beyond = np.sqrt(1 - WITHIN_CONE ** 2) - WITHIN_CONE ** 2 * np.arccosh(1 / WITHIN_CONE)
+    return _profile(Indenter.CONE, np.column_stack((WITHIN_CONE, WITHIN_CONE)), _steps(beyond, WITHIN_CONE ** 2),
+                    (CONE_LARGER, CONE_LARGER))
 
 
 def _lying_cylinder() -> Profile:
@@ -50,15 +72,16 @@ def _lying_cylinder() -> Profile:
     within = 2 / np.pi * (np.arcsin(WITHIN) + WITHIN * np.sqrt(1 - WITHIN ** 2))
     across, whole = _steps(1 - within, WITHIN), np.ones_like(WITHIN)
     sizes = np.concatenate((np.column_stack((whole, WITHIN)), np.column_stack((whole * SHORTER, WITHIN))))
-    return _profile(sizes, np.concatenate((across * (1 + END * SHORTER), across * -END)), (1.0, CYLINDER_LARGER))
+    return _profile(Indenter.LYING_CYLINDER, sizes,
+                    np.concatenate((across * (1 + END * SHORTER), across * -END)), (1.0, CYLINDER_LARGER))
 
 
 #: Two outlines whose sizes and pressures are the closest to what contact mechanics computes for the five shapes with
 #: edges of any rounding (synthetic/, training seeds).
-PUNCH = _profile(np.array(((1.0, 1.0), (0.85, 0.85))), np.array((1.90, -1.27)),
+PUNCH = _profile(Indenter.FLAT_PUNCH, np.array(((1.0, 1.0), (0.85, 0.85))), np.array((1.90, -1.27)),
                  (0.87, 0.87))
-BALL, LYING_CYLINDER = _ball(), _lying_cylinder()
-DOMES = {Shape.CIRCLE: BALL, Shape.RECTANGLE: LYING_CYLINDER}
+BALL, CONE, LYING_CYLINDER = _ball(), _cone(), _lying_cylinder()
+DOMES = {Shape.CIRCLE: (BALL, CONE), Shape.RECTANGLE: (LYING_CYLINDER,)}
 
 
 def nested(profile: Profile, outline: Outline, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -81,6 +81,7 @@ class PressureModel:
 
     TILT_SPREAD = 0.06    #: standard deviation expected of the tilt [relative rise a pitch]
     PEAK_SPREAD = 0.7
+    PEAK_OF_DOME = 1.0, 0.35  #: expected, and its deviation: an even pressure is none of a dome's
     DEPTH_SPREAD = 0.6    #: and of the logarithm of the depth
     EXTRAS = 5
     PEAK = -2             #: its place among the parameters
@@ -90,6 +91,10 @@ class PressureModel:
 
     def __init__(self, outline: Outline, window: Window, centre: np.ndarray, profile: Profile = PUNCH):
         self.outline, self.profile, self._window = outline, profile, window
+        if profile is not PUNCH:
+            peak, deviation = self.PEAK_OF_DOME
+            self.expected, self.precision = self.expected.copy(), self.precision.copy()
+            self.expected[self.PEAK], self.precision[self.PEAK] = peak, deviation ** -2
         self._x = window.col + np.arange(window.cols) - centre[0]
         self._y = (window.row + np.arange(window.rows) - centre[1])[:, np.newaxis]
         self._row_distance, self._col_distance = _distances(window.rows), _distances(window.cols)
