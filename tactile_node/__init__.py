@@ -16,7 +16,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tactile_node.calibration.response import SkinResponse, load_response
     from tactile_node.contact.pattern import ContactPattern
     from tactile_node.contact.press import PressThresholds
     from tactile_node.errors import ConfigurationError, InputError, TactileError
@@ -32,12 +31,10 @@ if TYPE_CHECKING:
 
 __all__ = ['__version__', 'find_contact', 'paper_features', 'Recogniser', 'fit_shape', 'ContactStream', 'plot_frame',
            'PressThresholds', 'Group', 'Shape', 'ContactPattern', 'Features', 'Recognition', 'ShapeFit',
-           'FusedRecognition', 'FusionSettings', 'StreamedContact', 'SkinResponse', 'load_response', 'TactileError',
-           'InputError', 'ConfigurationError']
+           'FusedRecognition', 'FusionSettings', 'StreamedContact', 'TactileError', 'InputError', 'ConfigurationError']
 
 #: module -> the public names it defines; each is imported when it is read first, so that a node pays for none
 _HOMES = {
-    'calibration.response': ('SkinResponse', 'load_response'),
     'contact.pattern': ('ContactPattern',),
     'contact.press': ('PressThresholds',),
     'errors': ('ConfigurationError', 'InputError', 'TactileError'),

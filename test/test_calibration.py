@@ -195,7 +195,7 @@ def test_the_command_says_what_it_needs(words, says, capsys):
 
 
 def test_a_known_layer_makes_the_fit_surer_and_a_wrong_one_is_refused():
-    values, noise = disc(12, 12, 3.2), np.random.default_rng(0).normal(0, 500, (24, 24))
+    values, noise = disc(12, 12, 4.5), np.random.default_rng(0).normal(0, 500, (24, 24))
     mask = values > 25e3
     free, known = (fit_shape(values + noise, mask, Shape.CIRCLE, 0.002, layer) for layer in (None, Layer(0.0012, 0.1)))
     assert np.trace(known.covariance) < np.trace(free.covariance)

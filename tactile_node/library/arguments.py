@@ -1,10 +1,12 @@
 """Checks of what a program passes to the library: a wrong argument is refused, with expected, got and remedy."""
 
 import math
+from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
+from tactile_node.calibration.response import SkinResponse, load_response
 from tactile_node.contact.press import PRESS_BY_UNIT, PressThresholds
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.shape.recognition import Shape
@@ -21,6 +23,16 @@ def instance(value: object, kind: type[Kind], name: str, remedy: str) -> Kind:
 
 def given_thresholds(thresholds: object) -> PressThresholds:
     return instance(thresholds, PressThresholds, 'thresholds', 'Pass PressThresholds(press, release).')
+
+
+def known_response(response: object) -> SkinResponse | None:
+    """Return what ``response``, the path of a file, what is in it, or None, stands for."""
+    if response is None or isinstance(response, SkinResponse):
+        return response
+    if not isinstance(response, str | Path):
+        raise InputError('response', expected='the path of a file', got=f'a {type(response).__name__}',
+                         remedy='Pass the file that `tactile calibrate` has written, or None.')
+    return load_response(response)
 
 
 def known_unit(unit: object) -> str:

@@ -9,7 +9,14 @@ from tactile_node.contact.on_off import are_on_off
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor, as_frame
 from tactile_node.contact.press import PressThresholds
 from tactile_node.helmholtz.features import Features, Group, compute_features
-from tactile_node.library.arguments import check_values, given_thresholds, instance, known_shape, known_unit
+from tactile_node.library.arguments import (
+    check_values,
+    given_thresholds,
+    instance,
+    known_response,
+    known_shape,
+    known_unit,
+)
 from tactile_node.pose import fit
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.shape.methods import DEFAULT, make_recogniser
@@ -82,12 +89,12 @@ class Recogniser:
 
 
 def fit_shape(contact: ContactPattern, shape: Shape, pitch: float = 1.0,
-              response: SkinResponse | None = None) -> ShapeFit | None:
+              response: str | Path | SkinResponse | None = None) -> ShapeFit | None:
     """Return pose and size of ``contact`` as a ``shape``, with covariance; None for NONE and UNKNOWN.
 
     ``pitch``: distance of neighbouring taxels; all lengths come in its unit. Values that are 0 or one other number are
-    taken as on/off. ``response``: of a calibrated skin, whose curve the values have already passed (`load_response`);
-    lengths in metres. Raises InputError where the contact has no taxel, or for an unknown shape; ConfigurationError for
+    taken as on/off. ``response``: file of `tactile calibrate`, whose curve the values have already passed; lengths in
+    metres. Raises InputError where the contact has no taxel, or for an unknown shape; ConfigurationError for
     a pitch that is no length > 0.
 
     >>> import numpy as np
@@ -97,7 +104,8 @@ def fit_shape(contact: ContactPattern, shape: Shape, pitch: float = 1.0,
     """
     shape = known_shape(shape)
     taxels = contact.mask if are_on_off(_contact(contact).values) else contact.values
-    return fit.fit_shape(taxels, contact.mask, shape, pitch, None if response is None else response.layer)
+    known = known_response(response)
+    return fit.fit_shape(taxels, contact.mask, shape, pitch, None if known is None else known.layer)
 
 
 def _contact(contact: object) -> ContactPattern:

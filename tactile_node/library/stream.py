@@ -1,5 +1,6 @@
 """Successive frames of one pad: hysteresis of what is pressed, and a recognition fused over time."""
 
+from pathlib import Path
 from typing import NamedTuple
 
 from numpy.typing import ArrayLike
@@ -9,7 +10,7 @@ from tactile_node.contact.pattern import ContactPattern, PatternExtractor, as_fr
 from tactile_node.contact.press import PressThresholds
 from tactile_node.errors import InputError
 from tactile_node.fusion.recognitions import FusedRecognition, FusionSettings, RecognitionFusion
-from tactile_node.library.arguments import check_values, given_thresholds, instance, known_unit, seconds
+from tactile_node.library.arguments import check_values, given_thresholds, instance, known_response, known_unit, seconds
 from tactile_node.library.contacts import Recogniser, fit_shape
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.pitch import check_pitch
@@ -31,8 +32,8 @@ class ContactStream:
 
     ``recogniser``: one that several streams share; None: the package's own. ``pitch``, ``unit`` and ``thresholds`` as
     in `find_contact` and `fit_shape`; with ``thresholds``, ``unit`` counts for nothing. The noise of each taxel is
-    learned while nothing presses it. ``fusion``: other constants of the fusion. ``response``: of a calibrated skin
-    (`load_response`): frames are then readings, less their zero, that its curve turns into pressures.
+    learned while nothing presses it. ``fusion``: other constants of the fusion. ``response``: file of
+    `tactile calibrate`; frames are then readings, less their zero, that its curve turns into pressures.
 
     >>> import numpy as np
     >>> stream, frame = ContactStream(pitch=0.004), np.pad(np.full((7, 7), 50e3), 4)
@@ -46,13 +47,13 @@ class ContactStream:
 
     def __init__(self, recogniser: Recogniser | None = None, *, pitch: float = 1.0, unit: str | None = 'Pa',
                  thresholds: PressThresholds | None = None, fusion: FusionSettings | None = None,
-                 response: SkinResponse | None = None):
+                 response: str | Path | SkinResponse | None = None):
         check_pitch(pitch)
         recogniser = Recogniser() if recogniser is None else recogniser
         fusion = FusionSettings() if fusion is None else fusion
         self._recogniser = instance(recogniser, Recogniser, 'recogniser', 'Pass Recogniser(method), or None.')
         self._pitch = pitch
-        self._response = response
+        self._response = known_response(response)
         self._unit = unit if thresholds is None else None
         if thresholds is None:
             self._extractor = PatternExtractor(unit=unit if unit is None else known_unit(unit))
