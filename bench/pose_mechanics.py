@@ -27,7 +27,7 @@ INSIDE = 0.92, 0.98                                #: required of the 95 % regio
 
 FLAT, CUT = 'flat punches', 'flat punches over the edge'
 MOST_CUT = 1 / 3  #: of a contact beyond the pad's edge
-SEED = 60_000_000
+SEED = 61_000_000  # counted up by a million when a report has prompted a change
 
 #: draws an indenter and its tilt: of rng and the number of the class
 DRAWN: dict[str, Callable] = {

@@ -10,7 +10,7 @@ from tactile_node.shape.recognition import Shape
 
 #: Thresholds: few punches of training seeds and even pressures pass them.
 CIRCLE_PEAK, BALL_PEAK, DOME_CURVATURE = 0.3, -0.05, -0.005
-BAD_FIT = 2.0         #: sum of squares a taxel
+BAD_FIT, DEEP = 2.0, 0.5  #: sum of squares a taxel; depth [pitches]: a dome looks like an even pressure, deep below
 NO_PUNCH_PEAK = -0.3  #: no punch, sharp or rounded, is so much higher in its middle
 
 
@@ -22,7 +22,8 @@ def may_be_dome(evidence: Evidence, shape: Shape, punch: Candidate) -> bool:
     loading = loading_of(punch)
     if loading is None or shape not in DOMES or shape is Shape.CIRCLE and loading.peak > CIRCLE_PEAK:
         return False
-    if shape is Shape.CIRCLE and (loading.peak < BALL_PEAK or _is_bad(punch.solution, evidence)):
+    if shape is Shape.CIRCLE and (
+            loading.peak < BALL_PEAK or loading.depth > DEEP and _is_bad(punch.solution, evidence)):
         return True
     return _curvature(evidence, shape, punch.solution) < DOME_CURVATURE
 
