@@ -60,8 +60,8 @@ def stages(frame: np.ndarray, pattern: ContactPattern) -> dict[str, Callable[[],
         'fit, circle': lambda: fit_shape(pattern.values, pattern.mask, Shape.CIRCLE, PITCH),
         'fit, isosceles': lambda: fit_shape(pattern.values, pattern.mask, Shape.ISOSCELES_TRIANGLE, PITCH),
         'moments': lambda: contact_moments(pattern.values, pattern.mask, PITCH, 'Pa', seen, pattern.noise),
-        "features, classifier's": lambda: compute_features(pattern.mask, Group.CLASSIFIER),
-        'features, eigenvalues': lambda: compute_features(pattern.mask, Group.EIGENVALUES)}
+        'features': lambda: compute_features(pattern.mask, Group.CLASSIFIER),
+        'eigenvalues': lambda: compute_features(pattern.mask, Group.EIGENVALUES)}
 
 
 def measured(stage: Callable[[], object]) -> Cost:
@@ -97,7 +97,7 @@ def main() -> None:
             pattern = PatternExtractor(unit='Pa').extract(frame)
             found = stages(frame, pattern)
             if not head:
-                head = ['pad', 'taxels of the contact', *found]
+                head = ['pad', 'taxels', *found]
                 print('| ' + ' | '.join(head) + ' |\n|' + ' --- |' * len(head))
             print(f'| {side}x{side} | {int(pattern.mask.sum())} ', end='', flush=True)
             for stage in found.values():
