@@ -14,7 +14,7 @@ from can_bench import Bench, wait_until
 
 from tactile_node.bus.skin_bus import BusSettings, SkinBus
 from tactile_node.cli import record, replay, simulate
-from tactile_node.errors import BusError, ConfigurationError, LogError
+from tactile_node.errors import BusError, ConfigurationError, LogError, TactileError
 from tactile_node.recording.log_reader import CanLogReader
 from tactile_node.recording.log_writer import CanLogWriter, flush
 from tactile_node.skin.pads import make_pad
@@ -214,7 +214,7 @@ def test_replay_takes_pace_0_and_reports_when_a_pad_has_no_tpdo(capsys):
 @pytest.mark.parametrize('words', [('--pace', '-1'), ('--pace', 'fast'), ('--node-id', '32,64', '--output', '-'),
                                    ('--output', '/nowhere/x.npy'), ('--node-id', '0')])
 def test_replay_refuses_before_it_plays(words):
-    with pytest.raises(ConfigurationError):
+    with pytest.raises(TactileError):
         run(replay, DATA / 'sim16x16_two_pads.log.gz', *words)
 
 

@@ -1,6 +1,5 @@
 """The response of a skin, and its file: what `tactile calibrate` writes, the driver and `tactile classify` read."""
 
-import os
 from pathlib import Path
 from typing import NamedTuple
 
@@ -8,6 +7,7 @@ import yaml
 
 from tactile_node.conditioning.response_curve import ResponseCurve, make_curve
 from tactile_node.errors import ConfigurationError
+from tactile_node.output_file import output_file
 from tactile_node.pose.layer import Layer, check_layer
 from tactile_node.yaml_section import Section, load_mapping
 
@@ -43,23 +43,16 @@ def load_response(path: str | Path) -> SkinResponse:
 
 
 def save_response(path: str | Path, response: SkinResponse, head: str, found_from: dict[str, object]) -> None:
-    """Write a response with a comment ``head`` and what it was ``found_from``. Raises ConfigurationError."""
+    """Write a response with a comment ``head`` and what it was ``found_from``. Raises InputError."""
     content = {
         'unit': response.unit,
         'layer': {'depth': _rounded(response.layer.depth), 'deviation': _rounded(response.layer.deviation)},
         'curve': {'readings': [_rounded(value) for value in response.curve.readings],
                   'pressures': [_rounded(value) for value in response.curve.pressures]},
         'found_from': found_from}
-    path = Path(path)
     comment = ''.join(f'# {line}\n' for line in head.splitlines())
-    try:
-        new = path.with_name(path.name + '.new')  # a crash amid writing leaves the old file
-        new.write_text(comment + yaml.safe_dump(content, default_flow_style=None, sort_keys=False, width=110),
-                       encoding='utf-8')
-        os.replace(new, path)
-    except OSError as error:
-        raise ConfigurationError(f'output {str(path)!r}', expected='a file that can be written',
-                                 got=error.strerror or str(error), remedy='Give another path with --output.') from None
+    with output_file(path) as stream:
+        stream.write((comment + yaml.safe_dump(content, default_flow_style=None, sort_keys=False, width=110)).encode())
 
 
 def _number(section: Section, key: str, value: object) -> float:

@@ -5,7 +5,6 @@ import io
 import json
 import sys
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack, contextmanager
 from zipfile import BadZipFile
 
 import numpy as np
@@ -13,6 +12,7 @@ import numpy as np
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.contact.press import PRESS_FRACTION, RELEASE_FRACTION, PressThresholds
 from tactile_node.errors import InputError
+from tactile_node.output_file import output_file
 
 
 def add_array_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,11 +60,15 @@ def patterns(frames: np.ndarray, args: argparse.Namespace, *, largest: bool) -> 
     yield from map(extractor.extract, frames)
 
 
-def write_lines(records: Iterable[dict], path: str | None) -> None:
-    """Write each record as one line of strict JSON."""
-    with _opened(path) as stream:
-        for record in records:
-            stream.write(json.dumps(record, allow_nan=False) + '\n')
+def write_lines(records: Iterable[dict], args: argparse.Namespace) -> None:
+    """Write each record as one line of strict JSON to the output that ``args`` name, which is not their input."""
+    lines = (json.dumps(record, allow_nan=False) + '\n' for record in records)
+    if args.output is None or args.output == '-':
+        for line in lines:  # one by one, for who reads a pipe
+            sys.stdout.write(line)
+        return
+    with output_file(args.output, inputs=() if args.frames == '-' else (args.frames,)) as stream:
+        stream.writelines(map(str.encode, lines))
 
 
 def _load(path: str) -> np.ndarray:
@@ -96,20 +100,6 @@ def _thresholds(args: argparse.Namespace) -> PressThresholds | None:
         raise InputError('thresholds', expected='--full-scale with --press or --release', got='no full scale',
                          remedy='Give the largest value that a taxel can have, or leave all three out.')
     return None
-
-
-@contextmanager
-def _opened(path: str | None):
-    if path is None or path == '-':
-        yield sys.stdout
-        return
-    with ExitStack() as stack:
-        try:
-            stream = stack.enter_context(open(path, 'w', encoding='utf-8'))
-        except OSError as error:
-            raise InputError(f'output {path!r}', expected='a file that can be written',
-                             got=error.strerror or str(error), remedy='Give another path.') from None
-        yield stream
 
 
 def _unusable(path: str, got: str) -> InputError:

@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
                    'N': int(pattern.mask.sum()), 'contacts': pattern.contacts,
                    **(_fitted(pattern, recognition, args.pitch, response) if args.pitch else {})}
 
-    write_lines(records(), args.output)
+    write_lines(records(), args)
     return 0
 
 

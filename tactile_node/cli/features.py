@@ -27,6 +27,5 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
 def run(args: argparse.Namespace) -> int:
     frames = read_frames(args.frames)
     found = patterns(frames, args, largest=args.largest_contact)
-    write_lines(({'frame': k, **compute_features(pattern.mask).as_json()} for k, pattern in enumerate(found)),
-                args.output)
+    write_lines(({'frame': k, **compute_features(pattern.mask).as_json()} for k, pattern in enumerate(found)), args)
     return 0

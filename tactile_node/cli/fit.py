@@ -7,6 +7,7 @@ import numpy as np
 import yaml
 
 from tactile_node.errors import InputError
+from tactile_node.output_file import output_file
 from tactile_node.reproduction.curve_fitting import (
     AREAS,
     COLUMNS,
@@ -83,13 +84,9 @@ def _write(args, kept: str, readings: dict, training: Samples, validation: Sampl
                    for name, plane in readings[kept].planes.items()},
         'shares': {shape.value: np.round(readings[kept].shares[:, index], 4).tolist()
                    for index, shape in enumerate(ANSWERS)}}
-    try:
-        with open(args.output, 'w', encoding='utf-8') as stream:
-            stream.write(HEADER.format(command=command))
-            yaml.safe_dump(data, stream, sort_keys=False, default_flow_style=None, width=110)
-    except OSError as error:
-        raise InputError(f'output {args.output!r}', expected='a file that can be written',
-                         got=error.strerror or str(error), remedy='Give another path with --output.') from None
+    with output_file(args.output) as stream:
+        text = yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=110)
+        stream.write((HEADER.format(command=command) + text).encode())
 
 
 def _by_band(classifier: VolfClassifier, samples: Samples) -> dict[str, float]:

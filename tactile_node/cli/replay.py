@@ -3,13 +3,16 @@
 import argparse
 import io
 import sys
+from contextlib import ExitStack
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
 from tactile_node.cli.options import DEFAULT_LAYOUT, add_node_id_option, node_ids_of, pace
 from tactile_node.cli.played_log import play_log
 from tactile_node.errors import ConfigurationError
+from tactile_node.output_file import output_file
 from tactile_node.recording.summary import summary
 from tactile_node.skin.pads import PadSettings, make_pads
 
@@ -32,37 +35,39 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
 def run(args: argparse.Namespace) -> int:
     """Play the log to its end; 1 when it held no taxels of these pads or was interrupted."""
     pads = make_pads([args.layout], node_ids_of(args))
-    outputs = _outputs(args.output, pads)
-    played = play_log(args.log, pads, pace=args.pace or None, channel=args.channel)
-    statistics = played.source.statistics()
-    print(summary(statistics), file=sys.stderr if args.output == '-' else sys.stdout)
-    if statistics.unread:
-        print(f'{args.log}: {played.source.summary}', file=sys.stderr)
-    layout = pads[0].layout
-    for name, stream in outputs.items():
-        with stream:
+    with ExitStack() as stack:  # before the log is played: what cannot be written is reported at once
+        outputs = {name: stack.enter_context(output_file(path, inputs=(args.log,)) if path else _standard_output())
+                   for name, path in _outputs(args.output, pads).items()}
+        played = play_log(args.log, pads, pace=args.pace or None, channel=args.channel)
+        layout = pads[0].layout
+        for name, stream in outputs.items():
             array = io.BytesIO()  # numpy seeks in what it writes to, which a pipe cannot
             values = [frame.values for frame in played.frames[name]]
             np.save(array, np.array(values).reshape(-1, layout.rows, layout.cols))
             stream.write(array.getbuffer())
+    statistics = played.source.statistics()
+    print(summary(statistics), file=sys.stderr if args.output == '-' else sys.stdout)
+    if statistics.unread:
+        print(f'{args.log}: {played.source.summary}', file=sys.stderr)
     if not played.used:
         print('A pad has no TPDO in this log: check --node-id and --layout.', file=sys.stderr)
     return 0 if played.has_ended and played.used else 1
 
 
-def _outputs(output: str | None, pads: tuple[PadSettings, ...]) -> dict:
-    """Open the files before the log is played: an unwritable file is reported at once."""
+def _outputs(output: str | None, pads: tuple[PadSettings, ...]) -> dict[str, Path | None]:
+    """The file of each pad, by its name; None: standard output."""
     if output is None:
         return {}
     if output == '-':
         if len(pads) > 1:
             raise ConfigurationError('--output -', expected='one pad', got=f'{len(pads)} pads',
                                      remedy='Name a file: each pad gets its own.')
-        return {pads[0].name: open(sys.stdout.fileno(), 'wb', closefd=False)}
+        return {pads[0].name: None}
     path = Path(output)
-    paths = [path] if len(pads) == 1 else [path.with_name(f'{path.stem}_{pad.name}{path.suffix}') for pad in pads]
-    try:
-        return {pad.name: each.open('wb') for pad, each in zip(pads, paths)}
-    except OSError as error:
-        raise ConfigurationError(f'--output {output}', expected='a file that can be written',
-                                 got=error.strerror or str(error), remedy='Name another one.') from None
+    if len(pads) == 1:
+        return {pads[0].name: path}
+    return {pad.name: path.with_name(f'{path.stem}_{pad.name}{path.suffix}') for pad in pads}
+
+
+def _standard_output() -> BinaryIO:
+    return open(sys.stdout.fileno(), 'wb', closefd=False)

@@ -1,6 +1,5 @@
 """Faulty taxels on file: kept from one run of the driver to the next, on request."""
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -8,7 +7,8 @@ import numpy as np
 import yaml
 
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
-from tactile_node.errors import ConfigurationError
+from tactile_node.errors import ConfigurationError, InputError
+from tactile_node.output_file import output_file
 from tactile_node.read_only import read_only
 from tactile_node.yaml_section import load_mapping
 
@@ -53,12 +53,11 @@ def save_faults(path: str | Path, faults: Mapping[str, FaultyTaxels]) -> None:
              for name, found in faults.items()}
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        new = path.with_name(path.name + '.new')  # a crash amid writing leaves the old file
-        new.write_text(HEAD + yaml.safe_dump({'pads': pads}, default_flow_style=None, sort_keys=False),
-                       encoding='utf-8')
-        os.replace(new, path)
-    except OSError as error:
-        raise ConfigurationError(str(path), expected='a file that can be written', got=error.strerror or str(error),
+        with output_file(path) as stream:
+            stream.write((HEAD + yaml.safe_dump({'pads': pads}, default_flow_style=None, sort_keys=False)).encode())
+    except (OSError, InputError) as error:
+        got = error.got if isinstance(error, InputError) else error.strerror or str(error)
+        raise ConfigurationError(str(path), expected='a file that can be written', got=got,
                                  remedy='Set faulty_taxels_file to another path.') from error
 
 

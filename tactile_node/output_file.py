@@ -1,0 +1,52 @@
+"""A file that is whole or as it was: written beside its place and renamed when nothing is missing."""
+
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from tempfile import mkstemp
+from typing import BinaryIO
+
+from tactile_node.errors import InputError
+
+
+@contextmanager
+def output_file(path: str | Path, inputs: Iterable[str | Path] = ()) -> Iterator[BinaryIO]:
+    """Open ``path`` for bytes. After an error inside, what was there before is there.
+
+    Devices and pipes are written directly, links are followed. ``inputs``: files that must not be overwritten. Raises
+    InputError where the file is one of them or cannot be written.
+    """
+    target = Path(os.path.realpath(path))
+    for each in inputs:
+        if target == Path(os.path.realpath(each)):
+            raise InputError(f'output {str(path)!r}', expected='another file than the input', got='the input',
+                             remedy='Give another path.')
+    try:
+        if target.exists() and not target.is_file():
+            with target.open('wb') as device:
+                yield device
+            return
+        descriptor, name = mkstemp(prefix=f'.{target.name}.', dir=target.parent)
+        beside = Path(name)
+        try:
+            with open(descriptor, 'wb') as stream:
+                yield stream
+            beside.chmod(_mode(target))
+            beside.replace(target)
+        finally:
+            with suppress(FileNotFoundError):
+                beside.unlink()
+    except OSError as error:
+        raise InputError(f'output {str(path)!r}', expected='a file that can be written',
+                         got=error.strerror or str(error), remedy='Give another path, or make room.') from error
+
+
+def _mode(target: Path) -> int:
+    """Of the file that is replaced, or as the umask gives it to a new one."""
+    try:
+        return target.stat().st_mode & 0o777
+    except FileNotFoundError:
+        mask = os.umask(0)  # there is no other way to read it
+        os.umask(mask)
+        return 0o666 & ~mask

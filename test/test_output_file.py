@@ -1,0 +1,91 @@
+"""Outputs are whole or as they were; an input is never the output."""
+
+import os
+import stat
+
+import numpy as np
+import pytest
+
+from tactile_node.cli.main import main
+from tactile_node.errors import InputError
+from tactile_node.output_file import output_file
+
+KEPT = np.zeros((2, 8, 8))
+
+
+@pytest.fixture
+def kept(tmp_path):
+    np.save(tmp_path / 'keep.npy', KEPT)
+    return tmp_path / 'keep.npy'
+
+
+def is_kept(path):
+    return np.array_equal(np.load(path), KEPT) and os.listdir(path.parent) == [path.name]
+
+
+def test_a_log_that_cannot_be_played_leaves_the_output_as_it_was(kept, capsys):
+    assert main(['replay', 'nosuch.log', '--output', str(kept)]) == 2
+    assert 'nosuch.log' in capsys.readouterr().err
+    assert is_kept(kept)
+
+
+@pytest.mark.parametrize('command', ['features', 'classify'])
+def test_an_array_is_not_overwritten_by_what_is_found_in_it(command, kept, capsys):
+    assert main([command, str(kept), '-o', str(kept)]) == 2
+    assert 'another' in capsys.readouterr().err
+    assert is_kept(kept)
+
+
+def test_a_link_to_the_input_is_the_input(kept, tmp_path, capsys):
+    link = tmp_path / 'link.npy'
+    link.symlink_to(kept)
+    assert main(['classify', str(kept), '-o', str(link)]) == 2
+    assert np.array_equal(np.load(kept), KEPT)
+
+
+def test_an_error_while_writing_leaves_the_old_file_and_nothing_else(kept):
+    with pytest.raises(RuntimeError), output_file(kept) as stream:
+        stream.write(b'half')
+        raise RuntimeError
+    assert is_kept(kept)
+
+
+def test_the_old_file_stays_until_the_new_one_is_whole(tmp_path):
+    path = tmp_path / 'x'
+    path.write_bytes(b'old')
+    path.chmod(0o640)
+    with output_file(path) as stream:
+        stream.write(b'new')
+        stream.flush()
+        assert path.read_bytes() == b'old'
+    assert path.read_bytes() == b'new' and stat.S_IMODE(path.stat().st_mode) == 0o640
+
+
+def test_a_new_file_can_be_read_by_whom_the_umask_lets(tmp_path):
+    before = os.umask(0o027)
+    try:
+        with output_file(tmp_path / 'x') as stream:
+            stream.write(b'new')
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / 'x').stat().st_mode) == 0o640
+
+
+def test_a_link_stays_a_link(tmp_path):
+    (tmp_path / 'link').symlink_to('target')
+    with output_file(tmp_path / 'link') as stream:
+        stream.write(b'new')
+    assert (tmp_path / 'link').is_symlink() and (tmp_path / 'target').read_bytes() == b'new'
+
+
+@pytest.mark.skipif(not os.path.exists('/dev/full'), reason='no /dev/full')
+@pytest.mark.parametrize('words', [('classify', '{}', '-o', '/dev/full'), ('features', '{}', '-o', '/dev/full')])
+def test_a_full_disk_is_reported_in_one_line(words, tmp_path, capsys):
+    np.save(tmp_path / 'a.npy', np.ones((4000, 8, 8), bool))
+    assert main([word.format(tmp_path / 'a.npy') for word in words]) == 2
+    assert 'No space left' in capsys.readouterr().err
+
+
+def test_a_folder_that_is_not_there_is_refused_before_anything_is_written(tmp_path):
+    with pytest.raises(InputError), output_file(tmp_path / 'nowhere' / 'x'):
+        pytest.fail('opened')
