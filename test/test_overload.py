@@ -15,15 +15,16 @@ from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 
 from tactile_node.frames.taxel_frame import TaxelFrame  # noqa: E402
+from tactile_node.nodes import replay_gate  # noqa: E402
 from tactile_node.nodes.classifier_node import ClassifierNode  # noqa: E402
 from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
 from tactile_node.nodes.guarded_subscription import GuardedSubscription  # noqa: E402
 from tactile_node.nodes.processor_node import ProcessorNode  # noqa: E402
-from tactile_node.nodes.replay_gate import WINDOW  # noqa: E402
+from tactile_node.nodes.replay_gate import WINDOW, ReplayGate  # noqa: E402
 from tactile_node.ros.message_checks import check_taxel_array  # noqa: E402
 from tactile_node.ros.qos import frames_qos  # noqa: E402
 from tactile_node.ros.taxel_messages import taxel_array_message  # noqa: E402
-from tactile_skin.msg import ContactShape, TaxelArray  # noqa: E402
+from tactile_skin.msg import ContactShape, Progress, TaxelArray  # noqa: E402
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
@@ -94,6 +95,74 @@ def test_a_stage_of_half_the_speed_works_on_the_newest_and_counts_the_others(con
 def test_a_lossless_stage_of_half_the_speed_works_on_all(context):
     counts, numbers, _ = followed_at_half_speed(lossless=True)
     assert numbers == list(range(SENT)) and counts.overtaken == 0
+
+
+@pytest.fixture
+def gate(context, monkeypatch):
+    """A gate of two pads that gives up at once, and what a classifier reports to it."""
+    monkeypatch.setattr(replay_gate, 'TIMEOUT', 0.2)
+    node = rclpy.create_node('driver')
+    found = ReplayGate(node, ['left', 'right'], frames_qos(10, lossless=True))
+    yield found
+    found.destroy()
+    node.destroy_node()
+
+
+def waits(gate, pad, sequence):
+    """Whether the gate holds this frame until it gives up."""
+    begin = time.monotonic()
+    gate.wait(pad, sequence)
+    return time.monotonic() - begin > 0.1
+
+
+def test_a_gate_counts_frames_under_way_and_not_numbers_left_out(gate):
+    assert not any(waits(gate, 'left', number) for number in range(0, 10 * WINDOW, 10))
+    assert waits(gate, 'left', 10 * WINDOW)
+
+
+def test_a_pad_without_a_classifier_does_not_open_the_gate_of_another_one(gate):
+    for number in range(WINDOW):
+        gate.wait('left', number)
+        gate.wait('right', number)
+    assert waits(gate, 'right', WINDOW)
+    assert waits(gate, 'left', WINDOW)
+
+
+def test_a_gate_closes_again_with_the_first_answer(gate):
+    for number in range(WINDOW):
+        gate.wait('left', number)
+    assert waits(gate, 'left', WINDOW) and not waits(gate, 'left', WINDOW + 1)
+    gate._on_progress('left', Progress(sequence=1))
+    assert waits(gate, 'left', WINDOW + 2)
+
+
+def test_a_released_gate_lets_a_waiting_log_go_at_once(gate, monkeypatch):
+    monkeypatch.setattr(replay_gate, 'TIMEOUT', TIMEOUT)
+    for number in range(WINDOW):
+        gate.wait('left', number)
+    threading.Timer(0.2, gate.release).start()
+    begin = time.monotonic()
+    gate.wait('left', WINDOW)
+    assert time.monotonic() - begin < TIMEOUT / 4
+    gate.hold()
+    threading.Timer(0.2, gate.release).start()
+    assert waits(gate, 'left', WINDOW + 1)
+
+
+def test_a_replay_that_waits_can_be_deactivated_at_once(context, tmp_path):
+    """Its thread waited for progress that the same executor would have brought: 10 s, and frames were lost."""
+    write_log(tmp_path / 'long.log', [np.zeros((16, 16), np.uint8)] * (2 * WINDOW))
+    given = {'replay': str(tmp_path / 'long.log'), 'replay_pace': 0.0, 'pads': ['pad'], 'node_ids': [NODE_ID],
+             'lossless': True}
+    driver = DriverNode(parameter_overrides=[Parameter(name, value=value) for name, value in given.items()])
+    driver.autostart()
+    end = time.monotonic() + TIMEOUT
+    while driver.source.statistics().pads['pad'].published < WINDOW and time.monotonic() < end:
+        time.sleep(0.02)
+    begin = time.monotonic()
+    driver.trigger_deactivate()
+    assert time.monotonic() - begin < replay_gate.TIMEOUT / 4
+    driver.destroy_node()
 
 
 def test_a_replay_as_fast_as_possible_answers_every_frame(context, tmp_path):

@@ -109,6 +109,8 @@ class DriverNode(LifecycleNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         self._tare.give_up('one that was deactivated')
+        if self._gate is not None:
+            self._gate.release()
         return self._publish_after(self._steps.attempt(self._configured_source().stop), PrimaryState.INACTIVE)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -154,11 +156,15 @@ class DriverNode(LifecycleNode):
                                  limit=self._tare_limit({pad.name: pad.layout.value.unit for pad in pads}),
                                  frame_period=settings.sync_period, auto_zero=source.auto_zero, boots=source.boots))
         self._owned += [saving.destroy, self._tare.end, source.close]
+        if self._gate is not None:
+            self._owned.append(self._gate.release)
         source.open()
         self._source = source
         source.configure()
 
     def _start(self) -> None:
+        if self._gate is not None:
+            self._gate.hold()
         self._configured_source().start()
         self._tare.expect()
 
@@ -168,8 +174,8 @@ class DriverNode(LifecycleNode):
         return self._source
 
     def _make_gate(self, settings: DriverSettings) -> ReplayGate | None:
-        """Only a log played as fast as possible needs one, and only where nothing may be lost."""
-        if not settings.replay or settings.replay_pace or not settings.lossless:
+        """Only a log needs one, and only where nothing may be lost."""
+        if not settings.replay or not settings.lossless:
             return None
         gate = ReplayGate(self, settings.pads, settings.qos)
         self._owned.append(gate.destroy)

@@ -1,6 +1,7 @@
-"""Slows a log played as fast as possible to the pace of the last stage, which reports its progress."""
+"""Slows a lossless replay to the pace of the last stage, which reports its progress."""
 
 import threading
+from collections import deque
 from collections.abc import Sequence
 from functools import partial
 
@@ -12,45 +13,72 @@ from tactile_node.ros.message_checks import RejectReason
 from tactile_skin.msg import Progress
 
 WINDOW = 500  # frames that may be under way; well below qos.REPLAY_DEPTH
-TIMEOUT = 10.0  # how long no progress may come before the log is played without it [s]
+TIMEOUT = 10.0  # how long a pad's progress may stand still before its frames are played without waiting [s]
+
+
+class _Pad:
+    """Frames of one pad that were let through and are not answered yet."""
+
+    def __init__(self) -> None:
+        self.under_way: deque[int] = deque()
+        self.last = -1
+        self.is_given_up = False  # until progress comes again
+
+    def answered(self, sequence: int) -> None:
+        self.is_given_up = False
+        while self.under_way and self.under_way[0] <= sequence:
+            self.under_way.popleft()
 
 
 class ReplayGate:
-    """One gate for all pads of a log; ``wait`` is called on the log's thread, progress arrives on the node's."""
+    """One gate for each pad of a log; ``wait`` is called on the log's thread, progress arrives on the node's."""
 
     def __init__(self, node: Node, pads: Sequence[str], qos: QoSProfile):
         self._node = node
-        self._open = False
-        self._played = dict.fromkeys(pads, -1)  # the last frame let through
-        self._seen = dict.fromkeys(pads, -1)
+        self._pads = {pad: _Pad() for pad in pads}
+        self._is_released = False
         self._progress = threading.Condition()
         self._subscriptions = [
             GuardedSubscription(node, Progress, f'{pad}/progress', partial(self._on_progress, pad), qos,
                                 check=partial(self._check, pad)) for pad in pads]
 
     def wait(self, pad: str, sequence: int) -> None:
-        """Return when fewer than WINDOW frames before ``sequence`` are still under way."""
+        """Return when fewer than WINDOW frames of ``pad`` are under way; ``sequence`` is one of them from now on."""
+        state = self._pads[pad]
         with self._progress:
-            while not self._open and sequence - self._seen[pad] > WINDOW:
-                if not self._progress.wait(TIMEOUT):
-                    self._open = True
+            while len(state.under_way) >= WINDOW and not (state.is_given_up or self._is_released):
+                if not self._progress.wait_for(lambda: len(state.under_way) < WINDOW or self._is_released, TIMEOUT):
+                    state.is_given_up = True
                     self._node.get_logger().warning(
-                        f'No progress for {TIMEOUT:.0f} s: the log is played without waiting for any.')
-            self._played[pad] = sequence
+                        f'Pad {pad}: {len(state.under_way)} frames are not answered, and none was for {TIMEOUT:g} s. '
+                        'The log is played without waiting for this pad until one is. Check that its classifier runs, '
+                        'with lossless: true.')
+            if len(state.under_way) >= WINDOW:
+                state.under_way.popleft()
+            state.under_way.append(sequence)
+            state.last = sequence
+
+    def hold(self) -> None:
+        """Let frames wait again after ``release``."""
+        self._is_released = False
+
+    def release(self) -> None:
+        """Let everything through: the log is about to be stopped, and its thread must not wait for this one."""
+        with self._progress:
+            self._is_released = True
+            self._progress.notify_all()
 
     def destroy(self) -> None:
         """Stop listening and release a waiting log."""
-        with self._progress:
-            self._open = True
-            self._progress.notify_all()
+        self.release()
         for subscription in self._subscriptions:
             subscription.destroy()
 
     def _check(self, pad: str, message: Progress) -> RejectReason | None:
         """Progress of a frame that was not played yet would open the gate until the log gets there."""
-        return RejectReason.WRONG_SEQUENCE if message.sequence > self._played[pad] else None
+        return RejectReason.WRONG_SEQUENCE if message.sequence > self._pads[pad].last else None
 
     def _on_progress(self, pad: str, message: Progress) -> None:
         with self._progress:
-            self._seen[pad] = max(self._seen[pad], message.sequence)
+            self._pads[pad].answered(message.sequence)
             self._progress.notify_all()
