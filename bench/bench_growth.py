@@ -70,6 +70,7 @@ def measured(stage: Callable[[], object]) -> Cost:
     receiver, sender = fork.Pipe(duplex=False)
     child = fork.Process(target=_measure, args=(stage, sender))
     child.start()
+    sender.close()  # a child that dies is an EOFError here
     cost: Cost = receiver.recv()
     child.join()
     return cost

@@ -42,6 +42,15 @@ def output_file(path: str | Path, inputs: Iterable[str | Path] = ()) -> Iterator
                          got=error.strerror or str(error), remedy='Give another path, or make room.') from error
 
 
+def check_writable(path: str | Path) -> None:
+    """Raise InputError where ``path`` cannot be written: before long work, not after it."""
+    target = Path(os.path.realpath(path))
+    if not os.access(target if target.exists() and not target.is_file() else target.parent, os.W_OK) or target.is_dir():
+        raise InputError(f'output {str(path)!r}', expected='a file that can be written',
+                         got='a folder' if target.is_dir() else 'no folder that can be written',
+                         remedy='Give another path.')
+
+
 def _mode(target: Path) -> int:
     """Of the file that is replaced, or as the umask gives it to a new one."""
     try:

@@ -9,6 +9,7 @@ import yaml
 from tactile_node.errors import ConfigurationError
 
 _NO_DEFAULT = object()
+LARGEST = 1e300  #: a whole number of YAML may be larger than any float
 
 
 class _Loader(yaml.SafeLoader):
@@ -113,7 +114,7 @@ class Section:
     def number(self, key: str, default: Any = _NO_DEFAULT, *, positive: bool = False) -> float:
         """A finite number in SI units."""
         value = self.take(key, default)
-        good = isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < float('inf')
+        good = isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < LARGEST
         if not good or (positive and value <= 0):
             self.refuse(key, expected=f'a{" positive" if positive else ""} number', got=_kind(value),
                         remedy='Write it in SI units, 2 mm as 0.002.')

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 import yaml
-from hidden_skin import PITCH, pressed, solved, write_log
+from hidden_skin import DEPTH, PITCH, SIDE, counts, pressed, solved, write_log
 
 import tactile_node as tn
 from tactile_node.calibration.presses import (
@@ -24,6 +24,9 @@ from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.pose.fit import fit_shape
 from tactile_node.pose.layer import Layer
 from tactile_node.shape.recognition import Shape
+from tactile_node.synthetic.indenters import ball
+from tactile_node.synthetic.layer import sample, stress_field
+from tactile_node.synthetic.mechanics import solve
 from tactile_node.synthetic.seeds import Purpose, generator
 
 RADIUS = 0.0104  #: of the known disc [m]
@@ -104,6 +107,52 @@ def test_the_file_says_what_it_was_found_from(response_file):
     assert (np.diff(ratio) > 0).all()  # the skin saturates: the larger a reading, the more pressure per count
 
 
+def test_a_square_is_no_disc(rng, tmp_path, capsys):
+    """With its area's radius it was accepted, and other objects came out 12 % too large, surely."""
+    write_log(tmp_path / 'square.log', pressed(rng, *solved('square', (0.0168,), 0.02), presses=6, frames=4))
+    output = tmp_path / 'r.yaml'
+    assert main(['calibrate', str(tmp_path / 'square.log'), '--radius', '0.0095', '-o', str(output)]) == 2
+    assert 'no_circle' in capsys.readouterr().out and not output.exists()
+
+
+def test_a_ball_is_no_flat_disc(rng):
+    field, frames = stress_field(solve(ball(0.03), cells=64), np.pi * (RADIUS / PITCH) ** 2, DEPTH), []
+    for _ in range(6):
+        x, y = (SIDE - 1) / 2 + rng.uniform(-1, 1, 2)
+        stress = counts(0.4 * sample(field, x, y, 0.0, SIDE, SIDE)) + rng.normal(0, 1, (SIDE, SIDE))
+        frames.append([PressFrame(stress, stress > 20)])
+    with pytest.raises(InputError) as error:
+        calibrate(frames, Disc(0.98 * RADIUS), PITCH, 'Pa')
+    assert error.value.expected == 'a flat face'
+
+
+def test_light_contacts_stay_as_they_are_under_a_response(response_file):
+    """The curve went on steeply below the lightest press: contacts of 3-5 kPa fell below what is reported."""
+    curve = load_response(response_file).curve
+    assert curve(np.array([3e3]))[0] > 2e3
+
+
+@pytest.mark.parametrize('depth', [1.5, 1e-60, 1e-5])
+def test_a_depth_that_does_not_fit_the_pitch_is_refused(depth):
+    """Millimetres written for metres were used."""
+    with pytest.raises(ConfigurationError):
+        fit_shape(disc(12, 12), disc(12, 12) > 25e3, Shape.CIRCLE, PITCH, Layer(depth, 0.1))
+
+
+def test_a_stream_of_another_unit_is_refused(response_file):
+    with pytest.raises(ConfigurationError):
+        tn.ContactStream(pitch=PITCH, unit='N', response=response_file)
+
+
+def test_slow_presses_with_short_rests_are_zeroed_by_the_rests():
+    rng = np.random.default_rng(3)
+    frames = np.concatenate([np.concatenate((np.zeros((8, 24, 24)), np.tile(disc(12, 12), (92, 1, 1))))
+                             for _ in range(8)]) + 3e3 + rng.normal(0, 200, (800, 24, 24))
+    frames[5] = np.nan
+    frames[107, :12] = np.nan
+    assert abs(np.median(zeroed(frames)[:5])) < 300 and np.median(zeroed(frames)[20:90, 12, 12]) > 45e3
+
+
 def test_a_response_file_is_what_was_saved(tmp_path):
     response = SkinResponse('N', Layer(0.0015, 0.1), make_curve([0, 1, 2], [0, 1, 4]))
     save_response(tmp_path / 'r.yaml', response, 'of a test', {})
@@ -118,6 +167,8 @@ def test_a_response_file_is_what_was_saved(tmp_path):
     ({'curve': {'readings': [0, 2, 1], 'pressures': [0, 1, 2]}}, 'curve'),
     ({'curve': {'readings': [0, 'x'], 'pressures': [0, 1]}}, 'curve.readings'),
     ({'curve': {'readings': [1, 2], 'pressures': [1, 2]}}, 'curve'),
+    ({'layer': {'depth': 10 ** 400, 'deviation': 0.1}}, 'layer.depth'),
+    ({'curve': {'readings': [0, 10 ** 400], 'pressures': [0, 1]}}, 'curve.readings'),
     ({'curve': {'readings': [0, float('nan')], 'pressures': [0, 1]}}, 'curve'), ({'more': 1}, 'more')])
 def test_broken_response_files_are_refused_by_key(tmp_path, change, where):
     good = {'unit': 'Pa', 'layer': {'depth': 0.001, 'deviation': 0.1},

@@ -9,6 +9,8 @@ from scipy import ndimage
 
 from tactile_node.contact.neighbours import touches_edge
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
+from tactile_node.shape.methods import make_recogniser
+from tactile_node.shape.recognition import Shape
 
 LEAST_TAXELS = 40   #: of a contact: of fewer the fit's own error is larger than a skin's
 AROUND = 2          #: taxels around a contact that a fit looks at
@@ -16,8 +18,9 @@ MOST_HIDDEN = 0.1   #: of contact and surroundings without a value
 MOVED = 1.0         #: centres so far apart are of two presses [pitches]
 OF_EACH = 6         #: frames of a press that are used, from its lightest to its hardest
 LIGHTEST = 0.2      #: of the hardest one's level: lighter, the object is still being set down or lifted
-REST = 0.2          #: share of the frames, the least loaded ones, that the zero is found from
+REST = 0.04         #: share of the frames, the least loaded ones, that the zero is found from
 LEAST_REST = 10     #: of them
+MOST_SEEN = 0.9     #: of the taxels that have a value at best: frames with fewer are not at rest for certain
 
 
 class Unused(IntEnum):
@@ -29,6 +32,7 @@ class Unused(IntEnum):
     TOO_SMALL = 3
     HIDDEN = 4      #: dead, missing or stuck taxels
     SATURATED = 5   #: readings at the end of their range
+    NO_CIRCLE = 6   #: recognised as another shape, or as none
 
 
 class PressFrame(NamedTuple):
@@ -47,11 +51,12 @@ class Presses(NamedTuple):
 
 def zeroed(frames: np.ndarray) -> np.ndarray:
     """Return ``frames``, (K, rows, cols), less each taxel's median in those in which the pad is loaded least."""
-    count = int(REST * len(frames))
-    if count < LEAST_REST:
+    values = np.isfinite(frames).sum((1, 2))
+    whole = frames[values > MOST_SEEN * values.max(initial=0)]  # lost TPDOs would look like a light load
+    count = max(int(REST * len(whole)), LEAST_REST)
+    if count > len(whole) / 2:
         return frames
-    load = np.nan_to_num(frames).sum((1, 2))
-    at_rest = frames[np.argsort(load, kind='stable')[:count]]
+    at_rest = whole[np.argsort(np.nanmean(whole, axis=(1, 2)), kind='stable')[:count]]
     seen = np.isfinite(at_rest).any(0)
     zero = np.zeros(frames.shape[1:], frames.dtype)
     zero[seen] = np.nanmedian(at_rest[:, seen], axis=0)
@@ -61,7 +66,7 @@ def zeroed(frames: np.ndarray) -> np.ndarray:
 
 def find_presses(frames: Iterable[np.ndarray], saturated: Iterable[np.ndarray | None], unit: str | None) -> Presses:
     """Return the presses in successive frames, each (rows, cols), with which of their taxels are saturated."""
-    extractor = PatternExtractor(unit=unit)
+    extractor, recogniser = PatternExtractor(unit=unit), make_recogniser()
     presses: list[list[PressFrame]] = []
     unused: dict[Unused, int] = {}
     centre: np.ndarray | None = None  # of the contact in the frame before
@@ -74,6 +79,8 @@ def find_presses(frames: Iterable[np.ndarray], saturated: Iterable[np.ndarray | 
         if before is None or np.hypot(*(centre - before)) > MOVED:
             presses.append([])
         reason = _unusable(pattern)
+        if reason is None and recogniser.recognise(pattern).shape is not Shape.CIRCLE:
+            reason = Unused.NO_CIRCLE
         if reason is None:
             presses[-1].append(PressFrame(pattern.values, pattern.mask))
         else:

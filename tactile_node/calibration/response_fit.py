@@ -17,7 +17,7 @@ from tactile_node.conditioning.response_curve import ResponseCurve
 from tactile_node.errors import InputError
 from tactile_node.pose.fit import ShapeFit, fit_shape
 from tactile_node.pose.layer import Layer, log_depth_from
-from tactile_node.pose.profiles import PUNCH
+from tactile_node.pose.profiles import PUNCH, Indenter
 from tactile_node.read_only import read_only
 from tactile_node.shape.recognition import Shape
 
@@ -26,11 +26,12 @@ PRESS_ERROR = 0.01      #: of the lengths that one press shows, relative
 PRIOR = 0.5, 0.15       #: standard deviations of exponent - 1 and of bend, beforehand
 EXPONENTS, BENDS = (0.4, 2.5), (-0.4, 0.4)
 NODES = 16              #: of the curve, in equal ratios
-LOWEST = 0.01           #: of the hardest reading: below, the curve is a line through 0
+LOWEST = 0.5            #: of the lightest press: below, the curve is a line through 0
 STEP = 0.02             #: for derivatives: fits stop at a finite accuracy
 MOST_ROUNDED = 0.3      #: more is no flat face
 LAYER_ERROR = 0.08      #: of the logarithm of the depth, common to all presses of one disc
 LARGEST_ERROR = 0.03    #: of the lengths after calibration; beyond, the disc is another one
+AT_BOUND = 0.02         #: an exponent so near to its bound is no answer
 #: A fit makes a flat disc with sharp edges so much larger than it is, and less with rounded ones, per edge radius
 #: over inscribed radius: fits are right on average, and edges differ (bench/bench_calibration.py --edges).
 SHARP_ERROR, OF_ROUNDING = 0.019, -0.125
@@ -63,8 +64,8 @@ def calibrate(presses: Sequence[Sequence[PressFrame]], known: Disc, pitch: float
               progress: Callable[[int], None] = lambda fits: None) -> Calibration:
     """Find the response from ``presses`` of ``known``; ``pitch`` [m].
 
-    Raises InputError for too few presses, a radius that is no length > 0, and a disc that no response makes as large
-    as it is.
+    Raises InputError for too few presses, a radius that is no length > 0, an object without a flat face, and a disc
+    that no response makes as large as it is.
     """
     check_disc(known)
     if len(presses) < LEAST_PRESSES:
@@ -75,11 +76,17 @@ def calibrate(presses: Sequence[Sequence[PressFrame]], known: Disc, pitch: float
     halves = [_Search(presses[first::2], known, pitch, progress) for first in (0, 1)]
     left_out = np.concatenate([other.errors(search.curve(*half.best())) for half, other in zip(halves, halves[::-1])])
     curve = search.curve(exponent, bend)
+    if search.dome_share(curve) > 0.5:
+        raise InputError('presses of a known disc', expected='a flat face', got='the pressure of a ball or a cone',
+                         remedy='Press the flat end of a rigid cylinder.')
     found = Calibration(SkinResponse(unit, search.layer(curve), curve), exponent, bend,
                         before=float(np.median(search.errors(None))), after=float(np.median(search.errors(curve))),
                         left_out=float(np.median(left_out)))
-    if abs(found.after) > LARGEST_ERROR:
-        raise InputError('presses of a known disc', got=f'fits that are {100 * found.after:+.1f} % too large',
+    largest = max(found.after, found.left_out, key=abs)
+    is_at_bound = not EXPONENTS[0] + AT_BOUND < exponent < EXPONENTS[1] - AT_BOUND
+    if abs(largest) > LARGEST_ERROR or is_at_bound:
+        raise InputError('presses of a known disc',
+                         got=f'fits that are {100 * largest:+.1f} % too large, under an exponent of {exponent:.2f}',
                          expected=f'a response under which a radius of {1000 * known.radius:g} mm fits',
                          remedy='Check the radius and the pitch; the face that touches must be flat.')
     return found
@@ -99,16 +106,17 @@ class _Search:
         self._highest = max(float(np.nanmax(frame.readings)) for frame in self._frames)
 
     def curve(self, exponent: float, bend: float) -> ResponseCurve:
-        """Return the curve; it leaves the middle of the presses' levels as it is.
+        """Return the curve; it leaves the level of the lightest press as it is, so that light contacts stay visible.
 
-        Its exponent is known between the lightest and the hardest press, and goes on as there beyond them.
+        Its exponent is known between the lightest and the hardest press, and goes on as there beyond them; far below
+        the lightest one the curve is a line through 0.
         """
-        readings = np.geomspace(LOWEST * self._highest, self._highest, NODES)
+        readings = np.geomspace(LOWEST * self._lightest, self._highest, NODES)
         fine = np.linspace(np.log(readings[0] / self._middle), np.log(readings[-1] / self._middle), 40 * NODES)
         known = np.clip(fine, np.log(self._lightest / self._middle), np.log(self._hardest / self._middle))
         slope = np.clip(exponent + bend * known, *EXPONENTS)
         logs = np.concatenate(([0.0], np.cumsum((slope[1:] + slope[:-1]) / 2 * np.diff(fine))))
-        logs -= np.interp(0.0, fine, logs)
+        logs += np.log(self._lightest / self._middle) - np.interp(np.log(self._lightest / self._middle), fine, logs)
         pressures = self._middle * np.exp(np.interp(np.log(readings / self._middle), fine, logs))
         return ResponseCurve(read_only(np.concatenate(([0.0], readings))),
                              read_only(np.concatenate(([0.0], pressures))))
@@ -129,6 +137,10 @@ class _Search:
         radii = np.array([fit.dimensions[0] for fit in self._fits(curve)])
         errors: np.ndarray = radii / self._known.radius - 1 - self._known.fit_error
         return errors
+
+    def dome_share(self, curve: ResponseCurve) -> float:
+        """Return the share of the frames in which something round presses."""
+        return float(np.mean([fit.indenter is not Indenter.FLAT_PUNCH for fit in self._fits(curve)]))
 
     def layer(self, curve: ResponseCurve) -> Layer:
         """Return the layer from the depths that fits find under ``curve``."""

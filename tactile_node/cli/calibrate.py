@@ -20,8 +20,11 @@ from tactile_node.cli.played_log import play_log
 from tactile_node.conditioning.gain import load_gains
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.frames.taxel_frame import TaxelStatus
+from tactile_node.output_file import check_writable
 from tactile_node.press_levels import ON_OFF_UNIT
 from tactile_node.skin.pads import make_pads
+
+SUSPICIOUS = 0.06  #: of the radius
 
 
 class Readings(NamedTuple):
@@ -54,6 +57,7 @@ def run(args: argparse.Namespace) -> int:
     known = Disc(args.radius, args.edge_radius)
     check_disc(known)
     output = _output(args)
+    check_writable(output)
     readings = _readings(args)
     found = find_presses(readings.frames, readings.saturated, readings.unit or None)
     frames = sum(map(len, found.presses))
@@ -71,7 +75,11 @@ def run(args: argparse.Namespace) -> int:
             print(file=sys.stderr)
     save_response(output, calibration.response, _head(args), _found_from(known, found, calibration))
     print(_summary(calibration))
-    print(f'written to {output}. Give it to the driver (response_files) or to tactile classify (--response).')
+    if abs(calibration.before) > SUSPICIOUS:
+        print(f'tactile: without calibration the radius would be {100 * calibration.before:+.1f} % off, more than with '
+              'most skins. A wrong --radius looks the same: measure the face again.', file=sys.stderr)
+    users = 'to the driver (response_files) or ' if readings.unit else ''
+    print(f'written to {output}. Give it {users}to tactile classify (--response).')
     return 0
 
 
@@ -81,7 +89,7 @@ def _output(args: argparse.Namespace) -> str:
     if _is_array(args):
         raise ConfigurationError('--output', expected='a file to write', got='none', remedy='Name one.')
     pads = make_pads([args.layout], node_ids_of(args))
-    return pads[0].layout.source.rsplit('.', 1)[0] + SUFFIX
+    return str(Path(pads[0].layout.source).with_suffix(SUFFIX))
 
 
 def _is_array(args: argparse.Namespace) -> bool:
@@ -114,10 +122,13 @@ def _of_log(args: argparse.Namespace) -> Readings:
                                  remedy='Calibrate each pad from its own presses.')
     if layout.value.unit == ON_OFF_UNIT:
         raise _on_off(layout.source)
-    frames = play_log(args.recording, pads, channel=args.channel).frames[pads[0].name]
-    if not frames:
+    played = play_log(args.recording, pads, channel=args.channel)
+    if not played.has_ended:
+        raise KeyboardInterrupt
+    if not played.used:
         raise InputError(f'log {args.recording}', expected='taxel frames of this pad', got='none',
                          remedy='Check --node-id and --layout.')
+    frames = played.frames[pads[0].name]
     saturated = np.array([frame.status == TaxelStatus.SATURATED for frame in frames])
     return Readings(zeroed(np.array([frame.values for frame in frames])), saturated, layout.pitch, layout.value.unit)
 

@@ -67,13 +67,13 @@ def decimated(mask: np.ndarray) -> tuple[np.ndarray, tuple[int, int]]:
     col, row = sites // FINE - first[:, np.newaxis] + 1
     wide, high = int(col.max()) + 2, int(row.max()) + 2
     stack = np.zeros((len(ANGLES) + 1, high, wide), bool)
-    place = np.arange(1, len(ANGLES) + 1)[:, np.newaxis] * (high * wide) + (row * wide + col)
+    number, place = np.arange(1, len(ANGLES) + 1)[:, np.newaxis] * (high * wide), row * wide + col
     fine, low = _corner_bits(fine_lattice(mask), centre, radius)
     step = max(1, SITES // sites.shape[1])
     for begin in range(0, len(ANGLES), step):
         angles = slice(begin, begin + step)
         reached = _reached(fine, sites - centre[:, np.newaxis], centre - low, angles)
-        stack.reshape(-1)[place[angles].take(reached)] = True
+        stack.reshape(-1)[(number[angles] + place).take(reached)] = True
     return stack, (1 - int(first[1]), 1 - int(first[0]))
 
 

@@ -25,14 +25,21 @@ def given_thresholds(thresholds: object) -> PressThresholds:
     return instance(thresholds, PressThresholds, 'thresholds', 'Pass PressThresholds(press, release).')
 
 
-def known_response(response: object) -> SkinResponse | None:
-    """Return what ``response``, the path of a file, what is in it, or None, stands for."""
-    if response is None or isinstance(response, SkinResponse):
-        return response
-    if not isinstance(response, str | Path):
+def known_response(response: object, unit: str | None = None) -> SkinResponse | None:
+    """Return what ``response``, the path of a file, what is in it, or None, stands for.
+
+    Raises ConfigurationError where it is of another ``unit``.
+    """
+    if response is None:
+        return None
+    if not isinstance(response, str | Path | SkinResponse):
         raise InputError('response', expected='the path of a file', got=f'a {type(response).__name__}',
                          remedy='Pass the file that `tactile calibrate` has written, or None.')
-    return load_response(response)
+    found = response if isinstance(response, SkinResponse) else load_response(response)
+    if unit and found.unit and unit != found.unit:
+        raise ConfigurationError('response', expected=f'one to readings in {unit!r}', got=f'one in {found.unit!r}',
+                                 remedy='Pass the unit of the readings that it was found from.')
+    return found
 
 
 def known_unit(unit: object) -> str:

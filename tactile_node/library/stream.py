@@ -53,7 +53,7 @@ class ContactStream:
         fusion = FusionSettings() if fusion is None else fusion
         self._recogniser = instance(recogniser, Recogniser, 'recogniser', 'Pass Recogniser(method), or None.')
         self._pitch = pitch
-        self._response = known_response(response)
+        self._response = known_response(response, unit if thresholds is None else None)
         self._unit = unit if thresholds is None else None
         if thresholds is None:
             self._extractor = PatternExtractor(unit=unit if unit is None else known_unit(unit))

@@ -20,7 +20,7 @@ def drain(source: FrameSource, shapes: Callable[[], int], spinner: Spinner, stop
 
     Returns the count; raises what a callback has raised.
     """
-    count, remaining = -1, TIMEOUT
+    count, remaining = shapes(), TIMEOUT
     while remaining > 0 and not stop_requested.wait(POLL_PERIOD):
         spinner.check()
         before, count = count, shapes()

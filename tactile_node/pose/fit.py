@@ -73,7 +73,7 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float =
     """
     check_pitch(pitch)
     if layer is not None:
-        check_layer(layer)
+        check_layer(layer, pitch)
     if shape not in OUTLINES:
         return None
     values, mask = checked(values, mask)

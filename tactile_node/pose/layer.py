@@ -35,6 +35,7 @@ class _Found(NamedTuple):
 _FOUND = {Indenter.FLAT_PUNCH: _Found(0.15, -1.2, 0.14), Indenter.BALL: _Found(0.08, -0.17, 0.35),
           Indenter.CONE: _Found(0.08, -0.17, 0.35), Indenter.LYING_CYLINDER: _Found(0.18, -0.92, 0.13)}
 LEAST_RADIUS = 1.4  #: [pitches]: not known below
+SHALLOWEST, DEEPEST = 0.02, 5.0  #: [pitches]: beyond, lengths are in other units
 
 
 def expected_log_depth(layer: Layer, profile: Profile, radius: float) -> Expected:
@@ -52,12 +53,16 @@ def log_depth_from(found_depth: float, profile: Profile, radius: float, pitch: f
     return float(np.log(found_depth) - _shift(_FOUND[profile.indenter], radius / pitch))
 
 
-def check_layer(layer: Layer) -> None:
-    """Raise ConfigurationError for what is no depth."""
+def check_layer(layer: Layer, pitch: float | None = None) -> None:
+    """Raise ConfigurationError for what is no depth, or none of taxels with this ``pitch`` [m]."""
     if not (0 < layer.depth < np.inf and 0 < layer.deviation < np.inf):
         raise ConfigurationError('layer of the skin', expected='a depth > 0 [m] and a deviation > 0',
                                  got=f'depth {layer.depth!r}, deviation {layer.deviation!r}',
                                  remedy='Calibrate the skin again (tactile calibrate), or leave the layer out.')
+    if pitch is not None and not SHALLOWEST < layer.depth / pitch < DEEPEST:
+        raise ConfigurationError('layer of the skin', got=f'{layer.depth:g} m under a pitch of {pitch:g} m',
+                                 expected=f'a depth of {SHALLOWEST:g} to {DEEPEST:g} pitches',
+                                 remedy='Give pitch and depth in metres.')
 
 
 def _shift(found: _Found, radius: float) -> float:

@@ -13,6 +13,7 @@ from tactile_node.conditioning.limits import drift_limit, rest_limit
 from tactile_node.conditioning.tare import TaredPad
 from tactile_node.conditioning.taxel_faults import FaultDetector
 from tactile_node.errors import ConfigurationError
+from tactile_node.pose.layer import check_layer
 from tactile_node.press_levels import ON_OFF_UNIT
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.skin.pads import PadSettings, one_for_each
@@ -23,7 +24,7 @@ MASK, REPORT = 'mask', 'report'
 def skin_responses(pads: tuple[PadSettings, ...], settings: DriverSettings) -> dict[str, SkinResponse]:
     """Return the responses of those pads that have one, by name.
 
-    Raises ConfigurationError for a file that cannot be used, or one of another unit than the pad's.
+    Raises ConfigurationError for a file that cannot be used, or one of another unit or pitch than the pad's.
     """
     found = {}
     for pad, path in zip(pads, one_for_each('response_files', settings.response_files, pads)):
@@ -33,6 +34,7 @@ def skin_responses(pads: tuple[PadSettings, ...], settings: DriverSettings) -> d
                 raise ConfigurationError(f'{path}, pad {pad.name!r}', got=f'readings in {response.unit!r}',
                                          expected=f'a response to readings in {pad.layout.value.unit!r}',
                                          remedy='Calibrate with the layout of this pad.')
+            check_layer(response.layer, pad.layout.pitch)
     return found
 
 
