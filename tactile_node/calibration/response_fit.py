@@ -72,13 +72,13 @@ def calibrate(presses: Sequence[Sequence[PressFrame]], known: Disc, pitch: float
         raise InputError('presses of a known disc', expected=f'at least {LEAST_PRESSES}', got=str(len(presses)),
                          remedy='Press it more often, at other places, and lift it in between.')
     search = _Search(presses, known, pitch, progress)
+    if search.dome_share() > 0.5:
+        raise InputError('presses of a known disc', expected='a flat face', got='the pressure of a ball or a cone',
+                         remedy='Press the flat end of a rigid cylinder.')
     exponent, bend = search.best()
     halves = [_Search(presses[first::2], known, pitch, progress) for first in (0, 1)]
     left_out = np.concatenate([other.errors(search.curve(*half.best())) for half, other in zip(halves, halves[::-1])])
     curve = search.curve(exponent, bend)
-    if search.dome_share(curve) > 0.5:
-        raise InputError('presses of a known disc', expected='a flat face', got='the pressure of a ball or a cone',
-                         remedy='Press the flat end of a rigid cylinder.')
     found = Calibration(SkinResponse(unit, search.layer(curve), curve), exponent, bend,
                         before=float(np.median(search.errors(None))), after=float(np.median(search.errors(curve))),
                         left_out=float(np.median(left_out)))
@@ -138,9 +138,9 @@ class _Search:
         errors: np.ndarray = radii / self._known.radius - 1 - self._known.fit_error
         return errors
 
-    def dome_share(self, curve: ResponseCurve) -> float:
-        """Return the share of the frames in which something round presses."""
-        return float(np.mean([fit.indenter is not Indenter.FLAT_PUNCH for fit in self._fits(curve)]))
+    def dome_share(self) -> float:
+        """Return the share of the frames in which something round presses, by the readings as they are."""
+        return float(np.mean([fit.indenter is not Indenter.FLAT_PUNCH for fit in self._fits(None)]))
 
     def layer(self, curve: ResponseCurve) -> Layer:
         """Return the layer from the depths that fits find under ``curve``."""
