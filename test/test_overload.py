@@ -24,7 +24,7 @@ from tactile_node.nodes.replay_gate import WINDOW, ReplayGate  # noqa: E402
 from tactile_node.ros.message_checks import check_taxel_array  # noqa: E402
 from tactile_node.ros.qos import frames_qos  # noqa: E402
 from tactile_node.ros.taxel_messages import taxel_array_message  # noqa: E402
-from tactile_skin.msg import ContactShape, Progress, TaxelArray  # noqa: E402
+from tactile_skin.msg import Contact, ContactShape, Progress, TaxelArray  # noqa: E402
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
@@ -90,6 +90,28 @@ def test_a_stage_of_half_the_speed_works_on_the_newest_and_counts_the_others(con
     assert numbers == sorted(numbers)
     # In order and without a loss the last one would be SENT periods old.
     assert np.median(ages) < SENT * PERIOD / 4
+
+
+def test_what_a_stage_before_has_left_out_is_no_loss(context):
+    """The processing node was within its 5 %, and the classifier warned of frames that never arrived."""
+    sender, receiver = rclpy.create_node('sender'), rclpy.create_node('receiver')
+    left_out, qos = [], frames_qos(SENT)
+    subscription = GuardedSubscription(receiver, Contact, 'contact', check=lambda message: None, qos=qos,
+                                       callback=lambda message: left_out.append(subscription.left_out))
+    publisher = sender.create_publisher(Contact, 'contact', qos)
+    executor = SingleThreadedExecutor()
+    executor.add_node(receiver)
+    spin_until(executor, publisher.get_subscription_count)
+    for sequence, before in ((1, 0), (2, 0), (5, 2), (9, 2)):  # of the last gap, one frame is lost
+        message = Contact(sequence=sequence, left_out=before)
+        message.header.stamp = receiver.get_clock().now().to_msg()
+        publisher.publish(message)
+        spin_until(executor, lambda: subscription.counts.received)
+        executor.spin_once(timeout_sec=0.2)
+    spin_until(executor, lambda: subscription.counts.received == 4)
+    assert subscription.counts.skipped == 1 and left_out == [0, 0, 2, 2]
+    for node in (sender, receiver):
+        node.destroy_node()
 
 
 def test_a_lossless_stage_of_half_the_speed_works_on_all(context):

@@ -63,6 +63,7 @@ class ClassifierNode(Node):
             seen = _visibility(message, pattern)
         fused = self._fused(seconds(message.header.stamp), frame)
         shape = self._message(message, pattern, seen, frame=frame, fused=fused)
+        shape.left_out = self._contacts.left_out
         self._publisher.publish(shape)
         if shape.fit_valid:
             self._poses.publish(pose_message(shape))

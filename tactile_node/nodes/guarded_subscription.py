@@ -59,6 +59,7 @@ class GuardedSubscription(Generic[Message]):
         self._sequence: int | None = None
         self._skipped = 0
         self._overtaken = 0
+        self._left_out = 0  # frames before the message under work, by this node and those before it
         self._newest_only = newest_only and not is_lossless(qos)
         self._subscription = node.create_subscription(kind, topic, self._on_message, qos)
         self.topic: str = self._subscription.topic_name  #: its full name
@@ -75,6 +76,11 @@ class GuardedSubscription(Generic[Message]):
         return self._arrival
 
     @property
+    def left_out(self) -> int:
+        """Frames just before the message under work that this node or one before it left out on purpose."""
+        return self._left_out
+
+    @property
     def health(self) -> StreamHealth:
         """Its counts, the age of its newest data now, and who publishes it."""
         age = math.inf if self._arrival is None else self._arrival.age(time.monotonic())
@@ -89,6 +95,7 @@ class GuardedSubscription(Generic[Message]):
         if not usable:
             return
         self._overtaken += len(usable) - 1
+        self._left_out = len(usable) - 1 + sum(map(_left_out_before, usable))
         try:
             self._callback(usable[-1])
             self._processed += 1
@@ -140,7 +147,7 @@ class GuardedSubscription(Generic[Message]):
         self._arrival = self._age.arrived(message)
         if self._sequence is not None:
             gap = message.sequence - self._sequence - 1
-            self._skipped += gap if 0 < gap <= MOST_SKIPPED else 0
+            self._skipped += max(gap - _left_out_before(message), 0) if 0 < gap <= MOST_SKIPPED else 0
         self._sequence = message.sequence
 
     def _drop(self, reason: RejectReason, error: Exception | None = None) -> None:
@@ -148,3 +155,8 @@ class GuardedSubscription(Generic[Message]):
         if self._reminders[reason].is_due(reason.key, time.monotonic()):
             logger.warning('%s: message on %s dropped: %s (%d so far)', self._node.get_fully_qualified_name(),
                            self.topic, reason.key, self._dropped[reason], exc_info=error)
+
+
+def _left_out_before(message: object) -> int:
+    """Frames before ``message`` that its sender left out on purpose; not every message of the chain says so."""
+    return int(getattr(message, 'left_out', 0))

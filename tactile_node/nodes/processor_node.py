@@ -71,7 +71,7 @@ class ProcessorNode(Node):
             unmapped=taxels_of(message, TaxelStatus.UNMAPPED))
         visibility = visibility_of(pattern, self._settings.smallest_contact)
         contact = contact_message(message, pattern, visibility, self._settings.smallest_contact)
-        contact.age = self._age()
+        contact.age, contact.left_out = self._age(), self._taxels.left_out
         self._contacts.publish(contact)
         if self._settings.lossless or self._features.get_subscription_count():  # a late subscriber gets all
             features = features_message(message, pattern, visibility, compute_features(pattern.mask, self._groups))
