@@ -2,6 +2,7 @@
 
 from difflib import get_close_matches
 from pathlib import Path
+from reprlib import Repr
 from typing import Any, NoReturn
 
 import yaml
@@ -9,10 +10,13 @@ import yaml
 from tactile_node.errors import ConfigurationError
 
 _NO_DEFAULT = object()
-LARGEST = 1e300  #: a whole number of YAML may be larger than any float
+LARGEST = 1e300     #: a whole number of YAML may be larger than any float
+MOST_BYTES = 1 << 19  #: of a file: no pad that CAN carries needs more, and a longer one takes seconds to read
+SHOWN = 80          #: characters of a value in an error
+LONGEST_SHOWN = 128  #: bits of a whole number in an error
 
 
-class _Loader(yaml.SafeLoader):
+class _Loader(getattr(yaml, 'CSafeLoader', yaml.SafeLoader)):  # type: ignore[misc]  # libyaml is ten times faster
     """Refuses a key that is given twice; PyYAML would take the last one."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
@@ -23,7 +27,8 @@ class _Loader(yaml.SafeLoader):
                     raise yaml.constructor.ConstructorError(None, None, f'the key {key.value!r} is given twice',
                                                             key.start_mark)
                 seen.add(key.value)
-        return super().construct_mapping(node, deep)
+        mapping: dict[Any, Any] = super().construct_mapping(node, deep)
+        return mapping
 
 
 def load_mapping(path: Path, about: str) -> 'Section':
@@ -32,8 +37,12 @@ def load_mapping(path: Path, about: str) -> 'Section':
     ``about`` names what the file should be, for errors: 'a skin layout'. Raises ConfigurationError.
     """
     try:
-        text = Path(path).read_text(encoding='utf-8')
-        content = yaml.load(text, _Loader)
+        with Path(path).open('rb') as stream:
+            written = stream.read(MOST_BYTES + 1)
+        if len(written) > MOST_BYTES:
+            raise ConfigurationError(str(path), expected=f'{about} (YAML) of at most {MOST_BYTES >> 10} KiB',
+                                     got='a larger file', remedy='Check the path.')
+        content = yaml.load(written.decode(), _Loader)
     except OSError as error:
         raise ConfigurationError(str(path), expected=f'{about} (YAML)', got=error.strerror or str(error),
                                  remedy='Check the path and its permissions.') from error
@@ -59,8 +68,20 @@ def _one_line(error: yaml.YAMLError) -> str:
     return f'{getattr(error, "problem", None) or "no YAML"}{where}'
 
 
+class _Short(Repr):
+    """Writes the beginning of any value: aliases in a small file can stand for more than fits into memory."""
+
+    def repr_int(self, x: int, level: int) -> str:
+        return super().repr_int(x, level) if x.bit_length() <= LONGEST_SHOWN else f'of {x.bit_length()} bits'
+
+
+def shown(value: Any) -> str:
+    """Return a value of YAML as an error shows it."""
+    return _Short().repr(value)[:SHOWN]
+
+
 def _kind(value: Any) -> str:
-    return 'nothing' if value is None else f'{type(value).__name__} {value!r}'[:80]
+    return 'nothing' if value is None else f'{type(value).__name__} {shown(value)}'[:SHOWN]
 
 
 class Section:

@@ -63,7 +63,7 @@ def test_example_skins_name_every_taxel_and_agree_with_their_eds(name):
 
 
 BAD = {
-    'not YAML': ('rows: [1', 'line 1'),
+    'not YAML': ('rows: [1', 'in line'),
     'a key twice': (TINY + 'rows: 3\n', "'rows' is given twice in line"),
     'no mapping': ('- 1\n- 2\n', 'mapping'),
     'empty': ('', 'nothing'),

@@ -133,7 +133,7 @@ def test_vectorised_figures_agree_with_single_recognitions(classifier):
 @pytest.mark.parametrize('content, message', [
     (None, 'No such file'), ('planes: [', 'expected'), ('{}', 'planes'),
     ('planes: {rectangle: 3}', 'written by'),
-    ('just text', 'written by'), (ONE_PLANE % '[a], vertical: [b, c], knots: [1, 2]', 'two names'),
+    ('just text', 'mapping'), (ONE_PLANE % '[a], vertical: [b, c], knots: [1, 2]', 'two names'),
     (ONE_PLANE % '[a, b], vertical: [b, c], knots: [1, 2, 3]', 'as many levels'),
     (ONE_PLANE % '[a, b], vertical: [b, c], knots: [.nan, 1]', 'finite'),
     (ONE_PLANE % '[a, b], vertical: [b, c], knots: [2, 1]', 'do not rise')])

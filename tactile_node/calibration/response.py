@@ -9,7 +9,7 @@ from tactile_node.conditioning.response_curve import ResponseCurve, make_curve
 from tactile_node.errors import ConfigurationError
 from tactile_node.output_file import output_file
 from tactile_node.pose.layer import Layer, check_layer
-from tactile_node.yaml_section import LARGEST, Section, load_mapping
+from tactile_node.yaml_section import LARGEST, Section, load_mapping, shown
 
 SUFFIX = '.response.yaml'  #: of the file beside a layout
 DIGITS = 6                 #: of what is written
@@ -57,7 +57,7 @@ def save_response(path: str | Path, response: SkinResponse, head: str, found_fro
 
 def _number(section: Section, key: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or abs(value) > LARGEST:
-        section.refuse(key, expected='numbers', got=repr(value)[:80], remedy='Calibrate the skin again.')
+        section.refuse(key, expected='numbers', got=shown(value), remedy='Calibrate the skin again.')
     return float(value)
 
 

@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import ArrayLike
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import Features, Group
 from tactile_node.shape.plane import Plane
 from tactile_node.shape.recognition import Recognition, Shape, UnknownReason
+from tactile_node.yaml_section import load_mapping
 
 GROUPS = Group.CLASSIFIER  #: the features the classifier reads
 SMALLEST = 15  #: a pattern of fewer taxels is UNKNOWN
@@ -49,13 +49,10 @@ class VolfClassifier:
     @classmethod
     def from_file(cls, path: str | Path) -> 'VolfClassifier':
         """Read the curves that `tactile fit` wrote; ConfigurationError where they are not."""
+        top = load_mapping(Path(path), 'curves of the classifier')
+        planes = top.take('planes')
         try:
-            data = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
-            return cls({name: _plane(data['planes'][name]) for name in PLANES}, _shares(data['shares']))
-        except OSError as error:
-            raise _unusable(path, error.strerror or str(error)) from None
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            raise _unusable(path, ' '.join(str(error).split())) from None
+            return cls({name: _plane(planes[name]) for name in PLANES}, _shares(top.take('shares')))
         except KeyError as error:
             raise _unusable(path, f'no key {error}') from None
         except (TypeError, ValueError) as error:
@@ -105,9 +102,10 @@ def _plane(data: Mapping[str, Any]) -> Plane:
 def _shares(data: Mapping[str, Any]) -> np.ndarray:
     """Probabilities by band and answer; KeyError, TypeError, ValueError where they are none."""
     shares = np.array([data[shape.value] for shape in ANSWERS], float).swapaxes(0, 1)
-    if shares.shape != (len(BANDS), len(ANSWERS), len(ANSWERS)) or not (shares >= 0).all():
+    if shares.shape != (len(BANDS), len(ANSWERS), len(ANSWERS)) or not (shares >= 0).all() \
+            or not ((sums := shares.sum(2)) > 0).all() or not np.isfinite(sums).all():
         raise ValueError(f'shares that are not {len(BANDS)} rows of {len(ANSWERS)} probabilities an answer')
-    probabilities: np.ndarray = shares / shares.sum(2, keepdims=True)
+    probabilities: np.ndarray = shares / sums[..., np.newaxis]
     return probabilities
 
 

@@ -21,7 +21,7 @@ from tactile_node.skin.layout import (
     raw_range,
 )
 from tactile_node.skin.layout_rules import check_layout
-from tactile_node.yaml_section import Section, load_mapping
+from tactile_node.yaml_section import Section, load_mapping, shown
 
 UNITS = ('Pa', 'N', '1')  # '1': on/off
 
@@ -124,7 +124,7 @@ def _cob_id(section: Section) -> CobId:
         return parse_cob_id(written)
     except ValueError:
         section.refuse('cob_id', expected="an 11-bit COB-ID such as 0x1A0 or '$NODEID+0x180'",
-                       got=repr(written),
+                       got=shown(written),
                        remedy='Write it as in the EDS, without the flags of bits 29 to 31.')
 
 
