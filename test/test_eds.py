@@ -45,6 +45,16 @@ def test_umlauts_of_a_code_page_are_harmless(tmp_path):
     assert identity_of(dictionary, 'device.eds') == (0x12, None, None)
 
 
+@pytest.mark.parametrize('written', [
+    SMALL.replace('ParameterName', 'parametername').replace('DataType', 'DATATYPE').replace('Default', 'default'),
+    SMALL + '\x1a', SMALL.replace('\n', '\r\n') + '\x1a\x1a', SMALL.encode('utf-16'),
+    b'\xfe\xff' + SMALL.encode('utf-16-be')],
+    ids=['keys in another case', '^Z', '^Z after DOS lines', 'UTF-16', 'UTF-16, big-endian'])
+def test_what_vendors_tools_write_is_read(tmp_path, written):
+    dictionary = load_eds(write(tmp_path, written), 1)
+    assert identity_of(dictionary, 'device.eds') == (0x12, None, None)
+
+
 BAD = {
     'empty': ('', 'object sections'),
     'prose': ('This is no EDS.\n', 'section'),

@@ -1,6 +1,7 @@
 """Loads an EDS (CiA 306) through canopen. An error names the section and the key that canopen cannot read."""
 
 import re
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Callable
 from configparser import DuplicateOptionError, DuplicateSectionError, RawConfigParser
 from configparser import Error as ParserError
@@ -20,6 +21,13 @@ _SUBOBJECT = re.compile(r'([0-9A-Fa-f]{4})[Ss][Uu][Bb]([0-9A-Fa-f]+)')
 _INFO_NUMBERS = ('VendorNumber', 'ProductNumber', 'RevisionNumber', 'Granularity', 'NrOfRXPDO', 'NrOfTXPDO',
                  'SimpleBootUpMaster', 'SimpleBootUpSlave', 'DynamicChannelsSupported', 'GroupMessaging',
                  'LSS_Supported')
+#: as canopen looks for them; CiA 306 leaves the case open
+_KEYS = {key.lower(): key for key in (
+    *_INFO_NUMBERS, 'VendorName', 'ProductName', 'OrderCode', 'ParameterName', 'ObjectType', 'DataType', 'AccessType',
+    'DefaultValue', 'ParameterValue', 'PDOMapping', 'SubNumber', 'LowLimit', 'HighLimit', 'CompactSubObj',
+    'StorageLocation', 'Denotation', 'Factor', 'Unit', 'Description', 'SupportedObjects', 'NrOfEntries',
+    *(f'BaudRate_{rate}' for rate in (10, 20, 50, 125, 250, 500, 800, 1000)))}
+_END_OF_FILE = '\x1a'  #: of DOS: editors of the time of CiA 306 end a file with it
 _TITLES = {'deviceinfo': 'DeviceInfo', 'fileinfo': 'FileInfo'}
 _IGNORED = ('Comments', 'DummyUsage', 'DeviceComissioning')  # nothing in these concerns taxels
 _PLAIN_TYPES = ('0x7', '0x07', '7', '0x2', '0x02', '2')  # VAR and DOMAIN: these carry the value themselves
@@ -29,10 +37,10 @@ _import_eds: Callable[[StringIO, int], ObjectDictionary] = import_eds  # canopen
 
 
 class _Parser(RawConfigParser):
-    """Keeps keys as they are written; canopen expects them so."""
+    """Writes keys as canopen expects them."""
 
     def optionxform(self, optionstr: str) -> str:
-        return optionstr
+        return _KEYS.get(optionstr.lower(), optionstr)
 
 
 def load_eds(path: str | Path, node_id: int) -> ObjectDictionary:
@@ -42,7 +50,7 @@ def load_eds(path: str | Path, node_id: int) -> ObjectDictionary:
     """
     path = config_path(str(path))
     try:
-        text = _decode(path.read_bytes())
+        text = _decode(path.read_bytes()).split(_END_OF_FILE, 1)[0]
     except OSError as error:
         raise ConfigurationError(str(path), expected='an EDS file', got=error.strerror or str(error),
                                  remedy='Check the path and its permissions.') from error
@@ -56,6 +64,8 @@ def load_eds(path: str | Path, node_id: int) -> ObjectDictionary:
 
 
 def _decode(content: bytes) -> str:
+    if content.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+        return content.decode('utf-16', 'replace')
     try:
         return content.decode('utf-8-sig')
     except UnicodeDecodeError:  # vendors' tools write their national code page in names and comments
