@@ -21,7 +21,7 @@ ALLOWED = {
     'reproduction': {'helmholtz', 'shape', 'synthetic'},
     'library': {'calibration', 'contact', 'fusion', 'helmholtz', 'pose', 'shape'},
     'cia301': set(), 'frames': {'cia301'}, 'threads': set(), 'skin': {'cia301', 'frames'},
-    'assembly': {'cia301', 'frames', 'skin'}, 'recording': {'assembly', 'frames', 'skin', 'threads'},
+    'assembly': {'cia301', 'frames', 'skin'}, 'recording': {'assembly', 'cia301', 'frames', 'skin', 'threads'},
     'bus': {'assembly', 'cia301', 'frames', 'recording', 'skin', 'threads'},
     'supervision': {'bus', 'cia301', 'frames', 'skin', 'threads'},
     'simulator': {'bus', 'cia301', 'skin', 'synthetic'},

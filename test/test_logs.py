@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from can_bench import tiny_layout
 
+from tactile_node.cli.main import main
 from tactile_node.errors import LogError
 from tactile_node.frames.health import BusFault
 from tactile_node.frames.losses import LossReason
@@ -290,7 +291,7 @@ def test_a_log_of_two_buses_with_the_same_pad_is_refused_until_one_is_named(tmp_
     log, pads = tiny_log(tmp_path, *TWO_BUSES), tiny_pads(tmp_path)
     frames, source = play(log, pads)
     assert source.failure.fault is BusFault.LOG_UNUSABLE
-    assert all(part in source.failure.detail for part in ('0x181', 'can0 and on can1', 'replay_channel'))
+    assert all(part in source.failure.detail for part in ('SYNC', 'can0 and on can1', 'replay_channel'))
     assert not any(np.isfinite(frame.values[1:]).any() for _, frame in frames)
     for channel, value in (('can0', 0.0), ('can1', 20.0)):
         (_, frame), = play(log, pads, channel=channel)[0]
@@ -337,3 +338,76 @@ def test_a_recording_is_never_overwritten(tmp_path):
             writer.close()
             paths.append(writer.path.name)
         assert paths == [name, name.replace('a.', 'a-2.'), name.replace('a.', 'a-3.')]
+
+
+def two_skins(tmp_path, heartbeat):
+    """A log of skins 32 and 40 with the heartbeat of ``heartbeat``; the layout has eight TPDOs a range."""
+    lines = []
+    for k in range(3):
+        lines.append(f'(1.{k}00000) can0 080#')
+        lines += [f'(1.{k}00100) can0 {0x180 + 0x100 * (n // 8) + n % 8 + node:03X}#{node:02X}000000000000'
+                  + '00' for node in (32, 40) for n in range(32)]
+        lines += [f'(1.{k}00200) can0 {0x700 + node:03X}#05' for node in heartbeat]
+    path = tmp_path / 'two.log'
+    path.write_text('\n'.join(lines) + '\n')
+    return path
+
+
+@pytest.mark.parametrize('node_id, heartbeat, code', [
+    (36, (32, 40), 1), (32, (32, 40), 0), (36, (), 0), (32, (50,), 0)])
+def test_a_pad_put_together_from_two_others_is_reported(tmp_path, node_id, heartbeat, code, caplog):
+    """Its frames are complete, and none is lost."""
+    path = two_skins(tmp_path, heartbeat)
+    assert main(['replay', str(path), '--node-id', str(node_id)]) == code
+    assert ('Check the node-IDs' in caplog.text) == bool(code)
+
+
+def test_a_sync_of_another_bus_is_not_combined_with_a_pad(tmp_path):
+    sweep = ('can1', '080', ''), ('can0', '181', '0A0A'), ('can0', '281', '0A0A'), ('can0', '381', '0A0A')
+    lines = [f'({k}.{number}) {channel} {can_id}#{data}' for k in range(3)
+             for number, (channel, can_id, data) in enumerate(sweep)]
+    frames, source = play(tiny_log(tmp_path, *lines), tiny_pads(tmp_path))
+    assert source.failure is not None and 'SYNC on can1' in source.failure.detail
+    assert not any(np.isfinite(frame.values).any() for _, frame in frames)
+
+
+@pytest.mark.parametrize('name', ['X.LOG', 'x.log', 'x', 'x.gz', 'x.txt', 'x.LOG.GZ'])
+@pytest.mark.parametrize('is_gzip', [False, True])
+def test_candumps_text_is_read_under_any_name(tmp_path, name, is_gzip):
+    text = b'(1.000000) can0 080#\n(1.100000) can0 181#0A0B\n'
+    (tmp_path / name).write_bytes(gzip.compress(text) if is_gzip else text)
+    reader = CanLogReader(tmp_path / name)
+    assert [message.arbitration_id for message in reader] == [0x080, 0x181] and not reader.unread
+
+
+@pytest.mark.parametrize('line', ['  can0  181   [2]  0A 0B', ' (1.000000)  can0  181   [2]  0A 0B',
+                                  ' (2026-11-22 10:00:00.000000)  can0  181   [2]  0A 0B'])
+def test_what_candump_shows_on_a_terminal_is_refused_with_the_remedy(tmp_path, line):
+    (tmp_path / 'x.log').write_text(3 * (line + '\n'))
+    with pytest.raises(LogError, match='candump -L'):
+        list(CanLogReader(tmp_path / 'x.log'))
+
+
+@pytest.mark.parametrize('name', ['x.txt', 'x', 'x.log.zip'])
+def test_a_recording_that_could_not_be_replayed_is_refused(tmp_path, name):
+    with pytest.raises(LogError):
+        CanLogWriter(tmp_path / name)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize('suffix', ['.log', '.mcap', '.log.gz'])
+def test_recordings_that_begin_together_have_a_file_each(tmp_path, suffix):
+    """Both found the name free and wrote into one file."""
+    begin, writers = threading.Barrier(8), []
+
+    def record():
+        begin.wait(60)
+        writers.append(CanLogWriter(tmp_path / f'x{suffix}'))
+    threads = [threading.Thread(target=record) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(60)
+    for writer in writers:
+        writer.close()
+    assert len({writer.path for writer in writers}) == 8

@@ -33,7 +33,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Play the log to its end; 1 when it held no taxels of these pads or was interrupted."""
+    """Play the log to its end; 1 when it held no taxels of these pads, or those of others, or was interrupted."""
     pads = make_pads([args.layout], node_ids_of(args))
     with ExitStack() as stack:  # before the log is played: what cannot be written is reported at once
         outputs = {name: stack.enter_context(output_file(path, inputs=(args.log,)) if path else _standard_output())
@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
         print(f'{args.log}: {played.source.summary}', file=sys.stderr)
     if not played.used:
         print('A pad has no TPDO in this log: check --node-id and --layout.', file=sys.stderr)
-    return 0 if played.has_ended and played.used else 1
+    return 0 if played.has_ended and played.used and not played.source.strangers else 1
 
 
 def _outputs(output: str | None, pads: tuple[PadSettings, ...]) -> dict[str, Path | None]:

@@ -1,10 +1,12 @@
-"""Reads CAN logs by suffix: python-can's (candump ``.log``, ``.asc``, ``.blf``, ``.log.gz``...) and ROS 2 bags."""
+"""Reads CAN logs: candump's by their text, python-can's others by suffix (``.asc``, ``.blf``...), and ROS 2 bags."""
 
 import gzip
 import os
+import re
 import zlib
 from collections.abc import Iterator
 from datetime import datetime, timezone
+from io import BufferedReader
 from pathlib import Path
 from typing import NoReturn
 
@@ -17,14 +19,33 @@ from tactile_node.recording.bag_log import BagCanReader, is_bag
 from tactile_node.recording.stray_stamps import without_strays
 
 TEXT_SUFFIXES = ('.log', '.asc', '.trc')
+CANDUMP = re.compile(rb'\(\d+\.\d+\) \S+ [0-9A-Fa-f]{3,8}#')                #: `candump -L`
+CONSOLE = re.compile(rb'\s*(\([\d. :-]+\)\s+)?\S+\s+[0-9A-Fa-f]{3,8}\s+\[\d+\]')  #: `candump can0`, for people
+GZIP, HEAD = b'\x1f\x8b', 4096
 
 
 def _reader(path: str) -> MessageReader:
     """python-can's; ASC files hold their begin, and only with this option their stamps count from it."""
-    suffixes = Path(path).suffixes[-2:]
+    suffixes = [suffix.lower() for suffix in Path(path).suffixes[-2:]]
+    with open(path, 'rb') as file:
+        is_gzip = file.read(len(GZIP)) == GZIP
+    with gzip.open(path) if is_gzip else open(path, 'rb') as stream:
+        head = _head(stream)
+    if CANDUMP.match(head):
+        return CanutilsLogReader(gzip.open(path, 'rt') if is_gzip else path)
+    if CONSOLE.match(head):
+        raise LogError(path, expected='a log with the stamps of its CAN frames', got='what candump shows on a terminal',
+                       remedy='Record with `tactile record`, or with candump -L.')
     if '.asc' not in suffixes:
         return can.LogReader(path)
-    return can.ASCReader(gzip.open(path, 'rt') if suffixes[-1] == '.gz' else path, relative_timestamp=False)
+    return can.ASCReader(gzip.open(path, 'rt') if is_gzip else path, relative_timestamp=False)
+
+
+def _head(stream: gzip.GzipFile | BufferedReader) -> bytes:
+    try:
+        return stream.read(HEAD)
+    except (EOFError, OSError, zlib.error):  # damaged: what reads it all says where
+        return b''
 
 
 def _shortfall(reader: MessageReader | BagCanReader, path: Path) -> str:
@@ -36,9 +57,11 @@ def _shortfall(reader: MessageReader | BagCanReader, path: Path) -> str:
 
 def _ends_within_a_line(path: Path) -> bool:
     """Whether a text log's last line lacks its end: what is left of it may read as another frame."""
-    if path.suffix not in TEXT_SUFFIXES or not path.stat().st_size:
+    if path.suffix.lower() not in TEXT_SUFFIXES or not path.stat().st_size:
         return False
     with path.open('rb') as file:
+        if file.read(len(GZIP)) == GZIP:
+            return False  # its end is checked by gzip
         file.seek(-1, os.SEEK_END)
         return file.read() not in (b'\n', b'\r')
 

@@ -14,6 +14,7 @@ from tactile_node.frames.consumer import Consumer, OnFrame
 from tactile_node.frames.fault_text import failure_text
 from tactile_node.frames.health import BusFault, BusHealth, Failure
 from tactile_node.frames.losses import BusStatistics
+from tactile_node.recording.heard_nodes import HeardNodes
 from tactile_node.recording.log_reader import CanLogReader
 from tactile_node.recording.played_times import PlayedTimes
 from tactile_node.recording.stray_stamps import SET_BACK
@@ -43,12 +44,14 @@ class LogSource:
         self._path = path
         self._pace = pace
         self._loop = loop
-        self._channels: dict[int, str] = {}  # of each TPDO
+        self._channels: dict[int, str] = {}  # of each TPDO and of SYNC
+        self._sync_id = pads[0].layout.sync_cob_id if pads[0].layout.needs_sync else None
         self._consumer = Consumer(on_frame)
         self._router = Router(tuple(pads), self._consumer, drop_incomplete=drop_incomplete)
         self._channel = channel
         self._reader: CanLogReader | None = None
         self._messages: Iterator[can.Message] | None = None
+        self._heard = HeardNodes(pads)
         self._thread = StoppableThread(self._play, 'replay')
         self.finished = threading.Event()  #: the log has ended, or failed
         self._unread = 0  # of the rounds before this one
@@ -102,6 +105,11 @@ class LogSource:
         self._router.drop_incomplete(drop_incomplete)
 
     @property
+    def strangers(self) -> dict[str, list[int]]:
+        """By pad: nodes heard that would send its COB-IDs, while its own were not heard. Its taxels may be theirs."""
+        return self._heard.strangers()
+
+    @property
     def summary(self) -> str:
         """What was read so far, as a sentence; empty before ``open``."""
         return '' if self._reader is None else self._reader.summary
@@ -145,6 +153,7 @@ class LogSource:
                 if self._on_time is not None:
                     self._on_time(message.timestamp)
                 self._check_channel(message)
+                self._heard.feed(message.arbitration_id)
                 self._router.feed_message(message)
                 if stopping.is_set():
                     return
@@ -154,18 +163,27 @@ class LogSource:
             self._fail(BusFault.INTERNAL_ERROR, f'{self._path}: {type(error).__name__}: {error}')
             logger.exception('playing %s', self._path)
         self._router.end()
+        for pad, strangers in self.strangers.items():
+            logger.warning('%s: no heartbeat of pad %s, but those of node %s, which sends some of the same COB-IDs. '
+                           'Check the node-IDs: the taxels may be of other pads.', self._path, pad,
+                           ', '.join(map(str, strangers)))
         self.finished.set()
         logger.info('%s has ended: %s', self._path, self.summary)
 
     def _check_channel(self, message: can.Message) -> None:
-        """Two skins of the same node-ID on two buses would become one."""
+        """Two skins of the same node-ID on two buses would become one; a SYNC of another bus would stamp this one's."""
         can_id, channel = message.arbitration_id, str(message.channel)
-        if message.is_extended_id or can_id not in self._router.can_ids:
+        if message.is_extended_id or can_id not in self._router.can_ids and can_id != self._sync_id:
             return
         if self._channels.setdefault(can_id, channel) != channel:
-            raise LogError(self._path, expected=f'0x{can_id:03X}, a pad\'s CAN frame, on one bus',
-                           got=f'it on {self._channels[can_id]} and on {channel}',
+            raise LogError(self._path, got=f'it on {self._channels[can_id]} and on {channel}',
+                           expected=f'0x{can_id:03X}, {"SYNC" if can_id == self._sync_id else "a TPDO"}, on one bus',
                            remedy='Name the bus to play: replay_channel, or --channel of tactile replay.')
+        of_sync = channel if self._sync_id is None else self._channels.get(self._sync_id, channel)
+        if of_sync != channel:
+            raise LogError(self._path, expected='a pad and its SYNC on one bus',
+                           got=f'SYNC on {of_sync}, 0x{can_id:03X} on {channel}',
+                           remedy='Record the bus of the pad from its begin, or name it: replay_channel, --channel.')
 
     def _fail(self, fault: BusFault, detail: str) -> None:
         self.failure = Failure(fault, detail)

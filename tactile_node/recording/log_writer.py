@@ -1,4 +1,4 @@
-"""Writes CAN logs by suffix: python-can's formats (candump ``.log``, ``.asc``, ``.blf``, ``.log.gz``...) and MCAP."""
+"""Writes CAN logs by suffix: python-can's formats that can be replayed, and MCAP."""
 
 import logging
 import threading
@@ -13,13 +13,14 @@ from tactile_node.recording.bag_log import McapCanWriter
 logger = logging.getLogger(__name__)
 
 FLUSH_PERIOD = 0.5  # s: what a killed recording loses at most
+SUFFIXES = ('.log', '.log.gz', '.asc', '.asc.gz', '.blf', '.csv', '.trc', '.db', '.mcap')  #: what can be replayed
 
 
 class CanLogWriter:
     """Writes CAN messages to a log as they are received; thread-safe.
 
     An existing file is never overwritten: ``path`` is the one that is written, ``session-2.log`` where
-    ``session.log`` exists. Every format is flushed every FLUSH_PERIOD (.db by python-can, every 5 s): a killed
+    ``session.log`` exists. Every format is flushed every FLUSH_PERIOD: a killed
     process loses at most that.
     ``unwritten`` counts messages that the format cannot hold, and those after the recording has failed (a full
     disk): it ends then, ``failure`` has the reason, which is also logged, and nothing else is affected. Raises
@@ -34,11 +35,11 @@ class CanLogWriter:
         self.failure = ''
         self._writer: MessageWriter | McapCanWriter | None
         try:
-            self.path = _unused(Path(path))
+            self.path = _new_file(Path(path))
             self._writer = McapCanWriter(self.path) if self.path.suffix == '.mcap' else can.Logger(str(self.path))
         except (OSError, ValueError, ImportError) as error:
             raise LogError(str(path),
-                           expected='a log file that can be written (.log, .log.gz, .asc, .blf, .trc, .mcap...)',
+                           expected=f'a log file that can be written ({", ".join(SUFFIXES)})',
                            got=str(error), remedy='Check folder, permissions and suffix.') from error
         self._closed = threading.Event()
         threading.Thread(target=self._keep_flushed, name='log', daemon=True).start()
@@ -111,14 +112,22 @@ def _write_blf_header(writer: can.BLFWriter) -> None:
     writer.file.flush()
 
 
-def _unused(path: Path) -> Path:
-    """``path``, or with the first number from 2 on that makes it new: log.gz keeps both of its suffixes."""
+def _new_file(path: Path) -> Path:
+    """Make ``path``, or with the first number from 2 on that makes it new: log.gz keeps both of its suffixes.
+
+    It exists from then on, so that another recording, started together with this one, gets another number.
+    """
     suffix = ''.join(path.suffixes[-2:]) if path.suffix == '.gz' else path.suffix
+    if suffix.lower() not in SUFFIXES:
+        raise ValueError(f'the suffix {suffix!r}, whose logs cannot be replayed' if suffix else 'no suffix')
     candidate, number = path, 2
-    while candidate.exists():
-        candidate = path.with_name(f'{path.name.removesuffix(suffix)}-{number}{suffix}')
-        number += 1
-    return candidate
+    while True:
+        try:
+            candidate.open('xb').close()
+            return candidate
+        except FileExistsError:
+            candidate = path.with_name(f'{path.name.removesuffix(suffix)}-{number}{suffix}')
+            number += 1
 
 
 def _fits_trc(message: can.Message) -> bool:
