@@ -12,6 +12,7 @@ from bench.recognition.contest import ORDER, OURS, Result
 matplotlib.use('Agg')
 import matplotlib.pyplot as plt  # noqa: E402
 
+WIDTH = 118  #: of the page's text
 KIND = {True: 'on/off', False: 'pressures'}
 GENERATED = '<!-- Written by bench/bench_recognition.py; not to be edited. -->\n'
 
@@ -29,7 +30,7 @@ class Table:
         self.rows.append([str(value) for value in row])
 
     def markdown(self) -> str:
-        lines = [f'## {self.heading}\n', self.text, '', '| ' + ' | '.join(self.columns) + ' |',
+        lines = [f'## {self.heading}\n', textwrap.fill(self.text, WIDTH, break_on_hyphens=False), '', '| ' + ' | '.join(self.columns) + ' |',
                  '| ' + ' | '.join('---' for _ in self.columns) + ' |']
         return '\n'.join([*lines, *('| ' + ' | '.join(row) + ' |' for row in self.rows), ''])
 
