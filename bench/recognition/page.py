@@ -30,7 +30,8 @@ class Table:
         self.rows.append([str(value) for value in row])
 
     def markdown(self) -> str:
-        lines = [f'## {self.heading}\n', textwrap.fill(self.text, WIDTH, break_on_hyphens=False), '', '| ' + ' | '.join(self.columns) + ' |',
+        text = textwrap.fill(self.text, WIDTH, break_on_hyphens=False)
+        lines = [f'## {self.heading}\n', text, '', '| ' + ' | '.join(self.columns) + ' |',
                  '| ' + ' | '.join('---' for _ in self.columns) + ' |']
         return '\n'.join([*lines, *('| ' + ' | '.join(row) + ' |' for row in self.rows), ''])
 
