@@ -299,9 +299,56 @@ def tpdos_switched_off_by_another_master(channel: str) -> FaultBench:
         for number, can_id in zip(ALL_TPDOS, COB_IDS):
             bench.send(0x620, f'23{number - 1:02X}1801{can_id & 0xFF:02X}{can_id >> 8:02X}0080')
         bench.end_of_cause()
-        bench.detect(NodeFault.NO_TAXELS)
+        bench.detect(NodeFault.RECONFIGURED)
         bench.recover()
     return bench
+
+
+def tpdo_remapped_by_another_master(channel: str) -> FaultBench:
+    """Another master exchanges the taxels of TPDO 1: none of its values is given, and the mapping is written again."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        for request in ('23001801A0010080',                                      # TPDO 1 off
+                        '2F001A0000000000', '23001A0110043071', '23001A0210033071',  # sub 4 and 3 in place of 1 and 2
+                        '23001A0310023071', '23001A0410013071', '2F001A0004000000', '23001801A0010000'):
+            bench.send(0x620, request)
+            time.sleep(0.005)
+        bench.end_of_cause()
+        bench.detect(NodeFault.RECONFIGURED)
+        bench.recover()
+        assert bench.node().distrusted > 0
+    return bench
+
+
+def tpdo_slowed_down_by_another_master(channel: str) -> FaultBench:
+    """Another master lets TPDO 1 answer every second SYNC: it is reported, and written again."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        bench.send(0x620, '2F00180202000000')
+        bench.end_of_cause()
+        bench.detect(NodeFault.RECONFIGURED)
+        bench.recover()
+    return bench
+
+
+def one_tpdo_switched_off_by_another_master(channel: str) -> FaultBench:
+    """One of sixteen TPDOs is off: the others flow, it is reported, and switched on again."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        bench.send(0x620, '23021801A2010080')
+        bench.end_of_cause()
+        bench.detect(NodeFault.RECONFIGURED)
+        bench.recover()
+    return bench
+
+
+def transmission_type_ignored(channel: str) -> FaultBench:
+    """A device confirms the transmission type and keeps another: it is refused, not run with half of its frames."""
+    def other(message: can.Message) -> list[can.Message]:  # an answer to a read of 0x1800 sub 2
+        if message.data[0] == 0x4F and bytes(message.data[1:4]) == bytes.fromhex('001802'):
+            message = _with_data(message, bytes(message.data[:4]) + bytes.fromhex('02000000'))
+        return [message]
+    return _configuration_disturbed(channel, other, '0x1800 sub 2', '0x02')
 
 
 def sync_of_another_producer_stops(channel: str) -> FaultBench:
@@ -723,7 +770,9 @@ FAULTS: tuple[Callable[[str], FaultBench], ...] = (
     boot_up_message_lost, another_device_comes_back, reset_by_another_master, all_reset_by_another_master,
     stopped_by_another_master, refuses_operational, adapter_unplugged, sending_fails, bus_off, error_frames,
     heartbeat_lost_while_taxels_flow, heartbeat_switched_off_by_another_master, taxels_lost_while_heartbeat_flows,
-    tpdos_switched_off_by_another_master, sync_of_another_producer_stops, emcy_storm, short_emcy, foreign_frames,
+    tpdos_switched_off_by_another_master, tpdo_remapped_by_another_master, tpdo_slowed_down_by_another_master,
+    one_tpdo_switched_off_by_another_master, transmission_type_ignored, sync_of_another_producer_stops, emcy_storm,
+    short_emcy, foreign_frames,
     absent_pad_of_two, tpdos_lost, tpdos_duplicated, tpdos_reordered, short_tpdos, over_long_tpdos,
     sdo_aborted_in_configuration, sdo_timeout_in_mid_configuration, device_that_lies_about_its_mapping, queue_overrun,
     wall_clock_set_back, wall_clock_set_forward, disk_full_while_recording, fails_while_inactive,

@@ -4,9 +4,12 @@ from collections.abc import Callable, Iterable
 
 import can
 
-from tactile_node.cia301.connection_set import EMCY, HEARTBEAT, NMT
+from tactile_node.cia301.connection_set import EMCY, HEARTBEAT, NMT, SDO_REQUEST
 from tactile_node.cia301.emergency import EmergencyLog
 from tactile_node.cia301.heartbeat import Heartbeats
+from tactile_node.cia301.objects import COB_ID_SYNC, TPDO_COMMUNICATION, TPDO_MAPPING
+from tactile_node.cia301.pdo import MAX_TPDOS
+from tactile_node.cia301.sdo import written_object
 from tactile_node.frames.health import ErrorCounters, ForeignCommand
 
 #: linux/can/error.h: bits of an error frame's identifier; of byte 1 when the controller reports
@@ -15,13 +18,18 @@ PASSIVE, ACTIVE = 0x30, 0x40
 #: bits of a standard frame by its data bytes: 47 and 8 a byte, and the most that bit stuffing adds
 FRAME_BITS = tuple(47 + 8 * n + (34 + 8 * n - 1) // 4 for n in range(9))
 
+#: objects that decide what TPDOs a node sends, and when
+DECIDES_TPDOS = frozenset((COB_ID_SYNC, *range(TPDO_COMMUNICATION, TPDO_COMMUNICATION + MAX_TPDOS),
+                           *range(TPDO_MAPPING, TPDO_MAPPING + MAX_TPDOS)))
+
 Feed = Callable[[int, bytes], None]
 
 
 class BusMonitor:
     """Fed on the notifier's thread, read from any; lasts while the bus is closed and opened again.
 
-    ``on_news()`` is called when a node's state changes or another master sends a command; it must return at once.
+    ``on_news()`` is called when a node's state changes or another master sends a command or changes what a node sends;
+    it must return at once.
     """
 
     def __init__(self, node_ids: Iterable[int], on_news: Callable[[], None] = lambda: None):
@@ -32,12 +40,14 @@ class BusMonitor:
         self.bits = 0
         self.foreign_commands = 0
         self.last_command: ForeignCommand | None = None  #: of another master to one of our nodes
+        self.foreign_writes = dict.fromkeys(self.emergencies, 0)  #: of another master, to what decides a node's TPDOs
         self.is_error_passive = False
         self.error_counters = ErrorCounters()
         self._watched: dict[int, Feed] = {NMT: self._command}
         for node_id in self.emergencies:
             self._watched[HEARTBEAT + node_id] = self._heartbeat
             self._watched[EMCY + node_id] = self._emergency
+            self._watched[SDO_REQUEST + node_id] = self._request
 
     def restart(self) -> None:
         """The bus was opened again."""
@@ -77,6 +87,12 @@ class BusMonitor:
 
     def _emergency(self, can_id: int, data: bytes) -> None:
         self.emergencies[can_id - EMCY].feed(data)
+
+    def _request(self, can_id: int, data: bytes) -> None:
+        """Own requests are not received. What this one writes may not mean what the layout says."""
+        if written_object(data) in DECIDES_TPDOS:
+            self.foreign_writes[can_id - SDO_REQUEST] += 1
+            self._on_news()
 
     def _command(self, _can_id: int, data: bytes) -> None:
         """Own commands are not received, so this one is another master's."""

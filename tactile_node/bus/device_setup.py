@@ -112,7 +112,7 @@ class DeviceSetup:
         if not same_mapping:
             self._write_mapping(mapping, entries)
         self._write(communication, 1, wanted, 4)
-        self._verify(tpdo, communication, wanted)
+        self._verify(tpdo, communication, wanted, kind)
         return True
 
     def _mapping(self, index: int) -> MappingEntries:
@@ -127,7 +127,10 @@ class DeviceSetup:
         if (now := self._mapping(index)) != entries:
             self._refuse_other_value(f'0x{index:04X}', _mapping_text(entries), _mapping_text(now))
 
-    def _verify(self, tpdo: TpdoLayout, index: int, wanted: int) -> None:
+    def _verify(self, tpdo: TpdoLayout, index: int, wanted: int, kind: int) -> None:
+        if (kind_now := self._read(index, 2)) != kind:
+            self._refuse_other_value(f'0x{index:04X} sub 2 (transmission type of TPDO {tpdo.number})',
+                                     f'0x{kind:02X}', f'0x{kind_now:02X}')
         now = self._read(index, 1)
         if now & (DISABLED | ID_MASK) != wanted & ID_MASK:
             self._refuse_other_value(f'0x{index:04X} sub 1 (COB-ID of TPDO {tpdo.number})', f'0x{wanted:08X}',

@@ -10,7 +10,9 @@ from canopen.sdo.constants import (
     CRC_SUPPORTED,
     END_BLOCK_TRANSFER,
     INITIATE_BLOCK_TRANSFER,
+    REQUEST_BLOCK_DOWNLOAD,
     REQUEST_BLOCK_UPLOAD,
+    REQUEST_DOWNLOAD,
     RESPONSE_BLOCK_UPLOAD,
     START_BLOCK_UPLOAD,
 )
@@ -40,3 +42,17 @@ class AbortCode(IntEnum):
     PDO_TOO_LONG = 0x0604_0042
     INVALID_VALUE = 0x0609_0030
     WRONG_DEVICE_STATE = 0x0800_0022
+
+
+def written_object(request: bytes) -> int | None:
+    """Return the index that an SDO client begins to write; None for any other request.
+
+    >>> hex(written_object(bytes.fromhex('2F001A0000000000')))
+    '0x1a00'
+    >>> written_object(bytes.fromhex('40001A0000000000'))  # an upload
+    """
+    if len(request) != SDO_BYTES:
+        return None
+    command = request[0]
+    is_block = command & COMMAND == REQUEST_BLOCK_DOWNLOAD and not command & END_BLOCK_TRANSFER
+    return int.from_bytes(request[1:3], 'little') if is_block or command & COMMAND == REQUEST_DOWNLOAD else None

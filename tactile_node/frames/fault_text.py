@@ -18,6 +18,7 @@ PHRASES: Mapping[NodeFault | BusFault, str] = MappingProxyType({
     NodeFault.NO_SYNC: 'it waits for SYNC, which no other device sends',
     NodeFault.NO_TAXELS: 'it is OPERATIONAL but sends no usable taxels',
     NodeFault.AWAITING_TAXELS: 'its taxels are not back yet',
+    NodeFault.RECONFIGURED: 'another CANopen master has changed its TPDOs',
     BusFault.NOT_KNOWN: 'the fault is not known',
     BusFault.NONE: 'no fault',
     BusFault.NOT_OPENED: 'the CAN bus cannot be opened',

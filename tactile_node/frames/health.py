@@ -21,6 +21,7 @@ class NodeFault(Enum):
     NO_SYNC = 7          #: the device that produces SYNC sends none
     NO_TAXELS = 8        #: OPERATIONAL without usable taxels
     AWAITING_TAXELS = 9  #: its outage has not ended yet, though nothing else is wrong with it
+    RECONFIGURED = 10    #: another master has written to its TPDO configuration
 
     @property
     def is_fault(self) -> bool:

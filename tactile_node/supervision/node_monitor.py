@@ -1,5 +1,7 @@
 """Detects the fault of one CANopen node by what is received of it. Times are of the monotonic clock [s]."""
 
+from typing import NamedTuple
+
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.cia301.nmt import NmtState
 from tactile_node.frames.health import Failure, NodeFault, NodeHealth
@@ -9,6 +11,13 @@ from tactile_node.supervision.outage import Backoff, OutageClock
 from tactile_node.threads.reminder import Reminder
 
 GRACE = 0.3  # s a node has to obey a command and to report it: three heartbeats
+
+
+class Setup(NamedTuple):
+    """Counts of what changes a node's configuration: while they stay, so does what was written."""
+
+    boots: int           #: boot-up messages
+    foreign_writes: int  #: of another master
 
 
 class NodeMonitor:
@@ -30,7 +39,7 @@ class NodeMonitor:
         self.fault = NodeFault.NOT_KNOWN
         self.distrusted = 0  #: taxel frames given without values, because the node was not configured
         self._emergencies_reported = 0
-        self._configured_boots: int | None = None
+        self._configured: Setup | None = None
         self._since = 0.0  # when the bus was opened
         self._commanded = 0.0
         self._sync_at = 0.0
@@ -50,19 +59,24 @@ class NodeMonitor:
         return self._heartbeats.boots(self.node.node_id)
 
     @property
+    def setup(self) -> Setup:
+        """What has changed its configuration so far."""
+        return Setup(self.boots, self._monitor.foreign_writes[self.node.node_id])
+
+    @property
     def is_trusted(self) -> bool:
-        """Its TPDOs mean what the layout says: it has not started again since it was configured."""
-        return self._configured_boots == self.boots
+        """Its TPDOs mean what the layout says: since it was configured it has not started again, nor been changed."""
+        return self._configured == self.setup
 
     def expect(self, now: float) -> None:
         """The bus was opened: from now on the node should send, and has to be configured."""
         self._since = now
-        self._configured_boots = None
+        self._configured = None
         self.backoff.reset()
 
-    def configured(self, boots: int) -> None:
-        """It was configured after ``boots`` boot-ups."""
-        self._configured_boots = boots
+    def configured(self, setup: Setup) -> None:
+        """It was configured, from the state ``setup`` on."""
+        self._configured = setup
 
     def commanded(self, now: float, pad: PadStatistics) -> None:
         """It was started, or its taxels are expected from now on for another reason."""
@@ -126,7 +140,9 @@ class NodeMonitor:
         if not self.is_trusted and is_silent:
             return NodeFault.SILENT
         if not self.is_trusted:
-            return NodeFault.UNCONFIGURED if self._configured_boots is None else NodeFault.BOOTED
+            if self._configured is None:
+                return NodeFault.UNCONFIGURED
+            return NodeFault.RECONFIGURED if self._configured.boots == self.boots else NodeFault.BOOTED
         has_data = is_active and now - self.data_at <= self._data_timeout
         if is_silent:
             return NodeFault.NO_HEARTBEAT if has_data else NodeFault.SILENT

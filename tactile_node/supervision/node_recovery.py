@@ -101,9 +101,9 @@ class NodeRecovery:
     def _configure(self, monitor: NodeMonitor, timeout: float, tries: int = 1, pause: bool = True) -> None:
         """Configure a node; when it boots meanwhile, once more, as long as there are tries."""
         for _ in range(tries):
-            boots = monitor.boots
+            setup = monitor.setup
             self._bus.configure_node(monitor.node, timeout, pause)
-            monitor.configured(boots)
+            monitor.configured(setup)
             if monitor.is_trusted:
                 return
 
