@@ -13,9 +13,8 @@ import can
 from canopen import Network, ObjectDictionary
 from canopen.sdo import SdoClient
 
+from tactile_node.bus.own_sdo import OwnSdoClient
 from tactile_node.bus.slcan_bus import BulkSlcanBus
-from tactile_node.cia301.connection_set import SDO_REQUEST, SDO_RESPONSE
-from tactile_node.cia301.sdo import SDO_BYTES
 from tactile_node.errors import BusError
 from tactile_node.frames.health import BusFault
 from tactile_node.recording.log_writer import CanLogWriter
@@ -98,20 +97,19 @@ class BusNetwork(Network):
                                remedy='Check cable, termination and the other nodes.') from error
 
     @contextmanager
-    def sdo_client(self, node_id: int, dictionary: ObjectDictionary) -> Iterator[SdoClient]:
-        """SDO with one device, one at a time. Not canopen's RemoteNode: that also keeps every EMCY for ever."""
-        client = SdoClient(SDO_REQUEST + node_id, SDO_RESPONSE + node_id, dictionary)
-        client.network = self
+    def sdo_client(self, node_id: int, dictionary: ObjectDictionary, timeout: float) -> Iterator[SdoClient]:
+        """SDO with one device, one at a time; each answer may take ``timeout`` [s].
 
-        def on_response(can_id: int, data: bytearray, timestamp: float) -> None:
-            if len(data) == SDO_BYTES:  # canopen stumbles over shorter ones
-                client.on_response(can_id, data, timestamp)
+        Not canopen's RemoteNode: that also keeps every EMCY for ever.
+        """
+        client = OwnSdoClient(node_id, dictionary, timeout)
+        client.network = self
         with self._sdo_turns[node_id]:
-            self.subscribe(client.tx_cobid, on_response)
+            self.subscribe(client.tx_cobid, client.on_response)
             try:
                 yield client
             finally:
-                self.unsubscribe(client.tx_cobid, on_response)
+                self.unsubscribe(client.tx_cobid, client.on_response)
 
     def close(self) -> None:
         """Stop receiving and close the bus; allowed on a dead bus. The recording stays open."""

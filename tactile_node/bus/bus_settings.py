@@ -19,6 +19,8 @@ class BusSettings:
     sync_period: float = 0.02  #: [s]
     produce_sync: bool = True  #: False: another device sends SYNC
     boot_timeout: float = 5.0  #: how long each device may take to answer [s]
+    sdo_timeout: float = 0.3  #: how long each answer by SDO may take [s]
+    sdo_retries: int = 3  #: further requests where there is no answer
     heartbeat_ms: int = 100  #: written to each device's 0x1017
     queue_limit: int = 20_000  #: CAN frames that may wait for the worker
     drop_incomplete: bool = False  #: withhold and count a sweep that lacks TPDOs; else it is given with NaN

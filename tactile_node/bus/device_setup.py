@@ -36,8 +36,9 @@ MappingEntries = list[int] | None  # of a mapping record; None: an MPDO with sou
 class DeviceSetup:
     """The steps of one node's device; each raises DeviceError when the device does not comply."""
 
-    def __init__(self, sdo: SdoClient, node: CanopenNode, heartbeats: Heartbeats):
+    def __init__(self, sdo: SdoClient, node: CanopenNode, heartbeats: Heartbeats, retries: int):
         self._sdo = sdo
+        self._tries = 1 + retries
         self._node = node
         self._heartbeats = heartbeats
         self._label = node.label
@@ -166,16 +167,20 @@ class DeviceSetup:
             self._refuse(f'be set to 0x{value:X}', index, sub, error)
 
     def _retried(self, verb: str, index: int, sub: int, request: Callable[[], Answer]) -> Answer:
-        """What ``request`` returns; it is repeated once when there is no answer."""
-        try:
-            return request()
-        except SdoCommunicationError:
-            pass
+        """What ``request`` returns; it is repeated when there is no answer. Raises DeviceAbsentError."""
+        for _ in range(self._tries - 1):
+            try:
+                return request()
+            except SdoCommunicationError:
+                pass
         try:
             return request()
         except SdoCommunicationError as error:
-            raise DeviceError(f'{self._label}, object 0x{index:04X} sub {sub}', expected=f'an answer to a {verb}',
-                              got=str(error), remedy='Check the wiring and whether the device is on.') from error
+            timeout = self._tries * self._sdo.RESPONSE_TIMEOUT
+            raise DeviceAbsentError(f'{self._label}, object 0x{index:04X} sub {sub}', got=str(error),
+                                    expected=f'an answer to a {verb} within {timeout:g} s',
+                                    remedy='Check the wiring and whether the device is on; a slow one needs a larger '
+                                    'sdo_timeout.') from error
 
     def _refuse(self, what: str, index: int, sub: int, error: SdoAbortedError) -> NoReturn:
         raise DeviceError(f'{self._label}, object 0x{index:04X} sub {sub}', expected=f'that it can {what}',

@@ -4,8 +4,10 @@ import logging
 import time
 from collections import Counter
 from collections.abc import Callable, Collection
+from contextlib import AbstractContextManager
 
 import can
+from canopen.sdo import SdoClient
 
 from tactile_node.assembly.router import Router
 from tactile_node.bus.auto_zero import auto_zero
@@ -33,6 +35,7 @@ logger = logging.getLogger(__name__)
 # Interfaces that stamp reception by the clock our own SYNC is stamped by
 HOST_STAMPED = ('socketcan', 'virtual')
 CONSUMER_TIMEOUT = 2.0  # s that close() waits for an on_frame under way
+START_AGAIN = 1.3  # s between two NMT starts of a node that does not become OPERATIONAL
 
 
 class SkinBus:
@@ -99,8 +102,8 @@ class SkinBus:
         """Configure one of a pad's nodes, found within ``boot_timeout`` [s]; without ``pause`` while it sends."""
         if pause:
             self._command(NmtCommand.ENTER_PRE_OPERATIONAL, node)
-        with self._opened().sdo_client(node.node_id, node.dictionary) as sdo:
-            setup = DeviceSetup(sdo, node, self._monitor.heartbeats)
+        with self._sdo_client(node) as sdo:
+            setup = DeviceSetup(sdo, node, self._monitor.heartbeats, self._settings.sdo_retries)
             is_block = setup.run(boot_timeout, self._settings.heartbeat_ms)
         if node.node_id in self._polls:
             self._polls[node.node_id].by_block = is_block
@@ -115,7 +118,7 @@ class SkinBus:
         for node in self._nodes:
             if node.pad == pad:
                 try:
-                    with self._opened().sdo_client(node.node_id, node.dictionary) as sdo:
+                    with self._sdo_client(node) as sdo:
                         zeroed += auto_zero(sdo, node.dictionary, node.label)
                 except (DeviceError, BusError) as error:
                     if not zeroed:
@@ -214,12 +217,21 @@ class SkinBus:
             raise BusError('CAN bus', expected='an open bus', got='a closed one', remedy='Call open() first.')
         return self._network
 
+    def _sdo_client(self, node: CanopenNode) -> AbstractContextManager[SdoClient]:
+        return self._opened().sdo_client(node.node_id, node.dictionary, self._settings.sdo_timeout)
+
     def _command(self, command: NmtCommand, node: CanopenNode) -> None:
         self._opened().send_message(NMT, bytes([command, node.node_id]))
 
     def _confirm_operational(self, node: CanopenNode, since: float) -> None:
-        timeout = 1.0 + 3e-3 * self._settings.heartbeat_ms
-        if not self._monitor.heartbeats.wait_for(node.node_id, NmtState.OPERATIONAL, since, timeout):
+        """Wait for it as long as for its first answer; the command is sent again and again, for it may be lost."""
+        end = time.monotonic() + max(self._settings.boot_timeout, START_AGAIN)
+        is_operational = False
+        while not is_operational and time.monotonic() < end:
+            is_operational = self._monitor.heartbeats.wait_for(node.node_id, NmtState.OPERATIONAL, since, START_AGAIN)
+            if not is_operational:
+                self._command(NmtCommand.START, node)
+        if not is_operational:
             state = self._monitor.heartbeats.state(node.node_id)
             heard = 'no heartbeat' if state is None else f'its heartbeat ({state_name(state)})'
             self.stop()
@@ -235,7 +247,7 @@ class SkinBus:
     def _polling(self, node: CanopenNode, domain: DomainLayout) -> DomainPolling:
         return DomainPolling(
             domain, node.label, self._settings.sync_period,
-            open_sdo=lambda: self._opened().sdo_client(node.node_id, node.dictionary), on_failure=self._fail)
+            open_sdo=lambda: self._sdo_client(node), on_failure=self._fail)
 
     def _send_sync(self) -> None:
         try:

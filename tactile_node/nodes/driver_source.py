@@ -12,6 +12,8 @@ from tactile_node.skin.pad_rules import live_pads
 from tactile_node.skin.pads import PadSettings, make_pads, one_for_each, with_dictionaries
 from tactile_node.supervision.supervisor import Supervisor
 
+HEARTBEATS_LOST = 2  #: at least, before a node counts as lost: one may be late
+
 
 def driver_pads(settings: DriverSettings) -> tuple[PadSettings, ...]:
     """Make the driver's pads, with their EDS for a live bus. Raises ConfigurationError."""
@@ -41,9 +43,15 @@ def make_source(settings: DriverSettings, pads: tuple[PadSettings, ...], on_fram
         return LogSource(settings.replay, pads, on_frame, pace=settings.replay_pace or None,
                          loop=settings.replay_loop, drop_incomplete=settings.drop_incomplete,
                          channel=settings.replay_channel, on_time=on_time)
+    if settings.heartbeat_timeout < HEARTBEATS_LOST * settings.heartbeat_period:
+        raise ConfigurationError('parameters heartbeat_period and heartbeat_timeout',
+                                 expected=f'a timeout of {HEARTBEATS_LOST} periods or more',
+                                 got=f'{settings.heartbeat_period:g} and {settings.heartbeat_timeout:g} s',
+                                 remedy='Raise heartbeat_timeout.')
     bus = BusSettings(interface=settings.interface, channel=settings.channel, bitrate=settings.bitrate,
                       sync_period=settings.sync_period, produce_sync=settings.produce_sync,
                       boot_timeout=settings.boot_timeout, drop_incomplete=settings.drop_incomplete,
-                      record=settings.record)
+                      record=settings.record, sdo_timeout=settings.sdo_timeout, sdo_retries=settings.sdo_retries,
+                      heartbeat_ms=round(1000 * settings.heartbeat_period))
     return Supervisor(bus, live_pads(pads), on_frame, recover=settings.recover,
                       heartbeat_timeout=settings.heartbeat_timeout)

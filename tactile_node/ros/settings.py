@@ -40,8 +40,12 @@ class DriverSettings(NodeSettings):
     sync_period: float = parameter(0.02, 'time between two SYNCs, which is the time between two frames [s]', 0.001, 10)
     produce_sync: bool = parameter(True, 'true: the driver sends SYNC; false: another node on the bus sends it')
     boot_timeout: float = parameter(5.0, 'time for each device to answer at configure [s]', 0.1, 3600)
+    sdo_timeout: float = parameter(0.3, 'time for each answer of a device by SDO [s]', 0.02, 60)
+    sdo_retries: int = parameter(3, 'further SDO requests where a device does not answer', 0, 100)
+    heartbeat_period: float = parameter(0.1, 'time between two heartbeats of a device, written to its 0x1017 [s]',
+                                        0.01, 30)
     heartbeat_timeout: float = parameter(0.5, 'time without a heartbeat after which a node is reported as lost [s]; '
-                                         'nodes send one every 0.1 s', 0.3, 60, live=True)
+                                         'nodes send one every heartbeat_period', 0.3, 60, live=True)
     recover: bool = parameter(True, 'true: reopen a failed bus, configure and start devices that have restarted; '
                               'false: report faults only')
     tare_limit: float = parameter(0.0, 'reading from which on a taxel counts as pressed when a tare is requested '

@@ -1,0 +1,109 @@
+"""Devices that take their time, and an SDO server that serves another master too."""
+
+import threading
+import time
+from contextlib import suppress
+
+import pytest
+from can_bench import Bench
+from canopen import SdoCommunicationError
+
+from tactile_node.bus.own_sdo import OwnSdoClient
+from tactile_node.errors import BusError, DeviceAbsentError
+from tactile_node.skin.eds import load_eds
+
+pytestmark = pytest.mark.bus
+
+SDO_ANSWER = 0x5A0
+
+
+def delay_answers(device, seconds):
+    """Let each SDO answer of ``device`` come ``seconds`` late."""
+    send = device._network.send_message
+
+    def late(can_id, data, *rest, **more):
+        if can_id != SDO_ANSWER:
+            return send(can_id, data, *rest, **more)
+        threading.Timer(seconds, answer, (can_id, bytes(data))).start()
+
+    def answer(can_id, data):
+        with suppress(BusError):  # the bus is closed
+            send(can_id, data)
+    device._network.send_message = late
+
+
+@pytest.mark.parametrize('delay', [0.05, 0.12, 0.2])
+def test_a_device_that_answers_after_the_timeout_is_configured(delay):
+    """Such an answer was taken for the next request's, and the device was refused."""
+    with Bench(f'late {delay}', layout='rows12x5_10bit.yaml', sdo_timeout=0.08, sdo_retries=3) as bench:
+        bench.driver.open()
+        delay_answers(bench.simulator.devices[32], delay)
+        bench.driver.configure()
+
+
+def test_a_server_that_is_silent_during_the_configuration_is_waited_for():
+    """It ended the process; the driver waits for what is absent at start."""
+    with Bench('silent server', sdo_timeout=0.05, sdo_retries=1) as bench:
+        bench.driver.open()
+        device = bench.simulator.devices[32]
+        send, answered = device._network.send_message, []
+
+        def falls_silent(can_id, data, *rest, **more):
+            answered.append(can_id == SDO_ANSWER)
+            if can_id != SDO_ANSWER or sum(answered) < 30:
+                send(can_id, data, *rest, **more)
+        device._network.send_message = falls_silent
+        with pytest.raises(DeviceAbsentError, match='sdo_timeout'):
+            bench.driver.configure()
+        device._network.send_message = send
+        bench.driver.configure()
+
+
+def test_a_start_that_is_obeyed_late_is_waited_for():
+    with Bench('late start', boot_timeout=20.0) as bench:
+        bench.driver.open()
+        bench.driver.configure()
+        device = bench.simulator.devices[32]
+        device.refuses_start = True
+        threading.Timer(2.0, setattr, (device, 'refuses_start', False)).start()
+        bench.driver.start()
+        assert device.operational
+
+
+class Wire:
+    """Takes the requests of a client; each is followed by ``answers``."""
+
+    def __init__(self, *answers):
+        self.requests, self.client, self._answers = [], None, answers
+
+    def send_message(self, can_id, data):
+        self.requests.append(bytes(data))
+        for answer in self._answers:
+            self.client.on_response(SDO_ANSWER, bytearray.fromhex(answer), 0.0)
+
+
+def client_on(wire, timeout):
+    wire.client = client = OwnSdoClient(32, load_eds('sim16x16.eds', 32), timeout)
+    client.network = wire
+    return client
+
+
+@pytest.mark.parametrize('others', [
+    [], ['4308100041424344'], ['4308100041424344', '8018100200000206', '6000180100000000']],
+    ids=['none', 'one', 'an abort and a confirmation, too'])
+def test_the_answer_about_our_object_is_taken(others):
+    wire = Wire(*others, '43181001C1050000')
+    client = client_on(wire, 1.0)
+    assert client.upload(0x1018, 1) == bytes.fromhex('C1050000')
+    assert client.others == len(others) and len(wire.requests) == 1
+
+
+def test_answers_about_other_objects_are_no_answer():
+    """Each of them ended the wait, and the request was repeated at once: 2,700 a second."""
+    wire = Wire(*['4308100041424344'] * 20)
+    client = client_on(wire, 0.2)
+    begin = time.monotonic()
+    with pytest.raises(SdoCommunicationError):
+        client.upload(0x1018, 1)
+    assert time.monotonic() - begin >= 0.2 and len(wire.requests) == 2  # it and its abort
+    assert client.RESPONSE_TIMEOUT == 0.2
