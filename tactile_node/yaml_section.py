@@ -1,5 +1,6 @@
 """Reads typed keys of a YAML mapping. Every error is a ConfigurationError that names file and key."""
 
+import re
 from difflib import get_close_matches
 from pathlib import Path
 from reprlib import Repr
@@ -60,6 +61,27 @@ def load_mapping(path: Path, about: str) -> 'Section':
         raise ConfigurationError(str(path), expected=f'{about}: a YAML mapping of keys to values',
                                  got=_kind(content), remedy='Start from a file in config/.')
     return Section(content, str(path))
+
+
+def line_of(path: Path, key: str) -> int | None:
+    """Return the line of ``key``, as errors name it ('tpdos[3].taxels'), or of the part of it that is there, if any."""
+    try:
+        node = yaml.compose(Path(path).read_text(encoding='utf-8'), yaml.SafeLoader)
+    except (OSError, ValueError, yaml.YAMLError):
+        return None
+    line = None
+    for part in re.findall(r'[^.\[\]]+', key):
+        if isinstance(node, yaml.SequenceNode) and part.isdecimal() and int(part) < len(node.value):
+            node = node.value[int(part)]
+            line = node.start_mark.line + 1
+        elif isinstance(node, yaml.MappingNode):
+            found = next(((name, value) for name, value in node.value if name.value == part), None)
+            if found is None:
+                break
+            line, node = found[0].start_mark.line + 1, found[1]
+        else:
+            break
+    return line
 
 
 def _one_line(error: yaml.YAMLError) -> str:

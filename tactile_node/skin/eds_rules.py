@@ -4,6 +4,9 @@ canopen cuts a value that it reads to the size that the EDS declares. An object 
 shape, could therefore seem to be set already.
 """
 
+from collections.abc import Callable, Iterator
+from functools import partial
+
 from canopen import ObjectDictionary
 from canopen.objectdictionary import ODVariable
 
@@ -13,6 +16,7 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.skin.eds import refuse_eds
 from tactile_node.skin.identity import identity_of
 from tactile_node.skin.layout import DomainLayout, SkinLayout, TpdoLayout
+from tactile_node.skin.problems import raised_by
 
 #: Bits of the sub-indices (CiA 301): COB-ID, transmission type; number of mapped objects, mapped objects
 COMMUNICATION_BITS = {1: 32, 2: 8}
@@ -21,17 +25,30 @@ MAPPING_BITS = {0: 8} | dict.fromkeys(range(1, MAX_PDO_BITS + 1), 32)
 
 def check_against(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) -> None:
     """Raise ConfigurationError where ``layout`` and the EDS named ``eds`` disagree, or the EDS cannot be used."""
-    identity_of(dictionary, eds)
-    _check_value(dictionary, PRODUCER_HEARTBEAT_TIME, 16, eds)
+    for check in _checks(dictionary, layout, eds):
+        check()
+
+
+def eds_problems(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) -> list[ConfigurationError]:
+    """Return all in which ``layout`` and the EDS named ``eds`` disagree: the first problem of each object and TPDO."""
+    return raised_by(_checks(dictionary, layout, eds))
+
+
+def _checks(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) -> Iterator[Callable[[], object]]:
+    """Give the rules, each as a call that raises ConfigurationError."""
+    yield partial(identity_of, dictionary, eds)
+    yield partial(_check_value, dictionary, PRODUCER_HEARTBEAT_TIME, 16, eds)
     if layout.needs_sync:
-        _check_value(dictionary, COB_ID_SYNC, 32, eds)
+        yield partial(_check_value, dictionary, COB_ID_SYNC, 32, eds)
     if layout.domain is not None:
-        _check_domain(dictionary, layout.domain, layout.source, eds)
+        yield partial(_check_domain, dictionary, layout.domain, layout.source, eds)
     for tpdo in layout.tpdos:
         where = f'{layout.source}, TPDO {tpdo.number}'
-        _check_record(dictionary, TPDO_COMMUNICATION + tpdo.number - 1, bits=COMMUNICATION_BITS, where=where, eds=eds)
-        _check_record(dictionary, TPDO_MAPPING + tpdo.number - 1, bits=MAPPING_BITS, where=where, eds=eds)
-        _check_mapping(dictionary, tpdo, where, eds)
+        yield partial(_check_record, dictionary, TPDO_COMMUNICATION + tpdo.number - 1, bits=COMMUNICATION_BITS,
+                      where=where, eds=eds)
+        yield partial(_check_record, dictionary, TPDO_MAPPING + tpdo.number - 1, bits=MAPPING_BITS, where=where,
+                      eds=eds)
+        yield partial(_check_mapping, dictionary, tpdo, where, eds)
 
 
 def _check_value(dictionary: ObjectDictionary, index: int, bits: int, eds: str) -> None:

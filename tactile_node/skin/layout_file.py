@@ -31,6 +31,13 @@ def load_layout(path: str | Path) -> SkinLayout:
 
     Raises ConfigurationError naming file and key for anything wrong: see the module ``layout_rules``.
     """
+    layout = read_layout(path)
+    check_layout(layout)
+    return layout
+
+
+def read_layout(path: str | Path) -> SkinLayout:
+    """Read a skin layout as it is written, whether or not it obeys the rules. Raises ConfigurationError."""
     path = config_path(str(path))
     top = load_mapping(path, 'a skin layout')
     rows = top.integer('rows', 1, MAX_SIDE)
@@ -45,7 +52,6 @@ def load_layout(path: str | Path) -> SkinLayout:
         dead=tuple(_taxel(top, taxel) for taxel in top.sequence('dead_taxels', [])),
         nodes=top.integer('nodes', 1, MAX_NODE_ID, 1), domain=domain)
     top.done()
-    check_layout(layout)
     return layout
 
 

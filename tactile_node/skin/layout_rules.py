@@ -1,37 +1,57 @@
 """The rules that a skin layout must obey beyond its syntax; each violation is a ConfigurationError."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import NoReturn
 
 from tactile_node.cia301.connection_set import SYNC, reserved_for
 from tactile_node.cia301.pdo import MAX_PDO_BITS
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.layout import DomainLayout, SkinLayout, TaxelField, TpdoLayout
+from tactile_node.skin.problems import raised_by
 
 
 def check_layout(layout: SkinLayout) -> None:
     """Raise ConfigurationError for the first rule that ``layout`` breaks."""
+    for check in _checks(layout):
+        check()
+
+
+def layout_problems(layout: SkinLayout) -> list[ConfigurationError]:
+    """Return what is wrong with ``layout``: the first problem of each rule and TPDO."""
+    return raised_by(_checks(layout))
+
+
+def _checks(layout: SkinLayout) -> Iterator[Callable[[], None]]:
+    """Give the rules, each as a call that raises ConfigurationError."""
     if layout.domain is not None:
-        _check_domain(layout, layout.domain)
+        yield partial(_check_domain, layout, layout.domain)
         return
-    if not layout.tpdos:
-        _refuse(layout, 'tpdos', expected='at least one TPDO', got='none',
-                remedy='List the TPDOs that carry the taxels.')
+    yield partial(_check_tpdos, layout)
     for position, tpdo in enumerate(layout.tpdos):
-        _check_tpdo(layout, tpdo.key or f'tpdos[{position}]', tpdo)
-    _check_unique_taxels(layout)
+        yield partial(_check_tpdo, layout, tpdo.key or f'tpdos[{position}]', tpdo)
+    yield partial(_check_unique_taxels, layout)
     pdos = _distinct_pdos(layout)
     for node in range(layout.nodes):
         own = [tpdo for tpdo in pdos if tpdo.node == node]
-        if not own:
-            _refuse(layout, 'tpdos', expected=f'a TPDO of each of the {layout.nodes} nodes',
-                    got=f'none with node: {node}',
-                    remedy='Give each TPDO its "node", or correct "nodes".')
-        _check_unique(layout, 'number', [(tpdo.number, tpdo.key) for tpdo in own])
-        _check_unique(layout, 'cob_id', [(str(tpdo.cob_id), tpdo.key) for tpdo in own])
-    _check_prefixes(layout)
-    _check_sync(layout)
-    _check_dead(layout)
+        yield partial(_check_node, layout, node, own)
+        yield partial(_check_unique, layout, 'number', [(tpdo.number, tpdo.key) for tpdo in own])
+        yield partial(_check_unique, layout, 'cob_id', [(str(tpdo.cob_id), tpdo.key) for tpdo in own])
+    yield partial(_check_prefixes, layout)
+    yield partial(_check_sync, layout)
+    yield partial(_check_dead, layout)
+
+
+def _check_tpdos(layout: SkinLayout) -> None:
+    if not layout.tpdos:
+        _refuse(layout, 'tpdos', expected='at least one TPDO', got='none',
+                remedy='List the TPDOs that carry the taxels.')
+
+
+def _check_node(layout: SkinLayout, node: int, own: list[TpdoLayout]) -> None:
+    if not own:
+        _refuse(layout, 'tpdos', expected=f'a TPDO of each of the {layout.nodes} nodes', got=f'none with node: {node}',
+                remedy='Give each TPDO its "node", or correct "nodes".')
 
 
 def _check_domain(layout: SkinLayout, domain: DomainLayout) -> None:

@@ -1,0 +1,147 @@
+"""`tactile check`: all that is wrong with a skin layout and its EDS, and what the skin asks of the bus."""
+
+import argparse
+import json
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.bus.bus_settings import DEFAULT_BITRATE
+from tactile_node.bus.sweep_bits import sweep_bits
+from tactile_node.errors import ConfigurationError
+from tactile_node.package_files import config_path
+from tactile_node.skin.eds import load_eds
+from tactile_node.skin.eds_rules import eds_problems
+from tactile_node.skin.layout import SkinLayout
+from tactile_node.skin.layout_file import read_layout
+from tactile_node.skin.layout_rules import layout_problems
+from tactile_node.yaml_section import line_of
+
+NODE_ID = 32               #: that the EDS is read for
+PITCHES = 0.0003, 0.025    #: of skins on the market, with room [m]
+MOST_LOAD = 0.9            #: of the bus's time; beyond, other traffic delays sweeps
+PERIODS = (0.02, 0.01, 0.005)  #: between two SYNCs, of which the load is given [s]
+WIDEST_MAP = 120           #: columns of a map that a terminal shows
+MAPPED, UNMAPPED, DEAD = '#', '.', 'x'
+
+
+class Found(NamedTuple):
+    """What is known of a layout."""
+
+    layout: SkinLayout | None
+    errors: list[ConfigurationError]  #: the driver would refuse it
+    warnings: list[str]
+    lines: dict[int, int | None]      #: of the layout file, by the place of its error
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> None:
+    parser = subparsers.add_parser('check', description=__doc__,
+                                   help='check a skin layout and its EDS, and show the pad that they describe')
+    parser.add_argument('layout', help='skin layout: a file, or a name in config/')
+    parser.add_argument('eds', nargs='?', default='', help="EDS (default: the layout's name with .eds)")
+    parser.add_argument('--bitrate', type=int, default=DEFAULT_BITRATE, help='of the bus [bit/s], default %(default)s')
+    parser.add_argument('--json', action='store_true', help='one JSON object')
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print what was found; 2 for a layout that the driver would refuse, 1 for warnings."""
+    if args.bitrate < 1:
+        raise ConfigurationError('--bitrate', expected='a number > 0', got=str(args.bitrate), remedy='In bit/s.')
+    found = checked(args.layout, args.eds, args.bitrate)
+    if args.json:
+        print(json.dumps(as_json(found, args.bitrate)))
+    else:
+        print('\n'.join(_text(found, args.bitrate)))
+    return 2 if found.errors else 1 if found.warnings else 0
+
+
+def checked(layout_name: str, eds: str, bitrate: int) -> Found:
+    """Check a layout and its EDS, all rules of both."""
+    try:
+        layout = read_layout(layout_name)
+    except ConfigurationError as error:
+        return Found(None, [error], [], {0: _line(layout_name, error)})
+    errors = layout_problems(layout)
+    eds = eds or layout.source.rsplit('.', 1)[0] + '.eds'
+    try:
+        errors += eds_problems(load_eds(eds, NODE_ID), layout, eds)
+    except ConfigurationError as error:
+        errors.append(error)
+    lines = {number: _line(layout_name, error) for number, error in enumerate(errors)}
+    return Found(layout, errors, _warnings(layout, bitrate), lines)
+
+
+def as_json(found: Found, bitrate: int) -> dict:
+    """Return all facts by name; null for what is not known."""
+    errors = [{'where': error.where, 'line': found.lines[number], 'expected': error.expected, 'got': error.got,
+               'remedy': error.remedy} for number, error in enumerate(found.errors)]
+    return {'errors': errors, 'warnings': found.warnings, **(_facts(found.layout, bitrate) if found.layout else {})}
+
+
+def _facts(layout: SkinLayout, bitrate: int) -> dict:
+    bits, kinds = sweep_bits(layout), _map(layout)
+    return {'rows': layout.rows, 'cols': layout.cols, 'pitch': layout.pitch, 'unit': layout.value.unit,
+            'nodes': layout.nodes, 'tpdos': len(layout.tpdos), 'polled': layout.domain is not None,
+            'unmapped_taxels': int((kinds == UNMAPPED).sum()), 'dead_taxels': int((kinds == DEAD).sum()),
+            'sweep_bits': bits or None, 'highest_sweep_rate': bitrate / bits if bits else None,
+            'load': {f'{1 / period:g} Hz': bits / bitrate / period for period in PERIODS} if bits else None}
+
+
+def _warnings(layout: SkinLayout, bitrate: int) -> list[str]:
+    found, unmapped = [], np.argwhere(_map(layout) == UNMAPPED)
+    if len(unmapped):
+        row, col = unmapped[0]
+        found.append(f'{len(unmapped)} of {layout.rows * layout.cols} taxels are in no TPDO, the first is row {row}, '
+                     f'column {col}: they are UNMAPPED, and no part of the pad')
+    if not PITCHES[0] <= layout.pitch <= PITCHES[1]:
+        found.append(f'the pitch is {1000 * layout.pitch:g} mm; it has to be in metres')
+    if sweep_bits(layout) / bitrate / PERIODS[0] > MOST_LOAD:
+        found.append(f'at {1 / PERIODS[0]:g} sweeps a second the bus would be busy for '
+                     f'{sweep_bits(layout) / bitrate / PERIODS[0]:.0%} of the time')
+    return found
+
+
+def _map(layout: SkinLayout) -> np.ndarray:
+    """Return what each place is, one character each, (rows, cols)."""
+    kinds = np.full((layout.rows, layout.cols), UNMAPPED)
+    inside = [(field.row, field.col) for carrier in layout.carriers for field in carrier.taxels
+              if 0 <= field.row < layout.rows and 0 <= field.col < layout.cols]
+    for places, kind in ((inside, MAPPED), (layout.dead, DEAD)):
+        for row, col in places:
+            if row < layout.rows and col < layout.cols:
+                kinds[row, col] = kind
+    return kinds
+
+
+def _text(found: Found, bitrate: int) -> list[str]:
+    lines = []
+    if found.layout is not None:
+        lines += _described(found.layout, bitrate)
+    for number, error in enumerate(found.errors):
+        line = found.lines[number]
+        lines.append(f'ERROR{f" in line {line}" if line else ""}: {error}')
+    lines += [f'WARNING: {text}.' for text in found.warnings]
+    return [*lines, f'errors: {len(found.errors)}, warnings: {len(found.warnings)}']
+
+
+def _described(layout: SkinLayout, bitrate: int) -> list[str]:
+    facts, kinds = _facts(layout, bitrate), _map(layout)
+    carrier = 'one DOMAIN, polled by SDO' if layout.domain else f'{len(layout.tpdos)} CAN frames a sweep'
+    lines = [f'{layout.source}: {layout.rows} x {layout.cols} taxels, pitch {1000 * layout.pitch:g} mm, in '
+             f'{layout.value.unit}; {layout.nodes} node{"s" * (layout.nodes > 1)}, {carrier}']
+    if facts['load']:
+        loads = ', '.join(f'{load:.0%} at {rate}' for rate, load in facts['load'].items())
+        lines.append(f'load of the bus at {bitrate / 1e6:g} Mbit/s: {loads}; highest rate '
+                     f'{facts["highest_sweep_rate"]:.0f} sweeps a second')
+    if layout.cols <= WIDEST_MAP:
+        lines += [f'map ({MAPPED} taxel, {UNMAPPED} none, {DEAD} dead), row 0 first:', *map(''.join, kinds)]
+    return lines
+
+
+def _line(layout_name: str, error: ConfigurationError) -> int | None:
+    """Return the line of the key that the error names, where it is of the layout."""
+    key = re.search(r'key "(.+)"', error.where)
+    return line_of(Path(config_path(layout_name)), key[1]) if key and '.eds' not in error.where else None

@@ -1,0 +1,113 @@
+"""`tactile scan`: which CANopen nodes are on a bus, in which state, and which of our layouts describe them.
+
+Reads a few objects of each node by SDO and writes nothing; with --passive it only listens.
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from tactile_node.bus.bus_network import BusNetwork, open_bus
+from tactile_node.bus.node_scan import FoundNode, NodeScan
+from tactile_node.cia301.nmt import state_name
+from tactile_node.cia301.node_id import MAX_NODE_ID, MIN_NODE_ID
+from tactile_node.cli.options import add_bus_options, node_ids
+from tactile_node.errors import BusError, ConfigurationError
+from tactile_node.interruption import interruption
+from tactile_node.package_files import config_path
+from tactile_node.skin.eds import load_eds
+from tactile_node.skin.identity import Identity, identity_of
+
+LISTEN = 1.5  #: s: most heartbeats are sent once a second or more often
+SILENT = 'Nothing was received, and no node has answered. Check power, termination, bit rate and cable.'
+SILENT_PASSIVE = 'Nothing was received. Nodes without a heartbeat are found only without --passive.'
+UNHEARD = 'CAN frames were received, but no node was heard: check the bit rate, or the node-IDs that were asked.'
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> None:
+    parser = subparsers.add_parser('scan', description=__doc__, help='find the CANopen nodes of a bus',
+                                   formatter_class=argparse.RawDescriptionHelpFormatter)
+    add_bus_options(parser)
+    parser.add_argument('--node-id', type=node_ids, action='extend', metavar='ID,...',
+                        help='ask only these (default: all)')
+    parser.add_argument('--listen', type=float, default=LISTEN, metavar='SECONDS',
+                        help='time to listen first, default %(default)s')
+    parser.add_argument('--passive', action='store_true', help='send nothing: listen to heartbeats only')
+    parser.add_argument('--eds', action='append', default=[], metavar='FOLDER',
+                        help='compare with the EDS files in it, beside those of config/')
+    parser.add_argument('--json', action='store_true', help='a JSON line a node')
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the nodes; 1 where none was found."""
+    if not 0 < args.listen < float('inf'):
+        raise ConfigurationError('--listen', expected='a time > 0 [s]', got=str(args.listen), remedy='Give seconds.')
+    known = _known([config_path('sim16x16.eds').parent, *map(Path, args.eds)])
+    scan = NodeScan()
+    with _opened(args, scan) as network, interruption() as stop_requested:
+        stop_requested.wait(args.listen)
+        if not args.passive:
+            scan.ask(network, args.node_id or range(MIN_NODE_ID, MAX_NODE_ID + 1))
+        found = scan.nodes(None if args.passive else network)
+    for node in found:
+        matching = [path for path, identity in known if any(node.identity) and identity.accepts(node.identity)]
+        print(json.dumps(as_json(node, matching)) if args.json else _text(node, matching))
+    if not found:
+        print(UNHEARD if scan.can_frames else SILENT_PASSIVE if args.passive else SILENT, file=sys.stderr)
+    return 0 if found else 1
+
+
+def as_json(node: FoundNode, matching: list[Path]) -> dict:
+    """Return all facts by name; null for what is not known."""
+    return {**node._asdict(), 'state': None if node.state is None else state_name(node.state),
+            'identity': node.identity._asdict(), 'eds': [str(path) for path in matching],
+            'layouts': [str(path) for path in map(_layout, matching) if path.is_file()]}
+
+
+def _text(node: FoundNode, matching: list[Path]) -> str:
+    heartbeat = ('no heartbeat heard' if node.heartbeat_period is None
+                 else f'heartbeat every {1000 * node.heartbeat_period:.0f} ms')
+    name = repr(node.name) if node.name else 'no name'
+    state = 'state not known' if node.state is None else state_name(node.state)
+    if not node.answers:
+        return f'node {node.node_id}: {state}, {heartbeat}, no answer by SDO'
+    layouts = ', '.join(path.name for path in map(_layout, matching) if path.is_file())
+    return (f'node {node.node_id}: {name}, {node.identity}; {state}, {heartbeat}; '
+            + (f'layout {layouts}' if layouts else 'no layout of ours'))
+
+
+def _layout(eds: Path) -> Path:
+    return eds.with_suffix('.yaml')
+
+
+def _known(folders: list[Path]) -> list[tuple[Path, Identity]]:
+    """Return the EDS files that give an identity, with it; those that cannot be read are named."""
+    found = []
+    for path in sorted(path for folder in folders for path in folder.glob('*.[eE][dD][sS]')):
+        try:
+            identity = identity_of(load_eds(path, MIN_NODE_ID), str(path))
+        except ConfigurationError as error:
+            print(f'tactile: {error}', file=sys.stderr)
+            continue
+        if any(identity[:2]):
+            found.append((path, identity))
+    return found
+
+
+@contextmanager
+def _opened(args: argparse.Namespace, scan: NodeScan) -> Iterator[BusNetwork]:
+    """The bus while it is scanned. Raises BusError, also where it fails meanwhile."""
+    failures: list[Exception] = []
+    network = BusNetwork(open_bus(args.interface, args.channel, args.bitrate, {}), scan.received,
+                         lambda fault, error: failures.append(error), name=f'{args.interface} {args.channel}')
+    try:
+        yield network
+    finally:
+        network.close()
+    if failures:
+        raise BusError(f'CAN bus {args.interface} {args.channel}', expected='to continue receiving',
+                       got=str(failures[0]), remedy='Check the adapter.')

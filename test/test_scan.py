@@ -1,0 +1,130 @@
+"""`tactile scan`, against devices written here by hand from CiA 301, without canopen."""
+
+import json
+import threading
+import time
+
+import can
+import pytest
+from can_bench import INTERFACE, channel_of
+
+from tactile_node.cli.main import main
+
+pytestmark = pytest.mark.bus
+
+ABORT = bytes.fromhex('00000206')  # no such object
+
+
+class Device:
+    """A server of expedited and segmented uploads, with a heartbeat; it notes every frame that it receives."""
+
+    def __init__(self, channel, node_id, objects, heartbeat=True):
+        self._bus = can.Bus(channel, interface=INTERFACE)
+        self._node_id, self._objects, self._heartbeat = node_id, objects, heartbeat
+        self._rest, self._toggle = b'', 0
+        self.received = []
+        self._ends = threading.Event()
+        self._thread = threading.Thread(target=self._serve)
+
+    def __enter__(self):
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_):
+        self._ends.set()
+        self._thread.join(60)
+        self._bus.shutdown()
+
+    def _send(self, can_id, data):
+        self._bus.send(can.Message(arbitration_id=can_id + self._node_id, data=data, is_extended_id=False))
+
+    def _serve(self):
+        due = 0.0
+        while not self._ends.is_set():
+            if self._heartbeat and time.monotonic() >= due:
+                self._send(0x700, b'\x05')
+                due = time.monotonic() + 0.1
+            message = self._bus.recv(0.02)
+            if message is None:
+                continue
+            self.received.append(message)
+            if message.arbitration_id == 0x600 + self._node_id:
+                self._send(0x580, self._answer(bytes(message.data)))
+
+    def _answer(self, request):
+        if request[0] & 0xE0 == 0x60:  # a segment
+            self._toggle ^= 0x10
+            part, self._rest = self._rest[:7], self._rest[7:]
+            return bytes([(self._toggle ^ 0x10) | (7 - len(part)) << 1 | (not self._rest)]) + part.ljust(7, b'\0')
+        key, where = (request[1] | request[2] << 8, request[3]), request[1:4]
+        if request[0] != 0x40 or key not in self._objects:
+            return b'\x80' + where + ABORT
+        value = self._objects[key]
+        if len(value) <= 4:
+            return bytes([0x43 | (4 - len(value)) << 2]) + where + value.ljust(4, b'\0')
+        self._rest, self._toggle = value, 0
+        return b'\x41' + where + len(value).to_bytes(4, 'little')
+
+
+def u32(value):
+    return value.to_bytes(4, 'little')
+
+
+SKIN = {(0x1000, 0): u32(0x194), (0x1008, 0): b'A skin by another maker', (0x1017, 0): b'\x64\x00',
+        (0x1018, 1): u32(0x5C1), (0x1018, 2): u32(0x1616_0008), (0x1018, 3): u32(0x0001_0000)}
+
+
+def scan(capsys, channel, *words):
+    code = main(['scan', '--interface', INTERFACE, '--channel', channel, '--listen', '0.6', *words])
+    out = capsys.readouterr()
+    return code, out.out, out.err
+
+
+def test_nodes_are_found_with_identity_state_and_layout(capsys):
+    channel = channel_of('scanned')
+    with Device(channel, 5, SKIN) as skin, Device(channel, 100, {(0x1000, 0): u32(0)}, heartbeat=False), \
+            Device(channel, 127, {}):
+        code, out, _ = scan(capsys, channel, '--json')
+        requests = {message.data[0] & 0xE0 for message in skin.received if message.arbitration_id == 0x605}
+    first, mute, bare = map(json.loads, out.splitlines())
+    assert code == 0 and [node['node_id'] for node in (first, mute, bare)] == [5, 100, 127]
+    assert first['name'] == 'A skin by another maker' and first['state'] == 'OPERATIONAL' and first['answers']
+    assert first['identity'] == {'vendor': 0x5C1, 'product': 0x1616_0008, 'revision': 0x0001_0000}
+    assert first['heartbeat_time'] == 0.1 and first['heartbeat_period'] == pytest.approx(0.1, abs=0.08)
+    assert [path.rsplit('/', 1)[1] for path in first['layouts']] == ['sim16x16.yaml']
+    assert mute['state'] is None and mute['answers'] and not mute['layouts'] and mute['name'] is None
+    assert bare['answers'] and bare['device_type'] is None  # an abort is an answer, too
+    assert requests == {0x40, 0x60}, 'it wrote something'
+
+
+def test_a_passive_scan_sends_nothing(capsys):
+    channel = channel_of('passive')
+    with Device(channel, 5, SKIN) as skin:
+        code, out, _ = scan(capsys, channel, '--passive')
+        assert code == 0 and 'node 5' in out and 'no answer by SDO' in out and not skin.received
+
+
+def test_only_the_nodes_that_were_named_are_asked(capsys):
+    channel = channel_of('named')
+    with Device(channel, 5, SKIN, heartbeat=False) as skin, Device(channel, 6, SKIN, heartbeat=False):
+        code, out, _ = scan(capsys, channel, '--node-id', '5')
+        asked = {message.arbitration_id for message in skin.received if message.arbitration_id > 0x600}
+    assert code == 0 and 'node 5' in out and 'node 6' not in out and asked == {0x605}
+
+
+@pytest.mark.parametrize('words', [(), ('--passive',)])
+def test_a_silent_bus_is_reported(words, capsys):
+    code, out, err = scan(capsys, channel_of('silent'), '--node-id', '1', *words)
+    assert code == 1 and not out and 'Nothing was received' in err
+
+
+def test_a_folder_of_eds_files_is_compared_too(tmp_path, capsys):
+    eds = (tmp_path / 'other.eds')
+    eds.write_text('[DeviceInfo]\nVendorName=x\n[1018]\nParameterName=Identity\nObjectType=9\nSubNumber=3\n'
+                   + ''.join(f'[1018sub{sub}]\nParameterName=x\nDataType=7\nAccessType=ro\nDefaultValue={value}\n'
+                             for sub, value in ((1, 0x77), (2, 0x88))))
+    (tmp_path / 'broken.eds').write_text('nothing')
+    channel = channel_of('other maker')
+    with Device(channel, 5, {(0x1000, 0): u32(0), (0x1018, 1): u32(0x77), (0x1018, 2): u32(0x88)}):
+        code, out, err = scan(capsys, channel, '--json', '--eds', str(tmp_path), '--node-id', '5')
+    assert code == 0 and json.loads(out)['eds'] == [str(eds)] and 'broken.eds' in err
