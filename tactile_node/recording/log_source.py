@@ -44,8 +44,7 @@ class LogSource:
         self._path = path
         self._pace = pace
         self._loop = loop
-        self._channels: dict[int, str] = {}  # of each TPDO and of SYNC
-        self._sync_id = pads[0].layout.sync_cob_id if pads[0].layout.needs_sync else None
+        self._channels: dict[int, str] = {}  # of each TPDO
         self._consumer = Consumer(on_frame)
         self._router = Router(tuple(pads), self._consumer, drop_incomplete=drop_incomplete)
         self._channel = channel
@@ -171,19 +170,17 @@ class LogSource:
         logger.info('%s has ended: %s', self._path, self.summary)
 
     def _check_channel(self, message: can.Message) -> None:
-        """Two skins of the same node-ID on two buses would become one; a SYNC of another bus would stamp this one's."""
+        """Two skins of the same node-ID on two buses would become one.
+
+        Nothing is known of SYNC: what we sent ourselves is recorded without the name of its bus.
+        """
         can_id, channel = message.arbitration_id, str(message.channel)
-        if message.is_extended_id or can_id not in self._router.can_ids and can_id != self._sync_id:
+        if message.is_extended_id or can_id not in self._router.can_ids:
             return
         if self._channels.setdefault(can_id, channel) != channel:
-            raise LogError(self._path, got=f'it on {self._channels[can_id]} and on {channel}',
-                           expected=f'0x{can_id:03X}, {"SYNC" if can_id == self._sync_id else "a TPDO"}, on one bus',
+            raise LogError(self._path, expected=f'0x{can_id:03X}, a pad\'s CAN frame, on one bus',
+                           got=f'it on {self._channels[can_id]} and on {channel}',
                            remedy='Name the bus to play: replay_channel, or --channel of tactile replay.')
-        of_sync = channel if self._sync_id is None else self._channels.get(self._sync_id, channel)
-        if of_sync != channel:
-            raise LogError(self._path, expected='a pad and its SYNC on one bus',
-                           got=f'SYNC on {of_sync}, 0x{can_id:03X} on {channel}',
-                           remedy='Record the bus of the pad from its begin, or name it: replay_channel, --channel.')
 
     def _fail(self, fault: BusFault, detail: str) -> None:
         self.failure = Failure(fault, detail)
