@@ -13,7 +13,9 @@ Rules, for each node of the pad separately
     changes nothing.
  3. A run is *suspect* while its node may be behind. After a period that ended early, only ranks above its end may be
     its delayed tail; after a silent period, any rank may.
-    - If a complete run follows before the next SYNC, the suspect run is of the period before, and goes back to it.
+    - If the sender begins its next run before the next SYNC, the suspect run is of the period before, and goes back to
+      it: a sender answers a SYNC once, and keeps its order. Once a sender's order was seen to be changed
+      (OUT_OF_ORDER), that next run has to be complete.
     - Otherwise it is lost (LATE): nothing proves that it is of this period.
     - After n silent periods, n runs are therefore lost when they come within one period; otherwise the runs of
       CATCH_UP_PERIODS periods. What has not come by then is taken to be lost, not late.
@@ -29,7 +31,8 @@ Rules, for each node of the pad separately
 
 Limits
   - A frame mixes two periods only if a SYNC, the end of one sweep and the beginning of the next one are lost within
-    two periods.
+    two periods, or where bus or adapter change the order of a sender for the first time, and the end of the sweep
+    before is lost.
   - A node that stays late for more than CATCH_UP_PERIODS SYNCs cannot be detected. Until it catches up, its taxels are
     stamped one period late. They are mixed with those of another period where another node of the pad is not late, or
     where the end of one sweep and the beginning of the next one are lost.
@@ -89,6 +92,7 @@ class FrameAssembler:
         self._forget()
         self._sequence = -1
         self._is_after_outage = False
+        self._order_is_kept = True  # by bus and adapter, as far as was seen
 
     def resume(self, lost_periods: int) -> None:
         """After an outage: forget the periods under way, leave out ``lost_periods`` sequence numbers.
@@ -132,6 +136,8 @@ class FrameAssembler:
         if self._one_clock and timestamp < period.stamp:
             return self._feed_before(period, rank, data, timestamp)
         results = self._take(period, rank, data)
+        if self._before is not None and self._order_is_kept:
+            period.return_proved(self._before)
         if period.runs[self._nodes[rank]].is_complete and period.is_complete:
             return results + self._resolve_aside(period) + self._emit(period)
         if self._before is not None and not period.may_continue(self._before):
@@ -240,4 +246,5 @@ class FrameAssembler:
 
     def _lose(self, reason: LossReason, can_frames: int = 1) -> Results:
         self._losses[reason] += can_frames
+        self._order_is_kept = self._order_is_kept and reason is not LossReason.OUT_OF_ORDER
         return (Loss(reason, can_frames),) if can_frames else ()

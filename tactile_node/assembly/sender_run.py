@@ -6,7 +6,7 @@
       | may be behind                      |  '----'
       v                                    |
     SUSPECT -------------------------------'
-      |   next run: one run less behind; this one is set aside, or lost (LATE)
+      |   next run: one run less behind; this one goes back to the period before, or is lost (LATE)
       |   (still SUSPECT where the sender was behind by more than one)
       '-- SYNC: lost (LATE), since nothing proves that it is of this period
 
@@ -53,6 +53,7 @@ class SenderRun:
         self._last = -1  # rank
         self._last_data = b''
         self._aside: dict[int, bytes] = {}  # a suspect run, after the sender has begun the next one
+        self._is_aside_proved = False  # the sender has begun its next run: what is aside is of the period before
         self.is_seen = False  # anything was received
         self._is_suspect = False
         self._ended_suspect = False
@@ -170,6 +171,11 @@ class SenderRun:
         self._aside.clear()
         return lost
 
+    def return_proved(self, before: Payload) -> None:
+        """Give the run that was set aside to the period before, if the sender has begun its next one since."""
+        if self._is_aside_proved:
+            self.return_aside(before)
+
     def return_aside(self, before: Payload) -> None:
         """Give the run that was set aside to the period before."""
         for rank, word in self._aside.items():
@@ -190,6 +196,7 @@ class SenderRun:
         loss = None
         if self._is_suspect and self._is_of_before:
             self._set_aside()
+            self._is_aside_proved = True
         else:
             is_late = self._is_suspect or bool(self._aside) or rank in self._ranks
             loss = Loss(LossReason.LATE if is_late else LossReason.OUT_OF_ORDER, self.lose())

@@ -49,6 +49,11 @@ class SweepPeriod:
         for run in self.runs:
             run.assume_behind()
 
+    def return_proved(self, before: 'SweepPeriod') -> None:
+        """Give the runs that were set aside to the period before, of senders that have begun their next one."""
+        for run in self.runs:
+            run.return_proved(before.payload)
+
     def return_aside(self, before: 'SweepPeriod') -> None:
         """Give the runs that were set aside to the period before."""
         for run in self.runs:

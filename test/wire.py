@@ -1,0 +1,77 @@
+"""A CAN wire in virtual time, without our code: a frame takes its bits, the lowest COB-ID goes first (ISO 11898-1).
+
+The nodes answer each SYNC after a delay, each keeps its own order, and leaves out a sweep while too many are queued.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+BIT = 1e-6  #: s, at 1 Mbit/s
+SYNC_ID = 0x080
+
+
+def frame_seconds(size: int) -> float:
+    """A standard frame of ``size`` data bytes with the most stuff bits, and the three bits between two frames."""
+    return (47 + 8 * size + (34 + 8 * size - 1) // 4) * BIT
+
+
+class Carried(NamedTuple):
+    """A frame that the wire has carried."""
+
+    offered: float  #: when its sender had it ready [s]
+    end: float      #: of its last bit [s]
+    can_id: int
+    number: int     #: of the SYNC that it is, or answers
+
+
+@dataclass
+class Node:
+    """One node of a skin: ``can_ids`` and bytes of its TPDOs in the order in which it sends them."""
+
+    can_ids: Sequence[int]
+    size: int = 8
+    delay: Callable[[int], float] = lambda number: 0.0003  #: from SYNC to the first TPDO, by the SYNC's number
+    skips: Callable[[int], bool] = lambda number: False
+    most_queued: int = 2  #: sweeps under way or waiting
+    answered: list[int] = field(default_factory=list)
+    _queue: deque[tuple[float, int, int]] = field(default_factory=deque)
+
+    def synchronised(self, number: int, now: float) -> None:
+        if self.skips(number) or len({waiting for _, _, waiting in self._queue}) >= self.most_queued:
+            return
+        self.answered.append(number)
+        ready = max(now + self.delay(number), self._queue[-1][0] if self._queue else 0.0)
+        self._queue.extend((ready, can_id, number) for can_id in self.can_ids)
+
+    @property
+    def head(self) -> tuple[float, int] | None:
+        """When the next frame is ready, and its COB-ID."""
+        return self._queue[0][:2] if self._queue else None
+
+    def take(self) -> tuple[float, int, int]:
+        return self._queue.popleft()
+
+
+def carried(syncs: Sequence[float], nodes: Sequence[Node]) -> Iterator[Carried]:
+    """Yield all frames in the order of the wire; ``syncs``: when the master has each SYNC ready [s], rising."""
+    waiting, free = deque(enumerate(syncs)), 0.0
+    while True:
+        heads = [(*head, node) for node in nodes if (head := node.head)]
+        if waiting:
+            heads.append((waiting[0][1], SYNC_ID, None))
+        if not heads:
+            return
+        start = max(free, min(ready for ready, _, _ in heads))
+        _, can_id, node = min((head for head in heads if head[0] <= start), key=lambda head: head[1])
+        if node is None:
+            number, ready = waiting.popleft()
+            free = start + frame_seconds(0)
+            yield Carried(ready, free, SYNC_ID, number)
+            for each in nodes:
+                each.synchronised(number, free)
+        else:
+            ready, _, number = node.take()
+            free = start + frame_seconds(node.size)
+            yield Carried(ready, free, can_id, number)
