@@ -320,26 +320,24 @@ def tpdo_remapped_by_another_master(channel: str) -> FaultBench:
     return bench
 
 
-def tpdo_slowed_down_by_another_master(channel: str) -> FaultBench:
-    """Another master lets TPDO 1 answer every second SYNC: it is reported, and written again."""
+def _written_by_another_master(channel: str, request: str) -> FaultBench:
     with FaultBench(channel) as bench:
         bench.run().cause()
-        bench.send(0x620, '2F00180202000000')
+        bench.send(0x620, request)
         bench.end_of_cause()
         bench.detect(NodeFault.RECONFIGURED)
         bench.recover()
     return bench
+
+
+def tpdo_slowed_down_by_another_master(channel: str) -> FaultBench:
+    """Another master lets TPDO 1 answer every second SYNC: it is reported, and written again."""
+    return _written_by_another_master(channel, '2F00180202000000')
 
 
 def one_tpdo_switched_off_by_another_master(channel: str) -> FaultBench:
     """One of sixteen TPDOs is off: the others flow, it is reported, and switched on again."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        bench.send(0x620, '23021801A2010080')
-        bench.end_of_cause()
-        bench.detect(NodeFault.RECONFIGURED)
-        bench.recover()
-    return bench
+    return _written_by_another_master(channel, '23021801A2010080')
 
 
 def transmission_type_ignored(channel: str) -> FaultBench:

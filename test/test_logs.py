@@ -386,6 +386,13 @@ def test_a_recording_that_could_not_be_replayed_is_refused(tmp_path, name):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_recording_that_cannot_begin_leaves_no_empty_file(tmp_path, monkeypatch):
+    monkeypatch.setattr(can, 'Logger', lambda path: (_ for _ in ()).throw(ImportError('no writer')))
+    with pytest.raises(LogError, match='no writer'):
+        CanLogWriter(tmp_path / 'x.log')
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize('suffix', ['.log', '.mcap', '.log.gz'])
 def test_recordings_that_begin_together_have_a_file_each(tmp_path, suffix):
     """Both found the name free and wrote into one file."""

@@ -36,7 +36,7 @@ class CanLogWriter:
         self._writer: MessageWriter | McapCanWriter | None
         try:
             self.path = _new_file(Path(path))
-            self._writer = McapCanWriter(self.path) if self.path.suffix == '.mcap' else can.Logger(str(self.path))
+            self._writer = _writer(self.path)
         except (OSError, ValueError, ImportError) as error:
             raise LogError(str(path),
                            expected=f'a log file that can be written ({", ".join(SUFFIXES)})',
@@ -90,6 +90,15 @@ class CanLogWriter:
             self.failure = (f'The recording {self.path} has ended after {self.can_frames} CAN frames: '
                             f'{failure.strerror or failure}. Free the disk, or record elsewhere.')
             logger.error('%s', self.failure, extra={'fact': failure})
+
+
+def _writer(path: Path) -> MessageWriter | McapCanWriter:
+    """Return what writes to ``path``, an empty file, which is removed where nothing can."""
+    try:
+        return McapCanWriter(path) if path.suffix == '.mcap' else can.Logger(str(path))
+    except (OSError, ValueError, ImportError):
+        path.unlink(missing_ok=True)
+        raise
 
 
 def flush(writer: MessageWriter | McapCanWriter) -> None:
