@@ -23,8 +23,8 @@ def output_file(path: str | Path, inputs: Iterable[str | Path] = ()) -> Iterator
             raise InputError(f'output {str(path)!r}', expected='another file than the input', got='the input',
                              remedy='Give another path.')
     try:
-        if target.exists() and not target.is_file():
-            with target.open('wb') as device:
+        if _is_device(path):
+            with open(path, 'wb') as device:
                 yield device
             return
         descriptor, name = mkstemp(prefix=f'.{target.name}.', dir=target.parent)
@@ -45,10 +45,15 @@ def output_file(path: str | Path, inputs: Iterable[str | Path] = ()) -> Iterator
 def check_writable(path: str | Path) -> None:
     """Raise InputError where ``path`` cannot be written: before long work, not after it."""
     target = Path(os.path.realpath(path))
-    if not os.access(target if target.exists() and not target.is_file() else target.parent, os.W_OK) or target.is_dir():
+    if not os.access(path if _is_device(path) else target.parent, os.W_OK) or target.is_dir():
         raise InputError(f'output {str(path)!r}', expected='a file that can be written',
                          got='a folder' if target.is_dir() else 'no folder that can be written',
                          remedy='Give another path.')
+
+
+def _is_device(path: str | Path) -> bool:
+    """Return whether it is there and no regular file; a pipe in /proc has no path of its own."""
+    return os.path.exists(path) and not os.path.isfile(path)
 
 
 def _mode(target: Path) -> int:

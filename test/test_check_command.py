@@ -48,6 +48,12 @@ def test_every_problem_is_reported_with_its_line(tmp_path, capsys):
     assert all(error['expected'] and error['got'] and error['remedy'] for error in errors)
 
 
+def test_a_tpdo_that_is_too_long_is_an_error_like_others(tmp_path, capsys):
+    text = SIM.replace('bits: 8, count: 8}', 'bits: 8, count: 20}', 1)
+    code, out = check(capsys, written(tmp_path, text), CONFIG / 'sim16x16.eds')
+    assert code == 2 and '160 bits' in out
+
+
 def test_a_layout_and_an_eds_that_disagree_are_compared_to_their_end(capsys):
     code, out = check(capsys, 'sim16x16.yaml', CONFIG / 'rows12x5_10bit.eds', '--json')
     assert code == 2 and len(json.loads(out)['errors']) > 32

@@ -409,3 +409,10 @@ def test_recordings_that_begin_together_have_a_file_each(tmp_path, suffix):
     for writer in writers:
         writer.close()
     assert len({writer.path for writer in writers}) == 8
+
+
+@pytest.mark.parametrize('name', ['x.log', 'x.txt', 'x'])
+def test_a_candump_log_cut_within_a_line_lacks_that_line_under_any_name(tmp_path, name):
+    (tmp_path / name).write_bytes(b'(1.000000) can0 080#\n(1.100000) can0 181#0A0B\n(1.200000) can0 281#01020304')
+    reader = CanLogReader(tmp_path / name)
+    assert [message.arbitration_id for message in reader] == [0x080, 0x181] and reader.unread == 1

@@ -2,6 +2,9 @@
 
 import os
 import stat
+import subprocess
+import sys
+import threading
 
 import numpy as np
 import pytest
@@ -89,3 +92,18 @@ def test_a_full_disk_is_reported_in_one_line(words, tmp_path, capsys):
 def test_a_folder_that_is_not_there_is_refused_before_anything_is_written(tmp_path):
     with pytest.raises(InputError), output_file(tmp_path / 'nowhere' / 'x'):
         pytest.fail('opened')
+
+
+def test_a_pipe_is_written(tmp_path):
+    os.mkfifo(tmp_path / 'pipe')
+    received = []
+    reader = threading.Thread(target=lambda: received.append((tmp_path / 'pipe').read_bytes()))
+    reader.start()
+    with output_file(tmp_path / 'pipe') as stream:
+        stream.write(b'new')
+    reader.join(60)
+    assert received == [b'new']
+    result = subprocess.run([sys.executable, '-c', 'from tactile_node.output_file import output_file\n'
+                             'with output_file("/dev/stdout") as stream: stream.write(b"new")'],
+                            capture_output=True, check=True)
+    assert result.stdout == b'new'

@@ -68,6 +68,23 @@ def test_the_delayed_tail_of_one_node_goes_back_once_that_node_begins_its_next_s
     assert frame.values.tolist() == [[1, 2], [3, 4], [5, 6], [7, 8]] and frame.stamp == 10.0
 
 
+def test_a_whole_sweep_after_a_silent_period_does_not_go_back_before_a_lost_sync_may_show(assembler):
+    """Node 1 leaves out sweep 1, SYNC 3 is lost: sweep 2 of node 1 must not be joined with sweep 1 of node 5."""
+    assembler.sync(0.0)
+    feed(assembler, *FIRST, *SECOND)
+    given = [*assembler.sync(10.0)]
+    for can_id, data in SECOND:
+        given += assembler.feed(can_id, data, 11.0)
+    given += assembler.sync(20.0)
+    sweep = [tpdo for pair in zip(FIRST, SECOND) for tpdo in pair]
+    for can_id, data in (*sweep, *sweep):  # 2 and 3
+        given += assembler.feed(can_id, bytes(len(data)), 21.0)
+    given += assembler.sync(40.0)
+    for frame in (result for result in given if not isinstance(result, Loss)):
+        values = frame.values[~np.isnan(frame.values)]
+        assert not ((values == 0).any() and (values != 0).any()), frame
+
+
 def test_it_is_dropped_when_that_node_begins_none(assembler):
     assembler.sync(0.0)
     feed(assembler, FIRST[0], *SECOND)

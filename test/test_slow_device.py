@@ -6,7 +6,7 @@ from contextlib import suppress
 
 import pytest
 from can_bench import Bench
-from canopen import SdoCommunicationError
+from canopen import SdoAbortedError, SdoCommunicationError
 
 from tactile_node.bus.own_sdo import OwnSdoClient
 from tactile_node.errors import BusError, DeviceAbsentError
@@ -96,6 +96,12 @@ def test_the_answer_about_our_object_is_taken(others):
     client = client_on(wire, 1.0)
     assert client.upload(0x1018, 1) == bytes.fromhex('C1050000')
     assert client.others == len(others) and len(wire.requests) == 1
+
+
+def test_an_abort_without_an_object_is_ours():
+    client = client_on(Wire('8000000000000206'), 5.0)
+    with pytest.raises(SdoAbortedError):
+        client.upload(0x1018, 1)
 
 
 def test_answers_about_other_objects_are_no_answer():

@@ -13,9 +13,9 @@ Rules, for each node of the pad separately
     changes nothing.
  3. A run is *suspect* while its node may be behind. After a period that ended early, only ranks above its end may be
     its delayed tail; after a silent period, any rank may.
-    - If the sender begins its next run before the next SYNC, the suspect run is of the period before, and goes back to
-      it: a sender answers a SYNC once, and keeps its order. Once a sender's order was seen to be changed
-      (OUT_OF_ORDER), that next run has to be complete.
+    - If a complete run follows before the next SYNC, the suspect run is of the period before, and goes back to it.
+      Where it can only be the tail of a run, it does so when the next run begins: a sender keeps its order. That does
+      not hold for ORDER_MEMORY periods after the order was seen to be changed (OUT_OF_ORDER).
     - Otherwise it is lost (LATE): nothing proves that it is of this period.
     - After n silent periods, n runs are therefore lost when they come within one period; otherwise the runs of
       CATCH_UP_PERIODS periods. What has not come by then is taken to be lost, not late.
@@ -48,6 +48,8 @@ from tactile_node.frames.losses import Loss, LossReason, PadStatistics, Results
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.taxel_codec import TaxelCodec
+
+ORDER_MEMORY = 100  #: periods after a change of order; a lost SYNC can look like one
 
 
 class FrameAssembler:
@@ -92,7 +94,7 @@ class FrameAssembler:
         self._forget()
         self._sequence = -1
         self._is_after_outage = False
-        self._order_is_kept = True  # by bus and adapter, as far as was seen
+        self._changed_order = -ORDER_MEMORY - 1  # sequence number at which bus or adapter last did
 
     def resume(self, lost_periods: int) -> None:
         """After an outage: forget the periods under way, leave out ``lost_periods`` sequence numbers.
@@ -136,7 +138,7 @@ class FrameAssembler:
         if self._one_clock and timestamp < period.stamp:
             return self._feed_before(period, rank, data, timestamp)
         results = self._take(period, rank, data)
-        if self._before is not None and self._order_is_kept:
+        if self._before is not None and self._sequence - self._changed_order >= ORDER_MEMORY:
             period.return_proved(self._before)
         if period.runs[self._nodes[rank]].is_complete and period.is_complete:
             return results + self._resolve_aside(period) + self._emit(period)
@@ -246,5 +248,6 @@ class FrameAssembler:
 
     def _lose(self, reason: LossReason, can_frames: int = 1) -> Results:
         self._losses[reason] += can_frames
-        self._order_is_kept = self._order_is_kept and reason is not LossReason.OUT_OF_ORDER
+        if reason is LossReason.OUT_OF_ORDER:
+            self._changed_order = self._sequence
         return (Loss(reason, can_frames),) if can_frames else ()

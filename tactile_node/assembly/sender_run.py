@@ -196,7 +196,7 @@ class SenderRun:
         loss = None
         if self._is_suspect and self._is_of_before:
             self._set_aside()
-            self._is_aside_proved = True
+            self._is_aside_proved = self._late_above >= 0  # a tail; a whole sweep may be of another period
         else:
             is_late = self._is_suspect or bool(self._aside) or rank in self._ranks
             loss = Loss(LossReason.LATE if is_late else LossReason.OUT_OF_ORDER, self.lose())

@@ -5,7 +5,7 @@ import time
 
 from canopen import ObjectDictionary, SdoCommunicationError
 from canopen.sdo import SdoClient
-from canopen.sdo.constants import REQUEST_DOWNLOAD, REQUEST_UPLOAD
+from canopen.sdo.constants import REQUEST_DOWNLOAD, REQUEST_UPLOAD, RESPONSE_ABORTED
 
 from tactile_node.cia301.connection_set import SDO_REQUEST, SDO_RESPONSE
 from tactile_node.cia301.sdo import BLOCK_COMMAND, COMMAND, INITIATE_BLOCK_REQUEST, SDO_BYTES
@@ -15,7 +15,7 @@ class OwnSdoClient(SdoClient):
     """canopen's client for ``node_id``, with its own timeout [s]; it leaves out answers about other objects.
 
     These are of another client, or late ones of a request that was given up. An answer about the same object is taken,
-    whoever requested it: it is as true.
+    whoever requested it: it is as true. So is an abort without an object, as some servers send it.
     """
 
     def __init__(self, node_id: int, dictionary: ObjectDictionary, timeout: float):
@@ -42,7 +42,7 @@ class OwnSdoClient(SdoClient):
         try:
             while self._object is not None:
                 answer = self._next(end)
-                if bytes(answer[1:4]) == self._object:
+                if answer[1:4] == self._object or answer[0] == RESPONSE_ABORTED and not any(answer[1:4]):
                     self.responses.queue.appendleft(answer)  # canopen's own method takes it from here
                     break
                 self.others += 1

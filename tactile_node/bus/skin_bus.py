@@ -225,7 +225,7 @@ class SkinBus:
 
     def _confirm_operational(self, node: CanopenNode, since: float) -> None:
         """Wait for it as long as for its first answer; the command is sent again and again, for it may be lost."""
-        end = time.monotonic() + max(self._settings.boot_timeout, START_AGAIN)
+        end = time.monotonic() + max(self._settings.boot_timeout, START_AGAIN) + 3e-3 * self._settings.heartbeat_ms
         is_operational = False
         while not is_operational and time.monotonic() < end:
             is_operational = self._monitor.heartbeats.wait_for(node.node_id, NmtState.OPERATIONAL, since, START_AGAIN)

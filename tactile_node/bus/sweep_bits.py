@@ -1,6 +1,7 @@
 """What a pad's sweep costs on the wire."""
 
 from tactile_node.bus.bus_monitor import FRAME_BITS
+from tactile_node.cia301.pdo import MAX_PDO_BYTES
 from tactile_node.skin.layout import SkinLayout
 
 
@@ -13,4 +14,4 @@ def sweep_bits(layout: SkinLayout) -> int:
     """
     if not layout.needs_sync:
         return 0
-    return FRAME_BITS[0] + sum(FRAME_BITS[tpdo.length] for tpdo in layout.tpdos)
+    return FRAME_BITS[0] + sum(FRAME_BITS[min(tpdo.length, MAX_PDO_BYTES)] for tpdo in layout.tpdos)

@@ -21,6 +21,7 @@ from tactile_node.package_files import config_path
 from tactile_node.skin.eds import load_eds
 from tactile_node.skin.identity import Identity, identity_of
 
+LONGEST = 86_400.0  #: s to listen
 LISTEN = 1.5  #: s: most heartbeats are sent once a second or more often
 SILENT = 'Nothing was received, and no node has answered. Check power, termination, bit rate and cable.'
 SILENT_PASSIVE = 'Nothing was received. Nodes without a heartbeat are found only without --passive.'
@@ -44,8 +45,12 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the nodes; 1 where none was found."""
-    if not 0 < args.listen < float('inf'):
-        raise ConfigurationError('--listen', expected='a time > 0 [s]', got=str(args.listen), remedy='Give seconds.')
+    if not 0 < args.listen <= LONGEST:
+        raise ConfigurationError('--listen', expected=f'a time > 0 and up to {LONGEST:g} [s]', got=str(args.listen),
+                                 remedy='Give seconds.')
+    for folder in args.eds:
+        if not Path(folder).is_dir():
+            raise ConfigurationError('--eds', expected='a folder', got=repr(folder), remedy='Check the path.')
     known = _known([config_path('sim16x16.eds').parent, *map(Path, args.eds)])
     scan = NodeScan()
     with _opened(args, scan) as network, interruption() as stop_requested:
@@ -55,7 +60,8 @@ def run(args: argparse.Namespace) -> int:
         found = scan.nodes(None if args.passive else network)
     for node in found:
         matching = [path for path, identity in known if any(node.identity) and identity.accepts(node.identity)]
-        print(json.dumps(as_json(node, matching)) if args.json else _text(node, matching))
+        is_asked = not args.passive and node.node_id in (args.node_id or [node.node_id])
+        print(json.dumps(as_json(node, matching)) if args.json else _text(node, matching, is_asked))
     if not found:
         print(UNHEARD if scan.can_frames else SILENT_PASSIVE if args.passive else SILENT, file=sys.stderr)
     return 0 if found else 1
@@ -68,13 +74,13 @@ def as_json(node: FoundNode, matching: list[Path]) -> dict:
             'layouts': [str(path) for path in map(_layout, matching) if path.is_file()]}
 
 
-def _text(node: FoundNode, matching: list[Path]) -> str:
+def _text(node: FoundNode, matching: list[Path], is_asked: bool) -> str:
     heartbeat = ('no heartbeat heard' if node.heartbeat_period is None
                  else f'heartbeat every {1000 * node.heartbeat_period:.0f} ms')
     name = repr(node.name) if node.name else 'no name'
     state = 'state not known' if node.state is None else state_name(node.state)
     if not node.answers:
-        return f'node {node.node_id}: {state}, {heartbeat}, no answer by SDO'
+        return f'node {node.node_id}: {state}, {heartbeat}, {"no answer by SDO" if is_asked else "not asked"}'
     layouts = ', '.join(path.name for path in map(_layout, matching) if path.is_file())
     return (f'node {node.node_id}: {name}, {node.identity}; {state}, {heartbeat}; '
             + (f'layout {layouts}' if layouts else 'no layout of ours'))

@@ -57,7 +57,7 @@ def _shortfall(reader: MessageReader | BagCanReader, path: Path) -> str:
 
 def _ends_within_a_line(path: Path) -> bool:
     """Whether a text log's last line lacks its end: what is left of it may read as another frame."""
-    if path.suffix.lower() not in TEXT_SUFFIXES or not path.stat().st_size:
+    if not path.stat().st_size:
         return False
     with path.open('rb') as file:
         if file.read(len(GZIP)) == GZIP:
@@ -99,7 +99,9 @@ class CanLogReader:
             self._refuse(f'{type(error).__name__}: {error}',
                          'Give a log in a format and with a suffix python-can reads.')
         with reader:
-            messages, is_cut = self._messages(reader), _ends_within_a_line(Path(self.path))
+            messages, path = self._messages(reader), Path(self.path)
+            is_text = isinstance(reader, CanutilsLogReader) or path.suffix.lower() in TEXT_SUFFIXES
+            is_cut = is_text and _ends_within_a_line(path)
             whole = self._without_last_line(messages) if is_cut else messages
             yield from self._counted(without_strays(self._of_channel(whole), self._stray))
         if not is_cut and not self.unread and (shortfall := _shortfall(reader, Path(self.path))):

@@ -26,7 +26,9 @@ class NodeMonitor:
     ``health`` may be called from any thread.
     """
 
-    def __init__(self, node: CanopenNode, monitor: BusMonitor, heartbeat_timeout: float, data_timeout: float):
+    def __init__(self, node: CanopenNode, monitor: BusMonitor, heartbeat_timeout: float, data_timeout: float,
+                 grace: float = GRACE):
+        self._grace = grace
         self.node = node
         self._monitor = monitor
         self._heartbeats = monitor.heartbeats
@@ -40,6 +42,7 @@ class NodeMonitor:
         self.distrusted = 0  #: taxel frames given without values, because the node was not configured
         self._emergencies_reported = 0
         self._configured: Setup | None = None
+        self.trusted_from = 0.0  #: what it sent before may mean something else
         self._since = 0.0  # when the bus was opened
         self._commanded = 0.0
         self._sync_at = 0.0
@@ -74,8 +77,10 @@ class NodeMonitor:
         self._configured = None
         self.backoff.reset()
 
-    def configured(self, setup: Setup) -> None:
-        """It was configured, from the state ``setup`` on."""
+    def configured(self, setup: Setup, now: float) -> None:
+        """It was configured, from the state ``setup`` on, and that is done ``now``."""
+        if not self.is_trusted:
+            self.trusted_from = now
         self._configured = setup
 
     def commanded(self, now: float, pad: PadStatistics) -> None:
@@ -146,7 +151,7 @@ class NodeMonitor:
         has_data = is_active and now - self.data_at <= self._data_timeout
         if is_silent:
             return NodeFault.NO_HEARTBEAT if has_data else NodeFault.SILENT
-        if not is_active or now - self._commanded < GRACE:
+        if not is_active or now - self._commanded < self._grace:
             return NodeFault.NONE
         if self._heartbeats.state(self.node.node_id) != NmtState.OPERATIONAL:
             return NodeFault.NOT_OPERATIONAL

@@ -103,7 +103,7 @@ class NodeRecovery:
         for _ in range(tries):
             setup = monitor.setup
             self._bus.configure_node(monitor.node, timeout, pause)
-            monitor.configured(setup)
+            monitor.configured(setup, time.monotonic())
             if monitor.is_trusted:
                 return
 

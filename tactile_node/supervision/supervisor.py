@@ -23,7 +23,7 @@ from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.skin.pads import LivePad
 from tactile_node.skin.taxel_codec import without_values
 from tactile_node.supervision.bus_recovery import BusRecovery
-from tactile_node.supervision.node_monitor import NodeMonitor
+from tactile_node.supervision.node_monitor import GRACE, NodeMonitor
 from tactile_node.supervision.node_recovery import NodeRecovery
 from tactile_node.threads.reminder import Reminder
 
@@ -53,7 +53,9 @@ class Supervisor:
         self._bus = SkinBus(settings, pads, self._deliver, monitor=self.monitor,
                             on_failure=self._bus_failed if recover else None)
         timeouts = self._timeouts(heartbeat_timeout)
-        self._by_pad = {pad.name: [NodeMonitor(node, self.monitor, *timeouts) for node in pad.nodes] for pad in pads}
+        grace = max(GRACE, 3e-3 * settings.heartbeat_ms)
+        self._by_pad = {pad.name: [NodeMonitor(node, self.monitor, *timeouts, grace) for node in pad.nodes]
+                        for pad in pads}
         self._monitors = [monitor for monitors in self._by_pad.values() for monitor in monitors]
         self._node_recovery = NodeRecovery(self._bus, self._monitors, recover)
         self._bus_recovery = BusRecovery(self._bus, self.monitor, self._monitors, settings.sync_period,
@@ -191,8 +193,9 @@ class Supervisor:
             logger.error('Another NMT master has sent: %s.', command_text(command), extra={'fact': command})
 
     def _deliver(self, name: str, frame: TaxelFrame) -> None:
+        acquired = time.monotonic() - self._bus.age(frame.stamp)
         for monitor in self._by_pad[name]:
-            if not monitor.is_trusted:
+            if not monitor.is_trusted or acquired < monitor.trusted_from:
                 monitor.distrusted += 1
                 frame = without_values(frame, monitor.node.layout.carriers)
         self._on_frame(name, frame)
