@@ -1,6 +1,6 @@
 """How time and memory of each stage grow with the pad and with the contact, up to the largest pad that a layout allows.
 
-Run by `make bench`, or: python bench/bench_growth.py [--sides 16 64 ...]. Each stage runs in a process of its own, on
+Run by `make bench`, or: python bench/bench_growth.py [--sides 16 64 ...]. Each stage runs in a separate process, on
 one core: median of some runs, and by how much its resident memory rises at most. `fit` is of the slowest shape.
 """
 

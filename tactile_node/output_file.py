@@ -52,7 +52,7 @@ def check_writable(path: str | Path) -> None:
 
 
 def _is_device(path: str | Path) -> bool:
-    """Return whether it is there and no regular file; a pipe in /proc has no path of its own."""
+    """Return whether it exists and is no regular file; the links of pipes in /proc lead to no path."""
     return os.path.exists(path) and not os.path.isfile(path)
 
 

@@ -342,11 +342,7 @@ def one_tpdo_switched_off_by_another_master(channel: str) -> FaultBench:
 
 def transmission_type_ignored(channel: str) -> FaultBench:
     """A device confirms the transmission type and keeps another: it is refused, not run with half of its frames."""
-    def other(message: can.Message) -> list[can.Message]:  # an answer to a read of 0x1800 sub 2
-        if message.data[0] == 0x4F and bytes(message.data[1:4]) == bytes.fromhex('001802'):
-            message = _with_data(message, bytes(message.data[:4]) + bytes.fromhex('02000000'))
-        return [message]
-    return _configuration_disturbed(channel, other, '0x1800 sub 2', '0x02')
+    return _configuration_disturbed(channel, _reads('4F001802', '02000000'), '0x1800 sub 2', '0x02')
 
 
 def sync_of_another_producer_stops(channel: str) -> FaultBench:
@@ -500,6 +496,14 @@ def _configuration_disturbed(channel: str, tamper: Callable[[can.Message], list]
     return bench
 
 
+def _reads(answer: str, value: str) -> Callable[[can.Message], list[can.Message]]:
+    """Tamper with the ``answer`` to a read, by its first four bytes: it gives ``value``."""
+    def tamper(message: can.Message) -> list[can.Message]:
+        is_meant = bytes(message.data[:4]) == bytes.fromhex(answer)
+        return [_with_data(message, bytes.fromhex(answer + value)) if is_meant else message]
+    return tamper
+
+
 def sdo_aborted_in_configuration(channel: str) -> FaultBench:
     """The device refuses its TPDO: object and abort code are reported, it is tried again until it agrees."""
     def abort(message: can.Message) -> list[can.Message]:  # CiA 301: 0x60 confirms a download; 0x80 aborts it
@@ -519,11 +523,7 @@ def sdo_timeout_in_mid_configuration(channel: str) -> FaultBench:
 
 def device_that_lies_about_its_mapping(channel: str) -> FaultBench:
     """It confirms each write and keeps another mapping: what was written and what is read back are reported."""
-    def other(message: can.Message) -> list[can.Message]:  # an answer to a read of 0x1A00 sub 1
-        if message.data[0] == 0x43 and bytes(message.data[1:4]) == bytes.fromhex('001A01'):
-            message = _with_data(message, bytes(message.data[:4]) + bytes.fromhex('10020020'))
-        return [message]
-    return _configuration_disturbed(channel, other, '0x1A00', '20000210')
+    return _configuration_disturbed(channel, _reads('43001A01', '10020020'), '0x1A00', '20000210')
 
 
 def queue_overrun(channel: str) -> FaultBench:

@@ -1,4 +1,4 @@
-"""A 16x16 skin with a response of its own: contact mechanics under a layer, readings that saturate, CAN frames.
+"""A 16x16 skin with its own response: contact mechanics under a layer, readings that saturate, CAN frames.
 
 The log is written by hand from CiA 301's identifiers, without our codec.
 """

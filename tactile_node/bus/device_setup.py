@@ -168,19 +168,17 @@ class DeviceSetup:
 
     def _retried(self, verb: str, index: int, sub: int, request: Callable[[], Answer]) -> Answer:
         """What ``request`` returns; it is repeated when there is no answer. Raises DeviceAbsentError."""
-        for _ in range(self._tries - 1):
+        silence: SdoCommunicationError | None = None
+        for _ in range(self._tries):
             try:
                 return request()
-            except SdoCommunicationError:
-                pass
-        try:
-            return request()
-        except SdoCommunicationError as error:
-            timeout = self._tries * self._sdo.RESPONSE_TIMEOUT
-            raise DeviceAbsentError(f'{self._label}, object 0x{index:04X} sub {sub}', got=str(error),
-                                    expected=f'an answer to a {verb} within {timeout:g} s',
-                                    remedy='Check the wiring and whether the device is on; a slow one needs a larger '
-                                    'sdo_timeout.') from error
+            except SdoCommunicationError as error:
+                silence = error
+        timeout = self._tries * self._sdo.RESPONSE_TIMEOUT
+        raise DeviceAbsentError(f'{self._label}, object 0x{index:04X} sub {sub}', got=str(silence),
+                                expected=f'an answer to a {verb} within {timeout:g} s',
+                                remedy='Check the wiring and whether the device is on; a slow one needs a larger '
+                                'sdo_timeout.') from silence
 
     def _refuse(self, what: str, index: int, sub: int, error: SdoAbortedError) -> NoReturn:
         raise DeviceError(f'{self._label}, object 0x{index:04X} sub {sub}', expected=f'that it can {what}',

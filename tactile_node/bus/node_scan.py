@@ -7,19 +7,19 @@ from typing import NamedTuple
 
 import can
 from canopen import ObjectDictionary, SdoAbortedError, SdoCommunicationError
+from canopen.sdo.constants import REQUEST_UPLOAD
 
 from tactile_node.assembly.router import non_data_kind
 from tactile_node.bus.bus_network import BusNetwork
-from tactile_node.cia301.connection_set import HEARTBEAT, SDO_REQUEST, SDO_RESPONSE
-from tactile_node.cia301.node_id import MAX_NODE_ID, MIN_NODE_ID
+from tactile_node.cia301.connection_set import HEARTBEAT, SDO_REQUEST, SDO_RESPONSE, node_of
+from tactile_node.cia301.heartbeat import TOGGLE
 from tactile_node.cia301.objects import DEVICE_NAME, DEVICE_TYPE, IDENTITY, PRODUCER_HEARTBEAT_TIME
 from tactile_node.cia301.sdo import SDO_BYTES
 from tactile_node.skin.identity import Identity
 
 SPACING = 0.002  #: s between two of the first requests: a bus in use stays usable
 ANSWER = 0.5     #: s for the first answer of a node
-TOGGLE = 0x80    #: bit 7 of an answer to node guarding
-ASK = bytes((0x40, DEVICE_TYPE & 0xFF, DEVICE_TYPE >> 8, 0, 0, 0, 0, 0))  #: upload of the device type
+ASK = bytes((REQUEST_UPLOAD, DEVICE_TYPE & 0xFF, DEVICE_TYPE >> 8, 0, 0, 0, 0, 0))  #: upload of the device type
 
 
 class FoundNode(NamedTuple):
@@ -52,11 +52,11 @@ class NodeScan:
         can_id, data = message.arbitration_id, bytes(message.data)
         with self._lock:
             self.can_frames += 1
-            if HEARTBEAT + MIN_NODE_ID <= can_id <= HEARTBEAT + MAX_NODE_ID and len(data) == 1:
-                self._states[can_id - HEARTBEAT] = data[0] & ~TOGGLE
-                self._heard.setdefault(can_id - HEARTBEAT, []).append(time.monotonic())
-            elif SDO_RESPONSE + MIN_NODE_ID <= can_id <= SDO_RESPONSE + MAX_NODE_ID and len(data) == SDO_BYTES:
-                self.answered.add(can_id - SDO_RESPONSE)
+            if (alive := node_of(can_id, HEARTBEAT)) is not None and len(data) == 1:
+                self._states[alive] = data[0] & ~TOGGLE
+                self._heard.setdefault(alive, []).append(time.monotonic())
+            elif (answering := node_of(can_id, SDO_RESPONSE)) is not None and len(data) == SDO_BYTES:
+                self.answered.add(answering)
 
     def ask(self, network: BusNetwork, node_ids: Iterable[int]) -> None:
         """Ask for device types, and wait for the last answer. Raises BusError."""

@@ -1,9 +1,8 @@
 """An SDO client that takes only answers to its own requests: another master may use the same server."""
 
 import queue
-import time
 
-from canopen import ObjectDictionary, SdoCommunicationError
+from canopen import ObjectDictionary
 from canopen.sdo import SdoClient
 from canopen.sdo.constants import REQUEST_DOWNLOAD, REQUEST_UPLOAD, RESPONSE_ABORTED
 
@@ -14,8 +13,8 @@ from tactile_node.cia301.sdo import BLOCK_COMMAND, COMMAND, INITIATE_BLOCK_REQUE
 class OwnSdoClient(SdoClient):
     """canopen's client for ``node_id``, with its own timeout [s]; it leaves out answers about other objects.
 
-    These are of another client, or late ones of a request that was given up. An answer about the same object is taken,
-    whoever requested it: it is as true. So is an abort without an object, as some servers send it.
+    These are of another client, or late answers to a request that was given up. An answer about the same object counts,
+    also if another client requested it. An abort that names no object counts too: some servers send it.
     """
 
     def __init__(self, node_id: int, dictionary: ObjectDictionary, timeout: float):
@@ -25,34 +24,20 @@ class OwnSdoClient(SdoClient):
         self.others = 0  #: answers left out
 
     def on_response(self, can_id: int, data: bytearray, timestamp: float) -> None:
-        """Queue an answer; canopen stumbles over shorter ones."""
-        if len(data) == SDO_BYTES:
+        """Queue an answer that is ours; canopen stumbles over shorter ones."""
+        if len(data) != SDO_BYTES:
+            return
+        has_no_object = data[0] == RESPONSE_ABORTED and not any(data[1:4])
+        if self._object is None or data[1:4] == self._object or has_no_object:
             super().on_response(can_id, data, timestamp)
+        else:
+            self.others += 1
 
     def send_request(self, request: bytes) -> None:
-        """Send a request and note what it is about."""
+        """Send a request; from now on only answers about its object count."""
         initiates = request[0] & COMMAND in (REQUEST_DOWNLOAD, REQUEST_UPLOAD) \
             or request[0] & BLOCK_COMMAND == INITIATE_BLOCK_REQUEST
         self._object = bytes(request[1:4]) if initiates else None
+        if initiates:
+            self.responses = queue.Queue()  # what came until now is late
         super().send_request(request)
-
-    def read_response(self) -> bytes:
-        """Return the answer. Raises SdoCommunicationError after the timeout, SdoAbortedError."""
-        given, end = self.RESPONSE_TIMEOUT, time.monotonic() + self.RESPONSE_TIMEOUT
-        try:
-            while self._object is not None:
-                answer = self._next(end)
-                if answer[1:4] == self._object or answer[0] == RESPONSE_ABORTED and not any(answer[1:4]):
-                    self.responses.queue.appendleft(answer)  # canopen's own method takes it from here
-                    break
-                self.others += 1
-            self.RESPONSE_TIMEOUT = max(end - time.monotonic(), 0.001)
-            return bytes(super().read_response())
-        finally:
-            self.RESPONSE_TIMEOUT = given
-
-    def _next(self, end: float) -> bytes:
-        try:
-            return bytes(self.responses.get(timeout=max(end - time.monotonic(), 0.0)))
-        except queue.Empty:
-            raise SdoCommunicationError('No SDO response received') from None

@@ -36,6 +36,16 @@ RESERVED = (
     CanIdRange(0x780, 0x7FF, 'reserved'))
 
 
+def node_of(can_id: int, base: int) -> int | None:
+    """Return the node-ID of a COB-ID that is ``base`` + node-ID; None of any other.
+
+    >>> node_of(0x720, HEARTBEAT), node_of(0x700, HEARTBEAT)
+    (32, None)
+    """
+    node_id = can_id - base
+    return node_id if MIN_NODE_ID <= node_id <= MAX_NODE_ID else None
+
+
 def service_of(can_id: int) -> str:
     """Name the service of a COB-ID that is no pad's TPDO and not SYNC: 'nmt', 'emcy', ..., else 'foreign'."""
     return next((service.use for service in SERVICES if service.first <= can_id <= service.last), 'foreign')

@@ -98,9 +98,9 @@ def _warnings(layout: SkinLayout, bitrate: int) -> list[str]:
                      f'column {col}: they are UNMAPPED, and no part of the pad')
     if not PITCHES[0] <= layout.pitch <= PITCHES[1]:
         found.append(f'the pitch is {1000 * layout.pitch:g} mm; it has to be in metres')
-    if sweep_bits(layout) / bitrate / PERIODS[0] > MOST_LOAD:
-        found.append(f'at {1 / PERIODS[0]:g} sweeps a second the bus would be busy for '
-                     f'{sweep_bits(layout) / bitrate / PERIODS[0]:.0%} of the time')
+    load = sweep_bits(layout) / bitrate / PERIODS[0]
+    if load > MOST_LOAD:
+        found.append(f'at {1 / PERIODS[0]:g} sweeps a second the bus would be busy for {load:.0%} of the time')
     return found
 
 

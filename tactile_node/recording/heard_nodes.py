@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from tactile_node.cia301.connection_set import HEARTBEAT
+from tactile_node.cia301.connection_set import HEARTBEAT, node_of
 from tactile_node.cia301.node_id import MAX_NODE_ID, MIN_NODE_ID
 from tactile_node.skin.pads import PadSettings
 
@@ -16,8 +16,9 @@ class HeardNodes:
         self._heard: set[int] = set()
 
     def feed(self, can_id: int) -> None:
-        if HEARTBEAT + MIN_NODE_ID <= can_id <= HEARTBEAT + MAX_NODE_ID:
-            self._heard.add(can_id - HEARTBEAT)
+        node_id = node_of(can_id, HEARTBEAT)
+        if node_id is not None:
+            self._heard.add(node_id)
 
     def strangers(self) -> dict[str, list[int]]:
         """Return, by pad, the nodes that were heard and would send the pad's COB-IDs, where its own were not heard."""

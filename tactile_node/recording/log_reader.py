@@ -27,8 +27,7 @@ GZIP, HEAD = b'\x1f\x8b', 4096
 def _reader(path: str) -> MessageReader:
     """python-can's; ASC files hold their begin, and only with this option their stamps count from it."""
     suffixes = [suffix.lower() for suffix in Path(path).suffixes[-2:]]
-    with open(path, 'rb') as file:
-        is_gzip = file.read(len(GZIP)) == GZIP
+    is_gzip = _is_gzip(path)
     with gzip.open(path) if is_gzip else open(path, 'rb') as stream:
         head = _head(stream)
     if CANDUMP.match(head):
@@ -39,6 +38,11 @@ def _reader(path: str) -> MessageReader:
     if '.asc' not in suffixes:
         return can.LogReader(path)
     return can.ASCReader(gzip.open(path, 'rt') if is_gzip else path, relative_timestamp=False)
+
+
+def _is_gzip(path: str | Path) -> bool:
+    with open(path, 'rb') as file:
+        return file.read(len(GZIP)) == GZIP
 
 
 def _head(stream: gzip.GzipFile | BufferedReader) -> bytes:
@@ -57,11 +61,9 @@ def _shortfall(reader: MessageReader | BagCanReader, path: Path) -> str:
 
 def _ends_within_a_line(path: Path) -> bool:
     """Whether a text log's last line lacks its end: what is left of it may read as another frame."""
-    if not path.stat().st_size:
+    if not path.stat().st_size or _is_gzip(path):  # whose end is checked by gzip
         return False
     with path.open('rb') as file:
-        if file.read(len(GZIP)) == GZIP:
-            return False  # its end is checked by gzip
         file.seek(-1, os.SEEK_END)
         return file.read() not in (b'\n', b'\r')
 

@@ -20,7 +20,7 @@ class CanLogWriter:
     """Writes CAN messages to a log as they are received; thread-safe.
 
     An existing file is never overwritten: ``path`` is the one that is written, ``session-2.log`` where
-    ``session.log`` exists. Every format is flushed every FLUSH_PERIOD: a killed
+    ``session.log`` exists. Every format is flushed every FLUSH_PERIOD (.db by python-can, every 5 s): a killed
     process loses at most that.
     ``unwritten`` counts messages that the format cannot hold, and those after the recording has failed (a full
     disk): it ends then, ``failure`` has the reason, which is also logged, and nothing else is affected. Raises
