@@ -26,7 +26,7 @@ Feed = Callable[[int, bytes], None]
 
 
 class BusMonitor:
-    """Fed on the notifier's thread, read from any; lasts while the bus is closed and opened again.
+    """Fed on the thread of the reception, read from any; lasts while the bus is closed and opened again.
 
     ``on_news()`` is called when a node's state changes or another master sends a command or changes what a node sends;
     it must return at once.

@@ -1,4 +1,4 @@
-"""python-can's bus and canopen's network, joined so that nothing a listener does can stop the reception."""
+"""python-can's bus and canopen's network, joined so that nothing a subscriber does can stop the reception."""
 
 import errno
 import logging
@@ -14,6 +14,7 @@ from canopen import Network, ObjectDictionary
 from canopen.sdo import SdoClient
 
 from tactile_node.bus.own_sdo import OwnSdoClient
+from tactile_node.bus.reception import Batch, Reception
 from tactile_node.bus.slcan_bus import BulkSlcanBus
 from tactile_node.errors import BusError
 from tactile_node.frames.health import BusFault
@@ -24,8 +25,6 @@ logger = logging.getLogger(__name__)
 logging.getLogger('canopen.sdo').setLevel(logging.CRITICAL)
 
 OnFailure = Callable[[BusFault, Exception], None]
-
-RECEIVE_TIMEOUT = 0.1  # s the notifier waits at most, hence how long close() may take
 
 _NOT_INSTALLED = 'Check the name, and install what this interface needs (slcan: pyserial).'
 _REMEDIES = {
@@ -57,23 +56,26 @@ def _remedy(interface: str, channel: str, error: Exception) -> str:
 
 
 class BusNetwork(Network):
-    """A canopen Network with its own reception: every message first goes to ``on_message``, then to canopen.
+    """A canopen Network with its own reception: every batch of messages first goes to ``on_batch``, then to canopen.
 
     ``on_sent(COB-ID, data)`` is called before each own frame, and must return at once.
-    One object lasts from open to close: a notifier whose thread has ended does not start again.
+    One object lasts from open to close.
     """
 
-    def __init__(self, bus: can.BusABC, on_message: Callable[[can.Message], None],
+    def __init__(self, bus: can.BusABC, on_batch: Callable[[Batch], None],
                  on_failure: OnFailure, record: CanLogWriter | None = None, name: str = '',
                  on_sent: Callable[[int, bytes], None] = lambda can_id, data: None):
         super().__init__(bus)
         self._open_bus = bus
+        self._on_batch = on_batch
+        self._on_failure = on_failure
         self._on_sent = on_sent
         self._sdo_turns: defaultdict[int, threading.Lock] = defaultdict(threading.Lock)
         self._record = record
         self._name = name or str(bus.channel_info)
-        self.order = threading.Lock()  #: held while a frame is recorded and handed on: both in one order
-        self.receiver = can.Notifier(bus, [_Receiver(self, on_message, on_failure, record)], RECEIVE_TIMEOUT)
+        self._order = threading.Lock()  # held while frames are recorded and handed on: both in one order
+        self._reception = Reception(bus, self._received,
+                                    lambda error: on_failure(BusFault.RECEPTION_FAILED, error))
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False,
                      stamp: float | None = None, announce: Callable[[], None] = lambda: None) -> None:
@@ -84,7 +86,7 @@ class BusNetwork(Network):
         message = can.Message(time.time() if stamp is None else stamp, can_id, False, data=data,
                               is_remote_frame=remote, is_rx=False)
         with self.send_lock:
-            with self.order:
+            with self._order:
                 announce()
                 self._on_sent(can_id, data)
                 if self._record:
@@ -113,40 +115,28 @@ class BusNetwork(Network):
 
     def close(self) -> None:
         """Stop receiving and close the bus; allowed on a dead bus. The recording stays open."""
-        self.receiver.stop(timeout=10 * RECEIVE_TIMEOUT)
+        self._reception.stop()
         try:
             self._open_bus.shutdown()
         except (can.CanError, OSError):  # an adapter that was pulled out cannot be closed
             pass
 
-
-class _Receiver(can.Listener):
-    def __init__(self, network: BusNetwork, on_message: Callable[[can.Message], None], on_failure: OnFailure,
-                 record: CanLogWriter | None):
-        self._subscribers = network.subscribers
-        self._on_message = on_message
-        self._record = record
-        self._on_failure = on_failure
-        self._order = network.order
-
-    def on_message_received(self, msg: can.Message) -> None:
+    def _received(self, batch: Batch) -> None:
         with self._order:
             if self._record:
-                self._record.write(msg)
-            self._on_message(msg)
-        if msg.is_error_frame or msg.is_remote_frame or msg.is_extended_id:
-            return
-        for callback in tuple(self._subscribers.get(msg.arbitration_id, ())):
+                for message in batch:
+                    self._record.write(message)
+            self._on_batch(batch)
+        for message in batch:
+            subscribers = self.subscribers.get(message.arbitration_id)
+            if subscribers and not (message.is_error_frame or message.is_remote_frame or message.is_extended_id):
+                self._notify(tuple(subscribers), message)
+
+    def _notify(self, subscribers: tuple[Callable[..., None], ...], message: can.Message) -> None:
+        for callback in subscribers:
             try:
-                callback(msg.arbitration_id, msg.data, msg.timestamp)
+                callback(message.arbitration_id, message.data, message.timestamp)
             except BusError as error:  # the answer to it could not be sent
                 self._on_failure(BusFault.SENDING_FAILED, error)
             except Exception:  # canopen over a malformed frame; the reception must continue
-                logger.exception('CAN frame 0x%03X#%s', msg.arbitration_id, msg.data.hex())
-
-    def on_error(self, exc: Exception) -> None:
-        self._on_failure(BusFault.RECEPTION_FAILED, exc)
-        time.sleep(RECEIVE_TIMEOUT)  # python-can calls again at once, and a dead adapter fails at once
-
-    def stop(self) -> None:
-        """Nothing to give back."""
+                logger.exception('CAN frame 0x%03X#%s', message.arbitration_id, message.data.hex())

@@ -11,6 +11,7 @@ from canopen.sdo.constants import REQUEST_UPLOAD
 
 from tactile_node.assembly.router import non_data_kind
 from tactile_node.bus.bus_network import BusNetwork
+from tactile_node.bus.reception import Batch
 from tactile_node.cia301.connection_set import HEARTBEAT, SDO_REQUEST, SDO_RESPONSE, node_of
 from tactile_node.cia301.heartbeat import TOGGLE
 from tactile_node.cia301.objects import DEVICE_NAME, DEVICE_TYPE, IDENTITY, PRODUCER_HEARTBEAT_TIME
@@ -36,7 +37,7 @@ class FoundNode(NamedTuple):
 
 
 class NodeScan:
-    """What was heard on a bus; ``received`` is called on the notifier's thread."""
+    """What was heard on a bus; ``received`` is called on the thread of the reception."""
 
     def __init__(self) -> None:
         self.can_frames = 0
@@ -45,8 +46,12 @@ class NodeScan:
         self._heard: dict[int, list[float]] = {}
         self._lock = threading.Lock()
 
-    def received(self, message: can.Message) -> None:
-        """Note a heartbeat or the answer to a first request."""
+    def received(self, batch: Batch) -> None:
+        """Note heartbeats and answers to the first request."""
+        for message in batch:
+            self._note(message)
+
+    def _note(self, message: can.Message) -> None:
         if non_data_kind(message) is not None:
             return
         can_id, data = message.arbitration_id, bytes(message.data)

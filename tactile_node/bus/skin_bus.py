@@ -41,7 +41,7 @@ START_AGAIN = 1.3  # s between two NMT starts of a node that does not become OPE
 class SkinBus:
     """One CAN bus and its pads; FrameSource has the order of calls. A Supervisor recovers it.
 
-    Threads: python-can's notifier only puts frames into a queue (Traffic), whose thread assembles them and calls
+    Threads: the reception only puts frames into a queue (Traffic), whose thread assembles them and calls
     ``on_frame``; the SYNC producer has its own. SDO runs on the caller's thread.
     """
 

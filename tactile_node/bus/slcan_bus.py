@@ -15,6 +15,8 @@ import can
 from can.interfaces.slcan import slcanBus
 from can.util import CAN_FD_DLC
 
+from tactile_node.bus.reception import Batch
+
 PORT_TIMEOUT = 0.02  # s that one read of an idle port waits; data wake it at once
 ENDS = b'\r\a'  # of a line: done, refused
 ACKNOWLEDGED = (b'', b'z', b'Z')  # lines that only confirm a frame sent
@@ -71,7 +73,17 @@ class BulkSlcanBus(slcanBus):
             os.close(self._lock)
             self._lock = None
 
-    def _read(self, timeout: float | None) -> str | None:
+    def recv_all(self, timeout: float) -> Batch:
+        """Return the messages that wait, at least one unless none comes within ``timeout`` [s]."""
+        if not self._lines:
+            self._read_lines(timeout)
+        lines, self._lines = self._lines, deque()
+        now = time.time()
+        messages = (self._message(line, now) for line in lines)
+        return [message for message in messages if message is not None]
+
+    def _read_lines(self, timeout: float | None) -> None:
+        """Read all that waits, until there is a line or ``timeout`` [s] is over."""
         end = None if timeout is None else time.monotonic() + timeout
         while not self._lines:
             with can.exceptions.error_check('Could not read from serial device'):
@@ -82,23 +94,32 @@ class BulkSlcanBus(slcanBus):
                 self._buffer.clear()
                 self._lines.append('t')  # no frame, but a damaged one
             self._lines += [line.decode('ascii', 'replace') for line in lines if line not in ACKNOWLEDGED]
-            if not self._lines and end is not None and time.monotonic() >= end:
-                return None
-        return self._lines.popleft()
+            if end is not None and time.monotonic() >= end:
+                return
+
+    def _read(self, timeout: float | None) -> str | None:
+        """Give python-can the next line."""
+        if not self._lines:
+            self._read_lines(timeout)
+        return self._lines.popleft() if self._lines else None
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         line = self._read(timeout)
-        if line is None:
-            return None, False
+        return None if line is None else self._message(line, time.time()), False
+
+    def _message(self, line: str, now: float) -> can.Message | None:
+        """Make the message of a line received ``now`` [s]; None of an answer of the adapter."""
         if not is_sound(line):
-            return _damaged_frame(), False
+            return _damaged_frame(now)
+        if line[0] == 't':
+            return can.Message(now, int(line[1:4], 16), False, data=bytes.fromhex(line[5:5 + 2 * int(line[4])]))
         self._lines.appendleft(line)  # python-can takes it from _read: it has no queue before 4.5
-        return super()._recv_internal(0.0)
+        return super()._recv_internal(0.0)[0]
 
 
-def _damaged_frame() -> can.Message:
+def _damaged_frame(now: float) -> can.Message:
     """The frame in a damaged line is lost, as on a damaged wire."""
-    return can.Message(time.time(), PROTOCOL_VIOLATION, is_extended_id=False, is_error_frame=True, data=bytes(8))
+    return can.Message(now, PROTOCOL_VIOLATION, is_extended_id=False, is_error_frame=True, data=bytes(8))
 
 
 def _locked(port: str) -> int | None:

@@ -9,6 +9,7 @@ import can
 from tactile_node.assembly.router import Router, non_data_kind
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import BusNetwork, OnFailure
+from tactile_node.bus.reception import Batch
 from tactile_node.bus.stamp_clock import StampClock
 from tactile_node.cia301.connection_set import SDO_REQUEST
 from tactile_node.errors import BusError
@@ -35,6 +36,7 @@ class Traffic:
         self.clock = StampClock(is_host_stamped)
         self._jumps_reported = 0
         self._no_data: Counter[str] = Counter()
+        self._put = self._fed = 0  # CAN frames put into the queue, and taken from it
         self.overruns = 0  #: CAN frames lost because the queue was full
         self.syncs_sent = 0
 
@@ -44,7 +46,8 @@ class Traffic:
         return dict(self._no_data)
 
     def begin(self) -> None:
-        """Start the assembler's thread."""
+        """Start the assembler's thread; what waited for it is forgotten."""
+        self._put = self._fed = 0
         self._calls.begin()
 
     def end(self, timeout: float) -> None:
@@ -60,22 +63,35 @@ class Traffic:
         """Make a call of the router on its thread, after what was received before."""
         self._calls.put(call, *args)
 
-    def received(self, message: can.Message) -> None:
-        """On the notifier's thread: copy, enqueue, return."""
-        kind = non_data_kind(message)
-        if kind is not None:
-            self._no_data[kind] += 1
-            if message.is_error_frame and self._monitor.feed_error(message):
-                self._on_failure(BusFault.BUS_OFF, BusError(
-                    'CAN controller', expected='a bus it can send on', got='bus-off',
-                    remedy='Check bit rate, wiring and termination; set restart-ms on socketcan.'))
-            return
-        can_id, data = message.arbitration_id, bytes(message.data)
-        self._monitor.feed(can_id, data)
-        if len(self._calls) < self._queue_limit:
-            self._calls.put(self._router.feed, can_id, data, self.clock.of(message.timestamp))
+    def received(self, batch: Batch) -> None:
+        """On the thread of the reception: copy, enqueue, return."""
+        frames = []
+        for message in batch:
+            kind = non_data_kind(message)
+            if kind is None:
+                can_id, data = message.arbitration_id, bytes(message.data)
+                self._monitor.feed(can_id, data)
+                frames.append((can_id, data, self.clock.of(message.timestamp)))
+            else:
+                self._count_other(kind, message)
+        if self._put - self._fed + len(frames) <= self._queue_limit:
+            self._put += len(frames)
+            self._calls.put(self._feed, frames)
         else:
-            self.overruns += 1
+            self.overruns += len(frames)
+
+    def _feed(self, frames: list[tuple[int, bytes, float]]) -> None:
+        """On the assembler's thread."""
+        for frame in frames:
+            self._router.feed(*frame)
+        self._fed += len(frames)
+
+    def _count_other(self, kind: str, message: can.Message) -> None:
+        self._no_data[kind] += 1
+        if message.is_error_frame and self._monitor.feed_error(message):
+            self._on_failure(BusFault.BUS_OFF, BusError(
+                'CAN controller', expected='a bus it can send on', got='bus-off',
+                remedy='Check bit rate, wiring and termination; set restart-ms on socketcan.'))
 
     def sent(self, can_id: int, data: bytes) -> None:
         """An own frame is about to be sent: it counts for the load; the assembler needs the polls' SDO requests."""

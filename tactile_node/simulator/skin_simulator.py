@@ -38,7 +38,7 @@ class SkinSimulator:
 
     def start_on(self, bus: can.BusABC) -> None:
         """Boot the devices on ``bus``, which is closed by ``stop``."""
-        self._network = BusNetwork(bus, lambda message: None, lambda fault, error: self._on_failure(error))
+        self._network = BusNetwork(bus, lambda batch: None, lambda fault, error: self._on_failure(error))
         for node in self._nodes:
             device = self.devices[node.node_id] = SimulatedDevice(self._network, node, self._sources[node.pad])
             device.boot()

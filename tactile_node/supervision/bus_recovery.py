@@ -62,7 +62,7 @@ class BusRecovery:
             self._backoff.attempted(time.monotonic())
 
     def _reopen(self) -> None:
-        """Bus, notifier and queue are made again; the counts continue."""
+        """Bus, reception and queue are made again; the counts continue."""
         self._bus.disconnect()
         self._silent_since = self._silent_since or time.monotonic()
         try:
