@@ -91,7 +91,7 @@ reproduce: setup  ## the paper's figures and claims beside ours, on one page in 
 faults: setup  ## inject every fault of the catalogue, print what the user sees and how fast it is over
 	@$(BIN)/python test/fault_catalogue.py
 
-fuzz: setup  ## a million random CAN messages, ten thousand broken EDS, layout and log files
+fuzz: setup  ## a million random CAN messages, ten thousand broken files, a million sweeps in time
 	@$(BIN)/python test/fuzzing.py
 
 # Those that run longer or more cases with TACTILE_LONG.

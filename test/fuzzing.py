@@ -1,12 +1,13 @@
-"""Random and mutated input: files of every kind we read, CAN frames of every kind a bus can carry.
+"""Random and mutated input: files of every kind we read, CAN frames of every kind a bus can carry, and their timing.
 
-Run by `make fuzz`, or: python test/fuzzing.py [--frames 1000000] [--files 10000] [--lines 100000] [--seed 1]. What
+Run by `make fuzz`, or: python test/fuzzing.py [--frames N] [--files N] [--lines N] [--sweeps N] [--seed 1]. What
 breaks the rule (only TactileError, no hang, no loss in silence, no exception in a callback, no growing memory) is
 kept in build/fuzz and belongs, once repaired, into test/data/corpus, which the tests read.
 """
 
 import argparse
 import gzip
+import itertools
 import logging
 import os
 import pty
@@ -20,12 +21,12 @@ import traceback
 import tty
 from collections import Counter
 from collections.abc import Callable, Iterator
-from itertools import islice
 from pathlib import Path
 
 import can
 import numpy as np
 from can_bench import INTERFACE, TINY, Bench, wait_until
+from wire_worlds import HOST, ONE, TWO, TWO_NODES, WIRE, random_world
 
 from tactile_node.bus.bus_settings import DEFAULT_BITRATE
 from tactile_node.bus.slcan_bus import LONGEST_LINE, BulkSlcanBus
@@ -87,7 +88,7 @@ def originals(folder: Path) -> list[tuple[str, str, bytes]]:
     eds = (config / 'sim8x8_16bit.eds').read_bytes()
     found = [('eds', '.eds', eds), ('eds', '.eds', eds[:3000]), ('layout', '.yaml', TINY.encode()),
              ('layout', '.yaml', (config / 'sim8x8_16bit.yaml').read_bytes())]
-    messages = list(islice(can.LogReader(str(ROOT / 'test/data/sim16x16_two_pads.log.gz')), 200))
+    messages = list(itertools.islice(can.LogReader(str(ROOT / 'test/data/sim16x16_two_pads.log.gz')), 200))
     for suffix in LOG_SUFFIXES:
         path = folder / f'sound{suffix}'
         with can.Logger(str(path)) as writer:
@@ -361,11 +362,29 @@ def fuzz_lines(count: int, seed: int) -> int:
     return int(resident() - warm > GROWTH)
 
 
+def fuzz_timings(count: int, seed: int) -> int:
+    """Print the outcome of ``count`` sweeps with random timings; return how many taxel frames were wrong."""
+    begun, worlds = time.monotonic(), list(itertools.product((ONE, TWO, TWO_NODES), (HOST, WIRE)))
+    sent = whole = wrong = 0
+    for world in itertools.count():
+        if sent >= count:
+            break
+        pads, clock = worlds[world % len(worlds)]
+        for seen in random_world(pads, clock, 1000 * seed + world):
+            sent, whole, wrong = sent + len(seen.answered), whole + len(seen.whole), wrong + seen.wrong
+        if world % 100 == 99:
+            print(f'  {sent} sweeps, {wrong} wrong, {time.monotonic() - begun:.0f} s', flush=True)
+    print(f'sweeps with random timings: {sent} sent by all nodes, {100 * whole / sent:.2f} % whole, taxel frames of two '
+          f'sweeps or with the stamp of another SYNC: {wrong}')
+    return wrong
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('--frames', type=int, default=1_000_000)
     parser.add_argument('--files', type=int, default=10_000)
     parser.add_argument('--lines', type=int, default=100_000, help='of slcan')
+    parser.add_argument('--sweeps', type=int, default=1_000_000, help='with random timings')
     parser.add_argument('--seed', type=int, default=1)
     args = parser.parse_args()
     tracebacks = Tracebacks()
@@ -373,6 +392,7 @@ def main() -> int:
     broken = fuzz_files(args.files, args.seed) if args.files else 0
     broken += fuzz_frames(args.frames, args.seed) if args.frames else 0
     broken += fuzz_lines(args.lines, args.seed) if args.lines else 0
+    broken += fuzz_timings(args.sweeps, args.seed) if args.sweeps else 0
     print(f'exceptions caught and logged: {dict(tracebacks.counts)}')
     return int(broken + tracebacks.ours > 0)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from can_bench import only, tiny_layout
+from can_bench import TINY, only, tiny_layout
 
 from tactile_node.assembly.assembler import ORDER_MEMORY, FrameAssembler
 from tactile_node.assembly.sender_run import CATCH_UP_PERIODS
@@ -288,6 +288,45 @@ def test_a_sender_that_often_leaves_out_a_period_is_not_given_up_for_ever(assemb
     found = played(assembler, script)
     assert sum(bool(sweeps) for sweeps in found.values()) >= 10
     assert all(sweeps <= {sequence} for sequence, sweeps in found.items())
+
+
+WAITS = 0.01  #: s, the response_time of a layout
+
+
+def settled(tmp_path):
+    """An assembler whose node has not answered the SYNC of 1.0, nor that of 1.02 until 1.0205."""
+    assembler = FrameAssembler(tiny_layout(tmp_path, TINY + f'response_time: {WAITS}\n'), (1,), adapter_delay=0.001)
+    for stamp in (0.98, 1.0):
+        assembler.sync(stamp)
+        if stamp < 1.0:
+            send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=0.985)
+    assembler.sync(1.02)
+    return assembler
+
+
+@pytest.mark.parametrize(('since', 'until', 'is_over'), [
+    (0.985, 1.0205, True), (1.009, 1.0201, True), (1.0, 1.0111, True),
+    (0.985, 1.0109, False), (1.01, 1.0205, False), (0.9, 0.999, False)])
+def test_an_idle_bus_proves_that_no_sweep_is_late(tmp_path, since, until, is_over):
+    """Idle for response_time and the adapter's delay, after the SYNC that was not answered."""
+    assembler = settled(tmp_path)
+    assembler.settle(since, until)
+    frame = send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=1.0206)
+    assert (frame is not None) == is_over
+    if is_over:
+        check(frame, np.zeros((3, 2)), sequence=2)
+    else:
+        assert not assembler.is_in_doubt  # a SYNC has to pass first
+        assembler.sync(1.04)
+        assert assembler.is_in_doubt and assembler.statistics().losses[LossReason.LATE] == 3
+
+
+def test_a_layout_without_a_response_time_proves_nothing(assembler):
+    for stamp in (0.98, 1.0, 1.02, 1.04):
+        assembler.sync(stamp)
+        assert assembler.settle(0.0, stamp + 0.019) == ()
+        assert not assembler.is_in_doubt
+    assert send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=1.06) is None
 
 
 def test_stamps_of_two_clocks_are_not_compared(tmp_path):

@@ -54,8 +54,12 @@ class Node:
         return self._queue.popleft()
 
 
-def carried(syncs: Sequence[float], nodes: Sequence[Node]) -> Iterator[Carried]:
-    """Yield all frames in the order of the wire; ``syncs``: when the master has each SYNC ready [s], rising."""
+def carried(syncs: Sequence[float], nodes: Sequence[Node],
+            leaves_out: Callable[[float], bool] = lambda now: False) -> Iterator[Carried]:
+    """Yield all frames in the order of the wire; ``syncs``: when the master has each SYNC ready [s], rising.
+
+    ``leaves_out(now)``: whether the master does not send the one that is ready.
+    """
     waiting, free = deque(enumerate(syncs)), 0.0
     while True:
         heads = [(*head, node) for node in nodes if (head := node.head)]
@@ -67,6 +71,8 @@ def carried(syncs: Sequence[float], nodes: Sequence[Node]) -> Iterator[Carried]:
         _, can_id, node = min((head for head in heads if head[0] <= start), key=lambda head: head[1])
         if node is None:
             number, ready = waiting.popleft()
+            if leaves_out(ready):
+                continue
             free = start + frame_seconds(0)
             yield Carried(ready, free, SYNC_ID, number)
             for each in nodes:

@@ -17,8 +17,8 @@ Rules, for each node of the pad separately
       Where it can only be the tail of a run, it does so when the next run begins: a sender keeps its order. That does
       not hold for ORDER_MEMORY periods after the order was seen to be changed (OUT_OF_ORDER).
     - Otherwise it is lost (LATE): nothing proves that it is of this period.
-    - After n silent periods, n runs are therefore lost when they come within one period; otherwise the runs of
-      CATCH_UP_PERIODS periods. What has not come by then is taken to be lost, not late.
+    - After n silent periods, n runs are therefore lost when they come within one period; otherwise all runs until an
+      idle bus proves that nothing is late (rule 8), or for CATCH_UP_PERIODS periods where it cannot.
     - A node that was just started (``start``) is not behind.
  4. When the runs of all nodes are complete, the frame is emitted at once. TPDOs that follow in that period are SURPLUS.
  5. An incomplete frame has NaN and STALE for the taxels that are in no run. It is emitted, or withheld
@@ -28,20 +28,27 @@ Rules, for each node of the pad separately
     before, or LATE: a driver that lags behind its bus never publishes taxels under a later stamp.
  7. With several nodes, a next run of a node that is not suspect proves that a SYNC was lost. The period is discarded:
     all TPDOs of all nodes are LATE until the next SYNC.
+ 8. The layout may give a ``response_time``: a node that has an answer to send begins within it when the bus is idle. A
+    bus that was idle for longer since a SYNC therefore proves that no run of that period comes any more (``settle``).
+    While it is not known how far a node is (``is_in_doubt``), the SYNC producer leaves out a SYNC, so that the bus
+    is idle. A node that was seen to answer later is given twice that time for ORDER_MEMORY periods.
 
 Limits
   - A frame mixes two periods only if a SYNC, the end of one sweep and the beginning of the next one are lost within
     two periods, or where bus or adapter change the order of a sender for the first time, and the end of the sweep
     before is lost.
-  - A node that stays late for more than CATCH_UP_PERIODS SYNCs cannot be detected. Until it catches up, its taxels are
-    stamped one period late. They are mixed with those of another period where another node of the pad is not late, or
-    where the end of one sweep and the beginning of the next one are lost.
+  - A node that does not keep to its ``response_time``, or has none and stays late for more than CATCH_UP_PERIODS SYNCs,
+    is not detected. Until it catches up, its taxels are stamped one period late. They are mixed with those of another
+    period where another node of the pad is not late, or where the end of one sweep and the beginning of the next one
+    are lost.
 """
 
 from collections.abc import Sequence
+from math import inf
 
 import numpy as np
 
+from tactile_node.assembly.sender_run import CATCH_UP_PERIODS, STEADY_PERIODS
 from tactile_node.assembly.sweep_period import SweepPeriod
 from tactile_node.cia301.pdo import MAX_PDO_BYTES
 from tactile_node.frames.losses import Loss, LossReason, PadStatistics, Results
@@ -55,16 +62,20 @@ ORDER_MEMORY = 100  #: periods after a change of order; a lost SYNC can look lik
 class FrameAssembler:
     """The state machine of one pad. ``sync`` and ``feed`` return the taxel frames that are finished, and losses.
 
-    ``node_ids``: those of the pad's nodes, as many as the layout has.
+    ``node_ids``: those of the pad's nodes, as many as the layout has. ``adapter_delay``: for how long an adapter may
+    hold a CAN frame back [s].
     """
 
     service = 'tpdo'  #: under which its CAN frames are counted
 
     def __init__(self, layout: SkinLayout, node_ids: Sequence[int], one_clock: bool = True,
-                 drop_incomplete: bool = False):
+                 drop_incomplete: bool = False, adapter_delay: float = 0.0):
         self.drop_incomplete = drop_incomplete
         self._codec = TaxelCodec(layout)
         self._one_clock = one_clock
+        #: for how long the bus is idle at most while an answer to a SYNC is pending [s]
+        self.settling_time = inf if layout.response_time is None else layout.response_time + adapter_delay
+        self._catch_up = CATCH_UP_PERIODS if layout.response_time is None else STEADY_PERIODS
         self._node_ids = tuple(node_ids)
         self._lengths = [tpdo.length for tpdo in layout.tpdos]  # by rank
         self._nodes = [tpdo.node for tpdo in layout.tpdos]  # by rank
@@ -80,6 +91,7 @@ class FrameAssembler:
         self._withheld = 0
         self._received = 0
         self._used = [0] * len(node_ids)
+        self._late_answers = 0
         self._losses = dict.fromkeys(LossReason, 0)
         self._before: SweepPeriod | None = None  # not yet emitted: its end may still come
         self._period: SweepPeriod | None = None
@@ -89,12 +101,22 @@ class FrameAssembler:
     def can_ids(self) -> frozenset[int]:
         return frozenset(self._ranks)
 
+    @property
+    def is_in_doubt(self) -> bool:
+        """Whether an idle bus would show what is not known: how far a node is. From any thread."""
+        period = self._period
+        return self.settling_time < inf and period is not None and period.is_in_doubt
+
     def restart(self) -> None:
         """Forget the periods under way, the nodes do not send; the next SYNC is number 0."""
         self._forget()
         self._sequence = -1
         self._is_after_outage = False
         self._changed_order = -ORDER_MEMORY - 1  # sequence number at which bus or adapter last did
+        self._patience = self.settling_time  # longer for some periods after an answer that came later
+        self._answered_late = 0  # sequence number at which one did
+        self._idle_for = 0.0  # the longest time for which the bus was idle since the last SYNC
+        self._sync_before = -inf  # stamp of the SYNC before the last one
 
     def resume(self, lost_periods: int) -> None:
         """After an outage: forget the periods under way, leave out ``lost_periods`` sequence numbers.
@@ -120,11 +142,29 @@ class FrameAssembler:
             else:
                 results += self._emit(period)
         self._sequence += 1
-        self._period = SweepPeriod(self._sequence, timestamp, self._ranks_of_nodes, period)
+        self._sync_before = -inf if period is None else period.stamp
+        self._period = SweepPeriod(self._sequence, timestamp, self._ranks_of_nodes, period, self._catch_up)
+        if self._idle_for >= self._patience:
+            self._period.settle()
+        self._idle_for = 0.0
+        if self._sequence - self._answered_late >= ORDER_MEMORY:
+            self._patience = self.settling_time
         if self._is_after_outage:
             self._is_after_outage = False
             self._period.assume_behind()
         return results
+
+    def settle(self, since: float, until: float) -> Results:
+        """The bus carried no CAN frame between these stamps; the frames to which nothing more can come."""
+        period = self._period
+        if period is None:
+            return ()
+        self._idle_for = max(self._idle_for, until - max(since, period.stamp))
+        if until - max(since, self._sync_before) < self._patience:
+            return ()
+        period.settle()
+        is_over = self._before is not None and not period.may_continue(self._before)
+        return self._close_before() if is_over else ()
 
     def feed(self, can_id: int, data: bytes, timestamp: float) -> Results:
         """One TPDO of this pad: the frames that it completes, losses, or nothing (taken, more to come)."""
@@ -137,6 +177,8 @@ class FrameAssembler:
             return self._lose(LossReason.BEFORE_FIRST_SYNC)
         if self._one_clock and timestamp < period.stamp:
             return self._feed_before(period, rank, data, timestamp)
+        if self._idle_for >= self.settling_time and not period.runs[self._nodes[rank]].is_seen:
+            self._note_late_answer()
         results = self._take(period, rank, data)
         if self._before is not None and self._sequence - self._changed_order >= ORDER_MEMORY:
             period.return_proved(self._before)
@@ -160,7 +202,13 @@ class FrameAssembler:
             complete=self._complete, incomplete=self._incomplete, expected=frames * len(self._lengths),
             received=self._received, used=sum(self._used), pending=self._pending(),
             losses=dict(self._losses), withheld=self._withheld,
-            used_by_node=tuple(self._used))
+            used_by_node=tuple(self._used), late_answers=self._late_answers)
+
+    def _note_late_answer(self) -> None:
+        """A node does not keep to the layout's response_time: wait for longer before it is taken for granted again."""
+        self._late_answers += 1
+        self._answered_late = self._sequence
+        self._patience = max(self._patience, 2 * self._idle_for)
 
     def _forget(self) -> None:
         self._losses[LossReason.UNFINISHED] += self._pending()

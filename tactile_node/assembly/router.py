@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Collection
+from math import inf
 
 import can
 
@@ -18,14 +19,16 @@ class Router:
     """Routes CAN frames in order and calls ``on_frame(pad name, TaxelFrame)``. Not thread-safe: one thread feeds it.
 
     With ``foreign_sync`` the SYNCs on the bus separate the periods; else only calls of ``sync`` do. ``one_clock``:
-    the stamps given to ``sync`` and ``feed`` are of one clock.
+    the stamps given to ``sync`` and ``feed`` are of one clock. ``adapter_delay``: see ``FrameAssembler``.
     """
 
     def __init__(self, pads: tuple[PadSettings, ...], on_frame: OnFrame, foreign_sync: bool = True,
-                 one_clock: bool = True, drop_incomplete: bool = False):
-        self._assemblers = {pad.name: _assembler(pad, one_clock, drop_incomplete) for pad in pads}
+                 one_clock: bool = True, drop_incomplete: bool = False, adapter_delay: float = 0.0):
+        self._assemblers = {pad.name: _assembler(pad, one_clock, drop_incomplete, adapter_delay) for pad in pads}
         self._owners = {can_id: (name, assembler.feed, assembler.service)
                        for name, assembler in self._assemblers.items() for can_id in assembler.can_ids}
+        self._synchronous = [one for one in self._assemblers.values() if isinstance(one, FrameAssembler)]
+        self._settling_time = min((one.settling_time for one in self._synchronous), default=inf)
         self.is_running = True  #: see ``pause``
         self._foreign_sync = foreign_sync
         self._sync_id = pads[0].layout.sync_cob_id
@@ -36,6 +39,18 @@ class Router:
     def can_ids(self) -> Collection[int]:
         """COB-IDs of the pads' taxels."""
         return self._owners.keys()
+
+    @property
+    def is_in_doubt(self) -> bool:
+        """Whether an idle bus would show what is not known: how far a node is. From any thread."""
+        return any(assembler.is_in_doubt for assembler in self._synchronous)
+
+    def settle(self, since: float, until: float) -> None:
+        """The bus carried no CAN frame between these stamps."""
+        if until - since >= self._settling_time:
+            for name, assembler in self._assemblers.items():
+                if isinstance(assembler, FrameAssembler):
+                    self._hand_over(name, assembler.settle(since, until))
 
     def restart(self) -> None:
         self.is_running = True
@@ -105,10 +120,11 @@ class Router:
                 self._on_frame(name, result)
 
 
-def _assembler(pad: PadSettings, one_clock: bool, drop_incomplete: bool) -> FrameAssembler | DomainAssembler:
+def _assembler(pad: PadSettings, one_clock: bool, drop_incomplete: bool,
+               adapter_delay: float) -> FrameAssembler | DomainAssembler:
     if pad.layout.domain is not None:
         return DomainAssembler(pad.layout, pad.node_ids[0], drop_incomplete)
-    return FrameAssembler(pad.layout, pad.node_ids, one_clock, drop_incomplete)
+    return FrameAssembler(pad.layout, pad.node_ids, one_clock, drop_incomplete, adapter_delay)
 
 
 def non_data_kind(message: can.Message) -> str | None:

@@ -10,6 +10,8 @@
       |   (still SUSPECT where the sender was behind by more than one)
       '-- SYNC: lost (LATE), since nothing proves that it is of this period
 
+    An idle bus (settle) before the first TPDO of a period: EMPTY and not behind.
+
 How many runs the sender is behind when a period begins:
 
     the period before        adds   which may consist of
@@ -28,7 +30,10 @@ import numpy as np
 from tactile_node.cia301.pdo import MAX_PDO_BYTES
 from tactile_node.frames.losses import Loss, LossReason
 
-CATCH_UP_PERIODS = 3  #: a sender that has not caught up after as many is taken to have lost its sweeps
+#: Periods, each with one run, after which a sender that may be behind is taken not to be. The first where the layout
+#: gives no response_time: a guess. The second where it does, and the bus was never idle: unless its load is between 99
+#: and 101 %, a sender that is behind would have sent no run in one of them, or two.
+CATCH_UP_PERIODS, STEADY_PERIODS = 3, 128
 
 
 class Payload(NamedTuple):
@@ -42,11 +47,12 @@ class SenderRun:
     """The ascending run of one sender's ranks in one period.
 
     ``own``: the sender's ranks, ascending. ``before``: its run of the period before; None where nothing of an
-    earlier period can come.
+    earlier period can come. ``catch_up``: CATCH_UP_PERIODS or STEADY_PERIODS.
     """
 
-    def __init__(self, own: np.ndarray, payload: Payload, before: 'SenderRun | None'):
+    def __init__(self, own: np.ndarray, payload: Payload, before: 'SenderRun | None', catch_up: int):
         self._own = own
+        self._catch_up = catch_up
         self._payload = payload
         self._top = int(own[-1])
         self._ranks: set[int] = set()  # of the run under way
@@ -59,6 +65,7 @@ class SenderRun:
         self._ended_suspect = False
         self._suspect_periods = 0  # in a row, up to the period before
         self._was_started = False
+        self._is_settled = False
         self._expect_late(0)
         if before is not None:
             self.carry_over(before)
@@ -67,7 +74,7 @@ class SenderRun:
         """Count the runs that may still come before this period's own."""
         is_behind = before._behind > 0 and (before._ended_suspect or not before.is_seen)
         suspect_periods = before._suspect_periods + before._ended_suspect
-        if suspect_periods == CATCH_UP_PERIODS:
+        if suspect_periods >= self._catch_up:
             is_behind = False
         self._suspect_periods = suspect_periods if is_behind else 0
         carried = before._behind if is_behind else 0
@@ -94,9 +101,14 @@ class SenderRun:
         return not self.is_position_unknown and self._last < self._top
 
     @property
+    def is_in_doubt(self) -> bool:
+        """Whether the sender may still be behind though a period has passed that could have shown it."""
+        return self._suspect_periods > 0
+
+    @property
     def is_undecided(self) -> bool:
         """Whether TPDOs received so far, or the next ones, may still be of the period before."""
-        return not self.is_seen or self._is_suspect or bool(self._aside)
+        return not (self.is_seen or self._is_settled) or self._is_suspect or bool(self._aside)
 
     @property
     def used(self) -> int:
@@ -110,6 +122,13 @@ class SenderRun:
     def start(self) -> None:
         """The sender, which did not send, was started: it is not behind."""
         self._was_started = True
+        if not self.is_seen:
+            self._expect_late(0)
+
+    def settle(self) -> None:
+        """Nothing of an earlier period can come any more."""
+        self._is_settled = True
+        self._suspect_periods = 0
         if not self.is_seen:
             self._expect_late(0)
 

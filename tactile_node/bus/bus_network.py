@@ -124,10 +124,10 @@ class BusNetwork(Network):
     def _received(self, batch: Batch) -> None:
         with self._order:
             if self._record:
-                for message in batch:
+                for message in batch.messages:
                     self._record.write(message)
             self._on_batch(batch)
-        for message in batch:
+        for message in batch.messages:
             subscribers = self.subscribers.get(message.arbitration_id)
             if subscribers and not (message.is_error_frame or message.is_remote_frame or message.is_extended_id):
                 self._notify(tuple(subscribers), message)

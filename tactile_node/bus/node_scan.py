@@ -48,7 +48,7 @@ class NodeScan:
 
     def received(self, batch: Batch) -> None:
         """Note heartbeats and answers to the first request."""
-        for message in batch:
+        for message in batch.messages:
             self._note(message)
 
     def _note(self, message: can.Message) -> None:

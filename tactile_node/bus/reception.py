@@ -7,16 +7,27 @@ interpreter costs more than all that is done with a frame.
 import threading
 import time
 from collections.abc import Callable
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import can
 
 RECEIVE_TIMEOUT = 0.1  #: s that a read waits at most
 STOP_TIMEOUT = 1.0  #: s
-PAUSE = 0.8e-3  #: s from one read to the next, at least: what it adds to the age of taxels, at most
+PAUSE = 0.5e-3  #: s from one read to the next, at least: what it adds to the age of taxels, at most
 MOST = 256  #: CAN frames in a batch: less than a socket's buffer holds
 
-Batch = list[can.Message]
+Messages = list[can.Message]
+
+
+class Batch(NamedTuple):
+    """What was read at once.
+
+    ``came``: where the messages' stamps do not say when they came, they all did between these times of the monotonic
+    clock [s].
+    """
+
+    messages: Messages
+    came: tuple[float, float] | None = None
 
 
 @runtime_checkable
@@ -28,7 +39,7 @@ class BatchBus(Protocol):
 
 
 class Reception:
-    """Calls ``on_batch(messages)``, never empty, and ``on_error(exception)``, on its own thread, until stopped."""
+    """Calls ``on_batch(batch)``, never an empty one, and ``on_error(exception)``, on its own thread, until stopped."""
 
     def __init__(self, bus: can.BusABC, on_batch: Callable[[Batch], None], on_error: Callable[[Exception], None]):
         self._bus = bus
@@ -48,8 +59,8 @@ class Reception:
         while not self._stopping.is_set():
             begun = time.monotonic()
             try:
-                batch = received(self._bus, RECEIVE_TIMEOUT)
-                if not batch:
+                batch = self._read()
+                if not batch.messages:
                     continue
                 self._on_batch(batch)
             except Exception as error:  # each backend of python-can raises its own
@@ -57,20 +68,15 @@ class Reception:
                 self._stopping.wait(RECEIVE_TIMEOUT)  # a dead adapter fails at once
             time.sleep(max(0.0, begun + PAUSE - time.monotonic()))
 
-
-def received(bus: can.BusABC, timeout: float) -> Batch:
-    """Return what waits, at least one message unless none comes within ``timeout`` [s].
-
-    Raises what ``bus`` raises, unless messages were received before.
-    """
-    if isinstance(bus, BatchBus):
-        return bus.recv_all(timeout)
-    batch: Batch = []
-    message = bus.recv(timeout)
-    while message is not None:
-        batch.append(message)
-        try:
-            message = bus.recv(0) if len(batch) < MOST else None
-        except Exception:  # raised again by the next call
-            break
-    return batch
+    def _read(self) -> Batch:
+        if isinstance(self._bus, BatchBus):
+            return self._bus.recv_all(RECEIVE_TIMEOUT)
+        messages: Messages = []
+        message = self._bus.recv(RECEIVE_TIMEOUT)
+        while message is not None:
+            messages.append(message)
+            try:
+                message = self._bus.recv(0) if len(messages) < MOST else None
+            except Exception:  # raised again by the next call
+                break
+        return Batch(messages)

@@ -59,7 +59,8 @@ class SkinBus:
         is_host_stamped = settings.interface in HOST_STAMPED
         self._router = Router(self._pads, self._consumer, foreign_sync=not settings.produce_sync,
                               one_clock=not settings.produce_sync or is_host_stamped,
-                              drop_incomplete=settings.drop_incomplete)
+                              drop_incomplete=settings.drop_incomplete,
+                              adapter_delay=0.0 if is_host_stamped else settings.adapter_delay)
         self._traffic = Traffic(self._router, self._monitor, self._fail, polled=self._polls.keys(),
                                 queue_limit=settings.queue_limit, is_host_stamped=is_host_stamped)
         self._network: BusNetwork | None = None
@@ -199,6 +200,7 @@ class SkinBus:
                                 queue_overruns=traffic.overruns, sync_overruns=self._sync.overruns,
                                 poll_overruns=sum(poll.overruns for poll in self._polls.values()),
                                 consumer_errors=self._consumer.errors, clock_jumps=traffic.clock.jumps,
+                                sync_pauses=traffic.pauses,
                                 unrecorded=0 if self._record is None else self._record.unwritten,
                                 stamps_ahead=traffic.clock.ahead)
 

@@ -9,6 +9,7 @@ import fcntl
 import os
 import time
 from collections import deque
+from math import inf
 from typing import Any
 
 import can
@@ -17,7 +18,7 @@ from can.util import CAN_FD_DLC
 
 from tactile_node.bus.reception import Batch
 
-PORT_TIMEOUT = 0.02  # s that one read of an idle port waits; data wake it at once
+PORT_TIMEOUT = 0.002  # s that one read of an idle port waits; data wake it at once
 ENDS = b'\r\a'  # of a line: done, refused
 ACKNOWLEDGED = (b'', b'z', b'Z')  # lines that only confirm a frame sent
 
@@ -42,6 +43,7 @@ class BulkSlcanBus(slcanBus):
     def __init__(self, channel: str, bitrate: int | None = None, sleep_after_open: float | None = None,
                  **options: Any):
         self._lines: deque[str] = deque()
+        self._asked = self._came_after = -inf  # when what waits was last asked for; after which the lines came
         self._lock = _locked(channel.split('@')[0])
         try:
             super().__init__(channel, bitrate=bitrate, sleep_after_open=sleep_after_open or 0.0,
@@ -75,19 +77,24 @@ class BulkSlcanBus(slcanBus):
 
     def recv_all(self, timeout: float) -> Batch:
         """Return the messages that wait, at least one unless none comes within ``timeout`` [s]."""
+        self._came_after = self._asked
         if not self._lines:
             self._read_lines(timeout)
         lines, self._lines = self._lines, deque()
-        now = time.time()
+        now, read = time.time(), time.monotonic()
         messages = (self._message(line, now) for line in lines)
-        return [message for message in messages if message is not None]
+        return Batch([message for message in messages if message is not None], (self._came_after, read))
 
     def _read_lines(self, timeout: float | None) -> None:
         """Read all that waits, until there is a line or ``timeout`` [s] is over."""
         end = None if timeout is None else time.monotonic() + timeout
         while not self._lines:
             with can.exceptions.error_check('Could not read from serial device'):
-                self._buffer += self.serialPortOrig.read(max(1, self.serialPortOrig.in_waiting))
+                self._asked = time.monotonic()
+                waiting = self.serialPortOrig.in_waiting
+                if not waiting and not self._buffer:  # so the next line is not here yet
+                    self._came_after = self._asked
+                self._buffer += self.serialPortOrig.read(max(1, waiting))
             *lines, rest = self._buffer.replace(ENDS[1:], ENDS[:1]).split(ENDS[:1])
             self._buffer = bytearray(rest)
             if len(rest) > LONGEST_LINE:

@@ -1,8 +1,10 @@
 """The CAN frames of one bus on their way to the assembler: stamped, counted, put into its queue."""
 
 import logging
+import time
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping
+from math import inf
 
 import can
 
@@ -17,6 +19,10 @@ from tactile_node.frames.health import BusFault
 from tactile_node.threads.call_queue import CallQueue
 
 logger = logging.getLogger(__name__)
+
+PAUSE_SPACING = 4  #: SYNCs from one that is left out to the next one that may be
+
+Span = tuple[float, float]
 
 
 class Traffic:
@@ -39,6 +45,9 @@ class Traffic:
         self._put = self._fed = 0  # CAN frames put into the queue, and taken from it
         self.overruns = 0  #: CAN frames lost because the queue was full
         self.syncs_sent = 0
+        self.pauses = 0  #: SYNCs left out, so that the bus is idle and shows how far the nodes are
+        self._since_pause = PAUSE_SPACING  # SYNCs
+        self._last_came = -inf  # the stamp up to which all received so far has come
 
     @property
     def no_data_frames(self) -> Mapping[str, int]:
@@ -66,7 +75,7 @@ class Traffic:
     def received(self, batch: Batch) -> None:
         """On the thread of the reception: copy, enqueue, return."""
         frames = []
-        for message in batch:
+        for message in batch.messages:
             kind = non_data_kind(message)
             if kind is None:
                 can_id, data = message.arbitration_id, bytes(message.data)
@@ -76,14 +85,25 @@ class Traffic:
                 self._count_other(kind, message)
         if self._put - self._fed + len(frames) <= self._queue_limit:
             self._put += len(frames)
-            self._calls.put(self._feed, frames)
+            self._calls.put(self._feed, frames, self._came(batch))
         else:
             self.overruns += len(frames)
 
-    def _feed(self, frames: list[tuple[int, bytes, float]]) -> None:
-        """On the assembler's thread."""
-        for frame in frames:
-            self._router.feed(*frame)
+    def _came(self, batch: Batch) -> Span | None:
+        """Between which stamps the frames of ``batch`` came; None where each has the stamp at which it came."""
+        if batch.came is None:
+            return None
+        lead = self.clock.now() - time.monotonic()
+        after, until = batch.came
+        return after + lead, until + lead
+
+    def _feed(self, frames: list[tuple[int, bytes, float]], came: Span | None) -> None:
+        """On the assembler's thread. Between two frames the bus was idle; all frames of a ``came`` count as one."""
+        for can_id, data, stamp in frames:
+            after, until = came or (stamp, stamp)
+            self._router.settle(self._last_came, after)
+            self._last_came = until
+            self._router.feed(can_id, data, stamp)
         self._fed += len(frames)
 
     def _count_other(self, kind: str, message: can.Message) -> None:
@@ -101,12 +121,22 @@ class Traffic:
 
     def send_sync(self, network: BusNetwork, can_id: int) -> None:
         """The SYNC is put into the queue before it is on the bus: no TPDO can overtake it. Raises BusError."""
+        if self._is_pause_due():
+            self.pauses += 1
+            return
         stamp = self.clock.now()
         if self.clock.jumps != self._jumps_reported:
             self._report_jump()
         self.syncs_sent += 1
         network.send_message(can_id, b'', stamp=stamp - self.clock.ahead,
                              announce=lambda: self._calls.put(self._router.sync, stamp))
+
+    def _is_pause_due(self) -> bool:
+        self._since_pause += 1
+        if self._since_pause < PAUSE_SPACING or not self._router.is_in_doubt:
+            return False
+        self._since_pause = 0
+        return True
 
     def _report_jump(self) -> None:
         self._jumps_reported = self.clock.jumps

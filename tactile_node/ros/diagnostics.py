@@ -194,7 +194,7 @@ def _condition_findings(condition: PadCondition) -> list[Finding]:
 
 def _bus_losses(statistics: BusStatistics) -> dict[str, int]:
     return {'queue_overruns': statistics.queue_overruns, 'sync_overruns': statistics.sync_overruns,
-            'poll_overruns': statistics.poll_overruns,
+            'sync_pauses': statistics.sync_pauses, 'poll_overruns': statistics.poll_overruns,
             'consumer_errors': statistics.consumer_errors, 'unread_log_lines': statistics.unread,
             'unrecorded_can_frames': statistics.unrecorded,
             'error_frames': statistics.can_frames.get('error', 0), 'clock_jumps': statistics.clock_jumps}
@@ -214,7 +214,7 @@ def _bus_values(statistics: BusStatistics, health: BusHealth) -> dict[str, objec
 
 def _pad_values(pad: PadStatistics) -> dict[str, object]:
     return {'frames_complete': pad.complete, 'frames_incomplete': pad.incomplete, 'frames_withheld': pad.withheld,
-            'tpdos_expected': pad.expected, 'tpdos_received': pad.received, 'tpdos_used': pad.used,
+            'late_answers': pad.late_answers, 'tpdos_expected': pad.expected, 'tpdos_received': pad.received, 'tpdos_used': pad.used,
             **{f'tpdos_lost_{reason.key}': count for reason, count in pad.losses.items()}}
 
 

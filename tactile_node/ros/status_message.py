@@ -36,7 +36,8 @@ def status_message(diagnostics: DiagnosticArray, counts: BusStatistics, health: 
         fault=health.fault.value, failure=failure_text(health.failure), bus_load=health.load,
         error_passive=health.is_error_passive, tx_error_count=health.error_counters.tx,
         rx_error_count=health.error_counters.rx, error_frames=counts.can_frames.get('error', 0),
-        queue_overruns=counts.queue_overruns, sync_overruns=counts.sync_overruns, poll_overruns=counts.poll_overruns,
+        queue_overruns=counts.queue_overruns, sync_overruns=counts.sync_overruns,
+        sync_pauses=counts.sync_pauses, poll_overruns=counts.poll_overruns,
         consumer_errors=counts.consumer_errors, clock_jumps=counts.clock_jumps, unread_log_lines=counts.unread,
         unrecorded_can_frames=counts.unrecorded,
         foreign_nmt_commands=health.foreign_commands, foreign_nmt_last=command_text(health.last_command),
@@ -56,6 +57,7 @@ def _pad(name: str, status: DiagnosticStatus, pad: PadStatistics, nodes: tuple[N
     return PadStatus(
         pad=name, level=_level(status.level), message=status.message, nodes=[_node(name, node) for node in nodes],
         frames_complete=pad.complete, frames_incomplete=pad.incomplete, tpdos_expected=pad.expected,
+        late_answers=pad.late_answers,
         tpdos_received=pad.received, tpdos_used=pad.used, loss_reasons=[reason.key for reason in pad.losses],
         loss_codes=array('B', pad.losses), loss_counts=array('Q', pad.losses.values()),
         faulty_taxels=_faulty(condition.faults) if condition else [],

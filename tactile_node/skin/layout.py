@@ -134,6 +134,7 @@ class SkinLayout:
     tpdos: tuple[TpdoLayout, ...]
     dead: tuple[tuple[int, int], ...] = ()  #: (row, col) of taxels known to be dead
     nodes: int = 1  #: CANopen nodes that make up the pad
+    response_time: float | None = None  #: from a SYNC to the first TPDO on an idle bus, at most [s]; None: not known
     domain: DomainLayout | None = None  #: polled by SDO; ``tpdos`` is then empty
 
     @property

@@ -1,0 +1,191 @@
+"""Pads and their assemblers on a wire in virtual time: frames take their time, SYNC and TPDOs cross."""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from wire import SYNC_ID, Carried, Node, carried, frame_seconds
+
+from tactile_node.assembly.assembler import FrameAssembler
+from tactile_node.bus.reception import PAUSE
+from tactile_node.bus.traffic import PAUSE_SPACING
+from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.skin.layout import SkinLayout
+from tactile_node.skin.layout_file import load_layout
+
+CODES = 251               #: the TPDOs of a sweep hold its number modulo this, plus 1
+RESPONSE, ADAPTER = 0.0005, 0.0005  #: s from SYNC to the first TPDO on an idle bus, and through an adapter, at most
+TIMEOUT = 0.002  #: s that a read waits for bytes
+HOST, WIRE = 'stamps of the host', 'stamps of the wire'
+
+
+class Pad(NamedTuple):
+    """A pad with its nodes and its assembler."""
+
+    layout: str
+    node_ids: tuple[int, ...]
+
+
+class Seen(NamedTuple):
+    """Of one pad: numbers of the sweeps that are whole, of those in which all nodes answered; frames that are wrong."""
+
+    whole: list[int]
+    answered: list[int]
+    wrong: int
+    late_answers: int
+
+
+ONE, TWO_NODES = (Pad('sim16x16.yaml', (32,)),), (Pad('nodes2_12x8_12bit.yaml', (32, 35)),)
+TWO = (Pad('sim16x16.yaml', (32,)), Pad('sim16x16.yaml', (64,)))
+
+
+def period_at(load: float, pads: Sequence[Pad]) -> float:
+    frames = sum(len(load_layout(pad.layout).tpdos) for pad in pads)
+    return (frames * frame_seconds(8) + frame_seconds(0)) / load
+
+
+def played(pads: Sequence[Pad], syncs: Sequence[float], clock: str, *, lost: float = 0.0, response: float | None = RESPONSE,
+           seed: int = 0, **of_nodes) -> list[Seen]:
+    """Let the nodes answer ``syncs`` on one wire; what each pad's assembler makes of the frames that it receives.
+
+    ``lost``: share of TPDOs that are not received; ``response``: what the layouts promise [s].
+    """
+    rng = np.random.default_rng(seed)
+    layouts = [replace(load_layout(pad.layout), response_time=response) for pad in pads]
+    nodes = [[Node([tpdo.cob_id.of(node_id) for tpdo in layout.tpdos if tpdo.node == place], **of_nodes)
+              for place, node_id in enumerate(pad.node_ids)] for pad, layout in zip(pads, layouts)]
+    receivers = [Receiver(pad, layout, clock) for pad, layout in zip(pads, layouts)]
+    path = Wire(receivers) if clock == WIRE else Adapter(receivers, rng)
+    for frame in carried(syncs, [node for own in nodes for node in own], path.is_pause_wanted):
+        if frame.can_id == SYNC_ID:
+            path.sync(frame)
+        elif rng.random() >= lost:
+            path.tpdo(frame)
+    path.read(np.inf)
+    return [receiver.seen(own) for receiver, own in zip(receivers, nodes)]
+
+
+class Receiver:
+    """The assembler of one pad, and what comes of it."""
+
+    def __init__(self, pad: Pad, layout: SkinLayout, clock: str):
+        self.assembler = FrameAssembler(layout, pad.node_ids, one_clock=clock == WIRE,
+                                        adapter_delay=ADAPTER if clock == HOST else 0.0)
+        self._layout = layout
+        self._lengths = {tpdo.cob_id.of(pad.node_ids[tpdo.node]): tpdo.length for tpdo in layout.tpdos}
+        self._numbers: dict[float, int] = {}  # of the SYNCs, by their stamps
+        self._results = []
+
+    def sync(self, stamp: float, number: int) -> None:
+        self._numbers[stamp] = number
+        self._results += self.assembler.sync(stamp)
+
+    def tpdo(self, frame: Carried, stamp: float, idle: tuple[float, float]) -> None:
+        """The bus was idle before it, at least between these two times."""
+        self._results += self.assembler.settle(*idle)
+        if frame.can_id in self._lengths:
+            data = coded(frame.number, self._layout)[:self._lengths[frame.can_id]]
+            self._results += self.assembler.feed(frame.can_id, data, stamp)
+
+    def seen(self, nodes: Sequence[Node]) -> Seen:
+        self._results += self.assembler.end_period()
+        whole, wrong, value = [], 0, self._layout.value
+        for frame in (result for result in self._results if isinstance(result, TaxelFrame)):
+            number, valid = self._numbers[frame.stamp], frame.status != TaxelStatus.STALE
+            counts = np.round(frame.values[valid] / value.scale).astype(int) + value.offset
+            wrong += bool((counts != number % CODES + 1).any())
+            whole += [number] if valid.all() else []
+        return Seen(whole, sorted(set.intersection(*(set(node.answered) for node in nodes))), wrong,
+                    self.assembler.statistics().late_answers)
+
+
+class Wire:
+    """Frames stamped when the wire has carried them: SocketCAN, which does not give own frames, here SYNC, back."""
+
+    def __init__(self, receivers: Sequence[Receiver]):
+        self._receivers = receivers
+        self._before = 0.0
+        self._since_pause = PAUSE_SPACING
+
+    def is_pause_wanted(self, now: float) -> bool:
+        """Whether the driver leaves out the SYNC that it would send now."""
+        self.read(now)
+        self._since_pause += 1
+        is_wanted = self._since_pause >= PAUSE_SPACING and any(one.assembler.is_in_doubt for one in self._receivers)
+        self._since_pause = 0 if is_wanted else self._since_pause
+        return is_wanted
+
+    def sync(self, frame: Carried) -> None:
+        for receiver in self._receivers:
+            receiver.sync(frame.end, frame.number)
+
+    def tpdo(self, frame: Carried) -> None:
+        for receiver in self._receivers:
+            receiver.tpdo(frame, frame.end, (self._before, frame.end))
+        self._before = frame.end
+
+    def read(self, until: float) -> None:
+        """All is read."""
+
+
+class Adapter(Wire):
+    """SYNCs are stamped as they are sent, the others as they are read from an adapter, all that wait at once: slcan."""
+
+    def __init__(self, receivers: Sequence[Receiver], rng: np.random.Generator):
+        super().__init__(receivers)
+        self._rng = rng
+        self._here: deque[tuple[float, Carried]] = deque()  # when it can be read
+        self._last = self._free = self._asked = 0.0  # the last frame is here; the next read may begin; the last one began
+
+    def sync(self, frame: Carried) -> None:
+        self.read(frame.offered)
+        for receiver in self._receivers:
+            receiver.sync(frame.offered, frame.number)
+
+    def tpdo(self, frame: Carried) -> None:
+        self._last = max(self._last, frame.end + self._rng.uniform(0, ADAPTER))
+        self._here.append((self._last, frame))
+
+    def read(self, until: float) -> None:
+        while self._here and max(self._free, self._here[0][0]) <= until:
+            empty_at, self._asked = self._asked, self._free
+            first = self._here[0][0]
+            if first > self._asked:  # nothing waits: asked again after each TIMEOUT
+                empty_at = self._asked = self._asked + (first - self._asked) // TIMEOUT * TIMEOUT
+            read, idle = max(self._asked, first), (self._before, empty_at)
+            while self._here and self._here[0][0] <= read:
+                _, frame = self._here.popleft()
+                for receiver in self._receivers:
+                    receiver.tpdo(frame, read, idle)
+                idle = (0.0, 0.0)
+            self._before, self._free = read, read + PAUSE
+
+
+def rising(times: np.ndarray) -> np.ndarray:
+    """No time twice: a SYNC has its own stamp."""
+    return np.maximum.accumulate(times) + 1e-9 * np.arange(len(times))
+
+
+def coded(number: int, layout) -> bytes:
+    """Eight bytes of which every taxel of these layouts reads ``number`` modulo CODES, plus 1."""
+    code, bits = number % CODES + 1, layout.value.bits
+    if layout.value.byte_order == 'little':
+        word = sum(code << place for place in range(0, 64 - bits + 1, bits))
+        return word.to_bytes(8, 'little')
+    word = sum(code << 64 - bits - place for place in range(0, 64 - bits + 1, bits))
+    return word.to_bytes(8, 'big')
+
+
+def random_world(pads: Sequence[Pad], clock: str, seed: int, count: int = 200) -> list[Seen]:
+    """Loads of 60 to 105 %, late SYNCs, answers that take up to 15 % of a sweep, TPDOs lost, sweeps skipped."""
+    rng = np.random.default_rng(seed)
+    shortest = period_at(1.0, pads)
+    loads = np.repeat(rng.uniform(0.6, 1.05, count // 20 + 1), 20)[:count]
+    syncs = np.cumsum(shortest / loads)
+    syncs += rng.uniform(0, 1, count) * (rng.random(count) < 0.05) * shortest / 2
+    skipped = set(np.flatnonzero(rng.random(count) < 0.02).tolist())
+    delays = rng.uniform(0.0001, 0.15 * shortest, count)
+    return played(pads, rising(syncs), clock, lost=rng.choice((0, 0.001, 0.02)), response=0.15 * shortest + 2e-4,
+                  seed=seed, skips=skipped.__contains__, delay=delays.__getitem__)
