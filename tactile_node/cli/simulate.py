@@ -54,19 +54,23 @@ def _add_wire_options(parser: argparse.ArgumentParser) -> None:
                         help="from a SYNC's end until the device has its TPDOs ready (default: %(default)s)")
     parser.add_argument('--jitter', type=float, default=default.jitter, metavar='S',
                         help='by which that is longer at most (default: %(default)s)')
+    parser.add_argument('--batch', type=float, default=default.batch, metavar='S',
+                        help='that a frame waits for those after it, to be handed over with them, as in a USB adapter '
+                             '(default: %(default)s)')
     parser.add_argument('--report', metavar='FILE', help='write each report as a line of JSON, too')
 
 
 def _wire(args: argparse.Namespace) -> WireSettings | None:
     if not (args.pty if args.wire is None else args.wire):
         return None
-    for name, value in (('--delay', args.delay), ('--jitter', args.jitter)):
+    for name, value in (('--delay', args.delay), ('--jitter', args.jitter), ('--batch', args.batch)):
         if not 0 <= value < MOST_DELAY:
             raise ConfigurationError(name, expected=f'0 to {MOST_DELAY:g} s', got=f'{value:g}',
-                                     remedy='A device answers a SYNC within its period.')
+                                     remedy='Give a shorter time.')
     if args.bitrate <= 0:
         raise ConfigurationError('--bitrate', expected='bit/s', got=f'{args.bitrate}', remedy='For example 500000.')
-    return WireSettings(args.bitrate, Stuffing(args.stuffing), args.delay, args.jitter, seed=args.seed)
+    return WireSettings(args.bitrate, Stuffing(args.stuffing), args.delay, args.jitter, batch=args.batch,
+                        seed=args.seed)
 
 
 def run(args: argparse.Namespace) -> int:

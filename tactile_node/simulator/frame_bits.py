@@ -86,7 +86,7 @@ def crc15(bits: int, width: int, crc: int = 0) -> int:
 
 
 def _stuffed(bits: int, width: int, state: int) -> tuple[int, int]:
-    """The state after these bits, and how many stuff bits they caused. A state is 2 x equal bits so far + their value."""
+    """The state after these bits, and the stuff bits that they caused. A state: 2 x equal bits so far + their value."""
     added = 0
     for place in reversed(range(width)):
         bit = bits >> place & 1

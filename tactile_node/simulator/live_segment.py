@@ -10,8 +10,7 @@ from tactile_node.simulator.segment import Call, Segment
 from tactile_node.simulator.wire import Carried, Wire
 from tactile_node.simulator.wire_report import WireRecord, WireReport
 
-BATCH = 0.0005  #: s that a frame may wait for those after it, to be handed over with them; USB adapters do so too
-IDLE = 0.5      #: s
+IDLE = 0.5  #: s
 
 HandOver = Callable[[Sequence[Frame]], None]
 
@@ -20,21 +19,23 @@ class LiveSegment(Segment):
     """Runs from ``start`` to ``stop`` in a thread. Times are those of time.monotonic.
 
     ``hand_over`` gets the frames that the host receives, in order; ``lost()`` counts those that it has not read.
-    ``is_shared``: several hosts are behind it, each with a controller of its own. ``submit``, ``send`` and ``report``
+    A frame waits for those after it ``batch`` [s] at most. ``is_shared``: several hosts are behind it, each with a controller of its own. ``submit``, ``send`` and ``report``
     are for any thread.
     """
 
-    def __init__(self, wire: Wire, hand_over: HandOver, lost: Callable[[], int] = lambda: 0, is_shared: bool = False):
+    def __init__(self, wire: Wire, hand_over: HandOver, lost: Callable[[], int] = lambda: 0, batch: float = 0.0,
+                 is_shared: bool = False):
         super().__init__(wire)
         self.now = time.monotonic()
         self._hand_over = hand_over
         self._lost = lost
+        self._batch = batch
         self._calls: SimpleQueue[tuple[float, Call]] = SimpleQueue()
         self._is_running = False
         self._thread = threading.Thread(target=self._work, name='wire', daemon=True)
         self._due: list[Carried] = []
         self._record = WireRecord(self.now)
-        self._before = (0, 0, 0, 0, 0.0)  # of what counts on: at the last report
+        self._before = (0, 0, 0, lost(), time.process_time())  # of what counts on: at the last report
         self._host = self.join(lambda carried: self._due.append(carried), by_priority=is_shared)
 
     def start(self) -> None:
@@ -90,7 +91,7 @@ class LiveSegment(Segment):
 
     def _pause(self, now: float) -> float:
         """Until all is carried that waits, but not much longer than until the next frame ends [s]."""
-        due = min(max(self.wire.next_end, min(self.wire.busy_until, now + BATCH)), self.next_timer, now + IDLE)
+        due = min(max(self.wire.next_end, min(self.wire.busy_until, now + self._batch)), self.next_timer, now + IDLE)
         return due - now
 
     def _flush(self) -> None:

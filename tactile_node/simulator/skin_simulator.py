@@ -49,13 +49,13 @@ class SkinSimulator:
         received = self._gateway.received if self._gateway is not None else lambda message: None
         self._network = BusNetwork(bus, received, lambda fault, error: self._on_failure(error))
         for node in self._nodes:
-            device = self.devices[node.node_id] = self._device(node)
+            device = self.devices[node.node_id] = self._device(node, self._network)
             device.boot()
 
-    def _device(self, node: CanopenNode) -> SimulatedDevice:
+    def _device(self, node: CanopenNode, shared: BusNetwork) -> SimulatedDevice:
         source = self._sources[node.pad]
         if self._gateway is None:
-            return SimulatedDevice(self._network, node, source)
+            return SimulatedDevice(shared, node, source)
         network = self._gateway.network(node.node_id)
         return SimulatedDevice(network, node, source, network.send_sweep)
 

@@ -24,7 +24,7 @@ class WireGateway:
         self._on_failure = on_failure
         self._to_wall_clock = time.time() - time.monotonic()
         self._segment = LiveSegment(settings.wire(), self._hand_over, lambda: getattr(bus, 'lost', 0),
-                                    is_shared=not isinstance(bus, SlcanPty))
+                                    settings.batch, is_shared=not isinstance(bus, SlcanPty))
         self._segment.start()
 
     def network(self, node_id: int) -> WireNetwork:

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from canopen import Network
+from canopen.network import PeriodicMessageTask
 
 from tactile_node.bus.bus_settings import DEFAULT_BITRATE
 from tactile_node.simulator.frame_bits import Frame, Stuffing, bits_of
@@ -21,6 +22,7 @@ class WireSettings:
     delay: float = 0.0003   #: of a device, from the end of the frame that it answers until its answer is ready [s]
     jitter: float = 0.0001  #: by which that may be longer, evenly distributed [s]
     most_sweeps: int = 2    #: that a device has not sent to the end, when it begins no other
+    batch: float = 0.0005   #: that a frame waits, at most, to be handed to the host with those after it [s]
     seed: int = 0
 
     def wire(self) -> Wire:
@@ -73,7 +75,7 @@ class WireNetwork(Network):
                 callback(frame.can_id, bytearray(frame.data), carried.end + self._to_wall_clock)
 
 
-class PeriodicFrame:
+class PeriodicFrame(PeriodicMessageTask):
     """As python-can's cyclic task, in wire time."""
 
     def __init__(self, network: WireNetwork, can_id: int, data: bytes, period: float, remote: bool):
