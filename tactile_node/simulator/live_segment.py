@@ -19,8 +19,8 @@ class LiveSegment(Segment):
     """Runs from ``start`` to ``stop`` in a thread. Times are those of time.monotonic.
 
     ``hand_over`` gets the frames that the host receives, in order; ``lost()`` counts those that it has not read.
-    A frame waits for those after it ``batch`` [s] at most. ``is_shared``: several hosts are behind it, each with a controller of its own. ``submit``, ``send`` and ``report``
-    are for any thread.
+    A frame waits for those after it ``batch`` [s] at most. ``is_shared``: several hosts are behind it, each with its own
+    controller. ``submit``, ``send`` and ``report`` are for any thread.
     """
 
     def __init__(self, wire: Wire, hand_over: HandOver, lost: Callable[[], int] = lambda: 0, batch: float = 0.0,

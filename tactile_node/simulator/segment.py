@@ -53,7 +53,7 @@ class Segment:
                 for sender, receive in self._receivers:
                     if sender is not carried.sender:
                         _guarded(receive, carried)
-            elif due <= until:
+            elif self._timers and due <= until:
                 self.now, _, call = heapq.heappop(self._timers)
                 _guarded(call)
             else:

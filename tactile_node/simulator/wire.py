@@ -126,8 +126,8 @@ class Wire:
 
     def carry(self, until: float) -> Carried | None:
         """The next frame, when it ends up to ``until`` [s]. A frame that has begun by then keeps the wire."""
-        if self._current is None and self.next_start <= until:
-            self._begin(self.next_start)
+        if self._current is None and (start := self.next_start) <= until and start < math.inf:
+            self._begin(start)
         if self._current is None or self._current.end > until:
             return None
         carried, self._current = self._current, None
