@@ -57,7 +57,8 @@ def _add_wire_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--batch', type=float, default=default.batch, metavar='S',
                         help='that a frame waits for those after it, to be handed over with them, as in a USB adapter '
                              '(default: %(default)s)')
-    parser.add_argument('--report', metavar='FILE', help='write each report as a line of JSON, too')
+    parser.add_argument('--report', metavar='FILE',
+                        help='append each report to this file, as a line of JSON, instead of printing it')
 
 
 def _wire(args: argparse.Namespace) -> WireSettings | None:
@@ -100,10 +101,11 @@ def _report(simulator: SkinSimulator, file: str | None) -> None:
     report = simulator.report()
     if report is None:
         return
-    print(report.text(), flush=True)
-    if file:
-        with open(file, 'a', encoding='utf-8') as stream:
-            stream.write(json.dumps(report._asdict()) + '\n')
+    if not file:
+        print(report.text(), flush=True)
+        return
+    with open(file, 'a', encoding='utf-8') as stream:
+        stream.write(json.dumps(report._asdict()) + '\n')
 
 
 def _opened(args: argparse.Namespace) -> tuple[can.BusABC, str]:

@@ -19,7 +19,7 @@ class LiveSegment(Segment):
     """Runs from ``start`` to ``stop`` in a thread. Times are those of time.monotonic.
 
     ``hand_over`` gets the frames that the host receives, in order; ``lost()`` counts those that it has not read.
-    A frame waits for those after it ``batch`` [s] at most. ``is_shared``: several hosts are behind it, each with its own
+    A frame waits for those after it ``batch`` [s] at most. ``is_shared``: several hosts are behind it, each with a
     controller. ``submit``, ``send`` and ``report`` are for any thread.
     """
 
