@@ -1,5 +1,6 @@
 """A segment whose time is the clock: a thread lets the wire carry what is due, and hands it to the host in batches."""
 
+import math
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -59,6 +60,19 @@ class LiveSegment(Segment):
     def send(self, frame: Frame) -> None:
         """A frame of the host, which takes part in the arbitration from now on."""
         self.submit(lambda: self._host.put(self.now, frame))
+
+    def wait_until_idle(self, timeout: float) -> None:
+        """Return when all that was put has been carried and handed over, or after ``timeout`` [s]: others may send."""
+        is_idle = threading.Event()
+
+        def look() -> None:
+            if self.wire.busy_until < math.inf:
+                self.at(max(self.wire.busy_until, self.now), look)
+                return
+            self._flush()
+            is_idle.set()
+        self.submit(look)
+        is_idle.wait(timeout)
 
     def report(self) -> WireReport:
         """Of the time since the report before."""

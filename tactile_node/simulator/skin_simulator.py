@@ -51,6 +51,8 @@ class SkinSimulator:
         for node in self._nodes:
             device = self.devices[node.node_id] = self._device(node, self._network)
             device.boot()
+        if self._gateway is not None:
+            self._gateway.wait_until_idle()  # boot-ups are over, as without a wire
 
     def _device(self, node: CanopenNode, shared: BusNetwork) -> SimulatedDevice:
         source = self._sources[node.pad]

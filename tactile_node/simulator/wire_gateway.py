@@ -11,6 +11,8 @@ from tactile_node.simulator.slcan_pty import SlcanPty
 from tactile_node.simulator.wire_network import WireNetwork, WireSettings
 from tactile_node.simulator.wire_report import WireReport
 
+MOST_WAIT = 1.0  #: s
+
 
 class WireGateway:
     """What the host sends on ``bus`` takes its place on the wire; what devices send is handed over as it ends.
@@ -39,6 +41,10 @@ class WireGateway:
     def report(self) -> WireReport:
         """Of the time since the report before."""
         return self._segment.report()
+
+    def wait_until_idle(self) -> None:
+        """Return when the wire has carried what waits, unless it is kept busy."""
+        self._segment.wait_until_idle(MOST_WAIT)
 
     def stop(self) -> None:
         self._segment.stop()
