@@ -84,14 +84,16 @@ def run(args: argparse.Namespace) -> int:
             failures.append(error)
             stop_requested.set()
         simulator = SkinSimulator(pads, _sources(args, pads), on_failure, _wire(args))
+        before = signal.signal(signal.SIGUSR1, lambda *_: _report(simulator, args.report))
         bus, place = _opened(args)
         simulator.start_on(bus)
         print(f'Simulated skin, node {", ".join(map(str, nodes))}, at {place}', flush=True)
         gc.freeze()  # a full collection would delay a sweep by some 40 ms
-        signal.signal(signal.SIGUSR1, lambda *_: _report(simulator, args.report))
         stop_requested.wait(args.duration)
+        signal.signal(signal.SIGUSR1, signal.SIG_IGN)
         _report(simulator, args.report)
         simulator.stop()
+        signal.signal(signal.SIGUSR1, before)
     if failures:
         print(f'The bus has failed: {failures[0]}')
     return 1 if failures else 0

@@ -58,10 +58,10 @@ class Sender:
 
     def put_sweep(self, ready: float, frames: Iterable[Frame], most: int) -> None:
         """Queue a sweep's frames; skipped and counted, ``frames`` not taken, while ``most`` sweeps are not sent."""
-        if self.sweeps >= most:
+        sweep = list(frames) if self.sweeps < most else []
+        if self.sweeps >= most or len(self._queue) + len(sweep) > self._limit:
             self.skipped += 1
             return
-        sweep = list(frames)
         for frame in sweep:
             self.put(ready, frame, frame is sweep[-1])
         self.sweeps += bool(sweep)
