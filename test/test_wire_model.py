@@ -200,8 +200,66 @@ def test_load_counts_every_frame_and_its_busiest_window():
     for k in range(500):
         record.carried(10 + k * 0.002, 10 + k * 0.002 + (0.002 if WINDOW <= k * 0.002 < 2 * WINDOW - 1e-9 else 0.001))
     assert record.load(11.0) == pytest.approx(0.55) and record.peak_load == pytest.approx(1.0)
+    across = WireRecord(0.0)
+    across.carried(0.06, 0.14)
+    assert across.peak_load == pytest.approx(0.4)
+    across.carried(0.14, 0.2)
+    assert across.peak_load == pytest.approx(1.0)
     late = WireRecord(0.0)
     for i in range(1000):
         late.handed_over(0.000_01 * i + 0.000_005)
     assert late.late(0.5) == pytest.approx(0.005) and late.late(0.99) == pytest.approx(0.0099)
     assert late.late_max == pytest.approx(0.009_995)
+
+
+def test_a_timer_takes_part_at_its_time():
+    segment, order = Segment(Wire()), []
+    segment.on_carried = lambda carried_frame: order.append(carried_frame.frame.can_id)
+    busy, urgent = segment.join(lambda carried_frame: None), segment.join(lambda carried_frame: None)
+    for _ in range(20):
+        busy.put(0.0, Frame(0x700, bytes(8)))
+    segment.at(2.5 * frame_seconds(8), lambda: urgent.put(segment.now, Frame(0x100)))
+    segment.run(1.0)
+    assert order.index(0x100) == 3
+
+
+def test_a_queue_without_room_skips_whole_sweeps_and_takes_the_next():
+    wire = Wire()
+    sender = wire.join(limit=40)
+    sweep = [Frame(0x181 + i) for i in range(16)]
+    for _ in range(3):
+        sender.put_sweep(0.0, sweep, most=9)
+    for _ in range(10):
+        sender.put(0.0, Frame(0x701))
+    assert (sender.queued, sender.skipped, sender.refused) == (2, 1, 2)
+    assert [frame.frame.can_id for frame in wire.advance(1.0)] == [*range(0x181, 0x191)] * 2 + [0x701] * 8
+    sender.put_sweep(1.0, sweep, most=1)
+    assert sender.queued == 3 and len(list(wire.advance(2.0))) == 16
+
+
+def test_behind_a_gateway_several_hosts_arbitrate():
+    """A host that has much to send does not hold up the SYNC of another."""
+    for by_priority, place in ((True, 1), (False, 50)):
+        wire = Wire()
+        gateway = wire.join(by_priority=by_priority)
+        for _ in range(50):
+            gateway.put(0.0, Frame(0x0A0, bytes(8)))
+        first = wire.carry(frame_seconds(8))
+        gateway.put(frame_seconds(8) / 2, Frame(SYNC_ID))
+        order = [first, *wire.advance(1.0)]
+        assert [frame.frame.can_id for frame in order].index(SYNC_ID) == place
+
+
+def test_a_participant_that_fails_does_not_stop_the_wire(caplog):
+    segment, received = Segment(Wire()), []
+
+    def fail(carried_frame):
+        raise ValueError('a malformed frame')
+    segment.join(fail)
+    segment.join(received.append)
+    host = segment.join(lambda carried_frame: None)
+    segment.at(0.5, lambda: fail(None))
+    host.put(0.0, Frame(0x600, b'\x01'))
+    host.put(0.6, Frame(0x601, b'\x01'))
+    segment.run(1.0)
+    assert [carried_frame.frame.can_id for carried_frame in received] == [0x600, 0x601] and len(caplog.records) == 3

@@ -38,7 +38,6 @@ class WireNetwork(Network):
         self._settings = settings
         self._to_wall_clock = to_wall_clock
         self._random = random.Random(settings.seed << 7 | node_id)
-        self._ready = 0.0
         self._sender = segment.join(self._receive)
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
@@ -63,9 +62,7 @@ class WireNetwork(Network):
         self._segment.submit(self._sender.clear)
 
     def _next_ready(self) -> float:
-        delay = self._settings.delay + self._settings.jitter * self._random.random()
-        self._ready = max(self._segment.now + delay, self._ready)  # it sends in order
-        return self._ready
+        return self._segment.now + self._settings.delay + self._settings.jitter * self._random.random()
 
     def _receive(self, carried: Carried) -> None:
         frame = carried.frame
