@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from queue import Empty, SimpleQueue
 
 from tactile_node.simulator.frame_bits import Frame
-from tactile_node.simulator.segment import Call, Segment
+from tactile_node.simulator.segment import Call, Segment, guarded
 from tactile_node.simulator.wire import Carried, Wire
 from tactile_node.simulator.wire_report import WireRecord, WireReport
 
@@ -89,7 +89,7 @@ class LiveSegment(Segment):
         while self._is_running:
             for stamp, call in self._waited():
                 self.run(stamp)
-                call()
+                guarded(call)
             self.run(time.monotonic())
             self._flush()
 

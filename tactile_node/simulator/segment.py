@@ -52,10 +52,10 @@ class Segment:
                 self.on_carried(carried)
                 for sender, receive in self._receivers:
                     if sender is not carried.sender:
-                        _guarded(receive, carried)
+                        guarded(receive, carried)
             elif self._timers and due <= until:
                 self.now, _, call = heapq.heappop(self._timers)
-                _guarded(call)
+                guarded(call)
             else:
                 self.now = max(self.now, until)
                 return
@@ -68,7 +68,8 @@ class Segment:
         return self._timers[0][0] if self._timers else math.inf
 
 
-def _guarded(call: Callable[..., None], *args: object) -> None:
+def guarded(call: Callable[..., None], *args: object) -> None:
+    """Make the call; an error of a participant is logged."""
     try:
         call(*args)
     except Exception:  # canopen over a malformed frame; the wire must go on
