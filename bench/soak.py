@@ -1,19 +1,24 @@
 """Two pads at the bus's full load for a long time: TPDOs lost, memory, latency from SYNC to taxel frame over time.
 
 Run by `make soak` (`make soak MINUTES=60`), or: python bench/soak.py [--minutes 10] [--rate 115]. The simulated skin
-is its own process behind a pseudo-terminal (slcan), as an adapter would be; the driver is the supervised one that
-the driver node runs. At 115 sweeps a second two pads of 16x16 taxels of 8 bits fill a bus of 1 Mbit/s
-(64 TPDOs of at most 135 bits each). Where it may, all runs at a raised priority, as a robot's drivers do. A third
-process only sleeps, a millisecond at a time, and reports how long the machine itself stood still at most.
-Writes soak.csv and soak.png; ends with 1 when a TPDO was lost or came too late.
+is its own process behind a pseudo-terminal (slcan), as an adapter would be, and sends each frame when a wire would
+have carried it; the driver is the supervised one that the driver node runs. At 115 sweeps a second two pads of 16x16
+taxels of 8 bits fill a bus of 1 Mbit/s (64 TPDOs of 135 bits each, with the most stuff bits): heartbeats and SDOs come
+on top, so now and then a device leaves out a sweep ("sweeps skipped"). What the sender did, how late it was by the
+clock of its wire and what processor time it took are columns apart from the driver's. Where it may, all runs at a
+raised priority, as a robot's drivers do. A third process only sleeps, a millisecond at a time, and reports how long the
+machine itself stood still at most.
+Writes soak.csv and soak.png; ends with 1 when a TPDO that was sent was lost or came too late.
 """
 
 import argparse
 import csv
 import gc
+import json
 import logging
 import multiprocessing
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -34,19 +39,24 @@ import numpy as np
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.recording.summary import summary
+from tactile_node.simulator.wire_report import WireReport
 from tactile_node.skin.pads import make_pad
 from tactile_node.supervision.supervisor import Supervisor
 
 matplotlib.use('Agg')
 import matplotlib.pyplot as plt  # noqa: E402
 
-NODES, LAYOUT = (32, 64), 'sim16x16.yaml'
+NODES, LAYOUT, TPDOS = (32, 64), 'sim16x16.yaml', 32  #: a sweep of each node
 FULL_LOAD = 115.0  #: sweeps a second
 PERCENTILES = (50, 99, 99.9, 100)
+SENDER_LATE = ('p50', 'p99', 'max')
 NAP = 1e-3  #: s
+REPORT_TIMEOUT = 10.0  #: s
 NICE = -10  #: of driver and skin
 COLUMNS = ('minutes', 'taxel frames', 'of these incomplete', 'TPDOs not received', 'TPDOs lost', 'bus load %',
-           'machine still ms', *(f'latency p{p:g} ms' for p in PERCENTILES), 'memory MB')
+           'machine still ms', *(f'latency p{p:g} ms' for p in PERCENTILES), 'memory MB', 'driver CPU %',
+           'wire load %', 'busiest 0.1 s %', 'sweeps skipped', 'not read',
+           *(f'sender late {p} ms' for p in SENDER_LATE), 'sender CPU %')
 
 
 class Row(NamedTuple):
@@ -61,11 +71,20 @@ class Row(NamedTuple):
     stall: float  #: the longest time for which the machine did not run a process that only sleeps [ms]
     latency: tuple[float, ...]  #: PERCENTILES [ms]
     memory: float               #: resident memory of the driver's process [MB]
+    cpu: float                  #: of the driver's process, share of a core
+    sender: WireReport
 
     def cells(self) -> list[str]:
         return [f'{self.minutes:.2f}', f'{self.frames}', f'{self.incomplete}', f'{self.missing}', f'{self.lost}',
                 f'{self.load:.1f}', f'{self.stall:.1f}',
-                *(f'{value:.2f}' for value in self.latency), f'{self.memory:.1f}']
+                *(f'{value:.2f}' for value in self.latency), f'{self.memory:.1f}', f'{100 * self.cpu:.0f}',
+                *self._sender_cells()]
+
+    def _sender_cells(self) -> list[str]:
+        sender = self.sender
+        return [f'{100 * sender.load:.1f}', f'{100 * sender.peak_load:.1f}', f'{sender.skipped}', f'{sender.lost}',
+                *(f'{1e3 * late:.2f}' for late in (sender.late_p50, sender.late_p99, sender.late_max)),
+                f'{100 * sender.cpu / sender.seconds:.0f}']
 
 
 class Latencies:
@@ -115,13 +134,16 @@ class StallWatch:
 class Soak:
     """A running driver, and the fate of its taxels so far."""
 
-    def __init__(self, driver: Supervisor, latencies: Latencies, stalls: StallWatch):
+    def __init__(self, driver: Supervisor, latencies: Latencies, stalls: StallWatch, skin: 'Skin'):
         self.driver = driver
+        self._skin = skin
         self._latencies = latencies
         self._stalls = stalls
         self.rows: list[Row] = []
         stalls.take()
+        skin.report()
         self._begin, self._before = time.monotonic(), np.zeros(4, int)
+        self._cpu, self._row_begin = time.process_time(), self._begin
 
     def row(self) -> Row:
         pads = self.driver.statistics().pads.values()
@@ -132,8 +154,15 @@ class Soak:
         latency = tuple(np.percentile(taken, PERCENTILES) * 1e3) if len(taken) else (np.nan,) * len(PERCENTILES)
         self.rows.append(Row(minutes=(time.monotonic() - self._begin) / 60, frames=frames, incomplete=incomplete,
                              missing=missing, lost=lost, load=100 * self.driver.health().load,
-                             stall=1e3 * self._stalls.take(), latency=latency, memory=resident()))
+                             stall=1e3 * self._stalls.take(), latency=latency, memory=resident(),
+                             cpu=self._cpu_share(), sender=self._skin.report()))
         return self.rows[-1]
+
+    def _cpu_share(self) -> float:
+        cpu, now = time.process_time(), time.monotonic()
+        share = (cpu - self._cpu) / (now - self._row_begin)
+        self._cpu, self._row_begin = cpu, now
+        return share
 
     @property
     def growth(self) -> float:
@@ -146,15 +175,33 @@ def resident() -> float:
     return int(Path('/proc/self/statm').read_text().split()[1]) * os.sysconf('SC_PAGE_SIZE') / 1e6
 
 
-def simulated(folder: Path) -> tuple[subprocess.Popen, str]:
-    """Start the skin's process; return it and its port, which it has opened."""
-    port = str(folder / 'can')
-    command = [sys.executable, '-m', 'tactile_node.cli.main', 'simulate', '--pty', '--link', port, '--layout', LAYOUT,
-               '--node-id', ','.join(map(str, NODES))]
-    skin = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
-    if not skin.stdout.readline():
-        sys.exit('soak: the simulated skin has not started')
-    return skin, port
+class Skin:
+    """The simulated skin's process behind ``port``, which it has opened."""
+
+    def __init__(self, folder: Path):
+        self.port, self._file = str(folder / 'can'), folder / 'wire.jsonl'
+        command = [sys.executable, '-m', 'tactile_node.cli.main', 'simulate', '--pty', '--link', self.port, '--layout',
+                   LAYOUT, '--node-id', ','.join(map(str, NODES)), '--report', str(self._file)]
+        self._process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+        self._reports = 0
+        if not self._process.stdout.readline():
+            sys.exit('soak: the simulated skin has not started')
+
+    def report(self) -> WireReport:
+        """Of the time since the one before."""
+        self._process.send_signal(signal.SIGUSR1)
+        end = time.monotonic() + REPORT_TIMEOUT
+        while time.monotonic() < end:
+            lines = self._file.read_text(encoding='utf-8').split('\n') if self._file.exists() else []
+            if len(lines) - 1 > self._reports:
+                self._reports = len(lines) - 1
+                return WireReport(**json.loads(lines[-2]))
+            time.sleep(0.01)
+        sys.exit('soak: the simulated skin does not report')
+
+    def end(self) -> None:
+        self._process.terminate()
+        self._process.wait()
 
 
 def priority() -> str:
@@ -166,16 +213,16 @@ def priority() -> str:
     return f'nice {NICE}, driver and skin'
 
 
-def run(args: argparse.Namespace, port: str, stalls: StallWatch) -> Soak:
+def run(args: argparse.Namespace, skin: Skin, stalls: StallWatch) -> Soak:
     latencies = Latencies()
     pads = tuple(make_pad(f'pad{node}', node, LAYOUT) for node in NODES)
-    driver = Supervisor(BusSettings('slcan', port, sync_period=1 / args.rate), pads, latencies)
+    driver = Supervisor(BusSettings('slcan', skin.port, sync_period=1 / args.rate), pads, latencies)
     driver.open()
     try:
         driver.configure()
         driver.start()
         gc.freeze()  # as the driver node does
-        soak, windows = Soak(driver, latencies, stalls), max(round(args.minutes * 60 / args.window), 1)
+        soak, windows = Soak(driver, latencies, stalls, skin), max(round(args.minutes * 60 / args.window), 1)
         for number in range(1, windows + 1):
             time.sleep(max(soak._begin + number * args.window - time.monotonic(), 0))
             print('  '.join(cell.rjust(len(name)) for name, cell in zip(COLUMNS, soak.row().cells())), flush=True)
@@ -209,20 +256,20 @@ def main() -> int:
     print(f'priority: {priority()}')
     stalls = StallWatch()
     with tempfile.TemporaryDirectory() as folder:
-        skin, port = simulated(Path(folder))
+        skin = Skin(Path(folder))
         try:
             print(f'two pads, {args.rate:g} sweeps/s each, {args.minutes:g} minutes; full load is {FULL_LOAD:g}')
             print('  '.join(COLUMNS), flush=True)
-            soak = run(args, port, stalls)
+            soak = run(args, skin, stalls)
         finally:
-            skin.terminate()
-            skin.wait()
+            skin.end()
             stalls.end()
     write(args.output, soak.rows)
     missing, lost = sum(row.missing for row in soak.rows), sum(row.lost for row in soak.rows)
-    print(f'TPDOs not received: {missing}, received and lost: {lost}; memory growth after the first tenth: '
-          f'{soak.growth:+.1f} MB; picture in {args.output}')
-    return int(missing + lost > 0)
+    skipped = sum(row.sender.skipped for row in soak.rows) * TPDOS
+    print(f'TPDOs not received: {missing}, of these not sent by the device: {skipped}; received and lost: {lost}; '
+          f'memory growth after the first tenth: {soak.growth:+.1f} MB; picture in {args.output}')
+    return int(missing + lost > skipped)
 
 
 def _arguments() -> argparse.Namespace:

@@ -16,6 +16,7 @@ from tactile_node.bus.skin_bus import BusSettings, SkinBus
 from tactile_node.frames.losses import Loss, Results
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.simulator.skin_simulator import SkinSimulator
+from tactile_node.simulator.wire_network import WireSettings
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import make_pads, with_dictionaries
 from tactile_node.supervision.supervisor import Supervisor
@@ -67,15 +68,15 @@ def only(outcome: Results) -> TaxelFrame | Loss | None:
 
 
 class Bench:
-    """A simulated skin and a driver on their own virtual bus; use with ``with``."""
+    """A simulated skin and a driver on their own virtual bus; use with ``with``. ``wire``: see SkinSimulator."""
 
     def __init__(self, channel: str, layout: str = 'sim16x16.yaml', nodes: tuple[int, ...] = (32,),
-                 source=None, **settings: Any):
+                 source=None, wire: WireSettings | None = None, **settings: Any):
         self.pads = with_dictionaries(make_pads([layout], nodes))
         rows, cols = self.pads[0].layout.rows, self.pads[0].layout.cols
         still = np.zeros((rows, cols))
         self.simulator = SkinSimulator(self.pads,
-                                       {pad.name: source or (lambda t: still) for pad in self.pads})
+                                       {pad.name: source or (lambda t: still) for pad in self.pads}, wire=wire)
         self.channel = channel_of(channel)
         self.frames: queue.Queue[tuple[str, TaxelFrame]] = queue.Queue()
         self.log = CapturedLog()

@@ -1,5 +1,6 @@
 """Where the faults of the catalogue are injected: a supervised driver, a skin, another participant on the bus."""
 
+import os
 import threading
 import time
 from collections.abc import Callable
@@ -15,9 +16,12 @@ from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.cia301.emergency import Emergency
 from tactile_node.frames.health import NodeFault
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.simulator.wire_network import WireSettings
 from tactile_node.supervision.supervisor import Supervisor
 
 LAYOUT, SIDE, PRESSED = 'sim8x8_16bit.yaml', 8, 12.5
+#: what the skin sends takes its time on a wire of 1 Mbit/s; TACTILE_TEST_WIRE=off: it is sent at once
+WIRE = WireSettings() if os.environ.get('TACTILE_TEST_WIRE') != 'off' else None
 TIMEOUT = 60.0  # s; a busy machine may be slow, a wrong one never gets there
 
 
@@ -58,7 +62,7 @@ class FaultBench(Bench):
                  layout: str = LAYOUT, **settings: Any):
         self._coded = Coded() if source is None else None
         self.is_clock_true = True  #: False: stamps cannot be compared with the wall clock
-        super().__init__(channel, layout, nodes, source=source or self._coded)
+        super().__init__(channel, layout, nodes, source=source or self._coded, wire=WIRE)
         self.adapter = Adapter()
         self.kept: list[tuple[str, TaxelFrame]] = []
         self.hold = threading.Event()

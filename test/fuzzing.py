@@ -374,8 +374,8 @@ def fuzz_timings(count: int, seed: int) -> int:
             sent, whole, wrong = sent + len(seen.answered), whole + len(seen.whole), wrong + seen.wrong
         if world % 100 == 99:
             print(f'  {sent} sweeps, {wrong} wrong, {time.monotonic() - begun:.0f} s', flush=True)
-    print(f'sweeps with random timings: {sent} sent by all nodes, {100 * whole / sent:.2f} % whole, taxel frames of two '
-          f'sweeps or with the stamp of another SYNC: {wrong}')
+    print(f'sweeps with random timings: {sent} sent by all nodes, {100 * whole / sent:.2f} % whole; taxel frames of '
+          f'two sweeps or with the stamp of another SYNC: {wrong}')
     return wrong
 
 

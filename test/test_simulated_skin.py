@@ -19,6 +19,7 @@ from faulty_bus import Adapter
 from tactile_node.bus import slcan_bus
 from tactile_node.bus.bus_network import open_bus
 from tactile_node.errors import BusError
+from tactile_node.simulator.frame_bits import Frame
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.slcan_pty import SlcanPty, decode, encode
 from tactile_node.simulator.touches import touch_program
@@ -225,6 +226,9 @@ def test_client_that_does_not_read_costs_frames_not_memory():
         for _ in range(20_000):
             adapter.send(message)
         assert adapter.lost > 10_000
+        before = adapter.lost
+        adapter.send_all([Frame(0x1A0, bytes(8))] * 500)
+        assert adapter.lost - before == 500
         os.write(port, b'C\rO\rt0010\r')  # the next client finds an empty line
         assert adapter.recv(60)
         adapter.send(can.Message(arbitration_id=0x123, is_extended_id=False))

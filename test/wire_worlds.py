@@ -46,8 +46,8 @@ def period_at(load: float, pads: Sequence[Pad]) -> float:
     return (frames * frame_seconds(8) + frame_seconds(0)) / load
 
 
-def played(pads: Sequence[Pad], syncs: Sequence[float], clock: str, *, lost: float = 0.0, response: float | None = RESPONSE,
-           seed: int = 0, **of_nodes) -> list[Seen]:
+def played(pads: Sequence[Pad], syncs: Sequence[float], clock: str, *, lost: float = 0.0,
+           response: float | None = RESPONSE, seed: int = 0, **of_nodes) -> list[Seen]:
     """Let the nodes answer ``syncs`` on one wire; what each pad's assembler makes of the frames that it receives.
 
     ``lost``: share of TPDOs that are not received; ``response``: what the layouts promise [s].
@@ -137,7 +137,8 @@ class Adapter(Wire):
         super().__init__(receivers)
         self._rng = rng
         self._here: deque[tuple[float, Carried]] = deque()  # when it can be read
-        self._last = self._free = self._asked = 0.0  # the last frame is here; the next read may begin; the last one began
+        self._last = 0.0  # the last frame is here
+        self._free = self._asked = 0.0  # the next read may begin; the last one has begun
 
     def sync(self, frame: Carried) -> None:
         self.read(frame.offered)

@@ -6,6 +6,7 @@ interpreter costs more than all that is done with a frame.
 
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -13,7 +14,8 @@ import can
 
 RECEIVE_TIMEOUT = 0.1  #: s that a read waits at most
 STOP_TIMEOUT = 1.0  #: s
-PAUSE = 0.5e-3  #: s from one read to the next, at least: what it adds to the age of taxels, at most
+PAUSE = 0.5e-3  #: s from one read to the next on a busy bus, at least: what it adds to the age of taxels, at most
+BUSY, BUSY_FOR = 4, 0.8e-3  #: so many CAN frames in so much time [s]: taxels, and no dialogue by SDO, which would suffer
 MOST = 256  #: CAN frames in a batch: less than a socket's buffer holds
 
 Messages = list[can.Message]
@@ -45,6 +47,7 @@ class Reception:
         self._bus = bus
         self._on_batch = on_batch
         self._on_error = on_error
+        self._recent: deque[float] = deque(maxlen=BUSY)  # when the last messages were read
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name='reception', daemon=True)
         self._thread.start()
@@ -57,16 +60,21 @@ class Reception:
 
     def _run(self) -> None:
         while not self._stopping.is_set():
-            begun = time.monotonic()
             try:
                 batch = self._read()
                 if not batch.messages:
                     continue
+                begun = time.monotonic()
                 self._on_batch(batch)
+                if self._is_busy(len(batch.messages), begun):
+                    time.sleep(max(0.0, begun + PAUSE - time.monotonic()))
             except Exception as error:  # each backend of python-can raises its own
                 self._on_error(error)
                 self._stopping.wait(RECEIVE_TIMEOUT)  # a dead adapter fails at once
-            time.sleep(max(0.0, begun + PAUSE - time.monotonic()))
+
+    def _is_busy(self, messages: int, now: float) -> bool:
+        self._recent.extend([now] * min(messages, BUSY))
+        return len(self._recent) == BUSY and now - self._recent[0] < BUSY_FOR
 
     def _read(self) -> Batch:
         if isinstance(self._bus, BatchBus):

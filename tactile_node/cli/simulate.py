@@ -1,10 +1,14 @@
 """``tactile simulate``: a CANopen skin made of software, on a CAN bus or behind a pseudo-terminal (slcan).
 
-It is as silent as a real one until a master (the driver) starts it.
+It is as silent as a real one until a master (the driver) starts it. Behind a pseudo-terminal it keeps the time of a
+wire of --bitrate: frames end when a wire would have carried them, in the order of arbitration. At its end, and at each
+SIGUSR1, it reports what the wire has carried since the report before, and how late itself was.
 """
 
 import argparse
 import gc
+import json
+import signal
 
 import can
 
@@ -13,12 +17,16 @@ from tactile_node.cli.options import add_bus_options, add_skin_options, eds_of, 
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption
 from tactile_node.simulator.device import TaxelSource
+from tactile_node.simulator.frame_bits import Stuffing
 from tactile_node.simulator.gripper import gripper_sources
 from tactile_node.simulator.recording import SIDE, load_recording
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.slcan_pty import SlcanPty
+from tactile_node.simulator.wire_network import WireSettings
 from tactile_node.skin.pads import PadSettings, make_pads, with_dictionaries
 from tactile_node.synthetic.world import CLASSES
+
+MOST_DELAY = 1.0  #: s
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
@@ -27,12 +35,43 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     add_bus_options(parser, channel='vcan0')
     parser.add_argument('--pty', action='store_true', help='offer an slcan adapter on a pseudo-terminal instead')
     parser.add_argument('--link', default='', metavar='PATH', help='with --pty: a symbolic link to the port')
+    _add_wire_options(parser)
     add_skin_options(parser)
     parser.add_argument('--shapes', nargs='+', choices=CLASSES, default=CLASSES, help='what touches (default: all)')
     parser.add_argument('--seed', type=int, default=0, help='of the touches (default: %(default)s)')
     parser.add_argument('--recording', metavar='FILE', help='repeat this event recording (64x64 layout) instead')
     parser.add_argument('--duration', type=float, help='end after so many seconds (default: at Ctrl-C)')
     parser.set_defaults(run=run)
+
+
+def _add_wire_options(parser: argparse.ArgumentParser) -> None:
+    default = WireSettings()
+    parser.add_argument('--wire', action=argparse.BooleanOptionalAction, default=None,
+                        help='keep the time of a wire (default: with --pty), or send a sweep at once')
+    parser.add_argument('--stuffing', choices=[kind.value for kind in Stuffing], default=default.stuffing.value,
+                        help='stuff bits: the most that a frame can have, or those that it has (default: %(default)s)')
+    parser.add_argument('--delay', type=float, default=default.delay, metavar='S',
+                        help="from a SYNC's end until the device has its TPDOs ready (default: %(default)s)")
+    parser.add_argument('--jitter', type=float, default=default.jitter, metavar='S',
+                        help='by which that is longer at most (default: %(default)s)')
+    parser.add_argument('--batch', type=float, default=default.batch, metavar='S',
+                        help='that a frame waits for those after it, to be handed over with them, as in a USB adapter '
+                             '(default: %(default)s)')
+    parser.add_argument('--report', metavar='FILE',
+                        help='append each report to this file, as a line of JSON, instead of printing it')
+
+
+def _wire(args: argparse.Namespace) -> WireSettings | None:
+    if not (args.pty if args.wire is None else args.wire):
+        return None
+    for name, value in (('--delay', args.delay), ('--jitter', args.jitter), ('--batch', args.batch)):
+        if not 0 <= value < MOST_DELAY:
+            raise ConfigurationError(name, expected=f'0 to {MOST_DELAY:g} s', got=f'{value:g}',
+                                     remedy='Give a shorter time.')
+    if args.bitrate <= 0:
+        raise ConfigurationError('--bitrate', expected='bit/s', got=f'{args.bitrate}', remedy='For example 500000.')
+    return WireSettings(args.bitrate, Stuffing(args.stuffing), args.delay, args.jitter, batch=args.batch,
+                        seed=args.seed)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -44,16 +83,31 @@ def run(args: argparse.Namespace) -> int:
         def on_failure(error: Exception) -> None:
             failures.append(error)
             stop_requested.set()
-        simulator = SkinSimulator(pads, _sources(args, pads), on_failure)
+        simulator = SkinSimulator(pads, _sources(args, pads), on_failure, _wire(args))
+        before = signal.signal(signal.SIGUSR1, lambda *_: _report(simulator, args.report))
         bus, place = _opened(args)
         simulator.start_on(bus)
         print(f'Simulated skin, node {", ".join(map(str, nodes))}, at {place}', flush=True)
         gc.freeze()  # a full collection would delay a sweep by some 40 ms
         stop_requested.wait(args.duration)
+        signal.signal(signal.SIGUSR1, signal.SIG_IGN)
+        _report(simulator, args.report)
         simulator.stop()
+        signal.signal(signal.SIGUSR1, before)
     if failures:
         print(f'The bus has failed: {failures[0]}')
     return 1 if failures else 0
+
+
+def _report(simulator: SkinSimulator, file: str | None) -> None:
+    report = simulator.report()
+    if report is None:
+        return
+    if not file:
+        print(report.text(), flush=True)
+        return
+    with open(file, 'a', encoding='utf-8') as stream:
+        stream.write(json.dumps(report._asdict()) + '\n')
 
 
 def _opened(args: argparse.Namespace) -> tuple[can.BusABC, str]:

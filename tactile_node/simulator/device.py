@@ -3,7 +3,7 @@
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import canopen
 import numpy as np
@@ -26,6 +26,8 @@ logger = logging.getLogger(__name__)
 
 #: seconds since the device became operational -> taxel values (rows, cols) in the layout's unit
 TaxelSource = Callable[[float], np.ndarray]
+#: takes COB-ID and bytes of each TPDO of a sweep; takes none when the device has no room for a sweep
+SendSweep = Callable[[Iterator[tuple[int, bytes]]], None]
 
 
 class SimulatedDevice:
@@ -33,10 +35,13 @@ class SimulatedDevice:
 
     What it sends is what has been written to 0x1005, 0x1800... and 0x1A00..., not what the layout says; the
     layout says which mapped object holds which taxel. ``source`` is called once a SYNC while OPERATIONAL.
+    ``send_sweep`` sends in place of ``network`` what a SYNC asks for.
     """
 
-    def __init__(self, network: canopen.Network, node: CanopenNode, source: TaxelSource):
+    def __init__(self, network: canopen.Network, node: CanopenNode, source: TaxelSource,
+                 send_sweep: SendSweep | None = None):
         self._network = network
+        self._send_sweep = send_sweep or self._send_at_once
         self._source = source
         self._node_id = node.node_id
         self._layout = node.layout
@@ -155,28 +160,35 @@ class SimulatedDevice:
         with self._lock:
             if not self.operational or self._domain is not None:
                 return
-            payload = self._codec.encode(self._values(timestamp))
-            self._words = [payload[i:i + 8] for i in range(0, len(payload), 8)]
             self._syncs += 1
-            if self._tpdos is None:
-                self._tpdos = self._configured_tpdos()
-            for tpdo in self._tpdos:
-                self._send(tpdo)
+            self._send_sweep(self._sweep(timestamp))
 
-    def _send(self, tpdo: ConfiguredTpdo) -> None:
+    def _sweep(self, now: float) -> Iterator[tuple[int, bytes]]:
+        payload = self._codec.encode(self._values(now))
+        self._words = [payload[i:i + 8] for i in range(0, len(payload), 8)]
+        if self._tpdos is None:
+            self._tpdos = self._configured_tpdos()
+        for tpdo in self._tpdos:
+            for data in self._due(tpdo):
+                self.frames_sent += 1
+                yield tpdo.can_id, data
+
+    def _send_at_once(self, frames: Iterator[tuple[int, bytes]]) -> None:
+        for can_id, data in frames:
+            self._network.send_message(can_id, data)
+
+    def _due(self, tpdo: ConfiguredTpdo) -> Iterator[bytes]:
+        """What the TPDO sends at this SYNC."""
         if tpdo.every and self._syncs % tpdo.every:
             return
         for rank, head in tpdo.heads:
-            self._network.send_message(tpdo.can_id, head + self._words[rank][len(head):tpdo.length])
-            self.frames_sent += 1
+            yield head + self._words[rank][len(head):tpdo.length]
         if tpdo.heads:
             return
         data = self._data(tpdo)
-        if not tpdo.every and self._sent.get(tpdo.can_id) == data:
-            return
-        self._sent[tpdo.can_id] = data
-        self._network.send_message(tpdo.can_id, data)
-        self.frames_sent += 1
+        if tpdo.every or self._sent.get(tpdo.can_id) != data:
+            self._sent[tpdo.can_id] = data
+            yield data
 
     def _data(self, tpdo: ConfiguredTpdo) -> bytes:
         if tpdo.whole is not None:

@@ -12,11 +12,13 @@ import threading
 import time
 import tty
 from collections import deque
+from collections.abc import Iterable
 from pathlib import Path
 
 import can
 
 from tactile_node.errors import ConfigurationError
+from tactile_node.simulator.frame_bits import Frame
 
 OK, REFUSED = b'\r', b'\a'
 # Bytes not yet read by the other side; beyond this frames are lost, as in an adapter
@@ -47,12 +49,24 @@ class SlcanPty(can.BusABC):
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Hand a frame to the client that has opened the channel; lost and counted when it does not read."""
+        self._send_lines([encode(msg)])
+
+    def send_all(self, frames: Iterable[Frame]) -> None:
+        """As ``send``, many at once."""
+        self._send_lines([line_of(frame) for frame in frames])
+
+    def _send_lines(self, lines: list[bytes]) -> None:
         if not self._open:
             return
-        if len(self._unsent) > MAX_WAITING:
-            self.lost += 1
-        else:
-            self._write(encode(msg))
+        waiting, fitting = len(self._unsent), 0
+        for line in lines:
+            if waiting > MAX_WAITING:
+                break
+            waiting += len(line)
+            fitting += 1
+        self.lost += len(lines) - fitting
+        if fitting:
+            self._write(b''.join(lines[:fitting]))
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         deadline = None if timeout is None else time.monotonic() + timeout
@@ -129,11 +143,19 @@ def _point(link: Path, port: str) -> None:
 
 def encode(message: can.Message) -> bytes:
     """A frame as slcan line: ``t1A02AABB`` is COB-ID 0x1A0 with bytes AA BB."""
-    kind = 'r' if message.is_remote_frame else 't'
-    head = f'{kind.upper()}{message.arbitration_id:08X}' if message.is_extended_id else (
-        f'{kind}{message.arbitration_id:03X}')
-    data = '' if message.is_remote_frame else message.data.hex().upper()
-    return f'{head}{message.dlc:d}{data}\r'.encode()
+    is_remote = message.is_remote_frame
+    return line_of(Frame(message.arbitration_id, b'' if is_remote else bytes(message.data), message.is_extended_id,
+                         is_remote, message.dlc))
+
+
+def line_of(frame: Frame) -> bytes:
+    """
+    >>> line_of(Frame(0x1A0, bytes.fromhex('AABB'))), line_of(Frame(0x180, is_remote=True, requested=8))
+    (b't1A02AABB\\r', b'r1808\\r')
+    """
+    kind = 'r' if frame.is_remote else 't'
+    head = f'{kind.upper()}{frame.can_id:08X}' if frame.is_extended else f'{kind}{frame.can_id:03X}'
+    return f'{head}{frame.dlc:d}{frame.data.hex().upper()}\r'.encode()
 
 
 def decode(line: bytes) -> can.Message | None:

@@ -1,0 +1,166 @@
+"""A CAN wire as a model without thread and clock: who may send next, and when the last bit is over."""
+
+import math
+from bisect import insort
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from operator import itemgetter
+from typing import NamedTuple
+
+from tactile_node.simulator.frame_bits import Frame, arbitration, worst_case_bits
+
+LEAST_BITS = 47  #: of a frame
+
+
+class Waiting(NamedTuple):
+    """A frame in a sender's queue."""
+
+    ready: float  #: [s]
+    priority: int
+    seconds: float  #: that it takes
+    frame: Frame
+    ends_sweep: bool
+
+
+class Sender:
+    """The queue of one participant's controller, first in, first out; made by ``Wire.join``.
+
+    ``by_priority``: a gateway to several participants, of whose frames the lowest identifier goes first.
+    """
+
+    def __init__(self, seconds: Callable[[Frame], float], limit: int, by_priority: bool):
+        self._seconds = seconds
+        self._limit = limit
+        self._by_priority = by_priority
+        self._queue: deque[Waiting] = deque()
+        self.ready, self.priority = math.inf, 0  #: of the first
+        self.backlog = 0.0  #: what waits takes so long [s]
+        self.sweeps = 0   #: not sent to the end
+        self.queued = 0   #: sweeps so far
+        self.skipped = 0  #: sweeps that were left out
+        self.refused = 0  #: frames beyond ``limit``
+
+    def __len__(self) -> int:
+        return len(self._queue)
+
+    def put(self, ready: float, frame: Frame, ends_sweep: bool = False) -> None:
+        """Queue a frame that may be sent from ``ready`` [s] on; refused and counted when the queue is full."""
+        if len(self._queue) >= self._limit:
+            self.refused += 1
+            return
+        waiting = Waiting(ready, arbitration(frame), self._seconds(frame), frame, ends_sweep)
+        if self._by_priority:
+            insort(self._queue, waiting, key=itemgetter(1))
+        else:
+            self._queue.append(waiting)
+        self.backlog += waiting.seconds
+        self._look()
+
+    def put_sweep(self, ready: float, frames: Iterable[Frame], most: int) -> None:
+        """Queue a sweep's frames; skipped and counted, ``frames`` not taken, while ``most`` sweeps are not sent."""
+        sweep = list(frames) if self.sweeps < most else []
+        if self.sweeps >= most or len(self._queue) + len(sweep) > self._limit:
+            self.skipped += 1
+            return
+        for frame in sweep:
+            self.put(ready, frame, frame is sweep[-1])
+        self.sweeps += bool(sweep)
+        self.queued += bool(sweep)
+
+    def take(self) -> Waiting:
+        waiting = self._queue.popleft()
+        self.sweeps -= waiting.ends_sweep
+        self.backlog -= waiting.seconds
+        self._look()
+        return waiting
+
+    def clear(self) -> None:
+        """As when the supply is switched off."""
+        self._queue.clear()
+        self.sweeps = 0
+        self._look()
+
+    def _look(self) -> None:
+        if self._queue:
+            self.ready, self.priority = self._queue[0][:2]
+        else:
+            self.ready, self.backlog = math.inf, 0.0
+
+
+class Carried(NamedTuple):
+    """A frame that the wire has carried."""
+
+    start: float  #: of its first bit [s]
+    end: float    #: of its last, the three bits between two frames included: the next frame may begin [s]
+    frame: Frame
+    sender: Sender
+
+
+class Wire:
+    """Senders that share a wire: at each start the lowest identifier among the first of all queues goes (ISO 11898-1).
+
+    >>> wire = Wire()
+    >>> one, other = wire.join(), wire.join()
+    >>> one.put(0.0, Frame(0x300)); one.put(0.0, Frame(0x100)); other.put(0.00001, Frame(0x200))
+    >>> [(hex(carried.frame.can_id), round(carried.end, 6)) for carried in wire.advance(1.0)]
+    [('0x300', 5.5e-05), ('0x100', 0.00011), ('0x200', 0.000165)]
+    """
+
+    def __init__(self, bitrate: int = 1_000_000, bits: Callable[[Frame], int] = worst_case_bits):
+        self._bit = 1 / bitrate
+        self._bits = bits
+        self.senders: list[Sender] = []  #: in the order in which they joined
+        self._current: Carried | None = None  # began, its end has not been reported
+        self._free = -math.inf
+
+    def join(self, limit: int = 1 << 14, by_priority: bool = False) -> Sender:
+        """A further participant, whose queue holds ``limit`` frames at most."""
+        sender = Sender(lambda frame: self._bits(frame) * self._bit, limit, by_priority)
+        self.senders.append(sender)
+        return sender
+
+    def advance(self, until: float) -> Iterator[Carried]:
+        """The frames that end up to ``until`` [s]; what is put meanwhile takes part as soon as it is ready."""
+        while (carried := self.carry(until)) is not None:
+            yield carried
+
+    def carry(self, until: float) -> Carried | None:
+        """The next frame, when it ends up to ``until`` [s]. A frame that has begun by then keeps the wire."""
+        if self._current is None and (start := self.next_start) <= until and start < math.inf:
+            self._begin(start)
+        if self._current is None or self._current.end > until:
+            return None
+        carried, self._current = self._current, None
+        return carried
+
+    @property
+    def next_start(self) -> float:
+        """Of the frame after the one under way [s]; infinite when none waits."""
+        ready = math.inf
+        for sender in self.senders:
+            if sender.ready < ready:
+                ready = sender.ready
+        return ready if ready > self._free else self._free if ready < math.inf else math.inf
+
+    @property
+    def next_end(self) -> float:
+        """When the next frame ends at the earliest [s]; infinite when none waits."""
+        return self._current.end if self._current is not None else self.next_start + LEAST_BITS * self._bit
+
+    @property
+    def busy_until(self) -> float:
+        """When all that waits will have been carried, if nothing is added [s]; infinite when nothing waits."""
+        start = self.next_start
+        if self._current is not None:
+            start = min(start, self._current.end)
+        return start + sum(sender.backlog for sender in self.senders)
+
+    def _begin(self, start: float) -> None:
+        winner = None
+        for sender in self.senders:
+            if sender.ready <= start and (winner is None or sender.priority < winner.priority):
+                winner = sender
+        assert winner is not None
+        waiting = winner.take()
+        self._free = start + waiting.seconds
+        self._current = Carried(start, self._free, waiting.frame, winner)
