@@ -5,11 +5,8 @@ One pad of 16x16 taxels of 8 bits (32 TPDOs of 135 bits with the most stuff bits
 """
 
 import argparse
-import json
 import os
 import select
-import signal
-import subprocess
 import sys
 import tempfile
 import threading
@@ -19,6 +16,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
+
+from skin_process import SkinProcess
 
 from tactile_node.simulator.wire_report import WireReport
 from tactile_node.skin.pads import make_pad
@@ -33,12 +32,8 @@ class Client:
     """The skin's process, and the port that it has opened."""
 
     def __init__(self, folder: Path, options: list[str]):
-        self._report = folder / 'wire.jsonl'
-        command = [sys.executable, '-m', 'tactile_node.cli.main', 'simulate', '--pty', '--link', str(folder / 'can'),
-                   '--layout', LAYOUT, '--node-id', str(NODE), '--report', str(self._report), *options]
-        self._skin = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
-        assert self._skin.stdout and self._skin.stdout.readline(), 'the simulated skin has not started'
-        self._port = os.open(folder / 'can', os.O_RDWR | os.O_NOCTTY)
+        self._skin = SkinProcess(folder, LAYOUT, [NODE], options)
+        self._port = os.open(self._skin.port, os.O_RDWR | os.O_NOCTTY)
         tty.setraw(self._port)
         self.read = 0
         self._is_ended = False
@@ -56,28 +51,17 @@ class Client:
         self._reader.start()
 
     def play(self, rate: float, seconds: float) -> WireReport:
-        self.report()
+        self._skin.report()
         begin = time.monotonic()
         for number in range(1, round(rate * seconds) + 1):
             self._write('t0800')
             time.sleep(max(begin + number / rate - time.monotonic(), 0))
-        return self.report()
-
-    def report(self) -> WireReport:
-        before = self._reports()
-        self._skin.send_signal(signal.SIGUSR1)
-        while len(reports := self._reports()) == len(before):
-            time.sleep(0.005)
-        return WireReport(**json.loads(reports[-1]))
+        return self._skin.report()
 
     def end(self) -> None:
         self._is_ended = True
         self._reader.join()
-        self._skin.terminate()
-        self._skin.wait()
-
-    def _reports(self) -> list[str]:
-        return self._report.read_text(encoding='utf-8').split('\n')[:-1] if self._report.exists() else []
+        self._skin.end()
 
     def _write(self, line: str) -> None:
         os.write(self._port, line.encode() + b'\r')

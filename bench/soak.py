@@ -14,12 +14,9 @@ Writes soak.csv and soak.png; ends with 1 when a TPDO that was sent was lost or 
 import argparse
 import csv
 import gc
-import json
 import logging
 import multiprocessing
 import os
-import signal
-import subprocess
 import sys
 import tempfile
 import threading
@@ -35,6 +32,7 @@ sys.path.insert(0, str(ROOT))
 
 import matplotlib
 import numpy as np
+from skin_process import SkinProcess
 
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.frames.taxel_frame import TaxelFrame
@@ -51,7 +49,6 @@ FULL_LOAD = 115.0  #: sweeps a second
 PERCENTILES = (50, 99, 99.9, 100)
 SENDER_LATE = ('p50', 'p99', 'max')
 NAP = 1e-3  #: s
-REPORT_TIMEOUT = 10.0  #: s
 NICE = -10  #: of driver and skin
 COLUMNS = ('minutes', 'taxel frames', 'of these incomplete', 'TPDOs not received', 'TPDOs lost', 'bus load %',
            'machine still ms', *(f'latency p{p:g} ms' for p in PERCENTILES), 'memory MB', 'driver CPU %',
@@ -134,7 +131,7 @@ class StallWatch:
 class Soak:
     """A running driver, and the fate of its taxels so far."""
 
-    def __init__(self, driver: Supervisor, latencies: Latencies, stalls: StallWatch, skin: 'Skin'):
+    def __init__(self, driver: Supervisor, latencies: Latencies, stalls: StallWatch, skin: SkinProcess):
         self.driver = driver
         self._skin = skin
         self._latencies = latencies
@@ -175,35 +172,6 @@ def resident() -> float:
     return int(Path('/proc/self/statm').read_text().split()[1]) * os.sysconf('SC_PAGE_SIZE') / 1e6
 
 
-class Skin:
-    """The simulated skin's process behind ``port``, which it has opened."""
-
-    def __init__(self, folder: Path):
-        self.port, self._file = str(folder / 'can'), folder / 'wire.jsonl'
-        command = [sys.executable, '-m', 'tactile_node.cli.main', 'simulate', '--pty', '--link', self.port, '--layout',
-                   LAYOUT, '--node-id', ','.join(map(str, NODES)), '--report', str(self._file)]
-        self._process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
-        self._reports = 0
-        if not self._process.stdout.readline():
-            sys.exit('soak: the simulated skin has not started')
-
-    def report(self) -> WireReport:
-        """Of the time since the one before."""
-        self._process.send_signal(signal.SIGUSR1)
-        end = time.monotonic() + REPORT_TIMEOUT
-        while time.monotonic() < end:
-            lines = self._file.read_text(encoding='utf-8').split('\n') if self._file.exists() else []
-            if len(lines) - 1 > self._reports:
-                self._reports = len(lines) - 1
-                return WireReport(**json.loads(lines[-2]))
-            time.sleep(0.01)
-        sys.exit('soak: the simulated skin does not report')
-
-    def end(self) -> None:
-        self._process.terminate()
-        self._process.wait()
-
-
 def priority() -> str:
     """Raise that of this process and of all that it will start, where that is allowed; what it is now."""
     try:
@@ -213,7 +181,7 @@ def priority() -> str:
     return f'nice {NICE}, driver and skin'
 
 
-def run(args: argparse.Namespace, skin: Skin, stalls: StallWatch) -> Soak:
+def run(args: argparse.Namespace, skin: SkinProcess, stalls: StallWatch) -> Soak:
     latencies = Latencies()
     pads = tuple(make_pad(f'pad{node}', node, LAYOUT) for node in NODES)
     driver = Supervisor(BusSettings('slcan', skin.port, sync_period=1 / args.rate), pads, latencies)
@@ -256,7 +224,7 @@ def main() -> int:
     print(f'priority: {priority()}')
     stalls = StallWatch()
     with tempfile.TemporaryDirectory() as folder:
-        skin = Skin(Path(folder))
+        skin = SkinProcess(Path(folder), LAYOUT, NODES)
         try:
             print(f'two pads, {args.rate:g} sweeps/s each, {args.minutes:g} minutes; full load is {FULL_LOAD:g}')
             print('  '.join(COLUMNS), flush=True)

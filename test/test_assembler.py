@@ -311,21 +311,35 @@ def test_an_idle_bus_proves_that_no_sweep_is_late(tmp_path, since, until, is_ove
     """Idle for response_time and the adapter's delay, after the SYNC that was not answered."""
     assembler = settled(tmp_path)
     assembler.settle(since, until)
-    frame = send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=1.0206)
-    assert (frame is not None) == is_over
+    assert send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=1.0206) is None
+    assert not assembler.idle_wanted  # a SYNC has to pass first
+    *_, frame = assembler.sync(1.04)
     if is_over:
         check(frame, np.zeros((3, 2)), sequence=2)
+        assert not assembler.idle_wanted and not assembler.statistics().losses[LossReason.LATE]
     else:
-        assert not assembler.is_in_doubt  # a SYNC has to pass first
-        assembler.sync(1.04)
-        assert assembler.is_in_doubt and assembler.statistics().losses[LossReason.LATE] == 3
+        assert assembler.idle_wanted == pytest.approx(WAITS + 0.001)
+        assert assembler.statistics().losses[LossReason.LATE] == 3
+
+
+def test_a_bus_that_seemed_idle_because_the_adapter_was_held_up_gives_no_wrong_stamp(tmp_path):
+    assembler = settled(tmp_path)
+    assembler.settle(0.985, 1.0205)
+    results = []
+    for data in (b'\x0A\x0A', b'\x0B\x0B'):  # the late one and its own, at once
+        for row in (ROW_1, ROW_2, ROW_3):
+            results += assembler.feed(row, data, 1.021)
+    check(results[0], np.zeros((3, 2)), sequence=1)
+    check(results[1], np.full((3, 2), 2), sequence=2)
+    assert len(results) == 2 and assembler.statistics().late_answers == 1
+    assert assembler.sync(1.04) == () and balanced(assembler)
 
 
 def test_a_layout_without_a_response_time_proves_nothing(assembler):
     for stamp in (0.98, 1.0, 1.02, 1.04):
         assembler.sync(stamp)
-        assert assembler.settle(0.0, stamp + 0.019) == ()
-        assert not assembler.is_in_doubt
+        assembler.settle(0.0, stamp + 0.019)
+        assert not assembler.idle_wanted
     assert send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=1.06) is None
 
 

@@ -12,7 +12,7 @@ from can_bench import wait_until
 
 from tactile_node.bus.bus_network import open_bus
 from tactile_node.bus.reception import MOST, Reception
-from tactile_node.bus.traffic import PAUSE_SPACING, Traffic
+from tactile_node.bus.traffic import Traffic
 
 pytestmark = pytest.mark.bus
 
@@ -76,13 +76,14 @@ def test_slcan_frames_came_between_the_last_look_at_an_empty_port_and_their_read
     os.close(port)
 
 
-def test_one_sync_in_some_is_left_out_while_it_is_not_known_how_far_a_node_is():
-    router = SimpleNamespace(is_in_doubt=False, sync=lambda stamp: None)
-    traffic = Traffic(router, None, None, polled=(), queue_limit=9, is_host_stamped=True)
+def test_syncs_are_left_out_while_it_is_not_known_how_far_a_node_is():
+    """As many as the bus has to be idle for, then none for a while."""
+    router = SimpleNamespace(idle_wanted=0.0, sync=lambda stamp: None)
+    traffic = Traffic(router, None, None, polled=(), queue_limit=9, is_host_stamped=True, sync_period=0.02)
     sent = []
-    network = SimpleNamespace(send_message=lambda *args, **kwargs: sent.append(args))
-    for number in range(20):
-        router.is_in_doubt = number >= 10
+    network = SimpleNamespace(send_message=lambda *args, **kwargs: sent.append(number))
+    for number in range(24):
+        router.idle_wanted = 0.025 if number >= 10 else 0.0
         traffic.send_sync(network, 0x80)
-    assert traffic.pauses == 3 and len(sent) == traffic.syncs_sent == 20 - traffic.pauses
-    assert PAUSE_SPACING == 4
+    assert sent == [*range(10), 12, 13, 14, 15, 18, 19, 20, 21]
+    assert traffic.pause.count == 6 and traffic.syncs_sent == len(sent)

@@ -10,7 +10,7 @@ from wire import SYNC_ID, Carried, Node, carried, frame_seconds
 
 from tactile_node.assembly.assembler import FrameAssembler
 from tactile_node.bus.reception import PAUSE
-from tactile_node.bus.traffic import PAUSE_SPACING
+from tactile_node.bus.sync_pause import SyncPause
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.layout_file import load_layout
@@ -57,7 +57,8 @@ def played(pads: Sequence[Pad], syncs: Sequence[float], clock: str, *, lost: flo
     nodes = [[Node([tpdo.cob_id.of(node_id) for tpdo in layout.tpdos if tpdo.node == place], **of_nodes)
               for place, node_id in enumerate(pad.node_ids)] for pad, layout in zip(pads, layouts)]
     receivers = [Receiver(pad, layout, clock) for pad, layout in zip(pads, layouts)]
-    path = Wire(receivers) if clock == WIRE else Adapter(receivers, rng)
+    period = float(np.median(np.diff(syncs)))
+    path = Wire(receivers, period) if clock == WIRE else Adapter(receivers, period, rng)
     for frame in carried(syncs, [node for own in nodes for node in own], path.is_pause_wanted):
         if frame.can_id == SYNC_ID:
             path.sync(frame)
@@ -84,7 +85,7 @@ class Receiver:
 
     def tpdo(self, frame: Carried, stamp: float, idle: tuple[float, float]) -> None:
         """The bus was idle before it, at least between these two times."""
-        self._results += self.assembler.settle(*idle)
+        self.assembler.settle(*idle)
         if frame.can_id in self._lengths:
             data = coded(frame.number, self._layout)[:self._lengths[frame.can_id]]
             self._results += self.assembler.feed(frame.can_id, data, stamp)
@@ -104,18 +105,15 @@ class Receiver:
 class Wire:
     """Frames stamped when the wire has carried them: SocketCAN, which does not give own frames, here SYNC, back."""
 
-    def __init__(self, receivers: Sequence[Receiver]):
+    def __init__(self, receivers: Sequence[Receiver], period: float):
         self._receivers = receivers
         self._before = 0.0
-        self._since_pause = PAUSE_SPACING
+        self._pause = SyncPause(period)
 
     def is_pause_wanted(self, now: float) -> bool:
         """Whether the driver leaves out the SYNC that it would send now."""
         self.read(now)
-        self._since_pause += 1
-        is_wanted = self._since_pause >= PAUSE_SPACING and any(one.assembler.is_in_doubt for one in self._receivers)
-        self._since_pause = 0 if is_wanted else self._since_pause
-        return is_wanted
+        return self._pause.is_due(max(receiver.assembler.idle_wanted for receiver in self._receivers))
 
     def sync(self, frame: Carried) -> None:
         for receiver in self._receivers:
@@ -133,8 +131,8 @@ class Wire:
 class Adapter(Wire):
     """SYNCs are stamped as they are sent, the others as they are read from an adapter, all that wait at once: slcan."""
 
-    def __init__(self, receivers: Sequence[Receiver], rng: np.random.Generator):
-        super().__init__(receivers)
+    def __init__(self, receivers: Sequence[Receiver], period: float, rng: np.random.Generator):
+        super().__init__(receivers, period)
         self._rng = rng
         self._here: deque[tuple[float, Carried]] = deque()  # when it can be read
         self._last = 0.0  # the last frame is here

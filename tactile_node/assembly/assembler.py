@@ -29,8 +29,9 @@ Rules, for each node of the pad separately
  7. With several nodes, a next run of a node that is not suspect proves that a SYNC was lost. The period is discarded:
     all TPDOs of all nodes are LATE until the next SYNC.
  8. The layout may give a ``response_time``: a node that has an answer to send begins within it when the bus is idle. A
-    bus that was idle for longer since a SYNC therefore proves that no run of that period comes any more (``settle``).
-    While it is not known how far a node is (``is_in_doubt``), the SYNC producer leaves out a SYNC, so that the bus
+    bus that was idle for longer since a SYNC therefore proves that no run of that period comes any more (``settle``). The
+    next run is of its own period, unless another follows before the next SYNC: the idle bus was a held-up adapter then.
+    While it is not known how far a node is (``idle_wanted``), the SYNC producer leaves out a SYNC, so that the bus
     is idle. A node that was seen to answer later is given twice that time for ORDER_MEMORY periods.
 
 Limits
@@ -102,10 +103,10 @@ class FrameAssembler:
         return frozenset(self._ranks)
 
     @property
-    def is_in_doubt(self) -> bool:
-        """Whether an idle bus would show what is not known: how far a node is. From any thread."""
+    def idle_wanted(self) -> float:
+        """For how long the bus has to be idle to show how far the nodes are [s]; 0: that is known. From any thread."""
         period = self._period
-        return self.settling_time < inf and period is not None and period.is_in_doubt
+        return self._patience if self._patience < inf and period is not None and period.is_in_doubt else 0.0
 
     def restart(self) -> None:
         """Forget the periods under way, the nodes do not send; the next SYNC is number 0."""
@@ -154,17 +155,13 @@ class FrameAssembler:
             self._period.assume_behind()
         return results
 
-    def settle(self, since: float, until: float) -> Results:
-        """The bus carried no CAN frame between these stamps; the frames to which nothing more can come."""
-        period = self._period
-        if period is None:
-            return ()
-        self._idle_for = max(self._idle_for, until - max(since, period.stamp))
-        if until - max(since, self._sync_before) < self._patience:
-            return ()
-        period.settle()
-        is_over = self._before is not None and not period.may_continue(self._before)
-        return self._close_before() if is_over else ()
+    def settle(self, since: float, until: float) -> None:
+        """The bus carried no CAN frame between these stamps."""
+        if self._period is None:
+            return
+        self._idle_for = max(self._idle_for, until - max(since, self._period.stamp))
+        if until - max(since, self._sync_before) >= self._patience:
+            self._period.settle()
 
     def feed(self, can_id: int, data: bytes, timestamp: float) -> Results:
         """One TPDO of this pad: the frames that it completes, losses, or nothing (taken, more to come)."""
@@ -208,7 +205,7 @@ class FrameAssembler:
         """A node does not keep to the layout's response_time: wait for longer before it is taken for granted again."""
         self._late_answers += 1
         self._answered_late = self._sequence
-        self._patience = max(self._patience, 2 * self._idle_for)
+        self._patience = 2 * max(self._patience, self._idle_for)
 
     def _forget(self) -> None:
         self._losses[LossReason.UNFINISHED] += self._pending()
@@ -239,6 +236,8 @@ class FrameAssembler:
         discarded: Results = ()
         if run.repeats(rank, data):
             return self._lose(LossReason.DUPLICATE)
+        if run.is_settled and run.last >= rank:  # two runs in one period: the first is a late one after all
+            self._note_late_answer()
         if len(period.runs) > 1 and not period.is_emitted and run.begins_next_sweep(rank):
             discarded = self._discard(period)
         if period.is_discarded:

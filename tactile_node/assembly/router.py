@@ -41,16 +41,15 @@ class Router:
         return self._owners.keys()
 
     @property
-    def is_in_doubt(self) -> bool:
-        """Whether an idle bus would show what is not known: how far a node is. From any thread."""
-        return any(assembler.is_in_doubt for assembler in self._synchronous)
+    def idle_wanted(self) -> float:
+        """For how long the bus has to be idle to show how far the nodes are [s]; 0: that is known. From any thread."""
+        return max((assembler.idle_wanted for assembler in self._synchronous), default=0.0)
 
     def settle(self, since: float, until: float) -> None:
         """The bus carried no CAN frame between these stamps."""
         if until - since >= self._settling_time:
-            for name, assembler in self._assemblers.items():
-                if isinstance(assembler, FrameAssembler):
-                    self._hand_over(name, assembler.settle(since, until))
+            for assembler in self._synchronous:
+                assembler.settle(since, until)
 
     def restart(self) -> None:
         self.is_running = True

@@ -10,7 +10,7 @@
       |   (still SUSPECT where the sender was behind by more than one)
       '-- SYNC: lost (LATE), since nothing proves that it is of this period
 
-    An idle bus (settle) before the first TPDO of a period: EMPTY and not behind.
+    After an idle bus (settle) SUSPECT becomes CURRENT at SYNC: no run was late, and none followed to show the contrary.
 
 How many runs the sender is behind when a period begins:
 
@@ -56,7 +56,7 @@ class SenderRun:
         self._payload = payload
         self._top = int(own[-1])
         self._ranks: set[int] = set()  # of the run under way
-        self._last = -1  # rank
+        self.last = -1  #: rank received last
         self._last_data = b''
         self._aside: dict[int, bytes] = {}  # a suspect run, after the sender has begun the next one
         self._is_aside_proved = False  # the sender has begun its next run: what is aside is of the period before
@@ -79,7 +79,7 @@ class SenderRun:
         self._suspect_periods = suspect_periods if is_behind else 0
         carried = before._behind if is_behind else 0
         if before.is_seen:
-            self._expect_late(carried + (before._last < self._top), -1 if carried else before._last,
+            self._expect_late(carried + (before.last < self._top), -1 if carried else before.last,
                               not before._ended_suspect)
         elif before._was_started:
             self._expect_late(0)
@@ -98,7 +98,7 @@ class SenderRun:
     @property
     def may_be_continued(self) -> bool:
         """Whether the next period may bring what this one lacks, without doubt to which of both it belongs."""
-        return not self.is_position_unknown and self._last < self._top
+        return not self.is_position_unknown and self.last < self._top
 
     @property
     def is_in_doubt(self) -> bool:
@@ -106,9 +106,14 @@ class SenderRun:
         return self._suspect_periods > 0
 
     @property
+    def is_settled(self) -> bool:
+        """Whether an idle bus has proved that the sender is not behind."""
+        return self._is_settled
+
+    @property
     def is_undecided(self) -> bool:
         """Whether TPDOs received so far, or the next ones, may still be of the period before."""
-        return not (self.is_seen or self._is_settled) or self._is_suspect or bool(self._aside)
+        return not self.is_seen or self._is_suspect or bool(self._aside)
 
     @property
     def used(self) -> int:
@@ -126,11 +131,10 @@ class SenderRun:
             self._expect_late(0)
 
     def settle(self) -> None:
-        """Nothing of an earlier period can come any more."""
-        self._is_settled = True
-        self._suspect_periods = 0
-        if not self.is_seen:
-            self._expect_late(0)
+        """No run of an earlier period begins any more. The tail of one needs no such proof: it has its own."""
+        if not self.is_seen and self._late_above < 0:
+            self._is_settled = True
+            self._suspect_periods = 0
 
     def assume_behind(self) -> None:
         """It is not known what the sender has sent so far, so its first run may be an old one."""
@@ -139,9 +143,9 @@ class SenderRun:
     def note_late(self, rank: int) -> None:
         """A TPDO of an earlier period was received, too late to be used; it only shows where its sender is."""
         if self.is_seen:
-            if rank <= self._last:
+            if rank <= self.last:
                 self._expect_late(max(self._behind - 1, 0))
-            self._last = rank
+            self.last = rank
         elif self._behind == 0:
             self._expect_late(int(rank < self._top), rank)
         elif rank == self._top:
@@ -149,11 +153,11 @@ class SenderRun:
 
     def repeats(self, rank: int, data: bytes) -> bool:
         """Whether this is the TPDO received last, byte for byte."""
-        return self.is_seen and rank == self._last and data == self._last_data
+        return self.is_seen and rank == self.last and data == self._last_data
 
     def begins_next_sweep(self, rank: int) -> bool:
         """Whether ``rank`` begins another sweep though the run before is not suspect."""
-        return self.is_seen and rank <= self._last and not self._is_suspect
+        return self.is_seen and rank <= self.last and not self._is_suspect
 
     def add(self, rank: int) -> Loss | None:
         """Continue the run with ``rank``, or begin the next one; the loss, if that loses the run before."""
@@ -162,19 +166,21 @@ class SenderRun:
             if self._behind == 1 and rank <= self._late_above:  # the delayed tail cannot come any more
                 self._expect_late(0)
             self._is_suspect = self._behind > 0
-        elif rank <= self._last:
+        elif rank <= self.last:
             loss = self._begin_next(rank)
         self._ranks.add(rank)
         return loss
 
     def note_received(self, rank: int, data: bytes) -> None:
         """This TPDO was received, used or not."""
-        self._last = rank
+        self.last = rank
         self._last_data = bytes(data)
         self.is_seen = True
 
     def end(self) -> int:
         """End the period and lose what is not proved to be of any period; the number of TPDOs lost."""
+        if self._is_settled:
+            self._is_suspect = False
         self._ended_suspect = self._is_suspect
         return self.lose() if self._is_suspect else self.lose_aside()
 

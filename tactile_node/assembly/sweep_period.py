@@ -50,7 +50,7 @@ class SweepPeriod:
         return any(run.is_in_doubt for run in self.runs)
 
     def settle(self) -> None:
-        """Nothing of an earlier period can come any more."""
+        """No run of an earlier period begins any more."""
         for run in self.runs:
             run.settle()
 

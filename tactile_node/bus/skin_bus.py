@@ -62,7 +62,8 @@ class SkinBus:
                               drop_incomplete=settings.drop_incomplete,
                               adapter_delay=0.0 if is_host_stamped else settings.adapter_delay)
         self._traffic = Traffic(self._router, self._monitor, self._fail, polled=self._polls.keys(),
-                                queue_limit=settings.queue_limit, is_host_stamped=is_host_stamped)
+                                queue_limit=settings.queue_limit, is_host_stamped=is_host_stamped,
+                                sync_period=settings.sync_period)
         self._network: BusNetwork | None = None
         self._record: CanLogWriter | None = None
         self._sync = Pacer(settings.sync_period, self._send_sync, 'sync')
@@ -200,7 +201,7 @@ class SkinBus:
                                 queue_overruns=traffic.overruns, sync_overruns=self._sync.overruns,
                                 poll_overruns=sum(poll.overruns for poll in self._polls.values()),
                                 consumer_errors=self._consumer.errors, clock_jumps=traffic.clock.jumps,
-                                sync_pauses=traffic.pauses,
+                                sync_pauses=traffic.pause.count,
                                 unrecorded=0 if self._record is None else self._record.unwritten,
                                 stamps_ahead=traffic.clock.ahead)
 

@@ -13,14 +13,13 @@ from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import BusNetwork, OnFailure
 from tactile_node.bus.reception import Batch
 from tactile_node.bus.stamp_clock import StampClock
+from tactile_node.bus.sync_pause import SyncPause
 from tactile_node.cia301.connection_set import SDO_REQUEST
 from tactile_node.errors import BusError
 from tactile_node.frames.health import BusFault
 from tactile_node.threads.call_queue import CallQueue
 
 logger = logging.getLogger(__name__)
-
-PAUSE_SPACING = 4  #: SYNCs from one that is left out to the next one that may be
 
 Span = tuple[float, float]
 
@@ -32,7 +31,7 @@ class Traffic:
     """
 
     def __init__(self, router: Router, monitor: BusMonitor, on_failure: OnFailure, *, polled: Collection[int],
-                 queue_limit: int, is_host_stamped: bool):
+                 queue_limit: int, is_host_stamped: bool, sync_period: float):
         self._router = router
         self._monitor = monitor
         self._on_failure = on_failure
@@ -45,8 +44,7 @@ class Traffic:
         self._put = self._fed = 0  # CAN frames put into the queue, and taken from it
         self.overruns = 0  #: CAN frames lost because the queue was full
         self.syncs_sent = 0
-        self.pauses = 0  #: SYNCs left out, so that the bus is idle and shows how far the nodes are
-        self._since_pause = PAUSE_SPACING  # SYNCs
+        self.pause = SyncPause(sync_period)
         self._last_came = -inf  # the stamp up to which all received so far has come
 
     @property
@@ -121,8 +119,7 @@ class Traffic:
 
     def send_sync(self, network: BusNetwork, can_id: int) -> None:
         """The SYNC is put into the queue before it is on the bus: no TPDO can overtake it. Raises BusError."""
-        if self._is_pause_due():
-            self.pauses += 1
+        if self.pause.is_due(self._router.idle_wanted):
             return
         stamp = self.clock.now()
         if self.clock.jumps != self._jumps_reported:
@@ -130,13 +127,6 @@ class Traffic:
         self.syncs_sent += 1
         network.send_message(can_id, b'', stamp=stamp - self.clock.ahead,
                              announce=lambda: self._calls.put(self._router.sync, stamp))
-
-    def _is_pause_due(self) -> bool:
-        self._since_pause += 1
-        if self._since_pause < PAUSE_SPACING or not self._router.is_in_doubt:
-            return False
-        self._since_pause = 0
-        return True
 
     def _report_jump(self) -> None:
         self._jumps_reported = self.clock.jumps
