@@ -478,17 +478,21 @@ def fates(of=(), begin=0):
 
 
 @pytest.mark.slow
-def test_whatever_is_lost_or_late_by_a_period_no_frame_is_wrong(tmp_path):
+@pytest.mark.parametrize('response', ['', 'response_time: 1.51'], ids=['unknown', 'known'])
+def test_whatever_is_lost_or_late_by_a_period_no_frame_is_wrong(tmp_path, response):
     """All 8000 ways; the first taxel's count is the period that its TPDO was sent in."""
-    layout, ways = tiny_layout(tmp_path), list(fates())
+    layout, ways = tiny_layout(tmp_path, TINY + response), list(fates())
     for fate in ways:
-        assembler, frames = FrameAssembler(layout, (1,)), []
+        assembler, frames, last = FrameAssembler(layout, (1,)), [], 0.0
         for period in range(PERIODS + CATCH_UP_PERIODS + 3):
             sent = [(i % 3, i // 3) for i, comes in enumerate(fate) if comes == period]
             sent += [(row, period) for row in range(3)] if period >= PERIODS else []
-            frames += assembler.sync(period)
+            stamp = period + 5 * (period > PERIODS + CATCH_UP_PERIODS)  # SYNCs are left out once
+            frames += assembler.sync(stamp)
             for row, count in sent:
-                frames += assembler.feed((ROW_1, ROW_2, ROW_3)[row], bytes([10 + count] * 2), period + 0.5)
+                assembler.settle(last, stamp + 0.5)
+                last = stamp + 0.5
+                frames += assembler.feed((ROW_1, ROW_2, ROW_3)[row], bytes([10 + count] * 2), last)
         frames = [frame for frame in (*frames, *assembler.end_period()) if isinstance(frame, TaxelFrame)]
         assert [frame.sequence for frame in frames] == list(range(PERIODS + CATCH_UP_PERIODS + 3))
         assert balanced(assembler)

@@ -15,7 +15,7 @@ import can
 RECEIVE_TIMEOUT = 0.1  #: s that a read waits at most
 STOP_TIMEOUT = 1.0  #: s
 PAUSE = 0.5e-3  #: s from one read to the next on a busy bus, at least: what it adds to the age of taxels, at most
-BUSY, BUSY_FOR = 4, 0.8e-3  #: so many CAN frames in so much time [s]: taxels, and no dialogue by SDO, which would suffer
+BUSY, BUSY_FOR = 4, 0.8e-3  #: so many CAN frames in so much time [s]: taxels; a dialogue by SDO is not held up
 MOST = 256  #: CAN frames in a batch: less than a socket's buffer holds
 
 Messages = list[can.Message]
