@@ -32,6 +32,7 @@ RATES = (185, 208, 217, 224, 231)  #: SYNCs a second
 FULL = 224
 SWEEP = (32 * 135 + 55) * 1e-6  #: s of wire
 DELAY = 0.0003  #: s from SYNC to the first TPDO, of the simulated skin
+LOGGED = 20.0  #: s of the log that is replayed
 WARM = 1.0  #: s before a measurement
 
 
@@ -53,6 +54,9 @@ def main() -> int:
         bench.row('pdo maps', FULL, ROOT, bare)
         for name, tree in trees.items():
             bench.row('driver', FULL, tree, bare, name)
+        print('replay as fast as possible, to taxel frames: times a full bus')
+        for name, tree in trees.items():
+            bench.replay(tree, name)
         print('whole sweeps')
         for rate in RATES:
             for name, tree in trees.items():
@@ -70,6 +74,16 @@ class Bench:
         self._layout.write_text(config_path(LAYOUT).read_text(encoding='utf-8') + f'response_time: {RESPONSE}\n')
         eds = config_path(LAYOUT).with_suffix('.eds')
         (folder / eds.name).write_text(eds.read_text(encoding='utf-8'), encoding='utf-8')
+
+    def replay(self, tree: Path, name: str) -> None:
+        """Print how much faster than a full bus the driver of ``tree`` plays a log of LOGGED seconds."""
+        log = self._folder / 'full.log'
+        if not log.exists():
+            write_log(log)
+        command = [sys.executable, __file__, '--reader', 'replay', str(log), LAYOUT, str(FULL)]
+        found = json.loads(subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True,
+                                          env=os.environ | {'PYTHONPATH': str(tree)}).stdout)
+        print(f'  {name:5}: {LOGGED / found["cpu"]:.1f} on one core ({found["whole"]} sweeps)', flush=True)
 
     def row(self, kind: str, rate: float, tree: Path, bare: float = 0.0, name: str = 'here') -> float:
         """Print one; its processor time [cores]."""
@@ -139,6 +153,33 @@ def driver(port: str, layout: str, rate: float, seconds: float) -> dict:
             'latency': [1e3 * taken[int(share * (whole - 1))] for share in (0.5, 0.99)]}
 
 
+def write_log(path: Path) -> None:
+    """A candump log of LOGGED seconds of a full bus."""
+    tpdos = load_layout(LAYOUT).tpdos
+    with path.open('w', encoding='ascii') as stream:
+        for number in range(round(LOGGED * FULL)):
+            at = 1e9 + number / FULL
+            stream.write(f'({at:.6f}) can0 080#\n')
+            for place, tpdo in enumerate(tpdos):
+                stream.write(f'({at + DELAY + place * 135e-6:.6f}) can0 {tpdo.cob_id.of(NODE):03X}#'
+                             f'{number % 256:02X}{8 * place % 256:02X}405060708090\n')
+
+
+def replay(log: str, layout: str, _rate: float, _seconds: float) -> dict:
+    from tactile_node.recording.log_source import LogSource
+    from tactile_node.skin.pads import make_pad
+    whole = []
+    source = LogSource(log, (make_pad('pad', NODE, layout),),
+                       lambda name, frame: whole.append(not frame.missing_can_frames), pace=None)
+    source.open()
+    cpu = time.process_time()
+    source.start()
+    source.finished.wait()
+    cpu = time.process_time() - cpu
+    source.close()
+    return {'cpu': cpu, 'whole': sum(whole)}
+
+
 def prepared(port: str, layout: str):
     """Let the driver configure the device, as all readers need it; then the device waits for NMT start."""
     from tactile_node.bus.bus_settings import BusSettings
@@ -191,11 +232,12 @@ def pdo_maps(port: str, layout: str, rate: float, seconds: float) -> dict:
     return {'cpu': cpu, 'bytes': counted[0]}
 
 
-READERS = {'driver': driver, 'bare': bare, 'pdo maps': pdo_maps}
+READERS = {'driver': driver, 'replay': replay, 'bare': bare, 'pdo maps': pdo_maps}
 
 if __name__ == '__main__':
     if '--reader' not in sys.argv:
         from skin_process import ROOT, SkinProcess
 
         from tactile_node.package_files import config_path
+        from tactile_node.skin.layout_file import load_layout
     sys.exit(main())
