@@ -32,7 +32,7 @@ def run(args: argparse.Namespace) -> int:
     """Record until interrupted; 1 when there was nothing to record."""
     bus = open_bus(args.interface, args.channel, args.bitrate, {})
     try:
-        log = CanLogWriter(args.file)
+        log = CanLogWriter(args.file, args.channel)
         try:
             _record(bus, log, args.duration)
         finally:

@@ -42,7 +42,7 @@ def make_source(settings: DriverSettings, pads: tuple[PadSettings, ...], on_fram
     if settings.replay:
         return LogSource(settings.replay, pads, on_frame, pace=settings.replay_pace or None,
                          loop=settings.replay_loop, drop_incomplete=settings.drop_incomplete,
-                         channel=settings.replay_channel, on_time=on_time)
+                         channel=settings.replay_channel, on_time=on_time, eds=settings.eds)
     if settings.heartbeat_timeout < HEARTBEATS_LOST * settings.heartbeat_period:
         raise ConfigurationError('parameters heartbeat_period and heartbeat_timeout',
                                  expected=f'a timeout of {HEARTBEATS_LOST} periods or more',

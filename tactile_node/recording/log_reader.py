@@ -16,6 +16,7 @@ from can.io.generic import MessageReader
 
 from tactile_node.errors import LogError
 from tactile_node.recording.bag_log import BagCanReader, is_bag
+from tactile_node.recording.log_channels import ChosenChannel
 from tactile_node.recording.stray_stamps import without_strays
 
 TEXT_SUFFIXES = ('.log', '.asc', '.trc')
@@ -85,14 +86,14 @@ class CanLogReader:
         self.problem = ''
         self.can_frames = 0
         self._last = 0.0  # stamp
-        self._others: set[str] = set()  # channels that are not read
+        self._chosen = ChosenChannel(channel)
         if not Path(path).is_file() and not (Path(path).is_dir() and is_bag(path)):
             self._refuse('no file' if Path(path).exists() else 'no such file', 'Check the path.')
 
     def __iter__(self) -> Iterator[can.Message]:
         self.unread = 0
         self.can_frames = 0
-        self._others = set()
+        self._chosen = ChosenChannel(self._channel)
         try:
             reader = BagCanReader(self.path) if is_bag(self.path) else _reader(self.path)
         except LogError:
@@ -105,11 +106,11 @@ class CanLogReader:
             is_text = isinstance(reader, CanutilsLogReader) or path.suffix.lower() in TEXT_SUFFIXES
             is_cut = is_text and _ends_within_a_line(path)
             whole = self._without_last_line(messages) if is_cut else messages
-            yield from self._counted(without_strays(self._of_channel(whole), self._stray))
+            yield from self._counted(without_strays(filter(self._chosen.takes, whole), self._stray))
         if not is_cut and not self.unread and (shortfall := _shortfall(reader, Path(self.path))):
             self._unread(shortfall)
-        if not self.can_frames and self._others:
-            self._refuse(f'none of channel {self._channel!r}, but of {", ".join(sorted(self._others))}',
+        if not self.can_frames and self._chosen.others:
+            self._refuse(f'none of channel {self._channel!r}, but of {", ".join(sorted(self._chosen.others))}',
                          'Name one of these.')
         if not self.can_frames:
             self._refuse(f'none{f" ({self.unread} lines unread: {self.problem})" if self.unread else ""}',
@@ -121,13 +122,6 @@ class CanLogReader:
         end = datetime.fromtimestamp(self._last, timezone.utc).isoformat(' ', 'milliseconds').replace('+00:00', ' UTC')
         rest = f'; {self.unread} lines or rests unread: {self.problem}' if self.unread else ''
         return f'{self.can_frames} CAN frames, the last at {end}{rest}.'
-
-    def _of_channel(self, messages: Iterator[can.Message]) -> Iterator[can.Message]:
-        for message in messages:
-            if self._channel in ('', str(message.channel)):
-                yield message
-            else:
-                self._others.add(str(message.channel))
 
     def _stray(self, message: can.Message) -> None:
         self._unread(f'a stamp of {message.timestamp:.6f} s, far from its neighbours')

@@ -21,13 +21,15 @@ class CanLogWriter:
 
     An existing file is never overwritten: ``path`` is the one that is written, ``session-2.log`` where
     ``session.log`` exists. Every format is flushed every FLUSH_PERIOD (.db by python-can, every 5 s): a killed
-    process loses at most that.
+    process loses at most that. A message without the name of its bus (``channel``; what this package sends, and what
+    some adapters receive) gets ``channel``, a device's path without its folder.
     ``unwritten`` counts messages that the format cannot hold, and those after the recording has failed (a full
     disk): it ends then, ``failure`` has the reason, which is also logged, and nothing else is affected. Raises
     LogError when the file cannot be written from the beginning or its suffix means no format.
     """
 
-    def __init__(self, path: str | Path):
+    def __init__(self, path: str | Path, channel: str = ''):
+        self._channel = '_'.join(channel.rsplit('/')[-1].split()) or None  # formats separate by spaces
         self._lock = threading.Lock()
         self._is_dirty = False
         self.can_frames = 0
@@ -53,6 +55,8 @@ class CanLogWriter:
             if isinstance(self._writer, can.TRCWriter) and not _fits_trc(message):
                 self.unwritten += 1
                 return
+            if message.channel is None:
+                message.channel = self._channel
             try:
                 self._writer.on_message_received(message)
                 self.can_frames += 1
