@@ -3,7 +3,6 @@
 import itertools
 import logging
 import threading
-import time
 from collections.abc import Callable, Iterator, Sequence
 
 import can
@@ -20,14 +19,13 @@ from tactile_node.recording.log_channels import OneBus
 from tactile_node.recording.log_reader import CanLogReader
 from tactile_node.recording.logged_set_up import LoggedSetUp
 from tactile_node.recording.played_times import PlayedTimes
+from tactile_node.recording.recorded_pace import RecordedPace
 from tactile_node.recording.stray_stamps import SET_BACK
 from tactile_node.skin.pad_rules import check_pads
 from tactile_node.skin.pads import PadSettings, identities_of
 from tactile_node.threads.stoppable_thread import StoppableThread
 
 logger = logging.getLogger(__name__)
-
-LONGEST_WAIT = 10.0  # s: a longer gap in a log is not waited for
 
 
 class LogSource:
@@ -150,7 +148,7 @@ class LogSource:
             shift += last - first
 
     def _play(self, stopping: threading.Event) -> None:
-        clock = _RecordedPace(self._pace, stopping)
+        clock = RecordedPace(self._pace, stopping)
         try:
             for message in self._messages or ():
                 clock.wait_until(message.timestamp)
@@ -199,24 +197,3 @@ def _of_pads(pads: Sequence[PadSettings]) -> set[int]:
     nodes = [node_id for pad in pads for node_id in pad.node_ids]
     return {pad.layout.sync_cob_id for pad in pads} | {
         base + node_id for base in (HEARTBEAT, SDO_REQUEST, SDO_RESPONSE) for node_id in nodes}
-
-
-class _RecordedPace:
-    """Waits until the recorded time has come, LONGEST_WAIT at most; the clock starts with the first message."""
-
-    def __init__(self, pace: float | None, stopping: threading.Event):
-        self._pace = pace
-        self._stopping = stopping
-        self._origin: float | None = None
-
-    def wait_until(self, recorded: float) -> None:
-        if self._pace is None:
-            return
-        if self._origin is None:
-            self._origin = time.monotonic() - recorded / self._pace
-        ahead = self._origin + recorded / self._pace - time.monotonic()
-        if ahead > LONGEST_WAIT:
-            logger.info('The log has a gap of %.1f s, which is not waited for.', ahead * self._pace)
-            self._origin -= ahead
-        elif ahead > 0:
-            self._stopping.wait(ahead)
