@@ -35,5 +35,6 @@ def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = N
             pass
         source.close()
     if source.failure:
-        raise LogError(path, expected='a log to its end', got=source.failure.detail, remedy='Record it again.')
+        raise LogError(path, expected='a log to its end', got=source.failure.detail.removesuffix('.'),
+                       remedy='What was played up to there is not used.')
     return PlayedLog(frames, source, source.finished.is_set())
