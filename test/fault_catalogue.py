@@ -572,7 +572,7 @@ def disk_full_while_recording(channel: str) -> FaultBench:
     with tempfile.TemporaryDirectory() as folder, FaultBench(channel, record=f'{folder}/x.log') as bench:
         bench.run().cause()
         with open('/dev/full', 'wb') as full:
-            os.dup2(full.fileno(), bench.driver._bus._record._writer.file.fileno())
+            os.dup2(full.fileno(), bench.driver._bus._record._file.writer.file.fileno())
         bench.detect(kind=lambda fact: isinstance(fact, OSError) and fact.errno == errno.ENOSPC)
         before = bench.driver.statistics().unrecorded
         bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)

@@ -15,8 +15,9 @@ from can_bench import Bench, wait_until
 from tactile_node.bus.skin_bus import BusSettings, SkinBus
 from tactile_node.cli import record, replay, simulate
 from tactile_node.errors import BusError, ConfigurationError, LogError, TactileError
+from tactile_node.recording.log_file import flush
 from tactile_node.recording.log_reader import CanLogReader
-from tactile_node.recording.log_writer import CanLogWriter, flush
+from tactile_node.recording.log_writer import CanLogWriter
 from tactile_node.skin.pads import make_pad
 
 pytestmark = pytest.mark.bus
@@ -234,7 +235,7 @@ def test_a_link_replaces_links_only(tmp_path):
 def test_a_full_disk_ends_the_recording_and_is_reported_once(tmp_path, suffix, caplog):
     log = CanLogWriter(tmp_path / f'x{suffix}')
     with open('/dev/full', 'wb') as full:
-        os.dup2(full.fileno(), log._writer.file.fileno())
+        os.dup2(full.fileno(), log._file.writer.file.fileno())
     message = can.Message(1.7e9, 0x181, False, data=bytes(8), channel=1)
     assert wait_until(lambda: log.write(message) or log.failure)
     log.write(message)

@@ -238,3 +238,49 @@ def test_objects_of_another_shape_or_too_narrow_are_refused(tmp_path, types, sec
 
 def test_an_identity_names_what_it_does_not_give():
     assert Identity(1, None, 0).not_given == ('product', 'revision') and Identity(1, 2, 3).not_given == ()
+
+
+ARRAY = '[2000]\nParameterName=A\nObjectType=0x8\nSubNumber=9\n'
+COMPACT = ARRAY + 'DataType=0x0006\nAccessType=ro\nPDOMapping=1\nCompactSubObj=3\n'
+
+
+def element(sub, access='ro', mapping='PDOMapping=1\n'):
+    return f'[2000sub{sub}]\nParameterName=x{sub}\nDataType=6\nAccessType={access}\n{mapping}'
+
+
+ELEMENTS = ''.join(element(sub) for sub in (1, 2, 3))
+
+
+def check_taxels(folder, taxels):
+    """TINY maps 0x2000 sub 1, 2 and 3 with 16 bits each."""
+    rest = objects_of_tiny(**RECORDS)
+    path = write(folder, SMALL + rest[:rest.index('[2000]')] + rest[rest.index('[1800]'):] + taxels)
+    check_against(load_eds(path, 5), tiny_layout(folder), str(path))
+    return path
+
+
+@pytest.mark.parametrize('taxels', [
+    ARRAY + ELEMENTS, COMPACT, ARRAY + ELEMENTS.replace('PDOMapping=1\n', ''), ARRAY.replace('0x8', '0x9') + ELEMENTS,
+    *(ARRAY + ELEMENTS.replace('=ro', f'={access}') for access in ('rw', 'rwr', 'const', 'RO'))])
+def test_taxels_that_a_tpdo_may_map_are_accepted(tmp_path, taxels):
+    check_taxels(tmp_path, taxels)
+
+
+@pytest.mark.parametrize(('taxels', 'at', 'says'), [
+    (ARRAY, '[2000]', '[2000sub1]'),                                           # nine elements, none listed
+    (ARRAY + ELEMENTS.replace('[2000sub3]', '[2000sub4]'), '[2000]', '[2000sub3]'),  # made up from sub 1 by canopen
+    (COMPACT.replace('CompactSubObj=3', 'CompactSubObj=2'), 'CompactSubObj=2', '3 elements'),
+    (COMPACT.replace('PDOMapping=1', 'PDOMapping=0'), 'PDOMapping=0', 'PDOMapping=1'),
+    (ARRAY + element(1) + element(2, mapping='PDOMapping=0\n') + element(3), 'PDOMapping=0', '[2000sub2]'),
+    (ARRAY + element(1) + element(2, access='wo') + element(3), 'AccessType=wo', '[2000sub2]'),
+    (ARRAY + element(1, access='rww') + element(2) + element(3), 'AccessType=rww', 'rwr')])
+def test_taxels_that_no_tpdo_can_map_are_refused_by_section_and_line(tmp_path, taxels, at, says):
+    with pytest.raises(ConfigurationError) as refused:
+        check_taxels(tmp_path, taxels)
+    lines = (tmp_path / 'device.eds').read_text().splitlines()
+    assert refused.value.where.endswith(f'line {len(lines) - lines[::-1].index(at)}') and says in str(refused.value)
+
+
+def test_a_number_of_elements_that_is_none_is_refused(tmp_path):
+    with pytest.raises(ConfigurationError, match='CompactSubObj'):
+        load_eds(write(tmp_path, SMALL + COMPACT.replace('CompactSubObj=3', 'CompactSubObj=many')), 5)

@@ -291,13 +291,57 @@ def test_a_log_of_two_buses_with_the_same_pad_is_refused_until_one_is_named(tmp_
     log, pads = tiny_log(tmp_path, *TWO_BUSES), tiny_pads(tmp_path)
     frames, source = play(log, pads)
     assert source.failure.fault is BusFault.LOG_UNUSABLE
-    assert all(part in source.failure.detail for part in ('0x181', 'can0 and on can1', 'replay_channel'))
+    assert all(part in source.failure.detail for part in ('0x080', 'can0 and on can1', 'replay_channel'))
     assert not any(np.isfinite(frame.values[1:]).any() for _, frame in frames)
     for channel, value in (('can0', 0.0), ('can1', 20.0)):
         (_, frame), = play(log, pads, channel=channel)[0]
         assert (frame.values == value).all()
     with pytest.raises(LogError, match='none of channel .can7., but of can0, can1'):
         LogSource(str(log), pads, lambda *_: None, channel='can7').open()
+
+
+def of_buses(*names):
+    """A whole sweep, SYNC first; ``names``: channel, and T for a frame sent by the recorder, else R."""
+    return [f'(1.{n}) {name.split()[0]} {frame} {name.split()[1]}'
+            for n, (name, frame) in enumerate(zip(names, ('080#', '181#0A0A', '281#0A0A', '381#0A0A')))]
+
+
+@pytest.mark.parametrize('sync', ['can1 R', 'can1 T'])
+def test_sync_of_another_bus_never_ends_a_sweep(tmp_path, sync):
+    """The second bus is known by what is received on it, be it other nodes' TPDOs."""
+    lines = ['(0.5) can1 3FF#01 R', *of_buses(sync, *3 * ['can0 R'])]
+    frames, source = play(tiny_log(tmp_path, *lines), tiny_pads(tmp_path))
+    assert source.failure.fault is BusFault.LOG_UNUSABLE and 'can1 and on can0' in source.failure.detail
+    assert not any(np.isfinite(frame.values).any() for _, frame in frames)
+
+
+def test_tpdos_of_one_pad_on_two_buses_are_refused(tmp_path):
+    frames, source = play(tiny_log(tmp_path, *of_buses('can0 R', 'can0 R', 'can0 R', 'can1 R')), tiny_pads(tmp_path))
+    assert source.failure.fault is BusFault.LOG_UNUSABLE and '0x381' in source.failure.detail
+    assert not any(np.isfinite(frame.values[2]).any() for _, frame in frames)
+
+
+@pytest.mark.parametrize('channel', ['', 'can0'])
+def test_a_frame_sent_without_the_name_of_its_bus_belongs_to_the_log_s_first(tmp_path, channel):
+    """Recordings of this package had SYNC so; python-can writes vcan0 in place of the name."""
+    (_, frame), = play(tiny_log(tmp_path, *of_buses('vcan0 T', *3 * ['can0 R'])), tiny_pads(tmp_path),
+                       channel=channel)[0]
+    assert not frame.missing_can_frames
+
+
+def test_other_traffic_of_a_second_bus_disturbs_nothing(tmp_path):
+    lines = ['(0.9) can1 3FF#01 R', *of_buses(*4 * ['can0 R']), '(1.9) can1 101#02 R']
+    (_, frame), = play(tiny_log(tmp_path, *lines), tiny_pads(tmp_path))[0]
+    assert not frame.missing_can_frames
+
+
+@pytest.mark.parametrize(('channel', 'name'), [('can0', 'can0'), ('/dev/serial/by-id/my adapter', 'my_adapter')])
+def test_what_has_no_name_of_its_bus_is_recorded_with_it(tmp_path, channel, name):
+    writer = CanLogWriter(tmp_path / 'x.log', channel)
+    writer.write(can.Message(1.0, 0x080, False, is_rx=False))
+    writer.write(can.Message(1.1, 0x181, False, data=b'A', channel='can7'))
+    writer.close()
+    assert (tmp_path / 'x.log').read_text() == f'(1.000000) {name} 080# T\n(1.100000) can7 181#41 R\n'
 
 
 @pytest.mark.parametrize('damaged', ['9000000001.1', '0.1'])

@@ -28,3 +28,13 @@ def test_every_lowest_version_is_a_library_of_the_lock_too():
     locked = {name.lower() for name in re.findall(r'^([\w-]+)==', lock, re.MULTILINE)}
     for name in re.findall(r'^([\w-]+)==', (ROOT / 'requirements/lowest.txt').read_text(), re.MULTILINE):
         assert name in locked
+
+
+def test_every_package_of_the_lock_has_the_hashes_of_its_files():
+    """Else pip would take whatever the index gives under that version."""
+    lock = (ROOT / 'requirements/lock.txt').read_text(encoding='utf-8')
+    packages = re.split(r'^(?=[\w-]+==)', lock, flags=re.MULTILINE)[1:]
+    assert len(packages) > 150
+    for package in packages:
+        assert re.search(r' \\\n    --hash=sha256:[0-9a-f]{64}\b', package), package
+    assert 'http' not in lock and 'index-url' not in lock

@@ -222,7 +222,8 @@ def test_methods_have_one_interface():
         make_recogniser('magic')
 
 
-@pytest.mark.parametrize('content', ['nothing', 'text', 'other arrays', 'cut', 'wrong sizes'])
+@pytest.mark.parametrize('content', ['nothing', 'text', 'other arrays', 'cut', 'wrong sizes', 'NaN', 'inf',
+                                     'no spread', 'negative temperature', 'bomb'])
 def test_files_that_are_no_weights_are_refused(tmp_path, content):
     path, weights = tmp_path / 'weights.npz', config_path('recogniser.npz')
     with np.load(weights) as data:
@@ -235,6 +236,14 @@ def test_files_that_are_no_weights_are_refused(tmp_path, content):
         path.write_bytes(weights.read_bytes()[:5000])
     elif content == 'wrong sizes':
         np.savez(path, **arrays | {'on_off_bias0': np.zeros(3)})
+    elif content in ('NaN', 'inf'):
+        np.savez(path, **arrays | {'graded_bias0': np.full(24, float(content))})
+    elif content == 'no spread':
+        np.savez(path, **arrays | {'graded_spread': np.zeros(40)})
+    elif content == 'negative temperature':
+        np.savez(path, **arrays | {'on_off_temperature': np.float64(-1)})
+    elif content == 'bomb':
+        np.savez_compressed(path, **arrays | {'more': np.zeros(1 << 25, np.uint8)})
     with pytest.raises(ConfigurationError, match='weights of the recogniser'):
         ShapeRecogniser.from_file(path)
 

@@ -76,6 +76,7 @@ def test_recorded_session_plays_back_the_same_frames(tmp_path):
         bench.run()
         live = [frame for _, frame in bench.take(20)]
         assert wait_until(lambda: bench.driver.statistics().pads['pad32'].received >= 20 * 32)
+    assert {line.split()[1] for line in record.read_text().splitlines()} == {bench.channel}  # own SYNC, too
     source = LogSource(str(record), bench.pads, lambda _n, f: played.append(f), pace=None)
     source.open()
     source.start()

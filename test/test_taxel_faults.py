@@ -238,7 +238,9 @@ def test_gain_files(tmp_path):
 
 @pytest.mark.parametrize(('content', 'says'), [
     ('1 1\n1 1\n', '2 rows of 3 gains'), ('1 1 1\n1 x 1\n', 'numbers'), ('1 1 1\n1 0 1\n', 'row 1, column 1'),
-    ('1 1 1\n1 nan 1\n', 'row 1, column 1'), ('', 'shape'), ('1 1 1\n1 1\n', 'numbers')])
+    ('1 1 1\n1 nan 1\n', 'row 1, column 1'), ('', 'shape'), ('1 1 1\n1 1\n', 'numbers'),
+    ('1 1 1\n1 -1 1\n', 'row 1, column 1'), ('1 1 1\n1 inf 1\n', 'row 1, column 1'),
+    (1000 * '1 1 1\n', 'too much for this pad')])
 @pytest.mark.filterwarnings('ignore:.*input contained no data')
 def test_bad_gain_files(tmp_path, content, says):
     path = tmp_path / 'gains.txt'

@@ -26,4 +26,5 @@ class BusSettings:
     queue_limit: int = 20_000  #: CAN frames that may wait for the worker
     drop_incomplete: bool = False  #: withhold and count a sweep that lacks TPDOs; else it is given with NaN
     record: str = ''  #: log file for everything on the bus, own frames included
+    record_largest: int = 0  #: bytes from which on the recording's next file begins; 0: one file
     options: Mapping[str, Any] = field(default_factory=dict)

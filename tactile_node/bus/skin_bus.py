@@ -209,7 +209,8 @@ class SkinBus:
         """A log that cannot be written leaves no open bus behind."""
         try:
             if self._record is None and self._settings.record:
-                self._record = CanLogWriter(self._settings.record)
+                self._record = CanLogWriter(self._settings.record, self._settings.channel,
+                                            self._settings.record_largest)
         except LogError:
             bus.shutdown()
             raise

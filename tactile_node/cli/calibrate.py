@@ -15,7 +15,7 @@ from tactile_node.calibration.presses import Presses, find_presses, zeroed
 from tactile_node.calibration.response import SUFFIX, save_response
 from tactile_node.calibration.response_fit import Calibration, Disc, calibrate, check_disc
 from tactile_node.cli.arrays import read_frames
-from tactile_node.cli.options import DEFAULT_LAYOUT, add_node_id_option, node_ids_of
+from tactile_node.cli.options import DEFAULT_LAYOUT, add_any_device_option, add_node_id_option, node_ids_of
 from tactile_node.cli.played_log import play_log
 from tactile_node.conditioning.gain import load_gains
 from tactile_node.errors import ConfigurationError, InputError
@@ -47,6 +47,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--layout', default=DEFAULT_LAYOUT, help='skin layout of a log (default: %(default)s)')
     add_node_id_option(parser)
     parser.add_argument('--channel', default='', help='bus to play from a log of several buses')
+    add_any_device_option(parser)
     parser.add_argument('--gains', default='', metavar='FILE', help='per-taxel gains, as in gain_files of the driver')
     parser.add_argument('--pitch', type=float, metavar='METRES', help='distance of neighbouring taxels of an array')
     parser.add_argument('-o', '--output', metavar='FILE', help=f'default: beside the layout, suffix {SUFFIX}')
@@ -122,7 +123,7 @@ def _of_log(args: argparse.Namespace) -> Readings:
                                  remedy='Calibrate each pad from its own presses.')
     if layout.value.unit == ON_OFF_UNIT:
         raise _on_off(layout.source)
-    played = play_log(args.recording, pads, channel=args.channel)
+    played = play_log(args.recording, pads, channel=args.channel, any_device=args.any_device)
     if not played.has_ended:
         raise KeyboardInterrupt
     if not played.used:

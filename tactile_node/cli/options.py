@@ -71,6 +71,11 @@ def add_node_id_option(parser: argparse.ArgumentParser) -> None:
                         help=f'CANopen node-ID of each pad (default: {DEFAULT_NODE_ID})')
 
 
+def add_any_device_option(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument('--any-device', action='store_true', help='play also where the SDO answers in the log show '
+                        'another device, or another mapping of its TPDOs: taxels may be in wrong places')
+
+
 def add_skin_options(parser: argparse.ArgumentParser) -> None:
     """Add --node-id, --layout and --eds; None where not given: `node_ids_of`, `layouts_of`, `eds_of` have defaults."""
     add_node_id_option(parser)

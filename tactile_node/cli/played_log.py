@@ -22,10 +22,12 @@ class PlayedLog(NamedTuple):
         return all(pad.used for pad in self.source.statistics().pads.values())
 
 
-def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = None, channel: str = '') -> PlayedLog:
+def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = None, channel: str = '',
+             any_device: bool = False) -> PlayedLog:
     """Play ``path`` at ``pace`` (None: as fast as possible). Raises LogError where it cannot be played to its end."""
     frames: dict[str, list[TaxelFrame]] = {pad.name: [] for pad in pads}
-    source = LogSource(path, pads, lambda name, frame: frames[name].append(frame), pace=pace, channel=channel)
+    source = LogSource(path, pads, lambda name, frame: frames[name].append(frame), pace=pace, channel=channel,
+                       any_device=any_device)
     with interruption() as stop_requested:
         source.open()
         source.start()
@@ -33,5 +35,6 @@ def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = N
             pass
         source.close()
     if source.failure:
-        raise LogError(path, expected='a log to its end', got=source.failure.detail, remedy='Record it again.')
+        raise LogError(path, expected='a log to its end', got=source.failure.detail.removesuffix('.'),
+                       remedy='What was played up to there is not used.')
     return PlayedLog(frames, source, source.finished.is_set())

@@ -8,9 +8,9 @@ import can
 
 from tactile_node.bus.bus_network import open_bus
 from tactile_node.cli.options import add_bus_options
-from tactile_node.errors import BusError, LogError
+from tactile_node.errors import BusError, ConfigurationError, LogError
 from tactile_node.interruption import interruption
-from tactile_node.recording.log_writer import CanLogWriter
+from tactile_node.recording.log_writer import MEGABYTE, CanLogWriter
 
 HINT_AFTER = 3.0  # s
 SILENCE = ('Nothing on the bus so far. A CANopen skin is silent until a master starts it: run the driver on the same '
@@ -25,14 +25,19 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     add_bus_options(parser)
     parser.add_argument('--duration', type=float, default=float('inf'),
                         help='length of the recording [s] (default: until Ctrl-C)')
+    parser.add_argument('--rotate-mb', type=float, default=0.0, metavar='N',
+                        help='begin the next file, FILE_part2 and so on, when one has N MB (default: one file)')
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Record until interrupted; 1 when there was nothing to record."""
+    if not 0 <= args.rotate_mb < float('inf'):
+        raise ConfigurationError('--rotate-mb', expected='a number >= 0', got=str(args.rotate_mb),
+                                 remedy='0 makes one file.')
     bus = open_bus(args.interface, args.channel, args.bitrate, {})
     try:
-        log = CanLogWriter(args.file)
+        log = CanLogWriter(args.file, args.channel, round(args.rotate_mb * MEGABYTE))
         try:
             _record(bus, log, args.duration)
         finally:
@@ -42,7 +47,8 @@ def run(args: argparse.Namespace) -> int:
     if log.failure:
         raise LogError(str(log.path), expected='a disk with room for the recording', got=log.failure,
                        remedy='What was written before can be read.')
-    print(f'{log.can_frames} CAN frames in {log.path}')
+    parts = f' and {log.parts - 1} files after it' if log.parts > 1 else ''
+    print(f'{log.can_frames} CAN frames in {log.path}{parts}')
     if log.unwritten:
         print(f'{log.unwritten} CAN frames left out, for which the format has no place (CAN FD).', file=sys.stderr)
     return 0 if log.can_frames else 1

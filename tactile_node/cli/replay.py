@@ -9,7 +9,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from tactile_node.cli.options import DEFAULT_LAYOUT, add_node_id_option, node_ids_of, pace
+from tactile_node.cli.options import DEFAULT_LAYOUT, add_any_device_option, add_node_id_option, node_ids_of, pace
 from tactile_node.cli.played_log import play_log
 from tactile_node.errors import ConfigurationError
 from tactile_node.output_file import output_file
@@ -25,6 +25,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     add_node_id_option(parser)
     parser.add_argument('--channel', default='', help='bus to play from a log of several buses, as the log names it '
                         '(can0); for a bag, the topic')
+    add_any_device_option(parser)
     parser.add_argument('--pace', type=pace, default=0.0,
                         help='1: as recorded, 2: twice as fast, 0: as fast as possible (default: %(default)s)')
     parser.add_argument('--output', metavar='FILE', help='.npy of shape (K, rows, cols), NaN = invalid; '
@@ -38,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
     with ExitStack() as stack:  # before the log is played: what cannot be written is reported at once
         outputs = {name: stack.enter_context(output_file(path, inputs=(args.log,)) if path else _standard_output())
                    for name, path in _outputs(args.output, pads).items()}
-        played = play_log(args.log, pads, pace=args.pace or None, channel=args.channel)
+        played = play_log(args.log, pads, pace=args.pace or None, channel=args.channel, any_device=args.any_device)
         layout = pads[0].layout
         for name, stream in outputs.items():
             array = io.BytesIO()  # numpy seeks in what it writes to, which a pipe cannot

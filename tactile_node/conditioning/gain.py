@@ -1,5 +1,6 @@
 """Per-taxel gains: what makes the taxels of a pad equally sensitive."""
 
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from tactile_node.errors import ConfigurationError
 from tactile_node.read_only import read_only
 
+BYTES, HEAD = 64, 4096  #: that a file may have for each gain, and beside them
 WITHIN = (0.01, 100.0)  #: a gain beyond is a typing error or a dead taxel
 
 
@@ -18,7 +20,8 @@ def load_gains(path: str | Path, rows: int, cols: int) -> np.ndarray:
     where = f'gain file {path}'
     try:
         is_binary = str(path).endswith('.npy')
-        gains = np.load(path, allow_pickle=False) if is_binary else _text(Path(path))
+        written = _read(Path(path), BYTES * rows * cols + HEAD)
+        gains = np.load(BytesIO(written), allow_pickle=False) if is_binary else _text(written)
         if gains.dtype.kind not in 'iuf':
             raise ValueError(f'an array of {gains.dtype}')
         gains = gains.astype(np.float32)
@@ -39,5 +42,13 @@ def load_gains(path: str | Path, rows: int, cols: int) -> np.ndarray:
     return read_only(gains)
 
 
-def _text(path: Path) -> np.ndarray:
-    return np.loadtxt(path.read_text(encoding='utf-8').replace(',', ' ').splitlines(), ndmin=2)
+def _read(path: Path, most: int) -> bytes:
+    with path.open('rb') as stream:
+        written = stream.read(most + 1)
+    if len(written) > most:
+        raise ValueError(f'more than {most} bytes, too much for this pad')
+    return written
+
+
+def _text(written: bytes) -> np.ndarray:
+    return np.loadtxt(written.decode('utf-8').replace(',', ' ').splitlines(), ndmin=2)

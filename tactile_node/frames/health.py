@@ -38,7 +38,7 @@ class BusFault(Enum):
     RECEPTION_FAILED = 3     #: the adapter is gone, the network is down
     SENDING_FAILED = 4       #: the adapter takes no more CAN frames
     BUS_OFF = 5              #: the CAN controller has switched itself off (ISO 11898-1)
-    LOG_UNUSABLE = 6         #: a replayed log is missing, damaged or of two buses
+    LOG_UNUSABLE = 6         #: a replayed log is missing, damaged, of two buses or of other devices
     DEVICE_ABSENT = 7        #: a device did not answer when it was to be configured
     DEVICE_UNUSABLE = 8      #: a device is another one or refuses its configuration
     WRONG_CONFIGURATION = 9  #: a parameter, layout or EDS cannot be used

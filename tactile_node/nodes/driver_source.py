@@ -7,6 +7,7 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.frames.consumer import OnFrame
 from tactile_node.frames.frame_source import FrameSource
 from tactile_node.recording.log_source import LogSource
+from tactile_node.recording.log_writer import MEGABYTE
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.skin.pad_rules import live_pads
 from tactile_node.skin.pads import PadSettings, make_pads, one_for_each, with_dictionaries
@@ -42,7 +43,7 @@ def make_source(settings: DriverSettings, pads: tuple[PadSettings, ...], on_fram
     if settings.replay:
         return LogSource(settings.replay, pads, on_frame, pace=settings.replay_pace or None,
                          loop=settings.replay_loop, drop_incomplete=settings.drop_incomplete,
-                         channel=settings.replay_channel, on_time=on_time)
+                         channel=settings.replay_channel, on_time=on_time, eds=settings.eds)
     if settings.heartbeat_timeout < HEARTBEATS_LOST * settings.heartbeat_period:
         raise ConfigurationError('parameters heartbeat_period and heartbeat_timeout',
                                  expected=f'a timeout of {HEARTBEATS_LOST} periods or more',
@@ -51,7 +52,8 @@ def make_source(settings: DriverSettings, pads: tuple[PadSettings, ...], on_fram
     bus = BusSettings(interface=settings.interface, channel=settings.channel, bitrate=settings.bitrate,
                       sync_period=settings.sync_period, produce_sync=settings.produce_sync,
                       boot_timeout=settings.boot_timeout, drop_incomplete=settings.drop_incomplete,
-                      record=settings.record, sdo_timeout=settings.sdo_timeout, sdo_retries=settings.sdo_retries,
+                      record=settings.record, record_largest=round(settings.record_rotate_mb * MEGABYTE),
+                      sdo_timeout=settings.sdo_timeout, sdo_retries=settings.sdo_retries,
                       heartbeat_ms=round(1000 * settings.heartbeat_period))
     return Supervisor(bus, live_pads(pads), on_frame, recover=settings.recover,
                       heartbeat_timeout=settings.heartbeat_timeout)

@@ -1,7 +1,6 @@
 """Reads CAN logs: candump's by their text, python-can's others by suffix (``.asc``, ``.blf``...), and ROS 2 bags."""
 
 import gzip
-import os
 import re
 import zlib
 from collections.abc import Iterator
@@ -16,28 +15,33 @@ from can.io.generic import MessageReader
 
 from tactile_node.errors import LogError
 from tactile_node.recording.bag_log import BagCanReader, is_bag
+from tactile_node.recording.log_channels import ChosenChannel
+from tactile_node.recording.log_lines import READERS, LogLines
 from tactile_node.recording.stray_stamps import without_strays
 
-TEXT_SUFFIXES = ('.log', '.asc', '.trc')
 CANDUMP = re.compile(rb'\(\d+\.\d+\) \S+ [0-9A-Fa-f]{3,8}#')                #: `candump -L`
 CONSOLE = re.compile(rb'\s*(\([\d. :-]+\)\s+)?\S+\s+[0-9A-Fa-f]{3,8}\s+\[\d+\]')  #: `candump can0`, for people
 GZIP, HEAD = b'\x1f\x8b', 4096
+BLF_APPLICATION = 8  # where a .blf has the number of the program that wrote it
 
 
-def _reader(path: str) -> MessageReader:
-    """python-can's; ASC files hold their begin, and only with this option their stamps count from it."""
-    suffixes = [suffix.lower() for suffix in Path(path).suffixes[-2:]]
+def _reader(path: str) -> tuple[MessageReader, LogLines | None]:
+    """python-can's, and the lines that it reads of a text; of ASC, which holds its begin, stamps count from it."""
+    suffix = Path(path.lower().removesuffix('.gz')).suffix
     is_gzip = _is_gzip(path)
     with gzip.open(path) if is_gzip else open(path, 'rb') as stream:
         head = _head(stream)
-    if CANDUMP.match(head):
-        return CanutilsLogReader(gzip.open(path, 'rt') if is_gzip else path)
     if CONSOLE.match(head):
         raise LogError(path, expected='a log with the stamps of its CAN frames', got='what candump shows on a terminal',
                        remedy='Record with `tactile record`, or with candump -L.')
-    if '.asc' not in suffixes:
-        return can.LogReader(path)
-    return can.ASCReader(gzip.open(path, 'rt') if is_gzip else path, relative_timestamp=False)
+    kind = CanutilsLogReader if CANDUMP.match(head) else READERS.get(suffix)
+    if kind is None:
+        return can.LogReader(path), None
+    opened = gzip.open if is_gzip else open
+    text = opened(path, 'rt', encoding='utf-8', errors='replace')  # a byte that is no text costs its own line alone
+    reader = kind(text, relative_timestamp=False) if kind is can.ASCReader else kind(text)
+    reader.file = lines = LogLines(text, kind)
+    return reader, lines
 
 
 def _is_gzip(path: str | Path) -> bool:
@@ -52,20 +56,18 @@ def _head(stream: gzip.GzipFile | BufferedReader) -> bytes:
         return b''
 
 
-def _shortfall(reader: MessageReader | BagCanReader, path: Path) -> str:
-    """Why a log that was read without an error is cut short all the same; '' when it is not."""
-    if isinstance(reader, can.BLFReader) and path.stat().st_size < reader.file_size:
+def _shortfall(reader: MessageReader | BagCanReader, path: Path, read: int) -> str:
+    """Why a log that was read without an error, ``read`` messages, lacks some all the same; '' when it does not.
+
+    python-can passes over what it does not know in a .blf. What it wrote itself holds CAN frames alone.
+    """
+    if not isinstance(reader, can.BLFReader) or _is_gzip(path):
+        return ''
+    if path.stat().st_size < reader.file_size:
         return f'cut short: {path.stat().st_size} of {reader.file_size} bytes'
-    return ''
-
-
-def _ends_within_a_line(path: Path) -> bool:
-    """Whether a text log's last line lacks its end: what is left of it may read as another frame."""
-    if not path.stat().st_size or _is_gzip(path):  # whose end is checked by gzip
-        return False
     with path.open('rb') as file:
-        file.seek(-1, os.SEEK_END)
-        return file.read() not in (b'\n', b'\r')
+        is_of_python_can = file.read(BLF_APPLICATION + 1)[BLF_APPLICATION:] == bytes([can.BLFWriter.application_id])
+    return f'{read} of {reader.object_count} CAN frames' if is_of_python_can and read < reader.object_count else ''
 
 
 class CanLogReader:
@@ -85,31 +87,30 @@ class CanLogReader:
         self.problem = ''
         self.can_frames = 0
         self._last = 0.0  # stamp
-        self._others: set[str] = set()  # channels that are not read
+        self._read = 0  # messages, also of other channels
+        self._chosen = ChosenChannel(channel)
         if not Path(path).is_file() and not (Path(path).is_dir() and is_bag(path)):
             self._refuse('no file' if Path(path).exists() else 'no such file', 'Check the path.')
 
     def __iter__(self) -> Iterator[can.Message]:
         self.unread = 0
         self.can_frames = 0
-        self._others = set()
+        self._read = 0
+        self._chosen = ChosenChannel(self._channel)
         try:
-            reader = BagCanReader(self.path) if is_bag(self.path) else _reader(self.path)
+            reader, lines = (BagCanReader(self.path), None) if is_bag(self.path) else _reader(self.path)
         except LogError:
             raise
         except Exception as error:  # each format's reader raises its own errors over a bad header
             self._refuse(f'{type(error).__name__}: {error}',
                          'Give a log in a format and with a suffix python-can reads.')
         with reader:
-            messages, path = self._messages(reader), Path(self.path)
-            is_text = isinstance(reader, CanutilsLogReader) or path.suffix.lower() in TEXT_SUFFIXES
-            is_cut = is_text and _ends_within_a_line(path)
-            whole = self._without_last_line(messages) if is_cut else messages
-            yield from self._counted(without_strays(self._of_channel(whole), self._stray))
-        if not is_cut and not self.unread and (shortfall := _shortfall(reader, Path(self.path))):
+            messages = filter(self._chosen.takes, self._messages(reader, lines))
+            yield from self._counted(without_strays(messages, self._stray))
+        if not self.unread and (shortfall := _shortfall(reader, Path(self.path), self._read)):
             self._unread(shortfall)
-        if not self.can_frames and self._others:
-            self._refuse(f'none of channel {self._channel!r}, but of {", ".join(sorted(self._others))}',
+        if not self.can_frames and self._chosen.others:
+            self._refuse(f'none of channel {self._channel!r}, but of {", ".join(sorted(self._chosen.others))}',
                          'Name one of these.')
         if not self.can_frames:
             self._refuse(f'none{f" ({self.unread} lines unread: {self.problem})" if self.unread else ""}',
@@ -122,13 +123,6 @@ class CanLogReader:
         rest = f'; {self.unread} lines or rests unread: {self.problem}' if self.unread else ''
         return f'{self.can_frames} CAN frames, the last at {end}{rest}.'
 
-    def _of_channel(self, messages: Iterator[can.Message]) -> Iterator[can.Message]:
-        for message in messages:
-            if self._channel in ('', str(message.channel)):
-                yield message
-            else:
-                self._others.add(str(message.channel))
-
     def _stray(self, message: can.Message) -> None:
         self._unread(f'a stamp of {message.timestamp:.6f} s, far from its neighbours')
 
@@ -138,34 +132,15 @@ class CanLogReader:
             self._last = message.timestamp
             yield message
 
-    def _without_last_line(self, messages: Iterator[can.Message]) -> Iterator[can.Message]:
-        """The last message is of the line cut short, unless the parser has refused that line."""
-        last, unread = next(messages, None), self.unread
-        for message in messages:
-            if last is not None:
-                yield last
-            last, unread = message, self.unread
-        if self.unread == unread:
-            self._unread('')
-        elif last is not None:
-            yield last
-        self.problem = 'cut short: it ends within a line, of which nothing is used'
-
-    def _messages(self, reader: MessageReader | BagCanReader) -> Iterator[can.Message]:
-        by_lines = isinstance(reader, CanutilsLogReader)
-        while True:
-            try:
-                yield from reader
-                return
-            except LogError:
-                raise
-            except (EOFError, OSError, UnicodeDecodeError, zlib.error) as error:  # a .gz cut short or damaged, no text
-                self._unread(error)
-                return
-            except Exception as error:  # over a bad line: ValueError, IndexError, KeyError...
-                self._unread(error)
-                if not by_lines:
-                    return
+    def _messages(self, reader: MessageReader | BagCanReader, lines: LogLines | None) -> Iterator[can.Message]:
+        try:
+            for message in reader if lines is None else lines.read_by(reader, self._unread):
+                self._read += 1
+                yield message
+        except LogError:
+            raise
+        except Exception as error:  # a .gz cut short or damaged; each format's reader raises its own
+            self._unread(error)
 
     def _unread(self, problem: Exception | str) -> None:
         self.unread += 1

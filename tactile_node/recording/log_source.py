@@ -3,28 +3,29 @@
 import itertools
 import logging
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import can
 
-from tactile_node.assembly.router import Router
+from tactile_node.assembly.router import Router, non_data_kind
+from tactile_node.cia301.connection_set import HEARTBEAT, SDO_REQUEST, SDO_RESPONSE
 from tactile_node.errors import DeviceError, LogError
 from tactile_node.frames.consumer import Consumer, OnFrame
-from tactile_node.frames.fault_text import failure_text
+from tactile_node.frames.fault_text import failure_text, node_label
 from tactile_node.frames.health import BusFault, BusHealth, Failure
 from tactile_node.frames.losses import BusStatistics
 from tactile_node.recording.heard_nodes import HeardNodes
+from tactile_node.recording.log_channels import OneBus
 from tactile_node.recording.log_reader import CanLogReader
+from tactile_node.recording.logged_set_up import LoggedSetUp
 from tactile_node.recording.played_times import PlayedTimes
+from tactile_node.recording.recorded_pace import RecordedPace
 from tactile_node.recording.stray_stamps import SET_BACK
 from tactile_node.skin.pad_rules import check_pads
-from tactile_node.skin.pads import PadSettings
+from tactile_node.skin.pads import PadSettings, identities_of
 from tactile_node.threads.stoppable_thread import StoppableThread
 
 logger = logging.getLogger(__name__)
-
-LONGEST_WAIT = 10.0  # s: a longer gap in a log is not waited for
 
 
 class LogSource:
@@ -33,24 +34,27 @@ class LogSource:
     ``on_frame`` is called in step on the replaying thread, so a slow consumer slows the log and loses
     nothing. With ``loop`` the log begins again at its end, stamps shifted by its length. ``stop`` pauses,
     ``start`` continues at the next CAN frame. ``finished`` is set when the log has ended, ``failure`` when it
-    could not be played to its end. ``channel`` chooses one bus of a log of several; needed where two have the same
-    pad. ``on_time`` is called with the stamp [s] of each CAN frame before it is played.
+    could not be played to its end. ``channel`` chooses one bus of a log of several; needed where SYNC, TPDOs or the
+    pads' nodes are on two. ``on_time`` is called with the stamp [s] of each CAN frame before it is played. Where the
+    set-up in the log contradicts the layout, or the identity in the pad's EDS (``eds``, one for each or for all; empty:
+    that beside the layout), the log is not played on, unless with ``any_device``.
     """
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], on_frame: OnFrame, pace: float | None = 1.0,
                  loop: bool = False, drop_incomplete: bool = False, channel: str = '',
-                 on_time: Callable[[float], None] | None = None):
+                 on_time: Callable[[float], None] | None = None, eds: Sequence[str] = ('',), any_device: bool = False):
         check_pads(pads)
         self._path = path
         self._pace = pace
         self._loop = loop
-        self._channels: dict[int, str] = {}  # of each TPDO
         self._consumer = Consumer(on_frame)
         self._router = Router(tuple(pads), self._consumer, drop_incomplete=drop_incomplete)
         self._channel = channel
         self._reader: CanLogReader | None = None
         self._messages: Iterator[can.Message] | None = None
         self._heard = HeardNodes(pads)
+        self._set_up = None if any_device else LoggedSetUp(pads, identities_of(pads, eds))
+        self._one_bus = OneBus(_of_pads(pads) | set(self._router.can_ids))
         self._thread = StoppableThread(self._play, 'replay')
         self.finished = threading.Event()  #: the log has ended, or failed
         self._unread = 0  # of the rounds before this one
@@ -144,14 +148,14 @@ class LogSource:
             shift += last - first
 
     def _play(self, stopping: threading.Event) -> None:
-        clock = _RecordedPace(self._pace, stopping)
+        clock = RecordedPace(self._pace, stopping)
         try:
             for message in self._messages or ():
                 clock.wait_until(message.timestamp)
                 self._played.note(message.timestamp)
                 if self._on_time is not None:
                     self._on_time(message.timestamp)
-                self._check_channel(message)
+                self._check(message)
                 self._heard.feed(message.arbitration_id)
                 self._router.feed_message(message)
                 if stopping.is_set():
@@ -169,40 +173,27 @@ class LogSource:
         self.finished.set()
         logger.info('%s has ended: %s', self._path, self.summary)
 
-    def _check_channel(self, message: can.Message) -> None:
-        """Two skins of the same node-ID on two buses would become one.
-
-        Nothing is known of SYNC: what we sent ourselves is recorded without the name of its bus.
-        """
-        can_id, channel = message.arbitration_id, str(message.channel)
-        if message.is_extended_id or can_id not in self._router.can_ids:
-            return
-        if self._channels.setdefault(can_id, channel) != channel:
-            raise LogError(self._path, expected=f'0x{can_id:03X}, a pad\'s CAN frame, on one bus',
-                           got=f'it on {self._channels[can_id]} and on {channel}',
+    def _check(self, message: can.Message) -> None:
+        """Two skins of the same node-ID on two buses would become one; with another mapping, taxels change places."""
+        if (buses := self._one_bus.feed(message)) is not None:
+            raise LogError(self._path, expected='CAN frames of the pads and SYNC on one bus',
+                           got=f'0x{buses.can_id:03X} on {" and on ".join(buses.channels)}',
                            remedy='Name the bus to play: replay_channel, or --channel of tactile replay.')
+        if self._set_up is None or non_data_kind(message) is not None:
+            return
+        found = self._set_up.feed(message.arbitration_id, bytes(message.data))
+        if found is not None:
+            raise LogError(f'{self._path}, {node_label(found.pad, found.node_id)}, object 0x{found.object_index:04X}',
+                           expected=found.expected, got=f"{found.got} by the log's SDO answers",
+                           remedy='Give the layout and EDS of the device that was recorded.')
 
     def _fail(self, fault: BusFault, detail: str) -> None:
         self.failure = Failure(fault, detail)
         logger.error('%s', failure_text(self.failure), extra={'fact': fault})
 
 
-class _RecordedPace:
-    """Waits until the recorded time has come, LONGEST_WAIT at most; the clock starts with the first message."""
-
-    def __init__(self, pace: float | None, stopping: threading.Event):
-        self._pace = pace
-        self._stopping = stopping
-        self._origin: float | None = None
-
-    def wait_until(self, recorded: float) -> None:
-        if self._pace is None:
-            return
-        if self._origin is None:
-            self._origin = time.monotonic() - recorded / self._pace
-        ahead = self._origin + recorded / self._pace - time.monotonic()
-        if ahead > LONGEST_WAIT:
-            logger.info('The log has a gap of %.1f s, which is not waited for.', ahead * self._pace)
-            self._origin -= ahead
-        elif ahead > 0:
-            self._stopping.wait(ahead)
+def _of_pads(pads: Sequence[PadSettings]) -> set[int]:
+    """COB-IDs beside those of taxels that must be of one bus."""
+    nodes = [node_id for pad in pads for node_id in pad.node_ids]
+    return {pad.layout.sync_cob_id for pad in pads} | {
+        base + node_id for base in (HEARTBEAT, SDO_REQUEST, SDO_RESPONSE) for node_id in nodes}

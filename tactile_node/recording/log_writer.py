@@ -1,42 +1,48 @@
-"""Writes CAN logs by suffix: python-can's formats that can be replayed, and MCAP."""
+"""Writes CAN logs by suffix, in one file or in several of limited size."""
 
 import logging
 import threading
 from pathlib import Path
 
 import can
-from can.io.generic import MessageWriter
 
 from tactile_node.errors import LogError
-from tactile_node.recording.bag_log import McapCanWriter
+from tactile_node.recording.log_file import SUFFIXES, LogFile
 
 logger = logging.getLogger(__name__)
 
 FLUSH_PERIOD = 0.5  # s: what a killed recording loses at most
-SUFFIXES = ('.log', '.log.gz', '.asc', '.asc.gz', '.blf', '.csv', '.trc', '.db', '.mcap')  #: what can be replayed
+MEGABYTE = 1_000_000  # bytes
+LOOK_EVERY = 256  # CAN frames between two looks at the size of a file that is limited
 
 
 class CanLogWriter:
     """Writes CAN messages to a log as they are received; thread-safe.
 
     An existing file is never overwritten: ``path`` is the one that is written, ``session-2.log`` where
-    ``session.log`` exists. Every format is flushed every FLUSH_PERIOD (.db by python-can, every 5 s): a killed
-    process loses at most that.
-    ``unwritten`` counts messages that the format cannot hold, and those after the recording has failed (a full
-    disk): it ends then, ``failure`` has the reason, which is also logged, and nothing else is affected. Raises
-    LogError when the file cannot be written from the beginning or its suffix means no format.
+    ``session.log`` exists. From ``largest`` bytes on (0: never) the next file begins, ``session_part2.log`` and so on;
+    each can be read alone, and no frame is lost between two.
+    Every format is flushed every FLUSH_PERIOD (.db by python-can, every 5 s): a killed
+    process loses at most that. A message without the name of its bus (what this package sends, and what some adapters
+    receive) gets ``channel``, a device's path without its folder.
+    ``can_frames`` counts what was recorded, ``unwritten`` messages that the format cannot hold, and those missing after
+    the recording has failed (a full disk): it ends then, with the last frames flushed, ``failure`` has the reason,
+    which is also logged, and nothing else is affected. Raises LogError when the file cannot be written from the
+    beginning or its suffix means no format.
     """
 
-    def __init__(self, path: str | Path):
+    def __init__(self, path: str | Path, channel: str = '', largest: int = 0):
+        self._channel = '_'.join(channel.rsplit('/')[-1].split()) or None  # formats separate by spaces
+        self._largest = largest
         self._lock = threading.Lock()
-        self._is_dirty = False
-        self.can_frames = 0
+        self._recorded = 0  # in the files before this one
+        self._part = 1
         self.unwritten = 0
         self.failure = ''
-        self._writer: MessageWriter | McapCanWriter | None
+        self._file: LogFile | None = None
         try:
-            self.path = _new_file(Path(path))
-            self._writer = _writer(self.path)
+            self.path = _new_file(Path(path), has_parts=largest > 0)
+            self._file = self._last = LogFile(self.path)
         except (OSError, ValueError, ImportError) as error:
             raise LogError(str(path),
                            expected=f'a log file that can be written ({", ".join(SUFFIXES)})',
@@ -44,101 +50,118 @@ class CanLogWriter:
         self._closed = threading.Event()
         threading.Thread(target=self._keep_flushed, name='log', daemon=True).start()
 
+    @property
+    def can_frames(self) -> int:
+        return self._recorded + self._last.can_frames
+
+    @property
+    def parts(self) -> int:
+        """How many files there are."""
+        return self._part
+
     def write(self, message: can.Message) -> None:
         """Write one message; after ``close`` nothing happens."""
         with self._lock:
-            if self._writer is None:
+            if self._file is None:
                 self.unwritten += bool(self.failure)
                 return
-            if isinstance(self._writer, can.TRCWriter) and not _fits_trc(message):
-                self.unwritten += 1
-                return
+            if message.channel is None:
+                message.channel = self._channel
             try:
-                self._writer.on_message_received(message)
-                self.can_frames += 1
-                self._is_dirty = True
+                self._file.write(message)
             except ValueError:  # the format has no place for it
                 self.unwritten += 1
             except OSError as error:
                 self.unwritten += 1
-                self._end(error)
+                self._fail(error)
+            else:
+                self._limit(self._file)
 
     def close(self) -> None:
         self._closed.set()
         with self._lock:
-            self._end()
+            if self._file is not None:
+                self._close(self._file)
 
     def _keep_flushed(self) -> None:
         while not self._closed.wait(FLUSH_PERIOD):
             with self._lock:
-                try:
-                    if self._is_dirty and self._writer is not None:
-                        flush(self._writer)
-                except OSError as error:
-                    self._end(error)
-                self._is_dirty = False
+                if self._file is not None and self._file.is_dirty:
+                    self._flush(self._file)
 
-    def _end(self, failure: OSError | None = None) -> None:
-        """Stop the writer. After a ``failure`` what is on the disk stays, what the writer still holds is lost."""
-        writer, self._writer = self._writer, None
+    def _limit(self, file: LogFile) -> None:
+        """Begin the next file where this one is large enough."""
+        if not self._largest or file.can_frames % LOOK_EVERY or not self._flush(file) or file.size < self._largest:
+            return
+        if not self._close(file):
+            return
         try:
-            if writer is not None:
-                writer.stop()
+            path = _part(self.path, self._part + 1)
+            path.open('xb').close()
+            self._file = LogFile(path)
+        except (OSError, ValueError, ImportError) as error:
+            self._report(error)
+            return
+        self._recorded += self._last.can_frames
+        self._last = self._file
+        self._part += 1
+
+    def _flush(self, file: LogFile) -> bool:
+        try:
+            file.flush()
         except OSError as error:
-            failure = failure or error
-        if failure is not None and not self.failure:
-            self.failure = (f'The recording {self.path} has ended after {self.can_frames} CAN frames: '
-                            f'{failure.strerror or failure}. Free the disk, or record elsewhere.')
-            logger.error('%s', self.failure, extra={'fact': failure})
+            self._fail(error)
+            return False
+        return True
+
+    def _close(self, file: LogFile) -> bool:
+        self._file = None
+        try:
+            file.close()
+        except OSError as error:
+            self._file = file
+            self._fail(error)
+            return False
+        return True
+
+    def _fail(self, error: OSError) -> None:
+        """What is on the disk stays, what the file still holds is lost."""
+        file, self._file = self._file, None
+        if file is not None:
+            self.unwritten += file.cut_back()
+        self._report(error)
+
+    def _report(self, error: Exception) -> None:
+        self.failure = (f'The recording {self._last.path} has ended after {self.can_frames} CAN frames: '
+                        f'{getattr(error, "strerror", "") or error}. Free the disk, or record elsewhere.')
+        logger.error('%s', self.failure, extra={'fact': error})
 
 
-def _writer(path: Path) -> MessageWriter | McapCanWriter:
-    """Return what writes to ``path``, an empty file, which is removed where nothing can."""
-    try:
-        return McapCanWriter(path) if path.suffix == '.mcap' else can.Logger(str(path))
-    except (OSError, ValueError, ImportError):
-        path.unlink(missing_ok=True)
-        raise
-
-
-def flush(writer: MessageWriter | McapCanWriter) -> None:
-    """Bring all that was written so far into the file, as a reader needs it."""
-    stream = getattr(writer, 'file', None)
-    if isinstance(writer, can.BLFWriter):  # python-can buffers 128 KiB and writes the begin only at the end
-        _write_blf_header(writer)  # first: stamps count from the begin in it
-        writer._flush()
-        _write_blf_header(writer)
-    if stream is not None:
-        stream.flush()
-
-
-def _write_blf_header(writer: can.BLFWriter) -> None:
-    """Write the begin and the size so far, to the disk before anything else."""
-    end = writer.file.tell()
-    writer.file.seek(0)
-    writer._write_header(end)
-    writer.file.seek(end)
-    writer.file.flush()
-
-
-def _new_file(path: Path) -> Path:
-    """Make ``path``, or with the first number from 2 on that makes it new: log.gz keeps both of its suffixes.
+def _new_file(path: Path, has_parts: bool) -> Path:
+    """Make ``path``, or with the first number from 2 on that makes it new, as are the parts that may follow it.
 
     It exists from then on, so that another recording, started together with this one, gets another number.
     """
-    suffix = ''.join(path.suffixes[-2:]) if path.suffix == '.gz' else path.suffix
+    suffix = _suffix(path)
     if suffix.lower() not in SUFFIXES:
         raise ValueError(f'the suffix {suffix!r}, whose logs cannot be replayed' if suffix else 'no suffix')
     candidate, number = path, 2
     while True:
         try:
-            candidate.open('xb').close()
-            return candidate
+            if not (has_parts and _part(candidate, 2).exists()):
+                candidate.open('xb').close()
+                return candidate
         except FileExistsError:
-            candidate = path.with_name(f'{path.name.removesuffix(suffix)}-{number}{suffix}')
-            number += 1
+            pass
+        candidate = path.with_name(f'{path.name.removesuffix(suffix)}-{number}{suffix}')
+        number += 1
 
 
-def _fits_trc(message: can.Message) -> bool:
-    """python-can leaves all others out of a .trc, and only logs it."""
-    return not (message.is_error_frame or message.is_remote_frame or message.is_fd)
+def _part(path: Path, number: int) -> Path:
+    suffix = _suffix(path)
+    return path.with_name(f'{path.name.removesuffix(suffix)}_part{number}{suffix}')
+
+
+def _suffix(path: Path) -> str:
+    """Of log.gz both."""
+    return ''.join(path.suffixes[-2:]) if path.suffix == '.gz' else path.suffix

@@ -28,6 +28,8 @@ class DriverSettings(NodeSettings):
                                     'use_sim_time')
     record: str = parameter('', 'file to record the bus to; its suffix chooses the format; an existing file is kept '
                             'and the new one numbered; empty: do not record')
+    record_rotate_mb: float = parameter(0.0, 'size from which on the recording continues in its next file, '
+                                        '<name>_part2 and so on [MB]; 0: one file', 0, 1e6)
     pads: tuple[str, ...] = parameter(('pad',), 'names of the pads on this bus; topics are <name>/taxels')
     node_ids: tuple[int, ...] = parameter((32,), 'CANopen node-ID of each pad; a pad whose layout has several nodes '
                                           'needs one for each of them')

@@ -5,10 +5,11 @@ temperature found on validation patterns, and one that the contact is none of th
 The weights are data (config/recogniser.npz), written by training/train.py.
 """
 
+import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
-from zipfile import BadZipFile
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
@@ -26,6 +27,7 @@ OUTPUTS = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Sh
 SMALLEST = {'on_off': 6, 'graded': 4}
 DOUBT = 0.2   #: by so much the whole must be likelier unknown than its largest piece to be given up
 LAYERS = len(TAPS) + 3
+MOST_BYTES = 1 << 24  #: of the arrays of a file, far more than ours have
 KINDS = ('on_off', 'graded')  #: of frames: without and with values between none and full
 SIZES = (12, 17, 24, 34, 48, 68, 96, 136, 200, 300)  #: taxels at which the evidence for UNKNOWN is calibrated
 LOG_SIZES = np.log(SIZES)
@@ -55,14 +57,15 @@ class ShapeRecogniser:
     def from_file(cls, path: str | Path) -> 'ShapeRecogniser':
         """Read what training/train.py wrote; ConfigurationError where it is not that."""
         try:
-            with np.load(path, allow_pickle=False) as data:
-                return cls({kind: _network(data, kind) for kind in KINDS},
-                           {kind: _calibration(data, kind) for kind in KINDS})
+            data = _arrays(path)
+            return cls({kind: _network(data, kind) for kind in KINDS},
+                       {kind: _calibration(data, kind) for kind in KINDS})
         except OSError as error:
             raise _unusable(path, error.strerror or str(error)) from None
         except KeyError as error:
             raise _unusable(path, f'no array {error}') from None
-        except (ValueError, TypeError, EOFError, AttributeError, BadZipFile) as error:
+        except (ValueError, TypeError, EOFError, AttributeError, MemoryError, OverflowError, BadZipFile,
+                NotImplementedError, RuntimeError, zlib.error) as error:  # numpy lets zipfile's and zlib's through
             raise _unusable(path, ' '.join(str(error).split())) from None
 
     def recognise(self, pattern: ContactPattern) -> Recognition:
@@ -119,6 +122,20 @@ class ShapeRecogniser:
         return self._calibrations[kind].probabilities(logits.astype(float), geometry[:, 0])
 
 
+def _arrays(path: str | Path) -> dict[str, np.ndarray]:
+    """All arrays of the file, of finite numbers. A few bytes of a .npz may stand for more than fits into memory."""
+    with ZipFile(path) as packed:
+        size = sum(each.file_size for each in packed.infolist())
+    if size > MOST_BYTES:
+        raise ValueError(f'{size} bytes of arrays, more than {MOST_BYTES}')
+    with np.load(path, allow_pickle=False) as data:
+        arrays = dict(data)
+    for name, array in arrays.items():
+        if array.dtype.kind in 'fc' and not np.isfinite(array).all():
+            raise ValueError(f'numbers that are not finite in {name}')
+    return arrays
+
+
 def _network(data: Mapping[str, np.ndarray], kind: str) -> Network:
     def arrays(name: str) -> tuple[np.ndarray, ...]:
         return tuple(data[f'{kind}_{name}{layer}'].astype(np.float32) for layer in range(LAYERS))
@@ -126,6 +143,8 @@ def _network(data: Mapping[str, np.ndarray], kind: str) -> Network:
     fits = [kernel.shape[1:] == bias.shape for kernel, bias in zip(network.kernels, network.biases)]
     if not all(fits) or network.middle.shape != (COUNT,) or network.kernels[-1].shape[1] != len(OUTPUTS):
         raise ValueError(f'arrays of {kind} that do not fit together')
+    if not (network.spread > 0).all():
+        raise ValueError(f'a spread of {kind} that is not positive')
     return network
 
 
@@ -133,7 +152,10 @@ def _calibration(data: Mapping[str, np.ndarray], kind: str) -> Calibration:
     biases = data[f'{kind}_biases'].astype(float)
     if biases.shape != LOG_SIZES.shape:
         raise ValueError(f'{biases.shape[0]} biases of {kind}, not {len(SIZES)}')
-    return Calibration(float(data[f'{kind}_temperature']), biases)
+    temperature = float(data[f'{kind}_temperature'])
+    if temperature <= 0:
+        raise ValueError(f'a temperature of {kind} that is not positive')
+    return Calibration(temperature, biases)
 
 
 def _unusable(path: str | Path, got: str) -> ConfigurationError:

@@ -50,7 +50,7 @@ def load_eds(path: str | Path, node_id: int) -> ObjectDictionary:
     """
     path = config_path(str(path))
     try:
-        text = _decode(path.read_bytes()).split(_END_OF_FILE, 1)[0]
+        text = read_eds(path)
     except OSError as error:
         raise ConfigurationError(str(path), expected='an EDS file', got=error.strerror or str(error),
                                  remedy='Check the path and its permissions.') from error
@@ -61,6 +61,11 @@ def load_eds(path: str | Path, node_id: int) -> ObjectDictionary:
         return _import_eds(tidied, node_id)
     except Exception as error:  # canopen lets KeyError, ValueError, configparser's and others through
         _refuse(path, 'an EDS that canopen can read', f'{type(error).__name__}: {error}'.replace('\n', ' '))
+
+
+def read_eds(path: Path) -> str:
+    """Return the text of an EDS, up to the end of file of DOS. Raises OSError."""
+    return _decode(path.read_bytes()).split(_END_OF_FILE, 1)[0]
 
 
 def _decode(content: bytes) -> str:
@@ -119,7 +124,7 @@ def _check_object(path: Path, parser: RawConfigParser, name: str) -> None:
     for key in ('ParameterName', 'DataType', 'AccessType') if carries_value else ('ParameterName',):
         if not parser.has_option(name, key):
             _refuse(path, f'key "{key}" in section [{name}]', 'no such key')
-    for key in ('ObjectType', 'DataType', 'PDOMapping'):
+    for key in ('ObjectType', 'DataType', 'PDOMapping', 'CompactSubObj'):
         _check_number(path, name, key, parser.get(name, key, fallback='0').strip())
     if parser.has_option(name, 'CompactSubObj') and not parser.has_option(name, 'DataType'):
         _refuse(path, f'key "DataType" in section [{name}], which has "CompactSubObj"', 'no such key')

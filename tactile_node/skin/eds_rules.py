@@ -8,18 +8,21 @@ from collections.abc import Callable, Iterator
 from functools import partial
 
 from canopen import ObjectDictionary
-from canopen.objectdictionary import ODVariable
+from canopen.objectdictionary import ODArray, ODVariable
 
 from tactile_node.cia301.objects import COB_ID_SYNC, PRODUCER_HEARTBEAT_TIME, TPDO_COMMUNICATION, TPDO_MAPPING
 from tactile_node.cia301.pdo import MAX_PDO_BITS
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.eds import refuse_eds
+from tactile_node.skin.eds_text import EdsText
 from tactile_node.skin.identity import identity_of
-from tactile_node.skin.layout import DomainLayout, SkinLayout, TpdoLayout
+from tactile_node.skin.layout import DomainLayout, MappedObject, SkinLayout, TpdoLayout
 from tactile_node.skin.problems import raised_by
 
 #: Bits of the sub-indices (CiA 301): COB-ID, transmission type; number of mapped objects, mapped objects
 COMMUNICATION_BITS = {1: 32, 2: 8}
+#: Access types (CiA 306) of what only a client writes: wo, and rww, which an RPDO may carry
+NOT_SENT = ('wo', 'rww')
 MAPPING_BITS = {0: 8} | dict.fromkeys(range(1, MAX_PDO_BITS + 1), 32)
 
 
@@ -36,47 +39,50 @@ def eds_problems(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) -> 
 
 def _checks(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) -> Iterator[Callable[[], object]]:
     """Give the rules, each as a call that raises ConfigurationError."""
+    text = EdsText(eds)
     yield partial(identity_of, dictionary, eds)
-    yield partial(_check_value, dictionary, PRODUCER_HEARTBEAT_TIME, 16, eds)
+    yield partial(_check_value, dictionary, PRODUCER_HEARTBEAT_TIME, 16, text)
     if layout.needs_sync:
-        yield partial(_check_value, dictionary, COB_ID_SYNC, 32, eds)
+        yield partial(_check_value, dictionary, COB_ID_SYNC, 32, text)
     if layout.domain is not None:
         yield partial(_check_domain, dictionary, layout.domain, layout.source, eds)
     for tpdo in layout.tpdos:
         where = f'{layout.source}, TPDO {tpdo.number}'
         yield partial(_check_record, dictionary, TPDO_COMMUNICATION + tpdo.number - 1, bits=COMMUNICATION_BITS,
-                      where=where, eds=eds)
+                      where=where, text=text)
         yield partial(_check_record, dictionary, TPDO_MAPPING + tpdo.number - 1, bits=MAPPING_BITS, where=where,
-                      eds=eds)
-        yield partial(_check_mapping, dictionary, tpdo, where, eds)
+                      text=text)
+        yield partial(_check_mapping, dictionary, tpdo, where, text)
 
 
-def _check_value(dictionary: ObjectDictionary, index: int, bits: int, eds: str) -> None:
+def _check_value(dictionary: ObjectDictionary, index: int, bits: int, text: EdsText) -> None:
     """An object that may be absent must be a single value of at least ``bits`` bits."""
     if index not in dictionary:
         return
     entry = dictionary[index]
     if not isinstance(entry, ODVariable):
-        refuse_eds(eds, f'section [{index:04X}]', expected='a single value (ObjectType=0x7)',
+        refuse_eds(text.eds, text.place(f'{index:04X}'), expected='a single value (ObjectType=0x7)',
                    got=f'{type(entry).__name__[2:].upper()} with sub-indices')
-    _check_bits(entry, bits, f'section [{index:04X}]', eds)
+    _check_bits(entry, bits, f'{index:04X}', text)
 
 
-def _check_record(dictionary: ObjectDictionary, index: int, bits: dict[int, int], where: str, eds: str) -> None:
+def _check_record(dictionary: ObjectDictionary, index: int, bits: dict[int, int], where: str, text: EdsText) -> None:
     """A record, or an array, whose subs have at least ``bits`` bits."""
     if index not in dictionary:
-        raise ConfigurationError(where, expected=f'object 0x{index:04X} in {eds}', got='no such object',
+        raise ConfigurationError(where, expected=f'object 0x{index:04X} in {text.eds}', got='no such object',
                                  remedy='Correct the TPDO number, or use the EDS that belongs to this skin.')
     entry = dictionary[index]
     if isinstance(entry, ODVariable):
-        refuse_eds(eds, f'section [{index:04X}]', expected='a RECORD (ObjectType=0x9)', got='a single value (VAR)')
+        refuse_eds(text.eds, text.place(f'{index:04X}'), expected='a RECORD (ObjectType=0x9)',
+                   got='a single value (VAR)')
     for sub, variable in entry.subindices.items():
-        _check_bits(variable, bits.get(sub, 0), f'section [{index:04X}sub{sub:X}]', eds)
+        _check_bits(variable, bits.get(sub, 0), f'{index:04X}sub{sub:X}', text)
 
 
-def _check_bits(variable: ODVariable, bits: int, section: str, eds: str) -> None:
+def _check_bits(variable: ODVariable, bits: int, section: str, text: EdsText) -> None:
     if len(variable) < bits:
-        refuse_eds(eds, section, expected=f'a DataType of {bits} bits', got=f'one of {len(variable)} bits')
+        refuse_eds(text.eds, text.place(section, 'DataType'), expected=f'a DataType of {bits} bits',
+                   got=f'one of {len(variable)} bits')
 
 
 def _check_domain(dictionary: ObjectDictionary, domain: DomainLayout, source: str, eds: str) -> None:
@@ -86,14 +92,44 @@ def _check_domain(dictionary: ObjectDictionary, domain: DomainLayout, source: st
                                  remedy='Correct "domain", or use the EDS that belongs to this skin.')
 
 
-def _check_mapping(dictionary: ObjectDictionary, tpdo: TpdoLayout, where: str, eds: str) -> None:
+def _check_mapping(dictionary: ObjectDictionary, tpdo: TpdoLayout, where: str, text: EdsText) -> None:
     for mapped in tpdo.mapping:
+        _check_elements(dictionary, mapped, text)
         variable = _variable(dictionary, mapped.index, mapped.subindex)
         if variable is None or len(variable) != mapped.bits:
             raise ConfigurationError(
-                where, expected=f'object 0x{mapped.index:04X} sub {mapped.subindex} with {mapped.bits} bits in {eds}',
-                got='no such object' if variable is None else f'{len(variable)} bits',
+                where, got='no such object' if variable is None else f'{len(variable)} bits',
+                expected=f'object 0x{mapped.index:04X} sub {mapped.subindex} with {mapped.bits} bits in {text.eds}',
                 remedy='Correct "map", or use the EDS that belongs to this skin.')
+        _check_mappable(variable, text)
+
+
+def _check_elements(dictionary: ObjectDictionary, mapped: MappedObject, text: EdsText) -> None:
+    """canopen makes up what an ARRAY does not list: from sub 1, or, without it, not at all."""
+    title, sub = f'{mapped.index:04X}', mapped.subindex
+    entry = dictionary[mapped.index] if mapped.index in dictionary else None
+    if not isinstance(entry, ODArray) or text.entry(title) is None or text.entry(f'{title}sub{sub:X}') is not None:
+        return
+    elements = text.number(title, 'CompactSubObj')
+    if not elements:
+        refuse_eds(text.eds, text.place(title), got='none, and no "CompactSubObj"',
+                   expected=f'a section [{title}sub{sub:X}] for the element that the layout maps')
+    if sub > elements:
+        refuse_eds(text.eds, text.place(title, 'CompactSubObj'), got=str(elements),
+                   expected=f'{sub} elements or more, as the layout maps')
+
+
+def _check_mappable(variable: ODVariable, text: EdsText) -> None:
+    """What a TPDO sends must be readable from the network's side, and PDOMapping must not forbid it (CiA 306)."""
+    title = f'{variable.index:04X}'
+    section = f'{title}sub{variable.subindex:X}'
+    section = section if text.entry(section) is not None else title  # VAR, CompactSubObj
+    if variable.access_type in NOT_SENT:
+        refuse_eds(text.eds, text.place(section, 'AccessType'), got=variable.access_type,
+                   expected='ro, rw, rwr or const for an object that a TPDO sends')
+    if text.number(section, 'PDOMapping') == 0:
+        refuse_eds(text.eds, text.place(section, 'PDOMapping'), got='0',
+                   expected='PDOMapping=1 for an object that the layout maps')
 
 
 def _variable(dictionary: ObjectDictionary, index: int, subindex: int) -> ODVariable | None:

@@ -8,8 +8,10 @@ from canopen import ObjectDictionary
 
 from tactile_node.cia301.node_id import MAX_NODE_ID, MIN_NODE_ID
 from tactile_node.errors import ConfigurationError
+from tactile_node.package_files import is_found
 from tactile_node.skin.eds import load_eds
 from tactile_node.skin.eds_rules import check_against
+from tactile_node.skin.identity import Identity, identity_of
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.layout_file import load_layout
 
@@ -89,6 +91,17 @@ def with_dictionaries(pads: Sequence[PadSettings], eds: Sequence[str] = ('',)) -
     return tuple(_with_dictionary(pad, path) for pad, path in zip(pads, one_for_each('eds', eds, pads)))
 
 
+def identities_of(pads: Sequence[PadSettings], eds: Sequence[str] = ('',)) -> dict[str, Identity]:
+    """Return the identity in each pad's EDS, by the pad's name.
+
+    A log needs no EDS: a pad without one beside its layout is left out. Raises ConfigurationError for one that was
+    given or is there, but cannot be read.
+    """
+    paths = zip(pads, one_for_each('eds', eds, pads))
+    read = [(pad, _eds_path(pad, path)) for pad, path in paths if path or is_found(_eds_path(pad, path))]
+    return {pad.name: identity_of(load_eds(path, pad.node_ids[0]), path) for pad, path in read}
+
+
 def check_node_ids(pad: PadSettings) -> None:
     """Raise ConfigurationError for node-IDs out of range, or another number of them than the layout has nodes."""
     for node_id in pad.node_ids:
@@ -108,8 +121,12 @@ def one_for_each(what: str, given: Sequence[str], pads: Sequence[object]) -> lis
     return list(given) * (len(pads) if len(given) == 1 else 1)
 
 
+def _eds_path(pad: PadSettings, path: str) -> str:
+    return path or pad.layout.source.rsplit('.', 1)[0] + '.eds'
+
+
 def _with_dictionary(pad: PadSettings, path: str) -> LivePad:
-    path = path or pad.layout.source.rsplit('.', 1)[0] + '.eds'
+    path = _eds_path(pad, path)
     nodes = tuple(CanopenNode(node_id, pad.name, position, pad.layout.of_node(position), eds=path,
                               dictionary=load_eds(path, node_id))
                   for position, node_id in enumerate(pad.node_ids))
