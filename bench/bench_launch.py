@@ -1,9 +1,10 @@
 """What the nodes of a gripper cost: start, memory, CPU and latency, in one process and in several.
 
-Two pads of 16x16 taxels at 50 frames a second; the simulated skin is its own process behind a pseudo-terminal (slcan),
-as an adapter would be, and this process is the consumer. Of each form, the median of --repeat runs and the best:
+Two pads of 16x16 taxels at --rate frames a second; the simulated skin is its own process behind a pseudo-terminal
+(slcan), as an adapter would be, sends each frame when a wire would have carried it, and this process is the consumer.
+109 frames a second are 95 % of what the wire carries. Of each form, the median of --repeat runs and the best:
 
-    python bench/bench_launch.py [--repeat 5] [--seconds 20] [--against OTHER/.venv] [FORM ...]
+    python bench/bench_launch.py [--repeat 5] [--seconds 20] [--rate 50] [--against OTHER/.venv] [FORM ...]
 
 --against measures another installation by turns with this one, on the same machine in the same minutes. Figures of a
 machine that does other work are too high: each run waits until it is idle (at most --patience seconds), what other
@@ -36,11 +37,16 @@ ROWS = {'first_shapes': 's from start to a shape of both pads',
         'start_cpu': 's of CPU that all processes have used until then', 'pss': 'MB, PSS of all processes',
         'largest': 'MB, PSS of the largest process', 'cpu': '% of one core, all processes',
         'taxels_p50': 'ms from SYNC to <pad>/taxels at the consumer, median', 'taxels_p99': '..., p99',
+        'carried_taxels_p50': 'ms from the end of the last TPDO on the wire to <pad>/taxels at the consumer, median',
+        'carried_taxels_p99': '..., p99', 'carried_shape_p50': '... to <pad>/shape, median',
+        'carried_shape_p99': '..., p99',
         'shape_p50': 'ms from SYNC to <pad>/shape at the consumer, median', 'shape_p99': '..., p99',
         'rate': 'shapes a second of each pad',
         'others': '% of one core that all other processes used meanwhile, without skin and consumer'}
 START_TIMEOUT, SETTLE = 60.0, 3.0  # s
 IDLE = 0.15  # of one core
+TOPICS = ('taxels', 'shape', 'carried_taxels', 'carried_shape')
+ANSWER, SWEEP = 55e-6 + 300e-6, 32 * 135e-6  # s: SYNC and the delay of the simulated skin; TPDOs of a pad on the wire
 TICKS = os.sysconf('SC_CLK_TCK')
 
 
@@ -49,12 +55,13 @@ def main() -> int:
     parser.add_argument('forms', nargs='*', default=['one', 'driver_apart', 'each'], metavar='FORM')
     parser.add_argument('--repeat', type=int, default=3)
     parser.add_argument('--seconds', type=float, default=20.0, help='length of a measurement')
+    parser.add_argument('--rate', type=float, default=50.0, help='SYNCs a second (default: %(default)s)')
     parser.add_argument('--patience', type=float, default=60.0, help='longest wait for an idle machine')
     parser.add_argument('--against', type=Path, help='virtual environment of another installation')
     parser.add_argument('--single', action='store_true', help='one run of one form, as JSON')
     args = parser.parse_args()
     if args.single:
-        print(json.dumps(measured(args.forms[0], args.seconds)))
+        print(json.dumps(measured(args.forms[0], args.seconds, args.rate)))
         return 0
     environments = {'here': Path(sys.prefix)} | ({'there': args.against} if args.against else {})
     runs: dict[tuple[str, str], list[dict[str, float]]] = {}
@@ -62,7 +69,7 @@ def main() -> int:
         for form in args.forms:
             for label, prefix in environments.items():
                 wait_until_idle(args.patience)
-                runs.setdefault((form, label), []).append(run_once(prefix, form, args.seconds))
+                runs.setdefault((form, label), []).append(run_once(prefix, form, args.seconds, args.rate))
                 print('.', end='', file=sys.stderr, flush=True)
     print(file=sys.stderr)
     for (form, label), found in runs.items():
@@ -73,17 +80,18 @@ def main() -> int:
     return 0
 
 
-def run_once(prefix: Path, form: str, seconds: float) -> dict[str, float]:
+def run_once(prefix: Path, form: str, seconds: float, rate: float) -> dict[str, float]:
     """One run in a separate process, with the interpreter and the messages of the installation at ``prefix``."""
     environment = {name: value for name, value in os.environ.items()
                    if name not in ('LD_LIBRARY_PATH', '_ROS_WHEELS_BOOTSTRAP_COMPLETE')}
     environment |= {'AMENT_PREFIX_PATH': str(prefix), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
-    words = [prefix / 'bin/python', Path(__file__).resolve(), form, '--single', '--seconds', str(seconds)]
+    words = [prefix / 'bin/python', Path(__file__).resolve(), form, '--single', '--seconds', str(seconds),
+             '--rate', str(rate)]
     output = subprocess.run(words, env=environment, cwd='/', check=True, stdout=subprocess.PIPE, text=True).stdout
     return json.loads(output.splitlines()[-1])
 
 
-def measured(form: str, seconds: float) -> dict[str, float]:
+def measured(form: str, seconds: float, rate: float) -> dict[str, float]:
     """Start skin and nodes, measure for ``seconds`` and end them."""
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
@@ -94,8 +102,9 @@ def measured(form: str, seconds: float) -> dict[str, float]:
         while b'Simulated skin' not in skin.stdout.readline():
             pass
         begun = time.monotonic()
-        processes = ([started([*BRINGUP, '--channel', channel, *words]) for words in FORMS[form]]
-                     or executables(channel))
+        period = ['--ros-args', '-p', f'skin_driver:sync_period:={1 / rate}']
+        processes = ([started([*BRINGUP, '--channel', channel, *words, *period]) for words in FORMS[form]]
+                     or executables(channel, rate))
         stack.callback(ended, processes)
         while len(consumer.shapes) < len(PADS):
             consumer.spin(0.01)
@@ -128,10 +137,11 @@ class Consumer:
         from tactile_skin.msg import ContactShape, TaxelArray
         rclpy.init()
         self.node = rclpy.create_node('consumer')
-        self.late: dict[str, list[float]] = {'taxels': [], 'shape': []}
+        self.late: dict[str, list[float]] = {topic: [] for topic in TOPICS}
         self.shapes: set[str] = set()
         for pad in PADS:
-            self.node.create_subscription(TaxelArray, f'{pad}/taxels', self._on_taxels, 50)
+            self.node.create_subscription(TaxelArray, f'{pad}/taxels',
+                                          lambda message, pad=pad: self._note('taxels', pad, message), 50)
             self.node.create_subscription(ContactShape, f'{pad}/shape',
                                           lambda message, pad=pad: self._on_shape(pad, message), 50)
         self.executor = SingleThreadedExecutor()
@@ -153,16 +163,14 @@ class Consumer:
         for late in self.late.values():
             late.clear()
 
-    def _on_taxels(self, message) -> None:
-        self._note('taxels', message)
-
     def _on_shape(self, pad: str, message) -> None:
         self.shapes.add(pad)
-        self._note('shape', message)
+        self._note('shape', pad, message)
 
-    def _note(self, topic: str, message) -> None:
-        stamp = message.header.stamp
-        self.late[topic].append(time.time() - stamp.sec - stamp.nanosec * 1e-9)
+    def _note(self, topic: str, pad: str, message) -> None:
+        late = time.time() - message.header.stamp.sec - message.header.stamp.nanosec * 1e-9
+        self.late[topic].append(late)
+        self.late[f'carried_{topic}'].append(late - ANSWER - SWEEP * (1 + PADS.index(pad)))
 
 
 def started(words: list[str], **options) -> subprocess.Popen:
@@ -170,10 +178,10 @@ def started(words: list[str], **options) -> subprocess.Popen:
                             **{'stderr': subprocess.DEVNULL, 'stdout': subprocess.DEVNULL, **options})
 
 
-def executables(channel: str) -> list[subprocess.Popen]:
+def executables(channel: str, rate: float) -> list[subprocess.Popen]:
     """Start each node by its own executable."""
     driver = ['-p', 'interface:=slcan', '-p', f'channel:={channel}', '-p', f'node_ids:=[{NODE_IDS}]', '-p',
-              f'pads:=[{",".join(PADS)}]']
+              f'pads:=[{",".join(PADS)}]', '-p', f'sync_period:={1 / rate}']
     nodes = [(role, ['-r', f'__ns:=/{pad}']) for pad in PADS for role in ('processor', 'classifier')]
     return [subprocess.Popen([sys.executable, '-m', f'tactile_node.nodes.{role}_node', '--ros-args', *words],
                              start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
