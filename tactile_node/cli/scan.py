@@ -6,16 +6,14 @@ Reads a few objects of each node by SDO and writes nothing; with --passive it on
 import argparse
 import json
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
-from tactile_node.bus.bus_network import BusNetwork, open_bus
 from tactile_node.bus.node_scan import FoundNode, NodeScan
 from tactile_node.cia301.nmt import state_name
 from tactile_node.cia301.node_id import MAX_NODE_ID, MIN_NODE_ID
+from tactile_node.cli.opened_network import opened_network
 from tactile_node.cli.options import add_bus_options, node_ids
-from tactile_node.errors import BusError, ConfigurationError
+from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption
 from tactile_node.package_files import config_path
 from tactile_node.skin.eds import load_eds
@@ -53,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
             raise ConfigurationError('--eds', expected='a folder', got=repr(folder), remedy='Check the path.')
     known = _known([config_path('sim16x16.eds').parent, *map(Path, args.eds)])
     scan = NodeScan()
-    with _opened(args, scan) as network, interruption() as stop_requested:
+    with opened_network(args, scan.received) as network, interruption() as stop_requested:
         stop_requested.wait(args.listen)
         if not args.passive:
             scan.ask(network, args.node_id or range(MIN_NODE_ID, MAX_NODE_ID + 1))
@@ -102,18 +100,3 @@ def _known(folders: list[Path]) -> list[tuple[Path, Identity]]:
         if any(identity[:2]):
             found.append((path, identity))
     return found
-
-
-@contextmanager
-def _opened(args: argparse.Namespace, scan: NodeScan) -> Iterator[BusNetwork]:
-    """The bus while it is scanned. Raises BusError, also where it fails meanwhile."""
-    failures: list[Exception] = []
-    network = BusNetwork(open_bus(args.interface, args.channel, args.bitrate, {}), scan.received,
-                         lambda fault, error: failures.append(error), name=f'{args.interface} {args.channel}')
-    try:
-        yield network
-    finally:
-        network.close()
-    if failures:
-        raise BusError(f'CAN bus {args.interface} {args.channel}', expected='to continue receiving',
-                       got=str(failures[0]), remedy='Check the adapter.')
