@@ -25,6 +25,7 @@ COMMANDS = (
     ('scan', 'tactile_node.cli.scan', 'find the CANopen nodes of a bus'),
     ('sdo', 'tactile_node.cli.sdo', 'read or write one object of a device'),
     ('check', 'tactile_node.cli.check', 'check a skin layout and its EDS, and show the pad'),
+    ('draft', 'tactile_node.cli.draft', 'begin a skin layout from an EDS'),
     ('record', 'tactile_node.cli.record', 'record a CAN log from a live bus'),
     ('replay', 'tactile_node.cli.replay', 'play a CAN log without ROS'),
 )

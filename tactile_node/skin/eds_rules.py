@@ -14,6 +14,7 @@ from tactile_node.cia301.objects import COB_ID_SYNC, PRODUCER_HEARTBEAT_TIME, TP
 from tactile_node.cia301.pdo import MAX_PDO_BITS
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.eds import refuse_eds
+from tactile_node.skin.eds_tpdos import variable_of
 from tactile_node.skin.identity import identity_of
 from tactile_node.skin.layout import DomainLayout, SkinLayout, TpdoLayout
 from tactile_node.skin.problems import raised_by
@@ -80,7 +81,7 @@ def _check_bits(variable: ODVariable, bits: int, section: str, eds: str) -> None
 
 
 def _check_domain(dictionary: ObjectDictionary, domain: DomainLayout, source: str, eds: str) -> None:
-    if _variable(dictionary, domain.index, domain.subindex) is None:
+    if variable_of(dictionary, domain.index, domain.subindex) is None:
         raise ConfigurationError(f'{source}, domain', got='no such object',
                                  expected=f'object 0x{domain.index:04X} sub {domain.subindex} in {eds}',
                                  remedy='Correct "domain", or use the EDS that belongs to this skin.')
@@ -88,16 +89,9 @@ def _check_domain(dictionary: ObjectDictionary, domain: DomainLayout, source: st
 
 def _check_mapping(dictionary: ObjectDictionary, tpdo: TpdoLayout, where: str, eds: str) -> None:
     for mapped in tpdo.mapping:
-        variable = _variable(dictionary, mapped.index, mapped.subindex)
+        variable = variable_of(dictionary, mapped.index, mapped.subindex)
         if variable is None or len(variable) != mapped.bits:
             raise ConfigurationError(
                 where, expected=f'object 0x{mapped.index:04X} sub {mapped.subindex} with {mapped.bits} bits in {eds}',
                 got='no such object' if variable is None else f'{len(variable)} bits',
                 remedy='Correct "map", or use the EDS that belongs to this skin.')
-
-
-def _variable(dictionary: ObjectDictionary, index: int, subindex: int) -> ODVariable | None:
-    entry = dictionary[index] if index in dictionary else None
-    if isinstance(entry, ODVariable):
-        return entry if subindex == 0 else None
-    return entry[subindex] if entry is not None and subindex in entry else None
