@@ -37,6 +37,9 @@ class BulkSlcanBus(slcanBus):
     again. Raises CanInitializationError where another process has the port, whose frames would be lost to one of both.
     """
 
+    #: S7 is 800 kbit/s in the protocol (CAN232), which is the bit rate of CiA 301; python-can lists CANable's 750
+    _BITRATES = slcanBus._BITRATES | {800_000: 'S7'}
+
     def __init__(self, channel: str, bitrate: int | None = None, sleep_after_open: float | None = None,
                  **options: Any):
         self._lines: deque[str] = deque()
