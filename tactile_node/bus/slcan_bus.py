@@ -41,8 +41,9 @@ class BulkSlcanBus(slcanBus):
     _BITRATES = slcanBus._BITRATES | {800_000: 'S7'}
 
     def __init__(self, channel: str, bitrate: int | None = None, sleep_after_open: float | None = None,
-                 **options: Any):
+                 listen_only: bool = False, **options: Any):
         self._lines: deque[str] = deque()
+        self._open_command = 'L' if listen_only else 'O'  # python-can 4.3 ignores the option
         self._lock = _locked(channel.split('@')[0])
         try:
             super().__init__(channel, bitrate=bitrate, sleep_after_open=sleep_after_open or 0.0,
@@ -53,6 +54,10 @@ class BulkSlcanBus(slcanBus):
         except BaseException:
             self._unlock()
             raise
+
+    def open(self) -> None:
+        """Take part in the bus, or with ``listen_only`` listen."""
+        self._write(self._open_command)
 
     def shutdown(self) -> None:
         """A dead adapter's port is given back too."""
