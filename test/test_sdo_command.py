@@ -154,7 +154,8 @@ def test_an_object_is_written_in_the_bytes_of_its_type(exchange, words, capsys):
     ('1017', '100', '--type', 'u16'),      # decimal 1017 is a data type, 0x1017 is meant
     ('5120', '100', '--type', 'u16'),      # decimal 5120 would be an RPDO
     ('0x1017:300', '1', '--type', 'u16'), ('0x10170', '1', '--type', 'u16'), ('Heartbeat', '1', '--type', 'u16'),
-    ('0x1017', 'zz', '--type', 'hex'), ('0x1017', 'ä', '--type', 'str'), ('0x1017', '2', '--type', 'bool')])
+    ('0x1017', 'zz', '--type', 'hex'), ('0x1017', 'ä', '--type', 'str'), ('0x1017', '2', '--type', 'bool'),
+    ('0x2121:2', '', '--type', 'str'), ('0x2122', '', '--type', 'hex')])  # canopen sends nothing for no bytes
 def test_what_could_mean_something_else_is_refused_and_nothing_sent(words, capsys):
     code, out, err, requests = sdo(capsys, [], 'write', *words)
     assert code == 2 and not out and 'expected' in err and not requests
@@ -171,6 +172,12 @@ def test_an_abort_is_one_of_our_errors(exchange, words, part, capsys):
 def test_a_type_of_another_size_is_no_value(capsys):
     code, out, err, _ = sdo(capsys, HEARTBEAT, 'read', '0x1017', '--type', 'u32')
     assert code == 2 and not out and '6400' in err
+
+
+def test_a_number_that_json_lacks_is_null(capsys):
+    nan = [('4020210300000000', '432021030000C07F')]
+    code, out, _, _ = sdo(capsys, nan, 'read', '0x2120:3', '--type', 'f32', '--json')
+    assert code == 0 and json.loads(out, parse_constant=pytest.fail)['value'] is None
 
 
 def test_a_silent_node_is_reported(capsys):

@@ -10,6 +10,7 @@ of this node until it has configured it again (RECONFIGURED).
 import argparse
 import json
 import sys
+from math import isfinite
 
 from canopen import ObjectDictionary
 
@@ -159,6 +160,7 @@ def _named(args: argparse.Namespace, dictionary: ObjectDictionary) -> ObjectAddr
 def _report(args: argparse.Namespace, address: ObjectAddress, kind: str | None, data: bytes, verb: str,
             value: int | float | str) -> None:
     if args.json:
+        value = value if not isinstance(value, float) or isfinite(value) else None  # JSON has no NaN
         print(json.dumps({'node_id': args.node_id, 'index': address.index, 'sub': address.sub, 'type': kind,
                           'value': value, 'data': data.hex()}))
         return

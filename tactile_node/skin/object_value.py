@@ -39,6 +39,8 @@ def encoded(name: str, text: str) -> bytes:
     (b'd\\x00', b'\\xff', b'\\xde\\xad')
     """
     variable = _variable(name)
+    if not text.strip():  # canopen would send nothing
+        raise WrongValueError(_expected(name))
     try:
         if name == 'hex':
             return bytes.fromhex(text)
@@ -100,7 +102,8 @@ def _expected(name: str) -> str:
         bits = int(name[1:])
         low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if name[0] == 'i' else (0, (1 << bits) - 1)
         return f'a whole number {low}..{high}, {bits // 8} byte{"s" * (bits > 8)}'
-    return {'bool': '0 or 1, 1 byte', 'str': 'ASCII text', 'hex': 'bytes as hexadecimal digits such as "6400"'}[name]
+    return {'bool': '0 or 1, 1 byte', 'str': 'ASCII text, not empty',
+            'hex': 'bytes as hexadecimal digits such as "6400"'}[name]
 
 
 def _switch(text: str) -> bool:
