@@ -160,9 +160,9 @@ def _named(args: argparse.Namespace, dictionary: ObjectDictionary) -> ObjectAddr
 def _report(args: argparse.Namespace, address: ObjectAddress, kind: str | None, data: bytes, verb: str,
             value: int | float | str) -> None:
     if args.json:
-        value = value if not isinstance(value, float) or isfinite(value) else None  # JSON has no NaN
+        is_json = not isinstance(value, float) or isfinite(value)  # JSON has no NaN
         print(json.dumps({'node_id': args.node_id, 'index': address.index, 'sub': address.sub, 'type': kind,
-                          'value': value, 'data': data.hex()}))
+                          'value': value if is_json else None, 'data': data.hex()}))
         return
     number = f'{value} (0x{value:X})' if isinstance(value, int) and value > 9 else \
         repr(value) if kind == 'str' else str(value)
