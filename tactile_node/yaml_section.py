@@ -64,13 +64,16 @@ def load_mapping(path: Path, about: str) -> 'Section':
 
 
 def line_of(path: Path, key: str) -> int | None:
-    """Return the line of ``key``, as errors name it ('tpdos[3].taxels'), or of the part of it that is there, if any."""
+    """Return the line of ``key``, as errors name it ('tpdos[3].taxels'), or of the part of it that is there, if any.
+
+    A remark in brackets, 'tpdos[3] (TPDO 9).taxels', is no part of it.
+    """
     try:
         node = yaml.compose(Path(path).read_text(encoding='utf-8'), yaml.SafeLoader)
     except (OSError, ValueError, yaml.YAMLError):
         return None
     line = None
-    for part in re.findall(r'[^.\[\]]+', key):
+    for part in re.findall(r'[^.\[\]]+', re.sub(r' \([^)]*\)', '', key)):
         if isinstance(node, yaml.SequenceNode) and part.isdecimal() and int(part) < len(node.value):
             node = node.value[int(part)]
             line = node.start_mark.line + 1

@@ -4,12 +4,14 @@ import json
 from pathlib import Path
 
 import pytest
+from long_layouts import written_out
 
 from tactile_node.cli.main import main
 
 CONFIG = Path(__file__).parents[1] / 'config'
 LAYOUTS = sorted(path.name for path in CONFIG.glob('*.yaml') if path.with_suffix('.eds').exists())
 SIM = (CONFIG / 'sim16x16.yaml').read_text(encoding='utf-8')
+LONG = written_out(SIM, 'sim16x16')
 
 
 def check(capsys, *words):
@@ -36,7 +38,7 @@ def test_the_shipped_layouts_have_no_problem(layout, capsys):
 
 
 def test_every_problem_is_reported_with_its_line(tmp_path, capsys):
-    text = (SIM.replace('first: [0, 0]', 'first: [0, 12]').replace('number: 2,', 'number: 1,')
+    text = (LONG.replace('first: [0, 0]', 'first: [0, 12]').replace('number: 2,', 'number: 1,')
             .replace('sync_cob_id: 0x080', 'sync_cob_id: 0x701').replace('dead_taxels: []', 'dead_taxels: [[99, 0]]'))
     code, out = check(capsys, written(tmp_path, text), CONFIG / 'sim16x16.eds', '--json')
     errors = json.loads(out)['errors']

@@ -19,7 +19,7 @@ from tactile_node.cia301.objects import (
     TPDO_COMMUNICATION,
     TPDO_MAPPING,
 )
-from tactile_node.cia301.pdo import EVERY_SYNC, MANUFACTURER_EVENT, SAM_MPDO
+from tactile_node.cia301.pdo import EVERY_SYNC, MANUFACTURER_EVENT, MAX_TPDOS, SAM_MPDO
 from tactile_node.errors import DeviceAbsentError, DeviceError
 from tactile_node.skin.identity import Identity, identity_of
 from tactile_node.skin.layout import TpdoLayout
@@ -53,6 +53,7 @@ class DeviceSetup:
         if self._node.layout.domain is not None:
             return check_domain(self._sdo, self._node.layout.domain, self._label)
         tpdos = {tpdo.number: tpdo for tpdo in self._node.layout.tpdos}  # many frames may be one multiplexed TPDO
+        self._disable_rivals()
         written = sum(self._configure(tpdo) for tpdo in tpdos.values())
         logger.info('%s: %d TPDOs ready, %d of them newly written.', self._label, len(tpdos), written)
         return False
@@ -97,6 +98,27 @@ class DeviceSetup:
             logger.info('%s: its EDS has no object 0x%04X, so its %s stays as it is.', self._label, index, what)
         elif self._read_if_any(index, 0) != value:
             self._write(index, 0, value, size)
+
+    def _disable_rivals(self) -> None:
+        """Disable TPDOs beside ours that send under a COB-ID of ours: their data would be taken for taxels.
+
+        They remain where the device was set up for another layout.
+        """
+        ours = {TPDO_COMMUNICATION + tpdo.number - 1 for tpdo in self._node.layout.tpdos}
+        cob_ids = {tpdo.cob_id.of(self._node.node_id) for tpdo in self._node.layout.tpdos}
+        for index in range(TPDO_COMMUNICATION, TPDO_COMMUNICATION + MAX_TPDOS):
+            if index in ours or index not in self._node.dictionary:
+                continue
+            current = self._read_if_any(index, 1)
+            if current is None or current & ~NO_RTR not in cob_ids:
+                continue
+            number = index - TPDO_COMMUNICATION + 1
+            self._write(index, 1, current | DISABLED, 4)
+            if not (now := self._read(index, 1)) & DISABLED:
+                self._refuse_other_value(f'0x{index:04X} sub 1 (COB-ID of TPDO {number})',
+                                         f'0x{current | DISABLED:08X}', f'0x{now:08X}')
+            logger.warning('%s: TPDO %d, not in the layout, is disabled: it had COB-ID 0x%03X, as one that is.',
+                           self._label, number, current & ID_MASK)
 
     def _configure(self, tpdo: TpdoLayout) -> bool:
         """Make the device send ``tpdo`` as the layout says; True when anything had to be written."""

@@ -240,7 +240,8 @@ class SkinBus:
             heard = 'no heartbeat' if state is None else f'its heartbeat ({state_name(state)})'
             self.stop()
             raise DeviceError(node.label, expected='OPERATIONAL after NMT start', got=heard,
-                              remedy='See whether it sends EMCY: a device with an error may refuse to start.')
+                              remedy='A device with an error may refuse to start: see whether it sends EMCY, or read '
+                              'its last error (tactile sdo read 0x1003:1).')
 
     def _start_pacers(self) -> None:
         if self._settings.produce_sync and any(pad.layout.needs_sync for pad in self._pads):

@@ -40,10 +40,14 @@ class BulkSlcanBus(slcanBus):
     again. Raises CanInitializationError where another process has the port, whose frames would be lost to one of both.
     """
 
+    #: S7 is 800 kbit/s in the protocol (CAN232), which is the bit rate of CiA 301; python-can lists CANable's 750
+    _BITRATES = slcanBus._BITRATES | {800_000: 'S7'}
+
     def __init__(self, channel: str, bitrate: int | None = None, sleep_after_open: float | None = None,
-                 **options: Any):
+                 listen_only: bool = False, **options: Any):
         self._lines: deque[str] = deque()
         self._asked = self._came_after = -inf  # when what waits was last asked for; after which the lines came
+        self._open_command = 'L' if listen_only else 'O'  # python-can 4.3 ignores the option
         self._lock = _locked(channel.split('@')[0])
         try:
             super().__init__(channel, bitrate=bitrate, sleep_after_open=sleep_after_open or 0.0,
@@ -54,6 +58,10 @@ class BulkSlcanBus(slcanBus):
         except BaseException:
             self._unlock()
             raise
+
+    def open(self) -> None:
+        """Take part in the bus, or with ``listen_only`` listen."""
+        self._write(self._open_command)
 
     def shutdown(self) -> None:
         """A dead adapter's port is given back too."""

@@ -15,6 +15,7 @@ from tactile_node.package_files import config_path
 from tactile_node.skin.eds import load_eds
 from tactile_node.skin.eds_rules import eds_problems
 from tactile_node.skin.layout import SkinLayout
+from tactile_node.skin.layout_draft import FILL_IN
 from tactile_node.skin.layout_file import read_layout
 from tactile_node.skin.layout_rules import layout_problems
 from tactile_node.yaml_section import line_of
@@ -98,6 +99,9 @@ def _warnings(layout: SkinLayout, bitrate: int) -> list[str]:
                      f'column {col}: they are UNMAPPED, and no part of the pad')
     if not PITCHES[0] <= layout.pitch <= PITCHES[1]:
         found.append(f'the pitch is {1000 * layout.pitch:g} mm; it has to be in metres')
+    written = Path(layout.source).read_text(encoding='utf-8').splitlines()
+    if unfilled := [number for number, line in enumerate(written, 1) if f'# {FILL_IN}' in line]:
+        found.append(f'marked {FILL_IN} are the lines {", ".join(map(str, unfilled))}')
     load = sweep_bits(layout) / bitrate / PERIODS[0]
     if load > MOST_LOAD:
         found.append(f'at {1 / PERIODS[0]:g} sweeps a second the bus would be busy for {load:.0%} of the time')

@@ -23,7 +23,9 @@ COMMANDS = (
     ('simulate', 'tactile_node.cli.simulate', 'be a CANopen skin that touches shapes or repeats a recording'),
     ('calibrate', 'tactile_node.cli.calibrate', "learn a skin's response from presses of a known disc"),
     ('scan', 'tactile_node.cli.scan', 'find the CANopen nodes of a bus'),
+    ('sdo', 'tactile_node.cli.sdo', 'read or write one object of a device'),
     ('check', 'tactile_node.cli.check', 'check a skin layout and its EDS, and show the pad'),
+    ('draft', 'tactile_node.cli.draft', 'begin a skin layout from an EDS'),
     ('record', 'tactile_node.cli.record', 'record a CAN log from a live bus'),
     ('replay', 'tactile_node.cli.replay', 'play a CAN log without ROS'),
 )

@@ -57,11 +57,26 @@ def process_id(text: str) -> int:
     return int(text)
 
 
-def add_bus_options(parser: argparse.ArgumentParser, *, channel: str = DEFAULT_CHANNEL, is_set: bool = True) -> None:
-    """Add --interface, --channel and --bitrate; not ``is_set``: None where not given, which leaves them to a file."""
+def bit_rate(text: str) -> int | None:
+    """'500000' -> 500000; 'auto' -> None."""
+    if text == 'auto':
+        return None
+    if not text.isdecimal() or int(text) < 1:
+        raise ConfigurationError('--bitrate', expected='a number > 0 [bit/s], or auto', got=repr(text),
+                                 remedy='For example --bitrate 500000.')
+    return int(text)
+
+
+def add_bus_options(parser: argparse.ArgumentParser, *, channel: str = DEFAULT_CHANNEL, is_set: bool = True,
+                    finds_bit_rate: bool = False) -> None:
+    """Add --interface, --channel and --bitrate; not ``is_set``: None where not given, which leaves them to a file.
+
+    A command that ``finds_bit_rate`` gets None for --bitrate auto.
+    """
+    rate = (bit_rate if finds_bit_rate else int, 'bit rate of the bus [bit/s]' + ', or auto' * finds_bit_rate)
     for option, default, kind, text in (('--interface', DEFAULT_INTERFACE, str, 'python-can interface'),
                                         ('--channel', channel, str, 'channel of the interface'),
-                                        ('--bitrate', DEFAULT_BITRATE, int, 'bit rate of the bus [bit/s]')):
+                                        ('--bitrate', DEFAULT_BITRATE, *rate)):
         parser.add_argument(option, type=kind, default=default if is_set else None, help=f'{text} (default: {default})')
 
 

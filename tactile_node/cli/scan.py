@@ -1,21 +1,21 @@
 """`tactile scan`: which CANopen nodes are on a bus, in which state, and which of our layouts describe them.
 
-Reads a few objects of each node by SDO and writes nothing; with --passive it only listens.
+Reads a few objects of each node by SDO and writes nothing; with --passive it only listens. --bitrate auto
+finds the bit rate first, in listen-only mode, which disturbs no bus; it takes --listen for each of eight.
 """
 
 import argparse
 import json
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
-from tactile_node.bus.bus_network import BusNetwork, open_bus
+from tactile_node.bus.bit_rate import find_bit_rate
 from tactile_node.bus.node_scan import FoundNode, NodeScan
 from tactile_node.cia301.nmt import state_name
 from tactile_node.cia301.node_id import MAX_NODE_ID, MIN_NODE_ID
+from tactile_node.cli.opened_network import opened_network
 from tactile_node.cli.options import add_bus_options, node_ids
-from tactile_node.errors import BusError, ConfigurationError
+from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption
 from tactile_node.package_files import config_path
 from tactile_node.skin.eds import load_eds
@@ -31,7 +31,7 @@ UNHEARD = 'CAN frames were received, but no node was heard: check the bit rate, 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser = subparsers.add_parser('scan', description=__doc__, help='find the CANopen nodes of a bus',
                                    formatter_class=argparse.RawDescriptionHelpFormatter)
-    add_bus_options(parser)
+    add_bus_options(parser, finds_bit_rate=True)
     parser.add_argument('--node-id', type=node_ids, action='extend', metavar='ID,...',
                         help='ask only these (default: all)')
     parser.add_argument('--listen', type=float, default=LISTEN, metavar='SECONDS',
@@ -51,9 +51,13 @@ def run(args: argparse.Namespace) -> int:
     for folder in args.eds:
         if not Path(folder).is_dir():
             raise ConfigurationError('--eds', expected='a folder', got=repr(folder), remedy='Check the path.')
+    if args.bitrate is None:
+        args.bitrate = find_bit_rate(args.interface, args.channel, args.listen)
+        if not args.json:
+            print(f'bit rate: {args.bitrate} bit/s')
     known = _known([config_path('sim16x16.eds').parent, *map(Path, args.eds)])
     scan = NodeScan()
-    with _opened(args, scan) as network, interruption() as stop_requested:
+    with opened_network(args, scan.received) as network, interruption() as stop_requested:
         stop_requested.wait(args.listen)
         if not args.passive:
             scan.ask(network, args.node_id or range(MIN_NODE_ID, MAX_NODE_ID + 1))
@@ -61,7 +65,8 @@ def run(args: argparse.Namespace) -> int:
     for node in found:
         matching = [path for path, identity in known if any(node.identity) and identity.accepts(node.identity)]
         is_asked = not args.passive and node.node_id in (args.node_id or [node.node_id])
-        print(json.dumps(as_json(node, matching)) if args.json else _text(node, matching, is_asked))
+        facts = {'bitrate': args.bitrate, **as_json(node, matching)}
+        print(json.dumps(facts) if args.json else _text(node, matching, is_asked))
     if not found:
         print(UNHEARD if scan.can_frames else SILENT_PASSIVE if args.passive else SILENT, file=sys.stderr)
     return 0 if found else 1
@@ -102,18 +107,3 @@ def _known(folders: list[Path]) -> list[tuple[Path, Identity]]:
         if any(identity[:2]):
             found.append((path, identity))
     return found
-
-
-@contextmanager
-def _opened(args: argparse.Namespace, scan: NodeScan) -> Iterator[BusNetwork]:
-    """The bus while it is scanned. Raises BusError, also where it fails meanwhile."""
-    failures: list[Exception] = []
-    network = BusNetwork(open_bus(args.interface, args.channel, args.bitrate, {}), scan.received,
-                         lambda fault, error: failures.append(error), name=f'{args.interface} {args.channel}')
-    try:
-        yield network
-    finally:
-        network.close()
-    if failures:
-        raise BusError(f'CAN bus {args.interface} {args.channel}', expected='to continue receiving',
-                       got=str(failures[0]), remedy='Check the adapter.')

@@ -24,12 +24,19 @@ OK, REFUSED = b'\r', b'\a'
 # Bytes not yet read by the other side; beyond this frames are lost, as in an adapter
 MAX_WAITING = 1 << 16
 VERSION, SERIAL = b'V1013\r', b'NTS01\r'
+#: bit/s by command
+BIT_RATES = {b'S0': 10_000, b'S1': 20_000, b'S2': 50_000, b'S3': 100_000, b'S4': 125_000, b'S5': 250_000,
+             b'S6': 500_000, b'S7': 800_000, b'S8': 1_000_000}
 
 
 class SlcanPty(can.BusABC):
-    """A python-can bus whose wire is the pseudo-terminal ``port``; ``link`` gives it a lasting name."""
+    """A python-can bus whose wire is the pseudo-terminal ``port``; ``link`` gives it a lasting name.
 
-    def __init__(self, link: str = ''):
+    With a ``bitrate`` [bit/s] of the bus, a client that sets another one hears and is heard by nobody.
+    """
+
+    def __init__(self, link: str = '', bitrate: int | None = None):
+        self._bitrate, self._set_rate = bitrate, bitrate
         # Our own end of the port stays open, so clients may come and go
         self._master, self._port_fd = pty.openpty()
         tty.setraw(self._port_fd)
@@ -40,6 +47,7 @@ class SlcanPty(can.BusABC):
             _point(self._link, self.port)
         self._lock = threading.Lock()  # heartbeats are sent by their own thread
         self._open = False
+        self._is_silent = False  # listen-only: it refuses to send
         self._unsent = bytearray()
         self._line = bytearray()
         self._received: deque[can.Message] = deque()
@@ -56,7 +64,7 @@ class SlcanPty(can.BusABC):
         self._send_lines([line_of(frame) for frame in frames])
 
     def _send_lines(self, lines: list[bytes]) -> None:
-        if not self._open:
+        if not self._open or self._set_rate != self._bitrate:
             return
         waiting, fitting = len(self._unsent), 0
         for line in lines:
@@ -94,11 +102,15 @@ class SlcanPty(can.BusABC):
         command = line[:1]
         if command in (b't', b'T', b'r', b'R'):
             message = decode(line)
-            if message is None or not self._open:
+            if message is None or not self._open or self._is_silent:
                 return REFUSED
-            self._received.append(message)
+            if self._set_rate == self._bitrate:
+                self._received.append(message)
             return (b'z' if command in (b't', b'r') else b'Z') + OK
+        if command == b'S' and self._bitrate is not None:
+            self._set_rate = BIT_RATES.get(line)
         if command in (b'O', b'L', b'C'):
+            self._is_silent = command == b'L'
             return self._set_open(command != b'C')
         return {b'V': VERSION, b'N': SERIAL, b'F': b'F00\r'}.get(command,
                                                                  OK if command in b'SsMmZX' else REFUSED)

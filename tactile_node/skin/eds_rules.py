@@ -15,6 +15,7 @@ from tactile_node.cia301.pdo import MAX_PDO_BITS
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.eds import refuse_eds
 from tactile_node.skin.eds_text import EdsText
+from tactile_node.skin.eds_tpdos import variable_of
 from tactile_node.skin.identity import identity_of
 from tactile_node.skin.layout import DomainLayout, MappedObject, SkinLayout, TpdoLayout
 from tactile_node.skin.problems import raised_by
@@ -86,7 +87,7 @@ def _check_bits(variable: ODVariable, bits: int, section: str, text: EdsText) ->
 
 
 def _check_domain(dictionary: ObjectDictionary, domain: DomainLayout, source: str, eds: str) -> None:
-    if _variable(dictionary, domain.index, domain.subindex) is None:
+    if variable_of(dictionary, domain.index, domain.subindex) is None:
         raise ConfigurationError(f'{source}, domain', got='no such object',
                                  expected=f'object 0x{domain.index:04X} sub {domain.subindex} in {eds}',
                                  remedy='Correct "domain", or use the EDS that belongs to this skin.')
@@ -95,7 +96,7 @@ def _check_domain(dictionary: ObjectDictionary, domain: DomainLayout, source: st
 def _check_mapping(dictionary: ObjectDictionary, tpdo: TpdoLayout, where: str, text: EdsText) -> None:
     for mapped in tpdo.mapping:
         _check_elements(dictionary, mapped, text)
-        variable = _variable(dictionary, mapped.index, mapped.subindex)
+        variable = variable_of(dictionary, mapped.index, mapped.subindex)
         if variable is None or len(variable) != mapped.bits:
             raise ConfigurationError(
                 where, got='no such object' if variable is None else f'{len(variable)} bits',
@@ -130,10 +131,3 @@ def _check_mappable(variable: ODVariable, text: EdsText) -> None:
     if text.number(section, 'PDOMapping') == 0:
         refuse_eds(text.eds, text.place(section, 'PDOMapping'), got='0',
                    expected='PDOMapping=1 for an object that the layout maps')
-
-
-def _variable(dictionary: ObjectDictionary, index: int, subindex: int) -> ODVariable | None:
-    entry = dictionary[index] if index in dictionary else None
-    if isinstance(entry, ODVariable):
-        return entry if subindex == 0 else None
-    return entry[subindex] if entry is not None and subindex in entry else None

@@ -21,6 +21,7 @@ from tactile_node.skin.layout import (
     raw_range,
 )
 from tactile_node.skin.layout_rules import check_layout
+from tactile_node.skin.tpdo_repeat import repeated
 from tactile_node.yaml_section import Section, load_mapping, shown
 
 UNITS = ('Pa', 'N', '1')  # '1': on/off
@@ -94,7 +95,7 @@ def _domain(top: Section, rows: int, cols: int) -> DomainLayout | None:
 
 
 def _tpdos(section: Section) -> tuple[TpdoLayout, ...]:
-    """Read one entry of ``tpdos``: a plain TPDO, all rows of a multiplexed one, or a run of MPDOs."""
+    """Read one entry of ``tpdos``: a plain TPDO, all rows of a multiplexed one, or a run of MPDOs, each repeated."""
     number = section.integer('number', 1, MAX_TPDOS)
     cob_id = _cob_id(section)
     node = section.integer('node', 0, MAX_NODE_ID - 1, 0)
@@ -111,8 +112,9 @@ def _tpdos(section: Section) -> tuple[TpdoLayout, ...]:
                  for i, taxels in enumerate(_shifted(section, _repeats(run, 256 - first)))]
     else:
         tpdos = [make(_mapping(section), _taxels(section))]
+    repetitions = repeated(section, tuple(tpdos))
     section.done()
-    return tuple(tpdos)
+    return repetitions
 
 
 def _repeats(run: Section, most: int) -> list[tuple[int, int]]:

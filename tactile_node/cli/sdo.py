@@ -1,0 +1,169 @@
+"""`tactile sdo`: read or write one object of a device, store its parameters or restore its maker's (CiA 301).
+
+OBJECT is an index with sub-index, hexadecimal or decimal (0x1018:1, 25601:16; no sub-index: 0), or with --eds a name
+(Identity.Vendor-ID). Four digits need their 0x: manuals leave it out.
+
+While a driver runs, a write to 0x1005, 0x1800... or 0x1A00... counts as another master's: the driver gives no values
+of this node until it has configured it again (RECONFIGURED).
+"""
+
+import argparse
+import json
+import sys
+from math import isfinite
+
+from canopen import ObjectDictionary
+
+from tactile_node.bus.bus_monitor import DECIDES_TPDOS
+from tactile_node.bus.object_access import (
+    ALL_PARAMETERS,
+    read_object,
+    restore_parameters,
+    store_parameters,
+    write_object,
+)
+from tactile_node.cia301.node_id import MAX_NODE_ID, MIN_NODE_ID
+from tactile_node.cia301.object_address import ObjectAddress, parse_address
+from tactile_node.cia301.objects import MAX_SUBINDEX
+from tactile_node.cli.opened_network import opened_network
+from tactile_node.cli.options import add_bus_options
+from tactile_node.errors import ConfigurationError, DeviceError
+from tactile_node.skin.eds import load_eds
+from tactile_node.skin.object_value import TYPES, WrongValueError, declared, decoded, encoded, named, type_name
+
+ANSWER, STORED = 1.0, 10.0  #: s for an answer; flash memory is slow
+LONGEST = 3600.0            #: s
+RECONFIGURES = ('this object decides which TPDOs the node sends: a driver that runs gives none of its values until it '
+                'has configured it again')
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> None:
+    parser = subparsers.add_parser('sdo', description=__doc__, help='read or write one object of a device',
+                                   formatter_class=argparse.RawDescriptionHelpFormatter)
+    actions = parser.add_subparsers(required=True, metavar='read|write|store|restore')
+    read = _action(actions, 'read', _read, ANSWER, 'print the value of an object')
+    write = _action(actions, 'write', _write, ANSWER, 'write the value of an object')
+    for action in (read, write):
+        action.add_argument('object', metavar='OBJECT', help='0x1018:1, or a name of the EDS')
+        action.add_argument('--eds', default='', help='names and types of objects: a file, or a name in config/')
+        action.add_argument('--type', choices=TYPES, help="type of the value (default: the EDS's; "
+                            "hex: bytes as they are on the wire)")
+    write.add_argument('value', metavar='VALUE', help='100, 0x64, 1.5, a text, or bytes such as 6400')
+    _action(actions, 'store', _store, STORED, 'store parameters: write "save" to 0x1010')
+    _action(actions, 'restore', _restore, STORED,
+            "restore the maker's parameters: write \"load\" to 0x1011; they are in force after the next reset")
+    for name in ('store', 'restore'):
+        actions.choices[name].add_argument('--sub', type=int, default=ALL_PARAMETERS, metavar='SUB',
+                                           help='1 all (default), 2 communication, 3 application, 4... as the maker '
+                                           'says')
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do what was asked. Raises DeviceError where the device refuses it."""
+    if not 0 < args.timeout <= LONGEST:
+        raise ConfigurationError('--timeout', expected=f'a time > 0 and up to {LONGEST:g} [s]',
+                                 got=str(args.timeout), remedy='Give seconds.')
+    if not MIN_NODE_ID <= args.node_id <= MAX_NODE_ID:
+        raise ConfigurationError('--node-id', expected=f'a whole number {MIN_NODE_ID}..{MAX_NODE_ID}',
+                                 got=str(args.node_id), remedy='`tactile scan` lists the nodes of a bus.')
+    args.act(args)
+    return 0
+
+
+def _action(actions: argparse._SubParsersAction, name: str, act, timeout: float, text: str) -> argparse.ArgumentParser:
+    parser = actions.add_parser(name, help=text, description=text)
+    add_bus_options(parser)
+    parser.add_argument('--node-id', type=int, required=True, metavar='ID', help='CANopen node-ID of the device')
+    parser.add_argument('--timeout', type=float, default=timeout, metavar='SECONDS',
+                        help='for each answer, default %(default)s')
+    parser.add_argument('--json', action='store_true', help='one JSON object')
+    parser.set_defaults(act=act)
+    return parser
+
+
+def _read(args: argparse.Namespace) -> None:
+    address, kind = _target(args)
+    with opened_network(args, lambda message: None) as network, \
+            network.sdo_client(args.node_id, ObjectDictionary(), args.timeout) as sdo:
+        data = read_object(sdo, address)
+    try:
+        value = decoded(kind or 'hex', data)
+    except WrongValueError as error:
+        raise DeviceError(f'node {args.node_id}, object {address}', expected=f'{error.expected} ({kind})',
+                          got=f'{len(data)} bytes: {data.hex()}', remedy='Correct --type or the EDS, or read it with '
+                          '--type hex.') from error
+    _report(args, address, kind, data, '=', value)
+
+
+def _write(args: argparse.Namespace) -> None:
+    address, kind = _target(args)
+    if kind is None:
+        raise ConfigurationError('--type', expected=f'the type of object {address}', got='none',
+                                 remedy='Give --type or --eds: the number of bytes has to be right.')
+    try:
+        data = encoded(kind, args.value)
+    except WrongValueError as error:
+        raise ConfigurationError('VALUE', expected=f'{error.expected} ({kind})', got=repr(args.value),
+                                 remedy='Correct it, or --type.') from error
+    if address.index in DECIDES_TPDOS:
+        print(f'tactile: warning: {RECONFIGURES}.', file=sys.stderr)
+    with opened_network(args, lambda message: None) as network, \
+            network.sdo_client(args.node_id, ObjectDictionary(), args.timeout) as sdo:
+        write_object(sdo, address, data)
+    _report(args, address, kind, data, 'set to', decoded(kind, data))
+
+
+def _store(args: argparse.Namespace) -> None:
+    _parameters(args, store_parameters, 'stored its parameters')
+
+
+def _restore(args: argparse.Namespace) -> None:
+    _parameters(args, restore_parameters, "takes its maker's parameters after its next reset (power cycle or NMT "
+                'reset), not before')
+
+
+def _parameters(args: argparse.Namespace, act, done: str) -> None:
+    if not 1 <= args.sub <= MAX_SUBINDEX:
+        raise ConfigurationError('--sub', expected=f'a whole number 1..{MAX_SUBINDEX}', got=str(args.sub),
+                                 remedy='1 stands for all parameters.')
+    with opened_network(args, lambda message: None) as network, \
+            network.sdo_client(args.node_id, ObjectDictionary(), args.timeout) as sdo:
+        act(sdo, args.sub)
+    facts = {'node_id': args.node_id, 'sub': args.sub}
+    print(json.dumps(facts) if args.json else f'node {args.node_id} {done} (sub {args.sub}).')
+
+
+def _target(args: argparse.Namespace) -> tuple[ObjectAddress, str | None]:
+    """Return what ``object`` means, and the type of its value where it is known."""
+    dictionary = load_eds(args.eds, args.node_id) if args.eds else ObjectDictionary()
+    try:
+        address = parse_address(args.object)
+    except ValueError:
+        address = _named(args, dictionary)
+    variable = declared(dictionary, address)
+    return address, args.type or (type_name(variable.data_type) if variable else None)
+
+
+def _named(args: argparse.Namespace, dictionary: ObjectDictionary) -> ObjectAddress:
+    found = named(dictionary, args.object) if args.eds else []
+    if len(found) == 1:
+        return found[0]
+    got, remedy = repr(args.object), 'Write 0x before hexadecimal digits, also before four of them: 0x6401:1.'
+    if found:
+        got, remedy = f'{got}, a name of {", ".join(map(str, found[:4]))}', 'Give the index, or OBJECT.SUB-OBJECT.'
+    raise ConfigurationError('OBJECT', expected='an index with sub-index such as 0x1018:1'
+                             + (f', or the name of one value in {args.eds}' if args.eds else ''),
+                             got=got, remedy=remedy)
+
+
+def _report(args: argparse.Namespace, address: ObjectAddress, kind: str | None, data: bytes, verb: str,
+            value: int | float | str) -> None:
+    if args.json:
+        is_json = not isinstance(value, float) or isfinite(value)  # JSON has no NaN
+        print(json.dumps({'node_id': args.node_id, 'index': address.index, 'sub': address.sub, 'type': kind,
+                          'value': value if is_json else None, 'data': data.hex()}))
+        return
+    number = f'{value} (0x{value:X})' if isinstance(value, int) and value > 9 else \
+        repr(value) if kind == 'str' else str(value)
+    print(f'node {args.node_id}, object {address} {verb} {number}' + ('' if kind else f', {len(data)} bytes'))

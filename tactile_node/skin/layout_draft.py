@@ -1,0 +1,160 @@
+"""A skin layout as far as an EDS says it; what is guessed or missing is marked."""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import isqrt
+
+from canopen import ObjectDictionary
+from canopen.objectdictionary.datatypes import SIGNED_TYPES
+
+from tactile_node.cia301.cob_id import CobId
+from tactile_node.cia301.pdo import MAX_PDO_BITS
+from tactile_node.errors import ConfigurationError
+from tactile_node.skin.eds_tpdos import EdsTpdo, eds_tpdos, variable_of
+from tactile_node.skin.layout import MAX_SIDE, MappedObject
+
+FILL_IN = 'FILL IN'     #: marks what an EDS cannot say
+GUESS = 'GUESS'         #: marks what it does not say
+MAX_BITS = 32           #: of a taxel
+IMPROBABLE_PITCH = 1.0  #: m: `tactile check` warns until it is replaced
+TAXELS_IN_LINE = 6
+
+
+@dataclass(frozen=True)
+class Known:
+    """What the user knows of the skin; None: it is guessed."""
+
+    rows: int | None = None
+    cols: int | None = None
+    bits: int | None = None  #: of a taxel
+
+
+@dataclass(frozen=True)
+class Shape:
+    rows: int
+    cols: int
+    is_guess: bool
+
+
+def draft(dictionary: ObjectDictionary, node_id: int, eds: str, known: Known) -> str:
+    """Return the YAML of a layout for the EDS named ``eds``, which was read for ``node_id``.
+
+    Raises ConfigurationError where the EDS maps nothing that could be taxels, or more than ``known`` has room for.
+    """
+    tpdos = eds_tpdos(dictionary, node_id)
+    bits = known.bits or _commonest_width(tpdos, eds)
+    starts = {tpdo.number: _starts(tpdo.mapping, bits, is_packed=known.bits is not None) for tpdo in tpdos}
+    taxels = sum(map(len, starts.values()))
+    if not taxels:
+        raise ConfigurationError(f'{eds}, TPDOs', expected=f'objects of {bits} bits or more that TPDOs map by default',
+                                 got='none', remedy='Correct --bits, or write the layout by hand.')
+    shape = _shape(taxels, known, eds)
+    lines = [*_head(eds, taxels, shape, known.bits is None, bits, _is_signed(dictionary, tpdos, bits)), 'tpdos:']
+    place = 0
+    for tpdo in tpdos:
+        lines += _entry(tpdo, starts[tpdo.number], place, shape.cols)
+        place += len(starts[tpdo.number])
+    return '\n'.join(lines) + '\n'
+
+
+def _commonest_width(tpdos: list[EdsTpdo], eds: str) -> int:
+    widths = Counter(mapped.bits for tpdo in tpdos for mapped in tpdo.mapping if 0 < mapped.bits <= MAX_BITS)
+    if not widths:
+        raise ConfigurationError(f'{eds}, TPDOs', got='none',
+                                 expected=f'objects of up to {MAX_BITS} bits that TPDOs map by default',
+                                 remedy='Give --bits where an object holds several taxels. For a DOMAIN or '
+                                 'MPDOs begin with domain16x10_16bit.yaml or mpdo8x8_16bit.yaml.')
+    return max(widths, key=lambda width: (widths[width], width))
+
+
+def _starts(mapping: tuple[MappedObject, ...], bits: int, *, is_packed: bool) -> list[int]:
+    """Return where taxels start: at each object of so many ``bits``, or one behind the other."""
+    total = min(sum(mapped.bits for mapped in mapping), MAX_PDO_BITS)
+    if is_packed:
+        return list(range(0, total - bits + 1, bits))
+    found, start = [], 0
+    for mapped in mapping:
+        if mapped.bits == bits and start + bits <= MAX_PDO_BITS:
+            found.append(start)
+        start += mapped.bits
+    return found
+
+
+def _shape(taxels: int, known: Known, eds: str) -> Shape:
+    rows, cols = known.rows, known.cols
+    if rows is None and cols is None:
+        rows = next(side for side in range(isqrt(taxels), 0, -1) if taxels % side == 0)
+    if cols is None:
+        cols = -(-taxels // (rows or 1))
+    if rows is None:
+        rows = -(-taxels // cols)
+    if rows * cols < taxels or max(rows, cols) > MAX_SIDE:
+        raise ConfigurationError(f'{eds}, TPDOs', expected=f'{rows} x {cols} taxels at most, {MAX_SIDE} on a side',
+                                 got=str(taxels), remedy='Correct --rows, --cols or --bits.')
+    return Shape(rows, cols, known.rows is None or known.cols is None)
+
+
+def _is_signed(dictionary: ObjectDictionary, tpdos: list[EdsTpdo], bits: int) -> bool:
+    types = [variable.data_type for tpdo in tpdos for mapped in tpdo.mapping if mapped.bits == bits
+             and (variable := variable_of(dictionary, mapped.index, mapped.subindex)) is not None]
+    return bool(types) and all(data_type in SIGNED_TYPES for data_type in types)
+
+
+def _head(eds: str, taxels: int, shape: Shape, is_width_guessed: bool, bits: int, signed: bool) -> Iterator[str]:
+    guess = f'  # {GUESS}: the EDS maps {taxels} taxels; give --rows or --cols' if shape.is_guess else ''
+    yield f'# Draft of a skin layout, from {eds}. Replace what is marked {FILL_IN} and compare what is marked {GUESS}'
+    yield "# with the device's manual; then: tactile check THIS_FILE EDS. The keys are explained in sim16x16.yaml."
+    yield f'rows: {shape.rows}{guess}'
+    yield f'cols: {shape.cols}{guess}'
+    yield f'pitch: {IMPROBABLE_PITCH}  # {FILL_IN}: between the centres of neighbouring taxels [m]'
+    yield 'value:'
+    yield f'  unit: Pa  # {FILL_IN}: Pa, N, or 1 for on/off taxels'
+    yield f'  scale: 1.0  # {FILL_IN}: unit per count'
+    yield f'  offset: 0  # {FILL_IN}: counts without load'
+    yield f'  bits: {bits}' + (f'  # {GUESS}: the commonest width of a mapped object; give --bits' if is_width_guessed
+                               else '')
+    yield f'  signed: {str(signed).lower()}  # by the types in the EDS'
+    yield f'  pressure: rising  # {GUESS}: or falling, where counts fall under pressure'
+    yield f'# {GUESS}: taxels row by row, in the order in which the TPDOs map them; TPDOs sent by number'
+
+
+def _entry(tpdo: EdsTpdo, starts: list[int], place: int, cols: int) -> Iterator[str]:
+    if not starts:
+        objects = ', '.join(f'0x{m.index:04X} sub {m.subindex} ({m.bits} bits)' for m in tpdo.mapping)
+        what = 'sends MPDOs: see mpdo8x8_16bit.yaml' if tpdo.is_mpdo else f'maps {objects or "nothing"}'
+        yield f'# TPDO {tpdo.number} is left out: it {what}'
+        return
+    cob_id, mark = tpdo.cob_id, ''
+    if cob_id is None:
+        cob_id, mark = _usual_cob_id(tpdo.number), f'  # {GUESS}: the EDS gives none'
+    yield f'- number: {tpdo.number}'
+    yield f'  cob_id: {cob_id}{mark}'
+    yield f'  map: {_mapping(tpdo.mapping)}' + (f'  # {FILL_IN}: the EDS does not name {tpdo.unknown} more objects'
+                                                if tpdo.unknown else '')
+    fields = [(*divmod(place + i, cols), start) for i, start in enumerate(starts)]
+    yield from _taxels(fields)
+
+
+def _usual_cob_id(number: int) -> CobId:
+    """Of the first four TPDOs that of CiA 301, 7.5.2.36; beyond, one that these leave free."""
+    return CobId(0x180 + 0x100 * ((number - 1) % 4) + (number - 1) // 4, True)
+
+
+def _mapping(mapping: tuple[MappedObject, ...]) -> str:
+    first = mapping[0]
+    if all(mapped == MappedObject(first.index, first.subindex + i, first.bits) for i, mapped in enumerate(mapping)):
+        return f'{{object: 0x{first.index:04X}, sub: {first.subindex}, bits: {first.bits}, count: {len(mapping)}}}'
+    return '[' + ', '.join(f'[0x{each.index:04X}, {each.subindex}, {each.bits}]' for each in mapping) + ']'
+
+
+def _taxels(fields: list[tuple[int, int, int]]) -> Iterator[str]:
+    row, col, start = fields[0]
+    step = fields[1][2] - start if len(fields) > 1 else 1
+    if fields == [(row, col + i, start + i * step) for i in range(len(fields))]:
+        yield (f'  taxels: {{first: [{row}, {col}], step: [0, 1], count: {len(fields)}, start_bit: {start}, '
+               f'bit_step: {step}}}')
+        return
+    lines = [', '.join(f'[{row}, {col}, {bit}]' for row, col, bit in fields[i:i + TAXELS_IN_LINE])
+             for i in range(0, len(fields), TAXELS_IN_LINE)]
+    yield '  taxels: [' + ',\n           '.join(lines) + ']'

@@ -1,0 +1,120 @@
+"""One object's value as text, and its place in an EDS by name."""
+
+from canopen import ObjectDictionary
+from canopen.objectdictionary import ODVariable, datatypes
+
+from tactile_node.cia301.object_address import ObjectAddress
+
+#: data types (CiA 301, 7.4.7) as they are written on a command line; hex: bytes as they are on the wire
+TYPES = {'bool': datatypes.BOOLEAN, 'str': datatypes.VISIBLE_STRING, 'hex': datatypes.DOMAIN,
+         **{f'u{bits}': getattr(datatypes, f'UNSIGNED{bits}') for bits in (8, 16, 24, 32, 40, 48, 56, 64)},
+         **{f'i{bits}': getattr(datatypes, f'INTEGER{bits}') for bits in (8, 16, 24, 32, 40, 48, 56, 64)},
+         'f32': datatypes.REAL32, 'f64': datatypes.REAL64}
+_NAMES = {number: name for name, number in TYPES.items()}
+
+Value = int | float | str
+
+
+class WrongValueError(ValueError):
+    """A text or bytes that are no value of a type; ``expected`` says what would be."""
+
+    def __init__(self, expected: str):
+        super().__init__(expected)
+        self.expected = expected
+
+
+def type_name(data_type: int | None) -> str:
+    """Return the name in TYPES; 'hex' for a type that is not there.
+
+    >>> type_name(0x0006), type_name(0x000F)
+    ('u16', 'hex')
+    """
+    return _NAMES.get(data_type, 'hex') if data_type is not None else 'hex'
+
+
+def encoded(name: str, text: str) -> bytes:
+    """Return the bytes on the wire of ``text``, a value of the type ``name``. Raises WrongValueError.
+
+    >>> encoded('u16', '0x64'), encoded('i8', '-1'), encoded('hex', 'DE ad')
+    (b'd\\x00', b'\\xff', b'\\xde\\xad')
+    """
+    variable = _variable(name)
+    if not text.strip():  # canopen would send nothing
+        raise WrongValueError(_expected(name))
+    try:
+        if name == 'hex':
+            return bytes.fromhex(text)
+        if name == 'str':
+            return text.encode('ascii')
+        value = _switch(text) if name == 'bool' else float(text) if name in ('f32', 'f64') else int(text, 0)
+        return bytes(variable.encode_raw(value))
+    except (ValueError, OverflowError, UnicodeEncodeError) as error:
+        raise WrongValueError(_expected(name)) from error
+
+
+def decoded(name: str, data: bytes) -> Value:
+    """Return the value of ``data``; WrongValueError where they are no value of the type ``name``.
+
+    >>> decoded('i16', bytes.fromhex('FEFF')), decoded('hex', bytes.fromhex('0100'))
+    (-2, '0100')
+    """
+    if name == 'hex':
+        return data.hex()
+    if name == 'str':
+        return _text(data.rstrip(b'\0'))
+    variable = _variable(name)
+    if len(data) != len(variable) // 8:
+        raise WrongValueError(_expected(name))
+    value = variable.decode_raw(data)
+    return value if isinstance(value, float) else int(value)
+
+
+def named(dictionary: ObjectDictionary, name: str) -> list[ObjectAddress]:
+    """Return every value of an EDS that is called so: 'Identity.Vendor-ID', or 'Vendor-ID' alone, in any case."""
+    wanted = name.strip().lower()
+    return [ObjectAddress(variable.index, variable.subindex) for variable in _variables(dictionary)
+            if wanted in (variable.qualname.lower(), variable.name.lower())]
+
+
+def declared(dictionary: ObjectDictionary, address: ObjectAddress) -> ODVariable | None:
+    """Return what an EDS says of a value; None where it has none."""
+    return next((variable for variable in _variables(dictionary)
+                 if ObjectAddress(variable.index, variable.subindex) == address), None)
+
+
+def _variables(dictionary: ObjectDictionary) -> list[ODVariable]:
+    found: list[ODVariable] = []
+    for entry in dictionary.values():
+        found += [entry] if isinstance(entry, ODVariable) else entry.subindices.values()
+    return found
+
+
+def _variable(name: str) -> ODVariable:
+    variable = ODVariable(name, 0)
+    variable.data_type = TYPES[name]
+    return variable
+
+
+def _expected(name: str) -> str:
+    if name in ('f32', 'f64'):
+        return f'a number of {int(name[1:]) // 8} bytes'
+    if name[0] in 'ui':
+        bits = int(name[1:])
+        low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if name[0] == 'i' else (0, (1 << bits) - 1)
+        return f'a whole number {low}..{high}, {bits // 8} byte{"s" * (bits > 8)}'
+    return {'bool': '0 or 1, 1 byte', 'str': 'ASCII text, not empty',
+            'hex': 'bytes as hexadecimal digits such as "6400"'}[name]
+
+
+def _switch(text: str) -> bool:
+    if text not in ('0', '1'):
+        raise ValueError(text)
+    return text == '1'
+
+
+def _text(data: bytes) -> str:
+    """CiA 301 has ASCII; devices also send UTF-8 or their national code page."""
+    try:
+        return data.decode()
+    except UnicodeDecodeError:
+        return data.decode('latin-1')
