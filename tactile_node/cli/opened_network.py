@@ -4,17 +4,16 @@ import argparse
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-import can
-
 from tactile_node.bus.bus_network import BusNetwork, open_bus
+from tactile_node.bus.reception import Batch
 from tactile_node.errors import BusError
 
 
 @contextmanager
-def opened_network(args: argparse.Namespace, on_message: Callable[[can.Message], None]) -> Iterator[BusNetwork]:
+def opened_network(args: argparse.Namespace, on_batch: Callable[[Batch], None]) -> Iterator[BusNetwork]:
     """The bus that the options of `add_bus_options` name. Raises BusError, also where it fails meanwhile."""
     failures: list[Exception] = []
-    network = BusNetwork(open_bus(args.interface, args.channel, args.bitrate, {}), on_message,
+    network = BusNetwork(open_bus(args.interface, args.channel, args.bitrate, {}), on_batch,
                          lambda fault, error: failures.append(error), name=f'{args.interface} {args.channel}')
     try:
         yield network

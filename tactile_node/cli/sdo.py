@@ -84,7 +84,7 @@ def _action(actions: argparse._SubParsersAction, name: str, act, timeout: float,
 
 def _read(args: argparse.Namespace) -> None:
     address, kind = _target(args)
-    with opened_network(args, lambda message: None) as network, \
+    with opened_network(args, lambda batch: None) as network, \
             network.sdo_client(args.node_id, ObjectDictionary(), args.timeout) as sdo:
         data = read_object(sdo, address)
     try:
@@ -108,7 +108,7 @@ def _write(args: argparse.Namespace) -> None:
                                  remedy='Correct it, or --type.') from error
     if address.index in DECIDES_TPDOS:
         print(f'tactile: warning: {RECONFIGURES}.', file=sys.stderr)
-    with opened_network(args, lambda message: None) as network, \
+    with opened_network(args, lambda batch: None) as network, \
             network.sdo_client(args.node_id, ObjectDictionary(), args.timeout) as sdo:
         write_object(sdo, address, data)
     _report(args, address, kind, data, 'set to', decoded(kind, data))
@@ -127,7 +127,7 @@ def _parameters(args: argparse.Namespace, act, done: str) -> None:
     if not 1 <= args.sub <= MAX_SUBINDEX:
         raise ConfigurationError('--sub', expected=f'a whole number 1..{MAX_SUBINDEX}', got=str(args.sub),
                                  remedy='1 stands for all parameters.')
-    with opened_network(args, lambda message: None) as network, \
+    with opened_network(args, lambda batch: None) as network, \
             network.sdo_client(args.node_id, ObjectDictionary(), args.timeout) as sdo:
         act(sdo, args.sub)
     facts = {'node_id': args.node_id, 'sub': args.sub}

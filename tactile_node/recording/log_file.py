@@ -1,5 +1,6 @@
 """One file of a recording, in the format of its suffix: python-can's that can be replayed, and MCAP."""
 
+import time
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,6 +11,7 @@ from tactile_node.recording.bag_log import McapCanWriter
 
 SUFFIXES = ('.log', '.log.gz', '.asc', '.asc.gz', '.blf', '.csv', '.trc', '.db', '.mcap')  #: what can be replayed
 BLF_HEADER = 144  # bytes
+DRAIN = 1e-3  # s between two looks at what waits
 
 
 class _OnDisk(NamedTuple):
@@ -60,9 +62,16 @@ class LogFile:
     def close(self) -> None:
         """Write what is left and end the file. Raises OSError: ``cut_back`` has to follow."""
         self.flush()
+        self._wait_for_database()
         self.writer.stop()
         if isinstance(self.writer, can.SqliteWriter) and self.writer.num_frames < self.can_frames:
             raise OSError('the last frames do not fit into the database')
+
+    def _wait_for_database(self) -> None:
+        """python-can's thread leaves all after the next 501 frames out once it is stopped."""
+        while isinstance(self.writer, can.SqliteWriter) and self.writer._writer_thread.is_alive() \
+                and not self.writer.buffer.empty():
+            time.sleep(DRAIN)
 
     def cut_back(self) -> int:
         """After an OSError, end the file with the last frame flushed; return how many taken since are lost.
