@@ -27,7 +27,7 @@ from pathlib import Path
 for library in ('OPENBLAS', 'OMP', 'MKL'):
     os.environ[f'{library}_NUM_THREADS'] = '1'  # read when numpy is imported
 
-NODE, LAYOUT, RESPONSE = 32, 'sim16x16.yaml', 0.0005  # s
+NODE, LAYOUT = 32, 'sim16x16.yaml'
 RATES = (185, 208, 217, 224, 231)  #: SYNCs a second
 FULL = 224
 SWEEP = (32 * 135 + 55) * 1e-6  #: s of wire
@@ -70,10 +70,7 @@ class Bench:
     def __init__(self, folder: Path, seconds: float):
         self._folder = folder
         self._seconds = seconds
-        self._layout = folder / LAYOUT
-        self._layout.write_text(config_path(LAYOUT).read_text(encoding='utf-8') + f'response_time: {RESPONSE}\n')
-        eds = config_path(LAYOUT).with_suffix('.eds')
-        (folder / eds.name).write_text(eds.read_text(encoding='utf-8'), encoding='utf-8')
+        self._layout = punctual(folder, LAYOUT)
 
     def replay(self, tree: Path, name: str) -> None:
         """Print how much faster than a full bus the driver of ``tree`` plays a log of LOGGED seconds."""
@@ -236,8 +233,7 @@ READERS = {'driver': driver, 'replay': replay, 'bare': bare, 'pdo maps': pdo_map
 
 if __name__ == '__main__':
     if '--reader' not in sys.argv:
-        from skin_process import ROOT, SkinProcess
+        from skin_process import ROOT, SkinProcess, punctual
 
-        from tactile_node.package_files import config_path
         from tactile_node.skin.layout_file import load_layout
     sys.exit(main())
