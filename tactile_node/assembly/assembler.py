@@ -80,6 +80,9 @@ class FrameAssembler:
         self._withheld = 0
         self._received = 0
         self._used = [0] * len(node_ids)
+        self._syncs = 0
+        self._distinct = [0] * len(layout.tpdos)  # by rank
+        self._fresh = np.zeros(len(layout.tpdos), int)  # by rank
         self._losses = dict.fromkeys(LossReason, 0)
         self._before: SweepPeriod | None = None  # not yet emitted: its end may still come
         self._period: SweepPeriod | None = None
@@ -120,6 +123,7 @@ class FrameAssembler:
             else:
                 results += self._emit(period)
         self._sequence += 1
+        self._syncs += 1
         self._period = SweepPeriod(self._sequence, timestamp, self._ranks_of_nodes, period)
         if self._is_after_outage:
             self._is_after_outage = False
@@ -135,6 +139,7 @@ class FrameAssembler:
             return self._lose(LossReason.SHORT if len(data) < prefix_length else LossReason.UNKNOWN_ROW)
         if period is None:
             return self._lose(LossReason.BEFORE_FIRST_SYNC)
+        self._distinct[rank] += 1
         if self._one_clock and timestamp < period.stamp:
             return self._feed_before(period, rank, data, timestamp)
         results = self._take(period, rank, data)
@@ -160,7 +165,10 @@ class FrameAssembler:
             complete=self._complete, incomplete=self._incomplete, expected=frames * len(self._lengths),
             received=self._received, used=sum(self._used), pending=self._pending(),
             losses=dict(self._losses), withheld=self._withheld,
-            used_by_node=tuple(self._used))
+            used_by_node=tuple(self._used),
+            distinct_by_tpdo=tuple(tuple(self._distinct[rank] for rank in own) for own in self._ranks_of_nodes),
+            fresh_by_tpdo=tuple(tuple(self._fresh[own].tolist()) for own in self._ranks_of_nodes),
+            syncs=self._syncs)  # after what they have caused, for another thread counts on meanwhile
 
     def _forget(self) -> None:
         self._losses[LossReason.UNFINISHED] += self._pending()
@@ -190,6 +198,7 @@ class FrameAssembler:
         run = period.runs[self._nodes[rank]]
         discarded: Results = ()
         if run.repeats(rank, data):
+            self._distinct[rank] -= 1
             return self._lose(LossReason.DUPLICATE)
         if len(period.runs) > 1 and not period.is_emitted and run.begins_next_sweep(rank):
             discarded = self._discard(period)
@@ -235,6 +244,7 @@ class FrameAssembler:
         words, fresh = period.payload
         is_complete = bool(fresh.all())
         period.is_emitted = True
+        self._fresh += fresh
         if self.drop_incomplete and not is_complete:
             self._withheld += 1
             return self._lose(LossReason.INCOMPLETE, int(fresh.sum()))

@@ -14,10 +14,12 @@ from tactile_node.bus.auto_zero import auto_zero
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import BusNetwork, open_bus
 from tactile_node.bus.bus_settings import BusSettings
+from tactile_node.bus.device_errors import read_errors
 from tactile_node.bus.device_setup import DeviceSetup
 from tactile_node.bus.domain_polling import DomainPolling
 from tactile_node.bus.traffic import Traffic
 from tactile_node.cia301.connection_set import NMT
+from tactile_node.cia301.emergency import DeviceErrors
 from tactile_node.cia301.nmt import NmtCommand, NmtState, state_name
 from tactile_node.errors import BusError, DeviceError, HalfZeroedError, LogError
 from tactile_node.frames.consumer import Consumer, OnFrame
@@ -98,15 +100,24 @@ class SkinBus:
         for node in self._nodes:
             self.configure_node(node, self._settings.boot_timeout)
 
-    def configure_node(self, node: CanopenNode, boot_timeout: float, pause: bool = True) -> None:
-        """Configure one of a pad's nodes, found within ``boot_timeout`` [s]; without ``pause`` while it sends."""
+    def configure_node(self, node: CanopenNode, boot_timeout: float, pause: bool = True) -> float | None:
+        """Configure one of a pad's nodes, found within ``boot_timeout`` [s]; without ``pause`` while it sends.
+
+        Returns the heartbeat time that the device has [s]; 0: it sends none, None: not known.
+        """
         if pause:
             self._command(NmtCommand.ENTER_PRE_OPERATIONAL, node)
         with self._sdo_client(node) as sdo:
             setup = DeviceSetup(sdo, node, self._monitor.heartbeats, self._settings.sdo_retries)
-            is_block = setup.run(boot_timeout, self._settings.heartbeat_ms)
+            as_set = setup.run(boot_timeout, self._settings.heartbeat_ms)
         if node.node_id in self._polls:
-            self._polls[node.node_id].by_block = is_block
+            self._polls[node.node_id].by_block = as_set.by_block
+        return None if as_set.heartbeat_ms is None else 1e-3 * as_set.heartbeat_ms
+
+    def read_errors(self, node: CanopenNode) -> DeviceErrors:
+        """Read what a device lists as its errors. Raises BusError."""
+        with self._sdo_client(node) as sdo:
+            return read_errors(sdo)
 
     def age(self, stamp: float) -> float:
         """Time since what was stamped ``stamp`` was on the bus [s], by the steady clock."""
@@ -188,6 +199,10 @@ class SkinBus:
             self._network = None
             self._traffic.end(CONSUMER_TIMEOUT)
 
+    def call_in_turn(self, call: Callable[[], None]) -> None:
+        """Make a call on the assembler's thread, after all that was received so far."""
+        self._traffic.put(call)
+
     def drop_incomplete(self, is_wanted: bool) -> None:
         """From now on withhold incomplete taxel frames, or give them."""
         self._router.drop_incomplete(is_wanted)
@@ -234,9 +249,12 @@ class SkinBus:
         if not is_operational:
             state = self._monitor.heartbeats.state(node.node_id)
             heard = 'no heartbeat' if state is None else f'its heartbeat ({state_name(state)})'
-            self.stop()
-            raise DeviceError(node.label, expected='OPERATIONAL after NMT start', got=heard,
-                              remedy='See whether it sends EMCY: a device with an error may refuse to start.')
+            try:
+                errors = self.read_errors(node)
+            finally:
+                self.stop()
+            raise DeviceError(node.label, expected='OPERATIONAL after NMT start', got=f'{heard}; {errors}',
+                              remedy='See its manual: a device with an error may refuse to start.')
 
     def _start_pacers(self) -> None:
         if self._settings.produce_sync and any(pad.layout.needs_sync for pad in self._pads):
