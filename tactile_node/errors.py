@@ -37,6 +37,10 @@ class DeviceAbsentError(DeviceError):
     """The CANopen device does not answer."""
 
 
+class TwoDevicesError(DeviceError):
+    """Two CANopen devices answer as one node."""
+
+
 class HalfZeroedError(DeviceError):
     """Some of a pad's channels have zeroed themselves and others have not, or may not have."""
 

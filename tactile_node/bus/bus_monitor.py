@@ -42,6 +42,7 @@ class BusMonitor:
         self.foreign_commands = 0
         self.last_command: ForeignCommand | None = None  #: of another master to one of our nodes
         self.foreign_writes = dict.fromkeys(self.emergencies, 0)  #: of another master, to what decides a node's TPDOs
+        self.foreign_requests = dict.fromkeys(self.emergencies, 0)  #: by SDO, of another master
         self.heartbeat_writes = dict.fromkeys(self.emergencies, 0)  #: of another master, to a node's heartbeat time
         self.is_error_passive = False
         self.error_counters = ErrorCounters()
@@ -94,6 +95,7 @@ class BusMonitor:
 
     def _request(self, can_id: int, data: bytes) -> None:
         """Own requests are not received. What this one writes may not mean what the layout says."""
+        self.foreign_requests[can_id - SDO_REQUEST] += 1
         written = written_object(data)
         if written == PRODUCER_HEARTBEAT_TIME:
             self.heartbeat_writes[can_id - SDO_REQUEST] += 1

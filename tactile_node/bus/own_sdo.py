@@ -1,6 +1,7 @@
 """An SDO client that takes only answers to its own requests: another master may use the same server."""
 
 import queue
+from collections import Counter
 
 from canopen import ObjectDictionary
 from canopen.sdo import SdoClient
@@ -21,14 +22,22 @@ class OwnSdoClient(SdoClient):
         super().__init__(SDO_REQUEST + node_id, SDO_RESPONSE + node_id, dictionary)
         self.RESPONSE_TIMEOUT = timeout
         self._object: bytes | None = None  # that the request under way is about; None: of a segment
+        self._owed: Counter[bytes] = Counter()  # answers by object: requests sent less answers received
+        self.requests = 0  #: that name an object
+        self.doubled = 0  #: answers about objects of these, beyond one for each request
         self.others = 0  #: answers left out
 
     def on_response(self, can_id: int, data: bytearray, timestamp: float) -> None:
         """Queue an answer that is ours; canopen stumbles over shorter ones."""
         if len(data) != SDO_BYTES:
             return
+        answered = bytes(data[1:4])
+        if self._owed[answered] > 0:
+            self._owed[answered] -= 1
+        elif self._object is not None and answered in self._owed:
+            self.doubled += 1
         has_no_object = data[0] == RESPONSE_ABORTED and not any(data[1:4])
-        if self._object is None or data[1:4] == self._object or has_no_object:
+        if self._object is None or answered == self._object or has_no_object:
             super().on_response(can_id, data, timestamp)
         else:
             self.others += 1
@@ -38,6 +47,8 @@ class OwnSdoClient(SdoClient):
         initiates = request[0] & COMMAND in (REQUEST_DOWNLOAD, REQUEST_UPLOAD) \
             or request[0] & BLOCK_COMMAND == INITIATE_BLOCK_REQUEST
         self._object = bytes(request[1:4]) if initiates else None
-        if initiates:
+        if self._object is not None:
+            self._owed[self._object] += 1
+            self.requests += 1
             self.responses = queue.Queue()  # what came until now is late
         super().send_request(request)

@@ -55,7 +55,7 @@ class NodeMonitor:
         self._used_then = 0  # TPDOs, by the last command
         self._syncs = 0
         self._is_overloaded = False
-        self._traffic = NodeTraffic(node, self._heartbeats)
+        self.traffic = NodeTraffic(node, self._heartbeats)
         self.device_errors: DeviceErrors | None = None  #: that it listed when it refused to become OPERATIONAL
         self.refuses_while_it_sends = False  #: to be configured
 
@@ -80,13 +80,13 @@ class NodeMonitor:
 
     def sends_for_sure(self, acquired: float) -> bool:
         """Whether taxels of the time ``acquired`` are what this node has sent, as the layout says."""
-        return self.is_trusted and acquired >= self.trusted_from and not self._traffic.are_two
+        return self.is_trusted and acquired >= self.trusted_from and not self.traffic.are_two
 
     def expect(self, now: float) -> None:
         """The bus was opened: from now on the node should send, and has to be configured."""
         self._since = now
         self._configured = None
-        self._traffic.restart(now)
+        self.traffic.restart(now)
         self.attempts.restart()
 
     def configured(self, setup: Setup, now: float, heartbeat_time: float | None) -> None:
@@ -103,7 +103,7 @@ class NodeMonitor:
         self._commanded = now
         self.data_at = now
         self._sync_at = now
-        self._traffic.expect(now)
+        self.traffic.expect(now)
         self._used_then = pad.used_by_node[self.node.position]
 
     def detect(self, now: float, is_active: bool, pad: PadStatistics, bus: BusSeen) -> NodeFault:
@@ -116,11 +116,11 @@ class NodeMonitor:
         if bus.syncs != self._syncs:
             self._syncs = bus.syncs
             self._sync_at = now
-        were_two = self._traffic.are_two
+        were_two = self.traffic.are_two
         is_known = self._heartbeat_writes == self._monitor.heartbeat_writes[self.node.node_id] and (
             self.is_trusted or were_two)  # a device that has started again may have another one
-        self._traffic.look(now, is_active, pad, bus, self._heartbeat_time if is_known else None, self._data_timeout)
-        if were_two and not self._traffic.are_two:
+        self.traffic.look(now, is_active, pad, bus, self._heartbeat_time if is_known else None, self._data_timeout)
+        if were_two and not self.traffic.are_two:
             self._configured = None  # which of both has taken what was written is not known
         self.fault = self._detected(now, is_active)
         if self.fault.is_fault:
@@ -158,7 +158,7 @@ class NodeMonitor:
             heartbeat_age=None if heard is None else now - heard, fault=fault, boots=self.boots,
             emergencies=emergencies.count, last_emergency=emergencies.last, outages=outages,
             distrusted=self.distrusted, active_emergency=emergencies.active,
-            missing_tpdos=self._traffic.missing, surplus_tpdos=self._traffic.surplus, device_errors=self.device_errors)
+            missing_tpdos=self.traffic.missing, surplus_tpdos=self.traffic.surplus, device_errors=self.device_errors)
 
     def _is_silent(self, now: float) -> bool:
         """A device with a heartbeat time that is not ours may be silent for three of its own."""
@@ -168,7 +168,7 @@ class NodeMonitor:
 
     def _detected(self, now: float, is_active: bool) -> NodeFault:
         is_silent = self._is_silent(now)
-        if self._traffic.are_two:
+        if self.traffic.are_two:
             return NodeFault.TWO_SENDERS
         if not self.is_trusted and is_silent:
             return NodeFault.SILENT
@@ -184,6 +184,6 @@ class NodeMonitor:
         if self._heartbeats.state(self.node.node_id) != NmtState.OPERATIONAL:
             return NodeFault.NOT_OPERATIONAL
         if has_data:
-            return NodeFault.TPDO_MISSING if self._traffic.missing else NodeFault.NONE
+            return NodeFault.TPDO_MISSING if self.traffic.missing else NodeFault.NONE
         is_sync_missing = self.node.layout.needs_sync and now - self._sync_at > self._data_timeout
         return NodeFault.NO_SYNC if is_sync_missing else NodeFault.NO_TAXELS

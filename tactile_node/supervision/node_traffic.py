@@ -39,6 +39,10 @@ class NodeTraffic:
         """Whether two devices send as this node."""
         return self._senders.are_two
 
+    def see_two(self, now: float) -> None:
+        """Two devices have answered as this node."""
+        self._senders.see(now)
+
     def restart(self, now: float) -> None:
         """The bus was opened again."""
         self._senders.restart(now)

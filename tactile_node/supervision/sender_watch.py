@@ -25,6 +25,10 @@ class SenderWatch:
     def are_two(self) -> bool:
         return self._seen is not None
 
+    def see(self, now: float) -> None:
+        """Both were seen in another way."""
+        self._seen = now
+
     def restart(self, now: float) -> None:
         """The bus was opened again: what was seen before is held, but nothing is compared with it."""
         self.pause()
