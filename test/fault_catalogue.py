@@ -550,6 +550,27 @@ def short_emcy(channel: str) -> FaultBench:
     return bench
 
 
+def emcy_until_it_is_reset(channel: str) -> FaultBench:
+    """An error stays a warning until the device resets it, all of its errors, or starts again."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+
+        def has(code: int | None, count: int) -> None:
+            bench.wait(lambda: bench.node().emergencies == count, 'not counted')
+            active = bench.node().active_emergency
+            assert (active.code if active else None) == code
+        for count, (data, code) in enumerate((('1042090000000000', 0x4210), ('0000080000000000', 0x4210),
+                                              ('0000000000000000', None), ('3081110000000000', 0x8130)), 1):
+            bench.send(0x0A0, data)
+            has(code, count)
+        bench.device.power_off()
+        bench.device.boot()
+        bench.end_of_cause()
+        bench.recover()
+        has(None, 4)
+    return bench
+
+
 def foreign_frames(channel: str) -> FaultBench:
     """Devices of other makers, node guarding with its toggle bit and empty heartbeats disturb nothing."""
     with FaultBench(channel) as bench:
@@ -941,7 +962,7 @@ FAULTS: tuple[Callable[[str], FaultBench], ...] = (
     one_tpdo_switched_off_by_another_master, one_tpdo_switched_off_unseen, one_tpdo_never_arrives,
     two_devices_with_one_node_id, two_devices_from_the_start, second_sender_of_a_tpdo, two_masters_fight,
     second_sync_producer, sync_producer_of_another_period, transmission_type_ignored, sync_of_another_producer_stops,
-    emcy_storm, short_emcy, foreign_frames,
+    emcy_storm, short_emcy, emcy_until_it_is_reset, foreign_frames,
     absent_pad_of_two, tpdos_lost, tpdos_duplicated, tpdos_reordered, short_tpdos, over_long_tpdos,
     sdo_aborted_in_configuration, sdo_timeout_in_mid_configuration, device_that_lies_about_its_mapping, queue_overrun,
     wall_clock_set_back, wall_clock_set_forward, disk_full_while_recording, fails_while_inactive,

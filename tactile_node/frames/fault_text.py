@@ -125,17 +125,16 @@ def _tpdos(tpdos: tuple[SentTpdo, ...]) -> str:
     return ', '.join(f'TPDO {number} (COB-ID 0x{can_id:03X})' for number, can_id in dict.fromkeys(tpdos))
 
 
-def sync_text(sync: SyncState, wanted: float) -> str:
-    """What is wrong with SYNC, empty where nothing is; ``wanted``: the period that is set [s].
+def sync_text(sync: SyncState) -> str:
+    """What is wrong with SYNC, empty where nothing is; without a full stop.
 
-    >>> sync_text(SyncState(SyncFault.OTHER_PERIOD, period=0.04), 0.02)
-    'SYNC comes with another period than sync_period: 40.0 ms in place of 20.0 ms'
+    >>> sync_text(SyncState(SyncFault.OTHER_PERIOD, period=0.04))
+    'SYNC comes with another period than sync_period: 40.0 ms'
     """
     if not sync.fault.is_fault:
         return ''
-    detail = f': {1e3 * sync.period:.1f} ms in place of {1e3 * wanted:.1f} ms' if sync.period is not None else (
-        f': {sync.foreign} so far')
-    return SYNC_PHRASES[sync.fault] + detail
+    return SYNC_PHRASES[sync.fault] + (
+        f': {sync.foreign} SYNCs so far' if sync.period is None else f': {1e3 * sync.period:.1f} ms')
 
 
 def reaction_text(fault: NodeFault) -> str:

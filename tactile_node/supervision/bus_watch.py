@@ -22,7 +22,6 @@ class BusWatch:
 
     def __init__(self, settings: BusSettings, monitor: BusMonitor, is_producer: bool, needs_sync: bool,
                  put: Callable[[Callable[[], None]], None], data_timeout: float):
-        self._settings = settings
         self._monitor = monitor
         self._is_producer = is_producer
         self._needs_sync = needs_sync
@@ -73,7 +72,7 @@ class BusWatch:
         if self._needs_sync:
             self._sync.update(now, is_active, received)
         if self.sync.fault.is_fault and self._sync_reminder.is_due(self.sync.fault.name, now):
-            logger.error('%s.', sync_text(self.sync, self._settings.sync_period), extra={'fact': self.sync.fault})
+            logger.error('%s.', sync_text(self.sync), extra={'fact': self.sync.fault})
         self.overload = self._overload.update(now, statistics.queue_overruns)
         if self.overload.is_overload and self._overload_reminder.is_due(self.overload.name, now):
             logger.error('This process is overloaded: %s.', OVERLOAD_PHRASES[self.overload],
