@@ -4,6 +4,7 @@
 as it ends, that all taxels published as valid were right and that no sequence number or stamp came twice.
 """
 
+import ctypes
 import errno
 import itertools
 import os
@@ -727,6 +728,23 @@ def queue_overrun(channel: str) -> FaultBench:
     return bench
 
 
+def process_stalled(channel: str) -> FaultBench:
+    """This process does not run for 1.2 s: that is reported, and the device, which was well, is left alone."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        time.sleep(0.1)
+        bench.heard()
+        for _ in range(2):
+            ctypes.PyDLL(None).usleep(1_200_000)  # keeps the interpreter's lock: no thread runs
+            bench.end_of_cause()
+            bench.recover()
+        bench.detect(Overload.STALLED)
+        assert not [message for message in bench.heard() if message.arbitration_id in (0x000, 0x620)]
+        assert not any(isinstance(fact, NodeFault) for fact in bench.log.facts) and bench.node().outages.count == 0
+        assert bench.driver.health().stalls >= 2
+    return bench
+
+
 def wall_clock_set_back(channel: str) -> FaultBench:
     """An hour back: the jump is counted and reported as WARN, stamps never go back, no TPDO is late for it."""
     return _clock_jump(channel, -3600.0)
@@ -965,7 +983,7 @@ FAULTS: tuple[Callable[[str], FaultBench], ...] = (
     emcy_storm, short_emcy, emcy_until_it_is_reset, foreign_frames,
     absent_pad_of_two, tpdos_lost, tpdos_duplicated, tpdos_reordered, short_tpdos, over_long_tpdos,
     sdo_aborted_in_configuration, sdo_timeout_in_mid_configuration, device_that_lies_about_its_mapping, queue_overrun,
-    wall_clock_set_back, wall_clock_set_forward, disk_full_while_recording, fails_while_inactive,
+    process_stalled, wall_clock_set_back, wall_clock_set_forward, disk_full_while_recording, fails_while_inactive,
     guarded_by_another_master,
     other_makers_device_at_work, refuses_operational_from_the_start, tare_under_load, one_of_a_pads_nodes_lost,
     polled_pad_power_cycled, polled_uploads_damaged, adapter_of_two_large_pads_unplugged, two_large_pads_power_cycled)

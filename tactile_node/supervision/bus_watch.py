@@ -58,6 +58,10 @@ class BusWatch:
         """See OverloadWatch."""
         self._overload.woke(now, late)
 
+    def waited(self, now: float, since: float) -> None:
+        """See OverloadWatch."""
+        self._overload.waited(now, since)
+
     def look_at_traffic(self, now: float) -> None:
         """Take what all that is received says of load and of other masters."""
         self._load.update(now, self._monitor.bits)
@@ -78,4 +82,4 @@ class BusWatch:
             logger.error('This process is overloaded: %s.', OVERLOAD_PHRASES[self.overload],
                          extra={'fact': self.overload})
         syncs = syncs_sent if self._is_producer else received
-        return BusSeen(syncs, self.sync.foreign, self.overload.is_overload)
+        return BusSeen(syncs, self.sync.foreign, self._overload.is_excused(now))

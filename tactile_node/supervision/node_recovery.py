@@ -48,11 +48,12 @@ class NodeRecovery:
         for error in absent:
             logger.error('%s The others continue without it; it joins when it answers.', error, extra={'fact': error})
 
-    def attend(self, is_active: bool, statistics: BusStatistics, bus: BusSeen) -> None:
-        """Detect and log the faults by what was received up to now, and recover."""
+    def attend(self, now: float, is_active: bool, statistics: BusStatistics, bus: BusSeen) -> bool:
+        """Detect and log the faults by what was received up to ``now``, and recover; whether there was any to do."""
         due = [monitor for monitor in self._monitors
-               if self._is_recovery_due(monitor, is_active, statistics.pads[monitor.node.pad], bus)]
+               if self._is_recovery_due(monitor, now, is_active, statistics.pads[monitor.node.pad], bus)]
         _at_once(due, lambda monitor: self._recover(monitor, is_active))
+        return bool(due)
 
     def _absence(self, monitor: NodeMonitor, timeout: float) -> DeviceAbsentError | None:
         """Configure it; the error when it does not answer. Any other is raised."""
@@ -62,8 +63,8 @@ class NodeRecovery:
             return error
         return None
 
-    def _is_recovery_due(self, monitor: NodeMonitor, is_active: bool, pad: PadStatistics, bus: BusSeen) -> bool:
-        now = time.monotonic()
+    def _is_recovery_due(self, monitor: NodeMonitor, now: float, is_active: bool, pad: PadStatistics,
+                         bus: BusSeen) -> bool:
         if monitor.is_emergency_due(now):
             health = monitor.health(now)
             logger.error('%s', emergency_text(monitor.node.pad, health), extra={'fact': health.last_emergency})

@@ -19,6 +19,7 @@ class OverloadWatch:
         self._dropped = 0
         self._kind = Overload.NONE
         self._seen = 0.0  # the last sign
+        self._excused = -float('inf')  # after a wait for another thread
         self.stalls = 0  #: times that this process did not run for long
 
     def restart(self) -> None:
@@ -30,6 +31,17 @@ class OverloadWatch:
         if late > self.limit:
             self.stalls += 1
             self._see(Overload.STALLED, now)
+
+    def waited(self, now: float, since: float) -> None:
+        """It has waited for another thread for so long [s], and may not have run in between: no overload, but no
+        measure either.
+        """
+        if since > self.limit:
+            self._excused = now
+
+    def is_excused(self, now: float) -> bool:
+        """Whether what seems to be missing may only not be processed yet."""
+        return self._kind.is_overload or now - self._excused <= 2 * self.limit
 
     def update(self, now: float, dropped: int) -> Overload:
         """Return the overload now; ``dropped``: CAN frames that were not taken, so far."""

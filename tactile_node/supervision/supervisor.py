@@ -160,31 +160,38 @@ class Supervisor:
         self._is_active = is_active
 
     def _supervise(self) -> None:
+        ended = time.monotonic()
         while not self._closing.is_set():
-            begun = time.monotonic()
             self._wake.wait(PERIOD)
             woken = time.monotonic()
-            self._watch.woke(woken, woken - begun - PERIOD)
+            late = woken - ended - PERIOD
             self._wake.clear()
             with self._turn:
-                if not self._closing.is_set():
-                    self._attend()
+                self._watch.waited(time.monotonic(), time.monotonic() - woken)
+                ended = time.monotonic() if self._closing.is_set() else self._attend(late)
 
-    def _attend(self) -> None:
-        """One round; an exception in it does not prevent the next one."""
+    def _attend(self, late: float) -> float:
+        """One round, which begins ``late`` [s]; an exception in it does not prevent the next one.
+
+        Returns the time [s] up to which it has looked, or done what takes time.
+        """
         try:
             self._watch.look_at_traffic(time.monotonic())
             if not self._is_configured:
-                return
+                return time.monotonic()
             if self._recover and self._bus_recovery.is_needed:
                 self._bus_recovery.attend()
                 self._watch.closed()
             if self._bus.failure is None:
-                statistics = self.statistics()
-                seen = self._watch.look_at_counts(time.monotonic(), self._is_active, statistics, self._bus.syncs_sent)
-                self._node_recovery.attend(self._is_active, statistics, seen)
+                begun, statistics, syncs = time.monotonic(), self.statistics(), self._bus.syncs_sent
+                now = time.monotonic()  # once: what is not processed after a stall is not taken for silence
+                self._watch.woke(now, late + now - begun)
+                seen = self._watch.look_at_counts(now, self._is_active, statistics, syncs)
+                if not self._node_recovery.attend(now, self._is_active, statistics, seen):
+                    return now
         except Exception:
             logger.exception('supervision of the bus')
+        return time.monotonic()
 
     def _bus_failed(self, failure: Failure) -> None:
         """On any thread: log it once and let the supervisor act."""
