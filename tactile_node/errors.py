@@ -29,6 +29,10 @@ class BusError(TactileError):
     """The CAN bus cannot be opened or used."""
 
 
+class InterruptedSetupError(BusError):
+    """The driver was stopped while it configured a device."""
+
+
 class DeviceError(TactileError):
     """The CANopen device is absent, is another one, or refuses a request."""
 

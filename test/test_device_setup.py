@@ -119,6 +119,15 @@ def test_a_device_with_its_own_heartbeat_time_may_be_silent_for_three_of_them(he
     assert node.detect(heard + silence, False, pad, BusSeen(0)) is fault
 
 
+def test_a_heartbeat_time_that_cannot_be_read_is_measured(monkeypatch):
+    node, bus, pad = monitored(None)
+    for heard in (100.0, 101.0, 101.05, 102.0):  # one more for a change of state
+        monkeypatch.setattr('tactile_node.cia301.heartbeat.time.monotonic', lambda now=heard: now)
+        bus.feed(0x720, b'\x05')
+    assert node.detect(104.7, False, pad, BusSeen(0)) is NodeFault.NONE
+    assert node.detect(105.1, False, pad, BusSeen(0)) is NodeFault.SILENT
+
+
 def test_a_silence_while_this_process_is_overloaded_is_no_fault_at_once():
     node, bus, pad = monitored(0.1)
     bus.feed(0x720, b'\x05')

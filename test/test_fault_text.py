@@ -80,6 +80,7 @@ def test_a_nodes_sentence_names_the_tpdos_and_errors_that_are_known():
                       surplus_tpdos=(SentTpdo(7, 0x2A2),), device_errors=DeviceErrors(0x08))
     texts = {fault: node_text('left', node._replace(fault=fault)) for fault in NodeFault if fault.is_fault}
     assert 'TPDO 3 (COB-ID 0x1A2), TPDO 4 (COB-ID 0x1A3)' in texts.pop(NodeFault.TPDO_MISSING)
+    assert 'TPDO 3 (COB-ID 0x1A2)' in texts.pop(NodeFault.NO_TAXELS)
     assert 'TPDO 7 (COB-ID 0x2A2)' in texts.pop(NodeFault.TWO_SENDERS)
     assert 'temperature' in texts.pop(NodeFault.NOT_OPERATIONAL)
     assert not any(word in text for text in texts.values() for word in ('COB-ID 0x', 'temperature'))

@@ -6,7 +6,7 @@ from typing import NoReturn, TypeVar
 from canopen import SdoAbortedError, SdoCommunicationError
 from canopen.sdo import SdoClient
 
-from tactile_node.errors import DeviceAbsentError, DeviceError
+from tactile_node.errors import DeviceAbsentError, DeviceError, InterruptedSetupError
 
 Answer = TypeVar('Answer')
 
@@ -14,13 +14,15 @@ Answer = TypeVar('Answer')
 class DeviceObjects:
     """The objects of the device ``label``; a request without an answer is repeated ``retries`` times.
 
-    Raises DeviceError where the device refuses, DeviceAbsentError where it does not answer, BusError.
+    Raises DeviceError where the device refuses, DeviceAbsentError where it does not answer, BusError; and
+    InterruptedSetupError in place of the next request when ``is_interrupted()``.
     """
 
-    def __init__(self, sdo: SdoClient, label: str, retries: int):
+    def __init__(self, sdo: SdoClient, label: str, retries: int, is_interrupted: Callable[[], bool]):
         self._sdo = sdo
         self._label = label
         self._tries = 1 + retries
+        self._is_interrupted = is_interrupted
 
     def _read(self, index: int, sub: int) -> int:
         """Read an unsigned number."""
@@ -59,6 +61,7 @@ class DeviceObjects:
         """What ``request`` returns; it is repeated when there is no answer. Raises DeviceAbsentError."""
         silence: SdoCommunicationError | None = None
         for _ in range(self._tries):
+            self._check_interrupt()
             try:
                 return request()
             except SdoCommunicationError as error:
@@ -68,6 +71,11 @@ class DeviceObjects:
                                 expected=f'an answer to a {verb} within {timeout:g} s',
                                 remedy='Check the wiring and whether the device is on; a slow one needs a larger '
                                 'sdo_timeout.') from silence
+
+    def _check_interrupt(self) -> None:
+        if self._is_interrupted():
+            raise InterruptedSetupError(self._label, expected='that it is configured', got='a driver that stops',
+                                        remedy='Start the driver again.')
 
     def _refuse(self, what: str, index: int, sub: int, error: SdoAbortedError) -> NoReturn:
         raise DeviceError(f'{self._label}, object 0x{index:04X} sub {sub}', expected=f'that it can {what}',

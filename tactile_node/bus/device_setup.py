@@ -2,6 +2,7 @@
 
 import logging
 import time
+from collections.abc import Callable
 from typing import NamedTuple, NoReturn
 
 from canopen import SdoAbortedError, SdoCommunicationError
@@ -41,8 +42,9 @@ class DeviceAsSet(NamedTuple):
 class DeviceSetup(DeviceObjects):
     """The steps of one node's device; each raises DeviceError when the device does not comply."""
 
-    def __init__(self, sdo: SdoClient, node: CanopenNode, heartbeats: Heartbeats, retries: int):
-        super().__init__(sdo, node.label, retries)
+    def __init__(self, sdo: SdoClient, node: CanopenNode, heartbeats: Heartbeats, retries: int,
+                 is_interrupted: Callable[[], bool] = lambda: False):
+        super().__init__(sdo, node.label, retries, is_interrupted)
         self._node = node
         self._heartbeats = heartbeats
 
@@ -63,6 +65,7 @@ class DeviceSetup(DeviceObjects):
     def _wait_for_device(self, timeout: float) -> None:
         begun, reminder = time.monotonic(), Reminder()
         while True:
+            self._check_interrupt()
             try:
                 self._sdo.upload(IDENTITY, 1)
                 return

@@ -71,6 +71,7 @@ class SkinBus:
         self._sync = Pacer(settings.sync_period, self._send_sync, 'sync')
         self._is_running = False
         self._failure: Failure | None = None
+        self._interrupts = 0
 
     @property
     def failure(self) -> Failure | None:
@@ -109,11 +110,13 @@ class SkinBus:
         Returns the heartbeat time that the device has [s]; 0: it sends none, None: not known. Raises TwoDevicesError
         where two devices answer as this node.
         """
+        interrupts = self._interrupts
         foreign_requests = self._monitor.foreign_requests[node.node_id]
         if pause:
             self._command(NmtCommand.ENTER_PRE_OPERATIONAL, node)
         with self._sdo_client(node) as sdo:
-            setup = DeviceSetup(sdo, node, self._monitor.heartbeats, self._settings.sdo_retries)
+            setup = DeviceSetup(sdo, node, self._monitor.heartbeats, self._settings.sdo_retries,
+                                is_interrupted=lambda: self._interrupts != interrupts)
             as_set = setup.run(boot_timeout, self._settings.heartbeat_ms)
             is_alone = self._monitor.foreign_requests[node.node_id] == foreign_requests  # no other client is answered
             if is_alone and 2 * sdo.doubled > sdo.requests:
@@ -123,6 +126,10 @@ class SkinBus:
         if node.node_id in self._polls:
             self._polls[node.node_id].by_block = as_set.by_block
         return None if as_set.heartbeat_ms is None else 1e-3 * as_set.heartbeat_ms
+
+    def interrupt(self) -> None:
+        """End the configurations under way; from any thread, returns at once."""
+        self._interrupts += 1
 
     def read_errors(self, node: CanopenNode) -> DeviceErrors:
         """Read what a device lists as its errors. Raises BusError."""

@@ -107,7 +107,7 @@ def node_text(pad: str, node: NodeHealth) -> str:
 
 def _details(node: NodeHealth) -> str:
     """What else is known of the fault."""
-    if node.fault is NodeFault.TPDO_MISSING:
+    if node.fault in (NodeFault.TPDO_MISSING, NodeFault.NO_TAXELS) and node.missing_tpdos:
         return f': {_tpdos(node.missing_tpdos)}'
     if node.fault is NodeFault.TWO_SENDERS and node.surplus_tpdos:
         return f': more than SYNC asks for of {_tpdos(node.surplus_tpdos)}'

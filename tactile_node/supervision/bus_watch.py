@@ -1,7 +1,7 @@
 """Watches what happens on a bus beside its nodes' own matters, and logs it: other masters, SYNC, overload, load."""
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from tactile_node.bus.bus_load import BusLoad
 from tactile_node.bus.bus_monitor import BusMonitor
@@ -9,6 +9,7 @@ from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.frames.fault_text import OVERLOAD_PHRASES, command_text, sync_text
 from tactile_node.frames.health import Overload, SyncState
 from tactile_node.frames.losses import BusStatistics
+from tactile_node.skin.pads import LivePad
 from tactile_node.supervision.node_traffic import BusSeen
 from tactile_node.supervision.overload import OverloadWatch
 from tactile_node.supervision.sync_watch import SyncWatch
@@ -18,15 +19,15 @@ logger = logging.getLogger(__name__)
 
 
 class BusWatch:
-    """``is_producer``: this driver sends SYNC. ``put`` and ``data_timeout`` [s]: see OverloadWatch."""
+    """``put`` makes a call on the assembler's thread; ``data_timeout`` [s]: how long a node may be without data."""
 
-    def __init__(self, settings: BusSettings, monitor: BusMonitor, is_producer: bool, needs_sync: bool,
+    def __init__(self, settings: BusSettings, pads: Sequence[LivePad], monitor: BusMonitor,
                  put: Callable[[Callable[[], None]], None], data_timeout: float):
         self._monitor = monitor
-        self._is_producer = is_producer
-        self._needs_sync = needs_sync
+        self._is_producer = settings.produce_sync
+        self._needs_sync = any(pad.layout.needs_sync for pad in pads)
         self._load = BusLoad(settings.bitrate)
-        self._sync = SyncWatch(is_producer, settings.sync_period)
+        self._sync = SyncWatch(settings.produce_sync, settings.sync_period)
         self._overload = OverloadWatch(put, data_timeout / 2)
         self.overload = Overload.NOT_KNOWN
         self._commands_reported = 0

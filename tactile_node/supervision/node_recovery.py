@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
 from tactile_node.bus.skin_bus import SkinBus
-from tactile_node.errors import BusError, DeviceAbsentError, DeviceError, TwoDevicesError
+from tactile_node.errors import BusError, DeviceAbsentError, DeviceError, InterruptedSetupError, TwoDevicesError
 from tactile_node.frames.fault_text import emergency_text, failure_text, node_label, node_text, reaction_text
 from tactile_node.frames.health import NodeFault
 from tactile_node.frames.losses import BusStatistics, PadStatistics
@@ -99,6 +99,8 @@ class NodeRecovery:
                 monitor.commanded(time.monotonic(), self._bus.statistics().pads[monitor.node.pad])
             if fault is NodeFault.NOT_OPERATIONAL and monitor.attempts.count:
                 self._ask_for_errors(monitor)
+        except InterruptedSetupError:
+            pass
         except TwoDevicesError as error:
             monitor.traffic.see_two(time.monotonic())
             if monitor.retry_reminder.is_due(type(error).__name__, time.monotonic()):

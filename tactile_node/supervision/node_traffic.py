@@ -54,7 +54,7 @@ class NodeTraffic:
     def look(self, now: float, is_active: bool, pad: PadStatistics, bus: BusSeen, heartbeat_time: float | None,
              delay: float) -> None:
         """Take the counts so far. ``heartbeat_time`` of the device [s], if known; ``delay`` [s] is no fault yet."""
-        sends = is_active and bool(self._tpdos)
+        sends = is_active and self._node.layout.needs_sync
         missing = self._missing.update(now, pad.fresh_by_tpdo[self._node.position], delay) if sends else ()
         self.missing = () if bus.is_overloaded else tuple(self._tpdos[place] for place in missing)
         if bus.is_overloaded:

@@ -52,15 +52,12 @@ class Supervisor:
         self._bus = SkinBus(settings, pads, self._deliver, monitor=self.monitor,
                             on_failure=self._bus_failed if recover else None)
         timeouts = self._timeouts(heartbeat_timeout)
-        self._by_pad = {pad.name: [NodeMonitor(node, self.monitor, *timeouts) for node in pad.nodes]
-                        for pad in pads}
+        self._by_pad = {pad.name: [NodeMonitor(node, self.monitor, *timeouts) for node in pad.nodes] for pad in pads}
         self._monitors = [monitor for monitors in self._by_pad.values() for monitor in monitors]
         self._node_recovery = NodeRecovery(self._bus, self._monitors, recover)
         self._bus_recovery = BusRecovery(self._bus, self.monitor, self._monitors, settings.sync_period,
                                          is_active=lambda: self._is_active)
-        needs_sync = any(pad.layout.needs_sync for pad in pads)
-        self._watch = BusWatch(settings, self.monitor, is_producer=settings.produce_sync, needs_sync=needs_sync,
-                               put=self._bus.call_in_turn, data_timeout=timeouts[1])
+        self._watch = BusWatch(settings, pads, self.monitor, self._bus.call_in_turn, data_timeout=timeouts[1])
         self._is_configured = False
         self._is_active = False
         self._thread: threading.Thread | None = None
@@ -94,12 +91,14 @@ class Supervisor:
 
     def stop(self) -> None:
         self._is_active = False
+        self._bus.interrupt()
         with self._turn:
             self._bus.stop()
             self._set_active(False)
 
     def close(self) -> None:
         self._closing.set()
+        self._bus.interrupt()
         self._wake.set()
         with self._turn:
             self._is_configured = self._is_active = False
@@ -164,17 +163,13 @@ class Supervisor:
         while not self._closing.is_set():
             self._wake.wait(PERIOD)
             woken = time.monotonic()
-            late = woken - ended - PERIOD
             self._wake.clear()
             with self._turn:
                 self._watch.waited(time.monotonic(), time.monotonic() - woken)
-                ended = time.monotonic() if self._closing.is_set() else self._attend(late)
+                ended = time.monotonic() if self._closing.is_set() else self._attend(woken - ended - PERIOD)
 
     def _attend(self, late: float) -> float:
-        """One round, which begins ``late`` [s]; an exception in it does not prevent the next one.
-
-        Returns the time [s] up to which it has looked, or done what takes time.
-        """
+        """One round, begun ``late`` [s]; when [s] it looked, or ended what takes time. No exception ends the rounds."""
         try:
             self._watch.look_at_traffic(time.monotonic())
             if not self._is_configured:
