@@ -459,10 +459,11 @@ def two_masters_fight(channel: str) -> FaultBench:
     """Another master switches a TPDO off again and again: it is reported rarely, and answered ever more rarely."""
     with FaultBench(channel) as bench:
         bench.run().cause()
+        bench.send(0x620, '23021801A2010080')
+        bench.detect(NodeFault.RECONFIGURED)
         for _ in range(40):
             bench.send(0x620, '23021801A2010080')
             time.sleep(0.1)
-        bench.detect(NodeFault.RECONFIGURED)
         outages = bench.node().outages
         assert outages.count < 10 and sum(fact is NodeFault.RECONFIGURED for fact in bench.log.error_facts) < 4
         bench.wait(lambda: bench.node().fault is NodeFault.NONE, 'given up')
@@ -483,8 +484,8 @@ def second_sync_producer(channel: str) -> FaultBench:
         assert bench.node().fault is NodeFault.NONE  # TPDOs for its SYNC are no second sender's
         producer.stop()
         bench.end_of_cause()
-        bench.wait(lambda: bench.driver.health().sync.fault is SyncFault.NONE, 'fault stays')
         bench.recover()
+        bench.wait(lambda: bench.driver.health().sync.fault is SyncFault.NONE, 'fault stays')
     return bench
 
 
@@ -737,8 +738,8 @@ def process_stalled(channel: str) -> FaultBench:
         for _ in range(2):
             ctypes.PyDLL(None).usleep(1_200_000)  # keeps the interpreter's lock: no thread runs
             bench.end_of_cause()
+            bench.detect(Overload.STALLED)
             bench.recover()
-        bench.detect(Overload.STALLED)
         assert not [message for message in bench.heard() if message.arbitration_id in (0x000, 0x620)]
         assert not any(isinstance(fact, NodeFault) for fact in bench.log.facts) and bench.node().outages.count == 0
         assert bench.driver.health().stalls >= 2
