@@ -455,6 +455,22 @@ def second_sender_of_a_tpdo(channel: str) -> FaultBench:
     return bench
 
 
+def second_heartbeat_of_a_node_id(channel: str) -> FaultBench:
+    """Another device, which sends no taxels, has our node-ID: its heartbeats betray it; no value is given."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        theirs = can.Message(arbitration_id=0x720, is_extended_id=False, data=b'\x05')
+        sender = bench.other.send_periodic(theirs, 0.1)
+        bench.detect(NodeFault.TWO_SENDERS)
+        assert bench.node().surplus_tpdos == ()
+        _one_of_two_devices(bench, len(bench.kept) + 1)
+        sender.stop()
+        bench.wait(lambda: bench.node().fault is not NodeFault.TWO_SENDERS, 'fault stays')
+        bench.end_of_cause()
+        bench.recover()
+    return bench
+
+
 def two_masters_fight(channel: str) -> FaultBench:
     """Another master switches a TPDO off again and again: it is reported rarely, and answered ever more rarely."""
     with FaultBench(channel) as bench:
@@ -979,9 +995,10 @@ FAULTS: tuple[Callable[[str], FaultBench], ...] = (
     heartbeat_lost_while_taxels_flow, heartbeat_switched_off_by_another_master, taxels_lost_while_heartbeat_flows,
     tpdos_switched_off_by_another_master, tpdo_remapped_by_another_master, tpdo_slowed_down_by_another_master,
     one_tpdo_switched_off_by_another_master, one_tpdo_switched_off_unseen, one_tpdo_never_arrives,
-    two_devices_with_one_node_id, two_devices_from_the_start, second_sender_of_a_tpdo, two_masters_fight,
-    second_sync_producer, sync_producer_of_another_period, transmission_type_ignored, sync_of_another_producer_stops,
-    emcy_storm, short_emcy, emcy_until_it_is_reset, foreign_frames,
+    two_devices_with_one_node_id, two_devices_from_the_start, second_sender_of_a_tpdo,
+    second_heartbeat_of_a_node_id, two_masters_fight, second_sync_producer, sync_producer_of_another_period,
+    transmission_type_ignored, sync_of_another_producer_stops, emcy_storm, short_emcy, emcy_until_it_is_reset,
+    foreign_frames,
     absent_pad_of_two, tpdos_lost, tpdos_duplicated, tpdos_reordered, short_tpdos, over_long_tpdos,
     sdo_aborted_in_configuration, sdo_timeout_in_mid_configuration, device_that_lies_about_its_mapping, queue_overrun,
     process_stalled, wall_clock_set_back, wall_clock_set_forward, disk_full_while_recording, fails_while_inactive,

@@ -53,6 +53,13 @@ def test_a_tpdo_that_comes_twice_a_sync_is_found_within_a_second():
     assert found[50] == found[-1] == (1,) and set(found) == {(), (1,)}
 
 
+def test_a_second_sender_that_begins_later_is_found_within_a_second():
+    watch = SurplusTpdos()
+    found = [now for now in times(10.0) if watch.update(
+        now, int(now / 0.02), [int(now / 0.02) + int(max(0.0, now - 5.0) / 0.02)], DELAY)]
+    assert 5.4 < found[0] < 6.0 and found[-1] > 9.9
+
+
 def test_tpdos_that_an_adapter_has_held_back_are_of_one_sender():
     """Syncs were counted while their TPDOs waited; then all come at once."""
     assert set(surplus((1.0,), lambda now: now % 1.0 if now % 1.0 < 0.45 else 0.0)) == {()}
