@@ -29,12 +29,20 @@ class BusError(TactileError):
     """The CAN bus cannot be opened or used."""
 
 
+class InterruptedSetupError(BusError):
+    """The driver was stopped while it configured a device."""
+
+
 class DeviceError(TactileError):
     """The CANopen device is absent, is another one, or refuses a request."""
 
 
 class DeviceAbsentError(DeviceError):
     """The CANopen device does not answer."""
+
+
+class TwoDevicesError(DeviceError):
+    """Two CANopen devices answer as one node."""
 
 
 class HalfZeroedError(DeviceError):

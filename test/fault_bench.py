@@ -60,9 +60,9 @@ class FaultBench(Bench):
 
     def __init__(self, channel: str, nodes: tuple[int, ...] = (32,), recover: bool = True, source=None,
                  layout: str = LAYOUT, **settings: Any):
-        self._coded = Coded() if source is None else None
+        self.coded = Coded() if source is None else None
         self.is_clock_true = True  #: False: stamps cannot be compared with the wall clock
-        super().__init__(channel, layout, nodes, source=source or self._coded, wire=WIRE)
+        super().__init__(channel, layout, nodes, source=source or self.coded, wire=WIRE)
         self.adapter = Adapter()
         self.kept: list[tuple[str, TaxelFrame]] = []
         self.hold = threading.Event()
@@ -96,6 +96,10 @@ class FaultBench(Bench):
 
     def send(self, can_id: int, data: str = '') -> None:
         self.other.send(can.Message(arbitration_id=can_id, is_extended_id=False, data=bytes.fromhex(data)))
+
+    def heard(self) -> list[can.Message]:
+        """What the other participant has received since the last call."""
+        return list(iter(lambda: self.other.recv(0), None))
 
     def node(self, pad: str = 'pad32'):
         return self.driver.health().nodes[pad][0]
@@ -145,6 +149,6 @@ class FaultBench(Bench):
             for frame in frames:
                 valid = frame.status == TaxelStatus.VALID
                 assert np.isnan(frame.values[~valid]).all() and (frame.status[~valid] == TaxelStatus.STALE).all()
-                if self._coded is not None:
-                    self._coded.check(frame, self.is_clock_true)
+                if self.coded is not None:
+                    self.coded.check(frame, self.is_clock_true)
                 assert valid.all() == (frame.missing_can_frames == 0)

@@ -4,6 +4,7 @@
 as it ends, that all taxels published as valid were right and that no sequence number or stamp came twice.
 """
 
+import ctypes
 import errno
 import itertools
 import os
@@ -19,15 +20,16 @@ import numpy as np
 from canopen import SdoAbortedError, SdoCommunicationError
 from fault_bench import TIMEOUT, FaultBench
 
-from tactile_node.cia301.emergency import Emergency
+from tactile_node.cia301.emergency import DeviceErrors, Emergency
 from tactile_node.cia301.nmt import NmtState
 from tactile_node.conditioning.contact_guard import ContactGuard
 from tactile_node.conditioning.tare import TaredPad
-from tactile_node.errors import BusError, DeviceAbsentError, DeviceError, TareRefusedError
-from tactile_node.frames.health import BusFault, ForeignCommand, NodeFault
+from tactile_node.errors import BusError, DeviceAbsentError, DeviceError, TareRefusedError, TwoDevicesError
+from tactile_node.frames.health import BusFault, ForeignCommand, NodeFault, Overload, SentTpdo, SyncFault
 from tactile_node.frames.losses import LossReason
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.simulator.device import SimulatedDevice
+from tactile_node.simulator.skin_simulator import SkinSimulator
 
 ALLOWED = 1.0  # s from the end of a cause until taxels come again
 ALL_TPDOS = range(1, 17)  # of the pad of 8x8 taxels
@@ -175,8 +177,15 @@ def stopped_by_another_master(channel: str) -> FaultBench:
     return bench
 
 
+def _lists_errors(message: can.Message) -> list[can.Message]:
+    """Answers of a hot device: error register 0x09; one error 0x4210, with 0x0005 of the maker."""
+    answers = {'011000': '4F01100009000000', '031000': '4F03100001000000', '031001': '4303100110420500'}
+    answer = answers.get(bytes(message.data[1:4]).hex()) if message.arbitration_id == 0x5A0 else None
+    return [message if answer is None else _with_data(message, bytes.fromhex(answer))]
+
+
 def refuses_operational(channel: str) -> FaultBench:
-    """A device that stays PRE-OPERATIONAL is an error on /diagnostics for as long as it does."""
+    """A device that stays PRE-OPERATIONAL is an error on /diagnostics for as long as it does, with its own errors."""
     with FaultBench(channel) as bench:
         bench.run()
         bench.device.refuses_start = True
@@ -186,6 +195,10 @@ def refuses_operational(channel: str) -> FaultBench:
         bench.wait(lambda: (bench.node().state, bench.node().fault) == (
                        NmtState.PRE_OPERATIONAL, NodeFault.NOT_OPERATIONAL),
                    'not reported')
+        bench.adapter.tamper = _lists_errors
+        bench.detect(DeviceErrors(0x09, (0x0005_4210,)))
+        assert bench.node().device_errors == DeviceErrors(0x09, (0x0005_4210,))
+        bench.adapter.tamper = None
         bench.device.refuses_start = False
         bench.end_of_cause()
         bench.recover()
@@ -340,6 +353,173 @@ def one_tpdo_switched_off_by_another_master(channel: str) -> FaultBench:
     return _written_by_another_master(channel, '23021801A2010080')
 
 
+def one_tpdo_switched_off_unseen(channel: str) -> FaultBench:
+    """One of sixteen TPDOs is off and nobody was seen writing: it is named, and switched on while the others flow."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        bench.adapter.lost_ids = {0x620}
+        bench.send(0x620, '23021801A2010080')
+        bench.end_of_cause()
+        bench.detect(NodeFault.TPDO_MISSING)
+        bench.recover()
+        assert bench.node().outages.count == 0 and NodeFault.RECONFIGURED not in bench.log.facts
+    return bench
+
+
+def one_tpdo_never_arrives(channel: str) -> FaultBench:
+    """One TPDO stays away though it is configured: it is named by number and COB-ID; asking does not fill the bus."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        bench.adapter.lost_ids = {0x1A2}
+        bench.detect(NodeFault.TPDO_MISSING)
+        assert bench.node().missing_tpdos == (SentTpdo(3, 0x1A2),)
+        bench.heard()
+        time.sleep(4.0)
+        checks = sum(message.arbitration_id == 0x620 and message.data[:4] == bytes.fromhex('40181003')
+                     for message in bench.heard())
+        assert 2 <= checks <= 7, checks  # 0, 0.1, 0.3, 0.7, 1.5, 3.1 s after the first
+        assert bench.node().fault is NodeFault.TPDO_MISSING and bench.node().outages.count == 0
+        bench.adapter.lost_ids = set()
+        bench.end_of_cause()
+        bench.recover()
+    return bench
+
+
+def _one_of_two_devices(bench: FaultBench, since: int) -> None:
+    """Of what was published from ``since`` on, nothing is valid."""
+    bench.wait(lambda: len(bench.kept) > since + 20, 'no frames')
+    assert all(np.isnan(frame.values).all() for _, frame in bench.kept[since:])
+
+
+def two_devices_with_one_node_id(channel: str) -> FaultBench:
+    """A second device of our node-ID is switched on: no value is given while both send, both are left alone."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        second = SkinSimulator(bench.pads, {'pad32': lambda t: np.full((8, 8), 3.0)})
+        second.start('virtual', bench.channel)
+        bench.detect(NodeFault.TWO_SENDERS)
+        seen = len(bench.kept)
+        bench.send(0x000, '0120')  # another master starts both
+        bench.wait(lambda: all(one.devices[32].operational for one in (bench.simulator, second)), 'not started')
+        bench.heard()
+        time.sleep(3.0)
+        assert bench.node().fault is NodeFault.TWO_SENDERS
+        assert not [message for message in bench.heard() if message.arbitration_id in (0x000, 0x620)]
+        assert all(one.devices[32].operational for one in (bench.simulator, second))
+        _one_of_two_devices(bench, seen)
+        second.stop()
+        bench.wait(lambda: bench.node().fault is not NodeFault.TWO_SENDERS, 'fault stays')
+        bench.end_of_cause()
+        bench.recover()
+        assert all(np.isnan(frame.values).all() or np.allclose(frame.values, bench.coded.place, atol=0.2)
+                   for _, frame in bench.kept)
+    return bench
+
+
+def two_devices_from_the_start(channel: str) -> FaultBench:
+    """Two devices answer when the driver configures: it refuses, with both named, before any value is given."""
+    with FaultBench(channel) as bench:
+        second = SkinSimulator(bench.pads, {'pad32': lambda t: np.full((8, 8), 3.0)})
+        second.start('virtual', bench.channel)
+        bench.cause()
+        bench.driver.open()
+        try:
+            bench.driver.configure()
+            raise AssertionError('configure() is content')
+        except TwoDevicesError as error:
+            assert 'node 32' in error.where
+        bench.detected = time.monotonic() - bench._begun
+        second.stop()
+        bench.end_of_cause()
+        bench.driver.configure()
+        bench.driver.start()
+        bench.recover()
+    return bench
+
+
+def second_sender_of_a_tpdo(channel: str) -> FaultBench:
+    """Another node sends on one of our COB-IDs: it is named, and no value is given until it stops."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        theirs = can.Message(arbitration_id=0x1A2, is_extended_id=False, data=bytes(8))
+        sender = bench.other.send_periodic(theirs, 0.017)
+        bench.detect(NodeFault.TWO_SENDERS)
+        assert bench.node().surplus_tpdos == (SentTpdo(3, 0x1A2),)
+        recognised = len(bench.kept)
+        _one_of_two_devices(bench, recognised + 1)
+        sender.stop()
+        del bench.kept[:recognised + 1]  # what came before it was recognised may hold the other's values
+        bench.wait(lambda: bench.node().fault is not NodeFault.TWO_SENDERS, 'fault stays')
+        bench.end_of_cause()
+        bench.recover()
+    return bench
+
+
+def second_heartbeat_of_a_node_id(channel: str) -> FaultBench:
+    """Another device, which sends no taxels, has our node-ID: its heartbeats betray it; no value is given."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        theirs = can.Message(arbitration_id=0x720, is_extended_id=False, data=b'\x05')
+        sender = bench.other.send_periodic(theirs, 0.1)
+        bench.detect(NodeFault.TWO_SENDERS)
+        assert bench.node().surplus_tpdos == ()
+        _one_of_two_devices(bench, len(bench.kept) + 1)
+        sender.stop()
+        bench.wait(lambda: bench.node().fault is not NodeFault.TWO_SENDERS, 'fault stays')
+        bench.end_of_cause()
+        bench.recover()
+    return bench
+
+
+def two_masters_fight(channel: str) -> FaultBench:
+    """Another master switches a TPDO off again and again: it is reported rarely, and answered ever more rarely."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        bench.send(0x620, '23021801A2010080')
+        bench.detect(NodeFault.RECONFIGURED)
+        for _ in range(40):
+            bench.send(0x620, '23021801A2010080')
+            time.sleep(0.1)
+        outages = bench.node().outages
+        assert outages.count < 10 and sum(fact is NodeFault.RECONFIGURED for fact in bench.log.error_facts) < 4
+        bench.wait(lambda: bench.node().fault is NodeFault.NONE, 'given up')
+        bench.end_of_cause()
+        bench.recover()
+    return bench
+
+
+def second_sync_producer(channel: str) -> FaultBench:
+    """SYNC of another device while the driver produces it: it is reported by name until it ends."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        bench.is_clock_true = False  # taxels sampled at its SYNC have the stamp of ours
+        producer = bench.other.send_periodic(can.Message(arbitration_id=0x080, is_extended_id=False), 0.05)
+        bench.detect(SyncFault.SECOND_PRODUCER)
+        assert bench.driver.health().sync.fault is SyncFault.SECOND_PRODUCER and bench.driver.health().sync.foreign > 0
+        time.sleep(2.0)
+        assert bench.node().fault is NodeFault.NONE  # TPDOs for its SYNC are no second sender's
+        producer.stop()
+        bench.end_of_cause()
+        bench.recover()
+        bench.wait(lambda: bench.driver.health().sync.fault is SyncFault.NONE, 'fault stays')
+    return bench
+
+
+def sync_producer_of_another_period(channel: str) -> FaultBench:
+    """The device that produces SYNC has another period than sync_period: both are reported; the taxels flow."""
+    with FaultBench(channel, produce_sync=False, sync_period=0.02) as bench:
+        producer = bench.other.send_periodic(can.Message(arbitration_id=0x080, is_extended_id=False), 0.04)
+        bench.run().cause()
+        bench.detect(SyncFault.OTHER_PERIOD)
+        assert abs(bench.driver.health().sync.period - 0.04) < 0.01
+        producer.stop()
+        bench.other.send_periodic(can.Message(arbitration_id=0x080, is_extended_id=False), 0.02)
+        bench.end_of_cause()
+        bench.recover()
+        bench.wait(lambda: bench.driver.health().sync.fault is SyncFault.NONE, 'fault stays')
+    return bench
+
+
 def transmission_type_ignored(channel: str) -> FaultBench:
     """A device confirms the transmission type and keeps another: it is refused, not run with half of its frames."""
     return _configuration_disturbed(channel, _reads('4F001802', '02000000'), '0x1800 sub 2', '0x02')
@@ -385,6 +565,27 @@ def short_emcy(channel: str) -> FaultBench:
         assert [(one.code, one.register) for one in bench.emergencies] == [
             (None, None), (None, None), (0x4210, None), (0x4210, 9)]
         bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
+    return bench
+
+
+def emcy_until_it_is_reset(channel: str) -> FaultBench:
+    """An error stays a warning until the device resets it, all of its errors, or starts again."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+
+        def has(code: int | None, count: int) -> None:
+            bench.wait(lambda: bench.node().emergencies == count, 'not counted')
+            active = bench.node().active_emergency
+            assert (active.code if active else None) == code
+        for count, (data, code) in enumerate((('1042090000000000', 0x4210), ('0000080000000000', 0x4210),
+                                              ('0000000000000000', None), ('3081110000000000', 0x8130)), 1):
+            bench.send(0x0A0, data)
+            has(code, count)
+        bench.device.power_off()
+        bench.device.boot()
+        bench.end_of_cause()
+        bench.recover()
+        has(None, 4)
     return bench
 
 
@@ -527,15 +728,37 @@ def device_that_lies_about_its_mapping(channel: str) -> FaultBench:
 
 
 def queue_overrun(channel: str) -> FaultBench:
-    """A consumer that hangs: CAN frames beyond the queue's limit are lost and counted, nothing stale is given."""
+    """A consumer that hangs is reported as overload: frames are lost and counted, the device is left alone."""
     with FaultBench(channel, queue_limit=100) as bench:
         bench.run().cause()
+        bench.heard()
         bench.hold.clear()
         bench.wait(lambda: bench.driver.statistics().queue_overruns > 50, 'not counted')
-        bench.detected = time.monotonic() - bench._begun
+        bench.detect(Overload.BEHIND, Overload.DROPPED)
+        bench.wait(lambda: bench.driver.statistics().queue_overruns > 1500, 'not counted')
         bench.end_of_cause()
         bench.hold.set()
         bench.recover()
+        assert not [message for message in bench.heard() if message.arbitration_id in (0x000, 0x620)]
+        assert not any(isinstance(fact, NodeFault) for fact in bench.log.facts)
+        bench.wait(lambda: bench.driver.health().overload is Overload.NONE, 'it stays')
+    return bench
+
+
+def process_stalled(channel: str) -> FaultBench:
+    """This process does not run for 1.2 s: that is reported, and the device, which was well, is left alone."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        time.sleep(0.1)
+        bench.heard()
+        for _ in range(2):
+            ctypes.PyDLL(None).usleep(1_200_000)  # keeps the interpreter's lock: no thread runs
+            bench.end_of_cause()
+            bench.detect(Overload.STALLED)
+            bench.recover()
+        assert not [message for message in bench.heard() if message.arbitration_id in (0x000, 0x620)]
+        assert not any(isinstance(fact, NodeFault) for fact in bench.log.facts) and bench.node().outages.count == 0
+        assert bench.driver.health().stalls >= 2
     return bench
 
 
@@ -640,12 +863,14 @@ def refuses_operational_from_the_start(channel: str) -> FaultBench:
         bench.device.refuses_start = True
         bench.driver.open()
         bench.driver.configure()
+        bench.adapter.tamper = _lists_errors
         bench.cause()
         try:
             bench.driver.start()
             raise AssertionError('start() is content')
         except DeviceError as error:
             assert error.expected == 'OPERATIONAL after NMT start' and 'PRE-OPERATIONAL' in error.got, error
+            assert str(DeviceErrors(0x09, (0x0005_4210,))) in error.got, error
         bench.detected = time.monotonic() - bench._begun
         bench.device.refuses_start = False
         bench.end_of_cause()
@@ -769,11 +994,14 @@ FAULTS: tuple[Callable[[str], FaultBench], ...] = (
     stopped_by_another_master, refuses_operational, adapter_unplugged, sending_fails, bus_off, error_frames,
     heartbeat_lost_while_taxels_flow, heartbeat_switched_off_by_another_master, taxels_lost_while_heartbeat_flows,
     tpdos_switched_off_by_another_master, tpdo_remapped_by_another_master, tpdo_slowed_down_by_another_master,
-    one_tpdo_switched_off_by_another_master, transmission_type_ignored, sync_of_another_producer_stops, emcy_storm,
-    short_emcy, foreign_frames,
+    one_tpdo_switched_off_by_another_master, one_tpdo_switched_off_unseen, one_tpdo_never_arrives,
+    two_devices_with_one_node_id, two_devices_from_the_start, second_sender_of_a_tpdo,
+    second_heartbeat_of_a_node_id, two_masters_fight, second_sync_producer, sync_producer_of_another_period,
+    transmission_type_ignored, sync_of_another_producer_stops, emcy_storm, short_emcy, emcy_until_it_is_reset,
+    foreign_frames,
     absent_pad_of_two, tpdos_lost, tpdos_duplicated, tpdos_reordered, short_tpdos, over_long_tpdos,
     sdo_aborted_in_configuration, sdo_timeout_in_mid_configuration, device_that_lies_about_its_mapping, queue_overrun,
-    wall_clock_set_back, wall_clock_set_forward, disk_full_while_recording, fails_while_inactive,
+    process_stalled, wall_clock_set_back, wall_clock_set_forward, disk_full_while_recording, fails_while_inactive,
     guarded_by_another_master,
     other_makers_device_at_work, refuses_operational_from_the_start, tare_under_load, one_of_a_pads_nodes_lost,
     polled_pad_power_cycled, polled_uploads_damaged, adapter_of_two_large_pads_unplugged, two_large_pads_power_cycled)

@@ -26,6 +26,9 @@ from tactile_node.frames.health import (  # noqa: E402
     NodeFault,
     NodeHealth,
     Outages,
+    Overload,
+    SyncFault,
+    SyncState,
 )
 from tactile_node.frames.losses import LossReason, PadStatistics  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
@@ -113,15 +116,21 @@ def test_a_pad_is_ok_only_while_its_node_is(changes, level, text):
 def test_an_error_a_device_still_has_stays_reported_until_it_reports_its_end():
     diagnostics = each_second()
     fault, gone = (decode_emergency(bytes.fromhex(text), 0.0) for text in ('1042090000000000', '0000000000000000'))
-    seen = [levels(diagnostics, statistics(frames=10 * (i + 1)), healthy_but(emergencies=count, last_emergency=last))[1]
-            for i, (count, last) in enumerate([(0, None), (1, fault), (1, fault), (2, gone), (2, gone)])]
-    assert seen == [OK, WARN, WARN, WARN, OK]
+    seen = [levels(diagnostics, statistics(frames=10 * (i + 1)),
+                   healthy_but(emergencies=count, last_emergency=last, active_emergency=active))[1]
+            for i, (count, last, active) in enumerate([(0, None, None), (1, fault, fault), (1, fault, fault),
+                                                       (2, gone, None), (2, gone, None), (2, gone, fault)])]
+    assert seen == [OK, WARN, WARN, WARN, OK, WARN]
 
 
 @pytest.mark.parametrize('health, level', [
     (BusHealth(), OK), (BusHealth(is_error_passive=True), WARN),
     (BusHealth(outages=Outages(1, 0.2, Failure(BusFault.BUS_OFF))), WARN),
-    (BusHealth(foreign_commands=1, last_command=ForeignCommand(2, 32)), WARN)])
+    (BusHealth(foreign_commands=1, last_command=ForeignCommand(2, 32)), WARN),
+    (BusHealth(sync=SyncState(SyncFault.NONE, foreign=3)), OK), (BusHealth(overload=Overload.NONE, stalls=3), OK),
+    (BusHealth(sync=SyncState(SyncFault.SECOND_PRODUCER, foreign=3)), WARN),
+    (BusHealth(sync=SyncState(SyncFault.OTHER_PERIOD, period=0.04)), WARN),
+    (BusHealth(overload=Overload.STALLED), WARN)])
 def test_the_bus_is_ok_only_while_nothing_happens_to_it(health, level):
     assert levels(each_second(), statistics(), health)[0] == level
 

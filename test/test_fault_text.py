@@ -4,7 +4,7 @@ from functools import partial
 
 import pytest
 
-from tactile_node.cia301.emergency import decode_emergency
+from tactile_node.cia301.emergency import DeviceErrors, decode_emergency
 from tactile_node.cia301.nmt import NmtState
 from tactile_node.errors import (
     BusError,
@@ -16,7 +16,9 @@ from tactile_node.errors import (
     TareRefusedError,
 )
 from tactile_node.frames.fault_text import (
+    OVERLOAD_PHRASES,
     PHRASES,
+    SYNC_PHRASES,
     command_text,
     emergency_text,
     failure_of,
@@ -24,16 +26,28 @@ from tactile_node.frames.fault_text import (
     node_text,
     reaction_text,
 )
-from tactile_node.frames.health import BusFault, Failure, ForeignCommand, NodeFault, NodeHealth, Outages
+from tactile_node.frames.health import (
+    BusFault,
+    Failure,
+    ForeignCommand,
+    NodeFault,
+    NodeHealth,
+    Outages,
+    Overload,
+    SentTpdo,
+    SyncFault,
+)
 
 
 def test_every_fault_has_a_phrase_of_its_own():
     assert set(PHRASES) == {*NodeFault, *BusFault}
     for faults in (NodeFault, BusFault):
         assert len({PHRASES[fault] for fault in faults}) == len(faults)
+    for phrases, faults in ((SYNC_PHRASES, SyncFault), (OVERLOAD_PHRASES, Overload)):
+        assert set(phrases) == set(faults) and len(set(phrases.values())) == len(faults)
 
 
-@pytest.mark.parametrize('faults', [NodeFault, BusFault])
+@pytest.mark.parametrize('faults', [NodeFault, BusFault, SyncFault, Overload])
 def test_codes_are_not_known_and_none_first_and_fit_a_uint8(faults):
     assert [fault.value for fault in faults] == list(range(len(faults)))
     assert (faults.NOT_KNOWN.value, faults.NONE.value) == (0, 1)
@@ -59,6 +73,17 @@ def test_of_an_outage_that_lasts_the_sentence_tells_why():
     text = node_text('left', NodeHealth(32, NmtState.OPERATIONAL, True, 0.1, fault=NodeFault.AWAITING_TAXELS,
                                         outages=outages))
     assert text.endswith('not back yet; the outage: the CAN bus cannot send: Transmit buffer full.')
+
+
+def test_a_nodes_sentence_names_the_tpdos_and_errors_that_are_known():
+    node = NodeHealth(32, NmtState.PRE_OPERATIONAL, True, 0.1, missing_tpdos=(SentTpdo(3, 0x1A2), SentTpdo(4, 0x1A3)),
+                      surplus_tpdos=(SentTpdo(7, 0x2A2),), device_errors=DeviceErrors(0x08))
+    texts = {fault: node_text('left', node._replace(fault=fault)) for fault in NodeFault if fault.is_fault}
+    assert 'TPDO 3 (COB-ID 0x1A2), TPDO 4 (COB-ID 0x1A3)' in texts.pop(NodeFault.TPDO_MISSING)
+    assert 'TPDO 3 (COB-ID 0x1A2)' in texts.pop(NodeFault.NO_TAXELS)
+    assert 'TPDO 7 (COB-ID 0x2A2)' in texts.pop(NodeFault.TWO_SENDERS)
+    assert 'temperature' in texts.pop(NodeFault.NOT_OPERATIONAL)
+    assert not any(word in text for text in texts.values() for word in ('COB-ID 0x', 'temperature'))
 
 
 def test_a_failure_is_its_phrase_and_detail():

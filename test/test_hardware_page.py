@@ -11,8 +11,8 @@ from tactile_node.cia301.connection_set import SERVICES  # noqa: E402
 from tactile_node.cia301.nmt import NmtState  # noqa: E402
 from tactile_node.conditioning.conditioned_pad import PadCondition  # noqa: E402
 from tactile_node.conditioning.taxel_faults import FaultDetector  # noqa: E402
-from tactile_node.frames.fault_text import PHRASES  # noqa: E402
-from tactile_node.frames.health import BusFault, BusHealth, NodeFault, NodeHealth  # noqa: E402
+from tactile_node.frames.fault_text import OVERLOAD_PHRASES, PHRASES, SYNC_PHRASES  # noqa: E402
+from tactile_node.frames.health import BusHealth, NodeHealth  # noqa: E402
 from tactile_node.frames.losses import BusStatistics, LossReason, PadStatistics  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
 
@@ -44,7 +44,9 @@ def test_every_value_is_explained_and_no_other():
     assert explained() == reported()
 
 
-@pytest.mark.parametrize('fault', [fault for faults in (NodeFault, BusFault) for fault in faults
-                                   if fault.name not in ('NOT_KNOWN', 'NONE')])
+SENTENCES = {**PHRASES, **SYNC_PHRASES, **OVERLOAD_PHRASES}
+
+
+@pytest.mark.parametrize('fault', [fault for fault in SENTENCES if fault.name not in ('NOT_KNOWN', 'NONE')])
 def test_every_fault_is_explained_with_its_name_and_sentence(fault):
-    assert f'| `{fault.name}` | {PHRASES[fault]} |' in PAGE
+    assert f'| `{fault.name}` | {SENTENCES[fault]} |' in PAGE

@@ -16,7 +16,7 @@ def test_nodes_are_configured_at_once(monkeypatch):
 
     def configure_when_both_are(bus, *given):
         both.wait()
-        configure(bus, *given)
+        return configure(bus, *given)
     with FaultBench('at once', nodes=(32, 64)) as bench:
         monkeypatch.setattr(SkinBus, 'configure_node', configure_when_both_are)
         bench.run()

@@ -5,11 +5,12 @@ import time
 from contextlib import suppress
 
 import pytest
-from can_bench import Bench
+from can_bench import Bench, other_bus, wait_until
 from canopen import SdoAbortedError, SdoCommunicationError
 
 from tactile_node.bus.own_sdo import OwnSdoClient
 from tactile_node.errors import BusError, DeviceAbsentError
+from tactile_node.frames.health import NodeFault
 from tactile_node.skin.eds import load_eds
 
 pytestmark = pytest.mark.bus
@@ -57,6 +58,25 @@ def test_a_server_that_is_silent_during_the_configuration_is_waited_for():
             bench.driver.configure()
         device._network.send_message = send
         bench.driver.configure()
+
+
+def test_a_driver_closes_while_it_configures_a_slow_device():
+    """Each answer takes a third of a second and a hundred are needed: it waits for one, not for all."""
+    with Bench('slow close', sdo_timeout=1.0) as bench:
+        bench.supervise()
+        bench.run()
+        bench.take_whole(1)
+        device = bench.simulator.devices[32]
+        delay_answers(device, 0.3)
+        device.power_off()
+        device.boot()
+        assert wait_until(lambda: bench.driver.health().nodes['pad32'][0].fault is NodeFault.BOOTED)
+        with other_bus('slow close') as other:
+            def requests() -> int:
+                return sum(message.arbitration_id == 0x620 for message in iter(lambda: other.recv(0), None))
+            assert wait_until(lambda: requests() > 0)
+            bench.driver.close()
+            assert requests() <= 2
 
 
 def test_a_start_that_is_obeyed_late_is_waited_for():

@@ -17,7 +17,17 @@ from tactile_node.conditioning.tare import ZeroState  # noqa: E402
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault  # noqa: E402
 from tactile_node.errors import TareRefusal  # noqa: E402
 from tactile_node.frames.fault_text import PHRASES, failure_text  # noqa: E402
-from tactile_node.frames.health import BusFault, BusHealth, Failure, NodeFault, NodeHealth, Outages  # noqa: E402
+from tactile_node.frames.health import (  # noqa: E402
+    BusFault,
+    BusHealth,
+    Failure,
+    NodeFault,
+    NodeHealth,
+    Outages,
+    Overload,
+    SyncFault,
+    SyncState,
+)
 from tactile_node.frames.losses import BusStatistics, LossReason, PadStatistics  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
 from tactile_node.ros.lifecycle import PrimaryState  # noqa: E402
@@ -53,6 +63,14 @@ def test_counts_and_state_are_in_their_fields():
     assert node.fault == NodeStatus.FAULT_NO_SYNC and PHRASES[NodeFault.NO_SYNC] in node.fault_text
 
 
+def test_sync_overload_and_an_active_error_are_in_their_fields():
+    found = message(sync=SyncState(SyncFault.OTHER_PERIOD, period=0.5), overload=Overload.BEHIND, stalls=2)
+    assert (found.sync_fault, found.sync_period) == (SkinStatus.SYNC_FAULT_OTHER_PERIOD, 0.5)
+    assert (found.overload, found.stalls) == (SkinStatus.OVERLOAD_BEHIND, 2)
+    assert math.isnan(message().sync_period) and message(sync=SyncState(foreign=7)).foreign_syncs == 7
+    assert message().pads[0].nodes[0].emcy_active == ''
+
+
 def test_level_is_the_worst_of_bus_and_pads():
     assert message().level == SkinStatus.WARN
     assert message(fault=NodeFault.NO_SYNC).level == SkinStatus.ERROR
@@ -67,7 +85,8 @@ def test_a_failure_has_its_code_and_text():
 
 
 @pytest.mark.parametrize(('kind', 'faults', 'prefix'), [
-    (NodeStatus, NodeFault, 'FAULT_'), (SkinStatus, BusFault, 'FAULT_'),
+    (NodeStatus, NodeFault, 'FAULT_'), (SkinStatus, BusFault, 'FAULT_'), (SkinStatus, SyncFault, 'SYNC_FAULT_'),
+    (SkinStatus, Overload, 'OVERLOAD_'),
     (PadStatus, LossReason, 'LOSS_'), (PadStatus, ZeroState, 'ZERO_'), (Tare.Response, TareRefusal, 'REFUSAL_')])
 def test_the_messages_have_a_constant_of_each_code_and_no_other(kind, faults, prefix):
     constants = {name: getattr(kind, name) for name in constants_of(kind) if name.startswith(prefix)}

@@ -93,6 +93,9 @@ class FrameAssembler:
         self._received = 0
         self._used = [0] * len(node_ids)
         self._late_answers = 0
+        self._syncs = 0
+        self._distinct = [0] * len(layout.tpdos)  # by rank
+        self._fresh = np.zeros(len(layout.tpdos), int)  # by rank
         self._losses = dict.fromkeys(LossReason, 0)
         self._before: SweepPeriod | None = None  # not yet emitted: its end may still come
         self._period: SweepPeriod | None = None
@@ -143,6 +146,7 @@ class FrameAssembler:
             else:
                 results += self._emit(period)
         self._sequence += 1
+        self._syncs += 1
         self._sync_before = -inf if period is None else period.stamp
         self._period = SweepPeriod(self._sequence, timestamp, self._ranks_of_nodes, period, self._catch_up)
         if self._idle_for >= self._patience:
@@ -172,6 +176,7 @@ class FrameAssembler:
             return self._lose(LossReason.SHORT if len(data) < prefix_length else LossReason.UNKNOWN_ROW)
         if period is None:
             return self._lose(LossReason.BEFORE_FIRST_SYNC)
+        self._distinct[rank] += 1
         if self._one_clock and timestamp < period.stamp:
             return self._feed_before(period, rank, data, timestamp)
         if self._idle_for >= self.settling_time and not period.runs[self._nodes[rank]].is_seen:
@@ -199,7 +204,10 @@ class FrameAssembler:
             complete=self._complete, incomplete=self._incomplete, expected=frames * len(self._lengths),
             received=self._received, used=sum(self._used), pending=self._pending(),
             losses=dict(self._losses), withheld=self._withheld,
-            used_by_node=tuple(self._used), late_answers=self._late_answers)
+            used_by_node=tuple(self._used), late_answers=self._late_answers,
+            distinct_by_tpdo=tuple(tuple(self._distinct[rank] for rank in own) for own in self._ranks_of_nodes),
+            fresh_by_tpdo=tuple(tuple(self._fresh[own].tolist()) for own in self._ranks_of_nodes),
+            syncs=self._syncs)  # after what they have caused, for another thread counts on meanwhile
 
     def _note_late_answer(self) -> None:
         """A node does not keep to the layout's response_time: wait for longer before it is taken for granted again."""
@@ -235,6 +243,7 @@ class FrameAssembler:
         run = period.runs[self._nodes[rank]]
         discarded: Results = ()
         if run.repeats(rank, data):
+            self._distinct[rank] -= 1
             return self._lose(LossReason.DUPLICATE)
         if run.is_settled and run.last >= rank:  # two runs in one period: the first is a late one after all
             self._note_late_answer()
@@ -282,6 +291,7 @@ class FrameAssembler:
         words, fresh = period.payload
         is_complete = bool(fresh.all())
         period.is_emitted = True
+        self._fresh += fresh
         if self.drop_incomplete and not is_complete:
             self._withheld += 1
             return self._lose(LossReason.INCOMPLETE, int(fresh.sum()))

@@ -7,7 +7,8 @@ import can
 from tactile_node.cia301.connection_set import EMCY, HEARTBEAT, NMT, SDO_REQUEST
 from tactile_node.cia301.emergency import EmergencyLog
 from tactile_node.cia301.heartbeat import Heartbeats
-from tactile_node.cia301.objects import COB_ID_SYNC, TPDO_COMMUNICATION, TPDO_MAPPING
+from tactile_node.cia301.nmt import NmtState
+from tactile_node.cia301.objects import COB_ID_SYNC, PRODUCER_HEARTBEAT_TIME, TPDO_COMMUNICATION, TPDO_MAPPING
 from tactile_node.cia301.pdo import MAX_TPDOS
 from tactile_node.cia301.sdo import written_object
 from tactile_node.frames.health import ErrorCounters, ForeignCommand
@@ -41,6 +42,8 @@ class BusMonitor:
         self.foreign_commands = 0
         self.last_command: ForeignCommand | None = None  #: of another master to one of our nodes
         self.foreign_writes = dict.fromkeys(self.emergencies, 0)  #: of another master, to what decides a node's TPDOs
+        self.foreign_requests = dict.fromkeys(self.emergencies, 0)  #: by SDO, of another master
+        self.heartbeat_writes = dict.fromkeys(self.emergencies, 0)  #: of another master, to a node's heartbeat time
         self.is_error_passive = False
         self.error_counters = ErrorCounters()
         self._watched: dict[int, Feed] = {NMT: self._command}
@@ -83,6 +86,8 @@ class BusMonitor:
 
     def _heartbeat(self, can_id: int, data: bytes) -> None:
         if self.heartbeats.feed(can_id, data):
+            if data[0] == NmtState.BOOT_UP:
+                self.emergencies[can_id - HEARTBEAT].booted()
             self._on_news()
 
     def _emergency(self, can_id: int, data: bytes) -> None:
@@ -90,7 +95,11 @@ class BusMonitor:
 
     def _request(self, can_id: int, data: bytes) -> None:
         """Own requests are not received. What this one writes may not mean what the layout says."""
-        if written_object(data) in DECIDES_TPDOS:
+        self.foreign_requests[can_id - SDO_REQUEST] += 1
+        written = written_object(data)
+        if written == PRODUCER_HEARTBEAT_TIME:
+            self.heartbeat_writes[can_id - SDO_REQUEST] += 1
+        if written in DECIDES_TPDOS:
             self.foreign_writes[can_id - SDO_REQUEST] += 1
             self._on_news()
 

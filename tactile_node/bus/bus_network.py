@@ -11,7 +11,6 @@ from typing import Any
 
 import can
 from canopen import Network, ObjectDictionary
-from canopen.sdo import SdoClient
 
 from tactile_node.bus.own_sdo import OwnSdoClient
 from tactile_node.bus.reception import Batch, Reception
@@ -99,7 +98,7 @@ class BusNetwork(Network):
                                remedy='Check cable, termination and the other nodes.') from error
 
     @contextmanager
-    def sdo_client(self, node_id: int, dictionary: ObjectDictionary, timeout: float) -> Iterator[SdoClient]:
+    def sdo_client(self, node_id: int, dictionary: ObjectDictionary, timeout: float) -> Iterator[OwnSdoClient]:
         """SDO with one device, one at a time; each answer may take ``timeout`` [s].
 
         Not canopen's RemoteNode: that also keeps every EMCY for ever.

@@ -3,13 +3,14 @@
 import logging
 import time
 from collections.abc import Callable
-from typing import NoReturn, TypeVar
+from typing import NamedTuple, NoReturn
 
 from canopen import SdoAbortedError, SdoCommunicationError
 from canopen.sdo import SdoClient
 
+from tactile_node.bus.device_objects import DeviceObjects
 from tactile_node.bus.domain_polling import check_domain
-from tactile_node.cia301.cob_id import DISABLED, ID_MASK, NO_RTR
+from tactile_node.cia301.cob_id import DISABLED, ID_MASK, NO_RTR, PRODUCES_SYNC, SYNC_ID_MASK
 from tactile_node.cia301.heartbeat import Heartbeats
 from tactile_node.cia301.nmt import state_name
 from tactile_node.cia301.objects import (
@@ -28,39 +29,44 @@ from tactile_node.threads.reminder import Reminder
 
 logger = logging.getLogger(__name__)
 
-Answer = TypeVar('Answer')
-
 MappingEntries = list[int] | None  # of a mapping record; None: an MPDO with source addressing
 
 
-class DeviceSetup:
+class DeviceAsSet(NamedTuple):
+    """What a device has made of its configuration."""
+
+    by_block: bool = False  #: it uploads its DOMAIN by block
+    heartbeat_ms: int | None = None  #: its heartbeat time; 0: it sends none, None: not known
+
+
+class DeviceSetup(DeviceObjects):
     """The steps of one node's device; each raises DeviceError when the device does not comply."""
 
-    def __init__(self, sdo: SdoClient, node: CanopenNode, heartbeats: Heartbeats, retries: int):
-        self._sdo = sdo
-        self._tries = 1 + retries
+    def __init__(self, sdo: SdoClient, node: CanopenNode, heartbeats: Heartbeats, retries: int,
+                 is_interrupted: Callable[[], bool] = lambda: False):
+        super().__init__(sdo, node.label, retries, is_interrupted)
         self._node = node
         self._heartbeats = heartbeats
-        self._label = node.label
 
-    def run(self, boot_timeout: float, heartbeat_ms: int) -> bool:
-        """Find the device within ``boot_timeout`` [s], check and configure it; whether it uploads by block."""
+    def run(self, boot_timeout: float, heartbeat_ms: int) -> DeviceAsSet:
+        """Find the device within ``boot_timeout`` [s], check and configure it."""
         self._wait_for_device(boot_timeout)
         self._check_identity()
         if self._node.layout.needs_sync:
-            self._set_if_listed(COB_ID_SYNC, self._node.layout.sync_cob_id, 4, 'SYNC COB-ID')
-        self._set_if_listed(PRODUCER_HEARTBEAT_TIME, heartbeat_ms, 2, 'heartbeat time')
+            self._set_sync(self._node.layout.sync_cob_id)
+        heartbeat = self._set_heartbeat(heartbeat_ms)
         if self._node.layout.domain is not None:
-            return check_domain(self._sdo, self._node.layout.domain, self._label)
+            return DeviceAsSet(check_domain(self._sdo, self._node.layout.domain, self._label), heartbeat)
         tpdos = {tpdo.number: tpdo for tpdo in self._node.layout.tpdos}  # many frames may be one multiplexed TPDO
         self._disable_rivals()
         written = sum(self._configure(tpdo) for tpdo in tpdos.values())
         logger.info('%s: %d TPDOs ready, %d of them newly written.', self._label, len(tpdos), written)
-        return False
+        return DeviceAsSet(heartbeat_ms=heartbeat)
 
     def _wait_for_device(self, timeout: float) -> None:
         begun, reminder = time.monotonic(), Reminder()
         while True:
+            self._check_interrupt()
             try:
                 self._sdo.upload(IDENTITY, 1)
                 return
@@ -93,11 +99,30 @@ class DeviceSetup:
                            self._node.eds, ', '.join(ours.not_given), IDENTITY)
         logger.info('%s is there: %s.', self._label, theirs)
 
-    def _set_if_listed(self, index: int, value: int, size: int, what: str) -> None:
-        if index not in self._node.dictionary:
-            logger.info('%s: its EDS has no object 0x%04X, so its %s stays as it is.', self._label, index, what)
-        elif self._read_if_any(index, 0) != value:
-            self._write(index, 0, value, size)
+    def _set_sync(self, wanted: int) -> None:
+        """Bits 30 and 31 are none of the COB-ID. A device that produces SYNC may go on; its COB-ID is fixed."""
+        if COB_ID_SYNC not in self._node.dictionary:
+            logger.info('%s: its EDS has no object 0x%04X, so its SYNC COB-ID stays.', self._label, COB_ID_SYNC)
+            return
+        now = self._read_if_any(COB_ID_SYNC, 0)
+        if now is not None and now & SYNC_ID_MASK == wanted:
+            return
+        if now is not None and now & PRODUCES_SYNC:
+            raise DeviceError(f'{self._label}, object 0x{COB_ID_SYNC:04X}', expected=f'SYNC COB-ID 0x{wanted:03X}',
+                              got=f'0x{now & SYNC_ID_MASK:03X}, on which this device itself produces SYNC',
+                              remedy='Give this one as sync_cob_id in the layout, or let the device produce none.')
+        self._write(COB_ID_SYNC, 0, (now or 0) & ~SYNC_ID_MASK | wanted, 4)
+
+    def _set_heartbeat(self, wanted: int) -> int | None:
+        """Set the heartbeat time [ms]; the one that the device has now, if that is known."""
+        now = self._read_if_any(PRODUCER_HEARTBEAT_TIME, 0)
+        if now != wanted and PRODUCER_HEARTBEAT_TIME in self._node.dictionary:
+            self._write_if_taken(PRODUCER_HEARTBEAT_TIME, 0, wanted, 2)
+            now = self._read_if_any(PRODUCER_HEARTBEAT_TIME, 0)
+        if now != wanted:
+            logger.info('%s: its heartbeat time cannot be set to %d ms; it keeps %s.', self._label, wanted,
+                        'its own, which cannot be read' if now is None else f'{now} ms' if now else 'none')
+        return now
 
     def _disable_rivals(self) -> None:
         """Disable TPDOs beside ours that send under a COB-ID of ours: their data would be taken for taxels.
@@ -163,49 +188,6 @@ class DeviceSetup:
         raise DeviceError(f'{self._label}, {what}', expected=f'{expected}, as just written',
                           got=f'{got} read back',
                           remedy="Adapt the layout to the device's own mapping: it does not take another.")
-
-    def _read(self, index: int, sub: int) -> int:
-        """Read an unsigned number."""
-        try:
-            return self._uploaded(index, sub)
-        except SdoAbortedError as error:
-            self._refuse('be read', index, sub, error)
-
-    def _read_if_any(self, index: int, sub: int) -> int | None:
-        """Read an unsigned number; None where the device refuses it."""
-        try:
-            return self._uploaded(index, sub)
-        except SdoAbortedError:
-            return None
-
-    def _uploaded(self, index: int, sub: int) -> int:
-        return int.from_bytes(self._retried('read', index, sub, lambda: self._sdo.upload(index, sub)), 'little')
-
-    def _write(self, index: int, sub: int, value: int, size: int) -> None:
-        try:
-            data = value.to_bytes(size, 'little')
-            self._retried('write', index, sub, lambda: self._sdo.download(index, sub, data))
-        except SdoAbortedError as error:
-            self._refuse(f'be set to 0x{value:X}', index, sub, error)
-
-    def _retried(self, verb: str, index: int, sub: int, request: Callable[[], Answer]) -> Answer:
-        """What ``request`` returns; it is repeated when there is no answer. Raises DeviceAbsentError."""
-        silence: SdoCommunicationError | None = None
-        for _ in range(self._tries):
-            try:
-                return request()
-            except SdoCommunicationError as error:
-                silence = error
-        timeout = self._tries * self._sdo.RESPONSE_TIMEOUT
-        raise DeviceAbsentError(f'{self._label}, object 0x{index:04X} sub {sub}', got=str(silence),
-                                expected=f'an answer to a {verb} within {timeout:g} s',
-                                remedy='Check the wiring and whether the device is on; a slow one needs a larger '
-                                'sdo_timeout.') from silence
-
-    def _refuse(self, what: str, index: int, sub: int, error: SdoAbortedError) -> NoReturn:
-        raise DeviceError(f'{self._label}, object 0x{index:04X} sub {sub}', expected=f'that it can {what}',
-                          got=f'SDO abort: {error}',
-                          remedy="Compare the layout with the device's manual and EDS.") from error
 
 
 def _mapping_text(entries: MappingEntries) -> str:

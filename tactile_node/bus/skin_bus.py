@@ -7,19 +7,22 @@ from collections.abc import Callable, Collection
 from contextlib import AbstractContextManager
 
 import can
-from canopen.sdo import SdoClient
 
 from tactile_node.assembly.router import Router
 from tactile_node.bus.auto_zero import auto_zero
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import BusNetwork, open_bus
 from tactile_node.bus.bus_settings import BusSettings
+from tactile_node.bus.device_errors import read_errors
 from tactile_node.bus.device_setup import DeviceSetup
 from tactile_node.bus.domain_polling import DomainPolling
+from tactile_node.bus.own_sdo import OwnSdoClient
 from tactile_node.bus.traffic import Traffic
+from tactile_node.bus.usb_port import NamedPort, UsbPort
 from tactile_node.cia301.connection_set import NMT
+from tactile_node.cia301.emergency import DeviceErrors
 from tactile_node.cia301.nmt import NmtCommand, NmtState, state_name
-from tactile_node.errors import BusError, DeviceError, HalfZeroedError, LogError
+from tactile_node.errors import BusError, DeviceError, HalfZeroedError, LogError, TwoDevicesError
 from tactile_node.frames.consumer import Consumer, OnFrame
 from tactile_node.frames.fault_text import failure_text, node_label
 from tactile_node.frames.health import BusFault, Failure
@@ -64,11 +67,13 @@ class SkinBus:
         self._traffic = Traffic(self._router, self._monitor, self._fail, polled=self._polls.keys(),
                                 queue_limit=settings.queue_limit, is_host_stamped=is_host_stamped,
                                 sync_period=settings.sync_period)
+        self._port = UsbPort(settings.channel) if settings.interface == 'slcan' else NamedPort(settings.channel)
         self._network: BusNetwork | None = None
         self._record: CanLogWriter | None = None
         self._sync = Pacer(settings.sync_period, self._send_sync, 'sync')
         self._is_running = False
         self._failure: Failure | None = None
+        self._interrupts = 0
 
     @property
     def failure(self) -> Failure | None:
@@ -84,7 +89,8 @@ class SkinBus:
         if self._network is not None:
             return
         settings = self._settings
-        bus = open_bus(settings.interface, settings.channel, settings.bitrate, settings.options)
+        bus = open_bus(settings.interface, self._port.channel(), settings.bitrate, settings.options)
+        self._port.opened()
         record = self._open_record(bus)
         self._failure = None
         self._monitor.restart()
@@ -100,15 +106,37 @@ class SkinBus:
         for node in self._nodes:
             self.configure_node(node, self._settings.boot_timeout)
 
-    def configure_node(self, node: CanopenNode, boot_timeout: float, pause: bool = True) -> None:
-        """Configure one of a pad's nodes, found within ``boot_timeout`` [s]; without ``pause`` while it sends."""
+    def configure_node(self, node: CanopenNode, boot_timeout: float, pause: bool = True) -> float | None:
+        """Configure one of a pad's nodes, found within ``boot_timeout`` [s]; without ``pause`` while it sends.
+
+        Returns the heartbeat time that the device has [s]; 0: it sends none, None: not known. Raises TwoDevicesError
+        where two devices answer as this node.
+        """
+        interrupts = self._interrupts
+        foreign_requests = self._monitor.foreign_requests[node.node_id]
         if pause:
             self._command(NmtCommand.ENTER_PRE_OPERATIONAL, node)
         with self._sdo_client(node) as sdo:
-            setup = DeviceSetup(sdo, node, self._monitor.heartbeats, self._settings.sdo_retries)
-            is_block = setup.run(boot_timeout, self._settings.heartbeat_ms)
+            setup = DeviceSetup(sdo, node, self._monitor.heartbeats, self._settings.sdo_retries,
+                                is_interrupted=lambda: self._interrupts != interrupts)
+            as_set = setup.run(boot_timeout, self._settings.heartbeat_ms)
+            is_alone = self._monitor.foreign_requests[node.node_id] == foreign_requests  # no other client is answered
+            if is_alone and 2 * sdo.doubled > sdo.requests:
+                raise TwoDevicesError(node.label, expected='one device with this node-ID', remedy='Switch one of them '
+                                      'off, and set another node-ID on it.',
+                                      got=f'a second answer to {sdo.doubled} of {sdo.requests} requests')
         if node.node_id in self._polls:
-            self._polls[node.node_id].by_block = is_block
+            self._polls[node.node_id].by_block = as_set.by_block
+        return None if as_set.heartbeat_ms is None else 1e-3 * as_set.heartbeat_ms
+
+    def interrupt(self) -> None:
+        """End the configurations under way; from any thread, returns at once."""
+        self._interrupts += 1
+
+    def read_errors(self, node: CanopenNode) -> DeviceErrors:
+        """Read what a device lists as its errors. Raises BusError."""
+        with self._sdo_client(node) as sdo:
+            return read_errors(sdo)
 
     def age(self, stamp: float) -> float:
         """Time since what was stamped ``stamp`` was on the bus [s], by the steady clock."""
@@ -190,6 +218,10 @@ class SkinBus:
             self._network = None
             self._traffic.end(CONSUMER_TIMEOUT)
 
+    def call_in_turn(self, call: Callable[[], None]) -> None:
+        """Make a call on the assembler's thread, after all that was received so far."""
+        self._traffic.put(call)
+
     def drop_incomplete(self, is_wanted: bool) -> None:
         """From now on withhold incomplete taxel frames, or give them."""
         self._router.drop_incomplete(is_wanted)
@@ -221,7 +253,7 @@ class SkinBus:
             raise BusError('CAN bus', expected='an open bus', got='a closed one', remedy='Call open() first.')
         return self._network
 
-    def _sdo_client(self, node: CanopenNode) -> AbstractContextManager[SdoClient]:
+    def _sdo_client(self, node: CanopenNode) -> AbstractContextManager[OwnSdoClient]:
         return self._opened().sdo_client(node.node_id, node.dictionary, self._settings.sdo_timeout)
 
     def _command(self, command: NmtCommand, node: CanopenNode) -> None:
@@ -238,10 +270,12 @@ class SkinBus:
         if not is_operational:
             state = self._monitor.heartbeats.state(node.node_id)
             heard = 'no heartbeat' if state is None else f'its heartbeat ({state_name(state)})'
-            self.stop()
-            raise DeviceError(node.label, expected='OPERATIONAL after NMT start', got=heard,
-                              remedy='A device with an error may refuse to start: see whether it sends EMCY, or read '
-                              'its last error (tactile sdo read 0x1003:1).')
+            try:
+                errors = self.read_errors(node)
+            finally:
+                self.stop()
+            raise DeviceError(node.label, expected='OPERATIONAL after NMT start', got=f'{heard}; {errors}',
+                              remedy='See its manual: a device with an error may refuse to start.')
 
     def _start_pacers(self) -> None:
         if self._settings.produce_sync and any(pad.layout.needs_sync for pad in self._pads):

@@ -56,7 +56,7 @@ class BulkSlcanBus(slcanBus):
                 time.sleep(RESET - ANSWER)
                 self.open() if bitrate is None else self.set_bitrate(bitrate)
         except BaseException:
-            self._unlock()
+            self._release()
             raise
 
     def open(self) -> None:
@@ -64,9 +64,18 @@ class BulkSlcanBus(slcanBus):
         self._write(self._open_command)
 
     def shutdown(self) -> None:
-        """A dead adapter's port is given back too."""
+        """A dead adapter's port is given back too: else it comes back under another name."""
         try:
             super().shutdown()
+        finally:
+            self._release()
+
+    def _release(self) -> None:
+        """Close the port, which python-can leaves open when a command to the adapter fails, and give it free."""
+        try:
+            port = getattr(self, 'serialPortOrig', None)
+            if port is not None:
+                port.close()
         finally:
             self._unlock()
 

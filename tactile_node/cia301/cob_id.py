@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 DISABLED = 1 << 31  #: "PDO does not exist" in sub 1 of the PDO communication record (CiA 301)
 NO_RTR = 1 << 30  #: "no remote request allowed", same place
+PRODUCES_SYNC = 1 << 30  #: in 0x1005: the device produces SYNC
+SYNC_ID_MASK = (1 << 30) - 1  #: in 0x1005: the identifier and bit 29, which says that it has 29 bits
 ID_MASK = 0x7FF  #: the identifier, also its greatest value: 11 bits
 
 _TERM = re.compile(r'\$NODEID|0X[0-9A-F]+|[0-9]+')

@@ -59,16 +59,47 @@ def decode_emergency(data: bytes, stamp: float) -> Emergency:
     return Emergency(stamp, code, data[2] if len(data) > 2 else None, bytes(data[3:8]))
 
 
+class DeviceErrors(NamedTuple):
+    """What a device lists when it is asked by SDO; None or empty where it does not answer or lists nothing."""
+
+    register: int | None  #: object 0x1001
+    field: tuple[int, ...] = ()  #: object 0x1003, newest first: code in the lower 16 bits, the maker's above
+
+    def __str__(self) -> str:
+        """Name them.
+
+        >>> str(DeviceErrors(0x09, (0x0005_4210,))), str(DeviceErrors(None))
+        ('error register: generic, temperature; error field: 0x4210 (device temperature)', 'no error register')
+        >>> str(DeviceErrors(0))
+        'error register: no error'
+        """
+        register = 'no error register' if self.register is None else (
+            f'error register: {_names(self.register) or "no error"}')
+        field = ', '.join(f'0x{entry & 0xFFFF:04X} ({_meaning(entry & 0xFFFF)})' for entry in self.field)
+        return register + (f'; error field: {field}' if field else '')
+
+
 class EmergencyLog:
     """The last EMCYs of one node, at most HISTORY of them, and how many there were."""
 
     def __init__(self) -> None:
         self._kept: deque[Emergency] = deque(maxlen=HISTORY)
         self.count = 0
+        self.active: Emergency | None = None  #: the last error that was not reset
 
     def feed(self, data: bytes) -> None:
-        self._kept.append(decode_emergency(data, time.time()))
+        """Take an EMCY. Error reset with errors left in its register: one is gone, others stay (CiA 301, 7.2.7.1)."""
+        emergency = decode_emergency(data, time.time())
+        self._kept.append(emergency)
         self.count += 1
+        if not emergency.is_reset:
+            self.active = emergency
+        elif not emergency.register:
+            self.active = None
+
+    def booted(self) -> None:
+        """A device starts without errors, and reports those that it finds."""
+        self.active = None
 
     @property
     def last(self) -> Emergency | None:

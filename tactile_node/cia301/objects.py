@@ -2,6 +2,7 @@
 
 DEVICE_TYPE = 0x1000
 ERROR_REGISTER = 0x1001
+ERROR_FIELD = 0x1003  #: sub 0 number of errors, sub 1 the newest
 COB_ID_SYNC = 0x1005
 DEVICE_NAME = 0x1008
 STORE_PARAMETERS = 0x1010  #: sub 1 all, 2 communication, 3 application

@@ -5,7 +5,17 @@ from types import MappingProxyType
 
 from tactile_node.cia301.nmt import command_name, state_name
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError, DeviceError, LogError, TactileError
-from tactile_node.frames.health import BusFault, Failure, ForeignCommand, NodeFault, NodeHealth
+from tactile_node.frames.health import (
+    BusFault,
+    Failure,
+    ForeignCommand,
+    NodeFault,
+    NodeHealth,
+    Overload,
+    SentTpdo,
+    SyncFault,
+    SyncState,
+)
 
 PHRASES: Mapping[NodeFault | BusFault, str] = MappingProxyType({
     NodeFault.NOT_KNOWN: 'its state is not known yet',
@@ -19,6 +29,8 @@ PHRASES: Mapping[NodeFault | BusFault, str] = MappingProxyType({
     NodeFault.NO_TAXELS: 'it is OPERATIONAL but sends no usable taxels',
     NodeFault.AWAITING_TAXELS: 'its taxels are not back yet',
     NodeFault.RECONFIGURED: 'another CANopen master has changed its TPDOs',
+    NodeFault.TPDO_MISSING: 'some of its TPDOs bring no taxels',
+    NodeFault.TWO_SENDERS: 'two devices send under its node-ID or its COB-IDs',
     BusFault.NOT_KNOWN: 'the fault is not known',
     BusFault.NONE: 'no fault',
     BusFault.NOT_OPENED: 'the CAN bus cannot be opened',
@@ -31,11 +43,26 @@ PHRASES: Mapping[NodeFault | BusFault, str] = MappingProxyType({
     BusFault.WRONG_CONFIGURATION: 'the configuration cannot be used',
     BusFault.INTERNAL_ERROR: 'internal error'})
 
+SYNC_PHRASES: Mapping[SyncFault, str] = MappingProxyType({
+    SyncFault.NOT_KNOWN: 'SYNC is not evaluated yet',
+    SyncFault.NONE: 'no fault',
+    SyncFault.SECOND_PRODUCER: 'another device sends SYNC, too',
+    SyncFault.OTHER_PERIOD: 'SYNC comes with another period than sync_period'})
+
+OVERLOAD_PHRASES: Mapping[Overload, str] = MappingProxyType({
+    Overload.NOT_KNOWN: 'it is not evaluated yet',
+    Overload.NONE: 'it keeps up',
+    Overload.STALLED: 'it did not run for a while',
+    Overload.BEHIND: 'CAN frames wait too long until they are processed',
+    Overload.DROPPED: 'CAN frames are lost because too many wait'})
+
 CONFIGURED = 'It is configured and started again.'
 #: What the driver does about a node's fault, where it does anything else
 REACTIONS: Mapping[NodeFault, str] = MappingProxyType({
     NodeFault.SILENT: 'It is configured and started as soon as it answers.',
-    NodeFault.NO_SYNC: 'Start that device, or set produce_sync.'})
+    NodeFault.NO_SYNC: 'Start that device, or set produce_sync.',
+    NodeFault.TPDO_MISSING: 'Its configuration is checked while it sends.',
+    NodeFault.TWO_SENDERS: 'None of its values is given until one of them is gone.'})
 
 _FAULTS: tuple[tuple[type[TactileError], BusFault], ...] = (
     (BusError, BusFault.NOT_OPENED), (LogError, BusFault.LOG_UNUSABLE),
@@ -69,12 +96,45 @@ def node_text(pad: str, node: NodeHealth) -> str:
     """
     if not node.fault.is_fault:
         return ''
+    details = _details(node)
     if node.fault is NodeFault.AWAITING_TAXELS:
         reason = f'; the outage: {failure_text(node.outages.current)}' if node.outages.current is not None else ''
     else:
         age, state = node.heartbeat_age, state_name(node.state)
         reason = ' (no heartbeat so far)' if age is None else f' (last heartbeat {age:.1f} s ago: {state})'
-    return f'{node_label(pad, node.node_id)}: {PHRASES[node.fault]}{reason}.'
+    return f'{node_label(pad, node.node_id)}: {PHRASES[node.fault]}{details}{reason}.'
+
+
+def _details(node: NodeHealth) -> str:
+    """What else is known of the fault."""
+    if node.fault in (NodeFault.TPDO_MISSING, NodeFault.NO_TAXELS) and node.missing_tpdos:
+        return f': {_tpdos(node.missing_tpdos)}'
+    if node.fault is NodeFault.TWO_SENDERS and node.surplus_tpdos:
+        return f': more than SYNC asks for of {_tpdos(node.surplus_tpdos)}'
+    if node.fault is NodeFault.NOT_OPERATIONAL and node.device_errors is not None:
+        return f': {node.device_errors}'
+    return ''
+
+
+def _tpdos(tpdos: tuple[SentTpdo, ...]) -> str:
+    """Name each once; several frames may be one multiplexed TPDO.
+
+    >>> _tpdos((SentTpdo(1, 0x1A0), SentTpdo(1, 0x1A0), SentTpdo(3, 0x3A0)))
+    'TPDO 1 (COB-ID 0x1A0), TPDO 3 (COB-ID 0x3A0)'
+    """
+    return ', '.join(f'TPDO {number} (COB-ID 0x{can_id:03X})' for number, can_id in dict.fromkeys(tpdos))
+
+
+def sync_text(sync: SyncState) -> str:
+    """What is wrong with SYNC, empty where nothing is; without a full stop.
+
+    >>> sync_text(SyncState(SyncFault.OTHER_PERIOD, period=0.04))
+    'SYNC comes with another period than sync_period: 40.0 ms'
+    """
+    if not sync.fault.is_fault:
+        return ''
+    return SYNC_PHRASES[sync.fault] + (
+        f': {sync.foreign} SYNCs so far' if sync.period is None else f': {1e3 * sync.period:.1f} ms')
 
 
 def reaction_text(fault: NodeFault) -> str:

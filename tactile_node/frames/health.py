@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import Enum, unique
 from typing import Generic, NamedTuple, TypeVar
 
-from tactile_node.cia301.emergency import Emergency
+from tactile_node.cia301.emergency import DeviceErrors, Emergency
 
 
 @unique
@@ -22,6 +22,8 @@ class NodeFault(Enum):
     NO_TAXELS = 8        #: OPERATIONAL without usable taxels
     AWAITING_TAXELS = 9  #: its outage has not ended yet, though nothing else is wrong with it
     RECONFIGURED = 10    #: another master has written to its TPDO configuration
+    TPDO_MISSING = 11    #: some of its TPDOs bring no taxels, others do
+    TWO_SENDERS = 12     #: a second device sends under its node-ID or its COB-IDs
 
     @property
     def is_fault(self) -> bool:
@@ -43,6 +45,50 @@ class BusFault(Enum):
     DEVICE_UNUSABLE = 8      #: a device is another one or refuses its configuration
     WRONG_CONFIGURATION = 9  #: a parameter, layout or EDS cannot be used
     INTERNAL_ERROR = 10      #: a defect of this software; the log has its traceback
+
+
+@unique
+class SyncFault(Enum):
+    """What is wrong with SYNC on the bus; the codes are those of SkinStatus.msg."""
+
+    NOT_KNOWN = 0        #: not evaluated yet, or a log
+    NONE = 1
+    SECOND_PRODUCER = 2  #: another device sends SYNC, too, while this driver does
+    OTHER_PERIOD = 3     #: the device that produces SYNC has another period than ``sync_period``
+
+    @property
+    def is_fault(self) -> bool:
+        return self not in (SyncFault.NOT_KNOWN, SyncFault.NONE)
+
+
+@unique
+class Overload(Enum):
+    """Why this process is too slow; the codes are those of SkinStatus.msg."""
+
+    NOT_KNOWN = 0  #: not evaluated yet, or a log
+    NONE = 1
+    STALLED = 2    #: it did not run for a while
+    BEHIND = 3     #: CAN frames wait for long until they are assembled
+    DROPPED = 4    #: so many wait that CAN frames were dropped
+
+    @property
+    def is_overload(self) -> bool:
+        return self not in (Overload.NOT_KNOWN, Overload.NONE)
+
+
+class SyncState(NamedTuple):
+    """SYNC as it is received."""
+
+    fault: SyncFault = SyncFault.NOT_KNOWN
+    foreign: int = 0              #: SYNCs of other devices while this driver produces SYNC
+    period: float | None = None   #: of another producer, as measured [s]
+
+
+class SentTpdo(NamedTuple):
+    """A TPDO of a node as it is on the bus."""
+
+    number: int  #: 1 is that of 0x1800
+    can_id: int
 
 
 class Failure(NamedTuple):
@@ -79,6 +125,10 @@ class NodeHealth(NamedTuple):
     last_emergency: Emergency | None = None
     outages: Outages[Failure | NodeFault] = Outages()
     distrusted: int = 0  #: taxel frames given without values, because the node was not configured
+    active_emergency: Emergency | None = None  #: the last error that it has not reset
+    missing_tpdos: tuple[SentTpdo, ...] = ()  #: that bring no taxels, while others do
+    surplus_tpdos: tuple[SentTpdo, ...] = ()  #: that are received more often than SYNC
+    device_errors: DeviceErrors | None = None  #: that it listed when it refused to become OPERATIONAL
 
 
 class ErrorCounters(NamedTuple):
@@ -107,6 +157,9 @@ class BusHealth(NamedTuple):
     error_counters: ErrorCounters = ErrorCounters()
     foreign_commands: int = 0
     last_command: ForeignCommand | None = None  #: of another master
+    sync: SyncState = SyncState()
+    overload: Overload = Overload.NOT_KNOWN  #: what seems to be missing may only not be processed yet
+    stalls: int = 0  #: times this process did not run for long
 
     @property
     def fault(self) -> BusFault:

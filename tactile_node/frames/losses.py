@@ -57,6 +57,9 @@ class PadStatistics(NamedTuple):
     withheld: int = 0  #: incomplete taxel frames not given, because of ``drop_incomplete``
     used_by_node: tuple[int, ...] = ()  #: ``used``, by the pad's nodes
     late_answers: int = 0  #: sweeps that began later after their SYNC than the layout's response_time
+    syncs: int = 0  #: SYNCs that began a period
+    distinct_by_tpdo: tuple[tuple[int, ...], ...] = ()  #: TPDOs seen but DUPLICATEs, by node and its part of the layout
+    fresh_by_tpdo: tuple[tuple[int, ...], ...] = ()  #: TPDOs good for a taxel frame, given or withheld; likewise
 
     @property
     def published(self) -> int:

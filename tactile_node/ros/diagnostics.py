@@ -13,7 +13,7 @@ from tactile_node.cia301.nmt import state_name
 from tactile_node.conditioning.condition_text import ZERO_TEXT, faults_text
 from tactile_node.conditioning.conditioned_pad import PadCondition
 from tactile_node.conditioning.tare import ZeroState
-from tactile_node.frames.fault_text import command_text, failure_text, node_text
+from tactile_node.frames.fault_text import OVERLOAD_PHRASES, command_text, failure_text, node_text, sync_text
 from tactile_node.frames.health import BusHealth, NodeHealth, Outages
 from tactile_node.frames.losses import BusStatistics, PadStatistics
 
@@ -142,6 +142,10 @@ def _bus_findings(now: BusStatistics, before: BusStatistics, health: BusHealth,
         texts.append('the CAN controller is error-passive: check bit rate, wiring, termination')
     if health.foreign_commands > health_before.foreign_commands:
         texts.append(f'another NMT master has sent: {command_text(health.last_command)}')
+    if health.sync.fault.is_fault:
+        texts.append(sync_text(health.sync))
+    if health.overload.is_overload:
+        texts.append(f'this process is overloaded: {OVERLOAD_PHRASES[health.overload]}')
     return [Finding(DiagnosticStatus.WARN, one) for one in texts] or [Finding(DiagnosticStatus.OK, 'nothing lost')]
 
 
@@ -151,7 +155,9 @@ def _node_findings(pad: str, now: NodeHealth, before: NodeHealth, is_active: boo
         level = DiagnosticStatus.ERROR if is_active else DiagnosticStatus.STALE
         findings.append(Finding(level, f'node {now.node_id} is not OPERATIONAL: {state_name(now.state)}'))
     texts = _new_outages(now.outages, before.outages)
-    if now.emergencies > before.emergencies or now.last_emergency is not None and not now.last_emergency.is_reset:
+    if now.active_emergency is not None:
+        texts.append(f'node {now.node_id}: {now.active_emergency}')
+    elif now.emergencies > before.emergencies:
         texts.append(f'node {now.node_id}: {now.last_emergency}')
     if now.distrusted > before.distrusted:
         texts.append(f'{now.distrusted - before.distrusted} taxel frames without values: the node was not configured')
@@ -209,7 +215,10 @@ def _bus_values(statistics: BusStatistics, health: BusHealth) -> dict[str, objec
             'rx_error_count': health.error_counters.rx,
             'error_passive': health.is_error_passive, 'outages': health.outages.count,
             'outage_seconds': f'{health.outages.seconds:.2f}', 'outage_last_reason': failure_text(health.outages.cause),
-            'foreign_nmt_commands': health.foreign_commands, 'foreign_nmt_last': command_text(health.last_command)}
+            'foreign_nmt_commands': health.foreign_commands, 'foreign_nmt_last': command_text(health.last_command),
+            'sync_fault': health.sync.fault.name, 'foreign_syncs': health.sync.foreign,
+            'sync_period_s': '' if health.sync.period is None else f'{health.sync.period:.4f}',
+            'overload': health.overload.name, 'stalls': health.stalls}
 
 
 def _pad_values(pad: PadStatistics) -> dict[str, object]:
@@ -232,5 +241,6 @@ def _node_values(node: NodeHealth) -> dict[str, object]:
     return {'node_id': node.node_id, 'fault': node.fault.name,
             'nmt_state': state_name(node.state), 'heartbeat_age_s': age, 'boot_ups': node.boots,
             'emcy_count': node.emergencies, 'emcy_last': node.last_emergency or '',
+            'emcy_active': node.active_emergency or '',
             'outages': node.outages.count, 'outage_seconds': f'{node.outages.seconds:.2f}',
             'outage_last_reason': failure_text(node.outages.cause), 'frames_distrusted': node.distrusted}

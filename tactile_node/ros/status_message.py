@@ -41,6 +41,9 @@ def status_message(diagnostics: DiagnosticArray, counts: BusStatistics, health: 
         consumer_errors=counts.consumer_errors, clock_jumps=counts.clock_jumps, unread_log_lines=counts.unread,
         unrecorded_can_frames=counts.unrecorded,
         foreign_nmt_commands=health.foreign_commands, foreign_nmt_last=command_text(health.last_command),
+        sync_fault=health.sync.fault.value, foreign_syncs=health.sync.foreign,
+        sync_period=math.nan if health.sync.period is None else health.sync.period,
+        overload=health.overload.value, stalls=health.stalls,
         outages=health.outages.count, outage_seconds=health.outages.seconds,
         outage_last_reason=failure_text(health.outages.cause),
         pads=[_pad(name, status, pad, nodes=health.nodes.get(name, ()), condition=conditions.get(name))
@@ -76,6 +79,7 @@ def _node(pad: str, node: NodeHealth) -> NodeStatus:
         nmt_state_text=state_name(node.state), operational=node.is_operational, fault=node.fault.value,
         fault_text=node_text(pad, node),
         heartbeat_age=math.nan if node.heartbeat_age is None else node.heartbeat_age, boots=node.boots,
-        emcy_count=node.emergencies, emcy_last=str(node.last_emergency or ''), outages=node.outages.count,
+        emcy_count=node.emergencies, emcy_last=str(node.last_emergency or ''),
+        emcy_active=str(node.active_emergency or ''), outages=node.outages.count,
         outage_seconds=node.outages.seconds, outage_last_reason=failure_text(node.outages.cause),
         frames_distrusted=node.distrusted)

@@ -3,14 +3,18 @@
 from typing import NamedTuple
 
 from tactile_node.bus.bus_monitor import BusMonitor
+from tactile_node.cia301.emergency import DeviceErrors
 from tactile_node.cia301.nmt import NmtState
 from tactile_node.frames.health import Failure, NodeFault, NodeHealth
 from tactile_node.frames.losses import PadStatistics
 from tactile_node.skin.pads import CanopenNode
-from tactile_node.supervision.outage import Backoff, OutageClock
+from tactile_node.supervision.attempts import Attempts
+from tactile_node.supervision.node_traffic import BusSeen, NodeTraffic
+from tactile_node.supervision.outage import OutageClock
 from tactile_node.threads.reminder import Reminder
 
 GRACE = 0.3  # s a node has to obey a command and to report it: three heartbeats
+PATIENCE = 10  # times the time that a node may be silent while this process is too slow to hear it
 
 
 class Setup(NamedTuple):
@@ -26,15 +30,15 @@ class NodeMonitor:
     ``health`` may be called from any thread.
     """
 
-    def __init__(self, node: CanopenNode, monitor: BusMonitor, heartbeat_timeout: float, data_timeout: float,
-                 grace: float = GRACE):
-        self._grace = grace
+    def __init__(self, node: CanopenNode, monitor: BusMonitor, heartbeat_timeout: float, data_timeout: float):
         self.node = node
+        self._heartbeat_time: float | None = None  # that the device has [s], None: not known
+        self._heartbeat_writes = 0  # of other masters, when it was configured
         self._monitor = monitor
         self._heartbeats = monitor.heartbeats
         self.set_timeouts(heartbeat_timeout, data_timeout)
         self.outage: OutageClock[Failure | NodeFault] = OutageClock()
-        self.backoff = Backoff()
+        self.attempts = Attempts()
         self.fault_reminder = Reminder()
         self.retry_reminder = Reminder()
         self._emergency_reminder = Reminder()
@@ -50,7 +54,10 @@ class NodeMonitor:
         self._used = 0  # TPDOs, by the last detection
         self._used_then = 0  # TPDOs, by the last command
         self._syncs = 0
-        self._last_fault = NodeFault.NONE
+        self._is_overloaded = False
+        self.traffic = NodeTraffic(node, self._heartbeats)
+        self.device_errors: DeviceErrors | None = None  #: that it listed when it refused to become OPERATIONAL
+        self.refuses_while_it_sends = False  #: to be configured
 
     def set_timeouts(self, heartbeat: float, data: float) -> None:
         """How long it may be silent [s]."""
@@ -71,45 +78,60 @@ class NodeMonitor:
         """Its TPDOs mean what the layout says: since it was configured it has not started again, nor been changed."""
         return self._configured == self.setup
 
+    def sends_for_sure(self, acquired: float) -> bool:
+        """Whether taxels of the time ``acquired`` are what this node has sent, as the layout says."""
+        return self.is_trusted and acquired >= self.trusted_from and not self.traffic.are_two
+
     def expect(self, now: float) -> None:
         """The bus was opened: from now on the node should send, and has to be configured."""
         self._since = now
         self._configured = None
-        self.backoff.reset()
+        self.traffic.restart(now)
+        self.attempts.restart()
 
-    def configured(self, setup: Setup, now: float) -> None:
-        """It was configured, from the state ``setup`` on, and that is done ``now``."""
+    def configured(self, setup: Setup, now: float, heartbeat_time: float | None) -> None:
+        """It was configured, from the state ``setup`` on, and that is done ``now``; it has this heartbeat time [s]."""
         if not self.is_trusted:
             self.trusted_from = now
         self._configured = setup
+        self._heartbeat_time = heartbeat_time
+        self._heartbeat_writes = self._monitor.heartbeat_writes[self.node.node_id]
+        self.refuses_while_it_sends = False
 
     def commanded(self, now: float, pad: PadStatistics) -> None:
         """It was started, or its taxels are expected from now on for another reason."""
         self._commanded = now
         self.data_at = now
         self._sync_at = now
+        self.traffic.expect(now)
         self._used_then = pad.used_by_node[self.node.position]
 
-    def detect(self, now: float, is_active: bool, pad: PadStatistics, syncs: int) -> NodeFault:
-        """The node's fault now, by its heartbeat, its TPDOs used and the SYNCs so far."""
+    def detect(self, now: float, is_active: bool, pad: PadStatistics, bus: BusSeen) -> NodeFault:
+        """The node's fault now, by its heartbeat, its TPDOs and the SYNCs so far."""
+        self._is_overloaded = bus.is_overloaded
         used = pad.used_by_node[self.node.position]
         if used != self._used:
             self._used = used
             self.data_at = now
-        if syncs != self._syncs:
-            self._syncs = syncs
+        if bus.syncs != self._syncs:
+            self._syncs = bus.syncs
             self._sync_at = now
+        were_two = self.traffic.are_two
+        is_known = self._heartbeat_writes == self._monitor.heartbeat_writes[self.node.node_id] and (
+            self.is_trusted or were_two)  # a device that has started again may have another one
+        self.traffic.look(now, is_active, pad, bus, self._heartbeat_time if is_known else None, self._data_timeout)
+        if were_two and not self.traffic.are_two:
+            self._configured = None  # which of both has taken what was written is not known
         self.fault = self._detected(now, is_active)
-        if self.fault.is_fault and self.fault is not self._last_fault:
-            self._last_fault = self.fault
-            self.backoff.reset()
+        if self.fault.is_fault:
+            self.attempts.fault_is(self.fault)
         return self.fault
 
-    def recovered(self) -> None:
-        """The node works: the next fault is a new one."""
-        self._last_fault = NodeFault.NONE
-        self.backoff.reset()
-        self.fault_reminder.reset()
+    def recovered(self, now: float) -> None:
+        """The node works."""
+        if self.attempts.has_ended(now):
+            self.device_errors = None
+            self.fault_reminder.reset()
 
     def has_taxels_again(self, pad: PadStatistics) -> bool:
         """Taxels were given as valid since the last command."""
@@ -135,27 +157,33 @@ class NodeMonitor:
             is_operational=state == NmtState.OPERATIONAL and not self._is_silent(now),
             heartbeat_age=None if heard is None else now - heard, fault=fault, boots=self.boots,
             emergencies=emergencies.count, last_emergency=emergencies.last, outages=outages,
-            distrusted=self.distrusted)
+            distrusted=self.distrusted, active_emergency=emergencies.active,
+            missing_tpdos=self.traffic.missing, surplus_tpdos=self.traffic.surplus, device_errors=self.device_errors)
 
     def _is_silent(self, now: float) -> bool:
-        return now - max(self._heartbeats.heard(self.node.node_id) or 0.0, self._since) > self._heartbeat_timeout
+        """A device with a heartbeat time that is not ours may be silent for three of its own."""
+        own = self._heartbeat_time or self._heartbeats.interval(self.node.node_id) or 0.0
+        allowed = max(self._heartbeat_timeout, 3 * own) * (PATIENCE if self._is_overloaded else 1)
+        return now - max(self._heartbeats.heard(self.node.node_id) or 0.0, self._since) > allowed
 
     def _detected(self, now: float, is_active: bool) -> NodeFault:
         is_silent = self._is_silent(now)
+        if self.traffic.are_two:
+            return NodeFault.TWO_SENDERS
         if not self.is_trusted and is_silent:
             return NodeFault.SILENT
         if not self.is_trusted:
             if self._configured is None:
                 return NodeFault.UNCONFIGURED
             return NodeFault.RECONFIGURED if self._configured.boots == self.boots else NodeFault.BOOTED
-        has_data = is_active and now - self.data_at <= self._data_timeout
+        has_data = is_active and (now - self.data_at <= self._data_timeout or self._is_overloaded)
         if is_silent:
             return NodeFault.NO_HEARTBEAT if has_data else NodeFault.SILENT
-        if not is_active or now - self._commanded < self._grace:
+        if not is_active or now - self._commanded < max(GRACE, 3 * (self._heartbeat_time or 0.0)):
             return NodeFault.NONE
         if self._heartbeats.state(self.node.node_id) != NmtState.OPERATIONAL:
             return NodeFault.NOT_OPERATIONAL
         if has_data:
-            return NodeFault.NONE
+            return NodeFault.TPDO_MISSING if self.traffic.missing else NodeFault.NONE
         is_sync_missing = self.node.layout.needs_sync and now - self._sync_at > self._data_timeout
         return NodeFault.NO_SYNC if is_sync_missing else NodeFault.NO_TAXELS

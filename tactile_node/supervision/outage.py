@@ -5,6 +5,7 @@ from typing import Generic
 from tactile_node.frames.health import Cause, Outages
 
 FIRST_RETRY, LAST_RETRY = 0.1, 0.5  # s; the last bounds how long a cause that has ended may go unnoticed
+RAREST_RETRY = 30.0  # s, where trying costs the node's taxels or the bus's time, and has not helped so far
 
 
 class OutageClock(Generic[Cause]):
@@ -47,7 +48,7 @@ class OutageClock(Generic[Cause]):
 
 
 class Backoff:
-    """When to try again: at once, after 0.1 s, then each time twice as long, up to LAST_RETRY."""
+    """When to try again: at once, after 0.1 s, then each time twice as long, up to a longest pause."""
 
     def __init__(self) -> None:
         self.reset()
@@ -60,6 +61,6 @@ class Backoff:
     def is_due(self, now: float) -> bool:
         return now >= self._due
 
-    def attempted(self, now: float) -> None:
-        self._due = now + self._pause
-        self._pause = min(2 * self._pause, LAST_RETRY)
+    def attempted(self, now: float, longest: float = LAST_RETRY) -> None:
+        self._due = now + min(self._pause, longest)
+        self._pause = min(2 * self._pause, longest)

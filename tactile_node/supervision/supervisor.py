@@ -10,22 +10,21 @@ import logging
 import threading
 import time
 
-from tactile_node.bus.bus_load import BusLoad
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.errors import BusError
 from tactile_node.frames.consumer import OnFrame
-from tactile_node.frames.fault_text import command_text, failure_text
+from tactile_node.frames.fault_text import failure_text
 from tactile_node.frames.health import BusHealth, Failure
 from tactile_node.frames.losses import BusStatistics
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.skin.pads import LivePad
 from tactile_node.skin.taxel_codec import without_values
 from tactile_node.supervision.bus_recovery import BusRecovery
-from tactile_node.supervision.node_monitor import GRACE, NodeMonitor
+from tactile_node.supervision.bus_watch import BusWatch
+from tactile_node.supervision.node_monitor import NodeMonitor
 from tactile_node.supervision.node_recovery import NodeRecovery
-from tactile_node.threads.reminder import Reminder
 
 logger = logging.getLogger(__name__)
 
@@ -53,16 +52,12 @@ class Supervisor:
         self._bus = SkinBus(settings, pads, self._deliver, monitor=self.monitor,
                             on_failure=self._bus_failed if recover else None)
         timeouts = self._timeouts(heartbeat_timeout)
-        grace = max(GRACE, 3e-3 * settings.heartbeat_ms)
-        self._by_pad = {pad.name: [NodeMonitor(node, self.monitor, *timeouts, grace) for node in pad.nodes]
-                        for pad in pads}
+        self._by_pad = {pad.name: [NodeMonitor(node, self.monitor, *timeouts) for node in pad.nodes] for pad in pads}
         self._monitors = [monitor for monitors in self._by_pad.values() for monitor in monitors]
         self._node_recovery = NodeRecovery(self._bus, self._monitors, recover)
         self._bus_recovery = BusRecovery(self._bus, self.monitor, self._monitors, settings.sync_period,
                                          is_active=lambda: self._is_active)
-        self._command_reminder = Reminder()
-        self._commands_reported = 0
-        self._load = BusLoad(settings.bitrate)
+        self._watch = BusWatch(settings, pads, self.monitor, self._bus.call_in_turn, data_timeout=timeouts[1])
         self._is_configured = False
         self._is_active = False
         self._thread: threading.Thread | None = None
@@ -96,12 +91,14 @@ class Supervisor:
 
     def stop(self) -> None:
         self._is_active = False
+        self._bus.interrupt()
         with self._turn:
             self._bus.stop()
             self._set_active(False)
 
     def close(self) -> None:
         self._closing.set()
+        self._bus.interrupt()
         self._wake.set()
         with self._turn:
             self._is_configured = self._is_active = False
@@ -121,8 +118,10 @@ class Supervisor:
 
     def adjust(self, drop_incomplete: bool, heartbeat_timeout: float) -> None:
         self._bus.drop_incomplete(drop_incomplete)
+        timeouts = self._timeouts(heartbeat_timeout)
+        self._watch.set_timeout(timeouts[1])
         for monitor in self._monitors:
-            monitor.set_timeouts(*self._timeouts(heartbeat_timeout))
+            monitor.set_timeouts(*timeouts)
 
     def statistics(self) -> BusStatistics:
         return self._bus.statistics()
@@ -134,9 +133,10 @@ class Supervisor:
             failure=self.failure, is_active=self._is_active,
             nodes={name: tuple(monitor.health(now) for monitor in monitors)
                    for name, monitors in self._by_pad.items()},
-            outages=self._bus_recovery.outage.outages(now), load=self._load.load,
+            outages=self._bus_recovery.outage.outages(now), load=self._watch.load,
             is_error_passive=bus_monitor.is_error_passive, error_counters=bus_monitor.error_counters,
-            foreign_commands=bus_monitor.foreign_commands, last_command=bus_monitor.last_command)
+            foreign_commands=bus_monitor.foreign_commands, last_command=bus_monitor.last_command,
+            sync=self._watch.sync, overload=self._watch.overload, stalls=self._watch.stalls)
 
     def _timeouts(self, heartbeat_timeout: float) -> tuple[float, float]:
         """Of heartbeat and of taxels [s]."""
@@ -145,6 +145,7 @@ class Supervisor:
     def _begin(self) -> None:
         now = time.monotonic()
         self._bus_recovery.restart(now)
+        self._watch.closed()
         for monitor in self._monitors:
             monitor.outage.end(now)
             monitor.expect(now)
@@ -158,44 +159,44 @@ class Supervisor:
         self._is_active = is_active
 
     def _supervise(self) -> None:
+        ended = time.monotonic()
         while not self._closing.is_set():
             self._wake.wait(PERIOD)
+            woken = time.monotonic()
             self._wake.clear()
             with self._turn:
-                if not self._closing.is_set():
-                    self._attend()
+                self._watch.waited(time.monotonic(), time.monotonic() - woken)
+                ended = time.monotonic() if self._closing.is_set() else self._attend(woken - ended - PERIOD)
 
-    def _attend(self) -> None:
-        """One round; an exception in it does not prevent the next one."""
+    def _attend(self, late: float) -> float:
+        """One round, begun ``late`` [s]; when [s] it looked, or ended what takes time. No exception ends the rounds."""
         try:
-            self._load.update(time.monotonic(), self.monitor.bits)
-            self._report_commands()
+            self._watch.look_at_traffic(time.monotonic())
             if not self._is_configured:
-                return
+                return time.monotonic()
             if self._recover and self._bus_recovery.is_needed:
                 self._bus_recovery.attend()
+                self._watch.closed()
             if self._bus.failure is None:
-                statistics = self.statistics()
-                syncs = self._bus.syncs_sent if self._settings.produce_sync else statistics.can_frames.get('sync', 0)
-                self._node_recovery.attend(self._is_active, statistics, syncs)
+                begun, statistics, syncs = time.monotonic(), self.statistics(), self._bus.syncs_sent
+                now = time.monotonic()  # once: what is not processed after a stall is not taken for silence
+                self._watch.woke(now, late + now - begun)
+                seen = self._watch.look_at_counts(now, self._is_active, statistics, syncs)
+                if not self._node_recovery.attend(now, self._is_active, statistics, seen):
+                    return now
         except Exception:
             logger.exception('supervision of the bus')
+        return time.monotonic()
 
     def _bus_failed(self, failure: Failure) -> None:
         """On any thread: log it once and let the supervisor act."""
         self._bus_recovery.failed(failure)
         self._wake.set()
 
-    def _report_commands(self) -> None:
-        count, command = self.monitor.foreign_commands, self.monitor.last_command
-        if count != self._commands_reported and self._command_reminder.is_due('NMT', time.monotonic()):
-            self._commands_reported = count
-            logger.error('Another NMT master has sent: %s.', command_text(command), extra={'fact': command})
-
     def _deliver(self, name: str, frame: TaxelFrame) -> None:
         acquired = time.monotonic() - self._bus.age(frame.stamp)
         for monitor in self._by_pad[name]:
-            if not monitor.is_trusted or acquired < monitor.trusted_from:
+            if not monitor.sends_for_sure(acquired):
                 monitor.distrusted += 1
                 frame = without_values(frame, monitor.node.layout.carriers)
         self._on_frame(name, frame)

@@ -1,0 +1,68 @@
+"""What one node has sent, as counted: TPDOs that are missing, and signs of a second device."""
+
+from typing import NamedTuple
+
+from tactile_node.cia301.heartbeat import Heartbeats
+from tactile_node.frames.health import SentTpdo
+from tactile_node.frames.losses import PadStatistics
+from tactile_node.skin.pads import CanopenNode
+from tactile_node.supervision.sender_watch import SenderWatch
+from tactile_node.supervision.tpdo_watch import MissingTpdos
+
+
+class BusSeen(NamedTuple):
+    """What a bus has brought so far, beside taxels."""
+
+    syncs: int
+    foreign_syncs: int = 0  #: of other devices, while this driver produces SYNC
+    is_overloaded: bool = False  #: this process is too slow: more has been sent
+
+
+class NodeTraffic:
+    """Used by one thread at a time; ``missing``, ``surplus`` and ``are_two`` may be read by any."""
+
+    def __init__(self, node: CanopenNode, heartbeats: Heartbeats):
+        self._node = node
+        self._heartbeats = heartbeats
+        self._tpdos = tuple(SentTpdo(tpdo.number, tpdo.cob_id.of(node.node_id)) for tpdo in node.layout.tpdos)
+        self._missing = MissingTpdos()
+        self._senders = SenderWatch()
+        self.missing: tuple[SentTpdo, ...] = ()  #: that bring no taxels, while others do
+
+    @property
+    def surplus(self) -> tuple[SentTpdo, ...]:
+        """TPDOs that are received more often than SYNC."""
+        return tuple(self._tpdos[place] for place in self._senders.surplus)
+
+    @property
+    def are_two(self) -> bool:
+        """Whether two devices send as this node."""
+        return self._senders.are_two
+
+    def see_two(self, now: float) -> None:
+        """Two devices have answered as this node."""
+        self._senders.see(now)
+
+    def restart(self, now: float) -> None:
+        """The bus was opened again."""
+        self._senders.restart(now)
+
+    def expect(self, now: float) -> None:
+        """From now on its TPDOs are expected."""
+        self._missing.expect(now)
+
+    def look(self, now: float, is_active: bool, pad: PadStatistics, bus: BusSeen, heartbeat_time: float | None,
+             delay: float) -> None:
+        """Take the counts so far. ``heartbeat_time`` of the device [s], if known; ``delay`` [s] is no fault yet."""
+        sends = is_active and self._node.layout.needs_sync
+        missing = self._missing.update(now, pad.fresh_by_tpdo[self._node.position], delay) if sends else ()
+        self.missing = () if bus.is_overloaded else tuple(self._tpdos[place] for place in missing)
+        if bus.is_overloaded:
+            self._senders.pause()
+            return
+        self._senders.look_at_heartbeats(now, *self._heartbeats.counts(self._node.node_id), heartbeat_time, delay)
+        if sends:
+            received = pad.distinct_by_tpdo[self._node.position]
+            self._senders.look_at_tpdos(now, pad.syncs + bus.foreign_syncs, received, delay)
+        else:
+            self._senders.pause_tpdos()

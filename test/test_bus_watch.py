@@ -1,0 +1,130 @@
+"""What counts alone say of a bus: two senders, another SYNC, a process that is too slow. No clock, no bus."""
+
+import pytest
+
+from tactile_node.frames.health import Overload, SyncFault
+from tactile_node.supervision.heartbeat_watch import HeartbeatWatch
+from tactile_node.supervision.overload import OverloadWatch
+from tactile_node.supervision.sync_watch import SyncWatch
+from tactile_node.supervision.tpdo_watch import SurplusTpdos
+
+STEP = 0.02  # s between two rounds
+DELAY = 0.5  # s
+
+
+def times(seconds: float, begin: float = 0.0) -> list[float]:
+    return [begin + i * STEP for i in range(round(seconds / STEP))]
+
+
+def rounds_of(count: float, seconds: float = 10.0):
+    """Rounds in which ``count`` heartbeats of 0.1 s come in place of one: time, heartbeats so far."""
+    return [(now, int(count * now / 0.1)) for now in times(seconds)]
+
+
+@pytest.mark.parametrize(('count', 'are_two'), [(1.0, False), (1.1, False), (2.0, True), (1.9, True)])
+def test_heartbeats_of_two_producers_are_twice_as_many(count, are_two):
+    watch = HeartbeatWatch()
+    seen = [watch.is_doubled(now, heartbeats, 0, 0.1, DELAY) for now, heartbeats in rounds_of(count)]
+    assert any(seen) == are_two and not any(seen[:100]) and seen[-1] == are_two
+
+
+def test_heartbeats_that_an_adapter_has_held_back_are_of_one():
+    watch = HeartbeatWatch()
+    for now, heartbeats in rounds_of(1.0):
+        held = int(0.45 / 0.1) if 5.0 <= now < 5.45 else 0
+        assert not watch.is_doubled(now, heartbeats - held, 0, 0.1, DELAY)
+
+
+def test_answers_to_node_guarding_are_no_second_producer():
+    watch = HeartbeatWatch()
+    assert not any(watch.is_doubled(now, heartbeats, heartbeats // 4, 0.1, DELAY)
+                   for now, heartbeats in rounds_of(2.0))
+
+
+def surplus(rates: tuple[float, ...], held=lambda now: 0.0, seconds: float = 5.0) -> list[tuple[int, ...]]:
+    """What is found each round while TPDOs come ``rates`` times as often as a SYNC of 20 ms."""
+    watch = SurplusTpdos()
+    return [watch.update(now, int(now / 0.02), [int(rate * (now - held(now)) / 0.02) for rate in rates], DELAY)
+            for now in times(seconds)]
+
+
+def test_a_tpdo_that_comes_twice_a_sync_is_found_within_a_second():
+    found = surplus((1.0, 2.0, 1.0))
+    assert found[50] == found[-1] == (1,) and set(found) == {(), (1,)}
+
+
+def test_a_second_sender_that_begins_later_is_found_within_a_second():
+    watch = SurplusTpdos()
+    found = [now for now in times(10.0) if watch.update(
+        now, int(now / 0.02), [int(now / 0.02) + int(max(0.0, now - 5.0) / 0.02)], DELAY)]
+    assert 5.4 < found[0] < 6.0 and found[-1] > 9.9
+
+
+def test_tpdos_that_an_adapter_has_held_back_are_of_one_sender():
+    """Syncs were counted while their TPDOs waited; then all come at once."""
+    assert set(surplus((1.0,), lambda now: now % 1.0 if now % 1.0 < 0.45 else 0.0)) == {()}
+
+
+def test_tpdos_that_are_lost_are_no_proof_of_a_second_sender():
+    assert set(surplus((0.5, 1.0))) == {()}
+
+
+def overloads(late: dict[float, float], dropped_at: float = 99.0, held: tuple[float, float] = (99.0, 99.0)):
+    """The overload in each round; in those of ``held`` the assembler does nothing."""
+    calls, found = [], {}
+    watch = OverloadWatch(calls.append, 0.25)
+    for now in times(3.0, begin=100.0):
+        watch.woke(now, late.get(round(now - 100, 2), 0.0))
+        found[round(now - 100, 2)] = watch.update(now, 7 * (now - 100 >= dropped_at))
+        if not held[0] <= now - 100 < held[1]:
+            while calls:
+                calls.pop()()
+    return found, watch.stalls
+
+
+def test_a_process_that_runs_is_not_overloaded():
+    found, stalls = overloads({1.0: 0.2})
+    assert set(found.values()) == {Overload.NONE} and stalls == 0
+
+
+@pytest.mark.parametrize(('given', 'kind', 'begin'), [
+    ({'late': {1.0: 0.4}}, Overload.STALLED, 1.0), ({'late': {}, 'dropped_at': 1.0}, Overload.DROPPED, 1.0),
+    ({'late': {}, 'held': (0.98, 1.4)}, Overload.BEHIND, 1.26)])
+def test_each_sign_of_an_overload_counts_for_a_while(given, kind, begin):
+    found, stalls = overloads(**given)
+    assert {at for at, overload in found.items() if overload is kind} >= {begin, round(begin + 0.4, 2)}
+    assert found[0.9] is Overload.NONE and found[2.5] is Overload.NONE
+    assert stalls == (kind is Overload.STALLED)
+
+
+def test_a_bus_that_was_opened_again_has_no_call_under_way():
+    watch = OverloadWatch(lambda call: None, 0.25)
+    watch.update(100.0, 0)
+    watch.restart()
+    assert watch.update(101.0, 0) is Overload.NONE
+
+
+def syncs(produce: bool, counts, is_active: bool = True):
+    watch = SyncWatch(produce, 0.02)
+    return [watch.update(now, is_active, count).fault for now, count in counts]
+
+
+def test_a_foreign_sync_is_reported_for_a_second_while_we_produce():
+    found = syncs(True, [(now, int(now >= 1.0)) for now in times(4.0)])
+    assert found[0] is SyncFault.NONE and found[50] is found[95] is SyncFault.SECOND_PRODUCER
+    assert found[-1] is SyncFault.NONE
+
+
+def test_a_foreign_sync_while_inactive_is_no_second_one():
+    assert SyncFault.SECOND_PRODUCER not in syncs(True, [(now, int(now / 0.02)) for now in times(4.0)], False)
+
+
+@pytest.mark.parametrize(('period', 'fault'), [
+    (0.02, SyncFault.NONE), (0.021, SyncFault.NONE), (0.03, SyncFault.OTHER_PERIOD), (0.01, SyncFault.OTHER_PERIOD)])
+def test_a_period_that_is_not_ours_is_reported(period, fault):
+    assert syncs(False, [(now, int(now / period)) for now in times(5.0)])[-1] is fault
+
+
+def test_a_producer_that_begins_within_a_window_has_its_own_period():
+    found = syncs(False, [(now, int(max(0.0, now - 1.5) / 0.02)) for now in times(6.0)])
+    assert SyncFault.OTHER_PERIOD not in found

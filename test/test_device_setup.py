@@ -1,0 +1,138 @@
+"""Devices that deviate in SYNC and heartbeat: they are left as they are where that is right, else refused by name."""
+
+import pytest
+from canopen import SdoAbortedError
+
+from tactile_node.bus.bus_monitor import BusMonitor
+from tactile_node.bus.device_errors import read_errors
+from tactile_node.bus.device_setup import DeviceSetup
+from tactile_node.cia301.emergency import DeviceErrors
+from tactile_node.cia301.heartbeat import Heartbeats
+from tactile_node.errors import DeviceError
+from tactile_node.frames.health import NodeFault
+from tactile_node.frames.losses import PadStatistics
+from tactile_node.skin.pads import make_pad
+from tactile_node.supervision.node_monitor import NodeMonitor
+from tactile_node.supervision.node_traffic import BusSeen
+
+NODE = make_pad('pad', 32, 'sim16x16.yaml').nodes[0]
+READ_ONLY, UNKNOWN = 0x0601_0002, 0x0602_0000  # abort codes of CiA 301
+SYNC, HEARTBEAT = (0x1005, 0), (0x1017, 0)
+
+
+class Device:
+    """The object dictionary of a device that is configured already, as an SDO client sees it.
+
+    ``fixed`` objects are read-only, of those in ``kept`` the device keeps its own value.
+    """
+
+    RESPONSE_TIMEOUT = 0.3
+
+    def __init__(self, fixed=(), kept=(), **objects):
+        self.fixed, self.kept = fixed, kept
+        self.written = {}
+        self.objects = {(0x1018, 1): 0x5C1, (0x1018, 2): 0x16160008, (0x1018, 3): 0x10000, SYNC: 0x80, HEARTBEAT: 100}
+        for i, tpdo in enumerate(NODE.layout.tpdos):
+            self.objects |= {(0x1800 + i, 1): tpdo.cob_id.of(32), (0x1800 + i, 2): 1,
+                             (0x1A00 + i, 0): len(tpdo.mapping)}
+            self.objects |= {(0x1A00 + i, sub): mapped.entry for sub, mapped in enumerate(tpdo.mapping, 1)}
+
+    def having(self, place, value) -> 'Device':
+        self.objects[place] = value
+        return self
+
+    def upload(self, index, sub):
+        value = self.objects.get((index, sub))
+        if value is None:
+            raise SdoAbortedError(UNKNOWN)
+        return value.to_bytes(4, 'little')
+
+    def download(self, index, sub, data):
+        if (index, sub) in self.fixed or self.objects.get((index, sub)) is None:
+            raise SdoAbortedError(READ_ONLY)
+        self.written[index, sub] = int.from_bytes(data, 'little')
+        if (index, sub) not in self.kept:
+            self.objects[index, sub] = self.written[index, sub]
+
+
+def set_up(device: Device):
+    device.objects[0x1018, 2] = NODE.dictionary[0x1018][2].default
+    return DeviceSetup(device, NODE, Heartbeats(), retries=0).run(1.0, 100)
+
+
+@pytest.mark.parametrize('now', [0x80, 0x8000_0080, 0x4000_0080, 0xC000_0080])
+def test_a_device_with_our_sync_is_left_alone_also_as_producer(now):
+    device = Device(fixed=[SYNC]).having(SYNC, now)
+    set_up(device)
+    assert SYNC not in device.written
+
+
+@pytest.mark.parametrize(('now', 'written'), [(0x81, 0x80), (0x8000_0081, 0x8000_0080), (0x2000_0080, 0x80)])
+def test_another_sync_cob_id_is_written(now, written):
+    device = Device().having(SYNC, now)
+    set_up(device)
+    assert device.written[SYNC] == written
+
+
+def test_a_device_that_produces_sync_on_another_cob_id_is_refused():
+    """CiA 301 allows no change while it produces; its SYNC would be taken for another frame."""
+    device = Device().having(SYNC, 0x4000_0081)
+    with pytest.raises(DeviceError, match='0x081'):
+        set_up(device)
+    assert SYNC not in device.written
+
+
+@pytest.mark.parametrize(('device', 'period'), [
+    (Device(), 100), (Device().having(HEARTBEAT, 0), 100),
+    (Device(fixed=[HEARTBEAT]).having(HEARTBEAT, 500), 500),
+    (Device(kept=[HEARTBEAT]).having(HEARTBEAT, 250), 250),
+    (Device(fixed=[HEARTBEAT]).having(HEARTBEAT, 0), 0),
+    (Device().having(HEARTBEAT, None), None)], ids=['set', 'written', 'read-only', 'limited', 'none', 'missing'])
+def test_the_heartbeat_time_is_the_one_that_the_device_has(device, period):
+    assert set_up(device).heartbeat_ms == period
+
+
+def test_errors_are_read_as_far_as_the_device_has_them():
+    device = Device().having((0x1001, 0), 0x09).having((0x1003, 0), 2).having((0x1003, 1), 0x0005_4210).having(
+        (0x1003, 2), 0x0000_8130)
+    assert read_errors(device) == DeviceErrors(0x09, (0x0005_4210, 0x8130))
+    assert read_errors(Device().having((0x1001, 0), 0)) == DeviceErrors(0)
+    assert read_errors(Device()) == DeviceErrors(None)
+
+
+def monitored(heartbeat_time: float | None) -> tuple[NodeMonitor, BusMonitor, PadStatistics]:
+    """A node that was configured and runs, with a timeout of 0.5 s."""
+    bus = BusMonitor([32])
+    node = NodeMonitor(NODE, bus, 0.5, 0.5)
+    node.configured(node.setup, 0.0, heartbeat_time)
+    pad = PadStatistics(0, 0, 0, 0, 0, 0, {}, used_by_node=(0,), distinct_by_tpdo=((0,) * 32,),
+                        fresh_by_tpdo=((0,) * 32,))
+    return node, bus, pad
+
+
+@pytest.mark.parametrize(('heartbeat_time', 'silence', 'fault'), [
+    (0.1, 0.4, NodeFault.NONE), (0.1, 0.7, NodeFault.SILENT), (1.0, 2.8, NodeFault.NONE), (1.0, 3.2, NodeFault.SILENT)])
+def test_a_device_with_its_own_heartbeat_time_may_be_silent_for_three_of_them(heartbeat_time, silence, fault):
+    node, bus, pad = monitored(heartbeat_time)
+    bus.feed(0x720, b'\x05')
+    heard = bus.heartbeats.heard(32)
+    assert node.detect(heard + silence, False, pad, BusSeen(0)) is fault
+
+
+def test_a_heartbeat_time_that_cannot_be_read_is_measured(monkeypatch):
+    node, bus, pad = monitored(None)
+    for heard in (100.0, 101.0, 101.05, 102.0):  # one more for a change of state
+        monkeypatch.setattr('tactile_node.cia301.heartbeat.time.monotonic', lambda now=heard: now)
+        bus.feed(0x720, b'\x05')
+    assert node.detect(104.7, False, pad, BusSeen(0)) is NodeFault.NONE
+    assert node.detect(105.1, False, pad, BusSeen(0)) is NodeFault.SILENT
+
+
+def test_a_silence_while_this_process_is_overloaded_is_no_fault_at_once():
+    node, bus, pad = monitored(0.1)
+    bus.feed(0x720, b'\x05')
+    heard = bus.heartbeats.heard(32)
+    node.commanded(heard, pad)
+    assert node.detect(heard + 2.0, True, pad, BusSeen(0, is_overloaded=True)) is NodeFault.NONE
+    assert node.detect(heard + 2.0, True, pad, BusSeen(0)) is NodeFault.SILENT
+    assert node.detect(heard + 60.0, True, pad, BusSeen(0, is_overloaded=True)) is not NodeFault.NONE
