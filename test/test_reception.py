@@ -2,8 +2,10 @@
 
 import os
 import pty
+import threading
 import time
 import tty
+from math import inf
 from types import SimpleNamespace
 
 import can
@@ -11,7 +13,7 @@ import pytest
 from can_bench import wait_until
 
 from tactile_node.bus.bus_network import open_bus
-from tactile_node.bus.reception import MOST, Reception
+from tactile_node.bus.reception import MOST, Batch, Reception
 from tactile_node.bus.traffic import Traffic
 
 pytestmark = pytest.mark.bus
@@ -87,3 +89,31 @@ def test_syncs_are_left_out_while_it_is_not_known_how_far_a_node_is():
         traffic.send_sync(network, 0x80)
     assert sent == [*range(10), 12, 13, 14, 15, 18, 19, 20, 21]
     assert traffic.pause.count == 6 and traffic.syncs_sent == len(sent)
+
+
+def test_a_bus_that_was_closed_or_not_read_was_not_idle():
+    idle = []
+    router = SimpleNamespace(settle=lambda since, until: idle.append(until - since), feed=lambda *frame: None)
+    monitor = SimpleNamespace(feed=lambda can_id, data: None)
+    traffic = Traffic(router, monitor, None, polled=(), queue_limit=2, is_host_stamped=True, sync_period=0.02)
+    held = threading.Event()
+    now = time.time()
+
+    def received(*stamps):
+        traffic.received(Batch([can.Message(now + stamp, 0x1A0, False) for stamp in stamps]))
+    traffic.begin()
+    received(-5.0, -4.0)
+    assert wait_until(lambda: len(idle) == 2)
+    traffic.put(held.wait)
+    received(-3.9, -3.8)
+    received(-3.7)  # there is no room for it
+    held.set()
+    assert wait_until(lambda: len(idle) == 4)
+    received(-2.0, -1.5)
+    assert wait_until(lambda: len(idle) == 6)
+    traffic.end(1.0)
+    traffic.begin()
+    received(-1.0)
+    assert wait_until(lambda: len(idle) == 7)
+    traffic.end(1.0)
+    assert idle == pytest.approx([-inf, 1.0, 0.1, 0.1, -inf, 0.5, -inf], abs=1e-5) and traffic.overruns == 1

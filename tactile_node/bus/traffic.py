@@ -45,7 +45,8 @@ class Traffic:
         self.overruns = 0  #: CAN frames lost because the queue was full
         self.syncs_sent = 0
         self.pause = SyncPause(sync_period)
-        self._last_came = -inf  # the stamp up to which all received so far has come
+        self._last_came = inf  # the stamp up to which all received so far has come
+        self._is_gap = True  # nothing is known of the time before the next batch
 
     @property
     def no_data_frames(self) -> Mapping[str, int]:
@@ -55,6 +56,7 @@ class Traffic:
     def begin(self) -> None:
         """Start the assembler's thread; what waited for it is forgotten."""
         self._put = self._fed = 0
+        self._is_gap = True
         self._calls.begin()
 
     def end(self, timeout: float) -> None:
@@ -83,9 +85,11 @@ class Traffic:
                 self._count_other(kind, message)
         if self._put - self._fed + len(frames) <= self._queue_limit:
             self._put += len(frames)
-            self._calls.put(self._feed, frames, self._came(batch))
+            self._calls.put(self._feed, frames, self._came(batch), self._is_gap)
+            self._is_gap = False
         else:
             self.overruns += len(frames)
+            self._is_gap = True
 
     def _came(self, batch: Batch) -> Span | None:
         """Between which stamps the frames of ``batch`` came; None where each has the stamp at which it came."""
@@ -95,8 +99,13 @@ class Traffic:
         after, until = batch.came
         return after + lead, until + lead
 
-    def _feed(self, frames: list[tuple[int, bytes, float]], came: Span | None) -> None:
-        """On the assembler's thread. Between two frames the bus was idle; all frames of a ``came`` count as one."""
+    def _feed(self, frames: list[tuple[int, bytes, float]], came: Span | None, is_after_gap: bool) -> None:
+        """On the assembler's thread. Between two frames the bus was idle; all frames of a ``came`` count as one.
+
+        ``is_after_gap``: CAN frames before these were not taken, so nothing is known of the bus.
+        """
+        if is_after_gap:
+            self._last_came = inf
         for can_id, data, stamp in frames:
             after, until = came or (stamp, stamp)
             self._router.settle(self._last_came, after)
