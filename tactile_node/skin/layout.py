@@ -7,6 +7,7 @@ import numpy as np
 
 from tactile_node.cia301.cob_id import CobId
 from tactile_node.cia301.pdo import MAX_PDO_BITS
+from tactile_node.skin.event_driven import EventDriven
 
 MAX_DOMAIN_BYTES = 1 << 20  # bounds what a mistyped layout can allocate
 MAX_SIDE = 1024  # taxels: bounds what a mistyped layout can allocate
@@ -135,11 +136,12 @@ class SkinLayout:
     dead: tuple[tuple[int, int], ...] = ()  #: (row, col) of taxels known to be dead
     nodes: int = 1  #: CANopen nodes that make up the pad
     domain: DomainLayout | None = None  #: polled by SDO; ``tpdos`` is then empty
+    event_driven: EventDriven | None = None  #: its TPDOs are not sampled by SYNC
 
     @property
     def needs_sync(self) -> bool:
         """Whether SYNC makes the pad's nodes send."""
-        return self.domain is None
+        return self.domain is None and self.event_driven is None
 
     @property
     def carriers(self) -> 'tuple[TpdoLayout | DomainLayout, ...]':
