@@ -4,7 +4,8 @@ MAX_TPDOS = 512  #: of one node
 MAX_PDO_BYTES = 8  #: of a classic CAN frame
 MAX_PDO_BITS = 8 * MAX_PDO_BYTES
 
-# Transmission types, sub 2 of the communication record
+# Transmission types, a sub-index of the communication record
+TRANSMISSION_TYPE = 2
 EVERY_SYNC = 1  #: synchronous; 2..240: at every 2nd..240th SYNC
 MAX_SYNCHRONOUS = 240
 MANUFACTURER_EVENT = 254  #: at an event that the maker defines; CiA 301 prescribes 254 or 255 for an MPDO

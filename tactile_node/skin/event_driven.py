@@ -2,7 +2,15 @@
 
 from dataclasses import dataclass
 
-from tactile_node.cia301.pdo import EVENT_TIMER_UNIT, INHIBIT_UNIT, MANUFACTURER_EVENT, MAX_TIME, PROFILE_EVENT
+from tactile_node.cia301.pdo import (
+    EVENT_TIMER,
+    EVENT_TIMER_UNIT,
+    INHIBIT_TIME,
+    INHIBIT_UNIT,
+    MANUFACTURER_EVENT,
+    MAX_TIME,
+    PROFILE_EVENT,
+)
 from tactile_node.yaml_section import Section
 
 AGED_AFTER = 3  #: event timers: two transmissions in a row may be lost
@@ -19,6 +27,12 @@ class EventDriven:
     is_sweeps: bool  #: sends all TPDOs of a scan together, in the layout's order; else each TPDO at its own time
     period: float  #: the least between the beginnings of two sweeps; without sweeps the event timer
     max_age: float  #: without sweeps, how old the values of a TPDO may become
+
+    @property
+    def times(self) -> dict[int, int]:
+        """The times as a TPDO's communication record holds them, by sub-index."""
+        return {INHIBIT_TIME: round(self.inhibit_time / INHIBIT_UNIT),
+                EVENT_TIMER: round(self.event_timer / EVENT_TIMER_UNIT)}
 
     @property
     def sweep_time(self) -> float:

@@ -10,6 +10,7 @@ from tactile_node.skin.pads import CanopenNode
 from tactile_node.supervision.outage import Backoff, OutageClock
 from tactile_node.threads.reminder import Reminder
 
+PAUSES = 5  # of a node without SYNC: so many sweeps or event timers without a TPDO are a fault
 GRACE = 0.3  # s a node has to obey a command and to report it: three heartbeats
 
 
@@ -55,7 +56,8 @@ class NodeMonitor:
     def set_timeouts(self, heartbeat: float, data: float) -> None:
         """How long it may be silent [s]."""
         self._heartbeat_timeout = heartbeat
-        self._data_timeout = data
+        event = self.node.layout.event_driven
+        self._data_timeout = data if event is None else max(data, PAUSES * event.longest_pause)
 
     @property
     def boots(self) -> int:

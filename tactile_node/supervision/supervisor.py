@@ -193,7 +193,7 @@ class Supervisor:
             logger.error('Another NMT master has sent: %s.', command_text(command), extra={'fact': command})
 
     def _deliver(self, name: str, frame: TaxelFrame) -> None:
-        acquired = time.monotonic() - self._bus.age(frame.stamp)
+        acquired = time.monotonic() - self._bus.age(frame.stamp) - frame.oldest_age
         for monitor in self._by_pad[name]:
             if not monitor.is_trusted or acquired < monitor.trusted_from:
                 monitor.distrusted += 1
