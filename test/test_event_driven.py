@@ -15,7 +15,8 @@ from tactile_node.assembly.snapshot_assembler import SNAPSHOT_WAIT, SnapshotAsse
 from tactile_node.assembly.sweep_assembler import SweepAssembler
 from tactile_node.errors import ConfigurationError
 from tactile_node.frames.losses import Loss, LossReason
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus, without_any_value
+from tactile_node.skin.taxel_codec import without_values
 
 T = 0.02
 MAX_AGE = 0.05
@@ -83,7 +84,7 @@ def test_a_sweep_is_given_with_its_last_tpdo_and_stamped_with_its_first(sweeps):
     assert send(sweeps, 0, 5.0, 11) == send(sweeps, 1, 5.001, 12) == ()
     frame = only(send(sweeps, 2, 5.002, 13))
     assert (rows(frame), frame.stamp, frame.sequence, frame.missing_can_frames) == ([11, 12, 13], 5.0, 0, 0)
-    assert frame.tpdo_ages is None and frame.oldest_age == 0
+    assert frame.tpdo_ages is None
     assert sweeps.statistics()[:6] == (1, 0, 3, 3, 3, 0)
 
 
@@ -245,8 +246,15 @@ def test_a_snapshot_has_the_age_of_each_tpdo(snapshots):
     assert (rows(frame), frame.stamp, frame.sequence) == ([11, 12, 13], 5.010, 0)
     np.testing.assert_allclose(frame.tpdo_ages.ages, [0.006, 0, 0.010], atol=1e-6)
     assert frame.tpdo_ages.taxel_tpdos.tolist() == [[0, 0], [1, 1], [2, 2]]
-    assert frame.oldest_age == pytest.approx(0.010, abs=1e-6)
+    assert frame.tpdo_ages.of(2, 1) == pytest.approx(0.010, abs=1e-6)
     assert snapshots.statistics()[:6] == (1, 0, 3, 3, 3, 0)
+
+
+def test_ages_stay_with_a_frame_whose_values_are_taken_away(snapshots, tmp_path):
+    """Those of a node that was not configured, those of a pad that is not valid."""
+    frame = only(sweep(snapshots, 5.0, ranks=[2, 1, 0]))
+    partly = without_values(frame, tiny_layout(tmp_path).tpdos[2:])
+    assert partly.tpdo_ages is frame.tpdo_ages and without_any_value(frame).tpdo_ages is frame.tpdo_ages
 
 
 def test_the_fastest_tpdo_sets_the_pace_and_none_of_it_is_lost(snapshots):

@@ -26,6 +26,10 @@ class TpdoAges(NamedTuple):
     ages: np.ndarray  #: float32, shape (TPDOs,): at the frame's stamp, from their reception, >= 0 [s]
     taxel_tpdos: np.ndarray  #: uint16, shape (rows, cols): whose value each taxel has; 0 where UNMAPPED
 
+    def of(self, row: int, col: int) -> float:
+        """The age of a taxel's value [s]."""
+        return float(self.ages[self.taxel_tpdos[row, col]])
+
 
 class TaxelFrame(NamedTuple):
     """All taxels of one pad in one SYNC period; without SYNC, of one sweep or the latest of each TPDO.
@@ -42,14 +46,6 @@ class TaxelFrame(NamedTuple):
     status: np.ndarray  #: uint8 TaxelStatus, shape (rows, cols)
     missing_can_frames: int  #: TPDOs of this period that did not arrive, or not as mapped
     tpdo_ages: TpdoAges | None = None  #: None: all values are of one sweep
-
-    @property
-    def oldest_age(self) -> float:
-        """Of the values given, at the stamp [s]."""
-        if self.tpdo_ages is None:
-            return 0.0
-        given = ~np.isnan(self.values)
-        return float(self.tpdo_ages.ages[self.tpdo_ages.taxel_tpdos[given]].max(initial=0.0))
 
 
 def without_any_value(frame: TaxelFrame) -> TaxelFrame:

@@ -143,6 +143,10 @@ class SkinLayout:
         """Whether SYNC makes the pad's nodes send."""
         return self.domain is None and self.event_driven is None
 
+    def frame_period(self, sync_period: float) -> float:
+        """Time between two taxel frames, where ``sync_period`` is that of two SYNCs or polls [s]."""
+        return sync_period if self.event_driven is None else self.event_driven.longest_pause
+
     @property
     def carriers(self) -> 'tuple[TpdoLayout | DomainLayout, ...]':
         """The TPDOs that carry the taxels of one period, or the DOMAIN."""

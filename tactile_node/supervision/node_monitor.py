@@ -1,11 +1,14 @@
 """Detects the fault of one CANopen node by what is received of it. Times are of the monotonic clock [s]."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.cia301.nmt import NmtState
 from tactile_node.frames.health import Failure, NodeFault, NodeHealth
 from tactile_node.frames.losses import PadStatistics
+from tactile_node.frames.taxel_frame import TaxelFrame
+from tactile_node.skin.layout import DomainLayout, TpdoLayout
 from tactile_node.skin.pads import CanopenNode
 from tactile_node.supervision.outage import Backoff, OutageClock
 from tactile_node.threads.reminder import Reminder
@@ -72,6 +75,14 @@ class NodeMonitor:
     def is_trusted(self) -> bool:
         """Its TPDOs mean what the layout says: since it was configured it has not started again, nor been changed."""
         return self._configured == self.setup
+
+    def untrusted(self, frame: TaxelFrame, acquired: float) -> Sequence[TpdoLayout | DomainLayout]:
+        """Its TPDOs, or DOMAIN, whose values in ``frame``, acquired then, may mean something else."""
+        carriers, ages = self.node.layout.carriers, frame.tpdo_ages
+        if ages is None or not self.is_trusted:
+            return () if self.is_trusted and acquired >= self.trusted_from else carriers
+        return [carrier for carrier in carriers
+                if carrier.taxels and acquired - ages.of(*carrier.taxels[0][:2]) < self.trusted_from]
 
     def expect(self, now: float) -> None:
         """The bus was opened: from now on the node should send, and has to be configured."""

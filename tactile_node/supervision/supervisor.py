@@ -193,9 +193,9 @@ class Supervisor:
             logger.error('Another NMT master has sent: %s.', command_text(command), extra={'fact': command})
 
     def _deliver(self, name: str, frame: TaxelFrame) -> None:
-        acquired = time.monotonic() - self._bus.age(frame.stamp) - frame.oldest_age
+        acquired = time.monotonic() - self._bus.age(frame.stamp)
         for monitor in self._by_pad[name]:
-            if not monitor.is_trusted or acquired < monitor.trusted_from:
+            if untrusted := monitor.untrusted(frame, acquired):
                 monitor.distrusted += 1
-                frame = without_values(frame, monitor.node.layout.carriers)
+                frame = without_values(frame, untrusted)
         self._on_frame(name, frame)
