@@ -24,7 +24,7 @@ ALLOWED = {
     'assembly': {'cia301', 'frames', 'skin'}, 'recording': {'assembly', 'cia301', 'frames', 'skin', 'threads'},
     'bus': {'assembly', 'cia301', 'frames', 'recording', 'skin', 'threads'},
     'supervision': {'bus', 'cia301', 'frames', 'skin', 'threads'},
-    'simulator': {'bus', 'cia301', 'skin', 'synthetic'},
+    'simulator': {'bus', 'cia301', 'skin', 'synthetic', 'threads'},
     'ros': {'bus', 'cia301', 'frames', 'skin', *NUMERICAL},
     'nodes': {'bus', 'frames', 'recording', 'ros', 'skin', 'supervision', 'threads', *NUMERICAL},
     'demo': {'nodes', 'ros', 'simulator', 'skin', 'synthetic'}}

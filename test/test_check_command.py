@@ -90,3 +90,17 @@ def test_files_that_cannot_be_read_are_an_error(words, part, capsys):
 
 def test_a_bit_rate_that_is_none_is_refused(capsys):
     assert main(['check', 'sim16x16.yaml', '--bitrate', '0']) == 2
+
+
+def test_without_sync_the_load_is_that_of_the_event_timer(capsys):
+    """16 frames of 8 bytes each 50 ms, 135 bits each; a sweep has no SYNC."""
+    code, out = check(capsys, 'event8x8_16bit.yaml', '--json')
+    found = json.loads(out)
+    assert code == 0 and found['event_driven'] and found['sweep_bits'] == 16 * 135
+    assert found['load'] == {'20 Hz': pytest.approx(16 * 135 / 1e6 / 0.05)}
+
+
+def test_a_sweep_without_sync_must_fit_into_its_time(capsys):
+    """At 125 kbit/s 12 frames of 135 bits take 13 ms of the 20 ms between two sweeps."""
+    code, out = check(capsys, 'event12x8_8bit.yaml', '--bitrate', '125000')
+    assert code == 1 and 'takes 13.0 ms, and 9.0 ms are left' in out

@@ -187,6 +187,7 @@ TAXELS = [
     ('ages without TPDOs', changed(tpdo_ages=array('f', [0.1])), R.WRONG_LENGTH),
     ('TPDOs without ages', changed(taxel_tpdos=array('H', [0] * 256)), R.UNKNOWN_CODE),
     ('a TPDO without an age', changed(tpdo_ages=array('f', [0.1]), taxel_tpdos=array('H', [1] * 256)), R.UNKNOWN_CODE),
+    ('an age below 0', changed(tpdo_ages=array('f', [-0.1]), taxel_tpdos=array('H', [0] * 256)), R.WRONG_STAMP),
     ('a NaN age', changed(tpdo_ages=array('f', [NAN]), taxel_tpdos=array('H', [0] * 256)), R.NOT_FINITE)]
 CONTACTS = [
     *GRID, *VALUES,

@@ -9,7 +9,7 @@ pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run 
 
 from tactile_node.contact.pattern import ContactPattern  # noqa: E402
 from tactile_node.contact.visibility import visibility_of  # noqa: E402
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus  # noqa: E402
+from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus, TpdoAges  # noqa: E402
 from tactile_node.fusion.recognitions import FusedRecognition  # noqa: E402
 from tactile_node.grasp.opening import NOT_KNOWN, GapSource, Opening  # noqa: E402
 from tactile_node.grasp.tracker import GraspTracker, SideState  # noqa: E402
@@ -20,6 +20,7 @@ from tactile_node.ros.contact_messages import contact_message, pattern_of  # noq
 from tactile_node.ros.feature_messages import features_message, features_of  # noqa: E402
 from tactile_node.ros.grasp_messages import grasp_message, side_result  # noqa: E402
 from tactile_node.ros.message_age import InputAge, age_seconds  # noqa: E402
+from tactile_node.ros.message_checks import check_taxel_array  # noqa: E402
 from tactile_node.ros.shape_messages import Findings, pose_message, shape_message  # noqa: E402
 from tactile_node.ros.taxel_messages import taxel_array_message, taxel_values  # noqa: E402
 from tactile_node.ros.time_messages import time_message  # noqa: E402
@@ -37,6 +38,16 @@ def taxels(values, missing=0):
     status = np.where(np.isnan(values), TaxelStatus.STALE, TaxelStatus.VALID).astype(np.uint8)
     frame = TaxelFrame(STAMP, 7, values, status, missing_can_frames=missing)
     return taxel_array_message(frame, PITCH, 'Pa', 'left_pad')
+
+
+def test_ages_of_a_snapshot_arrive_in_the_order_of_its_tpdos():
+    status = np.array([[1, 1], [2, 3]], np.uint8)
+    ages = TpdoAges(np.array([0.25, 0.0, 1.5], np.float32), np.array([[1, 0], [2, 0]], np.uint16))
+    frame = TaxelFrame(STAMP, 7, np.array([[1, 2], [np.nan, np.nan]], np.float32), status, 1, ages)
+    message = taxel_array_message(frame, PITCH, 'Pa', 'left_pad')
+    assert list(message.tpdo_ages) == [0.25, 0.0, 1.5] and list(message.taxel_tpdos) == [1, 0, 2, 0]
+    assert check_taxel_array(message) is None
+    assert list(taxels([[1.0]]).tpdo_ages) == list(taxels([[1.0]]).taxel_tpdos) == []
 
 
 def block(rows, cols, value=50e3):

@@ -39,7 +39,9 @@ SKINS = {  # layout: product name, product number, type of the mapped objects
     'rows12x5_10bit': ('Simulated skin 12x5, row-multiplexed', 0x0C05_000A, U8),
     'nodes2_12x8_12bit': ('Simulated skin, one of two nodes of 6x8', 0x0608_000C, U8),
     'domain16x10_16bit': ('Simulated skin 16x10, polled DOMAIN', 0x100A_0010, U16),
-    'mpdo8x8_16bit': ('Simulated skin 8x8, MPDO', 0x0808_1001, U32)}
+    'mpdo8x8_16bit': ('Simulated skin 8x8, MPDO', 0x0808_1001, U32),
+    'event8x8_16bit': ('Simulated skin 8x8, sends what changes', 0x0808_2010, U16),
+    'event12x8_8bit': ('Simulated skin 12x8, sends its scans', 0x0C08_2008, U8)}
 
 
 def main() -> None:
@@ -90,7 +92,8 @@ def communication_objects(layout: SkinLayout, product: str, number: int) -> dict
         cob_id = f'{"$NODEID+" if tpdo.cob_id.relative else ""}0x{DISABLED | tpdo.cob_id.base:08X}'
         objects[communication] = record(
             f'{communication:X}', f'TPDO {tpdo.number} communication', 'RECORD',
-            [('COB-ID', U32, 'rw', cob_id), ('Transmission type', U8, 'rw', EVERY_SYNC)])
+            [('COB-ID', U32, 'rw', cob_id), ('Transmission type', U8, 'rw', EVERY_SYNC)]
+            + (times() if layout.event_driven else []))
         mapped_objects = () if tpdo.is_mpdo else tpdo.mapping
         entries = [(f'Mapped object {i}', U32, 'rw', f'0x{mapped.entry:08X}')
                    for i, mapped in enumerate(mapped_objects, 1)]
@@ -98,6 +101,11 @@ def communication_objects(layout: SkinLayout, product: str, number: int) -> dict
         objects[mapping] = record(f'{mapping:X}', f'TPDO {tpdo.number} mapping', 'RECORD', entries,
                                   count=SAM_MPDO if tpdo.is_mpdo else len(tpdo.mapping), count_access='rw')
     return objects
+
+
+def times() -> list[tuple | None]:
+    """Sub-indices 3 to 5 of a communication record; CiA 301 reserves 4, which is not implemented."""
+    return [('Inhibit time', U16, 'rw', 0), None, ('Event timer', U16, 'rw', 0)]
 
 
 def taxel_objects(layout: SkinLayout, taxel_type: str) -> dict[int, list[str]]:
@@ -120,13 +128,13 @@ def auto_zero_objects(layout: SkinLayout) -> dict[int, list[str]]:
     return {AUTO_ZERO: record(f'{AUTO_ZERO:X}', 'AI autozero', 'ARRAY', channels)}
 
 
-def record(index: str, name: str, kind: str, entries: list[tuple], count: int | None = None,
+def record(index: str, name: str, kind: str, entries: list[tuple | None], count: int | None = None,
            count_access: str = 'ro', mappable: int = 0) -> list[str]:
     lines = section(index, ParameterName=name, ObjectType='0x9' if kind == 'RECORD' else '0x8',
-                    SubNumber=len(entries) + 1)
+                    SubNumber=1 + sum(entry is not None for entry in entries))
     lines += variable(f'{index}sub0', 'Number of entries', U8, count_access,
                       default=len(entries) if count is None else count)
-    for sub, (entry, data_type, access, default) in enumerate(entries, 1):
+    for sub, (entry, data_type, access, default) in ((sub, entry) for sub, entry in enumerate(entries, 1) if entry):
         lines += variable(f'{index}sub{sub:X}', entry, data_type, access, default=default, mappable=mappable)
     return lines
 

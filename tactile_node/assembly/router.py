@@ -3,16 +3,21 @@
 from collections import Counter
 from collections.abc import Collection
 from math import inf
+from typing import TypeAlias
 
 import can
 
 from tactile_node.assembly.assembler import FrameAssembler
 from tactile_node.assembly.domain_assembler import DomainAssembler
+from tactile_node.assembly.snapshot_assembler import SnapshotAssembler
+from tactile_node.assembly.sweep_assembler import SweepAssembler
 from tactile_node.cia301.connection_set import service_of
 from tactile_node.frames.consumer import OnFrame
 from tactile_node.frames.losses import BusStatistics, Results
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.skin.pads import PadSettings
+
+Assembler: TypeAlias = FrameAssembler | DomainAssembler | SweepAssembler | SnapshotAssembler
 
 
 class Router:
@@ -25,7 +30,7 @@ class Router:
     def __init__(self, pads: tuple[PadSettings, ...], on_frame: OnFrame, foreign_sync: bool = True,
                  one_clock: bool = True, drop_incomplete: bool = False, adapter_delay: float = 0.0):
         self._assemblers = {pad.name: _assembler(pad, one_clock, drop_incomplete, adapter_delay) for pad in pads}
-        self._owners = {can_id: (name, assembler.feed, assembler.service)
+        self._owners = {can_id: (name, assembler.feed, assembler.service, isinstance(assembler, FrameAssembler))
                        for name, assembler in self._assemblers.items() for can_id in assembler.can_ids}
         self._synchronous = [one for one in self._assemblers.values() if isinstance(one, FrameAssembler)]
         self._settling_time = min((one.settling_time for one in self._synchronous), default=inf)
@@ -85,9 +90,9 @@ class Router:
         """A data frame with an 11-bit identifier."""
         owner = self._owners.get(can_id)
         if owner is not None:
-            name, feed, service = owner
+            name, feed, service, has_sync = owner
             self._counts[service] += 1
-            if self.is_running or service == 'tpdo':  # uploads while not active are no samples
+            if self.is_running or has_sync:  # without SYNC, what comes while not active is no sample
                 self._hand_over(name, feed(can_id, data, stamp))
         elif can_id == self._sync_id:
             self._counts['sync'] += 1
@@ -119,10 +124,12 @@ class Router:
                 self._on_frame(name, result)
 
 
-def _assembler(pad: PadSettings, one_clock: bool, drop_incomplete: bool,
-               adapter_delay: float) -> FrameAssembler | DomainAssembler:
+def _assembler(pad: PadSettings, one_clock: bool, drop_incomplete: bool, adapter_delay: float) -> Assembler:
     if pad.layout.domain is not None:
         return DomainAssembler(pad.layout, pad.node_ids[0], drop_incomplete)
+    if (event := pad.layout.event_driven) is not None:
+        kind = SweepAssembler if event.is_sweeps else SnapshotAssembler
+        return kind(pad.layout, event, pad.node_ids, drop_incomplete)
     return FrameAssembler(pad.layout, pad.node_ids, one_clock, drop_incomplete, adapter_delay)
 
 

@@ -2,10 +2,11 @@
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import NamedTuple, NoReturn
 
 from canopen import SdoAbortedError, SdoCommunicationError
+from canopen.objectdictionary import ODVariable
 from canopen.sdo import SdoClient
 
 from tactile_node.bus.device_objects import DeviceObjects
@@ -20,7 +21,15 @@ from tactile_node.cia301.objects import (
     TPDO_COMMUNICATION,
     TPDO_MAPPING,
 )
-from tactile_node.cia301.pdo import EVERY_SYNC, MANUFACTURER_EVENT, MAX_TPDOS, SAM_MPDO
+from tactile_node.cia301.pdo import (
+    EVENT_TIMER,
+    EVERY_SYNC,
+    INHIBIT_TIME,
+    MANUFACTURER_EVENT,
+    MAX_TPDOS,
+    SAM_MPDO,
+    TRANSMISSION_TYPE,
+)
 from tactile_node.errors import DeviceAbsentError, DeviceError
 from tactile_node.skin.identity import Identity, identity_of
 from tactile_node.skin.layout import TpdoLayout
@@ -28,6 +37,10 @@ from tactile_node.skin.pads import CanopenNode
 from tactile_node.threads.reminder import Reminder
 
 logger = logging.getLogger(__name__)
+
+#: Of the sub-indices of a communication record that say when a TPDO is sent: its bytes, its name
+SIZES = {TRANSMISSION_TYPE: 1, INHIBIT_TIME: 2, EVENT_TIMER: 2}
+WHAT = {TRANSMISSION_TYPE: 'transmission type', INHIBIT_TIME: 'inhibit time', EVENT_TIMER: 'event timer'}
 
 MappingEntries = list[int] | None  # of a mapping record; None: an MPDO with source addressing
 
@@ -59,6 +72,7 @@ class DeviceSetup(DeviceObjects):
             return DeviceAsSet(check_domain(self._sdo, self._node.layout.domain, self._label), heartbeat)
         tpdos = {tpdo.number: tpdo for tpdo in self._node.layout.tpdos}  # many frames may be one multiplexed TPDO
         self._disable_rivals()
+        self._report_fixed_times(tpdos)
         written = sum(self._configure(tpdo) for tpdo in tpdos.values())
         logger.info('%s: %d TPDOs ready, %d of them newly written.', self._label, len(tpdos), written)
         return DeviceAsSet(heartbeat_ms=heartbeat)
@@ -149,19 +163,42 @@ class DeviceSetup(DeviceObjects):
         """Make the device send ``tpdo`` as the layout says; True when anything had to be written."""
         communication, mapping = TPDO_COMMUNICATION + tpdo.number - 1, TPDO_MAPPING + tpdo.number - 1
         entries = None if tpdo.is_mpdo else [mapped.entry for mapped in tpdo.mapping]
-        kind = MANUFACTURER_EVENT if tpdo.is_mpdo else EVERY_SYNC
+        transmission = self._transmission(tpdo, communication)
         current = self._read(communication, 1)
         wanted = tpdo.cob_id.of(self._node.node_id) | current & NO_RTR
         same_mapping = self._mapping(mapping) == entries
-        if current == wanted and same_mapping and self._read(communication, 2) == kind:
+        if current == wanted and same_mapping and all(self._read(communication, sub) == value
+                                                      for sub, value in transmission.items()):
             return False
         self._write(communication, 1, current | DISABLED, 4)  # CiA 301: no change while the PDO exists
-        self._write(communication, 2, kind, 1)
+        for sub, value in transmission.items():
+            self._write(communication, sub, value, SIZES[sub])
         if not same_mapping:
             self._write_mapping(mapping, entries)
         self._write(communication, 1, wanted, 4)
-        self._verify(tpdo, communication, wanted, kind)
+        self._verify(tpdo, communication, wanted, transmission)
         return True
+
+    def _transmission(self, tpdo: TpdoLayout, index: int) -> dict[int, int]:
+        """The transmission type by its sub-index, and without SYNC the times that the EDS lists."""
+        event = self._node.layout.event_driven
+        if event is None:
+            return {TRANSMISSION_TYPE: MANUFACTURER_EVENT if tpdo.is_mpdo else EVERY_SYNC}
+        times = {sub: value for sub, value in event.times.items() if self._is_listed(index, sub)}
+        return {TRANSMISSION_TYPE: event.transmission_type, **times}
+
+    def _is_listed(self, index: int, sub: int) -> bool:
+        record = self._node.dictionary[index]
+        return not isinstance(record, ODVariable) and sub in record.subindices
+
+    def _report_fixed_times(self, tpdos: Collection[int]) -> None:
+        """The times of ``tpdos`` that the layout gives and the device does not let be set."""
+        event = self._node.layout.event_driven
+        for sub, value in () if event is None else event.times.items():
+            fixed = [number for number in tpdos if not self._is_listed(TPDO_COMMUNICATION + number - 1, sub)]
+            if value and fixed:
+                logger.warning('%s: its EDS has no %s (sub-index %d) of TPDO %s, so it stays as it is.', self._label,
+                               WHAT[sub], sub, ', '.join(map(str, fixed)))
 
     def _mapping(self, index: int) -> MappingEntries:
         count = self._read(index, 0)
@@ -175,10 +212,11 @@ class DeviceSetup(DeviceObjects):
         if (now := self._mapping(index)) != entries:
             self._refuse_other_value(f'0x{index:04X}', _mapping_text(entries), _mapping_text(now))
 
-    def _verify(self, tpdo: TpdoLayout, index: int, wanted: int, kind: int) -> None:
-        if (kind_now := self._read(index, 2)) != kind:
-            self._refuse_other_value(f'0x{index:04X} sub 2 (transmission type of TPDO {tpdo.number})',
-                                     f'0x{kind:02X}', f'0x{kind_now:02X}')
+    def _verify(self, tpdo: TpdoLayout, index: int, wanted: int, transmission: dict[int, int]) -> None:
+        for sub, value in transmission.items():
+            if (now := self._read(index, sub)) != value:
+                self._refuse_other_value(f'0x{index:04X} sub {sub} ({WHAT[sub]} of TPDO {tpdo.number})',
+                                         f'0x{value:02X}', f'0x{now:02X}')
         now = self._read(index, 1)
         if now & (DISABLED | ID_MASK) != wanted & ID_MASK:
             self._refuse_other_value(f'0x{index:04X} sub 1 (COB-ID of TPDO {tpdo.number})', f'0x{wanted:08X}',

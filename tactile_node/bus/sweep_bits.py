@@ -8,10 +8,11 @@ from tactile_node.skin.layout import SkinLayout
 def sweep_bits(layout: SkinLayout) -> int:
     """Return the bits of a SYNC and all TPDOs that answer it, with bit stuffing at its worst; 0 for a polled pad.
 
+    Without SYNC, those of all TPDOs once.
+
     >>> from tactile_node.skin.layout_file import load_layout
     >>> sweep_bits(load_layout('sim16x16.yaml')) == 32 * 135 + 55
     True
     """
-    if not layout.needs_sync:
-        return 0
-    return FRAME_BITS[0] + sum(FRAME_BITS[min(tpdo.length, MAX_PDO_BYTES)] for tpdo in layout.tpdos)
+    sync = FRAME_BITS[0] if layout.needs_sync else 0
+    return sync + sum(FRAME_BITS[min(tpdo.length, MAX_PDO_BYTES)] for tpdo in layout.tpdos)

@@ -88,7 +88,13 @@ def _facts(layout: SkinLayout, bitrate: int) -> dict:
             'nodes': layout.nodes, 'tpdos': len(layout.tpdos), 'polled': layout.domain is not None,
             'unmapped_taxels': int((kinds == UNMAPPED).sum()), 'dead_taxels': int((kinds == DEAD).sum()),
             'sweep_bits': bits or None, 'highest_sweep_rate': bitrate / bits if bits else None,
-            'load': {f'{1 / period:g} Hz': bits / bitrate / period for period in PERIODS} if bits else None}
+            'event_driven': layout.event_driven is not None,
+            'load': {f'{1 / period:g} Hz': bits / bitrate / period for period in _periods(layout)} if bits else None}
+
+
+def _periods(layout: SkinLayout) -> tuple[float, ...]:
+    """Between two sweeps; without SYNC the device's own, beside what it sends more because of changes [s]."""
+    return PERIODS if layout.event_driven is None else (layout.event_driven.period,)
 
 
 def _warnings(layout: SkinLayout, bitrate: int) -> list[str]:
@@ -102,9 +108,13 @@ def _warnings(layout: SkinLayout, bitrate: int) -> list[str]:
     written = Path(layout.source).read_text(encoding='utf-8').splitlines()
     if unfilled := [number for number, line in enumerate(written, 1) if f'# {FILL_IN}' in line]:
         found.append(f'marked {FILL_IN} are the lines {", ".join(map(str, unfilled))}')
-    load = sweep_bits(layout) / bitrate / PERIODS[0]
+    event, period = layout.event_driven, _periods(layout)[0]
+    load = sweep_bits(layout) / bitrate / period
     if load > MOST_LOAD:
-        found.append(f'at {1 / PERIODS[0]:g} sweeps a second the bus would be busy for {load:.0%} of the time')
+        found.append(f'at {1 / period:g} sweeps a second the bus would be busy for {load:.0%} of the time')
+    elif event is not None and event.is_sweeps and load * period > event.sweep_time:
+        found.append(f'a sweep takes {1000 * load * period:.1f} ms, and {1000 * event.sweep_time:.1f} ms are left for '
+                     'it: TPDOs that come later are not recognised as part of it. Send less often, or with SYNC')
     return found
 
 
@@ -138,6 +148,8 @@ def _described(layout: SkinLayout, bitrate: int) -> list[str]:
              f'{layout.value.unit}; {layout.nodes} node{"s" * (layout.nodes > 1)}, {carrier}']
     if facts['load']:
         loads = ', '.join(f'{load:.0%} at {rate}' for rate, load in facts['load'].items())
+        if layout.event_driven:
+            loads += ' without SYNC' if layout.event_driven.is_sweeps else ' by event timer, and more with changes'
         lines.append(f'load of the bus at {bitrate / 1e6:g} Mbit/s: {loads}; highest rate '
                      f'{facts["highest_sweep_rate"]:.0f} sweeps a second')
     if layout.cols <= WIDEST_MAP:

@@ -20,18 +20,32 @@ class TaxelStatus(IntEnum):
     FAULTY = 6     #: stuck or flickering, by what it sent
 
 
+class TpdoAges(NamedTuple):
+    """How old the values of each TPDO are, in a frame whose TPDOs were not sampled together. Arrays are read-only."""
+
+    ages: np.ndarray  #: float32, shape (TPDOs,): at the frame's stamp, from their reception, >= 0 [s]
+    taxel_tpdos: np.ndarray  #: uint16, shape (rows, cols): whose value each taxel has; 0 where UNMAPPED
+
+    def of(self, row: int, col: int) -> float:
+        """The age of a taxel's value [s]."""
+        return float(self.ages[self.taxel_tpdos[row, col]])
+
+
 class TaxelFrame(NamedTuple):
-    """All taxels of one pad in one SYNC period.
+    """All taxels of one pad in one SYNC period; without SYNC, of one sweep or the latest of each TPDO.
 
     ``values`` has shape (rows, cols), row 0 and column 0 at the pad frame's origin, in the layout's SI
     unit. It is read-only, and NaN (never 0) where ``status`` reports no valid value.
     """
 
-    stamp: float  #: acquisition time [s, Unix epoch]: when the SYNC of this period was on the bus
+    #: acquisition time [s, Unix epoch]: when the SYNC of this period was on the bus; without SYNC, the first TPDO of
+    #: this sweep, or the newest TPDO in it (``tpdo_ages``)
+    stamp: float
     sequence: int  #: counts SYNC periods since the driver became active, gaps are lost frames
     values: np.ndarray  #: float32, shape (rows, cols)
     status: np.ndarray  #: uint8 TaxelStatus, shape (rows, cols)
     missing_can_frames: int  #: TPDOs of this period that did not arrive, or not as mapped
+    tpdo_ages: TpdoAges | None = None  #: None: all values are of one sweep
 
 
 def without_any_value(frame: TaxelFrame) -> TaxelFrame:

@@ -148,13 +148,14 @@ class DriverNode(LifecycleNode):
             self._owned.append(output.destroy)
         self._pads = outputs  # all at once: at start the executor publishes the state of these meanwhile
         saving = FaultService(self, settings.faulty_taxels_file, self._faults)
-        self._state.begin(f'{settings.interface} {settings.channel}', settings.sync_period)
+        frame_period = max(pad.layout.frame_period(settings.sync_period) for pad in pads)
+        self._state.begin(f'{settings.interface} {settings.channel}', frame_period)
         self._gate = self._make_gate(settings)
         source = make_source(settings, pads, self._publish, self._make_clock(settings))
         self._age = source.age
         self._tare.begin(Zeroing(pads={name: pad.tared for name, pad in conditioned.items()},
                                  limit=self._tare_limit({pad.name: pad.layout.value.unit for pad in pads}),
-                                 frame_period=settings.sync_period, auto_zero=source.auto_zero, boots=source.boots))
+                                 frame_period=frame_period, auto_zero=source.auto_zero, boots=source.boots))
         self._owned += [saving.destroy, self._tare.end, source.close]
         if self._gate is not None:
             self._owned.append(self._gate.release)

@@ -220,7 +220,7 @@ def _tpdo_ages(message: TaxelArray) -> RejectReason | None:
         return RejectReason.WRONG_LENGTH
     if not len(message.tpdo_ages) or max(message.taxel_tpdos) >= len(message.tpdo_ages):
         return RejectReason.UNKNOWN_CODE
-    return _finite(*message.tpdo_ages)
+    return _finite(*message.tpdo_ages) or (RejectReason.WRONG_STAMP if min(message.tpdo_ages) < 0 else None)
 
 
 def _noise_floor(message: Contact) -> RejectReason | None:

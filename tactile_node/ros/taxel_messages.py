@@ -21,6 +21,9 @@ def taxel_array_message(frame: TaxelFrame, pitch: float, unit: str, frame_id: st
     message.header.frame_id = frame_id
     if layer is not None:
         message.layer_depth, message.layer_deviation = layer
+    if frame.tpdo_ages is not None:
+        message.tpdo_ages = as_array('f', frame.tpdo_ages.ages, np.float32)
+        message.taxel_tpdos = as_array('H', frame.tpdo_ages.taxel_tpdos, np.uint16)
     return message
 
 

@@ -15,12 +15,15 @@ from tactile_node.cia301.connection_set import NMT
 from tactile_node.cia301.nmt import NmtCommand
 from tactile_node.cia301.node_id import ALL_NODES
 from tactile_node.cia301.objects import COB_ID_SYNC, TPDO_COMMUNICATION, TPDO_MAPPING
-from tactile_node.cia301.pdo import MAX_PDO_BITS, MAX_TPDOS, SAM_MPDO
+from tactile_node.cia301.pdo import INHIBIT_TIME, MAX_PDO_BITS, MAX_TPDOS, SAM_MPDO
 from tactile_node.cia301.sdo import SDO_BYTES, AbortCode
+from tactile_node.errors import BusError
 from tactile_node.simulator.block_upload import BlockUploadServer
+from tactile_node.simulator.event_schedule import SCAN, EventSchedule
 from tactile_node.simulator.tpdo_records import ConfiguredTpdo, Piece, TpdoRecords
 from tactile_node.skin.pads import CanopenNode
 from tactile_node.skin.taxel_codec import TaxelCodec
+from tactile_node.threads.stoppable_thread import StoppableThread
 
 logger = logging.getLogger(__name__)
 
@@ -34,8 +37,9 @@ class SimulatedDevice:
     """One node of a pad as a CANopen slave on ``network``: boot-up, heartbeat, NMT, SDO server, synchronous TPDOs.
 
     What it sends is what has been written to 0x1005, 0x1800... and 0x1A00..., not what the layout says; the
-    layout says which mapped object holds which taxel. ``source`` is called once a SYNC while OPERATIONAL.
-    ``send_sweep`` sends in place of ``network`` what a SYNC asks for.
+    layout says which mapped object holds which taxel. ``source`` is called once a SYNC while OPERATIONAL. TPDOs of
+    the types 254 and 255 with an event timer are sent without SYNC, as EventSchedule says. ``send_sweep`` sends in
+    place of ``network`` what a SYNC asks for.
     """
 
     def __init__(self, network: canopen.Network, node: CanopenNode, source: TaxelSource,
@@ -46,7 +50,7 @@ class SimulatedDevice:
         self._node_id = node.node_id
         self._layout = node.layout
         self._codec = TaxelCodec(node.layout)
-        self._records = TpdoRecords(node.layout, node.node_id, self._number)
+        self._records = TpdoRecords(node.layout, node.node_id, node.dictionary, self._number)
         self._node = canopen.LocalNode(node.node_id, node.dictionary)
         self._node.add_write_callback(self._before_write)
         self._node.add_read_callback(self._read_taxels)
@@ -55,6 +59,8 @@ class SimulatedDevice:
         self._domain = node.layout.domain
         self._blocks = self._block_server()
         self._tpdos: list[ConfiguredTpdo] | None = None
+        self._schedule = EventSchedule([], 0.0)
+        self._events = StoppableThread(self._send_events, f'events {node.node_id}')
         self._sent: dict[int, bytes] = {}
         self._started = 0.0
         self._syncs = 0
@@ -86,6 +92,7 @@ class SimulatedDevice:
             self._network.subscribe(self._node.sdo.rx_cobid, self._node.sdo.on_request)
             del self._network[self._node_id]
             self._forget()
+        self._events.stop()  # outside the lock, which its thread takes
 
     def lie(self, index: int, subindex: int, data: bytes) -> None:
         """Until the next reset answer reads of this object with ``data``."""
@@ -110,6 +117,13 @@ class SimulatedDevice:
     def _on_nmt(self, _can_id: int, data: bytearray, timestamp: float) -> None:
         if len(data) < 2 or data[1] not in (ALL_NODES, self._node_id):
             return
+        self._obey(data, timestamp)
+        if not self.operational:
+            self._events.stop()
+        elif self._records.has_event_timers:
+            self._events.start()
+
+    def _obey(self, data: bytearray, timestamp: float) -> None:
         with self._lock:
             if data[0] in (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION):
                 self._node.nmt.stop_heartbeat()
@@ -126,6 +140,28 @@ class SimulatedDevice:
                 self._started = timestamp
                 self._syncs = 0
                 self._sent.clear()
+                self._tpdos = None
+
+    def _send_events(self, stopping: threading.Event) -> None:
+        due = time.monotonic()
+        while not stopping.wait(max(0.0, due - time.monotonic())):
+            try:
+                due = self._send_due(time.monotonic())
+            except BusError as error:
+                logger.error('Node %d no longer sends: %s', self._node_id, error)
+                return
+
+    def _send_due(self, now: float) -> float:
+        """Send the TPDOs that are due without SYNC; when the next are."""
+        with self._lock:
+            if not self.operational:
+                return now + SCAN
+            if self._tpdos is None:
+                self._compile(now)
+            self._scan(time.time())
+            for tpdo in self._schedule.due(now, self._data):
+                self._send_at_once(self._frames(tpdo))
+            return self._schedule.next(now)
 
     def _block_server(self) -> BlockUploadServer | None:
         if self._domain is None:
@@ -164,31 +200,38 @@ class SimulatedDevice:
             self._send_sweep(self._sweep(timestamp))
 
     def _sweep(self, now: float) -> Iterator[tuple[int, bytes]]:
+        self._scan(now)
+        for tpdo in self._compile(time.monotonic()) if self._tpdos is None else self._tpdos:
+            if not tpdo.event_timer:
+                yield from self._answer(tpdo)
+
+    def _scan(self, now: float) -> None:
         payload = self._codec.encode(self._values(now))
         self._words = [payload[i:i + 8] for i in range(0, len(payload), 8)]
-        if self._tpdos is None:
-            self._tpdos = self._configured_tpdos()
-        for tpdo in self._tpdos:
-            for data in self._due(tpdo):
-                self.frames_sent += 1
-                yield tpdo.can_id, data
 
     def _send_at_once(self, frames: Iterator[tuple[int, bytes]]) -> None:
         for can_id, data in frames:
             self._network.send_message(can_id, data)
 
-    def _due(self, tpdo: ConfiguredTpdo) -> Iterator[bytes]:
+    def _answer(self, tpdo: ConfiguredTpdo) -> Iterator[tuple[int, bytes]]:
         """What the TPDO sends at this SYNC."""
         if tpdo.every and self._syncs % tpdo.every:
             return
-        for rank, head in tpdo.heads:
-            yield head + self._words[rank][len(head):tpdo.length]
-        if tpdo.heads:
-            return
-        data = self._data(tpdo)
-        if tpdo.every or self._sent.get(tpdo.can_id) != data:
+        if not tpdo.heads:
+            data = self._data(tpdo)
+            if not tpdo.every and self._sent.get(tpdo.can_id) == data:
+                return
             self._sent[tpdo.can_id] = data
-            yield data
+        yield from self._frames(tpdo)
+
+    def _frames(self, tpdo: ConfiguredTpdo) -> Iterator[tuple[int, bytes]]:
+        """What it sends now."""
+        for rank, head in tpdo.heads:
+            self.frames_sent += 1
+            yield tpdo.can_id, head + self._words[rank][len(head):tpdo.length]
+        if not tpdo.heads:
+            self.frames_sent += 1
+            yield tpdo.can_id, self._data(tpdo)
 
     def _data(self, tpdo: ConfiguredTpdo) -> bytes:
         if tpdo.whole is not None:
@@ -201,11 +244,13 @@ class SimulatedDevice:
             return 0
         return int.from_bytes(self._words[piece.rank], 'little') >> piece.start & (1 << piece.bits) - 1
 
-    def _configured_tpdos(self) -> list[ConfiguredTpdo]:
-        """As their records stand now."""
+    def _compile(self, now: float) -> list[ConfiguredTpdo]:
+        """As their records stand now, and what is due without SYNC from now on."""
         numbers = [i for i in range(MAX_TPDOS) if TPDO_COMMUNICATION + i in self._node.object_dictionary]
         compiled = (self._records.compile(number) for number in numbers)
-        return [tpdo for tpdo in compiled if tpdo is not None]
+        self._tpdos = [tpdo for tpdo in compiled if tpdo is not None]
+        self._schedule = EventSchedule(self._tpdos, now)
+        return self._tpdos
 
     def _number(self, index: int, sub: int) -> int:
         return int.from_bytes(self._node.get_data(index, sub), 'little')
@@ -234,6 +279,8 @@ class SimulatedDevice:
             now, new = self._number(index, 1), int.from_bytes(data, 'little')
             if not now & DISABLED and (now ^ new) & ID_MASK:
                 raise SdoAbortedError(AbortCode.WRONG_DEVICE_STATE)
+        elif index == communication and subindex == INHIBIT_TIME and not self._number(index, 1) & DISABLED:
+            raise SdoAbortedError(AbortCode.WRONG_DEVICE_STATE)
         self._tpdos = None
 
     def _check_mapping(self, index: int, subindex: int, value: int) -> None:

@@ -4,9 +4,25 @@ import struct
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
+from canopen import ObjectDictionary
+from canopen.objectdictionary import ODRecord
+
 from tactile_node.cia301.cob_id import DISABLED, ID_MASK
 from tactile_node.cia301.objects import TPDO_COMMUNICATION, TPDO_MAPPING
-from tactile_node.cia301.pdo import EVERY_SYNC, MANUFACTURER_EVENT, MAX_PDO_BYTES, MAX_SYNCHRONOUS, SAM_MPDO
+from tactile_node.cia301.pdo import (
+    EVENT_TIMER,
+    EVENT_TIMER_UNIT,
+    EVERY_SYNC,
+    INHIBIT_TIME,
+    INHIBIT_UNIT,
+    MANUFACTURER_EVENT,
+    MAX_PDO_BYTES,
+    MAX_SYNCHRONOUS,
+    MAX_TPDOS,
+    PROFILE_EVENT,
+    SAM_MPDO,
+    TRANSMISSION_TYPE,
+)
 from tactile_node.skin.layout import SkinLayout
 
 #: {index << 8 | sub: (rank, first bit, bits)} of every object that holds taxels
@@ -31,27 +47,39 @@ class ConfiguredTpdo(NamedTuple):
     pieces: tuple[Piece, ...]
     whole: int | None  #: the rank of the layout's TPDO that it equals
     heads: tuple[tuple[int, bytes], ...] = ()  #: multiplexed: rank and first bytes of each frame
+    event_timer: float = 0.0  #: > 0: not sent at a SYNC, but at least so often [s]
+    inhibit_time: float = 0.0  #: at most so often [s]
+    is_on_change: bool = False  #: without SYNC: also when its bytes have changed
 
 
 class TpdoRecords:
     """Compiles the records of one node; ``number(index, sub)`` reads its object dictionary."""
 
-    def __init__(self, layout: SkinLayout, node_id: int, number: Callable[[int, int], int]):
+    def __init__(self, layout: SkinLayout, node_id: int, dictionary: ObjectDictionary,
+                 number: Callable[[int, int], int]):
         self._layout = layout
         self._node_id = node_id
+        self._dictionary = dictionary
         self._number = number
         self.places = _object_places(layout)
+
+    @property
+    def has_event_timers(self) -> bool:
+        return any(self._has(number, EVENT_TIMER) for number in range(MAX_TPDOS))
 
     def compile(self, number: int) -> ConfiguredTpdo | None:
         """TPDO ``number`` (from 0) as its records stand now; None when it is not sent."""
         cob_id = self._number(TPDO_COMMUNICATION + number, 1)
-        kind = self._number(TPDO_COMMUNICATION + number, 2)
+        kind = self._number(TPDO_COMMUNICATION + number, TRANSMISSION_TYPE)
+        timer = self._time(number, EVENT_TIMER, EVENT_TIMER_UNIT) if kind >= MANUFACTURER_EVENT else 0.0
         count = self._number(TPDO_MAPPING + number, 0)
         heads = tuple(self._heads(number + 1))
-        if count == SAM_MPDO and kind == MANUFACTURER_EVENT and not cob_id & DISABLED:  # its event: the end of a scan
+        if cob_id & DISABLED:
+            return None
+        if count == SAM_MPDO and (kind == MANUFACTURER_EVENT or timer):
             return ConfiguredTpdo(can_id=cob_id & ID_MASK, every=EVERY_SYNC, length=MAX_PDO_BYTES, pieces=(),
-                                  whole=None, heads=heads)
-        if cob_id & DISABLED or kind > MAX_SYNCHRONOUS or not count:
+                                  whole=None, heads=heads, event_timer=timer)  # without it: a scan for each SYNC
+        if count in (0, SAM_MPDO) or kind > MAX_SYNCHRONOUS and not timer:
             return None
         pieces, bits = [], 0
         for sub in range(1, count + 1):
@@ -61,7 +89,17 @@ class TpdoRecords:
             bits += entry & 0xFF
         is_whole = not heads and all(p.rank == pieces[0].rank is not None and p.start == p.to for p in pieces)
         return ConfiguredTpdo(can_id=cob_id & ID_MASK, every=kind, length=(bits + 7) // 8, pieces=tuple(pieces),
-                              whole=pieces[0].rank if is_whole else None, heads=heads)
+                              whole=pieces[0].rank if is_whole else None, heads=heads, event_timer=timer,
+                              inhibit_time=self._time(number, INHIBIT_TIME, INHIBIT_UNIT),
+                              is_on_change=kind == PROFILE_EVENT and not heads)
+
+    def _time(self, number: int, sub: int, unit: float) -> float:
+        """A time of TPDO ``number`` [s]; 0 where the device does not have it."""
+        return self._number(TPDO_COMMUNICATION + number, sub) * unit if self._has(number, sub) else 0.0
+
+    def _has(self, number: int, sub: int) -> bool:
+        record = self._dictionary.get(TPDO_COMMUNICATION + number)
+        return isinstance(record, ODRecord) and sub in record.subindices
 
     def _heads(self, number: int) -> Iterator[tuple[int, bytes]]:
         for rank, tpdo in enumerate(self._layout.tpdos):

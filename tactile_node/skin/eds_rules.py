@@ -11,7 +11,7 @@ from canopen import ObjectDictionary
 from canopen.objectdictionary import ODArray, ODVariable
 
 from tactile_node.cia301.objects import COB_ID_SYNC, PRODUCER_HEARTBEAT_TIME, TPDO_COMMUNICATION, TPDO_MAPPING
-from tactile_node.cia301.pdo import MAX_PDO_BITS
+from tactile_node.cia301.pdo import EVENT_TIMER, INHIBIT_TIME, MAX_PDO_BITS, TRANSMISSION_TYPE
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.eds import refuse_eds
 from tactile_node.skin.eds_text import EdsText
@@ -20,8 +20,10 @@ from tactile_node.skin.identity import identity_of
 from tactile_node.skin.layout import DomainLayout, MappedObject, SkinLayout, TpdoLayout
 from tactile_node.skin.problems import raised_by
 
-#: Bits of the sub-indices (CiA 301): COB-ID, transmission type; number of mapped objects, mapped objects
-COMMUNICATION_BITS = {1: 32, 2: 8}
+#: Bits of the sub-indices (CiA 301): COB-ID, transmission type; inhibit time, event timer; number of mapped objects,
+#: mapped objects
+COMMUNICATION_BITS = {1: 32, TRANSMISSION_TYPE: 8}
+TIME_BITS = {INHIBIT_TIME: 16, EVENT_TIMER: 16}
 #: Access types (CiA 306) of what only a client writes: wo, and rww, which an RPDO may carry
 NOT_SENT = ('wo', 'rww')
 MAPPING_BITS = {0: 8} | dict.fromkeys(range(1, MAX_PDO_BITS + 1), 32)
@@ -47,9 +49,10 @@ def _checks(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) -> Itera
         yield partial(_check_value, dictionary, COB_ID_SYNC, 32, text)
     if layout.domain is not None:
         yield partial(_check_domain, dictionary, layout.domain, layout.source, eds)
+    communication_bits = COMMUNICATION_BITS if layout.event_driven is None else COMMUNICATION_BITS | TIME_BITS
     for tpdo in layout.tpdos:
         where = f'{layout.source}, TPDO {tpdo.number}'
-        yield partial(_check_record, dictionary, TPDO_COMMUNICATION + tpdo.number - 1, bits=COMMUNICATION_BITS,
+        yield partial(_check_record, dictionary, TPDO_COMMUNICATION + tpdo.number - 1, bits=communication_bits,
                       where=where, text=text)
         yield partial(_check_record, dictionary, TPDO_MAPPING + tpdo.number - 1, bits=MAPPING_BITS, where=where,
                       text=text)

@@ -7,6 +7,7 @@ import numpy as np
 
 from tactile_node.cia301.cob_id import CobId
 from tactile_node.cia301.pdo import MAX_PDO_BITS
+from tactile_node.skin.event_driven import EventDriven
 
 MAX_DOMAIN_BYTES = 1 << 20  # bounds what a mistyped layout can allocate
 MAX_SIDE = 1024  # taxels: bounds what a mistyped layout can allocate
@@ -136,11 +137,16 @@ class SkinLayout:
     nodes: int = 1  #: CANopen nodes that make up the pad
     response_time: float | None = None  #: from a SYNC to the first TPDO on an idle bus, at most [s]; None: not known
     domain: DomainLayout | None = None  #: polled by SDO; ``tpdos`` is then empty
+    event_driven: EventDriven | None = None  #: its TPDOs are not sampled by SYNC
 
     @property
     def needs_sync(self) -> bool:
         """Whether SYNC makes the pad's nodes send."""
-        return self.domain is None
+        return self.domain is None and self.event_driven is None
+
+    def frame_period(self, sync_period: float) -> float:
+        """Time between two taxel frames, where ``sync_period`` is that of two SYNCs or polls [s]."""
+        return sync_period if self.event_driven is None else self.event_driven.longest_pause
 
     @property
     def carriers(self) -> 'tuple[TpdoLayout | DomainLayout, ...]':

@@ -9,6 +9,7 @@ from tactile_node.cia301.node_id import MAX_NODE_ID
 from tactile_node.cia301.objects import MAX_INDEX, MAX_SUBINDEX
 from tactile_node.cia301.pdo import MAX_PDO_BITS, MAX_TPDOS, MPDO_DATA_BITS
 from tactile_node.package_files import config_path
+from tactile_node.skin.event_driven import read_event_driven
 from tactile_node.skin.layout import (
     MAX_DOMAIN_BYTES,
     MAX_SIDE,
@@ -51,7 +52,8 @@ def read_layout(path: str | Path) -> SkinLayout:
         value=_value_format(top.section('value')), sync_cob_id=top.integer('sync_cob_id', 1, ID_MASK, SYNC),
         tpdos=tuple(tpdo for section in sections for tpdo in _tpdos(section)),
         dead=tuple(_taxel(top, taxel) for taxel in top.sequence('dead_taxels', [])),
-        nodes=top.integer('nodes', 1, MAX_NODE_ID, 1), response_time=_response_time(top), domain=domain)
+        nodes=top.integer('nodes', 1, MAX_NODE_ID, 1), response_time=_response_time(top), domain=domain,
+        event_driven=read_event_driven(top))
     top.done()
     return layout
 

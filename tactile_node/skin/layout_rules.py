@@ -1,5 +1,6 @@
 """The rules that a skin layout must obey beyond its syntax; each violation is a ConfigurationError."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import NoReturn
@@ -7,6 +8,7 @@ from typing import NoReturn
 from tactile_node.cia301.connection_set import SYNC, reserved_for
 from tactile_node.cia301.pdo import MAX_PDO_BITS
 from tactile_node.errors import ConfigurationError
+from tactile_node.skin.event_driven import EventDriven
 from tactile_node.skin.layout import DomainLayout, SkinLayout, TaxelField, TpdoLayout
 from tactile_node.skin.problems import raised_by
 
@@ -24,6 +26,8 @@ def layout_problems(layout: SkinLayout) -> list[ConfigurationError]:
 
 def _checks(layout: SkinLayout) -> Iterator[Callable[[], None]]:
     """Give the rules, each as a call that raises ConfigurationError."""
+    if layout.event_driven is not None:
+        yield partial(_check_event_driven, layout, layout.event_driven)
     if layout.domain is not None:
         yield partial(_check_domain, layout, layout.domain)
         return
@@ -46,6 +50,30 @@ def _check_tpdos(layout: SkinLayout) -> None:
     if not layout.tpdos:
         _refuse(layout, 'tpdos', expected='at least one TPDO', got='none',
                 remedy='List the TPDOs that carry the taxels.')
+
+
+def _check_event_driven(layout: SkinLayout, event: EventDriven) -> None:
+    if layout.domain is not None:
+        _refuse(layout, 'event_driven', expected='TPDOs', got='a DOMAIN, which is polled', remedy='Remove one of them.')
+    if 0 < event.event_timer < event.inhibit_time:
+        _refuse(layout, 'event_driven.inhibit_time', expected=f'at most the event timer, {event.event_timer:g} s',
+                got=f'{event.inhibit_time:g}', remedy='Correct one of the two.')
+    if not event.is_sweeps:
+        if event.max_age <= event.event_timer:
+            _refuse(layout, 'event_driven.max_age', expected=f'more than the event timer, {event.event_timer:g} s',
+                    got=f'{event.max_age:g}', remedy='Values that have not changed come again after the event timer.')
+        return
+    if layout.nodes > 1:
+        _refuse(layout, 'event_driven.frames', expected='snapshots, as without SYNC the nodes scan at different times',
+                got='sweeps', remedy='Write snapshots.')
+    if 0 < event.event_timer < event.period:
+        _refuse(layout, 'event_driven.period', expected=f'at most the event timer, {event.event_timer:g} s',
+                got=f'{event.period:g}', remedy='It is the least time between the beginnings of two sweeps.')
+    frames = Counter(tpdo.number for tpdo in layout.tpdos)
+    if frames and (least := event.inhibit_time * (max(frames.values()) - 1)) > event.sweep_time:
+        _refuse(layout, 'event_driven.inhibit_time', expected=f'a whole sweep within {event.sweep_time:g} s',
+                got=f'{least:g} s between the first and the last frame of one multiplexed TPDO',
+                remedy='Reduce inhibit_time, or give the device a longer period.')
 
 
 def _check_node(layout: SkinLayout, node: int, own: list[TpdoLayout]) -> None:

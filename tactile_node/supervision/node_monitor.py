@@ -1,5 +1,6 @@
 """Detects the fault of one CANopen node by what is received of it. Times are of the monotonic clock [s]."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from tactile_node.bus.bus_monitor import BusMonitor
@@ -7,12 +8,15 @@ from tactile_node.cia301.emergency import DeviceErrors
 from tactile_node.cia301.nmt import NmtState
 from tactile_node.frames.health import Failure, NodeFault, NodeHealth
 from tactile_node.frames.losses import PadStatistics
+from tactile_node.frames.taxel_frame import TaxelFrame
+from tactile_node.skin.layout import DomainLayout, TpdoLayout
 from tactile_node.skin.pads import CanopenNode
 from tactile_node.supervision.attempts import Attempts
 from tactile_node.supervision.node_traffic import BusSeen, NodeTraffic
 from tactile_node.supervision.outage import OutageClock
 from tactile_node.threads.reminder import Reminder
 
+PAUSES = 5  # of a node without SYNC: so many sweeps or event timers without a TPDO are a fault
 GRACE = 0.3  # s a node has to obey a command and to report it: three heartbeats
 PATIENCE = 10  # times the time that a node may be silent while this process is too slow to hear it
 
@@ -62,7 +66,8 @@ class NodeMonitor:
     def set_timeouts(self, heartbeat: float, data: float) -> None:
         """How long it may be silent [s]."""
         self._heartbeat_timeout = heartbeat
-        self._data_timeout = data
+        event = self.node.layout.event_driven
+        self._data_timeout = data if event is None else max(data, PAUSES * event.longest_pause)
 
     @property
     def boots(self) -> int:
@@ -78,9 +83,15 @@ class NodeMonitor:
         """Its TPDOs mean what the layout says: since it was configured it has not started again, nor been changed."""
         return self._configured == self.setup
 
-    def sends_for_sure(self, acquired: float) -> bool:
-        """Whether taxels of the time ``acquired`` are what this node has sent, as the layout says."""
-        return self.is_trusted and acquired >= self.trusted_from and not self.traffic.are_two
+    def untrusted(self, frame: TaxelFrame, acquired: float) -> Sequence[TpdoLayout | DomainLayout]:
+        """Its TPDOs, or DOMAIN, whose values in ``frame``, acquired then, may mean something else."""
+        carriers, ages = self.node.layout.carriers, frame.tpdo_ages
+        if not self.is_trusted or self.traffic.are_two:
+            return carriers
+        if ages is None:
+            return () if acquired >= self.trusted_from else carriers
+        return [carrier for carrier in carriers
+                if carrier.taxels and acquired - ages.of(*carrier.taxels[0][:2]) < self.trusted_from]
 
     def expect(self, now: float) -> None:
         """The bus was opened: from now on the node should send, and has to be configured."""

@@ -196,7 +196,7 @@ class Supervisor:
     def _deliver(self, name: str, frame: TaxelFrame) -> None:
         acquired = time.monotonic() - self._bus.age(frame.stamp)
         for monitor in self._by_pad[name]:
-            if not monitor.sends_for_sure(acquired):
+            if untrusted := monitor.untrusted(frame, acquired):
                 monitor.distrusted += 1
-                frame = without_values(frame, monitor.node.layout.carriers)
+                frame = without_values(frame, untrusted)
         self._on_frame(name, frame)

@@ -1,0 +1,185 @@
+"""Makes snapshots of a skin whose TPDOs come each at its own time. A pure state machine: no bus, no clock.
+
+A snapshot holds the latest values of each TPDO and their ages. Its stamp is that of the newest TPDO in it, so ages are
+never below 0, and stamps rise although TPDOs come at different rates. What a TPDO claims was acquired at stamp - age.
+
+Rules
+ 1. A snapshot is given as soon as every TPDO has come since the one before; those whose values are already too old are
+    not waited for.
+ 2. It is given before a TPDO is taken that would replace values in no snapshot yet, so that none is lost and the
+    fastest TPDO sets the pace; and before one that comes more than SNAPSHOT_WAIT after the first new one.
+ 3. Taxels of a TPDO that is older than ``max_age``, or has not come yet, are NaN and STALE. A device repeats what has
+    not changed after its event timer, so silence beyond ``max_age`` is a fault and never "unchanged".
+ 4. An immediate repetition with equal bytes, sooner than half the event timer, is a DUPLICATE and renews no age.
+ 5. With ``drop_incomplete`` a snapshot with STALE TPDOs is withheld. Its new TPDOs are lost (INCOMPLETE) unless the
+    next one given still holds them.
+ 6. All values are forgotten when a stamp is more than ``max_age`` from the newest one: the pad was silent, or the clock
+    was set. The next snapshot then waits for every TPDO, as the first one does.
+ 7. Of a node that was started the values are forgotten: it did not send, and may now send something else.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tactile_node.assembly.pad_counts import PadCounts
+from tactile_node.assembly.tpdo_table import TpdoTable
+from tactile_node.cia301.pdo import MAX_PDO_BYTES
+from tactile_node.frames.losses import LossReason, PadStatistics, Results
+from tactile_node.frames.taxel_frame import TaxelFrame, TpdoAges
+from tactile_node.read_only import read_only
+from tactile_node.skin.event_driven import EventDriven
+from tactile_node.skin.layout import SkinLayout
+from tactile_node.skin.taxel_codec import TaxelCodec
+
+SNAPSHOT_WAIT = 0.02  #: s; the usual time between two sweeps with SYNC
+
+
+class SnapshotAssembler:
+    """The state machine of one pad that sends as ``event`` says; its methods are those of ``FrameAssembler``."""
+
+    service = 'tpdo'  #: under which its CAN frames are counted
+
+    def __init__(self, layout: SkinLayout, event: EventDriven, node_ids: Sequence[int], drop_incomplete: bool = False):
+        self.drop_incomplete = drop_incomplete
+        self._event = event
+        self._codec = TaxelCodec(layout)
+        self._table = TpdoTable(layout, node_ids)
+        self._counts = PadCounts(layout)
+        self._node_ids = np.array([node_ids[tpdo.node] for tpdo in layout.tpdos])  # by rank
+        self._taxel_tpdos = _taxel_tpdos(layout)
+        size = len(layout.tpdos)
+        self._words = bytearray(MAX_PDO_BYTES * size)
+        self._unused = np.zeros(size, bool)  # in no frame given so far
+        self._last = -1, b''  # rank and bytes received last
+        self._started: set[int] = set()  # node-IDs
+        self.restart()
+
+    @property
+    def can_ids(self) -> frozenset[int]:
+        return self._table.can_ids
+
+    def restart(self) -> None:
+        """Forget all values; the next snapshot is number 0."""
+        self._forget()
+        self._sequence = -1
+
+    def resume(self, lost_periods: int) -> None:
+        """After an outage: forget all values, leave out ``lost_periods`` sequence numbers."""
+        self._forget()
+        self._sequence += lost_periods
+
+    def start(self, node_id: int) -> None:
+        """This node, which did not send, was started: its values are forgotten when the next TPDO comes."""
+        self._started.add(node_id)
+
+    def sync(self, timestamp: float) -> Results:
+        """Has no effect."""
+        return ()
+
+    def feed(self, can_id: int, data: bytes, timestamp: float) -> Results:
+        """One TPDO of this pad: the snapshots that end before it or with it, losses, or nothing."""
+        self._counts.received += 1
+        rank = self._table.rank(can_id, data)
+        if isinstance(rank, LossReason):
+            return self._counts.lose(rank)
+        if wrong := self._table.wrong_length(rank, data):
+            return self._counts.lose(wrong)
+        results = self._forget_invalid(timestamp)
+        if self._is_duplicate(rank, data, timestamp):
+            return results + self._counts.lose(LossReason.DUPLICATE)
+        if self._is_new[rank] or timestamp - self._first_new > SNAPSHOT_WAIT:
+            results += self._give()
+        results += self._take(rank, data, timestamp)
+        if (self._is_new | self._is_too_old()).all():
+            results += self._give()
+        return results
+
+    def end_period(self) -> Results:
+        """Give what is new without waiting for more (end of a log), and forget it."""
+        results = self._give()
+        self._forget()
+        return results
+
+    def statistics(self) -> PadStatistics:
+        return self._counts.statistics(int(self._unused.sum()))
+
+    def _forget(self) -> None:
+        self._counts.lose(LossReason.UNFINISHED, int(self._unused.sum()))
+        size = len(self._unused)
+        self._unused = np.zeros(size, bool)
+        self._is_new = np.zeros(size, bool)  # not in the snapshot before
+        self._is_known = np.zeros(size, bool)
+        self._stamps = np.full(size, np.nan)  # of the last TPDO of each rank; until one has come, since when it may
+        self._newest = self._first_new = np.inf
+        self._last = -1, b''
+        self._started = set()
+
+    def _forget_invalid(self, stamp: float) -> Results:
+        """What was received before does not hold for what is stamped now."""
+        is_first = not self._is_known.any()
+        if not is_first and abs(stamp - self._newest) > self._event.max_age:
+            results = self._give()
+            self._forget()
+            is_first = True
+        elif self._started:
+            results = self._give()
+            forgotten = np.isin(self._node_ids, list(self._started))
+            results += self._counts.lose(LossReason.INCOMPLETE, int((self._unused & forgotten).sum()))
+            self._unused &= ~forgotten
+            self._is_known &= ~forgotten
+            self._stamps[forgotten] = stamp
+            self._started = set()
+        else:
+            results = ()
+        if is_first:
+            self._stamps[:] = stamp
+            self._newest = stamp
+        return results
+
+    def _is_duplicate(self, rank: int, data: bytes, stamp: float) -> bool:
+        return (self._last == (rank, data) and bool(self._is_known[rank])
+                and 0 <= stamp - self._stamps[rank] < self._event.event_timer / 2)
+
+    def _take(self, rank: int, data: bytes, stamp: float) -> Results:
+        self._last = rank, data
+        lost = self._counts.lose(LossReason.INCOMPLETE) if self._unused[rank] else ()
+        self._words[MAX_PDO_BYTES * rank:MAX_PDO_BYTES * rank + len(data)] = data
+        self._stamps[rank] = stamp
+        self._is_known[rank] = self._is_new[rank] = self._unused[rank] = True
+        self._newest = max(self._newest, stamp)
+        self._first_new = min(self._first_new, stamp)
+        return lost
+
+    def _is_too_old(self) -> np.ndarray:
+        """Whether the TPDO of each rank has not come for too long."""
+        too_old: np.ndarray = self._newest - self._stamps > self._event.max_age
+        return too_old
+
+    def _give(self) -> Results:
+        """Give a snapshot, if anything is new."""
+        if not self._is_new.any():
+            return ()
+        fresh = self._is_known & ~self._is_too_old()
+        missing = int((~fresh).sum())
+        self._is_new[:] = False
+        self._first_new = np.inf
+        self._sequence += 1
+        if missing and self.drop_incomplete:
+            self._counts.withhold(missing)
+            return ()
+        expired = self._counts.lose(LossReason.INCOMPLETE, int((self._unused & ~fresh).sum()))
+        self._counts.give(self._unused & fresh, missing)
+        self._unused[:] = False
+        values, status = self._codec.decode(self._words, fresh)
+        ages = TpdoAges(read_only((self._newest - self._stamps).astype(np.float32)), self._taxel_tpdos)
+        return (*expired, TaxelFrame(self._newest, self._sequence, values, status, missing, ages))
+
+
+def _taxel_tpdos(layout: SkinLayout) -> np.ndarray:
+    """Return the rank of the TPDO of each taxel, uint16 (rows, cols), 0 where there is none."""
+    ranks = np.zeros((layout.rows, layout.cols), np.uint16)
+    for rank, tpdo in enumerate(layout.tpdos):
+        for field in tpdo.taxels:
+            ranks[field.row, field.col] = rank
+    return read_only(ranks)

@@ -1,0 +1,385 @@
+"""Skins without SYNC, frame by frame: sweeps that are recognised, and snapshots of TPDOs with an age each.
+
+3 TPDOs (node 1: 0x181, 0x281, 0x381) carry a row of 2 taxels each, value = 2 (counts - 10) Pa. A device that is
+written here sends the number of its scan in every taxel, so that a frame of two scans shows.
+"""
+
+import itertools
+import re
+
+import numpy as np
+import pytest
+from can_bench import TINY, only, tiny_layout
+
+from tactile_node.assembly.snapshot_assembler import SNAPSHOT_WAIT, SnapshotAssembler
+from tactile_node.assembly.sweep_assembler import SweepAssembler
+from tactile_node.errors import ConfigurationError
+from tactile_node.frames.losses import Loss, LossReason
+from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus, without_any_value
+from tactile_node.skin.taxel_codec import without_values
+
+T = 0.02
+MAX_AGE = 0.05
+SWEEPS = TINY + 'event_driven: {transmission_type: 254, event_timer: 0.02, frames: sweeps}\n'
+SNAPSHOTS = TINY + ('event_driven: {transmission_type: 255, event_timer: 0.02, inhibit_time: 0.0005, '
+                    'frames: snapshots, max_age: 0.05}\n')
+MULTIPLEXED = '''
+rows: 4
+cols: 2
+pitch: 0.004
+value: {unit: Pa, scale: 1.0, bits: 8}
+event_driven: {transmission_type: 254, event_timer: 0, period: 0.01, frames: sweeps, inhibit_time: 0.0005}
+tpdos:
+- {number: 1, cob_id: 0x190, rows: {first: 0, count: 4, step: [1, 0]}, map: {object: 0x2200, sub: 1, bits: 8, count: 3},
+   taxels: {first: [0, 0], step: [0, 1], count: 2, start_bit: 8, bit_step: 8}}
+'''
+RANKS = 0x181, 0x281, 0x381
+
+
+def made(folder, text, **options):
+    layout = tiny_layout(folder, text)
+    kind = SweepAssembler if layout.event_driven.is_sweeps else SnapshotAssembler
+    return kind(layout, layout.event_driven, (1,), **options)
+
+
+@pytest.fixture
+def sweeps(tmp_path):
+    return made(tmp_path, SWEEPS)
+
+
+@pytest.fixture
+def snapshots(tmp_path):
+    return made(tmp_path, SNAPSHOTS)
+
+
+def send(assembler, rank, at, counts=10):
+    """Both taxels of a row."""
+    return assembler.feed(RANKS[rank], bytes([counts, counts]), at)
+
+
+def sweep(assembler, at, counts=10, ranks=range(3)):
+    """Results of the TPDOs ``ranks`` of one scan, 1 ms apart."""
+    return sum((send(assembler, rank, at + 0.001 * i, counts) for i, rank in enumerate(ranks)), ())
+
+
+def frames(results):
+    return [result for result in results if isinstance(result, TaxelFrame)]
+
+
+def rows(frame):
+    """The counts of each row, None where it has no value; both taxels of a row agree."""
+    assert ((frame.status == TaxelStatus.VALID) == ~np.isnan(frame.values)).all()
+    assert (frame.status[np.isnan(frame.values)] == TaxelStatus.STALE).all()
+    np.testing.assert_array_equal(frame.values[:, 0], frame.values[:, 1])
+    return [None if np.isnan(value) else int(value / 2 + 10) for value in frame.values[:, 0]]
+
+
+def is_balanced(assembler):
+    counts = assembler.statistics()
+    return (counts.received == counts.used + counts.pending + sum(counts.losses.values())
+            and counts.used == sum(counts.used_by_node))
+
+
+def test_a_sweep_is_given_with_its_last_tpdo_and_stamped_with_its_first(sweeps):
+    assert send(sweeps, 0, 5.0, 11) == send(sweeps, 1, 5.001, 12) == ()
+    frame = only(send(sweeps, 2, 5.002, 13))
+    assert (rows(frame), frame.stamp, frame.sequence, frame.missing_can_frames) == ([11, 12, 13], 5.0, 0, 0)
+    assert frame.tpdo_ages is None
+    assert sweeps.statistics()[:6] == (1, 0, 3, 3, 3, 0)
+
+
+@pytest.mark.parametrize(('lost', 'stamp'), [(0, 5.001), (1, 5.0), (2, 5.0)])
+def test_a_lost_tpdo_leaves_its_taxels_stale(sweeps, lost, stamp):
+    results = sum((send(sweeps, rank, 5 + 0.001 * rank, 11) for rank in range(3) if rank != lost), ())
+    results += sweep(sweeps, 5 + T, 12)
+    first, second = frames(results)
+    assert rows(first) == [None if rank == lost else 11 for rank in range(3)] and rows(second) == [12, 12, 12]
+    assert (first.stamp, first.sequence, first.missing_can_frames, second.sequence) == (stamp, 0, 1, 1)
+    assert is_balanced(sweeps) and sweeps.statistics().missing == 1
+
+
+def test_the_end_of_one_sweep_and_the_beginning_of_the_next_lost_are_not_one_sweep(sweeps):
+    """0 1 | 2: ascending, and complete by rank alone. Who takes ranks only is misled."""
+    send(sweeps, 0, 5.0, 11)
+    results = sweep(sweeps, 5.001, 11, [1]) + sweep(sweeps, 5 + T + 0.002, 12, [2])
+    assert [rows(frame) for frame in frames(results)] == [[11, 11, None], [None, None, 12]]
+
+
+def test_no_frame_of_any_loss_pattern_mixes_two_sweeps(tmp_path):
+    """Three sweeps of three TPDOs, each of which is lost or not: all 512 cases."""
+    for kept in itertools.product((False, True), repeat=9):
+        assembler, results = made(tmp_path, SWEEPS), ()
+        for place in np.flatnonzero(kept):
+            scan, rank = divmod(int(place), 3)
+            results += send(assembler, rank, 5 + scan * T + 0.001 * rank, 20 + scan)
+        results += assembler.end_period()
+        found = [rows(frame) for frame in frames(results)]
+        wanted = [[20 + scan if kept[3 * scan + rank] else None for rank in range(3)]
+                  for scan in range(3) if any(kept[3 * scan:3 * scan + 3])]
+        assert found == wanted, kept
+        assert is_balanced(assembler)
+
+
+def test_no_random_fault_mixes_two_sweeps(tmp_path):
+    """Lost, delayed, doubled; bursts that take up to 0.4 periods; a timer that is off by 5 %. CAN keeps the order."""
+    random = np.random.default_rng(4)
+    whole = 0
+    for _ in range(150):
+        assembler, results, clock, bus, sent = made(tmp_path, SWEEPS), (), 5.0, 0.0, 0
+        loss = random.uniform(0, 0.6)
+        for scan in range(40):
+            clock += T * random.uniform(0.95, 1.05)
+            delays = np.sort(random.uniform(0, 0.4 * T, 3))
+            for rank, delay in enumerate(delays):
+                bus = clock + delay
+                for _ in range(1 + (random.random() < 0.1)):
+                    if random.random() > loss:
+                        sent += 1
+                        results += send(assembler, rank, bus, 10 + scan)
+        results += assembler.end_period()
+        stamps = [frame.stamp for frame in frames(results)]
+        scans = [set(rows(frame)) - {None} for frame in frames(results)]
+        assert all(len(scan) == 1 for scan in scans) and stamps == sorted(stamps)
+        assert len({min(scan) for scan in scans}) == len(scans)  # nor is one given twice
+        assert is_balanced(assembler) and assembler.statistics().received == sent
+        whole += assembler.statistics().complete
+    assert whole > 1000
+
+
+def test_duplicates_change_nothing(sweeps):
+    assert send(sweeps, 0, 5.0, 11) == ()
+    assert send(sweeps, 0, 5.0001, 11) == (Loss(LossReason.DUPLICATE),)
+    frame = only(sweep(sweeps, 5.001, 11, [1, 2]))
+    assert send(sweeps, 2, 5.003, 11) == (Loss(LossReason.DUPLICATE),)
+    assert rows(frame) == [11, 11, 11] and only(sweep(sweeps, 5 + T)).sequence == 1 and is_balanced(sweeps)
+
+
+def test_equal_bytes_of_the_next_sweep_are_no_duplicate(tmp_path):
+    """A pad of one TPDO that feels nothing sends the same again and again."""
+    one = re.sub(r'(?m)^- \{number: [23].*\n', '', SWEEPS).replace('rows: 3', 'rows: 1')
+    assembler = made(tmp_path, one)
+    found = [only(send(assembler, 0, 5 + T * i)) for i in range(3)]
+    assert [frame.sequence for frame in found] == [0, 1, 2]
+
+
+def test_a_changed_order_makes_two_incomplete_frames(sweeps):
+    results = sweep(sweeps, 5, 11, [0, 2, 1]) + sweep(sweeps, 5 + T, 12)
+    assert [rows(frame) for frame in frames(results)] == [[11, None, 11], [None, 11, None], [12, 12, 12]]
+    assert is_balanced(sweeps)
+
+
+@pytest.mark.parametrize('at', [4.0, 4.9995, 5e6])
+def test_a_stamp_out_of_range_is_of_another_sweep(sweeps, at):
+    send(sweeps, 0, 5.0, 11)
+    results = send(sweeps, 1, at, 12) + sweeps.end_period()
+    assert [rows(frame) for frame in frames(results)] == [[11, None, None], [None, 12, None]]
+    sequences = [frame.sequence for frame in frames(results)]
+    assert sequences == sorted(set(sequences))
+
+
+def test_a_pause_leaves_out_the_sequence_numbers_of_lost_sweeps(sweeps, tmp_path):
+    """By the event timer, the most between two sweeps. Without one, how many were lost is not known."""
+    given = [only(sweep(sweeps, at)).sequence for at in (5.0, 5 + 1.4 * T, 5 + 4.4 * T)]
+    assert given == [0, 1, 4]
+    other = made(tmp_path, SWEEPS.replace('event_timer: 0.02', 'event_timer: 0, period: 0.02'))
+    assert [only(sweep(other, at)).sequence for at in (5.0, 5.5)] == [0, 1]
+
+
+@pytest.mark.parametrize('data', ['0A', '0A0A0A'])
+def test_a_wrong_length_is_a_loss_and_its_taxels_are_stale(sweeps, snapshots, data):
+    reason = LossReason.SHORT if len(data) == 2 else LossReason.OVER_LONG
+    send(sweeps, 0, 5.0)
+    assert sweeps.feed(0x281, bytes.fromhex(data), 5.001) == (Loss(reason),)
+    assert rows(only(send(sweeps, 2, 5.002))) == [10, None, 10] and is_balanced(sweeps)
+    send(snapshots, 0, 5.0)
+    assert snapshots.feed(0x281, bytes.fromhex(data), 5.001) == (Loss(reason),)
+    assert rows(only(snapshots.end_period())) == [10, None, None] and is_balanced(snapshots)
+
+
+def test_rows_of_a_multiplexed_tpdo_are_a_sweep(tmp_path):
+    assembler = made(tmp_path, MULTIPLEXED)
+    results = [assembler.feed(0x190, bytes([row, 3, 4]), 5 + 0.0005 * row) for row in range(4)]
+    assert results[:3] == [(), (), ()] and only(results[3]).values.tolist() == [[3, 4]] * 4
+    assert assembler.feed(0x190, bytes([4, 3, 4]), 5.01) == (Loss(LossReason.UNKNOWN_ROW),)
+    assert assembler.feed(0x190, b'', 5.01) == (Loss(LossReason.SHORT),)
+
+
+@pytest.mark.parametrize('text', [SWEEPS, SNAPSHOTS], ids=['sweeps', 'snapshots'])
+def test_after_a_restart_nothing_of_before_is_given(tmp_path, text):
+    assembler = made(tmp_path, text)
+    sweep(assembler, 5.0, 11)
+    sweep(assembler, 5 + T, 12, [0, 1])
+    assembler.restart()
+    assert assembler.statistics().losses[LossReason.UNFINISHED] == 2
+    frame = only(frames(sweep(assembler, 5 + T + 0.002, 13, [2]) + assembler.end_period()))
+    assert (rows(frame), frame.sequence) == ([None, None, 13], 0)
+    assembler.resume(7)
+    assert only(sweep(assembler, 6.0)).sequence == 8 and is_balanced(assembler)
+
+
+@pytest.mark.parametrize('text', [SWEEPS, SNAPSHOTS], ids=['sweeps', 'snapshots'])
+def test_what_a_started_node_sends_is_not_joined_to_what_it_sent_before(tmp_path, text):
+    """It may have got another range, another mapping: within microseconds by these stamps."""
+    assembler = made(tmp_path, text)
+    results = sweep(assembler, 5.0, 11, [0, 1])
+    assembler.start(1)
+    results += sweep(assembler, 5.002, 12, [2]) + assembler.end_period()
+    assert [rows(frame) for frame in frames(results)] == [[11, 11, None], [None, None, 12]]
+    assert is_balanced(assembler)
+
+
+@pytest.mark.parametrize('text', [SWEEPS, SNAPSHOTS], ids=['sweeps', 'snapshots'])
+def test_incomplete_frames_can_be_withheld(tmp_path, text):
+    assembler = made(tmp_path, text, drop_incomplete=True)
+    found = frames(sweep(assembler, 5.0, 11, [0, 1]) + sweep(assembler, 5 + T, 12))
+    counts = assembler.statistics()
+    assert [rows(frame) for frame in found] == [[12, 12, 12]]
+    assert (counts.withheld, counts.losses[LossReason.INCOMPLETE], counts.used) == (1, 2, 3)
+    assert is_balanced(assembler)
+
+
+# Snapshots
+
+def test_a_snapshot_has_the_age_of_each_tpdo(snapshots):
+    assert send(snapshots, 2, 5.0, 13) == send(snapshots, 0, 5.004, 11) == ()
+    frame = only(send(snapshots, 1, 5.010, 12))
+    assert (rows(frame), frame.stamp, frame.sequence) == ([11, 12, 13], 5.010, 0)
+    np.testing.assert_allclose(frame.tpdo_ages.ages, [0.006, 0, 0.010], atol=1e-6)
+    assert frame.tpdo_ages.taxel_tpdos.tolist() == [[0, 0], [1, 1], [2, 2]]
+    assert frame.tpdo_ages.of(2, 1) == pytest.approx(0.010, abs=1e-6)
+    assert snapshots.statistics()[:6] == (1, 0, 3, 3, 3, 0)
+
+
+def test_ages_stay_with_a_frame_whose_values_are_taken_away(snapshots, tmp_path):
+    """Those of a node that was not configured, those of a pad that is not valid."""
+    frame = only(sweep(snapshots, 5.0, ranks=[2, 1, 0]))
+    partly = without_values(frame, tiny_layout(tmp_path).tpdos[2:])
+    assert partly.tpdo_ages is frame.tpdo_ages and without_any_value(frame).tpdo_ages is frame.tpdo_ages
+
+
+def test_the_fastest_tpdo_sets_the_pace_and_none_of_it_is_lost(snapshots):
+    sweep(snapshots, 5.0, 11)
+    results = sum((send(snapshots, 0, 5 + 0.005 * i, 11 + i) for i in range(1, 8)), ())
+    assert [rows(frame)[0] for frame in frames(results)] == [12, 13, 14, 15, 16, 17]
+    assert [round(frame.tpdo_ages.ages[2], 3) for frame in frames(results)] == [
+        0.003, 0.008, 0.013, 0.018, 0.023, 0.028]
+
+
+def test_a_change_does_not_wait_for_the_event_timer_while_others_come(snapshots):
+    sweep(snapshots, 5.0)
+    send(snapshots, 0, 5.015, 99)
+    frame = only(send(snapshots, 1, 5.015 + SNAPSHOT_WAIT + 0.001))
+    assert rows(frame)[0] == 99 and frame.stamp == 5.015
+
+
+def test_a_tpdo_that_stops_is_stale_within_its_age_and_never_valid_after(snapshots):
+    results = sweep(snapshots, 5.0, 77)
+    results += sum((sweep(snapshots, 5 + T * i, 11, [0, 2]) for i in range(1, 20)), ())
+    stopped = 5.001
+    for frame in frames(results):
+        assert (rows(frame)[1] == 77) == (frame.stamp - stopped <= MAX_AGE)
+        assert frame.missing_can_frames == (frame.stamp - stopped > MAX_AGE)
+    last = frames(results)[-1]
+    assert last.stamp == 5 + T * 19 + 0.001  # without it, a snapshot no longer waits for the next TPDO
+    assert rows(frames(sweep(snapshots, 6.0, 12))[-1]) == [12, 12, 12] and is_balanced(snapshots)
+
+
+def test_no_random_fault_makes_old_values_valid_or_ages_wrong(tmp_path):
+    """TPDOs of any rate, lost, doubled, stamps that jitter: each value is the last sent, its age that of its stamp."""
+    random = np.random.default_rng(9)
+    for _ in range(60):
+        assembler, given, last = made(tmp_path, SNAPSHOTS), [], {}
+        rates = random.uniform(0.002, 0.1, 3)
+        events = sorted((at, rank) for rank in range(3) for at in np.cumsum(random.exponential(rates[rank], 60)))
+        for number, (at, rank) in enumerate(events):
+            stamp = 5 + at - random.uniform(0, 0.004)
+            counts = 10 + number % 200
+            before, last = last, {**last, rank: (counts, stamp)}
+            found = frames(send(assembler, rank, stamp, counts))
+            given += [(frame, before, last) for frame in found]
+            assert is_balanced(assembler)
+        for frame, *latest in given:
+            for rank, counts in enumerate(rows(frame)):
+                age = float(frame.tpdo_ages.ages[rank])
+                assert age >= 0 and (counts is None or age <= MAX_AGE + 1e-6)
+                claimed = [sent[0] == counts and abs(frame.stamp - age - sent[1]) < 1e-5
+                           for sent in (each.get(rank, (None, 0)) for each in latest)]
+                assert counts is None or any(claimed)
+        stamps = [frame.stamp for frame, *_ in given]
+        sequences = [frame.sequence for frame, *_ in given]
+        assert len(given) > 20 and stamps == sorted(stamps) and sequences == list(range(len(sequences)))
+
+
+def test_silence_makes_all_values_stale_and_a_repetition_renews_no_age(snapshots):
+    sweep(snapshots, 5.0, 11)
+    frame = frames(send(snapshots, 0, 5.2, 12) + snapshots.end_period())[-1]
+    assert rows(frame) == [12, None, None]
+    sweep(snapshots, 6.0, 11)
+    assert send(snapshots, 2, 6.004, 11) == (Loss(LossReason.DUPLICATE),)
+    frame = frames(send(snapshots, 0, 6.005, 12) + snapshots.end_period())[-1]
+    assert frame.tpdo_ages.ages[2] == pytest.approx(0.003, abs=1e-6)
+
+
+def test_a_clock_that_was_set_back_forgets_all_values(snapshots):
+    """Else the old values would stay the newest, and the new ones be STALE until the clock caught up."""
+    sweep(snapshots, 5.0, 11)
+    results = sweep(snapshots, 2.0, 12, [0, 1]) + snapshots.end_period()
+    frame = only(frames(results))
+    assert rows(frame) == [12, 12, None] and frame.stamp == 2.001 and is_balanced(snapshots)
+
+
+def test_one_stamp_of_the_future_spoils_one_frame(snapshots):
+    sweep(snapshots, 5.0, 11)
+    results = send(snapshots, 1, 5000.0, 12) + sweep(snapshots, 5 + T, 13)
+    assert [rows(frame) for frame in frames(results)] == [[None, 12, None], [13, 13, 13]]
+    assert frames(results)[-1].stamp == 5 + T + 0.002 and is_balanced(snapshots)
+
+
+def test_at_the_start_a_snapshot_waits_for_all_tpdos(snapshots):
+    assert sweep(snapshots, 5.0, 11, [0]) == sweep(snapshots, 5.015, 11, [1]) == ()
+    assert rows(only(sweep(snapshots, 5.018, 11, [2]))) == [11, 11, 11]
+
+
+def test_used_by_node_and_a_node_that_ends(tmp_path):
+    """Two nodes: the rows of one are STALE when it is silent, the other's are given, each counted for itself."""
+    text = 'nodes: 2\n' + SNAPSHOTS.replace('number: 3', 'node: 1, number: 3')
+    layout = tiny_layout(tmp_path, text)
+    assembler = SnapshotAssembler(layout, layout.event_driven, (1, 2))
+    ids = {0: 0x181, 1: 0x281, 2: 0x382}
+    results = sum((assembler.feed(ids[rank], bytes([11, 11]), 5 + 0.001 * rank) for rank in range(3)), ())
+    results += sum((assembler.feed(ids[rank], bytes([12, 12]), 5 + T * i + 0.001 * rank)
+                    for i in range(1, 6) for rank in range(2)), ())
+    assert rows(frames(results)[0]) == [11, 11, 11] and rows(frames(results)[-1]) == [12, 12, None]
+    assert assembler.statistics().used_by_node[1] == 1 and is_balanced(assembler)
+
+
+BAD = {
+    'no type': (SWEEPS.replace('transmission_type: 254, ', ''), 'key "event_driven.transmission_type"'),
+    'synchronous type': (SWEEPS.replace('254', '1'), '254..255'),
+    'no timer': (SWEEPS.replace('event_timer: 0.02, ', ''), 'key "event_driven.event_timer"'),
+    'half a millisecond': (SWEEPS.replace('0.02', '0.0205'), 'steps of 0.001 s'),
+    'milliseconds': (SWEEPS.replace('0.02', '20000'), 'as 0.02'),
+    'inhibit too fine': (SNAPSHOTS.replace('0.0005', '0.00005'), 'steps of 0.0001 s'),
+    'inhibit beyond the timer': (SNAPSHOTS.replace('0.0005', '0.021'), 'at most the event timer'),
+    'neither': (SWEEPS.replace('frames: sweeps', 'frames: both'), 'key "event_driven.frames"'),
+    'sweeps without any time': (SWEEPS.replace('0.02', '0'), 'key "event_driven.period"'),
+    'sweeps slower than their timer': (SWEEPS.replace('frames', 'period: 0.03, frames'), 'at most the event timer'),
+    'snapshots without a timer': (SNAPSHOTS.replace('event_timer: 0.02', 'event_timer: 0'),
+                                  'key "event_driven.event_timer"'),
+    'an age that every TPDO reaches': (SNAPSHOTS.replace('0.05}', '0.02}'), 'more than the event timer'),
+    'an age of a sweep': (SWEEPS.replace('frames', 'max_age: 0.1, frames'), 'key "event_driven.max_age"'),
+    'several nodes': ('nodes: 2\n' + SWEEPS.replace('number: 3', 'node: 1, number: 3'), 'scan at different times'),
+    'sweep slowed by inhibit': (MULTIPLEXED.replace('0.0005', '0.0016'), 'within 0.0045 s')}
+
+
+@pytest.mark.parametrize(('text', 'says'), BAD.values(), ids=BAD)
+def test_bad_layouts(tmp_path, text, says):
+    with pytest.raises(ConfigurationError, match=re.escape(says)):
+        tiny_layout(tmp_path, text)
+
+
+def test_times_in_seconds(tmp_path):
+    event = tiny_layout(tmp_path, SNAPSHOTS.replace(', max_age: 0.05', '')).event_driven
+    assert (event.transmission_type, event.event_timer, event.inhibit_time) == (255, 0.02, 0.0005)
+    assert event.max_age == pytest.approx(0.06)
+    assert not tiny_layout(tmp_path, SNAPSHOTS).needs_sync and tiny_layout(tmp_path, TINY).needs_sync

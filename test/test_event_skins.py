@@ -1,0 +1,278 @@
+"""Skins without SYNC end to end: the simulated device byte by byte, the driver on it, its log again, its faults."""
+
+import time
+
+import can
+import numpy as np
+import pytest
+from can_bench import INTERFACE, Bench, channel_of, other_bus, wait_until
+from faulty_bus import Adapter
+
+from tactile_node.bus import skin_bus
+from tactile_node.bus.bus_settings import BusSettings
+from tactile_node.bus.skin_bus import SkinBus
+from tactile_node.frames.health import NodeFault
+from tactile_node.frames.taxel_frame import TaxelStatus
+from tactile_node.recording.log_source import LogSource
+from tactile_node.simulator.event_schedule import EventSchedule
+from tactile_node.simulator.skin_simulator import SkinSimulator
+from tactile_node.simulator.tpdo_records import ConfiguredTpdo
+from tactile_node.skin.layout_file import load_layout
+from tactile_node.skin.pads import PadSettings, make_pad
+
+SWEEPS, SNAPSHOTS = 'event12x8_8bit.yaml', 'event8x8_16bit.yaml'
+SHAPES = {SWEEPS: (12, 8), SNAPSHOTS: (8, 8)}
+
+
+def counting(layout):
+    """Every scan another value, all taxels alike."""
+    scans, scale = iter(range(10 ** 6)), load_layout(layout).value.scale
+    return lambda t: np.full(SHAPES[layout], scale * (1 + next(scans) % 200))
+
+
+def still(layout):
+    rows, cols = SHAPES[layout]
+    values = load_layout(layout).value.scale * np.arange(rows * cols).reshape(rows, cols)
+    return lambda t: values
+
+
+def given_by_log(path, layout):
+    frames = []
+    pads = (PadSettings('pad32', (32,), load_layout(layout)),)
+    source = LogSource(str(path), pads, lambda _, frame: frames.append(frame), None)
+    source.open()
+    source.start()
+    assert source.finished.wait(60)
+    source.close()
+    return frames, source.statistics()
+
+
+def schedule(**times):
+    tpdo = ConfiguredTpdo(0x181, every=255, length=8, pieces=(), whole=0, **times)
+    return EventSchedule([tpdo, tpdo._replace(can_id=0x182, event_timer=0.0)], 10.0)
+
+
+def sent_at(plan, times, data=lambda now: b''):
+    return [now for now in times if [tpdo.can_id for tpdo in plan.due(now, lambda _, at=now: data(at))] == [0x181]]
+
+
+def test_a_scan_is_sent_at_each_event_timer_and_none_is_made_up_for():
+    plan = schedule(event_timer=0.5)
+    assert sent_at(plan, [10, 10.25, 10.5, 10.75, 14.25, 14.5, 14.75]) == [10, 10.5, 14.25, 14.75]
+
+
+def test_changes_are_sent_after_the_inhibit_time_and_what_is_unchanged_after_the_event_timer():
+    plan = schedule(event_timer=1.0, inhibit_time=0.25, is_on_change=True)
+    assert sent_at(plan, [10, 10.125, 10.5, 11, 11.125]) == [10, 11]
+    assert sent_at(plan, [11.25, 11.375, 11.5, 11.625], data=str) == [11.25, 11.5]
+
+
+class Device:
+    """A bare CAN bus beside one simulated pad, node 32."""
+
+    def __init__(self, layout):
+        self.bus = other_bus('event_wire')
+        self.simulator = SkinSimulator([make_pad('pad', 32, layout)], {'pad': still(layout)})
+        self.simulator.start(INTERFACE, channel_of('event_wire'))
+
+    def send(self, can_id, data):
+        self.bus.send(can.Message(arbitration_id=can_id, is_extended_id=False, data=bytes.fromhex(data)))
+
+    def sdo(self, request):
+        self.send(0x620, request)
+        while (answer := self.bus.recv(60)).arbitration_id != 0x5A0:
+            pass
+        return answer.data.hex().upper()
+
+    def take(self, can_id, count):
+        found = []
+        while len(found) < count:
+            message = self.bus.recv(60)
+            found += [message] if message.arbitration_id == can_id else []
+        return found
+
+    def is_silent(self):
+        while (message := self.bus.recv(0.15)) is not None:
+            if message.arbitration_id < 0x580:
+                return False
+        return True
+
+
+@pytest.fixture
+def device():
+    device = Device(SNAPSHOTS)
+    yield device
+    device.simulator.stop()
+    device.bus.shutdown()
+
+
+@pytest.mark.bus
+def test_the_device_sends_by_its_event_timer_and_only_while_operational(device):
+    """TPDO 1: type 254 to sub 2, 20 ms to sub 5, then enabled; nobody sends SYNC."""
+    for request in ('2F001802FE000000', '2B00180514000000', '23001801A0010000'):
+        assert device.sdo(request).startswith('60')
+    assert device.is_silent()
+    device.send(0x000, '0120')
+    frames = device.take(0x1A0, 6)
+    assert {frame.data.hex() for frame in frames} == {'0000010002000300'}
+    assert frames[-1].timestamp - frames[0].timestamp > 4 * 0.02
+    device.send(0x000, '0220')
+    time.sleep(0.05)
+    while device.bus.recv(0) is not None:
+        pass
+    assert device.is_silent()
+    device.send(0x000, '0120')
+    device.take(0x1A0, 2)
+    device.simulator.devices[32].power_off()
+    while device.bus.recv(0) is not None:
+        pass
+    assert device.is_silent()
+
+
+@pytest.mark.bus
+def test_the_inhibit_time_is_refused_while_the_tpdo_exists(device):
+    """CiA 301: shall not be changed while bit 31 of the COB-ID is 0; 0x08000022: because of the device state."""
+    assert device.sdo('2B00180364000000').startswith('60')
+    assert device.sdo('23001801A0010000').startswith('60')
+    assert device.sdo('2B00180332000000') == '8000180322000008'
+
+
+@pytest.mark.bus
+@pytest.mark.parametrize(('layout', 'written'), [
+    # by SDO to 0x1800: type 254, 20 ms; type 255, 10 ms in units of 0.1 ms, 50 ms
+    (SWEEPS, ['2F001802FE000000', '2B00180514000000']),
+    (SNAPSHOTS, ['2F001802FF000000', '2B00180364000000', '2B00180532000000'])])
+def test_driver_and_log(tmp_path, layout, written):
+    log = tmp_path / 'session.log'
+    with Bench(f'event_{layout}', layout, source=still(layout), record=str(log)) as bench:
+        bench.run()
+        live = [frame for _, frame in bench.take_whole(10)]
+    sent = [line.split()[2] for line in log.read_text().splitlines()]
+    order = [sent.index('620#23001801A0010080'), *(sent.index(f'620#{data}') for data in written),
+             sent.index('620#23001801A0010000')]
+    assert order == sorted(order) and not any(frame.startswith('080#') for frame in sent)
+    for frame in live:
+        np.testing.assert_allclose(frame.values, still(layout)(0), rtol=1e-6)
+        assert (frame.tpdo_ages is None) == (layout == SWEEPS)
+    assert (np.diff([frame.stamp for frame in live]) > 0).all()
+    again, counts = given_by_log(log, layout)
+    stamps = np.array([frame.stamp for frame in again])
+    for frame in live:
+        same = again[np.abs(stamps - frame.stamp).argmin()]
+        assert abs(same.stamp - frame.stamp) < 2e-5  # candump writes microseconds
+        np.testing.assert_array_equal(same.values, frame.values)
+    pad = counts.pads['pad32']
+    assert pad.received == pad.used + sum(pad.losses.values()) and pad.used >= 10 * 12
+
+
+@pytest.mark.bus
+def test_no_frame_of_a_live_bus_mixes_two_sweeps(monkeypatch):
+    """One frame in ten is lost; the values of each frame are of one scan."""
+    adapter, random = Adapter(), np.random.default_rng(3)
+    with Bench('event_lost', SWEEPS, source=counting(SWEEPS)) as bench:
+        monkeypatch.setattr(skin_bus, 'open_bus', adapter.open)
+        bench.run()
+        adapter.tamper = lambda message: [] if message.arbitration_id < 0x580 and random.random() < 0.1 else [message]
+        frames = [frame for _, frame in bench.take(40)]
+    for frame in frames:
+        assert len(set(frame.values[~np.isnan(frame.values)])) <= 1
+    assert sum(frame.missing_can_frames > 0 for frame in frames) > 10
+
+
+@pytest.mark.bus
+def test_a_tpdo_that_is_lost_for_ever_is_stale_and_the_others_are_given(monkeypatch):
+    adapter = Adapter()
+    with Bench('event_dead', SNAPSHOTS, source=still(SNAPSHOTS)) as bench:
+        monkeypatch.setattr(skin_bus, 'open_bus', adapter.open)
+        bench.supervise()
+        bench.run()
+        bench.take_whole(3)
+        adapter.tamper = lambda message: [] if message.arbitration_id == 0x1A1 else [message]
+        frame = bench.take_until(lambda frame: frame.status[0, 4] == TaxelStatus.STALE)
+        assert np.isnan(frame.values[0, 4:]).all() and frame.missing_can_frames == 1
+        assert frame.tpdo_ages.ages[1] > 0.15 and not np.isnan(frame.values[1:]).any()
+        adapter.tamper = None
+        bench.take_whole(2)
+
+
+@pytest.mark.bus
+@pytest.mark.parametrize('layout', [SWEEPS, SNAPSHOTS])
+def test_a_node_that_goes_quiet_has_no_taxels_and_is_never_without_sync(monkeypatch, layout):
+    adapter = Adapter()
+    with Bench(f'event_quiet{layout}', layout, source=still(layout)) as bench:
+        monkeypatch.setattr(skin_bus, 'open_bus', adapter.open)
+        bench.supervise()
+        bench.run()
+        bench.take_whole(2)
+        adapter.tamper = lambda message: [] if 0x180 <= message.arbitration_id < 0x580 else [message]
+        assert wait_until(lambda: NodeFault.NO_TAXELS in bench.log.facts)
+        adapter.tamper = None
+        bench.forget()
+        bench.take_whole(2)
+        bench.simulator.devices[32].power_off()
+        assert wait_until(lambda: NodeFault.SILENT in bench.log.facts)
+        bench.simulator.devices[32].boot()
+        bench.forget()
+        bench.take_whole(2)
+        assert wait_until(lambda: bench.driver.health().nodes['pad32'][0].fault is NodeFault.NONE)
+        assert NodeFault.NO_SYNC not in bench.log.facts
+
+
+@pytest.mark.bus
+def test_values_from_before_a_node_was_configured_again_are_not_given(tmp_path, monkeypatch):
+    """Another master may have changed the range: a TPDO that has not come since is STALE, at whatever max_age."""
+    path = load_layout(SNAPSHOTS).source
+    (tmp_path / 'old.yaml').write_text(open(path).read().replace('max_age: 0.15', 'max_age: 60'))
+    (tmp_path / 'old.eds').write_text(open(path.replace('.yaml', '.eds')).read())
+    adapter = Adapter()
+    with Bench('event_again', str(tmp_path / 'old.yaml'), source=still(SNAPSHOTS)) as bench:
+        monkeypatch.setattr(skin_bus, 'open_bus', adapter.open)
+        bench.supervise()
+        bench.run()
+        bench.take_whole(2)
+        adapter.lost_ids = {0x1A1}
+        bus = other_bus('event_again')
+        bus.send(can.Message(arbitration_id=0x620, is_extended_id=False, data=bytes.fromhex('2B00180533000000')))
+        bench.take_until(lambda frame: np.isnan(frame.values).all())
+        for frame in [bench.take_until(lambda frame: not np.isnan(frame.values[1:]).any()), bench.take(1)[0][1]]:
+            assert np.isnan(frame.values[0, 4:]).all() and not np.isnan(frame.values[0, :4]).any()
+        adapter.lost_ids = set()
+        bench.take_whole(1)
+        bus.shutdown()
+
+
+@pytest.mark.bus
+def test_while_the_driver_is_stopped_nothing_is_given():
+    """Another master may start the device: without SYNC it then sends, though nobody asked for its taxels."""
+    with Bench('event_stopped', SWEEPS, source=still(SWEEPS)) as bench:
+        bench.run()
+        bench.take_whole(2)
+        bench.driver.stop()
+        bus = other_bus('event_stopped')
+        time.sleep(0.1)
+        bench.forget()
+        received = bench.driver.statistics().can_frames['tpdo']
+        bus.send(can.Message(arbitration_id=0x000, is_extended_id=False, data=b'\x01\x20'))
+        assert wait_until(lambda: bench.driver.statistics().can_frames['tpdo'] > received + 40)
+        assert bench.frames.empty()
+        bus.shutdown()
+
+
+@pytest.mark.bus
+def test_pads_with_and_without_sync_on_one_bus():
+    pads = (make_pad('synced', 64, 'sim16x16.yaml'), make_pad('event', 32, SNAPSHOTS))
+    simulator = SkinSimulator(pads, {'synced': lambda t: np.zeros((16, 16)), 'event': still(SNAPSHOTS)})
+    frames = []
+    driver = SkinBus(BusSettings(INTERFACE, channel_of('event_mixed')), pads, lambda *given: frames.append(given))
+    simulator.start(INTERFACE, channel_of('event_mixed'))
+    driver.open()
+    driver.configure()
+    driver.start()
+    assert wait_until(lambda: min([name for name, frame in list(frames) if not frame.missing_can_frames].count(pad)
+                                  for pad in ('synced', 'event')) > 3)
+    driver.close()
+    simulator.stop()
+    assert {name for name, frame in frames if frame.tpdo_ages is not None} == {'event'}
+    counts = driver.statistics()
+    assert driver.syncs_sent > 3 and all(pad.received == pad.used + pad.pending + sum(pad.losses.values())
+                                         for pad in counts.pads.values())
