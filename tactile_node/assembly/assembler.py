@@ -51,6 +51,7 @@ import numpy as np
 
 from tactile_node.assembly.sender_run import CATCH_UP_PERIODS, STEADY_PERIODS
 from tactile_node.assembly.sweep_period import SweepPeriod
+from tactile_node.assembly.tpdo_table import TpdoTable
 from tactile_node.cia301.pdo import MAX_PDO_BYTES
 from tactile_node.frames.losses import Loss, LossReason, PadStatistics, Results
 from tactile_node.frames.taxel_frame import TaxelFrame
@@ -78,15 +79,10 @@ class FrameAssembler:
         self.settling_time = inf if layout.response_time is None else layout.response_time + adapter_delay
         self._catch_up = CATCH_UP_PERIODS if layout.response_time is None else STEADY_PERIODS
         self._node_ids = tuple(node_ids)
-        self._lengths = [tpdo.length for tpdo in layout.tpdos]  # by rank
+        self._table = TpdoTable(layout, node_ids)
         self._nodes = [tpdo.node for tpdo in layout.tpdos]  # by rank
         self._ranks_of_nodes = [np.array([rank for rank, tpdo in enumerate(layout.tpdos) if tpdo.node == node])
                                 for node in range(len(node_ids))]
-        self._ranks: dict[int, dict[bytes, int]] = {}  # COB-ID -> prefix -> rank
-        for rank, tpdo in enumerate(layout.tpdos):
-            node_id = node_ids[tpdo.node]
-            self._ranks.setdefault(tpdo.cob_id.of(node_id), {})[tpdo.prefix(node_id)] = rank
-        self._prefix_lengths = {can_id: len(next(iter(ranks))) for can_id, ranks in self._ranks.items()}
         self._complete = 0
         self._incomplete = 0
         self._withheld = 0
@@ -103,7 +99,7 @@ class FrameAssembler:
 
     @property
     def can_ids(self) -> frozenset[int]:
-        return frozenset(self._ranks)
+        return self._table.can_ids
 
     @property
     def idle_wanted(self) -> float:
@@ -170,10 +166,9 @@ class FrameAssembler:
     def feed(self, can_id: int, data: bytes, timestamp: float) -> Results:
         """One TPDO of this pad: the frames that it completes, losses, or nothing (taken, more to come)."""
         self._received += 1
-        prefix_length, period = self._prefix_lengths[can_id], self._period
-        rank = self._ranks[can_id].get(bytes(data[:prefix_length]))
-        if rank is None:
-            return self._lose(LossReason.SHORT if len(data) < prefix_length else LossReason.UNKNOWN_ROW)
+        rank, period = self._table.rank(can_id, data), self._period
+        if isinstance(rank, LossReason):
+            return self._lose(rank)
         if period is None:
             return self._lose(LossReason.BEFORE_FIRST_SYNC)
         self._distinct[rank] += 1
@@ -201,7 +196,7 @@ class FrameAssembler:
     def statistics(self) -> PadStatistics:
         frames = self._complete + self._incomplete + self._withheld
         return PadStatistics(
-            complete=self._complete, incomplete=self._incomplete, expected=frames * len(self._lengths),
+            complete=self._complete, incomplete=self._incomplete, expected=frames * len(self._nodes),
             received=self._received, used=sum(self._used), pending=self._pending(),
             losses=dict(self._losses), withheld=self._withheld,
             used_by_node=tuple(self._used), late_answers=self._late_answers,
@@ -266,9 +261,8 @@ class FrameAssembler:
     def _place(self, period: SweepPeriod, rank: int, data: bytes) -> Results:
         loss = period.runs[self._nodes[rank]].add(rank)
         results = () if loss is None else self._lose(*loss)
-        if len(data) != self._lengths[rank]:
-            reason = LossReason.SHORT if len(data) < self._lengths[rank] else LossReason.OVER_LONG
-            return results + self._lose(reason)
+        if (wrong := self._table.wrong_length(rank, data)) is not None:
+            return results + self._lose(wrong)
         period.payload.words[MAX_PDO_BYTES * rank:MAX_PDO_BYTES * rank + len(data)] = data
         period.payload.fresh[rank] = True
         return results
