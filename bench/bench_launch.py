@@ -99,8 +99,9 @@ def measured(form: str, seconds: float, rate: float) -> dict[str, float]:
         consumer = stack.enter_context(Consumer())
         skin = started(['simulate', '--pty', '--link', channel, '--node-id', NODE_IDS], stdout=subprocess.PIPE)
         stack.callback(ended, [skin])
-        while b'Simulated skin' not in skin.stdout.readline():
-            pass
+        while b'Simulated skin' not in (line := skin.stdout.readline()):
+            if not line:
+                raise SystemExit('the simulated skin has not started')
         begun = time.monotonic()
         period = ['--ros-args', '-p', f'skin_driver:sync_period:={1 / rate}']
         processes = ([started([*BRINGUP, '--channel', channel, *words, *period]) for words in FORMS[form]]
