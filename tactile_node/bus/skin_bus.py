@@ -4,25 +4,20 @@ import logging
 import time
 from collections import Counter
 from collections.abc import Callable, Collection
-from contextlib import AbstractContextManager
 
 import can
 
 from tactile_node.assembly.router import Router
-from tactile_node.bus.auto_zero import auto_zero
+from tactile_node.bus.bus_devices import BusDevices
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import BusNetwork, open_bus
 from tactile_node.bus.bus_settings import BusSettings
-from tactile_node.bus.device_errors import read_errors
-from tactile_node.bus.device_setup import DeviceSetup
 from tactile_node.bus.domain_polling import DomainPolling
-from tactile_node.bus.own_sdo import OwnSdoClient
 from tactile_node.bus.traffic import Traffic
 from tactile_node.bus.usb_port import NamedPort, UsbPort
-from tactile_node.cia301.connection_set import NMT
 from tactile_node.cia301.emergency import DeviceErrors
-from tactile_node.cia301.nmt import NmtCommand, NmtState, state_name
-from tactile_node.errors import BusError, DeviceError, HalfZeroedError, LogError, TwoDevicesError
+from tactile_node.cia301.nmt import NmtCommand
+from tactile_node.errors import BusError, DeviceError, LogError
 from tactile_node.frames.consumer import Consumer, OnFrame
 from tactile_node.frames.fault_text import failure_text, node_label
 from tactile_node.frames.health import BusFault, Failure
@@ -38,7 +33,6 @@ logger = logging.getLogger(__name__)
 # Interfaces that stamp reception by the clock our own SYNC is stamped by
 HOST_STAMPED = ('socketcan', 'virtual')
 CONSUMER_TIMEOUT = 2.0  # s that close() waits for an on_frame under way
-START_AGAIN = 1.3  # s between two NMT starts of a node that does not become OPERATIONAL
 
 
 class SkinBus:
@@ -57,6 +51,7 @@ class SkinBus:
         self._consumer = Consumer(on_frame)
         self._on_failure = on_failure or self._log_failure
         self._monitor = monitor or BusMonitor(node_id for pad in pads for node_id in pad.node_ids)
+        self._devices = BusDevices(settings, self._nodes, self._monitor, self._opened)
         self._polls = {node.node_id: self._polling(node, node.layout.domain)
                        for node in self._nodes if node.layout.domain is not None}
         is_host_stamped = settings.interface in HOST_STAMPED
@@ -73,7 +68,6 @@ class SkinBus:
         self._sync = Pacer(settings.sync_period, self._send_sync, 'sync')
         self._is_running = False
         self._failure: Failure | None = None
-        self._interrupts = 0
 
     @property
     def failure(self) -> Failure | None:
@@ -112,50 +106,26 @@ class SkinBus:
         Returns the heartbeat time that the device has [s]; 0: it sends none, None: not known. Raises TwoDevicesError
         where two devices answer as this node.
         """
-        interrupts = self._interrupts
-        foreign_requests = self._monitor.foreign_requests[node.node_id]
-        if pause:
-            self._command(NmtCommand.ENTER_PRE_OPERATIONAL, node)
-        with self._sdo_client(node) as sdo:
-            setup = DeviceSetup(sdo, node, self._monitor.heartbeats, self._settings.sdo_retries,
-                                is_interrupted=lambda: self._interrupts != interrupts)
-            as_set = setup.run(boot_timeout, self._settings.heartbeat_ms)
-            is_alone = self._monitor.foreign_requests[node.node_id] == foreign_requests  # no other client is answered
-            if is_alone and 2 * sdo.doubled > sdo.requests:
-                raise TwoDevicesError(node.label, expected='one device with this node-ID', remedy='Switch one of them '
-                                      'off, and set another node-ID on it.',
-                                      got=f'a second answer to {sdo.doubled} of {sdo.requests} requests')
+        as_set = self._devices.configure(node, boot_timeout, pause)
         if node.node_id in self._polls:
             self._polls[node.node_id].by_block = as_set.by_block
         return None if as_set.heartbeat_ms is None else 1e-3 * as_set.heartbeat_ms
 
     def interrupt(self) -> None:
         """End the configurations under way; from any thread, returns at once."""
-        self._interrupts += 1
+        self._devices.interrupt()
 
     def read_errors(self, node: CanopenNode) -> DeviceErrors:
         """Read what a device lists as its errors. Raises BusError."""
-        with self._sdo_client(node) as sdo:
-            return read_errors(sdo)
+        return self._devices.read_errors(node)
+
+    def auto_zero(self, pad: str) -> int:
+        """Let the pad's devices zero themselves; how many channels. Raises DeviceError, BusError, HalfZeroedError."""
+        return self._devices.auto_zero(pad)
 
     def age(self, stamp: float) -> float:
         """Time since what was stamped ``stamp`` was on the bus [s], by the steady clock."""
         return self._traffic.clock.age(stamp)
-
-    def auto_zero(self, pad: str) -> int:
-        """Let the pad's devices zero themselves; how many channels. Raises DeviceError, BusError, HalfZeroedError."""
-        zeroed = 0
-        for node in self._nodes:
-            if node.pad == pad:
-                try:
-                    with self._sdo_client(node) as sdo:
-                        zeroed += auto_zero(sdo, node.dictionary, node.label)
-                except (DeviceError, BusError) as error:
-                    if not zeroed:
-                        raise
-                    raise HalfZeroedError(error.where, expected=error.expected, got=error.got, remedy=error.remedy
-                                          + f' {zeroed} channels of other nodes are zeroed.') from error
-        return zeroed
 
     def start(self, without: Collection[int] = ()) -> None:
         """Start the devices and SYNC. Raises DeviceError when a device does not become OPERATIONAL.
@@ -172,14 +142,18 @@ class SkinBus:
         for node in present:
             self.start_node(node)
         self._start_pacers()
-        for node in present:
-            self._confirm_operational(node, begun)
+        try:
+            for node in present:
+                self._devices.confirm_operational(node, begun)
+        except (DeviceError, BusError):
+            self.stop()
+            raise
 
     def start_node(self, node: CanopenNode, was_silent: bool = True) -> None:
         """NMT start of one device, which ``was_silent`` or still sends; BusError. Its heartbeats report the outcome."""
         if was_silent:
             self._traffic.put(self._router.start, node.node_id)
-        self._command(NmtCommand.START, node)
+        self._devices.command(NmtCommand.START, node)
 
     def resume(self, lost_periods: int) -> None:
         """SYNC on again after an outage; sequence numbers continue after ``lost_periods``. Devices are not started."""
@@ -199,7 +173,7 @@ class SkinBus:
         self._traffic.put(self._router.pause)
         for node in self._nodes if self._failure is None else ():
             try:
-                self._command(NmtCommand.ENTER_PRE_OPERATIONAL, node)
+                self._devices.command(NmtCommand.ENTER_PRE_OPERATIONAL, node)
             except BusError as error:
                 logger.error('%s could not be stopped: %s', node_label(node.pad, node.node_id), error)
 
@@ -253,30 +227,6 @@ class SkinBus:
             raise BusError('CAN bus', expected='an open bus', got='a closed one', remedy='Call open() first.')
         return self._network
 
-    def _sdo_client(self, node: CanopenNode) -> AbstractContextManager[OwnSdoClient]:
-        return self._opened().sdo_client(node.node_id, node.dictionary, self._settings.sdo_timeout)
-
-    def _command(self, command: NmtCommand, node: CanopenNode) -> None:
-        self._opened().send_message(NMT, bytes([command, node.node_id]))
-
-    def _confirm_operational(self, node: CanopenNode, since: float) -> None:
-        """Wait for it as long as for its first answer; the command is sent again and again, for it may be lost."""
-        end = time.monotonic() + max(self._settings.boot_timeout, START_AGAIN) + 3e-3 * self._settings.heartbeat_ms
-        is_operational = False
-        while not is_operational and time.monotonic() < end:
-            is_operational = self._monitor.heartbeats.wait_for(node.node_id, NmtState.OPERATIONAL, since, START_AGAIN)
-            if not is_operational:
-                self._command(NmtCommand.START, node)
-        if not is_operational:
-            state = self._monitor.heartbeats.state(node.node_id)
-            heard = 'no heartbeat' if state is None else f'its heartbeat ({state_name(state)})'
-            try:
-                errors = self.read_errors(node)
-            finally:
-                self.stop()
-            raise DeviceError(node.label, expected='OPERATIONAL after NMT start', got=f'{heard}; {errors}',
-                              remedy='See its manual: a device with an error may refuse to start.')
-
     def _start_pacers(self) -> None:
         if self._settings.produce_sync and any(pad.layout.needs_sync for pad in self._pads):
             self._sync.start()
@@ -286,7 +236,7 @@ class SkinBus:
     def _polling(self, node: CanopenNode, domain: DomainLayout) -> DomainPolling:
         return DomainPolling(
             domain, node.label, self._settings.sync_period,
-            open_sdo=lambda: self._sdo_client(node), on_failure=self._fail)
+            open_sdo=lambda: self._devices.sdo_client(node), on_failure=self._fail)
 
     def _send_sync(self) -> None:
         try:

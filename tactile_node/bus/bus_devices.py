@@ -1,0 +1,97 @@
+"""The CANopen devices of one bus, by NMT and SDO: configured, started, stopped, zeroed."""
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+
+from tactile_node.bus.auto_zero import auto_zero
+from tactile_node.bus.bus_monitor import BusMonitor
+from tactile_node.bus.bus_network import BusNetwork
+from tactile_node.bus.bus_settings import BusSettings
+from tactile_node.bus.device_errors import read_errors
+from tactile_node.bus.device_setup import DeviceAsSet, DeviceSetup
+from tactile_node.bus.own_sdo import OwnSdoClient
+from tactile_node.cia301.connection_set import NMT
+from tactile_node.cia301.emergency import DeviceErrors
+from tactile_node.cia301.nmt import NmtCommand, NmtState, state_name
+from tactile_node.errors import BusError, DeviceError, HalfZeroedError, TwoDevicesError
+from tactile_node.skin.pads import CanopenNode
+
+START_AGAIN = 1.3  # s between two NMT starts of a node that does not become OPERATIONAL
+
+
+class BusDevices:
+    """The devices of ``nodes``; ``network()`` is the open bus, or raises BusError."""
+
+    def __init__(self, settings: BusSettings, nodes: Sequence[CanopenNode], monitor: BusMonitor,
+                 network: Callable[[], BusNetwork]):
+        self._settings = settings
+        self._nodes = nodes
+        self._monitor = monitor
+        self._network = network
+        self._interrupts = 0
+
+    def sdo_client(self, node: CanopenNode) -> AbstractContextManager[OwnSdoClient]:
+        return self._network().sdo_client(node.node_id, node.dictionary, self._settings.sdo_timeout)
+
+    def command(self, command: NmtCommand, node: CanopenNode) -> None:
+        self._network().send_message(NMT, bytes([command, node.node_id]))
+
+    def configure(self, node: CanopenNode, boot_timeout: float, pause: bool) -> DeviceAsSet:
+        """Configure one, found within ``boot_timeout`` [s]; without ``pause`` while it sends.
+
+        Raises DeviceError, BusError; TwoDevicesError where two devices answer as this node.
+        """
+        interrupts = self._interrupts
+        foreign_requests = self._monitor.foreign_requests[node.node_id]
+        if pause:
+            self.command(NmtCommand.ENTER_PRE_OPERATIONAL, node)
+        with self.sdo_client(node) as sdo:
+            setup = DeviceSetup(sdo, node, self._monitor.heartbeats, self._settings.sdo_retries,
+                                is_interrupted=lambda: self._interrupts != interrupts)
+            as_set = setup.run(boot_timeout, self._settings.heartbeat_ms)
+            is_alone = self._monitor.foreign_requests[node.node_id] == foreign_requests  # no other client is answered
+            if is_alone and 2 * sdo.doubled > sdo.requests:
+                raise TwoDevicesError(node.label, expected='one device with this node-ID', remedy='Switch one of them '
+                                      'off, and set another node-ID on it.',
+                                      got=f'a second answer to {sdo.doubled} of {sdo.requests} requests')
+        return as_set
+
+    def interrupt(self) -> None:
+        """End the configurations under way; from any thread, returns at once."""
+        self._interrupts += 1
+
+    def read_errors(self, node: CanopenNode) -> DeviceErrors:
+        """Read what a device lists as its errors. Raises BusError."""
+        with self.sdo_client(node) as sdo:
+            return read_errors(sdo)
+
+    def auto_zero(self, pad: str) -> int:
+        """Let the pad's devices zero themselves; how many channels. Raises DeviceError, BusError, HalfZeroedError."""
+        zeroed = 0
+        for node in self._nodes:
+            if node.pad == pad:
+                try:
+                    with self.sdo_client(node) as sdo:
+                        zeroed += auto_zero(sdo, node.dictionary, node.label)
+                except (DeviceError, BusError) as error:
+                    if not zeroed:
+                        raise
+                    raise HalfZeroedError(error.where, expected=error.expected, got=error.got, remedy=error.remedy
+                                          + f' {zeroed} channels of other nodes are zeroed.') from error
+        return zeroed
+
+    def confirm_operational(self, node: CanopenNode, since: float) -> None:
+        """Wait for it as long as for its first answer; NMT start is sent again and again, for it may be lost.
+
+        Raises DeviceError with what the device lists as its errors, BusError.
+        """
+        end = time.monotonic() + max(self._settings.boot_timeout, START_AGAIN) + 3e-3 * self._settings.heartbeat_ms
+        while time.monotonic() < end:
+            if self._monitor.heartbeats.wait_for(node.node_id, NmtState.OPERATIONAL, since, START_AGAIN):
+                return
+            self.command(NmtCommand.START, node)
+        state = self._monitor.heartbeats.state(node.node_id)
+        heard = 'no heartbeat' if state is None else f'its heartbeat ({state_name(state)})'
+        raise DeviceError(node.label, expected='OPERATIONAL after NMT start', got=f'{heard}; {self.read_errors(node)}',
+                          remedy='See its manual: a device with an error may refuse to start.')
