@@ -4,7 +4,7 @@ import pytest
 from can_bench import Bench
 from fault_bench import FaultBench
 
-from tactile_node.bus import auto_zero, skin_bus
+from tactile_node.bus import auto_zero, bus_devices
 from tactile_node.errors import DeviceError, HalfZeroedError
 from tactile_node.recording.log_source import LogSource
 from tactile_node.skin.pads import make_pad
@@ -51,7 +51,7 @@ def test_of_a_pads_nodes_the_first_may_be_zeroed_when_the_second_refuses(monkeyp
             raise DeviceError(label, expected='that it takes "zero"', got='an abort', remedy='See its manual.')
         zeroed.append(label)
         return 5
-    monkeypatch.setattr(skin_bus, 'auto_zero', second_refuses)
+    monkeypatch.setattr(bus_devices, 'auto_zero', second_refuses)
     with Bench('nodes zeroed', 'nodes2_12x8_12bit.yaml', (32, 35)) as bench:
         bench.driver.open()
         with pytest.raises(HalfZeroedError, match='node 35.*5 channels of other nodes are zeroed'):
