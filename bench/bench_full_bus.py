@@ -8,10 +8,11 @@ one, too, and sends SYNC:
     bare       python-can's slcan in its Notifier, which only counts
     pdo maps   canopen's RemoteNode: its PdoMaps, with a callback for each
 
-    python bench/bench_full_bus.py [--seconds 8] [--against OTHER/TREE]
+    python bench/bench_full_bus.py [--seconds 8] [--batch 0.0005] [--against OTHER/TREE]
 
---against measures the driver of another checkout by turns with this one. The latency of the last frame of a sweep is
-from its end on the wire to the taxel frame in hand, adapter (batches of 0.5 ms) included.
+--against measures the driver of another checkout by turns with this one. --batch: for how long the adapter gathers CAN
+frames before it hands them over [s]; 0: each alone. The latency of the last frame of a sweep is from its end on the
+wire to the taxel frame in hand, the adapter included.
 """
 
 import argparse
@@ -39,6 +40,7 @@ WARM = 1.0  #: s before a measurement
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--seconds', type=float, default=8.0, help='of each row, default %(default)s')
+    parser.add_argument('--batch', type=float, default=0.0005, metavar='S', help='of the adapter, default %(default)s')
     parser.add_argument('--against', type=Path, metavar='TREE', help='another checkout')
     parser.add_argument('--reader', nargs=4, metavar=('KIND', 'PORT', 'LAYOUT', 'RATE'), help='be one; as JSON')
     args = parser.parse_args()
@@ -47,7 +49,7 @@ def main() -> int:
         print(json.dumps(READERS[kind](port, layout, float(rate), args.seconds)))
         return 0
     with tempfile.TemporaryDirectory() as folder:
-        bench = Bench(Path(folder), args.seconds)
+        bench = Bench(Path(folder), args.seconds, args.batch)
         trees = {'here': ROOT} | ({'there': args.against.resolve()} if args.against else {})
         print(f'processor time at {FULL} SYNCs a second')
         bare = bench.row('bare', FULL, ROOT)
@@ -67,7 +69,8 @@ def main() -> int:
 class Bench:
     """Runs a reader in its process against the skin in its own."""
 
-    def __init__(self, folder: Path, seconds: float):
+    def __init__(self, folder: Path, seconds: float, batch: float):
+        self._options = ['--batch', str(batch)]
         self._folder = folder
         self._seconds = seconds
         self._layout = punctual(folder, LAYOUT)
@@ -86,7 +89,7 @@ class Bench:
         """Print one; its processor time [cores]."""
         layout = self._layout if tree == ROOT else LAYOUT
         with tempfile.TemporaryDirectory(dir=self._folder) as folder:
-            skin = SkinProcess(Path(folder), LAYOUT, [NODE])
+            skin = SkinProcess(Path(folder), LAYOUT, [NODE], self._options)
             command = [sys.executable, __file__, '--seconds', str(self._seconds), '--reader', kind, skin.port,
                        str(layout), str(rate)]
             reader = subprocess.Popen(command, stdout=subprocess.PIPE, text=True,
