@@ -233,9 +233,12 @@ def test_values_from_before_a_node_was_configured_again_are_not_given(tmp_path, 
         adapter.lost_ids = {0x1A1}
         bus = other_bus('event_again')
         bus.send(can.Message(arbitration_id=0x620, is_extended_id=False, data=bytes.fromhex('2B00180533000000')))
-        bench.take_until(lambda frame: np.isnan(frame.values).all())
-        for frame in [bench.take_until(lambda frame: not np.isnan(frame.values[1:]).any()), bench.take(1)[0][1]]:
-            assert np.isnan(frame.values[0, 4:]).all() and not np.isnan(frame.values[0, :4]).any()
+        assert wait_until(lambda: NodeFault.RECONFIGURED in bench.log.facts)
+        assert wait_until(lambda: bench.driver.health().nodes['pad32'][0].fault is NodeFault.NONE)
+        bench.forget()
+        frames = [frame for _, frame in bench.take(10)]
+        assert all(np.isnan(frame.values[0, 4:]).all() for frame in frames)
+        assert not np.isnan(frames[-1].values[0, :4]).any() and not np.isnan(frames[-1].values[1:]).any()
         adapter.lost_ids = set()
         bench.take_whole(1)
         bus.shutdown()
