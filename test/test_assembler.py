@@ -295,7 +295,8 @@ WAITS = 0.01  #: s, the response_time of a layout
 
 def settled(tmp_path):
     """An assembler whose node has not answered the SYNC of 1.0, nor that of 1.02 until 1.0205."""
-    assembler = FrameAssembler(tiny_layout(tmp_path, TINY + f'response_time: {WAITS}\n'), (1,), adapter_delay=0.001)
+    assembler = FrameAssembler(tiny_layout(tmp_path, TINY + f'response_time: {WAITS}\n'), (1,), adapter_delay=0.001,
+                               pauses_sync=True)
     for stamp in (0.98, 1.0):
         assembler.sync(stamp)
         if stamp < 1.0:
@@ -333,6 +334,52 @@ def test_a_bus_that_seemed_idle_because_the_adapter_was_held_up_gives_no_wrong_s
     check(results[1], np.full((3, 2), 2), sequence=2)
     assert len(results) == 2 and assembler.statistics().late_answers == 1
     assert assembler.sync(1.04) == () and balanced(assembler)
+
+
+def test_two_old_sweeps_that_come_at_once_do_not_shift_those_after_them(tmp_path):
+    """The adapter holds both back: the second is no better proved than the first."""
+    assembler = FrameAssembler(tiny_layout(tmp_path, TINY + 'response_time: 0.002'), (1,), adapter_delay=0.002,
+                               pauses_sync=True)
+    results, sweep = [], iter(range(100))
+
+    def come(at):
+        number = next(sweep)
+        for row in (ROW_1, ROW_2, ROW_3):
+            results.extend(assembler.feed(row, bytes([10 + number] * 2), at))
+    for period in range(12):
+        results += assembler.sync(period * 0.01)
+        if period == 3:
+            assembler.settle(0.005, 0.033)
+            come(0.033)
+            come(0.033)
+        elif period != 1 and period != 2:
+            come(period * 0.01 + 0.005)
+    for frame in (result for result in results if isinstance(result, TaxelFrame)):
+        counts = frame.values[:, 0] / 2
+        assert (np.isnan(counts) | (counts == frame.sequence)).all(), frame
+    assert assembler.statistics().late_answers and balanced(assembler)
+
+
+def test_an_idle_bus_before_an_outage_proves_nothing_after_it(tmp_path):
+    assembler = settled(tmp_path)
+    assembler.settle(1.0205, 1.0395)
+    assembler.resume(50)
+    assembler.sync(2.0)
+    assert send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=2.001) is None
+    assert not any(isinstance(result, TaxelFrame) and not result.missing_can_frames for result in assembler.sync(2.02))
+
+
+def test_where_it_is_not_known_when_the_bus_is_idle_a_sweep_left_out_costs_as_much_as_before(tmp_path):
+    """Of a log, say: whatever its layout promises."""
+    assembler, whole = FrameAssembler(tiny_layout(tmp_path, TINY + 'response_time: 0.002'), (1,)), 0
+    for period in range(100):
+        results = [*assembler.sync(period * 0.02)]
+        if period != 50:
+            for row in (ROW_1, ROW_2, ROW_3):
+                results += assembler.feed(row, b'\x0A\x0A', period * 0.02 + 0.001)
+        whole += sum(isinstance(result, TaxelFrame) and not result.missing_can_frames for result in results)
+        assert not assembler.idle_wanted
+    assert whole == 100 - 1 - CATCH_UP_PERIODS
 
 
 def test_a_layout_without_a_response_time_proves_nothing(assembler):
@@ -483,7 +530,7 @@ def test_whatever_is_lost_or_late_by_a_period_no_frame_is_wrong(tmp_path, respon
     """All 8000 ways; the first taxel's count is the period that its TPDO was sent in."""
     layout, ways = tiny_layout(tmp_path, TINY + response), list(fates())
     for fate in ways:
-        assembler, frames, last = FrameAssembler(layout, (1,)), [], 0.0
+        assembler, frames, last = FrameAssembler(layout, (1,), adapter_delay=0.0, pauses_sync=True), [], 0.0
         for period in range(PERIODS + CATCH_UP_PERIODS + 3):
             sent = [(i % 3, i // 3) for i, comes in enumerate(fate) if comes == period]
             sent += [(row, period) for row in range(3)] if period >= PERIODS else []

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from wire import Node
 from wire_worlds import HOST, ONE, TWO, TWO_NODES, WIRE, period_at, played, random_world, rising
 
 LOADS = (0.8, 0.9, 0.95, 0.98)
@@ -57,6 +58,30 @@ def test_a_node_that_answers_later_than_its_layout_says_is_noticed(clock):
     seen, = played(ONE, np.arange(SWEEPS) * 0.02, clock, skips=lambda number: number == EVENT + 20,
                    delay=lambda number: 0.012 if number in slow else 0.0003)
     assert not seen.wrong and seen.late_answers == 1 and len(seen.whole) >= SWEEPS - 5
+
+
+@pytest.mark.parametrize('clock', [HOST, WIRE])
+def test_a_node_that_always_answers_later_than_its_layout_says_costs_no_more_syncs(clock):
+    """Twice the time that it takes is waited for, however often it has answered late."""
+    seen, = played(ONE, np.arange(SWEEPS) * 0.02, clock, delay=lambda number: 0.005,
+                   skips=lambda number: number in (EVENT, 3 * EVENT // 2))
+    assert not seen.wrong and seen.late_answers > SWEEPS - 10 and len(seen.whole) >= SWEEPS - 12
+
+
+@pytest.mark.parametrize('clock', [HOST, WIRE])
+def test_a_node_that_is_gone_holds_up_no_other(clock):
+    """Not even one that has answered once again before."""
+    gone = played(TWO, np.arange(SWEEPS) * period_at(0.95, TWO), clock,
+                  first_skips=lambda number: number == EVENT or number > EVENT + 1)
+    assert not gone[1].wrong and len(gone[1].whole) >= SWEEPS - 8
+
+
+def test_on_a_bus_that_is_never_idle_a_sweep_left_out_costs_not_all():
+    """Another device sends all the time, so nothing proves anything: UNPROVED_PERIODS."""
+    chatter = Node([0x700], size=1, skips=lambda number: True)
+    chatter.chatter(np.arange(0, SWEEPS * 0.02, 0.0004))
+    seen, = played(ONE, np.arange(SWEEPS) * 0.02, WIRE, skips=lambda number: number == EVENT, chatter=[chatter])
+    assert not seen.wrong and SWEEPS - 40 <= len(seen.whole) <= SWEEPS - 20
 
 
 def test_without_a_response_time_a_skipped_sweep_costs_four_frames():

@@ -12,8 +12,10 @@ import can
 import pytest
 from can_bench import wait_until
 
+from tactile_node.bus import traffic as traffic_module
 from tactile_node.bus.bus_network import open_bus
 from tactile_node.bus.reception import MOST, Batch, Reception
+from tactile_node.bus.sync_pause import SyncPause
 from tactile_node.bus.traffic import Traffic
 
 pytestmark = pytest.mark.bus
@@ -91,29 +93,80 @@ def test_syncs_are_left_out_while_it_is_not_known_how_far_a_node_is():
     assert traffic.pause.count == 6 and traffic.syncs_sent == len(sent)
 
 
-def test_a_bus_that_was_closed_or_not_read_was_not_idle():
-    idle = []
-    router = SimpleNamespace(settle=lambda since, until: idle.append(until - since), feed=lambda *frame: None)
-    monitor = SimpleNamespace(feed=lambda can_id, data: None)
-    traffic = Traffic(router, monitor, None, polled=(), queue_limit=2, is_host_stamped=True, sync_period=0.02)
-    held = threading.Event()
-    now = time.time()
+class Idle:
+    """A Traffic whose steady clock is ours, and for how long its bus was idle before each frame."""
 
-    def received(*stamps):
-        traffic.received(Batch([can.Message(now + stamp, 0x1A0, False) for stamp in stamps]))
-    traffic.begin()
-    received(-5.0, -4.0)
-    assert wait_until(lambda: len(idle) == 2)
-    traffic.put(held.wait)
-    received(-3.9, -3.8)
-    received(-3.7)  # there is no room for it
+    def __init__(self, monkeypatch, queue_limit=99):
+        self.spans, self.steady = [], 1000.0
+        monkeypatch.setattr(traffic_module, 'time', SimpleNamespace(monotonic=lambda: self.steady, time=time.time))
+        router = SimpleNamespace(settle=lambda since, until: self.spans.append(until - since),
+                                 feed=lambda *frame: None)
+        monitor = SimpleNamespace(feed=lambda can_id, data: None, feed_error=lambda message: False)
+        self.traffic = Traffic(router, monitor, None, polled=(), queue_limit=queue_limit, is_host_stamped=True,
+                               sync_period=0.02)
+        self.begun = time.time() - 100.0
+        self.traffic.begin()
+
+    def received(self, *stamps, steady=None, **kind):
+        """Messages stamped so many seconds after the beginning, all read ``steady`` seconds after it."""
+        self.steady = 1000.0 + (stamps[-1] if steady is None else steady)
+        expected = len(self.spans) + len(stamps)
+        self.traffic.received(Batch([can.Message(self.begun + stamp, 0x1A0, kind.pop('extended', False), **kind)
+                                     for stamp in stamps]))
+        return lambda: len(self.spans) == expected
+
+    def seen(self):
+        self.traffic.end(10.0)
+        return [round(span, 3) for span in self.spans]
+
+
+def test_a_bus_that_was_closed_or_not_read_was_not_idle(monkeypatch):
+    idle, held = Idle(monkeypatch, queue_limit=2), threading.Event()
+    assert wait_until(idle.received(5.0)) and wait_until(idle.received(6.0, 6.1))
+    idle.traffic.put(held.wait)
+    whole = idle.received(6.2, 6.3)
+    idle.received(6.4)  # there is no room for it
     held.set()
-    assert wait_until(lambda: len(idle) == 4)
-    received(-2.0, -1.5)
-    assert wait_until(lambda: len(idle) == 6)
-    traffic.end(1.0)
-    traffic.begin()
-    received(-1.0)
-    assert wait_until(lambda: len(idle) == 7)
-    traffic.end(1.0)
-    assert idle == pytest.approx([-inf, 1.0, 0.1, 0.1, -inf, 0.5, -inf], abs=1e-5) and traffic.overruns == 1
+    assert wait_until(whole) and wait_until(idle.received(8.0)) and wait_until(idle.received(8.5))
+    idle.traffic.end(1.0)
+    idle.traffic.begin()
+    assert wait_until(idle.received(9.0))
+    assert idle.seen() == [-inf, 1.0, 0.1, 0.1, 0.1, 0.0, 0.5, 0.0] and idle.traffic.overruns == 1
+
+
+def test_a_clock_that_is_set_forward_is_no_idle_bus(monkeypatch):
+    idle = Idle(monkeypatch)
+    for stamps, steady in (((1.0,), 1.0), ((1.001,), 1.001), ((1.052,), 1.002)):
+        assert wait_until(idle.received(*stamps, steady=steady))
+    assert idle.seen()[1:] == [0.001, 0.001]
+
+
+def test_a_bus_full_of_what_is_no_taxel_is_not_idle(monkeypatch):
+    idle = Idle(monkeypatch)
+    idle.received(1.0)
+    idle.received(1.01, extended=True)
+    idle.received(1.02)
+    idle.received(1.03, is_error_frame=True)
+    idle.received(1.04)
+    assert idle.seen()[1:] == [0.01, 0.01, -inf]
+
+
+def test_a_fault_that_comes_once_is_reported_after_what_came_before_it():
+    class Once(Script):
+        def recv(self, timeout):
+            message = super().recv(timeout)
+            if isinstance(message, Exception):
+                raise message
+            return message
+    lost, batches, errors = can.CanOperationError('frames lost'), [], []
+    reception = Reception(Once([can.Message(), lost, can.Message(), None]), batches.append, errors.append)
+    assert wait_until(lambda: len(batches) == 2)
+    reception.stop()
+    assert errors[0] is lost
+
+
+def test_syncs_are_no_longer_left_out_once_nothing_is_in_doubt_or_sync_was_off():
+    pause = SyncPause(period=0.001)
+    assert pause.is_due(inf) and pause.is_due(inf) and not pause.is_due(0.0) and not pause.is_due(inf)
+    pause.restart()
+    assert [pause.is_due(inf) for _ in range(12)] == 10 * [True] + 2 * [False]

@@ -45,6 +45,10 @@ class Node:
         ready = max(now + self.delay(number), self._queue[-1][0] if self._queue else 0.0)
         self._queue.extend((ready, can_id, number) for can_id in self.can_ids)
 
+    def chatter(self, times: Sequence[float]) -> None:
+        """Have a frame ready at each of these times, whatever the SYNCs."""
+        self._queue.extend((time, self.can_ids[0], -1) for time in times)
+
     @property
     def head(self) -> tuple[float, int] | None:
         """When the next frame is ready, and its COB-ID."""

@@ -1,8 +1,9 @@
 """Pads and their assemblers on a wire in virtual time: frames take their time, SYNC and TPDOs cross."""
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -47,19 +48,23 @@ def period_at(load: float, pads: Sequence[Pad]) -> float:
 
 
 def played(pads: Sequence[Pad], syncs: Sequence[float], clock: str, *, lost: float = 0.0,
-           response: float | None = RESPONSE, seed: int = 0, **of_nodes) -> list[Seen]:
+           response: float | None = RESPONSE, seed: int = 0, first_skips: Callable[[int], bool] | None = None,
+           chatter: Sequence[Node] = (), **of_nodes) -> list[Seen]:
     """Let the nodes answer ``syncs`` on one wire; what each pad's assembler makes of the frames that it receives.
 
-    ``lost``: share of TPDOs that are not received; ``response``: what the layouts promise [s].
+    ``lost``: share of TPDOs that are not received; ``response``: what the layouts promise [s]; ``first_skips``: which
+    sweeps the first pad leaves out; ``chatter``: nodes of no pad.
     """
     rng = np.random.default_rng(seed)
     layouts = [replace(load_layout(pad.layout), response_time=response) for pad in pads]
     nodes = [[Node([tpdo.cob_id.of(node_id) for tpdo in layout.tpdos if tpdo.node == place], **of_nodes)
               for place, node_id in enumerate(pad.node_ids)] for pad, layout in zip(pads, layouts)]
+    for node in nodes[0] if first_skips is not None else ():
+        node.skips = first_skips
     receivers = [Receiver(pad, layout, clock) for pad, layout in zip(pads, layouts)]
     period = float(np.median(np.diff(syncs)))
     path = Wire(receivers, period) if clock == WIRE else Adapter(receivers, period, rng)
-    for frame in carried(syncs, [node for own in nodes for node in own], path.is_pause_wanted):
+    for frame in carried(syncs, [*chain.from_iterable(nodes), *chatter], path.is_pause_wanted):
         if frame.can_id == SYNC_ID:
             path.sync(frame)
         elif rng.random() >= lost:
@@ -73,7 +78,7 @@ class Receiver:
 
     def __init__(self, pad: Pad, layout: SkinLayout, clock: str):
         self.assembler = FrameAssembler(layout, pad.node_ids, one_clock=clock == WIRE,
-                                        adapter_delay=ADAPTER if clock == HOST else 0.0)
+                                        adapter_delay=ADAPTER if clock == HOST else 0.0, pauses_sync=True)
         self._layout = layout
         self._lengths = {tpdo.cob_id.of(pad.node_ids[tpdo.node]): tpdo.length for tpdo in layout.tpdos}
         self._numbers: dict[float, int] = {}  # of the SYNCs, by their stamps

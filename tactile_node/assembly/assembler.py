@@ -18,7 +18,8 @@ Rules, for each node of the pad separately
       not hold for ORDER_MEMORY periods after the order was seen to be changed (OUT_OF_ORDER).
     - Otherwise it is lost (LATE): nothing proves that it is of this period.
     - After n silent periods, n runs are therefore lost when they come within one period; otherwise all runs until an
-      idle bus proves that nothing is late (rule 8), or for CATCH_UP_PERIODS periods where it cannot.
+      idle bus proves that nothing is late (rule 8), but for UNPROVED_PERIODS periods at most, and CATCH_UP_PERIODS
+      where nothing can prove it: then the node is taken to have lost its sweeps.
     - A node that was just started (``start``) is not behind.
  4. When the runs of all nodes are complete, the frame is emitted at once. TPDOs that follow in that period are SURPLUS.
  5. An incomplete frame has NaN and STALE for the taxels that are in no run. It is emitted, or withheld
@@ -49,7 +50,7 @@ from math import inf
 
 import numpy as np
 
-from tactile_node.assembly.sender_run import CATCH_UP_PERIODS, STEADY_PERIODS
+from tactile_node.assembly.sender_run import CATCH_UP_PERIODS, UNPROVED_PERIODS
 from tactile_node.assembly.sweep_period import SweepPeriod
 from tactile_node.assembly.tpdo_table import TpdoTable
 from tactile_node.cia301.pdo import MAX_PDO_BYTES
@@ -59,25 +60,28 @@ from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.taxel_codec import TaxelCodec
 
 ORDER_MEMORY = 100  #: periods after a change of order; a lost SYNC can look like one
+MOST_PATIENCE = 0.5  #: s
 
 
 class FrameAssembler:
     """The state machine of one pad. ``sync`` and ``feed`` return the taxel frames that are finished, and losses.
 
     ``node_ids``: those of the pad's nodes, as many as the layout has. ``adapter_delay``: for how long an adapter may
-    hold a CAN frame back [s].
+    hold a CAN frame back [s]; infinite where it is not known when the bus is idle. ``pauses_sync``: the SYNC producer
+    leaves out SYNCs as ``idle_wanted`` says.
     """
 
     service = 'tpdo'  #: under which its CAN frames are counted
 
     def __init__(self, layout: SkinLayout, node_ids: Sequence[int], one_clock: bool = True,
-                 drop_incomplete: bool = False, adapter_delay: float = 0.0):
+                 drop_incomplete: bool = False, adapter_delay: float = inf, pauses_sync: bool = False):
         self.drop_incomplete = drop_incomplete
         self._codec = TaxelCodec(layout)
         self._one_clock = one_clock
         #: for how long the bus is idle at most while an answer to a SYNC is pending [s]
         self.settling_time = inf if layout.response_time is None else layout.response_time + adapter_delay
-        self._catch_up = CATCH_UP_PERIODS if layout.response_time is None else STEADY_PERIODS
+        self._pauses_sync = pauses_sync and self.settling_time < inf
+        self._catch_up = UNPROVED_PERIODS if self._pauses_sync else CATCH_UP_PERIODS
         self._node_ids = tuple(node_ids)
         self._table = TpdoTable(layout, node_ids)
         self._nodes = [tpdo.node for tpdo in layout.tpdos]  # by rank
@@ -105,7 +109,7 @@ class FrameAssembler:
     def idle_wanted(self) -> float:
         """For how long the bus has to be idle to show how far the nodes are [s]; 0: that is known. From any thread."""
         period = self._period
-        return self._patience if self._patience < inf and period is not None and period.is_in_doubt else 0.0
+        return self._patience if self._pauses_sync and period is not None and period.is_in_doubt else 0.0
 
     def restart(self) -> None:
         """Forget the periods under way, the nodes do not send; the next SYNC is number 0."""
@@ -175,7 +179,7 @@ class FrameAssembler:
         if self._one_clock and timestamp < period.stamp:
             return self._feed_before(period, rank, data, timestamp)
         if self._idle_for >= self.settling_time and not period.runs[self._nodes[rank]].is_seen:
-            self._note_late_answer()
+            self._note_late_answer(2 * self._idle_for)
         results = self._take(period, rank, data)
         if self._before is not None and self._sequence - self._changed_order >= ORDER_MEMORY:
             period.return_proved(self._before)
@@ -204,15 +208,16 @@ class FrameAssembler:
             fresh_by_tpdo=tuple(tuple(self._fresh[own].tolist()) for own in self._ranks_of_nodes),
             syncs=self._syncs)  # after what they have caused, for another thread counts on meanwhile
 
-    def _note_late_answer(self) -> None:
+    def _note_late_answer(self, patience: float) -> None:
         """A node does not keep to the layout's response_time: wait for longer before it is taken for granted again."""
         self._late_answers += 1
         self._answered_late = self._sequence
-        self._patience = 2 * max(self._patience, self._idle_for)
+        self._patience = min(max(self._patience, patience), max(self.settling_time, MOST_PATIENCE))
 
     def _forget(self) -> None:
         self._losses[LossReason.UNFINISHED] += self._pending()
         self._before = self._period = None
+        self._idle_for = 0.0
 
     def _pending(self) -> int:
         return sum(period.pending for period in (self._before, self._period) if period is not None)
@@ -241,7 +246,7 @@ class FrameAssembler:
             self._distinct[rank] -= 1
             return self._lose(LossReason.DUPLICATE)
         if run.is_settled and run.last >= rank:  # two runs in one period: the first is a late one after all
-            self._note_late_answer()
+            self._note_late_answer(2 * self._patience)
         if len(period.runs) > 1 and not period.is_emitted and run.begins_next_sweep(rank):
             discarded = self._discard(period)
         if period.is_discarded:

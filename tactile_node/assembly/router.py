@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Collection
+from functools import partial
 from math import inf
 from typing import TypeAlias
 
@@ -28,8 +29,10 @@ class Router:
     """
 
     def __init__(self, pads: tuple[PadSettings, ...], on_frame: OnFrame, foreign_sync: bool = True,
-                 one_clock: bool = True, drop_incomplete: bool = False, adapter_delay: float = 0.0):
-        self._assemblers = {pad.name: _assembler(pad, one_clock, drop_incomplete, adapter_delay) for pad in pads}
+                 one_clock: bool = True, drop_incomplete: bool = False, adapter_delay: float = inf):
+        make = partial(_assembler, one_clock=one_clock, drop_incomplete=drop_incomplete, adapter_delay=adapter_delay,
+                       pauses_sync=not foreign_sync)
+        self._assemblers = {pad.name: make(pad) for pad in pads}
         self._owners = {can_id: (name, assembler.feed, assembler.service, isinstance(assembler, FrameAssembler))
                        for name, assembler in self._assemblers.items() for can_id in assembler.can_ids}
         self._synchronous = [one for one in self._assemblers.values() if isinstance(one, FrameAssembler)]
@@ -124,13 +127,14 @@ class Router:
                 self._on_frame(name, result)
 
 
-def _assembler(pad: PadSettings, one_clock: bool, drop_incomplete: bool, adapter_delay: float) -> Assembler:
+def _assembler(pad: PadSettings, one_clock: bool, drop_incomplete: bool, adapter_delay: float,
+               pauses_sync: bool) -> Assembler:
     if pad.layout.domain is not None:
         return DomainAssembler(pad.layout, pad.node_ids[0], drop_incomplete)
     if (event := pad.layout.event_driven) is not None:
         kind = SweepAssembler if event.is_sweeps else SnapshotAssembler
         return kind(pad.layout, event, pad.node_ids, drop_incomplete)
-    return FrameAssembler(pad.layout, pad.node_ids, one_clock, drop_incomplete, adapter_delay)
+    return FrameAssembler(pad.layout, pad.node_ids, one_clock, drop_incomplete, adapter_delay, pauses_sync)
 
 
 def non_data_kind(message: can.Message) -> str | None:

@@ -30,10 +30,9 @@ import numpy as np
 from tactile_node.cia301.pdo import MAX_PDO_BYTES
 from tactile_node.frames.losses import Loss, LossReason
 
-#: Periods, each with one run, after which a sender that may be behind is taken not to be. The first where the layout
-#: gives no response_time: a guess. The second where it does, and the bus was never idle: unless its load is between 99
-#: and 101 %, a sender that is behind would have sent no run in one of them, or two.
-CATCH_UP_PERIODS, STEADY_PERIODS = 3, 128
+#: Periods, each with one run, after which a sender that may be behind is taken to have lost its sweeps: a guess. The
+#: second number where SYNCs are left out for an idle bus: after so many, other senders must keep it busy.
+CATCH_UP_PERIODS, UNPROVED_PERIODS = 3, 24
 
 
 class Payload(NamedTuple):
@@ -47,7 +46,7 @@ class SenderRun:
     """The ascending run of one sender's ranks in one period.
 
     ``own``: the sender's ranks, ascending. ``before``: its run of the period before; None where nothing of an
-    earlier period can come. ``catch_up``: CATCH_UP_PERIODS or STEADY_PERIODS.
+    earlier period can come. ``catch_up``: CATCH_UP_PERIODS or UNPROVED_PERIODS.
     """
 
     def __init__(self, own: np.ndarray, payload: Payload, before: 'SenderRun | None', catch_up: int):
@@ -66,12 +65,14 @@ class SenderRun:
         self._suspect_periods = 0  # in a row, up to the period before
         self._was_started = False
         self._is_settled = False
+        self._was_silent = False  # in the period before
         self._expect_late(0)
         if before is not None:
             self.carry_over(before)
 
     def carry_over(self, before: 'SenderRun') -> None:
         """Count the runs that may still come before this period's own."""
+        self._was_silent = not before.is_seen
         is_behind = before._behind > 0 and (before._ended_suspect or not before.is_seen)
         suspect_periods = before._suspect_periods + before._ended_suspect
         if suspect_periods >= self._catch_up:
@@ -102,8 +103,8 @@ class SenderRun:
 
     @property
     def is_in_doubt(self) -> bool:
-        """Whether the sender may still be behind though a period has passed that could have shown it."""
-        return self._suspect_periods > 0
+        """Whether the sender sends and may still be behind, though a period has passed that could have shown it."""
+        return self._suspect_periods > 0 and not self._was_silent
 
     @property
     def is_settled(self) -> bool:
@@ -227,6 +228,7 @@ class SenderRun:
             loss = Loss(LossReason.LATE if is_late else LossReason.OUT_OF_ORDER, self.lose())
         self._expect_late(max(self._behind - 1, 0))
         self._is_suspect = self._behind > 0
+        self._is_settled = False  # two runs in one period: what proved it was no idle bus
         return loss
 
     def _set_aside(self) -> None:

@@ -48,6 +48,7 @@ class Reception:
         self._on_batch = on_batch
         self._on_error = on_error
         self._recent: deque[float] = deque(maxlen=BUSY)  # when the last messages were read
+        self._error: Exception | None = None  # not yet reported
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name='reception', daemon=True)
         self._thread.start()
@@ -62,14 +63,15 @@ class Reception:
         while not self._stopping.is_set():
             try:
                 batch = self._read()
-                if not batch.messages:
+                if not batch.messages or self._stopping.is_set():
                     continue
                 begun = time.monotonic()
                 self._on_batch(batch)
                 if self._is_busy(len(batch.messages), begun):
                     time.sleep(max(0.0, begun + PAUSE - time.monotonic()))
             except Exception as error:  # each backend of python-can raises its own
-                self._on_error(error)
+                if not self._stopping.is_set():
+                    self._on_error(error)
                 self._stopping.wait(RECEIVE_TIMEOUT)  # a dead adapter fails at once
 
     def _is_busy(self, messages: int, now: float) -> bool:
@@ -79,12 +81,16 @@ class Reception:
     def _read(self) -> Batch:
         if isinstance(self._bus, BatchBus):
             return self._bus.recv_all(RECEIVE_TIMEOUT)
+        error, self._error = self._error, None
+        if error is not None:
+            raise error
         messages: Messages = []
         message = self._bus.recv(RECEIVE_TIMEOUT)
         while message is not None:
             messages.append(message)
             try:
                 message = self._bus.recv(0) if len(messages) < MOST else None
-            except Exception:  # raised again by the next call
+            except Exception as error:  # after what came before it
+                self._error = error
                 break
         return Batch(messages)

@@ -21,6 +21,8 @@ from tactile_node.threads.call_queue import CallQueue
 
 logger = logging.getLogger(__name__)
 
+NO_DATA = -1  #: in place of the COB-ID of what is no data frame with an 11-bit identifier
+
 Span = tuple[float, float]
 
 
@@ -47,6 +49,7 @@ class Traffic:
         self.pause = SyncPause(sync_period)
         self._last_came = inf  # the stamp up to which all received so far has come
         self._is_gap = True  # nothing is known of the time before the next batch
+        self._read_at = 0.0  # by the steady clock, the last batch
 
     @property
     def no_data_frames(self) -> Mapping[str, int]:
@@ -66,6 +69,7 @@ class Traffic:
     def restart(self) -> None:
         """Sequence numbers begin at 0, and stamps follow the wall clock."""
         self.clock.restart()
+        self.pause.restart()
         self._calls.put(self._router.restart)
 
     def put(self, call: Callable[..., object], *args: object) -> None:
@@ -83,9 +87,11 @@ class Traffic:
                 frames.append((can_id, data, self.clock.of(message.timestamp)))
             else:
                 self._count_other(kind, message)
+                came = inf if message.is_error_frame else self.clock.of(message.timestamp)  # more errors may be unseen
+                frames.append((NO_DATA, b'', came))
         if self._put - self._fed + len(frames) <= self._queue_limit:
             self._put += len(frames)
-            self._calls.put(self._feed, frames, self._came(batch), self._is_gap)
+            self._calls.put(self._feed, frames, self._came(batch), self._most_idle(batch))
             self._is_gap = False
         else:
             self.overruns += len(frames)
@@ -99,18 +105,26 @@ class Traffic:
         after, until = batch.came
         return after + lead, until + lead
 
-    def _feed(self, frames: list[tuple[int, bytes, float]], came: Span | None, is_after_gap: bool) -> None:
-        """On the assembler's thread. Between two frames the bus was idle; all frames of a ``came`` count as one.
+    def _most_idle(self, batch: Batch) -> float:
+        """For how long the bus was idle at most before any frame of ``batch`` [s], by the steady clock.
 
-        ``is_after_gap``: CAN frames before these were not taken, so nothing is known of the bus.
+        0 where CAN frames before it were not taken.
         """
-        if is_after_gap:
-            self._last_came = inf
+        after, read = batch.came or (time.monotonic(),) * 2
+        before, self._read_at = self._read_at, read
+        return 0.0 if self._is_gap else max(0.0, after - before)
+
+    def _feed(self, frames: list[tuple[int, bytes, float]], came: Span | None, most_idle: float) -> None:
+        """On the assembler's thread. Between two frames the bus was idle; all frames of a ``came`` count as one."""
         for can_id, data, stamp in frames:
             after, until = came or (stamp, stamp)
-            self._router.settle(self._last_came, after)
+            if stamp == inf:
+                self._last_came = inf
+                continue
+            self._router.settle(max(self._last_came, after - most_idle), after)
             self._last_came = until
-            self._router.feed(can_id, data, stamp)
+            if can_id != NO_DATA:
+                self._router.feed(can_id, data, stamp)
         self._fed += len(frames)
 
     def _count_other(self, kind: str, message: can.Message) -> None:
