@@ -1,7 +1,7 @@
 """The driver at the limit of the wire, over slcan: processor time against other readers, whole sweeps, latency.
 
 One pad of 16x16 taxels of 8 bits: 32 TPDOs of 135 bits with the most stuff bits, which 228 SYNCs a second fill at
-1 Mbit/s. The simulated skin is a process of its own that sends each frame when the wire has carried it; each reader is
+1 Mbit/s. The simulated skin is a separate process that sends each frame when the wire has carried it; each reader is
 one, too, and sends SYNC:
 
     driver     the supervised driver, to taxel frames

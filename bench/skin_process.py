@@ -1,4 +1,4 @@
-"""The simulated skin as a process of its own, behind a pseudo-terminal and on a wire that keeps time."""
+"""The simulated skin as a separate process, behind a pseudo-terminal and on a wire that keeps time."""
 
 import json
 import signal

@@ -354,7 +354,7 @@ def one_tpdo_switched_off_by_another_master(channel: str) -> FaultBench:
 
 
 def one_tpdo_switched_off_unseen(channel: str) -> FaultBench:
-    """One of sixteen TPDOs is off and nobody was seen writing: it is named, and switched on while the others flow."""
+    """One of sixteen TPDOs is off and no write was seen: it is named, and switched on while the others flow."""
     with FaultBench(channel) as bench:
         bench.run().cause()
         bench.adapter.lost_ids = {0x620}

@@ -108,7 +108,7 @@ def device():
 
 @pytest.mark.bus
 def test_the_device_sends_by_its_event_timer_and_only_while_operational(device):
-    """TPDO 1: type 254 to sub 2, 20 ms to sub 5, then enabled; nobody sends SYNC."""
+    """TPDO 1: type 254 to sub 2, 20 ms to sub 5, then enabled; no SYNC is sent."""
     for request in ('2F001802FE000000', '2B00180514000000', '23001801A0010000'):
         assert device.sdo(request).startswith('60')
     assert device.is_silent()
@@ -246,7 +246,7 @@ def test_values_from_before_a_node_was_configured_again_are_not_given(tmp_path, 
 
 @pytest.mark.bus
 def test_while_the_driver_is_stopped_nothing_is_given():
-    """Another master may start the device: without SYNC it then sends, though nobody asked for its taxels."""
+    """Another master may start the device: without SYNC it then sends, though its taxels are not wanted."""
     with Bench('event_stopped', SWEEPS, source=still(SWEEPS)) as bench:
         bench.run()
         bench.take_whole(2)

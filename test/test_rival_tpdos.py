@@ -54,7 +54,7 @@ def test_no_other_tpdo_is_taken_for_taxels(tmp_path, caplog):
         rival, other = cob_id(bench, 1), cob_id(bench, 2)
         losses = bench.driver.statistics().pads['pad32'].losses
     assert all(np.allclose(frame.values, 2.0) for _, frame in frames)
-    assert rival >> 31 == 1 and other >> 31 == 0, 'TPDO 2 has a COB-ID of its own'
+    assert rival >> 31 == 1 and other >> 31 == 0, 'TPDO 2 has another COB-ID'
     assert not any(losses.values()) and 'TPDO 1' in caplog.text
 
 

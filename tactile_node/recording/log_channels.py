@@ -1,6 +1,6 @@
 """The buses of a log: one is chosen by its name, and what makes up taxel frames is never taken from two.
 
-python-can writes a frame without the name of its bus under a name of its own (``vcan0`` in candump's format). Our
+python-can writes a frame without the name of its bus under another name (``vcan0`` in candump's format). Our
 recordings had their own frames so, SYNC among them, until these got the bus's name. A channel on which frames were
 sent and none received is therefore no bus.
 """

@@ -83,7 +83,7 @@ class LogFile:
         except (OSError, ValueError):  # what it still holds; a file that is closed
             pass
         taken, kept = self.can_frames, self._on_disk.can_frames
-        if isinstance(self.writer, can.SqliteWriter):  # commits by itself, whole transactions
+        if isinstance(self.writer, can.SqliteWriter):  # commits whole transactions without a flush
             kept = self.writer.num_frames
         else:
             with self.path.open('r+b') as file:

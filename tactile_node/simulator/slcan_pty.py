@@ -32,7 +32,7 @@ BIT_RATES = {b'S0': 10_000, b'S1': 20_000, b'S2': 50_000, b'S3': 100_000, b'S4':
 class SlcanPty(can.BusABC):
     """A python-can bus whose wire is the pseudo-terminal ``port``; ``link`` gives it a lasting name.
 
-    With a ``bitrate`` [bit/s] of the bus, a client that sets another one hears and is heard by nobody.
+    With a ``bitrate`` [bit/s] of the bus, a client that sets another one neither receives nor is received.
     """
 
     def __init__(self, link: str = '', bitrate: int | None = None):

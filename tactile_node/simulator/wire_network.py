@@ -30,7 +30,7 @@ class WireSettings:
 
 
 class WireNetwork(Network):
-    """A canopen Network over a queue of its own on the segment; ``to_wall_clock`` is added to stamps [s]."""
+    """A canopen Network over its queue on the segment; ``to_wall_clock`` is added to stamps [s]."""
 
     def __init__(self, segment: Segment, settings: WireSettings, node_id: int, to_wall_clock: float = 0.0):
         super().__init__()

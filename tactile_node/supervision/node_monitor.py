@@ -172,7 +172,7 @@ class NodeMonitor:
             missing_tpdos=self.traffic.missing, surplus_tpdos=self.traffic.surplus, device_errors=self.device_errors)
 
     def _is_silent(self, now: float) -> bool:
-        """A device with a heartbeat time that is not ours may be silent for three of its own."""
+        """A device with a heartbeat time that is not ours may be silent for three of its periods."""
         own = self._heartbeat_time or self._heartbeats.interval(self.node.node_id) or 0.0
         allowed = max(self._heartbeat_timeout, 3 * own) * (PATIENCE if self._is_overloaded else 1)
         return now - max(self._heartbeats.heard(self.node.node_id) or 0.0, self._since) > allowed
