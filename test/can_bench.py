@@ -30,6 +30,44 @@ def channel_of(name: str) -> str:
     return name if INTERFACE == 'virtual' else 'vcan0'
 
 
+class Served:
+    """A hand-written device: its ``_serve`` runs on a thread until ``_ends``; use with ``with``."""
+
+    def __init__(self, channel: str):
+        self._bus = can.Bus(channel, interface=INTERFACE)
+        self._ends = threading.Event()
+        self._thread = threading.Thread(target=self._serve)
+
+    def __enter__(self) -> 'Served':
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ends.set()
+        self._thread.join(60)
+        self._bus.shutdown()
+
+    def _serve(self) -> None:
+        raise NotImplementedError
+
+
+class Master:
+    """A bare CAN bus beside simulated skins: what a hand-written master sends and receives."""
+
+    def __init__(self, name: str):
+        self.bus = other_bus(name)
+
+    def send(self, can_id: int, data: str) -> None:
+        self.bus.send(can.Message(arbitration_id=can_id, is_extended_id=False, data=bytes.fromhex(data)))
+
+    def sdo(self, request: str) -> str:
+        """The answer of node 32 to an SDO request, as hex."""
+        self.send(0x620, request)
+        while (answer := self.bus.recv(60)).arbitration_id != 0x5A0:
+            pass
+        return answer.data.hex().upper()
+
+
 def other_bus(name: str) -> can.BusABC:
     """Another participant on the bus ``name``."""
     return can.Bus(channel_of(name), interface=INTERFACE)

@@ -5,7 +5,7 @@ import time
 import can
 import numpy as np
 import pytest
-from can_bench import INTERFACE, Bench, channel_of, other_bus, wait_until
+from can_bench import INTERFACE, Bench, Master, channel_of, other_bus, wait_until
 from faulty_bus import Adapter
 
 from tactile_node.bus import skin_bus
@@ -67,22 +67,13 @@ def test_changes_are_sent_after_the_inhibit_time_and_what_is_unchanged_after_the
     assert sent_at(plan, [11.25, 11.375, 11.5, 11.625], data=str) == [11.25, 11.5]
 
 
-class Device:
-    """A bare CAN bus beside one simulated pad, node 32."""
+class Device(Master):
+    """One simulated pad, node 32, and its master."""
 
     def __init__(self, layout):
-        self.bus = other_bus('event_wire')
+        super().__init__('event_wire')
         self.simulator = SkinSimulator([make_pad('pad', 32, layout)], {'pad': still(layout)})
         self.simulator.start(INTERFACE, channel_of('event_wire'))
-
-    def send(self, can_id, data):
-        self.bus.send(can.Message(arbitration_id=can_id, is_extended_id=False, data=bytes.fromhex(data)))
-
-    def sdo(self, request):
-        self.send(0x620, request)
-        while (answer := self.bus.recv(60)).arbitration_id != 0x5A0:
-            pass
-        return answer.data.hex().upper()
 
     def take(self, can_id, count):
         found = []

@@ -1,12 +1,11 @@
 """`tactile scan`, against devices written here by hand from CiA 301, without canopen."""
 
 import json
-import threading
 import time
 
 import can
 import pytest
-from can_bench import INTERFACE, channel_of
+from can_bench import INTERFACE, Served, channel_of
 
 from tactile_node.cli.main import main
 
@@ -15,25 +14,14 @@ pytestmark = pytest.mark.bus
 ABORT = bytes.fromhex('00000206')  # no such object
 
 
-class Device:
+class Device(Served):
     """A server of expedited and segmented uploads, with a heartbeat; it notes every frame that it receives."""
 
     def __init__(self, channel, node_id, objects, heartbeat=True):
-        self._bus = can.Bus(channel, interface=INTERFACE)
+        super().__init__(channel)
         self._node_id, self._objects, self._heartbeat = node_id, objects, heartbeat
         self._rest, self._toggle = b'', 0
         self.received = []
-        self._ends = threading.Event()
-        self._thread = threading.Thread(target=self._serve)
-
-    def __enter__(self):
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_):
-        self._ends.set()
-        self._thread.join(60)
-        self._bus.shutdown()
 
     def _send(self, can_id, data):
         self._bus.send(can.Message(arbitration_id=can_id + self._node_id, data=data, is_extended_id=False))

@@ -1,11 +1,10 @@
 """`tactile sdo`, against the frames of another CANopen stack: recorded from CANopenNode's demo device (node 4)."""
 
 import json
-import threading
 
 import can
 import pytest
-from can_bench import INTERFACE, channel_of
+from can_bench import INTERFACE, Served, channel_of
 
 from tactile_node.cia301.object_address import ObjectAddress, parse_address
 from tactile_node.cli.main import main
@@ -67,24 +66,13 @@ AccessType=rw
 '''
 
 
-class Recorded:
+class Recorded(Served):
     """Answers the recorded requests, in their order, with the recorded answers, and no others."""
 
     def __init__(self, channel, exchange, node_id=4):
-        self._bus = can.Bus(channel, interface=INTERFACE)
+        super().__init__(channel)
         self._exchange, self._node_id = list(exchange), node_id
         self.requests = []
-        self._ends = threading.Event()
-        self._thread = threading.Thread(target=self._serve)
-
-    def __enter__(self):
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_):
-        self._ends.set()
-        self._thread.join(60)
-        self._bus.shutdown()
 
     def _serve(self):
         while not self._ends.is_set():

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import can
 import numpy as np
 import pytest
-from can_bench import INTERFACE, channel_of, other_bus, wait_until
+from can_bench import INTERFACE, Master, channel_of, wait_until
 from faulty_bus import Adapter
 
 from tactile_node.bus import slcan_bus
@@ -31,25 +31,15 @@ pytestmark = pytest.mark.bus
 START, SYNC = (0x000, '0120'), (0x080, '')
 
 
-class Wire:
+class Wire(Master):
     """A bare CAN bus beside one 16x16 pad, node 32, whose taxel (r, c) reads 16 r + c counts."""
 
     def __init__(self):
         counts = np.arange(256).reshape(16, 16)
         pad = make_pad('pad', 32, 'sim16x16.yaml')
-        self.bus = other_bus('wire')
+        super().__init__('wire')
         self.simulator = SkinSimulator([pad], {'pad': lambda t: counts * 392.156862745})
         self.simulator.start(INTERFACE, channel_of('wire'))
-
-    def send(self, can_id, data):
-        self.bus.send(can.Message(arbitration_id=can_id, is_extended_id=False, data=bytes.fromhex(data)))
-
-    def sdo(self, request):
-        """The answer to an SDO request, as hex."""
-        self.send(0x620, request)
-        while (answer := self.bus.recv(60)).arbitration_id != 0x5A0:
-            pass
-        return answer.data.hex().upper()
 
     def enable(self, number, flags='00'):
         cob_id = 0x1A0 + number - 1

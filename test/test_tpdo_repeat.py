@@ -1,4 +1,4 @@
-"""``repeat`` in a layout: what one entry stands for, and what is said where it is wrong."""
+"""``repeat`` in a layout: what one entry stands for, and the errors where it is wrong."""
 
 from dataclasses import replace
 from pathlib import Path

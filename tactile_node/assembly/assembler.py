@@ -31,7 +31,7 @@ Rules, for each node of the pad separately
     all TPDOs of all nodes are LATE until the next SYNC.
  8. The layout may give a ``response_time``: a node that has an answer to send begins within it when the bus is idle. A
     bus that was idle for longer since a SYNC therefore proves that no run of that period comes any more (``settle``).
-    The next run is of its own period, unless another follows before the next SYNC: then an adapter was held up.
+    The next run is of the period in which it comes, unless another follows in it: then an adapter was held up.
     While it is not known how far a node is (``idle_wanted``), the SYNC producer leaves out a SYNC, so that the bus
     is idle. A node that was seen to answer later is given twice that time for ORDER_MEMORY periods.
 

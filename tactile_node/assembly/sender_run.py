@@ -64,7 +64,7 @@ class SenderRun:
         self._ended_suspect = False
         self._suspect_periods = 0  # in a row, up to the period before
         self._was_started = False
-        self._is_settled = False
+        self.is_settled = False  #: an idle bus has proved that the sender is not behind
         self._was_silent = False  # in the period before
         self._expect_late(0)
         if before is not None:
@@ -107,11 +107,6 @@ class SenderRun:
         return self._suspect_periods > 0 and not self._was_silent
 
     @property
-    def is_settled(self) -> bool:
-        """Whether an idle bus has proved that the sender is not behind."""
-        return self._is_settled
-
-    @property
     def is_undecided(self) -> bool:
         """Whether TPDOs received so far, or the next ones, may still be of the period before."""
         return not self.is_seen or self._is_suspect or bool(self._aside)
@@ -134,7 +129,7 @@ class SenderRun:
     def settle(self) -> None:
         """No run of an earlier period begins any more. The tail of one needs no such proof: it has its own."""
         if not self.is_seen and self._late_above < 0:
-            self._is_settled = True
+            self.is_settled = True
             self._suspect_periods = 0
 
     def assume_behind(self) -> None:
@@ -180,7 +175,7 @@ class SenderRun:
 
     def end(self) -> int:
         """End the period and lose what is not proved to be of any period; the number of TPDOs lost."""
-        if self._is_settled:
+        if self.is_settled:
             self._is_suspect = False
         self._ended_suspect = self._is_suspect
         return self.lose() if self._is_suspect else self.lose_aside()
@@ -228,7 +223,7 @@ class SenderRun:
             loss = Loss(LossReason.LATE if is_late else LossReason.OUT_OF_ORDER, self.lose())
         self._expect_late(max(self._behind - 1, 0))
         self._is_suspect = self._behind > 0
-        self._is_settled = False  # two runs in one period: what proved it was no idle bus
+        self.is_settled = False  # two runs in one period: what proved it was no idle bus
         return loss
 
     def _set_aside(self) -> None:
