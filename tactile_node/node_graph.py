@@ -32,10 +32,13 @@ class Processes(Enum):
 
 NODE_NAMES = {Role.DRIVER: 'skin_driver', Role.PROCESSOR: 'processor', Role.CLASSIFIER: 'classifier',
               Role.GRASP: 'grasp'}
-#: The topics that come frame by frame: name relative to the pad, message. `pose` and `shapes` come too; `features` and
-#: `shapes` are computed while something subscribes to them.
-PAD_TOPICS = {'taxels': 'TaxelArray', 'contact': 'Contact', 'features': 'ContactFeatures', 'shape': 'ContactShape'}
-GRASP_TOPIC = {'grasp': 'Grasp'}
+#: The topics that come frame by frame: name relative to the pad, type. `pose` and `shapes` come too; `features`,
+#: `shapes` and what viewers draw are computed while something subscribes to them.
+PAD_TOPICS = {'taxels': 'tactile_skin/msg/TaxelArray', 'contact': 'tactile_skin/msg/Contact',
+              'features': 'tactile_skin/msg/ContactFeatures', 'shape': 'tactile_skin/msg/ContactShape'}
+VIEW_TOPICS = {'image': 'sensor_msgs/msg/Image', 'image_colour': 'sensor_msgs/msg/Image',
+               'markers': 'visualization_msgs/msg/MarkerArray', 'wrench': 'geometry_msgs/msg/WrenchStamped'}
+GRASP_TOPIC = {'grasp': 'tactile_skin/msg/Grasp'}
 PADS_OF_A_GRASP = 2
 
 
@@ -108,15 +111,15 @@ def in_processes(nodes: Sequence[NodeDescription], processes: Processes) -> tupl
 
 
 def frame_topics(pads: Sequence[str], namespace: str = '') -> dict[str, str]:
-    """Return the full names of the topics that come frame by frame, with their messages' names.
+    """Return the full names of the topics that come frame by frame, with their types.
 
-    >>> list(frame_topics(['pad']))
-    ['/pad/taxels', '/pad/contact', '/pad/features', '/pad/shape']
+    >>> [name.removeprefix('/pad/') for name in frame_topics(['pad'])]
+    ['taxels', 'contact', 'features', 'shape', 'image', 'image_colour', 'markers', 'wrench']
     """
     root = f'/{namespace.strip("/")}' if namespace.strip('/') else ''
-    topics = {f'{root}/{pad}/{name}': message for pad in pads for name, message in PAD_TOPICS.items()}
+    topics = {f'{root}/{pad}/{name}': kind for pad in pads for name, kind in (PAD_TOPICS | VIEW_TOPICS).items()}
     if len(pads) == PADS_OF_A_GRASP:
-        topics |= {f'{root}/{name}': message for name, message in GRASP_TOPIC.items()}
+        topics |= {f'{root}/{name}': kind for name, kind in GRASP_TOPIC.items()}
     return topics
 
 

@@ -29,7 +29,7 @@ ALLOWED = {
     'nodes': {'bus', 'frames', 'recording', 'ros', 'skin', 'supervision', 'threads', *NUMERICAL},
     'demo': {'nodes', 'ros', 'simulator', 'skin', 'synthetic'}}
 ROS = {'rclpy', 'tactile_skin', 'std_msgs', 'diagnostic_msgs', 'geometry_msgs', 'rcl_interfaces', 'builtin_interfaces',
-       'sensor_msgs', 'tf2_msgs', 'lifecycle_msgs', 'rosgraph_msgs', 'launch', 'launch_ros'}
+       'sensor_msgs', 'tf2_msgs', 'lifecycle_msgs', 'rosgraph_msgs', 'visualization_msgs', 'launch', 'launch_ros'}
 CAN = {'can', 'canopen'}
 
 #: modules of bench/recognition/ that draw what is reported: worlds that training has never seen

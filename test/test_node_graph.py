@@ -79,7 +79,7 @@ def test_the_nodes_have_the_described_names_parameters_and_topics(pads, namespac
         expected = frame_topics(pads, namespace)
         by_driver = {topic for topic in expected if topic.endswith('/taxels')}  # published once it is configured
         assert {topic: published[topic] for topic in set(expected) - by_driver} == {
-            topic: [f'tactile_skin/msg/{message}'] for topic, message in expected.items() if topic not in by_driver}
+            topic: [kind] for topic, kind in expected.items() if topic not in by_driver}
         assert any(publisher.topic_name.endswith('skin_driver/status') for publisher in system.driver.publishers)
     finally:
         system.destroy()

@@ -15,6 +15,7 @@ from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.run import run_node
+from tactile_node.nodes.shape_view import ShapeView
 from tactile_node.pose.fit import ShapeFit, fit_shape
 from tactile_node.pose.moments import contact_moments
 from tactile_node.ros.contact_messages import layer_of, pattern_of
@@ -33,9 +34,9 @@ from tactile_skin.msg import Contact, ContactShape, ContactShapes, Progress
 class ClassifierNode(Node):
     """Publishes `shape` for the newest usable message on `contact`, and `pose` while the contact has one.
 
-    While something subscribes to it, `shapes` too: each of the largest contacts. A lossless classifier answers every
-    message, always publishes `shapes`, since it keeps messages for late subscribers, and `progress`, which the driver
-    waits for. Raises ConfigurationError for a wrong parameter.
+    While something subscribes to them, `shapes` too, each of the largest contacts, and `markers`. A lossless classifier
+    answers every message, always publishes `shapes`, since it keeps messages for late subscribers, and `progress`,
+    which the driver waits for. Raises ConfigurationError for a wrong parameter.
     """
 
     def __init__(self, **options):
@@ -50,6 +51,7 @@ class ClassifierNode(Node):
         self._poses = self.create_publisher(PoseWithCovarianceStamped, 'pose', qos)
         self._all_shapes = self.create_publisher(ContactShapes, 'shapes', qos)
         self._progress = self.create_publisher(Progress, 'progress', qos) if self._settings.lossless else None
+        self._view = ShapeView(self, self._settings.queue_depth, self._settings.full_scale)
         self._contacts = GuardedSubscription(self, Contact, 'contact', self._on_contact, qos, check=check_contact,
                                              newest_only=True)
         MessageHealth(self, [self._contacts])
@@ -72,6 +74,7 @@ class ClassifierNode(Node):
             self._publish_all(message, pattern, frame)
         if self._progress is not None:
             self._progress.publish(Progress(sequence=message.sequence))
+        self._view.publish(message, shape)
 
     def _publish_all(self, message: Contact, pattern: ContactPattern, largest: Recognition) -> None:
         """Each contact by this frame alone; ``largest`` is the recognition of the first."""

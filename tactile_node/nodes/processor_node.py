@@ -19,6 +19,7 @@ from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.run import run_node
+from tactile_node.nodes.taxel_views import TaxelViews
 from tactile_node.ros.contact_messages import contact_message, taxels_of
 from tactile_node.ros.feature_messages import features_message
 from tactile_node.ros.message_age import age_message
@@ -32,8 +33,9 @@ from tactile_skin.msg import Contact, ContactFeatures, TaxelArray
 class ProcessorNode(Node):
     """Publishes `contact` for the newest usable message on `taxels`, and `features` while something subscribes to it.
 
-    A lossless one answers every message and always publishes both, since it keeps them for late subscribers. Raises
-    ConfigurationError for a wrong parameter.
+    A lossless one answers every message and always publishes both, since it keeps them for late subscribers. What
+    viewers draw of the taxels it publishes only while something subscribes to it. Raises ConfigurationError for a wrong
+    parameter.
     """
 
     def __init__(self, **options):
@@ -43,6 +45,7 @@ class ProcessorNode(Node):
         qos = self._settings.qos
         self._contacts = self.create_publisher(Contact, 'contact', qos)
         self._features = self.create_publisher(ContactFeatures, 'features', qos)
+        self._views = TaxelViews(self, self._settings.queue_depth, self._settings.full_scale)
         self._taxels = GuardedSubscription(self, TaxelArray, 'taxels', self._on_taxels, qos, check=check_taxel_array,
                                            newest_only=True)
         MessageHealth(self, [self._taxels])
@@ -77,6 +80,7 @@ class ProcessorNode(Node):
             features = features_message(message, pattern, visibility, compute_features(pattern.mask, self._groups))
             features.age = self._age()
             self._features.publish(features)
+        self._views.publish(message, contact, pattern)
 
     def _age(self) -> Duration:
         """Of what is made of the present message, when it is sent."""

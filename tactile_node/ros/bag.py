@@ -17,7 +17,7 @@ MESSAGES = ('TaxelArray', 'Contact', 'FeatureRange', 'ContactFeatures', 'Contact
 
 
 class BagRecorder:
-    """Records ``topics`` (name: message name) that ``node`` receives, from construction to close."""
+    """Records ``topics`` (name: type, 'package/msg/Name') that ``node`` receives, from construction to close."""
 
     def __init__(self, node: Node, folder: Path, topics: Mapping[str, str], qos: QoSProfile):
         types = get_typestore(Stores.ROS2_JAZZY)
@@ -27,11 +27,11 @@ class BagRecorder:
         self.messages, self._clock = 0, node.get_clock()
         self._writer = Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP)
         self._writer.open()
-        module = import_module(f'{PACKAGE}.msg')
-        for topic, name in topics.items():
-            connection = self._writer.add_connection(
-                topic, f'{PACKAGE}/msg/{name}', typestore=types, offered_qos_profiles=[_RELIABLE])
-            node.create_subscription(getattr(module, name), topic, self._writing_to(connection), qos, raw=True)
+        for topic, kind in topics.items():
+            package, _, name = kind.split('/')
+            connection = self._writer.add_connection(topic, kind, typestore=types, offered_qos_profiles=[_RELIABLE])
+            message = getattr(import_module(f'{package}.msg'), name)
+            node.create_subscription(message, topic, self._writing_to(connection), qos, raw=True)
 
     def close(self) -> None:
         self._writer.close()

@@ -12,6 +12,8 @@ from tactile_node.ros.parameters import NodeSettings, parameter
 from tactile_node.shape.methods import DEFAULT
 
 FRAME_PREFIX = 'put before every frame, as robot_state_publisher does: robot1/'
+FULL_SCALE = 'reading of the brightest colour of {} [unit of the taxels]; 0: the highest so far, at least ' + (
+    f'{PRESS_BY_UNIT["Pa"] / 1e3:g} kPa, {PRESS_BY_UNIT["N"]:g} N')
 
 
 @dataclass(frozen=True)
@@ -93,6 +95,7 @@ class ProcessorSettings(NodeSettings):
                                       'not seen while hidden taxels could hold one', 1, 10_000, live=True)
     features: tuple[str, ...] = parameter(('classifier',), 'groups of features to compute beside those the classifier '
                                           'needs: information, gravity, eigenvalues, border, rotated, all', live=True)
+    full_scale: float = parameter(0.0, FULL_SCALE.format('image_colour'), 0, 1e9)
 
 
 @dataclass(frozen=True)
@@ -103,6 +106,7 @@ class ClassifierSettings(NodeSettings):
     fuse: bool = parameter(True, 'true: the shape is decided from successive frames; false: from each frame alone')
     fit: bool = parameter(True, 'true: fit pose and size; false: leave them out')
     solid_height: float = parameter(0.0, 'height of the solid added to each shape [m]; 0: none', 0, 10)
+    full_scale: float = parameter(0.0, FULL_SCALE.format('markers'), 0, 1e9)
 
 
 @dataclass(frozen=True)
