@@ -7,7 +7,7 @@ import numpy as np
 from tactile_node.press_levels import PRESS_BY_UNIT
 from tactile_node.read_only import read_only
 
-#: matplotlib's colour map inferno (N. J. Smith, S. van der Walt; CC0) at 17 even steps, rgb. Its lightness rises evenly.
+#: matplotlib's inferno (N. J. Smith, S. van der Walt; CC0) at 17 even steps, rgb; its lightness rises evenly.
 INFERNO = ((0, 0, 4), (11, 7, 36), (33, 12, 74), (61, 9, 101), (87, 16, 110), (113, 25, 110), (138, 34, 106),
            (163, 44, 97), (188, 55, 84), (208, 69, 69), (227, 89, 51), (241, 113, 31), (249, 140, 10), (252, 170, 15),
            (249, 201, 50), (242, 232, 101), (252, 255, 164))

@@ -125,8 +125,9 @@ def test_demo_leaves_bag_log_table_and_picture(tmp_path, capsys):
     from rosbags.rosbag2 import Reader
     with Reader(tmp_path / 'bag') as bag:
         counts = {connection.topic: connection.msgcount for connection in bag.connections}
-    assert set(counts) == {'/grasp'} | {f'/{pad}/{topic}' for pad in ('left', 'right')
-                                        for topic in ('taxels', 'contact', 'features', 'shape')}
+    assert set(counts) == {'/grasp'} | {
+        f'/{pad}/{topic}' for pad in ('left', 'right')
+        for topic in ('taxels', 'contact', 'features', 'shape', 'image', 'image_colour', 'markers', 'wrench')}
     assert min(counts.values()) > 50
     with (tmp_path / 'touches.csv').open(encoding='utf-8') as file:
         touches = list(csv.DictReader(file))

@@ -1,0 +1,471 @@
+"""What RViz, Foxglove and PlotJuggler draw: fields, frames and QoS that they need, and that none of it misleads."""
+
+import importlib
+import json
+import math
+import re
+import struct
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import yaml
+
+rclpy = pytest.importorskip('rclpy')
+pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
+
+from geometry_msgs.msg import Point32, WrenchStamped  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
+from sensor_msgs.msg import Image  # noqa: E402
+from visualization_msgs.msg import Marker, MarkerArray  # noqa: E402
+
+from tactile_node.colour_map import NO_VALUE, SATURATED, STEPS, ColourScale, rgb_table  # noqa: E402
+from tactile_node.contact.pattern import PatternExtractor  # noqa: E402
+from tactile_node.contact.visibility import visibility_of  # noqa: E402
+from tactile_node.frames.taxel_frame import TaxelStatus  # noqa: E402
+from tactile_node.node_graph import frame_topics  # noqa: E402
+from tactile_node.nodes import shape_view, taxel_views  # noqa: E402
+from tactile_node.nodes.classifier_node import ClassifierNode  # noqa: E402
+from tactile_node.nodes.processor_node import ProcessorNode  # noqa: E402
+from tactile_node.ros.contact_messages import contact_message  # noqa: E402
+from tactile_node.ros.image_messages import colour_image, value_image  # noqa: E402
+from tactile_node.ros.marker_lifetime import MarkerLifetime  # noqa: E402
+from tactile_node.ros.marker_messages import ContactMarkers  # noqa: E402
+from tactile_node.ros.qos import frames_qos  # noqa: E402
+from tactile_node.ros.wrench_messages import wrench_message  # noqa: E402
+from tactile_skin.msg import Contact, ContactShape, TaxelArray  # noqa: E402
+
+pytestmark = pytest.mark.ros
+PITCH = 0.002
+TIMEOUT = 60.0  # s, for a busy machine
+CONFIG = Path(__file__).resolve().parents[1] / 'config'
+VIEWS = {'image': Image, 'image_colour': Image, 'wrench': WrenchStamped, 'markers': MarkerArray}
+NAN = math.nan
+NAMESPACES = ['taxels', 'outline', 'axes', 'centre_of_pressure', 'name']
+PRESSED = 50e3  # Pa
+
+
+def taxels(values, saturated=(), unmapped=(), unit='Pa', sec=1_700_000_000) -> TaxelArray:
+    """A message as a driver of any make would send it; ``saturated``, ``unmapped``: (row, col) each."""
+    values = np.array(values, np.float32)
+    status = np.where(np.isnan(values), TaxelStatus.STALE, TaxelStatus.VALID).astype(np.uint8)
+    for row, col in saturated:
+        status[row, col] = TaxelStatus.SATURATED
+    for row, col in unmapped:
+        status[row, col], values[row, col] = TaxelStatus.UNMAPPED, NAN
+    message = TaxelArray(sequence=7, rows=values.shape[0], cols=values.shape[1], pitch=PITCH, unit=unit)
+    message.values = values.reshape(-1).tolist()
+    message.status = status.reshape(-1).tolist()
+    message.header.frame_id = 'left_pad'
+    message.header.stamp.sec, message.header.stamp.nanosec = sec, 250_000_000
+    return message
+
+
+def pressed(*blocks, hidden=(), value=PRESSED) -> np.ndarray:
+    """A pad of 16x16 with ``blocks`` and ``hidden`` taxels, each (row, col, rows, cols)."""
+    values = np.zeros((16, 16))
+    for row, col, rows, cols in blocks:
+        values[row:row + rows, col:col + cols] = value
+    for row, col, rows, cols in hidden:
+        values[row:row + rows, col:col + cols] = NAN
+    return values
+
+
+def contact_of(message: TaxelArray):
+    """The Contact of ``message``, and its pattern."""
+    def having(code):
+        return np.array(message.status).reshape(message.rows, message.cols) == code
+    pattern = PatternExtractor(unit=message.unit).extract(
+        np.array(message.values).reshape(message.rows, message.cols), saturated=having(TaxelStatus.SATURATED),
+        unmapped=having(TaxelStatus.UNMAPPED))
+    return contact_message(message, pattern, visibility_of(pattern)), pattern
+
+
+# --- Images
+
+def test_an_image_is_the_taxels_row_by_row_with_frame_and_stamp_unchanged():
+    message = taxels([[0, 1, 2], [3, NAN, 5]], saturated=[(1, 2)])
+    image = value_image(message)
+    assert (image.height, image.width, image.encoding, image.step, image.is_bigendian) == (2, 3, '32FC1', 12, 0)
+    assert len(image.data) == image.height * image.step
+    found = struct.unpack('<6f', bytes(image.data))
+    assert found[:4] == (0, 1, 2, 3) and math.isnan(found[4]) and found[5] == 5
+    assert image.header == message.header
+
+
+def test_a_coloured_image_has_three_bytes_a_pixel_from_nothing_to_full_scale():
+    message = taxels([[0, 100e3, NAN], [200e3, -5, 90e3]], saturated=[(1, 2)])
+    image = colour_image(message, ColourScale(100e3), rgb_table())
+    assert (image.height, image.width, image.encoding, image.step) == (2, 3, 'rgb8', 9)
+    nothing, full, grey, cyan = [0, 0, 4], [252, 255, 164], [128, 128, 128], [0, 200, 255]
+    assert np.array(image.data).reshape(2, 3, 3).tolist() == [[nothing, full, grey], [full, nothing, cyan]]
+    assert image.header == message.header
+
+
+def test_colours_rise_in_lightness_and_are_those_of_matplotlib():
+    matplotlib = pytest.importorskip('matplotlib')
+    found = rgb_table()[:STEPS].astype(float)
+    assert np.abs(found - 255 * np.array(matplotlib.colormaps['inferno'].colors)).max() < 7
+    # sRGB to luminance, IEC 61966-2-1
+    linear = np.where(found <= 0.04045 * 255, found / 255 / 12.92, ((found / 255 + 0.055) / 1.055)**2.4)
+    luminance = linear @ (0.2126, 0.7152, 0.0722)
+    assert (np.diff(luminance) > 0).all()
+
+
+@pytest.mark.parametrize('number', [NO_VALUE, SATURATED])
+def test_a_taxel_without_a_plain_value_has_a_colour_that_no_value_has(number):
+    table = rgb_table().astype(float)
+    others = np.delete(table, number, axis=0)
+    assert np.linalg.norm(others - table[number], axis=1).min() > 50
+
+
+def test_noise_is_dark_and_a_scale_that_has_grown_stays():
+    scale, whole = ColourScale(), np.zeros((1, 2), bool)
+    assert scale.numbers(np.array([[0.0, 600.0]]), whole, 'Pa').max() <= 6  # 600 Pa of 30 kPa: 5 of 255
+    assert scale.numbers(np.array([[0.0, 60e3]]), whole, 'Pa').tolist() == [[0, 255]]
+    assert scale.numbers(np.array([[NAN, 30e3]]), whole, 'Pa').tolist() == [[NO_VALUE, 128]]
+    assert ColourScale().numbers(np.array([[0.0, 1.0]]), whole, '1').tolist() == [[0, 255]]
+
+
+# --- Wrench
+
+def six(message: WrenchStamped) -> list[float]:
+    force, torque = message.wrench.force, message.wrench.torque
+    return [force.x, force.y, force.z, torque.x, torque.y, torque.z]
+
+
+def wrench(message: TaxelArray) -> list[float]:
+    contact, pattern = contact_of(message)
+    found = wrench_message(contact, pattern)
+    assert found.header == message.header
+    return six(found)
+
+
+def test_what_presses_pushes_into_the_skin_with_its_torques_about_taxel_0_0():
+    # 3x5 taxels of 2 mm at 50 kPa: 15 * 4e-6 m^2 * 50e3 Pa = 3 N at x = 9 * 2 mm, y = 4 * 2 mm
+    assert wrench(taxels(pressed((3, 7, 3, 5)))) == pytest.approx([0, 0, -3.0, -3.0 * 0.008, 3.0 * 0.018, 0])
+
+
+def test_all_contacts_count():
+    # 4x4: 3.2 N at x = 1.5, y = 2.5 taxels; 3x3: 1.8 N at x = 12, y = 11 taxels
+    both = wrench(taxels(pressed((1, 0, 4, 4), (10, 11, 3, 3))))
+    assert both == pytest.approx([0, 0, -5.0, -(3.2 * 0.005 + 1.8 * 0.022), 3.2 * 0.003 + 1.8 * 0.024, 0])
+
+
+def test_forces_of_a_skin_in_newtons_are_added():
+    assert wrench(taxels(pressed((3, 7, 3, 5), value=0.5), unit='N'))[2] == pytest.approx(-7.5)
+
+
+def test_an_empty_pad_that_was_seen_has_no_force():
+    assert wrench(taxels(pressed())) == [0.0] * 6
+
+
+@pytest.mark.parametrize('message', [
+    taxels(pressed(hidden=[(0, 0, 3, 3)])),                        # something may press there
+    taxels(np.full((16, 16), NAN)),
+    taxels(pressed((3, 7, 4, 4), hidden=[(12, 0, 3, 3)])),         # also beside a contact that is seen
+    taxels(pressed((3, 7, 4, 4), hidden=[(4, 11, 2, 1)])),         # the contact may continue
+    taxels(pressed((3, 7, 4, 4)), saturated=[(4, 8)]),             # more than its taxels can say
+    taxels(pressed((3, 7, 4, 4), value=1.0), unit='1'),
+    taxels(pressed(), unit='1')], ids=['room', 'silent', 'elsewhere', 'beside', 'saturated', 'on_off', 'on_off_empty'])
+def test_a_force_that_is_not_known_is_no_number(message):
+    assert all(map(math.isnan, wrench(message)))
+
+
+# --- Markers
+
+def shape_of(contact: Contact, **fields) -> ContactShape:
+    """A square of 4 taxels at row 3, column 7, with a fit that says so."""
+    message = ContactShape(
+        header=contact.header, sequence=contact.sequence, shape=ContactShape.SQUARE, class_name='square',
+        unknown_reason=ContactShape.NOT_UNKNOWN, confidence=0.93, fit_valid=True, symmetry=4,
+        dimension_names=['side'], dimensions=[0.008])
+    message.pose.pose.position.x, message.pose.pose.position.y = 0.017, 0.009
+    message.pose.pose.orientation.z = message.pose.pose.orientation.w = math.sqrt(0.5)  # a quarter turn from x to y
+    message.centre_of_pressure.x, message.centre_of_pressure.y = 0.0171, 0.0092
+    message.outline.points = [Point32(x=x, y=y) for x, y in
+                              ((0.013, 0.005), (0.021, 0.005), (0.021, 0.013), (0.013, 0.013))]
+    for name, value in fields.items():
+        setattr(message, name, value)
+    return message
+
+
+def without_fit(contact: Contact, **fields) -> ContactShape:
+    """As a classifier reports UNKNOWN or NONE: no outline, a pose of NaN."""
+    message = ContactShape(header=contact.header, **fields)
+    for part in (message.pose.pose.position, message.centre_of_pressure):
+        part.x = part.y = NAN
+    return message
+
+
+def square(**fields) -> tuple[Contact, ContactShape]:
+    contact, _ = contact_of(taxels(pressed((3, 7, 4, 4))))
+    return contact, shape_of(contact, **fields)
+
+
+def drawn(contact: Contact, shape: ContactShape, lifetime=0.5) -> dict[str, Marker]:
+    """The markers that are added, by namespace; each is one that RViz can draw."""
+    found = ContactMarkers(ColourScale(100e3)).message(contact, shape, lifetime).markers
+    assert [marker.ns for marker in found] == NAMESPACES and {marker.id for marker in found} == {0}
+    assert {marker.action for marker in found} <= {Marker.ADD, Marker.DELETE}
+    for marker in found:
+        assert marker.header == contact.header and marker.header.frame_id
+        if marker.action == Marker.ADD:
+            check_as_rviz_does(marker)
+    return {marker.ns: marker for marker in found if marker.action == Marker.ADD}
+
+
+def check_as_rviz_does(marker: Marker) -> None:
+    """rviz_default_plugins/displays/marker: what it refuses, warns of or does not show."""
+    turn, place, scale = marker.pose.orientation, marker.pose.position, marker.scale
+    assert math.hypot(turn.x, turn.y, turn.z, turn.w) == pytest.approx(1)
+    points = [(point.x, point.y, point.z) for point in (place, *marker.points)]
+    assert np.isfinite(points).all()
+    needed = {Marker.CUBE_LIST: 'xyz', Marker.SPHERE: 'xyz', Marker.LINE_STRIP: 'x', Marker.LINE_LIST: 'x',
+              Marker.TEXT_VIEW_FACING: 'z'}[marker.type]
+    for axis in 'xyz':  # x of a text would be the width of its spaces
+        assert getattr(scale, axis) > 0 if axis in needed else getattr(scale, axis) == 0
+    assert all(colour.a == 1 for colour in (marker.color, *marker.colors))
+    if marker.type in (Marker.CUBE_LIST, Marker.LINE_STRIP, Marker.LINE_LIST):
+        assert marker.points and len(marker.colors) in (0, len(marker.points))
+    if marker.type == Marker.LINE_LIST:
+        assert len(marker.points) % 2 == 0
+    assert not marker.frame_locked  # drawn where the pad was then
+    assert marker.lifetime.sec or marker.lifetime.nanosec  # 0: for ever
+
+
+def flat(points) -> list[tuple[float, float]]:
+    return [(pytest.approx(point.x), pytest.approx(point.y)) for point in points]
+
+
+def test_every_taxel_is_where_it_is_in_the_colour_of_its_value():
+    contact, _ = contact_of(taxels([[0, 0, 0], [0, 0, NAN]], unmapped=[(0, 1)]))
+    marker = drawn(contact, without_fit(contact, class_name='none', shape=ContactShape.NONE))['taxels']
+    assert flat(marker.points) == [(0, 0), (0.004, 0), (0, 0.002), (0.002, 0.002), (0.004, 0.002)]  # UNMAPPED is none
+    # Tops at the skin's surface, gaps between neighbours
+    assert [point.z + marker.scale.z / 2 for point in marker.points] == [pytest.approx(0.0)] * 5
+    assert marker.scale.x < PITCH and marker.scale.y < PITCH
+    rgb = [[round(255 * part) for part in (colour.r, colour.g, colour.b)] for colour in marker.colors]
+    assert rgb == [[0, 0, 4]] * 4 + [[128, 128, 128]]
+
+
+def test_a_square_has_outline_axes_centre_and_name():
+    found = drawn(*square())
+    assert list(found) == NAMESPACES
+    assert flat(found['outline'].points) == [(0.013, 0.005), (0.021, 0.005), (0.021, 0.013), (0.013, 0.013),
+                                             (0.013, 0.005)]
+    # Half a side from the centre: x of the shape lies along y of the pad, y against x
+    assert flat(found['axes'].points) == [(0.017, 0.009), (0.017, 0.013), (0.017, 0.009), (0.013, 0.009)]
+    x, _, y, _ = found['axes'].colors
+    assert x.r > 2 * max(x.g, x.b) and y.b > y.r
+    assert flat([found['centre_of_pressure'].pose.position]) == [(0.0171, 0.0092)]
+    assert found['name'].text == 'square 93%'
+    place = found['name'].pose.position
+    assert place.x == pytest.approx(7.5 * PITCH) and place.y > 15.5 * PITCH  # beyond the last row
+
+
+def test_a_bound_is_not_drawn_as_the_whole():
+    whole, bound = drawn(*square()), drawn(*square(size_is_bound=True, centre_of_pressure_is_bound=True))
+    for name in ('outline', 'centre_of_pressure'):
+        assert whole[name].color.g > whole[name].color.r and bound[name].color.r > bound[name].color.g
+
+
+def test_a_circle_has_no_axes():
+    assert 'axes' not in drawn(*square(symmetry=0))
+
+
+@pytest.mark.parametrize(('fields', 'text'), [
+    ({'shape': ContactShape.UNKNOWN, 'class_name': 'unknown', 'unknown_reason': ContactShape.UNFAMILIAR,
+      'confidence': 0.8}, 'unknown (unfamiliar) 80%'),
+    ({'shape': ContactShape.UNKNOWN, 'class_name': 'unknown', 'unknown_reason': ContactShape.NOT_SEEN,
+      'confidence': 1.0}, 'unknown (not seen) 100%'),
+    ({'shape': ContactShape.NONE, 'class_name': 'none', 'unknown_reason': ContactShape.NOT_UNKNOWN,
+      'confidence': 1.0}, 'none 100%')])
+def test_without_a_shape_only_taxels_and_name_are_left_of_one_drawn_before(fields, text):
+    """As RViz and Foxglove keep markers: by namespace and id, until they are deleted or have expired."""
+    screen = {}
+    contact, _ = contact_of(taxels(pressed((3, 7, 4, 4))))
+    for shape in (shape_of(contact), without_fit(contact, **fields)):
+        for marker in ContactMarkers(ColourScale()).message(contact, shape, 0.5).markers:
+            screen.pop((marker.ns, marker.id), None)
+            if marker.action == Marker.ADD:
+                screen[marker.ns, marker.id] = marker
+    assert {name for name, _ in screen} == {'taxels', 'name'} and screen['name', 0].text == text
+
+
+def test_markers_of_a_silent_skin_expire():
+    lifetime = MarkerLifetime()
+    assert [lifetime.after(now, now) for now in (0.0, 0.02, 0.04)] == [0.5] * 3
+    duration = drawn(*square(), lifetime=0.5)['outline'].lifetime
+    assert (duration.sec, duration.nanosec) == (0, 500_000_000)
+
+
+def test_markers_last_from_one_frame_of_a_slow_skin_to_the_next():
+    slow, replay, clock = MarkerLifetime(), MarkerLifetime(), MarkerLifetime()
+    assert [slow.after(2.0 * i, 2.0 * i) for i in range(3)] == [0.5, 6.0, 6.0]
+    assert [replay.after(1.0 * i, 0.02 * i) for i in range(3)] == [0.5, 3.0, 3.0]  # of 50 Hz at a 50th of its pace
+    assert [clock.after(0.02 * i, 1.0 * i) for i in range(3)] == [0.5, 3.0, 3.0]  # of 1 Hz at 50 times its pace
+    assert [MarkerLifetime().after(0.0, 0.0), slow.after(1e6, 1e6), slow.after(2e6, 2e6)] == [0.5, 6.0, 30.0]
+
+
+def test_what_follows_an_outage_is_shown_no_longer_than_before():
+    lifetime = MarkerLifetime()
+    assert [lifetime.after(now, now) for now in (0.0, 0.02, 10.0, 10.02)] == [0.5] * 4
+
+
+# --- On topics
+
+class Pad:
+    """Both nodes of a pad and a peer, which publishes its taxels and reads what viewers read."""
+
+    def __init__(self, stack: ExitStack, lossless: bool = False):
+        self._executor = SingleThreadedExecutor()
+        self.peer = rclpy.create_node('viewer', namespace='left')
+        options = {'namespace': 'left', 'parameter_overrides': [Parameter('lossless', value=lossless)]}
+        self.nodes = ProcessorNode(**options), ClassifierNode(**options)
+        for node in (self.peer, *self.nodes):
+            self._executor.add_node(node)
+            stack.callback(node.destroy_node)
+        qos = frames_qos(10, lossless)
+        self._taxels = self.peer.create_publisher(TaxelArray, 'taxels', qos)
+        self.shapes: list[ContactShape] = []
+        self.peer.create_subscription(ContactShape, 'shape', self.shapes.append, qos)
+        self.until(self._taxels.get_subscription_count)
+        self.until(lambda: self.peer.count_publishers('shape'))
+
+    def send(self, message: TaxelArray) -> None:
+        """Publish ``message`` and wait for its shape."""
+        self._taxels.publish(message)
+        self.until(lambda: self.shapes and self.shapes[-1].header.stamp == message.header.stamp)
+
+    def until(self, condition) -> None:
+        end = time.monotonic() + TIMEOUT
+        while not condition():
+            assert time.monotonic() < end
+            self._executor.spin_once(timeout_sec=0.05)
+
+
+@pytest.fixture
+def ros():
+    rclpy.init()
+    with ExitStack() as stack:
+        stack.callback(rclpy.shutdown)
+        yield stack
+
+
+@pytest.fixture
+def made(monkeypatch) -> list[str]:
+    """What was computed, by name."""
+    found: list[str] = []
+
+    def noting(name, make):
+        return lambda *arguments: (found.append(name), make(*arguments))[1]
+    for name in ('value_image', 'colour_image', 'wrench_message'):
+        monkeypatch.setattr(taxel_views, name, noting(name, getattr(taxel_views, name)))
+    monkeypatch.setattr(shape_view.ContactMarkers, 'message', noting('markers', ContactMarkers.message))
+    return found
+
+
+@pytest.mark.parametrize('lossless', [False, True])
+def test_nothing_is_computed_until_something_subscribes(ros, made, lossless):
+    pad = Pad(ros, lossless)
+    pad.send(taxels(pressed((3, 7, 4, 4)), sec=100))
+    assert not made
+    heard = {topic: [] for topic in VIEWS}
+    for topic, kind in VIEWS.items():
+        pad.peer.create_subscription(kind, topic, heard[topic].append, frames_qos(10))
+    for topic in VIEWS:
+        publisher, = (each for node in pad.nodes for each in node.publishers if each.topic_name == f'/left/{topic}')
+        pad.until(publisher.get_subscription_count)
+    pad.send(taxels(pressed((3, 7, 4, 4)), sec=101))
+    pad.until(lambda: all(heard.values()))
+    assert sorted(made) == ['colour_image', 'markers', 'value_image', 'wrench_message']
+    for topic, messages in heard.items():
+        header, = ((each.markers[0] if topic == 'markers' else each).header for each in messages)
+        assert (header.frame_id, header.stamp.sec, header.stamp.nanosec) == ('left_pad', 101, 250_000_000)
+
+
+@pytest.mark.parametrize('reliability', [ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT])
+def test_reliable_and_best_effort_viewers_are_served_and_an_old_picture_is_not_latched(ros, reliability):
+    pad = Pad(ros, lossless=True)
+    for topic, kind in VIEWS.items():
+        offered, = pad.peer.get_publishers_info_by_topic(f'/left/{topic}')
+        assert offered.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+        assert offered.qos_profile.durability == DurabilityPolicy.VOLATILE
+        heard = []
+        subscription = pad.peer.create_subscription(kind, topic, heard.append,
+                                                    QoSProfile(depth=5, reliability=reliability))
+        publisher, = (each for node in pad.nodes for each in node.publishers if each.topic_name == f'/left/{topic}')
+        pad.until(publisher.get_subscription_count)
+        pad.send(taxels(pressed((3, 7, 4, 4)), sec=200 + len(pad.shapes)))
+        pad.until(lambda: heard)  # noqa: B023
+        pad.peer.destroy_subscription(subscription)
+
+
+# --- Files that users load
+
+TOPICS = frame_topics(('left', 'right')) | {'/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray'}
+RVIZ_TYPES = {'rviz_default_plugins/MarkerArray': 'visualization_msgs/msg/MarkerArray',
+              'rviz_default_plugins/Image': 'sensor_msgs/msg/Image'}
+
+
+def field_type(kind: str, path: list[str]) -> str:
+    """The type of a field of messages of ``kind``, by its names from outside in."""
+    for name in path:
+        package, *_, message = kind.split('/')
+        kind = getattr(importlib.import_module(f'{package}.msg'), message).get_fields_and_field_types()[name]
+    return kind
+
+
+def test_the_rviz_configuration_shows_topics_of_the_types_that_its_displays_take():
+    view = yaml.safe_load((CONFIG / 'two_pads.rviz').read_text(encoding='utf-8'))['Visualization Manager']
+    shown = {display['Topic']['Value']: display for display in view['Displays'] if 'Topic' in display}
+    assert set(shown) == {f'/{pad}/{topic}' for pad in ('left', 'right') for topic in ('markers', 'image_colour')}
+    for topic, display in shown.items():
+        assert TOPICS[topic] == RVIZ_TYPES[display['Class']] and display['Enabled'] and display['Value']
+        assert display['Topic']['Durability Policy'] == 'Volatile'  # a volatile publisher gives a latching one nothing
+    assert len({display['Name'] for display in view['Displays']}) == len(view['Displays'])
+    assert view['Global Options']['Fixed Frame'] == 'gripper'
+
+
+def test_the_foxglove_layout_shows_topics_and_fields_that_exist():
+    layout = json.loads((CONFIG / 'two_pads_foxglove.json').read_text(encoding='utf-8'))
+    panels, placed = layout['configById'], re.findall(r'"(\w+!\w+)"', json.dumps(layout['layout']))
+    assert sorted(placed) == sorted(panels)
+    for name, panel in panels.items():
+        kind = name.split('!')[0]
+        if kind == 'Plot':
+            for path in panel['paths']:
+                topic, *fields = path['value'].split('.')
+                assert field_type(TOPICS[topic], fields) in ('double', 'float') and path['enabled']
+                assert field_type(TOPICS[topic], ['header', 'stamp'])  # headerStamp
+        elif kind == 'Image':
+            assert TOPICS[panel['imageMode']['imageTopic']] == 'sensor_msgs/msg/Image'
+        elif kind == '3D':
+            topic, = panel['topics']  # of one pad, in its own frame: drawn also where no transform is known
+            assert TOPICS[topic] == 'visualization_msgs/msg/MarkerArray' and panel['topics'][topic]['visible']
+            assert panel['followTf'] == f'{topic.split("/")[1]}_pad'
+        else:
+            assert kind == 'DiagnosticSummary' and panel['topicToRender'] == '/diagnostics'
+
+
+def test_the_plotjuggler_layout_plots_fields_of_topics_that_it_selects():
+    root = ElementTree.parse(CONFIG / 'two_pads_plotjuggler.xml').getroot()
+    curves = [curve.get('name') for curve in root.iter('curve')]
+    assert len(curves) >= 10
+    used = set()
+    for curve in curves:
+        topic = next(topic for topic in TOPICS if curve.startswith(f'{topic}/'))
+        kind = field_type(TOPICS[topic], curve.removeprefix(f'{topic}/').split('/'))
+        assert kind in ('double', 'float', 'uint32'), curve
+        used.add(topic)
+    for plugin in ('DataLoad ROS2 bags', 'ROS2 Topic Subscriber'):
+        selected = root.find(f'Plugins/plugin[@ID="{plugin}"]/selected_topics').get('value').split(';')
+        assert set(selected) == used and len(selected) == len(used)
+    for splitter in root.iter('DockSplitter'):
+        assert int(splitter.get('count')) == len(splitter) == len(splitter.get('sizes').split(';'))
