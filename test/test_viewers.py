@@ -161,6 +161,10 @@ def test_forces_of_a_skin_in_newtons_are_added():
     assert wrench(taxels(pressed((3, 7, 3, 5), value=0.5), unit='N'))[2] == pytest.approx(-7.5)
 
 
+def test_a_dead_taxel_inside_a_contact_counts_with_its_neighbours():
+    assert wrench(taxels(pressed((3, 7, 3, 5), hidden=[(4, 9, 1, 1)])))[2] == pytest.approx(-3.0)
+
+
 def test_an_empty_pad_that_was_seen_has_no_force():
     assert wrench(taxels(pressed())) == [0.0] * 6
 
