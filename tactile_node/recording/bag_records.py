@@ -36,7 +36,7 @@ def records_of(path: str | Path) -> Iterator[Recorded]:
 
 
 def topics_of(path: str | Path) -> dict[str, str]:
-    """Return the type of each topic in the bag, as far as it can be read; messages are read only where it was not ended.
+    """Return the type of each topic in the bag, as far as it can be read; quick, unless the bag was not ended.
 
     Raises LogError for no bag.
     """
