@@ -1,0 +1,197 @@
+"""The facts of a report; `page` makes HTML of them. None: not in this recording. Stamps are Unix time [s]."""
+
+from dataclasses import dataclass
+from enum import Enum, unique
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.cia301.emergency import Emergency
+from tactile_node.frames.losses import PadStatistics
+from tactile_node.pose.fit import ShapeFit
+from tactile_node.recording.logged_set_up import Contradiction
+from tactile_node.shape.recognition import Shape, UnknownReason
+
+
+@unique
+class Kind(Enum):
+    """What was reported on."""
+
+    CAN_FRAMES = 'CAN frames'
+    TOPICS = 'ROS topics'
+    BOTH = 'ROS topics and CAN frames'
+
+
+class Gap(NamedTuple):
+    """A time without what should have come."""
+
+    begin: float    #: stamp of the last one before
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Recording:
+    """The file, as far as it could be read."""
+
+    name: str          #: without its folder
+    size: int          #: bytes, of all files of a bag
+    sha256: str        #: of a file; '' for a folder
+    kind: Kind
+    begin: float
+    end: float
+    unread: int = 0    #: lines, messages or rests that could not be read
+    problem: str = ''  #: the last of these
+    clock_jumps: int = 0
+
+
+class Sample(NamedTuple):
+    """A taxel frame of a touch whose shape was recognised."""
+
+    stamp: float
+    shape: Shape       #: fused over the touch so far
+    confidence: float
+    force: float       #: [N]; NaN: not known
+
+
+@dataclass(frozen=True)
+class Picture:
+    """The frame in which a touch pressed most."""
+
+    stamp: float
+    values: np.ndarray       #: (rows, cols), NaN: no valid value
+    saturated: np.ndarray    #: bool, (rows, cols)
+    fit: ShapeFit | None     #: None: no outline
+
+
+@dataclass(frozen=True)
+class Touch:
+    """A run of taxel frames with a contact; see `touch_finder`."""
+
+    begin: float
+    end: float                    #: stamp of the last frame with the contact
+    frames: int
+    taxels: int                   #: in the frame in which it pressed most
+    shape: Shape                  #: reported most often
+    reason: UnknownReason         #: why it is UNKNOWN
+    confidence: float             #: median of this shape's
+    force: float                  #: in the frame in which it pressed most [N]; NaN: not known
+    force_is_bound: bool
+    size_is_bound: bool
+    is_open: bool                 #: the recording ends within it
+    dimensions: tuple[tuple[str, float], ...]  #: name, length [m]; of the fitted outline
+    picture: Picture | None       #: None: too many touches
+
+
+@dataclass(frozen=True)
+class TaxelHealth:
+    """Counts by taxel over all frames; arrays are read-only, (rows, cols)."""
+
+    frames: int
+    by_status: np.ndarray      #: int, (TaxelStatus, rows, cols): frames in which the taxel had this status
+    lowest: np.ndarray         #: least value; NaN: never had one
+    highest: np.ndarray
+    faults: np.ndarray         #: uint8 TaxelFault, by what it sent
+
+    @property
+    def never_changed(self) -> np.ndarray:
+        """Bool: had a value in two frames or more, and always the same."""
+        valued: np.ndarray = self.by_status[[1, 5]].sum(0) >= 2  # VALID, SATURATED
+        return valued & (self.lowest == self.highest)
+
+
+@dataclass(frozen=True)
+class PadFacts:
+    """One pad."""
+
+    name: str
+    rows: int
+    cols: int
+    pitch: float                          #: [m]
+    unit: str
+    frames: int                           #: taxel frames in the recording
+    incomplete: int                       #: of these, with missing CAN frames
+    lost_frames: int                      #: taxel frames that were lost, by gaps in their sequence
+    period: float | None                  #: median time between two frames [s]
+    gaps: tuple[Gap, ...]                 #: between taxel frames, the longest
+    gap_count: int
+    touches: tuple[Touch, ...]
+    touches_left_out: int                 #: beyond the most that are listed
+    blips: int                            #: contacts of too few taxels for a touch
+    samples: tuple[Sample, ...]
+    health: TaxelHealth | None            #: None: no frame
+    node_ids: tuple[int, ...] = ()        #: empty: not in this recording
+    layout: str | None = None             #: its name
+    layout_sha256: str | None = None
+    statistics: PadStatistics | None = None
+    losses: tuple[tuple[str, int], ...] | None = None  #: CAN frames lost, by reason
+    contradiction: Contradiction | None = None  #: the log is of another device: no taxel is given
+    strangers: tuple[int, ...] = ()       #: nodes heard that send its COB-IDs, while its own were not
+
+
+class NmtChange(NamedTuple):
+    stamp: float
+    state: int       #: by its heartbeat; 0: boot-up
+
+
+class Reported(NamedTuple):
+    """A sentence of the driver, from SkinStatus or /diagnostics."""
+
+    stamp: float
+    text: str
+
+
+@dataclass(frozen=True)
+class NodeFacts:
+    """One CANopen node, whether a pad has it or not."""
+
+    node_id: int
+    pad: str | None                             #: None: of no pad
+    objects: dict[tuple[int, int], tuple[bytes, ...]]  #: index, sub-index: values read by SDO, each once; read only
+    emergencies: tuple[Emergency | Reported, ...]  #: the first and the last of them
+    emergency_count: int | None                 #: None: not in this recording
+    nmt: tuple[NmtChange, ...]
+    nmt_count: int | None
+    heartbeats: int | None
+    longest_pause: float | None                 #: between two heartbeats [s]
+
+
+class SeenCommand(NamedTuple):
+    """An NMT command on the bus."""
+
+    stamp: float
+    command: int
+    node_id: int  #: 0: all
+
+
+@dataclass(frozen=True)
+class BusLoad:
+    """By windows of ``window`` s, with bit stuffing at its worst."""
+
+    window: float
+    stamps: np.ndarray
+    bit_rates: np.ndarray | None    #: bits per second on the bus; None: only the share is known
+    shares: np.ndarray | None       #: of the bus's bit rate; None: that is not known
+
+
+@dataclass(frozen=True)
+class BusFacts:
+    """The CAN bus. Fields are None where the recording has no CAN frames."""
+
+    can_frames: dict[str, int] | None      #: by service; read only
+    load: BusLoad | None
+    gaps: tuple[Gap, ...] | None           #: without any CAN frame, the longest
+    gap_count: int | None
+    commands: tuple[SeenCommand, ...] | None
+    command_count: int | None
+    reported: tuple[Reported, ...] | None  #: changes of what driver and nodes report of themselves
+
+
+@dataclass(frozen=True)
+class Report:
+    """Everything on the page."""
+
+    versions: tuple[tuple[str, str], ...]
+    recording: Recording
+    pads: tuple[PadFacts, ...]
+    nodes: tuple[NodeFacts, ...] | None
+    bus: BusFacts

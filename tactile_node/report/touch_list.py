@@ -1,0 +1,32 @@
+"""The touches of a pad, in bounded memory: MOST are listed, the PICTURED longest with their picture."""
+
+import heapq
+from dataclasses import replace
+
+from tactile_node.report.model import Touch
+
+MOST = 500      #: on the page
+PICTURED = 24   #: a page of 2 pads stays below 1 MB
+
+
+class TouchList:
+    def __init__(self) -> None:
+        self._touches: list[Touch] = []
+        self._longest: list[tuple[float, int]] = []  # seconds, index of those with a picture
+        self.left_out = 0  #: beyond MOST
+        self.blips = 0     #: contacts of too few taxels for a touch
+
+    def add(self, touch: Touch) -> None:
+        if len(self._touches) == MOST:
+            self.left_out += 1
+            return
+        index = len(self._touches)
+        self._touches.append(touch)
+        heapq.heappush(self._longest, (touch.end - touch.begin, index))
+        if len(self._longest) > PICTURED:
+            _, shortest = heapq.heappop(self._longest)
+            self._touches[shortest] = replace(self._touches[shortest], picture=None)
+
+    def touches(self) -> tuple[Touch, ...]:
+        """In their order in time."""
+        return tuple(self._touches)
