@@ -7,7 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.cia301.emergency import Emergency
+from tactile_node.cia301.objects import PRODUCER_HEARTBEAT_TIME
 from tactile_node.frames.losses import PadStatistics
+from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.recording.logged_set_up import Contradiction
 from tactile_node.shape.recognition import Shape, UnknownReason
@@ -95,7 +97,7 @@ class TaxelHealth:
     @property
     def never_changed(self) -> np.ndarray:
         """Bool: had a value in two frames or more, and always the same."""
-        valued: np.ndarray = self.by_status[[1, 5]].sum(0) >= 2  # VALID, SATURATED
+        valued: np.ndarray = self.by_status[[TaxelStatus.VALID, TaxelStatus.SATURATED]].sum(0) >= 2
         return valued & (self.lowest == self.highest)
 
 
@@ -153,6 +155,11 @@ class NodeFacts:
     nmt_count: int | None
     heartbeats: int | None
     longest_pause: float | None                 #: between two heartbeats [s]
+
+    @property
+    def identity(self) -> dict[tuple[int, int], tuple[bytes, ...]]:
+        """The objects that only change when the device does: not what can be written."""
+        return {key: values for key, values in self.objects.items() if key[0] != PRODUCER_HEARTBEAT_TIME}
 
 
 class SeenCommand(NamedTuple):
