@@ -30,13 +30,13 @@ def bus_section(bus: BusFacts, begin: float, end: float) -> Html:
     if bus.commands is None:
         parts.append(paragraph(None))
     else:
-        rows = [(f'{stamp - begin:.3f}', command_text(ForeignCommand(command, node_id)))
-                for stamp, command, node_id in bus.commands]
+        rows = [(f'{each.stamp - begin:.3f}', command_text(ForeignCommand(each.command, each.node_id)))
+                for each in bus.commands]
         parts.append(folded(shown(bus.command_count, len(rows)), table(('at [s]', 'command'), rows),
                             is_open=0 < len(rows) <= 10))
     if bus.reported is not None:
         parts += [Html('<h3>Reported by the driver</h3>'),
-                  table(('at [s]', 'change'), ((f'{stamp - begin:.3f}', text) for stamp, text in bus.reported))
+                  table(('at [s]', 'change'), ((f'{each.stamp - begin:.3f}', each.text) for each in bus.reported))
                   if bus.reported else paragraph('No warning, error or change.')]
     return joined(parts)
 

@@ -8,28 +8,28 @@ from tactile_node.report.findings import Finding, Found
 TEXTS: Mapping[Finding, str] = MappingProxyType({
     Finding.WRONG_DEVICE: 'Pad {where}: the SDO answers in the log are those of another device or another mapping than '
                           'layout and EDS have. Its taxels are left out; see the pad.',
-    Finding.STRANGERS: 'Pad {where}: no heartbeat of its nodes, but those of {count:.0f} others that send the same '
+    Finding.STRANGERS: 'Pad {where}: no heartbeat of its nodes, but those of {number:.0f} others that send the same '
                        'COB-IDs. Check the node-IDs: the taxels may be of another pad.',
     Finding.NO_TAXELS: 'Pad {where}: no taxels in this recording. Check --node-id and --layout, and whether SYNC was '
                        'sent.',
-    Finding.UNREAD: '{count:.0f} lines, messages or rests of the file could not be read.',
-    Finding.CLOCK_JUMPS: 'The clock was set back {count:.0f} times while recording.',
-    Finding.LOST_CAN_FRAMES: 'Pad {where}: {count:.0f} CAN frames are in no taxel frame; the reasons are with the pad.',
-    Finding.LOST_FRAMES: 'Pad {where}: {count:.0f} taxel frames are missing by their sequence numbers.',
-    Finding.INCOMPLETE: 'Pad {where}: {count:.0f} taxel frames lack CAN frames.',
-    Finding.TAXEL_GAPS: 'Pad {where}: {count:.0f} times no taxel frame for half a second or longer.',
-    Finding.BUS_GAPS: '{count:.0f} times no CAN frame on the bus for half a second or longer.',
-    Finding.EMERGENCIES: 'Node {where} sent {count:.0f} EMCYs with an error.',
-    Finding.BOOTED_AGAIN: 'Node {where} started {count:.0f} times within the recording (boot-up).',
+    Finding.UNREAD: '{number:.0f} lines, messages or rests of the file could not be read.',
+    Finding.CLOCK_JUMPS: 'The clock was set back while recording: {number:.0f} times.',
+    Finding.LOST_CAN_FRAMES: 'Pad {where}: {number:.0f} CAN frames are in no taxel frame; the reasons are with the pad.',
+    Finding.LOST_FRAMES: 'Pad {where}: {number:.0f} taxel frames are missing by their sequence numbers.',
+    Finding.INCOMPLETE: 'Pad {where}: {number:.0f} taxel frames lack CAN frames.',
+    Finding.TAXEL_GAPS: 'Pad {where}: gaps of half a second or longer without a taxel frame: {number:.0f}.',
+    Finding.BUS_GAPS: 'Gaps of half a second or longer without any CAN frame: {number:.0f}.',
+    Finding.EMERGENCIES: 'Node {where} sent {number:.0f} EMCYs with an error.',
+    Finding.BOOTED_AGAIN: 'Node {where} started again within the recording (boot-up): {number:.0f} times.',
     Finding.TWO_VALUES: 'Node {where}: its identity changed. Two devices answered under this node-ID.',
-    Finding.FAULTY_TAXELS: 'Pad {where}: {count:.0f} taxels are dead, stuck or flickering.',
-    Finding.NODE_OF_NO_PAD: 'Node {where} was heard and belongs to no pad of this report. If it is a skin, give it with '
+    Finding.FAULTY_TAXELS: 'Pad {where}: {number:.0f} taxels are dead, stuck or flickering.',
+    Finding.NODE_OF_NO_PAD: 'Node {where} was heard and belongs to no pad of this report. If it is a skin, give its '
                             '--node-id.',
-    Finding.BUS_FULL: 'The bus was in use for {count:.0%} of a second, with bit stuffing at its worst.',
-    Finding.ERROR_FRAMES: '{count:.0f} error frames of the CAN controller.',
-    Finding.LEFT_OUT: 'Pad {where}: {count:.0f} more touches are not listed.',
-    Finding.REPORTED: 'Driver or nodes reported {count:.0f} warnings, errors or changes; see the bus.'})
+    Finding.BUS_FULL: 'The bus was in use for {number:.0%} of a second, with bit stuffing at its worst.',
+    Finding.ERROR_FRAMES: '{number:.0f} error frames of the CAN controller.',
+    Finding.LEFT_OUT: 'Pad {where}: {number:.0f} more touches are not listed.',
+    Finding.REPORTED: 'The driver reported warnings or errors: {number:.0f} changes; see the bus.'})
 
 
 def sentence(found: Found) -> str:
-    return TEXTS[found.finding].format(where=found.where, count=found.count)
+    return TEXTS[found.finding].format(where=found.where, number=found.number)

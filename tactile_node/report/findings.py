@@ -41,23 +41,23 @@ class Finding(Enum):
 
 
 class Found(NamedTuple):
-    """``count``: how many, or for BUS_FULL the share; ``where``: the pad's name or the node-ID."""
+    """``number``: how many, or for BUS_FULL the share; ``where``: the pad's name or the node-ID."""
 
     finding: Finding
     where: str = ''
-    count: float = 0
+    number: float = 0
 
 
 def findings(report: Report) -> tuple[Found, ...]:
     """Return all, problems first."""
     recording = report.recording
-    found = [Found(Finding.UNREAD, count=recording.unread), Found(Finding.CLOCK_JUMPS, count=recording.clock_jumps)]
+    found = [Found(Finding.UNREAD, number=recording.unread), Found(Finding.CLOCK_JUMPS, number=recording.clock_jumps)]
     for pad in report.pads:
         found += _of_pad(pad)
     for node in report.nodes or ():
         found += _of_node(node)
     found += _of_bus(report.bus)
-    return tuple(sorted((each for each in found if each.count), key=lambda each: not each.finding.is_problem))
+    return tuple(sorted((each for each in found if each.number), key=lambda each: not each.finding.is_problem))
 
 
 def _of_pad(pad: PadFacts) -> Iterator[Found]:
@@ -89,8 +89,8 @@ def _of_node(node: NodeFacts) -> Iterator[Found]:
 
 
 def _of_bus(bus: BusFacts) -> Iterator[Found]:
-    yield Found(Finding.BUS_GAPS, count=bus.gap_count or 0)
-    yield Found(Finding.ERROR_FRAMES, count=(bus.can_frames or {}).get('error', 0))
-    yield Found(Finding.REPORTED, count=len(bus.reported or ()))
+    yield Found(Finding.BUS_GAPS, number=bus.gap_count or 0)
+    yield Found(Finding.ERROR_FRAMES, number=(bus.can_frames or {}).get('error', 0))
+    yield Found(Finding.REPORTED, number=sum(each.is_problem for each in bus.reported or ()))
     if bus.load is not None and bus.load.shares is not None and bus.load.shares.max(initial=0.0) > FULL:
-        yield Found(Finding.BUS_FULL, count=float(bus.load.shares.max()))
+        yield Found(Finding.BUS_FULL, number=float(bus.load.shares.max()))

@@ -48,5 +48,11 @@ def paragraph(text: object, style: str = '') -> Html:
     return Html(f'<p class="{style}">{safe(text)}</p>')
 
 
+def legend_of(entries: Iterable[tuple[str, str]]) -> Html:
+    """Colours and what they stand for."""
+    spans = ''.join(f'<span><i style="background:{safe(colour)}"></i>{safe(text)}</span>' for colour, text in entries)
+    return Html(f'<div class="legend">{spans}</div>')
+
+
 def _row(kind: str, cells: Iterable[object]) -> str:
     return f'<tr>{"".join(f"<{kind}>{safe(cell)}</{kind}>" for cell in cells)}</tr>'

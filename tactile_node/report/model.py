@@ -140,6 +140,7 @@ class Reported(NamedTuple):
 
     stamp: float
     text: str
+    is_problem: bool  #: a warning or an error; else it is over, or a change
 
 
 @dataclass(frozen=True)

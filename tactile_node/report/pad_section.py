@@ -4,11 +4,11 @@ import numpy as np
 
 from tactile_node.frames.fault_text import node_label
 from tactile_node.frames.taxel_frame import TaxelStatus
-from tactile_node.report.markup import Html, facts, folded, joined, paragraph, safe, table
+from tactile_node.report.markup import Html, facts, folded, joined, legend_of, paragraph, safe, table
 from tactile_node.report.model import Gap, PadFacts, TaxelHealth
 from tactile_node.report.svg import cells, colour_bar, grid, heat_cells
 from tactile_node.report.taxel_marks import Mark, marks_of, no_value_share
-from tactile_node.report.touch_section import touch_section
+from tactile_node.report.touch_section import reading, touch_section
 
 MARKS = {Mark.GOOD: ('#2e8b57', 'values in every frame, which change'),
          Mark.NEVER_CHANGED: ('#b9d8c4', 'never changed (nor does an untouched, quiet taxel)'),
@@ -24,8 +24,8 @@ def pad_section(pad: PadFacts, begin: float, end: float) -> Html:
     if pad.contradiction is not None:
         found = pad.contradiction
         return joined([*parts, paragraph(
-            f'{node_label(found.pad, found.node_id)}, object 0x{found.object_index:04X}: expected {found.expected}, got '
-            f'{found.got} by the SDO answers in the log. Its taxels would be in wrong places and are left out. Give '
+            f'{node_label(found.pad, found.node_id)}, object 0x{found.object_index:04X}: expected {found.expected}, '
+            f'got {found.got} by the SDO answers in the log. Its taxels would be in wrong places and are left out. Give '
             'the layout and EDS of the device that was recorded, or --any-device.', 'problem')])
     parts += [Html('<h3>Touches</h3>'), touch_section(pad, begin, end), Html('<h3>Taxels</h3>')]
     parts += [paragraph(None)] if pad.health is None else [_health(pad.health, pad.unit), _worst(pad.health)]
@@ -57,14 +57,14 @@ def _health(health: TaxelHealth, unit: str) -> Html:
     rows, cols = marks.shape
     top = float(np.nanmax(health.highest, initial=0.0))
     pictures = [('State', cells([(colour, marks == mark) for mark, (colour, _) in MARKS.items()]), ''),
-                ('Highest value', heat_cells(health.highest, top), colour_bar(f'{top:.4g} {unit}'))]
+                ('Highest value', heat_cells(health.highest, top), colour_bar(reading(top, unit)))]
     if np.nanmax(share, initial=0.0) > 0:
         pictures.append(('Share of frames without a value', heat_cells(share, 1.0), colour_bar('100 %')))
-    legend = ''.join(f'<span><i style="background:{colour}"></i>{safe(text)}: <b>{int((marks == mark).sum())}</b></span>'
-                     for mark, (colour, text) in MARKS.items() if (marks == mark).any())
+    legend = legend_of((colour, f'{text}: {(marks == mark).sum()}') for mark, (colour, text) in MARKS.items()
+                       if (marks == mark).any())
     figures = ''.join(f'<figure><figcaption><b>{name}</b></figcaption>{grid(rows, cols, content, name)}{bar}</figure>'
                       for name, content, bar in pictures)
-    return joined([Html(f'<div class="legend">{legend}</div><div class="cards">{figures}</div>'),
+    return joined([legend, Html(f'<div class="cards">{figures}</div>'),
                    paragraph('Row 0 is at the bottom, column 0 at the left. Dead, stuck and flickering taxels are '
                              'found by what they send in several touches; without touches none is found.', 'note')])
 

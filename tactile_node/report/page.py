@@ -11,14 +11,15 @@ from tactile_node.report.model import Report
 from tactile_node.report.node_section import nodes_section
 from tactile_node.report.pad_section import pad_section
 
-STYLE = '''body { font: 14px/1.45 system-ui, sans-serif; max-width: 66em; margin: 1.5em auto; padding: 0 1em; color: #222 }
+STYLE = '''body { font: 14px/1.45 system-ui, sans-serif; max-width: 68em;
+ margin: 1.5em auto; padding: 0 1em; color: #222 }
 h1 { font-size: 22px; margin-bottom: .2em } h2 { margin-top: 1.6em; border-bottom: 2px solid #0072b2; font-size: 19px }
 h3 { font-size: 15px; margin: 1.2em 0 .3em } h4 { font-size: 13px; margin: .8em 0 .2em } small, .note { color: #666 }
 .note { font-size: 12px; margin: .2em 0 } table { border-collapse: collapse; font-size: 13px; margin: .4em 0 }
 td, th { padding: .15em .7em .15em 0; text-align: left; vertical-align: top } thead th { border-bottom: 1px solid #999 }
 tbody tr:nth-child(even) { background: #f6f7f9 } .facts th { color: #666; font-weight: normal; white-space: nowrap }
 .facts td { overflow-wrap: anywhere } .absent { color: #999; font-style: italic }
-.cards { display: flex; flex-wrap: wrap; gap: 14px; margin: .6em 0 } figure { margin: 0; padding: 8px; width: 240px;
+.cards { display: flex; flex-wrap: wrap; gap: 14px; margin: .6em 0 } figure { margin: 0; padding: 8px; width: 206px;
 border: 1px solid #dde; border-radius: 6px; background: #fff; break-inside: avoid } figure .facts { font-size: 12px }
 figure tbody tr:nth-child(even) { background: none } svg { display: block; margin: 4px 0 } .share { float: right }
 svg text { font-size: 11px; fill: #555 } .chart { width: 100%; height: auto } .chart .tick { stroke: #e4e6ea }

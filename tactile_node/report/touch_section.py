@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from tactile_node.report.charts import Points, chart, thinned
-from tactile_node.report.markup import Html, facts, folded, joined, paragraph, safe, table
+from tactile_node.report.markup import Html, facts, folded, joined, legend_of, paragraph, safe, table
 from tactile_node.report.model import PadFacts, Touch
 from tactile_node.report.svg import colour_bar, grid, heat_cells, outline
 from tactile_node.report.touch_finder import PERIOD
@@ -55,24 +55,25 @@ def _card(number: int, touch: Touch, pad: PadFacts, begin: float) -> str:
             ('strongest', f'at {picture.stamp - begin:.2f} s')]
     return (f'<figure><figcaption><b>{number}. {safe(name_of(touch))}</b> '
             f'<span class="share">{touch.confidence:.0%}</span></figcaption>'
-            f'{grid(pad.rows, pad.cols, content, f"touch {number}")}{colour_bar(_reading(top, pad.unit))}'
+            f'{grid(pad.rows, pad.cols, content, f"touch {number}")}{colour_bar(reading(top, pad.unit))}'
             f'{facts(rows)}</figure>')
 
 
 def _size(touch: Touch) -> str | None:
     if not touch.dimensions:
         return 'no outline'
-    bound = ' (at its bound)' if touch.size_is_bound else ''
-    return ', '.join(f'{name.replace("_", " ")} {1e3 * length:.1f}' for name, length in touch.dimensions) + f' mm{bound}'
+    bound = ' (a bound: at the edge, partly hidden or saturated)' if touch.size_is_bound else ''
+    lengths = ', '.join(f'{name.replace("_", " ")} {1e3 * length:.1f}' for name, length in touch.dimensions)
+    return f'{lengths} mm{bound}'
 
 
 def _force(touch: Touch) -> str | None:
     return None if math.isnan(touch.force) else f'{"≥ " if touch.force_is_bound else ""}{touch.force:.2f} N'
 
 
-def _reading(value: float, unit: str) -> str:
+def reading(value: float, unit: str) -> str:
     """
-    >>> _reading(81200.0, 'Pa'), _reading(0.25, 'N')
+    >>> reading(81200.0, 'Pa'), reading(0.25, 'N')
     ('81.2 kPa', '0.25 N')
     """
     return f'{value / 1e3:.1f} kPa' if unit == 'Pa' else f'{value:.2f} N' if unit == 'N' else f'{value:g} (on/off)'
@@ -93,15 +94,15 @@ def _chart(pad: PadFacts, begin: float, end: float) -> Html:
     keep = thinned(confidence, keep_highest=False)
     dots = [Points(colour, stamps[chosen], confidence[chosen]) for shape, colour in COLOURS.items()
             if len(chosen := keep[shapes[keep] == shape.value])]
-    legend = ''.join(f'<span><i style="background:{COLOURS[shape]}"></i>{safe(shape.value.replace("_", " "))}</span>'
-                     for shape in COLOURS if (shapes == shape.value).any())
-    charts = [Html(f'<h4>Confidence by shape</h4><div class="legend">{legend}</div>'),
-              Html(chart([], dots, end=end - begin, top=1.0, unit=''))]
+    legend = legend_of((colour, shape.value.replace('_', ' ')) for shape, colour in COLOURS.items()
+                       if (shapes == shape.value).any())
+    charts = [Html('<h4>Confidence by shape</h4>'), legend, Html(chart([], dots, end=end - begin, top=1.0, unit=''))]
     known = np.flatnonzero(np.isfinite(force))
     if len(known):
         known = known[thinned(force[known], keep_highest=True)]
         charts += [Html('<h4>Force on the contact</h4>'),
                    Html(chart([], [Points(FORCE, stamps[known], force[known])], end=end - begin,
                               top=1.1 * float(force[known].max()), unit='N'))]
-    return joined([*charts, paragraph(f'Recognised every {PERIOD:g} s of a touch; seconds from the begin of the '
-                                      'recording.', 'note')])
+    return joined([*charts, paragraph(
+        f'Recognised again from the taxel frames by this version, every {PERIOD:g} s of a touch, without tare and '
+        'calibration. Seconds from the begin of the recording.', 'note')])
