@@ -26,7 +26,7 @@ from tactile_node.report.status_record import StatusRecord
 
 
 class BagReporter:
-    """Reads a bag with taxel arrays. ``bit_rate`` [bit/s]: of its CAN frames; ``on_message`` is called for each message."""
+    """Reads a bag with taxel arrays. ``bit_rate`` [bit/s]: of its CAN frames; ``on_message``: see `LogReporter`."""
 
     def __init__(self, path: str, *, bit_rate: int | None = None, on_message: Callable[[], object] = lambda: None):
         self._path, self._bit_rate, self._on_message = path, bit_rate, on_message

@@ -4,8 +4,9 @@ from collections.abc import Iterator
 from enum import Enum, unique
 from typing import NamedTuple
 
+from tactile_node.cia301.emergency import Emergency
 from tactile_node.cia301.nmt import NmtState
-from tactile_node.report.model import BusFacts, NodeFacts, PadFacts, Report
+from tactile_node.report.model import BusFacts, NodeFacts, PadFacts, Report, Reported
 from tactile_node.report.taxel_marks import Mark, marks_of
 
 FULL = 0.9  #: of the bus's time; beyond, other traffic delays sweeps
@@ -63,7 +64,7 @@ def findings(report: Report) -> tuple[Found, ...]:
 def _of_pad(pad: PadFacts) -> Iterator[Found]:
     yield Found(Finding.WRONG_DEVICE, pad.name, pad.contradiction is not None)
     yield Found(Finding.STRANGERS, pad.name, len(pad.strangers))
-    yield Found(Finding.NO_TAXELS, pad.name, pad.contradiction is None and (pad.frames == 0 or _is_empty(pad)))
+    yield Found(Finding.NO_TAXELS, pad.name, not pad.are_of_others and (pad.frames == 0 or _is_empty(pad)))
     yield Found(Finding.LOST_CAN_FRAMES, pad.name, sum(count for _, count in pad.losses or ()))
     yield Found(Finding.LOST_FRAMES, pad.name, pad.lost_frames)
     yield Found(Finding.INCOMPLETE, pad.name, pad.incomplete)
@@ -82,10 +83,14 @@ def _is_empty(pad: PadFacts) -> bool:
 
 def _of_node(node: NodeFacts) -> Iterator[Found]:
     where = str(node.node_id)
-    yield Found(Finding.EMERGENCIES, where, sum(not getattr(each, 'is_reset', False) for each in node.emergencies))
+    yield Found(Finding.EMERGENCIES, where, any(map(_is_error, node.emergencies)) and node.emergency_count or 0)
     yield Found(Finding.BOOTED_AGAIN, where, sum(change.state == NmtState.BOOT_UP for change in node.nmt[1:]))
     yield Found(Finding.TWO_VALUES, where, any(len(values) > 1 for values in node.identity.values()))
     yield Found(Finding.NODE_OF_NO_PAD, where, node.pad is None)
+
+
+def _is_error(emergency: Emergency | Reported) -> bool:
+    return emergency.is_problem if isinstance(emergency, Reported) else not emergency.is_reset
 
 
 def _of_bus(bus: BusFacts) -> Iterator[Found]:

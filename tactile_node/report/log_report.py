@@ -26,15 +26,16 @@ POLL = 0.1  # s
 class LogReporter:
     """Plays a CAN log once, as fast as possible.
 
-    ``channel`` and ``eds`` as in `LogSource`. Where the set-up in the log contradicts layout or EDS, the pad's taxels
-    are left out of the report, unless with ``any_device``. ``bit_rate`` [bit/s], which no log has. ``on_can_frame`` is
+    ``channel`` and ``eds`` as in `LogSource`. Where the set-up in the log contradicts layout or EDS, or other nodes
+    were heard that send a pad's COB-IDs, the pad's taxels are left out, unless with ``any_device``. ``bit_rate`` [bit/s], which no log has. ``on_can_frame`` is
     called for each CAN frame.
     """
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], *, channel: str = '', eds: Sequence[str] = ('',),
                  any_device: bool = False, bit_rate: int | None = None,
                  on_can_frame: Callable[[], object] = lambda: None):
-        self._path, self._pads, self._on_can_frame = path, pads, on_can_frame
+        self._path, self._pads, self._any_device = path, pads, any_device
+        self._on_can_frame = on_can_frame
         recogniser = Recogniser()
         self._records = {pad.name: PadRecord(pad.name, pad.layout.rows, pad.layout.cols, pad.layout.pitch,
                                              pad.layout.value.unit, recogniser) for pad in pads}
@@ -87,10 +88,10 @@ class LogReporter:
                         layout_sha256=layout_digest(pad.layout.source), statistics=statistics,
                         strangers=tuple(self._source.strangers.get(pad.name, ())))
         contradiction = self._contradictions.get(pad.name)
-        if contradiction is None:
+        if self._any_device or contradiction is None and not facts.strangers:
             return facts
-        return replace(facts, contradiction=contradiction, touches=(), touches_left_out=0, blips=0, samples=(),
-                       health=None)
+        return replace(facts, contradiction=contradiction, are_of_others=True, touches=(), touches_left_out=0, blips=0,
+                       samples=(), health=None)
 
 
 def _taken(pads: Sequence[PadSettings]) -> frozenset[int]:

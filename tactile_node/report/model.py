@@ -128,6 +128,7 @@ class PadFacts:
     losses: tuple[tuple[str, int], ...] | None = None  #: CAN frames lost, by reason
     contradiction: Contradiction | None = None  #: the log is of another device: no taxel is given
     strangers: tuple[int, ...] = ()       #: nodes heard that send its COB-IDs, while its own were not
+    are_of_others: bool = False           #: for one of these reasons its taxels may be wrong, and are left out
 
 
 class NmtChange(NamedTuple):

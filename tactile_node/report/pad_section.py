@@ -21,15 +21,23 @@ WORST = 20  #: taxels listed
 
 def pad_section(pad: PadFacts, begin: float, end: float) -> Html:
     parts = [Html(f'<h2>Pad {safe(pad.name)}</h2>'), _properties(pad)]
-    if pad.contradiction is not None:
-        found = pad.contradiction
-        return joined([*parts, paragraph(
-            f'{node_label(found.pad, found.node_id)}, object 0x{found.object_index:04X}: expected {found.expected}, '
-            f'got {found.got} by the SDO answers in the log. Its taxels would be in wrong places and are left out. Give '
-            'the layout and EDS of the device that was recorded, or --any-device.', 'problem')])
+    if pad.are_of_others:
+        return joined([*parts, _left_out(pad)])
     parts += [Html('<h3>Touches</h3>'), touch_section(pad, begin, end), Html('<h3>Taxels</h3>')]
     parts += [paragraph(None)] if pad.health is None else [_health(pad.health, pad.unit), _worst(pad.health)]
     return joined([*parts, folded(f'Gaps without a taxel frame ({pad.gap_count})', gap_table(pad.gaps, begin))])
+
+
+def _left_out(pad: PadFacts) -> Html:
+    found = pad.contradiction
+    if found is None:
+        return paragraph(f'Not heard: its nodes. Heard: {", ".join(map(str, pad.strangers))}, with some of the same '
+                         'COB-IDs. The taxels may be of these and are left out. Give the right --node-id, or '
+                         '--any-device.', 'problem')
+    return paragraph(
+        f'{node_label(found.pad, found.node_id)}, object 0x{found.object_index:04X}: expected {found.expected}, got '
+        f'{found.got} by the SDO answers in the log. Its taxels would be in wrong places and are left out. Give the '
+        'layout and EDS of the device that was recorded, or --any-device.', 'problem')
 
 
 def gap_table(gaps: tuple[Gap, ...], begin: float) -> Html:

@@ -121,8 +121,9 @@ class _ReportedNode:
             self._nmt.add(NmtChange(stamp, state))
         self._state = state
         new = 0 if self._count is None else node.emcy_count - self._count
+        new = new if new >= 0 else node.emcy_count  # the driver has started again
         if new:
-            self._sent += new if new > 0 else node.emcy_count
+            self._sent += new
             self._emergencies.add(Reported(stamp, node.emcy_last, bool(node.emcy_active)))
         self._count = node.emcy_count
 

@@ -64,7 +64,10 @@ class TouchFinder:
             self.found.blips += 1
             return
         self.samples += touch.samples
-        self.found.add(touch.closed(is_open))
+        if self.found.is_full:
+            self.found.left_out += 1
+        else:
+            self.found.add(touch.closed(is_open))
 
 
 class _OpenTouch:

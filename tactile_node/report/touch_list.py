@@ -10,16 +10,19 @@ PICTURED = 24   #: a page of 2 pads stays below 1 MB
 
 
 class TouchList:
+    """Whoever adds looks at ``is_full`` first and counts what is ``left_out``: the outline of a touch costs time."""
+
     def __init__(self) -> None:
         self._touches: list[Touch] = []
         self._longest: list[tuple[float, int]] = []  # seconds, index of those with a picture
         self.left_out = 0  #: beyond MOST
         self.blips = 0     #: contacts of too few taxels for a touch
 
+    @property
+    def is_full(self) -> bool:
+        return len(self._touches) == MOST
+
     def add(self, touch: Touch) -> None:
-        if len(self._touches) == MOST:
-            self.left_out += 1
-            return
         index = len(self._touches)
         self._touches.append(touch)
         heapq.heappush(self._longest, (touch.end - touch.begin, index))
