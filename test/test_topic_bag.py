@@ -66,6 +66,22 @@ def bag(folder, messages, plugin='MCAP', types=None, topics=(('/left/taxels', TA
     return folder
 
 
+def unchunked(path, messages, topic='/left/taxels'):
+    """An MCAP without chunks; return where its last message ends: what a recording that was killed has."""
+    text = package_file('msg/TaxelArray.msg').read_text(encoding='utf-8')
+    with path.open('wb') as file:
+        writer = mcap.Writer(file, use_chunking=False)
+        writer.start(profile='ros2')
+        schema = writer.register_schema(TAXELS, 'ros2msg', _with_header(text).encode())
+        channel = writer.register_channel(topic, 'cdr', schema)
+        for k, message in enumerate(messages):
+            data = bytes(store().serialize_cdr(message, TAXELS))
+            writer.add_message(channel_id=channel, log_time=k, publish_time=k, data=data)
+        size = file.tell()
+        writer.finish()
+    return size
+
+
 def arrays(count, **changed):
     return [('/left/taxels', taxel_array(store(), sequence, **changed)) for sequence in range(count)]
 
@@ -133,18 +149,7 @@ def test_a_bag_without_definitions_is_read_by_ours(tmp_path):
 
 def test_a_bag_cut_short_gives_what_is_whole_and_says_so(tmp_path):
     path = tmp_path / 'x.mcap'
-    types = store()
-    text = package_file('msg/TaxelArray.msg').read_text(encoding='utf-8')
-    with path.open('wb') as file:  # as ours, by hand: no chunk
-        writer = mcap.Writer(file, use_chunking=False)
-        writer.start(profile='ros2')
-        schema = writer.register_schema(TAXELS, 'ros2msg', _with_header(text).encode())
-        channel = writer.register_channel('/robot/left/taxels', 'cdr', schema)
-        for k in range(4):
-            data = bytes(types.serialize_cdr(taxel_array(types, k), TAXELS))
-            writer.add_message(channel_id=channel, log_time=k, publish_time=k, data=data)
-        size = file.tell()
-        writer.finish()
+    size = unchunked(path, [taxel_array(store(), k) for k in range(4)], '/robot/left/taxels')
     path.write_bytes(path.read_bytes()[:size - 10])
     reader = TopicBagReader(path)
     assert [each.frame.sequence for each in reader.frames()] == [0, 1, 2]

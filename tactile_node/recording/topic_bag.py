@@ -77,7 +77,8 @@ class TopicBagReader:
         self.problem = ''
         self._types = _Types(path)
         if TAXELS not in self.topics.values():
-            got = ', '.join(f'{topic} ({kind})' for topic, kind in sorted(self.topics.items())) or 'no topic'
+            got = ', '.join(f'{topic} ({kind})' for topic, kind in sorted(self.topics.items())) or (
+                'no topic that can be read')
             raise LogError(self.path, expected=f'a bag with a topic of type {TAXELS}', got=got,
                            remedy='Record <pad>/taxels of the driver.')
 

@@ -27,8 +27,8 @@ class LogReporter:
     """Plays a CAN log once, as fast as possible.
 
     ``channel`` and ``eds`` as in `LogSource`. Where the set-up in the log contradicts layout or EDS, or other nodes
-    were heard that send a pad's COB-IDs, the pad's taxels are left out, unless with ``any_device``. ``bit_rate`` [bit/s], which no log has. ``on_can_frame`` is
-    called for each CAN frame.
+    were heard that send a pad's COB-IDs, the pad's taxels are left out, unless with ``any_device``. ``bit_rate``
+    [bit/s], which no log has. ``on_can_frame`` is called for each CAN frame.
     """
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], *, channel: str = '', eds: Sequence[str] = ('',),
