@@ -217,6 +217,14 @@ def test_a_frame_in_which_the_pad_is_not_seen_ends_no_touch():
     assert touch.frames == 10 and touch.end == pytest.approx(BEGIN + 14 * 0.02)
 
 
+def test_a_row_that_never_comes_joins_no_touches():
+    """The pad is never seen as a whole, but what was pressed is seen to be released."""
+    frames = [pressed(4)] * 5 + [pressed(0)] * 5 + [pressed(4)] * 5
+    for values, status in frames:
+        values[7, :8], status[7, :8] = NAN, TaxelStatus.STALE
+    assert [touch.frames for touch in touches_of(frames).touches()] == [5, 5]
+
+
 def test_a_time_without_frames_ends_one():
     assert len(touches_of([pressed(4)] * 5 + [None] * 40 + [pressed(4)] * 5).touches()) == 2
     assert len(touches_of([pressed(4)] * 5 + [None] * 10 + [pressed(4)] * 5).touches()) == 1

@@ -13,14 +13,14 @@ TEXTS: Mapping[Finding, str] = MappingProxyType({
     Finding.NO_TAXELS: 'Pad {where}: no taxels in this recording. Check --node-id and --layout, and whether SYNC was '
                        'sent.',
     Finding.UNREAD: '{number:.0f} lines, messages or rests of the file could not be read.',
-    Finding.CLOCK_JUMPS: 'The clock was set back while recording: {number:.0f} times.',
+    Finding.CLOCK_JUMPS: 'Times that the clock was set back while recording: {number:.0f}.',
     Finding.LOST_CAN_FRAMES: 'Pad {where}: {number:.0f} CAN frames are in no taxel frame; the pad has the reasons.',
     Finding.LOST_FRAMES: 'Pad {where}: {number:.0f} taxel frames are missing by their sequence numbers.',
     Finding.INCOMPLETE: 'Pad {where}: {number:.0f} taxel frames lack CAN frames.',
     Finding.TAXEL_GAPS: 'Pad {where}: gaps of half a second or longer without a taxel frame: {number:.0f}.',
     Finding.BUS_GAPS: 'Gaps of half a second or longer without any CAN frame: {number:.0f}.',
     Finding.EMERGENCIES: 'Node {where} sent {number:.0f} EMCYs, errors among them.',
-    Finding.BOOTED_AGAIN: 'Node {where} started again within the recording (boot-up): {number:.0f} times.',
+    Finding.BOOTED_AGAIN: 'Node {where} started again within the recording; boot-ups: {number:.0f}.',
     Finding.TWO_VALUES: 'Node {where}: its identity changed. Two devices answered under this node-ID.',
     Finding.FAULTY_TAXELS: 'Pad {where}: {number:.0f} taxels are dead, stuck or flickering.',
     Finding.NODE_OF_NO_PAD: 'Node {where} was heard and belongs to no pad of this report. If it is a skin, give its '

@@ -66,8 +66,9 @@ def _health(health: TaxelHealth, unit: str) -> Html:
     top = float(np.nanmax(health.highest, initial=0.0))
     pictures = [('State', cells([(colour, marks == mark) for mark, (colour, _) in MARKS.items()]), ''),
                 ('Highest value', heat_cells(health.highest, top), colour_bar(reading(top, unit)))]
-    if np.nanmax(share, initial=0.0) > 0:
-        pictures.append(('Share of frames without a value', heat_cells(share, 1.0), colour_bar('100 %')))
+    worst = float(np.nanmax(share, initial=0.0))
+    if worst > 0:
+        pictures.append(('Frames without a value', heat_cells(share, worst), colour_bar(f'{worst:.1%}')))
     legend = legend_of((colour, f'{text}: {(marks == mark).sum()}') for mark, (colour, text) in MARKS.items()
                        if (marks == mark).any())
     figures = ''.join(f'<figure><figcaption><b>{name}</b></figcaption>{grid(rows, cols, content, name)}{bar}</figure>'

@@ -1,9 +1,9 @@
 """Finds the touches in the taxel frames of one pad.
 
 A touch is a run of taxel frames with a contact, of SMALLEST_CONTACT taxels or more in the frame in which it presses
-most (with fewer it is a blip, which is only counted). A frame in which the pad is not seen neither begins nor ends one;
-a frame in which the pad is seen and empty does, as does a pause of MAX_PAUSE. Every frame is looked at for a contact;
-its shape is recognised PERIOD apart.
+most (with fewer it is a blip, which is only counted). What ends it: a frame without a contact in which the pad is seen,
+or at least RELEASED of the taxels that were pressed before; or a pause of MAX_PAUSE. A frame that hides them neither
+begins nor ends one. Every frame is looked at for a contact; its shape is recognised PERIOD apart.
 """
 
 from collections import Counter
@@ -24,6 +24,7 @@ from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.recognition import Shape, UnknownReason
 
 PERIOD = 0.1     #: s between two recognitions of one touch: they cost as much as the rest of a report
+RELEASED = 0.5   #: of the taxels last pressed: a pad with a row that never comes is never seen as a whole
 MAX_PAUSE = 0.5  #: s without a taxel frame after which a contact may be another one
 
 
@@ -49,7 +50,7 @@ class TouchFinder:
             if self._touch is None:
                 self._touch = _OpenTouch(self._recogniser, self._pitch, self._unit)
             self._touch.feed(frame.stamp, pattern)
-        elif self._touch is not None and pattern.pad_seen:
+        elif self._touch is not None and (pattern.pad_seen or self._touch.shown(~pattern.hidden) >= RELEASED):
             self._end(is_open=False)
 
     def end(self) -> None:
@@ -80,6 +81,7 @@ class _OpenTouch:
         self._frames = 0
         self._most = -np.inf  # sum of the contact's values
         self._stamp = 0.0     # of that frame
+        self._last = np.zeros(0, bool)  # taxels pressed in the last one
         self._pattern: ContactPattern | None = None  # the same
         self._reasons: Counter[UnknownReason] = Counter()
         self.samples: list[Sample] = []
@@ -88,7 +90,12 @@ class _OpenTouch:
     def taxels(self) -> int:
         return 0 if self._pattern is None else int(np.count_nonzero(self._pattern.mask))
 
+    def shown(self, seen: np.ndarray) -> float:
+        """The share of the taxels last pressed that are ``seen``, bool (rows, cols)."""
+        return float(seen[self._last].mean())
+
     def feed(self, stamp: float, pattern: ContactPattern) -> None:
+        self._last = pattern.mask
         if not self._frames:
             self._begin = stamp
         self._end = stamp
