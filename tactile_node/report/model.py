@@ -118,7 +118,7 @@ class PadFacts:
     gap_count: int
     touches: tuple[Touch, ...]
     touches_left_out: int                 #: beyond the most that are listed
-    blips: int                            #: contacts of too few taxels for a touch
+    small_frames: int                     #: with contacts of too few taxels for a touch alone
     samples: tuple[Sample, ...]
     health: TaxelHealth | None            #: None: no frame
     node_ids: tuple[int, ...] = ()        #: empty: not in this recording

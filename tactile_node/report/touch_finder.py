@@ -1,9 +1,9 @@
 """Finds the touches in the taxel frames of one pad.
 
-A touch is a run of taxel frames with a contact, of SMALLEST_CONTACT taxels or more in the frame in which it presses
-most (with fewer it is a blip, which is only counted). What ends it: a frame without a contact in which the pad is seen,
-or at least RELEASED of the taxels that were pressed before; or a pause of MAX_PAUSE. A frame that hides them neither
-begins nor ends one. Every frame is looked at for a contact; its shape is recognised PERIOD apart.
+A touch is a run of taxel frames with a contact of SMALLEST_CONTACT taxels or more; frames with less are counted, for
+the noise of single taxels looks like that. What ends it: a frame without such a contact in which the pad is seen, or at
+least RELEASED of the taxels that were pressed before; or a pause of MAX_PAUSE. A frame that hides them neither begins
+nor ends one. Every frame is looked at for a contact; its shape is recognised PERIOD apart.
 """
 
 from collections import Counter
@@ -46,11 +46,14 @@ class TouchFinder:
         self._last = frame.stamp
         pattern = self._extractor.extract(frame.values, saturated=frame.status == TaxelStatus.SATURATED,
                                           unmapped=frame.status == TaxelStatus.UNMAPPED)
-        if pattern.mask.any():
+        taxels = np.count_nonzero(pattern.mask)
+        if taxels >= SMALLEST_CONTACT:
             if self._touch is None:
                 self._touch = _OpenTouch(self._recogniser, self._pitch, self._unit)
             self._touch.feed(frame.stamp, pattern)
-        elif self._touch is not None and (pattern.pad_seen or self._touch.shown(~pattern.hidden) >= RELEASED):
+            return
+        self.found.small_frames += bool(taxels)
+        if self._touch is not None and (pattern.pad_seen or self._touch.shown(~pattern.hidden) >= RELEASED):
             self._end(is_open=False)
 
     def end(self) -> None:
@@ -60,9 +63,6 @@ class TouchFinder:
     def _end(self, is_open: bool) -> None:
         touch, self._touch = self._touch, None
         if touch is None:
-            return
-        if touch.taxels < SMALLEST_CONTACT:
-            self.found.blips += 1
             return
         self.samples += touch.samples
         if self.found.is_full:
@@ -85,10 +85,6 @@ class _OpenTouch:
         self._pattern: ContactPattern | None = None  # the same
         self._reasons: Counter[UnknownReason] = Counter()
         self.samples: list[Sample] = []
-
-    @property
-    def taxels(self) -> int:
-        return 0 if self._pattern is None else int(np.count_nonzero(self._pattern.mask))
 
     def shown(self, seen: np.ndarray) -> float:
         """The share of the taxels last pressed that are ``seen``, bool (rows, cols)."""

@@ -16,7 +16,7 @@ class TouchList:
         self._touches: list[Touch] = []
         self._longest: list[tuple[float, int]] = []  # seconds, index of those with a picture
         self.left_out = 0  #: beyond MOST
-        self.blips = 0     #: contacts of too few taxels for a touch
+        self.small_frames = 0  #: frames with a contact of too few taxels for a touch
 
     @property
     def is_full(self) -> bool:

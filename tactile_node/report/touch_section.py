@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from tactile_node.contact.seen import SMALLEST_CONTACT
 from tactile_node.report.charts import Points, chart, thinned
 from tactile_node.report.markup import Html, facts, folded, joined, legend_of, paragraph, safe, table
 from tactile_node.report.model import PadFacts, Touch
@@ -21,14 +22,14 @@ FORCE = '#444444'
 def touch_section(pad: PadFacts, begin: float, end: float) -> Html:
     """``begin`` and ``end`` of the recording: times are given from its begin."""
     if not pad.touches:
-        return paragraph(f'No touch in this recording{_blips(pad)}.')
+        return paragraph(f'No touch in this recording{_small(pad)}.')
     pictured = [(number, touch) for number, touch in enumerate(pad.touches, 1) if touch.picture is not None]
     left_out = f' {pad.touches_left_out} more, beyond the first {MOST}, are not listed.' if pad.touches_left_out else ''
     shown = '' if len(pictured) == len(pad.touches) else (
         f' Pictures are of the {PICTURED} longest; {len(pad.touches) - len(pictured)} others are in the table alone.')
     cards = Html(''.join(_card(number, touch, pad, begin) for number, touch in pictured))
     return joined([
-        paragraph(f'{len(pad.touches)} touches{_blips(pad)}.{left_out}{shown}'), _chart(pad, begin, end),
+        paragraph(f'{len(pad.touches)} touches{_small(pad)}.{left_out}{shown}'), _chart(pad, begin, end),
         Html(f'<div class="cards">{cards}</div>'),
         folded(f'All {len(pad.touches)} touches as a table', _table(pad, begin))])
 
@@ -39,8 +40,9 @@ def name_of(touch: Touch) -> str:
     return f'{name}: {touch.reason.name.lower().replace("_", " ")}' if touch.shape is Shape.UNKNOWN else name
 
 
-def _blips(pad: PadFacts) -> str:
-    return f', and {pad.blips} contacts of too few taxels for one' if pad.blips else ''
+def _small(pad: PadFacts) -> str:
+    return (f', and {pad.small_frames} frames with contacts of fewer than {SMALLEST_CONTACT} taxels alone (noise, or '
+            'an edge)' if pad.small_frames else '')
 
 
 def _card(number: int, touch: Touch, pad: PadFacts, begin: float) -> str:
