@@ -12,6 +12,8 @@ from tactile_node.conditioning.taxel_faults import TaxelFault
 from tactile_node.errors import LogError
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.library.contacts import Recogniser
+from tactile_node.recording.message_count import message_count
+from tactile_node.report.bus_record import BusRecord
 from tactile_node.report.charts import thinned
 from tactile_node.report.ends import KEPT, Ends
 from tactile_node.report.findings import Finding, findings
@@ -294,6 +296,20 @@ def test_what_the_driver_reports_is_given_where_it_changes():
     assert [(each.stamp, each.is_problem) for each in record.reported] == [(BEGIN + 1, True), (BEGIN + 3, False)]
     np.testing.assert_allclose(record.load().shares, 0.3)
     assert StatusRecord().reported is None and StatusRecord().load() is None and StatusRecord().nodes() is None
+
+
+def test_a_clock_that_is_set_forward_costs_no_memory():
+    bus = BusRecord(None)
+    for stamp in (0.0, 0.5, 1.0, 2.0, BEGIN, BEGIN + 0.5, BEGIN + 1.0):
+        bus.feed(can.Message(stamp, 0x181, False, data=bytes(8)))
+    load = bus.facts({}).load
+    assert len(load.stamps) < 20 and load.bit_rates.max() == 2 * 135
+    assert load.mean == pytest.approx(6 * 135 / BEGIN, rel=0.01)
+
+
+def test_messages_are_counted_for_the_progress(tmp_path):
+    assert message_count(SESSION, ()) == len(session(100))
+    assert message_count(tmp_path / 'none.log', ()) is None
 
 
 def test_memory_is_bounded():

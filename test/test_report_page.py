@@ -12,6 +12,7 @@ from test_topic_bag import TAXELS, bag, store, taxel_array, unchunked
 from tactile_node.cli.main import main
 from tactile_node.errors import LogError
 from tactile_node.frames.taxel_frame import TaxelStatus
+from tactile_node.recording.message_count import message_count
 from tactile_node.recording.topic_bag import DIAGNOSTICS, SHAPE
 from tactile_node.report.bag_report import BagReporter
 from tactile_node.report.findings import Finding, findings
@@ -104,6 +105,7 @@ def test_the_page_of_nothing_says_so(tmp_path):
 def test_a_bag_of_taxel_arrays(tmp_path):
     folder = bag(tmp_path / 'bag', [('/left/taxels', message) for message in frames()],
                  topics=(('/left/taxels', TAXELS), ('/left/shape', SHAPE)))
+    assert message_count(folder, (TAXELS,)) == 30 and message_count(folder, (SHAPE,)) == 0
     report = reported(folder)
     pad, = report.pads
     assert (pad.name, pad.frames, pad.incomplete, pad.lost_frames) == ('left', 30, 15, 1)

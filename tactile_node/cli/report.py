@@ -19,7 +19,8 @@ from tactile_node.cli.options import (
 from tactile_node.interruption import interruption
 from tactile_node.output_file import check_writable, output_file
 from tactile_node.recording.message_count import message_count
-from tactile_node.recording.topic_bag import holds_taxels
+from tactile_node.recording.topic_bag import CAN_TYPE as CAN_FRAMES
+from tactile_node.recording.topic_bag import DIAGNOSTICS, STATUS, TAXELS, holds_taxels
 from tactile_node.report.bag_report import BagReporter
 from tactile_node.report.findings import findings
 from tactile_node.report.log_report import LogReporter
@@ -50,13 +51,18 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
 def run(args: argparse.Namespace) -> int:
     check_writable(args.output)
     with interruption() as stop_requested, output_file(args.output, inputs=_files(args.log)) as stream, \
-            tqdm(total=message_count(args.log), unit=' frames', disable=None, file=sys.stderr, leave=False) as bar:
+            tqdm(total=_total(args.log), unit=' frames', disable=None, file=sys.stderr, leave=False) as bar:
         report = _reporter(args, bar.update).report(stop_requested)
         stream.write(page_of(report).encode())
     problems = sum(found.finding.is_problem for found in findings(report))
     print(f'{args.output}: {len(report.pads)} pads, {sum(len(pad.touches) for pad in report.pads)} touches, '
           f'{problems} problems')
     return 0
+
+
+def _total(log: str) -> int | None:
+    """For the progress alone."""
+    return message_count(log, (CAN_FRAMES, TAXELS, STATUS, DIAGNOSTICS)) if sys.stderr.isatty() else None
 
 
 def _reporter(args: argparse.Namespace, on_message: Callable[[], object]) -> BagReporter | LogReporter:

@@ -32,7 +32,7 @@ def is_bag(path: str | Path) -> bool:
 
 def records_of(path: str | Path) -> Iterator[Recorded]:
     """Read one message after the other. Raises LogError for no bag, EOFError where it is cut short or damaged."""
-    return chain.from_iterable(map(_recorded, _files(Path(path))))
+    return chain.from_iterable(map(_recorded, files_of(Path(path))))
 
 
 def topics_of(path: str | Path) -> dict[str, str]:
@@ -41,7 +41,7 @@ def topics_of(path: str | Path) -> dict[str, str]:
     Raises LogError for no bag.
     """
     found: dict[str, str] = {}
-    for file in _files(Path(path)):
+    for file in files_of(Path(path)):
         try:
             found |= _topics_of_sqlite(file) if file.suffix == '.db3' else _topics_of_mcap(file)
         except EOFError:
@@ -65,7 +65,8 @@ def library(name: str, path: str | Path):
                        remedy="Install them: pip install 'tactile-skin[bag]'.") from error
 
 
-def _files(path: Path) -> list[Path]:
+def files_of(path: Path) -> list[Path]:
+    """Return the .mcap and .db3 files of a bag, in the order in which they were recorded. Raises LogError for none."""
     if not path.exists():
         raise LogError(str(path), expected='a bag', got='no such file', remedy='Check the path.')
     if not path.is_dir():

@@ -52,10 +52,16 @@ class BusRecord:
         """Without the last window, which the log may not fill; None where it fills none."""
         if self.begin is None or self.end - self.begin < WINDOW:
             return None
-        windows = np.arange(int((self.end - self.begin) // WINDOW))
-        rates = np.array([self._bits.get(int(window), 0) for window in windows]) / WINDOW
+        windows = int((self.end - self.begin) // WINDOW)
+        used = {window: bits for window, bits in self._bits.items() if window < windows}
+        # of a time without CAN frames only the ends: a clock that was set forward makes years of it
+        edges = {window + step for window in used for step in (-1, 1)} | {0, windows - 1}
+        places = sorted(window for window in edges | set(used) if 0 <= window < windows)
+        rates = np.array([used.get(window, 0) for window in places]) / WINDOW
+        mean = sum(used.values()) / (windows * WINDOW)
         shares = None if self._bit_rate is None else read_only(rates / self._bit_rate)
-        return BusLoad(WINDOW, read_only(self.begin + windows * WINDOW), read_only(rates), shares)
+        return BusLoad(WINDOW, read_only(self.begin + np.array(places) * WINDOW), read_only(rates), shares,
+                       mean if self._bit_rate is None else mean / self._bit_rate)
 
 
 @lru_cache(maxsize=256)

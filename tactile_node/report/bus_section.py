@@ -32,7 +32,7 @@ def bus_section(bus: BusFacts, begin: float, end: float) -> Html:
     else:
         rows = [(f'{each.stamp - begin:.3f}', command_text(ForeignCommand(each.command, each.node_id)))
                 for each in bus.commands]
-        parts.append(folded(shown(bus.command_count, len(rows)), table(('at [s]', 'command'), rows),
+        parts.append(folded(f'Commands: {shown(bus.command_count, len(rows))}', table(('at [s]', 'command'), rows),
                             is_open=0 < len(rows) <= 10))
     if bus.reported is not None:
         parts += [Html('<h3>Reported by the driver</h3>'),
@@ -48,11 +48,11 @@ def shown(count: int | None, listed: int) -> str:
 
 def _load(load: BusLoad, begin: float, end: float) -> Html:
     if load.shares is not None:
-        values, unit, text = 100 * load.shares, '%', f'mean {load.shares.mean():.1%}, at most {load.shares.max():.1%}'
+        values, unit, text = 100 * load.shares, '%', f'mean {load.mean:.1%}, at most {load.shares.max():.1%}'
     else:
         assert load.bit_rates is not None
         values, unit = load.bit_rates / 1e3, 'kbit/s'
-        text = (f'mean {values.mean():.1f} kbit/s, at most {values.max():.1f} kbit/s. The bit rate is not in this '
+        text = (f'mean {load.mean / 1e3:.1f} kbit/s, at most {values.max():.1f} kbit/s. The bit rate is not in this '
                 'recording; with --bitrate the load is a share of it')
     keep = thinned(values, keep_highest=True)
     line = Points(LOAD, load.stamps[keep] - begin + load.window / 2, values[keep])

@@ -90,8 +90,8 @@ class LogReporter:
         contradiction = self._contradictions.get(pad.name)
         if self._any_device or contradiction is None and not facts.strangers:
             return facts
-        return replace(facts, contradiction=contradiction, are_of_others=True, touches=(), touches_left_out=0, small_frames=0,
-                       samples=(), health=None)
+        return replace(facts, contradiction=contradiction, are_of_others=True, touches=(), touches_left_out=0,
+                       small_frames=0, samples=(), health=None)
 
 
 def _taken(pads: Sequence[PadSettings]) -> frozenset[int]:

@@ -174,12 +174,13 @@ class SeenCommand(NamedTuple):
 
 @dataclass(frozen=True)
 class BusLoad:
-    """By windows of ``window`` s, with bit stuffing at its worst."""
+    """By windows of ``window`` s, with bit stuffing at its worst; of a time without CAN frames only its ends."""
 
     window: float
     stamps: np.ndarray
     bit_rates: np.ndarray | None    #: bits per second on the bus; None: only the share is known
     shares: np.ndarray | None       #: of the bus's bit rate; None: that is not known
+    mean: float                     #: over the whole recording: share, or where that is not known, bits per second
 
 
 @dataclass(frozen=True)

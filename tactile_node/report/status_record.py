@@ -59,7 +59,7 @@ class StatusRecord:
         if not self._loads:
             return None
         stamps, shares = np.array(self._loads).T
-        return BusLoad(PERIOD, read_only(stamps), None, read_only(shares))
+        return BusLoad(PERIOD, read_only(stamps), None, read_only(shares), float(shares.mean()))
 
     def losses(self, pad: str) -> tuple[tuple[str, int], ...] | None:
         """CAN frames lost within the recording, by reason; ``pad`` may have its namespace before it."""

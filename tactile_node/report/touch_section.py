@@ -61,7 +61,7 @@ def _card(number: int, touch: Touch, pad: PadFacts, begin: float) -> str:
             f'{facts(rows)}</figure>')
 
 
-def _size(touch: Touch) -> str | None:
+def _size(touch: Touch) -> str:
     if not touch.dimensions:
         return 'no outline'
     bound = ' (a bound: at the edge, partly hidden or saturated)' if touch.size_is_bound else ''
@@ -69,8 +69,9 @@ def _size(touch: Touch) -> str | None:
     return f'{lengths} mm{bound}'
 
 
-def _force(touch: Touch) -> str | None:
-    return None if math.isnan(touch.force) else f'{"≥ " if touch.force_is_bound else ""}{touch.force:.2f} N'
+def _force(touch: Touch) -> str:
+    """On/off taxels give none."""
+    return 'not known' if math.isnan(touch.force) else f'{"≥ " if touch.force_is_bound else ""}{touch.force:.2f} N'
 
 
 def reading(value: float, unit: str) -> str:
