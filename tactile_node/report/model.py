@@ -10,9 +10,8 @@ from tactile_node.cia301.emergency import Emergency
 from tactile_node.cia301.objects import PRODUCER_HEARTBEAT_TIME
 from tactile_node.frames.losses import PadStatistics
 from tactile_node.frames.taxel_frame import TaxelStatus
-from tactile_node.pose.fit import ShapeFit
 from tactile_node.recording.logged_set_up import Contradiction
-from tactile_node.shape.recognition import Shape, UnknownReason
+from tactile_node.report.touch import Sample, Touch
 
 
 @unique
@@ -44,44 +43,6 @@ class Recording:
     unread: int = 0    #: lines, messages or rests that could not be read
     problem: str = ''  #: the last of these
     clock_jumps: int = 0
-
-
-class Sample(NamedTuple):
-    """A taxel frame of a touch whose shape was recognised."""
-
-    stamp: float
-    shape: Shape       #: fused over the touch so far
-    confidence: float
-    force: float       #: [N]; NaN: not known
-
-
-@dataclass(frozen=True)
-class Picture:
-    """The frame in which a touch pressed most."""
-
-    stamp: float
-    values: np.ndarray       #: (rows, cols), NaN: no valid value
-    saturated: np.ndarray    #: bool, (rows, cols)
-    fit: ShapeFit | None     #: None: no outline
-
-
-@dataclass(frozen=True)
-class Touch:
-    """A run of taxel frames with a contact; see `touch_finder`."""
-
-    begin: float
-    end: float                    #: stamp of the last frame with the contact
-    frames: int
-    taxels: int                   #: in the frame in which it pressed most
-    shape: Shape                  #: reported most often
-    reason: UnknownReason         #: why it is UNKNOWN
-    confidence: float             #: median of this shape's
-    force: float                  #: in the frame in which it pressed most [N]; NaN: not known
-    force_is_bound: bool
-    size_is_bound: bool
-    is_open: bool                 #: the recording ends within it
-    dimensions: tuple[tuple[str, float], ...]  #: name, length [m]; of the fitted outline
-    picture: Picture | None       #: None: too many touches
 
 
 @dataclass(frozen=True)

@@ -49,5 +49,6 @@ class PadRecord:
             name=self._name, rows=self._shape[0], cols=self._shape[1], pitch=self._pitch, unit=self._unit,
             frames=self._frames, incomplete=self._incomplete, lost_frames=self._lost,
             period=float(np.median(self._periods)) if self._periods else None, gaps=self._gaps.gaps(),
-            gap_count=self._gaps.count, touches=found.touches(), touches_left_out=found.left_out,
-            small_frames=found.small_frames, samples=tuple(self._touches.samples), health=self._taxels.health() if self._frames else None)
+            gap_count=self._gaps.count, touches=found.touches(),
+            touches_left_out=found.left_out, small_frames=found.small_frames,
+            samples=tuple(self._touches.samples), health=self._taxels.health() if self._frames else None)

@@ -18,7 +18,7 @@ from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.fusion.recognitions import RecognitionFusion
 from tactile_node.library.contacts import Recogniser, fit_shape
 from tactile_node.pose.moments import contact_moments
-from tactile_node.report.model import Picture, Sample, Touch
+from tactile_node.report.touch import Picture, Sample, Touch
 from tactile_node.report.touch_list import TouchList
 from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.recognition import Shape, UnknownReason

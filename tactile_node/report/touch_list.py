@@ -3,7 +3,7 @@
 import heapq
 from dataclasses import replace
 
-from tactile_node.report.model import Touch
+from tactile_node.report.touch import Touch
 
 MOST = 500      #: on the page
 PICTURED = 24   #: a page of 2 pads stays below 1 MB

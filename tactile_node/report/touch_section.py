@@ -7,8 +7,9 @@ import numpy as np
 from tactile_node.contact.seen import SMALLEST_CONTACT
 from tactile_node.report.charts import Points, chart, thinned
 from tactile_node.report.markup import Html, facts, folded, joined, legend_of, paragraph, safe, table
-from tactile_node.report.model import PadFacts, Touch
+from tactile_node.report.model import PadFacts
 from tactile_node.report.svg import colour_bar, grid, heat_cells, outline
+from tactile_node.report.touch import Touch
 from tactile_node.report.touch_finder import PERIOD
 from tactile_node.report.touch_list import MOST, PICTURED
 from tactile_node.shape.recognition import Shape
