@@ -88,6 +88,7 @@ def test_devices_and_bus_of_a_session(whole):
     assert whole.bus.load.shares[3] == pytest.approx(0.218675)
     assert [round(gap.seconds, 2) for gap in whole.bus.gaps] == [1.75]
     assert whole.recording.end - whole.recording.begin == pytest.approx(6.768771, abs=1e-5)
+    assert whole.bus.channels == ('can0',)
     assert {finding for finding, _ in found_in(whole)} == {Finding.BUS_GAPS}
 
 
@@ -185,6 +186,13 @@ def test_no_log_and_a_log_of_two_buses_are_errors(tmp_path):
     other = [line.replace('can0', 'can1') for line in lines if ' 1A0#' in line]
     with pytest.raises(LogError, match='can1'):
         report_of(logged(tmp_path / 'x.log', sorted(lines + other)))
+
+
+def test_two_buses_in_one_load_are_pointed_out():
+    bus = BusRecord(None)
+    for stamp, channel, is_rx in ((0.0, 'can0', True), (1.0, 'can1', True), (2.0, 'vcan0', False)):
+        bus.feed(can.Message(stamp, 0x701, False, data=b'\x05', channel=channel, is_rx=is_rx))
+    assert bus.facts({}).channels == ('can0', 'can1')
 
 
 def pressed(taxels, value=50e3, missing=False):

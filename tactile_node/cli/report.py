@@ -67,7 +67,7 @@ def _total(log: str) -> int | None:
 
 def _reporter(args: argparse.Namespace, on_message: Callable[[], object]) -> BagReporter | LogReporter:
     if holds_taxels(args.log):
-        return BagReporter(args.log, bit_rate=args.bitrate, on_message=on_message)
+        return BagReporter(args.log, channel=args.channel, bit_rate=args.bitrate, on_message=on_message)
     pads = make_pads(layouts_of(args), node_ids_of(args), args.pads)
     return LogReporter(args.log, pads, channel=args.channel, eds=eds_of(args), any_device=args.any_device,
                        bit_rate=args.bitrate, on_can_frame=on_message)

@@ -26,10 +26,11 @@ from tactile_node.report.status_record import StatusRecord
 
 
 class BagReporter:
-    """Reads a bag with taxel arrays. ``bit_rate`` [bit/s]: of its CAN frames; ``on_message``: see `LogReporter`."""
+    """Reads a bag with taxel arrays. ``channel`` (a topic), ``bit_rate`` [bit/s]: of its CAN frames."""
 
-    def __init__(self, path: str, *, bit_rate: int | None = None, on_message: Callable[[], object] = lambda: None):
-        self._path, self._bit_rate, self._on_message = path, bit_rate, on_message
+    def __init__(self, path: str, *, channel: str = '', bit_rate: int | None = None,
+                 on_message: Callable[[], object] = lambda: None):
+        self._path, self._channel, self._bit_rate, self._on_message = path, channel, bit_rate, on_message
         self._reader = TopicBagReader(path)
         self._recogniser = Recogniser()
         self._pads: dict[str, PadRecord] = {}
@@ -83,7 +84,7 @@ class BagReporter:
     def _of_can_frames(self, stop_requested: threading.Event) -> tuple[tuple[NodeFacts, ...], BusFacts]:
         """Services are not counted: which COB-IDs are TPDOs, only a layout says."""
         bus, nodes = BusRecord(self._bit_rate), NodeRecords(self._status.pads_of_nodes(), frozenset())
-        for message in CanLogReader(self._path):
+        for message in CanLogReader(self._path, self._channel):
             if stop_requested.is_set():
                 raise KeyboardInterrupt
             self._on_message()

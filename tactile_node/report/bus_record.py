@@ -16,6 +16,7 @@ from tactile_node.report.model import BusFacts, BusLoad, SeenCommand
 WINDOW = 1.0  #: s, as of the driver's bus load
 GAP = 0.5     #: s without any CAN frame; a skin at work sends every 20 ms
 NMT_BYTES = 2
+MOST_CHANNELS = 8  #: named
 
 
 class BusRecord:
@@ -25,6 +26,7 @@ class BusRecord:
         self._bit_rate = bit_rate
         self._bits: dict[int, int] = {}  # by window since the first CAN frame
         self._gaps = LongestGaps(GAP)
+        self._channels: set[str] = set()  # of frames received: what was sent may have the name of no bus
         self._commands: Ends[SeenCommand] = Ends()
         self.begin: float | None = None  #: first stamp
         self.end = 0.0
@@ -35,6 +37,8 @@ class BusRecord:
             self.begin = stamp
         self.end = max(self.end, stamp)
         self._gaps.feed(stamp)
+        if message.is_rx and len(self._channels) < MOST_CHANNELS:
+            self._channels.add(str(message.channel or ''))
         if message.is_error_frame:
             return
         window = int((stamp - self.begin) // WINDOW)
@@ -46,7 +50,7 @@ class BusRecord:
     def facts(self, can_frames: Mapping[str, int]) -> BusFacts:
         return BusFacts(can_frames=dict(can_frames), load=self._load(), gaps=self._gaps.gaps(),
                         gap_count=self._gaps.count, commands=self._commands.kept(),
-                        command_count=self._commands.count, reported=None)
+                        command_count=self._commands.count, reported=None, channels=tuple(sorted(self._channels)))
 
     def _load(self) -> BusLoad | None:
         """Without the last window, which the log may not fill; None where it fills none."""

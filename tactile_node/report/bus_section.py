@@ -5,7 +5,7 @@ import numpy as np
 from tactile_node.frames.fault_text import command_text
 from tactile_node.frames.health import ForeignCommand
 from tactile_node.report.charts import Points, chart, thinned
-from tactile_node.report.markup import Html, folded, joined, paragraph, table
+from tactile_node.report.markup import Html, facts, folded, joined, paragraph, table
 from tactile_node.report.model import BusFacts, BusLoad
 from tactile_node.report.pad_section import gap_table
 
@@ -13,7 +13,7 @@ LOAD = '#0072b2'
 
 
 def bus_section(bus: BusFacts, begin: float, end: float) -> Html:
-    parts = [Html('<h2>Bus</h2><h3>Load</h3>')]
+    parts = [Html('<h2>Bus</h2>'), facts([('channel', ', '.join(bus.channels) or None)]), Html('<h3>Load</h3>')]
     parts.append(paragraph(None) if bus.load is None else _load(bus.load, begin, end))
     parts.append(Html('<h3>CAN frames by service</h3>'))
     parts.append(paragraph(None) if bus.can_frames is None else table(

@@ -28,6 +28,8 @@ TEXTS: Mapping[Finding, str] = MappingProxyType({
     Finding.BUS_FULL: 'The bus was in use for {number:.0%} of a second, with bit stuffing at its worst.',
     Finding.ERROR_FRAMES: '{number:.0f} error frames of the CAN controller.',
     Finding.LEFT_OUT: 'Pad {where}: {number:.0f} more touches are not listed.',
+    Finding.SEVERAL_BUSES: 'The recording has CAN frames of {number:.0f} buses. Load, gaps and nodes are of all of '
+                           'them: choose one with --channel.',
     Finding.REPORTED: 'The driver reported warnings or errors: {number:.0f} changes; see the bus.'})
 
 

@@ -34,6 +34,7 @@ class Finding(Enum):
     BUS_FULL = 16, True
     ERROR_FRAMES = 17, True
     LEFT_OUT = 18, False          #: touches beyond the most that are listed
+    SEVERAL_BUSES = 20, True      #: what is reported of bus and nodes is of all of them
     REPORTED = 19, True           #: the driver reported that something is wrong
 
     @property
@@ -94,6 +95,7 @@ def _is_error(emergency: Emergency | Reported) -> bool:
 
 
 def _of_bus(bus: BusFacts) -> Iterator[Found]:
+    yield Found(Finding.SEVERAL_BUSES, number=len(bus.channels) if len(bus.channels) > 1 else 0)
     yield Found(Finding.BUS_GAPS, number=bus.gap_count or 0)
     yield Found(Finding.ERROR_FRAMES, number=(bus.can_frames or {}).get('error', 0))
     yield Found(Finding.REPORTED, number=sum(each.is_problem for each in bus.reported or ()))

@@ -155,6 +155,7 @@ class BusFacts:
     commands: tuple[SeenCommand, ...] | None
     command_count: int | None
     reported: tuple[Reported, ...] | None  #: changes of what driver and nodes report of themselves
+    channels: tuple[str, ...] = ()         #: names of the buses, as the log has them, or topics of CAN frames
 
 
 @dataclass(frozen=True)
