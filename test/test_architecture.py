@@ -24,6 +24,8 @@ ALLOWED = {
     'assembly': {'cia301', 'frames', 'skin'}, 'recording': {'assembly', 'cia301', 'frames', 'skin', 'threads'},
     'bus': {'assembly', 'cia301', 'frames', 'recording', 'skin', 'threads'},
     'supervision': {'bus', 'cia301', 'frames', 'skin', 'threads'},
+    'report': {'assembly', 'cia301', 'conditioning', 'contact', 'frames', 'fusion', 'library', 'pose', 'recording',
+               'shape', 'skin'},
     'simulator': {'bus', 'cia301', 'skin', 'synthetic', 'threads'},
     'ros': {'bus', 'cia301', 'frames', 'skin', *NUMERICAL},
     'nodes': {'bus', 'frames', 'recording', 'ros', 'skin', 'supervision', 'threads', *NUMERICAL},
@@ -66,7 +68,7 @@ def test_the_numerical_core_knows_neither_ros_nor_can(folder):
         assert not {name.split('.')[0] for name in imports(path)} & (ROS | CAN), path
 
 
-@pytest.mark.parametrize('folder', [*sorted(CAN_SIDE), 'simulator'])
+@pytest.mark.parametrize('folder', [*sorted(CAN_SIDE), 'report', 'simulator'])
 def test_the_can_side_knows_no_ros(folder):
     for path in modules(folder):
         assert not {name.split('.')[0] for name in imports(path)} & ROS, path

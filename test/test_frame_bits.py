@@ -5,7 +5,7 @@ import random
 import pytest
 
 from tactile_node.bus.bus_monitor import FRAME_BITS
-from tactile_node.simulator.frame_bits import Frame, arbitration, crc15, true_bits, worst_case_bits
+from tactile_node.cia301.frame_bits import Frame, arbitration, crc15, true_bits, worst_case_bits
 
 GENERATOR = 0b1100_0101_1001_1001  # x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1: Bosch CAN 2.0, part A, 3.1.1
 

@@ -18,8 +18,8 @@ from faulty_bus import Adapter
 
 from tactile_node.bus import slcan_bus
 from tactile_node.bus.bus_network import open_bus
+from tactile_node.cia301.frame_bits import Frame
 from tactile_node.errors import BusError
-from tactile_node.simulator.frame_bits import Frame
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.slcan_pty import SlcanPty, decode, encode
 from tactile_node.simulator.touches import touch_program

@@ -7,9 +7,9 @@ import pytest
 from wire import SYNC_ID, Node, carried, frame_seconds
 
 from tactile_node.assembly.assembler import FrameAssembler
+from tactile_node.cia301.frame_bits import Frame, Stuffing, true_bits
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.simulator.device import SimulatedDevice
-from tactile_node.simulator.frame_bits import Frame, Stuffing, true_bits
 from tactile_node.simulator.segment import Segment
 from tactile_node.simulator.wire import Wire
 from tactile_node.simulator.wire_network import WireNetwork, WireSettings

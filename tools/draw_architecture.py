@@ -17,12 +17,13 @@ PLACES = {
     'synthetic': (8.6, 2),
     'assembly': (1.0, 3), 'calibration': (5.9, 3), 'reproduction': (9.1, 3), 'library': (7.7, 3.9),
     'recording': (1.0, 4), 'ros': (4.6, 6),
-    'bus': (1.0, 5), 'supervision': (1.0, 6), 'simulator': (2.6, 6),
+    'bus': (1.0, 5), 'supervision': (1.0, 6), 'simulator': (2.6, 6), 'report': (6.6, 5),
     'nodes': (4.0, 7), 'demo': (3.3, 8), 'cli': (4.6, 9)}
-COLOURS = {'CAN side, no ROS': '#cfe3f5', 'numerical core: neither CAN nor ROS': '#d8efd3', 'ROS 2': '#fbe3c4',
+COLOURS = {'CAN side, no ROS': '#cfe3f5', 'numerical core: neither CAN nor ROS': '#d8efd3',
+           'no ROS, with the core': '#d5ecea', 'ROS 2': '#fbe3c4',
            'programs': '#eeeeee'}
 SIDES = {'CAN side, no ROS': ('cia301', 'threads', 'frames', 'skin', 'assembly', 'recording', 'bus', 'supervision',
-                              'simulator'),
+                              'simulator'), 'no ROS, with the core': ('report',),
          'ROS 2': ('ros', 'nodes'), 'programs': ('demo', 'cli')}
 WIDTH, HEIGHT = 0.92, 0.5
 

@@ -28,6 +28,7 @@ COMMANDS = (
     ('draft', 'tactile_node.cli.draft', 'begin a skin layout from an EDS'),
     ('record', 'tactile_node.cli.record', 'record a CAN log from a live bus'),
     ('replay', 'tactile_node.cli.replay', 'play a CAN log without ROS'),
+    ('report', 'tactile_node.cli.report', 'write a page on a log or bag, for a support ticket'),
 )
 
 #: They run nodes, whose handler forwards the log to /rosout and stderr.

@@ -13,11 +13,11 @@ import signal
 import can
 
 from tactile_node.bus.bus_network import open_bus
+from tactile_node.cia301.frame_bits import Stuffing
 from tactile_node.cli.options import add_bus_options, add_skin_options, eds_of, layouts_of, node_ids_of
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption
 from tactile_node.simulator.device import TaxelSource
-from tactile_node.simulator.frame_bits import Stuffing
 from tactile_node.simulator.gripper import gripper_sources
 from tactile_node.simulator.recording import SIDE, load_recording
 from tactile_node.simulator.skin_simulator import SkinSimulator

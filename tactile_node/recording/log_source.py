@@ -35,14 +35,16 @@ class LogSource:
     nothing. With ``loop`` the log begins again at its end, stamps shifted by its length. ``stop`` pauses,
     ``start`` continues at the next CAN frame. ``finished`` is set when the log has ended, ``failure`` when it
     could not be played to its end. ``channel`` chooses one bus of a log of several; needed where SYNC, TPDOs or the
-    pads' nodes are on two. ``on_time`` is called with the stamp [s] of each CAN frame before it is played. Where the
-    set-up in the log contradicts the layout, or the identity in the pad's EDS (``eds``, one for each or for all; empty:
-    that beside the layout), the log is not played on, unless with ``any_device``.
+    pads' nodes are on two. ``on_time`` is called with the stamp [s] of each CAN frame before it is played,
+    ``on_message`` with the frame. Where the set-up in the log contradicts the layout, or the identity in the pad's EDS
+    (``eds``, one for each or for all; empty: that beside the layout), the log is not played on, unless with
+    ``any_device``.
     """
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], on_frame: OnFrame, pace: float | None = 1.0,
                  loop: bool = False, drop_incomplete: bool = False, channel: str = '',
-                 on_time: Callable[[float], None] | None = None, eds: Sequence[str] = ('',), any_device: bool = False):
+                 on_time: Callable[[float], None] | None = None, eds: Sequence[str] = ('',), any_device: bool = False,
+                 on_message: Callable[[can.Message], None] | None = None):
         check_pads(pads)
         self._path = path
         self._pace = pace
@@ -63,6 +65,7 @@ class LogSource:
         self._is_active = False
         self._played = PlayedTimes()
         self._on_time = on_time
+        self._on_message = on_message
         self.failure: Failure | None = None
 
     def open(self) -> None:
@@ -117,6 +120,11 @@ class LogSource:
         """What was read so far, as a sentence; empty before ``open``."""
         return '' if self._reader is None else self._reader.summary
 
+    @property
+    def problem(self) -> str:
+        """Why something of the log was not read, the last reason; empty where all was."""
+        return '' if self._reader is None else self._reader.problem
+
     def statistics(self) -> BusStatistics:
         unread = self._unread + (0 if self._reader is None else self._reader.unread)
         return self._router.statistics()._replace(unread=unread, consumer_errors=self._consumer.errors,
@@ -156,6 +164,8 @@ class LogSource:
                 if self._on_time is not None:
                     self._on_time(message.timestamp)
                 self._check(message)
+                if self._on_message is not None:
+                    self._on_message(message)
                 self._heard.feed(message.arbitration_id)
                 self._router.feed_message(message)
                 if stopping.is_set():

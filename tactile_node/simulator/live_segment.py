@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from queue import Empty, SimpleQueue
 
-from tactile_node.simulator.frame_bits import Frame
+from tactile_node.cia301.frame_bits import Frame
 from tactile_node.simulator.segment import Call, Segment, guarded
 from tactile_node.simulator.wire import Carried, Wire
 from tactile_node.simulator.wire_report import WireRecord, WireReport

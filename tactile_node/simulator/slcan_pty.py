@@ -17,8 +17,8 @@ from pathlib import Path
 
 import can
 
+from tactile_node.cia301.frame_bits import Frame
 from tactile_node.errors import ConfigurationError
-from tactile_node.simulator.frame_bits import Frame
 
 OK, REFUSED = b'\r', b'\a'
 # Bytes not yet read by the other side; beyond this frames are lost, as in an adapter

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from operator import itemgetter
 from typing import NamedTuple
 
-from tactile_node.simulator.frame_bits import Frame, arbitration, worst_case_bits
+from tactile_node.cia301.frame_bits import Frame, arbitration, worst_case_bits
 
 LEAST_BITS = 47  #: of a frame
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 import can
 
 from tactile_node.bus.reception import Batch
-from tactile_node.simulator.frame_bits import Frame
+from tactile_node.cia301.frame_bits import Frame
 from tactile_node.simulator.live_segment import LiveSegment
 from tactile_node.simulator.slcan_pty import SlcanPty
 from tactile_node.simulator.wire_network import WireNetwork, WireSettings

@@ -8,7 +8,7 @@ from canopen import Network
 from canopen.network import PeriodicMessageTask
 
 from tactile_node.bus.bus_settings import DEFAULT_BITRATE
-from tactile_node.simulator.frame_bits import Frame, Stuffing, bits_of
+from tactile_node.cia301.frame_bits import Frame, Stuffing, bits_of
 from tactile_node.simulator.segment import Segment
 from tactile_node.simulator.wire import Carried, Wire
 

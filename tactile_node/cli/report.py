@@ -1,0 +1,79 @@
+"""`tactile report`: one HTML page on a recording, for a support ticket."""
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from tqdm import tqdm
+
+from tactile_node.cli.options import (
+    add_any_device_option,
+    add_skin_options,
+    bit_rate,
+    eds_of,
+    layouts_of,
+    names,
+    node_ids_of,
+)
+from tactile_node.interruption import interruption
+from tactile_node.output_file import check_writable, output_file
+from tactile_node.recording.message_count import message_count
+from tactile_node.recording.topic_bag import CAN_TYPE as CAN_FRAMES
+from tactile_node.recording.topic_bag import DIAGNOSTICS, STATUS, TAXELS, holds_taxels
+from tactile_node.report.bag_report import BagReporter
+from tactile_node.report.findings import findings
+from tactile_node.report.log_report import LogReporter
+from tactile_node.report.page import page_of
+from tactile_node.skin.pads import make_pads
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> None:
+    parser = subparsers.add_parser('report', help='write a page on a log or bag, for a support ticket',
+                                   description=__doc__)
+    parser.set_defaults(run=run)
+    parser.add_argument('log', metavar='LOG|BAG', help='CAN log as of `tactile replay`, or a ROS 2 bag with '
+                        '<pad>/taxels: .mcap, .db3, its folder')
+    parser.add_argument('-o', '--output', metavar='FILE', default='report.html', help='default: %(default)s')
+    add_skin_options(parser)
+    parser.add_argument('--pads', type=names, default=[], metavar='NAME,...',
+                        help='name of each pad (default: after its node-ID)')
+    parser.add_argument('--channel', default='', help='bus to report on of a log of several, as the log names it '
+                        '(can0); for a bag, the topic')
+    parser.add_argument('--bitrate', type=bit_rate, help='of the bus [bit/s], which no log has: the load is then given '
+                        'as a share of it')
+    add_any_device_option(parser)
+    parser.epilog = ('Layouts, node-IDs, names, EDS and channel are those of CAN frames; taxel arrays of a bag carry '
+                     'what is needed. Prints the path of the page and how many problems stand out. The exit code is 0 '
+                     'where a page was written, whatever is on it.')
+
+
+def run(args: argparse.Namespace) -> int:
+    check_writable(args.output)
+    with interruption() as stop_requested, output_file(args.output, inputs=_files(args.log)) as stream, \
+            tqdm(total=_total(args.log), unit=' frames', disable=None, file=sys.stderr, leave=False) as bar:
+        report = _reporter(args, bar.update).report(stop_requested)
+        stream.write(page_of(report).encode())
+    problems = sum(found.finding.is_problem for found in findings(report))
+    print(f'{args.output}: {len(report.pads)} pads, {sum(len(pad.touches) for pad in report.pads)} touches, '
+          f'{problems} problems')
+    return 0
+
+
+def _total(log: str) -> int | None:
+    """For the progress alone."""
+    return message_count(log, (CAN_FRAMES, TAXELS, STATUS, DIAGNOSTICS)) if sys.stderr.isatty() else None
+
+
+def _reporter(args: argparse.Namespace, on_message: Callable[[], object]) -> BagReporter | LogReporter:
+    if holds_taxels(args.log):
+        return BagReporter(args.log, channel=args.channel, bit_rate=args.bitrate, on_message=on_message)
+    pads = make_pads(layouts_of(args), node_ids_of(args), args.pads)
+    return LogReporter(args.log, pads, channel=args.channel, eds=eds_of(args), any_device=args.any_device,
+                       bit_rate=args.bitrate, on_can_frame=on_message)
+
+
+def _files(log: str) -> list[str]:
+    """What must not be overwritten."""
+    path = Path(log)
+    return [str(file) for file in path.iterdir()] if path.is_dir() else [log]

@@ -1,0 +1,1 @@
+"""What a recording holds, as facts and as one page for a support ticket."""

@@ -1,0 +1,75 @@
+"""Pictures as inline SVG, without a library: they stay sharp, and a page needs no file beside it.
+
+No text in them comes from the recording.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+#: Of matplotlib's map inferno, evenly spaced
+INFERNO = np.array([(0, 0, 4), (27, 12, 65), (74, 12, 107), (120, 28, 109), (165, 44, 96), (207, 68, 70),
+                    (237, 105, 37), (251, 155, 6), (247, 209, 61), (252, 255, 164)])
+LEVELS = 48
+NO_VALUE = '#9a9a9a'
+OUTLINE = '#00e5ff'
+
+
+def colour(share: float) -> str:
+    """0 ... 1 -> its colour.
+
+    >>> colour(0.0), colour(1.0)
+    ('#000004', '#fcffa4')
+    """
+    place = min(max(share, 0.0), 1.0) * (len(INFERNO) - 1)
+    low = min(int(place), len(INFERNO) - 2)
+    mixed = INFERNO[low] + (place - low) * (INFERNO[low + 1] - INFERNO[low])
+    return '#' + ''.join(f'{round(part):02x}' for part in mixed)
+
+
+def cells(colours: Sequence[tuple[str, np.ndarray]]) -> str:
+    """One path for each colour and its places, bool (rows, cols); row 0 is at the bottom, a taxel is 1 x 1."""
+    paths = []
+    for fill, places in colours:
+        if places.any():
+            rows = places.shape[0]
+            data = ''.join(f'M{first} {rows - 1 - row}h{length}v1h-{length}z' for row, first, length in _runs(places))
+            paths.append(f'<path fill="{fill}" d="{data}"/>')
+    return ''.join(paths)
+
+
+def heat_cells(values: np.ndarray, top: float) -> str:
+    """``values`` (rows, cols), NaN: no value; ``top`` has the brightest colour."""
+    with np.errstate(invalid='ignore'):
+        levels = np.clip(np.rint(values / top * (LEVELS - 1)) if top > 0 else 0 * values, 0, LEVELS - 1)
+    shades = [(colour(level / (LEVELS - 1)), levels == level) for level in range(LEVELS)]
+    return cells([*shades, (NO_VALUE, np.isnan(values))])
+
+
+def grid(rows: int, cols: int, content: str, label: str, *, height: int = 200) -> str:
+    """A picture of a pad: ``content`` in units of taxels."""
+    width = max(40, round(height * cols / rows))
+    return (f'<svg class="pad" role="img" aria-label="{label}" width="{width}" height="{height}" '
+            f'viewBox="0 0 {cols} {rows}" shape-rendering="crispEdges">{content}</svg>')
+
+
+def outline(corners: np.ndarray, pitch: float, rows: int) -> str:
+    """``corners`` (n, 2) in the pad's frame [m]: x along columns, y along rows, taxel (0, 0) at the origin."""
+    points = ' '.join(f'{x / pitch + 0.5:.3f},{rows - 0.5 - y / pitch:.3f}' for x, y in corners)
+    return (f'<polygon points="{points}" fill="none" stroke="{OUTLINE}" stroke-width="{rows / 90:.3f}" '
+            'shape-rendering="geometricPrecision"/>')
+
+
+def colour_bar(top: str) -> str:
+    """From 0 to the text ``top``, which carries its unit."""
+    steps = ''.join(f'<rect x="{4 * k}" width="4.2" height="10" fill="{colour(k / 23)}"/>' for k in range(24))
+    return (f'<svg class="bar" width="200" height="12" role="img" aria-label="colours from 0 to {top}">'
+            f'<text x="0" y="10">0</text><g transform="translate(12,1)">{steps}</g>'
+            f'<text x="114" y="10">{top}</text></svg>')
+
+
+def _runs(places: np.ndarray) -> list[tuple[int, int, int]]:
+    """Row, first column and length of each run of places in a row."""
+    edges = np.diff(np.pad(places.astype(np.int8), ((0, 0), (1, 1))), axis=1)
+    begins, ends = np.argwhere(edges == 1), np.argwhere(edges == -1)
+    return [(int(row), int(first), int(last - first)) for (row, first), (_, last) in zip(begins, ends)]

@@ -1,0 +1,47 @@
+"""The facts of a touch. Stamps are Unix time [s]."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.pose.fit import ShapeFit
+from tactile_node.shape.recognition import Shape, UnknownReason
+
+
+class Sample(NamedTuple):
+    """A taxel frame of a touch whose shape was recognised."""
+
+    stamp: float
+    shape: Shape       #: fused over the touch so far
+    confidence: float
+    force: float       #: [N]; NaN: not known
+
+
+@dataclass(frozen=True)
+class Picture:
+    """The frame in which a touch pressed most."""
+
+    stamp: float
+    values: np.ndarray       #: (rows, cols), NaN: no valid value
+    saturated: np.ndarray    #: bool, (rows, cols)
+    fit: ShapeFit | None     #: None: no outline
+
+
+@dataclass(frozen=True)
+class Touch:
+    """A run of taxel frames with a contact; see `touch_finder`."""
+
+    begin: float
+    end: float                    #: stamp of the last frame with the contact
+    frames: int
+    taxels: int                   #: in the frame in which it pressed most
+    shape: Shape                  #: reported most often
+    reason: UnknownReason         #: why it is UNKNOWN
+    confidence: float             #: median of this shape's
+    force: float                  #: in the frame in which it pressed most [N]; NaN: not known
+    force_is_bound: bool
+    size_is_bound: bool
+    is_open: bool                 #: the recording ends within it
+    dimensions: tuple[tuple[str, float], ...]  #: name, length [m]; of the fitted outline
+    picture: Picture | None       #: None: too many touches

@@ -1,0 +1,333 @@
+"""The facts of a report, from recordings in which what is wrong was put there by hand."""
+
+import gzip
+import threading
+
+import can
+import numpy as np
+import pytest
+from test_logs import DATA
+
+from tactile_node.conditioning.taxel_faults import TaxelFault
+from tactile_node.errors import LogError
+from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.library.contacts import Recogniser
+from tactile_node.recording.message_count import message_count
+from tactile_node.report.bus_record import BusRecord
+from tactile_node.report.charts import thinned
+from tactile_node.report.ends import KEPT, Ends
+from tactile_node.report.findings import Finding, findings
+from tactile_node.report.log_report import LogReporter
+from tactile_node.report.longest import LongestGaps
+from tactile_node.report.model import TaxelHealth
+from tactile_node.report.node_record import NodeRecords
+from tactile_node.report.status_record import StatusRecord
+from tactile_node.report.taxel_marks import Mark, marks_of, no_value_share
+from tactile_node.report.touch_finder import TouchFinder
+from tactile_node.report.touch_list import PICTURED
+from tactile_node.shape.recognition import Shape
+from tactile_node.skin.pads import make_pads
+
+SESSION = DATA / 'sim16x16_two_pads.log.gz'
+BEGIN = 1_700_000_000
+NAN = float('nan')
+#: Device name of node 32 by segmented upload (CiA 301, 7.2.4.3.6), 16 bytes
+NAME_UPLOAD = '''620#4008100000000000 5A0#4108100010000000 620#6000000000000000 5A0#003C736372697074
+620#7000000000000000 5A0#103E616C65727428 620#6000000000000000 5A0#0B31290000000000'''.split()
+
+
+def session(until=3.1):
+    """Its lines: set-up, and the first touch."""
+    with gzip.open(SESSION, 'rt') as file:
+        return [line for line in file.read().splitlines() if float(line[1:18]) < BEGIN + until]
+
+
+def logged(path, lines):
+    path.write_text(''.join(f'{line}\n' for line in lines))
+    return str(path)
+
+
+def report_of(path, *, node_ids=(32, 64), layout='sim16x16.yaml', **options):
+    pads = make_pads([layout], list(node_ids))
+    return LogReporter(str(path), pads, **options).report(threading.Event())
+
+
+def found_in(report):
+    return {(each.finding, each.where): each.number for each in findings(report)}
+
+
+@pytest.fixture(scope='module')
+def whole():
+    return report_of(SESSION, bit_rate=1_000_000)
+
+
+def test_touches_of_a_session_with_their_size(whole):
+    """The five shapes in turn, of 60 taxels of 2 mm; areas are the outlines' own."""
+    order = [Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE]
+    for pad in whole.pads:
+        assert [touch.shape for touch in pad.touches] == order and pad.touches_left_out == 0
+        sizes = [dict(touch.dimensions) for touch in pad.touches]
+        areas = [np.pi * sizes[0]['radius']**2, sizes[1]['side']**2, sizes[2]['long'] * sizes[2]['short'],
+                 sizes[3]['long_leg'] * sizes[3]['short_leg'] / 2, sizes[4]['base'] * sizes[4]['height'] / 2]
+        np.testing.assert_allclose(areas, 60 * 0.002**2, rtol=0.05)
+        for before, after in zip(pad.touches, pad.touches[1:]):
+            assert before.begin < before.end < after.begin
+        assert all(touch.confidence > 0.9 and touch.picture.fit is not None for touch in pad.touches)
+        assert (pad.frames, pad.incomplete, pad.lost_frames, pad.losses) == (120, 0, 0, ())
+
+
+def test_devices_and_bus_of_a_session(whole):
+    assert [(node.node_id, node.pad) for node in whole.nodes] == [(32, 'pad32'), (64, 'pad64')]
+    node = whole.nodes[0]
+    assert node.objects[0x1018, 1] == (bytes.fromhex('C1050000'),)
+    assert (0x1008, 0) not in node.objects and (0x1018, 4) not in node.objects
+    assert [change.state for change in node.nmt] == [0x00, 0x05] and node.heartbeats == 48
+    assert [command.command for command in whole.bus.commands] == [0x80, 0x80, 0x01, 0x01, 0x80, 0x80]
+    # 25 sweeps a second: SYNC of at most 55 bits, 64 TPDOs of 135, and ten heartbeats of a byte of each node of 65
+    assert whole.bus.load.bit_rates[3] == 25 * (55 + 64 * 135) + 20 * 65
+    assert whole.bus.load.shares[3] == pytest.approx(0.218675)
+    assert [round(gap.seconds, 2) for gap in whole.bus.gaps] == [1.75]
+    assert whole.recording.end - whole.recording.begin == pytest.approx(6.768771, abs=1e-5)
+    assert whole.bus.channels == ('can0',)
+    assert {finding for finding, _ in found_in(whole)} == {Finding.BUS_GAPS}
+
+
+def test_what_was_put_into_a_log_is_found(tmp_path):
+    lines = session()
+    tpdos = [k for k, line in enumerate(lines) if ' 1A0#' in line]
+    at = tpdos[10]
+    emcy = lines[at].split()[0] + ' can0 0A0#1042090000000000 R'
+    short = ' '.join([*lines[tpdos[15]].split()[:2], '1A0#00', 'R'])
+    stamped = [f'{lines[tpdos[2]].split()[0]} can0 {frame} R' for frame in NAME_UPLOAD]
+    boot = lines[tpdos[20]].split()[0] + ' can0 740#00 R'
+    stranger = lines[at].split()[0] + ' can0 705#05 R'
+    changed = dict.fromkeys(range(len(lines)), ())
+    changed[at] = (emcy, stranger)
+    changed[tpdos[2]] = stamped
+    changed[tpdos[20]] = (boot,)
+    out = []
+    for k, line in enumerate(lines):
+        out += [short] if k == tpdos[15] else [] if k == tpdos[5] else [line]
+        if k == tpdos[8]:
+            out.append(line)  # twice
+        out += changed[k]
+    report = report_of(logged(tmp_path / 'x.log', out))
+    left, right = report.pads
+    assert dict(left.losses) == {'duplicate': 1, 'short': 1} and right.losses == ()
+    assert (left.frames, left.incomplete, right.incomplete) == (28, 2, 0)
+    node5, node32, node64 = report.nodes
+    assert node32.objects[0x1008, 0] == (b'<script>alert(1)',)
+    assert [(each.code, each.register) for each in node32.emergencies] == [(0x4210, 0x09)]
+    assert [change.state for change in node64.nmt].count(0) == 2
+    assert node5.pad is None and node5.heartbeats == 1 and node5.objects == {}
+    expected = {(Finding.LOST_CAN_FRAMES, 'pad32'): 2, (Finding.INCOMPLETE, 'pad32'): 2,
+                (Finding.EMERGENCIES, '32'): 1, (Finding.BOOTED_AGAIN, '64'): 1, (Finding.NODE_OF_NO_PAD, '5'): 1}
+    assert expected.items() <= found_in(report).items()
+    with_gaps = left.health.by_status[TaxelStatus.STALE]
+    assert with_gaps.sum() == 2 * 8 and with_gaps.max() == 2  # 8 taxels of this TPDO, twice
+    assert (marks_of(left.health) == Mark.SOME_MISSING).sum() == 8
+
+
+def test_of_another_device_no_taxel_is_given(tmp_path):
+    """Product code 0x16160009 in place of that of the EDS beside the layout."""
+    lines = [line.replace('5A0#4318100208001616', '5A0#4318100209001616') for line in session()]
+    path = logged(tmp_path / 'x.log', lines)
+    report = report_of(path)
+    left, right = report.pads
+    assert (left.contradiction.node_id, left.contradiction.object_index) == (32, 0x1018)
+    assert left.touches == () and left.samples == () and left.health is None
+    assert len(right.touches) == 1 and right.contradiction is None
+    assert (Finding.WRONG_DEVICE, 'pad32') in found_in(report)
+    assert report.nodes[0].objects[0x1018, 2] == (bytes.fromhex('09001616'),)
+    trusted, = report_of(path, node_ids=(32,), any_device=True).pads
+    assert trusted.contradiction is None and len(trusted.touches) == 1
+
+
+def test_an_identity_that_changes_is_two_devices():
+    """The revision is read twice; what another node answers does not count."""
+    records = NodeRecords([('left', (32,))], frozenset())
+    for can_id, data in ((0x620, '4018100300000000'), (0x5A0, '4318100300000100'), (0x5A1, '4318100300000300'),
+                         (0x620, '4018100300000000'), (0x5A0, '4318100300000200'), (0x620, '4018100300000000'),
+                         (0x5A0, '4318100300000200')):
+        records.feed(can.Message(1.0, can_id, False, data=bytes.fromhex(data)))
+    node, other = records.facts()
+    assert node.objects == {(0x1018, 3): (bytes.fromhex('00000100'), bytes.fromhex('00000200'))}
+    assert other.node_id == 33 and other.objects == {}
+
+
+def test_taxels_of_another_node_are_not_given(tmp_path):
+    """With node-ID 33 most TPDOs of node 32 fit."""
+    log = logged(tmp_path / 'x.log', session())
+    pad, = report_of(log, node_ids=(33,)).pads
+    assert pad.strangers == (32,) and pad.statistics.used > 0 and pad.touches == () and pad.health is None
+    report = report_of(log, node_ids=(9,))
+    pad, = report.pads
+    assert pad.statistics.used == 0 and pad.touches == () and pad.strangers == ()
+    assert (Finding.NO_TAXELS, 'pad9') in found_in(report)
+    silent = next(node for node in report.nodes if node.node_id == 9)
+    assert silent.heartbeats == 0 and silent.nmt == () and silent.longest_pause is None
+
+
+def test_a_log_cut_short_is_reported_up_to_there(tmp_path):
+    data = SESSION.read_bytes()
+    path = tmp_path / 'x.log.gz'
+    path.write_bytes(data[:len(data) * 2 // 3])
+    report = report_of(path)
+    assert report.recording.unread >= 1 and report.recording.problem
+    assert 0 < len(report.pads[0].touches) < 5
+    assert found_in(report)[Finding.UNREAD, ''] == report.recording.unread
+    assert all(touch.end <= report.recording.end for touch in report.pads[0].touches)
+
+
+def test_no_log_and_a_log_of_two_buses_are_errors(tmp_path):
+    with pytest.raises(LogError, match='no such file'):
+        report_of(tmp_path / 'x.log')
+    lines = session()
+    other = [line.replace('can0', 'can1') for line in lines if ' 1A0#' in line]
+    with pytest.raises(LogError, match='can1'):
+        report_of(logged(tmp_path / 'x.log', sorted(lines + other)))
+
+
+def test_two_buses_in_one_load_are_pointed_out():
+    bus = BusRecord(None)
+    for stamp, channel, is_rx in ((0.0, 'can0', True), (1.0, 'can1', True), (2.0, 'vcan0', False)):
+        bus.feed(can.Message(stamp, 0x701, False, data=b'\x05', channel=channel, is_rx=is_rx))
+    assert bus.facts({}).channels == ('can0', 'can1')
+
+
+def pressed(taxels, value=50e3, missing=False):
+    values = np.full((16, 16), NAN if missing else 0, np.float32)
+    if not missing:
+        values[5:5 + taxels, 5:5 + taxels] = value
+    status = np.full((16, 16), TaxelStatus.STALE if missing else TaxelStatus.VALID, np.uint8)
+    return values, status
+
+
+def touches_of(frames, period=0.02):
+    """``frames``: pairs of values and status, or None for a time without a frame."""
+    finder = TouchFinder(Recogniser(), 0.004, 'Pa')
+    for k, pair in enumerate(frames):
+        if pair is not None:
+            finder.feed(TaxelFrame(BEGIN + k * period, k, *pair, 0))
+    finder.end()
+    return finder.found
+
+
+def test_a_touch_begins_and_ends_with_its_contact():
+    found = touches_of([pressed(0)] * 10 + [pressed(4)] * 6 + [pressed(0)] * 5 + [pressed(5, 80e3)] * 3)
+    first, second = found.touches()
+    assert (first.frames, second.frames, first.is_open, second.is_open) == (6, 3, False, True)
+    assert first.begin == pytest.approx(BEGIN + 0.2) and first.end == pytest.approx(BEGIN + 0.3)
+    assert first.force == pytest.approx(16 * 50e3 * 0.004**2, rel=1e-3) and second.taxels == 25
+
+
+def test_a_frame_in_which_the_pad_is_not_seen_ends_no_touch():
+    hidden = touches_of([pressed(4)] * 5 + [pressed(0, missing=True)] * 5 + [pressed(4)] * 5 + [pressed(0)])
+    touch, = hidden.touches()
+    assert touch.frames == 10 and touch.end == pytest.approx(BEGIN + 14 * 0.02)
+
+
+def test_a_row_that_never_comes_joins_no_touches():
+    """The pad is never seen as a whole, but what was pressed is seen to be released."""
+    frames = [pressed(4)] * 5 + [pressed(0)] * 5 + [pressed(4)] * 5
+    for values, status in frames:
+        values[7, :8], status[7, :8] = NAN, TaxelStatus.STALE
+    assert [touch.frames for touch in touches_of(frames).touches()] == [5, 5]
+
+
+def test_a_time_without_frames_ends_one():
+    assert len(touches_of([pressed(4)] * 5 + [None] * 40 + [pressed(4)] * 5).touches()) == 2
+    assert len(touches_of([pressed(4)] * 5 + [None] * 10 + [pressed(4)] * 5).touches()) == 1
+
+
+def test_a_contact_too_small_for_a_touch_is_only_counted():
+    """Between two touches it joins them not: noise is always there."""
+    noise = pressed(0)
+    noise[0][14, 14] = 5e3
+    found = touches_of([pressed(4)] * 5 + [noise] * 3 + [pressed(4)] * 5)
+    assert [touch.frames for touch in found.touches()] == [5, 5] and found.small_frames == 3
+
+
+def test_the_longest_touches_keep_their_pictures():
+    frames = []
+    for length in range(PICTURED + 3, 0, -1):
+        frames += [pressed(3)] * length + [pressed(0)] * 2
+    touches = touches_of(frames).touches()
+    assert [touch.picture is not None for touch in touches] == [True] * PICTURED + [False] * 3
+
+
+def test_marks_of_taxels():
+    by_status = np.zeros((len(TaxelStatus), 1, 7), int)
+    by_status[TaxelStatus.VALID, 0] = [4, 4, 4, 2, 0, 0, 0]
+    by_status[TaxelStatus.SATURATED, 0, 2] = 0
+    by_status[TaxelStatus.STALE, 0] = [0, 0, 0, 2, 4, 0, 0]
+    by_status[TaxelStatus.UNMAPPED, 0, 5] = 4
+    by_status[TaxelStatus.DEAD, 0, 6] = 4
+    faults = np.zeros((1, 7), np.uint8)
+    faults[0, 2] = TaxelFault.FLICKERING
+    health = TaxelHealth(4, by_status, np.array([[0, 1, 0, 0, NAN, NAN, NAN.real]]),
+                         np.array([[2, 1, 3, 1, NAN, NAN, NAN]]), faults)
+    assert marks_of(health).tolist() == [[Mark.GOOD, Mark.NEVER_CHANGED, Mark.FLICKERING, Mark.SOME_MISSING,
+                                          Mark.NO_VALUE, Mark.UNMAPPED, Mark.DEAD]]
+    np.testing.assert_array_equal(no_value_share(health), [[0, 0, 0, 0.5, 1, NAN, 1]])
+
+
+class Status:
+    """A message by its fields."""
+
+    def __init__(self, **fields):
+        self.__dict__.update(fields)
+
+
+def status(load=0.3, level=1, message='', late=0, emcy=0, nmt=5):
+    node = Status(node_id=32, nmt_state=nmt, fault_text='', emcy_count=emcy, emcy_last='EMCY 0x4210', emcy_active='')
+    pad = Status(pad='left', level=1, message='', loss_reasons=['late', 'short'], loss_counts=np.array([late, 7]),
+                 nodes=[node])
+    return Status(bus_load=load, level=level, message=message, failure='', pads=[pad])
+
+
+def test_counts_of_the_driver_are_those_within_the_recording():
+    record = StatusRecord()
+    for k, each in enumerate((status(late=5, emcy=2), status(late=8, emcy=3), status(late=1, emcy=0))):
+        record.feed_status(BEGIN + k, each)
+    assert dict(record.losses('robot/left')) == {'late': 4, 'short': 7}  # 3, then the driver started again
+    assert record.losses('right') is None
+    node, = record.nodes()
+    assert node.emergency_count == 1 and [each.text for each in node.emergencies] == ['EMCY 0x4210']
+    assert node.objects == {} and node.heartbeats is None
+
+
+def test_what_the_driver_reports_is_given_where_it_changes():
+    record = StatusRecord()
+    for k, (level, message) in enumerate([(1, ''), (3, 'no frames'), (3, 'no frames'), (1, '')]):
+        record.feed_status(BEGIN + k, status(level=level, message=message))
+    assert [(each.stamp, each.is_problem) for each in record.reported] == [(BEGIN + 1, True), (BEGIN + 3, False)]
+    np.testing.assert_allclose(record.load().shares, 0.3)
+    assert StatusRecord().reported is None and StatusRecord().load() is None and StatusRecord().nodes() is None
+
+
+def test_a_clock_that_is_set_forward_costs_no_memory():
+    bus = BusRecord(None)
+    for stamp in (0.0, 0.5, 1.0, 2.0, BEGIN, BEGIN + 0.5, BEGIN + 1.0):
+        bus.feed(can.Message(stamp, 0x181, False, data=bytes(8)))
+    load = bus.facts({}).load
+    assert len(load.stamps) < 20 and load.bit_rates.max() == 2 * 135
+    assert load.mean == pytest.approx(6 * 135 / BEGIN, rel=0.01)
+
+
+def test_messages_are_counted_for_the_progress(tmp_path):
+    assert message_count(SESSION, ()) == len(session(100))
+    assert message_count(tmp_path / 'none.log', ()) is None
+
+
+def test_memory_is_bounded():
+    ends = Ends()
+    for k in range(5 * KEPT):
+        ends.add(k)
+    assert ends.kept() == (*range(KEPT), *range(4 * KEPT, 5 * KEPT)) and ends.count == 5 * KEPT
+    gaps = LongestGaps(0.5)
+    for k in range(200):
+        gaps.feed(k * k)
+    assert gaps.count == 199 and [gap.seconds for gap in gaps.gaps()] == [2 * k + 1 for k in range(149, 199)]
+    kept = thinned(np.r_[np.zeros(5000), 9, np.zeros(5000)], keep_highest=True)
+    assert len(kept) <= 900 and 5000 in kept

@@ -1,0 +1,168 @@
+"""The page of a report: it needs nothing else, runs nothing, and says what is not in the recording; also of bags."""
+
+import sys
+from html.parser import HTMLParser
+from threading import Event
+
+import numpy as np
+import pytest
+from test_report import BEGIN, NAME_UPLOAD, logged, report_of, session
+from test_topic_bag import TAXELS, bag, store, taxel_array, unchunked
+
+from tactile_node.cli.main import main
+from tactile_node.errors import LogError
+from tactile_node.frames.taxel_frame import TaxelStatus
+from tactile_node.recording.message_count import message_count
+from tactile_node.recording.topic_bag import DIAGNOSTICS, SHAPE
+from tactile_node.report.bag_report import BagReporter
+from tactile_node.report.findings import Finding, findings
+from tactile_node.report.markup import ABSENT
+from tactile_node.report.model import Kind
+from tactile_node.report.page import page_of
+from tactile_node.shape.recognition import Shape
+
+VOID = {'meta', 'br', 'path', 'rect', 'polygon', 'polyline'}
+NAN = float('nan')
+
+
+class Page(HTMLParser):
+    """Tags, attributes and text of a page; `open` has what was not closed."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.attributes, self.texts, self.open = [], [], [], []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.attributes += attrs
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.append(tag)
+        self.attributes += attrs
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.texts.append(data)
+
+
+def check_alone(text):
+    """Raise where a page loads or runs anything."""
+    page = Page(text)
+    assert not page.open
+    assert not {'script', 'link', 'iframe', 'object', 'embed', 'base', 'form', 'img'} & set(page.tags)
+    names = {name for name, _ in page.attributes}
+    assert not names & {'src', 'href', 'xlink:href', 'srcset', 'action', 'data'} and not any(
+        name.startswith('on') for name in names)
+    assert not any('//' in (value or '') for _, value in page.attributes)
+    assert '@import' not in text and 'url(' not in text
+    return page
+
+
+def frames(count=30):
+    """A square of 4 x 4 taxels from the tenth frame on; taxel (0, 0) is dead, (0, 1) missing in half of the frames."""
+    for k in range(count):
+        values, status = np.zeros((16, 16), np.float32), np.ones((16, 16), np.uint8)
+        if k >= 10:
+            values[5:10, 5:10] = 60e3
+        values[0, 0], status[0, 0] = NAN, TaxelStatus.DEAD
+        if k % 2:
+            values[0, 1], status[0, 1] = NAN, TaxelStatus.STALE
+        stamp = store().types['builtin_interfaces/msg/Time'](*divmod(BEGIN * 10**9 + k * 20_000_000, 10**9))
+        header = store().types['std_msgs/msg/Header'](stamp, '<b>pad</b>')
+        yield taxel_array(store(), k + (k >= 20), header=header, rows=16, cols=16, values=values.reshape(-1),
+                          status=status.reshape(-1), missing_can_frames=k % 2)
+
+
+def reported(path):
+    return BagReporter(str(path)).report(Event())
+
+
+def test_the_page_of_a_log_is_alone_and_escapes_what_devices_send(tmp_path):
+    lines = session()
+    at = next(k for k, line in enumerate(lines) if ' 1A0#' in line)
+    named = [f'{lines[at].split()[0]} can0 {frame} R' for frame in NAME_UPLOAD]
+    path = logged(tmp_path / 'a<script>alert(2)&.log', [*lines[:at], *named, *lines[at:]])
+    page = check_alone(page_of(report_of(path)))
+    assert '<script>alert(1)' in page.texts  # as text, of the device's name
+    assert any('a<script>alert(2)&.log' in text for text in page.texts)
+    assert page.tags.count('polygon') == 2  # the outline of a touch of each pad
+
+
+def test_the_page_of_nothing_says_so(tmp_path):
+    """Neither 0 nor all is well, where a log could not show otherwise."""
+    lines = [line for line in session(1.0) if ' 080#' not in line]
+    page = check_alone(page_of(report_of(logged(tmp_path / 'x.log', lines))))
+    assert page.texts.count(ABSENT) >= 8
+    assert not any('Every taxel had a value' in text for text in page.texts)
+
+
+def test_a_bag_of_taxel_arrays(tmp_path):
+    folder = bag(tmp_path / 'bag', [('/left/taxels', message) for message in frames()],
+                 topics=(('/left/taxels', TAXELS), ('/left/shape', SHAPE)))
+    assert message_count(folder, (TAXELS,)) == 30 and message_count(folder, (SHAPE,)) == 0
+    report = reported(folder)
+    pad, = report.pads
+    assert (pad.name, pad.frames, pad.incomplete, pad.lost_frames) == ('left', 30, 15, 1)
+    touch, = pad.touches
+    assert touch.shape is Shape.SQUARE and touch.is_open and touch.begin == pytest.approx(BEGIN + 0.2)
+    assert touch.force == pytest.approx(25 * 60e3 * 0.004**2, rel=1e-3)
+    assert pad.health.by_status[TaxelStatus.STALE, 0, 1] == 15 and pad.health.by_status[TaxelStatus.DEAD, 0, 0] == 30
+    assert report.recording.kind is Kind.TOPICS and report.recording.end == pytest.approx(BEGIN + 0.58)
+    assert report.nodes is None and report.bus.can_frames is None and report.bus.load is None
+    assert pad.losses is None and pad.layout is None and pad.statistics is None
+    found = {each.finding: each.number for each in findings(report)}
+    assert found == {Finding.LOST_FRAMES: 1, Finding.INCOMPLETE: 15, Finding.FAULTY_TAXELS: 1}
+    texts = check_alone(page_of(report)).texts
+    assert texts.count(ABSENT) >= 8
+
+
+def test_diagnostics_of_any_program_are_escaped(tmp_path):
+    kinds = store().types
+    header = kinds['std_msgs/msg/Header'](kinds['builtin_interfaces/msg/Time'](BEGIN, 0), '')
+    status = kinds['diagnostic_msgs/msg/DiagnosticStatus'](2, '<img src=x onerror=alert(3)>', 'fell over', '', [])
+    messages = [('/left/taxels', message) for message in frames(3)]
+    messages.append(('/diagnostics', kinds[DIAGNOSTICS](header, [status])))
+    report = reported(bag(tmp_path / 'bag', messages, topics=(('/left/taxels', TAXELS), ('/diagnostics', DIAGNOSTICS))))
+    change, = report.bus.reported
+    assert change.is_problem and (Finding.REPORTED, 1) in {(each.finding, each.number) for each in findings(report)}
+    assert any('<img src=x' in text for text in check_alone(page_of(report)).texts)
+
+
+def test_a_bag_cut_short_is_reported_up_to_there(tmp_path):
+    file = tmp_path / 'cut.mcap'
+    size = unchunked(file, frames())
+    file.write_bytes(file.read_bytes()[:size * 2 // 3])
+    report = reported(file)
+    assert report.pads[0].frames in (19, 20) and report.recording.unread == 1 and report.recording.problem
+    assert Finding.UNREAD in {each.finding for each in findings(report)}
+    (tmp_path / 'x.mcap').write_bytes(b'\x89MCAP0\r\n')
+    with pytest.raises(LogError):
+        reported(tmp_path / 'x.mcap')
+
+
+def test_the_command_writes_a_whole_page_or_none(tmp_path, capsys):
+    log, out = logged(tmp_path / 'x.log', session(2.5)), tmp_path / 'report.html'
+    assert main(['report', log, '--node-id', '32', '--pads', '<left>', '--bitrate', '500000', '-o', str(out)]) == 0
+    shown = capsys.readouterr()
+    assert str(out) in shown.out and not shown.err  # no progress: not a terminal
+    page = check_alone(out.read_text(encoding='utf-8'))
+    assert 'Pad <left>' in ''.join(page.texts)
+    before = out.read_bytes()
+    assert main(['report', str(tmp_path / 'none.log'), '-o', str(out)]) == 2
+    assert out.read_bytes() == before and list(tmp_path.glob('.report*')) == []
+    content = (tmp_path / 'x.log').read_bytes()
+    assert main(['report', log, '-o', log]) == 2
+    assert (tmp_path / 'x.log').read_bytes() == content
+
+
+def test_a_bag_is_told_from_a_log_by_its_topics(tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'rclpy', None)
+    folder = bag(tmp_path / 'bag', [('/left/taxels', message) for message in frames(12)])
+    assert main(['report', str(folder), '-o', str(tmp_path / 'a.html')]) == 0
+    assert '1 pads, 1 touches' in capsys.readouterr().out
