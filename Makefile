@@ -145,6 +145,10 @@ lock:  ## pin every version again from requirements/*.in: versions already pinne
 		--no-annotate --no-emit-index-url --generate-hashes --quiet -o requirements/lock.txt
 	@sed -i '1i # Every version pinned, for Python 3.10-3.13; made from requirements/*.in by "make lock".' \
 		requirements/lock.txt
+	@cat requirements/ros_kilted.in requirements/core.in | $(UV) pip compile - --universal --python-version 3.10 \
+		--no-header --no-annotate --no-emit-index-url --generate-hashes --quiet -o requirements/lock_kilted.txt
+	@sed -i '1i # Every version pinned, for Python 3.10-3.13; made from requirements/*.in by "make lock".' \
+		requirements/lock_kilted.txt
 	@# What torch needs for a GPU is left to pip: not every torch has it.
 	@$(UV) pip compile requirements/bench.in --universal --python-version 3.10 --no-header --no-annotate \
 		--no-emit-index-url --quiet | grep -vE '^(nvidia|cuda|triton)' >requirements/bench.txt
