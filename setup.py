@@ -1,11 +1,14 @@
-"""`pip install .`: with the version of package.xml, which bloom bumps, and the files of config/ and msg/."""
+"""`pip install .`: with the facts of package.xml, the version among them, which bloom bumps, and config/ and msg/."""
 
 import shutil
+from pathlib import Path
 from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 from setuptools.command.build_py import build_py
 
+PACKAGE = ElementTree.parse('package.xml')
+AUTHOR = PACKAGE.find('author')
 #: folder of package data, as a package inside tactile_node -> where it lies here
 DATA = {'tactile_node.config': 'config', 'tactile_node.msg': 'msg'}
 
@@ -19,7 +22,12 @@ class FreshBuild(build_py):
 
 
 setup(cmdclass={'build_py': FreshBuild},
-      version=ElementTree.parse('package.xml').findtext('version'),
+      version=PACKAGE.findtext('version'),
+      author=AUTHOR.text,
+      author_email=AUTHOR.get('email'),
+      project_urls={url.get('type').capitalize(): url.text for url in PACKAGE.iter('url')},
+      long_description=Path('README.md').read_text(encoding='utf-8'),
+      long_description_content_type='text/markdown',
       packages=[*find_packages(include=['tactile_node', 'tactile_node.*']), *DATA],
       package_dir=DATA,
       package_data={'tactile_node': ['py.typed'], **{package: ['*'] for package in DATA}})

@@ -1,12 +1,15 @@
 """A wheel, installed where no checkout is in reach: it has its files, its version, its types and no more."""
 
+import email.policy
 import json
 import os
 import shutil
 import subprocess
 import sys
+import tarfile
 import zipfile
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -17,21 +20,45 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[1]
 
 
+FOLDERS = ('tactile_node', 'config', 'msg', 'urdf')
+FILES = ('setup.py', 'setup.cfg', 'pyproject.toml', 'MANIFEST.in', 'package.xml', 'README.md', 'LICENSE', 'NOTICE',
+         'CHANGELOG.rst', 'CITATION.cff', 'SECURITY.md')
+BUILD = {**os.environ, 'SOURCE_DATE_EPOCH': '1735689600'}  # the same date in every archive
+
+
 @pytest.fixture(scope='module')
-def wheel(tmp_path_factory) -> Path:
-    """A wheel, built of a copy: setuptools leaves a build folder where it builds. There is one of an earlier build."""
+def source(tmp_path_factory) -> Path:
+    """A copy: setuptools leaves a build folder where it builds. There is one of an earlier build."""
     source = tmp_path_factory.mktemp('source')
-    for folder in ('tactile_node', 'config', 'msg'):
+    for folder in FOLDERS:
         shutil.copytree(ROOT / folder, source / folder, ignore=shutil.ignore_patterns('__pycache__'))
-    for name in ('setup.py', 'setup.cfg', 'pyproject.toml', 'MANIFEST.in', 'package.xml', 'README.md'):
+    for name in FILES:
         shutil.copy(ROOT / name, source)
     stale = source / 'build/lib/tactile_node/renamed_since.py'
     stale.parent.mkdir(parents=True)
     stale.touch()
-    built = tmp_path_factory.mktemp('built')
+    return source
+
+
+def wheel_of(source: Path, built: Path) -> Path:
     subprocess.run([sys.executable, '-m', 'pip', 'wheel', '--quiet', '--no-index', '--no-build-isolation', '--no-deps',
-                    '--wheel-dir', built, source], check=True)
+                    '--wheel-dir', built, source], check=True, env=BUILD)
     return next(built.glob('*.whl'))
+
+
+@pytest.fixture(scope='module')
+def wheel(source, tmp_path_factory) -> Path:
+    return wheel_of(source, tmp_path_factory.mktemp('built'))
+
+
+@pytest.fixture(scope='module')
+def sdist(source, tmp_path_factory) -> Path:
+    (source / 'test').mkdir()
+    (source / 'test/test_of_half_a_suite.py').touch()  # setuptools takes such files without their data
+    built = tmp_path_factory.mktemp('sdist')
+    hook = 'import sys; from setuptools import build_meta; build_meta.build_sdist(sys.argv[1])'
+    subprocess.run([sys.executable, '-c', hook, built], cwd=source, check=True, env=BUILD, capture_output=True)
+    return next(built.glob('*.tar.gz'))
 
 
 @pytest.fixture(scope='module')
@@ -58,6 +85,35 @@ def test_it_holds_what_runs_and_nothing_that_only_tests_or_training_need(wheel):
     data = {f'tactile_node/{path.relative_to(ROOT)}' for folder in ('config', 'msg')
             for path in (ROOT / folder).iterdir()}
     assert {name for name in names if name.startswith('tactile_node/')} == ours | data | {'tactile_node/py.typed'}
+
+
+def test_a_wheel_of_the_source_distribution_is_the_same(wheel, sdist, tmp_path):
+    again = wheel_of(sdist, tmp_path)
+    ours, theirs = ({entry.filename: entry.CRC for entry in zipfile.ZipFile(path).infolist()}
+                    for path in (wheel, again))
+    assert ours == theirs and wheel.name == again.name
+
+
+def test_the_source_distribution_has_what_a_reader_needs_and_no_half_of_the_tests(sdist):
+    with tarfile.open(sdist) as archive:
+        names = {name.partition('/')[2] for name in archive.getnames()}
+    assert set(FILES) <= names
+    assert not any(name.startswith('test') for name in names)
+
+
+def test_its_metadata_are_those_of_package_xml_and_the_readme(wheel):
+    with zipfile.ZipFile(wheel) as archive:
+        info = f'tactile_skin-{tactile_node.__version__}.dist-info/'
+        metadata = email.message_from_bytes(archive.read(f'{info}METADATA'), policy=email.policy.default)
+        for name in ('LICENSE', 'NOTICE'):
+            assert archive.read(f'{info}licenses/{name}') == (ROOT / name).read_bytes()
+    package = ElementTree.parse(ROOT / 'package.xml')
+    assert metadata['License'] == package.findtext('license') == 'Apache-2.0'
+    assert {value.split(', ')[1] for value in metadata.get_all('Project-URL')} == {
+        url.text for url in package.iter('url')}
+    assert metadata['Author-email'] == package.find('author').get('email')
+    assert metadata['Description-Content-Type'] == 'text/markdown'
+    assert metadata.get_content().startswith('# tactile_skin\n')
 
 
 def test_it_knows_its_version(installed):

@@ -4,6 +4,8 @@ import re
 from pathlib import Path
 from xml.etree import ElementTree
 
+import pytest
+
 import tactile_node
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -31,11 +33,34 @@ def test_every_lowest_version_is_a_library_of_the_lock_too():
         assert name in locked
 
 
-def test_every_package_of_the_lock_has_the_hashes_of_its_files():
+LOCKS = 'lock.txt', 'lock_kilted.txt'
+
+
+@pytest.mark.parametrize('name', LOCKS)
+def test_every_package_of_the_lock_has_the_hashes_of_its_files(name):
     """Else pip would take whatever the index gives under that version."""
-    lock = (ROOT / 'requirements/lock.txt').read_text(encoding='utf-8')
+    lock = (ROOT / 'requirements' / name).read_text(encoding='utf-8')
     packages = re.split(r'^(?=[\w-]+==)', lock, flags=re.MULTILINE)[1:]
     assert len(packages) > 150
     for package in packages:
         assert re.search(r' \\\n    --hash=sha256:[0-9a-f]{64}\b', package), package
     assert 'http' not in lock and 'index-url' not in lock
+
+
+def libraries(lock: str) -> set[str]:
+    """What a lock pins beside ROS, with the conditions."""
+    text = (ROOT / 'requirements' / lock).read_text(encoding='utf-8')
+    return {line for line in re.findall(r'^[\w-]+==[^\\]*', text, re.MULTILINE) if not line.startswith('ros-')}
+
+
+def test_jazzy_and_kilted_are_tested_with_the_same_libraries():
+    """Else a difference between the two could be that of a library."""
+    jazzy, kilted = map(libraries, LOCKS)
+    assert jazzy == kilted and len(jazzy) > 80
+
+
+def test_jazzy_and_kilted_have_the_same_packages_of_ros():
+    jazzy, kilted = (set(re.findall(r'^ros-[\w-]+', (ROOT / 'requirements' / name).read_text(), re.MULTILINE))
+                     for name in ('ros.in', 'ros_kilted.in'))
+    assert kilted - jazzy == {'ros-ament-cmake-ros-core'}  # split off ament_cmake_ros in Kilted
+    assert jazzy <= kilted

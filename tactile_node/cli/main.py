@@ -36,7 +36,7 @@ WITH_NODES = ('bringup', 'demo')
 
 _ROS = 'Source a ROS 2 workspace that holds tactile_skin, or run `make demo` once.'
 NEEDS = {'rclpy': _ROS, 'rcl_interfaces': _ROS, 'tactile_skin': _ROS,
-         'can': 'Install python-can.', 'canopen': 'Install canopen.',
+         'can': 'Install it: pip install python-can.', 'canopen': 'Install it: pip install canopen (docs/install.md).',
          'matplotlib': "Install it: pip install 'tactile-skin[picture]'."}
 
 

@@ -49,6 +49,8 @@ RETRY_PERIOD = 0.5  # s between two attempts to configure while the driver waits
 class DriverNode(LifecycleNode):
     """Publishes `<pad>/taxels` for each pad while active, /diagnostics and `~/status` always."""
 
+    _is_made = False  # True after the constructor
+
     def __init__(self, **options: Any):
         super().__init__(NODE_NAMES[Role.DRIVER], **options)
         reject_invalid_transitions(self)
@@ -66,6 +68,7 @@ class DriverNode(LifecycleNode):
         self._lifecycle = PrimaryState.UNCONFIGURED
         self._state = StatePublisher(self, self._driver_state)
         forward_logs_to(self)
+        self._is_made = True
 
     def autostart(self, stop_requested: threading.Event | None = None) -> None:
         """Configure and activate where the parameter `autostart` is true. Raises the error of a failed transition.
@@ -85,11 +88,13 @@ class DriverNode(LifecycleNode):
         """Configure, repeatedly while ``stop`` is given and not set; False where it is set or a manager was faster."""
         try:
             while self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
+                if self._lifecycle != PrimaryState.UNCONFIGURED:  # the same in Kilted, which raises no error
+                    return False
                 if stop is None or not isinstance(self._steps.error, WAITED_FOR):
                     raise self._steps.failure('configure')
                 if stop.wait(RETRY_PERIOD):
                     return False
-        except RuntimeError:  # RCLError: a lifecycle manager has configured the node meanwhile
+        except RuntimeError:  # RCLError of Jazzy: a lifecycle manager has configured the node meanwhile
             return False
         return True
 
@@ -129,10 +134,11 @@ class DriverNode(LifecycleNode):
         return self._publish_after(TransitionCallbackReturn.SUCCESS, PrimaryState.UNCONFIGURED)
 
     def destroy_node(self) -> None:
-        self._release()
-        if self.context.ok():
-            self._state.update(is_last=True)
-        stop_forwarding_to(self)
+        if self._is_made:  # since Kilted, the context destroys a node whose constructor has failed, too
+            self._release()
+            if self.context.ok():
+                self._state.update(is_last=True)
+            stop_forwarding_to(self)
         super().destroy_node()
 
     def _configure(self) -> None:

@@ -36,6 +36,7 @@ class GraspNode(Node):
     """
 
     def __init__(self, **options):
+        self._arrivals: dict[str, Arrival] = {}  # first: Kilted destroys also a node whose constructor has failed
         super().__init__(NODE_NAMES[Role.GRASP], **options)
         declare(self, GraspNodeSettings)
         self._settings = settings = read(self, GraspNodeSettings)
@@ -47,7 +48,6 @@ class GraspNode(Node):
         self._opening = make_opening_source(self, settings, gripper.closing)
         publish_pad_frames(self, settings, gripper, self._opening)
         self._latest = {side: ContactShape() for side in SIDES}
-        self._arrivals: dict[str, Arrival] = {}
         self._stamp = 0.0  # the latest [s]; the clock of a lossless replay
         self._publisher = self.create_publisher(Grasp, 'grasp', settings.qos)
         # On the steady clock: with use_sim_time and no /clock the node's own clock stands still

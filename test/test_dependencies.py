@@ -1,0 +1,140 @@
+"""What the code imports is what package.xml (rosdep, bloom) and setup.cfg (pip) say that it depends on."""
+
+import ast
+import configparser
+import re
+import sys
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree
+
+import pytest
+
+pytestmark = pytest.mark.filterwarnings('ignore::DeprecationWarning:catkin_pkg', 'ignore::DeprecationWarning:pyparsing')
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ElementTree.parse(ROOT / 'package.xml')
+#: Neither Ubuntu nor ROS has a package of them: rosdep installs them by pip
+PIP_KEYS = {'canopen-pip', 'python3-rosbags-pip', 'mcap-ros2-support'}
+
+
+class Origin(NamedTuple):
+    """Who brings a module: a key of rosdep (None: there is none), a requirement in setup.cfg (None: of ROS)."""
+
+    rosdep: str | None
+    pip: str | None
+
+
+#: Modules whose origin has another name. A module that is not here has the key of its name, and is no library of pip.
+ORIGINS = {
+    'argcomplete': Origin('python3-argcomplete', 'argcomplete'),
+    'can': Origin('python3-can', 'python-can'),
+    'canopen': Origin('canopen-pip', 'canopen'),
+    'matplotlib': Origin('python3-matplotlib', 'matplotlib'),
+    'mcap': Origin('mcap-ros2-support', 'mcap'),
+    'numpy': Origin('python3-numpy', 'numpy'),
+    'PIL': Origin('python3-pil', 'pillow'),
+    'rosbags': Origin('python3-rosbags-pip', 'rosbags'),
+    'scipy': Origin('python3-scipy', 'scipy'),
+    'serial': Origin('python3-serial', 'pyserial'),
+    'tqdm': Origin('python3-tqdm', 'tqdm'),
+    'viser': Origin(None, 'viser'),
+    'yaml': Origin('python3-yaml', 'pyyaml'),
+    'zstandard': Origin('mcap-ros2-support', 'mcap'),  # mcap requires it; rosdep has no key
+}
+OF_TESTS = {'jsonschema': 'python3-jsonschema', 'py_trees': 'py_trees', 'pytest': 'python3-pytest'}
+#: Nothing imports them: they run the package
+NOT_MODULES = {'rosidl_default_runtime', 'ros2launch', 'xacro'}
+OURS = {'tactile_node', 'tactile_skin', 'bench', 'training', *(path.stem for path in (ROOT / 'tools').glob('*.py'))}
+#: Imported by single tests or examples that say so: what a robot has that needs the example, or a tool of this machine
+OPTIONAL = {'torch', 'catkin_pkg', 'docutils', 'moveit_msgs', 'tactile_msgs'}
+
+
+def imported(folder: str) -> dict[str, str]:
+    """Top name of each module from elsewhere that the files in ``folder`` import -> one of these files."""
+    found: dict[str, str] = {}
+    files = sorted((ROOT / folder).rglob('*.py'))
+    names = {path.stem for path in files}
+    for path in files:
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            for module in _modules(node):
+                found.setdefault(module.partition('.')[0], str(path.relative_to(ROOT)))
+    return {name: file for name, file in found.items() if name not in {*sys.stdlib_module_names, *OURS, *names}}
+
+
+def _modules(node: ast.AST) -> list[str]:
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names]
+    if isinstance(node, ast.ImportFrom) and not node.level:
+        return [node.module]
+    if isinstance(node, ast.Call) and getattr(node.func, 'id', getattr(node.func, 'attr', '')) in (
+            'import_module', 'find_spec', '_library') and node.args and isinstance(node.args[0], ast.Constant):
+        return [node.args[0].value]
+    return []
+
+
+def keys(*tags: str) -> set[str]:
+    return {element.text for tag in tags for element in PACKAGE.iter(tag)}
+
+
+def requirements() -> set[str]:
+    setup = configparser.ConfigParser()
+    setup.read(ROOT / 'setup.cfg')
+    texts = [setup['options']['install_requires'], *setup['options.extras_require'].values()]
+    return {re.match(r'[\w-]+', line)[0] for text in texts for line in text.strip().splitlines()}
+
+
+INSTALLED = {**imported('tactile_node'), **imported('launch')}
+
+
+@pytest.mark.parametrize('module', sorted(INSTALLED))
+def test_what_is_imported_is_a_dependency(module):
+    """Else a robot that rosdep or pip has set up ends in a ModuleNotFoundError."""
+    origin = ORIGINS.get(module, Origin(module, None))
+    where = f'{module}, which {INSTALLED[module]} imports'
+    assert origin.rosdep is None or origin.rosdep in keys('depend', 'exec_depend'), where
+    assert origin.pip is None or origin.pip in requirements(), where
+
+
+@pytest.mark.parametrize('folder', ['test', 'examples'])
+def test_what_tests_and_examples_import_is_a_dependency(folder):
+    """Those of training and benchmarks are in requirements/bench.in."""
+    known = keys('depend', 'exec_depend', 'test_depend')
+    for module, file in imported(folder).items():
+        key = OF_TESTS.get(module) or ORIGINS.get(module, Origin(module, None)).rosdep
+        assert key is None or key in known or module in OPTIONAL, f'{module} in {file}'
+
+
+def test_every_dependency_is_one_of_the_code():
+    """Else a robot installs what nothing uses, or a key has a typing error."""
+    of_libraries = {origin.rosdep for origin in ORIGINS.values()}
+    assert keys('exec_depend') - of_libraries - set(INSTALLED) <= NOT_MODULES
+    assert keys('depend') <= set(INSTALLED)
+    assert requirements() <= {origin.pip for origin in ORIGINS.values()}
+
+
+def test_a_released_package_depends_on_no_pip_key():
+    """rosdistro refuses such a release; bloom takes what is without condition or whose condition holds."""
+    package = pytest.importorskip('catkin_pkg.package').parse_package(str(ROOT / 'package.xml'))
+    for distro in ('jazzy', 'kilted'):
+        package.evaluate_conditions({'ROS_VERSION': '2', 'ROS_DISTRO': distro, 'ROS_PYTHON_VERSION': '3'})
+        released = {depend.name for depend in package.exec_depends if depend.evaluated_condition}
+        assert not released & PIP_KEYS and not any(name.endswith('-pip') for name in released)
+        assert {'python3-numpy', 'python3-can', 'rclpy'} <= released
+
+
+def test_a_workspace_gets_the_pip_keys_by_the_documented_variable():
+    package = pytest.importorskip('catkin_pkg.package').parse_package(str(ROOT / 'package.xml'))
+    package.evaluate_conditions({'PIP_BREAK_SYSTEM_PACKAGES': '1', 'ROS_DISTRO': 'jazzy'})
+    assert {depend.name for depend in package.exec_depends if depend.evaluated_condition} >= PIP_KEYS
+    assert 'export PIP_BREAK_SYSTEM_PACKAGES=1\n' in (ROOT / 'docs/install.md').read_text(encoding='utf-8')
+
+
+def test_the_versions_of_ubuntu_that_the_page_names_are_those_that_are_tested():
+    """Where the page says that Ubuntu has a version and another is tested, it gives the reason."""
+    tested = dict(re.findall(r'^([\w-]+)==([\d.]+)$', (ROOT / 'requirements/lowest.txt').read_text(), re.MULTILINE))
+    page = (ROOT / 'docs/install.md').read_text(encoding='utf-8')
+    rows = re.findall(r'^\| ([\w-]+) \| .+? \| (.+?) \| ([\d.]+)(:.*)? \|$', page, re.MULTILINE)
+    assert {name.lower() for name, *_ in rows} == requirements()
+    for name, ubuntu, version, reason in rows:
+        assert tested[name.lower()] == version
+        assert ubuntu in (version, 'PyPI') or reason
