@@ -16,8 +16,8 @@ ROOT = Path(__file__).resolve().parents[1]
 M = Missing
 SQUARE = SideShape('square', 0.9)
 LINE = Line(np.zeros(3), np.array((0.001, 0.0, 0.03)), width=0.03, offset=0.001, misalignment=0.033)
-HELD = GraspState((SideState.TOUCHED, SideState.TOUCHED), GraspContact.TWO_SIDED, fresh=True, same_shape=True, line=LINE,
-                  line_is_bound=False, held=1.0, stable=True, creep=0.0)
+HELD = GraspState((SideState.TOUCHED, SideState.TOUCHED), GraspContact.TWO_SIDED, fresh=True, same_shape=True,
+                  line=LINE, line_is_bound=False, held=1.0, stable=True, creep=0.0)
 
 
 def short_of(state=HELD, left=SQUARE, right=SQUARE, **required):
