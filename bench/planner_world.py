@@ -1,4 +1,4 @@
-"""A gripper with two tactile pads and an object between, by statics: where the pads touch follows from where it is.
+"""A gripper with two tactile pads and an object between: where the pads touch follows from where it is.
 
 The object is fixed: a prism with an outline of the five classes, or a rod with two ball ends. Each skin is an elastic
 foundation (pressure in proportion to how deep the object is in it), so that an oblique face presses one side more and
@@ -6,7 +6,7 @@ lifts off on the other. Each pad closes until its force is that of a light grasp
 grasp node's defaults: the left pad at z = -gap/2, looking along z, the right one facing it, y reversed.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +22,7 @@ FORCE = 6.0                             # N, of a light grasp
 BLUR, NOISE = 0.5, 0.005                # pitches; fraction of full scale
 FINE = 6                                # points of a taxel, both ways
 AIM = (SPAN / 2, SPAN / 2)
+NO_TURN = Rotation.identity()
 REACH = 6.4                             # pitches, of a face from its centre
 
 
@@ -41,9 +42,9 @@ class Placed:
     thing: Thing
     centre: np.ndarray                  # [m]
     turn: Rotation                      # of its frame, z along its length
-    ends: tuple[bool, bool] = field(default=(True, True))  # which of its faces a pad can reach
+    ends: tuple[bool, bool] = (True, True)  # which of its faces a pad can reach
 
-    def moved(self, shift=(0.0, 0.0), about=(0.0, 0.0, 0.0), by: Rotation = Rotation.identity()) -> 'Placed':
+    def moved(self, shift=(0.0, 0.0), about=(0.0, 0.0, 0.0), by: Rotation = NO_TURN) -> 'Placed':
         """Of a gripper that has shifted by ``shift`` [m], and then turned ``by`` a rotation about a point."""
         centre = self.centre - np.array((*shift, 0.0))
         return replace(self, centre=about + by.inv().apply(centre - about), turn=by.inv() * self.turn)

@@ -1,4 +1,4 @@
-"""The loop around examples/planner_client.py: close lightly, ask, open and move, until the contacts oppose or it gives up.
+"""The loop around examples/planner_client.py: close lightly, ask, move, until the contacts oppose or it gives up.
 
 It reads decisions only; what moves the gripper is yours:
 

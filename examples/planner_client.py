@@ -78,8 +78,8 @@ def choose(left: Side, right: Side, line: Line, stable: bool) -> Correction:
 
 def opposing(line: Line) -> tuple[float, float, float]:
     """Return the rotation of the gripper, about the grasp's midpoint, that closes it along the line; NaN: not known."""
-    across = (CLOSING[1] * line.axis[2] - CLOSING[2] * line.axis[1], CLOSING[2] * line.axis[0] - CLOSING[0] *
-              line.axis[2], CLOSING[0] * line.axis[1] - CLOSING[1] * line.axis[0])
+    (a, b, c), (x, y, z) = CLOSING, line.axis
+    across = (b * z - c * y, c * x - a * z, a * y - b * x)
     sine = hypot(*across)
     return tuple(line.misalignment * each / sine if sine else nan for each in across)
 

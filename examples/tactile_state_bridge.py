@@ -7,8 +7,8 @@ URDF. Stamp and values are unchanged, row by row; the unit is that of the skin.
 
 A taxel without a valid value is NaN, never 0. RViz's displays paint NaN in a colour for errors; tactile_merger averages
 it into its contact, whose place becomes NaN, and a running mean that has taken a NaN stays NaN. For these,
-`nan:=leave_out` leaves a pad out of the topic while any of its taxels has no value. Places without a taxel are NaN in either case: no taxel of the
-URDF has their index.
+`nan:=leave_out` leaves a pad out of the topic while any of its taxels has no value. Places without a taxel are NaN in
+either case: no taxel of the URDF has their index.
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""Message packages that PyPI lacks, built into a folder where no ROS installation has them.
+"""Message packages that PyPI lacks: their interfaces, and a build of one in a folder where no ROS installation has it.
 
 Only what our code uses of them, by the names of the real packages: geometry2, MoveIt 2, object_recognition_msgs and
 tactile_toolbox.
@@ -13,7 +13,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 
 #: package -> the packages that it needs, and its messages
@@ -66,44 +66,27 @@ ament_package()''',
 @contextmanager
 def built_messages(name: str, folder: Path) -> Iterator[None]:
     """Make package ``name`` importable: the installed one, or one that is built in ``folder`` (about 10 s), once."""
-    with ExitStack() as stack:
-        for needed in INTERFACES[name][0]:
-            if needed in INTERFACES:
-                stack.enter_context(built_messages(needed, folder))
-        if not importlib.util.find_spec(name):
-            prefix = _built(name, folder)
-            modules, = prefix.glob('lib/python*/site-packages')
-            for library in sorted(prefix.glob('lib/*.so'), key=_order):  # rosidl opens them by name: loaded are found
-                ctypes.CDLL(str(library))
-            sys.path.append(str(modules))
-            stack.callback(_forget, name, str(modules))
+    if importlib.util.find_spec(name):
         yield
-
-
-def _order(library: Path) -> tuple[bool, str]:
-    """The generated C code first, on which the others depend."""
-    return 'rosidl_generator_c.so' not in library.name, library.name
-
-
-def _forget(name: str, modules: str) -> None:
-    sys.path.remove(modules)
-    for module in [each for each in sys.modules if each.split('.')[0] == name]:
-        del sys.modules[module]
-
-
-def _built(name: str, root: Path) -> Path:
-    """Return where the package is installed."""
-    folder = root / name / _fingerprint(name)
+        return
+    folder = folder / name / _fingerprint(name)
     folder.mkdir(parents=True, exist_ok=True)
-    is_built = folder / 'is_built'
+    prefix, is_built = folder / 'install', folder / 'is_built'
     with (folder / 'lock').open('w') as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)  # another run of pytest may build it, too
         if not is_built.exists():
-            needed = [_built(each, root) for each in INTERFACES[name][0]
-                      if each in INTERFACES and not Path(sys.prefix, 'share', each).exists()]
-            _build(name, folder, needed)
+            _build(name, folder)
             is_built.touch()
-    return folder / 'install'
+    modules, = prefix.glob('lib/python*/site-packages')
+    for library in prefix.glob('lib/*.so'):  # rosidl opens them by name: those that are loaded are found
+        ctypes.CDLL(str(library))
+    sys.path.append(str(modules))
+    try:
+        yield
+    finally:
+        sys.path.remove(str(modules))
+        for module in [each for each in sys.modules if each.split('.')[0] == name]:
+            del sys.modules[module]
 
 
 def _fingerprint(name: str) -> str:
@@ -113,16 +96,14 @@ def _fingerprint(name: str) -> str:
     return hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
 
 
-def _build(package: str, folder: Path, needed: list[Path]) -> None:
+def _build(package: str, folder: Path) -> None:
     sources, build, prefix = folder / 'source', folder / 'build', folder / 'install'
     for name, text in source(package).items():
         (sources / name).parent.mkdir(parents=True, exist_ok=True)
         (sources / name).write_text(text, encoding='utf-8')
-    prefixes = [str(each) for each in (*needed, sys.prefix)]
-    paths = ':'.join(str(module) for each in needed for module in each.glob('lib/python*/site-packages'))
     cmake = str(Path(sys.executable).with_name('cmake'))
-    environment = {**os.environ, 'AMENT_PREFIX_PATH': ':'.join(prefixes), 'CMAKE_PREFIX_PATH': ':'.join(prefixes),
-                   'PYTHONPATH': paths, 'PATH': f'{Path(sys.executable).parent}:{os.environ["PATH"]}'}
+    environment = {**os.environ, 'AMENT_PREFIX_PATH': sys.prefix, 'CMAKE_PREFIX_PATH': sys.prefix,
+                   'PATH': f'{Path(sys.executable).parent}:{os.environ["PATH"]}'}
     for arguments in (['-S', sources, '-B', build, f'-DCMAKE_INSTALL_PREFIX={prefix}', '-DBUILD_TESTING=OFF',
                        f'-DPython3_EXECUTABLE={sys.executable}', '-DCMAKE_INSTALL_RPATH=$ORIGIN;$ORIGIN/../../..'],
                       ['--build', build, '--target', 'install', '--parallel', '2']):

@@ -31,10 +31,10 @@ def tf_message():
 
 
 @pytest.fixture(scope='session')
-def collision_object_message():
+def collision_object_message(tmp_path_factory):
     """What MoveIt's planning scene takes."""
-    from built_messages import built_messages
-    with built_messages('moveit_msgs', BUILT):
+    from generated_messages import generated_messages
+    with generated_messages('moveit_msgs', tmp_path_factory.mktemp('messages')):
         from moveit_msgs.msg import CollisionObject
         yield CollisionObject
 

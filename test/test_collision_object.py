@@ -34,15 +34,16 @@ def shape(kind=ContactShape.RECTANGLE, dimensions=(0.012, 0.006), corners=(), **
     found.header.frame_id = 'left_pad'
     found.pose.pose.position.x, found.pose.pose.position.y = X, Y
     found.pose.pose.orientation.z, found.pose.pose.orientation.w = sin(ANGLE / 2), cos(ANGLE / 2)
-    found.outline = Polygon(points=[Point32(x=X + cos(ANGLE) * x - sin(ANGLE) * y, y=Y + sin(ANGLE) * x + cos(ANGLE) * y)
+    cosine, sine = cos(ANGLE), sin(ANGLE)
+    found.outline = Polygon(points=[Point32(x=X + cosine * x - sine * y, y=Y + sine * x + cosine * y)
                                     for x, y in corners])
     return found
 
 
 def grasp(**fields):
     side = shape()
-    return Grasp(**{'sides': [side, side], 'contact': Grasp.TWO_SIDED, 'fresh': True, 'stable': True, 'same_shape': True,
-                    'width': 0.04, **fields})
+    return Grasp(**{'sides': [side, side], 'contact': Grasp.TWO_SIDED, 'fresh': True, 'stable': True,
+                    'same_shape': True, 'width': 0.04, **fields})
 
 
 def test_a_rectangle_is_a_box_that_stands_on_the_pad(example, collision_object_message):

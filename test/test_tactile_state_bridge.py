@@ -14,7 +14,6 @@ pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run 
 
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
-from sensor_msgs.msg import ChannelFloat32  # noqa: E402, F401
 
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus  # noqa: E402
 from tactile_node.ros.taxel_messages import taxel_array_message  # noqa: E402
@@ -82,6 +81,7 @@ def test_the_node_sends_each_pad_and_drops_what_is_malformed(tactile_state_messa
 
 
 def test_without_tactile_msgs_it_says_what_is_missing():
-    program = f'import sys, runpy; sys.modules["tactile_msgs"] = None; runpy.run_path({str(PATH)!r}, run_name="__main__")'
+    program = ('import sys, runpy; sys.modules["tactile_msgs"] = None; '
+               f'runpy.run_path({str(PATH)!r}, run_name="__main__")')
     done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
     assert done.returncode == 2 and 'tactile_msgs' in done.stderr and 'Traceback' not in done.stderr
