@@ -99,7 +99,7 @@ def test_the_pads_see_a_shift_from_both_sides_and_a_move_takes_it_back():
 @pytest.mark.ros
 def test_from_random_starts_the_contacts_come_to_oppose():
     """`bench/bench_planner.py` has 50."""
-    found = bench_planner.runs(5)
+    found = bench_planner.runs(4)
     assert sum(bench_planner.opposes(run.before) for run in found) <= 1
     assert [run.is_right for run in found] == [True] * len(found)
 
@@ -108,10 +108,10 @@ def test_from_random_starts_the_contacts_come_to_oppose():
 @pytest.mark.ros
 @pytest.mark.parametrize(('fault', 'reason'), [
     ('misses a pad', Reason.NO_DECISION), ('nothing there', Reason.EMPTY), ('a pad is silent', Reason.NOT_SEEN),
-    ('half a pad is hidden', None), ('larger than a pad', None)])
+    ('half a pad is hidden', Reason.NO_DECISION)])
 def test_where_no_move_helps_it_gives_up_and_does_not_squeeze(fault, reason):
-    run = bench_planner.Simulation(bench_planner.SEED + 500, 'circle', fault, patience=2.0).run()
-    assert not run.is_done and run.reason > Reason.NOT_GIVEN_UP and reason in (None, run.reason)
+    run = bench_planner.Simulation(bench_planner.SEED + 500, 'circle', fault, patience=1.5).run()
+    assert not run.is_done and run.reason is reason
 
 
 @pytest.mark.slow
