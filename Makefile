@@ -13,7 +13,7 @@ LOCK := requirements/lock.txt
 BUILD := build
 UV := $(or $(wildcard $(BIN)/uv),uv)
 SOURCES := package.xml CMakeLists.txt setup.py setup.cfg \
-	$(shell find tactile_node msg srv config launch urdf scripts -type f -not -name '*.pyc')
+	$(shell find tactile_node msg srv action config launch urdf scripts -type f -not -name '*.pyc')
 
 # ROS: everything stays on this machine; the environment is its own ament prefix.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST

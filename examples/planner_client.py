@@ -2,19 +2,23 @@
 
     python examples/planner_client.py --ros-args -r grasp:=/gripper/grasp
 
+`shift`, `rotate`, `tilt` and `regrasp` are for an open gripper: open, move, close again (examples/grasp_loop.py).
+
 It acts on what is current and seen, and on nothing else: `hold` means that nothing is known, keep still. A grasp is
 current while its age, with the time since it arrived, is below MAX_AGE, and grasps have not stopped for MAX_SILENCE:
 a watchdog decides again when none comes.
 """
 
 import time
-from math import atan2, degrees, hypot, inf, isfinite, pi, remainder
+from math import atan2, degrees, hypot, inf, isfinite, nan, pi, remainder
 from typing import NamedTuple
 
 MIN_CONFIDENCE = 0.8         # below, on either side: let go and try elsewhere
 MAX_OFFSET = 0.002           # of the two contacts' centres across the closing direction [m]
 MAX_ANGLE = 5 * pi / 180     # of the object's edges against the pad's [rad]
+MAX_MISALIGNMENT = 5 * pi / 180  # of the line between the contacts against the closing direction [rad]
 MAX_AGE = 0.3                # of an acquisition [s]
+CLOSING = (0.0, 0.0, 1.0)    # from the left pad to the right one in the gripper's frame, as the grasp node's defaults
 MAX_SILENCE = 0.1            # since the latest grasp arrived [s]
 WATCHDOG_PERIOD = 0.02       # [s]
 REPORT_PERIOD = 0.5          # of an action that stays the same [s]
@@ -31,33 +35,57 @@ class Side(NamedTuple):
     is_bound: bool = False              # too much of it is hidden
 
 
+class Line(NamedTuple):
+    """What of the line between the contacts decides."""
+
+    offset: float                       # of the two centres across the closing direction [m]; NaN: not known
+    misalignment: float = nan           # [rad]; NaN: not known, without an opening
+    axis: tuple[float, float, float] = (nan, nan, nan)  # from left to right, in the gripper's frame
+
+
 class Correction(NamedTuple):
     """What to do next; moves and rotations are the gripper's, in the left pad's frame."""
 
-    action: str                         # 'hold', 'wait', 'open', 'regrasp', 'shift', 'rotate' or 'lift'
+    action: str                         # 'hold', 'wait', 'open', 'regrasp', 'shift', 'rotate', 'tilt' or 'lift'
     shift: tuple[float, float] = (0.0, 0.0)  # [m]
     angle: float = 0.0                  # about the pad's z [rad]
+    tilt: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rotation vector in the gripper's frame [rad]
 
 
 HOLD = Correction('hold')               # what the gripper holds is not known: keep still
 
 
-def choose(left: Side, right: Side, offset: float, stable: bool) -> Correction:
+def choose(left: Side, right: Side, line: Line, stable: bool) -> Correction:
     """Decide on the worst flaw of a grasp that both pads touch first.
 
-    ``offset`` [m]: of the two centres across the closing direction; NaN: not known.
+    Contacts that do not oppose come before all others: on oblique faces neither shape nor place can be relied on.
     """
-    if left.is_bound or right.is_bound or not isfinite(offset):
+    if left.is_bound or right.is_bound or not isfinite(line.offset):
         return Correction('wait')  # where the object is, is known in part only
+    if line.offset > MAX_OFFSET or line.misalignment > MAX_MISALIGNMENT:
+        tilt = opposing(line)
+        return Correction('tilt', tilt=tilt) if all(map(isfinite, tilt)) else Correction('regrasp')
     if min(left.confidence, right.confidence) < MIN_CONFIDENCE:
         return Correction('regrasp' if stable else 'wait')  # more frames may still decide, unless nothing moves
-    shift = (left.centre[0] - left.aim[0], left.centre[1] - left.aim[1])
-    if hypot(*shift) > MAX_OFFSET or offset > MAX_OFFSET:
-        return Correction('shift', shift) if hypot(*shift) > MAX_OFFSET else Correction('regrasp')
+    shift = off_aim(left)
+    if hypot(*shift) > MAX_OFFSET:
+        return Correction('shift', shift)
     angle = nearest_edge(left.angle, left.symmetry)
     if abs(angle) > MAX_ANGLE:
         return Correction('rotate', angle=angle)
     return Correction('lift' if stable else 'wait')
+
+
+def opposing(line: Line) -> tuple[float, float, float]:
+    """Return the rotation of the gripper, about the grasp's midpoint, that closes it along the line; NaN: not known."""
+    (a, b, c), (x, y, z) = CLOSING, line.axis
+    across = (b * z - c * y, c * x - a * z, a * y - b * x)
+    sine = hypot(*across)
+    return tuple(line.misalignment * each / sine if sine else nan for each in across)
+
+
+def off_aim(side: Side) -> tuple[float, float]:
+    return side.centre[0] - side.aim[0], side.centre[1] - side.aim[1]
 
 
 def nearest_edge(angle: float, symmetry: int) -> float:
@@ -89,9 +117,24 @@ def asked_for(grasp, aim: tuple[float, float]) -> Correction:
         return HOLD
     if grasp.contact == codes.NO_CONTACT:  # both pads are seen and empty: nothing is held
         return Correction('open')
-    if grasp.contact != codes.TWO_SIDED or grasp.line_is_bound:
+    if grasp.contact != codes.TWO_SIDED:
         return Correction('wait')
-    return choose(*(side(shape, aim) for shape in grasp.sides), grasp.offset, grasp.stable)
+    if grasp.line_is_bound:
+        return from_the_edge(grasp.sides, aim)
+    line = Line(grasp.offset, grasp.misalignment, (grasp.axis.x, grasp.axis.y, grasp.axis.z))
+    return choose(*(side(shape, aim) for shape in grasp.sides), line, grasp.stable)
+
+
+def from_the_edge(shapes, aim: tuple[float, float]) -> Correction:
+    """Follow a contact that the edge of a pad cuts: the rest of it is farther out on the same side.
+
+    What is hidden by taxels without a value may be anywhere.
+    """
+    place = shapes[0].centre_of_pressure
+    shift = (place.x - aim[0], place.y - aim[1])
+    is_cut = any(shape.at_edge for shape in shapes)
+    is_seen = all(shape.pad_seen and not shape.hidden_taxels + shape.hidden_ring_taxels for shape in shapes)
+    return Correction('shift', shift) if is_cut and is_seen and hypot(*shift) > MAX_OFFSET else Correction('wait')
 
 
 class Planner:
@@ -145,7 +188,8 @@ def main() -> None:
         reported, reported_at = correction.action, now
         x, y = (1e3 * each for each in correction.shift)
         node.get_logger().info(f'{correction.action}: shift {x:.1f}, {y:.1f} mm, '
-                               f'rotate {degrees(correction.angle):.1f} degrees')
+                               f'rotate {degrees(correction.angle):.1f} degrees, '
+                               f'tilt {degrees(hypot(*correction.tilt)):.1f} degrees')
 
     rclpy.init()
     node = rclpy.create_node('planner_client')

@@ -70,6 +70,27 @@ class TareRefusedError(TactileError):
         self.refusal = refusal
 
 
+class RequirementRefusal(IntEnum):
+    """Why a requirement of a grasp, or a goal with one, was refused (CheckGrasp.srv mirrors these numbers)."""
+
+    NOT_KNOWN = 0
+    NOT_REFUSED = 1
+    NOT_A_LIMIT = 2      #: NaN, infinite or below 0, a confidence above 1, a duration that is none
+    NO_SUCH_SHAPE = 3
+    TOO_MANY_SHAPES = 4
+    EMPTY_RANGE = 5
+    NO_TIMEOUT = 6       #: of a goal
+    TOO_MANY_GOALS = 7   #: so many wait already
+
+
+class RefusedRequirementError(TactileError):
+    """A requirement of a grasp cannot be used; ``refusal`` is the reason."""
+
+    def __init__(self, where: str, refusal: RequirementRefusal, *, expected: str, got: str, remedy: str):
+        super().__init__(where, expected=expected, got=got, remedy=remedy)
+        self.refusal = refusal
+
+
 class LogError(TactileError):
     """A recorded CAN log is missing, unreadable or cut short."""
 

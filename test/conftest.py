@@ -18,10 +18,31 @@ def pytest_runtest_call(item):
         outcome.force_exception(pytest.skip.Exception(f'the machine does not keep up: {error}'))
 
 
+BUILT = Path(__file__).resolve().parents[1] / 'build' / 'messages'
+
+
 @pytest.fixture(scope='session')
 def tf_message():
     """The message of /tf."""
-    from built_tf2_msgs import tf2_msgs
-    with tf2_msgs(Path(__file__).resolve().parents[1] / 'build' / 'tf2_msgs'):
+    from built_messages import built_messages
+    with built_messages('tf2_msgs', BUILT):
         from tf2_msgs.msg import TFMessage
         yield TFMessage
+
+
+@pytest.fixture(scope='session')
+def collision_object_message(tmp_path_factory):
+    """What MoveIt's planning scene takes."""
+    from generated_messages import generated_messages
+    with generated_messages('moveit_msgs', tmp_path_factory.mktemp('messages')):
+        from moveit_msgs.msg import CollisionObject
+        yield CollisionObject
+
+
+@pytest.fixture(scope='session')
+def tactile_state_message():
+    """What tactile_toolbox takes."""
+    from built_messages import built_messages
+    with built_messages('tactile_msgs', BUILT):
+        from tactile_msgs.msg import TactileState
+        yield TactileState

@@ -149,7 +149,18 @@ def test_the_opening_from_joint_states_reads_the_topic_that_the_page_names():
         assert subscribed - {'/left/shape', '/right/shape'} == {'/joint_states'}
 
 
+#: What ROS 2 makes of an action, as SROS 2 allows it to the node that executes it (design.ros2.org, "Actions")
+OF_ACTION = {('topics', 'publish'): ('feedback', 'status'),
+             ('services', 'reply'): ('send_goal', 'cancel_goal', 'get_result')}
+
+
 def allowed(profile, kind, attribute) -> set[str]:
+    return listed(profile, kind, attribute) | {
+        f'{action}/_action/{part}' for part in OF_ACTION.get((kind, attribute), ())
+        for action in listed(profile, 'actions', 'execute')}
+
+
+def listed(profile, kind, attribute) -> set[str]:
     return {entry.text for group in profile.iter(kind) if group.get(attribute) == 'ALLOW' for entry in group}
 
 
@@ -161,12 +172,12 @@ def test_the_policy_allows_our_nodes_what_they_need_and_no_more(graph):
         assert allowed(profile, 'topics', 'publish') == graph.published[key].keys()
         assert allowed(profile, 'topics', 'subscribe') == graph.subscribed[key].keys()
         assert allowed(profile, 'services', 'reply') == graph.served[key].keys()
-        assert not allowed(profile, 'services', 'request')
+        assert not allowed(profile, 'services', 'request') and not listed(profile, 'actions', 'call')
 
 
 def test_the_policy_lets_a_planner_read_and_nothing_else():
     profile, = POLICY.find("enclaves/enclave[@path='/planner']/profiles")
     assert allowed(profile, 'topics', 'subscribe') == {'/grasp', '/skin_driver/status'}
     assert allowed(profile, 'topics', 'publish') == {'/parameter_events', '/rosout'}
-    assert not allowed(profile, 'services', 'request')
+    assert not allowed(profile, 'services', 'request') and not listed(profile, 'actions', 'call')
     assert all(service.startswith('/planner_client/') for service in allowed(profile, 'services', 'reply'))

@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from math import inf, nan, pi, radians
+from math import cos, inf, nan, pi, radians, sin
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -29,8 +29,8 @@ def side(**changes):
     return GOOD._replace(**changes)
 
 
-def choose(left=GOOD, right=GOOD, offset=0.0, stable=True):
-    return client.choose(left, right, offset, stable)
+def choose(left=GOOD, right=GOOD, offset=0.0, stable=True, **line):
+    return client.choose(left, right, client.Line(offset, **line), stable)
 
 
 def test_a_good_stable_grasp_is_lifted():
@@ -55,7 +55,19 @@ def test_an_off_centre_contact_shifts_the_gripper_after_it():
 
 
 def test_centres_that_do_not_face_each_other_are_grasped_again():
-    assert choose(offset=0.004).action == 'regrasp'
+    assert choose(offset=0.004).action == 'regrasp'  # without an opening the angle is not known
+
+
+@pytest.mark.parametrize(('axis', 'expected'), [
+    ((sin(0.2), 0.0, cos(0.2)), (0.0, 0.2, 0.0)), ((0.0, sin(0.2), cos(0.2)), (-0.2, 0.0, 0.0))])
+def test_a_gripper_is_tilted_to_close_along_the_line(axis, expected):
+    """By hand: a rotation about y takes z to x, one about x takes z to -y."""
+    correction = choose(right=side(confidence=0.3), offset=0.006, misalignment=0.2, axis=axis)
+    assert correction.action == 'tilt' and correction.tilt == pytest.approx(expected)
+
+
+def test_a_short_line_is_tilted_though_its_offset_is_small():
+    assert choose(offset=0.001, misalignment=0.1, axis=(sin(0.1), 0.0, cos(0.1))).action == 'tilt'
 
 
 @pytest.mark.parametrize(('angle', 'symmetry', 'expected'), [
@@ -80,10 +92,26 @@ class Codes:
     NOT_KNOWN, UNSEEN, NO_CONTACT, ONE_SIDED, TWO_SIDED = range(5)
 
 
-def grasp(contact, fresh=True, line_is_bound=False):
+def cut(x, at_edge=True, pad_seen=True, hidden=0):
+    return SimpleNamespace(at_edge=at_edge, pad_seen=pad_seen, hidden_taxels=0, hidden_ring_taxels=hidden,
+                           centre_of_pressure=SimpleNamespace(x=x, y=AIM[1]))
+
+
+def grasp(contact, fresh=True, line_is_bound=False, left=None, right=None):
     found = Codes()
     found.contact, found.fresh, found.line_is_bound = contact, fresh, line_is_bound
+    found.sides = (left or cut(AIM[0], at_edge=False), right or cut(AIM[0], at_edge=False))
     return found
+
+
+@pytest.mark.parametrize(('left', 'right', 'action'), [
+    (cut(0.025), None, 'shift'), (cut(0.025), cut(0.025, pad_seen=False), 'wait'), (cut(0.025, hidden=1), None, 'wait'),
+    (cut(0.015), None, 'wait'), (cut(0.025, at_edge=False), None, 'wait'),
+    (cut(0.025, at_edge=False), cut(0.025), 'shift')])
+def test_a_contact_that_only_the_edge_cuts_is_followed(left, right, action):
+    correction = client.asked_for(grasp(Codes.TWO_SIDED, line_is_bound=True, left=left, right=right), AIM)
+    assert correction.action == action
+    assert correction.shift == pytest.approx((0.01 if action == 'shift' else 0.0, 0.0))
 
 
 @pytest.mark.parametrize(('found', 'action'), [
@@ -110,7 +138,7 @@ def test_a_decision_ends_with_the_age_of_its_grasp_or_when_grasps_stop():
 
 FROZEN_AFTER = 0.4  # s
 STILL = ('hold', 'wait')
-ACTS = ('open', 'regrasp', 'shift', 'rotate', 'lift')
+ACTS = ('open', 'regrasp', 'shift', 'rotate', 'tilt', 'lift')
 
 
 class Actions:
@@ -161,7 +189,7 @@ def freeze(world) -> None:
     world.skin.set(is_frozen=True)
 
 
-def cut(world) -> None:
+def unplug(world) -> None:
     world.skin.unplug()
 
 
@@ -182,7 +210,7 @@ def hide(world) -> None:
 @pytest.mark.bus
 @pytest.mark.parametrize(('fail', 'notice'), [
     (freeze, FROZEN_AFTER),
-    *(((end_grasp, 0.0), (cut, 0.0), (end_classifier, 0.0), (hide, 0.0))
+    *(((end_grasp, 0.0), (unplug, 0.0), (end_classifier, 0.0), (hide, 0.0))
       if LONG else ())],
     ids=lambda value: getattr(value, '__name__', ''))
 def test_a_planner_that_holds_an_object_keeps_still_when_its_sight_fails(fail: Callable, notice: float):

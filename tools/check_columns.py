@@ -8,7 +8,8 @@ import sys
 from pathlib import Path
 
 COLUMNS = 120
-PATTERNS = ('*.md', '*.yaml', '*.msg', '*.srv', '*.in', '*.cfg', '*.toml', '*.xml', 'Makefile', 'CMakeLists.txt')
+PATTERNS = ('*.md', '*.yaml', '*.msg', '*.srv', '*.action', '*.in', '*.cfg', '*.toml', '*.xml', 'Makefile',
+            'CMakeLists.txt')
 
 
 def long_lines(path: Path) -> list[str]:

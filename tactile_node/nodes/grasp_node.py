@@ -13,6 +13,7 @@ from tactile_node.grasp.opening import Opening
 from tactile_node.grasp.steadiness import SteadinessSettings
 from tactile_node.grasp.tracker import SIDES, GraspSettings, GraspState, GraspTracker
 from tactile_node.node_graph import NODE_NAMES, Role
+from tactile_node.nodes.grasp_requests import CurrentGrasp, GraspRequests
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.opening_source import make_opening_source
@@ -32,6 +33,8 @@ ANOTHER_LOG = 60.0  # s by which stamps go back when another log is replayed; pa
 class GraspNode(Node):
     """Publishes `grasp` for every usable `<pad>/shape` of its two pads, and when the shapes of a pad stop.
 
+    Serves `~/wait_for_grasp` and `~/check_grasp`: whether a grasp is what a client requires.
+
     Raises ConfigurationError for a wrong parameter.
     """
 
@@ -50,6 +53,7 @@ class GraspNode(Node):
         self._latest = {side: ContactShape() for side in SIDES}
         self._stamp = 0.0  # the latest [s]; the clock of a lossless replay
         self._publisher = self.create_publisher(Grasp, 'grasp', settings.qos)
+        self._requests = GraspRequests(self, self._current)
         # On the steady clock: with use_sim_time and no /clock the node's own clock stands still
         self._silences = {side: self.create_timer(self._tracker.silence_limit(side), self._on_silence,
                                                   clock=Clock(clock_type=ClockType.STEADY_TIME)) for side in SIDES}
@@ -92,6 +96,7 @@ class GraspNode(Node):
         """Withdraw the last grasp first: nothing follows that could."""
         if self.context.ok() and self._arrivals:
             self._publish_without_result(math.inf)
+        self._requests.destroy()
         super().destroy_node()
 
     def _publish_without_result(self, now: float) -> None:
@@ -100,10 +105,23 @@ class GraspNode(Node):
         self._publish(self._tracker.state(now, opening.gap), opening)
 
     def _publish(self, state: GraspState, opening: Opening) -> None:
+        current = self._described(state, opening)
+        self._publisher.publish(current.message())
+        self._requests.look(current)
+
+    def _current(self) -> CurrentGrasp:
+        """What is known now, of what has been received."""
+        opening = self._opening.current(time.monotonic())
+        return self._described(self._tracker.state(self._now(), opening.gap), opening)
+
+    def _described(self, state: GraspState, opening: Opening) -> CurrentGrasp:
+        sides = [self._latest[side] for side in SIDES]
+        return CurrentGrasp(state, sides, partial(self._message, state, sides, opening))
+
+    def _message(self, state: GraspState, sides: list[ContactShape], opening: Opening) -> Grasp:
         now = time.monotonic()
         ages = [self._arrivals[side].age(now) if side in self._arrivals else math.inf for side in SIDES]
-        sides = [self._latest[side] for side in SIDES]
-        self._publisher.publish(grasp_message(state, sides, opening, self._settings.frame, ages))
+        return grasp_message(state, sides, opening, self._settings.frame, ages)
 
 
 def main() -> int:

@@ -1,0 +1,72 @@
+"""From taxels to the grasp message without nodes: the same functions that the nodes call, and a clock that is given."""
+
+import numpy as np
+
+from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.contact.visibility import visibility_of
+from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.fusion.recognitions import RecognitionFusion
+from tactile_node.grasp.gripper import Gripper, PadPose
+from tactile_node.grasp.opening import GapSource, Opening
+from tactile_node.grasp.tracker import SIDES, GraspSettings, GraspTracker
+from tactile_node.pose.fit import fit_shape
+from tactile_node.pose.moments import contact_moments
+from tactile_node.ros.contact_messages import contact_message
+from tactile_node.ros.grasp_messages import grasp_message, side_result
+from tactile_node.ros.message_age import age_message
+from tactile_node.ros.shape_messages import Findings, shape_message
+from tactile_node.ros.taxel_messages import taxel_array_message
+from tactile_node.shape.methods import make_recogniser
+from tactile_node.shape.patch import join_pieces
+from tactile_skin.msg import ContactShape, Grasp
+
+PITCH, UNIT = 0.002, 'Pa'
+DELAY = 0.02  # s from an acquisition to its grasp
+EPOCH = 1.7e9  # s
+
+
+class _Pad:
+    def __init__(self, name: str, recogniser):
+        self._name, self._recogniser = name, recogniser
+        self._extractor, self._fusion = PatternExtractor(unit=UNIT), RecognitionFusion()
+        self._sequence = 0
+
+    def shape(self, values: np.ndarray, now: float) -> ContactShape:
+        status = np.where(np.isnan(values), TaxelStatus.STALE, TaxelStatus.VALID).astype(np.uint8)
+        self._sequence += 1
+        taxels = taxel_array_message(TaxelFrame(EPOCH + now, self._sequence, values.astype(np.float32), status, 0),
+                                     PITCH, UNIT, f'{self._name}_pad')
+        pattern = self._extractor.extract(values)
+        seen = visibility_of(pattern)
+        contact = contact_message(taxels, pattern, seen)
+        frame = self._recogniser.recognise(pattern, visibility=seen)
+        if frame.joined:
+            pattern = join_pieces(pattern)
+            seen = visibility_of(pattern)._replace(pad_seen=contact.pad_seen)
+        fused = self._fusion.update(EPOCH + now, frame)
+        fit = fit_shape(pattern.values, pattern.mask, fused.recognition.shape, PITCH) if pattern.mask.any() else None
+        moments = contact_moments(pattern.values, pattern.mask, PITCH, UNIT, seen, pattern.noise)
+        return shape_message(contact, Findings(frame, fused, fit, moments, seen, pattern), 'learned', 0.0)
+
+
+class Chain:
+    """Both pads and the grasp. Times [s] are of one steady clock."""
+
+    def __init__(self) -> None:
+        recogniser = make_recogniser('learned', '')
+        self._pads = {side: _Pad(side, recogniser) for side in SIDES}
+        self._tracker = GraspTracker(GraspSettings(Gripper(PadPose(), PadPose((0.0, 0.03, 0.0), (np.pi, 0.0, 0.0)))))
+        self._latest = {side: ContactShape() for side in SIDES}
+        self._times = dict.fromkeys(SIDES, -np.inf)
+
+    def grasp(self, values: dict[str, np.ndarray], gap: float, now: float) -> Grasp:
+        """Take a frame of each pad that sends one, acquired ``now``; return the grasp DELAY later."""
+        for side, frame in values.items():
+            self._latest[side], self._times[side] = self._pads[side].shape(frame, now), now
+            self._tracker.update(side, side_result(self._latest[side], now), now + DELAY, gap)
+        sent = now + DELAY
+        message = grasp_message(self._tracker.state(sent, gap), [self._latest[side] for side in SIDES],
+                                Opening(gap, GapSource.PARAMETER, 0.0), 'gripper',
+                                [sent - self._times[side] for side in SIDES])
+        message.age = age_message(max(sent - self._times[side] for side in SIDES))
+        return message

@@ -1,0 +1,150 @@
+"""A gripper with two tactile pads and an object between: where the pads touch follows from where it is.
+
+The object is fixed: a prism with an outline of the five classes, or a rod with two ball ends. Each skin is an elastic
+foundation (pressure in proportion to how deep the object is in it), so that an oblique face presses one side more and
+lifts off on the other. Each pad closes until its force is that of a light grasp. The gripper's frame is that of the
+grasp node's defaults: the left pad at z = -gap/2, looking along z, the right one facing it, y reversed.
+"""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy import ndimage
+from scipy.spatial.transform import Rotation
+
+from tactile_node.synthetic.world import Contact, random_contact
+
+ROWS, PITCH = 16, 0.002                 # sim16x16.yaml, both ways
+SPAN = (ROWS - 1) * PITCH
+FULL_SCALE, STIFFNESS = 100e3, 25e6     # Pa; Pa/m: a silicone of E* = 0.1 MPa, 4 mm thick
+FORCE = 6.0                             # N, of a light grasp
+BLUR, NOISE = 0.5, 0.005                # pitches; fraction of full scale
+FINE = 6                                # points of a taxel, both ways
+AIM = (SPAN / 2, SPAN / 2)
+NO_TURN = Rotation.identity()
+REACH = 6.4                             # pitches, of a face from its centre
+
+
+@dataclass(frozen=True)
+class Thing:
+    """What stands between the pads: its faces in pitches, its length along the closing direction in metres."""
+
+    face: Contact                       # about the origin
+    length: float
+    ball: float = 0.0                   # radius of ball ends [m]; 0: flat faces
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Where a thing is in the gripper's frame."""
+
+    thing: Thing
+    centre: np.ndarray                  # [m]
+    turn: Rotation                      # of its frame, z along its length
+    ends: tuple[bool, bool] = (True, True)  # which of its faces a pad can reach
+
+    def moved(self, shift=(0.0, 0.0), about=(0.0, 0.0, 0.0), by: Rotation = NO_TURN) -> 'Placed':
+        """Of a gripper that has shifted by ``shift`` [m], and then turned ``by`` a rotation about a point."""
+        centre = self.centre - np.array((*shift, 0.0))
+        return replace(self, centre=about + by.inv().apply(centre - about), turn=by.inv() * self.turn)
+
+    def end(self, side: int) -> np.ndarray:
+        """The middle of the face that the left (0) or the right (1) pad touches [m]."""
+        return self.centre + self.turn.apply((0.0, 0.0, (side - 0.5) * self.thing.length))
+
+    def touched(self, side: int) -> np.ndarray:
+        """Where the left (0) or the right (1) pad touches: the middle of a face, the top of a ball [m]."""
+        reach = 1 if side else -1
+        inward = self.turn.apply((0.0, 0.0, -reach * self.thing.ball))
+        return self.end(side) + inward + (0.0, 0.0, reach * self.thing.ball)
+
+    @property
+    def truth(self) -> 'Truth':
+        left, right = self.touched(0), self.touched(1)
+        x, y, z = right - left
+        edge = self.turn.apply((1.0, 0.0, 0.0))
+        return Truth(float(np.hypot(x, y)), float(np.arctan2(np.hypot(x, y), z)),
+                     float(np.hypot(*(left[:2] - AIM))), float(np.arctan2(edge[1], edge[0])))
+
+
+class Truth(NamedTuple):
+    """What a planner wants to bring to 0."""
+
+    offset: float        # [m]
+    misalignment: float  # [rad]
+    off_aim: float       # of the left contact [m]
+    angle: float         # of the outline's x [rad]
+
+
+class Closed(NamedTuple):
+    """Both pads after closing: taxels [Pa], NaN where they have none; ``gap`` [m]."""
+
+    values: tuple[np.ndarray, np.ndarray]
+    gap: float
+    placed: Placed       # seen from the gripper's middle
+
+
+def close(placed: Placed) -> Closed:
+    """Close both pads until each presses with FORCE, or finds nothing."""
+    pressed = [_pressed(placed, side) for side in (0, 1)]
+    levels = [level for _, level in pressed]
+    middle = np.array((0.0, 0.0, sum(levels) / 2))
+    return Closed((pressed[0][0], pressed[1][0][::-1]), levels[1] - levels[0],
+                  replace(placed, centre=placed.centre - middle))
+
+
+def noisy(values: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    return np.clip(values + FULL_SCALE * NOISE * random.standard_normal(values.shape), 0, FULL_SCALE)
+
+
+def random_thing(random: np.random.Generator, kind: str) -> Thing:
+    """Of a class, or a 'ball' ended rod; its face fits on the pad with a taxel around it, at any angle."""
+    while True:
+        face = random_contact(random, 'circle' if kind == 'ball' else kind, random.uniform(25, 45))
+        if face.reach <= REACH:
+            break
+    return Thing(replace(face, x=0.0, y=0.0, angle=0.0), length=random.uniform(0.03, 0.05),
+                 ball=0.012 if kind == 'ball' else 0.0)
+
+
+def random_place(random: np.random.Generator, thing: Thing, shift: float = 0.006, tilt: float = 0.14) -> Placed:
+    """Off the aim by up to ``shift`` [m] each way, tilted by up to ``tilt`` [rad], at any angle."""
+    size, way = tilt * np.sqrt(random.random()), random.uniform(0, 2 * np.pi)
+    turn = (Rotation.from_rotvec((size * np.cos(way), size * np.sin(way), 0.0))
+            * Rotation.from_euler('z', random.uniform(0, 2 * np.pi)))
+    return Placed(thing, np.array((*(AIM + random.uniform(-shift, shift, 2)), 0.0)), turn)
+
+
+def _pressed(placed: Placed, side: int) -> tuple[np.ndarray, float]:
+    """Pressures by taxel of the gripper's x and y, and where along z the pad has stopped [m]."""
+    reach = 1 if side else -1           # which way the pad is
+    steps = (np.arange(ROWS * FINE) + 0.5) / FINE - 0.5
+    x, y = np.meshgrid(steps * PITCH, steps * PITCH)
+    height = reach * _face(placed, side, x, y)  # towards the pad; -inf where the object is not
+    if not placed.ends[side] or not np.isfinite(height).any():
+        return np.zeros((ROWS, ROWS)), reach * placed.thing.length / 2
+    area = (PITCH / FINE)**2
+    high = height[np.isfinite(height)].max()
+    low = high - 0.02
+    for _ in range(40):
+        middle = (low + high) / 2
+        force = STIFFNESS * area * np.maximum(height - middle, 0).sum()
+        low, high = (middle, high) if force > FORCE else (low, middle)
+    pressure = STIFFNESS * np.maximum(height - high, 0)
+    taxels = pressure.reshape(ROWS, FINE, ROWS, FINE).mean((1, 3))
+    return np.clip(ndimage.gaussian_filter(taxels, BLUR, mode='constant'), 0, FULL_SCALE), reach * high
+
+
+def _face(placed: Placed, side: int, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """z of the face at x, y [m]; infinite, away from the pad, where the object is not."""
+    reach, end, away = (1 if side else -1), placed.end(side), -np.inf if side else np.inf
+    if placed.thing.ball:
+        radius = placed.thing.ball
+        middle = end - reach * placed.turn.apply((0.0, 0.0, radius))
+        square = radius**2 - (x - middle[0])**2 - (y - middle[1])**2
+        return np.where(square > 0, middle[2] + reach * np.sqrt(np.maximum(square, 0)), away)
+    axes = placed.turn.as_matrix()
+    along = np.linalg.solve(axes[:2, :2], np.stack(((x - end[0]).ravel(), (y - end[1]).ravel())))
+    inside = placed.thing.face.depth(*(along / PITCH)) >= 0
+    return np.where(inside, end[2] + axes[2, :2] @ along, away).reshape(x.shape)

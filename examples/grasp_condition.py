@@ -1,0 +1,71 @@
+"""Conditions for a py_trees behaviour tree: is the grasp stable, now?
+
+    node = rclpy.create_node('tree')
+    watch = GraspWatch(node, 'grasp')
+    root = py_trees.composites.Sequence('lift', memory=False, children=[
+        IsGraspStable('is it held', watch, shapes=('square',), min_confidence=0.8), Lift()])
+
+The condition fails as soon as the latest grasp is too old, whoever has ended or hangs: it never succeeds by an old
+message. Tick the tree in a timer of the same node, or in the thread that spins it.
+"""
+
+import time
+from collections.abc import Callable, Collection
+
+import py_trees
+from rclpy.qos import QoSProfile
+
+from tactile_node.ros.message_age import Arrival, InputAge
+from tactile_node.ros.message_checks import check_grasp
+from tactile_skin.msg import Grasp
+
+MAX_AGE = 0.3       # of an acquisition [s]
+MAX_SILENCE = 0.1   # since the latest grasp arrived [s]
+
+
+class GraspWatch:
+    """Keeps the latest usable grasp of a topic with its age; several conditions may share it."""
+
+    def __init__(self, node, topic: str = 'grasp', steady: Callable[[], float] = time.monotonic):
+        self._steady = steady
+        self._ages = InputAge(steady=steady)
+        self._latest: tuple[Grasp, Arrival] | None = None
+        node.create_subscription(Grasp, topic, self.receive, QoSProfile(depth=1))  # only the latest
+
+    def receive(self, grasp: Grasp) -> None:
+        if check_grasp(grasp) is None:  # a malformed message is no information
+            self._latest = grasp, self._ages.arrived(grasp)
+
+    def current(self) -> Grasp | None:
+        """Return the latest grasp; None when there is none, or it is too old to act on."""
+        if self._latest is None:
+            return None
+        grasp, arrival = self._latest
+        now = self._steady()
+        is_current = now - arrival.steady <= MAX_SILENCE and arrival.age(now) <= MAX_AGE and grasp.fresh
+        return grasp if is_current else None
+
+
+class IsGraspStable(py_trees.behaviour.Behaviour):
+    """SUCCESS while both pads hold one of ``shapes`` (names; none: whatever is held) stably, else FAILURE."""
+
+    def __init__(self, name: str, watch: GraspWatch, shapes: Collection[str] = (), min_confidence: float = 0.0):
+        super().__init__(name)
+        self._watch, self._shapes, self._min_confidence = watch, frozenset(shapes), min_confidence
+
+    def update(self) -> py_trees.common.Status:
+        self.feedback_message = self._missing()
+        return py_trees.common.Status.FAILURE if self.feedback_message else py_trees.common.Status.SUCCESS
+
+    def _missing(self) -> str:
+        """What is missing first; empty: nothing."""
+        grasp = self._watch.current()
+        if grasp is None or grasp.contact in (Grasp.NOT_KNOWN, Grasp.UNSEEN):
+            return 'not known'
+        if grasp.contact != Grasp.TWO_SIDED:
+            return 'not held by both pads'
+        if not grasp.stable or grasp.line_is_bound:
+            return 'not stable' if not grasp.stable else 'seen in part only'
+        if self._shapes and not all(side.class_name in self._shapes for side in grasp.sides):
+            return 'another shape'
+        return '' if all(side.confidence >= self._min_confidence for side in grasp.sides) else 'not sure'

@@ -1,0 +1,140 @@
+"""What a grasp has to be, and which parts of it do not hold: of a state at one time, never of an earlier one."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple
+
+from tactile_node.errors import RefusedRequirementError, RequirementRefusal
+from tactile_node.grasp.line import Line
+from tactile_node.grasp.tracker import GraspContact, GraspState
+from tactile_node.shape.recognition import Shape
+
+MOST_SHAPES = 100  #: of one requirement; there are far fewer classes
+NO_SHAPES = ('', Shape.NONE.value, Shape.UNKNOWN.value)
+
+
+class Missing(IntEnum):
+    """A part of a requirement that does not hold (RequirementState.msg mirrors these numbers)."""
+
+    NOT_KNOWN = 0        #: not evaluated
+    NOTHING = 1
+    NO_RESULT = 2        #: a side has given no result yet
+    UNSEEN = 3           #: a side is hidden, silent or too old
+    NO_CONTACT = 4       #: both pads are seen and empty
+    ONE_SIDED = 5
+    NOT_FRESH = 6        #: the acquisitions of both sides are too far apart
+    BOUND = 7            #: a contact may reach beyond what is seen
+    NOT_STABLE = 8
+    HELD_TOO_SHORT = 9
+    OTHER_SHAPE = 10
+    UNSURE = 11          #: less confident than asked for, or no known shape
+    WIDTH_NOT_KNOWN = 12
+    OTHER_WIDTH = 13
+    OFFSET_NOT_KNOWN = 14
+    OFFSET = 15
+    MISALIGNMENT_NOT_KNOWN = 16
+    MISALIGNED = 17
+
+
+#: What each state of contact is short of; TWO_SIDED of nothing.
+OF_CONTACT = {GraspContact.NOT_KNOWN: Missing.NO_RESULT, GraspContact.UNSEEN: Missing.UNSEEN,
+              GraspContact.NO_CONTACT: Missing.NO_CONTACT, GraspContact.ONE_SIDED: Missing.ONE_SIDED}
+
+
+class SideShape(NamedTuple):
+    """What one pad reports of its contact."""
+
+    class_name: str
+    confidence: float  #: probability of ``class_name``
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """A grasp that is fresh, two-sided and stable, and all of these. Limits of 0 do not limit.
+
+    Raises RefusedRequirementError for a limit that is none: NaN, infinite, below 0, a confidence above 1.
+    """
+
+    shapes: frozenset[str] = frozenset()  #: names of classes, one of which both sides report; empty: any
+    min_confidence: float = 0.0           #: of both sides
+    min_held: float = 0.0                 #: [s]
+    min_width: float = 0.0                #: [m]
+    max_width: float = 0.0                #: [m]
+    max_offset: float = 0.0               #: [m]
+    max_misalignment: float = 0.0         #: [rad]
+    accepts_bound: bool = False           #: also where a contact may reach beyond what is seen
+
+    def __post_init__(self) -> None:
+        limits = {name: getattr(self, name) for name in
+                  ('min_confidence', 'min_held', 'min_width', 'max_width', 'max_offset', 'max_misalignment')}
+        for name, limit in limits.items():
+            if not 0 <= limit < math.inf or name == 'min_confidence' and limit > 1:
+                raise _refused(RequirementRefusal.NOT_A_LIMIT, 'a number from 0 on, a confidence up to 1',
+                               f'{name} {limit}', 'Leave it 0 for no limit.')
+        if 0 < self.max_width < self.min_width:
+            raise _refused(RequirementRefusal.EMPTY_RANGE, 'min_width up to max_width',
+                           f'{self.min_width} and {self.max_width}', 'Leave max_width 0 for no limit.')
+        if len(self.shapes) > MOST_SHAPES:
+            raise _refused(RequirementRefusal.TOO_MANY_SHAPES, f'at most {MOST_SHAPES} shapes', f'{len(self.shapes)}',
+                           'Leave them empty for any shape.')
+        for name in self.shapes & set(NO_SHAPES):
+            raise _refused(RequirementRefusal.NO_SUCH_SHAPE, 'shapes that can be held', repr(name),
+                           'Leave them empty for any shape.')
+
+
+def missing(requirement: Requirement, state: GraspState, sides: tuple[SideShape, SideShape]) -> tuple[Missing, ...]:
+    """Return the parts of ``requirement`` that are known not to hold, in the order of `Missing`; () when all hold.
+
+    >>> from tactile_node.grasp.tracker import GraspTracker
+    >>> nothing = SideShape('none', 1.0)
+    >>> [each.name for each in missing(Requirement(), GraspTracker().state(0.0), (nothing, nothing))]
+    ['NO_RESULT']
+    """
+    if state.contact in OF_CONTACT:
+        return (OF_CONTACT[state.contact],)
+    if not state.fresh:
+        return (Missing.NOT_FRESH,)
+    return (*_not_held(requirement, state), *_wrong_shape(requirement, sides), *_wrong_line(requirement, state.line))
+
+
+def _not_held(requirement: Requirement, state: GraspState) -> Iterator[Missing]:
+    if state.line_is_bound and not requirement.accepts_bound:
+        yield Missing.BOUND
+    if not state.stable:
+        yield Missing.NOT_STABLE
+    if not state.held >= requirement.min_held:
+        yield Missing.HELD_TOO_SHORT
+
+
+def _wrong_shape(requirement: Requirement, sides: tuple[SideShape, SideShape]) -> Iterator[Missing]:
+    if requirement.shapes and not all(side.class_name in requirement.shapes for side in sides):
+        yield Missing.OTHER_SHAPE
+    if requirement.min_confidence and not all(
+            side.class_name not in NO_SHAPES and side.confidence >= requirement.min_confidence for side in sides):
+        yield Missing.UNSURE
+
+
+def _wrong_line(requirement: Requirement, line: Line | None) -> Iterator[Missing]:
+    """Of what is not known neither 'fits' nor 'does not fit' can be said: there are other codes for it."""
+    width, offset, misalignment = (line.width, line.offset, line.misalignment) if line else (math.nan,) * 3
+    if requirement.min_width or requirement.max_width:
+        if not math.isfinite(width):
+            yield Missing.WIDTH_NOT_KNOWN
+        elif not requirement.min_width <= width <= (requirement.max_width or math.inf):
+            yield Missing.OTHER_WIDTH
+    if requirement.max_offset:
+        if not math.isfinite(offset):
+            yield Missing.OFFSET_NOT_KNOWN
+        elif offset > requirement.max_offset:
+            yield Missing.OFFSET
+    if requirement.max_misalignment:
+        if not math.isfinite(misalignment):
+            yield Missing.MISALIGNMENT_NOT_KNOWN
+        elif misalignment > requirement.max_misalignment:
+            yield Missing.MISALIGNED
+
+
+def _refused(refusal: RequirementRefusal, expected: str, got: str, remedy: str) -> RefusedRequirementError:
+    return RefusedRequirementError('requirement of a grasp', refusal, expected=expected, got=got, remedy=remedy)

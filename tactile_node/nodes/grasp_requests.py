@@ -1,0 +1,148 @@
+"""The action `~/wait_for_grasp` and the service `~/check_grasp` of a grasp node."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+from tactile_node.errors import RefusedRequirementError, RequirementRefusal
+from tactile_node.grasp.requirement import Missing, Requirement, missing
+from tactile_node.grasp.tracker import GraspState
+from tactile_node.ros.requirement_messages import requirement_of, side_shape, state_message, timeout_of
+from tactile_skin.action import WaitForGrasp
+from tactile_skin.msg import ContactShape, Grasp
+from tactile_skin.srv import CheckGrasp
+
+PERIOD = 0.05           #: s between two looks at the goals, beside those at each grasp
+FEEDBACK_PERIOD = 0.5   #: s
+MOST_GOALS = 16         #: that wait at once
+RESULT_TIMEOUT = 2      #: s for which a result is kept for a client that has not asked for it: then it is too old
+
+
+class CurrentGrasp(NamedTuple):
+    """What is known of the grasp at one time."""
+
+    state: GraspState
+    sides: Sequence[ContactShape]    #: the latest of left and right
+    message: Callable[[], Grasp]     #: makes the message of it
+
+    def missing(self, requirement: Requirement) -> tuple[Missing, ...]:
+        left, right = map(side_shape, self.sides)
+        return missing(requirement, self.state, (left, right))
+
+
+@dataclass
+class _Goal:
+    handle: ServerGoalHandle
+    requirement: Requirement
+    deadline: float                                #: of the steady clock [s]
+    reported: tuple[Missing, ...] | None = None    #: in the last feedback
+    reported_at: float = 0.0
+
+
+class GraspRequests:
+    """Answers both from what ``current()`` gives when it answers, never from an earlier grasp.
+
+    A goal that waits is not executed: rclpy would poll its coroutine without a pause. So its status is ACCEPTED until
+    the answer is at hand; then it is executed, which looks again.
+    """
+
+    def __init__(self, node: Node, current: Callable[[], CurrentGrasp]):
+        self._node = node
+        self._current = current
+        self._goals: list[_Goal] = []
+        self._server = ActionServer(
+            node, WaitForGrasp, '~/wait_for_grasp', execute_callback=lambda handle: WaitForGrasp.Result(),
+            goal_callback=self._on_goal, handle_accepted_callback=self._on_accepted,
+            cancel_callback=lambda handle: CancelResponse.ACCEPT, result_timeout=RESULT_TIMEOUT)
+        self._service = node.create_service(CheckGrasp, '~/check_grasp', self._on_check)
+        # On the steady clock: with use_sim_time and no /clock a goal would wait for ever
+        self._timer = node.create_timer(PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer.cancel()
+
+    def look(self, current: CurrentGrasp) -> None:
+        """Look at the goals that wait; called with each grasp that is published."""
+        now = time.monotonic()
+        for goal in tuple(self._goals):
+            found = current.missing(goal.requirement)
+            if not found or now >= goal.deadline or goal.handle.is_cancel_requested:
+                self._goals.remove(goal)
+                goal.handle.execute(lambda handle, goal=goal: self._finish(goal))
+            elif found != goal.reported or now - goal.reported_at >= FEEDBACK_PERIOD:
+                goal.reported, goal.reported_at = found, now
+                goal.handle.publish_feedback(WaitForGrasp.Feedback(state=state_message(found)))
+        if not self._goals:
+            self._timer.cancel()
+
+    def destroy(self) -> None:
+        """End without an answer to the goals that wait: a client times the silence of a server itself."""
+        self._goals.clear()
+        self._timer.cancel()
+        self._server.destroy()
+
+    def _on_timer(self) -> None:
+        self.look(self._current())
+
+    def _on_goal(self, goal: WaitForGrasp.Goal) -> GoalResponse:
+        try:
+            self._requirement(goal.requirement)
+            timeout_of(goal.timeout)
+            self._check_room()
+        except RefusedRequirementError as error:
+            self._node.get_logger().warning(f'wait_for_grasp: {error}')  # the protocol has no place for it
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT
+
+    def _on_accepted(self, handle: ServerGoalHandle) -> None:
+        request = handle.request
+        self._goals.append(_Goal(handle, self._requirement(request.requirement),
+                                 time.monotonic() + timeout_of(request.timeout)))
+        self._timer.reset()
+        self.look(self._current())
+
+    def _finish(self, goal: _Goal) -> WaitForGrasp.Result:
+        """Answer by what is known now: the executor may have had other work since `look`."""
+        current, handle = self._current(), goal.handle
+        found = current.missing(goal.requirement)
+        result = WaitForGrasp.Result(state=state_message(found))
+        if handle.is_cancel_requested:
+            result.outcome = WaitForGrasp.Result.CANCELED
+            handle.canceled()
+        elif not found:
+            result.outcome, result.grasp = WaitForGrasp.Result.HELD, current.message()
+            handle.succeed()
+        else:
+            has_time = time.monotonic() < goal.deadline
+            result.outcome = WaitForGrasp.Result.LOST if has_time else WaitForGrasp.Result.TIMED_OUT
+            handle.abort()
+        return result
+
+    def _on_check(self, request: CheckGrasp.Request, response: CheckGrasp.Response) -> CheckGrasp.Response:
+        try:
+            requirement = self._requirement(request.requirement)
+        except RefusedRequirementError as error:
+            response.outcome, response.refusal = CheckGrasp.Response.REFUSED, int(error.refusal)
+            response.message = str(error)
+            return response
+        current = self._current()
+        found = current.missing(requirement)
+        response.refusal, response.state = int(RequirementRefusal.NOT_REFUSED), state_message(found)
+        response.outcome = CheckGrasp.Response.NOT_HELD if found else CheckGrasp.Response.HELD
+        if not found:
+            response.grasp = current.message()
+        return response
+
+    def _requirement(self, message: object) -> Requirement:
+        names = dict.fromkeys(name for side in self._current().sides for name in side.class_names)
+        return requirement_of(message, tuple(names))
+
+    def _check_room(self) -> None:
+        if len(self._goals) >= MOST_GOALS:
+            raise RefusedRequirementError('wait_for_grasp', RequirementRefusal.TOO_MANY_GOALS,
+                                          expected=f'at most {MOST_GOALS} goals that wait', got='one more',
+                                          remedy='Cancel those that are not needed.')

@@ -1,0 +1,112 @@
+"""Message packages that PyPI lacks: their interfaces, and a build of one in a folder where no ROS installation has it.
+
+Only what our code uses of them, by the names of the real packages: geometry2, MoveIt 2, object_recognition_msgs and
+tactile_toolbox.
+"""
+
+import ctypes
+import fcntl
+import hashlib
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+#: package -> the packages that it needs, and its messages
+INTERFACES: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
+    'tf2_msgs': (('geometry_msgs',), {'TFMessage': 'geometry_msgs/TransformStamped[] transforms'}),
+    'tactile_msgs': (('std_msgs', 'sensor_msgs'), {
+        'TactileState': 'std_msgs/Header header\nsensor_msgs/ChannelFloat32[] sensors'}),
+    'object_recognition_msgs': ((), {'ObjectType': 'string key\nstring db'}),
+    'moveit_msgs': (('std_msgs', 'geometry_msgs', 'shape_msgs', 'object_recognition_msgs'), {
+        'CollisionObject': '''std_msgs/Header header
+geometry_msgs/Pose pose
+string id
+object_recognition_msgs/ObjectType type
+shape_msgs/SolidPrimitive[] primitives
+geometry_msgs/Pose[] primitive_poses
+shape_msgs/Mesh[] meshes
+geometry_msgs/Pose[] mesh_poses
+shape_msgs/Plane[] planes
+geometry_msgs/Pose[] plane_poses
+string[] subframe_names
+geometry_msgs/Pose[] subframe_poses
+byte ADD=0
+byte REMOVE=1
+byte APPEND=2
+byte MOVE=3
+byte operation'''})}
+
+
+def source(name: str) -> dict[str, str]:
+    """The files of package ``name``."""
+    needs, messages = INTERFACES[name]
+    depend = ''.join(f'<depend>{each}</depend>' for each in needs)
+    find = '\n'.join(f'find_package({each} REQUIRED)' for each in needs)
+    listed = ' '.join(f'msg/{each}.msg' for each in messages)
+    return {
+        'package.xml': f'''<package format="3"><name>{name}</name><version>0.0.0</version><description>for tests
+</description><maintainer email="maintainers@tactile-skin.org">tests</maintainer><license>Apache-2.0</license>
+<buildtool_depend>ament_cmake</buildtool_depend><buildtool_depend>rosidl_default_generators</buildtool_depend>
+{depend}<member_of_group>rosidl_interface_packages</member_of_group></package>''',
+        'CMakeLists.txt': f'''cmake_minimum_required(VERSION 3.16)
+project({name})
+find_package(ament_cmake REQUIRED)
+find_package(rosidl_default_generators REQUIRED)
+{find}
+rosidl_generate_interfaces({name} {listed} {"DEPENDENCIES " + " ".join(needs) if needs else ""})
+ament_package()''',
+        **{f'msg/{each}.msg': text for each, text in messages.items()}}
+
+
+@contextmanager
+def built_messages(name: str, folder: Path) -> Iterator[None]:
+    """Make package ``name`` importable: the installed one, or one that is built in ``folder`` (about 10 s), once."""
+    if importlib.util.find_spec(name):
+        yield
+        return
+    folder = folder / name / _fingerprint(name)
+    folder.mkdir(parents=True, exist_ok=True)
+    prefix, is_built = folder / 'install', folder / 'is_built'
+    with (folder / 'lock').open('w') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # another run of pytest may build it, too
+        if not is_built.exists():
+            _build(name, folder)
+            is_built.touch()
+    modules, = prefix.glob('lib/python*/site-packages')
+    for library in prefix.glob('lib/*.so'):  # rosidl opens them by name: those that are loaded are found
+        ctypes.CDLL(str(library))
+    sys.path.append(str(modules))
+    try:
+        yield
+    finally:
+        sys.path.remove(str(modules))
+        for module in [each for each in sys.modules if each.split('.')[0] == name]:
+            del sys.modules[module]
+
+
+def _fingerprint(name: str) -> str:
+    """Of what the build depends on: the sources, the environment and when the environment was installed."""
+    std_msgs = Path(importlib.util.find_spec('std_msgs').origin)
+    facts = [source(name), sys.prefix, sys.version, std_msgs.stat().st_mtime_ns]
+    return hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
+
+
+def _build(package: str, folder: Path) -> None:
+    sources, build, prefix = folder / 'source', folder / 'build', folder / 'install'
+    for name, text in source(package).items():
+        (sources / name).parent.mkdir(parents=True, exist_ok=True)
+        (sources / name).write_text(text, encoding='utf-8')
+    cmake = str(Path(sys.executable).with_name('cmake'))
+    environment = {**os.environ, 'AMENT_PREFIX_PATH': sys.prefix, 'CMAKE_PREFIX_PATH': sys.prefix,
+                   'PATH': f'{Path(sys.executable).parent}:{os.environ["PATH"]}'}
+    for arguments in (['-S', sources, '-B', build, f'-DCMAKE_INSTALL_PREFIX={prefix}', '-DBUILD_TESTING=OFF',
+                       f'-DPython3_EXECUTABLE={sys.executable}', '-DCMAKE_INSTALL_RPATH=$ORIGIN;$ORIGIN/../../..'],
+                      ['--build', build, '--target', 'install', '--parallel', '2']):
+        done = subprocess.run([cmake, *map(str, arguments)], env=environment, stdout=subprocess.PIPE,
+                              stderr=subprocess.STDOUT, text=True)
+        assert done.returncode == 0, done.stdout[-3000:]

@@ -1,0 +1,116 @@
+"""The example for behaviour trees: a condition that never succeeds by an old grasp."""
+
+import importlib.util
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+py_trees = pytest.importorskip('py_trees')
+pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
+
+from py_trees.common import Status  # noqa: E402
+from test_malformed_messages import good_shape  # noqa: E402
+
+from tactile_node.grasp.opening import NOT_KNOWN  # noqa: E402
+from tactile_node.grasp.tracker import GraspTracker, SideResult, SideState  # noqa: E402
+from tactile_node.ros.grasp_messages import grasp_message  # noqa: E402
+from tactile_node.ros.message_age import age_message  # noqa: E402
+from tactile_node.ros.message_checks import check_grasp  # noqa: E402
+from tactile_node.ros.time_messages import time_message  # noqa: E402
+from tactile_skin.msg import Grasp  # noqa: E402
+
+pytestmark = pytest.mark.ros
+
+PATH = Path(__file__).resolve().parents[1] / 'examples' / 'grasp_condition.py'
+SPEC = importlib.util.spec_from_file_location('grasp_condition', PATH)
+example = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(example)
+
+PERIOD, AGE = 0.05, 0.03  # s
+
+
+class World:
+    """A clock, a publisher of grasps and the tree's view of it."""
+
+    def __init__(self):
+        self.now, self._tracker = 100.0, GraspTracker()
+        node = SimpleNamespace(create_subscription=lambda *given: None)
+        self.watch = example.GraspWatch(node, steady=lambda: self.now)
+
+    def publish(self, seconds=PERIOD, states=(SideState.TOUCHED,) * 2):
+        for _ in range(round(seconds / PERIOD)):
+            self.now += PERIOD
+            for side, state in zip(('left', 'right'), states):
+                centre = (0.01, 0.015) if state is SideState.TOUCHED else None
+                self._tracker.update(side, SideResult(self.now - AGE, state, 'square', centre), self.now)
+            self.watch.receive(self.message(self._tracker.state(self.now)))
+
+    def message(self, state) -> Grasp:
+        sides = [good_shape(), good_shape()]
+        for side in sides:
+            side.header.stamp = time_message(1.7e9 + self.now - AGE)
+        message = grasp_message(state, sides, NOT_KNOWN, 'gripper', (AGE, AGE))
+        message.age = age_message(AGE)
+        assert check_grasp(message) is None
+        return message
+
+    def tick(self, **given):
+        condition = example.IsGraspStable('held', self.watch, **given)
+        condition.tick_once()
+        return condition.status
+
+
+@pytest.fixture
+def world():
+    return World()
+
+
+def test_it_succeeds_while_the_grasp_is_stable_and_as_asked_for(world):
+    assert world.tick() is Status.FAILURE
+    world.publish(1.5)
+    assert world.tick() is Status.SUCCESS
+    assert world.tick(shapes=('square',), min_confidence=0.7) is Status.SUCCESS
+    assert world.tick(shapes=('circle',)) is Status.FAILURE
+    assert world.tick(min_confidence=1.0) is Status.FAILURE
+
+
+def test_it_fails_once_grasps_stop_without_a_message(world):
+    world.publish(1.5)
+    assert world.tick() is Status.SUCCESS
+    world.now += example.MAX_SILENCE + 0.01
+    assert world.tick() is Status.FAILURE
+
+
+def test_a_grasp_that_was_held_back_is_too_old(world):
+    world.publish(1.5)
+    kept = world.message(world._tracker.state(world.now))
+    world.now += 1.0
+    world.watch.receive(kept)
+    assert world.tick() is Status.FAILURE
+
+
+@pytest.mark.parametrize('states', [(SideState.TOUCHED, SideState.UNSEEN), (SideState.TOUCHED, SideState.EMPTY),
+                                    (SideState.EMPTY, SideState.EMPTY)])
+def test_what_is_not_held_or_not_seen_fails(world, states):
+    world.publish(1.5)
+    world.publish(states=states)
+    assert world.tick() is Status.FAILURE
+
+
+def test_a_malformed_message_neither_succeeds_nor_counts(world):
+    world.publish(1.5)
+    world.watch.receive(Grasp(stable=True, fresh=True, contact=Grasp.TWO_SIDED))
+    world.now += example.MAX_SILENCE + 0.01
+    assert world.tick() is Status.FAILURE
+
+
+def test_a_sequence_starts_its_next_child_only_while_it_holds(world):
+    world.publish(1.5)
+    root = py_trees.composites.Sequence('lift', memory=False, children=[
+        example.IsGraspStable('held', world.watch), py_trees.behaviours.Running('lifting')])
+    root.tick_once()
+    assert root.status is Status.RUNNING
+    world.now += 1.0
+    root.tick_once()
+    assert root.status is Status.FAILURE

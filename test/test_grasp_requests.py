@@ -1,0 +1,216 @@
+"""The action and the service of the grasp node, served by the executor of our processes: nothing old fulfils a goal."""
+
+import time
+from contextlib import ExitStack
+from math import nan
+
+import pytest
+
+rclpy = pytest.importorskip('rclpy')
+pytest.importorskip('tactile_skin.action', reason='the messages are not built: run `make setup`')
+
+import test_grasp_node  # noqa: E402
+from action_msgs.msg import GoalStatus  # noqa: E402
+from builtin_interfaces.msg import Duration  # noqa: E402
+from rclpy.action import ActionClient  # noqa: E402
+from test_grasp_node import PERIOD, SIM_TIME, TIMEOUT, hidden_shape  # noqa: E402
+
+from tactile_node.errors import RefusedRequirementError, RequirementRefusal  # noqa: E402
+from tactile_node.grasp.tracker import GraspContact, GraspState, SideState  # noqa: E402
+from tactile_node.nodes.frame_executor import FrameExecutor  # noqa: E402
+from tactile_node.nodes.grasp_requests import MOST_GOALS, CurrentGrasp, GraspRequests  # noqa: E402
+from tactile_node.ros.message_age import age_seconds  # noqa: E402
+from tactile_node.ros.message_checks import check_grasp  # noqa: E402
+from tactile_node.ros.requirement_messages import requirement_of, timeout_of  # noqa: E402
+from tactile_node.ros.time_messages import duration_message  # noqa: E402
+from tactile_skin.action import WaitForGrasp  # noqa: E402
+from tactile_skin.msg import ContactShape, Grasp, GraspRequirement, RequirementState  # noqa: E402
+from tactile_skin.srv import CheckGrasp  # noqa: E402
+
+pytestmark = [pytest.mark.ros, pytest.mark.bus]
+
+Result, S = WaitForGrasp.Result, RequirementState
+LONG = 60.0  # s, a timeout that does not end
+
+
+class Planner:
+    """A client of a grasp node between two classifiers."""
+
+    def __init__(self, stack: ExitStack, parameters=()):
+        self.gripper = test_grasp_node.Gripper(stack, parameters)
+        node = rclpy.create_node('planner')
+        stack.callback(node.destroy_node)
+        self.gripper._executor.add_node(node)
+        self._actions = ActionClient(node, WaitForGrasp, '/grasp/wait_for_grasp')
+        stack.callback(self._actions.destroy)
+        self._checks = node.create_client(CheckGrasp, '/grasp/check_grasp')
+        self.until(lambda: self._actions.server_is_ready() and self._checks.service_is_ready())
+
+    def until(self, condition, sides=()) -> None:
+        end = time.monotonic() + TIMEOUT
+        while not condition():
+            assert time.monotonic() < end
+            self.gripper.run(PERIOD, sides)
+
+    def send(self, timeout=LONG, sides=(), **required):
+        """Send a goal; return its handle and the feedback that comes."""
+        feedback = []
+        goal = WaitForGrasp.Goal(requirement=GraspRequirement(**required), timeout=timeout if isinstance(
+            timeout, Duration) else duration_message(timeout))
+        sent = self._actions.send_goal_async(goal, lambda message: feedback.append(message.feedback.state))
+        self.until(sent.done, sides)
+        return sent.result(), feedback
+
+    def result(self, handle, sides=()):
+        asked = handle.get_result_async()
+        self.until(asked.done, sides)
+        return asked.result().status, asked.result().result
+
+    def check(self, **required):
+        call = self._checks.call_async(CheckGrasp.Request(requirement=GraspRequirement(**required)))
+        self.until(call.done)
+        return call.result()
+
+
+BOTH = ('left', 'right')
+
+
+@pytest.fixture
+def make_planner(monkeypatch):
+    monkeypatch.setattr(test_grasp_node, 'SingleThreadedExecutor', FrameExecutor)
+    rclpy.init()
+    with ExitStack() as stack:
+        stack.callback(rclpy.shutdown)
+        yield lambda *parameters: Planner(stack, *parameters)
+
+
+@pytest.fixture
+def planner(make_planner):
+    return make_planner()
+
+
+def test_goals_wait_beside_each_other_and_each_gets_its_answer(planner):
+    held, feedback = planner.send()
+    other, _ = planner.send(shapes=[ContactShape.CIRCLE])
+    short, _ = planner.send(timeout=0.2)
+    status, result = planner.result(short)
+    assert (status, result.outcome, result.state.missing) == (GoalStatus.STATUS_ABORTED, Result.TIMED_OUT, S.NO_RESULT)
+    assert result.grasp == Grasp()
+    status, result = planner.result(held, BOTH)
+    assert (status, result.outcome, result.state.missing) == (GoalStatus.STATUS_SUCCEEDED, Result.HELD, S.NOTHING)
+    assert check_grasp(result.grasp) is None and result.grasp.stable and result.grasp.fresh
+    assert age_seconds(result.grasp.age) < 0.3
+    assert {each.missing for each in feedback} >= {S.NO_RESULT, S.UNSEEN, S.NOT_STABLE}
+    call = other.cancel_goal_async()
+    planner.until(call.done, BOTH)
+    status, result = planner.result(other, BOTH)
+    assert (status, result.outcome, result.state.missing) == (GoalStatus.STATUS_CANCELED, Result.CANCELED,
+                                                              S.OTHER_SHAPE)
+    answer = planner.check()  # `check` publishes no shapes; the last ones are still current
+    assert answer.outcome in (CheckGrasp.Response.HELD, CheckGrasp.Response.NOT_HELD)
+
+
+@pytest.mark.parametrize('parameters', SIM_TIME, ids=['', 'sim time without a clock'])
+def test_when_pads_go_silent_a_goal_times_out_and_never_succeeds_by_an_old_grasp(make_planner, parameters):
+    planner = make_planner(parameters)
+    planner.until(lambda: planner.gripper.grasps and planner.gripper.latest.stable, BOTH)
+    planner.until(lambda: not planner.gripper.latest.fresh)
+    assert planner.check().state.missing == S.UNSEEN
+    handle, feedback = planner.send(timeout=0.6)
+    status, result = planner.result(handle)
+    assert (status, result.outcome, result.state.missing) == (GoalStatus.STATUS_ABORTED, Result.TIMED_OUT, S.UNSEEN)
+    assert result.grasp == Grasp() and {each.missing for each in feedback} == {S.UNSEEN}
+
+
+def test_a_pad_that_is_hidden_while_a_goal_waits_is_the_reason(planner):
+    planner.until(lambda: planner.gripper.grasps and planner.gripper.latest.stable, BOTH)
+    handle, _ = planner.send(timeout=1.0, sides=BOTH, shapes=[ContactShape.CIRCLE])
+    asked = handle.get_result_async()
+    while not asked.done():
+        planner.gripper.run(PERIOD, shapes={'right': hidden_shape()})
+    assert (asked.result().result.outcome, asked.result().result.state.missing) == (Result.TIMED_OUT, S.UNSEEN)
+
+
+def test_the_service_answers_at_once_from_what_is_current(planner):
+    assert planner.check().state.missing == S.NO_RESULT
+    planner.until(lambda: planner.gripper.grasps and planner.gripper.latest.stable, BOTH)
+    answers = []
+    while not answers or answers[-1].outcome != CheckGrasp.Response.HELD:  # an answer may come while shapes pause
+        planner.gripper.run(PERIOD, BOTH)
+        answers.append(planner.check())
+        assert len(answers) < 100
+    assert answers[-1].grasp.stable and answers[-1].state.missing == S.NOTHING
+    assert answers[-1].refusal == CheckGrasp.Response.NOT_REFUSED
+    refused = planner.check(max_width=nan)
+    assert (refused.outcome, refused.refusal) == (CheckGrasp.Response.REFUSED, CheckGrasp.Response.NOT_A_LIMIT)
+    assert refused.message and refused.state.missing == S.NOT_KNOWN
+    assert planner.check(class_names=['sqare']).refusal == CheckGrasp.Response.NO_SUCH_SHAPE
+
+
+def test_a_goal_with_wrong_limits_is_rejected_and_so_is_one_too_many(planner):
+    for wrong in ({'min_width': nan}, {'min_held': Duration(sec=-1)}, {'shapes': [ContactShape.NONE]}):
+        assert not planner.send(**wrong)[0].accepted
+    for timeout in (0.0, Duration(sec=-1), 3601.0):
+        assert not planner.send(timeout=timeout)[0].accepted
+    handles = [planner.send()[0] for _ in range(MOST_GOALS)]
+    assert all(each.accepted for each in handles) and not planner.send()[0].accepted
+    cancelled = handles[0].cancel_goal_async()
+    planner.until(cancelled.done)
+    assert planner.result(handles[0])[1].outcome == Result.CANCELED
+    assert planner.send()[0].accepted
+
+
+def test_a_goal_that_waits_does_not_keep_the_executor_busy(planner):
+    """A coroutine that awaits would be polled without a pause."""
+    planner.send()
+    passes, before = 0, time.process_time()
+    end = time.monotonic() + 0.5
+    while time.monotonic() < end:
+        planner.gripper._executor.spin_once(timeout_sec=0.05)
+        passes += 1
+    assert passes < 100, time.process_time() - before
+
+
+@pytest.mark.parametrize(('message', 'refusal'), [
+    (GraspRequirement(shapes=[ContactShape.UNKNOWN]), RequirementRefusal.NO_SUCH_SHAPE),
+    (GraspRequirement(shapes=[ContactShape.OTHER]), RequirementRefusal.NO_SUCH_SHAPE),
+    (GraspRequirement(shapes=[99]), RequirementRefusal.NO_SUCH_SHAPE),
+    (GraspRequirement(class_names=['none']), RequirementRefusal.NO_SUCH_SHAPE),
+    (GraspRequirement(shapes=[3] * 1000), RequirementRefusal.TOO_MANY_SHAPES),
+    (GraspRequirement(min_held=Duration(sec=-1)), RequirementRefusal.NOT_A_LIMIT),
+    (GraspRequirement(min_held=Duration(nanosec=10**9)), RequirementRefusal.NOT_A_LIMIT),
+    (GraspRequirement(max_misalignment=nan), RequirementRefusal.NOT_A_LIMIT)])
+def test_a_requirement_that_cannot_be_used_is_refused(message, refusal):
+    with pytest.raises(RefusedRequirementError) as error:
+        requirement_of(message)
+    assert error.value.refusal is refusal
+
+
+def test_a_requirement_arrives_by_codes_names_and_units():
+    found = requirement_of(GraspRequirement(
+        shapes=[ContactShape.SQUARE], class_names=['gear'], min_confidence=0.5, min_held=Duration(nanosec=250_000_000),
+        min_width=0.01, max_width=0.02, max_offset=0.003, max_misalignment=0.1, accept_bound=True), ('square', 'gear'))
+    assert (found.shapes, found.min_confidence, found.min_held) == ({'square', 'gear'}, 0.5, 0.25)
+    assert (found.min_width, found.max_width, found.max_offset, found.max_misalignment) == (0.01, 0.02, 0.003, 0.1)
+    assert found.accepts_bound and timeout_of(Duration(sec=2)) == 2.0
+
+
+def test_a_grasp_that_is_lost_before_the_answer_leaves_is_not_reported_as_held(planner):
+    """Between the look at a goal and its answer the executor may have other work."""
+    held = GraspState((SideState.TOUCHED,) * 2, GraspContact.TWO_SIDED, fresh=True, same_shape=True, line=None,
+                      line_is_bound=False, held=1.0, stable=True, creep=0.0)
+    unseen = held._replace(contact=GraspContact.UNSEEN, fresh=False, stable=False)
+    looks = [held, held, held]  # twice at what is asked for, once at the grasp; then it is lost
+    sides = [ContactShape(), ContactShape()]
+    node = rclpy.create_node('brief')
+    requests = GraspRequests(node, lambda: CurrentGrasp(looks.pop() if looks else unseen, sides, Grasp))
+    planner.gripper._executor.add_node(node)
+    client = ActionClient(node, WaitForGrasp, '/brief/wait_for_grasp')
+    planner.until(client.server_is_ready)
+    sent = client.send_goal_async(WaitForGrasp.Goal(timeout=Duration(sec=60)))
+    planner.until(sent.done)
+    status, result = planner.result(sent.result())
+    assert (status, result.outcome, result.state.missing) == (GoalStatus.STATUS_ABORTED, Result.LOST, S.UNSEEN)
+    client.destroy()
+    requests.destroy()
+    node.destroy_node()

@@ -1,0 +1,177 @@
+"""The planner example in a loop with a simulated gripper: it ends with contacts that oppose, or does not squeeze."""
+
+import sys
+import time
+from contextlib import ExitStack
+from math import inf
+from pathlib import Path
+from threading import Event
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip('rclpy')
+pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT / 'bench'), str(ROOT / 'examples')]
+
+import bench_planner  # noqa: E402
+import planner_client  # noqa: E402
+from grasp_loop import MOVES, SETTLE, GraspLoop, Reason  # noqa: E402
+from planner_client import Correction  # noqa: E402
+from planner_world import AIM, FORCE, PITCH, Placed, Thing, close, noisy  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+from scipy.spatial.transform import Rotation  # noqa: E402
+
+from tactile_node.node_graph import bus_nodes  # noqa: E402
+from tactile_node.nodes.spinning import spinning  # noqa: E402
+from tactile_node.nodes.system import System  # noqa: E402
+from tactile_node.ros.message_age import InputAge  # noqa: E402
+from tactile_node.simulator.skin_simulator import SkinSimulator  # noqa: E402
+from tactile_node.skin.pads import make_pads, with_dictionaries  # noqa: E402
+from tactile_node.synthetic.world import Contact  # noqa: E402
+from tactile_skin.msg import Grasp  # noqa: E402
+
+TIMEOUT = 60.0  # s
+
+
+def loop(closed=0.0, **options):
+    found = GraspLoop(**options)
+    found.closed(closed)
+    return found
+
+
+def test_nothing_is_decided_on_what_was_acquired_before_the_gripper_closed():
+    assert SETTLE > planner_client.MAX_AGE
+    for action in ('lift', *MOVES):
+        assert loop().next(Correction(action), SETTLE - 0.01).kind == 'wait'
+    assert GraspLoop().next(Correction('lift'), 1e9).kind == 'wait'  # it has never closed
+
+
+@pytest.mark.parametrize(('action', 'kind'), [('lift', 'done'), *((each, 'move') for each in MOVES), ('hold', 'wait'),
+                                              ('wait', 'wait'), ('open', 'wait')])
+def test_a_decision_is_followed(action, kind):
+    assert loop().next(Correction(action), SETTLE).kind == kind
+
+
+@pytest.mark.parametrize(('action', 'reason'), [('hold', Reason.NOT_SEEN), ('wait', Reason.NO_DECISION),
+                                                ('open', Reason.EMPTY)])
+def test_it_gives_up_when_nothing_is_decided(action, reason):
+    order = loop(patience=2.0).next(Correction(action), 2.0)
+    assert (order.kind, order.reason) == ('give_up', reason)
+
+
+def test_it_gives_up_after_so_many_moves_and_none_counts_twice():
+    found = loop(max_moves=2)
+    for now in (1.0, 2.0):
+        assert found.next(Correction('shift'), now).kind == 'move'
+        assert found.next(Correction('shift'), now + 0.5).kind == 'wait'  # it is still moving
+        found.closed(now + 0.5)
+    order = found.next(Correction('shift'), 4.0)
+    assert (order.kind, order.reason, found.moves) == ('give_up', Reason.TOO_MANY_MOVES, 2)
+
+
+def placed(tilt=0.0, shift=0.0):
+    thing = Thing(Contact('square', (6.0,), x=0.0, y=0.0), length=0.04)
+    return Placed(thing, np.array((AIM[0] + shift, AIM[1], 0.0)), Rotation.from_euler('y', tilt))
+
+
+def test_the_world_is_what_statics_says():
+    """Of a square of 12 x 12 mm by hand: force, gap, and a tilted prism whose ends are length * sin(tilt) apart."""
+    closed = close(placed())
+    assert [values.sum() * PITCH**2 for values in closed.values] == pytest.approx([FORCE, FORCE], rel=1e-3)
+    assert closed.gap == pytest.approx(0.04 - 2 * FORCE / (25e6 * 0.012**2), rel=1e-3)
+    truth = placed(0.1).truth
+    assert (truth.offset, truth.misalignment) == pytest.approx((0.04 * np.sin(0.1), 0.1))
+
+
+def test_the_pads_see_a_shift_from_both_sides_and_a_move_takes_it_back():
+    left, right = close(placed(shift=0.004)).values
+    columns = np.arange(16) * PITCH
+    for values in (left, right[::-1]):
+        assert (values.sum(0) @ columns) / values.sum() == pytest.approx(AIM[0] + 0.004, abs=1e-4)
+    assert placed(0.1, 0.004).moved((0.004, 0.0)).truth.off_aim == pytest.approx(placed(0.1).truth.off_aim)
+    assert placed(0.1).moved(about=(*AIM, 0.0), by=Rotation.from_euler('y', 0.1)).truth.misalignment == pytest.approx(0)
+
+
+@pytest.mark.slow
+@pytest.mark.ros
+def test_from_random_starts_the_contacts_come_to_oppose():
+    """`bench/bench_planner.py` has 50."""
+    found = bench_planner.runs(4)
+    assert sum(bench_planner.opposes(run.before) for run in found) <= 1
+    assert [run.is_right for run in found] == [True] * len(found)
+
+
+@pytest.mark.slow
+@pytest.mark.ros
+@pytest.mark.parametrize(('fault', 'reason'), [
+    ('misses a pad', Reason.NO_DECISION), ('nothing there', Reason.EMPTY), ('a pad is silent', Reason.NOT_SEEN),
+    ('half a pad is hidden', Reason.NO_DECISION)])
+def test_where_no_move_helps_it_gives_up_and_does_not_squeeze(fault, reason):
+    run = bench_planner.Simulation(bench_planner.SEED + 500, 'circle', fault, patience=1.5).run()
+    assert not run.is_done and run.reason is reason
+
+
+@pytest.mark.slow
+@pytest.mark.ros
+def test_with_wrong_advice_it_is_never_done(monkeypatch):
+    """Else the tests above could not fail."""
+    monkeypatch.setattr(planner_client, 'opposing', lambda line: (0.0, -line.misalignment, 0.0))
+    run, = bench_planner.runs(1)
+    assert not run.is_done
+
+
+class OnNodes(bench_planner.Simulation):
+    """The same on a simulated CAN bus and the nodes, in real time."""
+
+    def __init__(self, stack: ExitStack, seed: int, kind: str):
+        super().__init__(seed, kind)
+        self._values, self._grasps, self._ages = (np.zeros((16, 16)),) * 2, [], InputAge()
+        names, ids = ['left', 'right'], [32, 64]
+        pads = with_dictionaries(make_pads(['sim16x16.yaml'], ids, names), [''])
+        noises = [np.random.default_rng(seed + side) for side in (0, 1)]
+        skin = SkinSimulator(pads, {name: lambda _t, side=side: noisy(self._values[side], noises[side])
+                                    for side, name in enumerate(names)})
+        skin.start('virtual', 'planner')
+        stack.callback(skin.stop)
+        system = System(bus_nodes(names, driver={'interface': 'virtual', 'channel': 'planner', 'node_ids': ids,
+                                                 'layouts': ['sim16x16.yaml'], 'sync_period': 0.05}))
+        stack.callback(system.destroy)
+        self._node = next(node for node in system.nodes if node.get_name() == 'grasp')
+        reader = rclpy.create_node('reader')
+        stack.callback(reader.destroy_node)
+        reader.create_subscription(Grasp, '/grasp', self._on_grasp, 1)
+        stack.enter_context(spinning([*system.nodes, reader]))
+        system.autostart(Event())
+        self._wait(lambda: self._grasps and self._grasps[-1][1].age_on_arrival < inf)
+
+    def _on_grasp(self, grasp: Grasp) -> None:
+        self._grasps.append((grasp, self._ages.arrived(grasp)))
+
+    def _wait(self, condition) -> None:
+        end = time.monotonic() + TIMEOUT
+        while not condition():
+            assert time.monotonic() < end, self._grasps[-1:]
+            time.sleep(0.005)
+
+    def _sent(self, values, gap: float):
+        self._values = values
+        self._node.set_parameters([Parameter('gap', value=float(gap))])
+        count = len(self._grasps)
+        self._wait(lambda: len(self._grasps) > count)
+        grasp, arrival = self._grasps[-1]
+        self._planner.receive(planner_client.asked_for(grasp, AIM), arrival.steady, arrival.age_on_arrival)
+        self._now = time.monotonic()
+        return grasp
+
+
+@pytest.mark.ros
+@pytest.mark.bus
+def test_the_same_on_a_bus_with_running_nodes():
+    rclpy.init()
+    with ExitStack() as stack:
+        stack.callback(rclpy.shutdown)
+        run = OnNodes(stack, bench_planner.SEED + 2, 'rectangle').run()
+    assert run.is_right and run.moves, (run.reason, run.after.truth)

@@ -1,0 +1,87 @@
+"""The bridge to tactile_msgs/TactileState: what a taxel has not is NaN there, never 0."""
+
+import importlib.util
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip('rclpy')
+pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
+
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+
+from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus  # noqa: E402
+from tactile_node.ros.taxel_messages import taxel_array_message  # noqa: E402
+from tactile_skin.msg import TaxelArray  # noqa: E402
+
+pytestmark = [pytest.mark.ros, pytest.mark.bus]
+
+PATH = Path(__file__).resolve().parents[1] / 'examples' / 'tactile_state_bridge.py'
+SPEC = importlib.util.spec_from_file_location('tactile_state_bridge', PATH)
+bridge = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(bridge)
+
+TIMEOUT = 60.0  # s
+VALUES = [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]
+
+
+def taxels(hidden=None, code=TaxelStatus.STALE):
+    values, status = np.array(VALUES, np.float32), np.full((2, 3), TaxelStatus.VALID, np.uint8)
+    if hidden is not None:
+        values[hidden], status[hidden] = np.nan, code
+    return taxel_array_message(TaxelFrame(1.7e9 + 0.25, 7, values, status, 0), 0.002, 'Pa', 'left_pad')
+
+
+def test_a_pad_is_a_sensor_row_by_row_with_its_stamp(tactile_state_message):
+    state = bridge.tactile_state(taxels(), 'left')
+    sensor, = state.sensors
+    assert isinstance(state, tactile_state_message) and state.header == taxels().header
+    assert (sensor.name, list(sensor.values)) == ('left', [1, 2, 3, 4, 5, 6])
+
+
+@pytest.mark.parametrize('code', [TaxelStatus.STALE, TaxelStatus.DEAD, TaxelStatus.FAULTY])
+def test_a_taxel_without_a_value_is_nan_or_its_pad_is_left_out(tactile_state_message, code):
+    values = np.array(bridge.tactile_state(taxels((1, 0), code), 'left').sensors[0].values)
+    assert np.flatnonzero(np.isnan(values)).tolist() == [3]
+    assert bridge.tactile_state(taxels((1, 0), code), 'left', bridge.LEAVE_OUT) is None
+
+
+def test_places_without_a_taxel_leave_no_pad_out(tactile_state_message):
+    assert bridge.tactile_state(taxels((1, 0), TaxelStatus.UNMAPPED), 'left', bridge.LEAVE_OUT) is not None
+    assert bridge.tactile_state(taxels(), 'left', bridge.LEAVE_OUT) is not None
+
+
+def test_the_node_sends_each_pad_and_drops_what_is_malformed(tactile_state_message):
+    rclpy.init()
+    try:
+        node = bridge.make_node(parameter_overrides=[Parameter('pads', value=['left', 'right'])])
+        peer = rclpy.create_node('peer')
+        heard, executor = [], SingleThreadedExecutor()
+        for each in (node, peer):
+            executor.add_node(each)
+        peer.create_subscription(tactile_state_message, 'tactile_states', heard.append, 10)
+        publishers = [peer.create_publisher(TaxelArray, f'{pad}/taxels', 10) for pad in ('left', 'right')]
+        end = time.monotonic() + TIMEOUT
+        while len({state.sensors[0].name for state in heard}) < 2:
+            assert time.monotonic() < end
+            for publisher in publishers:
+                publisher.publish(TaxelArray())  # no taxels
+                publisher.publish(taxels())
+            executor.spin_once(timeout_sec=0.05)
+        assert all(list(state.sensors[0].values) == [1, 2, 3, 4, 5, 6] for state in heard)
+        with pytest.raises(ValueError):
+            bridge.make_node(parameter_overrides=[Parameter('nan', value='zero')])
+    finally:
+        rclpy.shutdown()
+
+
+def test_without_tactile_msgs_it_says_what_is_missing():
+    program = ('import sys, runpy; sys.modules["tactile_msgs"] = None; '
+               f'runpy.run_path({str(PATH)!r}, run_name="__main__")')
+    done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
+    assert done.returncode == 2 and 'tactile_msgs' in done.stderr and 'Traceback' not in done.stderr
