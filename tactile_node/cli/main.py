@@ -1,3 +1,4 @@
+# PYTHON_ARGCOMPLETE_OK
 """The program `tactile`: finds the sub-command and turns every error of this package into one line."""
 
 import argparse
@@ -28,6 +29,7 @@ COMMANDS = (
     ('draft', 'tactile_node.cli.draft', 'begin a skin layout from an EDS'),
     ('record', 'tactile_node.cli.record', 'record a CAN log from a live bus'),
     ('replay', 'tactile_node.cli.replay', 'play a CAN log without ROS'),
+    ('completion', 'tactile_node.cli.completion', 'print what makes your shell complete `tactile`'),
 )
 
 #: They run nodes, whose handler forwards the log to /rosout and stderr.
@@ -36,7 +38,12 @@ WITH_NODES = ('bringup', 'demo')
 _ROS = 'Source a ROS 2 workspace that holds tactile_skin, or run `make demo` once.'
 NEEDS = {'rclpy': _ROS, 'rcl_interfaces': _ROS, 'tactile_skin': _ROS,
          'can': 'Install python-can.', 'canopen': 'Install canopen.',
-         'matplotlib': "Install it: pip install 'tactile-skin[picture]'."}
+         'matplotlib': "Install it: pip install 'tactile-skin[picture]'.",
+         'PIL': "Install Pillow: pip install 'tactile-skin[picture]'.",
+         'argcomplete': "Install it: pip install 'tactile-skin[completion]'."}
+
+#: set by the shell when it asks for completions; its value is the number of words that start the program
+COMPLETES = '_ARGCOMPLETE'
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -67,6 +74,9 @@ def main(argv: list[str] | None = None) -> int:
 
 def program() -> int:
     """`main` as a process: a second Ctrl-C does not make its clean end look like a crash."""
+    if COMPLETES in os.environ:
+        from tactile_node.cli.completion import answer, chosen_command
+        answer(_parser(chosen_command(os.environ)))
     try:
         return main()
     finally:
