@@ -15,7 +15,8 @@ from tactile_node.synthetic.world import Contact
 PITCH = 0.002
 CORNERS = np.array([[0.01, 0.01], [0.02, 0.01], [0.02, 0.015], [0.01, 0.015]])
 RECTANGLE = SeenFit({'long': 0.010, 'short': 0.005}, (0.015, 0.0125), np.radians(30),
-                    ('x', 'y', 'angle', 'long', 'short'), np.diag([1e-5, 2e-5, np.radians(0.5), 3e-5, 4e-5]) ** 2, CORNERS)
+                    ('x', 'y', 'angle', 'long', 'short'),
+                    np.diag([1e-5, 2e-5, np.radians(0.5), 3e-5, 4e-5]) ** 2, CORNERS)
 CIRCLE = SeenFit({'radius': 0.004}, (0.01, 0.02), None, ('x', 'y', 'radius'),
                  np.diag([1e-5, 2e-5, 3e-5]) ** 2, CORNERS)
 TOUCHES = (Touch(Contact('rectangle', (5, 2.5), 7.5, 6.25, 0.5), 0.0, 1.0),

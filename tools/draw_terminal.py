@@ -32,6 +32,8 @@ BASE = ('#000000', '#cd0000', '#00cd00', '#cdcd00', '#3b78ff', '#cd00cd', '#00cd
 LEVELS = 0, 95, 135, 175, 215, 255  #: of the colour cube of xterm-256
 BACKGROUND, TEXT = '#16161d', '#dcdcdc'
 COMMAND = re.compile(r'\x1b\[([?\d;]*)([A-Za-z])')
+LAST = 3.0  #: for how long the last picture stays [s]
+QUIET = 0.04  #: between two redrawings [s]
 LARGEST = 1_000_000  #: [bytes] of a picture on a page
 
 
@@ -166,6 +168,7 @@ def _whole(output: bytes) -> tuple[str, bytes]:
 def screens(cast: list, rate: float) -> Iterator[tuple[list[list[Cell]], float]]:
     """Yield what was shown and for how long [s], looked at ``rate`` times a second from the first output on."""
     head, events = cast[0], [event for event in cast[1:] if event[1] == 'o']
+    events = list(_bursts(events))
     screen, shown, since = Screen(head['width'], head['height']), None, 0.0
     number, ticks = 0, round((events[-1][0] - events[0][0]) * rate) + 1
     for tick in range(ticks + 1):
@@ -178,7 +181,21 @@ def screens(cast: list, rate: float) -> Iterator[tuple[list[list[Cell]], float]]
             if shown is not None:
                 yield shown, tick / rate - since
             shown, since = cells, tick / rate
-    yield shown or screen.cells, max(ticks / rate - since, 1 / rate)
+    yield shown or screen.cells, max(ticks / rate - since, LAST)
+
+
+def _bursts(events: list[list]) -> Iterator[list]:
+    """Join outputs that follow each other at once: between them a picture is half drawn."""
+    joined: list | None = None
+    for when, _, output in events:
+        if joined and when - joined[0] < QUIET:
+            joined = [when, 'o', joined[2] + output]
+            continue
+        if joined:
+            yield joined
+        joined = [when, 'o', output]
+    if joined:
+        yield joined
 
 
 def drawn(cells: list[list[Cell]], rows: int) -> Image.Image:

@@ -24,11 +24,15 @@ class SeenFit(NamedTuple):
         return float(np.sqrt(self.covariance[place, place]))
 
     @property
+    def lengths(self) -> str:
+        """The dimensions in millimetres; a single one with its name."""
+        name = f'{next(iter(self.dimensions))} ' if len(self.dimensions) == 1 else ''
+        return name + ' x '.join(f'{1000 * length:.1f}' for length in self.dimensions.values())
+
+    @property
     def size(self) -> str:
         """The dimensions and the largest of their standard deviations, in millimetres."""
-        lengths = ' x '.join(f'{1000 * length:.1f}' for length in self.dimensions.values())
-        name = f'{next(iter(self.dimensions))} ' if len(self.dimensions) == 1 else ''
-        return f'{name}{lengths} ± {1000 * max(map(self.sd, self.dimensions)):.2f} mm'
+        return f'{self.lengths} ± {1000 * max(map(self.sd, self.dimensions)):.2f} mm'
 
     @property
     def place(self) -> str:

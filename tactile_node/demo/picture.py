@@ -12,8 +12,8 @@ from matplotlib.patches import Ellipse
 from tactile_node.demo.observation import SeenFit, Verdict
 from tactile_node.synthetic.world import CLASSES
 
-TITLE = ('Pad "{pad}": what presses, and what the shape topic reported of it (probability, size, centre, angle ± standard '
-         'deviation)')
+TITLE = ('Pad "{pad}": what presses, and what the shape topic reported of it (probability, size, centre, angle ± '
+         'standard deviation)')
 KILO = 1e3
 FULL_SCALE = 100.0  #: of the colours [kPa]
 WIDTH, PANEL = 9.0, 1.52  #: of the picture, of a side of a panel [inch]

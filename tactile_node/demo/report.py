@@ -7,7 +7,7 @@ import numpy as np
 
 from tactile_node.demo.observation import SeenFit, Verdict
 
-SHOWN = ('pad', 'touch', 'true', 'recognised', 'confidence', 'size', 'centre', 'angle')  #: on the terminal
+SHOWN = ('pad', '[s]', 'true', 'recognised', 'prob', 'size')  #: what fits into the 80 columns of a terminal
 TOUCHED = ('pad', 'touch', 'taxels', 'angle_deg', 'true', 'recognised', 'confidence', 'frames')
 FOUND = ('size1_mm', 'size2_mm', 'size_sd_mm', 'x_mm', 'y_mm', 'centre_sd_mm', 'found_angle_deg', 'angle_sd_deg')
 
@@ -27,8 +27,8 @@ def write_csv(verdicts: list[Verdict], path: Path) -> None:
 
 
 def _shown(v: Verdict) -> tuple[str, ...]:
-    found = ('', '', '') if v.fit is None else (v.fit.size, v.fit.place, v.fit.turn)
-    return (v.pad, f'{v.touch.begin:.1f} s', v.touch.contact.shape, v.recognised, f'{v.confidence:.2f}', *found)
+    return (v.pad, f'{v.touch.begin:.1f}', v.touch.contact.shape, v.recognised, f'{v.confidence:.2f}',
+            '' if v.fit is None else v.fit.size)
 
 
 def _touched(v: Verdict) -> tuple:

@@ -8,7 +8,7 @@ import numpy as np
 
 SHADES = ' .:-=+*#%@'
 COLOURS = (16, 17, 18, 19, 54, 90, 126, 162, 198, 203, 208, 214, 220, 226, 229, 231)  # xterm-256: dark to bright
-WORDS = 38  #: columns for the words below a pad
+WORDS = 38  #: columns for the words below a pad: two pads fit into 80 columns
 CLEAR_LINE = '\x1b[2K'
 
 

@@ -73,5 +73,5 @@ def _fit(message: ContactShape) -> SeenFit | None:
 
 def _words(seen: Seen) -> str:
     name = max(seen.probabilities, key=seen.probabilities.__getitem__)
-    size = '' if seen.fit is None else f', {seen.fit.size.split(" ±")[0]} mm'
+    size = '' if seen.fit is None else f' {seen.fit.lengths} mm'
     return f'{name.replace("_", " ")} {seen.probabilities[name]:.0%}{size}'
