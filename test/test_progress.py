@@ -23,7 +23,7 @@ def work():
     stages.show('drawing', 0.5)
     stages.show('fitting')
     stages.close()
-    return list(followed('abc', 'x.npy', 3))
+    return list(followed('abc', 'x.npy', 3, prints=True))
 
 
 @pytest.fixture(autouse=True)
@@ -47,5 +47,7 @@ def test_a_terminal_shows_the_share_that_is_done_of_each_stage(monkeypatch, caps
 def test_results_that_scroll_over_the_terminal_have_no_bar_between_them(monkeypatch):
     monkeypatch.setattr('sys.stderr', terminal := Terminal())
     monkeypatch.setattr('sys.stdout', Terminal())
-    list(followed('abc', 'x.npy', 3))
+    list(followed('abc', 'x.npy', 3, prints=True))
     assert terminal.getvalue() == ''
+    list(followed('abc', 'x.npy', 3, prints=False))
+    assert 'x.npy' in terminal.getvalue()

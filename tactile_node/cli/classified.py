@@ -10,7 +10,7 @@ from tactile_node.calibration.response import SkinResponse
 from tactile_node.cli.frame_file import TaxelFrames
 from tactile_node.cli.frame_patterns import files, patterns, taxels_known, thresholds
 from tactile_node.cli.progress import followed
-from tactile_node.cli.records import KNOWN, Record, write_records
+from tactile_node.cli.records import KNOWN, Record, prints, write_records
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.errors import InputError
 from tactile_node.geometry.outlines import OUTLINES
@@ -53,7 +53,7 @@ def _fused(path: str, found: TaxelFrames, recogniser: Recogniser, args: argparse
     stamps = _stamps(path, found, args)
     stream = ContactStream(recogniser, pitch=pitch or 1.0, unit=found.unit, thresholds=thresholds(args),
                            response=response)
-    for k, frame in enumerate(followed(found.values, path, len(found.values))):
+    for k, frame in enumerate(followed(found.values, path, len(found.values), prints=prints(args))):
         contact, _, fused, fit = stream.update(frame, float(stamps[k]), **taxels_known(found, k))
         yield {'file': path, 'frame': k, **found.known_of(k), **fused.recognition.as_json(), **_counted(contact),
                'held': fused.held, 'fused_frames': fused.frames, **(_as_json(fit) if pitch and fit else {})}

@@ -8,7 +8,7 @@ from tactile_node.shape.method_names import DEFAULT, FILES, LEARNED, VOLF
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser = subparsers.add_parser('classify', description=__doc__,
-                                   help='print the recognised shape, a JSON line a frame')
+                                   help='the recognised shape, of frames in files: JSON lines or CSV')
     parser.set_defaults(run=run)
     add_array_arguments(parser)
     parser.add_argument('--method', choices=list(FILES), default=DEFAULT,

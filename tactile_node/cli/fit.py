@@ -42,7 +42,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--seed', type=int, default=0, help='default %(default)s')
     parser.add_argument('-o', '--output', default='volf_curves.yaml', metavar='FILE',
                         help='default %(default)s; never a file that the package ships. Use it by --curves of classify '
-                             'and reproduce, or the parameter `curves`')
+                             'and reproduce, or parameter model of the classifier node (method: volf)')
     parser.add_argument('--force', action='store_true', help='overwrite the output where it exists')
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from tactile_node.cli.frame_file import TaxelFrames, read_frames
 from tactile_node.cli.frame_png import Greys
 from tactile_node.cli.progress import followed
+from tactile_node.cli.records import prints
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.contact.press import PRESS_FRACTION, PressThresholds
 from tactile_node.errors import InputError
@@ -36,7 +37,7 @@ def patterns(path: str, found: TaxelFrames, args: argparse.Namespace, *, largest
     """Yield the contact pattern of each frame; of a bool frame, all active taxels unless ``largest``."""
     fixed = thresholds(args)
     extractor = PatternExtractor(fixed, unit=found.unit if fixed is None else None, largest=largest)
-    for k, frame in enumerate(followed(found.values, path, len(found.values))):
+    for k, frame in enumerate(followed(found.values, path, len(found.values), prints=prints(args))):
         yield extractor.extract(frame, **taxels_known(found, k))
 
 

@@ -13,9 +13,12 @@ SHARE = '{desc}: {percentage:3.0f}% |{bar}| {elapsed}, {remaining} left'
 Item = TypeVar('Item')
 
 
-def followed(items: Iterable[Item], what: str, total: int, unit: str = ' frames') -> Iterator[Item]:
-    """Yield ``items`` and show how many of ``total`` are done; not where the results scroll over the same terminal."""
-    hidden = True if sys.stdout.isatty() else None  # None: shown on a terminal only
+def followed(items: Iterable[Item], what: str, total: int, *, prints: bool, unit: str = ' frames') -> Iterator[Item]:
+    """Yield ``items`` and show how many of ``total`` are done.
+
+    ``prints``: their results go to standard output. Where that is a terminal they show the progress, and no bar does.
+    """
+    hidden = True if prints and sys.stdout.isatty() else None  # None: shown on a terminal only
     yield from tqdm(items, what, total, unit=unit, delay=DELAY, disable=hidden, leave=False, dynamic_ncols=True)
 
 

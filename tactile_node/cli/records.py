@@ -21,10 +21,15 @@ def add_output_arguments(parser: argparse.ArgumentParser) -> None:
                              'null; default %(default)s')
 
 
+def prints(args: argparse.Namespace) -> bool:
+    """Return whether results go to standard output."""
+    return args.output is None or args.output == '-'
+
+
 def write_records(records: Iterable[Record], columns: Callable[[], Sequence[str]], args: argparse.Namespace) -> None:
     """Write ``records`` as ``args`` ask for: strict JSON, or CSV of ``columns``; never over ``args.frames``."""
     lines = _json_lines(records) if args.format == JSON else _csv_lines(records, columns())
-    if args.output is None or args.output == '-':
+    if prints(args):
         for line in lines:  # one by one, for who reads a pipe
             sys.stdout.write(line)
         return

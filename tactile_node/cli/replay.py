@@ -21,7 +21,8 @@ from tactile_node.skin.pads import PadSettings, make_pads
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('replay', help='play a CAN log without ROS', description=__doc__)
+    parser = subparsers.add_parser('replay', description=__doc__,
+                                   help='play a CAN log without ROS: taxel frames to a file')
     parser.add_argument('log', help='CAN log: .log (candump), .log.gz, .asc, .blf, .trc, or a ROS 2 bag of '
                         'can_msgs/msg/Frame: .mcap, .db3, its folder')
     parser.add_argument('--layout', default=DEFAULT_LAYOUT, help='skin layout (default: %(default)s)')
