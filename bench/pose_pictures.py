@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from pose_world import true_outline
 
 REACH = 10.5  #: taxels around the centre
-#: Okabe and Ito's blue and vermillion, apart also by their lines; contacts are grey, so that both are seen
+#: Okabe and Ito's blue and vermilion, apart also by their lines; contacts are grey, so that both are seen
 TRUE = {'color': '#0072b2', 'linewidth': 2.2}
 FOUND = {'color': '#d55e00', 'linewidth': 1.4, 'linestyle': (0, (4, 2))}
 INVALID = '#f0e442'
