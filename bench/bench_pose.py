@@ -1,6 +1,6 @@
 """Pose, size, their covariance, fusion: how good and how fast, beside simple alternatives, in one run.
 
-Run from the checkout: python bench/bench_pose.py [--patterns 200] [--calibrate]
+Run from the checkout: python bench/bench_pose.py [--patterns 200] [--calibrate] [--picture]
 Writes docs/pose_results.md and docs/pose_failures.png. ``--calibrate`` instead prints the factors of
 tactile_node/pose/noise.py, found on training seeds; everything else here is measured on evaluation seeds.
 """
@@ -9,6 +9,7 @@ import argparse
 import os
 import sys
 import textwrap
+from collections.abc import Iterable
 from pathlib import Path
 from time import process_time
 
@@ -36,6 +37,7 @@ AREAS = (12, 20, 35, 50, 100)
 TARGETS = {'centre': 0.05, 'angle': 1.5, 'length': 2.0}  # medians at N = 50 on clean pressure frames
 SEED = 5
 COLUMNS = 120
+PICTURED = 'clean', 'all four', 'on/off'  #: conditions whose worst fits are drawn
 
 
 class Report:
@@ -220,29 +222,42 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--patterns', type=int, default=200, help='of each shape and condition; default 200')
     parser.add_argument('--calibrate', action='store_true')
+    parser.add_argument('--picture', action='store_true', help='only draw pose_failures.png, of the same contacts')
     parser.add_argument('--output', type=Path, default=ROOT / 'docs')
     args = parser.parse_args()
     if args.calibrate:
         return calibrate(args.patterns)
+    if args.picture:
+        return draw_worst(all_fits(PICTURED, args.patterns), args.output)
     report = Report()
     report.say('# Pose, size and fusion, as measured')
     report.say(f'Written by `python bench/bench_pose.py --patterns {args.patterns}`; {args.patterns} fresh contacts a '
                'row, evaluation seeds.')
     report.say()
-    fitted = {(condition, shape): Fitted(shape, condition, AREA, args.patterns, purpose=Purpose.EVALUATION)
-              for condition in CONDITIONS for shape in CLASSES}
+    fitted = all_fits(CONDITIONS, args.patterns)
     for part in (accuracy, alternatives, regions, corners, times):
         part(report, fitted)
     by_area(report, max(args.patterns // 3, 20))
     pose_mechanics.report(report.say, report.table, max(args.patterns // 2, 20))
     pose_fusion.measure(report)
-    worst = [(condition, max(((of.strict[i].centre + of.strict[i].length / 20, of.samples[i], of.fits[i], of.strict[i])
-                              for i in range(len(of.fits))), key=lambda each: each[0])[1:])
-             for (condition, _), of in fitted.items() if condition in ('clean', 'all four', 'on/off')]
-    pose_pictures.draw(worst, args.output / 'pose_failures.png')
-    report.say('## The worst of each shape\n\nGreen: the truth; red: the fit.\n\n![worst fits](pose_failures.png)')
+    draw_worst(fitted, args.output)
+    report.say('## The worst of each shape\n\nBlue, solid: the truth; orange, dashed: the fit.\n\n'
+               '![worst fits](pose_failures.png)')
     (args.output / 'pose_results.md').write_text('\n'.join(report.lines) + '\n', encoding='utf-8')
     return None
+
+
+def all_fits(conditions: Iterable[str], count: int) -> dict[tuple[str, str], Fitted]:
+    return {(condition, shape): Fitted(shape, condition, AREA, count, purpose=Purpose.EVALUATION)
+            for condition in conditions for shape in CLASSES}
+
+
+def draw_worst(fitted: dict, folder: Path) -> None:
+    """Draw the worst fit of each shape; an apex that a fit has chosen wrong counts."""
+    worst = [(condition, max(((of.strict[i].centre + of.strict[i].length / 20, of.samples[i], of.fits[i], of.strict[i])
+                              for i in range(len(of.fits))), key=lambda each: each[0])[1:])
+             for (condition, _), of in fitted.items() if condition in PICTURED]
+    pose_pictures.draw(worst, folder / 'pose_failures.png')
 
 
 if __name__ == '__main__':

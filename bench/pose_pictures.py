@@ -7,25 +7,43 @@ import numpy as np
 
 matplotlib.use('Agg')
 from matplotlib import pyplot
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from pose_world import true_outline
+
+REACH = 10.5  #: taxels around the centre
+#: Okabe and Ito's blue and vermilion, apart also by their lines; contacts are grey, so that both are seen
+TRUE = {'color': '#0072b2', 'linewidth': 2.2}
+FOUND = {'color': '#d55e00', 'linewidth': 1.4, 'linestyle': (0, (4, 2))}
+INVALID = '#f0e442'
+GREYS = pyplot.get_cmap('Greys').with_extremes(bad=INVALID)
 
 
 def draw(fits: list, path: Path, cols: int = 5) -> None:
     """``fits``: (name, (sample, fit, error))."""
     rows = -(-len(fits) // cols)
-    figure, axes = pyplot.subplots(rows, cols, figsize=(3 * cols, 3.6 * rows), squeeze=False,
+    figure, axes = pyplot.subplots(rows, cols, figsize=(2.5 * cols, 3.05 * rows + 0.3), squeeze=False,
                                    layout='constrained')
     for axis in axes.flat:
-        axis.axis('off')
+        axis.set_visible(False)
     for axis, (name, (sample, fit, error)) in zip(axes.flat, fits):
-        axis.imshow(np.asarray(sample.values, float), cmap='gray', origin='upper')
-        for corners, colour in ((true_outline(sample.contact), 'lime'), (fit.outline, 'red')):
-            axis.plot(*np.vstack((corners, corners[:1])).T, color=colour, linewidth=1.2)
-        reach = 9
-        axis.set_xlim(sample.contact.x - reach, sample.contact.x + reach)
-        axis.set_ylim(sample.contact.y + reach, sample.contact.y - reach)
-        angle = '' if error.angle != error.angle else f', {error.angle:.2g}°'
-        axis.set_title(f'{name}\n{fit.shape.value}\ncentre {error.centre:.2g}{angle}, length {error.length:.2g} %',
-                       fontsize=8)
-    figure.savefig(path, dpi=80)
+        axis.set(visible=True, xticks=[], yticks=[])
+        _draw(axis, name, sample, fit, error)
+    figure.legend(handles=[Line2D([], [], label='truth', **TRUE), Line2D([], [], label='fit', **FOUND),
+                           Patch(facecolor=INVALID, label='no valid value')],
+                  loc='outside lower center', ncols=3, fontsize=10, frameon=False)
+    figure.savefig(path, dpi=80, bbox_inches='tight', pad_inches=0.1)
     pyplot.close(figure)
+
+
+def _draw(axis, name: str, sample, fit, error) -> None:
+    values = np.asarray(sample.values, float)
+    # Twice the highest, so that the darkest grey is lighter than the lines
+    axis.imshow(values, cmap=GREYS, origin='upper', vmin=0, vmax=2 * np.nanmax(values))
+    for corners, style in ((true_outline(sample.contact), TRUE), (fit.outline, FOUND)):
+        axis.plot(*np.vstack((corners, corners[:1])).T, **style)
+    x, y = np.clip((sample.contact.x, sample.contact.y), REACH - 0.5, np.array(values.shape[::-1]) - 0.5 - REACH)
+    axis.set(xlim=(x - REACH, x + REACH), ylim=(y + REACH, y - REACH))
+    turned = '' if error.angle != error.angle else f', angle by {error.angle:.1f}°'
+    axis.set_title(f'{name}: {fit.shape.value.replace("_", " ")}\ncentre off by {error.centre:.3f} pitches\n'
+                   f'length by {error.length:.1f} %{turned}', fontsize=9)

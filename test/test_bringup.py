@@ -133,7 +133,8 @@ def test_demo_leaves_bag_log_table_and_picture(tmp_path, capsys):
         touches = list(csv.DictReader(file))
     assert sorted(touch['true'] for touch in touches) == sorted(
         2 * ['circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle'])
-    assert (tmp_path / 'touches.png').read_bytes().startswith(b'\x89PNG')
+    for pad in ('left', 'right'):
+        assert (tmp_path / f'touches_{pad}.png').read_bytes().startswith(b'\x89PNG')
     assert b'#' in (tmp_path / 'can.log').read_bytes()
     assert 'touches recognised' in capsys.readouterr().out
 

@@ -163,8 +163,8 @@ def test_a_reader_that_leaves_is_no_error(tmp_path):
 
 @pytest.mark.bus
 def test_neither_ros_nor_can_is_imported():
-    code = ('import sys; from tactile_node.cli.main import main; import tactile_node.cli.classify, '
-            'tactile_node.cli.features; sys.exit(bool({"rclpy", "can", "canopen"} & set(sys.modules)))')
+    code = ('import sys; from tactile_node.cli.main import main; import tactile_node.cli.classified, '
+            'tactile_node.cli.described; sys.exit(bool({"rclpy", "can", "canopen"} & set(sys.modules)))')
     assert subprocess.run([sys.executable, '-c', code], check=False).returncode == 0
 
 

@@ -41,9 +41,12 @@ ORIGINS = {
     'yaml': Origin('python3-yaml', 'pyyaml'),
     'zstandard': Origin('mcap-ros2-support', 'mcap'),  # mcap requires it; rosdep has no key
 }
-OF_TESTS = {'jsonschema': 'python3-jsonschema', 'py_trees': 'py_trees', 'pytest': 'python3-pytest'}
+OF_TESTS = {'jsonschema': 'python3-jsonschema', 'py_trees': 'py_trees', 'pytest': 'python3-pytest',
+            'rosidl_generator_py': 'rosidl_default_generators'}
 #: Nothing imports them: they run the package
 NOT_MODULES = {'rosidl_default_runtime', 'ros2launch', 'xacro'}
+#: Nothing imports them: the messages of an action are made of them
+OF_INTERFACES = {'action_msgs'}
 OURS = {'tactile_node', 'tactile_skin', 'bench', 'training', *(path.stem for path in (ROOT / 'tools').glob('*.py'))}
 #: Imported by single tests or examples that say so: what a robot has that needs the example, or a tool of this machine
 OPTIONAL = {'torch', 'catkin_pkg', 'docutils', 'moveit_msgs', 'tactile_msgs'}
@@ -98,7 +101,7 @@ def test_what_is_imported_is_a_dependency(module):
 @pytest.mark.parametrize('folder', ['test', 'examples'])
 def test_what_tests_and_examples_import_is_a_dependency(folder):
     """Those of training and benchmarks are in requirements/bench.in."""
-    known = keys('depend', 'exec_depend', 'test_depend')
+    known = keys('depend', 'exec_depend', 'test_depend', 'buildtool_depend')
     for module, file in imported(folder).items():
         key = OF_TESTS.get(module) or ORIGINS.get(module, Origin(module, None)).rosdep
         assert key is None or key in known or module in OPTIONAL, f'{module} in {file}'
@@ -108,7 +111,7 @@ def test_every_dependency_is_one_of_the_code():
     """Else a robot installs what nothing uses, or a key has a typing error."""
     of_libraries = {origin.rosdep for origin in ORIGINS.values()}
     assert keys('exec_depend') - of_libraries - set(INSTALLED) <= NOT_MODULES
-    assert keys('depend') <= set(INSTALLED)
+    assert keys('depend') - OF_INTERFACES <= set(INSTALLED)
     assert requirements() <= {origin.pip for origin in ORIGINS.values()}
 
 

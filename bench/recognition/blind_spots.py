@@ -1,6 +1,7 @@
 """Where ours falls behind an anchor: accuracy by cell, a test of each, curves."""
 
 import csv
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -24,6 +25,12 @@ SEEDS = 800_000
 BEHIND = 0.015    #: by more than this ours must not fall behind the better anchor
 LEVEL = 0.001     #: of significance, for all cells together
 SHOWN = 12        #: rows of the table, those that are farthest behind
+NARROWEST = 1.0   #: range of an axis [%]: less shows the chance of single patterns
+BESIDE = -0.12, 0.0, 0.12
+#: Okabe and Ito's colours, for every kind of colour vision
+STYLES = ({'color': '#0072b2', 'marker': 'o', 'linewidth': 2},
+          {'color': '#d55e00', 'marker': 's', 'linewidth': 1, 'linestyle': '--'},
+          {'color': '#009e73', 'marker': '^', 'linewidth': 1, 'linestyle': ':'})
 LABELS = tuple(shape.value for shape in OUTPUTS)
 
 
@@ -96,33 +103,61 @@ def write_spots(path: Path, found: list[Measured]) -> None:
                              f'{one.p_value:.3g}', f'{min(1.0, one.p_value * len(found)):.3g}'])
 
 
-def draw_curves(path: Path, found: list[Measured], columns: int = 4) -> None:
+def read_spots(path: Path) -> list[Measured]:
+    """Return what `write_spots` wrote, to draw it again without measuring it again."""
+    known = {(cell.curve, cell.words, KIND[cell.on_off]): cell for cell in cells()}
+    with path.open(encoding='utf-8', newline='') as stream:
+        return [_from_row(known[row['varied'], row['value'], row['frames']], row) for row in csv.DictReader(stream)]
+
+
+def _from_row(cell: Cell, row: dict[str, str]) -> Measured:
+    count, names = int(row['count']), list(row)
+    contestants = names[names.index('count') + 1:names.index(f'ours_{LABELS[0]}')]
+    rates = {name: Rate(round(float(row[name]) * count), count) for name in contestants}
+    return Measured(cell, rates, {}, row['better_anchor'], float(row['p_value']))
+
+
+def draw_curves(path: Path, found: list[Measured], columns: int = 3) -> None:
     """One panel a curve and kind of frame; a ring marks a cell that is significantly behind."""
     curves: dict[tuple[str, bool], list[Measured]] = {}
     for one in found:
         curves.setdefault((one.cell.curve, one.cell.on_off), []).append(one)
     ordered = sorted(curves.items(), key=lambda item: list(dict.fromkeys(key[0] for key in curves)).index(item[0][0]))
     rows = -(-len(ordered) // columns)
-    figure, axes = plt.subplots(rows, columns, figsize=(4.4 * columns, 3.1 * rows), layout='constrained', squeeze=False)
+    figure, axes = plt.subplots(rows, columns, figsize=(3.9 * columns, 2.6 * rows), layout='constrained', squeeze=False)
     for axis, ((curve, on_off), of_curve) in zip(axes.flat, ordered):
         _draw(axis, of_curve, len(found))
-        axis.set_title(f'{curve}\n{KIND[on_off]}', fontsize=10)
+        axis.set_title(f'{curve}; {KIND[on_off]}', fontsize=10)
     for axis in axes.flat[len(ordered):]:
         axis.axis('off')
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc='outside upper center', ncols=4)
-    figure.savefig(path, dpi=70)
+    for axis in axes[:, 0]:
+        axis.set_ylabel('recognised [%]', fontsize=9)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc='outside upper center', ncols=4, fontsize=10)
+    figure.savefig(path, dpi=85)
     plt.close(figure)
 
 
 def _draw(axis, of_curve: list[Measured], number: int) -> None:
+    """Contestants side by side, or lines at 100 % would hide each other."""
     place = np.arange(len(of_curve))
-    for name in of_curve[0].rates:
-        axis.plot(place, [100 * one.rates[name].value for one in of_curve], marker='.', label=name,
-                  linewidth=2 if name == OURS else 1)
+    names = list(of_curve[0].rates)
+    lowest = min(100 * one.rates[name].value for one in of_curve for name in names)
+    for name, shift, style in zip(names, BESIDE, STYLES):
+        shares = [100 * one.rates[name].value for one in of_curve]
+        axis.plot(place + shift, shares, label=name, markersize=4.5, **style)
     behind = [k for k in place if is_behind(of_curve[k], number)]
     axis.plot(behind, [100 * of_curve[k].rates[OURS].value for k in behind], 'o', markersize=11, fillstyle='none',
-              color='red', label='ours significantly behind')
+              color='black', label='ours significantly behind')
     every = 1 + len(place) // 12
     axis.set_xticks(place[::every], [one.cell.label for one in of_curve][::every], fontsize=8)
-    axis.set_ylabel('recognised, %', fontsize=9)
+    axis.set_xlim(-0.5, len(place) - 0.5)
+    room = max(100 - lowest, NARROWEST)
+    axis.set_ylim(100 - 1.08 * room, 100 + 0.08 * room)
+    axis.ticklabel_format(axis='y', useOffset=False)
+    axis.tick_params(axis='y', labelsize=8)
     axis.grid(alpha=0.3)
+
+
+if __name__ == '__main__':  # draws the picture of a stored blind_spots.csv again, in its folder
+    folder = Path(sys.argv[1])
+    draw_curves(folder / 'recognition_blind_spots.png', read_spots(folder / 'blind_spots.csv'))

@@ -2,12 +2,10 @@
 
 from collections.abc import Callable, Iterable
 from time import perf_counter
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
-import torch
 
-from bench.recognition.anchors import Single
 from bench.recognition.cases import Case
 from bench.recognition.figures import Rate, calibration_error
 from tactile_node import ContactStream, Recogniser
@@ -15,6 +13,9 @@ from tactile_node.contact.pattern import ContactPattern
 from tactile_node.shape.recogniser import OUTPUTS
 from tactile_node.shape.recognition import Shape
 from training.samples import UNKNOWN, Samples
+
+if TYPE_CHECKING:
+    from bench.recognition.anchors import Single
 
 ORDER = (*OUTPUTS, Shape.NONE)
 OURS = 'ours'
@@ -25,7 +26,7 @@ class Anchor(Protocol):
 
     def probabilities(self, samples: Samples) -> np.ndarray: ...
 
-    def one(self, sample: Single) -> np.ndarray: ...
+    def one(self, sample: 'Single') -> np.ndarray: ...
 
 
 class Result(NamedTuple):
@@ -110,6 +111,9 @@ def _time(function: Callable, argument: object) -> float:
     return perf_counter() - begin
 
 
-def _single(samples: Samples, k: int) -> Single:
+def _single(samples: Samples, k: int) -> 'Single':
+    import torch  # of the anchors alone: pictures are drawn again without it
+
+    from bench.recognition.anchors import Single
     image = torch.as_tensor(samples.inputs([k])[0])
     return Single(image, samples.levels[k], float(np.exp(samples.geometry[k, 2])))

@@ -2,6 +2,7 @@
 
 import csv
 import textwrap
+from collections.abc import Iterable
 from pathlib import Path
 
 import matplotlib
@@ -11,8 +12,13 @@ from bench.recognition.contest import ORDER, OURS, Result
 
 matplotlib.use('Agg')
 import matplotlib.pyplot as plt  # noqa: E402
+from matplotlib.patches import Patch  # noqa: E402
 
 WIDTH = 118  #: of the page's text
+COLOURS = plt.get_cmap('viridis').with_extremes(bad='white')
+BEYOND = '#c8c8c8'
+PANEL, BETWEEN, WORDS, BELOW = 2.0, 0.18, 0.88, 0.55  #: side, gap, room above a panel, and below all [inch]
+AROUND = 3  #: taxels around a contact that are shown
 KIND = {True: 'on/off', False: 'pressures'}
 GENERATED = '<!-- Written by bench/bench_recognition.py; not to be edited. -->\n'
 
@@ -60,33 +66,47 @@ def write_page(path: Path, title: str, tables: list[Table], pictures: list[tuple
     path.write_text('\n'.join(text), encoding='utf-8')
 
 
-def draw_failures(path: Path, results: list[Result], columns: int = 6, rows: int = 4) -> int:
+def draw_failures(path: Path, results: Iterable[Result], columns: int = 6, rows: int = 4) -> int:
     """Draw the first failures of ours, the conditions in turn; return how many there are in all."""
     failed = [[(result, k) for k in np.flatnonzero(~result.right(OURS))] for result in results]
     alternating = [one for rank in range(max(map(len, failed), default=0)) for one in
                    (case[rank] for case in failed if rank < len(case))]
-    figure, axes = plt.subplots(rows, columns, figsize=(columns * 2.3, rows * 2.9), layout='constrained')
+    width, height = columns * (PANEL + BETWEEN) + BETWEEN, rows * (PANEL + WORDS) + BELOW
+    figure, axes = plt.subplots(rows, columns, figsize=(width, height), gridspec_kw={
+        'left': BETWEEN / width, 'right': 1 - BETWEEN / width, 'wspace': BETWEEN / PANEL, 'hspace': WORDS / PANEL,
+        'top': 1 - WORDS / height + 0.2 / height, 'bottom': BELOW / height})
     for axis in axes.flat:
         axis.axis('off')
     for axis, (result, k) in zip(axes.flat, alternating):
         _draw(axis, result, k)
-    figure.savefig(path, dpi=75)
+    figure.legend(handles=[Patch(facecolor='white', edgecolor='black', label='no valid value'),
+                           Patch(facecolor=BEYOND, label='beyond the pad'),
+                           Patch(facecolor=COLOURS(0.0), label='not pressed'),
+                           Patch(facecolor=COLOURS(1.0), label='pressed most')],
+                  loc='lower center', ncols=4, fontsize=9, frameon=False)
+    figure.savefig(path, dpi=80)
     plt.close(figure)
     return len(alternating)
 
 
 def _draw(axis, result: Result, k: int) -> None:
-    """The contact with what is around it, in taxels; white has no valid value."""
+    """The contact with what is around it, a square of taxels, so that panels and titles stand in line."""
     pattern, answer = result.case.patterns[k], result.answers[OURS][k]
     touched = np.argwhere(pattern.mask)
-    low, high = (touched.min(0) - 3, touched.max(0) + 4) if len(touched) else (np.zeros(2, int), np.full(2, 12))
-    low, high = np.maximum(low, 0), np.minimum(high, pattern.values.shape)
-    shown = np.ma.masked_invalid(pattern.values[low[0]:high[0], low[1]:high[1]])
-    axis.imshow(shown, cmap='viridis', extent=(0, shown.shape[1], shown.shape[0], 0))
+    low, high = (touched.min(0), touched.max(0) + 1) if len(touched) else (np.zeros(2, int), np.full(2, 12))
+    side = int((high - low).max()) + 2 * AROUND
+    top, left = ((low + high - side) // 2).tolist()
+    rows, cols = pattern.values.shape
+    axis.set_facecolor(BEYOND)
+    axis.imshow(np.ma.masked_invalid(pattern.values), cmap=COLOURS, extent=(0, cols, rows, 0))
+    axis.set(xlim=(left, left + side), ylim=(top + side, top))
     axis.axis('on')
-    axis.set_xticks([0, shown.shape[1]], ['0', f'{shown.shape[1]} taxels'], fontsize=7)
+    axis.tick_params(length=2, pad=1)
+    axis.set_xticks([left, left + side], ['0', f'{side} taxels'], fontsize=8)
+    for label, alignment in zip(axis.get_xticklabels(), ('left', 'right')):
+        label.set_horizontalalignment(alignment)
     axis.set_yticks([])
     said = f'{ORDER[answer.argmax()].value} {answer.max():.2f}'.replace('_', ' ')
     true = ORDER[result.case.labels[k]].value.replace('_', ' ')
-    title = [*textwrap.wrap(result.case.condition, 26), f'is: {true}', f'said: {said}']
-    axis.set_title('\n'.join(title), fontsize=8, loc='left')
+    title = [*textwrap.wrap(result.case.condition, 28), f'is: {true}', f'answer: {said}']
+    axis.set_title('\n'.join(title), fontsize=8.5, loc='left')

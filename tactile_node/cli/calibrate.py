@@ -14,9 +14,10 @@ import numpy as np
 from tactile_node.calibration.presses import Presses, find_presses, zeroed
 from tactile_node.calibration.response import SUFFIX, save_response
 from tactile_node.calibration.response_fit import Calibration, Disc, calibrate, check_disc
-from tactile_node.cli.arrays import read_frames
+from tactile_node.cli.frame_file import read_frames
 from tactile_node.cli.options import DEFAULT_LAYOUT, add_any_device_option, add_node_id_option, node_ids_of
 from tactile_node.cli.played_log import play_log
+from tactile_node.cli.progress import counted
 from tactile_node.conditioning.gain import load_gains
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.frames.taxel_frame import TaxelStatus
@@ -63,17 +64,8 @@ def run(args: argparse.Namespace) -> int:
     found = find_presses(readings.frames, readings.saturated, readings.unit or None)
     frames = sum(map(len, found.presses))
     print(f'{len(found.presses)} presses, {frames} of their frames used{_unused(found)}')
-    done = [0]
-
-    def show(fits: int) -> None:
-        done[0] += fits
-        print(f'\r{done[0]} fits', end='', file=sys.stderr, flush=True)
-
-    try:
-        calibration = calibrate(found.presses, known, readings.pitch, readings.unit, progress=show)
-    finally:
-        if done[0]:
-            print(file=sys.stderr)
+    with counted('fitting', ' fits') as bar:
+        calibration = calibrate(found.presses, known, readings.pitch, readings.unit, progress=bar.update)
     save_response(output, calibration.response, _head(args), _found_from(known, found, calibration))
     print(_summary(calibration))
     if abs(calibration.before) > SUSPICIOUS:
@@ -109,7 +101,7 @@ def _of_array(args: argparse.Namespace) -> Readings:
     if args.pitch is None or not 0 < args.pitch < np.inf:
         raise ConfigurationError('--pitch', expected='a length > 0 in metres', got=str(args.pitch),
                                  remedy='Give the distance of neighbouring taxels.')
-    frames = read_frames(args.recording)
+    frames = read_frames(args.recording).values
     if frames.dtype == bool:
         raise _on_off(args.recording)
     return Readings(frames, np.zeros(frames.shape, bool), args.pitch, '')

@@ -6,13 +6,15 @@ from pathlib import Path
 
 from tactile_node.errors import ConfigurationError
 
-MADE = ('bag', 'can.log', 'touches.csv', 'touches.png')
+PICTURE = 'touches_{pad}.png'
+PADS = 'left', 'right'
+MADE = ('bag', 'can.log', 'touches.csv', *(PICTURE.format(pad=pad) for pad in PADS))
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser = subparsers.add_parser('demo', help='simulated gripper skin: five shapes, from CAN frame to topic',
                                    description=__doc__)
-    parser.add_argument('--output', type=Path, default=Path('demo_output'), help='folder for bag, log, picture, table')
+    parser.add_argument('--output', type=Path, default=Path('demo_output'), help='folder for bag, log, pictures, table')
     parser.add_argument('--areas', type=float, nargs='+', default=(25.0, 40.0, 60.0), metavar='N',
                         help='sizes of the touches [taxels]; every shape comes at each (default: 25 40 60)')
     parser.add_argument('--seed', type=int, default=2026, help='of the touches')
@@ -21,6 +23,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from tactile_node.demo import report
+    from tactile_node.demo.picture import draw_pad
     from tactile_node.demo.session import DemoSession  # rclpy and matplotlib: only where they are needed
     folder = _emptied(args.output)
     with DemoSession(folder, args.seed, args.areas) as session:
@@ -28,7 +31,9 @@ def run(args: argparse.Namespace) -> int:
     verdicts = session.verdicts()
     if verdicts:
         report.write_csv(verdicts, folder / 'touches.csv')
-        report.draw(verdicts, folder / 'touches.png')
+        for pad in PADS:
+            if of_pad := [verdict for verdict in verdicts if verdict.pad == pad]:
+                draw_pad(of_pad, session.pitch, folder / PICTURE.format(pad=pad))
         print(report.table(verdicts))
     return _conclude(folder, session, verdicts)
 

@@ -2,30 +2,42 @@
 
 import argparse
 
-from tactile_node.cli.arrays import (
-    add_array_arguments,
-    patterns,
-    read_frames,
-    write_lines,
-)
-from tactile_node.helmholtz.features import compute_features
+from tactile_node.cli.arrays import add_array_arguments
+from tactile_node.errors import InputError
+from tactile_node.helmholtz.feature_groups import Group
+
+#: as written on the command line, in the order of the help
+GROUPS = {name.lower(): group for name, group in Group.__members__.items()}
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser = subparsers.add_parser('features', description=__doc__,
-                                   help='print every quantity of the paper, a JSON line a frame')
+                                   help='every quantity of the paper, of frames in files: JSON lines or CSV')
     parser.set_defaults(run=run)
     add_array_arguments(parser)
+    parser.add_argument('--groups', type=groups, default=Group.ALL, metavar='GROUP,...',
+                        help=f'compute only these, besides N, P05 and P09: {", ".join(GROUPS)}. classifier: what the '
+                             "paper's planes need; default all")
     parser.add_argument('--largest-contact', action='store_true',
                         help='describe the largest 8-connected contact only, as the processor node does; '
                              'without it all active taxels of a frame are one pattern')
-    parser.epilog = ('Prints {"frame": k, "N": ..., "P05": ..., "lambda5": ..., ..., "rotated": {name: '
+    parser.epilog = ('Prints {"file": ..., "frame": k, "N": ..., "P05": ..., "lambda5": ..., ..., "rotated": {name: '
                      '{"min", "max", "dif", "min_angle", "max_angle"}}}; null is undefined, '
-                     'angles are in degrees.')
+                     'angles are in degrees. Of an .npz also "pad", "stamp" [s] and "sequence".')
+
+
+def groups(text: str) -> Group:
+    """'gravity,rotated' -> Group.GRAVITY | Group.ROTATED."""
+    chosen = Group.NONE
+    for name in text.split(','):
+        if name.strip() not in GROUPS:
+            raise InputError('--groups', expected=f'names out of {", ".join(GROUPS)}, comma-separated', got=repr(name),
+                             remedy='For example --groups gravity,rotated.')
+        chosen |= GROUPS[name.strip()]
+    return chosen
 
 
 def run(args: argparse.Namespace) -> int:
-    frames = read_frames(args.frames)
-    found = patterns(frames, args, largest=args.largest_contact)
-    write_lines(({'frame': k, **compute_features(pattern.mask).as_json()} for k, pattern in enumerate(found)), args)
+    from tactile_node.cli.described import write_features  # scipy: only where it is needed
+    write_features(args)
     return 0

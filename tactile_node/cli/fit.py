@@ -1,13 +1,15 @@
 """`tactile fit`: fits the curves of the paper's planes and writes them with where they come from."""
 
 import argparse
-import sys
+import os
 
 import numpy as np
 import yaml
 
+from tactile_node.cli.progress import counted
 from tactile_node.errors import InputError
-from tactile_node.output_file import output_file
+from tactile_node.output_file import check_writable, output_file
+from tactile_node.package_files import is_shipped
 from tactile_node.reproduction.curve_fitting import (
     AREAS,
     COLUMNS,
@@ -38,8 +40,10 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--patterns', type=int, default=20_000, help='training patterns, default %(default)s')
     parser.add_argument('--validation', type=int, default=5_000, help='fresh patterns, default %(default)s')
     parser.add_argument('--seed', type=int, default=0, help='default %(default)s')
-    parser.add_argument('-o', '--output', default='config/volf_curves.yaml', metavar='FILE',
-                        help='default %(default)s')
+    parser.add_argument('-o', '--output', default='volf_curves.yaml', metavar='FILE',
+                        help='default %(default)s; never a file that the package ships. Use it by --curves of classify '
+                             'and reproduce, or parameter model of the classifier node (method: volf)')
+    parser.add_argument('--force', action='store_true', help='overwrite the output where it exists')
 
 
 def run(args: argparse.Namespace) -> int:
@@ -47,6 +51,7 @@ def run(args: argparse.Namespace) -> int:
         raise InputError('arguments of fit', expected='at least 500 patterns of each kind and a seed >= 0',
                          got=f'--patterns {args.patterns} --validation {args.validation} --seed {args.seed}',
                          remedy='Ask for more.')
+    _check_output(args.output, args.force)
     training = _draw(Purpose.TRAINING, args.seed, args.patterns)
     validation = _draw(Purpose.VALIDATION, args.seed, args.validation)
     readings = {name: fit_classifier(training, third) for name, third in READINGS.items()}
@@ -59,15 +64,20 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _draw(purpose: Purpose, seed: int, patterns: int) -> Samples:
-    def show(done: int) -> None:
-        if done % 500 == 0 or done == patterns:
-            print(f'\r{purpose.name.lower()}: {done} of {patterns} patterns',
-                  end='', file=sys.stderr, flush=True)
+def _check_output(path: str, force: bool) -> None:
+    """Before the work: the published curves must stay what they are, and a user's are overwritten on request only."""
+    if is_shipped(path):
+        raise InputError(f'output {path!r}', expected='a file of your own', got='a file of the package',
+                         remedy='Give another path with --output.')
+    if os.path.lexists(path) and not force:
+        raise InputError(f'output {path!r}', expected='a new file', got='one that exists',
+                         remedy='Give another path, or --force.')
+    check_writable(path)
 
-    samples = draw_samples(generator(purpose, seed), patterns, progress=show)
-    print(file=sys.stderr)
-    return samples
+
+def _draw(purpose: Purpose, seed: int, patterns: int) -> Samples:
+    with counted(purpose.name.lower(), ' patterns', patterns) as bar:
+        return draw_samples(generator(purpose, seed), patterns, progress=lambda done: bar.update(done - bar.n))
 
 
 def _write(args, kept: str, readings: dict, training: Samples, validation: Samples) -> None:

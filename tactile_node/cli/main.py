@@ -1,3 +1,4 @@
+# PYTHON_ARGCOMPLETE_OK
 """The program `tactile`: finds the sub-command and turns every error of this package into one line."""
 
 import argparse
@@ -14,8 +15,8 @@ from tactile_node.interruption import ignore_interruptions
 
 #: name, module (imported only when it is chosen; its add_parser(subparsers) sets ``run``), help
 COMMANDS = (
-    ('features', 'tactile_node.cli.features', 'print every quantity of the paper, a JSON line a frame'),
-    ('classify', 'tactile_node.cli.classify', 'print the recognised shape, a JSON line a frame'),
+    ('features', 'tactile_node.cli.features', 'every quantity of the paper, of frames in files: JSON lines or CSV'),
+    ('classify', 'tactile_node.cli.classify', 'the recognised shape, of frames in files: JSON lines or CSV'),
     ('fit', 'tactile_node.cli.fit', "fit the classifier's curves on synthetic patterns"),
     ('reproduce', 'tactile_node.cli.reproduce', "re-draw the paper's figures and re-measure its claims"),
     ('bringup', 'tactile_node.cli.bringup', 'run all ROS 2 nodes of one bus in this process'),
@@ -27,8 +28,9 @@ COMMANDS = (
     ('check', 'tactile_node.cli.check', 'check a skin layout and its EDS, and show the pad'),
     ('draft', 'tactile_node.cli.draft', 'begin a skin layout from an EDS'),
     ('record', 'tactile_node.cli.record', 'record a CAN log from a live bus'),
-    ('replay', 'tactile_node.cli.replay', 'play a CAN log without ROS'),
+    ('replay', 'tactile_node.cli.replay', 'play a CAN log without ROS: taxel frames to a file'),
     ('report', 'tactile_node.cli.report', 'write a page on a log or bag, for a support ticket'),
+    ('completion', 'tactile_node.cli.completion', 'print what makes your shell complete `tactile`'),
 )
 
 #: They run nodes, whose handler forwards the log to /rosout and stderr.
@@ -37,7 +39,12 @@ WITH_NODES = ('bringup', 'demo')
 _ROS = 'Source a ROS 2 workspace that holds tactile_skin, or run `make demo` once.'
 NEEDS = {'rclpy': _ROS, 'rcl_interfaces': _ROS, 'tactile_skin': _ROS,
          'can': 'Install it: pip install python-can.', 'canopen': 'Install it: pip install canopen (docs/install.md).',
-         'matplotlib': "Install it: pip install 'tactile-skin[picture]'."}
+         'matplotlib': "Install it: pip install 'tactile-skin[picture]'.",
+         'PIL': "Install Pillow: pip install 'tactile-skin[picture]'.",
+         'argcomplete': "Install it: pip install 'tactile-skin[completion]'."}
+
+#: set by the shell when it asks for completions; its value is the number of words that start the program
+COMPLETES = '_ARGCOMPLETE'
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -68,6 +75,9 @@ def main(argv: list[str] | None = None) -> int:
 
 def program() -> int:
     """`main` as a process: a second Ctrl-C does not make its clean end look like a crash."""
+    if COMPLETES in os.environ:
+        from tactile_node.cli.completion import answer, chosen_command
+        answer(_parser(chosen_command(os.environ)))
     try:
         return main()
     finally:
@@ -94,7 +104,8 @@ def _logging(command: str) -> Iterator[None]:
 def _parser(chosen: str) -> argparse.ArgumentParser:
     """Parser of all sub-commands, complete for the ``chosen`` one alone, so that no other is imported."""
     parser = argparse.ArgumentParser(
-        prog='tactile', description='Contact shape from a tactile skin on a CAN bus.')
+        prog='tactile', description='Contact shape from a tactile skin on a CAN bus.',
+        epilog='`tactile COMMAND --help` explains a command; `tactile demo` needs neither hardware nor options.')
     version = f'tactile_skin {tactile_node.__version__}' if chosen == '--version' else ''
     parser.add_argument('--version', action='version', version=version)
     commands = parser.add_subparsers(required=True, metavar='COMMAND')

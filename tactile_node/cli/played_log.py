@@ -1,7 +1,9 @@
 """A CAN log, played to its end without ROS: what `replay` and `calibrate` share."""
 
+from pathlib import Path
 from typing import NamedTuple
 
+from tactile_node.cli.progress import counted
 from tactile_node.errors import LogError
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.interruption import interruption
@@ -28,11 +30,11 @@ def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = N
     frames: dict[str, list[TaxelFrame]] = {pad.name: [] for pad in pads}
     source = LogSource(path, pads, lambda name, frame: frames[name].append(frame), pace=pace, channel=channel,
                        any_device=any_device)
-    with interruption() as stop_requested:
+    with interruption() as stop_requested, counted(Path(path).name, ' frames') as bar:
         source.open()
         source.start()
         while not source.finished.wait(0.1) and not stop_requested.is_set():
-            pass
+            bar.update(sum(map(len, frames.values())) - bar.n)
         source.close()
     if source.failure:
         raise LogError(path, expected='a log to its end', got=source.failure.detail.removesuffix('.'),

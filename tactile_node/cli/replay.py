@@ -1,4 +1,4 @@
-"""``tactile replay``: play a CAN log without ROS; taxel frames as .npy, and the fate of every CAN frame."""
+"""``tactile replay``: play a CAN log without ROS; taxel frames as .npz or .npy, and the fate of every CAN frame."""
 
 import argparse
 import io
@@ -9,16 +9,20 @@ from typing import BinaryIO
 
 import numpy as np
 
+from tactile_node.cli.frame_file import write_archive
 from tactile_node.cli.options import DEFAULT_LAYOUT, add_any_device_option, add_node_id_option, node_ids_of, pace
 from tactile_node.cli.played_log import play_log
 from tactile_node.errors import ConfigurationError
+from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.output_file import output_file
 from tactile_node.recording.summary import summary
+from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.pads import PadSettings, make_pads
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('replay', help='play a CAN log without ROS', description=__doc__)
+    parser = subparsers.add_parser('replay', description=__doc__,
+                                   help='play a CAN log without ROS: taxel frames to a file')
     parser.add_argument('log', help='CAN log: .log (candump), .log.gz, .asc, .blf, .trc, or a ROS 2 bag of '
                         'can_msgs/msg/Frame: .mcap, .db3, its folder')
     parser.add_argument('--layout', default=DEFAULT_LAYOUT, help='skin layout (default: %(default)s)')
@@ -28,8 +32,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     add_any_device_option(parser)
     parser.add_argument('--pace', type=pace, default=0.0,
                         help='1: as recorded, 2: twice as fast, 0: as fast as possible (default: %(default)s)')
-    parser.add_argument('--output', metavar='FILE', help='.npy of shape (K, rows, cols), NaN = invalid; '
-                        '- is standard output, for one pad; with more pads the name gets _pad32 and so on')
+    parser.add_argument('-o', '--output', metavar='FILE', help='.npz: values of shape (K, rows, cols), NaN = invalid, '
+                        'with stamps, sequence, status, pad, pitch and unit; .npy: the values alone; - is standard '
+                        'output (.npy), for one pad; with more pads the name gets _pad32 and so on')
     parser.set_defaults(run=run)
 
 
@@ -40,12 +45,8 @@ def run(args: argparse.Namespace) -> int:
         outputs = {name: stack.enter_context(output_file(path, inputs=(args.log,)) if path else _standard_output())
                    for name, path in _outputs(args.output, pads).items()}
         played = play_log(args.log, pads, pace=args.pace or None, channel=args.channel, any_device=args.any_device)
-        layout = pads[0].layout
         for name, stream in outputs.items():
-            array = io.BytesIO()  # numpy seeks in what it writes to, which a pipe cannot
-            values = [frame.values for frame in played.frames[name]]
-            np.save(array, np.array(values).reshape(-1, layout.rows, layout.cols))
-            stream.write(array.getbuffer())
+            stream.write(_as_file(played.frames[name], name, pads[0].layout, is_archive=_is_archive(args.output)))
     statistics = played.source.statistics()
     print(summary(statistics), file=sys.stderr if args.output == '-' else sys.stdout)
     if statistics.unread:
@@ -53,6 +54,25 @@ def run(args: argparse.Namespace) -> int:
     if not played.used:
         print('A pad has no TPDO in this log: check --node-id and --layout.', file=sys.stderr)
     return 0 if played.has_ended and played.used and not played.source.strangers else 1
+
+
+def _as_file(frames: list[TaxelFrame], pad: str, layout: SkinLayout, *, is_archive: bool) -> bytes:
+    """Whole in memory: numpy seeks in what it writes to, which a pipe cannot."""
+    stream, shape = io.BytesIO(), (layout.rows, layout.cols)
+    if is_archive:
+        write_archive(stream, frames, shape, pad=pad, pitch=layout.pitch, unit=layout.value.unit)
+    else:
+        np.save(stream, np.array([frame.values for frame in frames], np.float32).reshape(-1, *shape))
+    return stream.getvalue()
+
+
+def _is_archive(output: str) -> bool:
+    """Return whether ``output`` is an .npz. Raises ConfigurationError for a suffix that names another format."""
+    suffix = Path(output).suffix.lower()
+    if suffix not in ('', '.npy', '.npz'):
+        raise ConfigurationError(f'--output {output}', expected='.npz, with stamps, or .npy', got=suffix,
+                                 remedy='Name another file.')
+    return suffix == '.npz'
 
 
 def _outputs(output: str | None, pads: tuple[PadSettings, ...]) -> dict[str, Path | None]:
@@ -64,6 +84,7 @@ def _outputs(output: str | None, pads: tuple[PadSettings, ...]) -> dict[str, Pat
             raise ConfigurationError('--output -', expected='one pad', got=f'{len(pads)} pads',
                                      remedy='Name a file: each pad gets its own.')
         return {pads[0].name: None}
+    _is_archive(output)
     path = Path(output)
     if len(pads) == 1:
         return {pads[0].name: path}

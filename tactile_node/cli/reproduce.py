@@ -2,9 +2,10 @@
 
 import argparse
 import os
-import sys
+from contextlib import closing
 from pathlib import Path
 
+from tactile_node.cli.progress import Stages
 from tactile_node.errors import InputError
 from tactile_node.package_files import config_path
 from tactile_node.shape.volf import VolfClassifier
@@ -38,12 +39,12 @@ def run(args: argparse.Namespace) -> int:
     from tactile_node.reproduction.experiments import measure
     from tactile_node.reproduction.page import write_page
 
-    results = measure(classifier, patterns=args.patterns, training=args.training, seed=args.seed, jobs=args.jobs,
-                      progress=_show)
-    _show('drawing the figures')
     command = f'tactile reproduce --patterns {args.patterns} --training {args.training} --seed {args.seed}'
-    written = write_page(folder, results, command)
-    print(file=sys.stderr)
+    with closing(Stages()) as stages:
+        results = measure(classifier, patterns=args.patterns, training=args.training, seed=args.seed, jobs=args.jobs,
+                          progress=stages.show)
+        stages.show('drawing the figures')
+        written = write_page(folder, results, command)
     print(*written, sep='\n')
     return 0
 
@@ -56,6 +57,3 @@ def _folder(path: str) -> Path:
                          remedy='Give another path with --output.') from None
     return Path(path)
 
-
-def _show(text: str) -> None:
-    print(f'\r{text:70}', end='', file=sys.stderr, flush=True)

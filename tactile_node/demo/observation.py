@@ -8,12 +8,51 @@ import numpy as np
 from tactile_node.simulator.touches import Touch
 
 
+class SeenFit(NamedTuple):
+    """Pose and size as the shape topic reported them, in the pad frame [m, rad]."""
+
+    dimensions: Mapping[str, float]  #: by name, as ContactShape.dimension_names
+    centre: tuple[float, float]
+    angle: float | None              #: None: of a circle
+    names: tuple[str, ...]           #: of the rows of ``covariance``
+    covariance: np.ndarray
+    outline: np.ndarray              #: (n, 2)
+
+    def sd(self, name: str) -> float:
+        """Standard deviation of one of ``names``."""
+        place = self.names.index(name)
+        return float(np.sqrt(self.covariance[place, place]))
+
+    @property
+    def lengths(self) -> str:
+        """The dimensions in millimetres; a single one with its name."""
+        name = f'{next(iter(self.dimensions))} ' if len(self.dimensions) == 1 else ''
+        return name + ' x '.join(f'{1000 * length:.1f}' for length in self.dimensions.values())
+
+    @property
+    def size(self) -> str:
+        """The dimensions and the largest of their standard deviations, in millimetres."""
+        return f'{self.lengths} ± {1000 * max(map(self.sd, self.dimensions)):.2f} mm'
+
+    @property
+    def place(self) -> str:
+        """The centre and the larger standard deviation of its coordinates, in millimetres."""
+        x, y = self.centre
+        return f'{1000 * x:.1f}, {1000 * y:.1f} ± {1000 * max(self.sd("x"), self.sd("y")):.2f} mm'
+
+    @property
+    def turn(self) -> str:
+        """The angle and its standard deviation in degrees; nothing of a circle."""
+        return '' if self.angle is None else f'{np.degrees(self.angle):.1f} ± {np.degrees(self.sd("angle")):.1f}°'
+
+
 class Seen(NamedTuple):
     """One recognised frame: time [s since operational], probabilities by shape name, taxels (rows, cols) [Pa]."""
 
     time: float
     probabilities: Mapping[str, float]
     taxels: np.ndarray
+    fit: SeenFit | None = None
 
 
 class Verdict(NamedTuple):
@@ -25,6 +64,7 @@ class Verdict(NamedTuple):
     confidence: float  #: mean probability of ``recognised`` over the frames
     frames: int
     taxels: np.ndarray  #: the middle frame [Pa]
+    fit: SeenFit | None  #: of the same frame
 
     @property
     def right(self) -> bool:
@@ -41,5 +81,6 @@ def _verdict(pad: str, touch: Touch, frames: list[Seen]) -> Verdict:
     means = {name: float(np.mean([frame.probabilities[name] for frame in frames]))
              for name in frames[0].probabilities}
     recognised = max(means, key=means.__getitem__)
+    middle = frames[len(frames) // 2]
     return Verdict(pad=pad, touch=touch, recognised=recognised, confidence=means[recognised], frames=len(frames),
-                   taxels=frames[len(frames) // 2].taxels)
+                   taxels=middle.taxels, fit=middle.fit)

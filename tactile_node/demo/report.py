@@ -1,57 +1,47 @@
-"""The demo's results: a table for the terminal and as CSV, and a picture of the run."""
+"""The demo's results as a table, for the terminal and as CSV."""
 
 import csv
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 
-matplotlib.use('Agg')
-from matplotlib import pyplot  # noqa: E402 (after the backend is chosen)
+from tactile_node.demo.observation import SeenFit, Verdict
 
-from tactile_node.demo.observation import Verdict  # noqa: E402
-
-COLUMNS = ('pad', 'touch', 'taxels', 'angle_deg', 'true', 'recognised', 'confidence', 'frames')
-FULL_SCALE = 100e3  # Pa, for the colours
-
-
-def rows(verdicts: list[Verdict]) -> list[tuple]:
-    """Return the table's rows, in the order of COLUMNS."""
-    return [(v.pad, f'{v.touch.begin:.1f} s', round(v.touch.contact.area), round(np.degrees(v.touch.contact.angle)),
-             v.touch.contact.shape, v.recognised, f'{v.confidence:.2f}', v.frames) for v in verdicts]
+SHOWN = ('pad', '[s]', 'true', 'recognised', 'prob', 'size')  #: what fits into the 80 columns of a terminal
+TOUCHED = ('pad', 'touch', 'taxels', 'angle_deg', 'true', 'recognised', 'confidence', 'frames')
+FOUND = ('size1_mm', 'size2_mm', 'size_sd_mm', 'x_mm', 'y_mm', 'centre_sd_mm', 'found_angle_deg', 'angle_sd_deg')
 
 
 def table(verdicts: list[Verdict]) -> str:
     """Return the table as text, a line a touch, wrong ones marked."""
-    cells = [tuple(map(str, row)) for row in rows(verdicts)]
-    widths = [max(map(len, column)) for column in zip(COLUMNS, *cells)]
+    cells = [_shown(verdict) for verdict in verdicts]
+    widths = [max(map(len, column)) for column in zip(SHOWN, *cells)]
     marks = ['', *('' if v.right else '  <- wrong' for v in verdicts)]
-    lines = ['  '.join(f'{cell:<{width}}' for cell, width in zip(row, widths)) for row in [COLUMNS, *cells]]
+    lines = ['  '.join(f'{cell:<{width}}' for cell, width in zip(row, widths)) for row in [SHOWN, *cells]]
     return '\n'.join((line + mark).rstrip() for line, mark in zip(lines, marks))
 
 
 def write_csv(verdicts: list[Verdict], path: Path) -> None:
     with path.open('w', newline='', encoding='utf-8') as file:
-        csv.writer(file).writerows([COLUMNS, *rows(verdicts)])
+        csv.writer(file).writerows([(*TOUCHED, *FOUND), *((*_touched(v), *_found(v.fit)) for v in verdicts)])
 
 
-def draw(verdicts: list[Verdict], path: Path) -> None:
-    """Draw every touch: its taxels, the true outline, true and recognised name."""
-    columns, lines = 6, -(-len(verdicts) // 6)
-    figure, axes = pyplot.subplots(lines, columns, figsize=(15, 2.9 * lines))
-    for axis in axes.flat:
-        axis.set_axis_off()
-    for axis, verdict in zip(axes.flat, verdicts):
-        _draw_touch(axis, verdict)
-    figure.suptitle('tactile_skin demo: taxels under each touch, its true outline, and the shape on the topic')
-    figure.tight_layout()
-    figure.savefig(path, dpi=80)
-    pyplot.close(figure)
+def _shown(v: Verdict) -> tuple[str, ...]:
+    return (v.pad, f'{v.touch.begin:.1f}', v.touch.contact.shape, v.recognised, f'{v.confidence:.2f}',
+            '' if v.fit is None else v.fit.size)
 
 
-def _draw_touch(axis, verdict: Verdict) -> None:
-    outline = verdict.touch.contact.outline()
-    axis.imshow(verdict.taxels, cmap='inferno', vmin=0, vmax=FULL_SCALE, origin='lower')
-    axis.plot(*np.vstack((outline, outline[:1])).T, color='cyan', linewidth=1)
-    axis.set_title(f'{verdict.pad}: {verdict.touch.contact.shape}\n-> {verdict.recognised} {verdict.confidence:.2f}',
-                   fontsize=9, color='darkgreen' if verdict.right else 'firebrick')
+def _touched(v: Verdict) -> tuple:
+    return (v.pad, f'{v.touch.begin:.1f} s', round(v.touch.contact.area), round(np.degrees(v.touch.contact.angle)),
+            v.touch.contact.shape, v.recognised, f'{v.confidence:.2f}', v.frames)
+
+
+def _found(fit: SeenFit | None) -> list[str]:
+    """Empty where there is none: a circle has one length and no angle."""
+    if fit is None:
+        return len(FOUND) * ['']
+    first, second = (*fit.dimensions.values(), None)[:2]
+    lengths = first, second, max(map(fit.sd, fit.dimensions)), *fit.centre, max(fit.sd('x'), fit.sd('y'))
+    angles = (None, None) if fit.angle is None else (fit.angle, fit.sd('angle'))
+    return ['' if value is None else f'{factor * value:.3f}'
+            for values, factor in ((lengths, 1000), (angles, 180 / np.pi)) for value in values]

@@ -37,6 +37,7 @@ class DemoSession:
     def __init__(self, folder: Path, seed: int, areas: Sequence[float]):
         pads = [make_pad(name, node_id, LAYOUT) for name, node_id in zip(PADS, NODE_IDS)]
         rows, cols = pads[0].layout.rows, pads[0].layout.cols
+        self._pitch = pads[0].layout.pitch
         self._touches = {name: scripted_touches(seed + i, areas, rows, cols) for i, name in enumerate(PADS)}
         sources = {name: TouchedPad(touches, rows, cols, seed + len(PADS) + i)
                    for i, (name, touches) in enumerate(self._touches.items())}
@@ -100,6 +101,11 @@ class DemoSession:
             return 'none seen'
         median, high = np.percentile(self.watcher.latency, (50, 99)) * 1e3
         return f'median {median:.1f} ms, 99 % within {high:.1f} ms'
+
+    @property
+    def pitch(self) -> float:
+        """Of both pads [m]."""
+        return self._pitch
 
     @property
     def touches(self) -> int:

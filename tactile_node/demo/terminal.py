@@ -8,6 +8,7 @@ import numpy as np
 
 SHADES = ' .:-=+*#%@'
 COLOURS = (16, 17, 18, 19, 54, 90, 126, 162, 198, 203, 208, 214, 220, 226, 229, 231)  # xterm-256: dark to bright
+WORDS = 38  #: columns for the words below a pad: two pads fit into 80 columns
 CLEAR_LINE = '\x1b[2K'
 
 
@@ -32,7 +33,7 @@ def side_by_side(views: Sequence[PadView], colour: bool) -> list[str]:
     """Return the lines of several pads next to each other, names above, words below."""
     columns = []
     for view in views:
-        width = max(2 * view.taxels.shape[1], 30)
+        width = max(2 * view.taxels.shape[1], WORDS)
         pad = ' ' * (width - 2 * view.taxels.shape[1])
         columns.append([f'{view.name:<{width}}', *[line + pad for line in picture(view.taxels, colour)],
                         f'{view.words:<{width}}'])

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from rclpy.node import Node
 
-from tactile_node.demo.observation import Seen
+from tactile_node.demo.observation import Seen, SeenFit
 from tactile_node.demo.terminal import PadView
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.ros.message_checks import check_contact_shape, check_taxel_array
@@ -58,9 +58,20 @@ class Watcher(Node):
         self.latency.append(time.time() - stamp)
         if taxels is not None:
             names = dict(zip(message.class_names, map(float, message.probabilities)))
-            self.seen[pad].append(Seen(self._demo_time(stamp), names, np.array(taxels)))
+            self.seen[pad].append(Seen(self._demo_time(stamp), names, np.array(taxels), _fit(message)))
+
+
+def _fit(message: ContactShape) -> SeenFit | None:
+    if not message.fit_valid:
+        return None
+    pose, names = message.pose.pose, tuple(message.parameter_names)
+    angle = 2 * float(np.arctan2(pose.orientation.z, pose.orientation.w)) if 'angle' in names else None
+    return SeenFit(dict(zip(message.dimension_names, message.dimensions)), (pose.position.x, pose.position.y), angle,
+                   names, np.array(message.covariance).reshape(2 * [len(names)]),
+                   np.array([(point.x, point.y) for point in message.outline.points]))
 
 
 def _words(seen: Seen) -> str:
     name = max(seen.probabilities, key=seen.probabilities.__getitem__)
-    return f'{name.replace("_", " ")} {seen.probabilities[name]:.0%}'
+    size = '' if seen.fit is None else f' {seen.fit.lengths} mm'
+    return f'{name.replace("_", " ")} {seen.probabilities[name]:.0%}{size}'

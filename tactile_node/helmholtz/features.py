@@ -6,7 +6,6 @@ minimum, maximum and difference over the 46 rotations.
 """
 
 from collections.abc import Mapping
-from enum import Flag, auto
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -14,6 +13,7 @@ import numpy as np
 
 from tactile_node.errors import InputError
 from tactile_node.helmholtz.eigenvalues import Problem, smallest_eigenvalues
+from tactile_node.helmholtz.feature_groups import Group as Group
 from tactile_node.helmholtz.gravity import Gravity, gravity
 from tactile_node.helmholtz.information import Information, information
 from tactile_node.helmholtz.operators import WEIGHTS, Stencil
@@ -21,23 +21,6 @@ from tactile_node.helmholtz.rotation import ANGLES, with_rotated
 from tactile_node.helmholtz.taxel_list import TaxelList, ringed_taxel_list, taxel_list
 
 TOGETHER = 400_000  #: taxels of rotated patterns described at a time: bounds the memory of large contacts
-
-
-class Group(Flag):
-    """Which features to compute besides N, P05, P09; eigenvalues cost most."""
-
-    NONE = 0
-    INFORMATION5 = auto()
-    INFORMATION9 = auto()
-    GRAVITY5 = auto()
-    GRAVITY9 = auto()
-    EIGENVALUES = auto()
-    BORDER = auto()  #: the groups above also for the reduced matrices
-    ROTATED = auto()  #: min, max and dif over the rotations of everything computed
-    INFORMATION = INFORMATION5 | INFORMATION9
-    GRAVITY = GRAVITY5 | GRAVITY9
-    CLASSIFIER = INFORMATION5 | GRAVITY9 | ROTATED  #: what the paper's planes need
-    ALL = INFORMATION | GRAVITY | EIGENVALUES | BORDER | ROTATED
 
 
 INFORMATION = {Stencil.FIVE: Group.INFORMATION5, Stencil.NINE: Group.INFORMATION9}

@@ -12,13 +12,19 @@ from tactile_node.shape.plane import Plane
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS
 
-COLOURS = {Shape.RECTANGLE: '#d97706', Shape.RIGHT_TRIANGLE: '#b91c1c', Shape.ISOSCELES_TRIANGLE: '#7c3aed',
-           Shape.SQUARE: '#1d4ed8', Shape.CIRCLE: '#059669'}
+#: Okabe and Ito's colours, for every kind of colour vision; marks differ too
+COLOURS = {Shape.RECTANGLE: '#e69f00', Shape.RIGHT_TRIANGLE: '#d55e00', Shape.ISOSCELES_TRIANGLE: '#cc79a7',
+           Shape.SQUARE: '#0072b2', Shape.CIRCLE: '#009e73'}
+MARK_OF = {Shape.RECTANGLE: '|', Shape.RIGHT_TRIANGLE: '4', Shape.ISOSCELES_TRIANGLE: '^', Shape.SQUARE: 's',
+           Shape.CIRCLE: 'o'}
 SHOWN = 600  #: patterns of each class in a cloud
 HIGHEST = 0.97  #: quantile up to which a cloud is shown; a few lie far above
 LABELS = {('value', 'N'): 'N', ('dif', 'alpha9'): 'dif α9 [degrees]', ('min', 'P05'): 'min P05',
           ('min', 'info_norm5'): 'min I5', ('dif', 'P05'): 'dif P05', ('dif', 'info_norm5'): 'dif I5'}
-MARKS = ('o', 's', 'D', '^', 'v', 'P', 'X')
+#: colour, mark and line of each method, the published one first
+STYLES = (('black', 'o', '-'), ('#0072b2', 's', '--'), ('#d55e00', 'D', '-.'), ('#009e73', '^', ':'),
+          ('#cc79a7', 'v', (0, (5, 1))), ('#e69f00', 'P', (0, (3, 1, 1, 1, 1, 1))), ('#56b4e9', 'X', (0, (1, 1))))
+BESIDE = 1.012  #: ratio of the places of two methods at one size, or their intervals would hide each other
 
 
 def first_plane(samples: Samples, planes: dict[str, Plane], counted: str = 'N') -> Figure:
@@ -46,12 +52,12 @@ def _cloud(samples: Samples, curves: list[Plane], shapes: Sequence[Shape]) -> Fi
     for shape in shapes:
         chosen = np.flatnonzero(samples.labels == ANSWERS.index(shape))[:SHOWN]
         x = samples.of(horizontal)[chosen] + jitter.uniform(-0.35, 0.35, len(chosen))
-        axes.plot(x, samples.of(vertical)[chosen], '.', ms=3, color=COLOURS[shape], label=shape.value,
-                  rasterized=True)
+        axes.plot(x, samples.of(vertical)[chosen], MARK_OF[shape], ms=3, mew=0.7, color=COLOURS[shape],
+                  fillstyle='none', label=shape.value.replace('_', ' '), rasterized=True)
     drawn = np.isin(samples.labels, [ANSWERS.index(shape) for shape in shapes])
     x = np.linspace(samples.of(horizontal)[drawn].min(), samples.of(horizontal)[drawn].max(), 400)
     for style, plane in zip(('-', '--'), curves):
-        axes.plot(x, plane.curve_at(x), style, color='black', lw=1.5)
+        axes.plot(x, plane.curve_at(x), style, color='black', lw=1.8)
     axes.set_ylim(0, 1.15 * np.quantile(samples.of(vertical)[drawn], HIGHEST))
     axes.legend(markerscale=3, frameon=False, fontsize=9)
     return figure
@@ -60,10 +66,11 @@ def _cloud(samples: Samples, curves: list[Plane], shapes: Sequence[Shape]) -> Fi
 def rates_by_size(methods: Sequence[Method], size: str) -> Figure:
     """Recognition of every method against ``size``, with 95 % intervals, and the published points."""
     figure = Figure(figsize=(9.6, 5.6), layout='constrained')
-    axes = figure.add_subplot(xlabel=size, ylabel='recognised', xscale='log', ylim=(0.3, 1.05))
-    for number, (method, mark) in enumerate(zip(methods, MARKS)):
-        colour, width = ('black', 2.2) if number == 0 else (f'C{number - 1}', 1.2)
-        _line(axes, method, mark, colour=colour, width=width)
+    axes = figure.add_subplot(xlabel=size, ylabel='recognised', xscale='log')
+    lowest = min(rate.low for method in methods for rate in method.rates.values())
+    axes.set_ylim(min(0.3, lowest - 0.02), 1.05)
+    for number, (method, style) in enumerate(zip(methods, STYLES)):
+        _line(axes, method, style, beside=BESIDE ** (number - (len(methods) - 1) / 2), width=1.3 if number else 2.4)
     for taxels, text in PUBLISHED.items():
         axes.annotate(f'paper: {text}', (taxels, published_share(taxels)), (-8, 6), textcoords='offset points',
                       fontsize=9, color='#c2410c', ha='right',
@@ -72,12 +79,13 @@ def rates_by_size(methods: Sequence[Method], size: str) -> Figure:
     axes.set_xticks(SIZES, [str(size) for size in SIZES])
     axes.set_xticks([], minor=True)
     axes.grid(alpha=0.3)
-    axes.legend(frameon=False, fontsize=8, loc='upper left', bbox_to_anchor=(0, -0.12), ncol=2)
+    axes.legend(frameon=False, fontsize=9, loc='upper left', bbox_to_anchor=(0, -0.12), ncol=2, handlelength=4)
     return figure
 
 
-def _line(axes: Axes, method: Method, mark: str, colour: str, width: float) -> None:
-    rates = method.rates.values()
+def _line(axes: Axes, method: Method, style: tuple, beside: float, width: float) -> None:
+    rates, (colour, mark, line) = method.rates.values(), style
     spread = [[rate.share - rate.low for rate in rates], [rate.high - rate.share for rate in rates]]
-    axes.errorbar(list(method.rates), [rate.share for rate in rates], spread, marker=mark, ms=4, lw=width,
-                  capsize=2, color=colour, label=method.name)
+    places = [beside * size for size in method.rates]
+    axes.errorbar(places, [rate.share for rate in rates], spread, marker=mark, ms=4.5, lw=width, linestyle=line,
+                  elinewidth=0.8, capsize=2, color=colour, label=method.name)

@@ -1,6 +1,5 @@
 """What is measured: the paper's method as published, and why it does not reach the published figures here."""
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +17,7 @@ from tactile_node.reproduction.inside_reading import InsideReading, measure_insi
 from tactile_node.reproduction.methods import SIZES, Method, best_fit, measured
 from tactile_node.reproduction.neighbours import NearestNeighbours
 from tactile_node.reproduction.rates import Rate, confusion, lost_in_plane, rate
-from tactile_node.reproduction.sampling import Drawn, Wanted, draw
+from tactile_node.reproduction.sampling import Drawn, Progress, Wanted, draw
 from tactile_node.reproduction.worlds import WORLDS, draw_pattern
 from tactile_node.shape.volf import ANSWERS, VolfClassifier
 from tactile_node.synthetic.seeds import Purpose, generator
@@ -47,7 +46,7 @@ class Results(NamedTuple):
 
 
 def measure(classifier: VolfClassifier, patterns: int, training: int, seed: int, jobs: int,
-            progress: Callable[[str], None]) -> Results:
+            progress: Progress) -> Results:
     """Measure everything; ``patterns`` at each size, of the benchmark's world."""
     drawn = draw(_wanted(patterns, training) | wanted_inside(patterns, training), seed, jobs, progress)
     every = {size: drawn[f'benchmark {size}'].every for size in SIZES}

@@ -5,7 +5,6 @@ isosceles and once equilateral triangles. Each change is measured alone, then bo
 in one class, so that the patterns of the four others are shared, and a difference is not that of two draws.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +13,7 @@ from tactile_node.reproduction.curve_fitting import AREAS, Samples, answers
 from tactile_node.reproduction.inside import ACTIVE, areas_around, by_inside
 from tactile_node.reproduction.methods import SIZES, Method, best_fit, measured
 from tactile_node.reproduction.rates import lost_in_plane
-from tactile_node.reproduction.sampling import Drawn, Wanted
+from tactile_node.reproduction.sampling import Drawn, Progress, Wanted
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS, VolfClassifier
 from tactile_node.synthetic.seeds import Purpose
@@ -57,7 +56,7 @@ def wanted_inside(patterns: int, training: int) -> dict[str, Wanted]:
 
 
 def measure_inside(drawn: dict[str, Drawn], published: VolfClassifier,
-                   progress: Callable[[str], None]) -> InsideReading:
+                   progress: Progress) -> InsideReading:
     """Measure the reading; ``published`` has the curves of the method as published."""
     training = drawn['benchmark training']
     triangles = replaced(training, drawn['triangles training'])

@@ -1,9 +1,9 @@
 """Draws patterns and the features of the paper's planes, on several processes."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import nullcontext
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -16,6 +16,12 @@ from tactile_node.shape.volf import ANSWERS
 from tactile_node.synthetic.seeds import Purpose, generator
 
 BATCH = 250  #: patterns a process draws at a time
+
+
+class Progress(Protocol):
+    """Receives the stage of the work, and which share of that stage is done where it is known."""
+
+    def __call__(self, stage: str, share: float | None = None, /) -> None: ...
 
 
 class Wanted(NamedTuple):
@@ -48,7 +54,7 @@ class Drawn(NamedTuple):
     kept: Samples
 
 
-def draw(wanted: dict[str, Wanted], seed: int, jobs: int, progress: Callable[[str], None]) -> dict[str, Drawn]:
+def draw(wanted: dict[str, Wanted], seed: int, jobs: int, progress: Progress) -> dict[str, Drawn]:
     """Draw what is ``wanted``, by name. The result does not depend on ``jobs``."""
     parts: list[tuple[Wanted, int, int]] = []
     names: list[str] = []
@@ -62,7 +68,7 @@ def draw(wanted: dict[str, Wanted], seed: int, jobs: int, progress: Callable[[st
     with ProcessPoolExecutor(jobs) if jobs > 1 else nullcontext() as pool:
         for done, (name, batch) in enumerate(zip(names, _mapped(pool, tasks)), 1):
             rows[name].append(batch)
-            progress(f'patterns drawn: {done / len(tasks):.0%}')
+            progress('drawing patterns', done / len(tasks))
     return {name: _samples(np.concatenate(batches)) for name, batches in rows.items()}
 
 

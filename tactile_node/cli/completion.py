@@ -1,0 +1,44 @@
+"""`tactile completion`: what makes a shell complete commands, options and file names of `tactile` with TAB.
+
+bash:  echo 'eval "$(tactile completion bash)"' >> ~/.bashrc
+zsh:   echo 'autoload -U compinit && compinit; eval "$(tactile completion zsh)"' >> ~/.zshrc
+fish:  tactile completion fish > ~/.config/fish/completions/tactile.fish
+"""
+
+import argparse
+from collections.abc import Mapping
+
+import argcomplete
+
+SHELLS = 'bash', 'zsh', 'fish'
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> None:
+    parser = subparsers.add_parser('completion', description=__doc__,
+                                   help='print what makes your shell complete `tactile`',
+                                   formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('shell', choices=SHELLS, help='the lines are for this one')
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    print(argcomplete.shellcode(['tactile'], shell=args.shell))
+    return 0
+
+
+def chosen_command(environment: Mapping[str, str]) -> str:
+    """Return the sub-command on the line that is completed; '' while it is not yet complete.
+
+    >>> chosen_command({'COMP_LINE': 'tactile classify --pi', 'COMP_POINT': '21', '_ARGCOMPLETE': '1'})
+    'classify'
+    >>> chosen_command({'COMP_LINE': 'tactile cla', 'COMP_POINT': '11', '_ARGCOMPLETE': '1'})
+    ''
+    """
+    line = environment.get('COMP_LINE', '')[:int(environment.get('COMP_POINT') or 0)]
+    words = line.split()[int(environment.get('_ARGCOMPLETE') or 1):]
+    return words[0] if words and len(line.split(words[0], 1)[1]) else ''
+
+
+def answer(parser: argparse.ArgumentParser) -> None:
+    """Write the completions to where the shell reads them, and end the process."""
+    argcomplete.autocomplete(parser)

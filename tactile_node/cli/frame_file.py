@@ -1,0 +1,148 @@
+"""Files of taxel frames of one pad: .npy, .npz (with stamps, as `tactile replay` writes it), .csv and .png."""
+
+import io
+import sys
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+from zipfile import BadZipFile
+
+import numpy as np
+
+from tactile_node.cli.frame_png import DEFAULT_GREYS, Greys, read_png
+from tactile_node.cli.frame_text import read_text
+from tactile_node.errors import InputError
+from tactile_node.frames.taxel_frame import TaxelFrame
+from tactile_node.press_levels import PRESS_BY_UNIT
+
+FORMATS = {'.npy': 'npy', '.npz': 'npz', '.csv': 'csv', '.png': 'png'}
+MAGIC = {b'\x93NUMPY': 'npy', b'PK': 'npz', b'\x89PNG': 'png'}  #: of what has another suffix; the rest is text
+VALUES = 'values'  #: the array of an .npz that holds the frames
+REMEDY = 'Give a .npy, .npz, .csv or .png file; `tactile classify --help` says what each holds.'
+
+
+class TaxelFrames(NamedTuple):
+    """Successive frames of one pad; None where the file does not say."""
+
+    values: np.ndarray                  #: (K, rows, cols), bool or float, NaN = no valid value
+    stamps: np.ndarray | None = None    #: (K,) acquisition [s, Unix epoch]
+    sequence: np.ndarray | None = None  #: (K,) as in TaxelFrame
+    status: np.ndarray | None = None    #: (K, rows, cols) TaxelStatus
+    pad: str | None = None
+    pitch: float | None = None          #: [m]
+    unit: str | None = None             #: of the values: 'Pa', 'N', '1'
+
+    def known_of(self, k: int) -> dict:
+        """Return what is known of frame ``k`` beside its values, by name."""
+        known: dict = {} if self.pad is None else {'pad': self.pad}
+        if self.stamps is not None:
+            known['stamp'] = float(self.stamps[k])
+        if self.sequence is not None:
+            known['sequence'] = int(self.sequence[k])
+        return known
+
+
+def read_frames(path: str, greys: Greys = DEFAULT_GREYS) -> TaxelFrames:
+    """Read ``path``, '-' for standard input; ``greys``: what the pixels of a picture mean.
+
+    The suffix chooses the format; of another one, and on standard input, the first bytes do. Raises InputError where
+    it holds no frames.
+    """
+    content = _content(path)
+    suffix = Path(path).suffix.lower()
+    kind = FORMATS.get(suffix) or next((kind for magic, kind in MAGIC.items() if content.startswith(magic)), 'csv')
+    if not content:
+        raise _unusable(path, 'nothing')
+    if kind == 'csv':
+        return TaxelFrames(read_text(content, _name(path)))
+    if kind == 'png':
+        return TaxelFrames(read_png(content, _name(path), greys)[np.newaxis])
+    loaded = _loaded(path, content)
+    if isinstance(loaded, np.ndarray) != (kind == 'npy'):
+        raise _unusable(path, 'an archive (.npz)' if kind == 'npy' else 'a single array (.npy)')
+    return TaxelFrames(_frames(path, loaded)) if isinstance(loaded, np.ndarray) else _of_archive(path, loaded)
+
+
+def write_archive(stream: BinaryIO, frames: Sequence[TaxelFrame], shape: tuple[int, int], *, pad: str, pitch: float,
+                  unit: str) -> None:
+    """Write ``frames`` of ``shape`` (rows, cols) as an .npz with all that `TaxelFrames` has; ``pitch`` [m]."""
+    np.savez_compressed(
+        stream, values=np.array([frame.values for frame in frames], np.float32).reshape(-1, *shape),
+        stamps=np.array([frame.stamp for frame in frames], float),
+        sequence=np.array([frame.sequence for frame in frames], np.int64),
+        status=np.array([frame.status for frame in frames], np.uint8).reshape(-1, *shape),
+        pad=np.array(pad), pitch=np.array(pitch), unit=np.array(unit))
+
+
+def _content(path: str) -> bytes:
+    try:
+        return sys.stdin.buffer.read() if path == '-' else Path(path).read_bytes()
+    except OSError as error:
+        raise _unusable(path, error.strerror or str(error)) from None
+    except MemoryError:
+        raise _unusable(path, 'more than fits into memory') from None
+
+
+def _loaded(path: str, content: bytes) -> np.ndarray | dict[str, np.ndarray]:
+    try:
+        loaded = np.load(io.BytesIO(content), allow_pickle=False)
+        return loaded if isinstance(loaded, np.ndarray) else dict(loaded)
+    except EOFError:
+        raise _unusable(path, 'a file that is cut short') from None
+    except MemoryError:
+        raise _unusable(path, 'more than fits into memory') from None
+    except (ValueError, KeyError, OSError, BadZipFile, zlib.error) as error:
+        # numpy takes whatever is not its own format for a pickle, which we never load.
+        got = 'another format, or Python objects' if 'pickle' in str(error) else ' '.join(str(error).split())
+        raise _unusable(path, got) from None
+
+
+def _of_archive(path: str, arrays: dict[str, np.ndarray]) -> TaxelFrames:
+    if VALUES not in arrays and len(arrays) != 1:
+        raise _unusable(path, f'an archive of {", ".join(map(repr, sorted(arrays))) or "no array"}, none of them '
+                        f'{VALUES!r}')
+    values = _frames(path, arrays.get(VALUES, next(iter(arrays.values()))))
+    if VALUES not in arrays:
+        return TaxelFrames(values)
+    unit, pitch = (arrays[name].item() if name in arrays and arrays[name].ndim == 0 else None
+                   for name in ('unit', 'pitch'))
+    if unit is not None and unit not in PRESS_BY_UNIT:
+        raise _unusable(path, f'the unit {unit!r}, which is none of {", ".join(PRESS_BY_UNIT)}')
+    if pitch is not None and not (isinstance(pitch, float) and 0 < pitch < np.inf):
+        raise _unusable(path, f'the pitch {pitch!r}, which is no length in metres')
+    return TaxelFrames(
+        values, _each(path, arrays, 'stamps', values.shape[:1], 'f'),
+        _each(path, arrays, 'sequence', values.shape[:1], 'iu'), _each(path, arrays, 'status', values.shape, 'iu'),
+        str(arrays['pad']) if 'pad' in arrays else None, pitch, unit)
+
+
+def _each(path: str, arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...], kinds: str) -> np.ndarray | None:
+    found = arrays.get(name)
+    if found is not None and (found.shape != shape or found.dtype.kind not in kinds or not np.isfinite(found).all()):
+        raise _unusable(path, f'{name} of shape {found.shape} and type {found.dtype}, or not finite, for frames of '
+                        f'shape {shape}')
+    return found
+
+
+def _frames(path: str, array: np.ndarray) -> np.ndarray:
+    """Return (K, rows, cols), bool or float, values that are not finite as NaN."""
+    if array.dtype.kind not in 'biuf':
+        raise _unusable(path, f'numbers of type {array.dtype}')
+    frames = array[np.newaxis] if array.ndim == 2 else array
+    if frames.ndim != 3 or 0 in frames.shape[1:]:
+        raise _unusable(path, f'shape {array.shape}')
+    if frames.dtype == bool:
+        return frames
+    frames = frames.astype(float)
+    frames[~np.isfinite(frames)] = np.nan
+    return frames
+
+
+def _name(path: str) -> str:
+    return 'standard input' if path == '-' else f'file {path!r}'
+
+
+def _unusable(path: str, got: str) -> InputError:
+    return InputError(_name(path), expected='taxel frames (K, rows, cols) or (rows, cols), bool, integer or float',
+                      got=got, remedy=REMEDY)

@@ -1,0 +1,59 @@
+"""What `features` and `classify` share: the frames of their inputs and the contact pattern of each."""
+
+import argparse
+from collections.abc import Iterator
+
+import numpy as np
+
+from tactile_node.cli.frame_file import TaxelFrames, read_frames
+from tactile_node.cli.frame_png import Greys
+from tactile_node.cli.progress import followed
+from tactile_node.cli.records import prints
+from tactile_node.contact.pattern import ContactPattern, PatternExtractor
+from tactile_node.contact.press import PRESS_FRACTION, PressThresholds
+from tactile_node.errors import InputError
+from tactile_node.frames.taxel_frame import TaxelStatus
+from tactile_node.library.arguments import check_values
+
+
+def files(args: argparse.Namespace) -> Iterator[tuple[str, TaxelFrames]]:
+    """Yield name and frames of each input. Raises InputError where a unit contradicts the file or its values."""
+    greys = Greys(args.black, args.white)
+    if not np.isfinite(greys).all() or greys.black == greys.white:
+        raise InputError('--black, --white', expected='two different numbers', got=f'{greys.black}, {greys.white}',
+                         remedy='Leave both out for fractions of full scale.')
+    for path in args.frames:
+        found = read_frames(path, greys)
+        if args.unit is not None and found.unit not in (None, args.unit):
+            raise InputError(f'file {path!r}', expected=f'values in {args.unit!r}, as --unit says',
+                             got=f'the unit {found.unit!r}', remedy='Leave --unit out: the file has its own.')
+        found = found._replace(unit=args.unit or found.unit)
+        if thresholds(args) is None and found.values.size:
+            check_values(found.values, found.unit)
+        yield path, found
+
+
+def patterns(path: str, found: TaxelFrames, args: argparse.Namespace, *, largest: bool) -> Iterator[ContactPattern]:
+    """Yield the contact pattern of each frame; of a bool frame, all active taxels unless ``largest``."""
+    fixed = thresholds(args)
+    extractor = PatternExtractor(fixed, unit=found.unit if fixed is None else None, largest=largest)
+    for k, frame in enumerate(followed(found.values, path, len(found.values), prints=prints(args))):
+        yield extractor.extract(frame, **taxels_known(found, k))
+
+
+def taxels_known(found: TaxelFrames, k: int) -> dict[str, np.ndarray]:
+    """Return which taxels of frame ``k`` are saturated and which are none, where the file has their status."""
+    if found.status is None:
+        return {}
+    return {'saturated': found.status[k] == TaxelStatus.SATURATED, 'unmapped': found.status[k] == TaxelStatus.UNMAPPED}
+
+
+def thresholds(args: argparse.Namespace) -> PressThresholds | None:
+    """Return the fixed thresholds that were asked for, if any."""
+    if args.full_scale is not None:
+        return PressThresholds.of_full_scale(args.full_scale, PRESS_FRACTION if args.press is None else args.press,
+                                             args.release)
+    if args.press is not None or args.release is not None:
+        raise InputError('thresholds', expected='--full-scale with --press or --release', got='no full scale',
+                         remedy='Give the largest value that a taxel can have, or leave all three out.')
+    return None

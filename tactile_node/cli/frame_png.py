@@ -1,0 +1,57 @@
+"""A taxel frame as a grey picture: a pixel a taxel, the top line is taxel row 0."""
+
+import io
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.errors import InputError
+from tactile_node.skin.layout import MAX_SIDE
+
+REMEDY = f'Save one pixel a taxel, grey, at most {MAX_SIDE} x {MAX_SIDE}; transparent where there is no valid value.'
+
+
+class Greys(NamedTuple):
+    """The values of black and white pixels; those between are in proportion."""
+
+    black: float
+    white: float
+
+
+DEFAULT_GREYS = Greys(0.0, 1.0)  #: fractions of full scale, bright is pressed
+
+
+def read_png(content: bytes, where: str, greys: Greys = DEFAULT_GREYS) -> np.ndarray:
+    """Return the frame, shape (rows, cols), NaN where a pixel is transparent.
+
+    Raises InputError for a picture in colour, for one that is half transparent, larger than a pad or not readable.
+    """
+    from PIL import Image  # of the extra `picture`, and slow to import
+
+    try:
+        with Image.open(io.BytesIO(content), formats=['PNG']) as picture:
+            if max(picture.size) > MAX_SIDE or getattr(picture, 'n_frames', 1) > 1:
+                raise _bad(where, f'{picture.width} x {picture.height} pixels, {getattr(picture, "n_frames", 1)} '
+                           'pictures')
+            is_deep = picture.mode.startswith('I')
+            pixels = np.asarray(picture if is_deep else picture.convert('RGBA'))
+    except InputError:
+        raise
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        raise _bad(where, ' '.join(str(error).split()).replace(str(io.BytesIO), 'bytes')[:80]) from None
+    if is_deep:  # 16 bits
+        return _scaled(pixels / 65535, greys)
+    if (pixels[..., :3] != pixels[..., :1]).any():
+        raise _bad(where, 'colours, which have no order of pressure')
+    opaque = pixels[..., 3] == 255
+    if not (opaque | (pixels[..., 3] == 0)).all():
+        raise _bad(where, 'pixels that are half transparent')
+    return np.where(opaque, _scaled(pixels[..., 0] / 255, greys), np.nan)
+
+
+def _scaled(share: np.ndarray, greys: Greys) -> np.ndarray:
+    return greys.black + share * (greys.white - greys.black)
+
+
+def _bad(where: str, got: str) -> InputError:
+    return InputError(where, expected='a grey picture of one frame', got=got, remedy=REMEDY)

@@ -1,0 +1,74 @@
+"""Completion of `tactile` in a shell: of commands, and of the options of the command that is on the line."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tactile_node.cli.completion import SHELLS, chosen_command
+from tactile_node.cli.main import COMMANDS, main
+
+ROOT = Path(__file__).resolve().parents[1]
+HEAVY = 'scipy', 'rclpy', 'matplotlib', 'can', 'canopen'
+
+
+def asked(line, *words):
+    """What a shell sets in the environment; ``words`` start the program."""
+    return {'COMP_LINE': line, 'COMP_POINT': str(len(line)), '_ARGCOMPLETE': str(len(words) or 1)}
+
+
+@pytest.mark.parametrize(('line', 'chosen'), [
+    ('tactile ', ''), ('tactile cl', ''), ('tactile classify', ''), ('tactile classify ', 'classify'),
+    ('tactile classify --pi', 'classify'), ('tactile   replay x.log --output ', 'replay'), ('tactile --ver', ''),
+    ('tactile tactile ', 'tactile'), ('', '')])
+def test_the_command_is_the_first_word_that_is_complete(line, chosen):
+    assert chosen_command(asked(line)) == chosen
+
+
+def test_words_after_the_cursor_do_not_count():
+    assert chosen_command(asked('tactile classify x') | {'COMP_POINT': '8'}) == ''
+
+
+@pytest.mark.bus
+@pytest.mark.parametrize(('line', 'expected', 'others'), [
+    ('tactile ', {name for name, *_ in COMMANDS} | {'--version'}, {'--pitch'}),
+    ('tactile classify --p', {'--pitch', '--period', '--press'}, {'--pace'}),
+    ('tactile classify --format ', {'json', 'csv'}, set()),
+    ('tactile features --largest', {'--largest-contact'}, set())])
+def test_a_shell_gets_the_completions_without_waiting_for_imports(tmp_path, line, expected, others):
+    """Wherever an import is slow, each TAB would be."""
+    code = ('import os, sys; from tactile_node.cli.main import program\n'
+            f'ended = lambda status: (print(*(set({HEAVY}) & set(sys.modules)), file=open("imported", "w")), '
+            'os.kill(os.getpid(), 9))\nos._exit = ended\nprogram()')
+    environment = os.environ | asked(line) | {'_ARGCOMPLETE_STDOUT_FILENAME': str(tmp_path / 'found'),
+                                              '_ARGCOMPLETE_IFS': '\n', 'PYTHONPATH': str(ROOT)}
+    subprocess.run([sys.executable, '-c', code], env=environment, cwd=tmp_path, check=False, timeout=60)
+    found = {word.strip() for word in (tmp_path / 'found').read_text().splitlines()}
+    assert expected <= found and not others & found
+    assert (tmp_path / 'imported').read_text().split() == []
+
+
+@pytest.mark.bus
+@pytest.mark.skipif(shutil.which('bash') is None, reason='no bash')
+def test_bash_completes_after_the_line_that_the_help_gives(tmp_path):
+    program = tmp_path / 'tactile'
+    program.write_text(f'#!/bin/sh\nPYTHONPATH={ROOT} exec {sys.executable} -m tactile_node.cli.main "$@"\n')
+    program.chmod(0o755)
+    line = 'tactile classify --full'
+    script = (f'eval "$(tactile completion bash)"; COMP_LINE="{line}"; COMP_POINT={len(line)}; COMP_TYPE=9; '
+              'COMP_WORDS=(tactile classify --full); COMP_CWORD=2\n'
+              '$(complete -p tactile | sed "s/.*-F \\([^ ]*\\).*/\\1/") tactile --full classify\n'
+              'echo "${COMPREPLY[@]}"')
+    result = subprocess.run(['bash', '-c', script], env=os.environ | {'PATH': f'{tmp_path}:{os.environ["PATH"]}'},
+                            capture_output=True, text=True, timeout=60, check=False)
+    assert result.stdout.split() == ['--full-scale'], result.stderr
+
+
+@pytest.mark.parametrize('shell', SHELLS)
+def test_every_shell_has_its_lines(shell, capsys):
+    assert main(['completion', shell]) == 0
+    printed = capsys.readouterr().out
+    assert 'tactile' in printed and '_ARGCOMPLETE' in printed

@@ -1,0 +1,230 @@
+"""What `classify` and `features` read beside .npy, and the two ways in which they write."""
+
+import csv
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tactile_node.cli.frame_file import TaxelFrames, read_frames
+from tactile_node.cli.frame_png import Greys
+from tactile_node.cli.main import main
+from tactile_node.errors import InputError
+from tactile_node.skin.layout import MAX_SIDE
+
+LOG = Path(__file__).parent / 'data' / 'sim16x16_two_pads.log.gz'
+SQUARE = np.zeros((12, 12))
+SQUARE[3:9, 3:9] = 40e3
+
+
+@pytest.fixture
+def tactile(capsys):
+    """Run a command; the lines that it prints."""
+    def run(*words):
+        assert main([str(word) for word in words]) == 0
+        return capsys.readouterr().out.splitlines()
+    return run
+
+
+def text(path, content):
+    path.write_text(content, encoding='utf-8')
+    return str(path)
+
+
+def png(path, pixels, mode=None):
+    Image.fromarray(pixels, mode).save(path)
+    return str(path)
+
+
+@pytest.mark.parametrize('content', [
+    '1,2\n3,\n\n5,6\n7,8\n', '\ufeff1;2\r\n3;\r\n\r\n5;6\r\n7;8', '# a comment\n1\t2\n3\t\n\n\n5\t6\n7\t8\n\n',
+    '1.0e0, 2\n3, nan\n\n5, 6\n7, 8\n', '1,2\n3,inf\n\n5,6\n7,8\n'])
+def test_rows_of_a_csv_are_rows_of_taxels_and_an_empty_line_begins_a_frame(tmp_path, content):
+    found = read_frames(text(tmp_path / 'x.csv', content))
+    np.testing.assert_array_equal(found.values, [[[1, 2], [3, np.nan]], [[5, 6], [7, 8]]])
+    assert found[1:] == TaxelFrames(found.values)[1:]
+
+
+def test_a_row_of_empty_cells_is_a_row_without_values_and_not_the_end_of_a_frame(tmp_path):
+    found = read_frames(text(tmp_path / 'x.csv', '1,2\n,\n5,6\n')).values
+    np.testing.assert_array_equal(found, [[[1, 2], [np.nan, np.nan], [5, 6]]])
+
+
+def test_numbers_as_numpy_writes_them_by_default(tmp_path):
+    np.savetxt(tmp_path / 'x.csv', SQUARE)
+    np.testing.assert_array_equal(read_frames(str(tmp_path / 'x.csv')).values, [SQUARE])
+
+
+@pytest.mark.parametrize(('content', 'where'), [
+    ('1,2\n3\n', 'line 2'), ('1,2\n3,4,5\n', 'line 2'), ('a,b\n1,2\n', 'line 1, cell 1'),
+    ('1;2\n3;4,5\n', 'line 2, cell 2'), ('1,2\n\n3,4\n5,6\n', 'x.csv'), ('\n\n', 'x.csv'), ('', 'x.csv'),
+    ('# 1,2\n', 'x.csv')])
+def test_another_text_is_refused_by_line_and_cell(tmp_path, content, where):
+    with pytest.raises(InputError) as refused:
+        read_frames(text(tmp_path / 'x.csv', content))
+    assert where in refused.value.where
+
+
+def test_a_pixel_is_a_taxel_and_the_top_line_is_row_0(tmp_path):
+    pixels = np.array([[0, 51], [102, 255], [0, 0]], np.uint8)
+    found = read_frames(png(tmp_path / 'x.png', pixels)).values
+    np.testing.assert_allclose(found, [[[0, 0.2], [0.4, 1], [0, 0]]])
+    found = read_frames(str(tmp_path / 'x.png'), Greys(black=100e3, white=0)).values
+    np.testing.assert_allclose(found, [[[100e3, 80e3], [60e3, 0], [100e3, 100e3]]])
+
+
+def test_sixteen_bits_keep_their_resolution_and_transparent_pixels_have_no_value(tmp_path):
+    deep = np.array([[0, 1], [65534, 65535]], np.uint16)
+    np.testing.assert_allclose(read_frames(png(tmp_path / 'deep.png', deep)).values[0] * 65535, deep)
+    clear = np.array([[[9, 9, 9, 255], [9, 9, 9, 0]]], np.uint8)
+    np.testing.assert_allclose(read_frames(png(tmp_path / 'clear.png', clear)).values, [[[9 / 255, np.nan]]])
+
+
+def no_png(path):
+    path.write_bytes(b'\x89PNG\r\n\x1a\nnothing more')
+    return str(path)
+
+
+@pytest.mark.parametrize('make', [
+    lambda path: png(path, np.array([[[255, 0, 0]]], np.uint8)),
+    lambda path: png(path, np.zeros((2, MAX_SIDE + 1), np.uint8)),
+    lambda path: png(path, np.array([[[9, 9, 9, 128]]], np.uint8)), no_png], ids=['red', 'wide', 'half', 'broken'])
+def test_a_picture_that_has_no_value_a_pixel_is_refused(tmp_path, make):
+    with pytest.raises(InputError):
+        read_frames(make(tmp_path / 'x.png'))
+
+
+def test_dark_on_white_is_the_same_contact_once_the_greys_say_so(tmp_path, tactile):
+    """As it is, the white around the contact would be what presses."""
+    path = png(tmp_path / 'x.png', np.where(SQUARE > 0, 0, 255).astype(np.uint8))
+    line = json.loads(tactile('classify', path, '--black', 1, '--white', 0)[0])
+    assert (line['shape'], line['N']) == ('square', 36)
+
+
+@pytest.fixture(scope='module')
+def replayed(tmp_path_factory):
+    path = tmp_path_factory.mktemp('replayed') / 'frames.npz'
+    assert main(['replay', str(LOG), '--output', str(path)]) == 0
+    return path
+
+
+def test_replay_keeps_stamps_sequence_pad_pitch_and_unit(replayed, tmp_path):
+    assert main(['replay', str(LOG), '--output', str(tmp_path / 'x.npy')]) == 0
+    found, values = read_frames(str(replayed)), np.load(tmp_path / 'x.npy')
+    np.testing.assert_array_equal(found.values, values)
+    assert (found.pad, found.pitch, found.unit) == ('pad32', 0.002, 'Pa')
+    assert len(values) == len(found.stamps) == len(found.sequence) == 120
+    assert np.all(np.diff(found.stamps) > 0) and np.all(np.diff(found.sequence) > 0)
+    assert set(np.unique(found.status)) <= {1, 2, 3, 4, 5, 6} and found.status.shape == values.shape
+
+
+def test_classify_reports_stamps_and_measures_by_the_pitch_of_the_file(replayed, tactile):
+    lines = list(map(json.loads, tactile('classify', replayed)))
+    found = read_frames(str(replayed))
+    assert [line['stamp'] for line in lines] == found.stamps.tolist()
+    assert {line['pad'] for line in lines} == {'pad32'} and {line['file'] for line in lines} == {str(replayed)}
+    assert any(0.01 < line['dimensions'].get('long', 0) < 0.06 for line in lines if 'dimensions' in line)
+
+
+def test_frames_are_fused_by_their_stamps(replayed, tactile, tmp_path):
+    fused = list(map(json.loads, tactile('classify', replayed, '--fuse')))
+    assert max(line['fused_frames'] for line in fused) > 5 and max(line['held'] for line in fused) > 0.1
+    arrays = dict(np.load(replayed))
+    later = np.arange(len(arrays['stamps'])) * 10.0  # longer than any fusion waits
+    np.savez(tmp_path / 'slow.npz', **{**arrays, 'stamps': later})
+    slow = list(map(json.loads, tactile('classify', tmp_path / 'slow.npz', '--fuse')))
+    assert max(line['fused_frames'] for line in slow) == 1
+
+
+def test_fusion_without_stamps_needs_the_period(tmp_path, tactile, capsys):
+    np.save(tmp_path / 'x.npy', np.stack(3 * [SQUARE]))
+    assert main(['classify', str(tmp_path / 'x.npy'), '--fuse']) == 2
+    assert '--period' in capsys.readouterr().err
+    held = [json.loads(line)['held'] for line in tactile('classify', tmp_path / 'x.npy', '--fuse', '--period', 0.02)]
+    assert held == pytest.approx([0, 0.02, 0.04])
+
+
+@pytest.mark.parametrize('change', [
+    {'stamps': np.zeros(3)}, {'stamps': np.array([0.0, np.nan])}, {'stamps': np.array(['a', 'b'])},
+    {'unit': np.array('psi')}, {'pitch': np.array(-1.0)}, {'status': np.zeros((2, 1, 1), int)},
+    {'values': np.zeros(3)}], ids=str)
+def test_an_archive_whose_parts_do_not_fit_together_is_refused(tmp_path, change):
+    np.savez(tmp_path / 'x.npz', **{'values': np.zeros((2, 4, 4)), 'stamps': np.arange(2.0), **change})
+    with pytest.raises(InputError):
+        read_frames(str(tmp_path / 'x.npz'))
+
+
+def test_archives_of_others(tmp_path):
+    np.savez(tmp_path / 'one.npz', whatever=SQUARE)
+    np.testing.assert_array_equal(read_frames(str(tmp_path / 'one.npz')).values, [SQUARE])
+    np.savez(tmp_path / 'two.npz', a=SQUARE, b=SQUARE)
+    with pytest.raises(InputError):
+        read_frames(str(tmp_path / 'two.npz'))
+
+
+@pytest.mark.parametrize('make', [
+    lambda stream: np.save(stream, SQUARE), lambda stream: np.savez(stream, values=[SQUARE]),
+    lambda stream: np.savetxt(stream, SQUARE, delimiter=',')], ids=['npy', 'npz', 'csv'])
+def test_standard_input_is_known_by_its_first_bytes(make, tactile, monkeypatch):
+    stream = io.BytesIO()
+    make(stream)
+    monkeypatch.setattr('sys.stdin', io.TextIOWrapper(io.BytesIO(stream.getvalue())))
+    assert json.loads(tactile('classify')[0])['shape'] == 'square'
+
+
+def test_each_file_is_a_sequence_of_its_own(tmp_path, tactile):
+    """A held contact leaves something over in the next frame of the same file, not in another file's."""
+    paths = [text(tmp_path / name, '\n'.join(','.join(map(str, row)) for row in SQUARE)) for name in ('a.csv', 'b.csv')]
+    lines = list(map(json.loads, tactile('classify', *paths)))
+    assert [(line['file'], line['frame'], line['shape']) for line in lines] == [(path, 0, 'square') for path in paths]
+
+
+def test_a_unit_that_contradicts_the_file_or_its_values_is_refused(tmp_path, replayed, capsys):
+    assert main(['classify', str(replayed), '--unit', 'N']) == 2
+    assert main(['classify', text(tmp_path / 'x.csv', '0,1\n1,0\n'), '--unit', 'Pa']) == 2
+    assert capsys.readouterr().err.count('\n') == 2
+
+
+def test_csv_has_the_same_numbers_as_json_in_columns_that_do_not_depend_on_the_frames(tmp_path, tactile):
+    np.save(tmp_path / 'x.npy', np.stack([0 * SQUARE, SQUARE]))
+    words = 'classify', tmp_path / 'x.npy', '--pitch', 0.004
+    table = list(csv.DictReader(tactile(*words, '--format', 'csv')))
+    empty, square = map(json.loads, tactile(*words))
+    assert [row['shape'] for row in table] == ['none', 'square'] and table[0]['x'] == table[0]['sd.x'] == ''
+    assert float(table[1]['sd.angle']) == square['sd']['angle'] and table[1]['dimensions.radius'] == ''
+    np.save(tmp_path / 'x.npy', 0 * SQUARE)
+    assert list(csv.DictReader(tactile(*words, '--format', 'csv')))[0].keys() == table[0].keys()
+    assert empty['N'] == 0 and table[0]['N'] == '0'
+
+
+def test_groups_limit_the_features(tmp_path, tactile):
+    np.save(tmp_path / 'x.npy', SQUARE > 0)
+    line = json.loads(tactile('features', tmp_path / 'x.npy', '--groups', 'gravity9')[0])
+    assert {'N', 'P05', 'P09', 'alpha9'} < set(line) and not {'lambda5', 'alpha5'} & set(line)
+    assert line['rotated'] == {}
+    words = '--groups', 'information5,rotated', '--format', 'csv'
+    row, = csv.DictReader(tactile('features', tmp_path / 'x.npy', *words))
+    every = json.loads(tactile('features', tmp_path / 'x.npy')[0])
+    assert float(row['rotated.info_norm5.dif']) == every['rotated']['info_norm5']['dif']
+
+
+@pytest.mark.parametrize('words', [('features', '--groups', 'size'), ('classify', '--white', '0'),
+                                   ('classify', '--white', 'nan'), ('classify', '--fuse', '--period', '0')])
+def test_bad_options_are_one_line(tmp_path, capsys, words):
+    np.save(tmp_path / 'x.npy', SQUARE)
+    assert main([words[0], str(tmp_path / 'x.npy'), *words[1:]]) == 2
+    assert capsys.readouterr().err.count('\n') == 1
+
+
+def test_an_output_that_is_one_of_several_inputs_is_refused(tmp_path, capsys):
+    paths = [text(tmp_path / name, '0,0\n0,0\n') for name in ('a.csv', 'b.csv')]
+    assert main(['classify', *paths, '--output', paths[1]]) == 2
+    assert Path(paths[1]).read_text() == '0,0\n0,0\n'
+
+
+def test_replay_does_not_write_an_array_under_the_name_of_another_format(tmp_path):
+    assert main(['replay', str(LOG), '--output', str(tmp_path / 'x.csv')]) == 2
+    assert list(tmp_path.iterdir()) == []

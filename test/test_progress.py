@@ -1,0 +1,53 @@
+"""Progress is for a person at a terminal: silent elsewhere, and apart from the results."""
+
+import io
+
+import pytest
+
+from tactile_node.cli import progress
+from tactile_node.cli.progress import Stages, counted, followed
+
+
+class Terminal(io.StringIO):
+    """A stream that says that it is one."""
+
+    def isatty(self):
+        return True
+
+
+def work():
+    with counted('frames of a log', ' frames', total=4) as bar:
+        bar.update(2)
+    stages = Stages()
+    stages.show('drawing', 0.25)
+    stages.show('drawing', 0.5)
+    stages.show('fitting')
+    stages.close()
+    return list(followed('abc', 'x.npy', 3, prints=True))
+
+
+@pytest.fixture(autouse=True)
+def at_once(monkeypatch):
+    monkeypatch.setattr(progress, 'DELAY', 0)
+
+
+def test_it_is_silent_where_stderr_is_no_terminal(capsys):
+    assert work() == ['a', 'b', 'c']
+    assert capsys.readouterr() == ('', '')
+
+
+def test_a_terminal_shows_the_share_that_is_done_of_each_stage(monkeypatch, capsys):
+    monkeypatch.setattr('sys.stderr', terminal := Terminal())
+    assert work() == ['a', 'b', 'c']
+    shown = terminal.getvalue()
+    assert 'frames of a log' in shown and '2/4' in shown and '50%' in shown and 'fitting' in shown and 'x.npy' in shown
+    assert capsys.readouterr().out == ''
+
+
+def test_results_that_scroll_over_the_terminal_have_no_bar_between_them(monkeypatch):
+    monkeypatch.setattr('sys.stderr', terminal := Terminal())
+    monkeypatch.setattr('sys.stdout', Terminal())
+    list(followed('abc', 'x.npy', 3, prints=True))
+    assert terminal.getvalue() == ''
+    list(followed('abc', 'x.npy', 3, prints=False))
+    assert 'x.npy' in terminal.getvalue()
