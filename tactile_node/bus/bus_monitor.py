@@ -6,6 +6,7 @@ import can
 
 from tactile_node.cia301.connection_set import EMCY, HEARTBEAT, NMT, SDO_REQUEST
 from tactile_node.cia301.emergency import EmergencyLog
+from tactile_node.cia301.frame_bits import Frame, worst_case_bits
 from tactile_node.cia301.heartbeat import Heartbeats
 from tactile_node.cia301.nmt import NmtState
 from tactile_node.cia301.objects import COB_ID_SYNC, PRODUCER_HEARTBEAT_TIME, TPDO_COMMUNICATION, TPDO_MAPPING
@@ -16,8 +17,8 @@ from tactile_node.frames.health import ErrorCounters, ForeignCommand
 #: linux/can/error.h: bits of an error frame's identifier; of byte 1 when the controller reports
 BUS_OFF, CONTROLLER, RESTARTED, COUNTERS = 0x040, 0x004, 0x100, 0x200
 PASSIVE, ACTIVE = 0x30, 0x40
-#: bits of a standard frame by its data bytes: 47 and 8 a byte, and the most that bit stuffing adds
-FRAME_BITS = tuple(47 + 8 * n + (34 + 8 * n - 1) // 4 for n in range(9))
+#: the most bits of a standard frame, by its data bytes
+FRAME_BITS = tuple(worst_case_bits(Frame(0, bytes(n))) for n in range(9))
 
 #: objects that decide what TPDOs a node sends, and when
 DECIDES_TPDOS = frozenset((COB_ID_SYNC, *range(TPDO_COMMUNICATION, TPDO_COMMUNICATION + MAX_TPDOS),
