@@ -12,7 +12,7 @@ from tactile_node.helmholtz.features import Features, Group, compute_features
 from tactile_node.package_files import config_path
 from tactile_node.shape.completion import completions, distinct, hidden_taxels_matter
 from tactile_node.shape.recogniser import ShapeRecogniser
-from tactile_node.shape.recognition import Recognition, UnknownReason
+from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, UnknownReason
 from tactile_node.shape.shapeless import is_shapeless
 from tactile_node.shape.volf import GROUPS, VolfClassifier
 
@@ -27,9 +27,13 @@ FEW_HIDDEN, WEIGHTS_OF_FEW = 0.25, (0.79, 0.07, 0.07, 0.07)
 
 
 class RecognitionMethod(Protocol):
-    """What every method offers; ``groups`` are the features it reads, Group.NONE where it reads none."""
+    """What every method offers.
+
+    ``groups``: the features it reads, Group.NONE where it reads none. ``classes``: all that it can answer, in order.
+    """
 
     groups: Group
+    classes: tuple[ShapeClass, ...]
 
     def recognise(self, pattern: ContactPattern, features: Features | None = None) -> Recognition:
         """Recognise ``pattern``; ``features`` of its mask spare their computation where they are known."""
@@ -47,6 +51,7 @@ class Learned:
 
     def __init__(self, path: str | Path):
         self._recogniser = ShapeRecogniser.from_file(path)
+        self.classes = self._recogniser.classes
 
     def recognise(self, pattern: ContactPattern, features: Features | None = None) -> Recognition:
         return self._recogniser.recognise(pattern)
@@ -59,6 +64,7 @@ class Volf:
     """The paper's three planes behind the common interface."""
 
     groups = GROUPS
+    classes: tuple[ShapeClass, ...] = tuple(Shape)
 
     def __init__(self, path: str | Path):
         self._classifier = VolfClassifier.from_file(path)
@@ -83,11 +89,18 @@ class VisibilityGuard:
     def __init__(self, method: RecognitionMethod, smallest_contact: int = SMALLEST_CONTACT):
         self._method = method
         self._smallest_contact = smallest_contact
-        self.groups = method.groups
+        self.groups, self.classes = method.groups, method.classes
 
     def recognise(self, pattern: ContactPattern, features: Features | None = None,
                   visibility: Visibility | None = None) -> Recognition:
-        """As the method does; ``visibility`` of the pattern spares its computation where it is known."""
+        """As the method does; ``visibility`` of the pattern spares its computation where it is known.
+
+        There is a probability of each of ``classes``, whatever the answer.
+        """
+        return self._recognised(pattern, features, visibility).over(self.classes)
+
+    def _recognised(self, pattern: ContactPattern, features: Features | None,
+                    visibility: Visibility | None) -> Recognition:
         if visibility is None:
             visibility = visibility_of(pattern, self._smallest_contact)
         if not pattern.contacts and not visibility.pad_seen:
