@@ -82,20 +82,20 @@ def run(args: argparse.Namespace) -> int:
     examples = {kind: examples_in(base, kind, len(before)) for kind in KINDS}
     for name in args.name:
         kind, found = _recorded(name, args)
-        for each in KINDS:
-            examples[each].append(found if each == kind else NO_EXAMPLES)
+        for shapes in examples.values():
+            shapes.append(found if shapes is examples[kind] else NO_EXAMPLES)
     taught = {kind: _taught(recogniser, kind, shapes) for kind, shapes in examples.items()
               if any(shape.touches for shape in shapes)}
-    for kind, each in taught.items():
-        print(_summary(each.held_out, names, kind))
-        _draw(args.picture, each.held_out, names, kind if len(taught) > 1 else '')
-    if not all(each.held_out.is_good for each in taught.values()) and not args.force:
-        print(f'tactile: not written: a file needs {LEAST_RIGHT:.0%} of the touches of each shape, and may cost the five '
+    for kind, result in taught.items():
+        print(_summary(result.held_out, names, kind))
+        _draw(args.picture, result.held_out, names, kind if len(taught) > 1 else '')
+    if not all(result.held_out.is_good for result in taught.values()) and not args.force:
+        print(f'tactile: not written: it needs {LEAST_RIGHT:.0%} of the touches of each shape, and may cost the five '
               f'shapes {MOST_LOST:.1%}. The shape may be too like another one at this size, or the touches differ too '
               'much: record more, or a larger contact. --force writes it all the same.', file=sys.stderr)
         return REFUSED
     with output_file(args.output, inputs=[model, *sum(args.sources.values(), [])]) as stream:
-        write_taught(stream, base, names, {kind: each.head for kind, each in taught.items()}, examples)
+        write_taught(stream, base, names, {kind: result.head for kind, result in taught.items()}, examples)
     print(f'written to {args.output}. Give it to the classifier node (model:=) or to tactile classify (--model).')
     return 0
 
@@ -135,11 +135,11 @@ def _unused(touches: Touches) -> str:
 def _summary(held_out: HeldOut, names: Sequence[str], kind: str) -> str:
     before, after = held_out.five
     lines = [f'On contacts held out, {kind} frames, with 95 % intervals:']
-    lines += [f'  {name}: {rate} of {rate.count} touches recognised' for name, rate in zip(names, held_out.taught)
-              if rate.count]
-    lines += [f'  the five shapes: {before} before, {after} after, of {before.count}',
+    lines += [f'  {name}: {rate} of {rate.total} touches recognised' for name, rate in zip(names, held_out.taught)
+              if rate.total]
+    lines += [f'  the five shapes: {before} before, {after} after, of {before.total}',
               '  foreign contacts called a shape: {} before, {} after, of {}'.format(
-                  *held_out.foreign, held_out.foreign[0].count)]
+                  *held_out.foreign, held_out.foreign[0].total)]
     return '\n'.join(lines)
 
 

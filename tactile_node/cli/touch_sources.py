@@ -20,12 +20,12 @@ from tactile_node.interruption import interruption
 from tactile_node.press_levels import ON_OFF_UNIT
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.pads import make_pads, with_dictionaries
-from tactile_node.teaching.touches import Touch, TouchFinder, Touches, find_touches
+from tactile_node.teaching.touches import Touch, Touches, TouchFinder, find_touches
 
 AT_REST = 25        #: frames that the zero of a live skin is found from
 STEADY = 10         #: frames
 HINT_AFTER = 10.0   #: s without a frame
-WHAT_TO_DO = ('Touch the skin with {name} {count} times: hold it still until it counts, lift it, rotate it, and touch at '
+WHAT_TO_DO = ('Touch the skin with {name} {count} times: hold it still until it counts, lift it, rotate it, touch at '
               'another place. Keep it off the edges of the pad.')
 
 

@@ -3,12 +3,13 @@
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.synthetic.figures import Figure, Silhouette, random_figure
-from tactile_node.synthetic.pressure import Skin, pressure_frame
+from tactile_node.synthetic.pressure import Skin, Touching, pressure_frame
 from tactile_node.synthetic.world import CLASSES, Contact, random_contact
 
 RAMP = 0.1  # s of pressing and of letting go
@@ -16,11 +17,14 @@ MEAN_PRESSURE = 0.6  # of full scale
 AREAS = (40.0, 60.0, 80.0)  # taxels
 
 
+Pressed = TypeVar('Pressed', bound=Touching)
+
+
 @dataclass(frozen=True)
-class Touch:
+class Touch(Generic[Pressed]):
     """One object pressed on one pad from ``begin`` to ``end`` [s since the skin became operational]."""
 
-    contact: Contact | Figure
+    contact: Pressed
     begin: float
     end: float
 

@@ -84,8 +84,8 @@ def silhouette_of(name: str, filled: np.ndarray) -> Silhouette:
     """
     filled = np.asarray(filled)
     if filled.ndim != 2 or max(filled.shape) > MOST_SIDE or np.count_nonzero(filled) < LEAST_CELLS:
-        raise InputError(f'silhouette of {name!r}', expected=f'up to {MOST_SIDE} cells a side, {LEAST_CELLS} or more of '
-                         'them of the figure',
+        raise InputError(f'silhouette of {name!r}', expected=f'up to {MOST_SIDE} cells a side, {LEAST_CELLS} or more '
+                         'of them of the figure',
                          got=f'shape {filled.shape}, {np.count_nonzero(filled)} cells of the figure',
                          remedy='Draw it larger, dark on white.')
     filled = np.pad(filled.astype(bool), 2)

@@ -8,15 +8,15 @@ Z = 1.959964  #: 95 %
 
 
 class Rate(NamedTuple):
-    """``right`` of ``count``."""
+    """``right`` ones of ``total``."""
 
     right: int
-    count: int
+    total: int
 
     @property
     def value(self) -> float:
         """NaN of nothing."""
-        return self.right / self.count if self.count else float('nan')
+        return self.right / self.total if self.total else float('nan')
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -25,9 +25,9 @@ class Rate(NamedTuple):
         >>> [round(end, 3) for end in Rate(29, 30).interval]
         [0.833, 0.994]
         """
-        if not self.count:
+        if not self.total:
             return 0.0, 1.0
-        n, p = self.count, self.value
+        n, p = self.total, self.value
         middle = (p + Z * Z / (2 * n)) / (1 + Z * Z / n)
         half = Z / (1 + Z * Z / n) * np.sqrt(p * (1 - p) / n + Z * Z / (4 * n * n))
         low, high = max(middle - half, 0.0), min(middle + half, 1.0)

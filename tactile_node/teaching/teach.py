@@ -55,8 +55,8 @@ class HeldOut(NamedTuple):
     def is_good(self) -> bool:
         """Whether it is worth using: LEAST_RIGHT of each shape's touches, and the five lose at most MOST_LOST."""
         before, after = self.five
-        lost = (before.right - after.right) / max(before.count, 1)
-        return all(rate.value >= LEAST_RIGHT for rate in self.taught if rate.count) and lost <= MOST_LOST
+        lost = (before.right - after.right) / max(before.total, 1)
+        return all(rate.value >= LEAST_RIGHT for rate in self.taught if rate.total) and lost <= MOST_LOST
 
 
 class Taught(NamedTuple):
@@ -71,7 +71,7 @@ def teach(recogniser: ShapeRecogniser, background: Background, shapes: Sequence[
     """Return the head of ``shapes``, examples of one kind of frames, and how good it is.
 
     ``recogniser``: the networks, whose own taught shapes are not used. A shape without any examples of this kind is
-    not answered. ``progress`` is called STAGES times. Raises InputError for fewer than LEAST_TOUCHES touches of a shape.
+    not answered. ``progress`` is called STAGES times. Raises InputError for a shape of fewer than LEAST_TOUCHES.
     """
     for each in shapes:
         if 0 < each.touches < LEAST_TOUCHES:

@@ -8,6 +8,7 @@ import numpy as np
 
 from tactile_node.contact.neighbours import touches_edge
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
+from tactile_node.contact.visibility import visibility_of
 from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.shapeless import is_shapeless
 
@@ -68,11 +69,14 @@ class TouchFinder:
         return len(self._held)
 
     def feed(self, values: np.ndarray) -> list[Touch]:
-        """Take a frame, (rows, cols); return the touches that have ended with it, as a rule none or one."""
+        """Take a frame, (rows, cols); return the touches that have ended with it, as a rule none or one.
+
+        A frame in which the pad is not seen ends none: it shows no lift.
+        """
         pattern = self._extractor.extract(values)
         self.reason = None
         if not pattern.contacts:
-            return self.end()
+            return self.end() if visibility_of(pattern).pad_seen else []
         pattern = join_pieces(pattern)
         self.reason = _unusable(pattern)
         if self.reason is None:
