@@ -1,10 +1,10 @@
 """Users' own shapes: who could be misled by a taught file, and how. The cross here is drawn by this test alone."""
 
-import io
 from queue import SimpleQueue
 
 import numpy as np
 import pytest
+from taught_cross import LOADS, PAD, cross, disc, examples, held, rng_of, third_of_background, write_taught_cross
 
 from tactile_node import Recogniser, TaughtShape, find_contact, fit_shape
 from tactile_node.cli.main import main
@@ -17,57 +17,19 @@ from tactile_node.shape.recogniser import ShapeRecogniser, read_arrays
 from tactile_node.shape.recognition import Shape, UnknownReason
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.synthetic.pressure import Skin, pressure_frame
-from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import CLASSES, random_contact
-from tactile_node.teaching.background import FOREIGN, Background, load_background
-from tactile_node.teaching.examples import examples_of
+from tactile_node.teaching.background import FOREIGN, load_background
 from tactile_node.teaching.rate import Rate
-from tactile_node.teaching.taught_file import examples_in, write_taught
+from tactile_node.teaching.taught_file import examples_in
 from tactile_node.teaching.teach import LEAST_RIGHT, teach
 from tactile_node.teaching.touches import Unused, find_touches
 
 pytestmark = pytest.mark.slow
 
-PAD, FINE = 16, 6
-LOADS = 0, 0.3, 1, 1, 1, 1, 0.2, 0
-
-
-def cross(rng, arm=4.3, half=1.5):
-    """Pressures under two bars at any angle and place, counted on FINE x FINE points a taxel; the mean is 1."""
-    step = (np.arange(PAD * FINE) + 0.5) / FINE - 0.5
-    y, x = np.meshgrid(step, step, indexing='ij')
-    x0, y0 = rng.uniform(-0.5, 0.5, 2) + (PAD - 1) / 2
-    angle = rng.uniform(0, np.pi)
-    u = abs((x - x0) * np.cos(angle) + (y - y0) * np.sin(angle))
-    v = abs((y - y0) * np.cos(angle) - (x - x0) * np.sin(angle))
-    inside = (np.minimum(u, v) <= half) & (np.maximum(u, v) <= arm)
-    return inside.reshape(PAD, FINE, PAD, FINE).mean((1, 3))
-
-
-def disc(rng, radius=4.0):
-    x0, y0 = rng.uniform(-0.5, 0.5, 2) + (PAD - 1) / 2
-    y, x = np.indices((PAD, PAD))
-    return np.clip(radius + 0.5 - np.hypot(x - x0, y - y0), 0, 1)
-
-
-def held(rng, pressed, count):
-    """Frames [Pa] of ``count`` touches, lifted in between."""
-    frames = []
-    for _ in range(count):
-        covered = pressed(rng)
-        frames += [50e3 * load * covered + 300 * rng.standard_normal(covered.shape) for load in LOADS]
-    return np.array(frames)
-
-
-def rng_of(number):
-    return generator(Purpose.TEST, 770_000 + number)
-
 
 @pytest.fixture(scope='module')
 def background():
-    """A third of it: enough to tell a cross from all else, and quick."""
-    whole = load_background('graded')
-    return Background(whole.patches[::3], whole.labels[::3])
+    return third_of_background()
 
 
 @pytest.fixture(scope='module')
@@ -75,29 +37,16 @@ def base():
     return ShapeRecogniser.from_file(config_path('recogniser.npz'))
 
 
-def examples(number, pressed=cross, count=15):
-    return examples_of(find_touches(held(rng_of(number), pressed, count), 'Pa').touches, rng_of(number + 1))
-
-
 @pytest.fixture(scope='module')
-def arrays(base, background):
-    """Of a file in which a cross was taught from 15 touches."""
-    own = examples(0)
-    taught = teach(base, background, [own])
-    assert taught.held_out.is_good
-    stream = io.BytesIO()
-    write_taught(stream, read_arrays(config_path('recogniser.npz')), ['cross'], {'graded': taught.head},
-                 {'graded': [own]})
-    stream.seek(0)
-    with np.load(stream, allow_pickle=False) as data:
-        return dict(data)
-
-
-@pytest.fixture(scope='module')
-def file(arrays, tmp_path_factory):
+def file(tmp_path_factory):
     path = tmp_path_factory.mktemp('taught') / 'own.npz'
-    np.savez(path, **arrays)
+    write_taught_cross(path)
     return path
+
+
+@pytest.fixture(scope='module')
+def arrays(file):
+    return read_arrays(file)
 
 
 def test_a_cross_is_recognised_where_no_frame_of_the_touch_was_taught(file):
