@@ -25,14 +25,13 @@ if TYPE_CHECKING:
     from tactile_node.library.plot import plot_frame
     from tactile_node.library.stream import ContactStream, StreamedContact
     from tactile_node.pose.fit import ShapeFit
-    from tactile_node.shape.recognition import Recognition, Shape, TaughtShape
+    from tactile_node.shape.recognition import Recognition, Shape
 
     __version__: str
 
 __all__ = ['__version__', 'find_contact', 'paper_features', 'Recogniser', 'fit_shape', 'ContactStream', 'plot_frame',
            'PressThresholds', 'Group', 'Shape', 'ContactPattern', 'Features', 'Recognition', 'ShapeFit',
-           'TaughtShape', 'FusedRecognition', 'FusionSettings', 'StreamedContact', 'TactileError', 'InputError',
-           'ConfigurationError']
+           'FusedRecognition', 'FusionSettings', 'StreamedContact', 'TactileError', 'InputError', 'ConfigurationError']
 
 #: module -> the public names it defines; each is imported when it is read first, so that a node pays for none
 _HOMES = {
@@ -45,7 +44,7 @@ _HOMES = {
     'library.plot': ('plot_frame',),
     'library.stream': ('ContactStream', 'StreamedContact'),
     'pose.fit': ('ShapeFit',),
-    'shape.recognition': ('Recognition', 'Shape', 'TaughtShape'),
+    'shape.recognition': ('Recognition', 'Shape'),
 }
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from taught_cross import LOADS, PAD, cross, disc, examples, held, rng_of, third_of_background, write_taught_cross
 
-from tactile_node import Recogniser, TaughtShape, find_contact, fit_shape
+from tactile_node import Recogniser, find_contact, fit_shape
 from tactile_node.cli.main import main
 from tactile_node.cli.touch_sources import _guided
 from tactile_node.contact.pattern import PatternExtractor
@@ -14,7 +14,7 @@ from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.package_files import config_path
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.recogniser import ShapeRecogniser, read_arrays
-from tactile_node.shape.recognition import Shape, UnknownReason
+from tactile_node.shape.recognition import Shape, TaughtShape, UnknownReason
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.synthetic.pressure import Skin, pressure_frame
 from tactile_node.synthetic.world import CLASSES, random_contact

@@ -99,6 +99,7 @@ def fit_shape(contact: ContactPattern, shape: ShapeClass, pitch: float = 1.0,
     a pitch that is no length > 0.
 
     >>> import numpy as np
+    >>> from tactile_node import Shape
     >>> found = fit_shape(find_contact(np.pad(np.full((7, 7), 50e3), 4)), Shape.SQUARE, pitch=0.004)
     >>> [round(1000 * length) for length in (*found.centre, *found.dimensions)]
     [28, 28, 28]
