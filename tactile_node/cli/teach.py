@@ -10,6 +10,7 @@ The file holds the networks of --model and your shapes. Give it to the classifie
 import argparse
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -77,6 +78,8 @@ def run(args: argparse.Namespace) -> int:
     if args.touches < LEAST_TOUCHES:
         raise ConfigurationError('--touches', expected=f'{LEAST_TOUCHES} or more', got=str(args.touches),
                                  remedy=f'{TOUCHES} as a rule.')
+    if args.picture:
+        import_module('matplotlib')  # before the touches are recorded, not after it
     for path in filter(None, (args.output, args.picture)):
         check_writable(path)
     examples = {kind: examples_in(base, kind, len(before)) for kind in KINDS}
