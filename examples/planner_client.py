@@ -101,8 +101,15 @@ def yaw(orientation) -> float:
 
 
 def side(shape, aim: tuple[float, float]) -> Side:
-    """What of a ContactShape decides; without a shape its confidence is 0."""
+    """What of a ContactShape decides; without a shape its confidence is 0.
+
+    One that was taught (OTHER) has no pose: its centre of pressure stands for the centre, and nothing is to be rotated.
+    """
     codes = type(shape)
+    if shape.shape == codes.OTHER and not shape.fit_valid:
+        place = shape.centre_of_pressure
+        return Side(confidence=shape.confidence, centre=(place.x, place.y), aim=aim,
+                    is_bound=shape.centre_of_pressure_is_bound)
     has_shape = shape.fit_valid and shape.shape not in (codes.NOT_KNOWN, codes.NONE, codes.UNKNOWN)
     place = shape.pose.pose
     return Side(confidence=shape.confidence if has_shape else 0.0, centre=(place.position.x, place.position.y),

@@ -7,7 +7,7 @@ import pytest
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.fusion.recognitions import FusionSettings, RecognitionFusion
-from tactile_node.shape.recognition import Recognition, Shape, UnknownReason
+from tactile_node.shape.recognition import Recognition, Shape, TaughtShape, UnknownReason
 from tactile_node.synthetic.seeds import Purpose, generator
 
 PERIOD = 0.01
@@ -177,3 +177,20 @@ def test_a_contact_that_has_become_too_small_ends_at_once():
     assert (small.recognition.shape, small.recognition.reason) == (Shape.UNKNOWN, UnknownReason.TOO_SMALL)
     again = fusion.update(1.02, Recognition.of({Shape.SQUARE: 0.9, Shape.CIRCLE: 0.1}))
     assert (again.recognition.shape, again.frames) == (Shape.SQUARE, 1)
+
+
+def test_a_taught_shape_is_fused_as_the_others_are():
+    cross = TaughtShape('cross')
+    frames = [{cross: 0.6, Shape.UNKNOWN: 0.4}] * 11
+    fused = feed(RecognitionFusion(), frames)
+    assert [each.recognition.shape for each in fused] == [cross] * 11
+    assert fused[-1].recognition.confidence > 0.7 and fused[-1].frames == 11
+    assert list(fused[-1].recognition.probabilities) == [*Shape, cross]
+
+
+def test_evidence_of_other_classes_starts_again():
+    fusion = RecognitionFusion()
+    feed(fusion, [{TaughtShape('cross'): 0.9, Shape.UNKNOWN: 0.1}] * 50)
+    after = fusion.update(50 * PERIOD, Recognition.of({TaughtShape('plug'): 0.6, Shape.UNKNOWN: 0.4}))
+    assert after.recognition.shape == TaughtShape('plug') and after.frames == 1
+    assert TaughtShape('cross') not in after.recognition.probabilities

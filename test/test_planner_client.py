@@ -246,3 +246,20 @@ def test_a_planner_opens_when_the_object_is_gone():
         world.wait(lambda: actions.latest in ACTS, 'the planner to act', timeout=60.0)
         world.skin.set(is_there=False)
         world.wait(lambda: actions.latest == 'open', 'the planner to open', timeout=60.0)
+
+
+def test_a_taught_shape_is_centred_and_lifted_and_never_rotated():
+    """It has no pose: the centre of pressure counts, and an angle of 0 would be made up."""
+    codes = SimpleNamespace(NOT_KNOWN=0, NONE=1, UNKNOWN=2, OTHER=8, NOT_SEEN=2)
+
+    def touched(x, is_bound=False):
+        class Shape(SimpleNamespace):
+            pass
+        for name, number in vars(codes).items():
+            setattr(Shape, name, number)
+        return Shape(shape=8, class_name='plug', fit_valid=False, confidence=0.95, unknown_reason=1,
+                     centre_of_pressure=SimpleNamespace(x=x, y=AIM[1]), centre_of_pressure_is_bound=is_bound)
+    held, beside, cut = (client.side(touched(*each), AIM) for each in ((AIM[0],), (0.02,), (AIM[0], True)))
+    assert choose(held, held).action == 'lift'
+    assert choose(beside, beside).action == 'shift' and choose(beside, beside).shift == pytest.approx((0.005, 0.0))
+    assert choose(cut, held).action == 'wait'

@@ -20,11 +20,11 @@ from tactile_node.ros.contact_messages import contact_message, pattern_of  # noq
 from tactile_node.ros.feature_messages import features_message, features_of  # noqa: E402
 from tactile_node.ros.grasp_messages import grasp_message, side_result  # noqa: E402
 from tactile_node.ros.message_age import InputAge, age_seconds  # noqa: E402
-from tactile_node.ros.message_checks import check_taxel_array  # noqa: E402
+from tactile_node.ros.message_checks import RejectReason, check_contact_shape, check_grasp, check_taxel_array  # noqa: E402
 from tactile_node.ros.shape_messages import Findings, pose_message, shape_message  # noqa: E402
 from tactile_node.ros.taxel_messages import taxel_array_message, taxel_values  # noqa: E402
 from tactile_node.ros.time_messages import time_message  # noqa: E402
-from tactile_node.shape.recognition import Recognition, Shape  # noqa: E402
+from tactile_node.shape.recognition import Recognition, Shape, TaughtShape  # noqa: E402
 from tactile_skin.msg import ContactShape, Grasp  # noqa: E402
 
 pytestmark = pytest.mark.ros
@@ -140,6 +140,36 @@ def test_solids_are_added_on_request():
 def test_without_a_shape_there_is_no_fit():
     message = shape(block(4, 9), Shape.UNKNOWN)
     assert not message.fit_valid and math.isnan(message.residual) and not message.dimensions
+
+
+def test_a_taught_shape_is_other_with_its_name_and_has_no_pose():
+    message = shape(block(4, 9), TaughtShape('plug'))
+    assert message.shape == message.frame_shape == ContactShape.OTHER
+    assert message.class_name == message.frame_class_name == 'plug'
+    assert dict(zip(message.class_names, message.probabilities))['plug'] == pytest.approx(0.75)
+    assert not message.fit_valid and math.isnan(message.pose.pose.position.x) and not message.dimensions
+    assert message.centre_of_pressure.x == pytest.approx(7 * PITCH)
+    assert check_contact_shape(message) is None
+
+
+@pytest.mark.parametrize(('number', 'name'), [(ContactShape.OTHER, 'square'), (ContactShape.OTHER, 'unknown'),
+                                              (ContactShape.SQUARE, 'plug')])
+def test_a_number_and_a_name_that_contradict_each_other_are_rejected(number, name):
+    message = shape(block(4, 9), TaughtShape('plug'))
+    message.shape, message.class_name = number, name
+    message.confidence = dict(zip(message.class_names, message.probabilities))[name]
+    assert check_contact_shape(message) is RejectReason.INCONSISTENT
+
+
+@pytest.mark.parametrize(('right', 'same'), [('plug', True), ('socket', False)])
+def test_two_taught_shapes_are_the_same_by_their_names_not_by_their_number(right, same):
+    sides, tracker = [shape(block(6, 6), TaughtShape(name)) for name in ('plug', right)], GraspTracker()
+    tracker.update('left', side_result(sides[0], 5.0), now=5.0)
+    state = tracker.update('right', side_result(sides[1], 5.0), now=5.0, gap=0.04)
+    grasp = grasp_message(state, sides, Opening(0.04, GapSource.PARAMETER, 0.0), 'gripper', ages=(0.1, 0.1))
+    assert grasp.same_shape is same and check_grasp(grasp) is None
+    grasp.same_shape = True
+    assert check_grasp(grasp) is (None if same else RejectReason.INCONSISTENT)
 
 
 def test_two_pads_become_one_grasp():

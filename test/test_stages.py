@@ -7,9 +7,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from taught_cross import cross, rng_of, write_taught_cross
 
 rclpy = pytest.importorskip('rclpy')
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
 
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus  # noqa: E402
 from tactile_node.nodes.classifier_node import ClassifierNode  # noqa: E402
@@ -36,10 +38,11 @@ TOPICS = {'contact': (Contact, check_contact), 'shape': (ContactShape, check_con
 class Pad:
     """Both nodes of a pad, and a peer that publishes its taxels and reads its topics."""
 
-    def __init__(self, stack: ExitStack):
+    def __init__(self, stack: ExitStack, **classifier):
         self._executor = SingleThreadedExecutor()
         self.peer = rclpy.create_node('peer')
-        self.processor, self.classifier = ProcessorNode(), ClassifierNode()
+        self.processor, self.classifier = ProcessorNode(), ClassifierNode(
+            parameter_overrides=[Parameter(name, value=value) for name, value in classifier.items()])
         for node in (self.peer, self.processor, self.classifier):
             self._executor.add_node(node)
             stack.callback(node.destroy_node)
@@ -236,3 +239,16 @@ def test_every_stage_adds_to_the_age(pad):
         ages = {topic: age_seconds(getattr(found, topic).age) for topic in TOPICS}
         time.sleep(0.02)
     assert 0 < ages['contact'] < ages['features'] < inf and ages['contact'] < ages['shape'] < ages['shapes']
+
+
+def test_a_taught_shape_is_on_the_topic_by_its_name_with_a_place_and_without_a_pose(tmp_path):
+    write_taught_cross(tmp_path / 'own.npz')
+    rclpy.init()
+    with ExitStack() as stack:
+        stack.callback(rclpy.shutdown)
+        pad = Pad(stack, model=str(tmp_path / 'own.npz'))
+        empty, pressed = pad.send(np.zeros((16, 16))), pad.send(50e3 * cross(rng_of(40)))
+    assert empty.shape.shape == ContactShape.NONE and 'cross' in empty.shape.class_names
+    assert (pressed.shape.shape, pressed.shape.class_name) == (ContactShape.OTHER, 'cross')
+    assert not pressed.shape.fit_valid and np.isnan(pressed.shape.pose.pose.position.x)
+    assert pressed.shape.centre_of_pressure.x == pytest.approx(7.5 * PITCH, abs=PITCH)

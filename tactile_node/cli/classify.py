@@ -13,8 +13,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     add_array_arguments(parser)
     parser.add_argument('--method', choices=list(FILES), default=DEFAULT,
                         help='learned: network on pattern and pressures; volf: the paper; default %(default)s')
-    parser.add_argument('--weights', default='', metavar='FILE',
-                        help=f'of --method learned, default config/{FILES[LEARNED]}')
+    parser.add_argument('--model', '--weights', dest='weights', default='', metavar='FILE',
+                        help=f'of --method learned, such as one of `tactile teach`, default config/{FILES[LEARNED]}')
     parser.add_argument('--curves', default='', metavar='FILE',
                         help=f'of --method volf, default config/{FILES[VOLF]}')
     parser.add_argument('--pitch', type=float, metavar='METRES',

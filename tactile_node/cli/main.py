@@ -23,6 +23,7 @@ COMMANDS = (
     ('demo', 'tactile_node.cli.demo', 'simulated gripper skin: five shapes, from CAN frame to topic'),
     ('simulate', 'tactile_node.cli.simulate', 'be a CANopen skin that touches shapes or repeats a recording'),
     ('calibrate', 'tactile_node.cli.calibrate', "learn a skin's response from presses of a known disc"),
+    ('teach', 'tactile_node.cli.teach', 'teach the recogniser your own shapes'),
     ('scan', 'tactile_node.cli.scan', 'find the CANopen nodes of a bus'),
     ('sdo', 'tactile_node.cli.sdo', 'read or write one object of a device'),
     ('check', 'tactile_node.cli.check', 'check a skin layout and its EDS, and show the pad'),

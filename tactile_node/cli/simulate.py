@@ -15,6 +15,7 @@ import can
 from tactile_node.bus.bus_network import open_bus
 from tactile_node.cia301.frame_bits import Stuffing
 from tactile_node.cli.options import add_bus_options, add_skin_options, eds_of, layouts_of, node_ids_of
+from tactile_node.cli.silhouette_option import touching
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption
 from tactile_node.simulator.device import TaxelSource
@@ -22,8 +23,10 @@ from tactile_node.simulator.gripper import gripper_sources
 from tactile_node.simulator.recording import SIDE, load_recording
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.slcan_pty import SlcanPty
+from tactile_node.simulator.touches import AREAS
 from tactile_node.simulator.wire_network import WireSettings
 from tactile_node.skin.pads import PadSettings, make_pads, with_dictionaries
+from tactile_node.synthetic.figures import NAMED
 from tactile_node.synthetic.world import CLASSES
 
 MOST_DELAY = 1.0  #: s
@@ -37,7 +40,13 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--link', default='', metavar='PATH', help='with --pty: a symbolic link to the port')
     _add_wire_options(parser)
     add_skin_options(parser)
-    parser.add_argument('--shapes', nargs='+', choices=CLASSES, default=CLASSES, help='what touches (default: all)')
+    parser.add_argument('--shapes', nargs='+', default=CLASSES, metavar='SHAPE', help='what touches: '
+                        f'{", ".join((*CLASSES, *NAMED))}, or the file of a picture, dark on white (default: the first '
+                        'five)')
+    parser.add_argument('--areas', nargs='+', type=float, default=AREAS, metavar='TAXELS',
+                        help='of the contacts (default: 40 60 80)')
+    parser.add_argument('--rounds', type=int, default=1, metavar='N', help='N touches of each shape and area, each at '
+                        'another place and angle, before the programme repeats (default: %(default)s)')
     parser.add_argument('--seed', type=int, default=0, help='of the touches (default: %(default)s)')
     parser.add_argument('--recording', metavar='FILE', help='repeat this event recording (64x64 layout) instead')
     parser.add_argument('--duration', type=float, help='end after so many seconds (default: at Ctrl-C)')
@@ -120,7 +129,11 @@ def _opened(args: argparse.Namespace) -> tuple[can.BusABC, str]:
 
 def _sources(args: argparse.Namespace, pads: tuple[PadSettings, ...]) -> dict[str, TaxelSource]:
     if not args.recording:
-        return gripper_sources(pads, tuple(args.shapes), args.seed)
+        if args.rounds < 1 or not all(0 < area < float('inf') for area in args.areas):
+            raise ConfigurationError('--areas, --rounds', expected='areas > 0 and rounds >= 1',
+                                     got=f'{args.areas}, {args.rounds}', remedy='For example --areas 50 --rounds 30.')
+        return gripper_sources(pads, [touching(shape) for shape in args.shapes], args.seed,
+                               tuple(args.areas) * args.rounds)
     for pad in pads:
         if (pad.layout.rows, pad.layout.cols) != (SIDE, SIDE):
             raise ConfigurationError('--recording', expected=f'a layout of {SIDE}x{SIDE} taxels',

@@ -9,6 +9,8 @@ class leads by more than ``lead``. So a change is followed after at most
 What is hidden stays hidden: however many frames agree, they do not show it. So each way in which the hidden taxels may
 be read (`Recognition.alternatives`) is fused apart, and the result is the mean of these. A frame in which nothing is
 seen is no evidence: it is reported as not seen, and the evidence of the frames before waits for the next that is.
+
+The classes are those of the frames: the shapes, and those that were taught.
 """
 
 from dataclasses import dataclass
@@ -18,9 +20,9 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.errors import ConfigurationError, InputError
-from tactile_node.shape.recognition import Alternative, Recognition, Shape, UnknownReason
+from tactile_node.shape.recognition import Alternative, Recognition, Shape, ShapeClass, UnknownReason
 
-TOUCHING = tuple(shape for shape in Shape if shape is not Shape.NONE)
+TOUCHING: tuple[ShapeClass, ...] = tuple(shape for shape in Shape if shape is not Shape.NONE)
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,8 @@ class RecognitionFusion:
     def reset(self) -> None:
         """Forget everything, as when another object is known to be touched."""
         self._stamp: float | None = None
-        self._shape: Shape | None = None
+        self._shape: ShapeClass | None = None
+        self._touching = TOUCHING
         self._since = 0.0
         self._frames = 0
         self._reason = UnknownReason.UNFAMILIAR
@@ -92,18 +95,22 @@ class RecognitionFusion:
 
         A frame whose likeliest class is NONE ends the contact, as does one of too few taxels for a shape: it is
         reported at once. A frame that is no evidence is reported as not seen, and `held` starts again with the next. A
-        stamp that goes back or comes after ``max_gap`` starts again. Raises InputError for NaN or infinite numbers,
-        which would stay in the evidence.
+        stamp that goes back or comes after ``max_gap`` starts again, as does a frame of other classes. Raises
+        InputError for NaN or infinite numbers, which would stay in the evidence.
         """
         _check(stamp, frame)
         if not frame.is_evidence:
             self._frames = 0
             return FusedRecognition(frame, stamp, held=0.0, frames=0)
         passed = float('inf') if self._stamp is None else stamp - self._stamp
+        touching = tuple(shape for shape in frame.probabilities if shape is not Shape.NONE)
         ends = frame.shape is Shape.NONE or frame.reason is UnknownReason.TOO_SMALL
-        if ends is not self._is_over or frame.shape is Shape.NONE or not 0 <= passed <= self._settings.max_gap:
+        if (ends is not self._is_over or frame.shape is Shape.NONE or touching != self._touching
+                or not 0 <= passed <= self._settings.max_gap):
             self.reset()
             passed = float('inf')
+            self._touching = touching
+            self._evidence = np.zeros((1, len(touching)))
         self._stamp = stamp
         self._is_over = ends
         if frame.shape is Shape.NONE:
@@ -112,11 +119,11 @@ class RecognitionFusion:
         if frame.shape is Shape.UNKNOWN:
             self._reason = frame.reason
         shares = self._shares()
-        return self._report(stamp, self._chosen(), Recognition.of(dict(zip(TOUCHING, shares.tolist()))))
+        return self._report(stamp, self._chosen(), Recognition.of(dict(zip(self._touching, shares.tolist()))))
 
     def _add(self, frame: Recognition, passed: float) -> None:
         alternatives = frame.alternatives or (Alternative(1.0, frame.probabilities),)
-        seen = np.array([[probabilities[shape] for shape in TOUCHING] for _, probabilities in alternatives])
+        seen = np.array([[probabilities[shape] for shape in self._touching] for _, probabilities in alternatives])
         if len(self._evidence) != len(seen):
             self._evidence = np.tile(self._together(), (len(seen), 1))
         self._weights = np.array([weight for weight, _ in alternatives])
@@ -141,16 +148,16 @@ class RecognitionFusion:
         shares: np.ndarray = self._weights @ (weights / weights.sum(1, keepdims=True))
         return shares
 
-    def _chosen(self) -> Shape:
+    def _chosen(self) -> ShapeClass:
         """The class ahead, unless the one reported so far is close behind."""
         evidence = self._together()
-        ahead = TOUCHING[int(evidence.argmax())]
-        if self._shape in (None, Shape.NONE, ahead):
+        ahead = self._touching[int(evidence.argmax())]
+        if self._shape is None or self._shape in (Shape.NONE, ahead):
             return ahead
-        behind = -evidence[TOUCHING.index(self._shape)]
+        behind = -evidence[self._touching.index(self._shape)]
         return ahead if behind >= self._settings.switch else self._shape
 
-    def _report(self, stamp: float, shape: Shape, belief: Recognition) -> FusedRecognition:
+    def _report(self, stamp: float, shape: ShapeClass, belief: Recognition) -> FusedRecognition:
         if shape is not self._shape or not self._frames:
             self._shape = shape
             self._since = stamp

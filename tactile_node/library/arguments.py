@@ -9,7 +9,7 @@ import numpy as np
 from tactile_node.calibration.response import SkinResponse, load_response
 from tactile_node.contact.press import PRESS_BY_UNIT, PressThresholds
 from tactile_node.errors import ConfigurationError, InputError
-from tactile_node.shape.recognition import Shape
+from tactile_node.shape.recognition import Shape, ShapeClass, TaughtShape
 
 Kind = TypeVar('Kind')
 
@@ -65,8 +65,10 @@ def check_values(frame: np.ndarray, unit: str | None) -> None:
                          remedy='Pass a bool array, or thresholds in the unit of the values.')
 
 
-def known_shape(shape: object) -> Shape:
-    """Return the Shape of that name."""
+def known_shape(shape: object) -> ShapeClass:
+    """Return the Shape of that name; one that was taught as it is."""
+    if isinstance(shape, TaughtShape):
+        return shape
     try:
         return Shape(shape)
     except ValueError:

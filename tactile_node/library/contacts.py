@@ -20,7 +20,7 @@ from tactile_node.library.arguments import (
 from tactile_node.pose import fit
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.shape.methods import DEFAULT, make_recogniser
-from tactile_node.shape.recognition import Recognition, Shape
+from tactile_node.shape.recognition import Recognition, ShapeClass
 
 
 def find_contact(values: ArrayLike, unit: str | None = 'Pa',
@@ -69,7 +69,8 @@ class Recogniser:
     """Recognises the shape of a contact; reads its weights once, when it is made.
 
     ``method``: 'learned', or 'volf' for the paper's three planes. ``file``: other weights or curves than the
-    package's own. Raises ConfigurationError for an unknown method or a file that cannot be used.
+    package's own, such as one of `tactile teach`. Raises ConfigurationError for an unknown method or a file that
+    cannot be used.
 
     >>> import numpy as np
     >>> Recogniser().recognise(find_contact(np.pad(np.full((7, 7), 50e3), 4))).shape.value
@@ -88,9 +89,9 @@ class Recogniser:
         return self._method.recognise(_contact(contact))
 
 
-def fit_shape(contact: ContactPattern, shape: Shape, pitch: float = 1.0,
+def fit_shape(contact: ContactPattern, shape: ShapeClass, pitch: float = 1.0,
               response: str | Path | SkinResponse | None = None) -> ShapeFit | None:
-    """Return pose and size of ``contact`` as a ``shape``, with covariance; None for NONE and UNKNOWN.
+    """Return pose and size of ``contact`` as a ``shape``, with covariance; None for NONE, UNKNOWN and TaughtShapes.
 
     ``pitch``: distance of neighbouring taxels; all lengths come in its unit. Values that are 0 or one other number are
     taken as on/off. ``response``: file of `tactile calibrate`, whose curve the values have already passed; lengths in
@@ -98,6 +99,7 @@ def fit_shape(contact: ContactPattern, shape: Shape, pitch: float = 1.0,
     a pitch that is no length > 0.
 
     >>> import numpy as np
+    >>> from tactile_node import Shape
     >>> found = fit_shape(find_contact(np.pad(np.full((7, 7), 50e3), 4)), Shape.SQUARE, pitch=0.004)
     >>> [round(1000 * length) for length in (*found.centre, *found.dimensions)]
     [28, 28, 28]

@@ -27,7 +27,7 @@ from tactile_node.ros.shape_messages import MOST_SHAPES, Findings, pose_message,
 from tactile_node.ros.time_messages import seconds
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.patch import join_pieces
-from tactile_node.shape.recognition import Recognition, Shape
+from tactile_node.shape.recognition import Recognition, ShapeClass
 from tactile_skin.msg import Contact, ContactShape, ContactShapes, Progress
 
 
@@ -109,7 +109,7 @@ class ClassifierNode(Node):
             return self._fusion.update(stamp, frame)
         return FusedRecognition(frame, stamp, 0.0, 1)
 
-    def _fitted(self, message: Contact, pattern: ContactPattern, shape: Shape) -> ShapeFit | None:
+    def _fitted(self, message: Contact, pattern: ContactPattern, shape: ShapeClass) -> ShapeFit | None:
         if not self._settings.fit or not pattern.mask.any():
             return None
         taxels = pattern.mask if are_on_off(pattern.values) else pattern.values

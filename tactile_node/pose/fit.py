@@ -18,7 +18,7 @@ from tactile_node.pose.noise import covariance_scale, weights_after
 from tactile_node.pose.pitch import check_pitch
 from tactile_node.pose.profiles import DOMES, Indenter
 from tactile_node.read_only import read_only
-from tactile_node.shape.recognition import Shape
+from tactile_node.shape.recognition import Shape, ShapeClass, TaughtShape
 
 MARGIN = 0.15         #: corners of a triangle are tried when their angles, or log lengths, are so close
 MARGIN_ON_OFF = 0.35
@@ -58,7 +58,7 @@ class ShapeFit(NamedTuple):
         return np.array((*self.centre, *((self.angle,) if self.symmetry else ()), *self.dimensions))
 
 
-def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float = 1.0,
+def fit_shape(values: np.ndarray, mask: np.ndarray, shape: ShapeClass, pitch: float = 1.0,
               layer: Layer | None = None) -> ShapeFit | None:
     """Fit the outline of ``shape`` to the contact ``mask`` of a frame; None when the shape has none.
 
@@ -74,7 +74,7 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: Shape, pitch: float =
     check_pitch(pitch)
     if layer is not None:
         check_layer(layer, pitch)
-    if shape not in OUTLINES:
+    if isinstance(shape, TaughtShape) or shape not in OUTLINES:
         return None
     values, mask = checked(values, mask)
     size = size_of(mask)

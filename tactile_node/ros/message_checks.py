@@ -142,6 +142,7 @@ def check_grasp(message: Grasp) -> RejectReason | None:
             or _grasp_states(message)
             or next((reason for side, state in zip(message.sides, message.side_states)
                      if state != Grasp.SIDE_NOT_KNOWN and (reason := check_contact_shape(side))), None)
+            or _same_shape(message)
             or _line(message)
             or _times(message)
             or _duration(message.held)
@@ -273,7 +274,7 @@ def _shapes(message: ContactShape) -> RejectReason | None:
 
 
 def _classes(message: ContactShape) -> RejectReason | None:
-    """Every number of ours goes with its name."""
+    """Every number of ours goes with its name, and OTHER with none of these."""
     names = message.class_names
     if len(names) > MAX_CLASSES:
         return RejectReason.TOO_LARGE
@@ -281,8 +282,14 @@ def _classes(message: ContactShape) -> RejectReason | None:
         return RejectReason.WRONG_LENGTH
     named = (message.class_name, message.frame_class_name)
     numbers = (message.shape, message.frame_shape)
-    fits = all(name in names and name == NAME_OF_NUMBER.get(number, name) for name, number in zip(named, numbers))
+    fits = all(name in names and _is_named(number, name) for name, number in zip(named, numbers))
     return None if fits and len(set(names)) == len(names) else RejectReason.INCONSISTENT
+
+
+def _is_named(number: int, name: str) -> bool:
+    if number == ContactShape.OTHER:
+        return bool(name) and name not in NAME_OF_NUMBER.values()
+    return name == NAME_OF_NUMBER[number]
 
 
 def _probabilities(values: array) -> RejectReason | None:
@@ -350,6 +357,12 @@ def _grasp_states(message: Grasp) -> RejectReason | None:
     fits = (message.contact == contact and not (message.fresh and contact == Grasp.NOT_KNOWN)
             and not (message.stable and not (message.fresh and contact == Grasp.TWO_SIDED)))
     return None if fits else RejectReason.INCONSISTENT
+
+
+def _same_shape(message: Grasp) -> RejectReason | None:
+    """By the names: OTHER is the number of every shape that was taught."""
+    left, right = message.sides
+    return RejectReason.INCONSISTENT if message.same_shape and left.class_name != right.class_name else None
 
 
 def _line(message: Grasp) -> RejectReason | None:

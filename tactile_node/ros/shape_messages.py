@@ -13,7 +13,7 @@ from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.moments import ContactMoments
 from tactile_node.pose.solids import pose_covariance, prism, solid
 from tactile_node.ros.time_messages import duration_message
-from tactile_node.shape.recognition import Recognition, Shape
+from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, TaughtShape
 from tactile_skin.msg import Contact, ContactShape, ContactShapes
 
 #: ContactShape.msg numbers of our shapes.
@@ -22,9 +22,13 @@ SHAPE_NUMBERS = {
     Shape.SQUARE: ContactShape.SQUARE, Shape.RECTANGLE: ContactShape.RECTANGLE,
     Shape.RIGHT_TRIANGLE: ContactShape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE: ContactShape.ISOSCELES_TRIANGLE}
 SHAPE_OF_NUMBER = {number: shape for shape, number in SHAPE_NUMBERS.items()}
-CLASS_NAMES = [shape.value for shape in Shape]  #: in the order of a message's probabilities
 MOST_SHAPES = 4  #: of a ContactShapes message
 SOLIDS = {'box': SolidPrimitive.BOX, 'cylinder': SolidPrimitive.CYLINDER}
+
+
+def number_of(shape: ShapeClass) -> int:
+    """Return its number in ContactShape.msg: OTHER for one that was taught."""
+    return int(ContactShape.OTHER) if isinstance(shape, TaughtShape) else int(SHAPE_NUMBERS[shape])
 
 
 class Findings(NamedTuple):
@@ -44,11 +48,13 @@ def shape_message(contact: Contact, found: Findings, method: str, solid_height: 
     seen = found.visibility
     message = ContactShape(
         header=contact.header, sequence=contact.sequence, age=contact.age,
-        shape=SHAPE_NUMBERS[fused.shape], class_name=fused.shape.value,
+        shape=number_of(fused.shape), class_name=fused.shape.value,
         unknown_reason=fused.reason,
-        confidence=fused.confidence, class_names=CLASS_NAMES, probabilities=_probabilities(fused),
-        frame_shape=SHAPE_NUMBERS[found.frame.shape], frame_class_name=found.frame.shape.value,
-        frame_probabilities=_probabilities(found.frame), held=duration_message(found.fused.held),
+        confidence=fused.confidence, class_names=[shape.value for shape in fused.probabilities],
+        probabilities=list(fused.probabilities.values()),
+        frame_shape=number_of(found.frame.shape), frame_class_name=found.frame.shape.value,
+        frame_probabilities=[found.frame.probabilities.get(shape, 0.0) for shape in fused.probabilities],
+        held=duration_message(found.fused.held),
         fused_frames=found.fused.frames, method=method, pad_seen=contact.pad_seen,
         taxels=int(np.count_nonzero(found.pattern.mask)), hidden_taxels=seen.hidden_in_contact,
         saturated_taxels=seen.saturated_in_contact, ring_taxels=seen.ring, hidden_ring_taxels=seen.hidden_in_ring,
@@ -74,11 +80,6 @@ def shapes_message(contact: Contact, contacts: int, shapes: list[ContactShape]) 
 def pose_message(shape: ContactShape) -> PoseWithCovarianceStamped:
     """The fitted pose alone, as localisation tools take it."""
     return PoseWithCovarianceStamped(header=shape.header, pose=shape.pose)
-
-
-def _probabilities(recognition: Recognition) -> list[float]:
-    """In the order of CLASS_NAMES."""
-    return [recognition.probabilities[shape] for shape in Shape]
 
 
 def _add_moments(message: ContactShape, moments: ContactMoments) -> None:

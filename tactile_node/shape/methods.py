@@ -16,7 +16,7 @@ from tactile_node.shape.method_names import FILES as FILES
 from tactile_node.shape.method_names import LEARNED as LEARNED
 from tactile_node.shape.method_names import VOLF as VOLF
 from tactile_node.shape.recogniser import ShapeRecogniser
-from tactile_node.shape.recognition import Recognition, UnknownReason
+from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, UnknownReason
 from tactile_node.shape.shapeless import is_shapeless
 from tactile_node.shape.volf import GROUPS, VolfClassifier
 
@@ -28,9 +28,13 @@ FEW_HIDDEN, WEIGHTS_OF_FEW = 0.25, (0.79, 0.07, 0.07, 0.07)
 
 
 class RecognitionMethod(Protocol):
-    """What every method offers; ``groups`` are the features it reads, Group.NONE where it reads none."""
+    """What every method offers.
+
+    ``groups``: the features it reads, Group.NONE where it reads none. ``classes``: all that it can answer, in order.
+    """
 
     groups: Group
+    classes: tuple[ShapeClass, ...]
 
     def recognise(self, pattern: ContactPattern, features: Features | None = None) -> Recognition:
         """Recognise ``pattern``; ``features`` of its mask spare their computation where they are known."""
@@ -48,6 +52,7 @@ class Learned:
 
     def __init__(self, path: str | Path):
         self._recogniser = ShapeRecogniser.from_file(path)
+        self.classes = self._recogniser.classes
 
     def recognise(self, pattern: ContactPattern, features: Features | None = None) -> Recognition:
         return self._recogniser.recognise(pattern)
@@ -60,6 +65,7 @@ class Volf:
     """The paper's three planes behind the common interface."""
 
     groups = GROUPS
+    classes: tuple[ShapeClass, ...] = tuple(Shape)
 
     def __init__(self, path: str | Path):
         self._classifier = VolfClassifier.from_file(path)
@@ -84,11 +90,18 @@ class VisibilityGuard:
     def __init__(self, method: RecognitionMethod, smallest_contact: int = SMALLEST_CONTACT):
         self._method = method
         self._smallest_contact = smallest_contact
-        self.groups = method.groups
+        self.groups, self.classes = method.groups, method.classes
 
     def recognise(self, pattern: ContactPattern, features: Features | None = None,
                   visibility: Visibility | None = None) -> Recognition:
-        """As the method does; ``visibility`` of the pattern spares its computation where it is known."""
+        """As the method does; ``visibility`` of the pattern spares its computation where it is known.
+
+        There is a probability of each of ``classes``, whatever the answer.
+        """
+        return self._recognised(pattern, features, visibility).over(self.classes)
+
+    def _recognised(self, pattern: ContactPattern, features: Features | None,
+                    visibility: Visibility | None) -> Recognition:
         if visibility is None:
             visibility = visibility_of(pattern, self._smallest_contact)
         if not pattern.contacts and not visibility.pad_seen:

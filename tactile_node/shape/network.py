@@ -22,14 +22,28 @@ class Network(NamedTuple):
 
     def __call__(self, images: np.ndarray, geometry: np.ndarray) -> np.ndarray:
         """Return the logits, (K, outputs), of images (K, rows, cols, channels) and geometry (K, COUNT)."""
+        return self.logits(self.embedding(images, geometry))
+
+    def embedding(self, images: np.ndarray, geometry: np.ndarray) -> np.ndarray:
+        """Return what the last layer sees, (K, last width), and after it the standard geometry, (K, COUNT), float32."""
         for kernel, bias, taps in zip(self.kernels, self.biases, TAPS):
             images = _convolved(images, kernel, bias, taps)
         standard = np.clip((geometry - self.middle) / self.spread, -5, 5)
         flow = np.concatenate((images.reshape(len(images), -1), standard), 1, dtype=np.float32)
         for weight, bias in list(zip(self.kernels, self.biases))[len(TAPS):-1]:
             flow = np.maximum(flow @ weight + bias, 0)
-        logits: np.ndarray = flow @ self.kernels[-1] + self.biases[-1]
+        embedding: np.ndarray = np.concatenate((flow, standard), 1, dtype=np.float32)
+        return embedding
+
+    def logits(self, embedding: np.ndarray) -> np.ndarray:
+        """Return the logits, (K, outputs), of an embedding."""
+        logits: np.ndarray = embedding[:, :len(self.kernels[-1])] @ self.kernels[-1] + self.biases[-1]
         return logits
+
+    @property
+    def width(self) -> int:
+        """Columns of an embedding."""
+        return len(self.kernels[-1]) + len(self.middle)
 
 
 def _convolved(images: np.ndarray, kernel: np.ndarray, bias: np.ndarray, taps: int) -> np.ndarray:

@@ -2,12 +2,14 @@
 
 One network is for on/off taxels, one for pressures. Each gives five logits, one a class, which are divided by a
 temperature found on validation patterns, and one that the contact is none of them, which has a bias.
-The weights are data (config/recogniser.npz), written by training/train.py.
+The weights are data (config/recogniser.npz), written by training/train.py. A file of `tactile teach` has the same
+arrays and, after them, the heads of taught shapes (taught.py).
 """
 
 import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 from zipfile import BadZipFile, ZipFile
 
@@ -18,7 +20,8 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.shape.invariants import COUNT, describe_all
 from tactile_node.shape.network import TAPS, Network
 from tactile_node.shape.patch import Patch, joined, make_patch
-from tactile_node.shape.recognition import Recognition, Shape, UnknownReason
+from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, TaughtShape, UnknownReason
+from tactile_node.shape.taught import Head, read_taught
 
 #: what each output of the networks in the weights' file stands for; its order is part of the file's format
 OUTPUTS = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE, Shape.UNKNOWN)
@@ -48,18 +51,25 @@ class Calibration(NamedTuple):
 
 
 class ShapeRecogniser:
-    """Recognises the shape of a contact from on/off taxels or, better, from pressures."""
+    """Recognises the shape of a contact from on/off taxels or, better, from pressures.
 
-    def __init__(self, networks: dict[str, Network], calibrations: dict[str, Calibration]):
-        self._networks, self._calibrations = networks, calibrations
+    ``heads``: by kind of frames, of the ``taught`` shapes; a kind without one knows none of them.
+    """
+
+    def __init__(self, networks: dict[str, Network], calibrations: dict[str, Calibration],
+                 taught: tuple[TaughtShape, ...] = (), heads: Mapping[str, Head] = MappingProxyType({})):
+        self._networks, self._calibrations, self._heads = networks, calibrations, heads
+        self.outputs: tuple[ShapeClass, ...] = (*OUTPUTS, *taught)  #: what the columns of `probabilities` stand for
+        self.classes: tuple[ShapeClass, ...] = (*Shape, *taught)    #: every class that a recognition may name
 
     @classmethod
     def from_file(cls, path: str | Path) -> 'ShapeRecogniser':
         """Read what training/train.py wrote; ConfigurationError where it is not that."""
         try:
-            data = _arrays(path)
-            return cls({kind: _network(data, kind) for kind in KINDS},
-                       {kind: _calibration(data, kind) for kind in KINDS})
+            data = read_arrays(path)
+            networks = {kind: _network(data, kind) for kind in KINDS}
+            return cls(networks, {kind: _calibration(data, kind) for kind in KINDS},
+                       *read_taught(data, {kind: network.width for kind, network in networks.items()}))
         except OSError as error:
             raise _unusable(path, error.strerror or str(error)) from None
         except KeyError as error:
@@ -110,20 +120,38 @@ class ShapeRecogniser:
             if alike:
                 probabilities = self.probabilities([patch for _, patch in alike]).tolist()
                 for (k, _), of_outputs in zip(alike, probabilities):
-                    found[k] = Recognition.of(dict(zip(OUTPUTS, of_outputs)))
+                    found[k] = Recognition.of(dict(zip(self.outputs, of_outputs)))
         return found
 
     def probabilities(self, patches: list[Patch]) -> np.ndarray:
-        """Return the probabilities of OUTPUTS for patches all graded or all not, (K, 6)."""
+        """Return the probabilities of ``outputs`` for patches all graded or all not, (K, len(outputs))."""
         kind = KINDS[patches[0].graded]
+        embedding, log_taxels = self.embedding(patches)
+        known = self.known(kind, embedding, log_taxels)
+        if len(self.outputs) == len(OUTPUTS):
+            return known
+        if kind not in self._heads:
+            return np.pad(known, ((0, 0), (0, len(self.outputs) - len(OUTPUTS))))
+        return self._heads[kind].joined(known, embedding, log_taxels)
+
+    def embedding(self, patches: Sequence[Patch]) -> tuple[np.ndarray, np.ndarray]:
+        """Return what the heads of taught shapes see of patches all graded or all not, and the log of their taxels."""
         levels, unseen = np.stack([patch.level for patch in patches]), np.stack([patch.unseen for patch in patches])
         geometry = describe_all(levels, unseen, np.array([patch.scale for patch in patches]))
-        logits = self._networks[kind](np.stack((levels, unseen), -1), geometry)
-        return self._calibrations[kind].probabilities(logits.astype(float), geometry[:, 0])
+        network = self._networks[KINDS[patches[0].graded]]
+        return network.embedding(np.stack((levels, unseen), -1), geometry), geometry[:, 0]
+
+    def known(self, kind: str, embedding: np.ndarray, log_taxels: np.ndarray) -> np.ndarray:
+        """Return the probabilities of OUTPUTS, (K, 6), as without taught shapes."""
+        logits = self._networks[kind].logits(embedding)
+        return self._calibrations[kind].probabilities(logits.astype(float), log_taxels)
 
 
-def _arrays(path: str | Path) -> dict[str, np.ndarray]:
-    """All arrays of the file, of finite numbers. A few bytes of a .npz may stand for more than fits into memory."""
+def read_arrays(path: str | Path) -> dict[str, np.ndarray]:
+    """Return all arrays of the file, of finite numbers; ValueError and zipfile's errors where it is not that.
+
+    A few bytes of a .npz may stand for more than fits into memory.
+    """
     with ZipFile(path) as packed:
         size = sum(each.file_size for each in packed.infolist())
     if size > MOST_BYTES:
@@ -159,5 +187,6 @@ def _calibration(data: Mapping[str, np.ndarray], kind: str) -> Calibration:
 
 
 def _unusable(path: str | Path, got: str) -> ConfigurationError:
-    return ConfigurationError(f'weights of the recogniser, {path}', expected='a file written by training/train.py',
-                              got=got, remedy='Use config/recogniser.npz, or run `make train`.')
+    return ConfigurationError(f'weights of the recogniser, {path}', got=got,
+                              expected='a file written by training/train.py or `tactile teach`',
+                              remedy='Use config/recogniser.npz, or run `tactile teach` or `make train` again.')

@@ -1,9 +1,10 @@
 """The shapes, and what a recogniser reports for a contact."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from enum import Enum, IntEnum
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 
 class Shape(str, Enum):
@@ -16,6 +17,16 @@ class Shape(str, Enum):
     ISOSCELES_TRIANGLE = 'isosceles_triangle'
     NONE = 'none'        #: nothing touches the pad
     UNKNOWN = 'unknown'  #: something does, and its shape cannot be determined
+
+
+@dataclass(frozen=True)
+class TaughtShape:
+    """A class that a user has taught (`tactile teach`); it has a name, and no outline that could be fitted."""
+
+    value: str  #: its name, as that of a Shape
+
+
+ShapeClass: TypeAlias = Shape | TaughtShape
 
 
 class UnknownReason(IntEnum):
@@ -36,18 +47,18 @@ class Alternative(NamedTuple):
     """What a contact is when its hidden taxels are read in one way."""
 
     weight: float  #: of this way; all sum to 1
-    probabilities: Mapping[Shape, float]
+    probabilities: Mapping[ShapeClass, float]
 
 
 class Recognition(NamedTuple):
-    """The most probable shape; ``probabilities`` holds all seven and sums to 1.
+    """The most probable shape; ``probabilities`` holds every Shape, then those taught, and sums to 1.
 
     Where hidden taxels may change the answer, ``alternatives`` holds that for each way in which they may be read, and
     ``probabilities`` are the weighted mean of these; otherwise it is empty.
     """
 
-    shape: Shape
-    probabilities: Mapping[Shape, float]
+    shape: ShapeClass
+    probabilities: Mapping[ShapeClass, float]
     reason: UnknownReason = UnknownReason.NOT_UNKNOWN  #: why ``shape`` is UNKNOWN
     alternatives: tuple[Alternative, ...] = ()
     joined: bool = False  #: of the largest contact together with pieces close to it, `patch.join_pieces`
@@ -63,7 +74,7 @@ class Recognition(NamedTuple):
         return self.reason is not UnknownReason.NOT_SEEN or bool(self.alternatives)
 
     @classmethod
-    def certain(cls, shape: Shape) -> 'Recognition':
+    def certain(cls, shape: ShapeClass) -> 'Recognition':
         """Make a recognition that gives ``shape`` the probability 1."""
         return cls.of({shape: 1.0})
 
@@ -73,13 +84,14 @@ class Recognition(NamedTuple):
         return cls.of({Shape.UNKNOWN: 1.0}, reason)
 
     @classmethod
-    def of(cls, probabilities: Mapping[Shape, float],
+    def of(cls, probabilities: Mapping[ShapeClass, float],
            reason: UnknownReason = UnknownReason.UNFAMILIAR) -> 'Recognition':
         """Make a recognition of these probabilities; classes not named have none.
 
         ``reason`` counts where UNKNOWN is the most probable.
         """
-        every = {shape: float(probabilities.get(shape, 0.0)) for shape in Shape}
+        every: dict[ShapeClass, float] = {shape: float(probabilities.get(shape, 0.0)) for shape in Shape}
+        every.update((shape, float(p)) for shape, p in probabilities.items() if isinstance(shape, TaughtShape))
         return cls._of(max(every, key=every.__getitem__), every, reason)
 
     @classmethod
@@ -88,19 +100,29 @@ class Recognition(NamedTuple):
 
         An UNKNOWN has their reason where they agree in it, else NOT_SEEN.
         """
-        mean = {shape: sum(weight * each.probabilities[shape] for weight, each in zip(weights, alternatives))
-                for shape in Shape}
+        mean = {shape: sum(weight * each.probabilities.get(shape, 0.0) for weight, each in zip(weights, alternatives))
+                for shape in dict.fromkeys(shape for each in alternatives for shape in each.probabilities)}
         reasons = {each.reason for each in alternatives}
         reason = reasons.pop() if len(reasons) == 1 else UnknownReason.NOT_SEEN
         return cls.of(mean, reason)._replace(joined=alternatives[0].joined, alternatives=tuple(
             Alternative(weight, each.probabilities) for weight, each in zip(weights, alternatives)))
 
-    def reported_as(self, shape: Shape, reason: UnknownReason) -> 'Recognition':
+    def over(self, classes: Sequence[ShapeClass]) -> 'Recognition':
+        """Return it with a probability of each of ``classes``, in their order; 0 where it has none."""
+        if len(self.probabilities) == len(classes):
+            return self
+
+        def all_of(probabilities: Mapping[ShapeClass, float]) -> Mapping[ShapeClass, float]:
+            return MappingProxyType({shape: probabilities.get(shape, 0.0) for shape in classes})
+        return self._replace(probabilities=all_of(self.probabilities), alternatives=tuple(
+            Alternative(weight, all_of(each)) for weight, each in self.alternatives))
+
+    def reported_as(self, shape: ShapeClass, reason: UnknownReason) -> 'Recognition':
         """Return it with another ``shape`` as the answer; ``reason`` counts where that is UNKNOWN."""
         return self._of(shape, self.probabilities, reason)._replace(alternatives=self.alternatives)
 
     @classmethod
-    def _of(cls, shape: Shape, probabilities: Mapping[Shape, float], reason: UnknownReason) -> 'Recognition':
+    def _of(cls, shape: ShapeClass, probabilities: Mapping[ShapeClass, float], reason: UnknownReason) -> 'Recognition':
         return cls(shape, MappingProxyType(dict(probabilities)),
                    reason if shape is Shape.UNKNOWN else UnknownReason.NOT_UNKNOWN)
 

@@ -3,22 +3,28 @@
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from tactile_node.skin.layout import SkinLayout
-from tactile_node.synthetic.pressure import Skin, pressure_frame
+from tactile_node.synthetic.figures import Figure, Silhouette, random_figure
+from tactile_node.synthetic.pressure import Skin, Touching, pressure_frame
 from tactile_node.synthetic.world import CLASSES, Contact, random_contact
 
 RAMP = 0.1  # s of pressing and of letting go
 MEAN_PRESSURE = 0.6  # of full scale
+AREAS = (40.0, 60.0, 80.0)  # taxels
+
+
+Pressed = TypeVar('Pressed', bound=Touching)
 
 
 @dataclass(frozen=True)
-class Touch:
+class Touch(Generic[Pressed]):
     """One object pressed on one pad from ``begin`` to ``end`` [s since the skin became operational]."""
 
-    contact: Contact
+    contact: Pressed
     begin: float
     end: float
 
@@ -51,22 +57,28 @@ class TouchProgram:
         return values * (load if values.dtype != bool else load > 0.5)
 
 
-def touch_program(layout: SkinLayout, shapes: tuple[str, ...] = CLASSES,
-                  areas: tuple[float, ...] = (40, 60, 80),
+def touch_program(layout: SkinLayout, shapes: Sequence[str | Silhouette] = CLASSES,
+                  areas: tuple[float, ...] = AREAS,
                   seed: int = 0, hold: float = 1.0, pause: float = 0.5) -> TouchProgram:
     """Every shape in every area [taxels], in general position, held ``hold``, parted by ``pause`` [s]."""
     rng, now = np.random.default_rng(seed), pause
     touches, values = [], []
     for area in areas:
         for shape in shapes:
-            contact = random_contact(rng, shape, area, rows=layout.rows, cols=layout.cols)
+            contact = _contact(rng, shape, area, layout)
             touches.append(Touch(contact, now, now + hold))
             values.append(_values(layout, contact, rng))
             now += hold + pause
     return TouchProgram(touches, values, now)
 
 
-def _values(layout: SkinLayout, contact: Contact, rng: np.random.Generator) -> np.ndarray:
+def _contact(rng: np.random.Generator, shape: str | Silhouette, area: float, layout: SkinLayout) -> Contact | Figure:
+    if isinstance(shape, Silhouette):
+        return random_figure(rng, shape, area, rows=layout.rows, cols=layout.cols)
+    return random_contact(rng, shape, area, rows=layout.rows, cols=layout.cols)
+
+
+def _values(layout: SkinLayout, contact: Contact | Figure, rng: np.random.Generator) -> np.ndarray:
     """The contact as ``layout`` would measure it: a pattern for on/off taxels, else values in its unit."""
     if layout.value.bits == 1:
         return contact.pattern(layout.rows, layout.cols)

@@ -1,0 +1,161 @@
+"""`tactile teach`: teach the recogniser your own shapes, from about 30 touches of each, in a few minutes.
+
+    tactile teach --name plug --output my_shapes.npz                     # guides you through 30 touches, live
+    tactile teach --name plug --from touches.log --output my_shapes.npz  # from recordings, .npy arrays too
+
+The file holds the networks of --model and your shapes. Give it to the classifier node (model:=), to `tactile classify`
+(--model) or to the library (Recogniser(file=...)); on topics a taught shape has the number OTHER and its name.
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from tactile_node.cli.options import add_any_device_option, add_bus_options, add_skin_options
+from tactile_node.cli.touch_sources import live_touches, touches_in
+from tactile_node.errors import ConfigurationError, InputError
+from tactile_node.output_file import check_writable, output_file
+from tactile_node.package_files import config_path
+from tactile_node.shape.methods import FILES, LEARNED
+from tactile_node.shape.recogniser import KINDS, ShapeRecogniser, read_arrays
+from tactile_node.shape.recognition import TaughtShape
+from tactile_node.teaching.background import load_background
+from tactile_node.teaching.examples import Examples, examples_of
+from tactile_node.teaching.picture import confusion_picture
+from tactile_node.teaching.taught_file import NO_EXAMPLES, check_name, examples_in, write_taught
+from tactile_node.teaching.teach import LEAST_RIGHT, LEAST_TOUCHES, MOST_LOST, STAGES, HeldOut, Taught, teach
+from tactile_node.teaching.touches import Touches
+
+TOUCHES = 30
+SEED = 0  #: of the variants of touches
+REFUSED = 1
+
+
+class _OfLastName(argparse.Action):
+    """--from belongs to the --name before it."""
+
+    def __call__(self, parser, namespace, values, option_string=None):
+        if not namespace.name:
+            parser.error('--from: name the shape first: --name NAME --from FILE')
+        namespace.sources.setdefault(namespace.name[-1], []).extend(values)
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> None:
+    parser = subparsers.add_parser('teach', help='teach the recogniser your own shapes', description=__doc__,
+                                   formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('--name', action='append', required=True, help='of the shape; repeat it, with its own --from, '
+                        'for several shapes in one file')
+    parser.add_argument('--from', nargs='+', action=_OfLastName, dest='from_', metavar='FILE',
+                        help='touches of the shape named before: CAN logs, or .npy arrays (K, rows, cols) of frames in '
+                        'time; the object is lifted between two touches. Without: live from the bus')
+    parser.add_argument('-o', '--output', required=True, metavar='FILE', help='.npz to write')
+    parser.add_argument('--model', default=FILES[LEARNED], metavar='FILE',
+                        help='to teach; a file of this command keeps its shapes (default: config/%(default)s)')
+    parser.add_argument('--touches', type=int, default=TOUCHES, metavar='N',
+                        help='to record of each shape, live (default: %(default)s)')
+    parser.add_argument('--picture', metavar='FILE', help='draw what is taken for what on held-out contacts')
+    parser.add_argument('--force', action='store_true', help='write the file even where the held-out figures are bad')
+    add_skin_options(parser)
+    add_bus_options(parser, is_set=False)
+    add_any_device_option(parser)
+    parser.set_defaults(run=run, sources={})
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the file; 1 where what was taught is not good enough and not forced."""
+    model = config_path(args.model)
+    recogniser, base = ShapeRecogniser.from_file(model), read_arrays(model)
+    before = [shape.value for shape in recogniser.classes if isinstance(shape, TaughtShape)]
+    names = list(before)
+    for name in args.name:
+        check_name(name, names)
+        names.append(name)
+    if args.touches < LEAST_TOUCHES:
+        raise ConfigurationError('--touches', expected=f'{LEAST_TOUCHES} or more', got=str(args.touches),
+                                 remedy=f'{TOUCHES} as a rule.')
+    if args.picture:
+        import_module('matplotlib')  # before the touches are recorded, not after it
+    for path in filter(None, (args.output, args.picture)):
+        check_writable(path)
+    examples = {kind: examples_in(base, kind, len(before)) for kind in KINDS}
+    for name in args.name:
+        kind, found = _recorded(name, args)
+        for shapes in examples.values():
+            shapes.append(found if shapes is examples[kind] else NO_EXAMPLES)
+    taught = {kind: _taught(recogniser, kind, shapes) for kind, shapes in examples.items()
+              if any(shape.touches for shape in shapes)}
+    for kind, result in taught.items():
+        print(_summary(result.held_out, names, kind))
+        _draw(args.picture, result.held_out, names, kind if len(taught) > 1 else '')
+    if not all(result.held_out.is_good for result in taught.values()) and not args.force:
+        print(f'tactile: not written: it needs {LEAST_RIGHT:.0%} of the touches of each shape, and may cost the five '
+              f'shapes {MOST_LOST:.1%}. The shape may be too like another one at this size, or the touches differ too '
+              'much: record more, or a larger contact. --force writes it all the same.', file=sys.stderr)
+        return REFUSED
+    with output_file(args.output, inputs=[model, *sum(args.sources.values(), [])]) as stream:
+        write_taught(stream, base, names, {kind: result.head for kind, result in taught.items()}, examples)
+    print(f'written to {args.output}. Give it to the classifier node (model:=) or to tactile classify (--model).')
+    return 0
+
+
+def _recorded(name: str, args: argparse.Namespace) -> tuple[str, Examples]:
+    """The kind of frames, and the examples of one shape."""
+    files = args.sources.get(name)
+    if files:
+        touches = touches_in(files, args)
+    else:
+        log = str(Path(args.output).with_name(f'{name}_touches.log'))
+        touches = live_touches(name, args.touches, args, log)
+        print(f'The bus was recorded to {log}: --from {log} teaches from it again.', file=sys.stderr)
+    print(f'{name}: {len(touches.touches)} touches{_unused(touches)}')
+    if len(touches.touches) < LEAST_TOUCHES:
+        raise InputError(f'touches of {name}', expected=f'{LEAST_TOUCHES} or more, {TOUCHES} as a rule',
+                         got=str(len(touches.touches)), remedy='Record more; lift the object in between.')
+    examples = examples_of(touches.touches, np.random.default_rng(SEED))
+    graded = {patch.graded for patch in examples.patches}
+    if len(graded) > 1:
+        raise InputError(f'touches of {name}', expected='pressures, or on/off taxels', got='both',
+                         remedy='Teach the shape from touches on one skin.')
+    return KINDS[graded.pop()], examples
+
+
+def _taught(recogniser: ShapeRecogniser, kind: str, shapes: Sequence[Examples]) -> Taught:
+    background = load_background(kind)
+    with tqdm(total=STAGES, desc='teaching', disable=None, leave=False) as bar:
+        return teach(recogniser, background, shapes, progress=bar.update)
+
+
+def _unused(touches: Touches) -> str:
+    counts = (f'{count} {reason.name.lower()}' for reason, count in sorted(touches.unused.items()))
+    return f'; frames not used: {", ".join(counts)}' if touches.unused else ''
+
+
+def _summary(held_out: HeldOut, names: Sequence[str], kind: str) -> str:
+    before, after = held_out.five
+    lines = [f'On contacts held out, {kind} frames, with 95 % intervals:']
+    lines += [f'  {name}: {rate} of {rate.total} touches recognised' for name, rate in zip(names, held_out.taught)
+              if rate.total]
+    lines += [f'  the five shapes: {before} before, {after} after, of {before.total}',
+              '  foreign contacts called a shape: {} before, {} after, of {}'.format(
+                  *held_out.foreign, held_out.foreign[0].total)]
+    return '\n'.join(lines)
+
+
+def _draw(path: str | None, held_out: HeldOut, names: Sequence[str], kind: str) -> None:
+    if not path:
+        return
+    target = Path(path)
+    if kind:
+        target = target.with_stem(f'{target.stem}_{kind}')
+    picture = confusion_picture(held_out, names)
+    try:
+        with output_file(target) as stream:
+            picture.savefig(stream, format=target.suffix[1:] or 'png', dpi=110)
+    except ValueError as error:
+        raise InputError(f'picture {path!r}', expected='a format that matplotlib writes, such as .png',
+                         got=str(error).splitlines()[0], remedy='Give another suffix.') from None

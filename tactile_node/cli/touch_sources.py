@@ -1,0 +1,135 @@
+"""Where `tactile teach` has touches from: .npy arrays, CAN logs, or a live bus, on which it guides the user."""
+
+import argparse
+import sys
+from pathlib import Path
+from queue import Empty, SimpleQueue
+
+import numpy as np
+
+from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE, BusSettings
+from tactile_node.bus.skin_bus import SkinBus
+from tactile_node.calibration.presses import zeroed
+from tactile_node.cli.arrays import read_frames
+from tactile_node.cli.options import eds_of, layouts_of, node_ids_of
+from tactile_node.cli.played_log import play_log
+from tactile_node.errors import BusError, ConfigurationError, InputError
+from tactile_node.frames.fault_text import failure_text
+from tactile_node.frames.health import Failure
+from tactile_node.interruption import interruption
+from tactile_node.press_levels import ON_OFF_UNIT
+from tactile_node.skin.layout import SkinLayout
+from tactile_node.skin.pads import make_pads, with_dictionaries
+from tactile_node.teaching.touches import Touch, Touches, TouchFinder, find_touches
+
+AT_REST = 25        #: frames that the zero of a live skin is found from
+STEADY = 10         #: frames
+HINT_AFTER = 10.0   #: s without a frame
+WHAT_TO_DO = ('Touch the skin with {name} {count} times: hold it still until it counts, lift it, rotate it, touch at '
+              'another place. Keep it off the edges of the pad.')
+
+
+def touches_in(files: list[str], args: argparse.Namespace) -> Touches:
+    """Return the touches in arrays and logs, each file in its order."""
+    touches: list[Touch] = []
+    unused: dict = {}
+    for path in files:
+        found = _in_array(path) if Path(path).suffix == '.npy' else _in_log(path, args)
+        touches += found.touches
+        for reason, count in found.unused.items():
+            unused[reason] = unused.get(reason, 0) + count
+    return Touches(touches, unused)
+
+
+def _in_array(path: str) -> Touches:
+    return find_touches(read_frames(path), None)
+
+
+def _in_log(path: str, args: argparse.Namespace) -> Touches:
+    pads = make_pads(layouts_of(args), node_ids_of(args))
+    played = play_log(path, pads, channel=args.channel or '', any_device=args.any_device)
+    if not played.has_ended:
+        raise KeyboardInterrupt
+    if not played.used:
+        raise InputError(f'log {path}', expected='taxel frames of this pad', got='none',
+                         remedy='Check --node-id and --layout.')
+    touches: list[Touch] = []
+    unused: dict = {}
+    for pad in pads:
+        frames = np.array([frame.values for frame in played.frames[pad.name]])
+        unit = pad.layout.value.unit
+        found = find_touches(frames if unit == ON_OFF_UNIT else zeroed(frames), unit)
+        touches += found.touches
+        for reason, count in found.unused.items():
+            unused[reason] = unused.get(reason, 0) + count
+    return Touches(touches, unused)
+
+
+def live_touches(name: str, count: int, args: argparse.Namespace, record: str) -> Touches:
+    """Guide the user through ``count`` touches of ``name`` on a live bus, which is recorded to the log ``record``.
+
+    Raises KeyboardInterrupt where the user ends it, and what a bus and its devices raise.
+    """
+    pads = with_dictionaries(make_pads(layouts_of(args), node_ids_of(args)), eds_of(args))
+    if len(pads) > 1:
+        raise ConfigurationError('--node-id', expected='the nodes of one pad', got=f'{len(pads)} pads',
+                                 remedy='Teach on one pad; the other one recognises the shape, too.')
+    frames: SimpleQueue[np.ndarray] = SimpleQueue()
+    failures: list[Failure] = []
+    settings = BusSettings(args.interface or DEFAULT_INTERFACE, args.channel or DEFAULT_CHANNEL,
+                           args.bitrate or DEFAULT_BITRATE, record=record)
+    bus = SkinBus(settings, pads, lambda _, frame: frames.put(frame.values), on_failure=failures.append)
+    try:
+        bus.open()
+        bus.configure()
+        bus.start()
+        return _guided(name, count, pads[0].layout, frames, failures)
+    finally:
+        bus.close()
+
+
+def _guided(name: str, count: int, layout: SkinLayout, frames: SimpleQueue, failures: list[Failure]) -> Touches:
+    finder, zero = TouchFinder(layout.value.unit), np.zeros((layout.rows, layout.cols))
+    touches: list[Touch] = []
+    was_steady, last = False, None
+    with interruption() as stop_requested:
+        if layout.value.unit != ON_OFF_UNIT:
+            _say('Leave the skin untouched ...')
+            rest = [_next(frames, failures, stop_requested) for _ in range(AT_REST)]
+            zero = np.nan_to_num(np.nanmedian(rest, axis=0))
+        _say(WHAT_TO_DO.format(name=name, count=count))
+        while len(touches) < count:
+            ended = finder.feed(_next(frames, failures, stop_requested) - zero)
+            if ended:
+                touches += ended if was_steady else []
+                _say(f'touch {len(touches)} of {count}' if was_steady else 'That was too short: hold it still.')
+                was_steady = False
+            elif finder.is_steady(STEADY) and not was_steady:
+                was_steady = True
+                _say('  steady: lift it and rotate it')
+            elif finder.reason is not None and finder.reason is not last:
+                _say(f'  not used: {finder.reason.name.lower().replace("_", " ")}')
+            last = finder.reason
+    return Touches(touches[:count], finder.unused)
+
+
+def _next(frames: SimpleQueue, failures: list[Failure], stop_requested) -> np.ndarray:
+    waited = 0.0
+    while True:
+        if stop_requested.is_set():
+            raise KeyboardInterrupt
+        if failures:
+            raise BusError('CAN bus', expected='a bus that works', got=failure_text(failures[0]).rstrip('.'),
+                           remedy='Repair it and begin again.')
+        try:
+            found: np.ndarray = frames.get(timeout=0.1)
+            return found
+        except Empty:
+            waited += 0.1
+        if waited > HINT_AFTER:
+            raise BusError('CAN bus', expected='taxel frames', got=f'none for {HINT_AFTER:.0f} s',
+                           remedy='Check the device with `tactile scan`.')
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)

@@ -1,0 +1,66 @@
+"""A cross, drawn without the package's generator, and a file in which it was taught from 15 touches."""
+
+from pathlib import Path
+
+import numpy as np
+
+from tactile_node.package_files import config_path
+from tactile_node.shape.recogniser import ShapeRecogniser, read_arrays
+from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.teaching.background import Background, load_background
+from tactile_node.teaching.examples import examples_of
+from tactile_node.teaching.taught_file import write_taught
+from tactile_node.teaching.teach import teach
+from tactile_node.teaching.touches import find_touches
+
+PAD, FINE = 16, 6
+LOADS = 0, 0.3, 1, 1, 1, 1, 0.2, 0
+
+
+def cross(rng, arm=4.3, half=1.5):
+    """Pressures under two bars at any angle and place, counted on FINE x FINE points a taxel; the mean is 1."""
+    step = (np.arange(PAD * FINE) + 0.5) / FINE - 0.5
+    y, x = np.meshgrid(step, step, indexing='ij')
+    x0, y0 = rng.uniform(-0.5, 0.5, 2) + (PAD - 1) / 2
+    angle = rng.uniform(0, np.pi)
+    u = abs((x - x0) * np.cos(angle) + (y - y0) * np.sin(angle))
+    v = abs((y - y0) * np.cos(angle) - (x - x0) * np.sin(angle))
+    inside = (np.minimum(u, v) <= half) & (np.maximum(u, v) <= arm)
+    return inside.reshape(PAD, FINE, PAD, FINE).mean((1, 3))
+
+
+def disc(rng, radius=4.0):
+    x0, y0 = rng.uniform(-0.5, 0.5, 2) + (PAD - 1) / 2
+    y, x = np.indices((PAD, PAD))
+    return np.clip(radius + 0.5 - np.hypot(x - x0, y - y0), 0, 1)
+
+
+def held(rng, pressed, count):
+    """Frames [Pa] of ``count`` touches, lifted in between."""
+    frames = []
+    for _ in range(count):
+        covered = pressed(rng)
+        frames += [50e3 * load * covered + 300 * rng.standard_normal(covered.shape) for load in LOADS]
+    return np.array(frames)
+
+
+def rng_of(number):
+    return generator(Purpose.TEST, 770_000 + number)
+
+
+def third_of_background():
+    """Enough to tell a cross from all else, and quick."""
+    whole = load_background('graded')
+    return Background(whole.patches[::3], whole.labels[::3])
+
+
+def examples(number, pressed=cross, count=15):
+    return examples_of(find_touches(held(rng_of(number), pressed, count), 'Pa').touches, rng_of(number + 1))
+
+
+def write_taught_cross(path: Path) -> None:
+    base, own = config_path('recogniser.npz'), examples(0)
+    taught = teach(ShapeRecogniser.from_file(base), third_of_background(), [own])
+    assert taught.held_out.is_good
+    with path.open('wb') as stream:
+        write_taught(stream, read_arrays(base), ['cross'], {'graded': taught.head}, {'graded': [own]})

@@ -1,0 +1,61 @@
+"""Figures that a simulated skin is pressed with: their size and place, by name or from a picture."""
+
+import numpy as np
+import pytest
+
+from tactile_node.cli.silhouette_option import touching
+from tactile_node.errors import InputError
+from tactile_node.simulator.touches import touch_program
+from tactile_node.skin.layout_file import load_layout
+from tactile_node.synthetic.figures import NAMED, Figure, named_silhouette, silhouette_of
+from tactile_node.synthetic.pressure import coverage
+
+
+@pytest.mark.parametrize('name', NAMED)
+def test_a_figure_covers_its_area_about_its_centre(name):
+    figure = Figure(named_silhouette(name), 50.0, x=9.3, y=10.1, angle=1.0)
+    covered = coverage(figure, 20, 20)
+    assert covered.sum() == pytest.approx(50, rel=0.02)
+    rows, cols = np.indices(covered.shape)
+    assert (covered * cols).sum() / covered.sum() == pytest.approx(9.3, abs=0.06)
+    assert (covered * rows).sum() / covered.sum() == pytest.approx(10.1, abs=0.06)
+
+
+def test_depth_is_the_distance_from_the_outline_of_a_box():
+    box = Figure(silhouette_of('box', np.ones((60, 120), bool)), 72.0, x=0.0, y=0.0)  # 12 long, 6 high
+    x, y = np.array([0.0, 5.0, 6.0, 7.0]), np.array([0.0, 0.0, 0.0, 0.0])
+    assert box.depth(x, y) == pytest.approx([3.0, 1.0, 0.0, -1.0], abs=0.06)
+
+
+def test_a_turn_is_from_x_towards_y():
+    bar = Figure(silhouette_of('bar', np.ones((20, 100), bool)), 20.0, x=0.0, y=0.0, angle=np.pi / 4)
+    assert bar.depth(np.array([3.0]), np.array([3.0])) > 0 > bar.depth(np.array([3.0]), np.array([-3.0]))
+
+
+def test_a_picture_is_pressed_where_it_is_dark(tmp_path):
+    image = pytest.importorskip('PIL.Image')
+    path = tmp_path / 'plug.png'
+    grey = np.full((80, 80), 255, np.uint8)
+    grey[20:60, 30:50] = 0
+    image.fromarray(grey).save(path)
+    found = touching(str(path))
+    assert (found.name, found.cells) == ('plug', 800)
+    program = touch_program(load_layout('sim16x16.yaml'), (found,), (40.0,), hold=1.0, pause=0.5)
+    values = program(1.0)
+    assert values.sum() / values.max() == pytest.approx(40, rel=0.03)
+
+
+@pytest.mark.parametrize('content', [b'', b'no picture', b'\x89PNG\r\n\x1a\n' + bytes(30)])
+def test_what_is_no_picture_is_refused(tmp_path, content):
+    path = tmp_path / 'plug.png'
+    path.write_bytes(content)
+    with pytest.raises(InputError):
+        touching(str(path))
+
+
+def test_an_empty_picture_and_an_unknown_name_are_refused(tmp_path):
+    np.save(tmp_path / 'empty.npy', np.zeros((50, 50), bool))
+    with pytest.raises(InputError):
+        touching(str(tmp_path / 'empty.npy'))
+    with pytest.raises(InputError):
+        touching('dodecahedron')

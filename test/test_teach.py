@@ -1,0 +1,224 @@
+"""Users' own shapes: who could be misled by a taught file, and how. The cross here is drawn by this test alone."""
+
+from queue import SimpleQueue
+
+import numpy as np
+import pytest
+from taught_cross import LOADS, PAD, cross, disc, examples, held, rng_of, third_of_background, write_taught_cross
+
+from tactile_node import Recogniser, find_contact, fit_shape
+from tactile_node.cli.main import main
+from tactile_node.cli.touch_sources import _guided
+from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.errors import ConfigurationError, InputError
+from tactile_node.package_files import config_path
+from tactile_node.shape.methods import make_recogniser
+from tactile_node.shape.recogniser import ShapeRecogniser, read_arrays
+from tactile_node.shape.recognition import Shape, TaughtShape, UnknownReason
+from tactile_node.skin.layout_file import load_layout
+from tactile_node.synthetic.pressure import Skin, pressure_frame
+from tactile_node.synthetic.world import CLASSES, random_contact
+from tactile_node.teaching.background import FOREIGN, load_background
+from tactile_node.teaching.rate import Rate
+from tactile_node.teaching.taught_file import examples_in
+from tactile_node.teaching.teach import LEAST_RIGHT, teach
+from tactile_node.teaching.touches import Unused, find_touches
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope='module')
+def background():
+    return third_of_background()
+
+
+@pytest.fixture(scope='module')
+def base():
+    return ShapeRecogniser.from_file(config_path('recogniser.npz'))
+
+
+@pytest.fixture(scope='module')
+def file(tmp_path_factory):
+    path = tmp_path_factory.mktemp('taught') / 'own.npz'
+    write_taught_cross(path)
+    return path
+
+
+@pytest.fixture(scope='module')
+def arrays(file):
+    return read_arrays(file)
+
+
+def test_a_cross_is_recognised_where_no_frame_of_the_touch_was_taught(file):
+    recogniser, rng = Recogniser(file=file), rng_of(10)
+    found = [recogniser.recognise(find_contact(50e3 * cross(rng))) for _ in range(60)]
+    assert sum(each.shape == TaughtShape('cross') for each in found) >= 57
+    assert all(list(each.probabilities) == [*Shape, TaughtShape('cross')] for each in found)
+    assert all(sum(each.probabilities.values()) == pytest.approx(1) for each in found)
+    assert fit_shape(find_contact(50e3 * cross(rng)), found[0].shape) is None
+    assert Recogniser().recognise(find_contact(50e3 * cross(rng))).shape is Shape.UNKNOWN
+
+
+def test_the_five_are_recognised_as_before(file):
+    plain, own, rng = make_recogniser(), make_recogniser(file=str(file)), rng_of(11)
+    changed = 0
+    for k in range(200):
+        contact = random_contact(rng, CLASSES[k % 5], rng.uniform(40, 60), PAD, PAD)
+        pattern = PatternExtractor().extract(pressure_frame(contact, rng, PAD, PAD, skin=Skin(noise=0.01, blur=0.5)))
+        changed += plain.recognise(pattern).shape is not own.recognise(pattern).shape
+    assert changed == 0
+
+
+def test_a_cross_of_another_size_is_not_the_one_that_was_taught(file):
+    recogniser = make_recogniser(file=str(file))
+    small = recogniser.recognise(find_contact(50e3 * cross(rng_of(12), arm=2.6, half=0.9)))
+    assert small.probabilities[TaughtShape('cross')] == 0
+
+
+@pytest.mark.parametrize('values', [np.zeros((PAD, PAD)), np.full((PAD, PAD), np.nan), np.pad([[9e4]], 7)])
+def test_every_answer_has_a_probability_of_every_class(file, values):
+    found = make_recogniser(file=str(file)).recognise(find_contact(values))
+    assert TaughtShape('cross') in found.probabilities and found.shape in (Shape.NONE, Shape.UNKNOWN)
+    assert (found.shape is Shape.UNKNOWN) is (found.reason is not UnknownReason.NOT_UNKNOWN)
+
+
+def test_discs_under_another_name_are_not_good_enough(base, background):
+    held_out = teach(base, background, [examples(20, disc)]).held_out
+    assert not held_out.is_good and held_out.taught[0].value < LEAST_RIGHT
+    before, after = held_out.five
+    assert before.right - after.right <= 0.003 * before.total
+
+
+def test_frames_of_one_touch_do_not_vouch_for_each_other(base, background):
+    """Each touch is of another figure: only the touch itself could tell."""
+    figures = [rng_of(30 + k) for k in range(15)]
+
+    def another(_):
+        rng = figures.pop()
+        blobs = sum(np.roll(disc(rng, rng.uniform(1.8, 2.8)), rng.integers(-3, 4, 2), (0, 1)) for _ in range(3))
+        return np.clip(blobs, 0, 1)
+    own = examples(29, another)
+    assert own.touches >= 10
+    assert teach(base, background, [own]).held_out.taught[0].value < LEAST_RIGHT
+
+
+def test_too_few_touches_are_refused(base, background):
+    with pytest.raises(InputError):
+        teach(base, background, [examples(21, count=5)])
+
+
+def test_a_touch_ends_with_a_lift_and_not_with_frames_that_are_not_seen():
+    frames = held(rng_of(22), cross, 3)
+    frames[len(LOADS) + 3] = np.nan  # in the middle of the second
+    found = find_touches(frames, 'Pa')
+    assert [len(touch.frames) for touch in found.touches] == [4, 3, 4]
+    assert not find_touches(held(rng_of(23), lambda rng: np.roll(cross(rng), 6, 0), 2), 'Pa').touches
+
+
+def test_frames_that_show_no_shape_are_counted_by_reason():
+    def cut(rng):
+        return np.roll(disc(rng), 6, 0) * (np.arange(PAD)[:, None] > 6)
+    assert set(find_touches(held(rng_of(24), cut, 2), 'Pa').unused) == {Unused.AT_EDGE}
+    assert set(find_touches(held(rng_of(25), lambda rng: disc(rng, 1.0), 2), 'Pa').unused) == {Unused.TOO_SMALL}
+
+
+def test_live_a_touch_counts_when_it_was_steady_and_lifted():
+    frames, rng = SimpleQueue(), rng_of(26)
+    for _ in range(25):
+        frames.put(1e3 + 100 * rng.standard_normal((PAD, PAD)))  # the skin's zero
+    for frame_count in (3, 20, 20):  # the first is too short
+        covered = cross(rng)
+        for _ in range(frame_count):
+            frames.put(1e3 + 50e3 * covered + 100 * rng.standard_normal((PAD, PAD)))
+        for _ in range(3):
+            frames.put(1e3 + 100 * rng.standard_normal((PAD, PAD)))
+    found = _guided('cross', 2, load_layout('sim16x16.yaml'), frames, [])
+    assert len(found.touches) == 2 and frames.qsize() == 2  # at the lift after the third
+    assert all(abs(np.median(frame.values)) < 200 for touch in found.touches for frame in touch.frames)
+
+
+def test_the_interval_is_wilsons():
+    """By the table in R. G. Newcombe, Statistics in Medicine 17 (1998), 857: 81 of 263, 15 of 148, 0 of 20, 1 of 29."""
+    expected = {(81, 263): (0.2553, 0.3662), (15, 148): (0.0624, 0.1605), (0, 20): (0.0, 0.1611),
+                (1, 29): (0.0061, 0.1718)}
+    for (right, total), interval in expected.items():
+        assert Rate(right, total).interval == pytest.approx(interval, abs=1e-4)
+
+
+def test_the_background_has_the_five_and_foreign_contacts():
+    for kind in ('graded', 'on_off'):
+        found = load_background(kind)
+        counts = np.bincount(found.labels)
+        assert len(counts) == FOREIGN + 1 and counts.min() > 500
+        assert all(patch.graded == (kind == 'graded') for patch in found.patches)
+
+
+def changed(name, value):
+    return lambda arrays: arrays | {name: np.array(value) if not callable(value) else value(arrays[name])}
+
+
+HOSTILE = {
+    'version': changed('taught_version', 2), 'version of text': changed('taught_version', 'one'),
+    'name of a shape': changed('taught_names', ['circle']), 'empty name': changed('taught_names', ['']),
+    'no name': changed('taught_names', np.zeros(0, str)), 'name as number': changed('taught_names', [7]),
+    'control characters': changed('taught_names', ['a\nb']), 'two names of one': changed('taught_names', ['a', 'a']),
+    'more names than heads': changed('taught_names', ['a', 'b']),
+    'too many names': changed('taught_names', [f'n{k}' for k in range(17)]),
+    'NaN': changed('graded_taught_weights', lambda array: array * np.nan),
+    'number beyond float32': changed('graded_taught_weights', lambda array: array.astype(float) + 1e300),
+    'text as weights': changed('graded_taught_weights', [['a']]),
+    'another width': changed('graded_taught_weights', lambda array: array[1:]),
+    'no spread': changed('graded_taught_spread', lambda array: array * 0),
+    'sizes of one number': changed('graded_taught_sizes', [1.0]),
+    'another base': changed('graded_bias4', lambda array: array + 1),
+    'no digest': lambda arrays: {name: array for name, array in arrays.items() if name != 'taught_base'},
+    'no head': lambda arrays: {name: array for name, array in arrays.items() if not name.startswith('graded_taught')},
+    'half a head': lambda arrays: {name: array for name, array in arrays.items() if name != 'graded_taught_biases'},
+    'objects': changed('taught_names', np.array([{}], object)),
+}
+
+
+@pytest.mark.parametrize('change', HOSTILE.values(), ids=HOSTILE)
+def test_a_file_that_is_no_taught_file_is_refused_with_our_error(arrays, change, tmp_path):
+    path = tmp_path / 'hostile.npz'
+    with np.errstate(all='ignore'):
+        np.savez(path, **change(arrays))
+        with pytest.raises(ConfigurationError):
+            make_recogniser(file=str(path))
+
+
+@pytest.mark.parametrize('name', ['levels', 'unseen', 'scales', 'shape', 'number', 'recorded'])
+def test_examples_that_do_not_fit_together_are_refused(arrays, name):
+    with pytest.raises(ConfigurationError):
+        examples_in(arrays | {f'graded_touch_{name}': arrays[f'graded_touch_{name}'][1:]}, 'graded', 1)
+
+
+def test_the_examples_of_a_file_are_those_that_were_taught(arrays):
+    own, (kept,) = examples(0), examples_in(arrays, 'graded', 1)
+    assert (kept.touch == own.touch).all() and (kept.is_recorded == own.is_recorded).all()
+    assert all(np.abs(a.level - b.level).max() < 0.004 for a, b in zip(kept.patches, own.patches))
+
+
+@pytest.fixture(scope='module')
+def recordings(tmp_path_factory):
+    folder = tmp_path_factory.mktemp('touches')
+    np.save(folder / 'discs.npy', held(rng_of(27), disc, 12))
+    return folder
+
+
+def test_the_command_refuses_what_is_not_good_enough_unless_forced(recordings, capsys, monkeypatch, background):
+    monkeypatch.setattr('tactile_node.cli.teach.load_background', lambda kind: background)
+    output, picture = recordings / 'own.npz', recordings / 'confusion.png'
+    given = ['teach', '--name', 'coin', '--from', str(recordings / 'discs.npy'), '--output', str(output)]
+    assert main(given) == 1 and not output.exists()
+    assert main([*given, '--force', '--picture', str(picture)]) == 0
+    assert picture.read_bytes().startswith(b'\x89PNG')
+    assert [each.value for each in ShapeRecogniser.from_file(output).classes][len(Shape):] == ['coin']
+    assert main([*given, '--model', str(output)]) == 2  # coin is taught already
+    assert '--name' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('name', ['circle', 'unknown', 'My plug', ''])
+def test_the_command_refuses_names_that_would_mislead(name, recordings, tmp_path):
+    assert main(['teach', '--name', name, '--from', str(recordings / 'discs.npy'), '--output',
+                 str(tmp_path / 'own.npz')]) == 2
