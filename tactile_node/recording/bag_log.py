@@ -3,21 +3,16 @@
 MCAP is written without chunks and summary as it goes, so a file cut short is read up to the cut.
 """
 
-import sqlite3
-from collections.abc import Iterable, Iterator
-from contextlib import closing
-from importlib import import_module
-from itertools import chain
+from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import can
 import numpy as np
 
 from tactile_node.errors import LogError
+from tactile_node.recording.bag_records import Recorded, decompressed, library, records_of
 
 TYPE, TOPIC = 'can_msgs/msg/Frame', 'from_can_bus'  # the topic is that of ros2_socketcan
-SUFFIXES = ('.mcap', '.db3')
 #: As the package can_msgs defines it; std_msgs/Header is known to every reader
 DEFINITION = '''std_msgs/Header header
 uint32 id
@@ -37,21 +32,6 @@ int32 sec
 uint32 nanosec
 '''
 SECOND = 1_000_000_000  # ns
-ZSTANDARD = b'\x28\xB5\x2F\xFD'  # RFC 8878: how such data begin; CDR begins with 00
-
-
-class Recorded(NamedTuple):
-    """One message of a bag."""
-
-    topic: str
-    type: str
-    time: int  #: when it was recorded [ns]
-    cdr: bytes
-
-
-def is_bag(path: str | Path) -> bool:
-    """Whether it is to be read as a bag: by suffix, or a folder."""
-    return Path(path).suffix in SUFFIXES or Path(path).is_dir()
 
 
 class BagCanReader:
@@ -68,7 +48,7 @@ class BagCanReader:
     def __iter__(self) -> Iterator[can.Message]:
         given = 0
         try:
-            for recorded in chain.from_iterable(map(_recorded, self._files())):
+            for recorded in records_of(self._path):
                 self._seen.setdefault(recorded.topic, recorded.type)
                 if recorded.type == TYPE:
                     given += 1
@@ -85,22 +65,13 @@ class BagCanReader:
     def __exit__(self, *_: object) -> None:
         """Files are closed as they are read."""
 
-    def _files(self) -> list[Path]:
-        if not self._path.is_dir():
-            return [self._path]
-        files = [file for file in self._path.iterdir() if file.suffix in SUFFIXES]
-        if not files:
-            raise LogError(str(self._path), expected='a bag: .mcap or .db3 files', got='a folder without them',
-                           remedy='Decompress a compressed bag first (ros2 bag convert).')
-        return sorted(files, key=lambda file: (len(file.name), file.name))  # bag_2 before bag_10
-
 
 class McapCanWriter:
     """Writes CAN messages as can_msgs/msg/Frame; the surface is that of python-can's writers."""
 
     def __init__(self, path: str | Path):
         types = _Types(path)
-        writer = _library('mcap.writer', path)
+        writer = library('mcap.writer', path)
         self.file = open(path, 'wb')
         self._types = types
         self._sequence = 0
@@ -128,7 +99,7 @@ class _Types:
     """can_msgs/msg/Frame <-> python-can."""
 
     def __init__(self, path: str | Path):
-        typesys = _library('rosbags.typesys', path)
+        typesys = library('rosbags.typesys', path)
         self._store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
         self._store.register(typesys.get_types_from_msg(DEFINITION, TYPE))
         self._frame = self._store.types[TYPE]
@@ -136,7 +107,7 @@ class _Types:
     def message(self, recorded: Recorded) -> can.Message:
         """Stamped as the CAN driver did, or when it was recorded where it did not."""
         try:
-            frame = self._store.deserialize_cdr(_decompressed(recorded.cdr), TYPE)
+            frame = self._store.deserialize_cdr(decompressed(recorded.cdr), TYPE)
         except Exception as error:  # rosbags raises what struct, numpy and zstandard raise
             raise EOFError(f'a message of {recorded.topic} that is no {TYPE}') from error
         stamp = frame.header.stamp
@@ -154,59 +125,3 @@ class _Types:
                             is_extended=message.is_extended_id, is_error=message.is_error_frame, dlc=message.dlc,
                             data=np.frombuffer(data, np.uint8))
         return bytes(self._store.serialize_cdr(frame, TYPE))
-
-
-def _decompressed(data: bytes) -> bytes:
-    """``ros2 bag record --compression-mode message`` compresses each message by itself."""
-    if not data.startswith(ZSTANDARD):
-        return data
-    return import_module('zstandard').ZstdDecompressor().decompressobj().decompress(data)
-
-
-def _recorded(path: Path) -> Iterable[Recorded]:
-    return _of_sqlite(path) if path.suffix == '.db3' else _of_mcap(path)
-
-
-def _of_mcap(path: Path) -> Iterator[Recorded]:
-    """Record after record, not by the summary at the end, which a recording that was killed lacks."""
-    reader, records = _library('mcap.stream_reader', path), _library('mcap.records', path)
-    schemas, channels, ended = {}, {}, False
-    try:
-        for record in _records(reader, path):
-            if isinstance(record, records.Schema):
-                schemas[record.id] = record.name
-            elif isinstance(record, records.Channel):
-                channels[record.id] = record
-            elif isinstance(record, records.Message):
-                channel = channels[record.channel_id]
-                yield Recorded(channel.topic, schemas.get(channel.schema_id, ''), record.log_time, record.data)
-            ended = ended or isinstance(record, records.DataEnd)
-    except Exception as error:  # the library lets struct's and zstandard's errors through beside its own
-        if not ended:
-            raise EOFError(f'cut short or damaged ({type(error).__name__}: {error})') from error
-    if not ended:
-        raise EOFError('cut short: the recording was not ended')
-
-
-def _records(reader, path: Path) -> Iterator[object]:
-    with path.open('rb') as file:
-        yield from reader.StreamReader(file).records
-
-
-def _of_sqlite(path: Path) -> Iterator[Recorded]:
-    try:
-        with closing(sqlite3.connect(f'{path.resolve().as_uri()}?mode=ro', uri=True)) as base:
-            yield from map(Recorded._make, base.execute(
-                'SELECT topics.name, topics.type, messages.timestamp, messages.data FROM messages '
-                'JOIN topics ON messages.topic_id = topics.id ORDER BY messages.timestamp, messages.id'))
-    except sqlite3.Error as error:
-        raise EOFError(f'cut short or damaged ({error})') from error
-
-
-def _library(name: str, path: str | Path):
-    """Bags are an extra: without them their libraries are not needed."""
-    try:
-        return import_module(name)
-    except ImportError as error:
-        raise LogError(str(path), expected='the libraries that bags need', got=str(error),
-                       remedy="Install them: pip install 'tactile-skin[bag]'.") from error

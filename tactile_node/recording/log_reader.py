@@ -14,7 +14,8 @@ from can.io import CanutilsLogReader
 from can.io.generic import MessageReader
 
 from tactile_node.errors import LogError
-from tactile_node.recording.bag_log import BagCanReader, is_bag
+from tactile_node.recording.bag_log import BagCanReader
+from tactile_node.recording.bag_records import is_bag
 from tactile_node.recording.log_channels import ChosenChannel
 from tactile_node.recording.log_lines import READERS, LogLines
 from tactile_node.recording.stray_stamps import without_strays

@@ -1,0 +1,158 @@
+"""Our topics in a ROS 2 bag: taxel frames by pad, and the other messages, without ROS.
+
+The bag's own definition of a message is preferred, so that bags of other versions of this package are read; where the
+bag has none, or one that cannot be read, that of msg/ counts. Messages are read one by one, never all at once.
+"""
+
+from collections import Counter
+from collections.abc import Collection, Iterator
+from enum import IntEnum, unique
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from tactile_node.errors import LogError
+from tactile_node.frames.taxel_frame import TaxelFrame
+from tactile_node.package_files import package_file
+from tactile_node.recording.bag_log import TYPE as CAN_TYPE
+from tactile_node.recording.bag_records import Recorded, decompressed, is_bag, library, records_of, topics_of
+from tactile_node.recording.taxel_message import PadGeometry, fault_of, frame_of, geometry_of
+
+PACKAGE = 'tactile_skin'
+TAXELS, SHAPE, STATUS = (f'{PACKAGE}/msg/{name}' for name in ('TaxelArray', 'ContactShape', 'SkinStatus'))
+DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
+TYPES = TAXELS, SHAPE, STATUS, DIAGNOSTICS
+#: Of msg/, each after those that it contains
+DEFINITIONS = ('TaxelArray', 'ContactShape', 'FaultyTaxel', 'NodeStatus', 'PadStatus', 'SkinStatus')
+SECOND = 1_000_000_000  # ns
+
+
+@unique
+class Unread(IntEnum):
+    """Why something of a bag is not given. The codes are stable."""
+
+    CUT_SHORT = 1     #: what follows in this file: it was not ended, or is damaged
+    UNDECODABLE = 2   #: a message that does not fit its definition
+    INCONSISTENT = 3  #: a TaxelArray whose fields do not fit together
+
+
+class PadFrame(NamedTuple):
+    """A TaxelArray of a bag."""
+
+    pad: str  #: its name: the topic without '/taxels'; with the namespace, if there is one: 'robot/left'
+    frame: TaxelFrame
+    geometry: PadGeometry
+    recorded: float  #: when it was recorded [s, Unix epoch]; ``frame.stamp`` is when it was acquired
+
+
+class BagMessage(NamedTuple):
+    """A message of one of TYPES, with the fields of its definition; arrays of numbers are NumPy's."""
+
+    topic: str
+    type: str
+    recorded: float  #: [s, Unix epoch]
+    content: Any
+
+
+def holds_taxels(path: str | Path) -> bool:
+    """Return whether ``path`` is a bag with our taxel arrays; of a bag that also has CAN frames, both are."""
+    return is_bag(path) and TAXELS in topics_of(path).values()
+
+
+def holds_can_frames(path: str | Path) -> bool:
+    """Return whether ``path`` is a bag with CAN frames, which `CanLogReader` reads."""
+    return is_bag(path) and CAN_TYPE in topics_of(path).values()
+
+
+class TopicBagReader:
+    """Reads a bag as often as it is asked to, each time from its begin.
+
+    ``unread`` counts, by reason, what the last reading left out, ``problem`` describes the last of it. Raises LogError
+    for a path that is no bag, a bag without a TaxelArray and without the extra `bag`.
+    """
+
+    def __init__(self, path: str | Path):
+        self.path = str(path)
+        self.topics = topics_of(path)  #: {topic: type}
+        self.unread: Counter[Unread] = Counter()
+        self.problem = ''
+        self._types = _Types(path)
+        if TAXELS not in self.topics.values():
+            got = ', '.join(f'{topic} ({kind})' for topic, kind in sorted(self.topics.items())) or 'no topic'
+            raise LogError(self.path, expected=f'a bag with a topic of type {TAXELS}', got=got,
+                           remedy='Record <pad>/taxels of the driver.')
+
+    @property
+    def pads(self) -> tuple[str, ...]:
+        """Names of the pads of which there are taxel arrays, sorted."""
+        return tuple(sorted(pad_of(topic) for topic, kind in self.topics.items() if kind == TAXELS))
+
+    def frames(self, since: float = 0.0) -> Iterator[PadFrame]:
+        """Give the taxel frames of all pads, recorded at ``since`` [s, Unix epoch] or later, as they were recorded."""
+        for message in self.messages((TAXELS,), since):
+            yield PadFrame(pad_of(message.topic), frame_of(message.content), geometry_of(message.content),
+                           message.recorded)
+
+    def messages(self, types: Collection[str] = TYPES, since: float = 0.0) -> Iterator[BagMessage]:
+        """Give the messages of ``types``, some of TYPES; a TaxelArray only where its fields fit together."""
+        self.unread, self.problem = Counter(), ''
+        begin = int(since * SECOND)
+        try:
+            for recorded in records_of(self.path):
+                if recorded.type in types and recorded.time >= begin:
+                    yield from self._read(recorded)
+        except EOFError as error:
+            self._leave_out(Unread.CUT_SHORT, str(error))
+
+    def _read(self, recorded: Recorded) -> Iterator[BagMessage]:
+        try:
+            content = self._types.content(recorded)
+        except Exception as error:  # rosbags raises what struct, numpy and zstandard raise
+            self._leave_out(Unread.UNDECODABLE, f'{recorded.topic}: {error}')
+            return
+        if recorded.type == TAXELS and (fault := fault_of(content)):
+            self._leave_out(Unread.INCONSISTENT, f'{recorded.topic}: {fault}')
+            return
+        yield BagMessage(recorded.topic, recorded.type, recorded.time / SECOND, content)
+
+    def _leave_out(self, reason: Unread, problem: str) -> None:
+        self.unread[reason] += 1
+        self.problem = problem
+
+
+def pad_of(topic: str) -> str:
+    """Return the name of the pad that a topic is of.
+
+    >>> pad_of('/left/taxels'), pad_of('/robot/left/shape')
+    ('left', 'robot/left')
+    """
+    return topic.strip('/').rpartition('/')[0]
+
+
+class _Types:
+    """Decodes messages by the definition in the bag, or by ours."""
+
+    def __init__(self, path: str | Path):
+        self._typesys = library('rosbags.typesys', path)
+        self._ours = self._typesys.get_typestore(self._typesys.Stores.ROS2_JAZZY)
+        for name in DEFINITIONS:
+            text = package_file(f'msg/{name}.msg').read_text(encoding='utf-8')
+            self._ours.register(self._typesys.get_types_from_msg(text, f'{PACKAGE}/msg/{name}'))
+        self._stores: dict[tuple[str, str], Any] = {}  # by type and definition
+
+    def content(self, recorded: Recorded) -> Any:
+        key = recorded.type, recorded.definition
+        if key not in self._stores:
+            self._stores[key] = self._store(*key)
+        return self._stores[key].deserialize_cdr(decompressed(recorded.cdr), recorded.type)
+
+    def _store(self, kind: str, definition: str) -> Any:
+        """A store for each: a type that it contains may be defined in another way in the next bag."""
+        if definition:
+            try:
+                store = self._typesys.get_typestore(self._typesys.Stores.EMPTY)
+                store.register(self._typesys.get_types_from_msg(definition, kind))
+                store.get_msgdef(kind)
+                return store
+            except Exception:  # of a damaged text the parser raises its own errors
+                pass
+        return self._ours

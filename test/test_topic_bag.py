@@ -1,0 +1,216 @@
+"""Our topics in ROS 2 bags: written here by rosbags and by hand, read without ROS."""
+
+import sqlite3
+import struct
+from functools import cache
+from inspect import signature
+
+import numpy as np
+import pytest
+
+from tactile_node.errors import LogError
+from tactile_node.frames.taxel_frame import TaxelStatus
+from tactile_node.package_files import package_file
+from tactile_node.recording.bag_log import TYPE as CAN_TYPE
+from tactile_node.recording.topic_bag import (
+    DIAGNOSTICS,
+    SHAPE,
+    TAXELS,
+    TopicBagReader,
+    Unread,
+    holds_can_frames,
+    holds_taxels,
+)
+
+rosbags = pytest.importorskip('rosbags.rosbag2')
+typesys = pytest.importorskip('rosbags.typesys')
+mcap = pytest.importorskip('mcap.writer')
+
+EPOCH = 1_700_000_000
+NAN = float('nan')
+
+
+@cache
+def store(**other):
+    """Types with our messages, or with ``other`` texts of them."""
+    types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+    for name in ('TaxelArray', 'ContactShape'):
+        text = other.get(name) or package_file(f'msg/{name}.msg').read_text(encoding='utf-8')
+        types.register(typesys.get_types_from_msg(text, f'tactile_skin/msg/{name}'))
+    return types
+
+
+def taxel_array(types, sequence, **changed):
+    kinds = types.types
+    stamp = kinds['builtin_interfaces/msg/Time'](EPOCH + sequence, 250_000_000)
+    fields = {'header': kinds['std_msgs/msg/Header'](stamp, 'left_pad'), 'sequence': sequence,
+              'age': kinds['builtin_interfaces/msg/Duration'](0, 0), 'rows': 2, 'cols': 3, 'pitch': 0.004, 'unit': 'Pa',
+              'values': np.array([1, 2, NAN, 4, 5, 6], np.float32), 'status': np.array([1, 1, 2, 1, 1, 5], np.uint8),
+              'missing_can_frames': 1, 'layer_depth': 0.001, 'layer_deviation': 0.2,
+              'tpdo_ages': np.array([], np.float32), 'taxel_tpdos': np.array([], np.uint16)} | changed
+    kind = kinds[TAXELS]
+    return kind(**{name: fields[name] for name in signature(kind).parameters if name in fields})
+
+
+def bag(folder, messages, plugin='MCAP', types=None, topics=(('/left/taxels', TAXELS),), compressed=False):
+    """``messages``: (topic, message); recorded a second apart."""
+    types = types or store()
+    writer = rosbags.Writer(folder, version=9, storage_plugin=rosbags.StoragePlugin[plugin])
+    if compressed:
+        writer.set_compression(rosbags.CompressionMode.MESSAGE, rosbags.CompressionFormat.ZSTD)
+    with writer:
+        connections = {topic: writer.add_connection(topic, kind, typestore=types) for topic, kind in topics}
+        for k, (topic, message) in enumerate(messages):
+            content = message if isinstance(message, bytes) else types.serialize_cdr(message, dict(topics)[topic])
+            writer.write(connections[topic], (EPOCH + 100 + k) * 10**9, content)
+    return folder
+
+
+def arrays(count, **changed):
+    return [('/left/taxels', taxel_array(store(), sequence, **changed)) for sequence in range(count)]
+
+
+@pytest.mark.parametrize(('plugin', 'compressed'), [('MCAP', False), ('MCAP', True), ('SQLITE3', False)])
+def test_a_bag_gives_frames_with_the_pads_geometry(tmp_path, plugin, compressed):
+    folder = bag(tmp_path / 'bag', arrays(3), plugin, compressed=compressed)
+    file, = (file for file in folder.iterdir() if file.suffix in ('.mcap', '.db3'))
+    for path in (folder, file):
+        reader = TopicBagReader(path)
+        frames = list(reader.frames())
+        assert reader.pads == ('left',) and not reader.unread
+        assert [(each.pad, each.frame.sequence, each.frame.stamp, each.recorded) for each in frames] == [
+            ('left', k, EPOCH + k + 0.25, EPOCH + 100 + k) for k in range(3)]
+        assert tuple(frames[0].geometry) == (2, 3, pytest.approx(0.004), 'Pa', 'left_pad', pytest.approx(0.001),
+                                             pytest.approx(0.2))
+        frame = frames[0].frame
+        np.testing.assert_array_equal(frame.values, [[1, 2, NAN], [4, 5, 6]])
+        assert frame.status.tolist() == [[1, 1, TaxelStatus.STALE], [1, 1, TaxelStatus.SATURATED]]
+        assert frame.missing_can_frames == 1 and frame.tpdo_ages is None
+        assert not frame.values.flags.writeable
+
+
+def test_reading_may_begin_later_and_again(tmp_path):
+    reader = TopicBagReader(bag(tmp_path / 'bag', arrays(5)))
+    assert [each.frame.sequence for each in reader.frames(since=EPOCH + 103)] == [3, 4]
+    assert len(list(reader.frames())) == 5
+
+
+def test_ages_of_a_snapshot_come_along(tmp_path):
+    changed = {'tpdo_ages': np.array([0, 0.5], np.float32), 'taxel_tpdos': np.array([0, 0, 0, 1, 1, 1], np.uint16)}
+    frame = next(TopicBagReader(bag(tmp_path / 'bag', arrays(1, **changed))).frames()).frame
+    assert frame.tpdo_ages.of(1, 2) == 0.5 and frame.tpdo_ages.of(0, 0) == 0
+
+
+@pytest.mark.parametrize('plugin', ['MCAP', 'SQLITE3'])
+def test_the_definition_in_the_bag_is_preferred(tmp_path, plugin):
+    """An older TaxelArray, without layer and ages and with a field that is gone, read by ours would be garbage."""
+    text = '''std_msgs/Header header
+uint64 sequence
+string gone
+builtin_interfaces/Duration age
+uint32 rows
+uint32 cols
+float32 pitch
+string unit
+float32[] values
+uint8[] status
+uint32 missing_can_frames'''
+    types = store(TaxelArray=text)
+    message = taxel_array(types, 7, **{'gone': 'some words'})
+    frame, = TopicBagReader(bag(tmp_path / 'bag', [('/left/taxels', message)], plugin, types)).frames()
+    assert frame.frame.sequence == 7 and frame.frame.values[1, 2] == 6 and frame.geometry.layer_depth == 0
+
+
+def test_a_bag_without_definitions_is_read_by_ours(tmp_path):
+    """As ROS 2 Humble writes it."""
+    folder = bag(tmp_path / 'bag', arrays(2), 'SQLITE3')
+    file = next(folder.glob('*.db3'))
+    with sqlite3.connect(file) as base:
+        base.execute('DROP TABLE message_definitions')
+    base.close()
+    assert len(list(TopicBagReader(file).frames())) == 2
+
+
+def test_a_bag_cut_short_gives_what_is_whole_and_says_so(tmp_path):
+    path = tmp_path / 'x.mcap'
+    types = store()
+    text = package_file('msg/TaxelArray.msg').read_text(encoding='utf-8')
+    with path.open('wb') as file:  # as ours, by hand: no chunk
+        writer = mcap.Writer(file, use_chunking=False)
+        writer.start(profile='ros2')
+        schema = writer.register_schema(TAXELS, 'ros2msg', _with_header(text).encode())
+        channel = writer.register_channel('/robot/left/taxels', 'cdr', schema)
+        for k in range(4):
+            data = bytes(types.serialize_cdr(taxel_array(types, k), TAXELS))
+            writer.add_message(channel_id=channel, log_time=k, publish_time=k, data=data)
+        size = file.tell()
+        writer.finish()
+    path.write_bytes(path.read_bytes()[:size - 10])
+    reader = TopicBagReader(path)
+    assert [each.frame.sequence for each in reader.frames()] == [0, 1, 2]
+    assert reader.pads == ('robot/left',) and dict(reader.unread) == {Unread.CUT_SHORT: 1} and reader.problem
+
+
+@pytest.mark.parametrize('changed', [
+    {'rows': 0}, {'rows': 4_000_000_000}, {'values': np.ones(5, np.float32)}, {'status': np.ones(5, np.uint8)},
+    {'status': np.full(6, 9, np.uint8)}, {'status': np.ones(6, np.uint8)}, {'unit': 'psi'}, {'pitch': NAN},
+    {'pitch': 0.0}, {'tpdo_ages': np.array([1], np.float32)},
+    {'tpdo_ages': np.array([1], np.float32), 'taxel_tpdos': np.ones(6, np.uint16)}])
+def test_a_frame_whose_fields_do_not_fit_is_counted_not_given(tmp_path, changed):
+    reader = TopicBagReader(bag(tmp_path / 'bag', arrays(1, **changed) + arrays(1)))
+    assert len(list(reader.frames())) == 1 and dict(reader.unread) == {Unread.INCONSISTENT: 1}
+
+
+def test_a_message_that_is_none_is_counted_not_given(tmp_path):
+    """Also one that claims to have more than it holds."""
+    whole = bytes(store().serialize_cdr(taxel_array(store(), 0), TAXELS))
+    huge = whole.replace(struct.pack('<I', 6) + struct.pack('<f', 1), struct.pack('<If', 2**32 - 1, 1))
+    assert huge != whole
+    broken = [('/left/taxels', data) for data in (b'', whole[:40], huge, b'\x28\xB5\x2F\xFDxx')]
+    reader = TopicBagReader(bag(tmp_path / 'bag', broken + arrays(1)))
+    assert len(list(reader.frames())) == 1 and dict(reader.unread) == {Unread.UNDECODABLE: 4}
+
+
+def test_what_a_bag_holds_is_known_without_reading_it(tmp_path):
+    ours = bag(tmp_path / 'ours', arrays(1))
+    types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+    types.register(typesys.get_types_from_msg('uint32 id', CAN_TYPE))
+    frames = bag(tmp_path / 'can', [('/can', types.types[CAN_TYPE](1))], types=types, topics=(('/can', CAN_TYPE),))
+    assert (holds_taxels(ours), holds_can_frames(ours)) == (True, False)
+    assert (holds_taxels(frames), holds_can_frames(frames)) == (False, True)
+    assert not holds_taxels(tmp_path / 'session.log')
+    with pytest.raises(LogError, match='/can .can_msgs/msg/Frame.'):
+        TopicBagReader(frames)
+    with pytest.raises(LogError, match='no such file'):
+        TopicBagReader(tmp_path / 'x.mcap')
+    with pytest.raises(LogError, match='.mcap or .db3'):
+        TopicBagReader(tmp_path)
+
+
+@pytest.mark.parametrize('name', ['x.mcap', 'x.db3'])
+def test_a_file_that_is_no_bag_is_an_error(tmp_path, name):
+    (tmp_path / name).write_bytes(b'no bag at all')
+    with pytest.raises(LogError, match='no topic'):
+        TopicBagReader(tmp_path / name)
+
+
+def test_other_messages_are_given_in_order_of_recording(tmp_path):
+    types = store()
+    kinds = types.types
+    stamp = kinds['builtin_interfaces/msg/Time'](EPOCH, 0)
+    header = kinds['std_msgs/msg/Header'](stamp, '')
+    entry = kinds['diagnostic_msgs/msg/KeyValue']('load', '<b>0.4</b>')
+    status = kinds['diagnostic_msgs/msg/DiagnosticStatus'](1, 'skin: bus', 'slow', 'can0', [entry])
+    diagnostics = kinds[DIAGNOSTICS](header, [status])
+    folder = bag(tmp_path / 'bag', [*arrays(1), ('/diagnostics', diagnostics), *arrays(1)], types=types,
+                 topics=(('/left/taxels', TAXELS), ('/diagnostics', DIAGNOSTICS), ('/left/shape', SHAPE)))
+    found = list(TopicBagReader(folder).messages())
+    assert [message.topic for message in found] == ['/left/taxels', '/diagnostics', '/left/taxels']
+    assert found[1].content.status[0].values[0].value == '<b>0.4</b>' and found[1].recorded == EPOCH + 101
+
+
+def _with_header(text):
+    line = '=' * 80
+    return (f'{text}\n{line}\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n{line}\n'
+            f'MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n{line}\n'
+            'MSG: builtin_interfaces/Duration\nint32 sec\nuint32 nanosec\n')
