@@ -19,6 +19,7 @@ COMMANDS = (
     ('fit', 'tactile_node.cli.fit', "fit the classifier's curves on synthetic patterns"),
     ('reproduce', 'tactile_node.cli.reproduce', "re-draw the paper's figures and re-measure its claims"),
     ('bringup', 'tactile_node.cli.bringup', 'run all ROS 2 nodes of one bus in this process'),
+    ('view', 'tactile_node.cli.view', 'show the pads in a browser or on a terminal'),
     ('demo', 'tactile_node.cli.demo', 'simulated gripper skin: five shapes, from CAN frame to topic'),
     ('simulate', 'tactile_node.cli.simulate', 'be a CANopen skin that touches shapes or repeats a recording'),
     ('calibrate', 'tactile_node.cli.calibrate', "learn a skin's response from presses of a known disc"),
@@ -36,6 +37,8 @@ WITH_NODES = ('bringup', 'demo')
 _ROS = 'Source a ROS 2 workspace that holds tactile_skin, or run `make demo` once.'
 NEEDS = {'rclpy': _ROS, 'rcl_interfaces': _ROS, 'tactile_skin': _ROS,
          'can': 'Install python-can.', 'canopen': 'Install canopen.',
+         'viser': "Install it: pip install 'tactile-skin[view]'.",
+         'PIL': "Install it: pip install 'tactile-skin[view]'.",
          'matplotlib': "Install it: pip install 'tactile-skin[picture]'."}
 
 

@@ -10,7 +10,7 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 
 from tactile_node.demo.observation import Verdict, verdicts_of
-from tactile_node.demo.terminal import LivePictures
+from tactile_node.view.terminal import LivePictures
 from tactile_node.demo.touches import GAP, TouchedPad, scripted_touches
 from tactile_node.demo.watcher import Watcher
 from tactile_node.interruption import interruption

@@ -9,7 +9,7 @@ import numpy as np
 from rclpy.node import Node
 
 from tactile_node.demo.observation import Seen
-from tactile_node.demo.terminal import PadView
+from tactile_node.view.terminal import PadView
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.ros.message_checks import check_contact_shape, check_taxel_array
 from tactile_node.ros.qos import frames_qos

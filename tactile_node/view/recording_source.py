@@ -107,10 +107,12 @@ class RecordingSource:
         if not math.isfinite(now):
             return
         for pad in self.store.pads:
-            before = self._shown.get(pad)
-            found = self._timeline.moment(pad, now, unless=-1 if before is None else before.index)
-            if found is not None:
-                self._shown[pad] = found
+            index, before = self._timeline.index(pad, now), self._shown.get(pad)
+            if index == -1:
+                self._shown.pop(pad, None)
+                self.store.forget(pad)
+            elif before is None or index != before.index:
+                self._shown[pad] = found = self._timeline.moment(pad, index)
                 self.store.put(self._recognised(pad, found, before))
         self.store.put_bus(self._timeline.facts(now))
 

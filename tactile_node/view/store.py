@@ -58,6 +58,14 @@ class Store:
             self._problem = problem
             self._notify()
 
+    def forget(self, pad: str) -> None:
+        """Nothing is known of a pad, as before its first frame."""
+        with self._changed:
+            if self._pads[pad] is not None:
+                self._pads[pad] = None
+                self._forces[pad].clear()
+                self._notify()
+
     def clear(self) -> None:
         """Forget all: what was seen before a source was stopped is not shown as if it were there."""
         with self._changed:

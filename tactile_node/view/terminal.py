@@ -9,6 +9,8 @@ import numpy as np
 SHADES = ' .:-=+*#%@'
 COLOURS = (16, 17, 18, 19, 54, 90, 126, 162, 198, 203, 208, 214, 220, 226, 229, 231)  # xterm-256: dark to bright
 CLEAR_LINE = '\x1b[2K'
+GAP = '   '        #: between two pads
+LEAST_WIDTH = 30   #: of a pad [columns]
 
 
 class PadView(NamedTuple):
@@ -29,14 +31,28 @@ def picture(taxels: np.ndarray, colour: bool) -> list[str]:
 
 
 def side_by_side(views: Sequence[PadView], colour: bool) -> list[str]:
-    """Return the lines of several pads next to each other, names above, words below."""
+    """Return the lines of several pads next to each other, names above, words (lines of them) below."""
     columns = []
+    most = max(view.words.count('\n') for view in views) + 1
+    rows = max(len(view.taxels) for view in views)
     for view in views:
-        width = max(2 * view.taxels.shape[1], 30)
+        width = _width(view)
         pad = ' ' * (width - 2 * view.taxels.shape[1])
-        columns.append([f'{view.name:<{width}}', *[line + pad for line in picture(view.taxels, colour)],
-                        f'{view.words:<{width}}'])
-    return ['   '.join(lines) for lines in zip(*columns)]
+        words = [line[:width] for line in view.words.split('\n')]
+        drawn = [line + pad for line in picture(view.taxels, colour)]
+        drawn += [' ' * width] * (rows - len(drawn))
+        columns.append([f'{view.name[:width]:<{width}}', *drawn,
+                        *(f'{line:<{width}}' for line in words + [''] * (most - len(words)))])
+    return [GAP.join(lines) for lines in zip(*columns)]
+
+
+def width_of(views: Sequence[PadView]) -> int:
+    """Return how many columns `side_by_side` takes."""
+    return sum(map(_width, views)) + len(GAP) * (len(views) - 1)
+
+
+def _width(view: PadView) -> int:
+    return max(2 * view.taxels.shape[1], LEAST_WIDTH)
 
 
 class LivePictures:

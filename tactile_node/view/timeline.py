@@ -59,24 +59,29 @@ class Timeline:
         self._facts: list[BusFacts] = []
         self.begin, self.end = np.inf, -np.inf  #: stamps of the first and the last frame
 
-    def add(self, pad: str, frame: TaxelFrame, pitch: float, unit: str) -> None:
-        """Add a frame; one of another size than the pad's first one is left out, and False is returned."""
+    def add(self, pad: str, frame: TaxelFrame, pitch: float, unit: str) -> bool:
+        """Add a frame; False where it is left out, since its taxels are others than those of the pad's first one."""
         track = self._tracks.get(pad)
         if track is None:
             track = self._tracks[pad] = _Track(*frame.values.shape, pitch, unit)
+        if (track.shape, track.pitch, track.unit) != (frame.values.shape, pitch, unit):
+            return False
         track.add(frame)
         self.begin, self.end = min(self.begin, frame.stamp), max(self.end, frame.stamp)
+        return True
 
     def add_facts(self, stamp: float, facts: BusFacts) -> None:
         self._facts.append(facts)
         self._fact_times.append(stamp)
 
-    def moment(self, pad: str, time: float, unless: int = -1) -> Moment | None:
-        """Return the newest frame of ``pad`` at ``time``; None without one, and where its index is ``unless``."""
+    def index(self, pad: str, time: float) -> int:
+        """Return which frame of ``pad`` is the newest at ``time``, -1: none."""
         track = self._tracks.get(pad)
-        index = -1 if track is None else bisect_right(track.places, time) - 1
-        if track is None or index in (-1, unless):
-            return None
+        return -1 if track is None else bisect_right(track.places, time) - 1
+
+    def moment(self, pad: str, index: int) -> Moment:
+        """Return the frame that `index` has found."""
+        track = self._tracks[pad]
         return Moment(index, track.frame(index), track.pitch, track.unit)
 
     def facts(self, time: float) -> BusFacts | None:
