@@ -1,5 +1,8 @@
 """Who may look: stands before the page's server, which refuses nobody, and passes on what may pass.
 
+It also takes the browsers' receipts: an update of a page holds an empty picture of the address TAKEN, which a browser asks
+for when it has put the update on its page.
+
 A browser on this machine needs no token, but must have asked for this machine: else any web page that is open in it
 could read the skin (DNS rebinding, cross-site WebSockets). From elsewhere a token is needed, first in the address
 (?token=...), then in a cookie. The token is compared in constant time.
@@ -11,7 +14,7 @@ import ipaddress
 import re
 import socket
 import threading
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
 from http import HTTPStatus
 from http.cookies import CookieError, SimpleCookie
 from typing import NamedTuple
@@ -27,6 +30,11 @@ TOKEN = r'[A-Za-z0-9_-]{16,}'  #: what a cookie and an address can hold, and nob
 LOOPBACK_NAMES = 'localhost', '127.0.0.1', '::1'
 
 
+#: Called with the number of a page and of the update that it has taken
+OnTaken = Callable[[int, int], None]
+TAKEN = '/taken'
+
+
 class Request(NamedTuple):
     """The head of an HTTP request; names of headers are in lower case."""
 
@@ -35,8 +43,18 @@ class Request(NamedTuple):
     headers: dict[str, str]
 
     @property
+    def receipt(self) -> tuple[int, int] | None:
+        """Page and update of which this is the receipt; None for another request."""
+        found = re.fullmatch(rf'{TAKEN}/(\d{{1,9}})/(\d{{1,12}})', self.target)
+        return None if found is None else (int(found[1]), int(found[2]))
+
+    @property
     def is_websocket(self) -> bool:
         return self.headers.get('upgrade', '').lower() == 'websocket'
+
+
+#: An answer after which the connection stays: a receipt comes with each update
+RECEIVED = b'HTTP/1.1 204 No Content\r\nCache-Control: no-store\r\n\r\n'
 
 
 class Answer(NamedTuple):
@@ -129,9 +147,10 @@ class Rules:
 class Gate:
     """Listens on ``host`` and ``port`` (0: a free one) from `__init__` to `close`. Raises ConfigurationError."""
 
-    def __init__(self, host: str, port: int, inner_port: int, token: str = ''):
+    def __init__(self, host: str, port: int, inner_port: int, token: str = '',
+                 on_taken: OnTaken = lambda page, update: None):
         check_token(host, token)
-        self._inner_port = inner_port
+        self._inner_port, self._on_taken = inner_port, on_taken
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name='view_gate', daemon=True)
         self._thread.start()
@@ -158,18 +177,27 @@ class Gate:
 
     async def _connected(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         try:
-            head = await asyncio.wait_for(reader.readuntil(b'\r\n\r\n'), HEAD_TIMEOUT)
-            request = parsed(head)
-            answer = Answer(HTTPStatus.BAD_REQUEST) if request is None else self._rules.answer(request)
-            if answer is not None or request is None:
-                writer.write((answer or Answer(HTTPStatus.BAD_REQUEST)).as_bytes())
-                await writer.drain()
-            else:
-                await self._pass_on(head, request.is_websocket, reader, writer)
+            while await self._answered(reader, writer):
+                pass
         except (OSError, EOFError, asyncio.TimeoutError, asyncio.LimitOverrunError):
             pass  # the browser has gone, or is none
         finally:
             writer.close()
+
+    async def _answered(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> bool:
+        """Take one request; True where another one may follow."""
+        head = await asyncio.wait_for(reader.readuntil(b'\r\n\r\n'), HEAD_TIMEOUT)
+        request = parsed(head)
+        answer = Answer(HTTPStatus.BAD_REQUEST) if request is None else self._rules.answer(request)
+        if request is None or answer is not None:
+            writer.write((answer or Answer(HTTPStatus.BAD_REQUEST)).as_bytes())
+        elif request.receipt is not None:
+            self._on_taken(*request.receipt)
+            writer.write(RECEIVED)
+        else:
+            await self._pass_on(head, request.is_websocket, reader, writer)
+        await writer.drain()
+        return request is not None and answer is None and request.receipt is not None
 
     async def _pass_on(self, head: bytes, both_ways: bool, reader: asyncio.StreamReader,
                        writer: asyncio.StreamWriter) -> None:

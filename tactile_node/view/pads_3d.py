@@ -36,8 +36,9 @@ class Pads3d:
     def look_from(self, state: PadState, pads: int) -> None:
         """Place the camera for ``pads`` pads like this one."""
         width = SCALE * state.pitch * max(state.values.shape)
-        self._client.camera.position = (0.9 * width, -1.6 * width, 0.95 * width)
-        self._client.camera.look_at = (width * (pads - 1) // 2 * 0.6, 0.0, 0.22 * width)
+        middle = 1.3 * width * ((pads - 1) // 2) / 2
+        self._client.camera.position = (middle + 0.9 * width, -1.7 * width, 0.9 * width)
+        self._client.camera.look_at = (middle, 0.0, 0.25 * width)
 
     def show(self, number: int, state: PadState, full_scale: float, is_old: bool) -> None:
         """Show pad ``number``; an old state is flat and pale: no load is known."""

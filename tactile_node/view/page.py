@@ -21,9 +21,10 @@ if TYPE_CHECKING:
 
 RATE = 22.0         #: updates at most [1/s]
 SLOW_PERIOD = 0.2   #: of chart and tables [s]
-SCENE_PERIOD = 0.16  #: of the 3-D view, which costs a browser without a GPU most [s]
+SCENE_PERIOD = 0.15  #: of the 3-D view [s]
+SCENE_SHARE = 5.0    #: times as long as a browser takes for it, it waits for the next: without a GPU it is slow
 SILENCE = 0.4       #: after which the page is brought up to date all the same: ages grow [s]
-ANSWER_TIMEOUT = 5.0  #: s
+LOOK = 0.2          #: for a browser that has gone [s]
 MEASURED = 3.0      #: over which rate and delay are measured [s]
 PADS_WIDTH, HEALTH_WIDTH = 720.0, 380.0  #: pixels
 
@@ -43,6 +44,7 @@ class Page:
         self._thread = threading.Thread(target=self._run, name=f'view_page_{client.client_id}', daemon=True)
         self._taken: deque[tuple[float, float]] = deque()  # when [s], with data of which age [s]
         self._number = 0
+        self._is_taken = threading.Event()
         self._slow_due = self._scene_due = 0.0
         self._planes: Planes | None = None
 
@@ -65,10 +67,13 @@ class Page:
                 begun = time.monotonic()
                 shown = self._source.store.shown()
                 version = shown.version
-                age = self._update(shown, begun)
+                is_scene_due = begun >= self._scene_due and self._scene_wanted.value
+                age = self._update(shown, begun, is_scene_due)
                 if not self._has_answered():
                     return
                 now = time.monotonic()
+                if is_scene_due:
+                    self._scene_due = begun + max(SCENE_PERIOD, SCENE_SHARE * (now - begun))
                 self._taken.append((now, age + now - begun))
                 self._stopping.wait(max(0.0, begun + 1 / RATE - now))
         except Exception:
@@ -99,19 +104,20 @@ class Page:
         self._scene = Pads3d(self._client)
         self._is_aimed = False
 
-    def _update(self, shown: Shown, now: float) -> float:
+    def _update(self, shown: Shown, now: float, with_scene: bool) -> float:
         """Send all that is due; the age of the newest data in it [s]."""
+        self._is_taken.clear()
         self._number += 1
         drawn = [self._scales.drawn(name, state, math.inf if state is None else self._source.age(state))
                  for name, state in shown.pads.items()]
-        self._pads.content = pads_html(drawn, self._number)
-        self._status.content = status_html(self._facts(shown, now), drawn, self._number)
+        if with_scene:
+            self._update_scene(drawn)
         if now >= self._slow_due:
             self._slow_due = now + SLOW_PERIOD
             self._update_slow(shown, drawn)
-        if now >= self._scene_due and self._scene_wanted.value:
-            self._scene_due = now + SCENE_PERIOD
-            self._update_scene(drawn)
+        self._pads.content = pads_html(drawn, self._number)
+        self._status.content = status_html(self._facts(shown, now), drawn, self._client.client_id, self._number)
+        self._client.flush()
         return min((pad.age for pad in drawn), default=math.inf)
 
     def _facts(self, shown: Shown, now: float) -> PageFacts:
@@ -149,17 +155,14 @@ class Page:
                 self._scene.look_from(pad.state, len(drawn))
             self._scene.show(number, pad.state, pad.full_scale, pad.is_old)
 
-    def _has_answered(self) -> bool:
-        """Wait until the browser has applied all; False when it has gone.
+    def taken(self, number: int) -> None:
+        """The browser has put update ``number`` on its page; on any thread."""
+        if number == self._number:
+            self._is_taken.set()
 
-        It answers in the order of the messages; what it answers does not matter, nor that it may not store anything.
-        """
+    def _has_answered(self) -> bool:
+        """Wait until the browser has taken the update; False when it has gone."""
         while not self._stopping.is_set() and self._is_connected():
-            try:
-                self._client.local_storage.get_item('tactile', timeout=ANSWER_TIMEOUT)
+            if self._is_taken.wait(LOOK):
                 return True
-            except TimeoutError:
-                continue
-            except RuntimeError:
-                return self._is_connected()
         return False

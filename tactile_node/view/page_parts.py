@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.view.colours import FullScale
+from tactile_node.view.gate import TAKEN
 from tactile_node.view.heat_map import heat_map, words
 from tactile_node.view.states import PadState
 
@@ -28,7 +29,8 @@ STYLE = f'''<style>
 .tactile-bar i {{display:block; height:9px; background:#0ea5e9; border-radius:2px}}
 .tactile-status {{padding:4px 10px; font-size:13px; position:relative}}
 .tactile-status b.live {{color:#15803d}} .tactile-status b.old {{color:#c81e1e}} .tactile-status b.rec {{color:#b45309}}
-.tactile-note, .tactile-force {{padding:2px 10px; font-size:12px}}
+.tactile-note {{padding:2px 10px; font-size:12px}} .tactile-force {{padding:2px 10px}}
+.tactile-taken {{position:absolute; width:0; height:0}}
 .tactile-problem {{color:#c81e1e; font-weight:600}}
 .tactile-health {{font-size:12px; margin:2px 10px; border-spacing:6px 1px}}
 .tactile-health td {{vertical-align:top}} .tactile-health .bad td {{color:#c81e1e; font-weight:600}}
@@ -119,8 +121,8 @@ class PageFacts(NamedTuple):
     delay: float      #: age of the newest data when the browser had them [s]; NaN: not measured yet
 
 
-def status_html(facts: PageFacts, pads: list[DrawnPad], number: int) -> str:
-    """Return the line that says whether this is live."""
+def status_html(facts: PageFacts, pads: list[DrawnPad], page: int, number: int) -> str:
+    """Return the line that says whether this is live, and the receipt of update ``number`` of ``page``."""
     ages = [pad.age for pad in pads]
     if facts.position is not None:
         done, length = facts.position
@@ -135,4 +137,4 @@ def status_html(facts: PageFacts, pads: list[DrawnPad], number: int) -> str:
     problem = f'<div class="tactile-problem">{escape(facts.problem)}</div>' if facts.problem else ''
     return (f'<div class="tactile-status" data-update="{number}" data-rate="{facts.rate:.1f}" '
             f'data-delay="{facts.delay:.3f}">{word} {escape(facts.title)}<br>{text}<br>'
-            f'{facts.rate:.0f} updates/s{delay}{problem}{DEAD}</div>')
+            f'{facts.rate:.0f} updates/s{delay}{problem}{DEAD}<img class="tactile-taken" alt="" src="{TAKEN}/{page}/{number}"></div>')

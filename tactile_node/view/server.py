@@ -33,7 +33,7 @@ class ViewServer:
             self._viser = viser.ViserServer(host=LOOPBACK, port=0, verbose=False)
         self._viser.request_share_url = _not_shared  # a browser may ask for a tunnel through a server in the internet
         try:
-            self._gate = Gate(host, port, self._viser.get_port(), token)
+            self._gate = Gate(host, port, self._viser.get_port(), token, self._taken)
         except BaseException:
             self._stop_viser()
             raise
@@ -79,6 +79,11 @@ class ViewServer:
             self._changed.notify_all()
         if page is not None:
             page.stop()
+
+    def _taken(self, number: int, update: int) -> None:
+        page = self._pages.get(number)
+        if page is not None:
+            page.taken(update)
 
     def _switch_source(self) -> None:
         """On one thread: a source is never started twice, nor while it stops."""
