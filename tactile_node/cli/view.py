@@ -44,7 +44,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
                         "the pad's unit (default: the largest of the last 10 s)")
     parser.add_argument('--host', default=DEFAULT_HOST, help='address of the page (default: %(default)s)')
     parser.add_argument('--port', type=int, default=DEFAULT_PORT, help='0: a free one (default: %(default)s)')
-    parser.add_argument('--token', default='', help='that a browser has to give; needed with --host; auto: a random one')
+    parser.add_argument('--token', default='', help='that a browser has to give, needed with --host; auto: a '
+                        'random one')
     parser.set_defaults(run=run)
 
 

@@ -91,8 +91,7 @@ class TopicSource:
         if not topics:
             rclpy.try_shutdown()
             raise ConfigurationError(f'topics below {self._root}', expected='<pad>/taxels of a running driver',
-                                     got='none', remedy='Start the driver, name its --pads, or view a bus (--interface) '
-                                     'or a recording.')
+                                     got='none', remedy='Start the driver, or name --pads; a bus needs --interface.')
         return sorted(topic.removeprefix(self._root).rpartition('/')[0] for topic in topics)
 
 

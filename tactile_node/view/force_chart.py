@@ -29,7 +29,7 @@ def force_chart(forces: Mapping[str, np.ndarray], now: float) -> str:
         parts.append(f'<path d="M{LEFT} {y:g}H{WIDTH - RIGHT}" stroke="#5c6672" stroke-width=".05"/>'
                      f'<text x="{LEFT - .4}" y="{y + .4:g}" text-anchor="end">{force:g}</text>')
     parts.append(f'<text x=".1" y="{HEIGHT / 2:g}">N</text>')
-    for k, (pad, (stamps, values)) in enumerate(forces.items()):
+    for k, (stamps, values) in enumerate(forces.values()):
         parts.append(f'<path class="force" data-pad="{k}" d="{_line(stamps - now, values, top)}" fill="none" '
                      f'stroke="{POINTS[k % len(POINTS)]}" stroke-width=".25"/>')
     return ''.join((*parts, '</svg>'))

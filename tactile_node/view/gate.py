@@ -1,7 +1,7 @@
 """Who may look: stands before the page's server, which refuses nobody, and passes on what may pass.
 
-It also takes the browsers' receipts: an update of a page holds an empty picture of the address TAKEN, which a browser asks
-for when it has put the update on its page.
+It also takes the browsers' receipts: an update of a page holds an empty picture of the address TAKEN, for which a
+browser asks when it has put the update on its page.
 
 A browser on this machine needs no token, but must have asked for this machine: else any web page that is open in it
 could read the skin (DNS rebinding, cross-site WebSockets). From elsewhere a token is needed, first in the address

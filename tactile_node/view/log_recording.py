@@ -55,4 +55,4 @@ class LogRecording:
 
 
 def _without_taxels(timeline: Timeline) -> str:
-    return '' if timeline.begin <= timeline.end else 'the log has no taxel frame of these pads: check --node-id, --layout'
+    return '' if timeline.begin <= timeline.end else 'no taxel frame of these pads in the log: check --node-id'

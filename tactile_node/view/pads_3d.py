@@ -30,8 +30,8 @@ class Pads3d:
 
     def __init__(self, client: 'ClientHandle'):
         self._client = client
-        self._columns: dict[str, 'BatchedMeshHandle'] = {}
-        self._outlines: dict[str, 'LineSegmentsHandle'] = {}
+        self._columns: dict[str, BatchedMeshHandle] = {}
+        self._outlines: dict[str, LineSegmentsHandle] = {}
 
     def look_from(self, state: PadState, pads: int) -> None:
         """Place the camera for ``pads`` pads like this one."""

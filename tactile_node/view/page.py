@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from tactile_node.view.force_chart import force_chart
 from tactile_node.view.health_table import health_table
-from tactile_node.view.page_parts import STYLE, DrawnPad, PageFacts, Scales, pads_html, status_html
 from tactile_node.view.pads_3d import Pads3d
+from tactile_node.view.page_parts import LEGEND, STYLE, DrawnPad, PageFacts, Scales, pads_html, status_html
 from tactile_node.view.planes import Planes
 from tactile_node.view.player_controls import PlayerControls
 from tactile_node.view.source import Source
@@ -99,6 +99,7 @@ class Page:
         with panel.add_tab('Pads'):
             self._pads = gui.add_html('')
             self._force = gui.add_html('')
+            gui.add_html(LEGEND)
         panel.dock_left()
         panel.set_width(PADS_WIDTH)
         self._scene = Pads3d(self._client)

@@ -8,6 +8,7 @@ from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.view.colours import FullScale
 from tactile_node.view.gate import TAKEN
 from tactile_node.view.heat_map import heat_map, words
+from tactile_node.view.planes import POINTS
 from tactile_node.view.states import PadState
 
 OLD = 0.5          #: age from which on data are marked as old [s]
@@ -40,6 +41,8 @@ STYLE = f'''<style>
   pointer-events:none; opacity:0; animation:tactile-dead 0s linear {PAGE_SILENT}s forwards}}
 @keyframes tactile-dead {{to {{opacity:1}}}}
 </style>'''
+LEGEND = ('<div class="tactile-note">Force of the largest contact. In the maps: grey with a cross, no valid value; '
+          'green ring, saturated: a lower bound; cyan, the fitted outline.</div>')
 DEAD = f'<div class="tactile-dead">NOT LIVE: this page has got nothing for {PAGE_SILENT:g} s or more</div>'
 
 
@@ -72,13 +75,15 @@ class Scales:
 
 def pads_html(pads: list[DrawnPad], number: int) -> str:
     """Return all pads; ``number`` makes each update another one."""
-    return f'<div class="tactile-pads" data-update="{number}">{"".join(map(_pad, pads))}</div>'
+    drawn = ''.join(_pad(pad, POINTS[k % len(POINTS)]) for k, pad in enumerate(pads))
+    return f'<div class="tactile-pads" data-update="{number}">{drawn}</div>'
 
 
-def _pad(pad: DrawnPad) -> str:
-    name = escape(pad.name)
+def _pad(pad: DrawnPad, colour: str) -> str:
+    """``colour``: of its line in the chart and its point in the planes."""
+    name = f'<span><span style="color:{colour}">&#9679;</span> {escape(pad.name)}</span>'
     if pad.state is None:
-        return (f'<div class="tactile-pad"><h3>{name}</h3><div class="tactile-words">no data has come</div>{DEAD}</div>')
+        return f'<div class="tactile-pad"><h3>{name}</h3><div class="tactile-words">no data has come</div>{DEAD}</div>'
     contact = pad.state.contact
     said = 'what touches is not known' if pad.is_old else escape(words(contact))
     bars = '' if contact is None or pad.is_old else _bars(contact.probabilities)
@@ -137,4 +142,5 @@ def status_html(facts: PageFacts, pads: list[DrawnPad], page: int, number: int) 
     problem = f'<div class="tactile-problem">{escape(facts.problem)}</div>' if facts.problem else ''
     return (f'<div class="tactile-status" data-update="{number}" data-rate="{facts.rate:.1f}" '
             f'data-delay="{facts.delay:.3f}">{word} {escape(facts.title)}<br>{text}<br>'
-            f'{facts.rate:.0f} updates/s{delay}{problem}{DEAD}<img class="tactile-taken" alt="" src="{TAKEN}/{page}/{number}"></div>')
+            f'{facts.rate:.0f} updates/s{delay}{problem}{DEAD}'
+            f'<img class="tactile-taken" alt="" src="{TAKEN}/{page}/{number}"></div>')

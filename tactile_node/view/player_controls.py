@@ -24,7 +24,7 @@ class PlayerControls:
         self._button.label = 'Pause' if self._player.is_playing else 'Play'
         self._slider.max = max(self._player.length, STEP)
         if self._player.is_playing:
-            self._slider.value = min(self._player.position, self._slider.max)
+            self._slider.value = min(self._player.position, self._slider.max)  # type: ignore[misc]
 
     def _moved(self, event) -> None:
         if event.client is not None:  # a person, not `update`

@@ -36,7 +36,6 @@ class RecordingSource:
         self._recording = recording
         self.title = recording.title
         self.store = Store(recording.pads)
-        self.player = self
         self._timeline = Timeline()
         self._recogniser = Recogniser()
         self._recognisers: dict[str, PadRecogniser] = {}
@@ -47,6 +46,10 @@ class RecordingSource:
         self._is_complete = False
         self._reader: threading.Thread | None = None
         self._thread: threading.Thread | None = None
+
+    @property
+    def player(self) -> 'RecordingSource':
+        return self
 
     @property
     def position(self) -> float:
@@ -111,7 +114,7 @@ class RecordingSource:
             if index == -1:
                 self._shown.pop(pad, None)
                 self.store.forget(pad)
-            elif before is None or index != before.index:
+            elif before is None or index != before.number:
                 self._shown[pad] = found = self._timeline.moment(pad, index)
                 self.store.put(self._recognised(pad, found, before))
         self.store.put_bus(self._timeline.facts(now))

@@ -31,7 +31,8 @@ class ViewServer:
         self.is_source_on = False
         with redirect_stdout(io.StringIO()):  # it prints the address behind the gate
             self._viser = viser.ViserServer(host=LOOPBACK, port=0, verbose=False)
-        self._viser.request_share_url = _not_shared  # a browser may ask for a tunnel through a server in the internet
+        # A browser may ask for a tunnel through a server in the internet.
+        self._viser.request_share_url = _not_shared  # type: ignore[method-assign]
         try:
             self._gate = Gate(host, port, self._viser.get_port(), token, self._taken)
         except BaseException:

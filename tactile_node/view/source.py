@@ -36,7 +36,10 @@ class Source(Protocol):
 
     title: str
     store: Store
-    player: Player | None  #: None: what is shown is live
+
+    @property
+    def player(self) -> Player | None:
+        """None: what is shown is live."""
 
     def check(self) -> None:
         """Raise TactileError where it cannot be used; called once, before the first start."""

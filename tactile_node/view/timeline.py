@@ -1,5 +1,6 @@
 """The taxel frames of a recording on disk, found by time: a recording may be larger than the memory."""
 
+import math
 import os
 import tempfile
 from array import array
@@ -16,13 +17,13 @@ from tactile_node.view.states import BusFacts
 class _Track:
     """Frames of one pad: an index in memory, the taxels in a file."""
 
-    def __init__(self, rows: int, cols: int, pitch: float, unit: str):
-        self.shape = rows, cols
+    def __init__(self, shape: tuple[int, ...], pitch: float, unit: str):
+        self.shape = shape
         self.pitch, self.unit = pitch, unit
         self.stamps, self.sequences, self.missing = array('d'), array('Q'), array('L')
         self.places = array('d')  # as stamps, but never back
         self.file = tempfile.TemporaryFile()
-        self.size = rows * cols * (4 + 1)
+        self.size = math.prod(shape) * (4 + 1)
 
     def add(self, frame: TaxelFrame) -> None:
         record = frame.values.astype('<f4').tobytes() + frame.status.astype(np.uint8).tobytes()
@@ -34,7 +35,7 @@ class _Track:
 
     def frame(self, index: int) -> TaxelFrame:
         record = os.pread(self.file.fileno(), self.size, index * self.size)
-        taxels = self.shape[0] * self.shape[1]
+        taxels = math.prod(self.shape)
         values = np.frombuffer(record, '<f4', taxels).reshape(self.shape)
         status = np.frombuffer(record, np.uint8, taxels, 4 * taxels).reshape(self.shape)
         return TaxelFrame(self.stamps[index], self.sequences[index], read_only(values), read_only(status),
@@ -44,7 +45,7 @@ class _Track:
 class Moment(NamedTuple):
     """A pad's newest frame at a time of the recording."""
 
-    index: int  #: of the pad's frames
+    number: int  #: of the pad's frames
     frame: TaxelFrame
     pitch: float
     unit: str
@@ -63,7 +64,7 @@ class Timeline:
         """Add a frame; False where it is left out, since its taxels are others than those of the pad's first one."""
         track = self._tracks.get(pad)
         if track is None:
-            track = self._tracks[pad] = _Track(*frame.values.shape, pitch, unit)
+            track = self._tracks[pad] = _Track(frame.values.shape, pitch, unit)
         if (track.shape, track.pitch, track.unit) != (frame.values.shape, pitch, unit):
             return False
         track.add(frame)
