@@ -47,11 +47,17 @@ class LogRecording:
             pass
         source.close()
         timeline.add_facts(looked, facts_of(source.statistics(), source.health(), load_is_known=False))
-        return failure_text(source.failure) or _without_taxels(timeline)
+        return failure_text(source.failure) or _of_others(source) or _without_taxels(timeline)
 
     def _source(self, on_frame: Callable[[str, TaxelFrame], None], on_time: Callable[[float], None]) -> LogSource:
         return LogSource(self._path, self._settings, on_frame, pace=None, channel=self._channel, on_time=on_time,
                          any_device=self._any_device)
+
+
+def _of_others(source: LogSource) -> str:
+    """Nodes of other node-IDs that send the same COB-IDs: what is shown may be theirs."""
+    return '; '.join(f'pad {pad}: node {", ".join(map(str, nodes))} sends its COB-IDs, not its own: check --node-id'
+                     for pad, nodes in source.strangers.items())
 
 
 def _without_taxels(timeline: Timeline) -> str:

@@ -119,7 +119,7 @@ class PageFacts(NamedTuple):
     """What the page says of its source and of its own pace."""
 
     title: str
-    position: tuple[float, float] | None  #: of a recording and its length [s]; None: live
+    position: tuple[float, float] | None  #: of a recording and its length as read so far [s]; None: live
     is_playing: bool
     problem: str
     rate: float       #: updates that this browser has taken [1/s]

@@ -9,6 +9,7 @@ import numpy as np
 SHADES = ' .:-=+*#%@'
 COLOURS = (16, 17, 18, 19, 54, 90, 126, 162, 198, 203, 208, 214, 220, 226, 229, 231)  # xterm-256: dark to bright
 CLEAR_LINE = '\x1b[2K'
+CLEAR_BELOW = '\x1b[J'
 GAP = '   '        #: between two pads
 LEAST_WIDTH = 30   #: of a pad [columns]
 
@@ -32,6 +33,8 @@ def picture(taxels: np.ndarray, colour: bool) -> list[str]:
 
 def side_by_side(views: Sequence[PadView], colour: bool) -> list[str]:
     """Return the lines of several pads next to each other, names above, words (lines of them) below."""
+    if not views:
+        return []
     columns = []
     most = max(view.words.count('\n') for view in views) + 1
     rows = max(len(view.taxels) for view in views)
@@ -76,7 +79,8 @@ class LivePictures:
     def _write(self, lines: list[str], back: int) -> None:
         up = f'\x1b[{back}A' if back else ''
         start = CLEAR_LINE if self._live else ''
-        self._stream.write(up + ''.join(f'{start}{line}\n' for line in lines))
+        below = CLEAR_BELOW if self._live else ''  # what a taller picture has left
+        self._stream.write(up + ''.join(f'{start}{line}\n' for line in lines) + below)
         self._stream.flush()
         self._height = len(lines)
 

@@ -67,5 +67,6 @@ def _said(pad: DrawnPad) -> str:
 
 def _footer(source: Source, shown: Shown) -> str:
     player = source.player
-    at = '' if player is None else f' {player.position:.1f} of {player.length:.1f} s'
+    so_far = '' if player is None or player.is_complete else ' read so far'
+    at = '' if player is None else f' {player.position:.1f} of {player.length:.1f} s{so_far}'
     return f'{source.title}{at}' + (f'; {shown.problem}' if shown.problem else '')
