@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from tactile_node.errors import ConfigurationError
+from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.spinning import Spinner
 from tactile_node.ros.message_checks import check_contact, check_contact_shape, check_taxel_array
@@ -32,7 +33,6 @@ DISCOVERY = 3.0     #: for topics of pads [s]
 DEPTH = 5           #: messages
 NAME = 'tactile_view'
 TYPE = 'tactile_skin/msg/TaxelArray'
-STATUS_TYPE = 'tactile_skin/msg/SkinStatus'
 
 
 class TopicSource:
@@ -58,8 +58,8 @@ class TopicSource:
             node = self._node = Node(NAME)
             for pad in self.store.pads:
                 _PadTopics(node, pad, self._root + pad, self.store)
-            for topic in _topics(node, STATUS_TYPE, DISCOVERY):
-                node.create_subscription(SkinStatus, topic, self._status, STATUS_QOS)
+            status = f'{self._root}{NODE_NAMES[Role.DRIVER]}/status'
+            node.create_subscription(SkinStatus, status, self._status, STATUS_QOS)
             self._spinner = Spinner([node])
 
     def stop(self) -> None:
