@@ -134,7 +134,7 @@ def test_a_gap_in_the_force_is_not_bridged():
 
 def test_old_data_say_how_old_they_are_and_not_what_touches():
     shown = pads_html([drawn(3.21)], 1)
-    assert 'no data since 3.2 s' in shown and 'square' not in shown and 'opacity="0.25"' in shown
+    assert 'no data for 3.2 s' in shown and 'square' not in shown and 'opacity="0.25"' in shown
     assert 'LIVE</b>' in status_html(LIVE, [drawn(3.21)], 0, 1) and 'NOT LIVE</b>' in status_html(
         LIVE, [drawn(3.21)], 0, 1)
 
@@ -198,7 +198,7 @@ def test_a_terminal_says_that_nothing_comes_and_draws_nothing(monkeypatch):
     source = HandSource(['left'])
     source.store.put(state(acquired=time.monotonic() - 60))
     shown = shown_on(Terminal(), source)
-    assert 'no data since 60' in shown and 'square' not in shown and '\x1b[48;5;' not in shown
+    assert 'no data for 60' in shown and 'square' not in shown and '\x1b[48;5;' not in shown
     assert (source.begun, source.ended) == (1, 1)
 
 
@@ -221,7 +221,7 @@ def test_a_pipe_gets_lines_without_escapes():
     source = HandSource(['left'])
     source.store.put(state())
     shown = shown_on(io.StringIO(), source, 1.2)
-    assert shown == 'left: square 97 %, side 8.0 mm, 1.50 N; by hand\n' or 'no data since' in shown
+    assert shown == 'left: square 97 %, side 8.0 mm, 1.50 N; by hand\n' or 'no data for' in shown
     assert '\x1b' not in shown
 
 

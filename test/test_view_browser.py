@@ -138,7 +138,7 @@ def test_a_silent_source_and_a_server_that_is_gone_are_not_live(browser, server)
     server._source.is_silent = True
     page.wait_for_selector('.tactile-silent')
     page.wait_for_timeout(500)
-    assert 'no data since' in page.locator('.tactile-silent').first.inner_text()
+    assert 'no data for' in page.locator('.tactile-silent').first.inner_text()
     assert page.locator('.tactile-status b').inner_text() == 'NOT LIVE'
     assert opacity(page) == 0.0  # the page is served
     page.screenshot(path=PICTURES / 'silent.png')

@@ -97,9 +97,9 @@ def silence(age: float) -> str:
     """Return that nothing new comes.
 
     >>> silence(3.21), silence(math.inf)
-    ('no data since 3.2 s', 'age of the data not known')
+    ('no data for 3.2 s', 'age of the data not known')
     """
-    return f'no data since {age:.1f} s' if math.isfinite(age) else 'age of the data not known'
+    return f'no data for {age:.1f} s' if math.isfinite(age) else 'age of the data not known'
 
 
 def _hidden(state: PadState) -> str:

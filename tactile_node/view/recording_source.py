@@ -128,8 +128,8 @@ class RecordingSource:
 
     def _read(self) -> None:
         problem = self._recording.read(self._timeline, self._closing.is_set)
-        self._is_complete = True
         self.store.put_problem(problem)
+        self._is_complete = True
 
     def _run(self) -> None:
         last = time.monotonic()
@@ -138,6 +138,8 @@ class RecordingSource:
             with self._lock:
                 if self._is_playing:
                     self._position = min(self._position + now - last, self.length)
-                    self._is_playing = not (self._is_complete and self._position >= self.length)
             last = now
+            is_complete = self._is_complete
             self.show()
+            with self._lock:  # after its end has been shown
+                self._is_playing &= not (is_complete and self._position >= self.length)

@@ -18,9 +18,10 @@ PERIOD = 0.1       #: of the pictures [s]
 LINE_PERIOD = 1.0  #: of lines of text [s]
 
 
-def show_in_terminal(source: Source, stop_requested: Event, stream: TextIO = sys.stdout,
+def show_in_terminal(source: Source, stop_requested: Event, stream: TextIO | None = None,
                      full_scale: float | None = None) -> None:
     """Show ``source`` until the event is set, or until a recording has been played to its end."""
+    stream = sys.stdout if stream is None else stream
     live, scales, pictures = stream.isatty(), Scales(full_scale), LivePictures(stream)
     source.start()
     try:
