@@ -8,6 +8,7 @@ and open http://localhost:8080, or --host with --token.
 
 import argparse
 import secrets
+from threading import Event
 
 from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE, BusSettings
 from tactile_node.cli.options import (
@@ -23,6 +24,7 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption
 from tactile_node.recording.topic_bag import holds_taxels
 from tactile_node.skin.pads import make_pads, with_dictionaries
+from tactile_node.view.gate import check_token
 from tactile_node.view.source import Source
 
 DEFAULT_HOST, DEFAULT_PORT = '127.0.0.1', 8080
@@ -62,6 +64,9 @@ def full_scale(text: str) -> float:
 
 def run(args: argparse.Namespace) -> int:
     """Show until Ctrl-C; on a terminal, a recording to its end."""
+    token = secrets.token_urlsafe(16) if args.token == AUTO else args.token
+    if not args.terminal:
+        check_token(args.host, token)  # before anything is opened
     with interruption() as stop_requested:
         source = source_of(args)
         try:
@@ -70,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
                 from tactile_node.view.terminal_view import show_in_terminal
                 show_in_terminal(source, stop_requested, full_scale=args.full_scale)
             else:
-                _serve(args, source, stop_requested)
+                _serve(args, source, token, stop_requested)
         finally:
             source.close()
     return 0
@@ -103,9 +108,8 @@ def _recording_source(args: argparse.Namespace) -> Source:
     return RecordingSource(LogRecording(args.recording, pads, args.channel or '', args.any_device))
 
 
-def _serve(args: argparse.Namespace, source: Source, stop_requested) -> None:
+def _serve(args: argparse.Namespace, source: Source, token: str, stop_requested: Event) -> None:
     from tactile_node.view.server import ViewServer  # viser: only where it is needed
-    token = secrets.token_urlsafe(16) if args.token == AUTO else args.token
     server = ViewServer(source, args.host, args.port, token, args.full_scale)
     try:
         query = f'/?token={token}' if token else ''

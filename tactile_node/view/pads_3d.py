@@ -80,7 +80,7 @@ class Pads3d:
         self._columns[state.pad] = scene.add_batched_meshes_simple(
             f'{name}/taxels', BOX, FACES, np.tile(np.array(IDENTITY, np.float32), (x.size, 1)), places,
             batched_scales=np.full((x.size, 3), pitch, np.float32), batched_colors=np.zeros((x.size, 3), np.uint8),
-            flat_shading=True, lod='off', cast_shadow=False, receive_shadow=False)
+            flat_shading=True, cast_shadow=False, receive_shadow=False)
         scene.add_box(f'{name}/base', color=(70, 76, 86), position=(0.0, 0.0, -0.3 * pitch), cast_shadow=False,
                       dimensions=((cols + .6) * pitch, (rows + .6) * pitch, 0.5 * pitch), receive_shadow=False)
         self._outlines[state.pad] = scene.add_line_segments(

@@ -86,8 +86,8 @@ class Timeline:
         return Moment(index, track.frame(index), track.pitch, track.unit)
 
     def facts(self, time: float) -> BusFacts | None:
-        """Return the newest facts at ``time``."""
-        index = bisect_right(self._fact_times, time) - 1
+        """Return the newest facts at ``time``; with the last frame, also those that came after it."""
+        index = len(self._facts) - 1 if time >= self.end else bisect_right(self._fact_times, time) - 1
         return self._facts[index] if index >= 0 else None
 
     def close(self) -> None:
