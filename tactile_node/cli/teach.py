@@ -1,7 +1,7 @@
 """`tactile teach`: teach the recogniser your own shapes, from about 30 touches of each, in a few minutes.
 
     tactile teach --name plug --output my_shapes.npz                     # guides you through 30 touches, live
-    tactile teach --name plug --from touches.log --output my_shapes.npz  # from recordings, .npy arrays too
+    tactile teach --name plug --from touches.log --output my_shapes.npz  # from recordings, .npz and .npy too
 
 The file holds the networks of --model and your shapes. Give it to the classifier node (model:=), to `tactile classify`
 (--model) or to the library (Recogniser(file=...)); on topics a taught shape has the number OTHER and its name.
@@ -51,8 +51,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--name', action='append', required=True, help='of the shape; repeat it, with its own --from, '
                         'for several shapes in one file')
     parser.add_argument('--from', nargs='+', action=_OfLastName, dest='from_', metavar='FILE',
-                        help='touches of the shape named before: CAN logs, or .npy arrays (K, rows, cols) of frames in '
-                        'time; the object is lifted between two touches. Without: live from the bus')
+                        help='touches of the shape named before: CAN logs, or .npz and .npy files of frames in time '
+                        '(docs/command_line.md); the object is lifted between two touches. Without: live from the bus')
     parser.add_argument('-o', '--output', required=True, metavar='FILE', help='.npz to write')
     parser.add_argument('--model', default=FILES[LEARNED], metavar='FILE',
                         help='to teach; a file of this command keeps its shapes (default: config/%(default)s)')

@@ -1,4 +1,4 @@
-"""Where `tactile teach` has touches from: .npy arrays, CAN logs, or a live bus, on which it guides the user."""
+"""Where `tactile teach` has touches from: .npz and .npy files, CAN logs, or a live bus, on which it guides the user."""
 
 import argparse
 import sys
@@ -10,7 +10,7 @@ import numpy as np
 from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE, BusSettings
 from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.calibration.presses import zeroed
-from tactile_node.cli.arrays import read_frames
+from tactile_node.cli.frame_file import read_frames
 from tactile_node.cli.options import eds_of, layouts_of, node_ids_of
 from tactile_node.cli.played_log import play_log
 from tactile_node.errors import BusError, ConfigurationError, InputError
@@ -22,6 +22,7 @@ from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.pads import make_pads, with_dictionaries
 from tactile_node.teaching.touches import Touch, Touches, TouchFinder, find_touches
 
+ARRAYS = ('.npy', '.npz')
 AT_REST = 25        #: frames that the zero of a live skin is found from
 STEADY = 10         #: frames
 HINT_AFTER = 10.0   #: s without a frame
@@ -34,7 +35,7 @@ def touches_in(files: list[str], args: argparse.Namespace) -> Touches:
     touches: list[Touch] = []
     unused: dict = {}
     for path in files:
-        found = _in_array(path) if Path(path).suffix == '.npy' else _in_log(path, args)
+        found = _in_array(path) if Path(path).suffix in ARRAYS else _in_log(path, args)
         touches += found.touches
         for reason, count in found.unused.items():
             unused[reason] = unused.get(reason, 0) + count
@@ -42,7 +43,8 @@ def touches_in(files: list[str], args: argparse.Namespace) -> Touches:
 
 
 def _in_array(path: str) -> Touches:
-    return find_touches(read_frames(path), None)
+    frames = read_frames(path)
+    return find_touches(frames.values if frames.unit in (None, ON_OFF_UNIT) else zeroed(frames.values), frames.unit)
 
 
 def _in_log(path: str, args: argparse.Namespace) -> Touches:

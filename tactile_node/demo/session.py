@@ -10,7 +10,6 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 
 from tactile_node.demo.observation import Verdict, verdicts_of
-from tactile_node.demo.terminal import LivePictures
 from tactile_node.demo.touches import GAP, TouchedPad, scripted_touches
 from tactile_node.demo.watcher import Watcher
 from tactile_node.interruption import interruption
@@ -22,6 +21,7 @@ from tactile_node.ros.bag import BagRecorder
 from tactile_node.ros.qos import frames_qos
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.skin.pads import make_pad
+from tactile_node.view.terminal import LivePictures
 
 PADS, NODE_IDS, LAYOUT = ('left', 'right'), (32, 64), 'sim16x16.yaml'
 CHANNEL = 'tactile_demo'

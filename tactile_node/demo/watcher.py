@@ -9,12 +9,12 @@ import numpy as np
 from rclpy.node import Node
 
 from tactile_node.demo.observation import Seen, SeenFit
-from tactile_node.demo.terminal import PadView
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.ros.message_checks import check_contact_shape, check_taxel_array
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.taxel_messages import taxel_values
 from tactile_node.ros.time_messages import seconds
+from tactile_node.view.terminal import PadView
 from tactile_skin.msg import ContactShape, TaxelArray
 
 KEPT = 1000  # taxel arrays that may wait for their shape

@@ -6,14 +6,14 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.pose.fit import ShapeFit
-from tactile_node.shape.recognition import Shape, UnknownReason
+from tactile_node.shape.recognition import ShapeClass, UnknownReason
 
 
 class Sample(NamedTuple):
     """A taxel frame of a touch whose shape was recognised."""
 
     stamp: float
-    shape: Shape       #: fused over the touch so far
+    shape: ShapeClass  #: fused over the touch so far
     confidence: float
     force: float       #: [N]; NaN: not known
 
@@ -36,7 +36,7 @@ class Touch:
     end: float                    #: stamp of the last frame with the contact
     frames: int
     taxels: int                   #: in the frame in which it pressed most
-    shape: Shape                  #: reported most often
+    shape: ShapeClass             #: reported most often
     reason: UnknownReason         #: why it is UNKNOWN
     confidence: float             #: median of this shape's
     force: float                  #: in the frame in which it pressed most [N]; NaN: not known

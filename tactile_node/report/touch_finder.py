@@ -21,7 +21,7 @@ from tactile_node.pose.moments import contact_moments
 from tactile_node.report.touch import Picture, Sample, Touch
 from tactile_node.report.touch_list import TouchList
 from tactile_node.shape.patch import join_pieces
-from tactile_node.shape.recognition import Shape, UnknownReason
+from tactile_node.shape.recognition import Shape, ShapeClass, UnknownReason
 
 PERIOD = 0.1     #: s between two recognitions of one touch: they cost as much as the rest of a report
 RELEASED = 0.5   #: of the taxels last pressed: a pad with a row that never comes is never seen as a whole
@@ -105,7 +105,7 @@ class _OpenTouch:
     def closed(self, is_open: bool) -> Touch:
         assert self._pattern is not None
         shape = _most_frequent([sample.shape for sample in self.samples])
-        confidence = float(np.median([sample.confidence for sample in self.samples if sample.shape is shape]))
+        confidence = float(np.median([sample.confidence for sample in self.samples if sample.shape == shape]))
         recognition = self._recogniser.recognise(self._pattern)
         pattern = join_pieces(self._pattern) if recognition.joined else self._pattern
         fit = fit_shape(pattern, shape, self._pitch)
@@ -128,7 +128,7 @@ class _OpenTouch:
         self.samples.append(Sample(stamp, fused.shape, fused.confidence, moments.force))
 
 
-def _most_frequent(shapes: Sequence[Shape]) -> Shape:
+def _most_frequent(shapes: Sequence[ShapeClass]) -> ShapeClass:
     """Of the touch's frames; a shape where there is one: a contact that comes or goes has none yet.
 
     >>> _most_frequent([Shape.UNKNOWN, Shape.UNKNOWN, Shape.UNKNOWN, Shape.SQUARE, Shape.SQUARE]).value

@@ -8,8 +8,10 @@ import numpy as np
 
 SHADES = ' .:-=+*#%@'
 COLOURS = (16, 17, 18, 19, 54, 90, 126, 162, 198, 203, 208, 214, 220, 226, 229, 231)  # xterm-256: dark to bright
-WORDS = 38  #: columns for the words below a pad: two pads fit into 80 columns
 CLEAR_LINE = '\x1b[2K'
+CLEAR_BELOW = '\x1b[J'
+GAP = '   '        #: between two pads
+LEAST_WIDTH = 38   #: of a pad [columns]: two fit into 80
 
 
 class PadView(NamedTuple):
@@ -30,14 +32,30 @@ def picture(taxels: np.ndarray, colour: bool) -> list[str]:
 
 
 def side_by_side(views: Sequence[PadView], colour: bool) -> list[str]:
-    """Return the lines of several pads next to each other, names above, words below."""
+    """Return the lines of several pads next to each other, names above, words (lines of them) below."""
+    if not views:
+        return []
     columns = []
+    most = max(view.words.count('\n') for view in views) + 1
+    rows = max(len(view.taxels) for view in views)
     for view in views:
-        width = max(2 * view.taxels.shape[1], WORDS)
+        width = _width(view)
         pad = ' ' * (width - 2 * view.taxels.shape[1])
-        columns.append([f'{view.name:<{width}}', *[line + pad for line in picture(view.taxels, colour)],
-                        f'{view.words:<{width}}'])
-    return ['   '.join(lines) for lines in zip(*columns)]
+        words = [line[:width] for line in view.words.split('\n')]
+        drawn = [line + pad for line in picture(view.taxels, colour)]
+        drawn += [' ' * width] * (rows - len(drawn))
+        columns.append([f'{view.name[:width]:<{width}}', *drawn,
+                        *(f'{line:<{width}}' for line in words + [''] * (most - len(words)))])
+    return [GAP.join(lines) for lines in zip(*columns)]
+
+
+def width_of(views: Sequence[PadView]) -> int:
+    """Return how many columns `side_by_side` takes."""
+    return sum(map(_width, views)) + len(GAP) * (len(views) - 1)
+
+
+def _width(view: PadView) -> int:
+    return max(2 * view.taxels.shape[1], LEAST_WIDTH)
 
 
 class LivePictures:
@@ -61,7 +79,8 @@ class LivePictures:
     def _write(self, lines: list[str], back: int) -> None:
         up = f'\x1b[{back}A' if back else ''
         start = CLEAR_LINE if self._live else ''
-        self._stream.write(up + ''.join(f'{start}{line}\n' for line in lines))
+        below = CLEAR_BELOW if self._live else ''  # what a taller picture has left
+        self._stream.write(up + ''.join(f'{start}{line}\n' for line in lines) + below)
         self._stream.flush()
         self._height = len(lines)
 

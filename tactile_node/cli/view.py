@@ -1,0 +1,126 @@
+"""`tactile view`: the pads in a browser or on a terminal, live from topics or a bus, or from a recording with seeking.
+
+Without RECORDING and --interface: the topics of running nodes, subscribed while somebody looks. With --interface or
+--channel: a bus without ROS; this command then starts the pads, so no driver may run on that bus. RECORDING: a CAN log,
+or a ROS 2 bag of our topics. The page is for this machine alone: from elsewhere use `ssh -L 8080:localhost:8080 ROBOT`
+and open http://localhost:8080, or --host with --token.
+"""
+
+import argparse
+import secrets
+from threading import Event
+
+from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE, BusSettings
+from tactile_node.cli.options import (
+    add_any_device_option,
+    add_bus_options,
+    add_skin_options,
+    eds_of,
+    layouts_of,
+    names,
+    node_ids_of,
+)
+from tactile_node.errors import ConfigurationError
+from tactile_node.interruption import interruption
+from tactile_node.recording.topic_bag import holds_taxels
+from tactile_node.skin.pads import make_pads, with_dictionaries
+from tactile_node.view.gate import check_token
+from tactile_node.view.source import Source
+
+DEFAULT_HOST, DEFAULT_PORT = '127.0.0.1', 8080
+AUTO = 'auto'  #: value of --token
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> None:
+    parser = subparsers.add_parser('view', help='show the pads in a browser or on a terminal', description=__doc__,
+                                   formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('recording', nargs='?', help='CAN log as of `tactile record`, or a ROS 2 bag')
+    add_bus_options(parser, is_set=False)
+    parser.add_argument('--pads', type=names, metavar='NAME,...', help='names of the pads (default: of topics all that '
+                        'are found, else pad<node-ID>)')
+    add_skin_options(parser)
+    add_any_device_option(parser)
+    parser.add_argument('--namespace', default='', help='of the topics')
+    parser.add_argument('--terminal', action='store_true', help='pictures on the terminal in place of the page')
+    parser.add_argument('--full-scale', type=full_scale, metavar='READING', help='reading of the brightest colour, in '
+                        "the pad's unit (default: the largest of the last 10 s)")
+    parser.add_argument('--host', default=DEFAULT_HOST, help='address of the page (default: %(default)s)')
+    parser.add_argument('--port', type=int, default=DEFAULT_PORT, help='0: a free one (default: %(default)s)')
+    parser.add_argument('--token', default='', help='that a browser has to give, needed with --host; auto: a '
+                        'random one')
+    parser.set_defaults(run=run)
+
+
+def full_scale(text: str) -> float:
+    """A number > 0."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < float('inf'):
+        raise ConfigurationError('--full-scale', expected='a number > 0', got=repr(text), remedy='For example 100e3.')
+    return value
+
+
+def run(args: argparse.Namespace) -> int:
+    """Show until Ctrl-C; on a terminal, a recording to its end."""
+    token = secrets.token_urlsafe(16) if args.token == AUTO else args.token
+    if not args.terminal:
+        check_token(args.host, token)  # before anything is opened
+    with interruption() as stop_requested:
+        source = source_of(args)
+        try:
+            source.check()
+            if args.terminal:
+                from tactile_node.view.terminal_view import show_in_terminal
+                show_in_terminal(source, stop_requested, full_scale=args.full_scale)
+            else:
+                _serve(args, source, token, stop_requested)
+        finally:
+            source.close()
+    return 0
+
+
+def source_of(args: argparse.Namespace) -> Source:
+    """The source that the options name. Raises ConfigurationError, LogError."""
+    is_bus = args.interface is not None or args.channel is not None and args.recording is None
+    if args.recording is not None and args.interface is not None:
+        raise ConfigurationError('tactile view', expected='a recording or --interface', got='both',
+                                 remedy='Leave out one.')
+    if args.recording is not None:
+        return _recording_source(args)
+    if is_bus:
+        from tactile_node.view.bus_source import BusSource
+        pads = with_dictionaries(make_pads(layouts_of(args), node_ids_of(args), args.pads or ()), eds_of(args))
+        return BusSource(BusSettings(args.interface or DEFAULT_INTERFACE, args.channel or DEFAULT_CHANNEL,
+                                     args.bitrate or DEFAULT_BITRATE), pads)
+    from tactile_node.nodes.view_topics import TopicSource  # rclpy: only where it is needed
+    return TopicSource(args.pads or (), args.namespace)
+
+
+def _recording_source(args: argparse.Namespace) -> Source:
+    from tactile_node.view.recording_source import RecordingSource
+    if holds_taxels(args.recording):
+        from tactile_node.view.bag_recording import BagRecording
+        return RecordingSource(BagRecording(args.recording))
+    from tactile_node.view.log_recording import LogRecording
+    pads = make_pads(layouts_of(args), node_ids_of(args), args.pads or ())
+    return RecordingSource(LogRecording(args.recording, pads, args.channel or '', args.any_device))
+
+
+def _serve(args: argparse.Namespace, source: Source, token: str, stop_requested: Event) -> None:
+    from tactile_node.view.server import ViewServer  # viser: only where it is needed
+    server = ViewServer(source, args.host, args.port, token, args.full_scale)
+    try:
+        query = f'/?token={token}' if token else ''
+        print(f'{source.title}: open http://{_shown_host(args.host)}:{server.port}{query} (Ctrl-C ends)', flush=True)
+        stop_requested.wait()
+    finally:
+        server.close()
+
+
+def _shown_host(host: str) -> str:
+    if host in ('0.0.0.0', '::', ''):
+        import socket
+        return socket.gethostname()
+    return f'[{host}]' if ':' in host else host

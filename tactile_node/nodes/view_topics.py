@@ -1,0 +1,166 @@
+"""Pads of running nodes, for a view: subscribed only while somebody looks."""
+
+import math
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+import rclpy
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from tactile_node.errors import ConfigurationError
+from tactile_node.node_graph import NODE_NAMES, Role
+from tactile_node.nodes.guarded_subscription import GuardedSubscription
+from tactile_node.nodes.spinning import Spinner
+from tactile_node.ros.message_checks import check_contact, check_contact_shape, check_taxel_array
+from tactile_node.ros.qos import STATUS_QOS, frames_qos
+from tactile_node.ros.taxel_messages import taxel_values
+from tactile_node.ros.time_messages import seconds
+from tactile_node.shape.recognition import UnknownReason
+from tactile_node.view.facts import facts_of_status
+from tactile_node.view.states import PadState, SeenContact
+from tactile_node.view.store import Store
+from tactile_skin.msg import Contact, ContactShape, SkinStatus, TaxelArray
+
+RATE = 20.0         #: at which a pad's newest shape is shown [1/s]
+WAITING = 16        #: messages of a pad that wait for their shape
+WITHOUT_SHAPE = 0.5  #: from which on taxels are shown without one [s]
+DISCOVERY = 3.0     #: for topics of pads [s]
+DEPTH = 5           #: messages
+NAME = 'tactile_view'
+TYPE = 'tactile_skin/msg/TaxelArray'
+
+
+class TopicSource:
+    """A `Source`. ``pads``: names relative to ``namespace``; none: all whose taxels are published there."""
+
+    player = None
+
+    def __init__(self, pads: Sequence[str] = (), namespace: str = ''):
+        self._root = f'/{namespace.strip("/")}/' if namespace.strip('/') else '/'
+        self.title = f'topics below {self._root}'
+        self._lock = threading.Lock()
+        self._node: Node | None = None
+        self._spinner: Spinner | None = None
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        self._is_open = True
+        self.store = Store(pads or self._found_pads())
+
+    def check(self) -> None:
+        """Nothing more: pads that come later are shown when they come."""
+
+    def start(self) -> None:
+        with self._lock:
+            node = self._node = Node(NAME)
+            for pad in self.store.pads:
+                _PadTopics(node, pad, self._root + pad, self.store)
+            status = f'{self._root}{NODE_NAMES[Role.DRIVER]}/status'
+            node.create_subscription(SkinStatus, status, self._status, STATUS_QOS)
+            self._spinner = Spinner([node])
+
+    def stop(self) -> None:
+        with self._lock:
+            if self._spinner is not None and self._node is not None:
+                self._spinner.stop()
+                self._node.destroy_node()
+                self._spinner = self._node = None
+        self.store.clear()
+
+    def close(self) -> None:
+        self.stop()
+        if self._is_open:
+            self._is_open = False
+            rclpy.try_shutdown()
+
+    def age(self, state: PadState) -> float:
+        return time.monotonic() - state.acquired
+
+    def _status(self, message: SkinStatus) -> None:
+        self.store.put_bus(facts_of_status(message))
+
+    def _found_pads(self) -> list[str]:
+        node = Node(f'{NAME}_discovery')
+        try:
+            topics = [topic for topic in _topics(node, TYPE, DISCOVERY) if topic.startswith(self._root)]
+        finally:
+            node.destroy_node()
+        if not topics:
+            rclpy.try_shutdown()
+            raise ConfigurationError(f'topics below {self._root}', expected='<pad>/taxels of a running driver',
+                                     got='none', remedy='Start the driver, or name --pads; a bus needs --interface.')
+        return sorted(topic.removeprefix(self._root).rpartition('/')[0] for topic in topics)
+
+
+def _topics(node: Node, kind: str, timeout: float) -> list[str]:
+    """Names of the topics of a type, as soon as there are any and no more come."""
+    found: list[str] = []
+    for _ in range(round(timeout / 0.25)):
+        now = [topic for topic, kinds in node.get_topic_names_and_types() if kind in kinds]
+        if now and now == found:
+            break
+        found = now
+        time.sleep(0.25)
+    return found
+
+
+class _PadTopics:
+    """Joins what comes of one pad by its sequence: a shape is shown on the taxels that it was recognised from."""
+
+    def __init__(self, node: Node, pad: str, root: str, store: Store):
+        self._pad, self._store = pad, store
+        self._taxels: OrderedDict[int, tuple[TaxelArray, float]] = OrderedDict()
+        self._contacts: OrderedDict[int, Contact] = OrderedDict()
+        self._shape_came, self._shown = -math.inf, -math.inf
+        qos = frames_qos(DEPTH)
+        self._subscription = GuardedSubscription(node, TaxelArray, f'{root}/taxels', self._on_taxels, qos,
+                                                 check=check_taxel_array)
+        GuardedSubscription(node, Contact, f'{root}/contact', partial(_keep, self._contacts), qos, check=check_contact)
+        GuardedSubscription(node, ContactShape, f'{root}/shape', self._on_shape, qos, check=check_contact_shape,
+                            newest_only=True)
+
+    def _on_taxels(self, message: TaxelArray) -> None:
+        now = time.monotonic()
+        age = self._subscription.arrival.age(now)
+        _keep(self._taxels, message, (message, now - age))
+        if now - self._shape_came > WITHOUT_SHAPE:
+            self._show(message.sequence, None, now)
+
+    def _on_shape(self, message: ContactShape) -> None:
+        self._shape_came = now = time.monotonic()
+        self._show(message.sequence, message, now)
+
+    def _show(self, sequence: int, shape: ContactShape | None, now: float) -> None:
+        if sequence not in self._taxels or now - self._shown < 1 / RATE:
+            return
+        self._shown = now
+        taxels, acquired = self._taxels[sequence]
+        self._store.put(_state(self._pad, taxels, acquired, shape, self._contacts.get(sequence)))
+
+
+def _keep(waiting: OrderedDict, message, value=None) -> None:
+    waiting[message.sequence] = message if value is None else value
+    if len(waiting) > WAITING:
+        waiting.popitem(last=False)
+
+
+def _state(pad: str, taxels: TaxelArray, acquired: float, shape: ContactShape | None,
+           contact: Contact | None) -> PadState:
+    values = taxel_values(taxels)
+    status = np.frombuffer(taxels.status, np.uint8).reshape(values.shape)
+    mask = None
+    if contact is not None:
+        mask = np.frombuffer(contact.labels, np.uint8).reshape(contact.rows, contact.cols) == 1
+    seen = None if shape is None else _seen(shape, mask)
+    return PadState(pad, seconds(taxels.header.stamp), acquired, values, status, float(taxels.pitch), taxels.unit, seen)
+
+
+def _seen(shape: ContactShape, mask: np.ndarray | None) -> SeenContact:
+    reason = UnknownReason(shape.unknown_reason).name.lower() if shape.shape == ContactShape.UNKNOWN else ''
+    outline = np.array([(point.x, point.y) for point in shape.outline.points]) if shape.fit_valid else None
+    return SeenContact(shape.class_name, reason, dict(zip(shape.class_names, map(float, shape.probabilities))), outline,
+                       tuple(zip(shape.dimension_names, map(float, shape.dimensions))) if shape.fit_valid else (),
+                       bool(shape.size_is_bound), float(shape.force), mask)

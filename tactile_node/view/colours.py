@@ -1,0 +1,66 @@
+"""Reading -> colour, and the scale that the colours are of."""
+
+from collections import deque
+
+import numpy as np
+
+from tactile_node.press_levels import ON_OFF_UNIT, PRESS_BY_UNIT
+
+#: inferno (Smith, van der Walt, CC0), every 1/8: dark to bright also for colour-blind eyes and on paper
+ANCHORS = np.array([(0, 0, 4), (31, 12, 72), (85, 15, 109), (136, 34, 106), (186, 54, 85), (227, 89, 51),
+                    (249, 140, 10), (249, 201, 50), (252, 255, 164)], float)
+LEVELS = 256
+HELD = 10.0  #: for which the largest reading sets the scale [s]
+STEPS = 1.0, 2.0, 5.0, 10.0  #: to which a scale is rounded up
+#: what a person reads: factor and name, by unit
+SHOWN_AS = {'Pa': (1e-3, 'kPa'), 'N': (1.0, 'N'), ON_OFF_UNIT: (1.0, '')}
+
+
+def palette() -> np.ndarray:
+    """Return LEVELS colours, uint8 (LEVELS, 3)."""
+    places = np.linspace(0, len(ANCHORS) - 1, LEVELS)
+    table = np.column_stack([np.interp(places, np.arange(len(ANCHORS)), channel) for channel in ANCHORS.T])
+    return np.rint(table).astype(np.uint8)
+
+
+PALETTE = palette()
+
+
+def levels(values: np.ndarray, full_scale: float) -> np.ndarray:
+    """Return the index into PALETTE of each of ``values``, uint8; of NaN it is 0, to be marked by the caller."""
+    fractions = np.nan_to_num(np.clip(values / full_scale, 0, 1))
+    return np.rint(fractions * (LEVELS - 1)).astype(np.uint8)
+
+
+def rounded_up(value: float) -> float:
+    """Return the next of 1, 2, 5, 10, 20 ... from ``value`` on.
+
+    >>> rounded_up(37e3), rounded_up(1.0)
+    (50000.0, 1.0)
+    """
+    decade = 10.0 ** np.floor(np.log10(value))
+    return float(next(step * decade for step in STEPS if value <= step * decade * (1 + 1e-9)))
+
+
+class FullScale:
+    """The reading that has the brightest colour: the largest of the last HELD seconds, rounded up.
+
+    ``fixed``: that reading instead. It is never less than from which on a taxel is pressed, so that noise stays dark.
+    """
+
+    def __init__(self, unit: str, fixed: float | None = None):
+        self._least = 1.0 if unit == ON_OFF_UNIT else PRESS_BY_UNIT[unit]
+        self._fixed = fixed
+        self._peaks: deque[tuple[float, float]] = deque()
+
+    def update(self, values: np.ndarray, now: float) -> float:
+        """Take a frame, shown at ``now`` [s], and return the scale."""
+        if self._fixed:
+            return self._fixed
+        peak = float(np.fmax.reduce(values, axis=None, initial=self._least))  # fmax leaves NaN out
+        while self._peaks and (self._peaks[-1][1] <= peak or self._peaks[-1][0] > now):
+            self._peaks.pop()  # it can never be the largest again
+        self._peaks.append((now, peak))
+        while now - self._peaks[0][0] > HELD:
+            self._peaks.popleft()
+        return rounded_up(self._peaks[0][1])

@@ -1,0 +1,88 @@
+"""The pads in 3-D: a column for each taxel, pairs of pads facing each other as the fingers of a gripper."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tactile_node.frames.taxel_frame import TaxelStatus
+from tactile_node.view.colours import PALETTE, levels
+from tactile_node.view.states import PadState
+
+if TYPE_CHECKING:
+    from viser import BatchedMeshHandle, ClientHandle, LineSegmentsHandle
+
+SCALE = 100.0       #: scene units a metre: a pad is a few units wide, as viser's camera expects
+TALLEST = 3.0       #: column of the full scale [pitches]
+FLAT = 0.15         #: column of no load [pitches]
+OPENING = 9.0       #: between two pads that face each other [pitches]
+OUTLINE = (41, 230, 255)
+WITHOUT_VALUE = (138, 143, 152)
+OLD = (190, 190, 190)
+IDENTITY, TURNED = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0)  #: quaternions; turned by 180 degrees about x
+#: of a column with its base at 0
+BOX = np.array([(x, y, z) for z in (0, 1) for y in (-.45, .45) for x in (-.45, .45)], np.float32)
+FACES = np.array([(0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1, 5, 4), (2, 6, 3), (3, 6, 7), (0, 4, 2),
+                  (2, 4, 6), (1, 3, 5), (3, 7, 5)], np.uint32)
+
+
+class Pads3d:
+    """The scene of one browser. Pads are placed by their order, not by the URDF: it is a sketch of a gripper."""
+
+    def __init__(self, client: 'ClientHandle'):
+        self._client = client
+        self._columns: dict[str, BatchedMeshHandle] = {}
+        self._outlines: dict[str, LineSegmentsHandle] = {}
+
+    def look_from(self, state: PadState, pads: int) -> None:
+        """Place the camera for ``pads`` pads like this one."""
+        width = SCALE * state.pitch * max(state.values.shape)
+        middle = 1.3 * width * ((pads - 1) // 2) / 2
+        self._client.camera.position = (middle + 0.9 * width, -1.7 * width, 0.9 * width)
+        self._client.camera.look_at = (middle, 0.0, 0.25 * width)
+
+    def show(self, number: int, state: PadState, full_scale: float, is_old: bool) -> None:
+        """Show pad ``number``; an old state is flat and pale: no load is known."""
+        if state.pad not in self._columns:
+            self._add(number, state)
+        values, pitch = state.values.ravel(), SCALE * state.pitch
+        heights = np.nan_to_num(np.clip(values / full_scale, 0, 1)) * TALLEST + FLAT
+        colours = PALETTE[levels(values, full_scale)]
+        colours[np.isnan(values)] = WITHOUT_VALUE
+        if is_old:
+            heights[:], colours[:] = FLAT, OLD
+        scales = np.full((len(values), 3), pitch, np.float32)
+        scales[:, 2] *= heights
+        scales[state.status.ravel() == TaxelStatus.UNMAPPED] = 0
+        columns = self._columns[state.pad]
+        columns.batched_colors, columns.batched_scales = colours, scales
+        outline = None if is_old or state.contact is None else state.contact.outline
+        lines = self._outlines[state.pad]
+        lines.visible = outline is not None
+        if outline is not None:
+            lines.points = self._outline(outline, state)
+
+    def _outline(self, outline: np.ndarray, state: PadState) -> np.ndarray:
+        rows, cols = state.values.shape
+        corners = np.empty((len(outline), 3), np.float32)
+        corners[:, :2] = SCALE * (outline - state.pitch * np.array((cols - 1, rows - 1)) / 2)
+        corners[:, 2] = SCALE * state.pitch * (TALLEST + FLAT)
+        return np.stack((corners, np.roll(corners, -1, axis=0)), axis=1)
+
+    def _add(self, number: int, state: PadState) -> None:
+        rows, cols = state.values.shape
+        pitch = SCALE * state.pitch
+        pair, is_upper = divmod(number, 2)
+        position = (pair * 1.3 * cols * pitch, 0.0, is_upper * OPENING * pitch)
+        name, scene = f'/pad{number}', self._client.scene
+        scene.add_frame(name, show_axes=False, wxyz=TURNED if is_upper else IDENTITY, position=position)
+        y, x = np.indices((rows, cols)).reshape(2, -1)
+        places = np.column_stack((x - (cols - 1) / 2, y - (rows - 1) / 2, np.zeros(x.size))).astype(np.float32) * pitch
+        self._columns[state.pad] = scene.add_batched_meshes_simple(
+            f'{name}/taxels', BOX, FACES, np.tile(np.array(IDENTITY, np.float32), (x.size, 1)), places,
+            batched_scales=np.full((x.size, 3), pitch, np.float32), batched_colors=np.zeros((x.size, 3), np.uint8),
+            flat_shading=True, cast_shadow=False, receive_shadow=False)
+        scene.add_box(f'{name}/base', color=(70, 76, 86), position=(0.0, 0.0, -0.3 * pitch), cast_shadow=False,
+                      dimensions=((cols + .6) * pitch, (rows + .6) * pitch, 0.5 * pitch), receive_shadow=False)
+        self._outlines[state.pad] = scene.add_line_segments(
+            f'{name}/outline', np.zeros((1, 2, 3), np.float32), OUTLINE, thickness=0.3 * pitch, visible=False)
+        scene.add_label(f'{name}/name', state.pad, position=(-.6 * cols * pitch, 0.0, 0.0), anchor='center-right')

@@ -1,0 +1,169 @@
+"""The page of one browser: brought up to date as fast as that browser takes it, and no faster."""
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from tactile_node.view.force_chart import force_chart
+from tactile_node.view.health_table import health_table
+from tactile_node.view.pads_3d import Pads3d
+from tactile_node.view.page_parts import LEGEND, STYLE, DrawnPad, PageFacts, Scales, pads_html, status_html
+from tactile_node.view.planes import Planes
+from tactile_node.view.player_controls import PlayerControls
+from tactile_node.view.source import Source
+from tactile_node.view.store import Shown
+
+if TYPE_CHECKING:
+    from viser import ClientHandle
+
+RATE = 22.0         #: updates at most [1/s]
+SLOW_PERIOD = 0.2   #: of chart and tables [s]
+SCENE_PERIOD = 0.15  #: of the 3-D view [s]
+SCENE_SHARE = 5.0    #: times as long as a browser takes for it, it waits for the next: without a GPU it is slow
+SILENCE = 0.4       #: after which the page is brought up to date all the same: ages grow [s]
+LOOK = 0.2          #: for a browser that has gone [s]
+MEASURED = 3.0      #: over which rate and delay are measured [s]
+PADS_WIDTH, HEALTH_WIDTH = 720.0, 380.0  #: pixels
+
+
+class Page:
+    """Runs from `start` to `stop`. One update at most is under way: the next waits for the browser's answer.
+
+    So nothing queues anywhere between the skin and a slow browser, and what it shows is never older than one update.
+    """
+
+    def __init__(self, client: 'ClientHandle', source: Source, is_connected: Callable[[], bool],
+                 full_scale: float | None = None):
+        self._client, self._source = client, source
+        self._is_connected = is_connected
+        self._scales = Scales(full_scale)
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f'view_page_{client.client_id}', daemon=True)
+        self._taken: deque[tuple[float, float]] = deque()  # when [s], with data of which age [s]
+        self._number = 0
+        self._is_taken = threading.Event()
+        self._slow_due = self._scene_due = 0.0
+        self._planes: Planes | None = None
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self) -> None:
+        self._stopping.set()
+
+    def join(self) -> None:
+        if self._thread is not threading.current_thread():
+            self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            self._build()
+            version = -1
+            while not self._stopping.is_set():
+                self._source.store.wait(version, SILENCE)
+                begun = time.monotonic()
+                shown = self._source.store.shown()
+                version = shown.version
+                is_scene_due = begun >= self._scene_due and self._scene_wanted.value
+                age = self._update(shown, begun, is_scene_due)
+                if not self._has_answered():
+                    return
+                now = time.monotonic()
+                if is_scene_due:
+                    self._scene_due = begun + max(SCENE_PERIOD, SCENE_SHARE * (now - begun))
+                self._taken.append((now, age + now - begun))
+                self._stopping.wait(max(0.0, begun + 1 / RATE - now))
+        except Exception:
+            if not self._stopping.is_set() and self._is_connected():
+                raise
+
+    def _build(self) -> None:
+        gui = self._client.gui
+        gui.configure_theme(show_logo=False, show_share_button=False, control_width='large')
+        gui.set_panel_label('tactile view')
+        gui.add_html(STYLE)
+        self._status = gui.add_html('')
+        self._controls = None if self._source.player is None else PlayerControls(gui, self._source.player)
+        with gui.add_folder('Bus and taxels'):
+            self._health = gui.add_html('')
+        with gui.add_folder('Planes of Volf, Dvořák and Vlček'):
+            self._planes_wanted = gui.add_checkbox('show (computed only then)', False)
+            self._planes_html = gui.add_html('')
+        self._scene_wanted = gui.add_checkbox('3-D', True)
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(HEALTH_WIDTH)
+        panel = gui.add_panel()
+        with panel.add_tab('Pads'):
+            self._pads = gui.add_html('')
+            self._force = gui.add_html('')
+            gui.add_html(LEGEND)
+        panel.dock_left()
+        panel.set_width(PADS_WIDTH)
+        self._scene = Pads3d(self._client)
+        self._is_aimed = False
+
+    def _update(self, shown: Shown, now: float, with_scene: bool) -> float:
+        """Send all that is due; the age of the newest data in it [s]."""
+        self._is_taken.clear()
+        self._number += 1
+        drawn = [self._scales.drawn(name, state, math.inf if state is None else self._source.age(state))
+                 for name, state in shown.pads.items()]
+        if with_scene:
+            self._update_scene(drawn)
+        if now >= self._slow_due:
+            self._slow_due = now + SLOW_PERIOD
+            self._update_slow(shown, drawn)
+        self._pads.content = pads_html(drawn, self._number)
+        self._status.content = status_html(self._facts(shown, now), drawn, self._client.client_id, self._number)
+        self._client.flush()
+        return min((pad.age for pad in drawn), default=math.inf)
+
+    def _facts(self, shown: Shown, now: float) -> PageFacts:
+        while self._taken and now - self._taken[0][0] > MEASURED:
+            self._taken.popleft()
+        player = self._source.player
+        ages = [age for _, age in self._taken if math.isfinite(age)]
+        return PageFacts(
+            title=self._source.title, position=None if player is None else (player.position, player.length),
+            is_playing=player is not None and player.is_playing, problem=shown.problem,
+            rate=len(self._taken) / MEASURED, delay=sum(ages) / len(ages) if ages and player is None else math.nan)
+
+    def _update_slow(self, shown: Shown, drawn: list[DrawnPad]) -> None:
+        forces = {name: self._source.store.forces(name) for name in shown.pads}
+        ends = [pad.state.stamp + pad.age for pad in drawn if pad.state is not None and math.isfinite(pad.age)]
+        if ends:
+            self._force.content = force_chart(forces, max(ends))
+        self._health.content = health_table(shown.bus)
+        if self._controls is not None:
+            self._controls.update()
+        self._planes_html.content = self._planes_picture(drawn) if self._planes_wanted.value else ''
+
+    def _planes_picture(self, drawn: list[DrawnPad]) -> str:
+        self._planes = self._planes or Planes()
+        return self._planes.pictures({
+            number: pad.state.contact.mask for number, pad in enumerate(drawn) if not pad.is_old
+            and pad.state is not None and pad.state.contact is not None and pad.state.contact.mask is not None})
+
+    def _update_scene(self, drawn: list[DrawnPad]) -> None:
+        for number, pad in enumerate(drawn):
+            if pad.state is None:
+                continue
+            if not self._is_aimed:
+                self._is_aimed = True
+                self._scene.look_from(pad.state, len(drawn))
+            self._scene.show(number, pad.state, pad.full_scale, pad.is_old)
+
+    def taken(self, number: int) -> None:
+        """The browser has put update ``number`` on its page; on any thread."""
+        if number == self._number:
+            self._is_taken.set()
+
+    def _has_answered(self) -> bool:
+        """Wait until the browser has taken the update; False when it has gone."""
+        while not self._stopping.is_set() and self._is_connected():
+            if self._is_taken.wait(LOOK):
+                return True
+        return False

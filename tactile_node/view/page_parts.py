@@ -1,0 +1,146 @@
+"""The parts of the page as HTML: pads, state of the data, style. What is old looks old."""
+
+import math
+from html import escape
+from typing import NamedTuple
+
+from tactile_node.frames.taxel_frame import TaxelStatus
+from tactile_node.view.colours import FullScale
+from tactile_node.view.gate import TAKEN
+from tactile_node.view.heat_map import heat_map, words
+from tactile_node.view.planes import POINTS
+from tactile_node.view.states import PadState
+
+OLD = 0.5          #: age from which on data are marked as old [s]
+PAGE_SILENT = 2.0  #: for which a page may get nothing before it says so [s]
+BARS = 4           #: most probable classes that are shown
+
+#: The last rules run in the browser alone: each update replaces the element, which begins the wait again. So the page
+#: says that it is not live also where the server is gone, the network is down or this computer is too slow.
+STYLE = f'''<style>
+.tactile-pads {{display:flex; flex-wrap:wrap; gap:8px; padding:4px 10px; font-size:13px}}
+.tactile-pad {{flex:1 1 260px; min-width:0; position:relative}}
+.tactile-pad h3 {{margin:0; font-size:15px; display:flex; justify-content:space-between}}
+.tactile-pad h3 small {{font-weight:400; opacity:.7}}
+.tactile-words {{min-height:2.7em; font-weight:600}}
+.tactile-map {{width:100%; display:block}}
+.tactile-silent {{position:absolute; left:0; right:0; top:35%; text-align:center; font-weight:700; font-size:18px;
+  color:#c81e1e; background:#fffd; padding:6px; border:2px solid #c81e1e}}
+.tactile-bar {{display:grid; grid-template-columns:9.5em 1fr 3.2em; gap:6px; align-items:center; font-size:12px}}
+.tactile-bar i {{display:block; height:9px; background:#0ea5e9; border-radius:2px}}
+.tactile-status {{padding:4px 10px; font-size:13px; position:relative}}
+.tactile-status b.live {{color:#15803d}} .tactile-status b.old {{color:#c81e1e}} .tactile-status b.rec {{color:#b45309}}
+.tactile-note {{padding:2px 10px; font-size:12px}} .tactile-force {{padding:2px 10px}}
+.tactile-taken {{position:absolute; width:0; height:0}}
+.tactile-problem {{color:#c81e1e; font-weight:600}}
+.tactile-health {{font-size:12px; margin:2px 10px; border-spacing:6px 1px}}
+.tactile-health td {{vertical-align:top}} .tactile-health .bad td {{color:#c81e1e; font-weight:600}}
+.tactile-planes {{padding:2px 10px}}
+.tactile-dead {{position:absolute; inset:0; z-index:5; display:flex; align-items:center; justify-content:center;
+  text-align:center; font-weight:700; font-size:18px; color:#c81e1e; background:#fffe; border:2px solid #c81e1e;
+  pointer-events:none; opacity:0; animation:tactile-dead 0s linear {PAGE_SILENT}s forwards}}
+@keyframes tactile-dead {{to {{opacity:1}}}}
+</style>'''
+LEGEND = ('<div class="tactile-note">Force of the largest contact. In the maps: grey with a cross, no valid value; '
+          'green ring, saturated: a lower bound; cyan, the fitted outline.</div>')
+DEAD = f'<div class="tactile-dead">NOT LIVE: this page has got nothing for {PAGE_SILENT:g} s or more</div>'
+
+
+class DrawnPad(NamedTuple):
+    """A pad as it is drawn now."""
+
+    name: str
+    state: PadState | None
+    age: float         #: [s]; inf: not known
+    full_scale: float  #: [unit]
+
+    @property
+    def is_old(self) -> bool:
+        return not self.age <= OLD
+
+
+class Scales:
+    """The colour scale of each pad; ``fixed``: the reading of the brightest colour."""
+
+    def __init__(self, fixed: float | None = None):
+        self._fixed = fixed
+        self._scales: dict[str, FullScale] = {}
+
+    def drawn(self, name: str, state: PadState | None, age: float) -> DrawnPad:
+        if state is None:
+            return DrawnPad(name, None, math.inf, 1.0)
+        scale = self._scales.setdefault(name, FullScale(state.unit, self._fixed))
+        return DrawnPad(name, state, age, scale.update(state.values, state.stamp))
+
+
+def pads_html(pads: list[DrawnPad], number: int) -> str:
+    """Return all pads; ``number`` makes each update another one."""
+    drawn = ''.join(_pad(pad, POINTS[k % len(POINTS)]) for k, pad in enumerate(pads))
+    return f'<div class="tactile-pads" data-update="{number}">{drawn}</div>'
+
+
+def _pad(pad: DrawnPad, colour: str) -> str:
+    """``colour``: of its line in the chart and its point in the planes."""
+    name = f'<span><span style="color:{colour}">&#9679;</span> {escape(pad.name)}</span>'
+    if pad.state is None:
+        return f'<div class="tactile-pad"><h3>{name}</h3><div class="tactile-words">no data has come</div>{DEAD}</div>'
+    contact = pad.state.contact
+    said = 'what touches is not known' if pad.is_old else escape(words(contact))
+    bars = '' if contact is None or pad.is_old else _bars(contact.probabilities)
+    silent = f'<div class="tactile-silent">{silence(pad.age)}</div>' if pad.is_old else ''
+    return (f'<div class="tactile-pad"><h3>{name}<small>{_hidden(pad.state)}</small></h3>'
+            f'<div class="tactile-words">{said}</div>{heat_map(pad.state, pad.full_scale, pad.is_old)}{bars}{silent}'
+            f'{DEAD}</div>')
+
+
+def silence(age: float) -> str:
+    """Return that nothing new comes.
+
+    >>> silence(3.21), silence(math.inf)
+    ('no data for 3.2 s', 'age of the data not known')
+    """
+    return f'no data for {age:.1f} s' if math.isfinite(age) else 'age of the data not known'
+
+
+def _hidden(state: PadState) -> str:
+
+    hidden = int((~(state.values == state.values) & (state.status != TaxelStatus.UNMAPPED)).sum())
+    return f'{hidden} of {state.values.size} taxels without a value' if hidden else ''
+
+
+def _bars(probabilities) -> str:
+    best = sorted(probabilities.items(), key=lambda item: -item[1])[:BARS]
+    return ''.join(f'<div class="tactile-bar"><span>{escape(name.replace("_", " "))}</span>'
+                   f'<i style="width:{100 * value:.0f}%"></i><span>{100 * value:.0f} %</span></div>'
+                   for name, value in best)
+
+
+class PageFacts(NamedTuple):
+    """What the page says of its source and of its own pace."""
+
+    title: str
+    position: tuple[float, float] | None  #: of a recording and its length as read so far [s]; None: live
+    is_playing: bool
+    problem: str
+    rate: float       #: updates that this browser has taken [1/s]
+    delay: float      #: age of the newest data when the browser had them [s]; NaN: not measured yet
+
+
+def status_html(facts: PageFacts, pads: list[DrawnPad], page: int, number: int) -> str:
+    """Return the line that says whether this is live, and the receipt of update ``number`` of ``page``."""
+    ages = [pad.age for pad in pads]
+    if facts.position is not None:
+        done, length = facts.position
+        word = f'<b class="rec">RECORDING, {"playing" if facts.is_playing else "paused"}</b>'
+        text = f'{done:.1f} of {length:.1f} s; shapes are recognised again from its taxels'
+    elif all(pad.is_old for pad in pads):
+        word, text = '<b class="old">NOT LIVE</b>', silence(min(ages, default=math.inf))
+    else:
+        word = '<b class="live">LIVE</b>'
+        text = f'newest data {1e3 * min(ages):.0f} ms old'
+    delay = '' if math.isnan(facts.delay) else f', shown after {1e3 * facts.delay:.0f} ms'
+    problem = f'<div class="tactile-problem">{escape(facts.problem)}</div>' if facts.problem else ''
+    return (f'<div class="tactile-status" data-update="{number}" data-rate="{facts.rate:.1f}" '
+            f'data-delay="{facts.delay:.3f}">{word} {escape(facts.title)}<br>{text}<br>'
+            f'{facts.rate:.0f} updates/s{delay}{problem}{DEAD}'
+            f'<img class="tactile-taken" alt="" src="{TAKEN}/{page}/{number}"></div>')

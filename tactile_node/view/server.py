@@ -1,0 +1,113 @@
+"""The page's server: viser on loopback behind our gate, a page for each browser, the source on while there is one."""
+
+import io
+import threading
+import time
+from contextlib import redirect_stdout
+from typing import TYPE_CHECKING
+
+from tactile_node.view.gate import Gate, check_token
+from tactile_node.view.page import Page
+from tactile_node.view.source import Source
+
+if TYPE_CHECKING:
+    from viser import ClientHandle
+
+LINGER = 2.0  #: for which the source stays on without a browser: a page is loaded again [s]
+LOOPBACK = '127.0.0.1'
+
+
+class ViewServer:
+    """Runs from `__init__` to `close`. Raises ConfigurationError for an address that needs a token or is taken."""
+
+    def __init__(self, source: Source, host: str = LOOPBACK, port: int = 8080, token: str = '',
+                 full_scale: float | None = None):
+        import viser
+        check_token(host, token)
+        self._source, self._full_scale = source, full_scale
+        self._changed = threading.Condition()
+        self._pages: dict[int, Page] = {}
+        self._is_closing = False
+        self.is_source_on = False
+        with redirect_stdout(io.StringIO()):  # it prints the address behind the gate
+            self._viser = viser.ViserServer(host=LOOPBACK, port=0, verbose=False)
+        # A browser may ask for a tunnel through a server in the internet.
+        self._viser.request_share_url = _not_shared  # type: ignore[method-assign]
+        try:
+            self._gate = Gate(host, port, self._viser.get_port(), token, self._taken)
+        except BaseException:
+            self._stop_viser()
+            raise
+        self.port = self._gate.port
+        self._viser.on_client_connect(self._connected)
+        self._viser.on_client_disconnect(self._disconnected)
+        self._thread = threading.Thread(target=self._switch_source, name='view_server', daemon=True)
+        self._thread.start()
+
+    @property
+    def browsers(self) -> int:
+        return len(self._pages)
+
+    def close(self) -> None:
+        with self._changed:
+            self._is_closing = True
+            pages = list(self._pages.values())
+            self._changed.notify_all()
+        for page in pages:
+            page.stop()
+        self._source.store.close()
+        self._gate.close()
+        self._stop_viser()
+        self._thread.join()
+        for page in pages:
+            page.join()
+
+    def _connected(self, client: 'ClientHandle') -> None:
+        def is_connected() -> bool:
+            return client.client_id in self._viser.get_clients()
+
+        page = Page(client, self._source, is_connected, self._full_scale)
+        with self._changed:
+            if self._is_closing or not is_connected():  # viser calls on many threads: it may have gone already
+                return
+            self._pages[client.client_id] = page
+            self._changed.notify_all()
+        page.start()
+
+    def _disconnected(self, client: 'ClientHandle') -> None:
+        with self._changed:
+            page = self._pages.pop(client.client_id, None)
+            self._changed.notify_all()
+        if page is not None:
+            page.stop()
+
+    def _taken(self, number: int, update: int) -> None:
+        page = self._pages.get(number)
+        if page is not None:
+            page.taken(update)
+
+    def _switch_source(self) -> None:
+        """On one thread: a source is never started twice, nor while it stops."""
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._is_closing or bool(self._pages) != self.is_source_on)
+                if self.is_source_on:
+                    self._linger()
+                is_wanted = bool(self._pages) and not self._is_closing
+            if is_wanted != self.is_source_on:
+                (self._source.start if is_wanted else self._source.stop)()
+                self.is_source_on = is_wanted
+            if self._is_closing and not self.is_source_on:
+                return
+
+    def _linger(self) -> None:
+        until = time.monotonic() + LINGER
+        self._changed.wait_for(lambda: self._is_closing or bool(self._pages), max(until - time.monotonic(), 0))
+
+    def _stop_viser(self) -> None:
+        with redirect_stdout(io.StringIO()):
+            self._viser.stop()
+
+
+def _not_shared(verbose: bool = True) -> None:
+    """Nothing leaves this machine."""

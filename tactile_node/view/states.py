@@ -1,0 +1,69 @@
+"""What is shown of a pad and of its bus at one moment: facts, from any source."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+
+class SeenContact(NamedTuple):
+    """The largest contact as recognised; of a pad that is seen and empty, `shape` is 'none'."""
+
+    shape: str          #: class name, as on topics
+    reason: str         #: why it is unknown, '' for another shape
+    probabilities: Mapping[str, float]
+    outline: np.ndarray | None            #: corners (n, 2) in the pad's frame [m]; None: no shape, so no outline
+    dimensions: tuple[tuple[str, float], ...]  #: name, length [m]
+    size_is_bound: bool                   #: it may be larger
+    force: float                          #: [N], NaN: not known
+    mask: np.ndarray | None               #: bool (rows, cols), its taxels; None: not known
+
+    @property
+    def confidence(self) -> float:
+        """Probability of ``shape``."""
+        return self.probabilities.get(self.shape, 0.0)
+
+
+class PadState(NamedTuple):
+    """One taxel frame of a pad and what was recognised in it; arrays are read-only."""
+
+    pad: str
+    stamp: float         #: of the acquisition [s, Unix epoch]
+    acquired: float      #: the same by the steady clock (time.monotonic) [s]; of a recording, when it was shown
+    values: np.ndarray   #: float, (rows, cols), NaN = no valid value
+    status: np.ndarray   #: uint8 TaxelStatus, (rows, cols)
+    pitch: float         #: [m]
+    unit: str            #: 'Pa', 'N' or '1'
+    contact: SeenContact | None = None  #: None: nothing recognises this frame
+
+
+class NodeFacts(NamedTuple):
+    """A CANopen node of a pad."""
+
+    node_id: int
+    nmt_state: str
+    heartbeat_age: float  #: [s], NaN: none received
+    fault: str            #: '' without one
+    emergency: str        #: the last EMCY, '' without one
+
+
+class PadFacts(NamedTuple):
+    """The fate of a pad's CAN frames since the source was opened."""
+
+    pad: str
+    frames_complete: int
+    frames_incomplete: int
+    expected: int               #: TPDOs
+    used: int                   #: TPDOs
+    losses: Mapping[str, int]   #: TPDOs lost, by reason; reasons without any are left out
+    nodes: tuple[NodeFacts, ...] = ()
+    faulty_taxels: tuple[tuple[int, int, str], ...] = ()  #: row, column, fault
+
+
+class BusFacts(NamedTuple):
+    """State of a bus and its pads."""
+
+    failure: str                #: '' while it works
+    load: float                 #: part of the bus's time in use; NaN: not known (a log)
+    counts: Mapping[str, int]   #: what was lost of the bus itself, by name; those without any are left out
+    pads: tuple[PadFacts, ...]

@@ -1,0 +1,304 @@
+"""What a person is shown: that nothing old, hidden or unknown looks like a measurement."""
+
+import io
+import time
+from threading import Event, Timer
+from unittest.mock import MagicMock
+from xml.etree.ElementTree import fromstring
+
+import numpy as np
+import pytest
+from viewed import NAN, HandSource, contact, state
+
+from tactile_node.frames.health import BusFault, BusHealth, Failure, NodeFault, NodeHealth
+from tactile_node.frames.losses import BusStatistics, LossReason, PadStatistics
+from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.view.colours import PALETTE, FullScale, levels
+from tactile_node.view.facts import facts_of
+from tactile_node.view.force_chart import force_chart
+from tactile_node.view.health_table import health_table
+from tactile_node.view.heat_map import heat_map
+from tactile_node.view.page_parts import PageFacts, Scales, pads_html, status_html
+from tactile_node.view.store import MOST_POINTS, Store
+from tactile_node.view.terminal_view import show_in_terminal
+from tactile_node.view.timeline import Timeline
+
+LIVE = PageFacts('by hand', None, False, '', 20.0, 0.05)
+
+
+def parts(svg, tag):
+    return [element for element in fromstring(svg).iter() if element.tag.endswith(f'}}{tag}')]
+
+
+def drawn(age, **changed):
+    return Scales().drawn('left', state(**changed), age)
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+# --- the store
+
+
+def test_what_is_not_looked_at_is_replaced_and_the_history_is_bounded():
+    store = Store(['left'])
+    for k in range(5 * MOST_POINTS):
+        store.put(state(stamp=0.001 * k))
+    assert store.shown().pads['left'].stamp == pytest.approx(0.001 * (5 * MOST_POINTS - 1))
+    assert store.forces('left').shape == (2, MOST_POINTS)
+
+
+def test_a_pad_that_a_recording_has_not_reached_is_not_shown():
+    store = Store(['left'])
+    store.put(state())
+    store.forget('left')
+    assert store.shown().pads['left'] is None and store.forces('left').shape == (2, 0)
+
+
+def test_going_back_in_a_recording_begins_the_force_again():
+    store = Store(['left'])
+    for stamp in (10.0, 10.1, 3.0):
+        store.put(state(stamp=stamp))
+    assert store.forces('left')[0].tolist() == [3.0]
+
+
+# --- pictures
+
+
+def test_a_taxel_without_a_value_is_marked_and_not_the_colour_of_no_load():
+    values = np.full((4, 4), 50e3)
+    values[:, :2] = NAN  # half a pad hidden
+    svg = heat_map(state(values=values), 100e3)
+    squares = next(path for path in parts(svg, 'path') if path.get('class') == 'no-value')
+    assert squares.get('d').count('M') == 8
+    assert squares.get('fill') not in [f'#{r:02x}{g:02x}{b:02x}' for r, g, b in PALETTE.tolist()]
+    assert '8 of 16 taxels without a value' in pads_html([drawn(0.1, values=values)], 1)
+
+
+def test_a_place_without_a_taxel_is_no_fault():
+    values = np.full((4, 4), 50e3)
+    values[0, 0] = NAN
+    status = np.full((4, 4), TaxelStatus.VALID, np.uint8)
+    status[0, 0] = TaxelStatus.UNMAPPED
+    svg = heat_map(state(values=values, status=status), 100e3)
+    assert next(path for path in parts(svg, 'path') if path.get('class') == 'no-value').get('d') == ''
+
+
+def test_the_outline_lies_on_the_taxels_that_it_encloses():
+    """Corners at the centres of taxels 1 and 3: by hand, 4 units a taxel, row 0 at the bottom."""
+    outline, = parts(heat_map(state(), 100e3), 'polygon')
+    assert outline.get('points') == '6.000,10.000 14.000,10.000 14.000,2.000 6.000,2.000'
+
+
+@pytest.mark.parametrize('shape', ['unknown', 'none'])
+def test_what_has_no_shape_has_no_outline_and_no_size(shape):
+    shown = pads_html([drawn(0.1, shape=shape)], 1)
+    assert '<polygon' not in shown and 'side' not in shown
+
+
+def test_taxels_that_nothing_recognises_say_so():
+    assert 'not recognised' in pads_html([drawn(0.1, contact=None)], 1)
+
+
+def test_names_from_topics_are_text_and_not_html():
+    evil = contact(shape='<img src=x onerror=alert(1)>')
+    shown = pads_html([Scales().drawn('<b>left', state(pad='<b>left', contact=evil), 0.1)], 1)
+    assert '<b>' not in shown and '<img src=x' not in shown
+
+
+def test_the_scale_follows_the_largest_reading_and_forgets_it():
+    scale = FullScale('Pa')
+    assert scale.update(np.array([1e3, NAN]), 0.0) == 50e3   # not less than a pressed taxel reads
+    assert scale.update(np.array([130e3]), 1.0) == 200e3
+    assert scale.update(np.array([1e3]), 5.0) == 200e3
+    assert scale.update(np.array([1e3]), 12.0) == 50e3
+    assert FullScale('Pa', 80e3).update(np.array([130e3]), 0.0) == 80e3
+
+
+def test_colours_rise_in_brightness():
+    assert (np.diff(PALETTE.astype(int) @ (299, 587, 114)) >= 0).all()
+    assert levels(np.array([-1.0, 0.0, 50.0, 100.0, 900.0]), 100.0).tolist() == [0, 0, 128, 255, 255]
+
+
+def test_a_gap_in_the_force_is_not_bridged():
+    stamps = np.array([0.0, 0.1, 5.0, 5.1, 5.2])
+    chart = force_chart({'left': np.array([stamps, [1, 1, 2, NAN, 2]])}, 6.0)
+    line = chart.split('class="force"')[1].split(' d="')[1].split('"')[0]
+    assert line.count('M') == 2 and line.count('L') == 2  # the NaN is left out, 0.2 s are no gap
+
+
+# --- old data
+
+
+def test_old_data_say_how_old_they_are_and_not_what_touches():
+    shown = pads_html([drawn(3.21)], 1)
+    assert 'no data for 3.2 s' in shown and 'square' not in shown and 'opacity="0.25"' in shown
+    assert 'LIVE</b>' in status_html(LIVE, [drawn(3.21)], 0, 1) and 'NOT LIVE</b>' in status_html(
+        LIVE, [drawn(3.21)], 0, 1)
+
+
+def test_an_age_that_is_not_known_is_not_live():
+    assert 'NOT LIVE</b>' in status_html(LIVE, [drawn(float('inf'))], 0, 1)
+
+
+def test_a_recording_is_never_called_live():
+    shown = status_html(LIVE._replace(position=(1.0, 9.0)), [drawn(0.0)], 0, 1)
+    assert 'RECORDING' in shown and '>LIVE' not in shown
+
+
+# --- health
+
+
+def test_what_is_lost_is_listed_by_reason():
+    losses = dict.fromkeys(LossReason, 0) | {LossReason.LATE: 7}
+    pad = PadStatistics(complete=9, incomplete=1, expected=100, received=99, used=92, pending=0, losses=losses)
+    node = NodeHealth(32, 5, True, 0.1, NodeFault.TWO_SENDERS)
+    facts = facts_of(BusStatistics({'left': pad}, {}, queue_overruns=3),
+                     BusHealth(Failure(BusFault.BUS_OFF, 'wire cut'), nodes={'left': (node,)}))
+    assert facts.pads[0].losses == {'late': 7} and facts.counts == {'queue_overruns': 3}
+    table = health_table(facts)
+    for said in ('lost: late</td><td>7', '8 missing', 'queue overruns</td><td>3', 'wire cut', 'two devices send'):
+        assert said in table
+    assert 'no status' in health_table(None)
+
+
+# --- recordings on disk
+
+
+def frame(stamp, value=1.0):
+    return TaxelFrame(stamp, int(stamp * 10), np.full((2, 3), value, np.float32), np.ones((2, 3), np.uint8), 2)
+
+
+def test_a_timeline_gives_back_the_frame_of_a_time():
+    timeline = Timeline()
+    for stamp in (1.0, 2.0, 3.0):
+        assert timeline.add('left', frame(stamp, stamp), 0.004, 'Pa')
+    assert timeline.index('left', 0.9) == -1 and timeline.index('right', 2.0) == -1
+    found = timeline.moment('left', timeline.index('left', 2.7))
+    assert found.frame.stamp == 2.0 and found.frame.values.tolist() == [[2, 2, 2], [2, 2, 2]]
+    assert found.frame.missing_can_frames == 2 and (found.pitch, found.unit) == (0.004, 'Pa')
+    assert not timeline.add('left', frame(4.0), 0.005, 'Pa')  # another pad under this name
+    timeline.close()
+
+
+# --- the terminal
+
+
+def shown_on(stream, source, seconds=0.35):
+    stop = Event()
+    Timer(seconds, stop.set).start()
+    show_in_terminal(source, stop, stream)
+    return stream.getvalue()
+
+
+def test_a_terminal_says_that_nothing_comes_and_draws_nothing(monkeypatch):
+    monkeypatch.setenv('COLUMNS', '100')
+    source = HandSource(['left'])
+    source.store.put(state(acquired=time.monotonic() - 60))
+    shown = shown_on(Terminal(), source)
+    assert 'no data for 60' in shown and 'square' not in shown and '\x1b[48;5;' not in shown
+    assert (source.begun, source.ended) == (1, 1)
+
+
+def test_a_terminal_shows_shape_and_size(monkeypatch):
+    monkeypatch.setenv('COLUMNS', '100')
+    source = HandSource(['left'])
+    source.store.put(state())
+    shown = shown_on(Terminal(), source)
+    assert 'square 97 %' in shown and 'side 8.0 mm' in shown and '\x1b[48;5;' in shown
+
+
+def test_a_narrow_terminal_gets_one_line(monkeypatch):
+    monkeypatch.setenv('COLUMNS', '40')
+    source = HandSource()
+    shown = shown_on(Terminal(), source)
+    assert max(map(len, shown.replace('\x1b[2K', '').replace('\x1b[1A', '').replace('\x1b[J', '').split('\n'))) < 40
+
+
+def test_a_pipe_gets_lines_without_escapes():
+    source = HandSource(['left'])
+    source.store.put(state())
+    shown = shown_on(io.StringIO(), source, 1.2)
+    assert shown == 'left: square 97 %, side 8.0 mm, 1.50 N; by hand\n' or 'no data for' in shown
+    assert '\x1b' not in shown
+
+
+# --- the page
+
+
+class Sent:
+    """What a browser was sent, by the part of the page."""
+
+    def __init__(self):
+        self.client = MagicMock(client_id=7)
+        self.pads = MagicMock()
+        self.client.gui.add_html.side_effect = lambda text: MagicMock()
+        self.client.gui.add_checkbox.side_effect = lambda label, value: MagicMock(value=value)
+
+
+def page_of(source, browser):
+    from tactile_node.view.page import Page
+    return Page(browser.client, source, lambda: True)
+
+
+def until(is_reached, seconds=5.0):
+    end = time.monotonic() + seconds
+    while not is_reached() and time.monotonic() < end:
+        time.sleep(0.01)
+    return is_reached()
+
+
+def test_a_browser_that_does_not_answer_gets_nothing_more_and_then_the_newest():
+    source, browser = HandSource(['left']), Sent()
+    source.store.put(state(stamp=0.0))
+    page = page_of(source, browser)
+    page.start()
+    flush = browser.client.flush
+    assert until(lambda: flush.call_count == 1)
+    for k in range(500):
+        source.store.put(state(stamp=0.01 * k))
+    time.sleep(0.3)
+    assert flush.call_count == 1  # nothing queues for it
+    page.taken(0)  # the receipt of another update
+    time.sleep(0.1)
+    assert flush.call_count == 1
+    page.taken(1)
+    assert until(lambda: flush.call_count == 2)
+    page.stop()
+    page.join()
+
+
+def test_planes_are_computed_only_while_they_are_open(monkeypatch):
+    from tactile_node.view import page as module
+    computed = []
+    monkeypatch.setattr(module.Planes, 'pictures', lambda self, masks: computed.append(masks) or '')
+    source, browser = HandSource(['left']), Sent()
+    mask = np.ones((4, 4), bool)
+    source.store.put(state(contact=contact(mask=mask)))
+    page = page_of(source, browser)
+    page.start()
+    assert until(lambda: browser.client.flush.call_count == 1)
+    assert computed == []
+    page._planes_wanted.value = True
+    for number in range(1, 9):
+        source.store.put(state(contact=contact(mask=mask)))
+        page.taken(number)
+        until(lambda number=number: browser.client.flush.call_count > number)
+    assert computed and computed[-1][0] is mask
+    page.stop()
+    page.join()
+
+
+def test_a_point_lies_on_the_side_of_the_curve_that_the_classifier_takes():
+    """A long bar is a rectangle by section 7: its point is in the field above the first curve."""
+    from tactile_node.view.planes import Planes
+    mask = np.zeros((16, 16), bool)
+    mask[6:9, 2:14] = True
+    pictures = Planes().pictures({0: mask}).split('class="tactile-planes">')[1]
+    first = fromstring(pictures.split('</svg>')[0] + '</svg>')
+    circle = next(element for element in first.iter() if element.tag.endswith('circle'))
+    line = next(element for element in first.iter() if element.tag.endswith('polyline'))
+    corners = np.array([pair.split(',') for pair in line.get('points').split()], float)
+    assert float(circle.get('cy')) < np.interp(float(circle.get('cx')), *corners.T)

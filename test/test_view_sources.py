@@ -1,0 +1,139 @@
+"""Sources of a view: topics, a bus, a log and a bag, each only while somebody looks."""
+
+import time
+
+import numpy as np
+import pytest
+from test_topic_bag import bag, store, taxel_array
+from viewed import NAN
+
+from tactile_node.bus.bus_network import open_bus
+from tactile_node.bus.bus_settings import BusSettings
+from tactile_node.cli.main import main
+from tactile_node.errors import BusError
+from tactile_node.simulator.skin_simulator import SkinSimulator
+from tactile_node.skin.pads import make_pads, with_dictionaries
+from tactile_node.view.bag_recording import BagRecording
+from tactile_node.view.bus_source import BusSource
+from tactile_node.view.log_recording import LogRecording
+from tactile_node.view.recording_source import RecordingSource
+
+pytestmark = pytest.mark.bus
+LAYOUT = 'sim16x16.yaml'
+
+
+def until(is_reached, seconds=15.0):
+    end = time.monotonic() + seconds
+    while not is_reached() and time.monotonic() < end:
+        time.sleep(0.02)
+    assert is_reached()
+
+
+def received(bus):
+    return [message.arbitration_id for message in iter(lambda: bus.recv(0), None)]
+
+
+@pytest.fixture
+def skin(request):
+    """A pad that a 7 x 7 square touches, on a virtual bus of this test's name."""
+    pads = with_dictionaries(make_pads([LAYOUT], [32], ['left']))
+    taxels = np.zeros((16, 16))
+    taxels[4:11, 4:11] = 50e3
+    simulator = SkinSimulator(pads, {'left': lambda seconds: taxels})
+    simulator.start('virtual', request.node.name)
+    yield BusSettings('virtual', request.node.name), pads
+    simulator.stop()
+
+
+def test_a_bus_is_shown_while_somebody_looks_and_left_alone_after(skin):
+    source = BusSource(*skin)
+    source.check()
+    assert source.store.shown().pads['left'] is None
+    source.start()
+    until(lambda: (seen := source.store.shown().pads['left']) is not None and seen.contact.shape == 'square')
+    until(lambda: source.store.shown().bus is not None)
+    seen = source.store.shown().pads['left']
+    assert seen.contact.force == pytest.approx(49 * 50e3 * seen.pitch ** 2, rel=0.02)
+    assert source.age(seen) < 5
+    source.stop()
+    assert source.store.shown().pads['left'] is None  # nothing of before is shown when the next one looks
+    with open_bus(skin[0].interface, skin[0].channel, 1_000_000, {}) as other:
+        time.sleep(0.3)
+        heard = received(other)
+    assert 0x80 not in heard and not any(0x180 <= can_id < 0x580 for can_id in heard)  # CiA 301: SYNC, TPDOs
+
+
+def test_a_bus_that_another_master_runs_is_not_disturbed(skin):
+    import can
+    with open_bus(skin[0].interface, skin[0].channel, 1_000_000, {}) as other:
+        sync = other.send_periodic(can.Message(arbitration_id=0x80, is_extended_id=False), 0.02)
+        with pytest.raises(BusError, match='another'):
+            BusSource(*skin).check()
+        sync.stop()
+        sent = received(other)
+    assert 0x000 not in sent and 0x620 not in sent  # NMT commands, SDO requests
+
+
+def test_a_device_that_is_gone_is_reported_on_the_page(skin):
+    settings, pads = skin
+    source = BusSource(BusSettings('virtual', settings.channel + '_other', boot_timeout=0.2), pads)
+    source.start()
+    until(lambda: source.store.shown().problem)
+    assert 'node 32' in source.store.shown().problem
+    source.stop()
+
+
+def test_a_log_is_sought_in(skin, tmp_path):
+    """Half a second of a live bus; at its begin nothing is known yet, later the square is."""
+    settings, pads = skin
+    log = tmp_path / 'can.log'
+    live = BusSource(BusSettings(settings.interface, settings.channel, record=str(log)), pads)
+    live.start()
+    until(lambda: live.store.shown().pads['left'] is not None)
+    time.sleep(0.7)
+    live.stop()
+    source = RecordingSource(LogRecording(str(log), make_pads([LAYOUT], [32], ['left'])))
+    source.check()
+    assert source.length == 0  # not read before somebody looks
+    source.play(False)
+    source.start()
+    until(lambda: source.is_complete)
+    assert source.store.shown().problem == ''
+    source.seek(source.length)
+    until(lambda: (seen := source.store.shown().pads['left']) is not None and seen.contact.shape == 'square')
+    until(lambda: source.store.shown().bus.pads[0].frames_complete > 5)
+    assert source.age(source.store.shown().pads['left']) == pytest.approx(0, abs=1e-6)
+    source.close()
+
+
+def test_a_gap_in_a_bag_is_not_shown_as_if_the_pad_were_read(tmp_path):
+    """Frames at 1, 2, 3 s and at 60 s: by hand."""
+    times = (1, 2, 3, 60)
+    bag(tmp_path / 'bag', [('/left/taxels', taxel_array(store(), time)) for time in times])
+    source = RecordingSource(BagRecording(str(tmp_path / 'bag')))
+    source.play(False)
+    source.start()
+    until(lambda: source.is_complete)
+    assert source.length == 59 and source.store.pads == ('left',)
+    source.seek(30.0)
+    until(lambda: (seen := source.store.shown().pads['left']) is not None and source.age(seen) == 28.0)
+    seen = source.store.shown().pads['left']
+    np.testing.assert_array_equal(seen.values, [[1, 2, NAN], [4, 5, 6]])
+    source.seek(0.5)
+    until(lambda: source.age(source.store.shown().pads['left']) == 0.5)
+    source.close()
+
+
+def test_the_command_shows_a_bag_on_a_pipe(tmp_path, capsys):
+    bag(tmp_path / 'bag', [('/left/taxels', taxel_array(store(), time)) for time in (1, 2)])
+    assert main(['view', str(tmp_path / 'bag'), '--terminal']) == 0
+    assert 'left: ' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize('arguments, where', [
+    (['--host', '0.0.0.0', '--interface', 'virtual'], '--host 0.0.0.0'), (['no_such.log'], 'no_such.log'),
+    (['x.log', '--interface', 'virtual'], 'tactile view'), (['--full-scale', '0'], '--full-scale'),
+    (['--interface', 'no_such_interface'], 'no_such_interface')])
+def test_what_cannot_be_shown_is_an_error(arguments, where, capsys):
+    assert main(['view', '--port', '0', *arguments]) == 2
+    assert where in capsys.readouterr().err

@@ -1,0 +1,79 @@
+"""`tactile view` of running nodes: what is subscribed, and which shape is shown on which taxels."""
+
+import time
+
+import numpy as np
+import pytest
+from viewed import NAN
+
+pytestmark = pytest.mark.ros
+rclpy = pytest.importorskip('rclpy')
+
+
+@pytest.fixture
+def nodes():
+    from tactile_node.nodes.spinning import Spinner
+    from tactile_node.nodes.view_topics import TopicSource
+    source = TopicSource(['left'])
+    node = rclpy.create_node('by_hand')
+    spinner = Spinner([node])
+    yield source, node
+    source.stop()
+    spinner.stop()
+    node.destroy_node()
+    source.close()
+
+
+def until(is_reached, seconds=10.0):
+    end = time.monotonic() + seconds
+    while not is_reached() and time.monotonic() < end:
+        time.sleep(0.02)
+    assert is_reached()
+
+
+def taxels(node, sequence, value):
+    from tactile_skin.msg import TaxelArray
+    message = TaxelArray(sequence=sequence, rows=2, cols=2, pitch=0.004, unit='Pa', values=[value, value, NAN, value],
+                         status=[1, 1, 2, 1])
+    message.header.stamp = node.get_clock().now().to_msg()
+    return message
+
+
+def shape(of, name='square', number=4):
+    from tactile_skin.msg import ContactShape
+    message = ContactShape(sequence=of.sequence, shape=number, class_name=name, confidence=0.9, force=1.5, taxels=4,
+                           pad_seen=True, class_names=['none', 'unknown', name], probabilities=[0.05, 0.05, 0.9],
+                           unknown_reason=1, frame_shape=number, frame_class_name=name, contacts=1,
+                           frame_probabilities=[0.05, 0.05, 0.9], contact_areas=[6.4e-5])
+    message.header = of.header
+    return message
+
+
+def test_topics_are_subscribed_only_while_somebody_looks(nodes):
+    source, node = nodes
+    assert node.count_subscribers('/left/taxels') == 0
+    source.start()
+    until(lambda: node.count_subscribers('/left/taxels') == 1 and node.count_subscribers('/left/shape') == 1)
+    source.stop()
+    until(lambda: node.count_subscribers('/left/taxels') == 0 and node.count_subscribers('/left/shape') == 0)
+
+
+def test_a_shape_is_shown_on_the_taxels_that_it_was_recognised_from(nodes):
+    from tactile_node.ros.qos import frames_qos
+    from tactile_skin.msg import ContactShape, TaxelArray
+    source, node = nodes
+    of_taxels = node.create_publisher(TaxelArray, '/left/taxels', frames_qos(10))
+    of_shapes = node.create_publisher(ContactShape, '/left/shape', frames_qos(10))
+    source.start()
+    until(lambda: of_taxels.get_subscription_count() and of_shapes.get_subscription_count())
+    first, second = taxels(node, 1, 10e3), taxels(node, 2, 99e3)
+    of_taxels.publish(first)
+    until(lambda: source.store.shown().pads['left'] is not None)
+    assert source.store.shown().pads['left'].contact is None  # nothing has recognised it yet
+    of_taxels.publish(second)
+    time.sleep(0.1)
+    of_shapes.publish(shape(first))  # late: the second frame is here already
+    until(lambda: source.store.shown().pads['left'].contact is not None)
+    seen = source.store.shown().pads['left']
+    np.testing.assert_array_equal(seen.values, [[10e3, 10e3], [NAN, 10e3]])
+    assert seen.contact.shape == 'square' and seen.contact.outline is None  # fit_valid is false
