@@ -39,6 +39,8 @@ OPTIONS = {
     'gap_scale': ('', 'opening for a metre or a radian of the joints, or a metre between the frames (default 1)'),
     'gap_offset': ('', 'opening where these are 0 [m] (default 0)'),
     'publish_pad_frames': ('', 'true: publish the frames of the pads to tf, where no URDF has them'),
+    'method': ('', 'how shapes are recognised: learned (default) or volf'),
+    'model': ('', 'weights or curves of the method, as `tactile teach` writes them: a file, or a name in config/'),
     'params_file': ('', 'ROS 2 parameter file for all nodes; arguments given here win over it'),
     'use_sim_time': ('', 'true: take the time from /clock'),
     'simulate': ('false', 'true: a simulated skin in place of the bus, in the process of the driver'),

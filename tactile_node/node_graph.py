@@ -65,11 +65,12 @@ class NodeDescription(NamedTuple):
 
 
 def bus_nodes(pads: Sequence[str], *, driver: Parameters, every: Parameters | None = None,
-              grasp: Parameters | None = None, namespace: str = '') -> tuple[NodeDescription, ...]:
+              classifier: Parameters | None = None, grasp: Parameters | None = None,
+              namespace: str = '') -> tuple[NodeDescription, ...]:
     """Describe the nodes of one bus: a processor and a classifier for each pad, a grasp of two pads, the driver last.
 
-    ``driver``, ``grasp``: parameters of these; ``every``: of all nodes. Two pads are taken to face each other.
-    Raises ConfigurationError for pads that share a name.
+    ``driver``, ``classifier``, ``grasp``: parameters of these; ``every``: of all nodes. Two pads are taken to face each
+    other. Raises ConfigurationError for pads that share a name.
 
     >>> for node in bus_nodes(['left', 'right'], driver={'channel': 'can1'}, namespace='hand'):
     ...     print(node.label.ljust(16), f'{node.namespace}/{node.name}')
@@ -82,8 +83,8 @@ def bus_nodes(pads: Sequence[str], *, driver: Parameters, every: Parameters | No
     """
     _check_names(pads)
     common = dict(every or {})
-    nodes = [NodeDescription(role, pad, namespace, common)
-             for pad in pads for role in (Role.PROCESSOR, Role.CLASSIFIER)]
+    of_pad: dict[Role, Parameters] = {Role.PROCESSOR: common, Role.CLASSIFIER: {**common, **(classifier or {})}}
+    nodes = [NodeDescription(role, pad, namespace, parameters) for pad in pads for role, parameters in of_pad.items()]
     if len(pads) == PADS_OF_A_GRASP:
         sides: Parameters = {'left_pad': pads[0], 'right_pad': pads[1]}
         nodes.append(NodeDescription(Role.GRASP, '', namespace, {**sides, **common, **(grasp or {})}))

@@ -115,6 +115,15 @@ def test_the_opening_of_the_gripper_is_given_to_the_grasp_alone(launch_file):
         node.label: node.parameters for node in nodes_of(process)}['grasp'].items()
 
 
+def test_taught_shapes_are_given_to_the_classifiers_alone(launch_file):
+    process, = processes(launch_file, **GRIPPER, model='/home/me/my shapes.npz', method='learned')
+    found = {node.label: node.parameters for node in nodes_of(process)}
+    assert {label for label, parameters in found.items() if 'model' in parameters} == {
+        'left/classifier', 'right/classifier'}
+    assert found['left/classifier']['model'] == '/home/me/my shapes.npz'
+    assert found['left/classifier']['method'] == 'learned'
+
+
 def test_a_replay_gives_the_time_on_request(launch_file):
     process, = processes(launch_file, **GRIPPER, replay='session.log', publish_clock='true')
     driver = {node.label: node.parameters for node in nodes_of(process)}['skin_driver']

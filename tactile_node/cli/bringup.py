@@ -20,13 +20,15 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption, stop_with
 from tactile_node.node_graph import NodeDescription, ParameterValue, Role, bus_nodes, chosen
 from tactile_node.ros.global_names import without_global_names
+from tactile_node.shape.method_names import DEFAULT, FILES
 
 SIMULATED_CHANNEL = 'tactile_bringup'
-#: option -> parameter of the driver, of the grasp, of all nodes
+#: option -> parameter of the driver, of the classifiers, of the grasp, of all nodes
 DRIVER = {'interface': 'interface', 'channel': 'channel', 'bitrate': 'bitrate', 'record': 'record', 'replay': 'replay',
           'replay_channel': 'replay_channel', 'publish_clock': 'publish_clock', 'pace': 'replay_pace',
           'node_id': 'node_ids', 'layout': 'layouts', 'eds': 'eds', 'frame_ids': 'frame_ids',
           'frame_prefix': 'frame_prefix', 'autostart': 'autostart', 'wait_at_start': 'wait_at_start'}
+CLASSIFIER = {'method': 'method', 'model': 'model'}
 GRASP = {'grasp_frame': 'frame_id', 'frame_prefix': 'frame_prefix', 'frame_ids': 'pad_frames', 'gap': 'gap',
          'gap_source': 'gap_source', 'gap_joints': 'gap_joints', 'gap_frames': 'gap_frames', 'gap_scale': 'gap_scale',
          'gap_offset': 'gap_offset', 'publish_pad_frames': 'publish_pad_frames'}
@@ -55,6 +57,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--publish-clock', type=switch, metavar='BOOL',
                         help='the replay publishes the time of the log on /clock')
     parser.add_argument('--replay-channel', help='bus to play from a log of several; for a bag, the topic')
+    _add_recognition_options(parser)
     _add_process_options(parser)
     parser.set_defaults(run=run)
 
@@ -75,6 +78,12 @@ def _add_opening_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--gap-offset', type=float, metavar='METRES', help='opening where these are 0')
     parser.add_argument('--publish-pad-frames', type=switch, metavar='BOOL', help='publish the frames of the pads to '
                         'tf, where no URDF has them (default: false)')
+
+
+def _add_recognition_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument('--method', help=f'how shapes are recognised: {", ".join(FILES)} (default: {DEFAULT})')
+    parser.add_argument('--model', metavar='FILE', help='weights or curves of the method, as `tactile teach` writes '
+                        "them: a file, or a name in config/ (default: the method's own)")
 
 
 def _add_process_options(parser: argparse.ArgumentParser) -> None:
@@ -116,8 +125,8 @@ def described(args: argparse.Namespace, namespace: str) -> tuple[NodeDescription
         raise ConfigurationError('--replay', expected='all nodes of the bus in one process', got='--only',
                                  remedy='Leave out --only (in a launch: processes:=one).')
     every = _parameters(args, EVERY) | ({'lossless': True} if args.replay else {})
-    nodes = bus_nodes(args.pads, driver=_driver_parameters(args), every=every, grasp=_parameters(args, GRASP),
-                      namespace=namespace)
+    nodes = bus_nodes(args.pads, driver=_driver_parameters(args), every=every,
+                      classifier=_parameters(args, CLASSIFIER), grasp=_parameters(args, GRASP), namespace=namespace)
     return chosen(nodes, args.only) if args.only else nodes
 
 
