@@ -13,7 +13,7 @@ INFERNO = ((0, 0, 4), (11, 7, 36), (33, 12, 74), (61, 9, 101), (87, 16, 110), (1
            (249, 201, 50), (242, 232, 101), (252, 255, 164))
 STEPS = 256  #: colours of values
 NO_VALUE, SATURATED = STEPS, STEPS + 1  #: numbers of the colours of taxels without a value, at the end of their range
-NO_VALUE_RGB, SATURATED_RGB = (128, 128, 128), (0, 200, 255)  #: grey and cyan, which inferno does not have
+NO_VALUE_RGB, SATURATED_RGB = (128, 128, 128), (60, 210, 80)  #: grey and green, which inferno does not have
 
 
 def rgb_table() -> np.ndarray:

@@ -118,7 +118,8 @@ def test_the_scale_follows_the_largest_reading_and_forgets_it():
 
 
 def test_colours_rise_in_brightness():
-    assert (np.diff(PALETTE.astype(int) @ (299, 587, 114)) >= 0).all()
+    every_fourth = PALETTE[::4].astype(int)  # between neighbours whole numbers may hide it
+    assert (np.diff(every_fourth @ (299, 587, 114)) > 0).all()
     assert levels(np.array([-1.0, 0.0, 50.0, 100.0, 900.0]), 100.0).tolist() == [0, 0, 128, 255, 255]
 
 

@@ -102,8 +102,8 @@ def test_a_coloured_image_has_three_bytes_a_pixel_from_nothing_to_full_scale():
     message = taxels([[0, 100e3, NAN], [200e3, -5, 90e3]], saturated=[(1, 2)])
     image = colour_image(message, ColourScale(100e3), rgb_table())
     assert (image.height, image.width, image.encoding, image.step) == (2, 3, 'rgb8', 9)
-    nothing, full, grey, cyan = [0, 0, 4], [252, 255, 164], [128, 128, 128], [0, 200, 255]
-    assert np.array(image.data).reshape(2, 3, 3).tolist() == [[nothing, full, grey], [full, nothing, cyan]]
+    nothing, full, grey, green = [0, 0, 4], [252, 255, 164], [128, 128, 128], [60, 210, 80]
+    assert np.array(image.data).reshape(2, 3, 3).tolist() == [[nothing, full, grey], [full, nothing, green]]
     assert image.header == message.header
 
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-#: Of matplotlib's map inferno, evenly spaced
-INFERNO = np.array([(0, 0, 4), (27, 12, 65), (74, 12, 107), (120, 28, 109), (165, 44, 96), (207, 68, 70),
-                    (237, 105, 37), (251, 155, 6), (247, 209, 61), (252, 255, 164)])
+from tactile_node.colour_map import STEPS, rgb_table
+
+COLOURS = rgb_table()[:STEPS]
 LEVELS = 48
 NO_VALUE = '#9a9a9a'
 OUTLINE = '#00e5ff'
@@ -21,10 +21,7 @@ def colour(share: float) -> str:
     >>> colour(0.0), colour(1.0)
     ('#000004', '#fcffa4')
     """
-    place = min(max(share, 0.0), 1.0) * (len(INFERNO) - 1)
-    low = min(int(place), len(INFERNO) - 2)
-    mixed = INFERNO[low] + (place - low) * (INFERNO[low + 1] - INFERNO[low])
-    return '#' + ''.join(f'{round(part):02x}' for part in mixed)
+    return '#' + bytes(COLOURS[round(min(max(share, 0.0), 1.0) * (STEPS - 1))]).hex()
 
 
 def cells(colours: Sequence[tuple[str, np.ndarray]]) -> str:

@@ -20,7 +20,7 @@ from tactile_node.ros.time_messages import duration_message
 from tactile_node.shape.recognition import UnknownReason
 from tactile_skin.msg import Contact, ContactShape
 
-WHOLE = ColorRGBA(r=0.1, g=0.9, b=0.2, a=1.0)  #: green: as fitted
+WHOLE = ColorRGBA(r=0.16, g=0.9, b=1.0, a=1.0)  #: cyan: as fitted
 BOUND = ColorRGBA(r=1.0, g=0.6, b=0.0, a=1.0)  #: orange: what is seen; the whole may be another (*_is_bound)
 TEXT = ColorRGBA(r=1.0, g=1.0, b=1.0, a=1.0)
 X_AXIS, Y_AXIS = ColorRGBA(r=1.0, g=0.2, b=0.2, a=1.0), ColorRGBA(r=0.3, g=0.5, b=1.0, a=1.0)

@@ -4,26 +4,16 @@ from collections import deque
 
 import numpy as np
 
+from tactile_node.colour_map import STEPS as STEPS_OF_COLOUR
+from tactile_node.colour_map import rgb_table
 from tactile_node.press_levels import ON_OFF_UNIT, PRESS_BY_UNIT
 
-#: inferno (Smith, van der Walt, CC0), every 1/8: dark to bright also for colour-blind eyes and on paper
-ANCHORS = np.array([(0, 0, 4), (31, 12, 72), (85, 15, 109), (136, 34, 106), (186, 54, 85), (227, 89, 51),
-                    (249, 140, 10), (249, 201, 50), (252, 255, 164)], float)
-LEVELS = 256
+LEVELS = STEPS_OF_COLOUR
+PALETTE = rgb_table()[:LEVELS]  #: uint8 (LEVELS, 3)
 HELD = 10.0  #: for which the largest reading sets the scale [s]
 STEPS = 1.0, 2.0, 5.0, 10.0  #: to which a scale is rounded up
 #: what a person reads: factor and name, by unit
 SHOWN_AS = {'Pa': (1e-3, 'kPa'), 'N': (1.0, 'N'), ON_OFF_UNIT: (1.0, '')}
-
-
-def palette() -> np.ndarray:
-    """Return LEVELS colours, uint8 (LEVELS, 3)."""
-    places = np.linspace(0, len(ANCHORS) - 1, LEVELS)
-    table = np.column_stack([np.interp(places, np.arange(len(ANCHORS)), channel) for channel in ANCHORS.T])
-    return np.rint(table).astype(np.uint8)
-
-
-PALETTE = palette()
 
 
 def levels(values: np.ndarray, full_scale: float) -> np.ndarray:
