@@ -7,6 +7,7 @@ PYTHON ?= $(firstword $(foreach v,python3.11 python3.12 python3.13 python3.10 py
 	2>/dev/null && echo $(v))))
 VENV := $(CURDIR)/.venv
 BENCH_VENV := $(CURDIR)/.venv-bench
+DOCS_VENV := $(CURDIR)/.venv-docs
 BIN := $(VENV)/bin
 # What the environment is made of; `make lowest` names others.
 LOCK := requirements/lock.txt
@@ -26,7 +27,7 @@ SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
 .PHONY: help setup demo check test coverage faults misled bench train reproduce soak socketcan fuzz lint types \
-	architecture lowest lock clean
+	architecture schema docs commands lowest lock clean
 
 help:  ## say what there is
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
@@ -128,15 +129,38 @@ types: setup  ## types: mypy, strict for the numerical core and the way from a C
 architecture: setup  ## draw docs/architecture.png from the imports
 	@$(BIN)/python tools/draw_architecture.py
 
+schema: setup  ## write config/skin_layout.schema.json, the keys of a layout for editors and other programs
+	@PYTHONPATH=$(CURDIR) $(BIN)/python tools/make_schema.py
+
+commands: setup  ## every command in the documents, and what runs it or what it needs
+	@PYTHONPATH=$(CURDIR) $(BIN)/python tools/documented_commands.py
+
+# On top of .venv, which it finds after its own: Sphinx needs an older docutils than colcon.
+$(DOCS_VENV)/.installed: requirements/docs.txt | setup
+	@echo 'environment of the documentation in .venv-docs: Sphinx (once)'
+	@$(PYTHON) -m venv --clear $(DOCS_VENV)
+	@$(DOCS_VENV)/bin/python -m pip install --disable-pip-version-check --progress-bar off --quiet -r $<
+	@echo "import site; site.addsitedir('$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')')" \
+		>$$($(DOCS_VENV)/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/package.pth
+	@touch $@
+
+docs: setup $(DOCS_VENV)/.installed  ## the documentation site in build/docs/; a warning is an error
+	@PYTHONPATH=$(CURDIR) $(DOCS_VENV)/bin/python -m sphinx -W --keep-going -q -E -b html docs $(BUILD)/docs
+	@echo 'docs: open $(BUILD)/docs/index.html'
+
 # With hashes in the file, pip installs only files that have one of them.
 lock:  ## pin every version again from requirements/*.in: versions already pinned stay (needs uv)
 	@cat requirements/ros.in requirements/core.in | $(UV) pip compile - --universal --python-version 3.10 --no-header \
 		--no-annotate --no-emit-index-url --generate-hashes --quiet -o requirements/lock.txt
 	@sed -i '1i # Every version pinned, for Python 3.10-3.13; made from requirements/*.in by "make lock".' \
 		requirements/lock.txt
+	@$(UV) pip compile requirements/docs.in --universal --python-version 3.10 --no-header --no-annotate \
+		--no-emit-index-url --generate-hashes --quiet -o requirements/docs.txt
+	@sed -i '1i # Every version pinned, for Python 3.10-3.13; made from requirements/docs.in by "make lock".' \
+		requirements/docs.txt
 	@# What torch needs for a GPU is left to pip: not every torch has it.
 	@$(UV) pip compile requirements/bench.in --universal --python-version 3.10 --no-header --no-annotate \
 		--no-emit-index-url --quiet | grep -vE '^(nvidia|cuda|triton)' >requirements/bench.txt
 
 clean:  ## remove what make made
-	@rm -rf .venv .venv-bench .venv-lowest build demo_output bench_output reproduction
+	@rm -rf .venv .venv-bench .venv-docs .venv-lowest build demo_output bench_output reproduction
