@@ -7,7 +7,6 @@ PYTHON ?= $(firstword $(foreach v,python3.11 python3.12 python3.13 python3.10 py
 	2>/dev/null && echo $(v))))
 VENV := $(CURDIR)/.venv
 BENCH_VENV := $(CURDIR)/.venv-bench
-DOCS_VENV := $(CURDIR)/.venv-docs
 BIN := $(VENV)/bin
 # What the environment is made of; `make lowest` names others.
 LOCK := requirements/lock.txt
@@ -135,17 +134,16 @@ schema: setup  ## write config/skin_layout.schema.json, the keys of a layout for
 commands: setup  ## every command in the documents, and what runs it or what it needs
 	@PYTHONPATH=$(CURDIR) $(BIN)/python tools/documented_commands.py
 
-# On top of .venv, which it finds after its own: Sphinx needs an older docutils than colcon.
-$(DOCS_VENV)/.installed: requirements/docs.txt | setup
-	@echo 'environment of the documentation in .venv-docs: Sphinx (once)'
-	@$(PYTHON) -m venv --clear $(DOCS_VENV)
-	@$(DOCS_VENV)/bin/python -m pip install --disable-pip-version-check --progress-bar off --quiet -r $<
-	@echo "import site; site.addsitedir('$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')')" \
-		>$$($(DOCS_VENV)/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/package.pth
+# In a folder that comes before the environment's own libraries: Sphinx needs an older docutils than colcon has.
+DOCS_PACKAGES := $(VENV)/docs
+$(DOCS_PACKAGES)/.installed: requirements/docs.txt | setup
+	@echo 'Sphinx in .venv/docs (once)'
+	@rm -rf $(DOCS_PACKAGES)
+	@$(BIN)/python -m pip install --disable-pip-version-check --progress-bar off --quiet --target $(DOCS_PACKAGES) -r $<
 	@touch $@
 
-docs: setup $(DOCS_VENV)/.installed  ## the documentation site in build/docs/; a warning is an error
-	@PYTHONPATH=$(CURDIR) $(DOCS_VENV)/bin/python -m sphinx -W --keep-going -q -E -b html docs $(BUILD)/docs
+docs: setup $(DOCS_PACKAGES)/.installed  ## the documentation site in build/docs/; a warning is an error
+	@PYTHONPATH=$(CURDIR):$(DOCS_PACKAGES) $(BIN)/python -m sphinx -W --keep-going -q -E -b html docs $(BUILD)/docs
 	@echo 'docs: open $(BUILD)/docs/index.html'
 
 # With hashes in the file, pip installs only files that have one of them.
@@ -163,4 +161,4 @@ lock:  ## pin every version again from requirements/*.in: versions already pinne
 		--no-emit-index-url --quiet | grep -vE '^(nvidia|cuda|triton)' >requirements/bench.txt
 
 clean:  ## remove what make made
-	@rm -rf .venv .venv-bench .venv-docs .venv-lowest build demo_output bench_output reproduction
+	@rm -rf .venv .venv-bench .venv-lowest build demo_output bench_output reproduction

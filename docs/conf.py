@@ -23,7 +23,6 @@ html_show_sourcelink = False
 html_css_files = []
 default_role = 'code'  # docstrings have single backquotes
 highlight_language = 'none'  # of indented blocks: commands, diagrams and files
-suppress_warnings = ['toc.empty_glob', 'config.cache']  # patterns of pages that may not exist; a function below
 
 autodoc_typehints = 'signature'
 autodoc_typehints_format = 'short'
@@ -42,7 +41,7 @@ sphinx_gallery_conf = {
     'abort_on_example_error': True,
     'download_all_examples': False,
     'show_signature': False,
-    'min_reported_time': 60,
+    'write_computation_times': False,
     'remove_config_comments': True,
 }
 

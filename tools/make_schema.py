@@ -29,7 +29,8 @@ from tactile_node.yaml_section import LARGEST as LARGEST_NUMBER
 FILE = Path(__file__).resolve().parents[1] / 'config/skin_layout.schema.json'
 MAX_ROW = 255  # one byte
 MAX_BITS = 32  # of a taxel
-COB_ID = r'^ *(\$[Nn][Oo][Dd][Ee][Ii][Dd]|0[Xx][0-9A-Fa-f]+|[0-9]+)( *\+ *(\$[Nn][Oo][Dd][Ee][Ii][Dd]|0[Xx][0-9A-Fa-f]+|[0-9]+))* *$'  # noqa: E501
+TERM = r'(\$[Nn][Oo][Dd][Ee][Ii][Dd]|0[Xx][0-9A-Fa-f]+|[0-9]+)'
+COB_ID = rf'^ *{TERM}( *\+ *{TERM})* *$'
 
 Schema = dict[str, Any]
 

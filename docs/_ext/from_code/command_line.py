@@ -10,16 +10,25 @@ WIDTH = '100'  # of what argparse writes
 
 
 def markdown() -> str:
-    return '\n\n'.join(f'## tactile {name}\n\n```text\n{help_of(name)}\n```' for name, *_ in COMMANDS)
-
-
-def help_of(name: str) -> str:
-    with mock.patch.dict(os.environ, COLUMNS=WIDTH):
-        return parser_of(name).format_help().strip()
+    parts = []
+    for name, *_ in COMMANDS:
+        parser = parser_of(name)
+        parts += [f'## tactile {name}', _help(parser)]
+        for inner, below in _below(parser).items():
+            parts += [f'### tactile {name} {inner}', _help(below)]
+    return '\n\n'.join(parts)
 
 
 def parser_of(name: str) -> argparse.ArgumentParser:
     """The parser of one sub-command."""
-    actions = _parser(name)._actions
-    subparsers = next(action for action in actions if isinstance(action, argparse._SubParsersAction))
-    return subparsers.choices[name]
+    return _below(_parser(name))[name]
+
+
+def _below(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    return {name: below for action in parser._actions if isinstance(action, argparse._SubParsersAction)
+            for name, below in action.choices.items()}
+
+
+def _help(parser: argparse.ArgumentParser) -> str:
+    with mock.patch.dict(os.environ, COLUMNS=WIDTH):
+        return f'```text\n{parser.format_help().strip()}\n```'

@@ -123,7 +123,8 @@ def _asked(watcher: Node, nodes: tuple[Node, ...]) -> Graph:
         full = node.get_name(), node.get_namespace()
         for name, types in watcher.get_publisher_names_and_types_by_node(*full):
             topics.add(Open(full[0], name, types[0], _quality(watcher, name, full[0])))
-        services |= {Open(full[0], name, types[0]) for name, types in watcher.get_service_names_and_types_by_node(*full)}
+        services |= {Open(full[0], name, types[0])
+                     for name, types in watcher.get_service_names_and_types_by_node(*full)}
         actions |= {Open(full[0], name, types[0])
                     for name, types in get_action_server_names_and_types_by_node(watcher, *full)}
     return Graph(*(_generic(found) for found in (topics, services, actions)))
