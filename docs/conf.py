@@ -20,7 +20,8 @@ myst_heading_anchors = 4  # links to headings, as GitHub has them
 html_theme = 'sphinx_rtd_theme'
 html_theme_options = {'navigation_depth': 3, 'collapse_navigation': False}
 html_show_sourcelink = False
-html_css_files = []
+html_static_path = [f'{PAGES}_static']
+html_css_files = ['site.css']
 default_role = 'code'  # docstrings have single backquotes
 highlight_language = 'none'  # of indented blocks: commands, diagrams and files
 
@@ -41,6 +42,7 @@ sphinx_gallery_conf = {
     'abort_on_example_error': True,
     'download_all_examples': False,
     'show_signature': False,
+    'capture_repr': (),
     'write_computation_times': False,
     'remove_config_comments': True,
 }

@@ -107,7 +107,8 @@ for axes, names in zip(all_axes, drawn):
 all_axes[0].legend(fontsize=8)
 
 # %%
-# The paper's classifier reads the planes from left to right; its probabilities are shares of training patterns.
+# The paper's classifier reads the planes from left to right and stops where a curve is passed. It can be wrong: so near
+# to a curve, patterns of several shapes lie together.
 
 print(tn.Recogniser('volf').recognise(contact).shape.value)
 

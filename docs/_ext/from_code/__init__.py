@@ -26,6 +26,15 @@ def _generated(name: str, missing: Callable[[str, ModuleNotFoundError], str]) ->
         return missing(name, error)
 
 
+def shortened(app, what: str, name: str, thing: object, options: object, signature: str | None,
+              returned: str | None) -> tuple[str, str | None] | None:
+    """Write NumPy's ArrayLike by its name: it is a union of ten types, and Python does not keep the name."""
+    from numpy.typing import ArrayLike
+    from sphinx.util.typing import stringify_annotation
+    written = stringify_annotation(ArrayLike, 'smart')
+    return (signature.replace(written, 'ArrayLike'), returned) if signature and written in signature else None
+
+
 def setup(app) -> dict[str, bool]:
     from sphinx.util import logging
     logger = logging.getLogger(__name__)
@@ -37,4 +46,5 @@ def setup(app) -> dict[str, bool]:
         content[0] = filled(content[0], missing)
 
     app.connect('source-read', fill)
+    app.connect('autodoc-process-signature', shortened)
     return {'parallel_read_safe': True}

@@ -70,7 +70,7 @@ def _table(blocks: list[str | list[Line]]) -> str:
 def _row(line: Line) -> tuple[str, str, str, str]:
     name = line.name if line.value is None else f'{line.name} = {line.value}'
     return (md.code(line.type), md.code(name), ', '.join(UNIT.findall(line.comment)),
-            md.prose(UNIT.sub('', line.comment)))
+            md.prose(UNIT.sub('', line.comment).lstrip(' ,;:')))
 
 
 def _blocks(text: str) -> list[str | list[Line]]:
