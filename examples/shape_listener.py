@@ -6,6 +6,7 @@
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
+
 from tactile_skin.msg import ContactShape
 
 

@@ -1,4 +1,4 @@
-"""Whoever types a command of the documents finds that it works: each is run here or elsewhere, or says what it needs."""
+"""Whoever types a command of the documents finds that it works: each is run, or says what it needs."""
 
 import shlex
 import subprocess
@@ -35,7 +35,7 @@ def test_commands_are_found(text, found):
 
 
 @pytest.mark.parametrize('text', [
-    'tactile check', 'tactile check --jsn x.yaml', 'tactile chek x.yaml', 'tactile scan --listen long',
+    'tactile check', 'tactile check --jsn x.yaml', 'tactile see x.yaml', 'tactile scan --listen long',
     'make tests', 'python bench/no_such_file.py', 'ros2 launch tactile_skin bringup.launch.py no_such:=1'])
 def test_a_command_that_does_not_exist_is_a_problem(text):
     assert documented.problem(documented.Command('page', 1, text, False))

@@ -50,7 +50,7 @@ def commands() -> list[Command]:
 def commands_of(text: str, page: str) -> list[Command]:
     """Return the commands of a page, in their order.
 
-    >>> [(each.line, each.text) for each in commands_of('See `make test`:\\n\\n    make \\\\\\n      demo  # now\\n', 'a')]
+    >>> [(each.line, each.text) for each in commands_of('See `make test`:\\n\\n    make demo  # now\\n', 'a')]
     [(1, 'make test'), (3, 'make demo')]
     """
     blocks, prose = _blocks(text.splitlines())
