@@ -1,5 +1,7 @@
 """Whoever types a command of the documents finds that it works: each is run, or says what it needs."""
 
+import glob
+import gzip
 import shlex
 import subprocess
 import sys
@@ -8,7 +10,9 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
+from matplotlib import pyplot
 
 from tactile_node.cli.main import COMMANDS, main
 
@@ -18,6 +22,7 @@ import documented_commands as documented  # noqa: E402
 from command_rules import AWAITED, HERE, RULES, Kind  # noqa: E402
 
 LINK = '/tmp/skin'  # in the documents
+LOG = 'test/data/sim16x16_two_pads.log.gz'
 TIMEOUT = 60.0  # s, for a busy machine
 ALL = documented.commands()
 
@@ -50,7 +55,7 @@ def test_every_command_has_a_class_and_names_what_exists(page):
 
 def test_the_tests_that_rules_name_exist_and_run_such_a_command():
     for rule in RULES:
-        if rule.kind is Kind.TESTED:
+        if rule.kind is Kind.TESTED and not any(name in rule.pattern for name in AWAITED):
             program, word = rule.pattern.replace('3?', '').removeprefix('^').split(' ')[:2]
             name = word.split('.*')[0] if program == 'tactile' else word.split('/')[-1].removesuffix('.py')
             assert name in (ROOT / rule.where).read_text(encoding='utf-8'), rule
@@ -75,6 +80,8 @@ def pages_with_new_commands() -> list[str]:
 def test_the_commands_of_a_page_work_in_their_order(page, tmp_path, monkeypatch, capsys):
     assert Path(__file__).name == Path(HERE).name
     (tmp_path / 'test').symlink_to(ROOT / 'test')
+    (tmp_path / 'session.log').write_bytes(gzip.decompress((ROOT / LOG).read_bytes()))
+    pyplot.imsave(tmp_path / 'frame.png', np.pad(np.ones((7, 7)), 4), cmap='gray')
     (tmp_path / 'my_skin.eds').write_bytes((ROOT / 'config/sim16x16.eds').read_bytes())
     monkeypatch.chdir(tmp_path)
     texts = [each.text for each in RUN if each.page == page]
@@ -86,7 +93,8 @@ def test_the_commands_of_a_page_work_in_their_order(page, tmp_path, monkeypatch,
             if 'simulate' in text:
                 with simulated(text.replace(LINK, 'other')):
                     continue
-            assert main(shlex.split(text.replace(LINK, 'skin'))[1:]) == 0, text
+            words = shlex.split(text.replace(LINK, 'skin'))[1:]
+            assert main([name for word in words for name in sorted(glob.glob(word)) or [word]]) == 0, text
             assert capsys.readouterr().out or '--output' in text
             if 'draft' in text:  # the reader fills in what no EDS says
                 (tmp_path / 'my_skin.yaml').write_bytes((ROOT / 'config/sim16x16.yaml').read_bytes())

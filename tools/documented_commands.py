@@ -109,7 +109,7 @@ def problem(command: Command) -> str | None:
     if words[0] == 'tactile':
         return _problem_of_tactile(words[1:], command.in_sentence)
     if words[0] == 'make':
-        targets = re.findall(r'^(\w+):', (ROOT / 'Makefile').read_text(encoding='utf-8'), re.MULTILINE)
+        targets = re.findall(r'^([\w-]+):', (ROOT / 'Makefile').read_text(encoding='utf-8'), re.MULTILINE)
         unknown = [word for word in words[1:] if '=' not in word and word not in targets]
         return f'no target {unknown}' if unknown else None
     if words[0].startswith('python') and words[1].endswith('.py') and not (ROOT / words[1]).is_file():
