@@ -143,6 +143,7 @@ $(DOCS_PACKAGES)/.installed: requirements/docs.txt | setup
 	@touch $@
 
 docs: setup $(DOCS_PACKAGES)/.installed  ## the documentation site in build/docs/; a warning is an error
+	@rm -rf $(BUILD)/docs docs/gallery
 	@PYTHONPATH=$(CURDIR):$(DOCS_PACKAGES) $(BIN)/python -m sphinx -W --keep-going -q -E -b html docs $(BUILD)/docs
 	@echo 'docs: open $(BUILD)/docs/index.html'
 

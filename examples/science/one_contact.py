@@ -67,8 +67,10 @@ print(f'alpha9 over the rotations: {over.min:.2f} at {over.min_angle}, {over.max
 # The three planes
 # ----------------
 #
-# Each plane has two quantities as its axes and one or two curves that separate classes (section 7, figures 6 to 8).
-# Small points: thirty patterns of each shape, of random size and angle. Cross: this contact.
+# Each plane has two quantities as its axes and one or two curves that separate classes (section 7, figures 6 to 8):
+# what lies above the line is called a rectangle, an isosceles triangle, a square; between line and dashed line, a right
+# triangle. Points: thirty patterns of each shape that the plane decides on, of random size and angle. Cross: this
+# contact. In the first plane, rectangles of 2 to 1 lie among the right triangles.
 
 from tactile_node.package_files import config_path  # noqa: E402
 from tactile_node.shape.volf import VolfClassifier, plane_feature  # noqa: E402
@@ -82,8 +84,9 @@ SHAPES = {
 
 def pattern_of(shape):
     """The features of one pattern of a shape, of 25 to 80 taxels."""
-    area = np.ptp(SHAPES[shape], axis=0).prod()
-    corners = SHAPES[shape] * PITCH * np.sqrt(random.uniform(40, 90) / area)
+    x, y = SHAPES[shape].T
+    area = (x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+    corners = SHAPES[shape] * PITCH * np.sqrt(random.uniform(25, 80) / area)
     middle = 0.030 + random.uniform(-PITCH / 2, PITCH / 2, 2)
     return tn.paper_features(tn.find_contact(covered(corners, random.uniform(0, 360), middle) > 0.5),
                              tn.Group.CLASSIFIER)
@@ -91,19 +94,22 @@ def pattern_of(shape):
 
 clouds = {shape: [pattern_of(shape) for _ in range(30)] for shape in SHAPES}
 planes = VolfClassifier.from_file(config_path('volf_curves.yaml')).planes
-drawn = (('rectangle', 'right_triangle'), ('isosceles_triangle',), ('square',))
+curves = (('rectangle', 'right_triangle'), ('isosceles_triangle',), ('square',))
+decided = (SHAPES, ('circle', 'square', 'isosceles triangle'), ('circle', 'square'))
+colours = dict(zip(SHAPES, ('tab:blue', 'tab:orange', 'tab:green', 'tab:red', 'tab:purple')))
 figure, all_axes = plt.subplots(1, 3, figsize=(12, 4), layout='constrained')
-for axes, names in zip(all_axes, drawn):
+for axes, names, shapes in zip(all_axes, curves, decided):
     horizontal, vertical = planes[names[0]].horizontal, planes[names[0]].vertical
-    for shape, patterns in clouds.items():
-        axes.plot([plane_feature(each, horizontal) for each in patterns],
-                  [plane_feature(each, vertical) for each in patterns], '.', markersize=4, label=shape)
+    for shape in shapes:
+        axes.plot([plane_feature(each, horizontal) for each in clouds[shape]],
+                  [plane_feature(each, vertical) for each in clouds[shape]], '.', color=colours[shape], label=shape)
     x = np.linspace(*axes.get_xlim(), 200)
     for name, style in zip(names, ('-', '--')):
         axes.plot(x, planes[name].curve_at(x), style, color='black', linewidth=1)
     axes.plot(plane_feature(features, horizontal), plane_feature(features, vertical), 'kx', markersize=11,
               markeredgewidth=2.5, label='this contact')
-    axes.set(xlabel=' '.join(horizontal), ylabel=' '.join(vertical), ylim=(0, None))
+    heights = [plane_feature(each, vertical) for shape in shapes for each in clouds[shape]]
+    axes.set(xlabel=' '.join(horizontal), ylabel=' '.join(vertical), ylim=(0, 1.3 * np.percentile(heights, 97)))
 all_axes[0].legend(fontsize=8)
 
 # %%
