@@ -69,8 +69,14 @@ def _table(blocks: list[str | list[Line]]) -> str:
 
 def _row(line: Line) -> tuple[str, str, str, str]:
     name = line.name if line.value is None else f'{line.name} = {line.value}'
-    return (md.code(line.type), md.code(name), ', '.join(UNIT.findall(line.comment)),
+    return (_linked(line.type), md.code(name), ', '.join(UNIT.findall(line.comment)),
             md.prose(UNIT.sub('', line.comment).lstrip(' ,;:')))
+
+
+def _linked(kind: str) -> str:
+    """A type, one of our own with a link to its fields."""
+    name = kind.split('[')[0]
+    return f'[{md.code(kind)}](#{name.lower()})' if (ROOT / f'msg/{name}.msg').is_file() else md.code(kind)
 
 
 def _blocks(text: str) -> list[str | list[Line]]:
