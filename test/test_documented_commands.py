@@ -46,6 +46,12 @@ def test_a_command_that_does_not_exist_is_a_problem(text):
     assert documented.problem(documented.Command('page', 1, text, False))
 
 
+@pytest.mark.parametrize('text', ['tactile check x.yaml --json > problems.json', 'make soak MINUTES=1',
+                                  'tactile scan --help'])
+def test_a_command_that_exists_is_none(text):
+    assert documented.problem(documented.Command('page', 1, text, 'help' in text)) is None
+
+
 @pytest.mark.parametrize('page', sorted({each.page for each in ALL}))
 def test_every_command_has_a_class_and_names_what_exists(page):
     for command in ALL:

@@ -20,6 +20,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 TESTED = (Kind.RUN, Kind.TESTED)
+SHELL_WORDS = ('>', '>>', '<', '|', '&&', ';')
 
 
 class Command(NamedTuple):
@@ -30,7 +31,9 @@ class Command(NamedTuple):
 
     @property
     def words(self) -> list[str]:
-        return shlex.split(self.text, comments=True)
+        """Of the first program: up to what the shell itself reads."""
+        words = shlex.split(self.text, comments=True)
+        return words[:next((i for i, word in enumerate(words) if word in SHELL_WORDS), None)]
 
     @property
     def rule(self) -> Rule | None:
