@@ -4,8 +4,6 @@ import inspect
 
 import tactile_node
 
-INHERITED = ('TactileError', 'InputError', 'ConfigurationError', 'Group', 'Shape')
-
 
 def markdown() -> str:
     names = [name for name in tactile_node.__all__ if not name.startswith('_')]
