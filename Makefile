@@ -26,7 +26,7 @@ SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
 .PHONY: help setup demo check test coverage faults misled bench train reproduce soak socketcan fuzz lint types \
-	architecture lowest dist kilted distros lock clean view-test
+	architecture schema docs commands lowest dist kilted distros lock clean view-test
 
 help:  ## say what there is
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
@@ -148,6 +148,25 @@ types: setup  ## types: mypy, strict for the numerical core and the way from a C
 architecture: setup  ## draw docs/architecture.png from the imports
 	@$(BIN)/python tools/draw_architecture.py
 
+schema: setup  ## write config/skin_layout.schema.json, the keys of a layout for editors and other programs
+	@PYTHONPATH=$(CURDIR) $(BIN)/python tools/make_schema.py
+
+commands: setup  ## every command in the documents, and what runs it or what it needs
+	@PYTHONPATH=$(CURDIR) $(BIN)/python tools/documented_commands.py
+
+# In a folder that comes before the environment's own libraries: Sphinx needs an older docutils than colcon has.
+DOCS_PACKAGES := $(VENV)/docs
+$(DOCS_PACKAGES)/.installed: requirements/docs.txt | setup
+	@echo 'Sphinx in .venv/docs (once)'
+	@rm -rf $(DOCS_PACKAGES)
+	@$(BIN)/python -m pip install --disable-pip-version-check --progress-bar off --quiet --target $(DOCS_PACKAGES) -r $<
+	@touch $@
+
+docs: setup $(DOCS_PACKAGES)/.installed  ## the documentation site in build/docs/; a warning is an error
+	@rm -rf $(BUILD)/docs docs/gallery
+	@PYTHONPATH=$(CURDIR):$(DOCS_PACKAGES) $(BIN)/python -m sphinx -W --keep-going -q -E -b html docs $(BUILD)/docs
+	@echo 'docs: open $(BUILD)/docs/index.html'
+
 # With hashes in the file, pip installs only files that have one of them.
 lock:  ## pin every version again from requirements/*.in: versions already pinned stay (needs uv)
 	@cat requirements/ros.in requirements/core.in | $(UV) pip compile - --universal --python-version 3.10 --no-header \
@@ -158,6 +177,10 @@ lock:  ## pin every version again from requirements/*.in: versions already pinne
 		--no-header --no-annotate --no-emit-index-url --generate-hashes --quiet -o requirements/lock_kilted.txt
 	@sed -i '1i # Every version pinned, for Python 3.10-3.13; made from requirements/*.in by "make lock".' \
 		requirements/lock_kilted.txt
+	@$(UV) pip compile requirements/docs.in --universal --python-version 3.10 --no-header --no-annotate \
+		--no-emit-index-url --generate-hashes --quiet -o requirements/docs.txt
+	@sed -i '1i # Every version pinned, for Python 3.10-3.13; made from requirements/docs.in by "make lock".' \
+		requirements/docs.txt
 	@# What torch needs for a GPU is left to pip: not every torch has it.
 	@$(UV) pip compile requirements/bench.in --universal --python-version 3.10 --no-header --no-annotate \
 		--no-emit-index-url --quiet | grep -vE '^(nvidia|cuda|triton)' >requirements/bench.txt

@@ -1,0 +1,104 @@
+"""Messages, services and actions, field by field, from msg/, srv/ and action/.
+
+rosidl_adapter reads these files too, but gives a comment above several fields to the first of them alone and separates
+constants from fields; here both stay where the author wrote them.
+"""
+
+import re
+from itertools import groupby
+from pathlib import Path
+from typing import NamedTuple
+
+from . import markdown as md
+
+ROOT = Path(__file__).resolve().parents[3]
+#: folder -> heading, names of the parts that --- separates
+KINDS = {'msg': ('Messages', ('',)), 'srv': ('Services', ('Request', 'Response')),
+         'action': ('Actions', ('Goal', 'Result', 'Feedback'))}
+UNIT = re.compile(r'\s*\[([^\]]*)\]')
+DECLARED = re.compile(r'(?P<type>[\w/<=]+(?:\[[^\]]*\])?)\s+(?P<name>\w+)(?:\s*=\s*(?P<value>\S+)|\s+\S+)?$')
+
+
+class Line(NamedTuple):
+    """A constant (with a value) or a field, with the comment beside it and on the indented lines below."""
+
+    type: str
+    name: str
+    value: str | None
+    comment: str
+
+
+def markdown() -> str:
+    parts = []
+    for folder, (heading, _) in KINDS.items():
+        if files := files_of(folder):
+            parts += [f'## {heading}', *map(page_part, files)]
+    return '\n\n'.join(parts)
+
+
+def files_of(folder: str) -> list[Path]:
+    return sorted((ROOT / folder).glob(f'*.{folder}'))
+
+
+def first_sentence(path: Path) -> str:
+    """What the interface is, by the first sentence of its file."""
+    top = path.read_text(encoding='utf-8').split('\n---\n')[0]
+    text = next((block for block in _blocks(top) if isinstance(block, str)), '')
+    return re.split(r'(?<=[a-z)])[.:;](?: |$)', text)[0]
+
+
+def page_part(path: Path) -> str:
+    parts = [f'### {path.stem}']
+    names = KINDS[path.suffix[1:]][1]
+    for name, text in zip(names, re.split(r'(?m)^---$', path.read_text(encoding='utf-8')), strict=True):
+        parts += [f'**{name}**'] if name else []
+        blocks = _blocks(text)
+        while blocks and isinstance(blocks[0], str):
+            parts.append(md.prose(blocks.pop(0)))
+        parts += [_table(blocks)] if blocks else []
+    return '\n\n'.join(parts)
+
+
+def _table(blocks: list[str | list[Line]]) -> str:
+    """A paragraph among the fields is a row without a name."""
+    rows = []
+    for block in blocks:
+        rows += [('', '', '', f'*{md.prose(block)}*')] if isinstance(block, str) else map(_row, block)
+    return md.table(('type', 'name', 'unit', 'meaning'), rows)
+
+
+def _row(line: Line) -> tuple[str, str, str, str]:
+    name = line.name if line.value is None else f'{line.name} = {line.value}'
+    return (_linked(line.type), md.code(name), ', '.join(UNIT.findall(line.comment)),
+            md.prose(UNIT.sub('', line.comment).lstrip(' ,;:')))
+
+
+def _linked(kind: str) -> str:
+    """A type, one of our own with a link to its fields."""
+    name = kind.split('[')[0]
+    return f'[{md.code(kind)}](#{name.lower()})' if (ROOT / f'msg/{name}.msg').is_file() else md.code(kind)
+
+
+def _blocks(text: str) -> list[str | list[Line]]:
+    """Paragraphs of comment, and lists of the lines that follow without one, in the order of the file."""
+    found: list[tuple[object, str | Line]] = []
+    paragraph, before = 0, ''
+    for raw in text.splitlines():
+        declared, _, comment = raw.partition('#')
+        comment = comment.strip().removeprefix('---').strip()
+        if declared.strip():
+            match = DECLARED.match(declared.strip())
+            if match is None:
+                raise ValueError(f'{raw!r} is neither a field nor a constant')
+            found.append((Line, Line(match['type'], match['name'], match['value'], comment)))
+        elif declared and comment and found and isinstance(found[-1][1], Line):  # indented: of the line above
+            line = found[-1][1]
+            found[-1] = (Line, line._replace(comment=f'{line.comment} {comment}'))
+        elif comment:
+            paragraph += not before.startswith('#')
+            found.append((paragraph, comment))
+        else:
+            paragraph += 1
+        before = raw
+    return [[line for _, line in group] if key is Line else ' '.join(line for _, line in group)
+            for key, group in groupby(found, key=lambda pair: pair[0])]

@@ -1,0 +1,58 @@
+"""The keys of a skin layout, from config/skin_layout.schema.json."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from . import markdown as md
+
+FILE = Path(__file__).resolve().parents[3] / 'config/skin_layout.schema.json'
+
+Schema = dict[str, Any]
+
+
+def markdown() -> str:
+    schema = json.loads(FILE.read_text(encoding='utf-8'))
+    return '\n\n'.join(_section(key, kind) for key, kind in sections('', schema))
+
+
+def sections(key: str, kind: Schema) -> Iterator[tuple[str, Schema]]:
+    """Every mapping with the key it stands under ('' at the top), those inside after it."""
+    yield key, kind
+    for name, inner in kind['properties'].items():
+        mapping = _mapping(inner)
+        if mapping is not None:
+            is_list = inner.get('type') == 'array'
+            yield from sections(f'{key}.{name}'.lstrip('.') + '[]' * is_list, {
+                **mapping, 'description': inner.get('description', '')})
+
+
+def _mapping(kind: Schema) -> Schema | None:
+    """What has keys: the value, one form of it, or an entry of the list."""
+    forms = [kind, kind.get('items', {}), *kind.get('anyOf', ())]
+    return next((form for form in forms if 'properties' in form), None)
+
+
+def _section(key: str, kind: Schema) -> str:
+    rows = ((md.code(name), md.code(written(inner)), 'yes' if name in kind['required'] else '',
+             md.prose(inner.get('description', ''))) for name, inner in kind['properties'].items())
+    heading = f'## {md.code(key)}' if key else '## At the top'
+    return '\n\n'.join((heading, md.prose(kind.get('description', '')),
+                        md.table(('key', 'value', 'required', 'meaning'), rows)))
+
+
+def written(kind: Schema) -> str:
+    """What may stand there, in short."""
+    if 'enum' in kind:
+        return ', '.join(map(str, kind['enum']))
+    if 'anyOf' in kind:
+        return ' or '.join(written(form) for form in kind['anyOf'] if form != {'type': 'null'})
+    name = next(name for name in (kind['type'] if isinstance(kind['type'], list) else [kind['type']]))
+    if name == 'array':
+        inner = written(kind['items'])
+        return f'[{", ".join([inner] * kind["minItems"])}]' if 'minItems' in kind else f'list of {inner}'
+    if name in ('integer', 'number') and 'minimum' in kind:
+        return f'{kind["minimum"]:.6g}..{kind["maximum"]:.10g}'
+    return {'object': '{...}', 'number': '> 0', 'integer': 'integer', 'string': "'$NODEID+0x180'",
+            'boolean': 'true, false'}[name]

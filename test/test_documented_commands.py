@@ -1,0 +1,122 @@
+"""Whoever types a command of the documents finds that it works: each is run, or says what it needs."""
+
+import glob
+import gzip
+import shlex
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib import pyplot
+
+from tactile_node.cli.main import COMMANDS, main
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / 'tools'))
+import documented_commands as documented  # noqa: E402
+from command_rules import AWAITED, HERE, RULES, Kind  # noqa: E402
+
+LINK = '/tmp/skin'  # in the documents
+LOG = 'test/data/sim16x16_two_pads.log.gz'
+TIMEOUT = 60.0  # s, for a busy machine
+ALL = documented.commands()
+
+
+@pytest.mark.parametrize(('text', 'found'), [
+    ('Text\n\n    tactile scan\n    ls -l\n', ['tactile scan', 'ls -l']),
+    ('```sh\nmake test &\n```\n', ['make test']),
+    ('```python\nmake test\n```\n', []),
+    ('    a -> b\n', []),
+    ('1. Item\n\n       tactile scan  # who\n', ['tactile scan']),
+    ('1. Item, continued\n   tactile is a program\n', []),
+    ('an `tactile  check\nx.yaml` in a sentence, and `tactile` alone', ['tactile check x.yaml'])])
+def test_commands_are_found(text, found):
+    assert [each.text for each in documented.commands_of(text, 'page')] == found
+
+
+@pytest.mark.parametrize('text', [
+    'tactile check', 'tactile check --jsn x.yaml', 'tactile see x.yaml', 'tactile scan --listen long',
+    'make tests', 'python bench/no_such_file.py', 'ros2 launch tactile_skin bringup.launch.py no_such:=1'])
+def test_a_command_that_does_not_exist_is_a_problem(text):
+    assert documented.problem(documented.Command('page', 1, text, False))
+
+
+@pytest.mark.parametrize('text', ['tactile check x.yaml --json > problems.json', 'make soak MINUTES=1',
+                                  'tactile scan --help'])
+def test_a_command_that_exists_is_none(text):
+    assert documented.problem(documented.Command('page', 1, text, 'help' in text)) is None
+
+
+@pytest.mark.parametrize('page', sorted({each.page for each in ALL}))
+def test_every_command_has_a_class_and_names_what_exists(page):
+    for command in ALL:
+        if command.page == page:
+            assert command.rule and not documented.problem(command), command
+
+
+def test_the_tests_that_rules_name_exist_and_run_such_a_command():
+    for rule in RULES:
+        if rule.kind is Kind.TESTED and not any(name in rule.pattern for name in AWAITED):
+            program, word = rule.pattern.replace('3?', '').removeprefix('^').split(' ')[:2]
+            name = word.split('.*')[0] if program == 'tactile' else word.split('/')[-1].removesuffix('.py')
+            assert name in (ROOT / rule.where).read_text(encoding='utf-8'), rule
+
+
+def test_commands_that_are_awaited_are_not_there_yet():
+    assert not set(AWAITED) & {name for name, *_ in COMMANDS}
+
+
+RUN = [each for each in ALL if each.rule and each.rule.kind is Kind.RUN]
+SKIN = f'tactile simulate --pty --link {LINK}'
+
+
+def pages_with_new_commands() -> list[str]:
+    """Those that have a command which no page before them has."""
+    first = {each.text: each.page for each in reversed(RUN)}
+    return sorted(set(first.values()))
+
+
+@pytest.mark.bus
+@pytest.mark.parametrize('page', pages_with_new_commands())
+def test_the_commands_of_a_page_work_in_their_order(page, tmp_path, monkeypatch, capsys):
+    assert Path(__file__).name == Path(HERE).name
+    (tmp_path / 'test').symlink_to(ROOT / 'test')
+    (tmp_path / 'session.log').write_bytes(gzip.decompress((ROOT / LOG).read_bytes()))
+    pyplot.imsave(tmp_path / 'frame.png', np.pad(np.ones((7, 7)), 4), cmap='gray')
+    (tmp_path / 'my_skin.eds').write_bytes((ROOT / 'config/sim16x16.eds').read_bytes())
+    monkeypatch.chdir(tmp_path)
+    texts = [each.text for each in RUN if each.page == page]
+    with ExitStack() as stack:
+        if any(LINK in text and 'simulate' not in text for text in texts):
+            stack.enter_context(simulated(SKIN.replace(LINK, 'skin')))
+            texts = [text for text in texts if text != SKIN]  # now it has been run
+        for text in texts:
+            if 'simulate' in text:
+                with simulated(text.replace(LINK, 'other')):
+                    continue
+            words = shlex.split(text.replace(LINK, 'skin'))[1:]
+            assert main([name for word in words for name in sorted(glob.glob(word)) or [word]]) == 0, text
+            assert capsys.readouterr().out or '--output' in text
+            if 'draft' in text:  # the reader fills in what no EDS says
+                (tmp_path / 'my_skin.yaml').write_bytes((ROOT / 'config/sim16x16.yaml').read_bytes())
+
+
+@contextmanager
+def simulated(text: str) -> Iterator[None]:
+    """A simulator that runs, behind its link."""
+    words = shlex.split(text)[1:]
+    skin = subprocess.Popen([sys.executable, '-m', 'tactile_node.cli.main', *words], stdout=subprocess.DEVNULL)
+    try:
+        link, deadline = Path(words[words.index('--link') + 1]), time.monotonic() + TIMEOUT
+        while not link.is_symlink():
+            assert skin.poll() is None and time.monotonic() < deadline
+            time.sleep(0.02)
+        yield
+    finally:
+        skin.terminate()
+        assert skin.wait(TIMEOUT) == 0

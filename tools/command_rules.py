@@ -1,0 +1,59 @@
+"""What runs each command of the documents, or what it needs: see documented_commands.py."""
+
+from enum import Enum
+from typing import NamedTuple
+
+#: What begins with one of these is a command.
+PROGRAMS = ('tactile', 'make', 'python', 'python3', 'pip', 'ros2', 'rosdep', 'rviz2', 'sudo', 'ip', 'source', 'export',
+            'kill', 'git', 'apt', 'plotjuggler', 'echo', '.venv/bin/pre-commit', '.venv/bin/python')
+HERE = 'test/test_documented_commands.py'  #: it runs those of class RUN of each page, in their order
+
+
+class Kind(Enum):
+    RUN = 'run'
+    TESTED = 'run by another test'
+    CHECKED = 'in a sentence; what it names exists'
+    HARDWARE = 'needs hardware'
+    ROS2 = 'needs a ROS 2 installation'
+    NETWORK = 'needs a network or root'
+    MINUTES = 'takes minutes'
+    SHELL = 'for the shell that you type in'
+
+
+class Rule(NamedTuple):
+    pattern: str
+    kind: Kind
+    where: str = ''  #: the test; or what is meant
+
+
+#: The first whose pattern is found decides.
+RULES = (
+    Rule(r'^(ros2|rosdep|rviz2|plotjuggler)\b', Kind.ROS2),
+    Rule(r'^(for|done|do)\b|^(ros2|ROS_DOMAIN_ID=\S+ ros2) security', Kind.ROS2, 'SROS 2'),
+    Rule(r'--enclave', Kind.ROS2, 'SROS 2'),
+    Rule(r'^(export|source|kill|echo)\b', Kind.SHELL),
+    Rule(r'^(sudo ip|ip)\b|socketcan', Kind.HARDWARE, 'a CAN interface of the kernel'),
+    Rule(r'^(sudo apt|apt|git)\b', Kind.NETWORK),
+    Rule(r'^pip install', Kind.NETWORK, 'test/test_installed.py installs the wheel'),
+    Rule(r'pre-commit install', Kind.NETWORK, 'only writes a git hook'),
+    Rule(r'^make (setup|demo|docs|test|check|lint|commands|schema)\b', Kind.MINUTES, '.ci/run runs make test'),
+    Rule(r'^make [\w-]+', Kind.MINUTES, 'by hand, before a release'),
+    Rule(r'^python bench/', Kind.MINUTES, 'make bench'),
+    Rule(r'^python -m training', Kind.MINUTES, 'make train'),
+    Rule(r'^python examples/shape_listener.py', Kind.TESTED, 'test/test_tutorial.py'),
+    Rule(r'^python3? examples/planner_client.py', Kind.TESTED, 'test/test_planner_client.py'),
+    Rule(r'^tactile reproduce', Kind.TESTED, 'test/test_reproduction.py'),
+    Rule(r'^tactile fit', Kind.TESTED, 'test/test_reproduction.py'),
+    Rule(r'^tactile calibrate', Kind.TESTED, 'test/test_calibration.py'),
+    Rule(r'^tactile bringup.*--interface slcan', Kind.TESTED, 'test/test_tutorial.py'),
+    Rule(r'^tactile bringup', Kind.TESTED, 'test/test_bringup.py'),
+    Rule(r'^tactile record', Kind.TESTED, 'test/test_can_commands.py'),
+    Rule(r'^tactile report', Kind.TESTED, 'test/test_report_page.py'),
+    Rule(r'^tactile teach', Kind.TESTED, 'test/test_teach.py'),
+    Rule(r'^tactile view', Kind.TESTED, 'test/test_view_sources.py'),
+    Rule(r'^tactile completion', Kind.TESTED, 'test/test_completion.py'),
+    Rule(r'^tactile sdo (?!.*slcan)', Kind.TESTED, 'test/test_sdo_command.py'),
+    Rule(r'^tactile (replay|features|classify|draft|check|scan|simulate|sdo)\b', Kind.RUN, HERE),
+)
+#: Commands that documents name before they are there; a test says when to take them out.
+AWAITED: tuple[str, ...] = ()
