@@ -117,7 +117,7 @@ def problem(command: Command) -> str | None:
         return f'no target {unknown}' if unknown else None
     if words[0].startswith('python') and words[1].endswith('.py') and not (ROOT / words[1]).is_file():
         return f'no file {words[1]}'
-    if words[:2] == ['ros2', 'launch'] and len(words) > 3:
+    if words[:3] == ['ros2', 'launch', 'tactile_skin']:
         arguments = re.findall(r"^    '(\w+)': \(", (ROOT / 'launch' / words[3]).read_text(encoding='utf-8'), re.M)
         unknown = [word for word in words[4:] if ':=' in word and word.split(':=')[0] not in arguments]
         return f'no launch argument {unknown}' if unknown else None
