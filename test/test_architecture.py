@@ -32,7 +32,7 @@ ALLOWED = {
     'view': {'bus', 'cia301', 'contact', 'frames', 'helmholtz', 'library', 'pose', 'recording', 'shape', 'skin',
              'supervision'},
     'nodes': {'bus', 'frames', 'recording', 'ros', 'skin', 'supervision', 'threads', 'view', *NUMERICAL},
-    'demo': {'nodes', 'ros', 'simulator', 'skin', 'synthetic', 'view'}}
+    'demo': {'nodes', 'ros', 'shape', 'simulator', 'skin', 'synthetic', 'view'}}
 ROS = {'rclpy', 'tactile_skin', 'std_msgs', 'diagnostic_msgs', 'geometry_msgs', 'rcl_interfaces', 'builtin_interfaces',
        'sensor_msgs', 'tf2_msgs', 'lifecycle_msgs', 'rosgraph_msgs', 'visualization_msgs', 'launch', 'launch_ros'}
 CAN = {'can', 'canopen'}

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_node.shape.recognition import UnknownReason
 from tactile_node.simulator.touches import Touch
 
 
@@ -53,6 +54,7 @@ class Seen(NamedTuple):
     probabilities: Mapping[str, float]
     taxels: np.ndarray
     fit: SeenFit | None = None
+    reason: UnknownReason = UnknownReason.NOT_UNKNOWN
 
 
 class Verdict(NamedTuple):

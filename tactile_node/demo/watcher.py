@@ -14,6 +14,7 @@ from tactile_node.ros.message_checks import check_contact_shape, check_taxel_arr
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.taxel_messages import taxel_values
 from tactile_node.ros.time_messages import seconds
+from tactile_node.shape.recognition import Shape, UnknownReason
 from tactile_node.view.terminal import PadView
 from tactile_skin.msg import ContactShape, TaxelArray
 
@@ -58,7 +59,8 @@ class Watcher(Node):
         self.latency.append(time.time() - stamp)
         if taxels is not None:
             names = dict(zip(message.class_names, map(float, message.probabilities)))
-            self.seen[pad].append(Seen(self._demo_time(stamp), names, np.array(taxels), _fit(message)))
+            self.seen[pad].append(Seen(self._demo_time(stamp), names, np.array(taxels), _fit(message),
+                                       UnknownReason(message.unknown_reason)))
 
 
 def _fit(message: ContactShape) -> SeenFit | None:
@@ -73,5 +75,7 @@ def _fit(message: ContactShape) -> SeenFit | None:
 
 def _words(seen: Seen) -> str:
     name = max(seen.probabilities, key=seen.probabilities.__getitem__)
-    size = '' if seen.fit is None else f' {seen.fit.lengths} mm'
-    return f'{name.replace("_", " ")} {seen.probabilities[name]:.0%}{size}'
+    about = '' if seen.fit is None else f' {seen.fit.lengths} mm'
+    if name == Shape.UNKNOWN.value:
+        about = f' ({seen.reason.name.lower().replace("_", " ")})'
+    return f'{name.replace("_", " ")} {seen.probabilities[name]:.0%}{about}'
