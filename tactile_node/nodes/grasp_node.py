@@ -39,7 +39,9 @@ class GraspNode(Node):
     """
 
     def __init__(self, **options):
-        self._arrivals: dict[str, Arrival] = {}  # first: Kilted destroys also a node whose constructor has failed
+        # First: Kilted destroys also a node whose constructor has failed
+        self._arrivals: dict[str, Arrival] = {}
+        self._requests: GraspRequests | None = None
         super().__init__(NODE_NAMES[Role.GRASP], **options)
         declare(self, GraspNodeSettings)
         self._settings = settings = read(self, GraspNodeSettings)
@@ -96,7 +98,8 @@ class GraspNode(Node):
         """Withdraw the last grasp first: nothing follows that could."""
         if self.context.ok() and self._arrivals:
             self._publish_without_result(math.inf)
-        self._requests.destroy()
+        if self._requests is not None:
+            self._requests.destroy()
         super().destroy_node()
 
     def _publish_without_result(self, now: float) -> None:
