@@ -110,7 +110,8 @@ class GraspNode(Node):
     def _publish(self, state: GraspState, opening: Opening) -> None:
         current = self._described(state, opening)
         self._publisher.publish(current.message())
-        self._requests.look(current)
+        if self._requests is not None:
+            self._requests.look(current)
 
     def _current(self) -> CurrentGrasp:
         """What is known now, of what has been received."""
