@@ -16,7 +16,7 @@ from tactile_node.view.recognising import PadRecogniser
 from tactile_node.view.states import PadState
 from tactile_node.view.store import Store
 
-RATE = 17.0        #: at which the newest frames are recognised [1/s]: an eye needs no more
+RATE = 16.0        #: at which the newest frames are recognised [1/s]: an eye needs no more
 FACTS_PERIOD = 0.5  #: s
 RETRY_PERIOD = 2.0  #: s
 LISTENING = 0.25   #: for the SYNC of another master [s]

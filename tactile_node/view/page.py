@@ -19,7 +19,7 @@ from tactile_node.view.store import Shown
 if TYPE_CHECKING:
     from viser import ClientHandle
 
-RATE = 22.0         #: updates at most [1/s]
+RATE = 17.5         #: updates at most [1/s]
 SLOW_PERIOD = 0.2   #: of chart and tables [s]
 SCENE_PERIOD = 0.15  #: of the 3-D view [s]
 SCENE_SHARE = 5.0    #: times as long as a browser takes for it, it waits for the next: without a GPU it is slow
