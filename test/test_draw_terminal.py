@@ -21,6 +21,7 @@ def shown(screen):
     ('one\r\ntwo', ['one', 'two', '']), ('one\rt', ['tne', '', '']), ('a\nb', ['a', ' b', '']),
     ('1\r\n2\r\n3\r\n4', ['2', '3', '4']), ('12345678', ['12345', '678', '']),
     ('one\r\ntwo\r\n\x1b[2A\x1b[2Knew', ['new', 'two', '']), ('one\x1b[2D\x1b[K', ['o', '', '']),
+    ('one\r\ntwo\x1b[1A\x1b[2D\x1b[J', ['o', '', '']),
     ('one\x1b[2J\x1b[Hx', ['x', '', '']), ('\x1b[?25lx\x1b[3;2Hy', ['x', '', ' y'])])
 def test_the_screen_after_output(output, expected):
     screen = tool.Screen(cols=5, rows=3)

@@ -97,6 +97,9 @@ class Screen:
             first, last = {0: (self._x, self._cols), 1: (0, self._x + 1)}.get(numbers[0] if numbers else 0,
                                                                             (0, self._cols))
             self.cells[self._y][first:last] = [Cell()] * (last - first)
+        elif kind == 'J' and not (numbers and numbers[0]):  # from here to the end
+            self.cells[self._y][self._x:] = [Cell()] * (self._cols - self._x)
+            self.cells[self._y + 1:] = [[Cell()] * self._cols for _ in range(self._y + 1, self._rows)]
         elif kind == 'J':
             self.cells = [[Cell()] * self._cols for _ in range(self._rows)]
         elif kind == 'm':
