@@ -18,7 +18,8 @@ from tactile_node.press_levels import PRESS_BY_UNIT
 
 FORMATS = {'.npy': 'npy', '.npz': 'npz', '.csv': 'csv', '.png': 'png'}
 MAGIC_OF_ARCHIVE = b'PK'
-MAGIC = {b'\x93NUMPY': 'npy', MAGIC_OF_ARCHIVE: 'npz', b'\x89PNG': 'png'}  #: of what has another suffix; the rest is text
+#: of what has another suffix; the rest is text
+MAGIC = {b'\x93NUMPY': 'npy', MAGIC_OF_ARCHIVE: 'npz', b'\x89PNG': 'png'}
 VALUES = 'values'  #: the array of an .npz that holds the frames
 MOST_BYTES = 2 << 30  #: of an archive, unpacked: 16 x 16 taxels at 50 Hz for 9 hours; a small file can claim any size
 ENCRYPTED = 1  #: bit of the flags of a member (PKWARE APPNOTE 4.4.4)
