@@ -31,13 +31,13 @@ OF_EVERY_NODE = ('describe_parameters', 'get_parameter_types', 'get_parameters',
                  'list_parameters', 'set_parameters', 'set_parameters_atomically')
 #: What topics of ours are whose type does not say it.
 OF_STANDARD_TYPES = {
-    '<pad>/image': 'The taxels as values; NaN where invalid.',
-    '<pad>/image_colour': 'The taxels as colours.',
-    '<pad>/markers': 'Taxels, outline, axes, centre of pressure and name of one contact.',
-    '<pad>/pose': "The contact's pose alone.",
-    '<pad>/wrench': 'What presses on the pad; NaN where that is not known.',
-    'skin_driver/transition_event': 'A change of its lifecycle state.',
-    '/diagnostics': 'What is received, what is lost and why.'}
+    '<pad>/image': 'The taxels as values; NaN where invalid',
+    '<pad>/image_colour': 'The taxels as colours',
+    '<pad>/markers': 'Taxels, outline, axes, centre of pressure and name of one contact',
+    '<pad>/pose': "The contact's pose alone",
+    '<pad>/wrench': 'What presses on the pad; NaN where that is not known',
+    'skin_driver/transition_event': 'A change of its lifecycle state',
+    '/diagnostics': 'What is received, what is lost and why'}
 
 
 class Open(NamedTuple):
