@@ -1,6 +1,7 @@
 """Sphinx: `make docs` builds this folder; rosdoc2 runs a copy of this file from a folder above its copy of this one."""
 
 import sys
+import warnings
 from pathlib import Path
 
 import tactile_node  # both put the checkout on the path
@@ -8,6 +9,9 @@ import tactile_node  # both put the checkout on the path
 ROOT = Path(tactile_node.__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / 'docs/_ext'))
 PAGES = '' if Path('_ext').is_dir() else 'docs/'  # Sphinx reads this file in the folder that it builds
+
+# A number that an example could not compute ends the build: else the warning, with a path, stands on its page.
+warnings.filterwarnings('error', category=RuntimeWarning, module='tactile_node')
 
 project = 'tactile_skin'
 author = copyright = 'tactile_skin maintainers'

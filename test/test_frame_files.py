@@ -3,16 +3,21 @@
 import csv
 import io
 import json
+import struct
+import zlib
 from pathlib import Path
+from zipfile import ZIP_LZMA, ZipFile
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from tactile_node.cli import frame_file
 from tactile_node.cli.frame_file import TaxelFrames, read_frames
 from tactile_node.cli.frame_png import Greys
 from tactile_node.cli.main import main
 from tactile_node.errors import InputError
+from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.skin.layout import MAX_SIDE
 
 LOG = Path(__file__).parent / 'data' / 'sim16x16_two_pads.log.gz'
@@ -83,6 +88,23 @@ def test_sixteen_bits_keep_their_resolution_and_transparent_pixels_have_no_value
     np.testing.assert_allclose(read_frames(png(tmp_path / 'clear.png', clear)).values, [[[9 / 255, np.nan]]])
 
 
+def png_with_a_transparent_grey(path, depth, row, grey):
+    """One line of pixels, by the PNG specification: colour type 0, chunk tRNS."""
+    def chunk(kind, content):
+        return struct.pack('>I', len(content)) + kind + content + struct.pack('>I', zlib.crc32(kind + content))
+    header = struct.pack('>IIBBBBB', len(row) * 8 // depth, 1, depth, 0, 0, 0, 0)
+    path.write_bytes(b'\x89PNG\r\n\x1a\n' + chunk(b'IHDR', header) + chunk(b'tRNS', struct.pack('>H', grey))
+                     + chunk(b'IDAT', zlib.compress(b'\0' + row)) + chunk(b'IEND', b''))
+    return str(path)
+
+
+@pytest.mark.parametrize(('depth', 'row', 'grey'), [(8, b'\x09\xff', 255), (16, b'\x00\x09\xff\xff', 65535)])
+def test_a_grey_that_the_picture_calls_transparent_is_no_value(tmp_path, depth, row, grey):
+    """It would be the brightest: the hardest press."""
+    found = read_frames(png_with_a_transparent_grey(tmp_path / 'x.png', depth, row, grey)).values
+    np.testing.assert_allclose(found, [[[9 / (2 ** depth - 1), np.nan]]])
+
+
 def no_png(path):
     path.write_bytes(b'\x89PNG\r\n\x1a\nnothing more')
     return str(path)
@@ -91,7 +113,9 @@ def no_png(path):
 @pytest.mark.parametrize('make', [
     lambda path: png(path, np.array([[[255, 0, 0]]], np.uint8)),
     lambda path: png(path, np.zeros((2, MAX_SIDE + 1), np.uint8)),
-    lambda path: png(path, np.array([[[9, 9, 9, 128]]], np.uint8)), no_png], ids=['red', 'wide', 'half', 'broken'])
+    lambda path: png(path, np.array([[[9, 9, 9, 128]]], np.uint8)),
+    lambda path: png_with_a_transparent_grey(path, 4, b'\x0f', 15), no_png],
+    ids=['red', 'wide', 'half', 'few bits', 'broken'])
 def test_a_picture_that_has_no_value_a_pixel_is_refused(tmp_path, make):
     with pytest.raises(InputError):
         read_frames(make(tmp_path / 'x.png'))
@@ -150,7 +174,8 @@ def test_fusion_without_stamps_needs_the_period(tmp_path, tactile, capsys):
 @pytest.mark.parametrize('change', [
     {'stamps': np.zeros(3)}, {'stamps': np.array([0.0, np.nan])}, {'stamps': np.array(['a', 'b'])},
     {'unit': np.array('psi')}, {'pitch': np.array(-1.0)}, {'status': np.zeros((2, 1, 1), int)},
-    {'values': np.zeros(3)}], ids=str)
+    {'status': np.full((2, 4, 4), 200)}, {'status': np.full((2, 4, 4), TaxelStatus.STALE)},
+    {'unit': np.array(['Pa', 'Pa'])}, {'pad': np.array(1)}, {'values': np.zeros(3)}], ids=str)
 def test_an_archive_whose_parts_do_not_fit_together_is_refused(tmp_path, change):
     np.savez(tmp_path / 'x.npz', **{'values': np.zeros((2, 4, 4)), 'stamps': np.arange(2.0), **change})
     with pytest.raises(InputError):
@@ -163,6 +188,50 @@ def test_archives_of_others(tmp_path):
     np.savez(tmp_path / 'two.npz', a=SQUARE, b=SQUARE)
     with pytest.raises(InputError):
         read_frames(str(tmp_path / 'two.npz'))
+
+
+def test_unit_pitch_and_pad_count_also_as_arrays_of_one(tmp_path):
+    """Without its unit a file would be judged by another rule, without its pitch have no sizes."""
+    np.savez(tmp_path / 'x.npz', values=[SQUARE], unit=['Pa'], pitch=[0.004], pad=['left'])
+    found = read_frames(str(tmp_path / 'x.npz'))
+    assert (found.unit, found.pitch, found.pad) == ('Pa', 0.004, 'left')
+
+
+def other_member(path):
+    with ZipFile(path, 'w') as archive:
+        archive.writestr('values.txt', '1,2')
+
+
+def no_array(path):
+    with ZipFile(path, 'w') as archive:
+        archive.writestr('values.npy', '1,2')
+
+
+def other_compression(path):
+    with ZipFile(path, 'w', ZIP_LZMA) as archive:
+        archive.writestr('values.npy', 'x' * 100)
+
+
+def encrypted(path):
+    np.savez(path, values=SQUARE)
+    content = bytearray(path.read_bytes())
+    content[content.find(b'PK\x01\x02') + 8] |= 1  # general purpose flag, bit 0 (PKWARE APPNOTE 4.4.4)
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize('make', [other_member, no_array, other_compression, encrypted])
+def test_an_archive_that_numpy_has_not_written_is_refused(tmp_path, make):
+    make(tmp_path / 'x.npz')
+    with pytest.raises(InputError):
+        read_frames(str(tmp_path / 'x.npz'))
+
+
+def test_an_archive_is_refused_by_its_size_before_it_is_unpacked(tmp_path, monkeypatch):
+    np.savez_compressed(tmp_path / 'x.npz', values=np.zeros((100, 16, 16)))
+    monkeypatch.setattr(frame_file, 'MOST_BYTES', 100 * 16 * 16 * 8)  # less than with the header
+    monkeypatch.setattr(np, 'load', lambda *_, **__: pytest.fail('unpacked'))
+    with pytest.raises(InputError):
+        read_frames(str(tmp_path / 'x.npz'))
 
 
 @pytest.mark.parametrize('make', [

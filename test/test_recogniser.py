@@ -1,5 +1,7 @@
 """The learned recogniser: what it must say whatever its weights, and that its weights say something."""
 
+from zipfile import ZIP_LZMA, ZipFile
+
 import numpy as np
 import pytest
 
@@ -223,7 +225,7 @@ def test_methods_have_one_interface():
 
 
 @pytest.mark.parametrize('content', ['nothing', 'text', 'other arrays', 'cut', 'wrong sizes', 'NaN', 'inf',
-                                     'no spread', 'negative temperature', 'bomb'])
+                                     'no spread', 'negative temperature', 'bomb', 'other compression'])
 def test_files_that_are_no_weights_are_refused(tmp_path, content):
     path, weights = tmp_path / 'weights.npz', config_path('recogniser.npz')
     with np.load(weights) as data:
@@ -244,6 +246,12 @@ def test_files_that_are_no_weights_are_refused(tmp_path, content):
         np.savez(path, **arrays | {'on_off_temperature': np.float64(-1)})
     elif content == 'bomb':
         np.savez_compressed(path, **arrays | {'more': np.zeros(1 << 25, np.uint8)})
+    elif content == 'other compression':  # whose errors are neither zipfile's nor zlib's
+        with ZipFile(path, 'w', ZIP_LZMA) as archive:
+            archive.writestr('on_off_kernel0.npy', bytes(range(256)))
+        packed = bytearray(path.read_bytes())
+        packed[60:90] = b'\1' * 30
+        path.write_bytes(packed)
     with pytest.raises(ConfigurationError, match='weights of the recogniser'):
         ShapeRecogniser.from_file(path)
 

@@ -1,5 +1,7 @@
 """Users' own shapes: who could be misled by a taught file, and how. The cross here is drawn by this test alone."""
 
+import csv
+import json
 from queue import SimpleQueue
 
 import numpy as np
@@ -47,6 +49,19 @@ def file(tmp_path_factory):
 @pytest.fixture(scope='module')
 def arrays(file):
     return read_arrays(file)
+
+
+@pytest.mark.parametrize('options', [[], ['--fuse', '--period', '0.02']], ids=['single', 'fused'])
+def test_a_table_has_the_taught_shapes_too(file, tmp_path, capsys, options):
+    """As JSON has them."""
+    np.save(tmp_path / 'x.npy', held(rng_of(20), cross, 1))
+    words = ['classify', str(tmp_path / 'x.npy'), '--model', str(file), *options]
+    assert main([*words, '--format', 'csv']) == 0
+    rows = list(csv.DictReader(capsys.readouterr().out.splitlines()))
+    assert main(words) == 0
+    lines = list(map(json.loads, capsys.readouterr().out.splitlines()))
+    assert [float(row['probabilities.cross']) for row in rows] == [line['probabilities']['cross'] for line in lines]
+    assert 'cross' in {row['shape'] for row in rows}
 
 
 def test_a_cross_is_recognised_where_no_frame_of_the_touch_was_taught(file):

@@ -72,8 +72,8 @@ print(f'alpha9 over the rotations: {over.min:.2f} at {over.min_angle}, {over.max
 # triangle. Points: thirty patterns of each shape that the plane decides on, of random size and angle. Cross: this
 # contact. In the first plane, rectangles of 2 to 1 lie among the right triangles.
 
-from tactile_node.package_files import config_path  # noqa: E402
-from tactile_node.shape.volf import VolfClassifier, plane_feature  # noqa: E402
+from tactile_node.package_files import config_path
+from tactile_node.shape.volf import VolfClassifier, plane_feature
 
 turn = np.linspace(0, 2 * np.pi, 60, endpoint=False)
 SHAPES = {
@@ -103,7 +103,7 @@ for axes, names, shapes in zip(all_axes, curves, decided):
     for shape in shapes:
         axes.plot([plane_feature(each, horizontal) for each in clouds[shape]],
                   [plane_feature(each, vertical) for each in clouds[shape]], '.', color=colours[shape], label=shape)
-    x = np.linspace(*axes.get_xlim(), 200)
+    x = np.linspace(0, axes.get_xlim()[1], 200)
     for name, style in zip(names, ('-', '--')):
         axes.plot(x, planes[name].curve_at(x), style, color='black', linewidth=1)
     axes.plot(plane_feature(features, horizontal), plane_feature(features, vertical), 'kx', markersize=11,

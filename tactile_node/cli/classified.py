@@ -2,7 +2,7 @@
 
 import argparse
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.pitch import check_pitch
 from tactile_node.shape.method_names import LEARNED, VOLF
 from tactile_node.shape.patch import join_pieces
-from tactile_node.shape.recognition import Recognition, Shape
+from tactile_node.shape.recognition import Recognition, ShapeClass
 
 POSE = 'x', 'y', 'angle'
 
@@ -33,7 +33,7 @@ def write_shapes(args: argparse.Namespace) -> None:
     recogniser = Recogniser(args.method, {LEARNED: args.weights, VOLF: args.curves}[args.method] or None)
     of_file = _fused if args.fuse else _single
     write_records((record for path, found in files(args) for record in of_file(path, found, recogniser, args)),
-                  _columns, args)
+                  lambda: _columns(recogniser.classes), args)
 
 
 def _single(path: str, found: TaxelFrames, recogniser: Recogniser, args: argparse.Namespace) -> Iterator[Record]:
@@ -81,11 +81,11 @@ def _check_length(option: str, length: float) -> None:
         raise InputError(f'--{option}', expected='a time > 0 in seconds', got=str(length), remedy='Correct the number.')
 
 
-def _columns() -> list[str]:
+def _columns(classes: Sequence[ShapeClass]) -> list[str]:
     """Of all records, in the order of their names."""
     dimensions = list(dict.fromkeys(name for outline in OUTLINES.values() for name in outline.dimensions))
     return [*KNOWN, 'shape', 'reason', 'confidence',
-            *(f'probabilities.{shape.value}' for shape in Shape), 'N', 'contacts', 'held', 'fused_frames', *POSE,
+            *(f'probabilities.{shape.value}' for shape in classes), 'N', 'contacts', 'held', 'fused_frames', *POSE,
             *(f'dimensions.{name}' for name in dimensions), *(f'sd.{name}' for name in (*POSE, *dimensions))]
 
 

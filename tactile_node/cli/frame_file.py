@@ -5,20 +5,25 @@ import sys
 import zlib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
-from zipfile import BadZipFile
+from typing import Any, BinaryIO, NamedTuple
+from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile, ZipInfo
 
 import numpy as np
 
 from tactile_node.cli.frame_png import DEFAULT_GREYS, Greys, read_png
 from tactile_node.cli.frame_text import read_text
 from tactile_node.errors import InputError
-from tactile_node.frames.taxel_frame import TaxelFrame
+from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.press_levels import PRESS_BY_UNIT
 
 FORMATS = {'.npy': 'npy', '.npz': 'npz', '.csv': 'csv', '.png': 'png'}
-MAGIC = {b'\x93NUMPY': 'npy', b'PK': 'npz', b'\x89PNG': 'png'}  #: of what has another suffix; the rest is text
+MAGIC_OF_ARCHIVE = b'PK'
+#: of what has another suffix; the rest is text
+MAGIC = {b'\x93NUMPY': 'npy', MAGIC_OF_ARCHIVE: 'npz', b'\x89PNG': 'png'}
 VALUES = 'values'  #: the array of an .npz that holds the frames
+MOST_BYTES = 2 << 30  #: of an archive, unpacked: 16 x 16 taxels at 50 Hz for 9 hours; a small file can claim any size
+ENCRYPTED = 1  #: bit of the flags of a member (PKWARE APPNOTE 4.4.4)
+WITH_VALUE = TaxelStatus.VALID, TaxelStatus.SATURATED
 REMEDY = 'Give a .npy, .npz, .csv or .png file; `tactile classify --help` says what each holds.'
 
 
@@ -86,8 +91,12 @@ def _content(path: str) -> bytes:
 
 def _loaded(path: str, content: bytes) -> np.ndarray | dict[str, np.ndarray]:
     try:
+        if content.startswith(MAGIC_OF_ARCHIVE):
+            _check_members(path, content)
         loaded = np.load(io.BytesIO(content), allow_pickle=False)
-        return loaded if isinstance(loaded, np.ndarray) else dict(loaded)
+        if isinstance(loaded, np.ndarray):
+            return loaded
+        arrays = dict(loaded)
     except EOFError:
         raise _unusable(path, 'a file that is cut short') from None
     except MemoryError:
@@ -96,6 +105,25 @@ def _loaded(path: str, content: bytes) -> np.ndarray | dict[str, np.ndarray]:
         # numpy takes whatever is not its own format for a pickle, which we never load.
         got = 'another format, or Python objects' if 'pickle' in str(error) else ' '.join(str(error).split())
         raise _unusable(path, got) from None
+    if not all(isinstance(each, np.ndarray) for each in arrays.values()):  # NumPy gives other content as bytes
+        raise _unusable(path, 'members that hold no array')
+    return arrays
+
+
+def _check_members(path: str, content: bytes) -> None:
+    """Before anything is unpacked, raise InputError for what NumPy does not write and for what is too large."""
+    with ZipFile(io.BytesIO(content)) as archive:
+        members = archive.infolist()
+    strange = [member.filename for member in members if not _is_of_numpy(member)]
+    if strange:
+        raise _unusable(path, f'the member {strange[0]!r}, which NumPy has not written')
+    if (size := sum(member.file_size for member in members)) > MOST_BYTES:
+        raise _unusable(path, f'{size / (1 << 30):.1f} GiB unpacked, more than {MOST_BYTES >> 30}')
+
+
+def _is_of_numpy(member: ZipInfo) -> bool:
+    return (member.filename.endswith('.npy') and member.compress_type in (ZIP_STORED, ZIP_DEFLATED)
+            and not member.flag_bits & ENCRYPTED)
 
 
 def _of_archive(path: str, arrays: dict[str, np.ndarray]) -> TaxelFrames:
@@ -105,16 +133,35 @@ def _of_archive(path: str, arrays: dict[str, np.ndarray]) -> TaxelFrames:
     values = _frames(path, arrays.get(VALUES, next(iter(arrays.values()))))
     if VALUES not in arrays:
         return TaxelFrames(values)
-    unit, pitch = (arrays[name].item() if name in arrays and arrays[name].ndim == 0 else None
-                   for name in ('unit', 'pitch'))
+    unit, pitch, pad = (_single(path, arrays, name) for name in ('unit', 'pitch', 'pad'))
     if unit is not None and unit not in PRESS_BY_UNIT:
         raise _unusable(path, f'the unit {unit!r}, which is none of {", ".join(PRESS_BY_UNIT)}')
     if pitch is not None and not (isinstance(pitch, float) and 0 < pitch < np.inf):
         raise _unusable(path, f'the pitch {pitch!r}, which is no length in metres')
+    if pad is not None and not isinstance(pad, str):
+        raise _unusable(path, f'the pad {pad!r}, which is no name')
+    status = _each(path, arrays, 'status', values.shape, 'iu')
+    if status is not None:
+        _check_status(path, values, status)
     return TaxelFrames(
         values, _each(path, arrays, 'stamps', values.shape[:1], 'f'),
-        _each(path, arrays, 'sequence', values.shape[:1], 'iu'), _each(path, arrays, 'status', values.shape, 'iu'),
-        str(arrays['pad']) if 'pad' in arrays else None, pitch, unit)
+        _each(path, arrays, 'sequence', values.shape[:1], 'iu'), status, pad, pitch, unit)
+
+
+def _single(path: str, arrays: dict[str, np.ndarray], name: str) -> Any:
+    if name not in arrays:
+        return None
+    if arrays[name].size != 1:
+        raise _unusable(path, f'{name} of shape {arrays[name].shape}, which is one for all frames')
+    return arrays[name].item()
+
+
+def _check_status(path: str, values: np.ndarray, status: np.ndarray) -> None:
+    """Raise InputError for numbers that are no TaxelStatus, and for a value where the status says there is none."""
+    if not np.isin(status, list(TaxelStatus)).all():
+        raise _unusable(path, f'a status that is none of {min(TaxelStatus)} to {max(TaxelStatus)}')
+    if (np.isfinite(values) & ~np.isin(status, WITH_VALUE)).any():
+        raise _unusable(path, 'values of taxels whose status says that they have none')
 
 
 def _each(path: str, arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...], kinds: str) -> np.ndarray | None:

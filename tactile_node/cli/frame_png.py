@@ -18,6 +18,7 @@ class Greys(NamedTuple):
     white: float
 
 
+DEPTH = 24  #: place of the bit depth in the file (PNG specification 11.2.2: IHDR comes first)
 DEFAULT_GREYS = Greys(0.0, 1.0)  #: fractions of full scale, bright is pressed
 
 
@@ -26,7 +27,7 @@ def read_png(content: bytes, where: str, greys: Greys = DEFAULT_GREYS) -> np.nda
 
     Raises InputError for a picture in colour, for one that is half transparent, larger than a pad or not readable.
     """
-    from PIL import Image  # of the extra `picture`, and slow to import
+    from PIL import Image, UnidentifiedImageError  # of the extra `picture`, and slow to import
 
     try:
         with Image.open(io.BytesIO(content), formats=['PNG']) as picture:
@@ -34,13 +35,18 @@ def read_png(content: bytes, where: str, greys: Greys = DEFAULT_GREYS) -> np.nda
                 raise _bad(where, f'{picture.width} x {picture.height} pixels, {getattr(picture, "n_frames", 1)} '
                            'pictures')
             is_deep = picture.mode.startswith('I')
+            clear = picture.info.get('transparency')  # the grey that is transparent, where there is one
+            if clear is not None and picture.mode == 'L' and content[DEPTH] < 8:  # Pillow compares it unscaled
+                raise _bad(where, f'a transparent grey of {content[DEPTH]} bits')
             pixels = np.asarray(picture if is_deep else picture.convert('RGBA'))
     except InputError:
         raise
+    except UnidentifiedImageError:
+        raise _bad(where, 'no PNG that can be read') from None
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise _bad(where, ' '.join(str(error).split()).replace(str(io.BytesIO), 'bytes')[:80]) from None
+        raise _bad(where, ' '.join(str(error).split())[:80]) from None
     if is_deep:  # 16 bits
-        return _scaled(pixels / 65535, greys)
+        return np.where(pixels == clear, np.nan, _scaled(pixels / 65535, greys))
     if (pixels[..., :3] != pixels[..., :1]).any():
         raise _bad(where, 'colours, which have no order of pressure')
     opaque = pixels[..., 3] == 255

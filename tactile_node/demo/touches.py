@@ -23,8 +23,8 @@ def scripted_touches(seed: int, areas: Sequence[float], rows: int, cols: int) ->
     Raises ConfigurationError for an area that not every shape finds room for.
     """
     if not all(0 < area <= LARGEST for area in areas):
-        raise ConfigurationError('--areas', expected=f'areas up to {LARGEST:.0f} taxels', got=str(areas),
-                                 remedy='The pad has no room for more.')
+        raise ConfigurationError('--areas', expected=f'areas > 0 and up to {LARGEST:.0f} taxels', got=str(areas),
+                                 remedy='The pad has no room for more. For example --areas 25 40 60.')
     rng = np.random.default_rng(seed)
     kinds = [(shape, area) for area in areas for shape in CLASSES]
     rng.shuffle(kinds)

@@ -80,6 +80,11 @@ class Recogniser:
     def __init__(self, method: str = DEFAULT, file: str | Path | None = None):
         self._method = make_recogniser(method, str(file or ''))
 
+    @property
+    def classes(self) -> tuple[ShapeClass, ...]:
+        """Every class that a recognition gives a probability, taught shapes last."""
+        return self._method.classes
+
     def recognise(self, contact: ContactPattern) -> Recognition:
         """Return the most probable shape and the probability of each. Raises InputError for anything but a contact.
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
-from zipfile import BadZipFile, ZipFile
+from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile
 
 import numpy as np
 
@@ -153,8 +153,10 @@ def read_arrays(path: str | Path) -> dict[str, np.ndarray]:
     A few bytes of a .npz may stand for more than fits into memory.
     """
     with ZipFile(path) as packed:
-        size = sum(each.file_size for each in packed.infolist())
-    if size > MOST_BYTES:
+        members = packed.infolist()
+    if not {each.compress_type for each in members} <= {ZIP_STORED, ZIP_DEFLATED}:
+        raise ValueError('another compression than that of NumPy')
+    if (size := sum(each.file_size for each in members)) > MOST_BYTES:
         raise ValueError(f'{size} bytes of arrays, more than {MOST_BYTES}')
     with np.load(path, allow_pickle=False) as data:
         arrays = dict(data)

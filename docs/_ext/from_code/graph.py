@@ -29,6 +29,15 @@ QUIET, TIMEOUT = 1.0, 60.0  # s without a change after which discovery is over; 
 EVERY_NODE = 'every node'
 OF_EVERY_NODE = ('describe_parameters', 'get_parameter_types', 'get_parameters', 'get_type_description',
                  'list_parameters', 'set_parameters', 'set_parameters_atomically')
+#: What topics of ours are whose type does not say it.
+OF_STANDARD_TYPES = {
+    '<pad>/image': 'The taxels as values; NaN where invalid',
+    '<pad>/image_colour': 'The taxels as colours',
+    '<pad>/markers': 'Taxels, outline, axes, centre of pressure and name of one contact',
+    '<pad>/pose': "The contact's pose alone",
+    '<pad>/wrench': 'What presses on the pad; NaN where that is not known',
+    'skin_driver/transition_event': 'A change of its lifecycle state',
+    '/diagnostics': 'What is received, what is lost and why'}
 
 
 class Open(NamedTuple):
@@ -49,9 +58,9 @@ class Graph(NamedTuple):
 def markdown() -> str:
     graph = running_graph()
     services = [each for each in graph.services if each.name.rsplit('/', 1)[-1] not in OF_EVERY_NODE]
-    parts = ['## Topics', md.table(('topic', 'type', 'from', 'quality of service', 'what it is'), (
-        (md.code(each.name), linked(each.type), who(each.node), each.quality, about(each.type))
-        for each in graph.topics)),
+    parts = ['## Topics', md.table(('topic', 'type', 'from', 'QoS', 'what it is'), (
+        (md.code(each.name), linked(each.type), who(each.node), each.quality,
+         OF_STANDARD_TYPES.get(each.name) or about(each.type)) for each in graph.topics)),
         '## Services', md.table(('service', 'type', 'of', 'what it is'), (
             (md.code(each.name), linked(each.type), who(each.node), about(each.type)) for each in services)),
         'Every node has the services of its parameters too: ' + ', '.join(map(md.code, OF_EVERY_NODE)) + '.']
@@ -64,7 +73,8 @@ def markdown() -> str:
 def linked(kind: str) -> str:
     """The type, for one of ours with a link to its fields."""
     package, folder, name = kind.split('/')
-    return f'[`{name}`](interfaces.md#{name.lower()})' if package == 'tactile_skin' else md.code(f'{package}/{name}')
+    # Apart, so that a narrow column can break between them.
+    return f'[`{name}`](interfaces.md#{name.lower()})' if package == 'tactile_skin' else f'{package} {md.code(name)}'
 
 
 def who(node: str) -> str:
