@@ -122,14 +122,14 @@ def words(contact: SeenContact | None) -> str:
     if contact is None:
         return 'not recognised: no shape comes with these taxels'
     if contact.shape == 'unknown':
-        return f'unknown ({contact.reason.replace("_", " ")}){_force(contact.force)}'
+        return f'unknown ({contact.reason.replace("_", " ")}){_force(contact)}'
     if contact.shape == 'none':
         return 'nothing touches'
     bound = '≥ ' if contact.size_is_bound else ''
     lengths = ''.join(f', {name.replace("_", " ")} {bound}{1e3 * length:.1f} mm' for name, length in contact.dimensions)
     return f'{contact.shape.replace("_", " ")} {contact.confidence:.0%}'.replace('%', ' %') + lengths \
-        + _force(contact.force)
+        + _force(contact)
 
 
-def _force(force: float) -> str:
-    return '' if np.isnan(force) else f', {force:.2f} N'
+def _force(contact: SeenContact) -> str:
+    return '' if np.isnan(contact.force) else f', {"≥ " if contact.force_is_bound else ""}{contact.force:.2f} N'
