@@ -274,6 +274,17 @@ def test_a_terminal_shows_shape_and_size(monkeypatch):
     assert 'square 97 %' in shown and 'side 8.0 mm' in shown and '\x1b[48;5;' in shown
 
 
+def test_a_name_is_no_command_to_the_terminal(monkeypatch):
+    """Of a bag from elsewhere: ESC c clears the terminal."""
+    monkeypatch.setenv('COLUMNS', '100')
+    for stream in (Terminal(), io.StringIO()):
+        source = HandSource(['left\x1bc'])
+        source.store.put(state(pad='left\x1bc', contact=contact(shape='plug\x1bc')))
+        source.title = 'bag\x1bc'
+        shown = shown_on(stream, source, 1.2 if not stream.isatty() else 0.3)
+        assert 'left' in shown and '\x1bc' not in shown
+
+
 def test_a_narrow_terminal_gets_one_line(monkeypatch):
     monkeypatch.setenv('COLUMNS', '40')
     source = HandSource()
