@@ -30,7 +30,9 @@ from tactile_skin.msg import Contact, ContactShape, SkinStatus, TaxelArray
 RATE = 20.0         #: at which a pad's newest shape is shown [1/s]
 WAITING = 16        #: messages of a pad that wait for their shape
 WITHOUT_SHAPE = 0.5  #: from which on taxels are shown without one [s]
-DISCOVERY = 3.0     #: for topics of pads [s]
+DISCOVERY = 5.0     #: for topics of pads [s]
+LOOK = 0.25         #: between two looks for them [s]
+LOOKS = 3           #: with the same topics, until no more are expected: two drivers are not found at once
 DEPTH = 5           #: messages
 NAME = 'tactile_view'
 TYPE = 'tactile_skin/msg/TaxelArray'
@@ -98,14 +100,13 @@ class TopicSource:
 
 def _topics(node: Node, kind: str, timeout: float) -> list[str]:
     """Names of the topics of a type, as soon as there are any and no more come."""
-    found: list[str] = []
-    for _ in range(round(timeout / 0.25)):
-        now = [topic for topic, kinds in node.get_topic_names_and_types() if kind in kinds]
-        if now and now == found:
+    looks: list[list[str]] = []
+    for _ in range(round(timeout / LOOK)):
+        looks.append([topic for topic, kinds in node.get_topic_names_and_types() if kind in kinds])
+        if looks[-1] and looks[-LOOKS:] == LOOKS * [looks[-1]]:
             break
-        found = now
-        time.sleep(0.25)
-    return found
+        time.sleep(LOOK)
+    return looks[-1]
 
 
 class _PadTopics:

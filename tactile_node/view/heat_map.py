@@ -59,13 +59,13 @@ def _marks(state: PadState, unit: float) -> str:
     rows = len(state.values)
     hidden = np.isnan(state.values) & (state.status != TaxelStatus.UNMAPPED)
     squares, crosses = [], []
-    for row, col in np.argwhere(hidden):
+    for row, col in np.argwhere(hidden).tolist():
         x, y = col * unit, (rows - 1 - row) * unit
         squares.append(f'M{x:g} {y:g}h{unit:g}v{unit:g}h{-unit:g}z')
         crosses.append(f'M{x + .2 * unit:g} {y + .2 * unit:g}l{.6 * unit:g} {.6 * unit:g}m0 {-.6 * unit:g}'
                        f'l{-.6 * unit:g} {.6 * unit:g}')
     bounds = ''.join(f'<circle cx="{(col + .5) * unit:g}" cy="{(rows - row - .5) * unit:g}" r="{.25 * unit:g}"/>'
-                     for row, col in np.argwhere(state.status == TaxelStatus.SATURATED))
+                     for row, col in np.argwhere(state.status == TaxelStatus.SATURATED).tolist())
     return (f'<path class="no-value" d="{"".join(squares)}" fill="{WITHOUT_VALUE}"/>'
             f'<path d="{"".join(crosses)}" stroke="#2b2f36" stroke-width="{.1 * unit:g}" fill="none"/>'
             f'<g fill="none" stroke="#17a34a" stroke-width="{.1 * unit:g}">{bounds}</g>')
