@@ -12,10 +12,9 @@ from tactile_node.contact.press import PressThresholds
 from tactile_node.errors import InputError
 from tactile_node.fusion.recognitions import FusedRecognition, FusionSettings, RecognitionFusion
 from tactile_node.library.arguments import check_values, given_thresholds, instance, known_response, known_unit, seconds
-from tactile_node.library.contacts import Recogniser, fit_shape
+from tactile_node.library.contacts import Recogniser, fit_shape, recognised
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.pitch import check_pitch
-from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.recognition import Recognition
 
 
@@ -43,10 +42,8 @@ class ContactFollower:
     def follow(self, frame: np.ndarray, stamp: float, *, saturated: ArrayLike | None = None,
                unmapped: ArrayLike | None = None) -> StreamedContact:
         """Take ``frame``, (rows, cols), of time ``stamp`` [s]."""
-        contact = self._extractor.extract(frame, saturated=saturated, unmapped=unmapped)
-        recognition = self._recogniser.recognise(contact)
-        if recognition.joined:
-            contact = join_pieces(contact)
+        contact, recognition = recognised(
+            self._recogniser, self._extractor.extract(frame, saturated=saturated, unmapped=unmapped))
         fused = self._fusion.update(stamp, recognition)
         touches = bool(contact.mask.any())
         fit = fit_shape(contact, fused.recognition.shape, self._pitch, self._response) if touches else None
