@@ -25,7 +25,7 @@ from tactile_node.report.status_record import StatusRecord
 from tactile_node.report.taxel_marks import Mark, marks_of, no_value_share
 from tactile_node.report.touch_finder import TouchFinder
 from tactile_node.report.touch_list import PICTURED
-from tactile_node.shape.recognition import Shape
+from tactile_node.shape.recognition import Recognition, Shape
 from tactile_node.skin.pads import make_pads
 
 SESSION = DATA / 'sim16x16_two_pads.log.gz'
@@ -238,6 +238,24 @@ def test_a_row_that_never_comes_joins_no_touches():
 def test_a_time_without_frames_ends_one():
     assert len(touches_of([pressed(4)] * 5 + [None] * 40 + [pressed(4)] * 5).touches()) == 2
     assert len(touches_of([pressed(4)] * 5 + [None] * 10 + [pressed(4)] * 5).touches()) == 1
+
+
+class Joining:
+    """Recognises a square of all pieces."""
+
+    def recognise(self, contact):
+        return Recognition.certain(Shape.SQUARE)._replace(joined=True)
+
+
+def test_force_over_time_is_that_of_the_whole_contact():
+    """A square of 8 x 8 that a silent column tears into 8 x 5 and 8 x 2 taxels of 50 kPa and 16 mm²."""
+    values, status = pressed(8)
+    values[:, 10] = 0
+    finder = TouchFinder(Joining(), 0.004, 'Pa')
+    finder.feed(TaxelFrame(BEGIN, 0, values, status, 0))
+    finder.end()
+    assert finder.samples[0].force == pytest.approx(56 * 50e3 * 16e-6)
+    assert finder.found.touches()[0].force == pytest.approx(56 * 50e3 * 16e-6)
 
 
 def test_a_contact_too_small_for_a_touch_is_only_counted():

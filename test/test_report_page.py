@@ -6,7 +6,7 @@ from threading import Event
 
 import numpy as np
 import pytest
-from test_report import BEGIN, NAME_UPLOAD, logged, report_of, session
+from test_report import BEGIN, NAME_UPLOAD, SESSION, logged, report_of, session
 from test_topic_bag import TAXELS, bag, store, taxel_array, unchunked
 
 from tactile_node.cli.main import main
@@ -19,7 +19,8 @@ from tactile_node.report.findings import Finding, findings
 from tactile_node.report.markup import ABSENT
 from tactile_node.report.model import Kind
 from tactile_node.report.page import page_of
-from tactile_node.shape.recognition import Shape
+from tactile_node.report.touch_section import TAUGHT
+from tactile_node.shape.recognition import Recognition, Shape, TaughtShape
 
 VOID = {'meta', 'br', 'path', 'rect', 'polygon', 'polyline'}
 NAN = float('nan')
@@ -144,6 +145,25 @@ def test_a_bag_cut_short_is_reported_up_to_there(tmp_path):
     (tmp_path / 'x.mcap').write_bytes(b'\x89MCAP0\r\n')
     with pytest.raises(LogError):
         reported(tmp_path / 'x.mcap')
+
+
+class Plug:
+    """Recognises a shape that was taught, in every contact."""
+
+    def recognise(self, contact):
+        return Recognition.certain(TaughtShape('my_plug') if contact.mask.any() else Shape.NONE)
+
+
+def test_shapes_that_were_taught_are_named_and_drawn(tmp_path):
+    path = tmp_path / 'session.log'
+    path.write_text('\n'.join(session()) + '\n')
+    page = page_of(report_of(path, node_ids=(32,), recogniser=Plug()))
+    assert '<b>1. my plug</b>' in page and f'<path stroke="{TAUGHT}"' in page and '</i>my plug<' in page
+
+
+def test_a_model_that_is_missing_is_an_error(tmp_path, capsys):
+    assert main(['report', str(SESSION), '-o', str(tmp_path / 'x.html'), '--model', 'no_such.npz']) == 2
+    assert 'no_such.npz' in capsys.readouterr().err and not (tmp_path / 'x.html').exists()
 
 
 def test_the_command_writes_a_whole_page_or_none(tmp_path, capsys):

@@ -82,6 +82,16 @@ def unchunked(path, messages, topic='/left/taxels'):
     return size
 
 
+def test_messages_of_a_bag_are_placed_by_the_clock_of_the_frames(tmp_path):
+    """Frames have the stamps of a log that is replayed, 100 s before their recording; a shape comes first and last."""
+    shape = b'\0\1\0\0'
+    topics = [('/left/taxels', TAXELS), ('/left/note', 'std_msgs/msg/Empty')]
+    messages = [('/left/note', shape + b'\0'), *arrays(2), ('/left/note', shape + b'\0')]
+    reader = TopicBagReader(bag(tmp_path / 'bag', messages, topics=topics))
+    stamps = [message.stamp - EPOCH for message in reader.messages((TAXELS, 'std_msgs/msg/Empty'))]
+    assert stamps == pytest.approx([-0.75, 0.25, 1.25, 2.25], abs=1e-3)
+
+
 def arrays(count, **changed):
     return [('/left/taxels', taxel_array(store(), sequence, **changed)) for sequence in range(count)]
 

@@ -13,12 +13,16 @@ from viewed import NAN, HandSource, contact, state
 from tactile_node.frames.health import BusFault, BusHealth, Failure, NodeFault, NodeHealth
 from tactile_node.frames.losses import BusStatistics, LossReason, PadStatistics
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.library.contacts import Recogniser
 from tactile_node.view.colours import PALETTE, FullScale, levels
 from tactile_node.view.facts import facts_of
 from tactile_node.view.force_chart import force_chart
 from tactile_node.view.health_table import health_table
-from tactile_node.view.heat_map import heat_map
-from tactile_node.view.page_parts import PageFacts, Scales, pads_html, status_html
+from tactile_node.view.heat_map import heat_map, words
+from tactile_node.view.pads_3d import Pads3d
+from tactile_node.view.page_parts import PageFacts, Scales, clock_difference, pads_html, status_html
+from tactile_node.view.recognising import PadRecogniser
+from tactile_node.view.states import BusFacts
 from tactile_node.view.store import MOST_POINTS, Store
 from tactile_node.view.terminal_view import show_in_terminal
 from tactile_node.view.timeline import Timeline
@@ -108,6 +112,27 @@ def test_names_from_topics_are_text_and_not_html():
     assert '<b>' not in shown and '<img src=x' not in shown
 
 
+def test_a_failure_of_the_bus_is_text_and_not_html():
+    """A log's or an adapter's words are in it."""
+    assert '<img' not in health_table(BusFacts('<img src=x onerror=alert(1)>', 0.1, {}, ()))
+
+
+def test_a_force_of_saturated_taxels_is_a_lower_bound():
+    values, status = np.zeros((16, 16)), np.full((16, 16), TaxelStatus.VALID, np.uint8)
+    values[4:11, 4:11], status[4:11, 4:11] = 50e3, TaxelStatus.SATURATED
+    pad = PadRecogniser('left', 0.004, 'Pa', Recogniser())
+    seen = [pad.state(TaxelFrame(k / 50, k, values, status, 0), 0.0) for k in range(3)][-1].contact
+    assert seen.force_is_bound and seen.size_is_bound and f'≥ {49 * 50e3 * 0.004 ** 2:.2f} N' in words(seen)
+
+
+def test_a_skin_of_whole_pascals_that_reads_0_and_1_is_shown():
+    """Its unit is known from the layout: nothing is guessed from the numbers."""
+    values = np.zeros((16, 16))
+    values[3, 3] = 1.0
+    frame = TaxelFrame(0.0, 0, values, np.full((16, 16), TaxelStatus.VALID, np.uint8), 0)
+    assert PadRecogniser('left', 0.004, 'Pa', Recogniser()).state(frame, 0.0).contact.shape == 'none'
+
+
 def test_the_scale_follows_the_largest_reading_and_forgets_it():
     scale = FullScale('Pa')
     assert scale.update(np.array([1e3, NAN]), 0.0) == 50e3   # not less than a pressed taxel reads
@@ -147,6 +172,44 @@ def test_an_age_that_is_not_known_is_not_live():
 def test_a_recording_is_never_called_live():
     shown = status_html(LIVE._replace(position=(1.0, 9.0)), [drawn(0.0)], 0, 1)
     assert 'RECORDING' in shown and '>LIVE' not in shown
+
+
+def test_stamps_of_another_time_are_said_to_be_a_replay():
+    """A replay publishes the stamps of its log, just now."""
+    behind = clock_difference([drawn(0.1, stamp=1000.0)], 8200.1)
+    assert behind == pytest.approx(7200)
+    assert '7200 s before the time of this computer' in status_html(LIVE._replace(behind=behind), [drawn(0.1)], 0, 1)
+    assert 'of this computer' not in status_html(LIVE._replace(behind=0.1), [drawn(0.1)], 0, 1)
+    assert np.isnan(clock_difference([drawn(9.0, stamp=1000.0)], 8200.1))
+
+
+def test_a_status_that_is_no_longer_sent_is_called_old():
+    """The driver has died: its last words were that all is well."""
+    well = BusFacts('', 0.1, {}, ())
+    assert 'OLD: nothing newer for 12 s' in health_table(well, 12.0) and 'OLD' not in health_table(well, 1.1)
+    store = Store(['left'])
+    store.put_bus(well, 12.0)
+    assert time.monotonic() - store.shown().bus_acquired == pytest.approx(12, abs=1)
+
+
+def test_the_age_of_a_status_in_a_recording_is_that_at_its_time():
+    timeline, well = Timeline(), BusFacts('', 0.1, {}, ())
+    for stamp in (1.0, 9.0):
+        timeline.add('left', frame(stamp), 0.004, 'Pa')
+    timeline.add_facts(2.0, well)
+    assert timeline.facts(1.5) == (None, 0.0) and timeline.facts(8.5) == (well, 6.5)
+    timeline.close()
+
+
+def test_a_driver_that_starts_again_with_another_layout_gets_another_sketch_and_scale():
+    client, scales = MagicMock(), Scales()
+    scene = Pads3d(client)
+    for side in (4, 4, 6):
+        scene.show(0, state(values=np.full((side, side), 50e3)), 100e3, False)
+    sizes = [len(call.args[4]) for call in client.scene.add_batched_meshes_simple.call_args_list]
+    assert sizes == [16, 36]
+    assert scales.drawn('left', state(), 0.1).full_scale == 50e3
+    assert scales.drawn('left', state(values=np.full((4, 4), 0.5), unit='1'), 0.1).full_scale == 1
 
 
 # --- health
@@ -209,6 +272,17 @@ def test_a_terminal_shows_shape_and_size(monkeypatch):
     source.store.put(state())
     shown = shown_on(Terminal(), source)
     assert 'square 97 %' in shown and 'side 8.0 mm' in shown and '\x1b[48;5;' in shown
+
+
+def test_a_name_is_no_command_to_the_terminal(monkeypatch):
+    """Of a bag from elsewhere: ESC c clears the terminal."""
+    monkeypatch.setenv('COLUMNS', '100')
+    for stream in (Terminal(), io.StringIO()):
+        source = HandSource(['left\x1bc'])
+        source.store.put(state(pad='left\x1bc', contact=contact(shape='plug\x1bc')))
+        source.title = 'bag\x1bc'
+        shown = shown_on(stream, source, 1.2 if not stream.isatty() else 0.3)
+        assert 'left' in shown and '\x1bc' not in shown
 
 
 def test_a_narrow_terminal_gets_one_line(monkeypatch):

@@ -7,7 +7,7 @@ import pytest
 from viewed import HandSource
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.view.gate import Gate, check_token, is_loopback
+from tactile_node.view.gate import Gate, Request, Rules, check_token, is_loopback
 from tactile_node.view.server import ViewServer
 
 pytest.importorskip('viser')
@@ -75,6 +75,30 @@ def test_the_token_moves_from_the_address_into_a_cookie(guarded):
     assert ask(guarded.port, more=f'Cookie: {cookie}\r\n{UPGRADE}')[0] == 101
 
 
+def test_a_cookie_of_another_program_of_the_host_does_not_lock_out(guarded):
+    cookie = ask(guarded.port, f'/?token={TOKEN}')[1].split(b'Set-Cookie: ')[1].split(b';')[0].decode()
+    assert ask(guarded.port, more=f'Cookie: settings={{"a": [1, "b"]}}; {cookie}\r\n')[0] == 200
+
+
+def test_every_loopback_address_is_this_machine():
+    rules = Rules('', 8080)
+    assert rules.answer(Request('GET', '/', {'host': '127.0.0.2:8080'})) is None
+    assert rules.answer(Request('GET', '/', {'host': '[::1]:8080'})) is None
+    for host in ('', '192.168.1.2', '127.0.0.1.evil.example', '[', 'localhost.evil.example:8080'):
+        assert rules.answer(Request('GET', '/', {'host': host})).status == 403
+
+
+def test_web_pages_do_not_find_the_server_behind_the_gate(open_server):
+    """viser looks at no Origin: a page of another site may try all ports, of 127.0.0.1 and localhost."""
+    with pytest.raises(OSError):
+        socket.create_connection(('127.0.0.1', open_server._viser.get_port()), 5).close()
+
+
+@pytest.mark.parametrize('target, more', [('//[', ''), ('/', f'{UPGRADE}Origin: http://[\r\n')])
+def test_an_address_that_is_none_is_answered(open_server, target, more):
+    assert ask(open_server.port, target, more=more)[0] == 400
+
+
 def test_a_second_request_on_one_connection_is_looked_at_too(guarded):
     """The first has the token, the one behind it has not: its bytes never reach the server of the page."""
     cookie = ask(guarded.port, f'/?token={TOKEN}')[1].split(b'Set-Cookie: ')[1].split(b';')[0].decode()
@@ -112,7 +136,7 @@ def test_other_addresses_need_a_token(host):
 
 def test_a_port_that_is_taken_is_reported(open_server):
     with pytest.raises(ConfigurationError):
-        Gate('127.0.0.1', open_server.port, 1)
+        Gate('127.0.0.1', open_server.port, ('127.0.0.1', 1))
 
 
 def test_without_a_browser_the_source_is_off(open_server):

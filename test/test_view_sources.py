@@ -4,13 +4,13 @@ import time
 
 import numpy as np
 import pytest
-from test_topic_bag import bag, store, taxel_array
+from test_topic_bag import TAXELS, bag, store, taxel_array
 from viewed import NAN
 
 from tactile_node.bus.bus_network import open_bus
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.cli.main import main
-from tactile_node.errors import BusError
+from tactile_node.errors import BusError, ConfigurationError
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.skin.pads import make_pads, with_dictionaries
 from tactile_node.view.bag_recording import BagRecording
@@ -124,6 +124,33 @@ def test_a_gap_in_a_bag_is_not_shown_as_if_the_pad_were_read(tmp_path):
     source.close()
 
 
+def test_a_recording_that_cannot_be_read_to_its_end_says_so_and_ends(tmp_path):
+    bag(tmp_path / 'bag', [('/left/taxels', taxel_array(store(), 1))])
+    recording = BagRecording(str(tmp_path / 'bag'))
+
+    def full(timeline, is_stopping):
+        raise OSError('No space left on device')
+    recording.read = full
+    source = RecordingSource(recording)
+    source.start()
+    until(lambda: source.is_complete)
+    assert 'No space left' in source.store.shown().problem
+    source.close()
+
+
+def test_pads_of_a_bag_can_be_chosen(tmp_path):
+    topics = [(f'/{pad}/taxels', TAXELS) for pad in ('left', 'right')]
+    bag(tmp_path / 'bag', [(topic, taxel_array(store(), 1)) for topic, _ in topics], topics=topics)
+    assert BagRecording(str(tmp_path / 'bag')).pads == ('left', 'right')
+    source = RecordingSource(BagRecording(str(tmp_path / 'bag'), ['right']))
+    source.start()
+    until(lambda: source.store.shown().pads['right'] is not None)
+    assert source.store.pads == ('right',) and source.store.shown().problem == ''
+    source.close()
+    with pytest.raises(ConfigurationError):
+        BagRecording(str(tmp_path / 'bag'), ['rihgt'])
+
+
 def test_the_command_shows_a_bag_on_a_pipe(tmp_path, capsys):
     bag(tmp_path / 'bag', [('/left/taxels', taxel_array(store(), time)) for time in (1, 2)])
     assert main(['view', str(tmp_path / 'bag'), '--terminal']) == 0
@@ -132,7 +159,8 @@ def test_the_command_shows_a_bag_on_a_pipe(tmp_path, capsys):
 
 @pytest.mark.parametrize('arguments, where', [
     (['--host', '0.0.0.0', '--interface', 'virtual'], '--host 0.0.0.0'), (['no_such.log'], 'no_such.log'),
-    (['x.log', '--interface', 'virtual'], 'tactile view'), (['--full-scale', '0'], '--full-scale'),
+    (['x.log', '--interface', 'virtual'], 'tactile view'),
+    (['--model', 'taught.npz'], '--model'), (['--full-scale', '0'], '--full-scale'),
     (['--interface', 'no_such_interface'], 'no_such_interface')])
 def test_what_cannot_be_shown_is_an_error(arguments, where, capsys):
     assert main(['view', '--port', '0', *arguments]) == 2

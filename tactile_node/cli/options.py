@@ -1,10 +1,15 @@
 """Options that several sub-commands share; their types raise ConfigurationError for what they cannot read."""
 
 import argparse
+from typing import TYPE_CHECKING
 
 from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE
 from tactile_node.cia301.node_id import MAX_NODE_ID
 from tactile_node.errors import ConfigurationError
+from tactile_node.shape.method_names import LEARNED
+
+if TYPE_CHECKING:
+    from tactile_node.library.contacts import Recogniser
 
 DEFAULT_LAYOUT = 'sim16x16.yaml'
 DEFAULT_NODE_ID = 32
@@ -89,6 +94,16 @@ def add_node_id_option(parser: argparse.ArgumentParser) -> None:
 def add_any_device_option(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--any-device', action='store_true', help='play also where the SDO answers in the log show '
                         'another device, or another mapping of its TPDOs: taxels may be in wrong places')
+
+
+def add_model_option(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument('--model', default='', metavar='FILE', help='weights of the recogniser, such as one of '
+                        '`tactile teach` (default: those of the package)')
+
+
+def recogniser_of(args: argparse.Namespace) -> 'Recogniser':
+    from tactile_node.library.contacts import Recogniser  # scipy: only where it is needed
+    return Recogniser(LEARNED, args.model)
 
 
 def add_skin_options(parser: argparse.ArgumentParser) -> None:

@@ -9,12 +9,14 @@ from tqdm import tqdm
 
 from tactile_node.cli.options import (
     add_any_device_option,
+    add_model_option,
     add_skin_options,
     bit_rate,
     eds_of,
     layouts_of,
     names,
     node_ids_of,
+    recogniser_of,
 )
 from tactile_node.interruption import interruption
 from tactile_node.output_file import check_writable, output_file
@@ -43,6 +45,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--bitrate', type=bit_rate, help='of the bus [bit/s], which no log has: the load is then given '
                         'as a share of it')
     add_any_device_option(parser)
+    add_model_option(parser)
     parser.epilog = ('Layouts, node-IDs, names, EDS and channel are those of CAN frames; taxel arrays of a bag carry '
                      'what is needed. Prints the path of the page and how many problems stand out. The exit code is 0 '
                      'where a page was written, whatever is on it.')
@@ -67,10 +70,11 @@ def _total(log: str) -> int | None:
 
 def _reporter(args: argparse.Namespace, on_message: Callable[[], object]) -> BagReporter | LogReporter:
     if holds_taxels(args.log):
-        return BagReporter(args.log, channel=args.channel, bit_rate=args.bitrate, on_message=on_message)
+        return BagReporter(args.log, channel=args.channel, bit_rate=args.bitrate, recogniser=recogniser_of(args),
+                           on_message=on_message)
     pads = make_pads(layouts_of(args), node_ids_of(args), args.pads)
     return LogReporter(args.log, pads, channel=args.channel, eds=eds_of(args), any_device=args.any_device,
-                       bit_rate=args.bitrate, on_can_frame=on_message)
+                       bit_rate=args.bitrate, recogniser=recogniser_of(args), on_can_frame=on_message)
 
 
 def _files(log: str) -> list[str]:

@@ -14,11 +14,13 @@ from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFA
 from tactile_node.cli.options import (
     add_any_device_option,
     add_bus_options,
+    add_model_option,
     add_skin_options,
     eds_of,
     layouts_of,
     names,
     node_ids_of,
+    recogniser_of,
 )
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption
@@ -40,6 +42,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
                         'are found, else pad<node-ID>)')
     add_skin_options(parser)
     add_any_device_option(parser)
+    add_model_option(parser)
     parser.add_argument('--namespace', default='', help='of the topics')
     parser.add_argument('--terminal', action='store_true', help='pictures on the terminal in place of the page')
     parser.add_argument('--full-scale', type=full_scale, metavar='READING', help='reading of the brightest colour, in '
@@ -93,7 +96,10 @@ def source_of(args: argparse.Namespace) -> Source:
         from tactile_node.view.bus_source import BusSource
         pads = with_dictionaries(make_pads(layouts_of(args), node_ids_of(args), args.pads or ()), eds_of(args))
         return BusSource(BusSettings(args.interface or DEFAULT_INTERFACE, args.channel or DEFAULT_CHANNEL,
-                                     args.bitrate or DEFAULT_BITRATE), pads)
+                                     args.bitrate or DEFAULT_BITRATE), pads, recogniser_of(args))
+    if args.model:
+        raise ConfigurationError('--model', expected='a bus or a recording', got='topics', remedy='What is shown of '
+                                 'topics, the classifier node recognises: give it the parameter model.')
     from tactile_node.nodes.view_topics import TopicSource  # rclpy: only where it is needed
     return TopicSource(args.pads or (), args.namespace)
 
@@ -102,10 +108,11 @@ def _recording_source(args: argparse.Namespace) -> Source:
     from tactile_node.view.recording_source import RecordingSource
     if holds_taxels(args.recording):
         from tactile_node.view.bag_recording import BagRecording
-        return RecordingSource(BagRecording(args.recording))
+        return RecordingSource(BagRecording(args.recording, args.pads or ()), recogniser_of(args))
     from tactile_node.view.log_recording import LogRecording
     pads = make_pads(layouts_of(args), node_ids_of(args), args.pads or ())
-    return RecordingSource(LogRecording(args.recording, pads, args.channel or '', args.any_device))
+    return RecordingSource(LogRecording(args.recording, pads, args.channel or '', args.any_device),
+                           recogniser_of(args))
 
 
 def _serve(args: argparse.Namespace, source: Source, token: str, stop_requested: Event) -> None:

@@ -20,6 +20,7 @@ from tactile_node.library.arguments import (
 from tactile_node.pose import fit
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.shape.methods import DEFAULT, make_recogniser
+from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.recognition import Recognition, ShapeClass
 
 
@@ -92,6 +93,12 @@ class Recogniser:
         or too small. Where hidden taxels could change the answer, its confidence stays below 0.9.
         """
         return self._method.recognise(_contact(contact))
+
+
+def recognised(recogniser: Recogniser, contact: ContactPattern) -> tuple[ContactPattern, Recognition]:
+    """Return the recognition of ``contact``, and the contact that it is of: with the pieces that are torn off it."""
+    found = recogniser.recognise(contact)
+    return (join_pieces(contact) if found.joined else contact), found
 
 
 def fit_shape(contact: ContactPattern, shape: ShapeClass, pitch: float = 1.0,

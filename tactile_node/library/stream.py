@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from tactile_node.calibration.response import SkinResponse
@@ -11,10 +12,9 @@ from tactile_node.contact.press import PressThresholds
 from tactile_node.errors import InputError
 from tactile_node.fusion.recognitions import FusedRecognition, FusionSettings, RecognitionFusion
 from tactile_node.library.arguments import check_values, given_thresholds, instance, known_response, known_unit, seconds
-from tactile_node.library.contacts import Recogniser, fit_shape
+from tactile_node.library.contacts import Recogniser, fit_shape, recognised
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.pitch import check_pitch
-from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.recognition import Recognition
 
 
@@ -25,6 +25,29 @@ class StreamedContact(NamedTuple):
     recognition: Recognition  #: of this frame alone
     fused: FusedRecognition   #: of all frames since the contact began
     fit: ShapeFit | None      #: of the fused shape; None while nothing with an outline touches
+
+
+class ContactFollower:
+    """Frame -> contact -> recognition -> fused shape -> fit, without checks: of a pad whose unit and size are known.
+
+    ``response``: frames have already passed its curve.
+    """
+
+    def __init__(self, recogniser: Recogniser, extractor: PatternExtractor, pitch: float,
+                 fusion: FusionSettings | None = None, response: SkinResponse | None = None):
+        self._recogniser, self._extractor = recogniser, extractor
+        self._pitch, self._response = pitch, response
+        self._fusion = RecognitionFusion() if fusion is None else RecognitionFusion(fusion)
+
+    def follow(self, frame: np.ndarray, stamp: float, *, saturated: ArrayLike | None = None,
+               unmapped: ArrayLike | None = None) -> StreamedContact:
+        """Take ``frame``, (rows, cols), of time ``stamp`` [s]."""
+        contact, recognition = recognised(
+            self._recogniser, self._extractor.extract(frame, saturated=saturated, unmapped=unmapped))
+        fused = self._fusion.update(stamp, recognition)
+        touches = bool(contact.mask.any())
+        fit = fit_shape(contact, fused.recognition.shape, self._pitch, self._response) if touches else None
+        return StreamedContact(contact, recognition, fused, fit)
 
 
 class ContactStream:
@@ -51,15 +74,15 @@ class ContactStream:
         check_pitch(pitch)
         recogniser = Recogniser() if recogniser is None else recogniser
         fusion = FusionSettings() if fusion is None else fusion
-        self._recogniser = instance(recogniser, Recogniser, 'recogniser', 'Pass Recogniser(method), or None.')
-        self._pitch = pitch
         self._response = known_response(response, unit if thresholds is None else None)
         self._unit = unit if thresholds is None else None
         if thresholds is None:
-            self._extractor = PatternExtractor(unit=unit if unit is None else known_unit(unit))
+            extractor = PatternExtractor(unit=unit if unit is None else known_unit(unit))
         else:
-            self._extractor = PatternExtractor(given_thresholds(thresholds))
-        self._fusion = RecognitionFusion(instance(fusion, FusionSettings, 'fusion', 'Pass FusionSettings(), or None.'))
+            extractor = PatternExtractor(given_thresholds(thresholds))
+        self._follower = ContactFollower(
+            instance(recogniser, Recogniser, 'recogniser', 'Pass Recogniser(method), or None.'), extractor, pitch,
+            instance(fusion, FusionSettings, 'fusion', 'Pass FusionSettings(), or None.'), self._response)
         self._shape: tuple[int, ...] | None = None
 
     def update(self, values: ArrayLike, stamp: float, *, saturated: ArrayLike | None = None,
@@ -77,14 +100,7 @@ class ContactStream:
         self._check_shape(frame.shape)
         if self._response is not None and frame.dtype != bool:
             frame = self._response.curve(frame.astype(float))
-        contact = self._extractor.extract(frame, saturated=saturated, unmapped=unmapped)
-        recognition = self._recogniser.recognise(contact)
-        if recognition.joined:
-            contact = join_pieces(contact)
-        fused = self._fusion.update(stamp, recognition)
-        touches = bool(contact.mask.any())
-        fit = fit_shape(contact, fused.recognition.shape, self._pitch, self._response) if touches else None
-        return StreamedContact(contact, recognition, fused, fit)
+        return self._follower.follow(frame, stamp, saturated=saturated, unmapped=unmapped)
 
     def _check_shape(self, shape: tuple[int, ...]) -> None:
         if self._shape is None:

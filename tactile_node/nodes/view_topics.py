@@ -6,6 +6,7 @@ import time
 from collections import OrderedDict
 from collections.abc import Sequence
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import rclpy
@@ -29,7 +30,9 @@ from tactile_skin.msg import Contact, ContactShape, SkinStatus, TaxelArray
 RATE = 20.0         #: at which a pad's newest shape is shown [1/s]
 WAITING = 16        #: messages of a pad that wait for their shape
 WITHOUT_SHAPE = 0.5  #: from which on taxels are shown without one [s]
-DISCOVERY = 3.0     #: for topics of pads [s]
+DISCOVERY = 5.0     #: for topics of pads [s]
+LOOK = 0.25         #: between two looks for them [s]
+LOOKS = 3           #: with the same topics, until no more are expected: two drivers are not found at once
 DEPTH = 5           #: messages
 NAME = 'tactile_view'
 TYPE = 'tactile_skin/msg/TaxelArray'
@@ -97,23 +100,25 @@ class TopicSource:
 
 def _topics(node: Node, kind: str, timeout: float) -> list[str]:
     """Names of the topics of a type, as soon as there are any and no more come."""
-    found: list[str] = []
-    for _ in range(round(timeout / 0.25)):
-        now = [topic for topic, kinds in node.get_topic_names_and_types() if kind in kinds]
-        if now and now == found:
+    looks: list[list[str]] = []
+    for _ in range(round(timeout / LOOK)):
+        looks.append([topic for topic, kinds in node.get_topic_names_and_types() if kind in kinds])
+        if looks[-1] and looks[-LOOKS:] == LOOKS * [looks[-1]]:
             break
-        found = now
-        time.sleep(0.25)
-    return found
+        time.sleep(LOOK)
+    return looks[-1]
 
 
 class _PadTopics:
-    """Joins what comes of one pad by its sequence: a shape is shown on the taxels that it was recognised from."""
+    """Joins what comes of one pad: a shape is shown on the taxels that it was recognised from.
+
+    By sequence and stamp: the sequence alone begins again with each start of the driver.
+    """
 
     def __init__(self, node: Node, pad: str, root: str, store: Store):
         self._pad, self._store = pad, store
-        self._taxels: OrderedDict[int, tuple[TaxelArray, float]] = OrderedDict()
-        self._contacts: OrderedDict[int, Contact] = OrderedDict()
+        self._taxels: OrderedDict[_Key, tuple[TaxelArray, float]] = OrderedDict()
+        self._contacts: OrderedDict[_Key, Contact] = OrderedDict()
         self._shape_came, self._shown = -math.inf, -math.inf
         qos = frames_qos(DEPTH)
         self._subscription = GuardedSubscription(node, TaxelArray, f'{root}/taxels', self._on_taxels, qos,
@@ -127,22 +132,34 @@ class _PadTopics:
         age = self._subscription.arrival.age(now)
         _keep(self._taxels, message, (message, now - age))
         if now - self._shape_came > WITHOUT_SHAPE:
-            self._show(message.sequence, None, now)
+            self._show(_key(message), None, now)
 
     def _on_shape(self, message: ContactShape) -> None:
-        self._shape_came = now = time.monotonic()
-        self._show(message.sequence, message, now)
+        now = time.monotonic()
+        if _key(message) in self._taxels:  # one whose taxels are no longer here must not hold back those that come
+            self._shape_came = now
+            self._show(_key(message), message, now)
 
-    def _show(self, sequence: int, shape: ContactShape | None, now: float) -> None:
-        if sequence not in self._taxels or now - self._shown < 1 / RATE:
+    def _show(self, key: '_Key', shape: ContactShape | None, now: float) -> None:
+        if now - self._shown < 1 / RATE:
             return
         self._shown = now
-        taxels, acquired = self._taxels[sequence]
-        self._store.put(_state(self._pad, taxels, acquired, shape, self._contacts.get(sequence)))
+        taxels, acquired = self._taxels[key]
+        self._store.put(_state(self._pad, taxels, acquired, shape, self._contacts.get(key)))
+
+
+class _Key(NamedTuple):
+    sequence: int
+    sec: int
+    nanosec: int
+
+
+def _key(message) -> _Key:
+    return _Key(message.sequence, message.header.stamp.sec, message.header.stamp.nanosec)
 
 
 def _keep(waiting: OrderedDict, message, value=None) -> None:
-    waiting[message.sequence] = message if value is None else value
+    waiting[_key(message)] = message if value is None else value
     if len(waiting) > WAITING:
         waiting.popitem(last=False)
 
@@ -163,4 +180,4 @@ def _seen(shape: ContactShape, mask: np.ndarray | None) -> SeenContact:
     outline = np.array([(point.x, point.y) for point in shape.outline.points]) if shape.fit_valid else None
     return SeenContact(shape.class_name, reason, dict(zip(shape.class_names, map(float, shape.probabilities))), outline,
                        tuple(zip(shape.dimension_names, map(float, shape.dimensions))) if shape.fit_valid else (),
-                       bool(shape.size_is_bound), float(shape.force), mask)
+                       bool(shape.size_is_bound), float(shape.force), mask, bool(shape.force_is_bound))

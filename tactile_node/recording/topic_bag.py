@@ -15,7 +15,7 @@ from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.package_files import package_file
 from tactile_node.recording.bag_log import TYPE as CAN_TYPE
 from tactile_node.recording.bag_records import Recorded, decompressed, is_bag, library, records_of, topics_of
-from tactile_node.recording.taxel_message import PadGeometry, fault_of, frame_of, geometry_of
+from tactile_node.recording.taxel_message import PadGeometry, fault_of, frame_of, geometry_of, seconds
 
 PACKAGE = 'tactile_skin'
 TAXELS, SHAPE, STATUS = (f'{PACKAGE}/msg/{name}' for name in ('TaxelArray', 'ContactShape', 'SkinStatus'))
@@ -50,6 +50,8 @@ class BagMessage(NamedTuple):
     topic: str
     type: str
     recorded: float  #: [s, Unix epoch]
+    #: the same by the clock of the taxel frames' stamps: a replay has those of its log, another computer its own
+    stamp: float
     content: Any
 
 
@@ -76,6 +78,7 @@ class TopicBagReader:
         self.unread: Counter[Unread] = Counter()
         self.problem = ''
         self._types = _Types(path)
+        self._behind: float | None = None  # stamp of the last taxel array less its time of recording [s]
         if TAXELS not in self.topics.values():
             got = ', '.join(f'{topic} ({kind})' for topic, kind in sorted(self.topics.items())) or (
                 'no topic that can be read')
@@ -95,6 +98,7 @@ class TopicBagReader:
 
     def messages(self, types: Collection[str] = TYPES, since: float = 0.0) -> Iterator[BagMessage]:
         """Give the messages of ``types``, some of TYPES; a TaxelArray only where its fields fit together."""
+        self._behind = None
         self.unread, self.problem = Counter(), ''
         begin = int(since * SECOND)
         try:
@@ -113,7 +117,17 @@ class TopicBagReader:
         if recorded.type == TAXELS and (fault := fault_of(content)):
             self._leave_out(Unread.INCONSISTENT, f'{recorded.topic}: {fault}')
             return
-        yield BagMessage(recorded.topic, recorded.type, recorded.time / SECOND, content)
+        at = recorded.time / SECOND
+        if recorded.type == TAXELS:
+            self._behind = seconds(content.header.stamp) - at
+        elif self._behind is None:
+            self._behind = self._first_behind()
+        yield BagMessage(recorded.topic, recorded.type, at, at + self._behind, content)
+
+    def _first_behind(self) -> float:
+        """Of what comes before the first taxel array; 0 where none follows."""
+        first = next((TopicBagReader(self.path).frames()), None)
+        return 0.0 if first is None else first.frame.stamp - first.recorded
 
     def _leave_out(self, reason: Unread, problem: str) -> None:
         self.unread[reason] += 1

@@ -29,10 +29,10 @@ class BagReporter:
     """Reads a bag with taxel arrays. ``channel`` (a topic), ``bit_rate`` [bit/s]: of its CAN frames."""
 
     def __init__(self, path: str, *, channel: str = '', bit_rate: int | None = None,
-                 on_message: Callable[[], object] = lambda: None):
+                 recogniser: Recogniser | None = None, on_message: Callable[[], object] = lambda: None):
         self._path, self._channel, self._bit_rate, self._on_message = path, channel, bit_rate, on_message
         self._reader = TopicBagReader(path)
-        self._recogniser = Recogniser()
+        self._recogniser = recogniser or Recogniser()
         self._pads: dict[str, PadRecord] = {}
         self._status = StatusRecord()
         self._begin = float('inf')
@@ -62,9 +62,9 @@ class BagReporter:
         if message.type == TAXELS:
             self._taxels(message)
         elif message.type == STATUS:
-            self._status.feed_status(message.recorded, message.content)
+            self._status.feed_status(message.stamp, message.content)
         elif STATUS not in self._reader.topics.values():
-            self._status.feed_diagnostics(message.recorded, message.content)
+            self._status.feed_diagnostics(message.stamp, message.content)
 
     def _taxels(self, message: BagMessage) -> None:
         name, frame = pad_of(message.topic), frame_of(message.content)

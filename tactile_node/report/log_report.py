@@ -32,11 +32,11 @@ class LogReporter:
     """
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], *, channel: str = '', eds: Sequence[str] = ('',),
-                 any_device: bool = False, bit_rate: int | None = None,
+                 any_device: bool = False, bit_rate: int | None = None, recogniser: Recogniser | None = None,
                  on_can_frame: Callable[[], object] = lambda: None):
         self._path, self._pads, self._any_device = path, pads, any_device
         self._on_can_frame = on_can_frame
-        recogniser = Recogniser()
+        recogniser = recogniser or Recogniser()
         self._records = {pad.name: PadRecord(pad.name, pad.layout.rows, pad.layout.cols, pad.layout.pitch,
                                              pad.layout.value.unit, recogniser) for pad in pads}
         self._contradictions: dict[str, Contradiction] = {}

@@ -16,11 +16,10 @@ from tactile_node.contact.seen import SMALLEST_CONTACT
 from tactile_node.contact.visibility import visibility_of
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.fusion.recognitions import RecognitionFusion
-from tactile_node.library.contacts import Recogniser, fit_shape
+from tactile_node.library.contacts import Recogniser, fit_shape, recognised
 from tactile_node.pose.moments import contact_moments
 from tactile_node.report.touch import Picture, Sample, Touch
 from tactile_node.report.touch_list import TouchList
-from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.recognition import Shape, ShapeClass, UnknownReason
 
 PERIOD = 0.1     #: s between two recognitions of one touch: they cost as much as the rest of a report
@@ -106,8 +105,7 @@ class _OpenTouch:
         assert self._pattern is not None
         shape = _most_frequent([sample.shape for sample in self.samples])
         confidence = float(np.median([sample.confidence for sample in self.samples if sample.shape == shape]))
-        recognition = self._recogniser.recognise(self._pattern)
-        pattern = join_pieces(self._pattern) if recognition.joined else self._pattern
+        pattern, _ = recognised(self._recogniser, self._pattern)
         fit = fit_shape(pattern, shape, self._pitch)
         moments = contact_moments(pattern.values, pattern.mask, self._pitch, self._unit, visibility_of(pattern),
                                   pattern.noise)
@@ -120,7 +118,7 @@ class _OpenTouch:
             picture=Picture(self._stamp, pattern.values, pattern.saturated, fit))
 
     def _recognise(self, stamp: float, pattern: ContactPattern) -> None:
-        recognition = self._recogniser.recognise(pattern)
+        pattern, recognition = recognised(self._recogniser, pattern)
         fused = self._fusion.update(stamp, recognition).recognition
         moments = contact_moments(pattern.values, pattern.mask, self._pitch, self._unit)
         if fused.shape is Shape.UNKNOWN:

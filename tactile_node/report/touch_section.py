@@ -12,11 +12,13 @@ from tactile_node.report.svg import colour_bar, grid, heat_cells, outline
 from tactile_node.report.touch import Touch
 from tactile_node.report.touch_finder import PERIOD
 from tactile_node.report.touch_list import MOST, PICTURED
-from tactile_node.shape.recognition import Shape
+from tactile_node.shape.recognition import Shape, ShapeClass
 
 #: Okabe and Ito: can be told apart with every kind of colour vision
-COLOURS = {Shape.CIRCLE: '#0072b2', Shape.SQUARE: '#d55e00', Shape.RECTANGLE: '#009e73',
-           Shape.RIGHT_TRIANGLE: '#cc79a7', Shape.ISOSCELES_TRIANGLE: '#e69f00', Shape.UNKNOWN: '#777777'}
+COLOURS: dict[ShapeClass, str] = {
+    Shape.CIRCLE: '#0072b2', Shape.SQUARE: '#d55e00', Shape.RECTANGLE: '#009e73',
+    Shape.RIGHT_TRIANGLE: '#cc79a7', Shape.ISOSCELES_TRIANGLE: '#e69f00', Shape.UNKNOWN: '#777777'}
+TAUGHT = '#56b4e9'  #: shapes that `tactile teach` has added, all of them
 FORCE = '#444444'
 
 
@@ -96,9 +98,10 @@ def _chart(pad: PadFacts, begin: float, end: float) -> Html:
     force = np.array([sample.force for sample in pad.samples])
     shapes = np.array([sample.shape.value for sample in pad.samples])
     keep = thinned(confidence, keep_highest=False)
-    dots = [Points(colour, stamps[chosen], confidence[chosen]) for shape, colour in COLOURS.items()
+    colours = {shape: COLOURS.get(shape, TAUGHT) for shape in (*COLOURS, *dict.fromkeys(s.shape for s in pad.samples))}
+    dots = [Points(colour, stamps[chosen], confidence[chosen]) for shape, colour in colours.items()
             if len(chosen := keep[shapes[keep] == shape.value])]
-    legend = legend_of((colour, shape.value.replace('_', ' ')) for shape, colour in COLOURS.items()
+    legend = legend_of((colour, shape.value.replace('_', ' ')) for shape, colour in colours.items()
                        if (shapes == shape.value).any())
     charts = [Html('<h4>Confidence by shape</h4>'), legend, Html(chart([], dots, end=end - begin, top=1.0, unit=''))]
     known = np.flatnonzero(np.isfinite(force))

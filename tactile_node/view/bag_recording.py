@@ -1,7 +1,8 @@
 """A bag of our topics as a recording: the taxels as published, recognised again here."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
+from tactile_node.errors import ConfigurationError
 from tactile_node.recording.taxel_message import frame_of, geometry_of
 from tactile_node.recording.topic_bag import STATUS, TAXELS, TopicBagReader, pad_of
 from tactile_node.view.facts import facts_of_status
@@ -9,12 +10,15 @@ from tactile_node.view.timeline import Timeline
 
 
 class BagRecording:
-    """A `Recording`. Raises LogError for a bag without our taxel arrays."""
+    """A `Recording` of ``pads``, or of all. Raises LogError for a bag without our taxel arrays, ConfigurationError."""
 
-    def __init__(self, path: str):
+    def __init__(self, path: str, pads: Sequence[str] = ()):
         self._reader = TopicBagReader(path)
         self.title = path
-        self.pads = self._reader.pads
+        if missing := [pad for pad in pads if pad not in self._reader.pads]:
+            raise ConfigurationError('--pads', expected=f'some of {", ".join(self._reader.pads)}, as in the bag',
+                                     got=', '.join(missing), remedy='Leave it out for all of them.')
+        self.pads = tuple(pads) or self._reader.pads
 
     def check(self) -> None:
         """Nothing more: it has been opened."""
@@ -25,7 +29,9 @@ class BagRecording:
             if is_stopping():
                 return ''
             if message.type == STATUS:
-                timeline.add_facts(message.recorded, facts_of_status(message.content))
+                timeline.add_facts(message.stamp, facts_of_status(message.content))
+                continue
+            if pad_of(message.topic) not in self.pads:
                 continue
             geometry = geometry_of(message.content)
             others += not timeline.add(pad_of(message.topic), frame_of(message.content), geometry.pitch, geometry.unit)

@@ -47,11 +47,11 @@ class BusSource:
 
     player = None
 
-    def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...]):
+    def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], recogniser: Recogniser | None = None):
         self._settings, self._pads = settings, pads
         self.title = f'{settings.interface} {settings.channel}'
         self.store = Store([pad.name for pad in pads])
-        self._recogniser = Recogniser()
+        self._recogniser = recogniser or Recogniser()
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
 

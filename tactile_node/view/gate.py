@@ -16,7 +16,6 @@ import socket
 import threading
 from collections.abc import Callable, Coroutine
 from http import HTTPStatus
-from http.cookies import CookieError, SimpleCookie
 from typing import NamedTuple
 from urllib.parse import parse_qs, urlsplit
 
@@ -27,8 +26,6 @@ HEAD_TIMEOUT = 10.0    #: s
 CHUNK = 65_536         #: passed on at once [bytes]
 SEND_BUFFER = 131_072  #: of a connection to a browser [bytes]: what waits in it becomes old
 TOKEN = r'[A-Za-z0-9_-]{16,}'  #: what a cookie and an address can hold, and nobody guesses
-LOOPBACK_NAMES = 'localhost', '127.0.0.1', '::1'
-
 
 #: Called with the number of a page and of the update that it has taken
 OnTaken = Callable[[int, int], None]
@@ -104,7 +101,8 @@ def parsed(head: bytes) -> Request | None:
     names = [name.lower() for name, _, _ in pairs]
     if any(names.count(name) > 1 for name in ('host', 'origin', 'cookie', 'upgrade')):
         return None
-    return Request(first[0], first[1], {name.lower(): value.strip() for name, _, value in pairs})
+    request = Request(first[0], first[1], {name.lower(): value.strip() for name, _, value in pairs})
+    return request if _is_url(request.target) and _is_url(request.headers.get('origin', '')) else None
 
 
 class Rules:
@@ -123,7 +121,7 @@ class Rules:
         if request.is_websocket and origin is not None and urlsplit(origin).netloc != host:
             return Answer(HTTPStatus.FORBIDDEN)
         if not self._token:
-            return None if _hostname(host) in LOOPBACK_NAMES else Answer(HTTPStatus.FORBIDDEN)
+            return None if is_loopback(_hostname(host)) else Answer(HTTPStatus.FORBIDDEN)
         if given := parse_qs(urlsplit(request.target).query).get('token'):
             return self._entry() if self._is_right(given[0]) else Answer(HTTPStatus.FORBIDDEN)
         return None if self._is_right(self._of_cookie(request)) else Answer(HTTPStatus.FORBIDDEN)
@@ -134,23 +132,24 @@ class Rules:
         return Answer(HTTPStatus.SEE_OTHER, (('Location', '/'), ('Set-Cookie', cookie)))
 
     def _of_cookie(self, request: Request) -> str:
-        try:
-            found = SimpleCookie(request.headers.get('cookie', '')).get(self._cookie)
-        except CookieError:
-            return ''
-        return '' if found is None else found.value
+        """Others of this host come along, also such as http.cookies refuses: then it would give none of them."""
+        pairs = [pair.strip().partition('=') for pair in request.headers.get('cookie', '').split(';')]
+        return next((value for name, _, value in pairs if name == self._cookie), '')
 
     def _is_right(self, given: str) -> bool:
         return hmac.compare_digest(given.encode(), self._token.encode())
 
 
 class Gate:
-    """Listens on ``host`` and ``port`` (0: a free one) from `__init__` to `close`. Raises ConfigurationError."""
+    """Listens on ``host`` and ``port`` (0: a free one) from `__init__` to `close`, before the server at ``inner``.
 
-    def __init__(self, host: str, port: int, inner_port: int, token: str = '',
+    Raises ConfigurationError.
+    """
+
+    def __init__(self, host: str, port: int, inner: tuple[str, int], token: str = '',
                  on_taken: OnTaken = lambda page, update: None):
         check_token(host, token)
-        self._inner_port, self._on_taken = inner_port, on_taken
+        self._inner, self._on_taken = inner, on_taken
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name='view_gate', daemon=True)
         self._thread.start()
@@ -203,7 +202,7 @@ class Gate:
                        writer: asyncio.StreamWriter) -> None:
         """Only a WebSocket goes on both ways: a second request on the same connection has not been checked."""
         writer.get_extra_info('socket').setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
-        inner_reader, inner_writer = await asyncio.open_connection('127.0.0.1', self._inner_port, limit=CHUNK)
+        inner_reader, inner_writer = await asyncio.open_connection(*self._inner, limit=CHUNK)
         try:
             inner_writer.write(head)
             ways = [asyncio.create_task(_copy(inner_reader, writer))]
@@ -232,10 +231,18 @@ async def _closed(server: asyncio.Server) -> None:
     await asyncio.gather(*tasks, return_exceptions=True)
 
 
-def _hostname(host: str) -> str | None:
+def _hostname(host: str) -> str:
     try:
-        return urlsplit(f'//{host}').hostname
+        return urlsplit(f'//{host}').hostname or ''
     except ValueError:
-        return None
+        return ''
+
+
+def _is_url(text: str) -> bool:
+    try:
+        urlsplit(text)
+    except ValueError:
+        return False
+    return True
 
 

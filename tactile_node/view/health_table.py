@@ -6,14 +6,16 @@ from html import escape
 from tactile_node.view.states import BusFacts, NodeFacts, PadFacts
 
 MOST_TAXELS = 8  #: faulty taxels that are listed
+OLD_STATUS = 3.0  #: from which age on a status is marked as old; one comes each second [s]
 
 
-def health_table(facts: BusFacts | None) -> str:
-    """Return the table; it says so where nothing is known."""
+def health_table(facts: BusFacts | None, age: float = 0.0) -> str:
+    """Return the table; it says so where nothing is known, or where ``facts`` are old by their ``age`` [s]."""
     if facts is None:
         return '<div class="tactile-note">no status of a bus comes from this source</div>'
     load = 'not known (log)' if math.isnan(facts.load) else f'{facts.load:.0%}'
-    rows = [('bus', facts.failure or 'no failure', bool(facts.failure)), ('bus load', load, False)]
+    rows = [('status', f'OLD: nothing newer for {age:.0f} s', True)] if age > OLD_STATUS else []
+    rows += [('bus', escape(facts.failure or 'no failure'), bool(facts.failure)), ('bus load', load, False)]
     rows += [(_words(name), str(count), True) for name, count in facts.counts.items()]
     for pad in facts.pads:
         rows += _pad_rows(pad)

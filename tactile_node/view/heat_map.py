@@ -59,13 +59,13 @@ def _marks(state: PadState, unit: float) -> str:
     rows = len(state.values)
     hidden = np.isnan(state.values) & (state.status != TaxelStatus.UNMAPPED)
     squares, crosses = [], []
-    for row, col in np.argwhere(hidden):
+    for row, col in np.argwhere(hidden).tolist():
         x, y = col * unit, (rows - 1 - row) * unit
         squares.append(f'M{x:g} {y:g}h{unit:g}v{unit:g}h{-unit:g}z')
         crosses.append(f'M{x + .2 * unit:g} {y + .2 * unit:g}l{.6 * unit:g} {.6 * unit:g}m0 {-.6 * unit:g}'
                        f'l{-.6 * unit:g} {.6 * unit:g}')
     bounds = ''.join(f'<circle cx="{(col + .5) * unit:g}" cy="{(rows - row - .5) * unit:g}" r="{.25 * unit:g}"/>'
-                     for row, col in np.argwhere(state.status == TaxelStatus.SATURATED))
+                     for row, col in np.argwhere(state.status == TaxelStatus.SATURATED).tolist())
     return (f'<path class="no-value" d="{"".join(squares)}" fill="{WITHOUT_VALUE}"/>'
             f'<path d="{"".join(crosses)}" stroke="#2b2f36" stroke-width="{.1 * unit:g}" fill="none"/>'
             f'<g fill="none" stroke="#17a34a" stroke-width="{.1 * unit:g}">{bounds}</g>')
@@ -122,14 +122,14 @@ def words(contact: SeenContact | None) -> str:
     if contact is None:
         return 'not recognised: no shape comes with these taxels'
     if contact.shape == 'unknown':
-        return f'unknown ({contact.reason.replace("_", " ")}){_force(contact.force)}'
+        return f'unknown ({contact.reason.replace("_", " ")}){_force(contact)}'
     if contact.shape == 'none':
         return 'nothing touches'
     bound = '≥ ' if contact.size_is_bound else ''
     lengths = ''.join(f', {name.replace("_", " ")} {bound}{1e3 * length:.1f} mm' for name, length in contact.dimensions)
     return f'{contact.shape.replace("_", " ")} {contact.confidence:.0%}'.replace('%', ' %') + lengths \
-        + _force(contact.force)
+        + _force(contact)
 
 
-def _force(force: float) -> str:
-    return '' if np.isnan(force) else f', {force:.2f} N'
+def _force(contact: SeenContact) -> str:
+    return '' if np.isnan(contact.force) else f', {"≥ " if contact.force_is_bound else ""}{contact.force:.2f} N'

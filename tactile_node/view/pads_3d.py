@@ -30,6 +30,7 @@ class Pads3d:
 
     def __init__(self, client: 'ClientHandle'):
         self._client = client
+        self._sizes: dict[str, tuple[tuple[int, ...], float]] = {}
         self._columns: dict[str, BatchedMeshHandle] = {}
         self._outlines: dict[str, LineSegmentsHandle] = {}
 
@@ -42,7 +43,7 @@ class Pads3d:
 
     def show(self, number: int, state: PadState, full_scale: float, is_old: bool) -> None:
         """Show pad ``number``; an old state is flat and pale: no load is known."""
-        if state.pad not in self._columns:
+        if self._sizes.get(state.pad) != (state.values.shape, state.pitch):  # a driver may start with another layout
             self._add(number, state)
         values, pitch = state.values.ravel(), SCALE * state.pitch
         heights = np.nan_to_num(np.clip(values / full_scale, 0, 1)) * TALLEST + FLAT
@@ -69,6 +70,7 @@ class Pads3d:
         return np.stack((corners, np.roll(corners, -1, axis=0)), axis=1)
 
     def _add(self, number: int, state: PadState) -> None:
+        self._sizes[state.pad] = state.values.shape, state.pitch
         rows, cols = state.values.shape
         pitch = SCALE * state.pitch
         pair, is_upper = divmod(number, 2)

@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING
 from tactile_node.view.force_chart import force_chart
 from tactile_node.view.health_table import health_table
 from tactile_node.view.pads_3d import Pads3d
-from tactile_node.view.page_parts import LEGEND, STYLE, DrawnPad, PageFacts, Scales, pads_html, status_html
+from tactile_node.view.page_parts import (
+    LEGEND,
+    STYLE,
+    DrawnPad,
+    PageFacts,
+    Scales,
+    clock_difference,
+    pads_html,
+    status_html,
+)
 from tactile_node.view.planes import Planes
 from tactile_node.view.player_controls import PlayerControls
 from tactile_node.view.source import Source
@@ -117,26 +126,28 @@ class Page:
             self._slow_due = now + SLOW_PERIOD
             self._update_slow(shown, drawn)
         self._pads.content = pads_html(drawn, self._number)
-        self._status.content = status_html(self._facts(shown, now), drawn, self._client.client_id, self._number)
+        self._status.content = status_html(self._facts(shown, drawn, now), drawn, self._client.client_id, self._number)
         self._client.flush()
         return min((pad.age for pad in drawn), default=math.inf)
 
-    def _facts(self, shown: Shown, now: float) -> PageFacts:
+    def _facts(self, shown: Shown, drawn: list[DrawnPad], now: float) -> PageFacts:
         while self._taken and now - self._taken[0][0] > MEASURED:
             self._taken.popleft()
         player = self._source.player
         ages = [age for _, age in self._taken if math.isfinite(age)]
+        behind = math.nan if player is not None else clock_difference(drawn, time.time())
         return PageFacts(
             title=self._source.title, position=None if player is None else (player.position, player.length),
             is_playing=player is not None and player.is_playing, problem=shown.problem,
-            rate=len(self._taken) / MEASURED, delay=sum(ages) / len(ages) if ages and player is None else math.nan)
+            rate=len(self._taken) / MEASURED, delay=sum(ages) / len(ages) if ages and player is None else math.nan,
+            behind=behind)
 
     def _update_slow(self, shown: Shown, drawn: list[DrawnPad]) -> None:
         forces = {name: self._source.store.forces(name) for name in shown.pads}
         ends = [pad.state.stamp + pad.age for pad in drawn if pad.state is not None and math.isfinite(pad.age)]
         if ends:
             self._force.content = force_chart(forces, max(ends))
-        self._health.content = health_table(shown.bus)
+        self._health.content = health_table(shown.bus, time.monotonic() - shown.bus_acquired)
         if self._controls is not None:
             self._controls.update()
         self._planes_html.content = self._planes_picture(drawn) if self._planes_wanted.value else ''

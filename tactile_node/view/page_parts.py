@@ -13,6 +13,7 @@ from tactile_node.view.states import PadState
 
 OLD = 0.5          #: age from which on data are marked as old [s]
 PAGE_SILENT = 2.0  #: for which a page may get nothing before it says so [s]
+CLOCKS_APART = 5.0  #: from which on stamps and this computer are said to be of two clocks [s]
 BARS = 4           #: most probable classes that are shown
 
 #: The last rules run in the browser alone: each update replaces the element, which begins the wait again. So the page
@@ -64,12 +65,12 @@ class Scales:
 
     def __init__(self, fixed: float | None = None):
         self._fixed = fixed
-        self._scales: dict[str, FullScale] = {}
+        self._scales: dict[tuple[str, str], FullScale] = {}  # by name and unit: a driver may start with another layout
 
     def drawn(self, name: str, state: PadState | None, age: float) -> DrawnPad:
         if state is None:
             return DrawnPad(name, None, math.inf, 1.0)
-        scale = self._scales.setdefault(name, FullScale(state.unit, self._fixed))
+        scale = self._scales.setdefault((name, state.unit), FullScale(state.unit, self._fixed))
         return DrawnPad(name, state, age, scale.update(state.values, state.stamp))
 
 
@@ -124,6 +125,21 @@ class PageFacts(NamedTuple):
     problem: str
     rate: float       #: updates that this browser has taken [1/s]
     delay: float      #: age of the newest data when the browser had them [s]; NaN: not measured yet
+    behind: float = math.nan  #: by how much the stamps are behind the clock of this computer [s]; NaN: not known
+
+
+def clock_difference(pads: list[DrawnPad], wall: float) -> float:
+    """Return by how much the stamps are behind ``wall``, the clock of this computer [s]; NaN: all is old."""
+    return max((wall - pad.age - pad.state.stamp for pad in pads if pad.state is not None and not pad.is_old),
+               key=abs, default=math.nan)
+
+
+def _other_clock(behind: float) -> str:
+    """What comes now may have been recorded long ago: a replay publishes the stamps of its log."""
+    if not abs(behind) > CLOCKS_APART:
+        return ''
+    return (f'; by its stamps {abs(behind):.0f} s {"before" if behind > 0 else "after"} the time of this computer: a '
+            'replay, or the clocks differ')
 
 
 def status_html(facts: PageFacts, pads: list[DrawnPad], page: int, number: int) -> str:
@@ -137,7 +153,7 @@ def status_html(facts: PageFacts, pads: list[DrawnPad], page: int, number: int) 
         word, text = '<b class="old">NOT LIVE</b>', silence(min(ages, default=math.inf))
     else:
         word = '<b class="live">LIVE</b>'
-        text = f'newest data {1e3 * min(ages):.0f} ms old'
+        text = f'newest data {1e3 * min(ages):.0f} ms old' + _other_clock(facts.behind)
     delay = '' if math.isnan(facts.delay) else f', shown after {1e3 * facts.delay:.0f} ms'
     problem = f'<div class="tactile-problem">{escape(facts.problem)}</div>' if facts.problem else ''
     return (f'<div class="tactile-status" data-update="{number}" data-rate="{facts.rate:.1f}" '

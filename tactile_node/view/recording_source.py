@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
+from tactile_node.errors import TactileError
 from tactile_node.library.contacts import Recogniser
 from tactile_node.view.recognising import PadRecogniser
 from tactile_node.view.states import PadState
@@ -32,12 +33,12 @@ class Recording(Protocol):
 class RecordingSource:
     """A `Source` and its own `Player`. It is read once, from the first `start` on; what is read can be seen."""
 
-    def __init__(self, recording: Recording):
+    def __init__(self, recording: Recording, recogniser: Recogniser | None = None):
         self._recording = recording
         self.title = recording.title
         self.store = Store(recording.pads)
         self._timeline = Timeline()
-        self._recogniser = Recogniser()
+        self._recogniser = recogniser or Recogniser()
         self._recognisers: dict[str, PadRecogniser] = {}
         self._shown: dict[str, Moment] = {}
         self._lock = threading.Lock()  # of position and is_playing
@@ -117,7 +118,7 @@ class RecordingSource:
             elif before is None or index != before.number:
                 self._shown[pad] = found = self._timeline.moment(pad, index)
                 self.store.put(self._recognised(pad, found, before))
-        self.store.put_bus(self._timeline.facts(now))
+        self.store.put_bus(*self._timeline.facts(now))
 
     def _recognised(self, pad: str, found: Moment, before: Moment | None) -> PadState:
         if pad not in self._recognisers:
@@ -127,7 +128,10 @@ class RecordingSource:
         return self._recognisers[pad].state(found.frame, time.monotonic())
 
     def _read(self) -> None:
-        problem = self._recording.read(self._timeline, self._closing.is_set)
+        try:
+            problem = self._recording.read(self._timeline, self._closing.is_set)
+        except (TactileError, OSError) as error:  # the file has gone, the disk of the timeline is full
+            problem = f'not read to its end: {error}'
         self.store.put_problem(problem)
         self._is_complete = True
 

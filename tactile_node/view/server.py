@@ -1,6 +1,8 @@
 """The page's server: viser on loopback behind our gate, a page for each browser, the source on while there is one."""
 
 import io
+import secrets
+import socket
 import threading
 import time
 from contextlib import redirect_stdout
@@ -30,11 +32,12 @@ class ViewServer:
         self._is_closing = False
         self.is_source_on = False
         with redirect_stdout(io.StringIO()):  # it prints the address behind the gate
-            self._viser = viser.ViserServer(host=LOOPBACK, port=0, verbose=False)
+            inner_host = _inner_host()
+            self._viser = viser.ViserServer(host=inner_host, port=0, verbose=False)
         # A browser may ask for a tunnel through a server in the internet.
         self._viser.request_share_url = _not_shared  # type: ignore[method-assign]
         try:
-            self._gate = Gate(host, port, self._viser.get_port(), token, self._taken)
+            self._gate = Gate(host, port, (inner_host, self._viser.get_port()), token, self._taken)
         except BaseException:
             self._stop_viser()
             raise
@@ -107,6 +110,17 @@ class ViewServer:
     def _stop_viser(self) -> None:
         with redirect_stdout(io.StringIO()):
             self._viser.stop()
+
+
+def _inner_host() -> str:
+    """A random address of 127.0.0.0/8: viser checks neither Host nor Origin, and web pages can try all ports of one."""
+    host = '127.' + '.'.join(str(1 + secrets.randbelow(254)) for _ in range(3))
+    with socket.socket() as probe:
+        try:
+            probe.bind((host, 0))
+        except OSError:  # not Linux: 127.0.0.1 alone
+            return LOOPBACK
+    return host
 
 
 def _not_shared(verbose: bool = True) -> None:

@@ -17,6 +17,7 @@ class SeenContact(NamedTuple):
     size_is_bound: bool                   #: it may be larger
     force: float                          #: [N], NaN: not known
     mask: np.ndarray | None               #: bool (rows, cols), its taxels; None: not known
+    force_is_bound: bool = False          #: it may be more: taxels are saturated or hidden
 
     @property
     def confidence(self) -> float:

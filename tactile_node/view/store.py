@@ -1,6 +1,7 @@
 """The newest state of each pad: what is not looked at in time is replaced, never queued."""
 
 import threading
+import time
 from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -19,6 +20,7 @@ class Shown(NamedTuple):
     version: int                     #: grows with every change
     pads: dict[str, PadState | None]  #: None: nothing has come from it
     bus: BusFacts | None
+    bus_acquired: float              #: when these facts were true, by the steady clock [s]
     problem: str                     #: why the source gives nothing, '' while it does
 
 
@@ -31,6 +33,7 @@ class Store:
         self._pads: dict[str, PadState | None] = dict.fromkeys(pads)
         self._forces: dict[str, deque[tuple[float, float]]] = {pad: deque(maxlen=MOST_POINTS) for pad in pads}
         self._bus: BusFacts | None = None
+        self._bus_acquired = 0.0
         self._problem = ''
         self._is_closed = False
 
@@ -48,9 +51,10 @@ class Store:
             forces.append((state.stamp, float('nan') if state.contact is None else state.contact.force))
             self._notify()
 
-    def put_bus(self, facts: BusFacts | None) -> None:
+    def put_bus(self, facts: BusFacts | None, age: float = 0.0) -> None:
+        """``age``: of the facts now [s]."""
         with self._changed:
-            self._bus = facts
+            self._bus, self._bus_acquired = facts, time.monotonic() - age
             self._notify()
 
     def put_problem(self, problem: str) -> None:
@@ -83,7 +87,7 @@ class Store:
 
     def shown(self) -> Shown:
         with self._changed:
-            return Shown(self._version, dict(self._pads), self._bus, self._problem)
+            return Shown(self._version, dict(self._pads), self._bus, self._bus_acquired, self._problem)
 
     def wait(self, version: int, timeout: float) -> None:
         """Return when there is something newer than ``version``, or after ``timeout`` [s]."""

@@ -49,25 +49,30 @@ def drawn_now(source: Source, shown: Shown, scales: Scales) -> list[DrawnPad]:
 
 def line_of(drawn: list[DrawnPad], footer: str) -> str:
     """Return all pads in one line of text."""
-    return '; '.join((*(f'{pad.name}: {_said(pad)}' for pad in drawn), footer))
+    return '; '.join((*(f'{_printable(pad.name)}: {_said(pad)}' for pad in drawn), footer))
 
 
 def _view(pad: DrawnPad) -> PadView:
     """Row 0 at the bottom, as on the page; of what is old nothing is drawn."""
     if pad.state is None:
-        return PadView(pad.name, np.full((1, 1), np.nan), _said(pad))
+        return PadView(_printable(pad.name), np.full((1, 1), np.nan), _said(pad))
     values = np.full_like(pad.state.values, np.nan) if pad.is_old else pad.state.values / pad.full_scale
-    return PadView(pad.name, values[::-1], _said(pad).replace(', ', '\n'))
+    return PadView(_printable(pad.name), values[::-1], _said(pad).replace(', ', '\n'))
 
 
 def _said(pad: DrawnPad) -> str:
     if pad.state is None:
         return 'no data has come'
-    return silence(pad.age) if pad.is_old else words(pad.state.contact)
+    return silence(pad.age) if pad.is_old else _printable(words(pad.state.contact))
 
 
 def _footer(source: Source, shown: Shown) -> str:
     player = source.player
     so_far = '' if player is None or player.is_complete else ' read so far'
     at = '' if player is None else f' {player.position:.1f} of {player.length:.1f} s{so_far}'
-    return f'{source.title}{at}' + (f'; {shown.problem}' if shown.problem else '')
+    return _printable(f'{source.title}{at}' + (f'; {shown.problem}' if shown.problem else ''))
+
+
+def _printable(text: str) -> str:
+    """Names come from topics and bags: an escape in them would be a command to the terminal."""
+    return ''.join(each if each.isprintable() else '\N{REPLACEMENT CHARACTER}' for each in text)

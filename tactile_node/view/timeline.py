@@ -73,7 +73,7 @@ class Timeline:
 
     def add_facts(self, stamp: float, facts: BusFacts) -> None:
         self._facts.append(facts)
-        self._fact_times.append(stamp)
+        self._fact_times.append(max(stamp, self._fact_times[-1]) if self._fact_times else stamp)
 
     def index(self, pad: str, time: float) -> int:
         """Return which frame of ``pad`` is the newest at ``time``, -1: none."""
@@ -85,10 +85,10 @@ class Timeline:
         track = self._tracks[pad]
         return Moment(index, track.frame(index), track.pitch, track.unit)
 
-    def facts(self, time: float) -> BusFacts | None:
-        """Return the newest facts at ``time``; with the last frame, also those that came after it."""
+    def facts(self, time: float) -> tuple[BusFacts | None, float]:
+        """Return the newest facts at ``time`` and their age [s]; with the last frame, also those that came after it."""
         index = len(self._facts) - 1 if time >= self.end else bisect_right(self._fact_times, time) - 1
-        return self._facts[index] if index >= 0 else None
+        return (self._facts[index], max(time - self._fact_times[index], 0.0)) if index >= 0 else (None, 0.0)
 
     def close(self) -> None:
         for track in self._tracks.values():
