@@ -1,4 +1,4 @@
-"""Whoever types a command of the documents finds that it works: each is run, or says what it needs."""
+"""A command that is typed from the documents works: each is run, or says what it needs."""
 
 import glob
 import gzip

@@ -1,4 +1,4 @@
-"""config/skin_layout.schema.json says what the reader says: an editor that goes by it misleads nobody.
+"""config/skin_layout.schema.json says what the reader says: an editor that goes by it does not mislead.
 
 Every shipped layout is broken in one place after the other. The schema may refuse nothing that the reader accepts; what
 the reader refuses by the keys alone, the schema refuses too.

@@ -1,4 +1,4 @@
-"""What shapes that users teach are told apart from: contacts of the five and foreign ones, as patches in one file.
+"""What shapes that users teach are distinguished from: contacts of the five and foreign ones, as patches in one file.
 
 python -m training.background --output config/teach_background.npz
 

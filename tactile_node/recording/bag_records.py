@@ -50,7 +50,7 @@ def topics_of(path: str | Path) -> dict[str, str]:
 
 
 def decompressed(data: bytes) -> bytes:
-    """``ros2 bag record --compression-mode message`` compresses each message by itself."""
+    """``ros2 bag record --compression-mode message`` compresses each message alone."""
     if not data.startswith(ZSTANDARD):
         return data
     return import_module('zstandard').ZstdDecompressor().decompressobj().decompress(data)

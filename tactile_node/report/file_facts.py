@@ -1,4 +1,4 @@
-"""Which file, which layout, which software: so that a ticket's page can be told from any other."""
+"""Which file, which layout, which software: so that a ticket's page can be distinguished from any other."""
 
 import hashlib
 import platform

@@ -10,7 +10,7 @@ PICTURED = 24   #: a page of 2 pads stays below 1 MB
 
 
 class TouchList:
-    """Whoever adds looks at ``is_full`` first and counts what is ``left_out``: the outline of a touch costs time."""
+    """To add, look at ``is_full`` first and count what is ``left_out``: the outline of a touch costs time."""
 
     def __init__(self) -> None:
         self._touches: list[Touch] = []

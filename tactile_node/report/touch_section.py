@@ -14,7 +14,7 @@ from tactile_node.report.touch_finder import PERIOD
 from tactile_node.report.touch_list import MOST, PICTURED
 from tactile_node.shape.recognition import Shape, ShapeClass
 
-#: Okabe and Ito: can be told apart with every kind of colour vision
+#: Okabe and Ito: distinct with every kind of colour vision
 COLOURS: dict[ShapeClass, str] = {
     Shape.CIRCLE: '#0072b2', Shape.SQUARE: '#d55e00', Shape.RECTANGLE: '#009e73',
     Shape.RIGHT_TRIANGLE: '#cc79a7', Shape.ISOSCELES_TRIANGLE: '#e69f00', Shape.UNKNOWN: '#777777'}

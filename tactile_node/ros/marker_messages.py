@@ -1,4 +1,4 @@
-"""A contact and its shape as markers, which RViz and Foxglove draw by themselves.
+"""A contact and its shape as markers, which RViz and Foxglove draw without a plugin.
 
 Each message has the same markers, each alone in its namespace, id 0: added, or deleted where nothing of its kind holds.
 So no viewer keeps what an earlier message drew, whatever it has missed. All are in the frame of the pad, and of one

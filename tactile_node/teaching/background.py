@@ -1,4 +1,4 @@
-"""What taught shapes are told apart from: patches of the five shapes and of foreign contacts.
+"""What taught shapes are distinguished from: patches of the five shapes and of foreign contacts.
 
 The file is written by training/background.py, from what the networks were trained on.
 """

@@ -43,7 +43,7 @@ class NewestFrames:
 
 
 class BusSource:
-    """A `Source`: opens the bus at `start` and closes it at `stop`, so that nobody's bus is busy for nothing."""
+    """A `Source`: opens the bus at `start` and closes it at `stop`, so that no bus is busy for nothing."""
 
     player = None
 

@@ -1,4 +1,4 @@
-"""Force over time (SVG), broken where there is none: a line across a gap would show what nobody measured."""
+"""Force over time (SVG), broken where there is none: a line across a gap would show what was not measured."""
 
 from collections.abc import Mapping
 

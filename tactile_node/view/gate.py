@@ -1,4 +1,4 @@
-"""Who may look: stands before the page's server, which refuses nobody, and passes on what may pass.
+"""Who may look: stands before the page's server, which refuses no one, and passes on what may pass.
 
 It also takes the browsers' receipts: an update of a page holds an empty picture of the address TAKEN, for which a
 browser asks when it has put the update on its page.
@@ -25,7 +25,7 @@ LARGEST_HEAD = 16_384  #: of a request [bytes]
 HEAD_TIMEOUT = 10.0    #: s
 CHUNK = 65_536         #: passed on at once [bytes]
 SEND_BUFFER = 131_072  #: of a connection to a browser [bytes]: what waits in it becomes old
-TOKEN = r'[A-Za-z0-9_-]{16,}'  #: what a cookie and an address can hold, and nobody guesses
+TOKEN = r'[A-Za-z0-9_-]{16,}'  #: what a cookie and an address can hold, and no one guesses
 
 #: Called with the number of a page and of the update that it has taken
 OnTaken = Callable[[int, int], None]

@@ -48,7 +48,7 @@ class Source(Protocol):
         """Somebody looks; `check` has passed. What fails now is shown as the store's problem."""
 
     def stop(self) -> None:
-        """Nobody looks: compute nothing."""
+        """No one looks: compute nothing."""
 
     def close(self) -> None:
         """Release everything; allowed in any state."""

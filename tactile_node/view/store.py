@@ -80,7 +80,7 @@ class Store:
             self._notify()
 
     def close(self) -> None:
-        """Let nobody wait any longer."""
+        """Let no one wait any longer."""
         with self._changed:
             self._is_closed = True
             self._notify()
