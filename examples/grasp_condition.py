@@ -5,8 +5,8 @@
     root = py_trees.composites.Sequence('lift', memory=False, children=[
         IsGraspStable('is it held', watch, shapes=('square',), min_confidence=0.8), Lift()])
 
-The condition fails as soon as the latest grasp is too old, also when a node has ended or hangs: it never succeeds by an old
-message. Tick the tree in a timer of the same node, or in the thread that spins it.
+The condition fails as soon as the latest grasp is too old, also when a node has ended or hangs: it never
+succeeds by an old message. Tick the tree in a timer of the same node, or in the thread that spins it.
 """
 
 import time
