@@ -17,7 +17,7 @@ from rclpy.qos import QoSProfile
 
 from tactile_node.ros.message_age import Arrival, InputAge
 from tactile_node.ros.message_checks import check_grasp
-from tactile_skin.msg import Grasp
+from tactile_skin.msg import ContactShape, Grasp
 
 MAX_AGE = 0.3       # of an acquisition [s]
 MAX_SILENCE = 0.1   # since the latest grasp arrived [s]
@@ -47,7 +47,10 @@ class GraspWatch:
 
 
 class IsGraspStable(py_trees.behaviour.Behaviour):
-    """SUCCESS while both pads hold one of ``shapes`` (names; none: whatever is held) stably, else FAILURE."""
+    """SUCCESS while both pads hold one of ``shapes`` (names; none: whatever is held) stably, else FAILURE.
+
+    ``min_confidence`` is of a known shape: above 0, an unknown one fails, as in GraspRequirement.msg.
+    """
 
     def __init__(self, name: str, watch: GraspWatch, shapes: Collection[str] = (), min_confidence: float = 0.0):
         super().__init__(name)
@@ -68,4 +71,8 @@ class IsGraspStable(py_trees.behaviour.Behaviour):
             return 'not stable' if not grasp.stable else 'seen in part only'
         if self._shapes and not all(side.class_name in self._shapes for side in grasp.sides):
             return 'another shape'
-        return '' if all(side.confidence >= self._min_confidence for side in grasp.sides) else 'not sure'
+        if self._min_confidence and not all(side.shape not in (ContactShape.NOT_KNOWN, ContactShape.NONE,
+                                                               ContactShape.UNKNOWN)
+                                            and side.confidence >= self._min_confidence for side in grasp.sides):
+            return 'not sure'
+        return ''

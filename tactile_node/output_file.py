@@ -18,10 +18,7 @@ def output_file(path: str | Path, inputs: Iterable[str | Path] = ()) -> Iterator
     InputError where the file is one of them or cannot be written.
     """
     target = Path(os.path.realpath(path))
-    for each in inputs:
-        if target == Path(os.path.realpath(each)):
-            raise InputError(f'output {str(path)!r}', expected='another file than the input', got='the input',
-                             remedy='Give another path.')
+    _check_no_input(path, inputs)
     try:
         if _is_device(path):
             with open(path, 'wb') as device:
@@ -42,12 +39,19 @@ def output_file(path: str | Path, inputs: Iterable[str | Path] = ()) -> Iterator
                          got=error.strerror or str(error), remedy='Give another path, or make room.') from error
 
 
-def check_writable(path: str | Path) -> None:
-    """Raise InputError where ``path`` cannot be written: before long work, not after it."""
+def check_writable(path: str | Path, inputs: Iterable[str | Path] = ()) -> None:
+    """Raise InputError where ``path`` cannot be written or is one of ``inputs``: before long work, not after it."""
     target = Path(os.path.realpath(path))
+    _check_no_input(path, inputs)
     if not os.access(path if _is_device(path) else target.parent, os.W_OK) or target.is_dir():
         raise InputError(f'output {str(path)!r}', expected='a file that can be written',
                          got='a folder' if target.is_dir() else 'no folder that can be written',
+                         remedy='Give another path.')
+
+
+def _check_no_input(path: str | Path, inputs: Iterable[str | Path]) -> None:
+    if os.path.realpath(path) in map(os.path.realpath, inputs):
+        raise InputError(f'output {str(path)!r}', expected='another file than the input', got='the input',
                          remedy='Give another path.')
 
 

@@ -18,7 +18,7 @@ from tactile_node.ros.grasp_messages import grasp_message  # noqa: E402
 from tactile_node.ros.message_age import age_message  # noqa: E402
 from tactile_node.ros.message_checks import check_grasp  # noqa: E402
 from tactile_node.ros.time_messages import time_message  # noqa: E402
-from tactile_skin.msg import Grasp  # noqa: E402
+from tactile_skin.msg import ContactShape, Grasp  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
@@ -96,6 +96,19 @@ def test_what_is_not_held_or_not_seen_fails(world, states):
     world.publish(1.5)
     world.publish(states=states)
     assert world.tick() is Status.FAILURE
+
+
+@pytest.mark.parametrize('required, expected', [({}, Status.SUCCESS), ({'min_confidence': 0.5}, Status.FAILURE)])
+def test_a_shape_that_is_surely_unknown_is_not_sure(world, required, expected):
+    """A lump that no class fits has UNKNOWN with 1.0: who asks for a confidence asks for a shape."""
+    world.publish(1.5)
+    grasp = world.message(world._tracker.state(world.now))
+    for side in grasp.sides:
+        side.shape, side.class_name, side.unknown_reason = ContactShape.UNKNOWN, 'unknown', ContactShape.UNFAMILIAR
+        side.confidence, side.fit_valid = 1.0, False
+        side.class_names, side.probabilities = ['none', 'unknown'], [0.0, 1.0]
+    world.watch = SimpleNamespace(current=lambda: grasp)
+    assert world.tick(**required) is expected
 
 
 def test_a_malformed_message_neither_succeeds_nor_counts(world):

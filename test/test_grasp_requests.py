@@ -2,6 +2,7 @@
 
 import time
 from contextlib import ExitStack
+from functools import partial
 from math import nan
 
 import pytest
@@ -13,6 +14,7 @@ import test_grasp_node  # noqa: E402
 from action_msgs.msg import GoalStatus  # noqa: E402
 from builtin_interfaces.msg import Duration  # noqa: E402
 from rclpy.action import ActionClient  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
 from test_grasp_node import PERIOD, SIM_TIME, TIMEOUT, hidden_shape  # noqa: E402
 
 from tactile_node.errors import RefusedRequirementError, RequirementRefusal  # noqa: E402
@@ -21,6 +23,7 @@ from tactile_node.nodes.frame_executor import FrameExecutor  # noqa: E402
 from tactile_node.nodes.grasp_requests import MOST_GOALS, CurrentGrasp, GraspRequests  # noqa: E402
 from tactile_node.ros.message_age import age_seconds  # noqa: E402
 from tactile_node.ros.message_checks import check_grasp  # noqa: E402
+from tactile_node.ros.qos import frames_qos  # noqa: E402
 from tactile_node.ros.requirement_messages import requirement_of, timeout_of  # noqa: E402
 from tactile_node.ros.time_messages import duration_message  # noqa: E402
 from tactile_skin.action import WaitForGrasp  # noqa: E402
@@ -108,6 +111,18 @@ def test_goals_wait_beside_each_other_and_each_gets_its_answer(planner):
                                                               S.OTHER_SHAPE)
     answer = planner.check()  # `check` publishes no shapes; the last ones are still current
     assert answer.outcome in (CheckGrasp.Response.HELD, CheckGrasp.Response.NOT_HELD)
+
+
+def test_the_last_grasp_of_a_lossless_replay_that_has_ended_is_not_held(make_planner, monkeypatch):
+    """Its clock is that of the stamps, which then stand still."""
+    monkeypatch.setattr(test_grasp_node, 'frames_qos', partial(frames_qos, lossless=True))
+    planner = make_planner((('lossless', Parameter.Type.BOOL, True),))
+    planner.until(lambda: planner.gripper.grasps and planner.gripper.latest.stable, BOTH)
+    planner.gripper.spin(0.4)
+    answer = planner.check()
+    assert (answer.outcome, answer.state.missing) == (CheckGrasp.Response.NOT_HELD, S.UNSEEN)
+    handle, _ = planner.send(timeout=0.2)
+    assert planner.result(handle)[1].outcome == Result.TIMED_OUT
 
 
 @pytest.mark.parametrize('parameters', SIM_TIME, ids=['', 'sim time without a clock'])

@@ -9,6 +9,7 @@ import pytest
 from taught_cross import LOADS, PAD, cross, disc, examples, held, rng_of, third_of_background, write_taught_cross
 
 from tactile_node import Recogniser, find_contact, fit_shape
+from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.cli.main import main
 from tactile_node.cli.touch_sources import _guided
 from tactile_node.contact.pattern import PatternExtractor
@@ -208,6 +209,13 @@ def test_examples_that_do_not_fit_together_are_refused(arrays, name):
         examples_in(arrays | {f'graded_touch_{name}': arrays[f'graded_touch_{name}'][1:]}, 'graded', 1)
 
 
+def test_shapes_without_their_examples_are_not_lost_in_silence_when_more_are_taught(arrays):
+    kept = {name: array for name, array in arrays.items() if '_touch_' not in name}
+    with pytest.raises(ConfigurationError):
+        examples_in(kept, 'graded', 1)
+    assert [each.touches for each in examples_in(kept, 'on_off', 1)] == [0]
+
+
 def test_the_examples_of_a_file_are_those_that_were_taught(arrays):
     own, (kept,) = examples(0), examples_in(arrays, 'graded', 1)
     assert (kept.touch == own.touch).all() and (kept.is_recorded == own.is_recorded).all()
@@ -233,7 +241,29 @@ def test_the_command_refuses_what_is_not_good_enough_unless_forced(recordings, c
     assert '--name' in capsys.readouterr().err
 
 
-@pytest.mark.parametrize('name', ['circle', 'unknown', 'My plug', ''])
+def test_the_command_refuses_to_overwrite_an_input_before_any_touch_is_recorded(file, monkeypatch):
+    monkeypatch.setattr('tactile_node.cli.teach.live_touches', lambda *given: pytest.fail('touches were recorded'))
+    assert main(['teach', '--name', 'coin', '--model', str(file), '--output', str(file)]) == 2
+
+
+def test_live_the_recording_that_is_reported_is_the_one_that_was_written(tmp_path, monkeypatch):
+    """A log of an earlier session keeps its name: what is taught again must not be that one. Also after Ctrl-C."""
+    earlier, said = tmp_path / 'coin_touches.log', []
+    earlier.write_text('of another object')
+
+    def interrupted(*given):
+        raise KeyboardInterrupt
+    monkeypatch.setattr('tactile_node.cli.touch_sources._guided', interrupted)
+    monkeypatch.setattr('tactile_node.cli.touch_sources._say', said.append)
+    monkeypatch.setattr(SkinBus, 'configure', lambda bus: None)
+    monkeypatch.setattr(SkinBus, 'start', lambda bus: None)
+    assert main(['teach', '--name', 'coin', '--interface', 'virtual', '--channel', 'teach', '--output',
+                 str(tmp_path / 'own.npz')]) == 130
+    written, = (path for path in tmp_path.iterdir() if path != earlier)
+    assert earlier.read_text() == 'of another object' and any(str(written) in text for text in said)
+
+
+@pytest.mark.parametrize('name', ['circle', 'unknown', 'other', 'not_known', 'My plug', ''])
 def test_the_command_refuses_names_that_would_mislead(name, recordings, tmp_path):
     assert main(['teach', '--name', name, '--from', str(recordings / 'discs.npy'), '--output',
                  str(tmp_path / 'own.npz')]) == 2

@@ -5,6 +5,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Collection
 from math import inf
+from pathlib import Path
 
 import can
 
@@ -81,6 +82,11 @@ class SkinBus:
     def failure(self) -> Failure | None:
         """Why the bus no longer receives, None while it does. Only close() and open() recover it."""
         return self._failure
+
+    @property
+    def recorded_to(self) -> Path | None:
+        """The log that is being written; another one than was asked for where that existed. None without one."""
+        return None if self._record is None else self._record.path
 
     @property
     def syncs_sent(self) -> int:

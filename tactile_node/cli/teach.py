@@ -80,8 +80,9 @@ def run(args: argparse.Namespace) -> int:
                                  remedy=f'{TOUCHES} as a rule.')
     if args.picture:
         import_module('matplotlib')  # before the touches are recorded, not after it
+    inputs = [model, *sum(args.sources.values(), [])]
     for path in filter(None, (args.output, args.picture)):
-        check_writable(path)
+        check_writable(path, inputs)
     examples = {kind: examples_in(base, kind, len(before)) for kind in KINDS}
     for name in args.name:
         kind, found = _recorded(name, args)
@@ -97,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
               f'shapes {MOST_LOST:.1%}. The shape may be too like another one at this size, or the touches differ too '
               'much: record more, or a larger contact. --force writes it all the same.', file=sys.stderr)
         return REFUSED
-    with output_file(args.output, inputs=[model, *sum(args.sources.values(), [])]) as stream:
+    with output_file(args.output, inputs=inputs) as stream:
         write_taught(stream, base, names, {kind: result.head for kind, result in taught.items()}, examples)
     print(f'written to {args.output}. Give it to the classifier node (model:=) or to tactile classify (--model).')
     return 0
@@ -111,7 +112,6 @@ def _recorded(name: str, args: argparse.Namespace) -> tuple[str, Examples]:
     else:
         log = str(Path(args.output).with_name(f'{name}_touches.log'))
         touches = live_touches(name, args.touches, args, log)
-        print(f'The bus was recorded to {log}: --from {log} teaches from it again.', file=sys.stderr)
     print(f'{name}: {len(touches.touches)} touches{_unused(touches)}')
     if len(touches.touches) < LEAST_TOUCHES:
         raise InputError(f'touches of {name}', expected=f'{LEAST_TOUCHES} or more, {TOUCHES} as a rule',

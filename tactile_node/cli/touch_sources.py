@@ -70,6 +70,7 @@ def _in_log(path: str, args: argparse.Namespace) -> Touches:
 def live_touches(name: str, count: int, args: argparse.Namespace, record: str) -> Touches:
     """Guide the user through ``count`` touches of ``name`` on a live bus, which is recorded to the log ``record``.
 
+    Where that log exists, the recording is a file beside it; its path is reported, however the touches end.
     Raises KeyboardInterrupt where the user ends it, and what a bus and its devices raise.
     """
     pads = with_dictionaries(make_pads(layouts_of(args), node_ids_of(args)), eds_of(args))
@@ -87,7 +88,10 @@ def live_touches(name: str, count: int, args: argparse.Namespace, record: str) -
         bus.start()
         return _guided(name, count, pads[0].layout, frames, failures)
     finally:
+        recorded = bus.recorded_to
         bus.close()
+        if recorded is not None:
+            _say(f'The bus was recorded to {recorded}: --from {recorded} teaches from it again.')
 
 
 def _guided(name: str, count: int, layout: SkinLayout, frames: SimpleQueue, failures: list[Failure]) -> Touches:

@@ -114,9 +114,15 @@ class GraspNode(Node):
             self._requests.look(current)
 
     def _current(self) -> CurrentGrasp:
-        """What is known now, of what has been received."""
-        opening = self._opening.current(time.monotonic())
-        return self._described(self._tracker.state(self._now(), opening.gap), opening)
+        """What is known now, of what has been received.
+
+        The stamps of a lossless replay stand still when it has ended: then nothing is known any more.
+        """
+        steady = time.monotonic()
+        received = max((arrival.steady for arrival in self._arrivals.values()), default=-math.inf)
+        has_ended = self._settings.lossless and steady - received > self._settings.max_age
+        opening = self._opening.current(steady)
+        return self._described(self._tracker.state(math.inf if has_ended else self._now(), opening.gap), opening)
 
     def _described(self, state: GraspState, opening: Opening) -> CurrentGrasp:
         sides = [self._latest[side] for side in SIDES]

@@ -17,6 +17,8 @@ from tactile_node.shape.recognition import Shape, TaughtShape
 VERSION = 1      #: of the arrays below; embeddings of other code are other numbers
 MOST_TAUGHT = 16
 NAME = re.compile(r'[a-z][a-z0-9_]{0,31}')
+#: Those of shapes, and of the codes of ContactShape.msg that are no shape
+NOT_NAMES = frozenset(shape.value for shape in Shape) | {'other', 'not_known'}
 LIMIT = 5.0      #: standard numbers beyond are outliers
 PARTS = 'weights', 'biases', 'middle', 'spread', 'sizes'
 OWN = '_taught_', '_touch_'  #: in the names of arrays that are no part of the base
@@ -88,12 +90,12 @@ def read_taught(data: Mapping[str, np.ndarray],
 
 
 def is_name(name: str) -> bool:
-    """Return whether ``name`` may be that of a taught shape: lower case, and not that of a Shape.
+    """Return whether ``name`` may be that of a taught shape: lower case, and none that has another meaning.
 
-    >>> is_name('my_plug'), is_name('circle'), is_name('My plug')
-    (True, False, False)
+    >>> is_name('my_plug'), is_name('circle'), is_name('other'), is_name('My plug')
+    (True, False, False, False)
     """
-    return NAME.fullmatch(name) is not None and name not in {shape.value for shape in Shape}
+    return NAME.fullmatch(name) is not None and name not in NOT_NAMES
 
 
 def digest_of(data: Mapping[str, np.ndarray]) -> str:

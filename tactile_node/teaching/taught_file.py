@@ -20,7 +20,7 @@ NO_EXAMPLES = Examples([], np.zeros(0, int), np.zeros(0, bool))
 def check_name(name: str, known: Sequence[str] = ()) -> None:
     """Raise ConfigurationError for what cannot name one more taught shape beside those ``known``."""
     if not is_name(name):
-        raise ConfigurationError('--name', expected='a lower-case name such as my_plug, none of the known classes',
+        raise ConfigurationError('--name', expected='a lower-case name such as my_plug, none of the classes',
                                  got=repr(name), remedy='Use a-z, 0-9 and _, up to 32 of them.')
     if name in known:
         raise ConfigurationError('--name', expected='a name that is not taught yet', got=repr(name),
@@ -47,9 +47,10 @@ def examples_in(data: Mapping[str, np.ndarray], kind: str, shapes: int) -> list[
 
     Raises ConfigurationError where they are none.
     """
-    if f'{kind}_touch_levels' not in data:
+    has_head = f'{kind}_taught_{PARTS[0]}' in data
+    if f'{kind}_touch_levels' not in data and not has_head:
         return [NO_EXAMPLES] * shapes
-    try:
+    try:  # a head without its examples could not be fitted again: its shapes would be lost
         return _unpacked(data, kind, shapes)
     except (KeyError, ValueError, TypeError, IndexError) as error:
         raise ConfigurationError('examples of taught shapes', expected='those that `tactile teach` writes',
