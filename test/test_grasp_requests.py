@@ -113,6 +113,19 @@ def test_goals_wait_beside_each_other_and_each_gets_its_answer(planner):
     assert answer.outcome in (CheckGrasp.Response.HELD, CheckGrasp.Response.NOT_HELD)
 
 
+def test_each_of_the_goals_that_end_together_gets_its_answer(planner):
+    """Middleware keeps so many requests and replies of a service, and drops more without a sign."""
+    handles = [planner.send(shapes=[ContactShape.SQUARE])[0] for _ in range(MOST_GOALS)]
+    asked = [handle.get_result_async() for handle in handles]
+    planner.gripper.spin(0.2)
+    for handle in handles:
+        handle.cancel_goal_async()
+    end = time.monotonic() + 2.0
+    while time.monotonic() < end and not all(each.done() for each in asked):
+        planner.gripper.spin(0.05)
+    assert [each.result().result.outcome for each in asked if each.done()] == [Result.CANCELED] * MOST_GOALS
+
+
 def test_the_last_grasp_of_a_lossless_replay_that_has_ended_is_not_held(make_planner, monkeypatch):
     """Its clock is that of the stamps, which then stand still."""
     monkeypatch.setattr(test_grasp_node, 'frames_qos', partial(frames_qos, lossless=True))

@@ -263,6 +263,12 @@ def test_live_the_recording_that_is_reported_is_the_one_that_was_written(tmp_pat
     assert earlier.read_text() == 'of another object' and any(str(written) in text for text in said)
 
 
+@pytest.mark.parametrize('given', [('--method', 'volf', '--model'), ('--curves',)])
+def test_classify_refuses_a_file_that_its_method_does_not_read(given, recordings, file):
+    """With the paper's method a taught cross would be a square in silence."""
+    assert main(['classify', *given, str(file), str(recordings / 'discs.npy')]) == 2
+
+
 @pytest.mark.parametrize('name', ['circle', 'unknown', 'other', 'not_known', 'My plug', ''])
 def test_the_command_refuses_names_that_would_mislead(name, recordings, tmp_path):
     assert main(['teach', '--name', name, '--from', str(recordings / 'discs.npy'), '--output',

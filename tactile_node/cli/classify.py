@@ -3,6 +3,7 @@
 import argparse
 
 from tactile_node.cli.arrays import add_array_arguments
+from tactile_node.errors import ConfigurationError
 from tactile_node.shape.method_names import DEFAULT, FILES, LEARNED, VOLF
 
 
@@ -39,6 +40,10 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    for option, file, method in (('--model', args.weights, LEARNED), ('--curves', args.curves, VOLF)):
+        if file and args.method != method:
+            raise ConfigurationError(option, expected=f'--method {method}, which reads it', got=args.method,
+                                     remedy=f'Leave {option} out, or choose its method.')
     from tactile_node.cli.classified import write_shapes  # scipy: only where it is needed
     write_shapes(args)
     return 0

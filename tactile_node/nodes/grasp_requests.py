@@ -20,7 +20,7 @@ from tactile_skin.srv import CheckGrasp
 
 PERIOD = 0.05           #: s between two looks at the goals, beside those at each grasp
 FEEDBACK_PERIOD = 0.5   #: s
-MOST_GOALS = 16         #: that wait at once
+MOST_GOALS = 10         #: that wait at once: one grasp may answer all, and services keep 10 replies for a client (rmw)
 RESULT_TIMEOUT = 2      #: s for which a result is kept for a client that has not asked for it: then it is too old
 
 
