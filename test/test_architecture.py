@@ -30,7 +30,7 @@ ALLOWED = {
     'simulator': {'bus', 'cia301', 'skin', 'synthetic', 'threads'},
     'ros': {'bus', 'cia301', 'frames', 'skin', *NUMERICAL},
     'view': {'bus', 'cia301', 'contact', 'frames', 'helmholtz', 'library', 'pose', 'recording', 'shape', 'skin',
-             'supervision'},
+             'supervision', 'threads'},
     'nodes': {'bus', 'frames', 'recording', 'ros', 'skin', 'supervision', 'threads', 'view', *NUMERICAL},
     'demo': {'nodes', 'ros', 'shape', 'simulator', 'skin', 'synthetic', 'view'}}
 ROS = {'rclpy', 'tactile_skin', 'std_msgs', 'diagnostic_msgs', 'geometry_msgs', 'rcl_interfaces', 'builtin_interfaces',

@@ -11,6 +11,7 @@ from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.library.contacts import Recogniser
 from tactile_node.skin.pads import LivePad
 from tactile_node.supervision.supervisor import Supervisor
+from tactile_node.threads.stoppable_thread import StoppableThread
 from tactile_node.view.facts import facts_of
 from tactile_node.view.recognising import PadRecogniser
 from tactile_node.view.states import PadState
@@ -52,8 +53,7 @@ class BusSource:
         self.title = f'{settings.interface} {settings.channel}'
         self.store = Store([pad.name for pad in pads])
         self._recogniser = recogniser or Recogniser()
-        self._stopping = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._following = StoppableThread(self._run, 'view_bus')
 
     def check(self) -> None:
         """Find the bus and its devices. Raises BusError, DeviceError."""
@@ -61,15 +61,10 @@ class BusSource:
             pass
 
     def start(self) -> None:
-        self._stopping.clear()
-        self._thread = threading.Thread(target=self._run, name='view_bus', daemon=True)
-        self._thread.start()
+        self._following.start()
 
     def stop(self) -> None:
-        self._stopping.set()
-        if self._thread is not None:
-            self._thread.join()
-            self._thread = None
+        self._following.stop()
         self.store.clear()
 
     def close(self) -> None:
@@ -96,27 +91,27 @@ class BusSource:
             raise BusError(f'CAN bus {self.title}', expected='no other master, since this command starts the pads',
                            got='SYNC of another one', remedy='View the topics of its driver: leave out --interface.')
 
-    def _run(self) -> None:
-        while not self._stopping.is_set():
+    def _run(self, stopping: threading.Event) -> None:
+        while not stopping.is_set():
             frames = NewestFrames()
             try:
                 with self._opened(frames) as bus:
                     bus.start()
                     self.store.put_problem('')
-                    self._follow(bus, frames)
+                    self._follow(bus, frames, stopping)
             except TactileError as error:
                 self.store.put_problem(str(error))
-                self._stopping.wait(RETRY_PERIOD)
+                stopping.wait(RETRY_PERIOD)
 
-    def _follow(self, bus: Supervisor, frames: NewestFrames) -> None:
+    def _follow(self, bus: Supervisor, frames: NewestFrames, stopping: threading.Event) -> None:
         recognisers = {pad.name: PadRecogniser(pad.name, pad.layout.pitch, pad.layout.value.unit, self._recogniser)
                        for pad in self._pads}
         looked = 0.0
-        while not self._stopping.is_set():
+        while not stopping.is_set():
             begun = time.monotonic()
             for pad, frame in frames.take(FACTS_PERIOD).items():
                 self.store.put(recognisers[pad].state(frame, time.monotonic() - bus.age(frame.stamp)))
             if time.monotonic() - looked >= FACTS_PERIOD:
                 looked = time.monotonic()
                 self.store.put_bus(facts_of(bus.statistics(), bus.health()))
-            self._stopping.wait(max(0.0, begun + 1 / RATE - time.monotonic()))
+            stopping.wait(max(0.0, begun + 1 / RATE - time.monotonic()))

@@ -8,6 +8,7 @@ from typing import Protocol
 
 from tactile_node.errors import TactileError
 from tactile_node.library.contacts import Recogniser
+from tactile_node.threads.stoppable_thread import StoppableThread
 from tactile_node.view.recognising import PadRecogniser
 from tactile_node.view.states import PadState
 from tactile_node.view.store import Store
@@ -43,10 +44,10 @@ class RecordingSource:
         self._shown: dict[str, Moment] = {}
         self._lock = threading.Lock()  # of position and is_playing
         self._position, self._is_playing = 0.0, True
-        self._closing, self._stopping = threading.Event(), threading.Event()
+        self._closing = threading.Event()
         self._is_complete = False
         self._reader: threading.Thread | None = None
-        self._thread: threading.Thread | None = None
+        self._playing = StoppableThread(self._run, 'view_player')
 
     @property
     def player(self) -> 'RecordingSource':
@@ -85,15 +86,10 @@ class RecordingSource:
         if self._reader is None:
             self._reader = threading.Thread(target=self._read, name='view_reader', daemon=True)
             self._reader.start()
-        self._stopping.clear()
-        self._thread = threading.Thread(target=self._run, name='view_player', daemon=True)
-        self._thread.start()
+        self._playing.start()
 
     def stop(self) -> None:
-        self._stopping.set()
-        if self._thread is not None:
-            self._thread.join()
-            self._thread = None
+        self._playing.stop()
 
     def close(self) -> None:
         self.stop()
@@ -135,9 +131,9 @@ class RecordingSource:
         self.store.put_problem(problem)
         self._is_complete = True
 
-    def _run(self) -> None:
+    def _run(self, stopping: threading.Event) -> None:
         last = time.monotonic()
-        while not self._stopping.wait(1 / RATE):
+        while not stopping.wait(1 / RATE):
             now = time.monotonic()
             with self._lock:
                 if self._is_playing:
