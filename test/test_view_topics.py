@@ -58,15 +58,21 @@ def test_topics_are_subscribed_only_while_somebody_looks(nodes):
     until(lambda: node.count_subscribers('/left/taxels') == 0 and node.count_subscribers('/left/shape') == 0)
 
 
-def test_a_shape_of_a_driver_before_is_not_shown_on_the_taxels_of_this_one(nodes):
-    """Both began to count at 1; and a shape without its taxels does not hold back taxels that come."""
+def publishers(source, node):
+    """Of taxels and shapes of the left pad, which ``source`` subscribes to."""
     from tactile_node.ros.qos import frames_qos
     from tactile_skin.msg import ContactShape, TaxelArray
-    source, node = nodes
     of_taxels = node.create_publisher(TaxelArray, '/left/taxels', frames_qos(10))
     of_shapes = node.create_publisher(ContactShape, '/left/shape', frames_qos(10))
     source.start()
     until(lambda: of_taxels.get_subscription_count() and of_shapes.get_subscription_count())
+    return of_taxels, of_shapes
+
+
+def test_a_shape_of_a_driver_before_is_not_shown_on_the_taxels_of_this_one(nodes):
+    """Both began to count at 1; and a shape without its taxels does not hold back taxels that come."""
+    source, node = nodes
+    of_taxels, of_shapes = publishers(source, node)
     before = taxels(node, 1, 10e3)
     time.sleep(0.06)
     of_taxels.publish(taxels(node, 1, 20e3))
@@ -80,13 +86,9 @@ def test_a_shape_of_a_driver_before_is_not_shown_on_the_taxels_of_this_one(nodes
 
 
 def test_a_taught_shape_has_its_name(nodes):
-    from tactile_node.ros.qos import frames_qos
-    from tactile_skin.msg import ContactShape, TaxelArray
+    from tactile_skin.msg import ContactShape
     source, node = nodes
-    of_taxels = node.create_publisher(TaxelArray, '/left/taxels', frames_qos(10))
-    of_shapes = node.create_publisher(ContactShape, '/left/shape', frames_qos(10))
-    source.start()
-    until(lambda: of_taxels.get_subscription_count() and of_shapes.get_subscription_count())
+    of_taxels, of_shapes = publishers(source, node)
     message = taxels(node, 1, 10e3)
     of_taxels.publish(message)
     until(lambda: source.store.shown().pads['left'] is not None)
@@ -98,13 +100,8 @@ def test_a_taught_shape_has_its_name(nodes):
 
 
 def test_a_shape_is_shown_on_the_taxels_that_it_was_recognised_from(nodes):
-    from tactile_node.ros.qos import frames_qos
-    from tactile_skin.msg import ContactShape, TaxelArray
     source, node = nodes
-    of_taxels = node.create_publisher(TaxelArray, '/left/taxels', frames_qos(10))
-    of_shapes = node.create_publisher(ContactShape, '/left/shape', frames_qos(10))
-    source.start()
-    until(lambda: of_taxels.get_subscription_count() and of_shapes.get_subscription_count())
+    of_taxels, of_shapes = publishers(source, node)
     first, second = taxels(node, 1, 10e3), taxels(node, 2, 99e3)
     of_taxels.publish(first)
     until(lambda: source.store.shown().pads['left'] is not None)
