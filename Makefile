@@ -61,11 +61,34 @@ check: lint  ## style and the fast tests: what to run while you work (under 30 s
 	@$(BIN)/python -m pytest test -q -m 'not slow and not bus and not ros'
 
 test: STARTED := $(shell date +%s)
-test: lint  ## everything that checks the project, with the time that it took
-	@$(BIN)/python -m pytest test -q
-	@$(MAKE) --no-print-directory socketcan || { [ $$? -eq 2 ] && [ -f build/socketcan/not_run ] && \
-		printf '\n*** NOT TESTED on a real CAN stack: %s ***\n\n' "$$(cat build/socketcan/not_run)"; }
+test: setup  ## everything that checks the project, with the time that it took
+	@$(MAKE) --no-print-directory --jobs 3 $(LANES)
+	@[ ! -f build/socketcan/not_run ] || \
+		printf '\n*** NOT TESTED on a real CAN stack: %s ***\n\n' "$$(cat build/socketcan/not_run)"
 	@took=$$(($$(date +%s) - $(STARTED))); printf 'make test took %d min %02d s\n' $$((took / 60)) $$((took % 60))
+
+# The parts of `make test`, at once: tests in real time mostly wait, and what computes has the time that they leave,
+# at the lowest priority. Each line begins with its lane. By exec the tests get the signal that ends make.
+LANES := lane-ros lane-bus lane-lint lane-compute lane-socketcan
+.PHONY: $(LANES)
+$(LANES): export OMP_NUM_THREADS := 1
+$(LANES): LANE = exec > >(trap '' INT TERM; exec sed -u 's/^/$(@:lane-%=%) | /') 2>&1;
+LANE_TESTS = $(BIN)/python -m pytest test -q -p no:cacheprovider
+
+lane-ros: setup
+	@$(LANE) exec $(LANE_TESTS) -m ros
+
+lane-bus: setup
+	@$(LANE) exec $(LANE_TESTS) -m 'bus and not ros'
+
+lane-lint: setup
+	@$(LANE) exec nice -n 19 $(MAKE) --no-print-directory lint
+
+lane-compute: lane-lint
+	@$(LANE) exec nice -n 19 $(LANE_TESTS) -m 'not bus and not ros'
+
+lane-socketcan: lane-bus
+	@$(LANE) $(MAKE) --no-print-directory socketcan || { [ $$? -eq 2 ] && [ -f build/socketcan/not_run ]; }
 
 # Debian's chromium, not playwright's own download: the machine of the tests may have no internet.
 view-test: setup  ## tactile view in headless Chromium (apt-get install chromium); pictures in build/view/
