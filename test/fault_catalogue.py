@@ -751,6 +751,7 @@ def process_stalled(channel: str) -> FaultBench:
         bench.run().cause()
         time.sleep(0.1)
         bench.heard()
+        bench.sampled_within += 1.2  # the simulated device stalls, too: between a SYNC and its sample, if it so happens
         for _ in range(2):
             ctypes.PyDLL(None).usleep(1_200_000)  # keeps the interpreter's lock: no thread runs
             bench.end_of_cause()
