@@ -21,6 +21,11 @@ export AMENT_PREFIX_PATH := $(VENV)
 export CMAKE_PREFIX_PATH := $(VENV)
 export PYTHONUNBUFFERED := 1
 unexport PYTHONPATH
+# Where compiled modules are not wanted beside the sources they are kept here: each process would compile them again.
+ifdef PYTHONDONTWRITEBYTECODE
+unexport PYTHONDONTWRITEBYTECODE
+export PYTHONPYCACHEPREFIX := $(VENV)/pycache
+endif
 
 SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
@@ -158,6 +163,7 @@ distros: setup  ## the tests on ROS 2 Jazzy, then on Kilted, both from PyPI (TES
 SOCKETCAN_TESTS := test/test_real_socketcan.py
 socketcan: setup  ## the driver's tests on a real Linux CAN stack, in a small virtual machine
 	@$(BIN)/python tools/socketcan_vm.py "TACTILE_TEST_INTERFACE=socketcan OMP_NUM_THREADS=1 \
+		PYTHONPYCACHEPREFIX=$(PYTHONPYCACHEPREFIX) \
 		.venv/bin/python -m pytest -q -s -rs -p no:cacheprovider $(SOCKETCAN_TESTS)"
 
 lint: types  ## style and types of the code, spelling and width of everything
