@@ -95,13 +95,39 @@ class HostsWorld(World):
         process.kill() if is_killed else process.terminate()
         process.wait(TIMEOUT)
 
+    def on_second(self, command: list[str], **keywords: Any) -> subprocess.Popen:
+        """Start another process on the second host."""
+        return self._on(self.hosts.second)(command, **keywords)
+
+    def memory(self, side: str) -> float:
+        """Resident memory of the nodes of one side [MB]."""
+        pages = int(Path(f'/proc/{self.bringups[side].pid}/statm').read_text(encoding='ascii').split()[1])
+        return pages * os.sysconf('SC_PAGE_SIZE') / 1e6
+
+    def another_consumer(self, *topics: str) -> tuple[subprocess.Popen, list[Record]]:
+        """Start one more on the second host; it ends with the world."""
+        records: list[Record] = []
+        return self._consume(self._stack, topics, records, self._on(self.hosts.second)), records
+
     def log(self) -> str:
         """All that the nodes have printed."""
         self._log.seek(0)
         return self._log.read()
 
+    def skipped(self, node: str) -> int:
+        """Messages that ``node`` has reported as skipped or dropped."""
+        reports = [record['nodes'][node] for record in self.received('health', 0.0) if node in record['nodes']]
+        return sum(int(value) for key, value in reports[-1].items()
+                   if key == 'skipped' or key.startswith('dropped_')) if reports else 0
+
     def received(self, topic: str, since: float) -> list[Record]:
         return [record for record in list(self.records) if record['topic'] == topic and record['time'] > since]
+
+    def hold_again(self, since: float) -> float:
+        """Wait for a stable grasp that came after ``since`` [s, monotonic]; return how long after."""
+        stable = lambda: [record for record in self.received('grasp', since) if record['stable']]  # noqa: E731
+        self.wait(stable, 'a stable grasp again')
+        return float(stable()[0]['time']) - since
 
     def _on(self, host: Host) -> Popen:
         return lambda command, **keywords: host.popen(command, self._environment, **keywords)

@@ -285,7 +285,8 @@ class World:
             before = now
 
     def _consume(self, stack: ExitStack, topics: Sequence[str], records: list[Record],
-                 popen: Popen = subprocess.Popen) -> None:
+                 popen: Popen = subprocess.Popen) -> subprocess.Popen:
+        """Start a consumer of ``topics`` that adds what it receives to ``records``."""
         path = Path(__file__).with_name('misled_consumer.py')
         consumer = popen([sys.executable, str(path), *topics], stdout=subprocess.PIPE, text=True)
 
@@ -298,6 +299,7 @@ class World:
         stack.callback(consumer.wait)
         stack.callback(consumer.kill)
         self.wait(lambda: records, 'the consumer to start')
+        return consumer
 
     def wait(self, condition: Callable[[], Any], what: str, timeout: float = TIMEOUT) -> None:
         end = time.monotonic() + timeout

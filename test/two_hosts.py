@@ -116,6 +116,10 @@ class Hosts:
             host.run('ip', 'address', 'add', f'{host.address}/24', 'dev', name)
             host.run('ip', 'link', 'set', name, 'up')
 
+    def plug(self, is_in: bool) -> None:
+        """Plug the cable in at the first host, or pull it."""
+        self.first.run('ip', 'link', 'set', 'veth0', 'up' if is_in else 'down')
+
     def octets(self) -> int:
         """What the first host has received from the link and sent over it."""
         found = json.loads(self.first.run('ip', '-json', '-statistics', 'link', 'show', 'veth0'))
@@ -146,6 +150,9 @@ class LossyHosts(Hosts):
         ``delay`` [s] for each packet, and up to ``jitter`` [s] more or less, evenly spread: packets overtake.
         """
         self._send({'loss': loss, 'burst': burst, 'delay': delay, 'jitter': jitter, 'is_cut': is_cut})
+
+    def plug(self, is_in: bool) -> None:
+        self.set(is_cut=not is_in)
 
     def counts(self) -> LinkCounts:
         return LinkCounts(**self._send({'counts': True}))
