@@ -65,6 +65,7 @@ class RejectReason(IntEnum):
     IMPLAUSIBLE_OPENING = 13  #: no gripper is opened so far: a wrong sign, scale or offset
     STAMP_AHEAD = 14  #: its stamp runs ahead of all before: a false message, or a clock that was set forward
     WRONG_SEQUENCE = 15  #: a sequence number that cannot be yet
+    OTHER_TYPE = 16  #: a publisher of the topic has another version of the message: values are read from wrong places
 
     @property
     def key(self) -> str:
