@@ -51,7 +51,8 @@ def report(topic, facts, message) -> None:
 
 def shape_facts(message: ContactShape) -> dict:
     return {'latency': time.time() - message.header.stamp.sec - 1e-9 * message.header.stamp.nanosec,
-            'shape': name_of(ContactShape, SHAPES, message.shape), 'sequence': message.sequence, 'left_out': message.left_out,
+            'shape': name_of(ContactShape, SHAPES, message.shape), 'sequence': message.sequence,
+            'left_out': message.left_out,
             'reason': name_of(ContactShape, REASONS, getattr(message, 'unknown_reason', -1)),
             'confidence': float(message.confidence), 'taxels': message.taxels, 'force': float(message.force),
             'force_is_bound': getattr(message, 'force_is_bound', False),
