@@ -26,6 +26,7 @@ from rclpy.type_hash import TypeHash  # noqa: E402
 
 from tactile_node.contact.pattern import ContactPattern  # noqa: E402
 from tactile_node.contact.visibility import visibility_of  # noqa: E402
+from tactile_node.delay.source_guard import HOLD  # noqa: E402
 from tactile_node.errors import InputError  # noqa: E402
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus  # noqa: E402
 from tactile_node.fusion.recognitions import FusedRecognition, RecognitionFusion  # noqa: E402
@@ -378,7 +379,7 @@ def test_codes_are_stable():
         'NOT_KNOWN': 0, 'UNKNOWN_UNIT': 1, 'NO_TAXELS': 2, 'TOO_LARGE': 3, 'WRONG_LENGTH': 4, 'WRONG_PITCH': 5,
         'UNKNOWN_CODE': 6, 'NOT_FINITE': 7, 'WRONG_PROBABILITIES': 8, 'WRONG_STAMP': 9, 'INCONSISTENT': 10,
         'PROCESSING_FAILED': 11, 'MISSING_JOINT': 12, 'IMPLAUSIBLE_OPENING': 13,
-        'STAMP_AHEAD': 14, 'WRONG_SEQUENCE': 15, 'OTHER_TYPE': 16}
+        'STAMP_AHEAD': 14, 'WRONG_SEQUENCE': 15, 'OTHER_TYPE': 16, 'OTHER_SOURCE': 17}
 
 
 class Chain:
@@ -605,7 +606,12 @@ def test_frames_that_never_arrived_are_counted_and_a_false_sequence_is_not(chain
     publisher = chain.publisher(TaxelArray, 'taxels')
     for sequence in (7, 8, 11, 12, 2**64 - 1, 13, 14, 16, 0, 1, 1):
         publisher.publish(with_sequence(sequence))
-    chain.wait(lambda: len(received) == 11)
+    chain.wait(lambda: subscription.counts.received == 11)
+    assert subscription.counts.dropped == {R.OTHER_SOURCE: 4}  # 2^64 - 1; 0, 1, 1, while those before may go on
+    time.sleep(HOLD)
+    for sequence in (2, 3):
+        publisher.publish(with_sequence(sequence))
+    chain.wait(lambda: len(received) == 9)
     assert subscription.counts.skipped == 2 + 1  # 9, 10; 15; a restart is no gap
 
 
@@ -676,7 +682,7 @@ def test_messages_of_another_version_are_dropped_and_reported(chain, monkeypatch
     assert subscription.counts.dropped == {R.OTHER_TYPE: 2} and len(received) == 1
     assert subscription.health.other_types == (chain.peer.get_fully_qualified_name(),)
     monkeypatch.undo()
-    publisher.publish(with_sequence(5))
+    publisher.publish(with_sequence(9))
     chain.wait(lambda: len(received) == 2)
     assert not subscription.health.other_types
 

@@ -10,6 +10,7 @@ from typing import Generic, Protocol, TypeGuard
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
+from tactile_node.delay.source_guard import SourceGuard
 from tactile_node.delay.stamp_guard import StampGuard
 from tactile_node.nodes.publisher_names import publisher_names, publishers_of_other_type
 from tactile_node.ros.message_age import AgedMessage, Arrival, InputAge
@@ -37,8 +38,8 @@ class GuardedSubscription(Generic[Message]):
     executor, and with it every node of the process.
 
     Messages of our chain have stamp, age and sequence: one whose stamp runs ahead of the others is dropped too, unless
-    ``qos`` is that of a lossless replay, and gaps in the sequence are counted. Their topic has one publisher. While a
-    publisher has another version of the message, all messages of the topic are dropped.
+    ``qos`` is that of a lossless replay, and gaps in the sequence are counted. Their topic has one source: while two
+    send, or a publisher has another version of the message, all messages of the topic are dropped.
 
     With ``newest_only`` a callback that cannot keep up gets the newest of the messages that wait; those that it
     overtakes are counted. Of a lossless replay it gets all.
@@ -55,6 +56,7 @@ class GuardedSubscription(Generic[Message]):
         self._reminders: defaultdict[RejectReason, Reminder] = defaultdict(Reminder)
         self._kind_is_of_chain = all(hasattr(kind, field) for field in ('header', 'age', 'sequence'))
         self._stamps = None if is_lossless(qos) else StampGuard()
+        self._sources = None if is_lossless(qos) else SourceGuard()
         self._age = InputAge(lossless=is_lossless(qos))
         self._arrival: Arrival | None = None  # of the newest message that was used
         self._sequence: int | None = None
@@ -122,7 +124,8 @@ class GuardedSubscription(Generic[Message]):
         """Check and note a message; count one that cannot be used."""
         self._received += 1
         try:
-            reason = self._check_type(message) or self._check(message) or self._check_stamp(message)
+            reason = (self._check_type(message) or self._check(message) or self._check_stamp(message)
+                      or self._check_source(message))
             if reason is None:
                 self._note(message)
                 return True
@@ -154,6 +157,13 @@ class GuardedSubscription(Generic[Message]):
             return None
         is_accepted = self._stamps.accepts(time.monotonic(), seconds(message.header.stamp))
         return None if is_accepted else RejectReason.STAMP_AHEAD
+
+    def _check_source(self, message: Message) -> RejectReason | None:
+        if self._sources is None or not self._is_of_chain(message):
+            return None
+        is_accepted = self._sources.accepts(time.monotonic(), message.sequence, seconds(message.header.stamp),
+                                            _left_out_before(message))
+        return None if is_accepted else RejectReason.OTHER_SOURCE
 
     def _note(self, message: Message) -> None:
         """Note age and sequence of a message that is used."""
