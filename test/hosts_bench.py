@@ -116,9 +116,13 @@ class HostsWorld(World):
 
     def skipped(self, node: str) -> int:
         """Messages that ``node`` has reported as skipped or dropped."""
-        reports = [record['nodes'][node] for record in self.received('health', 0.0) if node in record['nodes']]
-        return sum(int(value) for key, value in reports[-1].items()
-                   if key == 'skipped' or key.startswith('dropped_')) if reports else 0
+        return sum(int(value) for key, value in self.values.get(node, {}).items()
+                   if key == 'skipped' or key.startswith('dropped_'))
+
+    @property
+    def values(self) -> dict[str, dict[str, str]]:
+        """What each node has reported on /diagnostics last."""
+        return {node: values for record in self.received('health', 0.0) for node, values in record['nodes'].items()}
 
     def received(self, topic: str, since: float) -> list[Record]:
         return [record for record in list(self.records) if record['topic'] == topic and record['time'] > since]

@@ -1,7 +1,7 @@
 """Driver and planner on two hosts: what crosses the link, what a consumer sees when the cable is pulled; `make hosts`.
 
-The short form has one world of each split, each with another way of discovery; with TACTILE_LONG every pair of them,
-and each side is started late and again. Link, discovery and shared memory are those of two_hosts.py.
+The short form has one world of each split, each with another way of discovery, and most tests in the first only; with
+TACTILE_LONG each pair of them has all tests, and each side is started again. Link and hosts are those of two_hosts.py.
 """
 
 import json
@@ -27,10 +27,12 @@ LONG = bool(os.environ.get('TACTILE_LONG'))
 PERIOD = 0.05  # s between two frames: a busy machine keeps up
 TAXELS = 256
 VALUE_BYTES = 4  # of a taxel in TaxelArray
-CLIENT = Path(__file__).with_name('hosts_client.py')
+CLIENT, RIVAL = (Path(__file__).with_name(name) for name in ('hosts_client.py', 'rival_driver.py'))
 WAYS = [(Split.TAXELS, False), (Split.CONTACTS, True)]
 if LONG:
     WAYS += [(Split.TAXELS, True), (Split.CONTACTS, False)]
+NODES = {'/skin_driver', *(f'/{pad}/{role}' for pad in ('left', 'right') for role in ('processor', 'classifier')),
+         '/grasp'}
 
 
 def name_of(way) -> str:
@@ -38,7 +40,11 @@ def name_of(way) -> str:
     return f'{split.name.lower()}-{"discovery_server" if has_server else "static_peers"}'
 
 
-@pytest.fixture(scope='module', params=WAYS, ids=name_of)
+each_way = pytest.mark.parametrize('world', WAYS, ids=name_of, indirect=True, scope='module')
+first_way = pytest.mark.parametrize('world', WAYS if LONG else WAYS[:1], ids=name_of, indirect=True, scope='module')
+
+
+@pytest.fixture(scope='module')
 def world(request) -> Iterator[HostsWorld]:
     split, has_server = request.param
     try:
@@ -56,6 +62,7 @@ def missing(shapes) -> int:
                for before, after in zip(shapes, shapes[1:]))
 
 
+@each_way
 def test_every_frame_arrives_as_the_shape_or_is_counted(world):
     world.hold(0.0)
     since, octets, reported = time.monotonic(), world.hosts.octets(), world.skipped('/left/processor')
@@ -69,6 +76,7 @@ def test_every_frame_arrives_as_the_shape_or_is_counted(world):
         assert world.hosts.octets() - octets > 2 * TAXELS * VALUE_BYTES * (len(shapes) - 3)
 
 
+@first_way
 def test_a_pulled_cable_misleads_no_consumer(world):
     world.hold()
     world.hosts.plug(False)
@@ -83,6 +91,7 @@ def test_a_pulled_cable_misleads_no_consumer(world):
     world.hold_again(time.monotonic())
 
 
+@first_way
 def test_an_object_that_is_taken_away_is_gone(world):
     world.hold()
     world.skin.set(is_there=False)
@@ -93,16 +102,46 @@ def test_an_object_that_is_taken_away_is_gone(world):
         world.skin.set(is_there=True)
 
 
-def test_services_and_actions_answer_on_the_other_host(world):
-    """check_grasp is asked where the grasp node runs, tare crosses the link."""
+@each_way
+def test_services_actions_and_reports_reach_the_other_host(world):
+    """check_grasp is asked where the grasp node runs; the driver's services and reports cross the link."""
     world.hold(0.0)
     with world.on_second([sys.executable, str(CLIENT)], stdout=subprocess.PIPE, text=True) as client:
         answer = json.loads(client.communicate(timeout=60)[0])
     assert answer['check'] == answer['waited'] == answer['held']
     assert answer['tare_refusal'] in (answer['contact'], answer['pressed'])
+    assert answer['pads'] == ['left', 'right']
+    assert answer['states'] == answer['expected_states']
+    assert answer['active'] and answer['logged']
+    assert answer['reported']
+    world.wait(lambda: NODES <= {name.split(':')[0] for name in world.values}, 'the diagnostics of each node')
+    world.hold_again(time.monotonic())
 
 
-@pytest.mark.parametrize('side', ['thinking', 'bus'] if LONG else ['thinking'])
+@first_way
+def test_a_driver_of_the_same_name_on_another_host_is_not_believed(world):
+    """Of another robot in the same domain, say: its pads are empty, and ours hold an object."""
+    def dropped() -> int:
+        return int(world.values['/left/processor']['dropped_other_source'])
+    world.hold()
+    before = dropped()
+    with world.on_second([sys.executable, str(RIVAL), str(PERIOD)], stdout=subprocess.PIPE, text=True) as rival:
+        try:
+            assert rival.stdout.readline() == 'ready\n'
+            since = time.monotonic()
+            world.wait(lambda: dropped() > before, 'the other driver to be seen')
+            time.sleep(1.0)
+            assert world.false(FalseClaim('empty', empty), since).seconds == 0
+            assert not current(world.latest('grasp'))
+            world.wait(lambda: 'SEVERAL_PUBLISHERS' in world.values['/left/processor']['faults'], 'the fault')
+        finally:
+            rival.kill()
+    world.hold_again(time.monotonic())
+
+
+@pytest.mark.skipif(not LONG, reason='TACTILE_LONG is not set: 10 s')
+@pytest.mark.parametrize('side', ['thinking', 'bus'])
+@each_way
 def test_a_side_that_is_killed_and_started_again_is_found(world, side):
     world.hold()
     world.end(side, is_killed=True)
