@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 #: What begins with one of these is a command.
 PROGRAMS = ('tactile', 'make', 'python', 'python3', 'pip', 'ros2', 'rosdep', 'rviz2', 'sudo', 'ip', 'source', 'export',
-            'kill', 'git', 'apt', 'plotjuggler', 'echo', '.venv/bin/pre-commit', '.venv/bin/python', 'fast-discovery-server')
+            'kill', 'git', 'apt', 'plotjuggler', 'echo', 'fast-discovery-server', '.venv/bin/pre-commit',
+            '.venv/bin/python')
 HERE = 'test/test_documented_commands.py'  #: it runs those of class RUN of each page, in their order
 
 
