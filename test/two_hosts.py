@@ -44,8 +44,11 @@ class Host:
             command = ['unshare', '--user', '--map-root-user', '--net', '--mount', '--ipc', 'sh', '-c', SETUP]
         else:  # in the same user namespace: only then may an interface be moved from one to the other
             command = [*inside.enter(), 'unshare', '--net', '--mount', '--ipc', 'sh', '-c', SETUP]
-        self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-                                         stderr=subprocess.PIPE, text=True)
+        try:
+            self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                                             stderr=subprocess.PIPE, text=True)
+        except OSError as error:
+            raise NoHostsError(f'no network namespace: {error}') from error
         assert self._process.stdout
         if self._process.stdout.readline() != 'ready\n':
             self.end()
