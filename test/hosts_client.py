@@ -42,7 +42,9 @@ def main() -> int:
 
 def grasps(node) -> dict:
     requirement = GraspRequirement()
-    check = called(node, CheckGrasp, 'grasp/check_grasp', CheckGrasp.Request(requirement=requirement))
+    end, check = time.monotonic() + TIMEOUT, CheckGrasp.Response()
+    while check.outcome != CheckGrasp.Response.HELD and time.monotonic() < end:  # not fresh for a moment when busy
+        check = called(node, CheckGrasp, 'grasp/check_grasp', CheckGrasp.Request(requirement=requirement))
     client = ActionClient(node, WaitForGrasp, 'grasp/wait_for_grasp')
     if not client.wait_for_server(TIMEOUT):
         sys.exit('no action server')
