@@ -83,9 +83,10 @@ def topic_table(hosts: Hosts, seconds: float, rate: float) -> None:
             if not row['count']:
                 print_row(topic.removeprefix(LEFT), '0')
                 continue
+            frames = FULL_RATE * (len(PADS) if topic == GRASP else 1)  # a grasp for each shape of either pad
             octets, a_second = (load.rate - quiet) * load.seconds / row['count'], row['count'] / load.seconds
             print_row(topic.removeprefix(LEFT), f'{a_second:.1f}', row['octets'] // row['count'], f'{octets:.0f}',
-                      f'{1e-3 * octets * (a_second if topic in ONCE_A_SECOND else FULL_RATE):.1f}', *milliseconds(row))
+                      f'{1e-3 * octets * (a_second if topic in ONCE_A_SECOND else frames):.1f}', *milliseconds(row))
         print(f'\nWhile nothing is subscribed: {1e-3 * quiet:.1f} kB/s.\n')
 
 
