@@ -30,7 +30,7 @@ endif
 SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo check test coverage faults misled bench train reproduce soak socketcan fuzz lint types \
+.PHONY: help setup demo check test coverage faults misled hosts bench train reproduce soak socketcan fuzz lint types \
 	architecture schema docs commands lowest dist kilted distros lock clean view-test
 
 help:  ## say what there is
@@ -134,6 +134,12 @@ misled: setup  ## what a consumer is led to believe when the skin, the bus or a 
 	@$(BIN)/python test/misled_catalogue.py $(if $(SHORT),--short) 2>build/misled.log \
 		|| { [ $$? -eq 1 ] || tail -20 build/misled.log; exit 1; }
 	@$(if $(SHORT),,TACTILE_LONG=1 $(BIN)/python -m pytest $(LONG_TESTS) -q)
+
+# Each is skipped, with the reason, where this machine makes no network namespaces.
+HOSTS_TESTS := $(wildcard $(addprefix test/,test_hosts.py test_other_version.py test_link.py test_clocks_apart.py))
+hosts: setup  ## driver and planner on two hosts: both splits, both ways of discovery, each side started again
+	@TACTILE_LONG=1 $(BIN)/python -m pytest $(HOSTS_TESTS) -q -rs
+	@for file in $(wildcard test/hosts_table.py test/link_catalogue.py); do $(BIN)/python $$file || exit 1; done
 
 soak: setup  ## two pads at the bus's full load: TPDOs lost, memory, latency over time (MINUTES=10)
 	@$(BIN)/python bench/soak.py --minutes $(or $(MINUTES),10)

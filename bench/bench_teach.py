@@ -24,6 +24,7 @@ from bench.recognition import foreign, mechanics
 from bench.recognition.stamp import pressed
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.package_files import config_path
+from tactile_node.rate import Rate
 from tactile_node.shape.methods import FILES, LEARNED, VisibilityGuard, make_recogniser
 from tactile_node.shape.recogniser import OUTPUTS, ShapeRecogniser, read_arrays
 from tactile_node.shape.recognition import Shape
@@ -35,7 +36,6 @@ from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import CLASSES, random_contact
 from tactile_node.teaching.background import load_background
 from tactile_node.teaching.examples import examples_of
-from tactile_node.teaching.rate import Rate
 from tactile_node.teaching.taught_file import write_taught
 from tactile_node.teaching.teach import Taught, teach
 from tactile_node.teaching.touches import find_touches

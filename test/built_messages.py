@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+MESSAGES = Path(__file__).resolve().parents[1] / 'msg'
 #: package -> the packages that it needs, and its messages
 INTERFACES: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     'tf2_msgs': (('geometry_msgs',), {'TFMessage': 'geometry_msgs/TransformStamped[] transforms'}),
@@ -39,7 +40,11 @@ byte ADD=0
 byte REMOVE=1
 byte APPEND=2
 byte MOVE=3
-byte operation'''})}
+byte operation'''}),
+    # As another version of this package could have it: two fields in another order, which no length gives away.
+    'tactile_skin': (('std_msgs', 'builtin_interfaces'), {
+        'TaxelArray': (MESSAGES / 'TaxelArray.msg').read_text(encoding='utf-8').replace(
+            'uint32 rows\nuint32 cols\n', 'uint32 cols\nuint32 rows\n')})}
 
 
 def source(name: str) -> dict[str, str]:
@@ -69,15 +74,8 @@ def built_messages(name: str, folder: Path) -> Iterator[None]:
     if importlib.util.find_spec(name):
         yield
         return
-    folder = folder / name / _fingerprint(name)
-    folder.mkdir(parents=True, exist_ok=True)
-    prefix, is_built = folder / 'install', folder / 'is_built'
-    with (folder / 'lock').open('w') as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)  # another run of pytest may build it, too
-        if not is_built.exists():
-            _build(name, folder)
-            is_built.touch()
-    modules, = prefix.glob('lib/python*/site-packages')
+    modules = built(name, folder)
+    prefix = modules.parents[2]
     for library in prefix.glob('lib/*.so'):  # rosidl opens them by name: those that are loaded are found
         ctypes.CDLL(str(library))
     sys.path.append(str(modules))
@@ -87,6 +85,20 @@ def built_messages(name: str, folder: Path) -> Iterator[None]:
         sys.path.remove(str(modules))
         for module in [each for each in sys.modules if each.split('.')[0] == name]:
             del sys.modules[module]
+
+
+def built(name: str, folder: Path) -> Path:
+    """Build package ``name`` in ``folder``, once, whatever is installed; return its folder of Python modules."""
+    folder = folder / name / _fingerprint(name)
+    folder.mkdir(parents=True, exist_ok=True)
+    prefix, is_built = folder / 'install', folder / 'is_built'
+    with (folder / 'lock').open('w') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # another run of pytest may build it, too
+        if not is_built.exists():
+            _build(name, folder)
+            is_built.touch()
+    modules, = prefix.glob('lib/python*/site-packages')
+    return modules
 
 
 def _fingerprint(name: str) -> str:

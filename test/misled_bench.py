@@ -39,6 +39,7 @@ READERS = {'taxels': 'processor', 'contact': 'classifier', 'shape': 'grasp'}
 TIMEOUT = 60.0  # s, for a busy machine
 Record = dict[str, Any]  # a line of the consumer
 Claim = Callable[[Record], bool]
+Popen = Callable[..., subprocess.Popen]  # starts a process, on this host or on another
 
 
 def empty(record: Record) -> bool:
@@ -72,10 +73,10 @@ def is_overloaded() -> bool:
 class SkinProcess:
     """The skin that misled_skin.py simulates, on the serial port ``link``."""
 
-    def __init__(self, link: str, attributes: dict[str, Any]):
+    def __init__(self, link: str, attributes: dict[str, Any], popen: Popen = subprocess.Popen):
         path = Path(__file__).with_name('misled_skin.py')
-        self._process = subprocess.Popen([sys.executable, str(path), link, json.dumps(attributes)], text=True,
-                                         stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self._process = popen([sys.executable, str(path), link, json.dumps(attributes)], text=True,
+                              stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         assert self._process.stdout.readline() == 'ready\n'
 
     def set(self, **attributes: Any) -> None:
@@ -199,7 +200,7 @@ class World:
         self.context = Context()
         rclpy.init(context=self.context)
         stack.callback(self.context.try_shutdown)
-        self._consume(stack)
+        self._consume(stack, self._topics, self.records)
         self._port = str(Path(stack.enter_context(TemporaryDirectory())) / 'skin')
         self.skin = SkinProcess(self._port, self._held)
         stack.callback(self.skin.end)
@@ -283,19 +284,22 @@ class World:
                 self.stalls.append((before, now - before - PAUSE))
             before = now
 
-    def _consume(self, stack: ExitStack) -> None:
+    def _consume(self, stack: ExitStack, topics: Sequence[str], records: list[Record],
+                 popen: Popen = subprocess.Popen) -> subprocess.Popen:
+        """Start a consumer of ``topics`` that adds what it receives to ``records``."""
         path = Path(__file__).with_name('misled_consumer.py')
-        self._consumer = subprocess.Popen([sys.executable, str(path), *self._topics], stdout=subprocess.PIPE, text=True)
-        reader = threading.Thread(target=self._read, daemon=True)
+        consumer = popen([sys.executable, str(path), *topics], stdout=subprocess.PIPE, text=True)
+
+        def read() -> None:
+            for line in consumer.stdout:
+                records.append(json.loads(line))
+        reader = threading.Thread(target=read, daemon=True)
         reader.start()
         stack.callback(reader.join)
-        stack.callback(self._consumer.wait)
-        stack.callback(self._consumer.kill)
-        self.wait(lambda: self.records, 'the consumer to start')
-
-    def _read(self) -> None:
-        for line in self._consumer.stdout:
-            self.records.append(json.loads(line))
+        stack.callback(consumer.wait)
+        stack.callback(consumer.kill)
+        self.wait(lambda: records, 'the consumer to start')
+        return consumer
 
     def wait(self, condition: Callable[[], Any], what: str, timeout: float = TIMEOUT) -> None:
         end = time.monotonic() + timeout

@@ -1,6 +1,6 @@
 """A consumer of our messages in a separate process: prints what it receives, one JSON line each, when it comes.
 
-    python test/misled_consumer.py grasp=grasp left=left/shape
+    python test/misled_consumer.py grasp=grasp left=left/shape taxels=left/taxels status=skin_driver/status
 
 It knows the message types only, as a planner on another machine would.
 """
@@ -12,16 +12,18 @@ import time
 from functools import partial
 
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from tactile_skin.msg import ContactShape, Grasp
+from tactile_skin.msg import ContactShape, Grasp, SkinStatus, TaxelArray
 
 SHAPES = ('NOT_KNOWN', 'NONE', 'UNKNOWN', 'CIRCLE', 'SQUARE', 'RECTANGLE', 'RIGHT_TRIANGLE', 'ISOSCELES_TRIANGLE')
 CONTACTS = ('NOT_KNOWN', 'UNSEEN', 'NO_CONTACT', 'ONE_SIDED', 'TWO_SIDED')
 SIDES = ('SIDE_NOT_KNOWN', 'SIDE_UNSEEN', 'SIDE_EMPTY', 'SIDE_TOUCHED')
 REASONS = ('REASON_NOT_KNOWN', 'NOT_UNKNOWN', 'NOT_SEEN', 'UNFAMILIAR', 'TOO_SMALL')
+STATUS_QOS = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 GAPS = ('GAP_NOT_KNOWN', 'GAP_PARAMETER', 'GAP_JOINT_STATES', 'GAP_TF')
 
 
@@ -31,8 +33,8 @@ def main() -> None:
     node = Node('consumer')
     qos = QoSProfile(depth=100)
     for name, topic in topics.items():
-        kind, facts = (Grasp, grasp_facts) if name == 'grasp' else (ContactShape, shape_facts)
-        node.create_subscription(kind, topic, partial(report, name, facts), qos)
+        kind, facts = KINDS.get(name, (ContactShape, shape_facts))
+        node.create_subscription(kind, topic, partial(report, name, facts), STATUS_QOS if name == 'status' else qos)
     print(json.dumps({'topic': 'ready', 'time': time.monotonic()}), flush=True)
     try:
         rclpy.spin(node)
@@ -50,6 +52,7 @@ def report(topic, facts, message) -> None:
 def shape_facts(message: ContactShape) -> dict:
     return {'latency': time.time() - message.header.stamp.sec - 1e-9 * message.header.stamp.nanosec,
             'shape': name_of(ContactShape, SHAPES, message.shape), 'sequence': message.sequence,
+            'left_out': message.left_out,
             'reason': name_of(ContactShape, REASONS, getattr(message, 'unknown_reason', -1)),
             'confidence': float(message.confidence), 'taxels': message.taxels, 'force': float(message.force),
             'force_is_bound': getattr(message, 'force_is_bound', False),
@@ -66,6 +69,20 @@ def grasp_facts(message: Grasp) -> dict:
             'gap_source': name_of(Grasp, GAPS, getattr(message, 'gap_source', -1))}
 
 
+def taxel_facts(message: TaxelArray) -> dict:
+    return {'sequence': message.sequence, 'missing': message.missing_can_frames}
+
+
+def status_facts(message: SkinStatus) -> dict:
+    return {'level': message.level, 'active': message.active, 'fault': message.fault,
+            'sync_overruns': message.sync_overruns, 'stalls': message.stalls, 'overload': message.overload}
+
+
+def health_facts(message: DiagnosticArray) -> dict:
+    """What the nodes say of the messages that they receive."""
+    return {'nodes': {status.name: {pair.key: pair.value for pair in status.values} for status in message.status}}
+
+
 def seconds(message) -> float:
     """The message's age [s]; NaN where it has none."""
     age = getattr(message, 'age', None)
@@ -75,6 +92,10 @@ def seconds(message) -> float:
 def name_of(kind: type, names: tuple[str, ...], number: int) -> str:
     """The name of a constant; a message of an older version has fewer."""
     return next((name for name in names if getattr(kind, name, None) == number), str(number))
+
+
+KINDS = {'grasp': (Grasp, grasp_facts), 'taxels': (TaxelArray, taxel_facts), 'status': (SkinStatus, status_facts),
+         'health': (DiagnosticArray, health_facts)}  # of others: ContactShape
 
 
 if __name__ == '__main__':

@@ -22,9 +22,11 @@ from builtin_interfaces.msg import Time  # noqa: E402
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
+from rclpy.type_hash import TypeHash  # noqa: E402
 
 from tactile_node.contact.pattern import ContactPattern  # noqa: E402
 from tactile_node.contact.visibility import visibility_of  # noqa: E402
+from tactile_node.delay.source_guard import HOLD  # noqa: E402
 from tactile_node.errors import InputError  # noqa: E402
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus  # noqa: E402
 from tactile_node.fusion.recognitions import FusedRecognition, RecognitionFusion  # noqa: E402
@@ -377,7 +379,7 @@ def test_codes_are_stable():
         'NOT_KNOWN': 0, 'UNKNOWN_UNIT': 1, 'NO_TAXELS': 2, 'TOO_LARGE': 3, 'WRONG_LENGTH': 4, 'WRONG_PITCH': 5,
         'UNKNOWN_CODE': 6, 'NOT_FINITE': 7, 'WRONG_PROBABILITIES': 8, 'WRONG_STAMP': 9, 'INCONSISTENT': 10,
         'PROCESSING_FAILED': 11, 'MISSING_JOINT': 12, 'IMPLAUSIBLE_OPENING': 13,
-        'STAMP_AHEAD': 14, 'WRONG_SEQUENCE': 15}
+        'STAMP_AHEAD': 14, 'WRONG_SEQUENCE': 15, 'OTHER_TYPE': 16, 'OTHER_SOURCE': 17}
 
 
 class Chain:
@@ -604,7 +606,12 @@ def test_frames_that_never_arrived_are_counted_and_a_false_sequence_is_not(chain
     publisher = chain.publisher(TaxelArray, 'taxels')
     for sequence in (7, 8, 11, 12, 2**64 - 1, 13, 14, 16, 0, 1, 1):
         publisher.publish(with_sequence(sequence))
-    chain.wait(lambda: len(received) == 11)
+    chain.wait(lambda: subscription.counts.received == 11)
+    assert subscription.counts.dropped == {R.OTHER_SOURCE: 4}  # 2^64 - 1; 0, 1, 1, while those before may go on
+    time.sleep(HOLD)
+    for sequence in (2, 3):
+        publisher.publish(with_sequence(sequence))
+    chain.wait(lambda: len(received) == 9)
     assert subscription.counts.skipped == 2 + 1  # 9, 10; 15; a restart is no gap
 
 
@@ -653,6 +660,31 @@ def test_two_publishers_for_one_pad_are_reported_and_logged_once(chain, caplog):
                     if getattr(record, 'fact', None) is StreamFault.SEVERAL_PUBLISHERS]) == 1
     other.destroy_publisher(publisher)
     chain.wait(lambda: fact(chain, 'faults') == 'SILENT')
+
+
+def test_messages_of_another_version_are_dropped_and_reported(chain, monkeypatch):
+    """The middleware joins them by the name of their type; only the hash of its description differs (REP 2011)."""
+    subscription, received = guarded(chain)
+    publisher = chain.publisher(TaxelArray, 'taxels')
+    publisher.publish(with_sequence(7))
+    chain.wait(lambda: received)
+    known = chain.peer.get_publishers_info_by_topic
+
+    def of_another_version(topic):
+        found = known(topic)
+        for info in found:
+            info.topic_type_hash = TypeHash(1, bytes(31) + b'x')
+        return found
+    monkeypatch.setattr(chain.peer, 'get_publishers_info_by_topic', of_another_version)
+    publisher.publish(with_sequence(3))  # its publisher was started again
+    publisher.publish(with_sequence(4))
+    chain.wait(lambda: subscription.counts.received == 3)
+    assert subscription.counts.dropped == {R.OTHER_TYPE: 2} and len(received) == 1
+    assert subscription.health.other_types == (chain.peer.get_fully_qualified_name(),)
+    monkeypatch.undo()
+    publisher.publish(with_sequence(9))
+    chain.wait(lambda: len(received) == 2)
+    assert not subscription.health.other_types
 
 
 def fact(chain, key) -> str:
@@ -711,6 +743,7 @@ def status_of(**now):
     ({'age': 1.5}, WARN, 'OLD'),
     ({'age': 1.5, 'counts': MessageCounts(4, 4, {})}, STALE, 'SILENT'),
     ({'publishers': ('/driver', '/rogue')}, WARN, 'SEVERAL_PUBLISHERS'),
+    ({'other_types': ('/driver',), 'counts': MessageCounts(4, 4, {})}, WARN, 'OTHER_TYPE, SILENT'),
     ({'publishers': ('/driver', '/rogue'), 'counts': MessageCounts(4, 4, {})}, WARN, 'SEVERAL_PUBLISHERS, SILENT')])
 def test_health_is_ok_only_while_each_frame_arrives_in_time_from_one_source(now, level, fault):
     status = status_of(**now)

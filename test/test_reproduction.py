@@ -9,12 +9,13 @@ import pytest
 
 from tactile_node.cli.main import main
 from tactile_node.helmholtz.features import compute_features
+from tactile_node.rate import Rate
+from tactile_node.reproduction.confusion import confusion, lost_in_plane
 from tactile_node.reproduction.curve_fitting import COLUMNS, Samples
 from tactile_node.reproduction.inside import ACTIVE, INSIDE, areas_around, by_inside, count_inside
 from tactile_node.reproduction.inside_reading import replaced, wanted_inside
 from tactile_node.reproduction.methods import SIZES
 from tactile_node.reproduction.neighbours import NearestNeighbours
-from tactile_node.reproduction.rates import confusion, lost_in_plane, rate
 from tactile_node.reproduction.sampling import Wanted, draw, plane_features
 from tactile_node.reproduction.worlds import EQUILATERAL_TRIANGLES, WORLDS, draw_contact, draw_pattern
 from tactile_node.shape.recognition import Shape
@@ -25,10 +26,10 @@ from tactile_node.synthetic.world import CLASSES, random_pattern
 
 def test_wilson_interval_of_a_textbook_case():
     """8 of 10: 0.4902 to 0.9433 (A. Agresti, B. Coull 1998); all right is not certainty."""
-    found = rate(np.arange(10) < 8)
-    assert (found.share, found.patterns) == (0.8, 10)
+    found = Rate.of(np.arange(10) < 8)
+    assert (found.value, found.total) == (0.8, 10)
     assert (found.low, found.high) == pytest.approx((0.4902, 0.9433), abs=5e-5)
-    assert rate(np.ones(100, bool)).low == pytest.approx(100 / (100 + 1.96 ** 2), abs=1e-4)
+    assert Rate.of(np.ones(100, bool)).low == pytest.approx(100 / (100 + 1.96 ** 2), abs=1e-4)
 
 
 def test_the_first_wrong_decision_bears_the_loss():

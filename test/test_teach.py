@@ -15,6 +15,7 @@ from tactile_node.cli.touch_sources import _guided
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.package_files import config_path
+from tactile_node.rate import Rate
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.recogniser import ShapeRecogniser, read_arrays
 from tactile_node.shape.recognition import Shape, TaughtShape, UnknownReason
@@ -22,7 +23,6 @@ from tactile_node.skin.layout_file import load_layout
 from tactile_node.synthetic.pressure import Skin, pressure_frame
 from tactile_node.synthetic.world import CLASSES, random_contact
 from tactile_node.teaching.background import FOREIGN, load_background
-from tactile_node.teaching.rate import Rate
 from tactile_node.teaching.taught_file import examples_in
 from tactile_node.teaching.teach import LEAST_RIGHT, teach
 from tactile_node.teaching.touches import Unused, find_touches

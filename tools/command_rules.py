@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 #: What begins with one of these is a command.
 PROGRAMS = ('tactile', 'make', 'python', 'python3', 'pip', 'ros2', 'rosdep', 'rviz2', 'sudo', 'ip', 'source', 'export',
-            'kill', 'git', 'apt', 'plotjuggler', 'echo', '.venv/bin/pre-commit', '.venv/bin/python')
+            'kill', 'git', 'apt', 'plotjuggler', 'echo', 'fast-discovery-server', '.venv/bin/pre-commit',
+            '.venv/bin/python')
 HERE = 'test/test_documented_commands.py'  #: it runs those of class RUN of each page, in their order
 
 
@@ -51,6 +52,7 @@ RULES = (
     Rule(r'^tactile report', Kind.TESTED, 'test/test_report_page.py'),
     Rule(r'^tactile teach', Kind.TESTED, 'test/test_teach.py'),
     Rule(r'^tactile view', Kind.TESTED, 'test/test_view_sources.py'),
+    Rule(r'^fast-discovery-server', Kind.TESTED, 'test/test_hosts.py'),
     Rule(r'^tactile completion', Kind.TESTED, 'test/test_completion.py'),
     Rule(r'^tactile sdo (?!.*slcan)', Kind.TESTED, 'test/test_sdo_command.py'),
     Rule(r'^tactile (replay|features|classify|draft|check|scan|simulate|sdo)\b', Kind.RUN, HERE),

@@ -1,31 +1,13 @@
 """Rates with intervals, calibration, a test of two rates."""
 
-from typing import NamedTuple
-
 import numpy as np
 from scipy.stats import norm
 
-Z = 1.959964  #: 95 %
+from tactile_node import rate
 
 
-class Rate(NamedTuple):
-    """``right`` of ``count`` and its 95 % Wilson interval."""
-
-    right: int
-    count: int
-
-    @property
-    def value(self) -> float:
-        return self.right / self.count
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """E. B. Wilson, J. Am. Stat. Assoc. 22 (1927)."""
-        n, p = self.count, self.right / self.count
-        middle = (p + Z * Z / (2 * n)) / (1 + Z * Z / n)
-        half = Z / (1 + Z * Z / n) * np.sqrt(p * (1 - p) / n + Z * Z / (4 * n * n))
-        low, high = max(middle - half, 0.0), min(middle + half, 1.0)
-        return 0.0 if self.right == 0 else low, 1.0 if self.right == n else high  # exact, where rounding is not
+class Rate(rate.Rate):
+    """As the tables of recognition give it: in percent, without the sign."""
 
     def __str__(self) -> str:
         low, high = self.interval

@@ -15,12 +15,11 @@ from tactile_node.contact.pattern import ContactPattern
 from tactile_node.errors import InputError
 from tactile_node.geometry.outlines import OUTLINES
 from tactile_node.library.arguments import known_response
-from tactile_node.library.contacts import Recogniser, fit_shape
+from tactile_node.library.contacts import Recogniser, fit_shape, recognised
 from tactile_node.library.stream import ContactStream
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.pitch import check_pitch
 from tactile_node.shape.method_names import LEARNED, VOLF
-from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.recognition import Recognition, ShapeClass
 
 POSE = 'x', 'y', 'angle'
@@ -42,9 +41,9 @@ def _single(path: str, found: TaxelFrames, recogniser: Recogniser, args: argpars
     if response is not None and found.values.dtype != bool:
         found = found._replace(values=response.curve(found.values))
     for k, pattern in enumerate(patterns(path, found, args, largest=True)):
-        recognition = recogniser.recognise(pattern)
+        contact, recognition = recognised(recogniser, pattern)
         yield {'file': path, 'frame': k, **found.known_of(k), **recognition.as_json(), **_counted(pattern),
-               **(_fitted(pattern, recognition, pitch, response) if pitch else {})}
+               **(_fitted(contact, recognition, pitch, response) if pitch else {})}
 
 
 def _fused(path: str, found: TaxelFrames, recogniser: Recogniser, args: argparse.Namespace) -> Iterator[Record]:
@@ -93,9 +92,8 @@ def _counted(pattern: ContactPattern) -> Record:
     return {'N': int(pattern.mask.sum()), 'contacts': pattern.contacts}
 
 
-def _fitted(pattern: ContactPattern, recognition: Recognition, pitch: float, response: SkinResponse | None) -> Record:
+def _fitted(contact: ContactPattern, recognition: Recognition, pitch: float, response: SkinResponse | None) -> Record:
     """Pose and size of a recognised shape with their standard deviations; nothing for another answer."""
-    contact = join_pieces(pattern) if recognition.joined else pattern
     fit = fit_shape(contact, recognition.shape, pitch, response) if contact.mask.any() else None
     return _as_json(fit) if fit else {}
 

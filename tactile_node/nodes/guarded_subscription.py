@@ -10,8 +10,9 @@ from typing import Generic, Protocol, TypeGuard
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
+from tactile_node.delay.source_guard import SourceGuard
 from tactile_node.delay.stamp_guard import StampGuard
-from tactile_node.nodes.publisher_names import publisher_names
+from tactile_node.nodes.publisher_names import publisher_names, publishers_of_other_type
 from tactile_node.ros.message_age import AgedMessage, Arrival, InputAge
 from tactile_node.ros.message_checks import Check, Message, RejectReason
 from tactile_node.ros.message_health import MessageCounts, StreamHealth
@@ -37,7 +38,8 @@ class GuardedSubscription(Generic[Message]):
     executor, and with it every node of the process.
 
     Messages of our chain have stamp, age and sequence: one whose stamp runs ahead of the others is dropped too, unless
-    ``qos`` is that of a lossless replay, and gaps in the sequence are counted. Their topic has one publisher.
+    ``qos`` is that of a lossless replay, and gaps in the sequence are counted. Their topic has one source: while two
+    send, or a publisher has another version of the message, all messages of the topic are dropped.
 
     With ``newest_only`` a callback that cannot keep up gets the newest of the messages that wait; those that it
     overtakes are counted. Of a lossless replay it gets all.
@@ -54,9 +56,12 @@ class GuardedSubscription(Generic[Message]):
         self._reminders: defaultdict[RejectReason, Reminder] = defaultdict(Reminder)
         self._kind_is_of_chain = all(hasattr(kind, field) for field in ('header', 'age', 'sequence'))
         self._stamps = None if is_lossless(qos) else StampGuard()
+        self._sources = None if is_lossless(qos) else SourceGuard()
         self._age = InputAge(lossless=is_lossless(qos))
         self._arrival: Arrival | None = None  # of the newest message that was used
         self._sequence: int | None = None
+        self._publishers = 0  # when it was last asked of which type they are
+        self._other_types: tuple[str, ...] = ()
         self._skipped = 0
         self._overtaken = 0
         self._left_out = 0  # frames before the message under work, by this node and those before it
@@ -84,8 +89,10 @@ class GuardedSubscription(Generic[Message]):
     def health(self) -> StreamHealth:
         """Its counts, the age of its newest data now, and who publishes it."""
         age = math.inf if self._arrival is None else self._arrival.age(time.monotonic())
-        publishers = publisher_names(self._node, self.topic) if self._kind_is_of_chain else ()
-        return StreamHealth(self.counts, age, tuple(publishers))
+        if not self._kind_is_of_chain:
+            return StreamHealth(self.counts, age)
+        self._other_types = publishers_of_other_type(self._node, self.topic)
+        return StreamHealth(self.counts, age, tuple(publisher_names(self._node, self.topic)), self._other_types)
 
     def destroy(self) -> None:
         self._node.destroy_subscription(self._subscription)
@@ -117,7 +124,8 @@ class GuardedSubscription(Generic[Message]):
         """Check and note a message; count one that cannot be used."""
         self._received += 1
         try:
-            reason = self._check(message) or self._check_stamp(message)
+            reason = (self._check_type(message) or self._check(message) or self._check_stamp(message)
+                      or self._check_source(message))
             if reason is None:
                 self._note(message)
                 return True
@@ -134,11 +142,28 @@ class GuardedSubscription(Generic[Message]):
     def _is_of_chain(self, message: object) -> TypeGuard[ChainMessage]:
         return self._kind_is_of_chain
 
+    def _check_type(self, message: Message) -> RejectReason | None:
+        """Ask for the types when the publishers may be others: their number has changed, or the sequence breaks off."""
+        if not self._is_of_chain(message):
+            return None
+        publishers = self._node.count_publishers(self.topic)
+        if publishers != self._publishers or self._sequence is None or message.sequence != self._sequence + 1:
+            self._publishers = publishers
+            self._other_types = publishers_of_other_type(self._node, self.topic)
+        return RejectReason.OTHER_TYPE if self._other_types else None
+
     def _check_stamp(self, message: Message) -> RejectReason | None:
         if self._stamps is None or not self._is_of_chain(message):
             return None
         is_accepted = self._stamps.accepts(time.monotonic(), seconds(message.header.stamp))
         return None if is_accepted else RejectReason.STAMP_AHEAD
+
+    def _check_source(self, message: Message) -> RejectReason | None:
+        if self._sources is None or not self._is_of_chain(message):
+            return None
+        is_accepted = self._sources.accepts(time.monotonic(), message.sequence, seconds(message.header.stamp),
+                                            _left_out_before(message))
+        return None if is_accepted else RejectReason.OTHER_SOURCE
 
     def _note(self, message: Message) -> None:
         """Note age and sequence of a message that is used."""

@@ -85,7 +85,7 @@ def rates_by_size(methods: Sequence[Method], size: str) -> Figure:
 
 def _line(axes: Axes, method: Method, style: tuple, beside: float, width: float) -> None:
     rates, (colour, mark, line) = method.rates.values(), style
-    spread = [[rate.share - rate.low for rate in rates], [rate.high - rate.share for rate in rates]]
+    spread = [[rate.value - rate.low for rate in rates], [rate.high - rate.value for rate in rates]]
     places = [beside * size for size in method.rates]
-    axes.errorbar(places, [rate.share for rate in rates], spread, marker=mark, ms=4.5, lw=width, linestyle=line,
+    axes.errorbar(places, [rate.value for rate in rates], spread, marker=mark, ms=4.5, lw=width, linestyle=line,
                   elinewidth=0.8, capsize=2, color=colour, label=method.name)

@@ -5,6 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.helmholtz.features import Group, features_at_angles
+from tactile_node.rate import Rate
+from tactile_node.reproduction.confusion import confusion, lost_in_plane
 from tactile_node.reproduction.curve_fitting import (
     AREAS,
     READINGS,
@@ -16,7 +18,6 @@ from tactile_node.reproduction.inside_reading import WORLD as INSIDE_WORLD
 from tactile_node.reproduction.inside_reading import InsideReading, measure_inside, wanted_inside
 from tactile_node.reproduction.methods import SIZES, Method, best_fit, measured
 from tactile_node.reproduction.neighbours import NearestNeighbours
-from tactile_node.reproduction.rates import Rate, confusion, lost_in_plane, rate
 from tactile_node.reproduction.sampling import Drawn, Progress, Wanted, draw
 from tactile_node.reproduction.worlds import WORLDS, draw_pattern
 from tactile_node.shape.volf import ANSWERS, VolfClassifier
@@ -63,7 +64,7 @@ def measure(classifier: VolfClassifier, patterns: int, training: int, seed: int,
     progress('nearest neighbours')
     learner = NearestNeighbours(drawn['benchmark training'].every, drawn['benchmark validation'].every)
     methods.append(Method('the same six features, nearest neighbours', {
-        size: rate(learner.answers(samples) == samples.labels) for size, samples in every.items()}))
+        size: Rate.of(learner.answers(samples) == samples.labels) for size, samples in every.items()}))
     return Results(
         methods=methods,
         confusions={size: confusion(answered[size], every[size].labels) for size in SIZES},
@@ -103,7 +104,7 @@ def _lost(samples: Samples, classifier: VolfClassifier) -> dict[int, float]:
 
 def _readings(drawn: dict[str, Drawn]) -> dict[str, Rate]:
     training, validation = drawn['benchmark training'].every, drawn['benchmark validation'].every
-    return {name: rate(answers(fit_classifier(training, third).planes, validation) == validation.labels)
+    return {name: Rate.of(answers(fit_classifier(training, third).planes, validation) == validation.labels)
             for name, third in READINGS.items()}
 
 

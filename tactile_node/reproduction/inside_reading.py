@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_node.reproduction.confusion import lost_in_plane
 from tactile_node.reproduction.curve_fitting import AREAS, Samples, answers
 from tactile_node.reproduction.inside import ACTIVE, areas_around, by_inside
 from tactile_node.reproduction.methods import SIZES, Method, best_fit, measured
-from tactile_node.reproduction.rates import lost_in_plane
 from tactile_node.reproduction.sampling import Drawn, Progress, Wanted
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS, VolfClassifier

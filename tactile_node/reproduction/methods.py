@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_node.rate import Rate
 from tactile_node.reproduction.curve_fitting import READINGS, Samples, answers, fit_classifier
-from tactile_node.reproduction.rates import Rate, rate
 from tactile_node.shape.volf import VolfClassifier
 
 SIZES = (15, 20, 25, 30, 35, 50, 75, 100)  #: N [taxels] at which recognition is measured
@@ -33,5 +33,5 @@ def best_fit(training: Samples) -> VolfClassifier:
 
 def measured(name: str, classifier: VolfClassifier, evaluation: Mapping[int, Samples]) -> Method:
     """Return what the curves of ``classifier`` reach on fresh patterns by size."""
-    return Method(name, {size: rate(answers(classifier.planes, samples) == samples.labels)
+    return Method(name, {size: Rate.of(answers(classifier.planes, samples) == samples.labels)
                          for size, samples in evaluation.items()})

@@ -10,10 +10,10 @@ from string import Template
 
 from matplotlib.figure import Figure
 
+from tactile_node.rate import Rate
 from tactile_node.reproduction import clouds, sketches
 from tactile_node.reproduction.experiments import Results
 from tactile_node.reproduction.methods import PUBLISHED, SIZES, Method
-from tactile_node.reproduction.rates import Rate
 from tactile_node.reproduction.wording import findings
 from tactile_node.reproduction.wording_inside import explained
 from tactile_node.reproduction.worlds import LONG_RECTANGLES
@@ -77,7 +77,7 @@ def write_page(folder: Path, results: Results, command: str) -> list[Path]:
 def _rate_rows(methods: Sequence[Method], size_is: str) -> list[Row]:
     rows: list[Row] = [['method', size_is, 'recognised', 'low95', 'high95', 'patterns']]
     for method in methods:
-        rows += [[method.name, size, rate.share, rate.low, rate.high, rate.patterns]
+        rows += [[method.name, size, rate.value, rate.low, rate.high, rate.total]
                  for size, rate in method.rates.items()]
     return rows
 
@@ -101,9 +101,9 @@ def _rate_table(methods: Sequence[Method]) -> str:
 
 def _method_row(method: Method) -> str:
     def cell(rate: Rate) -> str:
-        return f'{rate.share:.1%}<br><small>{100 * rate.low:.1f}-{100 * rate.high:.1f}</small>'
+        return f'{rate.value:.1%}<br><small>{100 * rate.low:.1f}-{100 * rate.high:.1f}</small>'
 
-    count = next(iter(method.rates.values())).patterns
+    count = next(iter(method.rates.values())).total
     cells = ''.join(f'<td>{cell(rate)}</td>' for rate in method.rates.values())
     return f'<tr><td>{escape(method.name)}<br><small>{count} patterns a point</small></td>{cells}</tr>'
 

@@ -19,13 +19,13 @@ def findings(results: Results) -> list[str]:
 
 
 def _against_the_paper(results: Results) -> str:
-    figures = (f'{size} taxels: {results.methods[0].rates[size].share:.1%}, the paper {text}'
+    figures = (f'{size} taxels: {results.methods[0].rates[size].value:.1%}, the paper {text}'
             for size, text in PUBLISHED.items())
     return f'The method as published, on our benchmark: {"; ".join(figures)}.'
 
 
 def _third_plane(results: Results) -> str:
-    shares = ' and '.join(f'{rate.share:.1%} as in the {name}' for name, rate in results.readings.items())
+    shares = ' and '.join(f'{rate.value:.1%} as in the {name}' for name, rate in results.readings.items())
     axis = ' '.join(results.classifier.planes['square'].horizontal)
     return (f'The third plane read both ways, curves fitted again, validation patterns of all sizes: {shares}. '
             f'The classifier of this package uses {axis}.')
@@ -46,8 +46,8 @@ def _elongation(results: Results) -> str:
     one, long = (_method(results, f'three planes, {world}') for world in ('one proportion', 'long rectangles'))
     return (f'With one proportion a class and rectangles {ONE_PROPORTION.rectangle:g}:1 beside right '
             f'triangles {ONE_PROPORTION.right_triangle:g}:1, curves fitted for that world, {LARGEST} '
-            f'taxels give {one.rates[LARGEST].share:.1%}; with rectangles {LONG_RECTANGLES.rectangle:g}:1 '
-            f'{long.rates[LARGEST].share:.1%}. The paper does not give its proportions.')
+            f'taxels give {one.rates[LARGEST].value:.1%}; with rectangles {LONG_RECTANGLES.rectangle:g}:1 '
+            f'{long.rates[LARGEST].value:.1%}. The paper does not give its proportions.')
 
 
 def _vanishing(results: Results) -> str:
@@ -60,17 +60,17 @@ def _vanishing(results: Results) -> str:
             'angles alone. '
             f'They change a feature of {results.vanished[small]:.0%} of the patterns of {small} taxels. '
             f'Without the angles that keep less than half of the taxels, {small} taxels give '
-            f'{without.rates[small].share:.1%} instead of {results.methods[0].rates[small].share:.1%}; with long '
-            f'rectangles as well {both.rates[small].share:.1%} '
-            f'(and {both.rates[LARGEST].share:.1%} at {LARGEST}, where the planes 1, 2 and 3 then lose '
+            f'{without.rates[small].value:.1%} instead of {results.methods[0].rates[small].value:.1%}; with long '
+            f'rectangles as well {both.rates[small].value:.1%} '
+            f'(and {both.rates[LARGEST].value:.1%} at {LARGEST}, where the planes 1, 2 and 3 then lose '
             f'{", ".join(f"{share:.1%}" for share in results.long_lost.values())}).')
 
 
 def _learner(results: Results) -> str:
     learner, planes = results.methods[-1], results.methods[0]
     return (f'The six features hold more than three planes use: the {results.neighbours} nearest training patterns '
-            f'recognise {learner.rates[20].share:.1%} at 20 taxels instead of {planes.rates[20].share:.1%}, and '
-            f'{learner.rates[LARGEST].share:.1%} at {LARGEST} instead of {planes.rates[LARGEST].share:.1%}.')
+            f'recognise {learner.rates[20].value:.1%} at 20 taxels instead of {planes.rates[20].value:.1%}, and '
+            f'{learner.rates[LARGEST].value:.1%} at {LARGEST} instead of {planes.rates[LARGEST].value:.1%}.')
 
 
 def _method(results: Results, name: str) -> Method:

@@ -54,4 +54,4 @@ def _half_width(size: int, *methods: Method) -> float:
 
 
 def _share(method: Method, size: int) -> float:
-    return method.rates[size].share
+    return method.rates[size].value

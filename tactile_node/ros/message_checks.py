@@ -65,6 +65,8 @@ class RejectReason(IntEnum):
     IMPLAUSIBLE_OPENING = 13  #: no gripper is opened so far: a wrong sign, scale or offset
     STAMP_AHEAD = 14  #: its stamp runs ahead of all before: a false message, or a clock that was set forward
     WRONG_SEQUENCE = 15  #: a sequence number that cannot be yet
+    OTHER_TYPE = 16  #: a publisher of the topic has another version of the message: values are read from wrong places
+    OTHER_SOURCE = 17  #: two sources send on the topic: which of them is the right one is not known
 
     @property
     def key(self) -> str:

@@ -25,6 +25,7 @@ class StreamFault(IntEnum):
     SEVERAL_PUBLISHERS = 5  #: of one pad's topic: its messages are of two sources
     SILENT = 6              #: a topic has brought none
     OVERLOADED = 7          #: the node cannot keep up: more than MOST_OVERTAKEN were overtaken by newer ones
+    OTHER_TYPE = 9          #: a publisher has another version of the message; nothing of the topic is used
 
 
 class MessageCounts(NamedTuple):
@@ -43,6 +44,7 @@ class StreamHealth(NamedTuple):
     counts: MessageCounts
     age: float = math.inf  #: of the newest message's data [s]; inf: not known
     publishers: tuple[str, ...] = ()  #: full names of the nodes that publish its topic; of our chain only
+    other_types: tuple[str, ...] = ()  #: of these, those that have another version of the message
 
 
 def health_status(node: str, now: Mapping[str, StreamHealth], before: Mapping[str, MessageCounts],
@@ -92,6 +94,9 @@ def _found(now: Mapping[str, StreamHealth], before: Mapping[str, MessageCounts])
         yield StreamFault.OLD, f'data is old: {", ".join(old)}'
     for topic, publishers in topics_of_several(now).items():
         yield StreamFault.SEVERAL_PUBLISHERS, several_text(topic, publishers)
+    for topic, stream in now.items():
+        if stream.other_types:
+            yield StreamFault.OTHER_TYPE, other_type_text(topic, stream.other_types)
     if silent:
         yield StreamFault.SILENT, f'nothing received on {", ".join(silent)}'
 
@@ -99,6 +104,12 @@ def _found(now: Mapping[str, StreamHealth], before: Mapping[str, MessageCounts])
 def several_text(topic: str, publishers: Iterable[str]) -> str:
     """The sentence for a topic that several nodes publish."""
     return f'{topic} has several publishers: {", ".join(publishers)}'
+
+
+def other_type_text(topic: str, publishers: Iterable[str]) -> str:
+    """The sentence for a topic of which a publisher has another version of the message."""
+    return (f'{topic}: expected the message of this version of tactile_skin, got another of {", ".join(publishers)}; '
+            'install the same version on every host')
 
 
 def _level(found: Iterable[StreamFault]) -> bytes:

@@ -11,13 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.errors import InputError
+from tactile_node.rate import Rate
 from tactile_node.read_only import read_only
 from tactile_node.shape.recogniser import OUTPUTS, ShapeRecogniser
 from tactile_node.shape.taught import Head, joined
 from tactile_node.teaching.background import FOREIGN, Background
 from tactile_node.teaching.examples import Examples
 from tactile_node.teaching.head_fit import Seen, fit_head, seen_by
-from tactile_node.teaching.rate import Rate
 
 FOLDS = 5
 STAGES = FOLDS + 2      #: of a call of `teach`, for its progress

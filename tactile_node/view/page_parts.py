@@ -13,7 +13,7 @@ from tactile_node.view.states import PadState
 
 OLD = 0.5          #: age from which on data are marked as old [s]
 PAGE_SILENT = 2.0  #: for which a page may get nothing before it says so [s]
-CLOCKS_APART = 5.0  #: from which on stamps and this computer are said to be of two clocks [s]
+CLOCKS_APART = 5.0  #: from this difference of stamps and this computer on, the page reports two clocks [s]
 BARS = 4           #: most probable classes that are shown
 
 #: The last rules run in the browser alone: each update replaces the element, which begins the wait again. So the page
@@ -104,7 +104,6 @@ def silence(age: float) -> str:
 
 
 def _hidden(state: PadState) -> str:
-
     hidden = int((~(state.values == state.values) & (state.status != TaxelStatus.UNMAPPED)).sum())
     return f'{hidden} of {state.values.size} taxels without a value' if hidden else ''
 
@@ -117,7 +116,7 @@ def _bars(probabilities) -> str:
 
 
 class PageFacts(NamedTuple):
-    """What the page says of its source and of its own pace."""
+    """What the page reports of its source and of its pace."""
 
     title: str
     position: tuple[float, float] | None  #: of a recording and its length as read so far [s]; None: live

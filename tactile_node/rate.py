@@ -1,4 +1,4 @@
-"""A rate with its interval."""
+"""A share of a count with its 95 % interval."""
 
 from typing import NamedTuple
 
@@ -12,6 +12,11 @@ class Rate(NamedTuple):
 
     right: int
     total: int
+
+    @classmethod
+    def of(cls, right: np.ndarray) -> 'Rate':
+        """Of the True ones in ``right``, bool, shape (n,)."""
+        return cls(int(np.count_nonzero(right)), len(right))
 
     @property
     def value(self) -> float:
@@ -31,7 +36,18 @@ class Rate(NamedTuple):
         middle = (p + Z * Z / (2 * n)) / (1 + Z * Z / n)
         half = Z / (1 + Z * Z / n) * np.sqrt(p * (1 - p) / n + Z * Z / (4 * n * n))
         low, high = max(middle - half, 0.0), min(middle + half, 1.0)
+        # Exact at the ends, where rounding is not.
         return 0.0 if self.right == 0 else float(low), 1.0 if self.right == n else float(high)
+
+    @property
+    def low(self) -> float:
+        """Lower end of the interval."""
+        return self.interval[0]
+
+    @property
+    def high(self) -> float:
+        """Upper end of the interval."""
+        return self.interval[1]
 
     def __str__(self) -> str:
         low, high = self.interval

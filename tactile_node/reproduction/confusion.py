@@ -1,33 +1,10 @@
-"""Shares with their confidence, and where the tree of planes goes wrong."""
-
-from typing import NamedTuple
+"""Where the tree of planes goes wrong."""
 
 import numpy as np
 
 from tactile_node.shape.volf import ANSWERS
 
-Z95 = 1.959963984540054  #: normal quantile of a two-sided 95 % interval
 PLANE_OF = np.array([1, 1, 2, 3, 3])  #: the plane whose curve decides for each of ANSWERS
-
-
-class Rate(NamedTuple):
-    """A share of patterns with its Wilson 95 % interval."""
-
-    share: float
-    low: float
-    high: float
-    patterns: int
-
-
-def rate(right: np.ndarray) -> Rate:
-    """Return the share of True in ``right``, bool, shape (n,), n > 0.
-
-    Interval: E. B. Wilson, J. Am. Stat. Assoc. 22 (1927) 209.
-    """
-    n, share = len(right), float(np.mean(right))
-    middle = (share + Z95 ** 2 / (2 * n)) / (1 + Z95 ** 2 / n)
-    half = Z95 / (1 + Z95 ** 2 / n) * np.sqrt(share * (1 - share) / n + Z95 ** 2 / (4 * n * n))
-    return Rate(share, float(middle - half), float(middle + half), n)
 
 
 def lost_in_plane(answer: np.ndarray, labels: np.ndarray) -> dict[int, float]:

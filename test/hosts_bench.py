@@ -1,0 +1,155 @@
+"""The chain of a gripper on two hosts: skin and driver on the first, the planner on the second, a link between them.
+
+Every process is started as a user starts it, by `tactile bringup`. Claims, records and what may be believed are those
+of misled_bench.py; all processes share the steady clock of this machine.
+"""
+
+import os
+import subprocess
+import sys
+import time
+from contextlib import ExitStack
+from enum import Enum
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from threading import Thread
+from typing import Any
+
+from misled_bench import PERIOD, TIMEOUT, Popen, Record, SkinProcess, World
+from misled_skin import LAYOUT, NODE_IDS, PADS
+from two_hosts import Host, Hosts
+
+DRIVER = 'skin_driver'
+PROCESSORS = tuple(f'{pad}/processor' for pad in PADS)
+REST = (*(f'{pad}/classifier' for pad in PADS), 'grasp')
+TOPICS = ('grasp=grasp', 'left=left/shape', 'right=right/shape', 'health=/diagnostics', 'status=skin_driver/status')
+DISCOVERY_PORT = 11811  # Fast DDS's default of a discovery server
+
+
+class Split(Enum):
+    """What passes the link; the values are the nodes of the first host."""
+
+    TAXELS = (DRIVER,)
+    CONTACTS = (DRIVER, *PROCESSORS)
+
+    @property
+    def there(self) -> tuple[str, ...]:
+        """The nodes of the second host."""
+        return tuple(node for node in (*PROCESSORS, *REST) if node not in self.value)
+
+
+class HostsWorld(World):
+    """A gripper that holds an object, its nodes on both of ``hosts``; the consumer is on the second.
+
+    ``topics``: of the consumer. ``here``: topics of another consumer on the first host, whose records are
+    `here_records`. ``discovery_server``: on the first host, in place of the addresses of peers.
+    """
+
+    def __init__(self, hosts: Hosts, split: Split = Split.TAXELS, held: dict[str, Any] | None = None, *,
+                 topics: tuple[str, ...] = TOPICS, here: tuple[str, ...] = (), period: float = PERIOD,
+                 discovery_server: bool = False, environment: dict[str, str] | None = None):
+        super().__init__(held, topics=topics, period=period)
+        self.hosts, self._split, self._here = hosts, split, here
+        self._environment = {'ROS_DOMAIN_ID': str(1 + os.getpid() % 100), 'PYTHONUNBUFFERED': '1',
+                             **(environment or {})}
+        self._has_server = discovery_server
+        if discovery_server:
+            self._environment |= {'ROS_DISCOVERY_SERVER': f'{hosts.first.address}:{DISCOVERY_PORT}',
+                                  'ROS_STATIC_PEERS': ''}
+        self.here_records: list[Record] = []
+        self.bringups: dict[str, subprocess.Popen] = {}  #: by host: 'bus', 'thinking'
+
+    def _start(self, stack: ExitStack) -> None:
+        first, second = self.hosts.both
+        folder = Path(stack.enter_context(TemporaryDirectory()))
+        self._port = str(folder / 'skin')
+        self._log = stack.enter_context(open(folder / 'log', 'w+', encoding='utf-8'))
+        if self._has_server:
+            self._serve(stack, first)
+        self._consume(stack, self._topics, self.records, self._on(second))
+        if self._here:
+            self._consume(stack, self._here, self.here_records, self._on(first))
+        self.skin = SkinProcess(self._port, self._held, self._on(first))
+        stack.callback(self.skin.end)
+        stack.callback(self._end_all)
+        self.start('thinking')
+        self.start('bus')
+        ticker = Thread(target=self._tick, daemon=True)
+        ticker.start()
+        stack.callback(ticker.join)
+        stack.callback(self._stop.set)
+
+    def start(self, side: str) -> None:
+        """Run `tactile bringup` with the nodes of one side."""
+        host, nodes = ((self.hosts.first, self._split.value) if side == 'bus'
+                       else (self.hosts.second, self._split.there))
+        words = ['--interface', 'slcan', '--channel', self._port, '--node-id', ','.join(map(str, NODE_IDS)),
+                 '--layout', LAYOUT] if side == 'bus' else []
+        period = ['--ros-args', '-p', f'{DRIVER}:sync_period:={self._period}'] if side == 'bus' else []
+        self.bringups[side] = self._on(host)(
+            [sys.executable, '-m', 'tactile_node.cli.main', 'bringup', '--pads', ','.join(PADS),
+             '--only', ','.join(nodes), *words, *period], stdout=self._log, stderr=self._log)
+
+    def end(self, side: str, is_killed: bool = False) -> None:
+        process = self.bringups.pop(side)
+        process.kill() if is_killed else process.terminate()
+        process.wait(TIMEOUT)
+
+    def on_second(self, command: list[str], **keywords: Any) -> subprocess.Popen:
+        """Start another process on the second host."""
+        return self._on(self.hosts.second)(command, **keywords)
+
+    def memory(self, side: str) -> float:
+        """Resident memory of the nodes of one side [MB]."""
+        pages = int(Path(f'/proc/{self.bringups[side].pid}/statm').read_text(encoding='ascii').split()[1])
+        return pages * os.sysconf('SC_PAGE_SIZE') / 1e6
+
+    def another_consumer(self, *topics: str) -> tuple[subprocess.Popen, list[Record]]:
+        """Start one more on the second host; it ends with the world."""
+        records: list[Record] = []
+        return self._consume(self._stack, topics, records, self._on(self.hosts.second)), records
+
+    def log(self) -> str:
+        """All that the nodes have printed."""
+        self._log.seek(0)
+        return self._log.read()
+
+    def skipped(self, node: str) -> int:
+        """Messages that ``node`` has reported as skipped or dropped."""
+        return sum(int(value) for key, value in self.values.get(node, {}).items()
+                   if key == 'skipped' or key.startswith('dropped_'))
+
+    @property
+    def values(self) -> dict[str, dict[str, str]]:
+        """What each node has reported on /diagnostics last."""
+        return {node: values for record in self.received('health', 0.0) for node, values in record['nodes'].items()}
+
+    def received(self, topic: str, since: float) -> list[Record]:
+        return [record for record in list(self.records) if record['topic'] == topic and record['time'] > since]
+
+    def hold_again(self, since: float) -> float:
+        """Wait for a stable grasp that came after ``since`` [s, monotonic]; return how long after."""
+        stable = lambda: [record for record in self.received('grasp', since) if record['stable']]  # noqa: E731
+        self.wait(stable, 'a stable grasp again')
+        return float(stable()[0]['time']) - since
+
+    def _on(self, host: Host) -> Popen:
+        return lambda command, **keywords: host.popen(command, self._environment, **keywords)
+
+    def _end_all(self) -> None:
+        for process in self.bringups.values():
+            process.terminate()
+        for process in self.bringups.values():
+            try:
+                process.wait(TIMEOUT)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+    def _serve(self, stack: ExitStack, host: Host) -> None:
+        server = Path(sys.prefix) / 'bin' / 'fast-discovery-server'
+        process = self._on(host)([str(server), '-i', '0', '-l', host.address, '-p', str(DISCOVERY_PORT)],
+                                 stdout=self._log, stderr=self._log)
+        stack.callback(process.wait)
+        stack.callback(process.kill)
+        time.sleep(0.5)

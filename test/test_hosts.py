@@ -1,0 +1,163 @@
+"""Driver and planner on two hosts: what crosses the link, what a consumer sees when the cable is pulled; `make hosts`.
+
+The short form has one world of each split, each with another way of discovery, and most tests in the first only; with
+TACTILE_LONG each pair of them has all tests, and each side is started again. Link and hosts are those of two_hosts.py.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import time
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip('rclpy')
+pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
+
+from hosts_bench import HostsWorld, Split  # noqa: E402
+from misled_bench import WITHDRAWN, FalseClaim, current, empty  # noqa: E402
+from two_hosts import Hosts, NoHostsError  # noqa: E402
+
+pytestmark = [pytest.mark.ros, pytest.mark.bus]
+
+LONG = bool(os.environ.get('TACTILE_LONG'))
+PERIOD = 0.05  # s between two frames: a busy machine keeps up
+TAXELS = 256
+VALUE_BYTES = 4  # of a taxel in TaxelArray
+CLIENT, RIVAL = (Path(__file__).with_name(name) for name in ('hosts_client.py', 'rival_driver.py'))
+WAYS = [(Split.TAXELS, False), (Split.CONTACTS, True)]
+if LONG:
+    WAYS += [(Split.TAXELS, True), (Split.CONTACTS, False)]
+NODES = {'/skin_driver', *(f'/{pad}/{role}' for pad in ('left', 'right') for role in ('processor', 'classifier')),
+         '/grasp'}
+
+
+def name_of(way) -> str:
+    split, has_server = way
+    return f'{split.name.lower()}-{"discovery_server" if has_server else "static_peers"}'
+
+
+each_way = pytest.mark.parametrize('world', WAYS, ids=name_of, indirect=True, scope='module')
+first_way = pytest.mark.parametrize('world', WAYS if LONG else WAYS[:1], ids=name_of, indirect=True, scope='module')
+
+
+@pytest.fixture(scope='module')
+def world(request) -> Iterator[HostsWorld]:
+    split, has_server = request.param
+    try:
+        with Hosts() as hosts, HostsWorld(hosts, split, period=PERIOD, here=('taxels=left/taxels',),
+                                          discovery_server=has_server) as found:
+            found.split, found.has_server = split, has_server
+            yield found
+    except NoHostsError as error:
+        warnings.warn(f'NOT TESTED on two hosts: {error}', stacklevel=1)  # pytest shows it also where skips are not
+        pytest.skip(f'NOT TESTED on two hosts: {error}')
+
+
+def test_a_machine_without_namespaces_is_recognised(monkeypatch):
+    monkeypatch.setenv('PATH', '/nowhere')
+    with pytest.raises(NoHostsError), Hosts():
+        pass
+
+
+def missing(shapes) -> int:
+    """Frames between these that neither came nor were left out on purpose."""
+    return sum(max(0, after['sequence'] - before['sequence'] - 1 - after['left_out'])
+               for before, after in zip(shapes, shapes[1:]))
+
+
+@each_way
+def test_every_frame_arrives_as_the_shape_or_is_counted(world):
+    world.hold(0.0)
+    since, octets, reported = time.monotonic(), world.hosts.octets(), world.skipped('/left/processor')
+    time.sleep(2.0)
+    shapes = world.received('left', since)
+    assert {shape['shape'] for shape in shapes} == {'SQUARE'}
+    assert missing(shapes) <= world.skipped('/left/processor') - reported
+    sent = [record for record in world.here_records if record['time'] > since]
+    assert sent[-1]['sequence'] - 3 <= shapes[-1]['sequence'] + missing(shapes) <= sent[-1]['sequence'] + 3
+    if world.split is Split.TAXELS:  # both pads: by the link, not by shared memory or another network
+        assert world.hosts.octets() - octets > 2 * TAXELS * VALUE_BYTES * (len(shapes) - 3)
+
+
+@first_way
+def test_a_pulled_cable_misleads_no_consumer(world):
+    world.hold()
+    world.hosts.plug(False)
+    try:
+        findings = world.watch(time.monotonic(), 1.0, FalseClaim('empty', empty),
+                               FalseClaim('current', current, WITHDRAWN + PERIOD))
+    finally:
+        world.hosts.plug(True)
+    lasting = next(finding for finding in findings if finding.claim == 'current')
+    assert findings[0].seconds == 0
+    assert lasting.has_ended and lasting.holds, lasting
+    world.hold_again(time.monotonic())
+
+
+@first_way
+def test_an_object_that_is_taken_away_is_gone(world):
+    world.hold()
+    world.skin.set(is_there=False)
+    try:
+        world.wait(lambda: world.latest('grasp')['contact'] == 'NO_CONTACT', 'an empty gripper')
+        assert {world.latest(side)['shape'] for side in ('left', 'right')} == {'NONE'}
+    finally:
+        world.skin.set(is_there=True)
+
+
+@each_way
+def test_services_actions_and_reports_reach_the_other_host(world):
+    """check_grasp is asked where the grasp node runs; the driver's services and reports cross the link."""
+    world.hold(0.0)
+    with world.on_second([sys.executable, str(CLIENT)], stdout=subprocess.PIPE, text=True) as client:
+        answer = json.loads(client.communicate(timeout=60)[0])
+    assert answer['check'] == answer['waited'] == answer['held']
+    assert answer['tare_refusal'] in (answer['contact'], answer['pressed'])
+    assert answer['pads'] == ['left', 'right']
+    assert answer['states'] == answer['expected_states']
+    assert answer['active'] and answer['logged']
+    assert answer['reported']
+    world.wait(lambda: NODES <= {name.split(':')[0] for name in world.values}, 'the diagnostics of each node')
+    world.hold_again(time.monotonic())
+
+
+@first_way
+def test_a_driver_of_the_same_name_on_another_host_is_not_believed(world):
+    """Of another robot in the same domain, say: its pads are empty, and ours hold an object."""
+    def dropped() -> int:
+        return int(world.values['/left/processor']['dropped_other_source'])
+    world.hold()
+    before = dropped()
+    with world.on_second([sys.executable, str(RIVAL), str(PERIOD)], stdout=subprocess.PIPE, text=True) as rival:
+        try:
+            assert rival.stdout.readline() == 'ready\n'
+            since = time.monotonic()
+            world.wait(lambda: dropped() > before, 'the other driver to be seen')
+            time.sleep(1.0)
+            assert world.false(FalseClaim('empty', empty), since).seconds == 0
+            assert not current(world.latest('grasp'))
+            world.wait(lambda: 'SEVERAL_PUBLISHERS' in world.values['/left/processor']['faults'], 'the fault')
+            if not world.has_server:  # by the server a driver knows only who shares a topic with it as a reader
+                world.wait(lambda: world.values['/skin_driver: left']['other_publishers'], 'the driver to see it')
+        finally:
+            rival.kill()
+    world.hold_again(time.monotonic())
+
+
+@pytest.mark.skipif(not LONG, reason='TACTILE_LONG is not set: 10 s')
+@pytest.mark.parametrize('side', ['thinking', 'bus'])
+@each_way
+def test_a_side_that_is_killed_and_started_again_is_found(world, side):
+    world.hold()
+    world.end(side, is_killed=True)
+    since = time.monotonic()
+    findings = world.watch(since, 1.0, FalseClaim('empty', empty))
+    world.start(side)
+    world.hold_again(time.monotonic())
+    assert findings[0].seconds == 0
+    assert world.received('status', 0.0)[-1]['active']

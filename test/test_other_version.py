@@ -1,0 +1,99 @@
+"""A host with another version of our messages: the middleware joins it, and values would be read from wrong places.
+
+Builds that version (10 s, once), so it runs with TACTILE_LONG only; see also test_malformed_messages.py.
+"""
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip('rclpy')
+pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
+
+import rclpy  # noqa: E402
+from built_messages import built  # noqa: E402
+from rclpy.context import Context  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+
+from tactile_node.nodes.guarded_subscription import GuardedSubscription  # noqa: E402
+from tactile_node.ros.message_checks import RejectReason, check_taxel_array  # noqa: E402
+from tactile_node.ros.qos import frames_qos  # noqa: E402
+from tactile_skin.msg import TaxelArray  # noqa: E402
+
+pytestmark = [pytest.mark.ros, pytest.mark.bus,
+              pytest.mark.skipif(not os.environ.get('TACTILE_LONG'), reason='TACTILE_LONG is not set')]
+
+BUILD = Path(__file__).resolve().parents[1] / 'build' / 'messages'
+PUBLISHER = '''
+import time, rclpy
+from tactile_skin.msg import TaxelArray
+rclpy.init()
+node = rclpy.create_node('old_driver')
+publisher = node.create_publisher(TaxelArray, 'left/taxels', 10)
+for sequence in range(200):
+    message = TaxelArray(rows=2, cols=3, pitch=0.002, unit='Pa', values=[0.0] * 6, status=[1] * 6, sequence=sequence)
+    message.header.stamp = node.get_clock().now().to_msg()
+    publisher.publish(message)
+    time.sleep(0.02)
+'''
+
+
+@pytest.fixture
+def reader():
+    context = Context()
+    rclpy.init(context=context)
+    node = rclpy.create_node('reader', context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    yield node, executor
+    node.destroy_node()
+    context.try_shutdown()
+
+
+def old_publisher() -> subprocess.Popen:
+    modules = built('tactile_skin', BUILD)
+    environment = {**os.environ, 'PYTHONPATH': str(modules), '_ROS_WHEELS_BOOTSTRAP_COMPLETE': '1',
+                   'LD_LIBRARY_PATH': f'{modules.parents[1]}:{os.environ.get("LD_LIBRARY_PATH", "")}'}
+    return subprocess.Popen([sys.executable, '-c', PUBLISHER], env=environment)
+
+
+def spin(executor, until, seconds=30.0):
+    end = time.monotonic() + seconds
+    while not until() and time.monotonic() < end:
+        executor.spin_once(timeout_sec=0.1)
+    assert until()
+
+
+def test_without_our_check_rows_are_read_as_columns(reader):
+    """Why it is needed: 2 rows of 3 taxels come out as 3 rows of 2, and nothing reports it."""
+    node, executor = reader
+    received: list[TaxelArray] = []
+    node.create_subscription(TaxelArray, 'left/taxels', received.append, frames_qos(10))
+    publisher = old_publisher()
+    try:
+        spin(executor, lambda: received)
+    finally:
+        publisher.kill()
+        publisher.wait()
+    assert (received[0].rows, received[0].cols) == (3, 2)
+    assert check_taxel_array(received[0]) is None
+
+
+def test_no_message_of_another_version_is_used(reader):
+    node, executor = reader
+    received: list[TaxelArray] = []
+    subscription = GuardedSubscription(node, TaxelArray, 'left/taxels', received.append, frames_qos(10),
+                                       check=check_taxel_array)
+    publisher = old_publisher()
+    try:
+        spin(executor, lambda: subscription.counts.received >= 5)
+        assert not received
+        assert subscription.counts.dropped == {RejectReason.OTHER_TYPE: subscription.counts.received}
+        assert subscription.health.other_types == ('/old_driver',)
+    finally:
+        publisher.kill()
+        publisher.wait()

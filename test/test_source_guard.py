@@ -1,0 +1,98 @@
+"""Two sources on one topic: neither is believed; one that starts again, loses frames or stalls is."""
+
+import random
+from itertools import chain
+
+import pytest
+
+from tactile_node.delay.source_guard import HOLD, RESTART, SourceGuard
+
+PERIOD, EPOCH = 0.02, 1.7e9
+
+
+def sent(count, *, first=0, begin=0.0, period=PERIOD, clock=0.0, name='ours'):
+    """Messages of one source: arrival, sequence, stamp, whose."""
+    return [(begin + n * period, first + n, EPOCH + clock + begin + n * period, name) for n in range(count)]
+
+
+def accepted(*sources):
+    """Those accepted, in the order of their arrival."""
+    guard = SourceGuard()
+    messages = sorted(chain(*sources))
+    return [message for message in messages if guard.accepts(*message[:3])]
+
+
+@pytest.mark.parametrize('first', [0, 3, 90, 2_000, 4_000_000])
+@pytest.mark.parametrize('clock', [-3600.0, -0.2, 0.0, 0.2])
+def test_of_two_drivers_none_is_used(first, clock):
+    """Whatever the other one's numbers and clock are: nothing of it is used, and soon nothing of ours."""
+    both = accepted(sent(500, first=1000), sent(400, first=first, begin=1.005, clock=clock, name='theirs'))
+    assert not [message for message in both if message[3] == 'theirs']
+    assert max(message[0] for message in both if message[0] < 9.0) < 1.005 + 4 * PERIOD
+
+
+def test_numbers_that_run_abreast_are_found_out():
+    """As of two hosts that were switched on together: two messages are taken for ours."""
+    both = accepted(sent(500), sent(400, first=52, begin=1.005, name='theirs'))
+    assert sum(message[3] == 'theirs' for message in both) <= 2
+    assert max(message[0] for message in both if message[0] < 9.0) < 1.005 + 4 * PERIOD
+
+
+def test_ours_is_used_again_when_the_other_has_ended():
+    used = accepted(sent(500, first=1000), sent(50, first=5, begin=1.005, name='theirs'))
+    again = min(message[0] for message in used if message[0] > 1.5)
+    assert 1.985 < again <= 1.985 + HOLD + PERIOD
+    assert [message for message in used if message[0] >= again] == sent(500, first=1000)[round(again / PERIOD):]
+
+
+def test_a_driver_that_starts_again_is_used_at_once():
+    later = sent(50, begin=10.0 + 1.1 * RESTART)
+    assert accepted(sent(501), later) == sent(501) + later
+
+
+@pytest.mark.parametrize('silence', [0.3, 0.9])
+def test_the_other_is_not_used_while_ours_is_silent_for_a_moment(silence):
+    ours = [message for message in sent(500, first=1000) if not 4 < message[0] < 4 + silence]
+    both = accepted(ours, sent(400, first=5, begin=1.005, name='theirs'))
+    assert not [message for message in both if message[3] == 'theirs' and message[0] < 9]
+
+
+def test_a_single_false_message_is_not_used_and_does_no_more():
+    false = sent(1, first=700_000, begin=2.005, name='false')
+    assert accepted(sent(300), false) == sent(300)
+
+
+@pytest.mark.parametrize('lost', [1, 9, 30, 45, 3000])
+def test_frames_that_are_lost_in_a_row_are_no_other_source(lost):
+    source = sent(4000)
+    kept = source[:200] + source[200 + lost:]
+    assert accepted(kept) == kept
+
+
+@pytest.mark.parametrize('part', [0.05, 0.5])
+def test_frames_that_are_lost_here_and_there_are_no_other_source(part):
+    chance = random.Random(4)
+    kept = [message for message in sent(2000) if chance.random() > part]
+    assert accepted(kept) == kept
+
+
+def test_what_was_held_back_comes_at_once():
+    late = [(max(arrival, 6.0) if arrival > 4 else arrival, *rest) for arrival, *rest in sent(500)]
+    assert accepted(late) == late
+
+
+def test_a_clock_that_is_set_is_no_other_source():
+    source = [(arrival, number, stamp + (5.0 if number > 100 else 0) - (3600 if number > 200 else 0), name)
+              for arrival, number, stamp, name in sent(300)]
+    assert accepted(source) == source
+
+
+def test_frames_left_out_on_purpose_are_no_other_source():
+    guard = SourceGuard()
+    assert all(guard.accepts(0.4 * n, 20 * n, EPOCH, left_out=19 * (n > 0)) for n in range(20))
+
+
+def test_two_nodes_that_work_on_the_same_frames_are_one_source():
+    """Both publish the shape of each frame, one a little later."""
+    twins = accepted(sent(100), [(arrival + 0.005, *rest) for arrival, *rest in sent(100, name='twin')])
+    assert len(twins) == 200
