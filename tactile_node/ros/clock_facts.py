@@ -44,7 +44,7 @@ def stamps_ahead_of(value: float) -> float:
 def clocks_text(clocks: Mapping[str, DriverClock], limit: float) -> str:
     """Return the sentence on those that are apart by more than ``limit`` [s]; empty: none is."""
     return '; '.join(
-        f'stamps of {driver} are {clock.stamps_offset:+.3f} s (+-{clock.host.bound:.3f} s) from the clock of this host: '
+        f'stamps of {driver} are {clock.stamps_offset:+.3f} s from the clock of this host (+-{clock.host.bound:.3f}): '
         'tf lookups at them fail here, ages are right'
         for driver, clock in clocks.items() if clock.is_apart(limit))
 
