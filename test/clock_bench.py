@@ -29,6 +29,8 @@ HERE = Path(__file__).parent
 LIBRARIES = tuple(Path('/usr/lib').glob('*/faketime/libfaketimeMT.so.1'))  #: Debian and Ubuntu: apt install faketime
 PERIOD = 0.1  # s between two frames: a busy machine keeps up
 HOSTS = ('bus', 'thinking')
+DIGIT = 0.2  # s: an age is given by tenths, and is on its way for some time
+READ = 1.1  # s in which libfaketime reads a new setting
 TIMEOUT = 60.0  # s, for a busy machine
 NODES = 'left/processor,left/classifier,right/processor,right/classifier,grasp'
 
@@ -45,6 +47,11 @@ class Clock(NamedTuple):
     @property
     def is_known(self) -> bool:
         return self.values['clock_offset_s'] != 'not known'
+
+    @property
+    def asked(self) -> float:
+        """When the last question was sent that was answered [s, steady]."""
+        return self.at - float(self.values['clock_age_s']) - DIGIT
 
     @property
     def error(self) -> float:

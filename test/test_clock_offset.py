@@ -28,21 +28,21 @@ def test_an_exchange_is_that_of_rfc_5905():
     """By hand: ((100.3 - 10) + (100.5 - 10.6)) / 2 = 90.1, and (0.6 - 0.2) / 2 = 0.2."""
     one = Exchange(sent=10.0, received=100.3, answered=100.5, arrived=10.6)
     assert one.offset == pytest.approx(90.1) and one.bound == pytest.approx(0.2)
-    offset, bound, drift = asked([one], drift=1e-9).at(10.6)
-    assert (offset, bound) == pytest.approx((90.1, 0.2)) and math.isnan(drift)
+    offset, bound, drift, age = asked([one], drift=1e-9).at(10.6)
+    assert (offset, bound, age) == pytest.approx((90.1, 0.2, 0.6)) and math.isnan(drift)
 
 
 def test_what_two_exchanges_have_in_common_counts():
     """5.0 +- 0.5 and, at the same time, 5.6 +- 0.3: the truth is in 5.3 to 5.5."""
-    offset, bound, _ = asked([Exchange(0.0, 5.5, 5.5, 1.0), Exchange(0.4, 6.3, 6.3, 1.0)], 1e-9).at(1.0)
+    offset, bound, *_ = asked([Exchange(0.0, 5.5, 5.5, 1.0), Exchange(0.4, 6.3, 6.3, 1.0)], 1e-9).at(1.0)
     assert (offset, bound) == pytest.approx((5.4, 0.1))
 
 
 def test_the_bound_grows_until_the_next_exchange_and_then_nothing_is_known():
     estimator = asked([Exchange(0.0, 7.0, 7.0, 0.0)])
-    assert estimator.at(4.0) == pytest.approx((7.0, 0.004, nan), nan_ok=True)
-    assert estimator.at(11.0) == pytest.approx((nan, inf, nan), nan_ok=True)
-    assert OffsetEstimator().at(0.0) == pytest.approx((nan, inf, nan), nan_ok=True)
+    assert estimator.at(4.0) == pytest.approx((7.0, 0.004, nan, 4.0), nan_ok=True)
+    assert estimator.at(11.0) == pytest.approx((nan, inf, nan, inf), nan_ok=True)
+    assert OffsetEstimator().at(0.0) == pytest.approx((nan, inf, nan, inf), nan_ok=True)
 
 
 @pytest.mark.parametrize('offset', [0.0, 0.2, -0.2, 1.7e9])
@@ -93,7 +93,7 @@ def test_a_drift_that_is_not_well_known_is_not_given():
 
 
 def test_against_another_clock_of_our_host():
-    assert ClockOffset(5.0, 0.1, 1e-5).against(4.75) == (0.25, 0.1, 1e-5)
+    assert ClockOffset(5.0, 0.1, 1e-5, 2.0).against(4.75) == (0.25, 0.1, 1e-5, 2.0)
 
 
 @pytest.mark.parametrize('wrong', [(0.0, nan, 1.0, 1.0), (0.0, 5.0, 4.0, 1.0), (0.0, 5.0, 6.5, 1.0),

@@ -198,10 +198,10 @@ def test_clocks_are_apart_when_it_is_certain_that_stamps_are(offset, bound, ahea
 
 def test_offset_bound_and_drift_are_values_of_the_diagnostic():
     values = values_of(status_of({'/a/skin_driver': DriverClock(ClockOffset(0.0, 0.001)),
-                                  '/b/skin_driver': DriverClock(ClockOffset(-0.2003, 0.00049, 2e-5), 0.5, 3)}))
+                                  '/b/skin_driver': DriverClock(ClockOffset(-0.2003, 0.00049, 2e-5, 1.26), 0.5, 3)}))
     assert {key: values[key] for key in values if 'clock' in key or 'stamps' in key} == {
         'clock_of': '/b/skin_driver', 'clock_offset_s': '-0.2003', 'clock_offset_bound_s': '0.0005',
-        'clock_drift_ppm': '+20', 'stamps_offset_s': '+0.2997', 'clock_unanswered': '3'}
+        'clock_age_s': '1.3', 'clock_drift_ppm': '+20', 'stamps_offset_s': '+0.2997', 'clock_unanswered': '3'}
 
 
 def test_without_a_driver_the_clock_is_not_known():

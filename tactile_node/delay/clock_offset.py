@@ -45,8 +45,9 @@ class ClockOffset(NamedTuple):
     """The other clock against ours; NaN: not known."""
 
     offset: float = nan  #: the other clock - ours [s]
-    bound: float = inf   #: what it is wrong by at most, unless a clock was set since the last exchange [s]
+    bound: float = inf   #: what it is wrong by at most, unless the other clock was set within ``age`` [s]
     drift: float = nan   #: by which it grows in a second, relative
+    age: float = inf     #: time since the last question that was answered [s]
 
     def against(self, lead: float) -> 'ClockOffset':
         """Return it against a clock that is ``lead`` [s] ahead of ours."""
@@ -74,7 +75,7 @@ class OffsetEstimator:
     >>> estimator = OffsetEstimator()
     >>> estimator.update(Exchange(10.00, 100.00, 100.00, 10.04))  # ahead by 89.96 to 90.00
     >>> estimator.update(Exchange(12.00, 102.03, 102.03, 12.04))  # 89.99 to 90.03, two seconds later
-    >>> offset, bound, _ = estimator.at(12.04)
+    >>> offset, bound, *_ = estimator.at(12.04)
     >>> round(offset, 3), round(bound, 3)  # in common: 89.99 to 90.00, and 1e-3 of two seconds more
     (89.996, 0.006)
     """
@@ -83,6 +84,7 @@ class OffsetEstimator:
         self._settings = settings
         self._least, self._most = -inf, inf  # the offset at ``_looked``
         self._looked = -inf
+        self._asked = -inf
         self._samples: deque[tuple[float, float, float]] = deque(maxlen=KEPT)  # time, least and most offset
         self._drift = nan
         self.jumps = 0  #: times that the other clock was set
@@ -102,6 +104,7 @@ class OffsetEstimator:
             common = least, most
         self._least, self._most = common
         self._looked = now
+        self._asked = exchange.sent
         self._samples.append((now, least, most))
         while now - self._samples[0][0] > self._settings.window:
             self._samples.popleft()
@@ -112,7 +115,7 @@ class OffsetEstimator:
         if now - self._looked > self._settings.longest_gap:
             return ClockOffset()
         return ClockOffset((self._least + self._most) / 2, (self._most - self._least) / 2 + self._grown(now),
-                           self._drift)
+                           self._drift, now - self._asked)
 
     def _grown(self, now: float) -> float:
         """What drift may have added since the last exchange [s]."""

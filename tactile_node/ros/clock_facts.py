@@ -54,7 +54,7 @@ def clock_values(clocks: Mapping[str, DriverClock]) -> dict[str, str]:
     driver, clock = max(clocks.items(), key=lambda item: _distance(item[1]), default=('', DriverClock()))
     return {'clock_of': driver, 'clock_offset_s': _known(clock.host.offset, '+.4f'),
             'clock_offset_bound_s': _known(clock.host.bound, '.4f'),
-            'clock_drift_ppm': _known(1e6 * clock.host.drift, '+.0f'),
+            'clock_age_s': _known(clock.host.age, '.1f'), 'clock_drift_ppm': _known(1e6 * clock.host.drift, '+.0f'),
             'stamps_offset_s': _known(clock.stamps_offset, '+.4f'),
             'clock_unanswered': str(sum(each.unanswered for each in clocks.values()))}
 
