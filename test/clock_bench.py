@@ -223,8 +223,11 @@ class ClockWorld:
 
     def ages(self, since: float = 0.0) -> list[Aged]:
         """Return the grasps after ``since`` [s, steady] whose age is known, and how old they were in truth."""
+        arrivals = dict(self._arrivals)
         scans = [self.skin.scans(pad) for pad in PADS]  # the driver numbers by SYNC, as they are
-        assert all(at > scans[0][number] for number, at in dict(self._arrivals).items()), 'a message before its scan'
+        if not all(number < len(scans[0]) and at > scans[0][number] for number, at in arrivals.items()):
+            error = TooSlowError if is_overloaded() else AssertionError  # numbers that an outage has left out
+            raise error('a message came before its scan')
         found = []
         for record in self.grasps(since):
             if record['age_here'] is not None and all(record['sequences']):
