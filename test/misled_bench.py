@@ -93,6 +93,14 @@ class SkinProcess:
         """Take the adapter away."""
         self._send(unplug=True)
 
+    def scans(self, pad: str) -> list[float]:
+        """When the pad was scanned, once for each SYNC [s, monotonic]."""
+        self._process.stdin.write(json.dumps({'scans': pad}) + '\n')
+        self._process.stdin.flush()
+        times: list[float] = json.loads(self._process.stdout.readline())
+        assert self._process.stdout.readline() == 'done\n'
+        return times
+
     def _send(self, **command: Any) -> None:
         self._process.stdin.write(json.dumps(command) + '\n')
         self._process.stdin.flush()
@@ -148,6 +156,11 @@ class Relay:
     def release(self) -> None:
         for message in self._kept:
             self._publisher.publish(message)
+
+    def pass_on(self) -> None:
+        """From now on nothing is held back; all that was held back has been released."""
+        self._room = None
+        self._kept.clear()
 
     def _pass(self, message: Any) -> None:
         if self._room is None:

@@ -2,7 +2,7 @@
 
     python test/misled_consumer.py grasp=grasp left=left/shape taxels=left/taxels status=skin_driver/status
 
-It knows the message types only, as a planner on another machine would.
+It knows the message types and `InputAge` only, as a planner on another machine would.
 """
 
 import json
@@ -17,6 +17,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
+from tactile_node.ros.message_age import InputAge
 from tactile_skin.msg import ContactShape, Grasp, SkinStatus, TaxelArray
 
 SHAPES = ('NOT_KNOWN', 'NONE', 'UNKNOWN', 'CIRCLE', 'SQUARE', 'RECTANGLE', 'RIGHT_TRIANGLE', 'ISOSCELES_TRIANGLE')
@@ -34,7 +35,8 @@ def main() -> None:
     qos = QoSProfile(depth=100)
     for name, topic in topics.items():
         kind, facts = KINDS.get(name, (ContactShape, shape_facts))
-        node.create_subscription(kind, topic, partial(report, name, facts), STATUS_QOS if name == 'status' else qos)
+        node.create_subscription(kind, topic, partial(report, name, facts, InputAge()),
+                                 STATUS_QOS if name == 'status' else qos)
     print(json.dumps({'topic': 'ready', 'time': time.monotonic()}), flush=True)
     try:
         rclpy.spin(node)
@@ -42,10 +44,13 @@ def main() -> None:
         pass
 
 
-def report(topic, facts, message) -> None:
-    now = time.monotonic()
+def report(topic, facts, ages, message) -> None:
+    now, here = time.monotonic(), {}
+    if hasattr(message, 'age'):
+        arrival = ages.arrived(message)
+        now, here = arrival.steady, {'age_here': arrival.age_on_arrival}
     numbers = {name: value if not isinstance(value, float) or math.isfinite(value) else None
-               for name, value in facts(message).items()}
+               for name, value in (facts(message) | here).items()}
     print(json.dumps({'topic': topic, 'time': now, **numbers}), flush=True)
 
 
@@ -66,6 +71,7 @@ def grasp_facts(message: Grasp) -> dict:
             'shapes': [name_of(ContactShape, SHAPES, side.shape) for side in message.sides],
             'fresh': message.fresh, 'stable': message.stable, 'gap': float(message.gap), 'width': float(message.width),
             'offset': float(message.offset), 'age': seconds(message),
+            'sequences': [side.sequence for side in message.sides],
             'gap_source': name_of(Grasp, GAPS, getattr(message, 'gap_source', -1))}
 
 

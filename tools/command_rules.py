@@ -35,6 +35,7 @@ RULES = (
     Rule(r'^(export|source|kill|echo)\b', Kind.SHELL),
     Rule(r'^(sudo ip|ip)\b|socketcan', Kind.HARDWARE, 'a CAN interface of the kernel'),
     Rule(r'^(sudo apt|apt|git)\b', Kind.NETWORK),
+    Rule(r'^sudo (ptp4l|phc2sys)\b', Kind.NETWORK, 'a network card with a PTP clock'),
     Rule(r'^pip install', Kind.NETWORK, 'test/test_installed.py installs the wheel'),
     Rule(r'pre-commit install', Kind.NETWORK, 'only writes a git hook'),
     Rule(r'^make (setup|demo|docs|test|check|lint|commands|schema)\b', Kind.MINUTES, '.ci/run runs make test'),

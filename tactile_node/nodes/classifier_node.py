@@ -54,7 +54,7 @@ class ClassifierNode(Node):
         self._view = ShapeView(self, self._settings.queue_depth, self._settings.full_scale)
         self._contacts = GuardedSubscription(self, Contact, 'contact', self._on_contact, qos, check=check_contact,
                                              newest_only=True)
-        MessageHealth(self, [self._contacts])
+        MessageHealth(self, [self._contacts], self._settings)
 
     def _on_contact(self, message: Contact) -> None:
         pattern = pattern_of(message)

@@ -65,7 +65,7 @@ class GraspNode(Node):
             side: GuardedSubscription(self, ContactShape, f'{pad}/shape', partial(self._on_shape, side), settings.qos,
                                       check=check_contact_shape)
             for side, pad in zip(SIDES, (settings.left_pad, settings.right_pad))}
-        MessageHealth(self, tuple(self._shapes.values()))
+        MessageHealth(self, tuple(self._shapes.values()), settings)
 
     def _on_shape(self, side: str, message: ContactShape) -> None:
         arrival = self._shapes[side].arrival

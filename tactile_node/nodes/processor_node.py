@@ -48,7 +48,7 @@ class ProcessorNode(Node):
         self._views = TaxelViews(self, self._settings.queue_depth, self._settings.full_scale)
         self._taxels = GuardedSubscription(self, TaxelArray, 'taxels', self._on_taxels, qos, check=check_taxel_array,
                                            newest_only=True)
-        MessageHealth(self, [self._taxels])
+        MessageHealth(self, [self._taxels], self._settings)
         self.add_on_set_parameters_callback(self._on_parameters)
 
     def _apply(self, settings: ProcessorSettings) -> None:

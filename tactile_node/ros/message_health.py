@@ -4,10 +4,12 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from enum import IntEnum
+from types import MappingProxyType
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
+from tactile_node.ros.clock_facts import DriverClock, clock_values, clocks_text
 from tactile_node.ros.message_checks import RejectReason
 
 OLD = 1.0  #: s: data that still comes, and is older, was held back
@@ -25,6 +27,7 @@ class StreamFault(IntEnum):
     SEVERAL_PUBLISHERS = 5  #: of one pad's topic: its messages are of two sources
     SILENT = 6              #: a topic has brought none
     OVERLOADED = 7          #: the node cannot keep up: more than MOST_OVERTAKEN were overtaken by newer ones
+    CLOCKS_APART = 8        #: the stamps of a driver are apart from the clock of this host
     OTHER_TYPE = 9          #: a publisher has another version of the message; nothing of the topic is used
 
 
@@ -48,13 +51,17 @@ class StreamHealth(NamedTuple):
 
 
 def health_status(node: str, now: Mapping[str, StreamHealth], before: Mapping[str, MessageCounts],
-                  period: float) -> DiagnosticStatus:
+                  period: float, clocks: Mapping[str, DriverClock] = MappingProxyType({}), *,
+                  max_clock_offset: float = math.inf) -> DiagnosticStatus:
     """Return the status of ``node``, by its full name; by topic: the state now and the counts ``period`` [s] before.
 
-    WARN: messages were dropped, skipped or, many, overtaken since then, are old, or have two sources; STALE: a topic
-    has brought none; else OK.
+    ``clocks``: by driver. WARN: messages were dropped, skipped or, many, overtaken since then, are old, or have two
+    sources, or stamps are more than ``max_clock_offset`` [s] apart from the clock of this host; STALE: a topic has
+    brought none; else OK.
     """
     found = dict(_found(now, before))
+    if apart := clocks_text(clocks, max_clock_offset):
+        found[StreamFault.CLOCKS_APART] = apart
     processed = _sum(now, 'processed') - sum(counts.processed for counts in before.values())
     text = '; '.join(found.values()) or f'{processed} messages, none dropped'
     level = _level(found)
@@ -64,6 +71,7 @@ def health_status(node: str, now: Mapping[str, StreamHealth], before: Mapping[st
               'rate_hz': f'{processed / period:.1f}', 'age_s': _age(now), 'skipped': _sum(now, 'skipped'),
               'overtaken': _sum(now, 'overtaken'),
               'publishers': max((len(stream.publishers) for stream in now.values()), default=0),
+              **clock_values(clocks),
               **{f'dropped_{reason.key}': dropped[reason] for reason in RejectReason if reason}}
     return DiagnosticStatus(level=level, name=node, message=text,
                             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])

@@ -83,7 +83,16 @@ class DriverSettings(NodeSettings):
 
 
 @dataclass(frozen=True)
-class ProcessorSettings(NodeSettings):
+class ReceiverSettings(NodeSettings):
+    """The parameters of every node that works on the frames of a driver."""
+
+    max_clock_offset: float = parameter(0.05, 'how far the stamps of the driver may be from the clock of this host '
+                                        'before the diagnostics warn of it (tf lookups at them would fail here) [s]; '
+                                        'ages need no common clock', 0, 1e9)
+
+
+@dataclass(frozen=True)
+class ProcessorSettings(ReceiverSettings):
     press_threshold: float = parameter(0.0, 'reading from which on a taxel is pressed [unit of the taxels]; 0: what '
                                        'stands out of the noise (at least '
                                        f'{LEAST_BY_UNIT["Pa"] / 1e3:g} kPa, {LEAST_BY_UNIT["N"]:g} N) and reads half '
@@ -99,7 +108,7 @@ class ProcessorSettings(NodeSettings):
 
 
 @dataclass(frozen=True)
-class ClassifierSettings(NodeSettings):
+class ClassifierSettings(ReceiverSettings):
     method: str = parameter(DEFAULT, 'recognition method: learned, or volf (the three planes of Volf, Dvořák and '
                             'Vlček)')
     model: str = parameter('', 'weights or curves of the method: a file, or a name in config/; empty: its own')
@@ -110,7 +119,7 @@ class ClassifierSettings(NodeSettings):
 
 
 @dataclass(frozen=True)
-class GraspNodeSettings(NodeSettings):
+class GraspNodeSettings(ReceiverSettings):
     left_pad: str = parameter('left', 'name of the left pad')
     right_pad: str = parameter('right', 'name of the right pad, which faces the left one')
     frame_id: str = parameter('gripper', 'frame of the gripper, in which the grasp is published')

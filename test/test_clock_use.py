@@ -1,0 +1,77 @@
+"""Which modules look at the wall clock of their host, and why that is right where the clocks of hosts are apart.
+
+A module that is not here takes the stamps of messages and a steady clock. See docs/clocks.md.
+"""
+
+import ast
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+FILES = sorted(path for folder in ('tactile_node', 'examples', 'launch') for path in (ROOT / folder).rglob('*.py'))
+#: By module: what it takes the time of its host for
+WALL_CLOCK = {
+    'tactile_node/bus/stamp_clock.py': 'stamps, on a line that never goes back',
+    'tactile_node/bus/slcan_bus.py': 'the time of CAN frames, which stamp_clock puts on that line',
+    'tactile_node/bus/bus_network.py': 'the time of sent CAN frames in a recording',
+    'tactile_node/cia301/emergency.py': 'the time of an EMCY, which people read',
+    'tactile_node/nodes/host_time_service.py': 'what is compared',
+    'tactile_node/nodes/driver_clocks.py': 'what it is compared with',
+    'tactile_node/nodes/state_publisher.py': 'stamp of a diagnostic, as REP-107 has it',
+    'tactile_node/nodes/node_health.py': 'the same',
+    'tactile_node/nodes/opening_source.py': 'the same',
+    'tactile_node/nodes/pad_frames.py': 'stamps on tf, of the host that publishes: see docs/clocks.md',
+    'tactile_node/ros/bag.py': 'when a message was recorded, beside its stamp',
+    'tactile_node/view/page.py': 'a warning that the stamps are of another clock',
+    'tactile_node/demo/watcher.py': 'one host',
+    'tactile_node/demo/session.py': 'one host',
+    'tactile_node/simulator/device.py': 'what touches the simulated skin',
+    'tactile_node/simulator/slcan_pty.py': 'what a CAN adapter stamps',
+    'tactile_node/simulator/wire_gateway.py': 'the same'}
+#: QoS of DDS that compare the stamp of the sender's host with the clock of the receiver's (lifespan), or end with a
+#: lease that nothing here watches
+QOS = {'lifespan', 'deadline', 'liveliness', 'liveliness_lease_duration'}
+
+
+def name_of(node: ast.expr) -> str:
+    """The dotted name of a call's function, with () for calls in it."""
+    if isinstance(node, ast.Call):
+        return f'{name_of(node.func)}()'
+    if isinstance(node, ast.Attribute):
+        return f'{name_of(node.value)}.{node.attr}'
+    return getattr(node, 'id', '')
+
+
+def calls(path: Path) -> list[ast.Call]:
+    return [node for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))) if isinstance(node, ast.Call)]
+
+
+def reads_wall_clock(call: ast.Call) -> bool:
+    name = name_of(call.func)
+    return (name in ('time.time', 'time.time_ns', 'datetime.now', 'datetime.utcnow', 'time.localtime')
+            or name.endswith(('get_clock().now', '_clock.now')))
+
+
+def test_the_modules_that_look_at_the_wall_clock_are_those_of_the_list():
+    found = {str(path.relative_to(ROOT)) for path in FILES if any(map(reads_wall_clock, calls(path)))}
+    assert found == set(WALL_CLOCK)
+
+
+def test_every_timer_is_on_a_steady_clock():
+    """By default it is on the node's, which stands still while the wall clock is set back."""
+    timers = [(path, call) for path in FILES for call in calls(path) if name_of(call.func).endswith('create_timer')]
+    assert timers
+    for path, call in timers:
+        given = {keyword.arg: ast.unparse(keyword.value) for keyword in call.keywords}
+        assert given.get('clock') == 'Clock(clock_type=ClockType.STEADY_TIME)', (path, call.lineno)
+
+
+def test_no_qos_compares_the_clocks_of_hosts():
+    profiles = [(path, call) for path in FILES for call in calls(path) if name_of(call.func) == 'QoSProfile']
+    assert profiles
+    for path, call in profiles:
+        assert not QOS & {keyword.arg for keyword in call.keywords}, (path, call.lineno)
+    for path in FILES:
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            targets = node.targets if isinstance(node, ast.Assign) else []
+            assert not any(isinstance(each, ast.Attribute) and each.attr in {'lifespan', 'liveliness'}
+                           for each in targets), path
