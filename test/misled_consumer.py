@@ -2,7 +2,8 @@
 
     python test/misled_consumer.py grasp=grasp left=left/shape
 
-It knows the message types only, as a planner on another machine would.
+It knows the message types only, as a planner on another machine would. A topic given as `slow=left/taxels` is read by a
+callback that blocks for SLOW; of its messages, too, the newest DEPTH are kept.
 """
 
 import json
@@ -12,12 +13,15 @@ import time
 from functools import partial
 
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from tactile_skin.msg import ContactShape, Grasp
+from tactile_skin.msg import ContactShape, Grasp, TaxelArray
 
+DEPTH = 100  # messages
+SLOW = 1.0  # s
 SHAPES = ('NOT_KNOWN', 'NONE', 'UNKNOWN', 'CIRCLE', 'SQUARE', 'RECTANGLE', 'RIGHT_TRIANGLE', 'ISOSCELES_TRIANGLE')
 CONTACTS = ('NOT_KNOWN', 'UNSEEN', 'NO_CONTACT', 'ONE_SIDED', 'TWO_SIDED')
 SIDES = ('SIDE_NOT_KNOWN', 'SIDE_UNSEEN', 'SIDE_EMPTY', 'SIDE_TOUCHED')
@@ -29,9 +33,9 @@ def main() -> None:
     topics = dict(argument.split('=') for argument in sys.argv[1:])
     rclpy.init(args=[])
     node = Node('consumer')
-    qos = QoSProfile(depth=100)
+    qos = QoSProfile(depth=DEPTH)
     for name, topic in topics.items():
-        kind, facts = (Grasp, grasp_facts) if name == 'grasp' else (ContactShape, shape_facts)
+        kind, facts = KINDS[topic.rpartition('/')[2]]
         node.create_subscription(kind, topic, partial(report, name, facts), qos)
     print(json.dumps({'topic': 'ready', 'time': time.monotonic()}), flush=True)
     try:
@@ -45,24 +49,41 @@ def report(topic, facts, message) -> None:
     numbers = {name: value if not isinstance(value, float) or math.isfinite(value) else None
                for name, value in facts(message).items()}
     print(json.dumps({'topic': topic, 'time': now, **numbers}), flush=True)
+    if topic == 'slow':
+        time.sleep(SLOW)
+
+
+def taxel_facts(message: TaxelArray) -> dict:
+    return {**time_facts(message), 'sequence': message.sequence, 'left_out': getattr(message, 'left_out', 0)}
+
+
+def diagnostic_facts(message: DiagnosticArray) -> dict:
+    """Of the nodes in the message: the counts that they report."""
+    return {'counts': {status.name: {value.key: int(value.value) for value in status.values if value.value.isdigit()}
+                       for status in message.status}}
+
+
+def time_facts(message) -> dict:
+    stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+    return {'latency': time.time() - stamp, 'stamp': stamp, 'age': seconds(message)}
 
 
 def shape_facts(message: ContactShape) -> dict:
-    return {'latency': time.time() - message.header.stamp.sec - 1e-9 * message.header.stamp.nanosec,
+    return {**time_facts(message), 'left_out': getattr(message, 'left_out', 0),
             'shape': name_of(ContactShape, SHAPES, message.shape), 'sequence': message.sequence,
             'reason': name_of(ContactShape, REASONS, getattr(message, 'unknown_reason', -1)),
             'confidence': float(message.confidence), 'taxels': message.taxels, 'force': float(message.force),
             'force_is_bound': getattr(message, 'force_is_bound', False),
             'size_is_bound': getattr(message, 'size_is_bound', False), 'fit_valid': message.fit_valid,
-            'contacts': getattr(message, 'contacts', 0), 'age': seconds(message)}
+            'contacts': getattr(message, 'contacts', 0)}
 
 
 def grasp_facts(message: Grasp) -> dict:
-    return {'contact': name_of(Grasp, CONTACTS, message.contact),
+    return {**time_facts(message), 'contact': name_of(Grasp, CONTACTS, message.contact),
             'sides': [name_of(Grasp, SIDES, state) for state in getattr(message, 'side_states', ())],
             'shapes': [name_of(ContactShape, SHAPES, side.shape) for side in message.sides],
             'fresh': message.fresh, 'stable': message.stable, 'gap': float(message.gap), 'width': float(message.width),
-            'offset': float(message.offset), 'age': seconds(message),
+            'offset': float(message.offset),
             'gap_source': name_of(Grasp, GAPS, getattr(message, 'gap_source', -1))}
 
 
@@ -75,6 +96,10 @@ def seconds(message) -> float:
 def name_of(kind: type, names: tuple[str, ...], number: int) -> str:
     """The name of a constant; a message of an older version has fewer."""
     return next((name for name in names if getattr(kind, name, None) == number), str(number))
+
+
+KINDS = {'grasp': (Grasp, grasp_facts), 'shape': (ContactShape, shape_facts), 'taxels': (TaxelArray, taxel_facts),
+         'diagnostics': (DiagnosticArray, diagnostic_facts)}  # by the last part of the topic
 
 
 if __name__ == '__main__':

@@ -1,0 +1,175 @@
+"""The chain on two hosts that a bad link joins: the bus on the first, what thinks on the second, as a user starts them.
+
+The skin holds an object. Consumers on both hosts print what they receive, by a clock that both hosts share.
+"""
+
+import json
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterable, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+import numpy as np
+from misled_bench import Claim, Record, SkinProcess, Watch
+from misled_skin import LAYOUT, NODE_IDS, PADS
+from two_hosts import Host, LossyHosts
+
+ROOT = Path(__file__).resolve().parents[1]
+CONSUMER = ROOT / 'test' / 'misled_consumer.py'
+PROCESSORS, CLASSIFIERS = [f'{pad}/processor' for pad in PADS], [f'{pad}/classifier' for pad in PADS]
+#: By what the link carries: what runs on the host of the bus, and what on the other
+SPLITS = {'taxels': (['skin_driver'], [*PROCESSORS, *CLASSIFIERS, 'grasp']),
+          'contacts': (['skin_driver', *PROCESSORS], [*CLASSIFIERS, 'grasp']),
+          'grasps': (['skin_driver', *PROCESSORS, *CLASSIFIERS, 'grasp'], [])}
+NEAR = {pad: f'near_{pad}' for pad in PADS}  # the taxels as a consumer beside the driver receives them
+STATUS_PERIOD = 1.0  # s between two messages of a node about what it has received
+WEIGHED = 0.25  # s between two looks at the driver's memory
+
+
+class LinkWorld(Watch):
+    """``split``: what the link carries (SPLITS). ``period`` [s]: between two frames. A context; raises NoHostsError.
+
+    Records of the second host: 'grasp', 'left', 'right' (shapes), 'status' (/diagnostics); of the first: NEAR.
+    ``profile``: of Fast DDS, on both hosts. ``parameters``: of all nodes that have them.
+    """
+
+    def __init__(self, split: str = 'taxels', *, period: float, profile: Path | None = None,
+                 parameters: Mapping[str, object] | None = None):
+        super().__init__()
+        self.split, self.period = split, period
+        self.memory: list[tuple[float, int]] = []  #: of the driver's process: when, resident [kB]
+        self._environment = {'PYTHONPATH': str(ROOT)}
+        if profile is not None:
+            self._environment['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(profile)
+        self._parameters = dict(parameters or {})
+        self._stack = ExitStack()
+
+    def __enter__(self) -> 'LinkWorld':
+        try:
+            self._start()
+        except BaseException:
+            self._stack.close()
+            raise
+        return self
+
+    def __exit__(self, *problem: object) -> None:
+        self._stack.close()
+
+    def _start(self) -> None:
+        stack, (bus_side, thinking_side) = self._stack, SPLITS[self.split]
+        self.link = stack.enter_context(LossyHosts())
+        self._folder = Path(stack.enter_context(TemporaryDirectory()))
+        self._port = str(self._folder / 'skin')
+        self.skin = SkinProcess(self._port, {})
+        stack.callback(self.skin.end)
+        near, far = self.link.both
+        self.consume(near, {NEAR[pad]: f'{pad}/taxels' for pad in PADS})
+        self.consumer = self.consume(far, {'grasp': 'grasp', **{pad: f'{pad}/shape' for pad in PADS},
+                                           'status': '/diagnostics'})
+        if thinking_side:
+            self.thinking = self._bringup(far, thinking_side)
+        self.driver = self._bringup(near, bus_side)
+        for target in (self.tick, self._weigh):
+            thread = threading.Thread(target=target, daemon=True)
+            thread.start()
+            stack.callback(thread.join)
+        stack.callback(self._stop.set)
+
+    def consume(self, host: Host, topics: Mapping[str, str]) -> subprocess.Popen:
+        """Start a consumer; what it prints is recorded."""
+        words = [f'{name}={topic}' for name, topic in topics.items()]
+        consumer = self._popen(host, [str(CONSUMER), *words], stdout=subprocess.PIPE, text=True)
+        threading.Thread(target=self.read, args=(consumer,), daemon=True).start()
+        return consumer
+
+    def _bringup(self, host: Host, labels: Iterable[str]) -> subprocess.Popen:
+        given = {'/**': {'ros__parameters': {'sync_period': self.period, **self._parameters}}}
+        file = self._folder / f'{host.address}.yaml'
+        file.write_text(json.dumps(given))  # JSON is YAML
+        return self._popen(host, ['-m', 'tactile_node.cli.main', 'bringup', '--interface', 'slcan', '--channel',
+                                  self._port, '--pads', ','.join(PADS), '--node-id', ','.join(map(str, NODE_IDS)),
+                                  '--layout', LAYOUT, '--only', ','.join(labels), '--params-file', str(file)])
+
+    def _popen(self, host: Host, words: list[str], **keywords) -> subprocess.Popen:
+        process = host.popen([sys.executable, *words], self._environment, **keywords)
+        self._stack.callback(process.wait)
+        self._stack.callback(process.kill)
+        return process
+
+    def _weigh(self) -> None:
+        while not self._stop.wait(WEIGHED):
+            status = Path(f'/proc/{self.driver.pid}/status').read_text(encoding='ascii')
+            resident = next((line for line in status.splitlines() if line.startswith('VmRSS')), None)
+            if resident:
+                self.memory.append((time.monotonic(), int(resident.split()[1])))
+
+    def recovered(self, since: float, is_true: Claim, timeout: float) -> float:
+        """Wait until a grasp comes that is fresh and true; for how long after ``since`` it took [s]."""
+        def first() -> float | None:
+            return next((record['time'] for record in self.of('grasp', since) if is_true(record)), None)
+        self.wait(first, 'a fresh and true grasp', timeout)
+        return (first() or 0.0) - since
+
+    def of(self, topic: str, since: float, until: float = float('inf')) -> list[Record]:
+        """What has come on ``topic`` between two times [s, monotonic], oldest first."""
+        return [record for record in list(self.records) if record['topic'] == topic and since <= record['time'] < until]
+
+    def status(self, node: str) -> dict[str, int]:
+        """What ``node`` has counted so far; it is published once a second."""
+        records = (record['counts'] for record in reversed(list(self.records)) if record['topic'] == 'status')
+        return next((counts[node] for counts in records if node in counts), {})
+
+    def growth(self, since: float) -> float:
+        """How much larger the driver has become per minute since then [kB]; of the last and the first fifth."""
+        times, sizes = np.array([pair for pair in list(self.memory) if pair[0] >= since]).T
+        part = max(1, len(sizes) // 5)
+        return float((sizes[-part:].mean() - sizes[:part].mean()) / (times[-part:].mean() - times[:part].mean()) * 60)
+
+
+class Passed(NamedTuple):
+    """What became of the frames that the driver published in some time; of both pads."""
+
+    sent: int       #: taxel frames that a consumer beside the driver has received
+    received: int   #: of these, as shapes by the consumer on the other host
+    gaps: int       #: that this consumer sees to be missing, by the sequence of the shapes
+    left_out: int   #: of these, on purpose, as the shapes say
+    median: float   #: from an acquisition to its shape [s]
+    late: float     #: the same, 99th percentile [s]
+    known: float    #: part of the time that the latest grasp was fresh
+    sync_gap: float       #: the longest time between two SYNCs [s]
+    published_gap: float  #: the longest time between two taxel frames of a pad beside the driver [s]
+
+    @property
+    def unnoticed(self) -> int:
+        """Frames that neither came nor are seen to be missing."""
+        return self.sent - self.received - self.gaps
+
+
+def passed(world: LinkWorld, since: float, until: float) -> Passed:
+    """Of the frames acquired between two times [s, monotonic]; what comes until now is taken to arrive."""
+    offset = time.time() - time.monotonic()
+    sent = received = gaps = left_out = 0
+    delays: list[float] = []
+    syncs, published = [0.0], [0.0]
+    for pad in PADS:
+        near = [record for record in world.of(NEAR[pad], since) if since <= record['stamp'] - offset < until]
+        numbers = {record['sequence'] for record in near}
+        shapes = [record for record in world.of(pad, 0.0) if record['sequence'] in numbers]
+        sent += len(numbers)
+        received += len({record['sequence'] for record in shapes})
+        left_out += sum(record['left_out'] for record in shapes)
+        order = sorted(record['sequence'] for record in shapes)
+        gaps += sum(later - earlier - 1 for earlier, later in zip(order, order[1:]))
+        delays += [record['latency'] for record in shapes]
+        syncs += np.diff([record['stamp'] for record in near]).tolist()
+        published += np.diff([record['time'] for record in near]).tolist()
+    grasps = world.of('grasp', since, until)
+    ends = [record['time'] for record in grasps[1:]] + [until]
+    known = sum(end - record['time'] for record, end in zip(grasps, ends) if record['fresh'])
+    median, late = np.percentile(delays, (50, 99)).tolist() if delays else (float('nan'),) * 2
+    return Passed(sent, received, gaps, left_out, median, late, known / (until - since), max(syncs), max(published))
