@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
+from math import inf, nan
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -19,6 +20,9 @@ from misled_bench import Claim, Record, SkinProcess, Watch
 from misled_skin import LAYOUT, NODE_IDS, PADS
 from two_hosts import Host, LossyHosts
 
+from tactile_node.delay.estimator import DelayEstimator
+from tactile_node.ros.message_age import NOT_KNOWN_SEC
+
 ROOT = Path(__file__).resolve().parents[1]
 CONSUMER = ROOT / 'test' / 'misled_consumer.py'
 PROCESSORS, CLASSIFIERS = [f'{pad}/processor' for pad in PADS], [f'{pad}/classifier' for pad in PADS]
@@ -27,6 +31,7 @@ SPLITS = {'taxels': (['skin_driver'], [*PROCESSORS, *CLASSIFIERS, 'grasp']),
           'contacts': (['skin_driver', *PROCESSORS], [*CLASSIFIERS, 'grasp']),
           'grasps': (['skin_driver', *PROCESSORS, *CLASSIFIERS, 'grasp'], [])}
 NEAR = {pad: f'near_{pad}' for pad in PADS}  # the taxels as a consumer beside the driver receives them
+MAX_AGE, MAX_SILENCE = 0.3, 0.1  # s, as in docs/consumers.md and examples/planner_client.py
 STATUS_PERIOD = 1.0  # s between two messages of a node about what it has received
 WEIGHED = 0.25  # s between two looks at the driver's memory
 
@@ -108,14 +113,30 @@ class LinkWorld(Watch):
             if resident:
                 self.memory.append((time.monotonic(), int(resident.split()[1])))
 
-    def recovered(self, since: float, is_true: Claim, timeout: float) -> float:
+    def recovered(self, since: float, is_true: Claim) -> float:
         """Wait until a grasp comes that is fresh and true; for how long after ``since`` it took [s]."""
         def first() -> float | None:
-            return next((record['time'] for record in self.of('grasp', since) if is_true(record)), None)
-        self.wait(first, 'a fresh and true grasp', timeout)
+            return next((record['time'] for record in self.of('grasp', since) if record['fresh'] and is_true(record)),
+                        None)
+        self.wait(first, 'a fresh and true grasp')
         return (first() or 0.0) - since
 
-    def of(self, topic: str, since: float, until: float = float('inf')) -> list[Record]:
+    def believed(self, claim: Claim, since: float, until: float = inf) -> float:
+        """For how long a planner that follows docs/consumers.md believed ``claim``, between two times [s, monotonic].
+
+        It estimates the age of each grasp on its arrival, and takes it for what is now until it is too old, another
+        one comes, or none has come for MAX_SILENCE.
+        """
+        seconds, delays, ends = 0.0, DelayEstimator(), min(until, time.monotonic())
+        records = [record for record in self.of('grasp', 0.0, ends) if record['age'] < NOT_KNOWN_SEC]
+        for record, after in zip(records, [*(record['time'] for record in records[1:]), ends]):
+            held_back, is_settled = delays.update(record['time'], record['stamp'] + record['age'])
+            end = min(after, record['time'] + MAX_SILENCE, record['time'] + MAX_AGE - record['age'] - held_back)
+            if is_settled and record['fresh'] and claim(record):
+                seconds += max(0.0, end - max(record['time'], since))
+        return seconds
+
+    def of(self, topic: str, since: float, until: float = inf) -> list[Record]:
         """What has come on ``topic`` between two times [s, monotonic], oldest first."""
         return [record for record in list(self.records) if record['topic'] == topic and since <= record['time'] < until]
 
@@ -123,6 +144,11 @@ class LinkWorld(Watch):
         """What ``node`` has counted so far; it is published once a second."""
         records = (record['counts'] for record in reversed(list(self.records)) if record['topic'] == 'status')
         return next((counts[node] for counts in records if node in counts), {})
+
+    def wait_for_status(self, node: str) -> None:
+        """Until what ``node`` has counted so far is here."""
+        since = time.monotonic()
+        self.wait(lambda: sum(node in record['counts'] for record in self.of('status', since)) > 1, f'status of {node}')
 
     def growth(self, since: float) -> float:
         """How much larger the driver has become per minute since then [kB]; of the last and the first fifth."""
@@ -136,40 +162,46 @@ class Passed(NamedTuple):
 
     sent: int       #: taxel frames that a consumer beside the driver has received
     received: int   #: of these, as shapes by the consumer on the other host
-    gaps: int       #: that this consumer sees to be missing, by the sequence of the shapes
-    left_out: int   #: of these, on purpose, as the shapes say
+    left_out: int   #: of these, on purpose for newer ones, as the shapes say
+    missed: int     #: of these, neither: the consumer sees the gap in the sequence of the shapes
     median: float   #: from an acquisition to its shape [s]
     late: float     #: the same, 99th percentile [s]
     known: float    #: part of the time that the latest grasp was fresh
     sync_gap: float       #: the longest time between two SYNCs [s]
     published_gap: float  #: the longest time between two taxel frames of a pad beside the driver [s]
+    stall: float    #: the longest time for which the machine did not run this process meanwhile [s]
 
     @property
     def unnoticed(self) -> int:
         """Frames that neither came nor are seen to be missing."""
-        return self.sent - self.received - self.gaps
+        return self.sent - self.received - self.left_out - self.missed
 
 
 def passed(world: LinkWorld, since: float, until: float) -> Passed:
-    """Of the frames acquired between two times [s, monotonic]; what comes until now is taken to arrive."""
+    """Of the frames acquired between two times [s, monotonic]; what has come until now."""
     offset = time.time() - time.monotonic()
-    sent = received = gaps = left_out = 0
+    counts = np.zeros(4, dtype=int)
     delays: list[float] = []
     syncs, published = [0.0], [0.0]
     for pad in PADS:
         near = [record for record in world.of(NEAR[pad], since) if since <= record['stamp'] - offset < until]
-        numbers = {record['sequence'] for record in near}
-        shapes = [record for record in world.of(pad, 0.0) if record['sequence'] in numbers]
-        sent += len(numbers)
-        received += len({record['sequence'] for record in shapes})
-        left_out += sum(record['left_out'] for record in shapes)
-        order = sorted(record['sequence'] for record in shapes)
-        gaps += sum(later - earlier - 1 for earlier, later in zip(order, order[1:]))
-        delays += [record['latency'] for record in shapes]
+        shapes = {record['sequence']: record for record in world.of(pad, 0.0)}
+        counts += _fates({record['sequence'] for record in near}, shapes)
+        delays += [shapes[record['sequence']]['latency'] for record in near if record['sequence'] in shapes]
         syncs += np.diff([record['stamp'] for record in near]).tolist()
         published += np.diff([record['time'] for record in near]).tolist()
     grasps = world.of('grasp', since, until)
     ends = [record['time'] for record in grasps[1:]] + [until]
     known = sum(end - record['time'] for record, end in zip(grasps, ends) if record['fresh'])
-    median, late = np.percentile(delays, (50, 99)).tolist() if delays else (float('nan'),) * 2
-    return Passed(sent, received, gaps, left_out, median, late, known / (until - since), max(syncs), max(published))
+    median, late = np.percentile(delays, (50, 99)).tolist() if delays else (nan, nan)
+    stalls = [length for begin, length in list(world.stalls) if since <= begin < until]
+    return Passed(*counts.tolist(), median, late, known / (until - since), max(syncs), max(published),
+                  max(stalls, default=0.0))
+
+
+def _fates(sent: set[int], shapes: Mapping[int, Record]) -> tuple[int, int, int, int]:
+    """Sequence numbers: how many were sent, received, left out, missed between others."""
+    left_out = {before for number, shape in shapes.items() for before in range(number - shape['left_out'], number)}
+    lost = sent - shapes.keys()
+    missed = {number for number in lost - left_out if shapes and min(shapes) < number < max(shapes)}
+    return len(sent), len(sent & shapes.keys()), len(lost & left_out), len(missed)

@@ -8,7 +8,7 @@ from tactile_node.conditioning.limits import TARE_LIMIT_BY_UNIT
 from tactile_node.contact.press import PRESS_BY_UNIT, RELEASE_RATIO
 from tactile_node.contact.seen import SMALLEST_CONTACT
 from tactile_node.press_levels import LEAST_BY_UNIT
-from tactile_node.ros.parameters import NodeSettings, parameter
+from tactile_node.ros.parameters import NodeSettings, ReceiverSettings, parameter
 from tactile_node.shape.methods import DEFAULT
 
 FRAME_PREFIX = 'put before every frame, as robot_state_publisher does: robot1/'
@@ -83,7 +83,7 @@ class DriverSettings(NodeSettings):
 
 
 @dataclass(frozen=True)
-class ProcessorSettings(NodeSettings):
+class ProcessorSettings(ReceiverSettings):
     press_threshold: float = parameter(0.0, 'reading from which on a taxel is pressed [unit of the taxels]; 0: what '
                                        'stands out of the noise (at least '
                                        f'{LEAST_BY_UNIT["Pa"] / 1e3:g} kPa, {LEAST_BY_UNIT["N"]:g} N) and reads half '
@@ -99,7 +99,7 @@ class ProcessorSettings(NodeSettings):
 
 
 @dataclass(frozen=True)
-class ClassifierSettings(NodeSettings):
+class ClassifierSettings(ReceiverSettings):
     method: str = parameter(DEFAULT, 'recognition method: learned, or volf (the three planes of Volf, Dvořák and '
                             'Vlček)')
     model: str = parameter('', 'weights or curves of the method: a file, or a name in config/; empty: its own')
@@ -110,7 +110,7 @@ class ClassifierSettings(NodeSettings):
 
 
 @dataclass(frozen=True)
-class GraspNodeSettings(NodeSettings):
+class GraspNodeSettings(ReceiverSettings):
     left_pad: str = parameter('left', 'name of the left pad')
     right_pad: str = parameter('right', 'name of the right pad, which faces the left one')
     frame_id: str = parameter('gripper', 'frame of the gripper, in which the grasp is published')
