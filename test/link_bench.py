@@ -50,7 +50,9 @@ class LinkWorld(Watch):
         self.memory: list[tuple[float, int]] = []  #: of the driver's process: when, resident [kB]
         self._environment = {'PYTHONPATH': str(ROOT)}
         if profile is not None:
-            self._environment['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(profile)
+            # With LOCALHOST rmw_fastrtps sends by a transport of its own, whatever the profile says.
+            self._environment |= {'FASTRTPS_DEFAULT_PROFILES_FILE': str(profile),
+                                  'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}
         self._parameters = dict(parameters or {})
         self._stack = ExitStack()
 
@@ -75,7 +77,8 @@ class LinkWorld(Watch):
         near, far = self.link.both
         self.consume(near, {NEAR[pad]: f'{pad}/taxels' for pad in PADS})
         self.consumer = self.consume(far, {'grasp': 'grasp', **{pad: f'{pad}/shape' for pad in PADS},
-                                           'status': '/diagnostics'})
+                                           'status': '/diagnostics'},
+                                     best_effort=bool(self._parameters.get('best_effort')))
         if thinking_side:
             self.thinking = self._bringup(far, thinking_side)
         self.driver = self._bringup(near, bus_side)
@@ -85,9 +88,9 @@ class LinkWorld(Watch):
             stack.callback(thread.join)
         stack.callback(self._stop.set)
 
-    def consume(self, host: Host, topics: Mapping[str, str]) -> subprocess.Popen:
+    def consume(self, host: Host, topics: Mapping[str, str], best_effort: bool = False) -> subprocess.Popen:
         """Start a consumer; what it prints is recorded."""
-        words = [f'{name}={topic}' for name, topic in topics.items()]
+        words = [f'{name}={topic}' for name, topic in topics.items()] + ['--best-effort'] * best_effort
         consumer = self._popen(host, [str(CONSUMER), *words], stdout=subprocess.PIPE, text=True)
         threading.Thread(target=self.read, args=(consumer,), daemon=True).start()
         return consumer

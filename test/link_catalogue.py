@@ -8,24 +8,27 @@ import argparse
 import os
 import signal
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from pathlib import Path
+from functools import partial
 from typing import NamedTuple
 
-from link_bench import LinkWorld, Passed, passed
+from link_bench import ROOT, SPLITS, LinkWorld, Passed, passed
 from misled_bench import FalseClaim, Record, current, empty
+from misled_skin import PADS
 
 SETTLED = 1.0  # s until what is under way has arrived
 TAKEN_AWAY = 1.0  # s for which the object is away
 Link = Mapping[str, float]
 LINKS: Mapping[str, Link] = {
-    'good': {}, '20 ms ± 10 ms': {'delay': 0.02, 'jitter': 0.01}, '1 % lost': {'loss': 0.01}, '5 % lost': {'loss': 0.05},
-    '5 % lost, in bursts of 5': {'loss': 0.05, 'burst': 5},
+    'good': {}, '20 ms ± 10 ms': {'delay': 0.02, 'jitter': 0.01}, '1 % lost': {'loss': 0.01},
+    '5 % lost': {'loss': 0.05}, '5 % lost, in bursts of 5': {'loss': 0.05, 'burst': 5},
     '1 % lost, 20 ms ± 10 ms': {'loss': 0.01, 'delay': 0.02, 'jitter': 0.01},
     '5 % lost, 20 ms ± 10 ms': {'loss': 0.05, 'delay': 0.02, 'jitter': 0.01}}
 CUTS = 5.0, 60.0  # s
 STOP = 60.0  # s
+RATES = '500kbit', '200kbit'
+PROFILE = ROOT / 'examples' / 'fastdds_link.xml'
 
 
 def touched(record: Record) -> bool:
@@ -139,3 +142,99 @@ def counting(world: LinkWorld) -> Iterator[list[int]]:
     yield counted
     world.wait_for_status('/grasp')
     counted.append(world.status('/grasp').get('skipped', 0) - before)
+
+
+def slow(world: LinkWorld, rate: str, seconds: float) -> Passed:
+    """The first host's end of the link carries no more than ``rate`` (tc-tbf(8)); all else is the driver's.
+
+    Raises NoHostsError where the kernel has no token bucket.
+    """
+    shaped = 'tc', 'qdisc', 'replace', 'dev', 'tun0', 'root'
+    world.link.first.run(*shaped, 'tbf', 'rate', rate, 'burst', '10kb', 'latency', '20s')
+    since = time.monotonic()
+    time.sleep(seconds)
+    until = time.monotonic()
+    world.link.first.run(*shaped, 'pfifo', 'limit', '1000')
+    world.recovered(time.monotonic(), two_sided)
+    return passed(world, since, until)
+
+
+def table_of_losses(period: float, seconds: float) -> None:
+    heading('the link carries', 'messages', 'the link', 'sent', 'shapes', 'left out', 'missed', 'p50 [ms]', 'p99 [ms]',
+            'grasp known', 'believed empty [s]', 'believed held [s]', 'SYNC gap [s]')
+    for split in SPLITS:
+        for best_effort in (False, True):
+            with LinkWorld(split, period=period, parameters={'best_effort': best_effort}) as world:
+                world.hold()
+                for name, link in LINKS.items():
+                    found = lossy(world, link, seconds)
+                    of = found.passed
+                    row(split, 'best effort' if best_effort else 'reliable', name, of.sent, of.received, of.left_out,
+                        of.missed, 1e3 * of.median, 1e3 * of.late, f'{of.known:.0%}', found.empty, found.touched,
+                        of.sync_gap)
+
+
+def table_of_cuts(period: float) -> None:
+    heading('the link carries', 'Fast DDS', 'cut [s]', 'recovered [s]', 'believed what was before it [s]',
+            'the latest message said fresh [s]', 'then believed held [s]', 'missed', 'counted by status',
+            'SYNC gap [s]', 'driver grows [kB/min]')
+    for split in SPLITS:
+        for profile in (None, PROFILE):
+            with LinkWorld(split, period=period, profile=profile, parameters={'best_effort': True}) as world:
+                world.hold()
+                for seconds in (*CUTS, *CUTS[1:]):
+                    found = cut(world, seconds, LINKS['20 ms ± 10 ms'])
+                    row(split, 'as it is' if profile is None else profile.name, seconds, found.recovered,
+                        found.current, found.latest, found.touched, found.passed.missed, found.counted,
+                        found.passed.sync_gap, found.growth)
+
+
+def table_of_readers(period: float) -> None:
+    heading('reader that stops', 'for [s]', 'recovered [s]', 'then believed held [s]', 'SYNC gap [s]',
+            'longest time without taxels beside the driver [s]', 'driver grows [kB/min]')
+    with LinkWorld(period=period) as world:
+        world.hold()
+        beside = world.consume(world.link.first, {'stopped': 'left/taxels'})
+        world.consume(world.link.second, {'slow': 'left/taxels'})
+        for name, process in (('consumer beside the driver', beside), ('consumer on the other host', world.consumer),
+                              ('processing on the other host', world.thinking)):
+            found = stopped(world, process.pid, STOP)
+            row(name, STOP, found.recovered, found.touched, found.passed.sync_gap, found.passed.published_gap,
+                found.growth)
+
+
+def table_of_rates(period: float, seconds: float) -> None:
+    heading('Fast DDS', 'rate', 'sent', 'expected', 'SYNC gap [s]', 'longest time without taxels beside the driver [s]')
+    for profile in (None, PROFILE):
+        with LinkWorld(period=period, profile=profile, parameters={'best_effort': True}) as world:
+            world.hold()
+            for rate in RATES:
+                found = slow(world, rate, seconds)
+                row('as it is' if profile is None else profile.name, rate, found.sent,
+                    round(len(PADS) * seconds / period), found.sync_gap, found.published_gap)
+
+
+def heading(*names: str) -> None:
+    print('\n| ' + ' | '.join(names) + ' |\n|' + ' --- |' * len(names), flush=True)
+
+
+def row(*values: object) -> None:
+    print('| ' + ' | '.join(f'{value:.2f}' if isinstance(value, float) else str(value) for value in values) + ' |',
+          flush=True)
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('tables', nargs='*', default=['losses', 'cuts', 'readers', 'rates'])
+    parser.add_argument('--period', type=float, default=0.04, help='time between two frames [s]')
+    parser.add_argument('--seconds', type=float, default=20.0, help='on each link')
+    args = parser.parse_args(words)
+    tables = {'losses': partial(table_of_losses, args.period, args.seconds),
+              'cuts': partial(table_of_cuts, args.period), 'readers': partial(table_of_readers, args.period),
+              'rates': partial(table_of_rates, args.period, args.seconds)}
+    for name in args.tables:
+        tables[name]()
+
+
+if __name__ == '__main__':
+    main()

@@ -16,10 +16,11 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from tactile_skin.msg import ContactShape, Grasp, TaxelArray
 
+BEST_EFFORT = '--best-effort'
 DEPTH = 100  # messages
 SLOW = 1.0  # s
 SHAPES = ('NOT_KNOWN', 'NONE', 'UNKNOWN', 'CIRCLE', 'SQUARE', 'RECTANGLE', 'RIGHT_TRIANGLE', 'ISOSCELES_TRIANGLE')
@@ -30,10 +31,12 @@ GAPS = ('GAP_NOT_KNOWN', 'GAP_PARAMETER', 'GAP_JOINT_STATES', 'GAP_TF')
 
 
 def main() -> None:
-    topics = dict(argument.split('=') for argument in sys.argv[1:])
+    topics = dict(argument.split('=') for argument in sys.argv[1:] if argument != BEST_EFFORT)
     rclpy.init(args=[])
     node = Node('consumer')
     qos = QoSProfile(depth=DEPTH)
+    if BEST_EFFORT in sys.argv:
+        qos.reliability = ReliabilityPolicy.BEST_EFFORT
     for name, topic in topics.items():
         kind, facts = KINDS[topic.rpartition('/')[2]]
         node.create_subscription(kind, topic, partial(report, name, facts), qos)
