@@ -25,7 +25,7 @@ unexport PYTHONPATH
 SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo check test coverage faults misled bench train reproduce soak socketcan fuzz lint types \
+.PHONY: help setup demo check test coverage faults misled bench train reproduce hosts soak socketcan fuzz lint types \
 	architecture schema docs commands lowest dist kilted distros lock clean view-test
 
 help:  ## say what there is
@@ -106,6 +106,9 @@ misled: setup  ## what a consumer is led to believe when the skin, the bus or a 
 	@$(BIN)/python test/misled_catalogue.py $(if $(SHORT),--short) 2>build/misled.log \
 		|| { [ $$? -eq 1 ] || tail -20 build/misled.log; exit 1; }
 	@$(if $(SHORT),,TACTILE_LONG=1 $(BIN)/python -m pytest $(LONG_TESTS) -q)
+
+hosts: setup  ## two hosts that a bad link joins: losses, cuts, stopped readers; prints the tables of docs/link.md
+	@TACTILE_LONG=1 $(BIN)/python -m pytest test/test_link.py -q
 
 soak: setup  ## two pads at the bus's full load: TPDOs lost, memory, latency over time (MINUTES=10)
 	@$(BIN)/python bench/soak.py --minutes $(or $(MINUTES),10)

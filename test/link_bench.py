@@ -4,6 +4,7 @@ The skin holds an object. Consumers on both hosts print what they receive, by a 
 """
 
 import json
+import re
 import subprocess
 import sys
 import threading
@@ -33,7 +34,8 @@ SPLITS = {'taxels': (['skin_driver'], [*PROCESSORS, *CLASSIFIERS, 'grasp']),
 NEAR = {pad: f'near_{pad}' for pad in PADS}  # the taxels as a consumer beside the driver receives them
 MAX_AGE, MAX_SILENCE = 0.3, 0.1  # s, as in docs/consumers.md and examples/planner_client.py
 STATUS_PERIOD = 1.0  # s between two messages of a node about what it has received
-WEIGHED = 0.25  # s between two looks at the driver's memory
+LOOK_PERIOD = 0.1  # s between two looks at the driver's process
+SENDING = 'sock_alloc_send'  # function of the kernel in which a thread waits for room in a socket
 
 
 class LinkWorld(Watch):
@@ -48,6 +50,7 @@ class LinkWorld(Watch):
         super().__init__()
         self.split, self.period = split, period
         self.memory: list[tuple[float, int]] = []  #: of the driver's process: when, resident [kB]
+        self.waits: list[float] = []  #: when a thread of the driver was seen to wait until the link takes a packet
         self._environment = {'PYTHONPATH': str(ROOT)}
         if profile is not None:
             # With LOCALHOST rmw_fastrtps sends by a transport of its own, whatever the profile says.
@@ -82,7 +85,7 @@ class LinkWorld(Watch):
         if thinking_side:
             self.thinking = self._bringup(far, thinking_side)
         self.driver = self._bringup(near, bus_side)
-        for target in (self.tick, self._weigh):
+        for target in (self.tick, self._look):
             thread = threading.Thread(target=target, daemon=True)
             thread.start()
             stack.callback(thread.join)
@@ -109,12 +112,14 @@ class LinkWorld(Watch):
         self._stack.callback(process.kill)
         return process
 
-    def _weigh(self) -> None:
-        while not self._stop.wait(WEIGHED):
-            status = Path(f'/proc/{self.driver.pid}/status').read_text(encoding='ascii')
-            resident = next((line for line in status.splitlines() if line.startswith('VmRSS')), None)
+    def _look(self) -> None:
+        process = Path(f'/proc/{self.driver.pid}')
+        while not self._stop.wait(LOOK_PERIOD):
+            resident = re.search(r'VmRSS:\s*(\d+)', (process / 'status').read_text(encoding='ascii'))
             if resident:
-                self.memory.append((time.monotonic(), int(resident.split()[1])))
+                self.memory.append((time.monotonic(), int(resident[1])))
+            if any(SENDING in _text(task / 'wchan') for task in (process / 'task').iterdir()):
+                self.waits.append(time.monotonic())
 
     def recovered(self, since: float, is_true: Claim) -> float:
         """Wait until a grasp comes that is fresh and true; for how long after ``since`` it took [s]."""
@@ -172,6 +177,7 @@ class Passed(NamedTuple):
     known: float    #: part of the time that the latest grasp was fresh
     sync_gap: float       #: the longest time between two SYNCs [s]
     published_gap: float  #: the longest time between two taxel frames of a pad beside the driver [s]
+    waits: int      #: how often, of ten looks a second, the driver was waiting for the link to take a packet
     stall: float    #: the longest time for which the machine did not run this process meanwhile [s]
 
     @property
@@ -198,8 +204,17 @@ def passed(world: LinkWorld, since: float, until: float) -> Passed:
     known = sum(end - record['time'] for record, end in zip(grasps, ends) if record['fresh'])
     median, late = np.percentile(delays, (50, 99)).tolist() if delays else (nan, nan)
     stalls = [length for begin, length in list(world.stalls) if since <= begin < until]
-    return Passed(*counts.tolist(), median, late, known / (until - since), max(syncs), max(published),
+    waits = sum(since <= at < until for at in list(world.waits))
+    return Passed(*counts.tolist(), median, late, known / (until - since), max(syncs), max(published), waits,
                   max(stalls, default=0.0))
+
+
+def _text(file: Path) -> str:
+    """Of a file of /proc; empty where its thread has ended."""
+    try:
+        return file.read_text(encoding='ascii')
+    except OSError:
+        return ''
 
 
 def _fates(sent: set[int], shapes: Mapping[int, Record]) -> tuple[int, int, int, int]:

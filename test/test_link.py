@@ -12,7 +12,7 @@ pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run 
 
 import link_catalogue  # noqa: E402
 from link_bench import LinkWorld  # noqa: E402
-from link_catalogue import LINKS, cut, lossy, slow  # noqa: E402
+from link_catalogue import LINKS, RECOVERED, cut, lossy, slow  # noqa: E402
 from misled_bench import WITHDRAWN, TooSlowError, is_overloaded  # noqa: E402
 from two_hosts import NoHostsError  # noqa: E402
 
@@ -20,9 +20,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
 PERIOD = 0.05  # s between two frames: a busy machine keeps up
 BAD = LINKS['5 % lost, 20 ms ± 10 ms']
-SECONDS, CUT = 4.0, 3.0
-RECOVERED = 1.0  # s, after a cut that is shorter than the lease of DDS
-LONGEST = 0.5  # s between two SYNCs, on a machine that runs the driver
+SECONDS, CUT = 3.0, 3.0
 RATE = '300kbit'  # half of what the taxels need
 
 
@@ -49,7 +47,7 @@ def test_a_link_that_loses_and_delays(world):
     assert 0 < found.passed.missed <= found.counted
     assert not found.empty, 'believed to hold nothing'
     assert keeps(found.touched, link_catalogue.TAKEN_AWAY / 2), 'believed to hold what was taken away'
-    assert keeps(found.passed.sync_gap, LONGEST)
+    assert not found.passed.waits, 'the driver waited for the link'
 
 
 def test_a_link_that_is_cut(world):
@@ -58,7 +56,7 @@ def test_a_link_that_is_cut(world):
     assert not found.touched, 'believed to hold what was taken away in the cut'
     assert keeps(found.latest, WITHDRAWN + PERIOD + world.latency), 'not withdrawn'
     assert keeps(found.recovered, RECOVERED)
-    assert keeps(found.passed.sync_gap, LONGEST)
+    assert not found.passed.waits, 'the driver waited for the link'
 
 
 def test_a_link_that_carries_less_than_is_sent(world):
@@ -67,10 +65,10 @@ def test_a_link_that_carries_less_than_is_sent(world):
         found = slow(world, RATE, SECONDS)
     except NoHostsError as error:
         pytest.skip(str(error))
-    assert found.missed and keeps(found.sync_gap, LONGEST)
+    assert found.missed and not found.waits, 'the driver waited for the link'
 
 
-@pytest.mark.skipif('TACTILE_LONG' not in os.environ, reason='takes an hour: with TACTILE_LONG=1')
+@pytest.mark.skipif('TACTILE_LONG' not in os.environ, reason='takes half an hour: with TACTILE_LONG=1')
 def test_every_case(capsys):
     with capsys.disabled():
-        link_catalogue.main([])
+        assert link_catalogue.main([]) == 0
