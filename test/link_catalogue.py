@@ -1,228 +1,263 @@
-"""What a bad link between driver and planner does to a consumer on the planner's host.
+"""What a bad link does to the chain: each case makes one world bad, and gives a row of a table.
 
-`python test/link_catalogue.py` (part of `make hosts`) makes the link bad in each way, for both splits of the nodes, and
-prints what arrived, what the nodes reported as missed, for how long the latest message was false, how long the driver
-paused at most, and how soon all was well again. `test_link.py` runs some of it.
+`python test/link_catalogue.py` (`make hosts`) runs every case and prints the tables of docs/link.md; `test_link.py`
+runs a short one.
 """
 
 import argparse
+import itertools
+import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any, NamedTuple
+from functools import partial
+from typing import NamedTuple
 
-import numpy as np
-from hosts_bench import HostsWorld, Split
-from misled_bench import PERIOD, WITHDRAWN, FalseClaim, Finding, Record, current, empty, negated, stable
-from two_hosts import LossyHosts
+from link_bench import MAX_AGE, ROOT, SPLITS, LinkWorld, Passed, passed
+from misled_bench import FalseClaim, Record, current, empty
+from misled_skin import PADS
 
-HERE = ('taxels=left/taxels', 'status=skin_driver/status')
-SETTLE = 1.0   # s after the link has become bad
-WHILE = 10.0   # s of a steady bad link
-DRIVER_PAUSE = 0.25  # s at most between two taxel frames on the driver's host: what a blocked driver would exceed
-MEMORY = 2.0   # MB a minute at most
-REST = 20.0    # s for which memory has to settle before it is compared
-
-
-class Row(NamedTuple):
-    """One kind of link; times in s. NaN: does not apply."""
-
-    link: str
-    split: Split
-    sent: int           #: taxel frames of the left pad, on the driver's host
-    arrived: int        #: as shapes at the consumer
-    left_out: int       #: on purpose, for newer ones, as the shapes say
-    reported: int       #: as skipped or dropped, by the nodes behind the link
-    p50: float          #: from the acquisition to the consumer
-    p99: float
-    pause: float        #: the longest between two frames of the driver, on its host
-    stalled: float      #: for how long this machine stood still at most
-    memory: float       #: growth of the driver's process [MB a minute]
-    recovery: float     #: from the return of the link to a stable grasp
-    allowed: float      #: for that
-    findings: tuple[Finding, ...]
-
-    @property
-    def unreported(self) -> int:
-        """Frames that did not come, were not left out, and that no node has counted; the last ones are on their way."""
-        return self.sent - self.arrived - self.left_out - self.reported
-
-    @property
-    def faults(self) -> list[str]:
-        """What is not as it has to be."""
-        found = [f'{finding.claim} for {finding.seconds:.2f} s' for finding in self.findings if not finding.holds]
-        if self.pause > DRIVER_PAUSE + self.stalled:
-            found.append(f'the driver paused for {self.pause:.2f} s')
-        if self.unreported > ON_THE_WAY:
-            found.append(f'{self.unreported} frames lost in silence')
-        if self.recovery > self.allowed + self.stalled:
-            found.append(f'recovered after {self.recovery:.2f} s')
-        if self.memory > MEMORY:
-            found.append(f'memory grows by {self.memory:.1f} MB a minute')
-        return found
-
-    def cells(self) -> list[str]:
-        times = [f'{1e3 * each:.0f}' for each in (self.p50, self.p99, self.pause)]
-        misled = ', '.join(f'{finding.claim} {finding.seconds:.2f} ({finding.bound:.2f})' for finding in self.findings)
-        optional = [f'{each:.2f}' if np.isfinite(each) else '' for each in (self.recovery, self.memory)]
-        return [self.link, self.split.name.lower(), str(self.sent), str(self.arrived), str(self.left_out),
-                str(self.reported), *times, misled, *optional]
+SETTLED = 1.0  # s until what is under way has arrived
+TAKEN_AWAY = 1.0  # s for which the object is away
+Link = Mapping[str, float]
+LINKS: Mapping[str, Link] = {
+    'good': {}, '20 ms ± 10 ms': {'delay': 0.02, 'jitter': 0.01}, '1 % lost': {'loss': 0.01},
+    '5 % lost': {'loss': 0.05}, '5 % lost, in bursts of 5': {'loss': 0.05, 'burst': 5},
+    '1 % lost, 20 ms ± 10 ms': {'loss': 0.01, 'delay': 0.02, 'jitter': 0.01},
+    '5 % lost, 20 ms ± 10 ms': {'loss': 0.05, 'delay': 0.02, 'jitter': 0.01}}
+CUTS = 5.0, 60.0  # s
+STOP = 60.0  # s
+WARM = 30.0  # s
+RECOVERED, RECOVERED_AFTER_LEASE = 1.0, 5.0  # s from the end of a cut to a grasp that is fresh and true
+LEASE = 20.0  # s, of a DDS participant
+FLAT = 1000.0  # kB a minute, of a process of 140 MB
+RATES = '500kbit', '200kbit'
+PROFILE = ROOT / 'examples' / 'fastdds_link.xml'
 
 
-HEADER = ('link', 'what crosses it', 'frames sent', 'shapes', 'left out', 'reported missed', 'p50 [ms]', 'p99 [ms]',
-          'longest pause of the driver [ms]', 'misled [s] (allowed)', 'recovered after [s]', 'memory [MB/min]')
-ON_THE_WAY = 8  # frames that may be in processes and queues when counts are compared
+def touched(record: Record) -> bool:
+    return record['contact'] in ('ONE_SIDED', 'TWO_SIDED')
 
 
-class Watched:
-    """Counts what happened in a world since it was made; made while all is well."""
+def two_sided(record: Record) -> bool:
+    return record['contact'] == 'TWO_SIDED'
 
-    def __init__(self, world: HostsWorld):
-        self._world = world
-        self._since = time.monotonic()
-        self._reported = self._count()
-        self._began = (time.monotonic(), world.memory('bus'))
 
-    def row(self, link: str, split: Split, findings: Sequence[Finding], recovery: float = np.nan,
-            allowed: float = np.inf) -> Row:
-        """Wait for the reports of the nodes, which come once a second, and sum up."""
+def no_contact(record: Record) -> bool:
+    return record['contact'] == 'NO_CONTACT'
+
+
+class Lossy(NamedTuple):
+    """A link that loses packets or delays them."""
+
+    passed: Passed
+    empty: float      #: the planner believed that nothing is held while the object was [s]
+    touched: float    #: that something is held after the object was taken away [s]
+    counted: int      #: frames that the status of the grasp node reports as skipped meanwhile
+
+
+class Cut(NamedTuple):
+    """A link that was cut for some time, in which the object was taken away."""
+
+    passed: Passed
+    current: float    #: after the cut the planner believed what it had heard before it for so long [s]
+    latest: float     #: for how long the latest message still said fresh or stable [s]
+    touched: float    #: after the end of the cut it believed that something is held [s]
+    recovered: float  #: from the end of the cut to the first grasp that was fresh and true [s]
+    counted: int
+    growth: float     #: of the driver's process during the cut [kB a minute]
+
+
+class Stopped(NamedTuple):
+    """A reader that stopped reading for some time, in which the object was taken away."""
+
+    passed: Passed    #: of the driver and those that read on
+    touched: float    #: after it went on, a planner believed that something is held [s]
+    recovered: float  #: from then to the first grasp that was fresh and true [s]
+    growth: float     #: of the driver's process meanwhile [kB a minute]
+
+
+def lossy(world: LinkWorld, link: Link, seconds: float) -> Lossy:
+    """``link`` for so long; then the object is taken away for a second."""
+    with counting(world) as counted:
+        world.link.set(**link)
+        since = time.monotonic()
+        time.sleep(seconds)
+        world.skin.set(is_there=False)
+        away = time.monotonic()
+        time.sleep(TAKEN_AWAY)
+        world.skin.set(is_there=True)
         until = time.monotonic()
-        elapsed = (until - self._began[0]) / 60
-        growth = (self._world.memory('bus') - self._began[1]) / elapsed if elapsed > 1 else np.nan
-        time.sleep(1.5)
-        shapes = self._within(self._world.records, 'left', until)
-        taxels = self._within(self._world.here_records, 'taxels', until)
-        latency = [shape['latency'] for shape in shapes] or [np.nan]
-        stalls = [length for begin, length in list(self._world.stalls) if begin + length >= self._since]
-        return Row(link, split, _span(taxels), len(shapes), sum(shape['left_out'] for shape in shapes),
-                   self._count() - self._reported, *np.percentile(latency, (50, 99)), _longest(taxels),
-                   max(stalls, default=0.0), growth, recovery, allowed, tuple(findings))
-
-    def _within(self, records: list[Record], topic: str, until: float) -> list[Record]:
-        return [record for record in list(records)
-                if record['topic'] == topic and self._since < record['time'] <= until]
-
-    def _count(self) -> int:
-        return sum(self._world.skipped(node) for node in ('/left/processor', '/left/classifier'))
+        time.sleep(SETTLED)
+        world.link.set()
+    return Lossy(passed(world, since, until), world.believed(empty, since, away),
+                 world.believed(touched, away, until), counted.pop())
 
 
-def _span(records: Sequence[Record]) -> int:
-    """Frames from the first to the last of these, the ones between included."""
-    return records[-1]['sequence'] - records[0]['sequence'] + 1 if records else 0
+def cut(world: LinkWorld, seconds: float, link: Link) -> Cut:
+    """Nothing passes for so long."""
+    world.link.set(**link)
+    world.recovered(time.monotonic(), two_sided)
+    time.sleep(SETTLED)
+    with counting(world) as counted:
+        world.link.set(is_cut=True)
+        since = time.monotonic()
+        time.sleep(seconds / 2)
+        world.skin.set(is_there=False)
+        time.sleep(seconds / 2)
+        back = time.monotonic()
+        latest = world.false(FalseClaim('current', current), since).seconds
+        growth = world.growth(since + SETTLED)
+        world.link.set(**link)
+        recovered = world.recovered(back, no_contact)
+        until = time.monotonic()
+        world.skin.set(is_there=True)
+        time.sleep(SETTLED)
+        world.link.set()
+    return Cut(passed(world, since, until), world.believed(current, since, back), latest,
+               world.believed(touched, back, until), recovered, counted.pop(), growth)
 
 
-def _longest(records: Sequence[Record]) -> float:
-    return max((after['time'] - before['time'] for before, after in zip(records, records[1:])), default=np.nan)
-
-
-def steadily(world: HostsWorld, split: Split, name: str, seconds: float = WHILE, **link: float) -> Row:
-    """The link is bad all the time, and the object is held: nothing is ever empty."""
-    world.hold()
-    watched = Watched(world)
-    world.hosts.set(**link)
+def stopped(world: LinkWorld, pid: int, seconds: float) -> Stopped:
+    """The process ``pid``, a reader, does not run for so long (SIGSTOP)."""
+    world.recovered(time.monotonic(), two_sided)
+    os.kill(pid, signal.SIGSTOP)
     since = time.monotonic()
-    time.sleep(SETTLE)
-    findings = world.watch(since, seconds, FalseClaim('empty', empty), FalseClaim('left empty', empty, topic='left'))
-    unstable = world.false(FalseClaim('not stable', negated(stable), np.inf), since)
-    row = watched.row(name, split, [*findings, unstable])
-    world.hosts.set()
-    world.hold_again(time.monotonic())
-    return row
-
-
-def cut(world: HostsWorld, split: Split, seconds: float, allowed: float) -> Row:
-    """Nothing passes for ``seconds``: the latest grasp is withdrawn, and comes again."""
-    world.hold()
-    watched = Watched(world)
-    world.hosts.plug(False)
-    since = time.monotonic()
-    findings = world.watch(since, seconds, FalseClaim('empty', empty),
-                           FalseClaim('current', current, WITHDRAWN + PERIOD))
-    back = time.monotonic()
-    world.hosts.plug(True)
-    recovery = world.hold_again(back)
-    after = world.false(FalseClaim('empty after', empty), back)
-    return watched.row(f'cut for {seconds:.0f} s', split, [*findings, after], recovery, allowed)
-
-
-def emptied_while_cut(world: HostsWorld, split: Split, seconds: float) -> Row:
-    """The object is taken away meanwhile: what comes after the cut must not say that it is held."""
-    world.hold()
-    watched = Watched(world)
-    world.hosts.plug(False)
-    time.sleep(seconds / 2)
-    world.skin.set(is_there=False)
-    time.sleep(seconds / 2)
-    back = time.monotonic()
-    world.hosts.plug(True)
-    world.wait(lambda: [each for each in world.received('grasp', back) if each['contact'] == 'NO_CONTACT'], 'empty')
-    held = world.false(FalseClaim('held', _says_held), back)
+    try:
+        time.sleep(seconds / 2)
+        world.skin.set(is_there=False)
+        time.sleep(seconds / 2)
+        growth = world.growth(since + SETTLED)
+    finally:
+        back = time.monotonic()
+        os.kill(pid, signal.SIGCONT)
+    recovered = world.recovered(back, no_contact)
+    until = time.monotonic()
     world.skin.set(is_there=True)
-    row = watched.row(f'cut for {seconds:.0f} s, object taken away', split, [held])
-    world.hold_again(time.monotonic())
-    return row
-
-
-def _says_held(record: Record) -> bool:
-    return record['contact'] in ('TWO_SIDED', 'ONE_SIDED') and current(record)
+    world.recovered(until, two_sided)
+    return Stopped(passed(world, since, until), world.believed(touched, back, until), recovered, growth)
 
 
 @contextmanager
-def stopped_reader(world: HostsWorld):
-    """A second planner that has subscribed to everything and stops reading, as one in a debugger does."""
-    reader, _ = world.another_consumer('grasp=grasp', 'left=left/shape', 'taxels=left/taxels')
-    time.sleep(1.0)
-    reader.send_signal(signal.SIGSTOP)
-    try:
-        yield
-    finally:
-        reader.send_signal(signal.SIGCONT)
+def counting(world: LinkWorld) -> Iterator[list[int]]:
+    """Gives a list to which the frames are added that the grasp node has reported as skipped within the block."""
+    counted: list[int] = []
+    before = world.status('/grasp').get('skipped', 0)
+    yield counted
+    world.wait_for_status('/grasp')
+    counted.append(world.status('/grasp').get('skipped', 0) - before)
 
 
-def reader_stops(world: HostsWorld, split: Split, seconds: float) -> Row:
-    """The first planner goes on as before, the driver does not wait, and memory is flat."""
-    world.hold()
-    with stopped_reader(world):
-        time.sleep(min(REST, seconds))
-        watched = Watched(world)
-        since = time.monotonic()
-        findings = world.watch(since, seconds, FalseClaim('empty', empty))
-        unstable = world.false(FalseClaim('not stable', negated(stable), np.inf), since)
-        return watched.row(f'a reader stops for {min(REST, seconds) + seconds:.0f} s', split, [*findings, unstable])
+def slow(world: LinkWorld, rate: str, seconds: float) -> Passed:
+    """The first host's end of the link carries no more than ``rate`` (tc-tbf(8)); all else is the driver's.
+
+    Raises NoHostsError where the kernel has no token bucket.
+    """
+    shaped = 'tc', 'qdisc', 'replace', 'dev', 'tun0', 'root'
+    world.link.first.run(*shaped, 'tbf', 'rate', rate, 'burst', '10kb', 'latency', '20s')
+    since = time.monotonic()
+    time.sleep(seconds)
+    until = time.monotonic()
+    world.link.first.run(*shaped, 'pfifo', 'limit', '1000')
+    world.recovered(time.monotonic(), two_sided)
+    return passed(world, since, until)
 
 
-CASES: tuple[tuple[str, Callable[..., Row], dict[str, Any]], ...] = (
-    ('good', steadily, {'name': 'good'}),
-    ('loss1', steadily, {'name': '1 % lost', 'loss': 0.01}),
-    ('loss5', steadily, {'name': '5 % lost', 'loss': 0.05}),
-    ('bursts', steadily, {'name': '5 % lost in bursts of 5', 'loss': 0.05, 'burst': 5.0}),
-    ('delay', steadily, {'name': '20 ms late, 10 ms more or less', 'delay': 0.02, 'jitter': 0.01}),
-    ('both', steadily, {'name': 'the same and 5 % lost', 'loss': 0.05, 'delay': 0.02, 'jitter': 0.01}),
-    ('cut5', cut, {'seconds': 5.0, 'allowed': 1.0}),
-    ('emptied', emptied_while_cut, {'seconds': 5.0}),
-    ('reader', reader_stops, {'seconds': 90.0}),
-    ('cut60', cut, {'seconds': 60.0, 'allowed': 5.0}))
+class Table:
+    """Prints rows of Markdown as they come, and counts those that break a requirement."""
+
+    def __init__(self, *names: str):
+        self.wrong = 0
+        print('\n| ' + ' | '.join(names) + ' |\n|' + ' --- |' * len(names), flush=True)
+
+    def row(self, *values: object, holds: bool) -> None:
+        self.wrong += not holds
+        texts = [f'{value:.2f}' if isinstance(value, float) else str(value) for value in values]
+        print('| ' + ' | '.join(texts) + ' |' + ('' if holds else ' **fails**'), flush=True)
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--only', default='', help='cases, comma-separated: ' + ', '.join(name for name, _, _ in CASES))
-    args = parser.parse_args()
-    chosen = args.only.split(',') if args.only else [name for name, _, _ in CASES]
-    print('| ' + ' | '.join(HEADER) + ' |\n|' + ' --- |' * len(HEADER))
-    wrong = 0
-    for split in Split:
-        with LossyHosts() as hosts, HostsWorld(hosts, split, here=HERE) as world:
+def table_of_losses(splits: Sequence[str], period: float, seconds: float) -> int:
+    table = Table('the link carries', 'messages', 'the link', 'sent', 'shapes', 'left out', 'missed', 'p50 [ms]',
+                  'p99 [ms]', 'grasp known', 'believed empty [s]', 'believed held [s]', 'SYNC gap [s]')
+    for split, best_effort in itertools.product(splits, (False, True)):
+        with LinkWorld(split, period=period, parameters={'best_effort': best_effort}) as world:
             world.hold()
-            for name, case, parameters in CASES:
-                if name in chosen:
-                    row = case(world, split, **parameters)
-                    wrong += bool(row.faults)
-                    print('| ' + ' | '.join(row.cells()) + ' |' + (f' **{", ".join(row.faults)}**' if row.faults
-                                                                   else ''), flush=True)
-    print(f'\n{wrong} links did what they must not' if wrong else '\nNo consumer was misled, nothing lost in silence.')
+            for name, link in LINKS.items():
+                found = lossy(world, link, seconds)
+                of = found.passed
+                is_counted = of.missed <= found.counted or split == 'grasps'  # there the consumer sees the gap
+                table.row(split, 'best effort' if best_effort else 'reliable', name, of.sent, of.received, of.left_out,
+                          of.missed, 1e3 * of.median, 1e3 * of.late, f'{of.known:.0%}', found.empty, found.touched,
+                          of.sync_gap, holds=is_counted and not of.unnoticed and not found.empty
+                          and found.touched < TAKEN_AWAY / 2 and not of.waits)
+    return table.wrong
+
+
+def table_of_cuts(splits: Sequence[str], period: float) -> int:
+    table = Table('the link carries', 'Fast DDS', 'cut [s]', 'recovered [s]', 'believed what was before it [s]',
+                  'the latest message said fresh [s]', 'then believed held [s]', 'missed', 'counted by status',
+                  'SYNC gap [s]', 'driver grows [kB/min]')
+    for split, profile in itertools.product(splits, (None, PROFILE)):
+        with LinkWorld(split, period=period, profile=profile, parameters={'best_effort': True}) as world:
+            world.hold()
+            for seconds in CUTS:
+                found = cut(world, seconds, LINKS['20 ms ± 10 ms'])
+                table.row(split, 'as it is' if profile is None else profile.name, seconds, found.recovered,
+                          found.current, found.latest, found.touched, found.passed.missed, found.counted,
+                          found.passed.sync_gap, found.growth,
+                          holds=found.recovered < (RECOVERED if seconds < LEASE else RECOVERED_AFTER_LEASE)
+                          and found.current < MAX_AGE and not found.touched and not found.passed.unnoticed
+                          and not found.passed.waits)
+    return table.wrong
+
+
+def table_of_readers(period: float) -> int:
+    table = Table('reader that stops', 'for [s]', 'recovered [s]', 'then believed held [s]', 'SYNC gap [s]',
+                  'longest time without taxels beside the driver [s]', 'driver grows [kB/min]')
+    with LinkWorld(period=period) as world:
+        world.hold()
+        beside = world.consume(world.link.first, {'stopped': 'left/taxels'})
+        world.consume(world.link.second, {'slow': 'left/taxels'})
+        time.sleep(WARM)  # what Python and DDS take for the first messages is taken
+        for name, process in (('consumer beside the driver', beside), ('consumer on the other host', world.consumer),
+                              ('processing on the other host', world.thinking)):
+            found = stopped(world, process.pid, STOP)
+            table.row(name, STOP, found.recovered, found.touched, found.passed.sync_gap, found.passed.published_gap,
+                      found.growth, holds=not found.touched and not found.passed.waits
+                      and found.growth < FLAT)
+    return table.wrong
+
+
+def table_of_rates(period: float, seconds: float) -> int:
+    """What the profile is for; as it is the driver may wait for the link."""
+    table = Table('Fast DDS', 'rate', 'sent', 'expected', 'SYNC gap [s]',
+                  'longest time without taxels beside the driver [s]', 'seen to wait [times in 10 s]')
+    for profile in (None, PROFILE):
+        with LinkWorld(period=period, profile=profile, parameters={'best_effort': True}) as world:
+            world.hold()
+            for rate in RATES:
+                found = slow(world, rate, seconds)
+                table.row('as it is' if profile is None else profile.name, rate, found.sent,
+                          round(len(PADS) * seconds / period), found.sync_gap, found.published_gap,
+                          10 * found.waits / seconds, holds=profile is None or not found.waits)
+    return table.wrong
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('tables', nargs='*', default=['losses', 'cuts', 'readers', 'rates'])
+    parser.add_argument('--split', nargs='+', default=list(SPLITS), help='what the link carries')
+    parser.add_argument('--period', type=float, default=0.04, help='time between two frames [s]')
+    parser.add_argument('--seconds', type=float, default=20.0, help='on each link')
+    args = parser.parse_args(words)
+    tables = {'losses': partial(table_of_losses, args.split, args.period, args.seconds),
+              'cuts': partial(table_of_cuts, args.split, args.period),
+              'readers': partial(table_of_readers, args.period),
+              'rates': partial(table_of_rates, args.period, args.seconds)}
+    wrong = sum(tables[name]() for name in args.tables)
+    print(f'\n{wrong} rows break a requirement' if wrong else '\nAll requirements hold.')
     return int(wrong > 0)
 
 

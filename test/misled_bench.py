@@ -169,7 +169,87 @@ class Relay:
             self._kept.append(message)
 
 
-class World:
+class Watch:
+    """What consumers have printed, line by line, and what they were led to believe by it."""
+
+    def __init__(self) -> None:
+        self.latency = 0.0  #: the longest from an acquisition to the consumer, before anything was wrong [s]
+        self.unstable = 0.0  #: part of the time that the consumer saw no stable grasp, before anything was wrong
+        self.records: list[Record] = []
+        self.stalls: list[tuple[float, float]] = []  #: when this process did not run, and for how long
+        self._stop = threading.Event()
+
+    def tick(self) -> None:
+        """Record when this process was given no processor, or its interpreter was held: a pause that came late."""
+        before = time.monotonic()
+        while not self._stop.wait(PAUSE):
+            now = time.monotonic()
+            if now - before > 2 * PAUSE:
+                self.stalls.append((before, now - before - PAUSE))
+            before = now
+
+    def read(self, consumer: subprocess.Popen) -> None:
+        """Take what ``consumer`` prints, until it ends."""
+        for line in consumer.stdout:
+            self.records.append(json.loads(line))
+
+    def wait(self, condition: Callable[[], Any], what: str, timeout: float = TIMEOUT) -> None:
+        end = time.monotonic() + timeout
+        while not condition():
+            if time.monotonic() > end:
+                error = TooSlowError if is_overloaded() else AssertionError
+                raise error(f'waited {timeout:.0f} s for {what}; last: {self.records[-3:]}')
+            time.sleep(0.005)
+
+    def latest(self, topic: str) -> Record:
+        return next((record for record in reversed(self.records) if record['topic'] == topic), {})
+
+    def hold(self, seconds: float = 1.0) -> None:
+        """Wait until the consumer sees a grasp that is stable, and for some time more, in which nothing is wrong."""
+        self.wait(lambda: self.latest('grasp').get('stable'), 'a stable grasp')
+        began = time.monotonic()
+        time.sleep(seconds)
+        held = [record for record in list(self.records) if record['topic'] == 'left' and record['time'] > began]
+        self.latency = max((record['latency'] for record in held), default=0.0)
+        self.unstable = self.false(FalseClaim('not stable', negated(stable)), began).seconds / max(seconds, 1e-9)
+
+    def watch(self, since: float, seconds: float, *claims: FalseClaim) -> list[Finding]:
+        """What was claimed after ``since`` [s, monotonic]: for ``seconds``, and until what may be claimed has ended."""
+        end = since + seconds
+        time.sleep(max(0.0, end - time.monotonic()))
+        while True:
+            findings = [self.false(claim, since) for claim in claims]
+            if all(finding.has_ended or not finding.bound for finding in findings) or time.monotonic() > end + TIMEOUT:
+                return findings
+            time.sleep(PERIOD)
+
+    def false(self, claim: FalseClaim, since: float) -> Finding:
+        """For how long after ``since`` [s, monotonic] the latest message has made this ``claim``."""
+        until = time.monotonic()
+        records = [record for record in list(self.records)
+                   if record['topic'] == claim.topic and record['time'] <= until]
+        assert records, f'no message on {claim.topic}'
+        ends = [record['time'] for record in records[1:]] + [until]
+        claimed = [(max(record['time'], since), end, record['time'] > since)
+                   for record, end in zip(records, ends) if end > since and claim.is_made(record)]
+        last = max((end for _, end, _ in claimed), default=since)
+        stall = sum(length for begin, length in list(self.stalls) if since <= begin + length and begin <= last)
+        return Finding(claim.name, sum(end - begin for begin, end, _ in claimed), sum(sent for _, _, sent in claimed),
+                       claim.bound, self.latency, stall, self._seen(claim.topic, since, until),
+                       not claim.is_made(records[-1]))
+
+    def _seen(self, topic: str, since: float, until: float) -> str:
+        """The states that were shown, in their order."""
+        seen: list[str] = []
+        for record in list(self.records):
+            if record['topic'] == topic and since < record['time'] <= until:
+                state = _state(record)
+                if not seen or seen[-1] != state:
+                    seen.append(state)
+        return ' > '.join(seen[:4] + ['...'] * (len(seen) > 4)) or 'nothing'
+
+
+class World(Watch):
     """The chain of a gripper; nodes may be left out, or get other parameters, by role.
 
     ``period`` [s]: between two frames. What is allowed is of PERIOD; a busy machine keeps up with a longer one.
@@ -178,11 +258,8 @@ class World:
     def __init__(self, held: dict[str, Any] | None = None, *, without: Sequence[str] = (),
                  topics: Sequence[str] = ('grasp=grasp', 'left=left/shape'), relayed: str = '', period: float = PERIOD,
                  **parameters: dict[str, Any]):
+        super().__init__()
         self._held = held or {}
-        self.latency = 0.0  #: the longest from an acquisition to the consumer, before anything was wrong [s]
-        self.unstable = 0.0  #: part of the time that the consumer saw no stable grasp, before anything was wrong
-        self.records: list[Record] = []
-        self.stalls: list[tuple[float, float]] = []  #: when this process did not run, and for how long
         self.nodes: dict[str, Any] = {}
         self._without = without
         self._topics = topics
@@ -191,7 +268,6 @@ class World:
         self.relays: list[Relay] = []
         self._parameters = parameters
         self._stack = ExitStack()
-        self._stop = threading.Event()
 
     def __enter__(self) -> 'World':
         self._stack = self._started()
@@ -222,7 +298,7 @@ class World:
         stack.callback(self._destroy_nodes)
         spinner = threading.Thread(target=self._spin, daemon=True)
         spinner.start()
-        ticker = threading.Thread(target=self._tick, daemon=True)
+        ticker = threading.Thread(target=self.tick, daemon=True)
         ticker.start()
         stack.callback(ticker.join)
         stack.callback(spinner.join)
@@ -288,15 +364,6 @@ class World:
         while not self._stop.is_set():
             self.executor.spin_once(timeout_sec=0.1)
 
-    def _tick(self) -> None:
-        """Record when this process was given no processor, or its interpreter was held: a pause that came late."""
-        before = time.monotonic()
-        while not self._stop.wait(PAUSE):
-            now = time.monotonic()
-            if now - before > 2 * PAUSE:
-                self.stalls.append((before, now - before - PAUSE))
-            before = now
-
     def _consume(self, stack: ExitStack, topics: Sequence[str], records: list[Record],
                  popen: Popen = subprocess.Popen) -> subprocess.Popen:
         """Start a consumer of ``topics`` that adds what it receives to ``records``."""
@@ -313,61 +380,6 @@ class World:
         stack.callback(consumer.kill)
         self.wait(lambda: records, 'the consumer to start')
         return consumer
-
-    def wait(self, condition: Callable[[], Any], what: str, timeout: float = TIMEOUT) -> None:
-        end = time.monotonic() + timeout
-        while not condition():
-            if time.monotonic() > end:
-                error = TooSlowError if is_overloaded() else AssertionError
-                raise error(f'waited {timeout:.0f} s for {what}; last: {self.records[-3:]}')
-            time.sleep(0.005)
-
-    def latest(self, topic: str) -> Record:
-        return next((record for record in reversed(self.records) if record['topic'] == topic), {})
-
-    def hold(self, seconds: float = 1.0) -> None:
-        """Wait until the consumer sees a grasp that is stable, and for some time more, in which nothing is wrong."""
-        self.wait(lambda: self.latest('grasp').get('stable'), 'a stable grasp')
-        began = time.monotonic()
-        time.sleep(seconds)
-        held = [record for record in list(self.records) if record['topic'] == 'left' and record['time'] > began]
-        self.latency = max((record['latency'] for record in held), default=0.0)
-        self.unstable = self.false(FalseClaim('not stable', negated(stable)), began).seconds / max(seconds, 1e-9)
-
-    def watch(self, since: float, seconds: float, *claims: FalseClaim) -> list[Finding]:
-        """What was claimed after ``since`` [s, monotonic]: for ``seconds``, and until what may be claimed has ended."""
-        end = since + seconds
-        time.sleep(max(0.0, end - time.monotonic()))
-        while True:
-            findings = [self.false(claim, since) for claim in claims]
-            if all(finding.has_ended or not finding.bound for finding in findings) or time.monotonic() > end + TIMEOUT:
-                return findings
-            time.sleep(PERIOD)
-
-    def false(self, claim: FalseClaim, since: float) -> Finding:
-        """For how long after ``since`` [s, monotonic] the latest message has made this ``claim``."""
-        until = time.monotonic()
-        records = [record for record in list(self.records)
-                   if record['topic'] == claim.topic and record['time'] <= until]
-        assert records, f'no message on {claim.topic}'
-        ends = [record['time'] for record in records[1:]] + [until]
-        claimed = [(max(record['time'], since), end, record['time'] > since)
-                   for record, end in zip(records, ends) if end > since and claim.is_made(record)]
-        last = max((end for _, end, _ in claimed), default=since)
-        stall = sum(length for begin, length in list(self.stalls) if since <= begin + length and begin <= last)
-        return Finding(claim.name, sum(end - begin for begin, end, _ in claimed), sum(sent for _, _, sent in claimed),
-                       claim.bound, self.latency, stall, self._seen(claim.topic, since, until),
-                       not claim.is_made(records[-1]))
-
-    def _seen(self, topic: str, since: float, until: float) -> str:
-        """The states that were shown, in their order."""
-        seen: list[str] = []
-        for record in list(self.records):
-            if record['topic'] == topic and since < record['time'] <= until:
-                state = _state(record)
-                if not seen or seen[-1] != state:
-                    seen.append(state)
-        return ' > '.join(seen[:4] + ['...'] * (len(seen) > 4)) or 'nothing'
 
 
 def _state(record: Record) -> str:

@@ -2,7 +2,8 @@
 
     python test/misled_consumer.py grasp=grasp left=left/shape taxels=left/taxels status=skin_driver/status
 
-It knows the message types and `InputAge` only, as a planner on another machine would.
+It knows the message types and `InputAge` only, as a planner on another machine would. A topic given as
+`slow=left/taxels` is read by a callback that blocks for SLOW; of its messages, too, the newest DEPTH are kept.
 """
 
 import json
@@ -15,11 +16,14 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from tactile_node.ros.message_age import InputAge
 from tactile_skin.msg import ContactShape, Grasp, SkinStatus, TaxelArray
 
+BEST_EFFORT = '--best-effort'
+DEPTH = 100  # messages
+SLOW = 1.0  # s
 SHAPES = ('NOT_KNOWN', 'NONE', 'UNKNOWN', 'CIRCLE', 'SQUARE', 'RECTANGLE', 'RIGHT_TRIANGLE', 'ISOSCELES_TRIANGLE')
 CONTACTS = ('NOT_KNOWN', 'UNSEEN', 'NO_CONTACT', 'ONE_SIDED', 'TWO_SIDED')
 SIDES = ('SIDE_NOT_KNOWN', 'SIDE_UNSEEN', 'SIDE_EMPTY', 'SIDE_TOUCHED')
@@ -29,14 +33,17 @@ GAPS = ('GAP_NOT_KNOWN', 'GAP_PARAMETER', 'GAP_JOINT_STATES', 'GAP_TF')
 
 
 def main() -> None:
-    topics = dict(argument.split('=') for argument in sys.argv[1:])
+    topics = dict(argument.split('=') for argument in sys.argv[1:] if argument != BEST_EFFORT)
     rclpy.init(args=[])
     node = Node('consumer')
-    qos = QoSProfile(depth=100)
+    qos = QoSProfile(depth=DEPTH)
+    if BEST_EFFORT in sys.argv:
+        qos.reliability = ReliabilityPolicy.BEST_EFFORT
     for name, topic in topics.items():
-        kind, facts = KINDS.get(name, (ContactShape, shape_facts))
+        last = topic.rpartition('/')[2]
+        kind, facts = KINDS[last]
         node.create_subscription(kind, topic, partial(report, name, facts, InputAge()),
-                                 STATUS_QOS if name == 'status' else qos)
+                                 STATUS_QOS if last == 'status' else qos)
     print(json.dumps({'topic': 'ready', 'time': time.monotonic()}), flush=True)
     try:
         rclpy.spin(node)
@@ -52,41 +59,48 @@ def report(topic, facts, ages, message) -> None:
     numbers = {name: value if not isinstance(value, float) or math.isfinite(value) else None
                for name, value in (facts(message) | here).items()}
     print(json.dumps({'topic': topic, 'time': now, **numbers}), flush=True)
+    if topic == 'slow':
+        time.sleep(SLOW)
+
+
+def taxel_facts(message: TaxelArray) -> dict:
+    return {**time_facts(message), 'sequence': message.sequence, 'left_out': getattr(message, 'left_out', 0)}
+
+
+def diagnostic_facts(message: DiagnosticArray) -> dict:
+    """Of the nodes in the message: what they report, and what of it are counts."""
+    return {'nodes': {status.name: {value.key: value.value for value in status.values} for status in message.status},
+            'counts': {status.name: {value.key: int(value.value) for value in status.values if value.value.isdigit()}
+                       for status in message.status}}
+
+
+def time_facts(message) -> dict:
+    stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+    return {'latency': time.time() - stamp, 'stamp': stamp, 'age': seconds(message)}
 
 
 def shape_facts(message: ContactShape) -> dict:
-    return {'latency': time.time() - message.header.stamp.sec - 1e-9 * message.header.stamp.nanosec,
+    return {**time_facts(message), 'left_out': getattr(message, 'left_out', 0),
             'shape': name_of(ContactShape, SHAPES, message.shape), 'sequence': message.sequence,
-            'left_out': message.left_out,
             'reason': name_of(ContactShape, REASONS, getattr(message, 'unknown_reason', -1)),
             'confidence': float(message.confidence), 'taxels': message.taxels, 'force': float(message.force),
             'force_is_bound': getattr(message, 'force_is_bound', False),
             'size_is_bound': getattr(message, 'size_is_bound', False), 'fit_valid': message.fit_valid,
-            'contacts': getattr(message, 'contacts', 0), 'age': seconds(message)}
+            'contacts': getattr(message, 'contacts', 0)}
 
 
 def grasp_facts(message: Grasp) -> dict:
-    return {'contact': name_of(Grasp, CONTACTS, message.contact),
+    return {**time_facts(message), 'contact': name_of(Grasp, CONTACTS, message.contact),
             'sides': [name_of(Grasp, SIDES, state) for state in getattr(message, 'side_states', ())],
             'shapes': [name_of(ContactShape, SHAPES, side.shape) for side in message.sides],
             'fresh': message.fresh, 'stable': message.stable, 'gap': float(message.gap), 'width': float(message.width),
-            'offset': float(message.offset), 'age': seconds(message),
-            'sequences': [side.sequence for side in message.sides],
+            'offset': float(message.offset), 'sequences': [side.sequence for side in message.sides],
             'gap_source': name_of(Grasp, GAPS, getattr(message, 'gap_source', -1))}
-
-
-def taxel_facts(message: TaxelArray) -> dict:
-    return {'sequence': message.sequence, 'missing': message.missing_can_frames}
 
 
 def status_facts(message: SkinStatus) -> dict:
     return {'level': message.level, 'active': message.active, 'fault': message.fault,
             'sync_overruns': message.sync_overruns, 'stalls': message.stalls, 'overload': message.overload}
-
-
-def health_facts(message: DiagnosticArray) -> dict:
-    """What the nodes say of the messages that they receive."""
-    return {'nodes': {status.name: {pair.key: pair.value for pair in status.values} for status in message.status}}
 
 
 def seconds(message) -> float:
@@ -100,8 +114,9 @@ def name_of(kind: type, names: tuple[str, ...], number: int) -> str:
     return next((name for name in names if getattr(kind, name, None) == number), str(number))
 
 
-KINDS = {'grasp': (Grasp, grasp_facts), 'taxels': (TaxelArray, taxel_facts), 'status': (SkinStatus, status_facts),
-         'health': (DiagnosticArray, health_facts)}  # of others: ContactShape
+KINDS = {'grasp': (Grasp, grasp_facts), 'shape': (ContactShape, shape_facts), 'taxels': (TaxelArray, taxel_facts),
+         'status': (SkinStatus, status_facts),
+         'diagnostics': (DiagnosticArray, diagnostic_facts)}  # by the last part of the topic
 
 
 if __name__ == '__main__':

@@ -11,6 +11,7 @@ rclpy = pytest.importorskip('rclpy')
 pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
 
 from rclpy.parameter import Parameter  # noqa: E402
+from rclpy.qos import ReliabilityPolicy  # noqa: E402
 
 from tactile_node.nodes.classifier_node import ClassifierNode  # noqa: E402
 from tactile_node.nodes.driver_node import READ_AT_CONFIGURE, DriverNode  # noqa: E402
@@ -85,6 +86,25 @@ def test_the_example_file_names_parameters_that_exist_with_values_of_their_type(
         for parameter, value in group['ros__parameters'].items():
             given = tuple(value) if isinstance(value, list) else value
             assert type(given) is type(rows[parameter].default), parameter
+
+
+@pytest.mark.parametrize(('given', 'reliability'), [
+    ({}, ReliabilityPolicy.RELIABLE), ({'best_effort': True}, ReliabilityPolicy.BEST_EFFORT),
+    ({'best_effort': True, 'lossless': True}, ReliabilityPolicy.RELIABLE)])
+@pytest.mark.parametrize(('name', 'inputs', 'output'), [
+    ('processor', ['taxels'], 'contact'), ('classifier', ['contact'], 'shape'),
+    ('grasp', ['left/shape', 'right/shape'], 'grasp')])
+def test_best_effort_is_of_what_a_node_receives_and_never_of_a_lossless_replay(
+        name, inputs, output, given, reliability):
+    parameters = [Parameter(key, value=value) for key, value in given.items()]
+    namespace = '_'.join(['given', *given])  # a node of the case before may not be forgotten yet
+    with rclpy.context.Context() as context:
+        node = NODES[name](context=context, namespace=namespace, parameter_overrides=parameters)
+        received = [info for topic in inputs for info in node.get_subscriptions_info_by_topic(f'/{namespace}/{topic}')]
+        sent, = node.get_publishers_info_by_topic(f'/{namespace}/{output}')
+        node.destroy_node()
+    assert [info.qos_profile.reliability for info in received] == [reliability] * len(inputs)
+    assert sent.qos_profile.reliability == ReliabilityPolicy.RELIABLE
 
 
 @pytest.mark.parametrize('name', ['skin_driver', 'grasp'])

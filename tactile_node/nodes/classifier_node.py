@@ -52,8 +52,8 @@ class ClassifierNode(Node):
         self._all_shapes = self.create_publisher(ContactShapes, 'shapes', qos)
         self._progress = self.create_publisher(Progress, 'progress', qos) if self._settings.lossless else None
         self._view = ShapeView(self, self._settings.queue_depth, self._settings.full_scale)
-        self._contacts = GuardedSubscription(self, Contact, 'contact', self._on_contact, qos, check=check_contact,
-                                             newest_only=True)
+        self._contacts = GuardedSubscription(self, Contact, 'contact', self._on_contact, self._settings.input_qos,
+                                             check=check_contact, newest_only=True)
         MessageHealth(self, [self._contacts], self._settings)
 
     def _on_contact(self, message: Contact) -> None:

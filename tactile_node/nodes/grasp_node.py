@@ -62,8 +62,8 @@ class GraspNode(Node):
         for silence in self._silences.values():
             silence.cancel()
         self._shapes = {
-            side: GuardedSubscription(self, ContactShape, f'{pad}/shape', partial(self._on_shape, side), settings.qos,
-                                      check=check_contact_shape)
+            side: GuardedSubscription(self, ContactShape, f'{pad}/shape', partial(self._on_shape, side),
+                                      settings.input_qos, check=check_contact_shape)
             for side, pad in zip(SIDES, (settings.left_pad, settings.right_pad))}
         MessageHealth(self, tuple(self._shapes.values()), settings)
 

@@ -46,8 +46,8 @@ class ProcessorNode(Node):
         self._contacts = self.create_publisher(Contact, 'contact', qos)
         self._features = self.create_publisher(ContactFeatures, 'features', qos)
         self._views = TaxelViews(self, self._settings.queue_depth, self._settings.full_scale)
-        self._taxels = GuardedSubscription(self, TaxelArray, 'taxels', self._on_taxels, qos, check=check_taxel_array,
-                                           newest_only=True)
+        self._taxels = GuardedSubscription(self, TaxelArray, 'taxels', self._on_taxels, self._settings.input_qos,
+                                           check=check_taxel_array, newest_only=True)
         MessageHealth(self, [self._taxels], self._settings)
         self.add_on_set_parameters_callback(self._on_parameters)
 

@@ -57,6 +57,19 @@ class NodeSettings:
         return frames_qos(self.queue_depth, self.lossless)
 
 
+@dataclass(frozen=True)
+class ReceiverSettings(NodeSettings):
+    """Those of a node that receives messages of the chain."""
+
+    best_effort: bool = parameter(False, 'true: what is lost on the way to this node is not sent again but counted as '
+                                  'skipped, so that what follows need not wait for it; for a link that loses packets')
+
+    @property
+    def input_qos(self) -> QoSProfile:
+        """Of the subscriptions; a lossless replay loses nothing, whatever ``best_effort`` says."""
+        return frames_qos(self.queue_depth, self.lossless, self.best_effort)
+
+
 Settings = TypeVar('Settings', bound=NodeSettings)
 
 

@@ -10,8 +10,10 @@ TF_QOS = QoSProfile(depth=100)  # as tf2_ros
 TF_STATIC_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-def frames_qos(depth: int, lossless: bool = False) -> QoSProfile:
+def frames_qos(depth: int, lossless: bool = False, best_effort: bool = False) -> QoSProfile:
     """Return the profile of the topics that come frame by frame.
+
+    ``best_effort``, for a subscription: what is lost is not sent again, and nothing after it waits.
 
     ``lossless``, for replays: publishers keep REPLAY_DEPTH messages for subscribers that come late. (KEEP_ALL
     would do for more, but a publish then fails while a reader is slow.)
@@ -19,7 +21,8 @@ def frames_qos(depth: int, lossless: bool = False) -> QoSProfile:
     if lossless:
         return QoSProfile(reliability=ReliabilityPolicy.RELIABLE, depth=REPLAY_DEPTH,
                           durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    return QoSProfile(reliability=ReliabilityPolicy.RELIABLE, depth=depth)
+    return QoSProfile(reliability=ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE,
+                      depth=depth)
 
 
 def is_lossless(profile: QoSProfile) -> bool:

@@ -8,7 +8,7 @@ from tactile_node.conditioning.limits import TARE_LIMIT_BY_UNIT
 from tactile_node.contact.press import PRESS_BY_UNIT, RELEASE_RATIO
 from tactile_node.contact.seen import SMALLEST_CONTACT
 from tactile_node.press_levels import LEAST_BY_UNIT
-from tactile_node.ros.parameters import NodeSettings, parameter
+from tactile_node.ros.parameters import NodeSettings, ReceiverSettings, parameter
 from tactile_node.shape.methods import DEFAULT
 
 FRAME_PREFIX = 'put before every frame, as robot_state_publisher does: robot1/'
