@@ -16,7 +16,7 @@ from tactile_node.recording.damage import Damage, DamageKind
 from tactile_node.recording.window import SECOND, WHOLE, Window
 
 TYPE, TOPIC = 'can_msgs/msg/Frame', 'from_can_bus'  # the topic is that of ros2_socketcan
-#: As the package can_msgs defines it; std_msgs/Header is known to every reader
+#: As the package can_msgs defines it
 DEFINITION = '''std_msgs/Header header
 uint32 id
 bool is_rtr
@@ -131,8 +131,9 @@ class _Types:
 
     def __init__(self, path: str | Path):
         typesys = library('rosbags.typesys', path)
-        self._store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
-        self._store.register(typesys.get_types_from_msg(DEFINITION, TYPE))
+        # all types of a ROS distribution take 0.2 s, in which a recording that rotates would stand still
+        self._store = typesys.get_typestore(typesys.Stores.EMPTY)
+        self._store.register(typesys.get_types_from_msg(DEFINITION + HEADER, TYPE))
         self._frame = self._store.types[TYPE]
 
     def message(self, recorded: Recorded) -> can.Message:

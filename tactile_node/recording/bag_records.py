@@ -61,6 +61,11 @@ def records_of(path: str | Path, on_damage: OnDamage, since: int = 0, until: int
 
 def begin_of(path: str | Path) -> int:
     """Return when the first message was recorded [ns]; 0 where there is none. Raises LogError for no bag."""
+    part = bag_parts(path)[0]
+    if part.is_there and part.path.suffix == '.mcap':
+        with _opened_mcap(part.path) as file:
+            if file.summary is not None and file.summary.messages:
+                return file.summary.begin
     first = next(records_of(path, lambda _: None), None)
     return 0 if first is None else first.time
 

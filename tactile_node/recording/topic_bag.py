@@ -7,6 +7,7 @@ bag has none, or one that cannot be read, that of msg/ counts. Messages are read
 from collections import Counter
 from collections.abc import Collection, Iterator
 from enum import IntEnum, unique
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -175,10 +176,6 @@ class _Types:
 
     def __init__(self, path: str | Path):
         self._typesys = library('rosbags.typesys', path)
-        self._ours = self._typesys.get_typestore(self._typesys.Stores.ROS2_JAZZY)
-        for name in DEFINITIONS:
-            text = package_file(f'msg/{name}.msg').read_text(encoding='utf-8')
-            self._ours.register(self._typesys.get_types_from_msg(text, f'{PACKAGE}/msg/{name}'))
         self._stores: dict[tuple[str, str], Any] = {}  # by type and definition
 
     def content(self, recorded: Recorded) -> Any:
@@ -198,3 +195,11 @@ class _Types:
             except Exception:  # of a damaged text the parser raises its own errors
                 pass
         return self._ours
+
+    @cached_property
+    def _ours(self) -> Any:
+        store = self._typesys.get_typestore(self._typesys.Stores.ROS2_JAZZY)
+        for name in DEFINITIONS:
+            text = package_file(f'msg/{name}.msg').read_text(encoding='utf-8')
+            store.register(self._typesys.get_types_from_msg(text, f'{PACKAGE}/msg/{name}'))
+        return store
