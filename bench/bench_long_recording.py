@@ -1,9 +1,9 @@
 """Recordings of hours: two pads at 100 Hz, CAN frames and topics, written to MCAP with rotation and read again.
 
-Run by `make bench`, or: python bench/bench_long_recording.py [--minutes 5] [--rotate-mb 32] [--folder /data]. An hour
-(--minutes 60 --rotate-mb 256) takes about half an hour on one core and 2 GB of disk; all is removed at the end. CAN
-frames are written by `CanLogWriter`, as by `tactile record`; topics by the library mcap with chunks and checksums, as
-`ros2 bag record -s mcap` writes them. Figures are of what was measured alone, none is scaled.
+Run by `make bench`, or: python bench/bench_long_recording.py [--minutes 5] [--rotate-mb 32] [--folder /data]. Five
+minutes take about three on one core, an hour (--minutes 60 --rotate-mb 256) about half an hour, with 2 GB of disk; all
+is removed at the end. CAN frames are written by `CanLogWriter`, as by `tactile record`; topics by the library mcap with
+chunks and checksums, as `ros2 bag record -s mcap` writes them. All figures are measured, none is scaled to an hour.
 """
 
 import argparse
@@ -86,6 +86,12 @@ def _text(kind: str) -> str:
 def memory() -> float:
     """Of this process [MB]."""
     return int(Path('/proc/self/statm').read_text().split()[1]) * os.sysconf('SC_PAGE_SIZE') / 1e6
+
+
+def busy_of_others() -> float:
+    """Processor time of all processes but this one since the start of the machine [s]: proc(5), /proc/stat."""
+    user, nice, system, _, _, irq, softirq, *_ = map(int, Path('/proc/stat').read_text().splitlines()[0].split()[1:])
+    return (user + nice + system + irq + softirq) / os.sysconf('SC_CLK_TCK') - time.process_time()
 
 
 class Memory:
@@ -261,7 +267,7 @@ def main() -> None:
 
 
 def run(folder: Path, minutes: float, largest: int) -> None:
-    begun = time.monotonic()
+    begun, busy = time.monotonic(), busy_of_others()
     print(f'# {minutes:g} minutes of two pads of 16x16 taxels at 100 Hz, files of {largest / MEGABYTE:g} MB\n')
     can_log, bag = write(folder, minutes, largest)
     print('| first message at a random time [ms] | p50 | p99 | largest |\n| --- | --- | --- | --- |')
@@ -278,7 +284,9 @@ def run(folder: Path, minutes: float, largest: int) -> None:
     print('\n| MB a minute | chunks of 64 KiB | 256 KiB | 1 MiB |\n| --- | --- | --- | --- |')
     sizes(can_log, 'CAN frames')
     sizes(bag, 'topics')
-    print(f'\nIt took {time.monotonic() - begun:.0f} s.')
+    took = time.monotonic() - begun
+    print(f'\nIt took {took:.0f} s; other processes used {(busy_of_others() - busy) / took:.1f} of '
+          f'{os.cpu_count()} cores meanwhile.')
 
 
 if __name__ == '__main__':

@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 from mcap_bytes import DATA_END, MESSAGE_INDEX, chunks, payload, records
 from test_can_commands import run
+from test_logs import play
 from test_recording_files import numbered, numbers
 from test_report_page import check_alone, reported
 from test_topic_bag import TAXELS, _with_header, store, taxel_array
 
 from tactile_node.cli import replay
 from tactile_node.errors import ConfigurationError, LogError
+from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.package_files import package_file
 from tactile_node.recording.bag_records import records_of
 from tactile_node.recording.damage import DamageKind
@@ -27,6 +29,8 @@ from tactile_node.recording.series import following
 from tactile_node.recording.topic_bag import TopicBagReader, Unread
 from tactile_node.recording.window import Window
 from tactile_node.report.page import page_of
+from tactile_node.skin.layout_file import load_layout
+from tactile_node.skin.pads import PadSettings
 from tactile_node.view.bag_recording import BagRecording
 from tactile_node.view.timeline import Timeline
 
@@ -306,3 +310,36 @@ def test_bytes_beside_the_chunks_may_be_anything(tmp_path):
         found = [record.cdr for record in records_of(copy, damages.append)]
         lost = sum(each.chunks or 0 for each in damages)
         assert set(found) <= set(whole) and len(found) == FRAMES - EACH * lost, at
+
+
+@pytest.mark.parametrize('is_missing', [False, True])
+def test_no_taxel_frame_is_made_of_what_was_before_a_gap_and_what_came_after(tmp_path, is_missing):
+    """Chunks, or files, end within sweeps; sweep k has the value k, so that a mixture shows."""
+    layout, names = load_layout('sim16x16.yaml'), [tmp_path / 'x.mcap', *(tmp_path / f'x_part{n}.mcap' for n in (2, 3))]
+    messages = []
+    for k in range(100):
+        at = BEGIN + k / 100
+        messages.append(can.Message(at, 0x80, False, channel='can0'))
+        messages += [can.Message(at + 1e-4 * (n + 4), tpdo.cob_id.of(32), False, data=[k] * 8, channel='can0')
+                     for n, tpdo in enumerate(layout.tpdos)]
+    thirds = [messages] if not is_missing else [messages[:1000], messages[1000:1500], messages[1500:]]
+    for name, part in zip(names, thirds):
+        name.touch()
+        file = LogFile(name)
+        for n, message in enumerate(part, 1):
+            file.write(message)
+            if n % 50 == 0:
+                file.flush()
+        file.close()
+    data = names[0].read_bytes()
+    for index in range(2, 60, 7) if not is_missing else ():
+        data = flipped(data, index)
+    names[0].write_bytes(data)
+    if is_missing:
+        names[1].unlink()
+    frames, source = play(names[0], (PadSettings('left', (32,), layout),))
+    assert len(source.damages) == (1 if is_missing else 9) and len(frames) > 70
+    for _, frame in frames:
+        valid = frame.status == TaxelStatus.VALID
+        assert set(np.rint(frame.values[valid] / layout.value.scale)) <= {round((frame.stamp - BEGIN) * 100)}
+    assert source.statistics().pads['left'].complete > 60

@@ -90,6 +90,8 @@ class McapCanWriter:
     def __init__(self, path: str | Path):
         types = _Types(path)
         writer = library('mcap.writer', path)
+        if not hasattr(writer.Writer, 'flush'):
+            raise ImportError('an older library mcap than 1.5.0, which cannot end a chunk')
         self.file = open(path, 'wb')
         self._types = types
         self._sequence = 0

@@ -146,7 +146,7 @@ class LogSource:
         while True:
             first = last = None
             self._ahead = 0.0
-            for message in reader:
+            for message in self._past_gaps(reader):
                 message.timestamp += self._ahead
                 if last is not None and message.timestamp < last - SET_BACK:  # the clock was set while recording
                     self._jumps += 1
@@ -161,6 +161,20 @@ class LogSource:
             self._router.end()  # or the log's first CAN frames would complete its last sweep
             self._unread += reader.unread
             shift += last - first
+
+    def _past_gaps(self, reader: CanLogReader) -> Iterator[can.Message]:
+        """End the period at a gap, or the TPDOs after it, whose SYNC may be lost, would complete the sweep before it.
+
+        The reader looks ahead by one message, so that a gap lies before this one or before the next.
+        """
+        known = near = 0
+        for message in reader:
+            if len(reader.damages) > known:
+                known, near = len(reader.damages), 2
+            if near:
+                near -= 1
+                self._router.end()
+            yield message
 
     def _play(self, stopping: threading.Event) -> None:
         clock = RecordedPace(self._pace, stopping)
