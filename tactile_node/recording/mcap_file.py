@@ -7,27 +7,14 @@ checksum: what follows damage is then lost to the end of the file.
 """
 
 import os
-import re
-import struct
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from tactile_node.recording.damage import Damage, DamageKind
-from tactile_node.recording.mcap_summary import CHANNEL, FOOTER, FOOTER_SIZE, HEAD, MAGIC, SCHEMA, summary_of
-
-MESSAGE, CHUNK, DATA_END = 0x05, 0x06, 0x0F
-OPCODES = range(0x01, 0x10)
-APPLICATIONS = 0x80  # opcodes from here on are theirs
-_TIMES = struct.Struct('<QQQII')  # of a chunk: first, last [ns], size uncompressed, checksum, length of a name
-_SIZE = struct.Struct('<Q')
-COMPRESSIONS = b'', b'lz4', b'zstd'
-PEEK = HEAD.size + _TIMES.size + 4 + _SIZE.size  # of a chunk up to its records, at most
-LARGEST = 1 << 30  # bytes of a chunk, uncompressed; a damaged head may claim any number
-WINDOW = 1 << 20   # bytes
-#: where a chunk may begin: opcode, a length below 2**40, and after the times the compression's name
-_CHUNK_HEAD = re.compile(rb'(?s)\x06(?=.{5}\0\0\0.{28}(?:\0\0\0\0|\x03\0\0\0lz4|\x04\0\0\0zstd))')
+from tactile_node.recording.mcap_heads import DATA_END, LARGEST, MESSAGE, Head, head_at, next_chunk
+from tactile_node.recording.mcap_summary import CHANNEL, FOOTER, MAGIC, SCHEMA, summary_of
 
 
 class Stored(NamedTuple):
@@ -37,13 +24,6 @@ class Stored(NamedTuple):
     schema: Any   #: None: it has none
     time: int     #: when it was recorded [ns]
     data: bytes
-
-
-class _Head(NamedTuple):
-    opcode: int
-    begin: int  # of the content
-    end: int    # of the record
-    chunk: tuple[int, int, int, int, str] | None = None  # last time [ns], size uncompressed, checksum, records at, name
 
 
 class McapFile:
@@ -82,9 +62,9 @@ class McapFile:
         if self.summary is not None and len(self.summary.places) and since:
             at = self.summary.first_place(since)
         while at is not None:
-            head = self._head(at)
+            head = head_at(self._file, self._size, at)
             if head is None:
-                following = self._next_chunk(at)
+                following = next_chunk(self._file, self._size, at)
                 yield from self._broken(at, following)
                 at = following
                 continue
@@ -96,40 +76,6 @@ class McapFile:
                 yield from self._record(head, since)
             at = head.end
 
-    def _head(self, at: int) -> _Head | None:
-        """Return the head of the record at ``at``; None where there is none that is whole."""
-        head = self._plausible(at)
-        if head is None or head.chunk is not None or head.opcode in (SCHEMA, CHANNEL, MESSAGE, DATA_END, FOOTER):
-            return head
-        return head if head.end == self._size or self._plausible(head.end) is not None else None  # it is passed over
-
-    def _plausible(self, at: int) -> _Head | None:
-        start = os.pread(self._file, PEEK, at)
-        if len(start) < HEAD.size:
-            return None
-        opcode, length = HEAD.unpack_from(start)
-        begin = at + HEAD.size
-        if begin + length > self._size:
-            return None
-        chunk = _chunk_head(start, length, begin)
-        if chunk is not None:  # whatever the opcode has become
-            return _Head(CHUNK, begin, begin + length, chunk)
-        if opcode == CHUNK or not (opcode in OPCODES or opcode >= APPLICATIONS):
-            return None
-        if length != {DATA_END: 4, FOOTER: FOOTER_SIZE}.get(opcode, length):
-            return None
-        return _Head(opcode, begin, begin + length)
-
-    def _next_chunk(self, at: int) -> int | None:
-        """Return where the first whole chunk after ``at`` begins."""
-        for begin in range(at + 1, self._size, WINDOW):
-            window = os.pread(self._file, WINDOW + PEEK, begin)
-            for match in _CHUNK_HEAD.finditer(window):
-                found = begin + match.start()
-                if match.start() < WINDOW and (head := self._plausible(found)) is not None and head.chunk is not None:
-                    return found
-        return None
-
     def _broken(self, at: int, following: int | None) -> Iterator[Damage]:
         """What lies between; nothing where the summary shows that no chunk was lost."""
         end = self._size if following is None else following
@@ -140,7 +86,7 @@ class McapFile:
             is_cut = following is None and not self._has_end
             yield Damage(DamageKind.CUT_SHORT if is_cut else DamageKind.RECORDS, self._name, chunks, end - at)
 
-    def _chunk(self, head: _Head, at: int, since: int) -> Iterator[Stored | Damage]:
+    def _chunk(self, head: Head, at: int, since: int) -> Iterator[Stored | Damage]:
         assert head.chunk is not None
         last, size, checksum, begin, compression = head.chunk
         if self.summary is None and last < since:
@@ -166,7 +112,7 @@ class McapFile:
         if unknown:
             yield Damage(DamageKind.UNKNOWN_CHANNEL, self._name, 0, head.end - at, detail=f'{unknown} messages')
 
-    def _record(self, head: _Head, since: int) -> Iterator[Stored | Damage]:
+    def _record(self, head: Head, since: int) -> Iterator[Stored | Damage]:
         """One that is in no chunk."""
         try:
             record = self._parsed(head.opcode, os.pread(self._file, head.end - head.begin, head.begin))
@@ -196,18 +142,3 @@ class McapFile:
     def _stored(self, message) -> Stored:
         channel = self._channels[message.channel_id]
         return Stored(channel, self._schemas.get(channel.schema_id), message.log_time, message.data)
-
-
-def _chunk_head(start: bytes, length: int, begin: int) -> tuple[int, int, int, int, str] | None:
-    """Return what the begin of a record says of a chunk of ``length`` bytes at ``begin``; None where it is none."""
-    if len(start) < HEAD.size + _TIMES.size + _SIZE.size:
-        return None
-    _, last, size, checksum, name = _TIMES.unpack_from(start, HEAD.size)
-    at = HEAD.size + _TIMES.size
-    if name > max(map(len, COMPRESSIONS)) or start[at:at + name] not in COMPRESSIONS:
-        return None
-    (records,) = _SIZE.unpack_from(start, at + name)
-    fixed = _TIMES.size + name + _SIZE.size
-    if length != fixed + records:
-        return None
-    return last, size, checksum, begin + fixed, start[at:at + name].decode()
