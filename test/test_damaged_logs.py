@@ -103,7 +103,7 @@ def test_damage_within_a_binary_log_is_reported(tmp_path, suffix, place):
         writer.write(can.Message(1.7e9 + n / 1000, 0x181, False, data=random.bytes(8), channel=0))
     writer.close()
     content = bytearray(path.read_bytes())
-    first = 0x7000 if suffix == '.db' else content.index(b'LOBJ', 200) if suffix == '.blf' else len(content) // 2
+    first = 0x7000 if suffix == '.db' else content.index(b'LOBJ' if suffix == '.blf' else b'\4\0\0\0zstd', 200)
     if place == 'kind' and suffix == '.blf':
         content[first + 12] = 0xC6
     else:

@@ -15,6 +15,7 @@ from tactile_node.cli.main import main
 from tactile_node.errors import LogError
 from tactile_node.frames.health import BusFault
 from tactile_node.frames.losses import LossReason
+from tactile_node.recording.log_file import LogFile
 from tactile_node.recording.log_reader import CanLogReader
 from tactile_node.recording.log_source import LogSource
 from tactile_node.recording.log_writer import CanLogWriter
@@ -152,9 +153,12 @@ def test_truncated_gzip_is_read_up_to_its_end(tmp_path):
 @pytest.mark.parametrize('suffix', ['.log', '.log.gz', '.asc', '.blf', '.trc', '.mcap'])
 def test_a_log_cut_short_is_read_up_to_the_cut_and_reported(tmp_path, suffix):
     whole, cut, random = tmp_path / f'x{suffix}', tmp_path / f'cut{suffix}', np.random.default_rng(3)
-    writer = CanLogWriter(whole)
+    whole.touch()
+    writer = LogFile(whole)
     for n in range(500):
         writer.write(can.Message(1.7e9 + n, 0x181, False, data=random.bytes(8), channel=1))
+        if n == 249:
+            writer.flush()  # of .mcap, a chunk
     writer.close()
     complete = CanLogReader(whole)
     messages = [bytes(message.data) for message in complete]

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE
 from tactile_node.cia301.node_id import MAX_NODE_ID
 from tactile_node.errors import ConfigurationError
+from tactile_node.recording.window import Window
 from tactile_node.shape.method_names import LEARNED
 
 if TYPE_CHECKING:
@@ -42,6 +43,29 @@ def pace(text: str) -> float:
         raise ConfigurationError('--pace', expected='a number >= 0', got=repr(text),
                                  remedy='1 is the recorded pace, 0 as fast as possible.')
     return value
+
+
+def seconds(text: str) -> float:
+    """A time >= 0 [s]."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0 <= value < float('inf'):
+        raise ConfigurationError('--start, --duration', expected='a number >= 0 [s]', got=repr(text),
+                                 remedy='For example --start 1800 --duration 60.')
+    return value
+
+
+def add_window_options(parser: argparse.ArgumentParser) -> None:
+    """Add --start and --duration; `window_of` reads them."""
+    parser.add_argument('--start', type=seconds, default=0.0, metavar='S', help='leave out the first S s of the '
+                        'recording; of a bag (.mcap, .db3) they are not read')
+    parser.add_argument('--duration', type=seconds, metavar='S', help='length of what is read [s] (default: all)')
+
+
+def window_of(args: argparse.Namespace) -> Window:
+    return Window(args.start, float('inf') if args.duration is None else args.duration)
 
 
 def switch(text: str) -> bool:

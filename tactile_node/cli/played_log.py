@@ -1,5 +1,6 @@
 """A CAN log, played to its end without ROS: what `replay` and `calibrate` share."""
 
+import sys
 from pathlib import Path
 from typing import NamedTuple
 
@@ -7,14 +8,16 @@ from tactile_node.cli.progress import counted
 from tactile_node.errors import LogError
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.interruption import interruption
+from tactile_node.recording.damage import damage_lines
 from tactile_node.recording.log_source import LogSource
+from tactile_node.recording.window import WHOLE, Window
 from tactile_node.skin.pads import PadSettings
 
 
 class PlayedLog(NamedTuple):
     """What a log held."""
 
-    frames: dict[str, list[TaxelFrame]]  #: by the pad's name
+    frames: dict[str, list[TaxelFrame]]  #: by the pad's name; empty where they were not kept
     source: LogSource                    #: closed: its statistics and summary
     has_ended: bool                      #: False: interrupted
 
@@ -25,18 +28,31 @@ class PlayedLog(NamedTuple):
 
 
 def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = None, channel: str = '',
-             any_device: bool = False) -> PlayedLog:
-    """Play ``path`` at ``pace`` (None: as fast as possible). Raises LogError where it cannot be played to its end."""
+             any_device: bool = False, window: Window = WHOLE, keep: bool = True) -> PlayedLog:
+    """Play ``window`` of ``path`` at ``pace`` (None: as fast as possible); what is damaged is reported on stderr.
+
+    Not ``keep``: the frames are only counted, and memory stays flat. Raises LogError where it cannot be played to its
+    end.
+    """
     frames: dict[str, list[TaxelFrame]] = {pad.name: [] for pad in pads}
-    source = LogSource(path, pads, lambda name, frame: frames[name].append(frame), pace=pace, channel=channel,
-                       any_device=any_device)
+    count = 0
+
+    def on_frame(name: str, frame: TaxelFrame) -> None:
+        nonlocal count
+        count += 1
+        if keep:
+            frames[name].append(frame)
+
+    source = LogSource(path, pads, on_frame, pace=pace, channel=channel, any_device=any_device, window=window)
     with interruption() as stop_requested, counted(Path(path).name, ' frames') as bar:
         source.open()
         source.start()
         while not source.finished.wait(0.1) and not stop_requested.is_set():
-            bar.update(sum(map(len, frames.values())) - bar.n)
+            bar.update(count - bar.n)
         source.close()
     if source.failure:
         raise LogError(path, expected='a log to its end', got=source.failure.detail.removesuffix('.'),
                        remedy='What was played up to there is not used.')
+    for line in damage_lines(source.damages):
+        print(line, file=sys.stderr)
     return PlayedLog(frames, source, source.finished.is_set())

@@ -11,16 +11,19 @@ from tactile_node.cli.options import (
     add_any_device_option,
     add_model_option,
     add_skin_options,
+    add_window_options,
     bit_rate,
     eds_of,
     layouts_of,
     names,
     node_ids_of,
     recogniser_of,
+    window_of,
 )
 from tactile_node.interruption import interruption
 from tactile_node.output_file import check_writable, output_file
 from tactile_node.recording.message_count import message_count
+from tactile_node.recording.series import files_of
 from tactile_node.recording.topic_bag import CAN_TYPE as CAN_FRAMES
 from tactile_node.recording.topic_bag import DIAGNOSTICS, STATUS, TAXELS, holds_taxels
 from tactile_node.report.bag_report import BagReporter
@@ -35,7 +38,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
                                    description=__doc__)
     parser.set_defaults(run=run)
     parser.add_argument('log', metavar='LOG|BAG', help='CAN log as of `tactile replay`, or a ROS 2 bag with '
-                        '<pad>/taxels: .mcap, .db3, its folder')
+                        '<pad>/taxels: .mcap, .db3, its folder; of a rotated series, its first file')
     parser.add_argument('-o', '--output', metavar='FILE', default='report.html', help='default: %(default)s')
     add_skin_options(parser)
     parser.add_argument('--pads', type=names, default=[], metavar='NAME,...',
@@ -45,6 +48,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--bitrate', type=bit_rate, help='of the bus [bit/s], which no log has: the load is then given '
                         'as a share of it')
     add_any_device_option(parser)
+    add_window_options(parser)
     add_model_option(parser)
     parser.epilog = ('Layouts, node-IDs, names, EDS and channel are those of CAN frames; taxel arrays of a bag carry '
                      'what is needed. Prints the path of the page and how many problems stand out. The exit code is 0 '
@@ -71,13 +75,14 @@ def _total(log: str) -> int | None:
 def _reporter(args: argparse.Namespace, on_message: Callable[[], object]) -> BagReporter | LogReporter:
     if holds_taxels(args.log):
         return BagReporter(args.log, channel=args.channel, bit_rate=args.bitrate, recogniser=recogniser_of(args),
-                           on_message=on_message)
+                           on_message=on_message, window=window_of(args))
     pads = make_pads(layouts_of(args), node_ids_of(args), args.pads)
     return LogReporter(args.log, pads, channel=args.channel, eds=eds_of(args), any_device=args.any_device,
-                       bit_rate=args.bitrate, recogniser=recogniser_of(args), on_can_frame=on_message)
+                       bit_rate=args.bitrate, recogniser=recogniser_of(args), on_can_frame=on_message,
+                       window=window_of(args))
 
 
 def _files(log: str) -> list[str]:
     """What must not be overwritten."""
     path = Path(log)
-    return [str(file) for file in path.iterdir()] if path.is_dir() else [log]
+    return [str(file) for file in (path.iterdir() if path.is_dir() else files_of(path))]

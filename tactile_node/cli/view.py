@@ -16,11 +16,13 @@ from tactile_node.cli.options import (
     add_bus_options,
     add_model_option,
     add_skin_options,
+    add_window_options,
     eds_of,
     layouts_of,
     names,
     node_ids_of,
     recogniser_of,
+    window_of,
 )
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption
@@ -42,6 +44,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
                         'are found, else pad<node-ID>)')
     add_skin_options(parser)
     add_any_device_option(parser)
+    add_window_options(parser)
     add_model_option(parser)
     parser.add_argument('--namespace', default='', help='of the topics')
     parser.add_argument('--terminal', action='store_true', help='pictures on the terminal in place of the page')
@@ -108,10 +111,11 @@ def _recording_source(args: argparse.Namespace) -> Source:
     from tactile_node.view.recording_source import RecordingSource
     if holds_taxels(args.recording):
         from tactile_node.view.bag_recording import BagRecording
-        return RecordingSource(BagRecording(args.recording, args.pads or ()), recogniser_of(args))
+        return RecordingSource(BagRecording(args.recording, args.pads or (), window_of(args)), recogniser_of(args))
     from tactile_node.view.log_recording import LogRecording
     pads = make_pads(layouts_of(args), node_ids_of(args), args.pads or ())
-    return RecordingSource(LogRecording(args.recording, pads, args.channel or '', args.any_device),
+    return RecordingSource(LogRecording(args.recording, pads, args.channel or '', args.any_device,
+                                        window_of(args)),
                            recogniser_of(args))
 
 

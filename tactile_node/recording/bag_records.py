@@ -1,18 +1,23 @@
 """The messages of a ROS 2 bag as recorded, in order: .mcap, .db3 (rosbag2), or a bag's folder. Knows no ROS."""
 
 import sqlite3
-from collections.abc import Iterable, Iterator
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from functools import reduce
 from importlib import import_module
-from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
 from tactile_node.errors import LogError
+from tactile_node.recording.damage import Damage, DamageKind
+from tactile_node.recording.mcap_file import McapFile
+from tactile_node.recording.series import SUFFIXES, Part, parts_of
 
-SUFFIXES = ('.mcap', '.db3')
 ZSTANDARD = b'\x28\xB5\x2F\xFD'  # RFC 8878: how such data begin; CDR begins with 00
 MSG = 'ros2msg'  #: the encoding of definitions that are written as .msg files
+SECOND = 1_000_000_000  # ns
+DISORDER = SECOND  # ns: messages are recorded in a wrong order by less
+OnDamage = Callable[[Damage], None]
 
 
 class Recorded(NamedTuple):
@@ -30,9 +35,39 @@ def is_bag(path: str | Path) -> bool:
     return Path(path).suffix in SUFFIXES or Path(path).is_dir()
 
 
-def records_of(path: str | Path) -> Iterator[Recorded]:
-    """Read one message after the other. Raises LogError for no bag, EOFError where it is cut short or damaged."""
-    return chain.from_iterable(map(_recorded, files_of(Path(path))))
+def records_of(path: str | Path, on_damage: OnDamage, since: int = 0, until: int | None = None) -> Iterator[Recorded]:
+    """Read one message after the other of all files of the recording: those of ``since`` <= time < ``until`` [ns].
+
+    What cannot be read goes to ``on_damage``, before the message that follows it. Raises LogError for no bag.
+    """
+    last: float | None = None
+    damages: list[Damage] = []
+    for found in _found(path, since):
+        if isinstance(found, Damage):
+            damages.append(found)
+            continue
+        if until is not None and found.time >= until:
+            if found.time >= until + DISORDER:
+                break
+            continue
+        if damages:
+            on_damage(_one(damages, last, found.time / SECOND))
+            damages = []
+        last = found.time / SECOND
+        yield found
+    if damages:
+        on_damage(_one(damages, last, None))
+
+
+def begin_of(path: str | Path) -> int:
+    """Return when the first message was recorded [ns]; 0 where there is none. Raises LogError for no bag."""
+    part = bag_parts(path)[0]
+    if part.is_there and part.path.suffix == '.mcap':
+        with _opened_mcap(part.path) as file:
+            if file.summary is not None and file.summary.messages:
+                return file.summary.begin
+    first = next(records_of(path, lambda _: None), None)
+    return 0 if first is None else first.time
 
 
 def topics_of(path: str | Path) -> dict[str, str]:
@@ -41,11 +76,9 @@ def topics_of(path: str | Path) -> dict[str, str]:
     Raises LogError for no bag.
     """
     found: dict[str, str] = {}
-    for file in files_of(Path(path)):
-        try:
-            found |= _topics_of_sqlite(file) if file.suffix == '.db3' else _topics_of_mcap(file)
-        except EOFError:
-            pass  # who reads the messages reports it
+    for part in bag_parts(path):
+        if part.is_there:
+            found |= _topics_of_sqlite(part.path) if part.path.suffix == '.db3' else _topics_of_mcap(part.path)
     return found
 
 
@@ -65,48 +98,47 @@ def library(name: str, path: str | Path):
                        remedy="Install them: pip install 'tactile-skin[bag]'.") from error
 
 
-def files_of(path: Path) -> list[Path]:
+def bag_parts(path: str | Path) -> tuple[Part, ...]:
     """Return the .mcap and .db3 files of a bag, in the order in which they were recorded. Raises LogError for none."""
+    path = Path(path)
     if not path.exists():
         raise LogError(str(path), expected='a bag', got='no such file', remedy='Check the path.')
-    if not path.is_dir():
-        return [path]
-    files = [file for file in path.iterdir() if file.suffix in SUFFIXES]
-    if not files:
+    parts = parts_of(path)
+    if not any(part.is_there for part in parts):
         raise LogError(str(path), expected='a bag: .mcap or .db3 files', got='a folder without them',
                        remedy='Decompress a compressed bag first (ros2 bag convert).')
-    return sorted(files, key=lambda file: (len(file.name), file.name))  # bag_2 before bag_10
+    return parts
 
 
-def _recorded(path: Path) -> Iterable[Recorded]:
-    return _of_sqlite(path) if path.suffix == '.db3' else _of_mcap(path)
+def _found(path: str | Path, since: int) -> Iterator[Recorded | Damage]:
+    for part in bag_parts(path):
+        if not part.is_there:
+            yield Damage(DamageKind.MISSING_FILE, part.path.name)
+        else:
+            yield from (_of_sqlite if part.path.suffix == '.db3' else _of_mcap)(part.path, since)
 
 
-def _of_mcap(path: Path) -> Iterator[Recorded]:
-    """Record after record, not by the summary at the end, which a recording that was killed lacks."""
-    reader, records = library('mcap.stream_reader', path), library('mcap.records', path)
-    schemas, channels, ended = {}, {}, False
-    try:
-        for record in _records(reader, path):
-            if isinstance(record, records.Schema):
-                schemas[record.id] = record.name, _definition(record)
-            elif isinstance(record, records.Channel):
-                channels[record.id] = record
-            elif isinstance(record, records.Message):
-                channel = channels[record.channel_id]
-                kind, definition = schemas.get(channel.schema_id, ('', ''))
-                yield Recorded(channel.topic, kind, record.log_time, record.data, definition)
-            ended = ended or isinstance(record, records.DataEnd)
-    except Exception as error:  # the library lets struct's and zstandard's errors through beside its own
-        if not ended:
-            raise EOFError(f'cut short or damaged ({type(error).__name__}: {error})') from error
-    if not ended:
-        raise EOFError('cut short: the recording was not ended')
+def _one(damages: list[Damage], begin: float | None, end: float | None) -> Damage:
+    """Those between two messages, as one."""
+    return reduce(Damage.joined, damages)._replace(begin=begin, end=end)
 
 
-def _records(reader, path: Path) -> Iterator[object]:
+def _of_mcap(path: Path, since: int) -> Iterator[Recorded | Damage]:
+    with _opened_mcap(path) as file:
+        for found in file.read(since):
+            if isinstance(found, Damage):
+                yield found
+            else:
+                schema = found.schema
+                yield Recorded(found.channel.topic, '' if schema is None else schema.name, found.time, found.data,
+                               '' if schema is None else _definition(schema))
+
+
+@contextmanager
+def _opened_mcap(path: Path) -> Iterator[McapFile]:
+    library_of_streams, records = library('mcap.stream_reader', path), library('mcap.records', path)
     with path.open('rb') as file:
-        yield from reader.StreamReader(file).records
+        yield McapFile(file.fileno(), path, library_of_streams, records)
 
 
 def _definition(schema) -> str:
@@ -114,46 +146,32 @@ def _definition(schema) -> str:
 
 
 def _topics_of_mcap(path: Path) -> dict[str, str]:
-    reader = library('mcap.reader', path)
-    try:
-        with path.open('rb') as file:
-            summary = reader.make_reader(file).get_summary()
-    except Exception:  # of a file without its end; as above
-        summary = None
-    if summary is None or not summary.channels:
-        return _topics_seen(path)
-    return {channel.topic: summary.schemas[channel.schema_id].name if channel.schema_id in summary.schemas else ''
-            for channel in summary.channels.values()}
+    with _opened_mcap(path) as file:
+        if not file.channels:  # it was not ended
+            for _ in file.read():
+                pass
+        return {channel.topic: '' if schema is None else schema.name for channel, schema in file.channels}
 
 
-def _topics_seen(path: Path) -> dict[str, str]:
-    found: dict[str, str] = {}
-    try:
-        for recorded in _of_mcap(path):
-            found.setdefault(recorded.topic, recorded.type)
-    except EOFError:
-        pass  # up to there
-    return found
-
-
-def _of_sqlite(path: Path) -> Iterator[Recorded]:
+def _of_sqlite(path: Path, since: int) -> Iterator[Recorded | Damage]:
     try:
         with closing(_opened(path)) as base:
             definitions = _definitions(base)
             for topic, kind, time, data in base.execute(
                     'SELECT topics.name, topics.type, messages.timestamp, messages.data FROM messages '
-                    'JOIN topics ON messages.topic_id = topics.id ORDER BY messages.timestamp, messages.id'):
+                    'JOIN topics ON messages.topic_id = topics.id WHERE messages.timestamp >= ? '
+                    'ORDER BY messages.timestamp, messages.id', (since,)):
                 yield Recorded(topic, kind, time, data, definitions.get(kind, ''))
     except sqlite3.Error as error:
-        raise EOFError(f'cut short or damaged ({error})') from error
+        yield Damage(DamageKind.DATABASE, path.name, detail=str(error))
 
 
 def _topics_of_sqlite(path: Path) -> dict[str, str]:
     try:
         with closing(_opened(path)) as base:
             return dict(base.execute('SELECT name, type FROM topics'))
-    except sqlite3.Error as error:
-        raise EOFError(f'damaged ({error})') from error
+    except sqlite3.Error:
+        return {}  # who reads the messages reports it
 
 
 def _opened(path: Path) -> sqlite3.Connection:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import can
 from can.io.generic import MessageWriter
 
-from tactile_node.recording.bag_log import McapCanWriter
+from tactile_node.recording.bag_log import CHUNK, McapCanWriter
 
 SUFFIXES = ('.log', '.log.gz', '.asc', '.asc.gz', '.blf', '.csv', '.trc', '.db', '.mcap')  #: what can be replayed
 BLF_HEADER = 144  # bytes
@@ -38,10 +38,12 @@ class LogFile:
     def is_dirty(self) -> bool:
         return self.can_frames > self._on_disk.can_frames
 
-    @property
-    def size(self) -> int:
-        """As of the last flush [bytes]."""
-        return self._on_disk.size
+    def reaches(self, largest: int) -> bool:
+        """Return whether the file has ``largest`` bytes, with all that was written so far. Raises OSError."""
+        if isinstance(self.writer, McapCanWriter) and self.writer.file.tell() + CHUNK < largest:
+            return False  # without a flush, which would end its chunk
+        self.flush()
+        return self._on_disk.size >= largest
 
     def write(self, message: can.Message) -> None:
         """Raises ValueError for a message that the format cannot hold, OSError where the disk takes no more."""
@@ -105,6 +107,8 @@ def _writer(path: Path) -> MessageWriter | McapCanWriter:
 def flush(writer: MessageWriter | McapCanWriter) -> None:
     """Bring all that was written so far into the file, as a reader needs it."""
     stream = getattr(writer, 'file', None)
+    if isinstance(writer, McapCanWriter):
+        writer.flush()
     if isinstance(writer, can.BLFWriter):  # python-can buffers 128 KiB and writes the begin only at the end
         _write_blf_header(writer)  # first: stamps count from the begin in it
         writer._flush()

@@ -4,7 +4,6 @@ import gzip
 import re
 import zlib
 from collections.abc import Iterator
-from datetime import datetime, timezone
 from io import BufferedReader
 from pathlib import Path
 from typing import NoReturn
@@ -16,9 +15,12 @@ from can.io.generic import MessageReader
 from tactile_node.errors import LogError
 from tactile_node.recording.bag_log import BagCanReader
 from tactile_node.recording.bag_records import is_bag
+from tactile_node.recording.damage import Damage, DamageKind, damage_text, utc
 from tactile_node.recording.log_channels import ChosenChannel
 from tactile_node.recording.log_lines import READERS, LogLines
+from tactile_node.recording.series import parts_of
 from tactile_node.recording.stray_stamps import without_strays
+from tactile_node.recording.window import WHOLE, Window
 
 CANDUMP = re.compile(rb'\(\d+\.\d+\) \S+ [0-9A-Fa-f]{3,8}#')                #: `candump -L`
 CONSOLE = re.compile(rb'\s*(\([\d. :-]+\)\s+)?\S+\s+[0-9A-Fa-f]{3,8}\s+\[\d+\]')  #: `candump can0`, for people
@@ -57,7 +59,7 @@ def _head(stream: gzip.GzipFile | BufferedReader) -> bytes:
         return b''
 
 
-def _shortfall(reader: MessageReader | BagCanReader, path: Path, read: int) -> str:
+def _shortfall(reader: MessageReader, path: Path, read: int) -> str:
     """Why a log that was read without an error, ``read`` messages, lacks some all the same; '' when it does not.
 
     python-can passes over what it does not know in a .blf. What it wrote itself holds CAN frames alone.
@@ -74,55 +76,51 @@ def _shortfall(reader: MessageReader | BagCanReader, path: Path, read: int) -> s
 class CanLogReader:
     """Iterates over a log's messages; ``unread`` counts lines (or broken rests) left out, ``problem`` is the reason.
 
-    Of a log of several buses only ``channel`` is read where it is given: as the log calls it, or a bag's topic. A frame
+    The files of a rotated series are read as one, by the first; ``damages`` has what is missing of a bag or a series,
+    and when it was recorded. Of a log of several buses only ``channel`` is read where it is given: as the log calls it,
+    or a bag's topic. Of the recording ``window`` is read: of a bag without reading what is before it. A frame
     whose stamp is far from its neighbours' is left out as unread. Of a log cut short, by a full disk or in a download,
     what is whole is given; ``summary`` has where it ends.
 
     Raises LogError when the file is missing, of no known format, or holds no CAN frame at all.
     """
 
-    def __init__(self, path: str | Path, channel: str = ''):
+    def __init__(self, path: str | Path, channel: str = '', window: Window = WHOLE):
         self.path = str(path)
         self._channel = channel
+        self._window = window
         self.unread = 0
         self.problem = ''
+        self.damages: list[Damage] = []
         self.can_frames = 0
         self._last = 0.0  # stamp
-        self._read = 0  # messages, also of other channels
+        self._read = 0  # messages of a file, also of other channels
         self._chosen = ChosenChannel(channel)
         if not Path(path).is_file() and not (Path(path).is_dir() and is_bag(path)):
             self._refuse('no file' if Path(path).exists() else 'no such file', 'Check the path.')
 
     def __iter__(self) -> Iterator[can.Message]:
         self.unread = 0
+        self.damages = []
         self.can_frames = 0
-        self._read = 0
         self._chosen = ChosenChannel(self._channel)
-        try:
-            reader, lines = (BagCanReader(self.path), None) if is_bag(self.path) else _reader(self.path)
-        except LogError:
-            raise
-        except Exception as error:  # each format's reader raises its own errors over a bad header
-            self._refuse(f'{type(error).__name__}: {error}',
-                         'Give a log in a format and with a suffix python-can reads.')
-        with reader:
-            messages = filter(self._chosen.takes, self._messages(reader, lines))
-            yield from self._counted(without_strays(messages, self._stray))
-        if not self.unread and (shortfall := _shortfall(reader, Path(self.path), self._read)):
-            self._unread(shortfall)
+        is_of_bag = is_bag(self.path)
+        messages = self._of_bag() if is_of_bag else self._of_parts()
+        messages = without_strays(filter(self._chosen.takes, messages), self._stray)
+        yield from self._counted(messages if is_of_bag or self._window == WHOLE else self._within(messages))
         if not self.can_frames and self._chosen.others:
             self._refuse(f'none of channel {self._channel!r}, but of {", ".join(sorted(self._chosen.others))}',
                          'Name one of these.')
         if not self.can_frames:
             self._refuse(f'none{f" ({self.unread} lines unread: {self.problem})" if self.unread else ""}',
-                         'Record it again, or check that the suffix fits the content.')
+                         'Record it again, or check that the suffix fits the content.' if self._window == WHOLE
+                         else 'Check --start and --duration.')
 
     @property
     def summary(self) -> str:
         """What was read, as a sentence for the end of the log."""
-        end = datetime.fromtimestamp(self._last, timezone.utc).isoformat(' ', 'milliseconds').replace('+00:00', ' UTC')
         rest = f'; {self.unread} lines or rests unread: {self.problem}' if self.unread else ''
-        return f'{self.can_frames} CAN frames, the last at {end}{rest}.'
+        return f'{self.can_frames} CAN frames, the last at {utc(self._last)}{rest}.'
 
     def _stray(self, message: can.Message) -> None:
         self._unread(f'a stamp of {message.timestamp:.6f} s, far from its neighbours')
@@ -133,7 +131,56 @@ class CanLogReader:
             self._last = message.timestamp
             yield message
 
-    def _messages(self, reader: MessageReader | BagCanReader, lines: LogLines | None) -> Iterator[can.Message]:
+    def _of_bag(self) -> Iterator[can.Message]:
+        try:
+            yield from BagCanReader(self.path, self._damaged, self._window)
+        except OSError as error:
+            self._unread(error)
+
+    def _within(self, messages: Iterator[can.Message]) -> Iterator[can.Message]:
+        """What comes before the window has been read all the same: a text has no index."""
+        begin: float | None = None
+        for message in messages:
+            begin = message.timestamp if begin is None else begin
+            since = message.timestamp - begin
+            if since >= self._window.end:
+                return
+            if since >= self._window.start:
+                yield message
+
+    def _of_parts(self) -> Iterator[can.Message]:
+        last: float | None = None
+        missing: list[Damage] = []
+        for part in parts_of(self.path):
+            if not part.is_there:
+                missing.append(Damage(DamageKind.MISSING_FILE, part.path.name, begin=last))
+                continue
+            for message in self._of_file(part.path):
+                for damage in missing:
+                    self._damaged(damage._replace(end=message.timestamp))
+                missing, last = [], message.timestamp
+                yield message
+        for damage in missing:
+            self._damaged(damage)
+
+    def _of_file(self, path: Path) -> Iterator[can.Message]:
+        self._read, unread = 0, self.unread
+        try:
+            reader, lines = _reader(str(path))
+        except LogError:
+            raise
+        except Exception as error:  # each format's reader raises its own errors over a bad header
+            if path != Path(self.path):  # of a series, whose other files are read
+                self._unread(error)
+                return
+            self._refuse(f'{type(error).__name__}: {error}',
+                         'Give a log in a format and with a suffix python-can reads.')
+        with reader:
+            yield from self._messages(reader, lines)
+        if self.unread == unread and (shortfall := _shortfall(reader, path, self._read)):
+            self._unread(shortfall)
+
+    def _messages(self, reader: MessageReader, lines: LogLines | None) -> Iterator[can.Message]:
         try:
             for message in reader if lines is None else lines.read_by(reader, self._unread):
                 self._read += 1
@@ -142,6 +189,10 @@ class CanLogReader:
             raise
         except Exception as error:  # a .gz cut short or damaged; each format's reader raises its own
             self._unread(error)
+
+    def _damaged(self, damage: Damage) -> None:
+        self.damages.append(damage)
+        self._unread(damage_text(damage))
 
     def _unread(self, problem: Exception | str) -> None:
         self.unread += 1

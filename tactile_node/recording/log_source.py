@@ -14,6 +14,7 @@ from tactile_node.frames.consumer import Consumer, OnFrame
 from tactile_node.frames.fault_text import failure_text, node_label
 from tactile_node.frames.health import BusFault, BusHealth, Failure
 from tactile_node.frames.losses import BusStatistics
+from tactile_node.recording.damage import Damage
 from tactile_node.recording.heard_nodes import HeardNodes
 from tactile_node.recording.log_channels import OneBus
 from tactile_node.recording.log_reader import CanLogReader
@@ -21,6 +22,7 @@ from tactile_node.recording.logged_set_up import LoggedSetUp
 from tactile_node.recording.played_times import PlayedTimes
 from tactile_node.recording.recorded_pace import RecordedPace
 from tactile_node.recording.stray_stamps import SET_BACK
+from tactile_node.recording.window import WHOLE, Window
 from tactile_node.skin.pad_rules import check_pads
 from tactile_node.skin.pads import PadSettings, identities_of
 from tactile_node.threads.stoppable_thread import StoppableThread
@@ -38,20 +40,20 @@ class LogSource:
     pads' nodes are on two. ``on_time`` is called with the stamp [s] of each CAN frame before it is played,
     ``on_message`` with the frame. Where the set-up in the log contradicts the layout, or the identity in the pad's EDS
     (``eds``, one for each or for all; empty: that beside the layout), the log is not played on, unless with
-    ``any_device``.
+    ``any_device``. Of the log ``window`` is played; what comes before it is not judged.
     """
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], on_frame: OnFrame, pace: float | None = 1.0,
                  loop: bool = False, drop_incomplete: bool = False, channel: str = '',
                  on_time: Callable[[float], None] | None = None, eds: Sequence[str] = ('',), any_device: bool = False,
-                 on_message: Callable[[can.Message], None] | None = None):
+                 on_message: Callable[[can.Message], None] | None = None, window: Window = WHOLE):
         check_pads(pads)
         self._path = path
         self._pace = pace
         self._loop = loop
         self._consumer = Consumer(on_frame)
         self._router = Router(tuple(pads), self._consumer, drop_incomplete=drop_incomplete)
-        self._channel = channel
+        self._channel, self._window = channel, window
         self._reader: CanLogReader | None = None
         self._messages: Iterator[can.Message] | None = None
         self._heard = HeardNodes(pads)
@@ -73,7 +75,7 @@ class LogSource:
         if self._messages is not None:
             return
         self.finished.clear()
-        self._reader = reader = CanLogReader(self._path, self._channel)
+        self._reader = reader = CanLogReader(self._path, self._channel, self._window)
         messages = self._all_messages(reader)
         self._messages = itertools.chain([next(messages)], messages)  # raises LogError now rather than on the thread
         logger.info('Playing %s.', self._path)
@@ -125,6 +127,11 @@ class LogSource:
         """Why something of the log was not read, the last reason; empty where all was."""
         return '' if self._reader is None else self._reader.problem
 
+    @property
+    def damages(self) -> Sequence[Damage]:
+        """What is missing of a bag or a series, and when it was recorded."""
+        return () if self._reader is None else tuple(self._reader.damages)
+
     def statistics(self) -> BusStatistics:
         unread = self._unread + (0 if self._reader is None else self._reader.unread)
         return self._router.statistics()._replace(unread=unread, consumer_errors=self._consumer.errors,
@@ -139,7 +146,7 @@ class LogSource:
         while True:
             first = last = None
             self._ahead = 0.0
-            for message in reader:
+            for message in self._past_gaps(reader):
                 message.timestamp += self._ahead
                 if last is not None and message.timestamp < last - SET_BACK:  # the clock was set while recording
                     self._jumps += 1
@@ -154,6 +161,20 @@ class LogSource:
             self._router.end()  # or the log's first CAN frames would complete its last sweep
             self._unread += reader.unread
             shift += last - first
+
+    def _past_gaps(self, reader: CanLogReader) -> Iterator[can.Message]:
+        """End the period at a gap, or the TPDOs after it, whose SYNC may be lost, would complete the sweep before it.
+
+        The reader looks ahead by one message, so that a gap lies before this one or before the next.
+        """
+        known = near = 0
+        for message in reader:
+            if len(reader.damages) > known:
+                known, near = len(reader.damages), 2
+            if near:
+                near -= 1
+                self._router.end()
+            yield message
 
     def _play(self, stopping: threading.Event) -> None:
         clock = RecordedPace(self._pace, stopping)

@@ -8,6 +8,7 @@ import can
 
 from tactile_node.errors import LogError
 from tactile_node.recording.log_file import SUFFIXES, LogFile
+from tactile_node.recording.series import following, part, suffix_of
 
 logger = logging.getLogger(__name__)
 
@@ -21,7 +22,7 @@ class CanLogWriter:
 
     An existing file is never overwritten: ``path`` is the one that is written, ``session-2.log`` where
     ``session.log`` exists. From ``largest`` bytes on (0: never) the next file begins, ``session_part2.log`` and so on;
-    each can be read alone, and no frame is lost between two.
+    each can be read alone, all as one by the first, and no frame is lost between two.
     Every format is flushed every FLUSH_PERIOD (.db by python-can, every 5 s): a killed
     process loses at most that. A message without the name of its bus (what this package sends, and what some adapters
     receive) gets ``channel``, a device's path without its folder.
@@ -41,7 +42,7 @@ class CanLogWriter:
         self.failure = ''
         self._file: LogFile | None = None
         try:
-            self.path = _new_file(Path(path), has_parts=largest > 0)
+            self.path = _new_file(Path(path))
             self._file = self._last = LogFile(self.path)
         except (OSError, ValueError, ImportError) as error:
             raise LogError(str(path),
@@ -91,12 +92,10 @@ class CanLogWriter:
 
     def _limit(self, file: LogFile) -> None:
         """Begin the next file where this one is large enough."""
-        if not self._largest or file.can_frames % LOOK_EVERY or not self._flush(file) or file.size < self._largest:
-            return
-        if not self._close(file):
+        if not self._largest or file.can_frames % LOOK_EVERY or not self._is_full(file) or not self._close(file):
             return
         try:
-            path = _part(self.path, self._part + 1)
+            path = part(self.path, self._part + 1)
             path.open('xb').close()
             self._file = LogFile(path)
         except (OSError, ValueError, ImportError) as error:
@@ -106,13 +105,18 @@ class CanLogWriter:
         self._last = self._file
         self._part += 1
 
-    def _flush(self, file: LogFile) -> bool:
+    def _is_full(self, file: LogFile) -> bool:
+        try:
+            return file.reaches(self._largest)
+        except OSError as error:
+            self._fail(error)
+            return False
+
+    def _flush(self, file: LogFile) -> None:
         try:
             file.flush()
         except OSError as error:
             self._fail(error)
-            return False
-        return True
 
     def _close(self, file: LogFile) -> bool:
         self._file = None
@@ -137,31 +141,21 @@ class CanLogWriter:
         logger.error('%s', self.failure, extra={'fact': error})
 
 
-def _new_file(path: Path, has_parts: bool) -> Path:
-    """Make ``path``, or with the first number from 2 on that makes it new, as are the parts that may follow it.
+def _new_file(path: Path) -> Path:
+    """Make ``path``, or with the first number from 2 on that makes it new, as are the files that may follow it.
 
     It exists from then on, so that another recording, started together with this one, gets another number.
     """
-    suffix = _suffix(path)
+    suffix = suffix_of(path)
     if suffix.lower() not in SUFFIXES:
         raise ValueError(f'the suffix {suffix!r}, whose logs cannot be replayed' if suffix else 'no suffix')
     candidate, number = path, 2
     while True:
         try:
-            if not (has_parts and _part(candidate, 2).exists()):
+            if not following(candidate):  # or a reader would take them for its own
                 candidate.open('xb').close()
                 return candidate
         except FileExistsError:
             pass
         candidate = path.with_name(f'{path.name.removesuffix(suffix)}-{number}{suffix}')
         number += 1
-
-
-def _part(path: Path, number: int) -> Path:
-    suffix = _suffix(path)
-    return path.with_name(f'{path.name.removesuffix(suffix)}_part{number}{suffix}')
-
-
-def _suffix(path: Path) -> str:
-    """Of log.gz both."""
-    return ''.join(path.suffixes[-2:]) if path.suffix == '.gz' else path.suffix

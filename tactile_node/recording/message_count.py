@@ -6,8 +6,9 @@ from collections.abc import Collection
 from pathlib import Path
 
 from tactile_node.errors import LogError
-from tactile_node.recording.bag_records import files_of, is_bag, library
+from tactile_node.recording.bag_records import is_bag, library
 from tactile_node.recording.log_lines import READERS
+from tactile_node.recording.series import files_of
 
 CHUNK = 1 << 20  # bytes
 
@@ -22,7 +23,7 @@ def message_count(path: str | Path, types: Collection[str]) -> int | None:
         if is_bag(path):
             return sum(_of_mcap(file, types) for file in files_of(path))
         name = Path(path.name.lower().removesuffix('.gz'))
-        return _lines(path) if name.suffix in READERS else None
+        return sum(map(_lines, files_of(path))) if name.suffix in READERS else None
     except (OSError, EOFError, zlib.error, LogError):
         return None
 

@@ -7,6 +7,7 @@ bag has none, or one that cannot be read, that of msg/ counts. Messages are read
 from collections import Counter
 from collections.abc import Collection, Iterator
 from enum import IntEnum, unique
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,8 +15,18 @@ from tactile_node.errors import LogError
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.package_files import package_file
 from tactile_node.recording.bag_log import TYPE as CAN_TYPE
-from tactile_node.recording.bag_records import Recorded, decompressed, is_bag, library, records_of, topics_of
+from tactile_node.recording.bag_records import (
+    Recorded,
+    begin_of,
+    decompressed,
+    is_bag,
+    library,
+    records_of,
+    topics_of,
+)
+from tactile_node.recording.damage import Damage, DamageKind, damage_text
 from tactile_node.recording.taxel_message import PadGeometry, fault_of, frame_of, geometry_of, seconds
+from tactile_node.recording.window import SECOND, WHOLE, Window
 
 PACKAGE = 'tactile_skin'
 TAXELS, SHAPE, STATUS = (f'{PACKAGE}/msg/{name}' for name in ('TaxelArray', 'ContactShape', 'SkinStatus'))
@@ -23,7 +34,6 @@ DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 TYPES = TAXELS, SHAPE, STATUS, DIAGNOSTICS
 #: Of msg/, each after those that it contains
 DEFINITIONS = ('TaxelArray', 'ContactShape', 'FaultyTaxel', 'NodeStatus', 'PadStatus', 'SkinStatus')
-SECOND = 1_000_000_000  # ns
 
 
 @unique
@@ -33,6 +43,12 @@ class Unread(IntEnum):
     CUT_SHORT = 1     #: what follows in this file: it was not ended, or is damaged
     UNDECODABLE = 2   #: a message that does not fit its definition
     INCONSISTENT = 3  #: a TaxelArray whose fields do not fit together
+    DAMAGED = 4       #: a place within a file, of one chunk or more
+    MISSING_FILE = 5  #: of a series
+
+
+_REASONS = {DamageKind.CUT_SHORT: Unread.CUT_SHORT, DamageKind.DATABASE: Unread.CUT_SHORT,
+            DamageKind.MISSING_FILE: Unread.MISSING_FILE}
 
 
 class PadFrame(NamedTuple):
@@ -68,8 +84,9 @@ def holds_can_frames(path: str | Path) -> bool:
 class TopicBagReader:
     """Reads a bag as often as it is asked to, each time from its begin.
 
-    ``unread`` counts, by reason, what the last reading left out, ``problem`` describes the last of it. Raises LogError
-    for a path that is no bag, a bag without a TaxelArray and without the extra `bag`.
+    ``unread`` counts, by reason, what the last reading left out, ``problem`` describes the last of it, ``damages`` has
+    where files are damaged. Raises LogError for a path that is no bag, a bag without a TaxelArray and without the extra
+    `bag`.
     """
 
     def __init__(self, path: str | Path):
@@ -77,6 +94,7 @@ class TopicBagReader:
         self.topics = topics_of(path)  #: {topic: type}
         self.unread: Counter[Unread] = Counter()
         self.problem = ''
+        self.damages: list[Damage] = []
         self._types = _Types(path)
         self._behind: float | None = None  # stamp of the last taxel array less its time of recording [s]
         if TAXELS not in self.topics.values():
@@ -90,23 +108,29 @@ class TopicBagReader:
         """Names of the pads of which there are taxel arrays, sorted."""
         return tuple(sorted(pad_of(topic) for topic, kind in self.topics.items() if kind == TAXELS))
 
+    @property
+    def begin(self) -> float:
+        """When the first message was recorded [s, Unix epoch]."""
+        return begin_of(self.path) / SECOND
+
     def frames(self, since: float = 0.0) -> Iterator[PadFrame]:
         """Give the taxel frames of all pads, recorded at ``since`` [s, Unix epoch] or later, as they were recorded."""
         for message in self.messages((TAXELS,), since):
             yield PadFrame(pad_of(message.topic), frame_of(message.content), geometry_of(message.content),
                            message.recorded)
 
-    def messages(self, types: Collection[str] = TYPES, since: float = 0.0) -> Iterator[BagMessage]:
-        """Give the messages of ``types``, some of TYPES; a TaxelArray only where its fields fit together."""
+    def messages(self, types: Collection[str] = TYPES, since: float = 0.0, window: Window = WHOLE
+                 ) -> Iterator[BagMessage]:
+        """Give the messages of ``types``, some of TYPES; a TaxelArray only where its fields fit together.
+
+        Those recorded at ``since`` [s, Unix epoch] or later and within ``window``.
+        """
         self._behind = None
-        self.unread, self.problem = Counter(), ''
-        begin = int(since * SECOND)
-        try:
-            for recorded in records_of(self.path):
-                if recorded.type in types and recorded.time >= begin:
-                    yield from self._read(recorded)
-        except EOFError as error:
-            self._leave_out(Unread.CUT_SHORT, str(error))
+        self.unread, self.problem, self.damages = Counter(), '', []
+        begin, until = (0, None) if window == WHOLE else window.of(begin_of(self.path))
+        for recorded in records_of(self.path, self._damaged, max(begin, int(since * SECOND)), until):
+            if recorded.type in types:
+                yield from self._read(recorded)
 
     def _read(self, recorded: Recorded) -> Iterator[BagMessage]:
         try:
@@ -129,6 +153,10 @@ class TopicBagReader:
         first = next((TopicBagReader(self.path).frames()), None)
         return 0.0 if first is None else first.frame.stamp - first.recorded
 
+    def _damaged(self, damage: Damage) -> None:
+        self.damages.append(damage)
+        self._leave_out(_REASONS.get(damage.kind, Unread.DAMAGED), damage_text(damage))
+
     def _leave_out(self, reason: Unread, problem: str) -> None:
         self.unread[reason] += 1
         self.problem = problem
@@ -148,10 +176,6 @@ class _Types:
 
     def __init__(self, path: str | Path):
         self._typesys = library('rosbags.typesys', path)
-        self._ours = self._typesys.get_typestore(self._typesys.Stores.ROS2_JAZZY)
-        for name in DEFINITIONS:
-            text = package_file(f'msg/{name}.msg').read_text(encoding='utf-8')
-            self._ours.register(self._typesys.get_types_from_msg(text, f'{PACKAGE}/msg/{name}'))
         self._stores: dict[tuple[str, str], Any] = {}  # by type and definition
 
     def content(self, recorded: Recorded) -> Any:
@@ -171,3 +195,11 @@ class _Types:
             except Exception:  # of a damaged text the parser raises its own errors
                 pass
         return self._ours
+
+    @cached_property
+    def _ours(self) -> Any:
+        store = self._typesys.get_typestore(self._typesys.Stores.ROS2_JAZZY)
+        for name in DEFINITIONS:
+            text = package_file(f'msg/{name}.msg').read_text(encoding='utf-8')
+            store.register(self._typesys.get_types_from_msg(text, f'{PACKAGE}/msg/{name}'))
+        return store

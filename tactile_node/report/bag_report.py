@@ -17,6 +17,7 @@ from tactile_node.recording.topic_bag import (
     holds_can_frames,
     pad_of,
 )
+from tactile_node.recording.window import WHOLE, Window
 from tactile_node.report.bus_record import BusRecord
 from tactile_node.report.file_facts import recording_of, versions
 from tactile_node.report.model import BusFacts, Kind, NodeFacts, PadFacts, Report
@@ -29,9 +30,10 @@ class BagReporter:
     """Reads a bag with taxel arrays. ``channel`` (a topic), ``bit_rate`` [bit/s]: of its CAN frames."""
 
     def __init__(self, path: str, *, channel: str = '', bit_rate: int | None = None,
-                 recogniser: Recogniser | None = None, on_message: Callable[[], object] = lambda: None):
+                 recogniser: Recogniser | None = None, on_message: Callable[[], object] = lambda: None,
+                 window: Window = WHOLE):
         self._path, self._channel, self._bit_rate, self._on_message = path, channel, bit_rate, on_message
-        self._reader = TopicBagReader(path)
+        self._reader, self._window = TopicBagReader(path), window
         self._recogniser = recogniser or Recogniser()
         self._pads: dict[str, PadRecord] = {}
         self._status = StatusRecord()
@@ -40,7 +42,7 @@ class BagReporter:
 
     def report(self, stop_requested: threading.Event) -> Report:
         """Raises LogError for a bag without a whole taxel array; KeyboardInterrupt where it was stopped."""
-        for message in self._reader.messages((TAXELS, STATUS, DIAGNOSTICS)):
+        for message in self._reader.messages((TAXELS, STATUS, DIAGNOSTICS), window=self._window):
             if stop_requested.is_set():
                 raise KeyboardInterrupt
             self._on_message()
@@ -56,7 +58,8 @@ class BagReporter:
         return Report(
             versions=versions(), pads=pads, nodes=nodes, bus=replace(bus, reported=self._status.reported),
             recording=replace(recording_of(self._path, kind, self._begin, self._end), unread=unread + misshapen,
-                              problem=problem or ('taxel arrays of another size' if misshapen else '')))
+                              problem=problem or ('taxel arrays of another size' if misshapen else ''),
+                              damages=tuple(self._reader.damages)))
 
     def _feed(self, message: BagMessage) -> None:
         if message.type == TAXELS:
@@ -84,7 +87,7 @@ class BagReporter:
     def _of_can_frames(self, stop_requested: threading.Event) -> tuple[tuple[NodeFacts, ...], BusFacts]:
         """Services are not counted: which COB-IDs are TPDOs, only a layout says."""
         bus, nodes = BusRecord(self._bit_rate), NodeRecords(self._status.pads_of_nodes(), frozenset())
-        for message in CanLogReader(self._path, self._channel):
+        for message in CanLogReader(self._path, self._channel, self._window):
             if stop_requested.is_set():
                 raise KeyboardInterrupt
             self._on_message()

@@ -6,6 +6,7 @@ from importlib import metadata
 from pathlib import Path
 
 from tactile_node.package_files import config_path
+from tactile_node.recording.series import files_of
 from tactile_node.report.model import Kind, Recording
 from tactile_node.version import package_version
 
@@ -26,11 +27,11 @@ def versions() -> tuple[tuple[str, str], ...]:
 
 
 def recording_of(path: str | Path, kind: Kind, begin: float, end: float) -> Recording:
-    """Return what is known of a file or a bag's folder. Raises OSError where it cannot be read."""
+    """Return what is known of a file, a series of files or a bag's folder. Raises OSError where it cannot be read."""
     path = Path(path)
-    files = [file for file in path.rglob('*') if file.is_file()] if path.is_dir() else [path]
+    files = [file for file in path.rglob('*') if file.is_file()] if path.is_dir() else files_of(path)
     return Recording(name=path.resolve().name, size=sum(file.stat().st_size for file in files),
-                     sha256='' if path.is_dir() else _sha256(path), kind=kind, begin=begin, end=end)
+                     sha256='' if path.is_dir() or len(files) > 1 else _sha256(path), kind=kind, begin=begin, end=end)
 
 
 def layout_name(source: str) -> str:

@@ -13,6 +13,7 @@ from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.library.contacts import Recogniser
 from tactile_node.recording.log_source import LogSource
 from tactile_node.recording.logged_set_up import Contradiction, LoggedSetUp
+from tactile_node.recording.window import WHOLE, Window
 from tactile_node.report.bus_record import BusRecord
 from tactile_node.report.file_facts import layout_digest, layout_name, recording_of, versions
 from tactile_node.report.model import Kind, PadFacts, Report
@@ -33,7 +34,7 @@ class LogReporter:
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], *, channel: str = '', eds: Sequence[str] = ('',),
                  any_device: bool = False, bit_rate: int | None = None, recogniser: Recogniser | None = None,
-                 on_can_frame: Callable[[], object] = lambda: None):
+                 on_can_frame: Callable[[], object] = lambda: None, window: Window = WHOLE):
         self._path, self._pads, self._any_device = path, pads, any_device
         self._on_can_frame = on_can_frame
         recogniser = recogniser or Recogniser()
@@ -44,7 +45,7 @@ class LogReporter:
         self._bus = BusRecord(bit_rate)
         self._nodes = NodeRecords([(pad.name, pad.node_ids) for pad in pads], _taken(pads))
         self._source = LogSource(path, pads, self._frame, pace=None, channel=channel, any_device=True,
-                                 on_message=self._message)
+                                 on_message=self._message, window=window)
 
     def report(self, stop_requested: threading.Event) -> Report:
         """Raises LogError for a log that cannot be read, or is of two buses; KeyboardInterrupt where it was stopped."""
@@ -66,6 +67,7 @@ class LogReporter:
             versions=versions(), pads=tuple(self._pad(pad, statistics.pads[pad.name]) for pad in self._pads),
             nodes=self._nodes.facts(), bus=self._bus.facts(statistics.can_frames),
             recording=replace(recording, unread=statistics.unread, problem=source.problem,
+                              damages=tuple(source.damages),
                               clock_jumps=statistics.clock_jumps))
 
     def _frame(self, pad: str, frame: TaxelFrame) -> None:

@@ -10,6 +10,7 @@ from tactile_node.cia301.emergency import Emergency
 from tactile_node.cia301.objects import PRODUCER_HEARTBEAT_TIME
 from tactile_node.frames.losses import PadStatistics
 from tactile_node.frames.taxel_frame import TaxelStatus
+from tactile_node.recording.damage import Damage
 from tactile_node.recording.logged_set_up import Contradiction
 from tactile_node.report.touch import Sample, Touch
 
@@ -36,13 +37,14 @@ class Recording:
 
     name: str          #: without its folder
     size: int          #: bytes, of all files of a bag
-    sha256: str        #: of a file; '' for a folder
+    sha256: str        #: of a file; '' for several
     kind: Kind
     begin: float
     end: float
     unread: int = 0    #: lines, messages or rests that could not be read
     problem: str = ''  #: the last of these
     clock_jumps: int = 0
+    damages: tuple[Damage, ...] = ()  #: of a bag or a series of files
 
 
 @dataclass(frozen=True)

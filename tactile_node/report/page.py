@@ -1,8 +1,8 @@
 """The report as one HTML page: no script, and nothing from elsewhere."""
 
-from datetime import datetime, timezone
 from string import Template
 
+from tactile_node.recording.damage import damage_lines, utc
 from tactile_node.report.bus_section import bus_section
 from tactile_node.report.finding_text import sentence
 from tactile_node.report.findings import findings
@@ -53,9 +53,11 @@ def _recording(report: Report) -> Html:
     if recording.unread:
         unread = f'all but {recording.unread} lines, messages or rests, the last: {recording.problem}'
     return facts([
-        ('begin', _utc(recording.begin)), ('end', _utc(recording.end)),
+        ('begin', utc(recording.begin)), ('end', utc(recording.end)),
         ('duration', f'{recording.end - recording.begin:.2f} s'), ('holds', recording.kind.value),
-        ('size', f'{recording.size} bytes'), ('SHA-256', recording.sha256 or 'a folder has none'), ('read', unread)])
+        ('size', f'{recording.size} bytes'), ('SHA-256', recording.sha256 or 'several files have none'),
+        ('read', unread),
+        *(('missing', line) for line in damage_lines(recording.damages))])
 
 
 def _findings(report: Report) -> Html:
@@ -65,10 +67,3 @@ def _findings(report: Report) -> Html:
     rows = ''.join(f'<li class="{"problem" if each.finding.is_problem else "hint"}">{safe(sentence(each))}</li>'
                    for each in found)
     return Html(f'<h2>What stands out</h2><ul class="findings">{rows}</ul>')
-
-
-def _utc(stamp: float) -> str:
-    try:
-        return datetime.fromtimestamp(stamp, timezone.utc).isoformat(' ', 'milliseconds').replace('+00:00', ' UTC')
-    except (OverflowError, ValueError, OSError):  # of a log that counts from its own begin, or from nowhere
-        return f'{stamp:.3f} s'

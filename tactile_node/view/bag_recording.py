@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from tactile_node.errors import ConfigurationError
 from tactile_node.recording.taxel_message import frame_of, geometry_of
 from tactile_node.recording.topic_bag import STATUS, TAXELS, TopicBagReader, pad_of
+from tactile_node.recording.window import WHOLE, Window
 from tactile_node.view.facts import facts_of_status
 from tactile_node.view.timeline import Timeline
 
@@ -12,8 +13,8 @@ from tactile_node.view.timeline import Timeline
 class BagRecording:
     """A `Recording` of ``pads``, or of all. Raises LogError for a bag without our taxel arrays, ConfigurationError."""
 
-    def __init__(self, path: str, pads: Sequence[str] = ()):
-        self._reader = TopicBagReader(path)
+    def __init__(self, path: str, pads: Sequence[str] = (), window: Window = WHOLE):
+        self._reader, self._window = TopicBagReader(path), window
         self.title = path
         if missing := [pad for pad in pads if pad not in self._reader.pads]:
             raise ConfigurationError('--pads', expected=f'some of {", ".join(self._reader.pads)}, as in the bag',
@@ -25,7 +26,7 @@ class BagRecording:
 
     def read(self, timeline: Timeline, is_stopping: Callable[[], bool]) -> str:
         others = 0
-        for message in self._reader.messages((TAXELS, STATUS)):
+        for message in self._reader.messages((TAXELS, STATUS), window=self._window):
             if is_stopping():
                 return ''
             if message.type == STATUS:

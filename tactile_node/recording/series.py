@@ -1,0 +1,82 @@
+"""Recordings of several files: a rotated series (session.mcap, session_part2.mcap...) or a bag's folder, as one."""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import yaml
+
+SUFFIXES = ('.mcap', '.db3')  #: of bags
+METADATA = 'metadata.yaml'    #: of a bag's folder, by rosbag2
+
+
+class Part(NamedTuple):
+    """A file of a recording; of several that are missing one after the other, the first."""
+
+    path: Path
+    is_there: bool = True
+
+
+def parts_of(path: str | Path) -> tuple[Part, ...]:
+    """Return the files of the recording that begins with ``path``, in the order in which they were recorded.
+
+    Files that must have been there are among them. A file of a series other than its first is read alone.
+    """
+    path = Path(path)
+    if path.is_dir():
+        return _of_folder(path)
+    parts, last = [Part(path)], 1
+    for number in following(path):
+        if number > last + 1:
+            parts.append(Part(part(path, last + 1), is_there=False))
+        parts.append(Part(part(path, number)))
+        last = number
+    return tuple(parts)
+
+
+def files_of(path: str | Path) -> list[Path]:
+    """Return those of `parts_of` that are there."""
+    return [each.path for each in parts_of(path) if each.is_there]
+
+
+def part(path: Path, number: int) -> Path:
+    """Return the file ``number``, from 2 on, of the series that begins with ``path``.
+
+    >>> part(Path('a/session.log.gz'), 2).name
+    'session_part2.log.gz'
+    """
+    suffix = suffix_of(path)
+    return path.with_name(f'{path.name.removesuffix(suffix)}_part{number}{suffix}')
+
+
+def following(path: Path) -> Sequence[int]:
+    """Return the numbers of the files that continue ``path``; of none but a series' first there are any."""
+    suffix = suffix_of(path)
+    pattern = re.compile(f'{re.escape(path.name.removesuffix(suffix))}_part([1-9][0-9]*){re.escape(suffix)}')
+    if not path.parent.is_dir():
+        return ()
+    found = (pattern.fullmatch(each.name) for each in path.parent.iterdir())
+    return sorted(number for match in found if match is not None and (number := int(match[1])) > 1)
+
+
+def suffix_of(path: Path) -> str:
+    """Of log.gz both."""
+    return ''.join(path.suffixes[-2:]) if path.suffix == '.gz' else path.suffix
+
+
+def _of_folder(folder: Path) -> tuple[Part, ...]:
+    there = {file.name for file in folder.iterdir() if file.suffix in SUFFIXES}
+    names = there | _recorded(folder)
+    return tuple(Part(folder / name, name in there)
+                 for name in sorted(names, key=lambda name: (len(name), name)))  # bag_2 before bag_10
+
+
+def _recorded(folder: Path) -> set[str]:
+    """Files that the folder's metadata name, where it has some; a recording that was killed has none."""
+    try:
+        content = yaml.safe_load((folder / METADATA).read_text(encoding='utf-8'))
+        named = content['rosbag2_bagfile_information']['relative_file_paths']
+        return {Path(name).name for name in named if Path(name).suffix in SUFFIXES}
+    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError):
+        return set()

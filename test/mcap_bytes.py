@@ -1,0 +1,36 @@
+"""The records of an MCAP file by its specification (mcap.dev/spec), without a library: for damage at a known place."""
+
+import struct
+from typing import NamedTuple
+
+CHUNK, MESSAGE_INDEX, DATA_END = 0x06, 0x07, 0x0F
+
+
+class Record(NamedTuple):
+    """``begin``: its opcode; ``content``: after the 8 bytes of its length; ``end``: the next record."""
+
+    opcode: int
+    begin: int
+    content: int
+    end: int
+
+
+def records(data):
+    """Up to the footer."""
+    assert data[:8] == b'\x89MCAP0\r\n'
+    found, at = [], 8
+    while not found or found[-1].opcode != 0x02:
+        length, = struct.unpack_from('<Q', data, at + 1)
+        found.append(Record(data[at], at, at + 9, at + 9 + length))
+        at += 9 + length
+    return found
+
+
+def chunks(data):
+    return [record for record in records(data) if record.opcode == CHUNK]
+
+
+def payload(chunk, data):
+    """Where the compressed records of a chunk begin: after two times, size, CRC, compression, size."""
+    name, = struct.unpack_from('<I', data, chunk.content + 28)
+    return chunk.content + 32 + name + 8

@@ -1,0 +1,345 @@
+"""Recordings of hours: several files are read as one, from any time on, and damage costs only the chunk in which it is.
+
+Whom it could mislead: who reads on after damage and is given a wrong value, or takes the rest of an hour for lost, or
+the gap for a skin at rest; who is given one file of ten and takes it for all, or two recordings for one.
+"""
+
+import struct
+
+import can
+import numpy as np
+import pytest
+from mcap_bytes import DATA_END, MESSAGE_INDEX, chunks, payload, records
+from test_can_commands import run
+from test_logs import play
+from test_recording_files import numbered, numbers
+from test_report_page import check_alone, reported
+from test_topic_bag import TAXELS, _with_header, store, taxel_array
+
+from tactile_node.cli import replay
+from tactile_node.errors import ConfigurationError, LogError
+from tactile_node.frames.taxel_frame import TaxelStatus
+from tactile_node.package_files import package_file
+from tactile_node.recording.bag_records import records_of
+from tactile_node.recording.damage import DamageKind
+from tactile_node.recording.log_file import LogFile
+from tactile_node.recording.log_reader import CanLogReader
+from tactile_node.recording.log_writer import CanLogWriter
+from tactile_node.recording.series import following
+from tactile_node.recording.topic_bag import TopicBagReader, Unread
+from tactile_node.recording.window import Window
+from tactile_node.report.page import page_of
+from tactile_node.skin.layout_file import load_layout
+from tactile_node.skin.pads import PadSettings
+from tactile_node.view.bag_recording import BagRecording
+from tactile_node.view.timeline import Timeline
+
+mcap = pytest.importorskip('mcap.writer')
+rosbags = pytest.importorskip('rosbags.rosbag2')
+
+FRAMES, EACH = 500, 50  #: CAN frames, 1 ms apart from 1.7e9 s on, 50 in a chunk
+BEGIN = 1.7e9
+
+
+def can_log(path, frames=range(FRAMES)):
+    path.touch()
+    file, all_of_them = LogFile(path), numbered(FRAMES)
+    for n in frames:
+        file.write(all_of_them[n])
+        if n % EACH == EACH - 1:
+            file.flush()
+    file.close()
+    return path
+
+
+def topic_bag(path, count=60, each=10, compression=mcap.CompressionType.LZ4):
+    """As rosbag2's MCAP plugin writes it: taxel arrays a second apart, in chunks of ``each``, with checksums."""
+    text = _with_header(package_file('msg/TaxelArray.msg').read_text(encoding='utf-8'))
+    with path.open('wb') as file:
+        writer = mcap.Writer(file, compression=compression)
+        writer.start(profile='ros2')
+        channel = writer.register_channel('/left/taxels', 'cdr', writer.register_schema(TAXELS, 'ros2msg',
+                                                                                        text.encode()))
+        for n in range(count):
+            data = bytes(store().serialize_cdr(taxel_array(store(), n), TAXELS))
+            writer.add_message(channel, round((BEGIN + n) * 1e9), data, round((BEGIN + n) * 1e9))
+            if n % each == each - 1:
+                writer.flush()
+        writer.finish()
+    return path
+
+
+def without(*lost, count=FRAMES, each=EACH):
+    return [n for n in range(count) if n // each not in lost]
+
+
+def flipped(data, index):
+    chunk = chunks(data)[index]
+    at = (payload(chunk, data) + chunk.end) // 2
+    return data[:at] + bytes([data[at] ^ 0x10]) + data[at + 1:]
+
+
+def zeroed(data, begin, end):
+    return data[:begin] + bytes(end - begin) + data[end:]
+
+
+def with_bytes(data, at, new):
+    return data[:at] + new + data[at + len(new):]
+
+
+def index_after(data, chunk):
+    return next(record for record in records(data) if record.begin == chunk.end)
+
+
+#: what happens to the bytes of a file with ten chunks, and which of them that may cost
+DAMAGES = {
+    'a bit of the content': (lambda data, at: flipped(data, 4), {4}),
+    'bits in two places': (lambda data, at: flipped(flipped(data, 4), 7), {4, 7}),
+    'a block of zeros over the end of one and the begin of the next': (
+        lambda data, at: zeroed(data, at[4].end - 100, at[5].content + 60), {4, 5}),
+    'a block of zeros over all of one': (lambda data, at: zeroed(data, at[4].begin, at[4].end), {4}),
+    'its opcode': (lambda data, at: with_bytes(data, at[4].begin, b'\x86'), set()),
+    'its length, by far': (lambda data, at: with_bytes(data, at[4].begin + 6, b'\xff'), {4}),
+    'its length, by little': (lambda data, at: with_bytes(data, at[4].begin + 1, b'\x01'), {4}),
+    'the name of its compression': (lambda data, at: with_bytes(data, at[4].content + 32, b'x'), {4}),
+    'its checksum': (lambda data, at: with_bytes(data, at[4].content + 24, b'\1\2\3\4'), {4}),
+    'its size': (lambda data, at: with_bytes(data, at[4].content + 16, b'\xff' * 8), {4}),
+    'its times': (lambda data, at: zeroed(data, at[4].content, at[4].content + 16), set()),
+    'the length of the index after it': (
+        lambda data, at: with_bytes(data, at[4].end + 1, struct.pack('<Q', at[7].content + 20 - at[4].end - 9)), set()),
+    'the first, with the types': (lambda data, at: flipped(data, 0), {0}),
+    'the last and the end of the data': (
+        lambda data, at: zeroed(data, at[9].begin, next(r for r in records(data) if r.opcode == DATA_END).end), {9}),
+    'the magic': (lambda data, at: zeroed(data, 0, 8), set()),
+    'the summary': (lambda data, at: flipped_summary(data), set()),
+}
+
+
+def flipped_summary(data):
+    at = next(record for record in records(data) if record.opcode == DATA_END).end + 40
+    return zeroed(data, at, at + 30)
+
+
+@pytest.mark.parametrize('name', DAMAGES)
+def test_damage_costs_the_can_frames_of_its_chunk_alone(tmp_path, name):
+    path = can_log(tmp_path / 'x.mcap')
+    data = path.read_bytes()
+    damage, lost = DAMAGES[name]
+    assert len(chunks(data)) == FRAMES // EACH
+    path.write_bytes(damage(data, chunks(data)))
+    assert path.read_bytes() != data
+    reader, all_of_them = CanLogReader(path), numbered(FRAMES)
+    assert [bytes(message.data) for message in reader] == [bytes(all_of_them[n].data) for n in without(*lost)]
+    runs = [index for index in lost if index - 1 not in lost]
+    assert len(reader.damages) == reader.unread == len(runs)
+    assert all(each.kind in (DamageKind.CHUNK, DamageKind.RECORDS) for each in reader.damages)
+    assert sum(each.chunks for each in reader.damages) == len(lost)
+    for each, first in zip(reader.damages, sorted(runs)):  # between the frames before and after it
+        last = next(index for index in range(first, 11) if index not in lost)
+        assert each.begin == (pytest.approx(BEGIN + (first * EACH - 1) / 1000, abs=1e-5) if first else None)
+        assert each.end == (pytest.approx(BEGIN + last * EACH / 1000, abs=1e-5) if last < 10 else None)
+
+
+@pytest.mark.parametrize('compression', list(mcap.CompressionType))
+def test_damage_costs_the_taxel_frames_of_its_chunk_alone(tmp_path, compression):
+    path = topic_bag(tmp_path / 'x.mcap', compression=compression)
+    path.write_bytes(flipped(path.read_bytes(), 3))
+    reader = TopicBagReader(path)
+    assert [each.frame.sequence for each in reader.frames()] == without(3, count=60, each=10)
+    assert dict(reader.unread) == {Unread.DAMAGED: 1}
+    damage, = reader.damages
+    assert (damage.kind, damage.chunks, damage.begin, damage.end) == (DamageKind.CHUNK, 1, BEGIN + 29, BEGIN + 40)
+    report = reported(path)
+    assert report.recording.damages == (damage,) and report.recording.unread == 1
+    assert any('11.000 s' in text for text in check_alone(page_of(report)).texts)
+    timeline = Timeline()
+    problem = BagRecording(str(path)).read(timeline, lambda: False)
+    assert problem and (timeline.begin, timeline.end) == (BEGIN + 0.25, BEGIN + 59.25) and timeline.index(
+        'left', BEGIN + 59.5) == 49
+    timeline.close()
+
+
+@pytest.mark.parametrize('share', [0.3, 0.62, 0.95])
+def test_of_a_recording_without_its_end_the_chunks_before_are_read(tmp_path, share):
+    path = can_log(tmp_path / 'x.mcap')
+    data, at = path.read_bytes(), chunks(path.read_bytes())
+    cut = int(share * at[-1].end)
+    path.write_bytes(flipped(data, 0)[:cut])  # the first damaged, too: nothing but the begin has the types
+    whole = [n for n, chunk in enumerate(at) if chunk.end <= cut and n]
+    assert whole
+    reader = CanLogReader(path)
+    assert [int.from_bytes(m.data[:4], 'little') for m in reader] == without(0, *range(whole[-1] + 1, 10))
+    first, last = reader.damages
+    assert first.kind is DamageKind.CHUNK and last.kind is DamageKind.CUT_SHORT and last.end is None
+
+
+def series(folder, suffix='.mcap'):
+    """Three files with 500 frames."""
+    parts = folder / f'x{suffix}', folder / f'x_part2{suffix}', folder / f'x_part3{suffix}'
+    for part, frames in zip(parts, (range(200), range(200, 400), range(400, FRAMES))):
+        can_log(part, frames)
+    return parts
+
+
+@pytest.mark.parametrize('suffix', ['.mcap', '.log', '.blf', '.log.gz'])
+def test_the_first_file_of_a_series_stands_for_all_any_other_for_itself(tmp_path, suffix):
+    first, second, third = series(tmp_path, suffix)
+    can_log(tmp_path / f'xy_part2{suffix}')  # of another recording
+    assert numbers(first) == list(range(FRAMES))
+    assert (numbers(second), numbers(third)) == (list(range(200, 400)), list(range(400, FRAMES)))
+    second.unlink()
+    reader = CanLogReader(first)
+    assert len(list(reader)) == 300 and reader.unread == 1
+    damage, = reader.damages
+    assert damage.kind is DamageKind.MISSING_FILE and damage.file == second.name
+    assert (damage.begin, damage.end) == (pytest.approx(BEGIN + 0.199, abs=1e-5), pytest.approx(BEGIN + 0.4, abs=1e-5))
+
+
+def test_after_a_damaged_file_of_a_series_the_others_are_read(tmp_path):
+    first, second, third = series(tmp_path)
+    first.write_bytes(first.read_bytes()[:len(first.read_bytes()) // 2])
+    second.write_bytes(b'nothing of it is left')
+    reader = CanLogReader(first)
+    found = [int.from_bytes(message.data[:4], 'little') for message in reader]
+    assert found[-100:] == list(range(400, 500)) and found[:50] == list(range(50)) and max(found[:-100]) < 200
+    damage, = reader.damages  # of both files: nothing was read between
+    assert (damage.kind, damage.file) == (DamageKind.CUT_SHORT, 'x.mcap') and damage.end == pytest.approx(BEGIN + 0.4)
+
+
+def test_a_file_that_a_bags_metadata_name_is_missed(tmp_path):
+    for n, frames in enumerate((range(200), range(400, FRAMES))):
+        can_log(tmp_path / f'bag_{2 * n}.mcap', frames)
+    (tmp_path / 'metadata.yaml').write_text('rosbag2_bagfile_information:\n  relative_file_paths: [bag_0.mcap, '
+                                            'bag_1.mcap, bag_2.mcap]\n')
+    reader = CanLogReader(tmp_path)
+    assert len(list(reader)) == 300
+    assert [(each.kind, each.file) for each in reader.damages] == [(DamageKind.MISSING_FILE, 'bag_1.mcap')]
+
+
+def test_a_new_recording_never_continues_into_files_of_an_older_one(tmp_path):
+    (tmp_path / 'x_part3.mcap').touch()
+    writer = CanLogWriter(tmp_path / 'x.mcap')
+    writer.close()
+    assert not following(writer.path)
+
+
+@pytest.mark.parametrize('window', [Window(), Window(0.13), Window(0.13, 0.1), Window(0.25, 0.3), Window(0.45, 9.0)])
+@pytest.mark.parametrize('suffix', ['.mcap', '.log'])
+def test_a_window_is_what_the_whole_has_in_it(tmp_path, suffix, window):
+    first, *_ = series(tmp_path, suffix)
+    expected = [n for n in range(FRAMES) if window.start <= n / 1000 < window.start + window.duration]
+    found = [int.from_bytes(message.data[:4], 'little') for message in CanLogReader(first, window=window)]
+    assert found == expected
+
+
+@pytest.mark.parametrize('is_ended', [True, False])
+def test_what_lies_before_a_window_is_not_read(tmp_path, is_ended):
+    """All chunks but the first, which has the begin, are rubbish up to the window."""
+    path = can_log(tmp_path / 'x.mcap')
+    data, at = path.read_bytes(), chunks(path.read_bytes())
+    for chunk in at[1:6]:
+        data = zeroed(data, payload(chunk, data), chunk.end)
+    path.write_bytes(data if is_ended else data[:at[-1].end])
+    reader = CanLogReader(path, window=Window(0.3295))
+    assert [int.from_bytes(m.data[:4], 'little') for m in reader] == list(range(330, FRAMES))
+    assert [each.kind for each in reader.damages] == ([] if is_ended else [DamageKind.CUT_SHORT])
+    with pytest.raises(LogError, match='--start'):
+        list(CanLogReader(path, window=Window(10.0)))
+
+
+def test_taxel_frames_of_a_window(tmp_path):
+    reader = TopicBagReader(topic_bag(tmp_path / 'x.mcap'))
+    messages = reader.messages((TAXELS,), window=Window(17.0, 25.0))
+    assert [message.content.sequence for message in messages] == list(range(17, 42))
+    assert reader.begin == BEGIN
+
+
+def test_replay_reports_what_is_missing_and_begins_where_it_is_asked_to(tmp_path, capsys):
+    """A SYNC and 32 TPDOs of a pad 100 times a second; of 3 s the chunk of a tenth is damaged."""
+    path = tmp_path / 'x.mcap'
+    path.touch()
+    file = LogFile(path)
+    for sweep in range(300):
+        at = BEGIN + sweep / 100
+        file.write(can.Message(at, 0x80, False, channel='can0'))
+        for tpdo in range(32):
+            base = 0x180 + 0x100 * (tpdo % 4) + tpdo // 4
+            file.write(can.Message(at + 1e-4 * (tpdo + 1), base + 32, False, data=bytes([sweep % 200] * 8)))
+        if sweep % 10 == 9:
+            file.flush()
+    file.close()
+    path.write_bytes(flipped(path.read_bytes(), 7))
+    run(replay, path)
+    out = capsys.readouterr()
+    assert f'CAN frames: {33 * 290}' in out.out and '0.1' in out.err and 'x.mcap' in out.err
+    run(replay, path, '--start', 1, '--duration', 0.5)
+    out = capsys.readouterr()
+    assert f'CAN frames: {33 * 50}' in out.out and not out.err
+    with pytest.raises(ConfigurationError):
+        run(replay, path, '--start', 'nan')
+
+
+def test_each_file_of_a_series_is_a_bag_for_others(tmp_path):
+    """By rosbags' reader and MCAP's own, which know nothing of the other files."""
+    writer = CanLogWriter(tmp_path / 'x.mcap', largest=4_000)
+    for message in numbered(1500):
+        writer.write(message)
+    writer.close()
+    files, counts = sorted(tmp_path.iterdir()), []
+    for file in files:
+        with rosbags.Reader(file) as reader:
+            counts.append(reader.message_count)
+            connection, = reader.connections
+            assert connection.msgtype == 'can_msgs/msg/Frame' and len(list(reader.messages())) == counts[-1]
+    assert len(files) > 2 and sum(counts) == 1500
+
+
+def test_bytes_beside_the_chunks_may_be_anything(tmp_path):
+    """A bit of any byte outside of chunks' content costs no frame, or is reported; never is one changed."""
+    path, copy = can_log(tmp_path / 'x.mcap'), tmp_path / 'y.mcap'
+    data, random = path.read_bytes(), np.random.default_rng(5)
+    inside = np.zeros(len(data), bool)
+    for chunk in chunks(data):
+        inside[payload(chunk, data):chunk.end] = True
+    indexes = [record for record in records(data) if record.opcode == MESSAGE_INDEX]
+    heads = [at for record in [*chunks(data), *indexes] for at in range(record.begin, record.content)]
+    whole = [record.cdr for record in records_of(path, pytest.fail)]
+    for at in [*random.choice(np.flatnonzero(~inside), 150), *random.choice(heads, 150)]:
+        copy.write_bytes(with_bytes(data, at, bytes([data[at] ^ 1 << random.integers(8)])))
+        damages = []
+        found = [record.cdr for record in records_of(copy, damages.append)]
+        lost = sum(each.chunks or 0 for each in damages)
+        assert set(found) <= set(whole) and len(found) == FRAMES - EACH * lost, at
+
+
+@pytest.mark.parametrize('is_missing', [False, True])
+def test_no_taxel_frame_is_made_of_what_was_before_a_gap_and_what_came_after(tmp_path, is_missing):
+    """Chunks, or files, end within sweeps; sweep k has the value k, so that a mixture shows."""
+    layout, names = load_layout('sim16x16.yaml'), [tmp_path / 'x.mcap', *(tmp_path / f'x_part{n}.mcap' for n in (2, 3))]
+    messages = []
+    for k in range(100):
+        at = BEGIN + k / 100
+        messages.append(can.Message(at, 0x80, False, channel='can0'))
+        messages += [can.Message(at + 1e-4 * (n + 4), tpdo.cob_id.of(32), False, data=[k] * 8, channel='can0')
+                     for n, tpdo in enumerate(layout.tpdos)]
+    thirds = [messages] if not is_missing else [messages[:1000], messages[1000:1500], messages[1500:]]
+    for name, part in zip(names, thirds):
+        name.touch()
+        file = LogFile(name)
+        for n, message in enumerate(part, 1):
+            file.write(message)
+            if n % 50 == 0:
+                file.flush()
+        file.close()
+    data = names[0].read_bytes()
+    for index in range(2, 60, 7) if not is_missing else ():
+        data = flipped(data, index)
+    names[0].write_bytes(data)
+    if is_missing:
+        names[1].unlink()
+    frames, source = play(names[0], (PadSettings('left', (32,), layout),))
+    assert len(source.damages) == (1 if is_missing else 9) and len(frames) > 70
+    for _, frame in frames:
+        valid = frame.status == TaxelStatus.VALID
+        assert set(np.rint(frame.values[valid] / layout.value.scale)) <= {round((frame.stamp - BEGIN) * 100)}
+    assert source.statistics().pads['left'].complete > 60
