@@ -83,15 +83,6 @@ class DriverSettings(NodeSettings):
 
 
 @dataclass(frozen=True)
-class ReceiverSettings(NodeSettings):
-    """The parameters of every node that works on the frames of a driver."""
-
-    max_clock_offset: float = parameter(0.05, 'how far the stamps of the driver may be from the clock of this host '
-                                        'before the diagnostics warn of it (tf lookups at them would fail here) [s]; '
-                                        'ages need no common clock', 0, 1e9)
-
-
-@dataclass(frozen=True)
 class ProcessorSettings(ReceiverSettings):
     press_threshold: float = parameter(0.0, 'reading from which on a taxel is pressed [unit of the taxels]; 0: what '
                                        'stands out of the noise (at least '
