@@ -1,0 +1,96 @@
+"""Many pads on several buses: CPU, memory, latency, what saturates first, and whether anything is lost in silence.
+
+    python bench/bench_pads.py [--full] [--seconds 10] [--only FORM] [--output docs]
+
+Simulated skins are processes behind pseudo-terminals (slcan), one for each bus, and send each frame when a wire of
+1 Mbit/s would have carried it; their CPU is apart, and a row whose sender was late is marked. Nodes run all in one
+process, one process for each bus, or one for each node. Before and after each run the drivers are deactivated, so that
+nothing is under way and every frame can be counted. The default takes at most 15 minutes, --full about 45. Writes
+docs/scale_results.md and docs/scale.png; with another --output it leaves docs/ alone.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+for library in ('OPENBLAS', 'OMP', 'MKL'):
+    os.environ[f'{library}_NUM_THREADS'] = '1'  # read when numpy is imported
+os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
+
+from bench_launch import wait_until_idle
+from pads_cases import FORMS, FULL, MOST_PROCESSES, SHORT, Case
+from pads_ledger import Counts, Station
+from pads_page import COST, name, page, verdict
+from pads_picture import draw
+from pads_run import Row, measured
+
+MOST_TIME = 400.0  #: s of a run
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('--full', action='store_true', help='all forms, buses, pads and rates')
+    parser.add_argument('--seconds', type=float, default=10.0, help='of each measurement, default %(default)s')
+    parser.add_argument('--only', choices=FORMS, help='this form of processes')
+    parser.add_argument('--patience', type=float, default=10.0, help='longest wait for an idle machine [s]')
+    parser.add_argument('--output', type=Path, default=ROOT / 'docs', help='folder, default docs/')
+    parser.add_argument('--single', nargs=4, metavar=('FORM', 'BUSES', 'PADS', 'RATE'), help='one case, as JSON')
+    args = parser.parse_args()
+    if args.single:
+        print(json.dumps(measured(_case(args.single), args.seconds)))
+        return 0
+    cases = [case for case in (FULL if args.full else SHORT) if args.only in (None, case.form)]
+    rows, left_out, begun = [], [], time.monotonic()
+    for number, case in enumerate(cases, 1):
+        print(f'[{number}/{len(cases)}, {time.monotonic() - begun:.0f} s] {name(case)}: ', end='', flush=True)
+        outcome = run(case, args.seconds, args.patience)
+        if isinstance(outcome, Row):
+            rows.append(outcome)
+            print(f'CPU {outcome.cpu:.0%}, {outcome.pss:.0f} MB, p50 {outcome.p50:.1f} ms, p99 {outcome.p99:.1f} ms, '
+                  f'{outcome.kept_up:.1%} of the shapes, unaccounted {outcome.unaccounted}; {verdict(outcome)}',
+                  flush=True)
+        else:
+            left_out.append((case, outcome))
+            print(outcome, flush=True)
+    command = 'python bench/bench_pads.py' + ''.join(f' {word}' for word in sys.argv[1:])
+    args.output.mkdir(parents=True, exist_ok=True)
+    (args.output / 'scale_results.md').write_text(page(rows, left_out, command), encoding='utf-8')
+    draw(rows, args.output / 'scale.png')
+    print(f'{args.output}/scale_results.md: {len(rows)} rows of {len(COST)} columns')
+    return int(any(row.unaccounted for row in rows))
+
+
+def run(case: Case, seconds: float, patience: float) -> Row | str:
+    """In a process of its own; or why there is no row."""
+    if case.processes > MOST_PROCESSES:
+        return f'{case.processes} processes of nodes, more than {MOST_PROCESSES} on {os.cpu_count()} cores'
+    wait_until_idle(patience)
+    words = [sys.executable, __file__, '--seconds', str(seconds), '--single', *map(str, case)]
+    try:
+        done = subprocess.run(words, capture_output=True, text=True, timeout=MOST_TIME)
+    except subprocess.TimeoutExpired:
+        return f'no result within {MOST_TIME:g} s'
+    if done.returncode:
+        return (done.stderr.strip().splitlines() or ['no message'])[-1]
+    return row_of(json.loads(done.stdout.splitlines()[-1]))
+
+
+def row_of(fields: list) -> Row:
+    """From JSON, whose arrays are the tuples."""
+    row = Row(*fields)
+    counts = Counts(*(Station(*value) if isinstance(value, list) else value for value in row.counts))
+    return row._replace(case=Case(*row.case), counts=counts)
+
+
+def _case(words: list[str]) -> Case:
+    return Case(words[0], *map(int, words[1:]))
+
+
+if __name__ == '__main__':
+    sys.exit(main())

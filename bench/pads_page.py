@@ -1,0 +1,128 @@
+"""The page of bench_pads.py: tables, growth, what saturates, what is reported."""
+
+import math
+from collections.abc import Sequence
+
+from pads_cases import FORMS, Case
+from pads_ledger import exponents
+from pads_run import KEPT_UP, LATE, Row
+
+QUANTITIES = {'CPU': lambda row: row.cpu, 'memory': lambda row: row.pss, 'latency p50': lambda row: row.p50,
+              'latency p99': lambda row: row.p99}
+COST = ('processes', 'buses', 'pads a bus', 'Hz', 'wire %', 'CPU % of a core', 'busiest process %', 'PSS MB', 'p50 ms',
+        'p99 ms', 'shapes of those due %', 'SYNCs left out', 'sweeps skipped by devices', 'TPDOs lost',
+        'frames left out', 'senders CPU %', 'sender late 99 % ms', 'consumer CPU %', 'others CPU %', 'idle %',
+        'verdict')
+LEDGER = ('processes', 'buses x pads, Hz', 'TPDOs on the wire', 'received', 'not taken, counted', 'used',
+          'lost, counted', 'taxel frames', 'shapes', 'overtaken, dropped, skipped: counted', 'unaccounted',
+          'at the consumer: shapes + left out + gaps')
+FULL_CORE, FULL_WIRE, NO_IDLE = 0.9, 0.97, 0.1  #: of a core, of the wire, of a core
+
+
+def page(rows: Sequence[Row], left_out: Sequence[tuple[Case, str]], command: str) -> str:
+    """In Markdown; ``left_out``: cases that did not run, and why."""
+    others = sorted(row.others_cpu for row in rows)
+    lines = ['# Many pads, as measured', f'Written by `{command}`. Other processes of the machine used '
+             f'{others[len(others) // 2]:.0%} of a core meanwhile (median of the rows), {others[-1]:.0%} at most.', '',
+             'Latency: from the last TPDO of a sweep on the wire to its shape at the consumer. `not measured`: a '
+             f'sender was later than {1e3 * LATE:g} ms (99 %); counts and CPU are right, latency and losses may be its own. '
+             f'`saturated`: fewer than {KEPT_UP:.0%} of the shapes that are due. Pictured: `scale.png`.', '',
+             '![CPU, memory and latency](scale.png)', '', '## Cost', '', *table(COST, map(_cost, rows)), '',
+             '## Growth', '', 'Exponent of y = c pads^a buses^b at 50 Hz over the rows that are measured and not '
+             'saturated, with its 95 % interval.', '', *table(
+                 ('processes', 'rows', 'quantity', 'with the pads of a bus', 'with the buses'), growth(rows)), '',
+             '## What saturates first', '', *saturation(rows), '',
+             '## Nothing lost in silence', '', 'From activation to deactivation, all buses of the row. Unaccounted: '
+             'sent, not received, and counted by none.', '', *table(LEDGER, map(_ledger, rows)), '',
+             *reported(rows), *(f'- Left out: {name(case)}: {reason}' for case, reason in left_out)]
+    return '\n'.join(line.rstrip() for line in lines).rstrip() + '\n'
+
+
+def table(head: Sequence[str], rows) -> list[str]:
+    return ['| ' + ' | '.join(row) + ' |' for row in (head, ['---'] * len(head), *rows)]
+
+
+def name(case: Case) -> str:
+    return f'{case.form}, {case.buses} x {case.pads} pads, {case.rate} Hz'
+
+
+def verdict(row: Row) -> str:
+    found = (['not measured: sender late'] if not row.is_measured else []) + (
+        [f'saturated: {bottleneck(row)}'] if row.is_saturated else [])
+    return '; '.join(found) or 'kept up'
+
+
+def bottleneck(row: Row) -> str:
+    """By what is full."""
+    if row.wire_load > FULL_WIRE or row.counts.sweeps_skipped and row.is_measured:
+        return 'wire'
+    if row.busiest > FULL_CORE:
+        return 'one process (GIL)'
+    return 'processors of the machine' if row.idle < NO_IDLE else 'not CPU'
+
+
+def growth(rows: Sequence[Row]) -> list[list[str]]:
+    """Exponents of each quantity for each form."""
+    found = []
+    for form in FORMS:
+        of = [row for row in rows if row.case.form == form and row.case.rate == 50 and row.is_measured
+              and not row.is_saturated]
+        for quantity, value in QUANTITIES.items():
+            fits = exponents([[row.case.pads, row.case.buses] for row in of], [value(row) for row in of])
+            found.append([form, f'{len(of)}', quantity, *map(str, fits or ('not measured',) * 2)])
+    return found
+
+
+def saturation(rows: Sequence[Row]) -> list[str]:
+    """The smallest case of each form that is saturated, beside the largest that is not."""
+    lines = []
+    for form in FORMS:
+        of = sorted((row for row in rows if row.case.form == form), key=lambda row: row.case.all_pads * row.case.rate)
+        kept = [row for row in of if not row.is_saturated]
+        full = [row for row in of if row.is_saturated]
+        frames = kept[-1].case.all_pads * kept[-1].case.rate if kept else 0
+        largest = f'the most that kept up: {frames} frames a second' if kept else 'none kept up'
+        first = (f'first saturated: {name(full[0].case)}, by {bottleneck(full[0])}; reported: '
+                 f'{_reports(full[0])}') if full else 'none saturated'
+        lines += [f'- `{form}`: {largest}; {first}.'] if of else []
+    return lines
+
+
+def reported(rows: Sequence[Row]) -> list[str]:
+    """What the saturated rows reported of themselves; silence would be a defect."""
+    full = [row for row in rows if row.is_saturated]
+    silent = [name(row.case) for row in full if not row.reported and not row.overloads]
+    lost = [name(row.case) for row in rows if row.unaccounted]
+    return [f'- Saturated rows: {len(full)}; of these without any report: {", ".join(silent) or "none"}.',
+            f'- Rows with anything unaccounted for: {", ".join(lost) or "none"}.']
+
+
+def _reports(row: Row) -> str:
+    parts = [f'overload {", ".join(row.overloads)}'] if row.overloads else []
+    parts += [f'{who}: {", ".join(texts)}' for who, texts in row.reported.items()]
+    return '; '.join(parts) or 'NOTHING'
+
+
+def _cost(row: Row) -> list[str]:
+    case, counts = row.case, row.counts
+    return [case.form, f'{case.buses}', f'{case.pads}', f'{case.rate}', f'{100 * row.wire_load:.0f}',
+            f'{100 * row.cpu:.0f}', f'{100 * row.busiest:.0f}', f'{row.pss:.0f}', _number(row.p50), _number(row.p99),
+            f'{100 * row.kept_up:.1f}', f'{counts.syncs_left_out}', f'{counts.sweeps_skipped}', f'{counts.lost}',
+            f'{counts.processor.overtaken + counts.classifier.overtaken}', f'{100 * row.sender_cpu:.0f}',
+            _number(row.sender_late), f'{100 * row.consumer_cpu:.0f}', f'{100 * row.others_cpu:.0f}',
+            f'{100 * row.idle:.0f}', verdict(row)]
+
+
+def _ledger(row: Row) -> list[str]:
+    case, counts = row.case, row.counts
+    stations = counts.processor + counts.classifier
+    steps = {step.name: step for step in row.steps}
+    return [case.form, f'{case.buses} x {case.pads}, {case.rate}', f'{counts.tpdos * counts.sweeps}',
+            f'{counts.received}', f'{steps["TPDO on the wire -> driver"].counted}', f'{counts.used}', f'{counts.lost}',
+            f'{counts.published}', f'{counts.classifier.processed}',
+            f'{stations.overtaken + stations.dropped + stations.skipped}', f'{row.unaccounted}',
+            f'{row.shapes} + {row.left_out} + {row.gaps}']
+
+
+def _number(value: float) -> str:
+    return '-' if math.isnan(value) else f'{value:.1f}'
