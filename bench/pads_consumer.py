@@ -14,7 +14,7 @@ from pads_cases import Case, namespace
 from pads_ledger import Station
 from rclpy.qos import QoSProfile
 
-from tactile_node.frames.health import Overload
+from tactile_node.frames.health import NodeFault, Overload
 from tactile_node.nodes.frame_executor import FrameExecutor
 from tactile_node.ros.qos import STATUS_QOS, frames_qos
 from tactile_skin.msg import ContactShape, SkinStatus
@@ -167,4 +167,7 @@ class Consumer:
 def _findings(status: SkinStatus) -> list[str]:
     """What the driver reports, without the numbers."""
     found = status.message.removeprefix('growing: ').split(', ') if status.message != 'nothing lost' else []
-    return found + [text for pad in status.pads for text in re.findall(r'TPDOs missing|TPDOs lost \(\w+\)', pad.message)]
+    for pad in status.pads:
+        found += re.findall(r'TPDOs missing|TPDOs lost \(\w+\)', pad.message)
+        found += [NodeFault(node.fault).name for node in pad.nodes if NodeFault(node.fault).is_fault]
+    return found

@@ -26,6 +26,7 @@ class Station(NamedTuple):
 class Counts(NamedTuple):
     """Of a session from activation to deactivation, all buses together; both ends are at rest."""
 
+    pads: int
     tpdos: int            #: of a sweep
     syncs_left_out: int   #: that the drivers did not send: overruns (they were too slow) and pauses (the bus was full)
     sweeps: int           #: that the devices sent
@@ -34,13 +35,15 @@ class Counts(NamedTuple):
     queue_overruns: int   #: CAN frames that the driver had no room for
     received: int         #: TPDOs
     used: int
+    missing: int          #: TPDOs of the taxel frames, as the driver reports: expected and not used
     lost: int             #: TPDOs lost for a named reason
+    outages: int          #: of nodes
     published: int        #: taxel frames
     processor: Station
     classifier: Station
 
     def __sub__(self, before: 'Counts') -> 'Counts':
-        return Counts(self.tpdos, *(now - then for now, then in zip(self[1:], before[1:])))
+        return Counts(*self[:2], *(now - then for now, then in zip(self[2:], before[2:])))
 
 
 class Step(NamedTuple):
@@ -59,17 +62,19 @@ class Step(NamedTuple):
 def ledger(counts: Counts) -> tuple[Step, ...]:
     """Steps from SYNC to shape. Counts of CAN frames (unread, queue_overruns) hold heartbeats too: an upper bound.
 
-    A node counts the gaps that nodes before it have left in the sequence as well; they are taken off here. A taxel
-    frame that the driver did not publish is a gap, too, so a step may have counted more than is missing: no loss.
-    The driver gives a taxel frame for each SYNC that it has sent, without values where no TPDO came.
+    The driver gives a taxel frame for each SYNC that it has sent, also where no TPDO came: these are missing in it.
+    TPDOs of at most one sweep of each pad wait for the end of its period (PadStatus.msg), at both ends of a session.
+    A node counts the gaps that nodes before it have left in the sequence as well; they are taken off here.
     """
     sent, first, second = counts.tpdos * counts.sweeps, counts.processor, counts.classifier
     not_taken = min(max(sent - counts.received, 0), counts.unread + counts.queue_overruns)
+    rest, waiting = counts.received - counts.used - counts.lost, counts.tpdos * counts.pads
     missed = min(max(counts.published - first.received, 0), first.skipped)
     missed_later = min(max(first.processed - second.received, 0), second.skipped)
-    return (Step('SYNC -> sweep on the wire', counts.published, counts.sweeps, counts.sweeps_skipped),
+    return (Step('TPDOs due -> used', counts.tpdos * counts.published, counts.used, counts.missing),
             Step('TPDO on the wire -> driver', sent, counts.received, not_taken),
-            Step('TPDO in the driver -> taxel frame', counts.received, counts.used, counts.lost),
+            Step('TPDO in the driver -> taxel frame', counts.received, counts.used,
+                 counts.lost + max(-waiting, min(rest, waiting))),
             Step('taxels published -> processor', counts.published, first.received, missed),
             Step('processor -> contact', first.received, first.processed, first.overtaken + first.dropped),
             Step('contact published -> classifier', first.processed, second.received, missed_later),

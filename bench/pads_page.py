@@ -10,7 +10,7 @@ from pads_run import KEPT_UP, LATE, Row
 QUANTITIES = {'CPU': lambda row: row.cpu, 'memory': lambda row: row.pss, 'latency p50': lambda row: row.p50,
               'latency p99': lambda row: row.p99}
 COST = ('processes', 'buses', 'pads a bus', 'Hz', 'wire %', 'CPU % of a core', 'busiest process %', 'PSS MB', 'p50 ms',
-        'p99 ms', 'shapes of those due %', 'SYNCs left out', 'sweeps skipped by devices', 'TPDOs lost',
+        'p99 ms', 'shapes of those due %', 'SYNCs left out', 'sweeps skipped by devices', 'TPDOs lost', 'node outages',
         'frames left out', 'senders CPU %', 'sender late 99 % ms', 'consumer CPU %', 'others CPU %', 'idle %',
         'verdict')
 LEDGER = ('processes', 'buses x pads, Hz', 'TPDOs on the wire', 'received', 'not taken, counted', 'used',
@@ -25,8 +25,8 @@ def page(rows: Sequence[Row], left_out: Sequence[tuple[Case, str]], command: str
     lines = ['# Many pads, as measured', f'Written by `{command}`. Other processes of the machine used '
              f'{others[len(others) // 2]:.0%} of a core meanwhile (median of the rows), {others[-1]:.0%} at most.', '',
              'Latency: from the last TPDO of a sweep on the wire to its shape at the consumer. `not measured`: a '
-             f'sender was later than {1e3 * LATE:g} ms (99 %); counts and CPU are right, latency and losses may be its own. '
-             f'`saturated`: fewer than {KEPT_UP:.0%} of the shapes that are due. Pictured: `scale.png`.', '',
+             f'sender was later than {1e3 * LATE:g} ms (99 %); counts and CPU are right, latency and losses may be its '
+             f'own. `saturated`: fewer than {KEPT_UP:.0%} of the shapes that are due. Pictured: `scale.png`.', '',
              '![CPU, memory and latency](scale.png)', '', '## Cost', '', *table(COST, map(_cost, rows)), '',
              '## Growth', '', 'Exponent of y = c pads^a buses^b at 50 Hz over the rows that are measured and not '
              'saturated, with its 95 % interval.', '', *table(
@@ -108,8 +108,8 @@ def _cost(row: Row) -> list[str]:
     return [case.form, f'{case.buses}', f'{case.pads}', f'{case.rate}', f'{100 * row.wire_load:.0f}',
             f'{100 * row.cpu:.0f}', f'{100 * row.busiest:.0f}', f'{row.pss:.0f}', _number(row.p50), _number(row.p99),
             f'{100 * row.kept_up:.1f}', f'{counts.syncs_left_out}', f'{counts.sweeps_skipped}', f'{counts.lost}',
-            f'{counts.processor.overtaken + counts.classifier.overtaken}', f'{100 * row.sender_cpu:.0f}',
-            _number(row.sender_late), f'{100 * row.consumer_cpu:.0f}', f'{100 * row.others_cpu:.0f}',
+            f'{counts.outages}', f'{counts.processor.overtaken + counts.classifier.overtaken}',
+            f'{100 * row.sender_cpu:.0f}', _number(row.sender_late), f'{100 * row.consumer_cpu:.0f}', f'{100 * row.others_cpu:.0f}',
             f'{100 * row.idle:.0f}', verdict(row)]
 
 

@@ -125,11 +125,14 @@ def counted(consumer: Consumer, wires: Sequence[WireReport] = ()) -> Counts:
     stations = {role: sum((found for name, found in consumer.stations.items() if name.endswith(f'/{role}')),
                           start=Station()) for role in ('processor', 'classifier')}
     return Counts(
-        TPDOS, syncs_left_out=sum(status.sync_overruns + status.sync_pauses for status in statuses),
+        len(pads), TPDOS,
+        syncs_left_out=sum(status.sync_overruns + status.sync_pauses for status in statuses),
         sweeps=sum(wire.sweeps for wire in wires), sweeps_skipped=sum(wire.skipped for wire in wires),
         unread=sum(wire.lost for wire in wires), queue_overruns=sum(status.queue_overruns for status in statuses),
         received=sum(pad.tpdos_received for pad in pads), used=sum(pad.tpdos_used for pad in pads),
+        missing=sum(pad.tpdos_expected - pad.tpdos_used for pad in pads),
         lost=sum(sum(pad.loss_counts) for pad in pads),
+        outages=sum(node.outages for pad in pads for node in pad.nodes),
         published=sum(pad.frames_complete + pad.frames_incomplete for pad in pads), **stations)
 
 
