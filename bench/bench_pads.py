@@ -12,6 +12,7 @@ docs/scale_results.md and docs/scale.png; with another --output it leaves docs/ 
 import argparse
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -43,9 +44,8 @@ def main() -> int:
     parser.add_argument('--nice', type=int, default=0, help='priority of the nodes, below 0 as root (a busy machine)')
     parser.add_argument('--single', nargs=4, metavar=('FORM', 'BUSES', 'PADS', 'RATE'), help='one case, as JSON')
     args = parser.parse_args()
-    os.setpriority(os.PRIO_PROCESS, 0, args.nice)
     if args.single:
-        print(json.dumps(measured(_case(args.single), args.seconds)))
+        print(json.dumps(measured(_case(args.single), args.seconds, args.nice)))
         return 0
     cases = [case for case in (FULL if args.full else SHORT) if args.only in (None, case.form)]
     rows, left_out, begun = [], [], time.monotonic()
@@ -74,13 +74,18 @@ def run(case: Case, seconds: float, patience: float, nice: int) -> Row | str:
         return f'{case.processes} processes of nodes, more than {MOST_PROCESSES} on {os.cpu_count()} cores'
     wait_until_idle(patience)
     words = [sys.executable, __file__, '--seconds', str(seconds), '--nice', str(nice), '--single', *map(str, case)]
+    process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
     try:
-        done = subprocess.run(words, capture_output=True, text=True, timeout=MOST_TIME)
+        output, errors = process.communicate(timeout=MOST_TIME)
     except subprocess.TimeoutExpired:
         return f'no result within {MOST_TIME:g} s'
-    if done.returncode:
-        return (done.stderr.strip().splitlines() or ['no message'])[-1]
-    return row_of(json.loads(done.stdout.splitlines()[-1]))
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)  # it ends what it has started
+            process.communicate()
+    if process.returncode:
+        return (errors.strip().splitlines() or ['no message'])[-1]
+    return row_of(json.loads(output.splitlines()[-1]))
 
 
 def row_of(fields: list) -> Row:

@@ -109,8 +109,8 @@ def _cost(row: Row) -> list[str]:
             f'{100 * row.cpu:.0f}', f'{100 * row.busiest:.0f}', f'{row.pss:.0f}', _number(row.p50), _number(row.p99),
             f'{100 * row.kept_up:.1f}', f'{counts.syncs_left_out}', f'{counts.sweeps_skipped}', f'{counts.lost}',
             f'{counts.outages}', f'{counts.processor.overtaken + counts.classifier.overtaken}',
-            f'{100 * row.sender_cpu:.0f}', _number(row.sender_late), f'{100 * row.consumer_cpu:.0f}', f'{100 * row.others_cpu:.0f}',
-            f'{100 * row.idle:.0f}', verdict(row)]
+            f'{100 * row.sender_cpu:.0f}', _number(row.sender_late), f'{100 * row.consumer_cpu:.0f}',
+            f'{100 * row.others_cpu:.0f}', f'{100 * row.idle:.0f}', verdict(row)]
 
 
 def _ledger(row: Row) -> list[str]:

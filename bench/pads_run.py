@@ -4,8 +4,8 @@ import os
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,7 +19,7 @@ from skin_process import SkinProcess, punctual
 from tactile_node.simulator.wire_report import WireReport
 
 SETTLE = 3.0  #: s after the activation
-NICE = -10    #: of the skins: a device does not wait for the processor of its host
+NICE = -10    #: of skins and consumer: a device does not wait for the processor of its host
 LATE = 0.005  #: s: a sender that is later (99 %) is not one that measures a driver
 KEPT_UP = 0.98  #: of the shapes that are due: a node that gives fewer is saturated
 
@@ -64,15 +64,16 @@ class Row(NamedTuple):
         return sum(max(step.unaccounted, 0) for step in self.steps)
 
 
-def measured(case: Case, seconds: float) -> Row:
-    """Raises SystemExit where nodes do not start."""
+def measured(case: Case, seconds: float, nice: int) -> Row:
+    """``nice``: of the nodes. Raises SystemExit where nodes do not start."""
+    if os.getsid(0) == os.getpid():
+        raise_session(NICE, os.getpid())
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         skins = []
         for bus in range(case.buses):
             (folder / str(bus)).mkdir()
-            with priority(NICE):
-                skins.append(SkinProcess(folder / str(bus), LAYOUT, NODE_IDS[:case.pads]))
+            skins.append(SkinProcess(folder / str(bus), LAYOUT, NODE_IDS[:case.pads]))
             stack.callback(skins[-1].end)
         consumer = stack.enter_context(Consumer(case))
         layout = str(punctual(folder, LAYOUT))
@@ -80,6 +81,8 @@ def measured(case: Case, seconds: float) -> Row:
                                       stderr=subprocess.DEVNULL, env=os.environ | {'PYTHONPATH': str(ROOT)})
                      for words in case.commands([skin.port for skin in skins], layout)]
         stack.callback(ended, processes)
+        for process in processes:
+            raise_session(nice, process.pid)
         consumer.spin_until(lambda: consumer.are_active() and consumer.are_shapes(), 'shapes of all pads',
                             60 + 5 * case.processes)
         return _session(case, seconds, skins, processes, consumer)
@@ -140,16 +143,12 @@ def quantile(values: np.ndarray, share: float) -> float:
     return float(np.quantile(values, share)) if len(values) else float('nan')
 
 
-@contextmanager
-def priority(nice: int) -> Iterator[None]:
-    """What is started inside the block has this priority, where that is allowed."""
-    before = os.getpriority(os.PRIO_PROCESS, 0)
+def raise_session(nice: int, process: int) -> None:
+    """Give the session of ``process``, its first, a priority, where that is allowed.
+
+    Linux schedules sessions as groups (sched(7), autogroup): nice only orders the processes of one session.
+    """
     try:
-        os.setpriority(os.PRIO_PROCESS, 0, nice)
-    except PermissionError:
+        Path(f'/proc/{process}/autogroup').write_text(f'{nice}')
+    except OSError:  # not root, or a kernel without it
         pass
-    try:
-        yield
-    finally:
-        if os.getpriority(os.PRIO_PROCESS, 0) != before:
-            os.setpriority(os.PRIO_PROCESS, 0, before)

@@ -1,7 +1,8 @@
 """What the pads of a bus ask of it: who plans too many is warned before any frame is lost.
 
-Bit counts of ISO 11898-1: a standard data frame of n bytes has 34 + 8 n bits that are stuffed (start bit, identifier, RTR, IDE, r0, DLC, data,
-CRC), at most one stuff bit for the first five and each four after them, and 13 bits that are not: n = 8: 98 + 24 + 13.
+Bit counts of ISO 11898-1: a standard data frame of n bytes has 34 + 8 n bits that are stuffed (start bit, identifier,
+RTR, IDE, r0, DLC, data, CRC), at most one stuff bit for the first five and each four after them, and 13 bits that are
+not: n = 8: 98 + 24 + 13.
 """
 
 import logging
