@@ -5,8 +5,9 @@
 Simulated skins are processes behind pseudo-terminals (slcan), one for each bus, and send each frame when a wire of
 1 Mbit/s would have carried it; their CPU is apart, and a row whose sender was late is marked. Nodes run all in one
 process, one process for each bus, or one for each node. Before and after each run the drivers are deactivated, so that
-nothing is under way and every frame can be counted. The default takes at most 15 minutes, --full about 45. Writes
-docs/scale_results.md and docs/scale.png; with another --output it leaves docs/ alone.
+nothing is under way and every frame can be counted. At its end pads_topics.py and pads_discovery.py measure the
+network. The default takes at most 15 minutes, --full about 40. Writes docs/scale_results.md and docs/scale.png; with
+another --output it leaves docs/ alone.
 """
 
 import argparse
@@ -60,9 +61,11 @@ def main() -> int:
         else:
             left_out.append((case, outcome))
             print(outcome, flush=True)
+    print('what the topics carry, and what discovery costs', flush=True)
+    topics, joined = told('pads_topics.py'), told('pads_discovery.py')
     command = 'python bench/bench_pads.py' + ''.join(f' {word}' for word in sys.argv[1:])
     args.output.mkdir(parents=True, exist_ok=True)
-    (args.output / 'scale_results.md').write_text(page(rows, left_out, command), encoding='utf-8')
+    (args.output / 'scale_results.md').write_text(page(rows, left_out, command, topics, joined), encoding='utf-8')
     draw(rows, args.output / 'scale.png')
     print(f'{args.output}/scale_results.md: {len(rows)} rows')
     return int(any(row.unaccounted for row in rows))
@@ -86,6 +89,12 @@ def run(case: Case, seconds: float, patience: float, nice: int) -> Row | str:
     if process.returncode:
         return (errors.strip().splitlines() or ['no message'])[-1]
     return row_of(json.loads(output.splitlines()[-1]))
+
+
+def told(script: str) -> list:
+    """What another script prints, a JSON value a line; nothing where it fails (no namespaces)."""
+    done = subprocess.run([sys.executable, str(ROOT / 'bench' / script)], stdout=subprocess.PIPE, text=True)
+    return [json.loads(line) for line in done.stdout.splitlines()] if not done.returncode else []
 
 
 def row_of(fields: list) -> Row:

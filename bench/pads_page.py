@@ -1,6 +1,7 @@
 """The page of bench_pads.py: tables, growth, what saturates, what is reported."""
 
 import math
+import textwrap
 from collections.abc import Sequence
 
 from pads_cases import FORMS, Case
@@ -16,11 +17,13 @@ COST = ('processes', 'buses', 'pads a bus', 'Hz', 'wire %', 'CPU % of a core', '
 LEDGER = ('processes', 'buses x pads, Hz', 'TPDOs on the wire', 'received', 'not taken, counted', 'used',
           'lost, counted', 'taxel frames', 'shapes', 'overtaken, dropped, skipped: counted', 'unaccounted',
           'at the consumer: shapes + left out + gaps')
+COLUMNS = 120
 FULL_CORE, FULL_WIRE, NO_IDLE = 0.9, 0.97, 0.1  #: of a core, of the wire, of a core
 
 
-def page(rows: Sequence[Row], left_out: Sequence[tuple[Case, str]], command: str) -> str:
-    """In Markdown; ``left_out``: cases that did not run, and why."""
+def page(rows: Sequence[Row], left_out: Sequence[tuple[Case, str]], command: str, topics: Sequence[list],
+         joined: Sequence[list]) -> str:
+    """In Markdown; ``left_out``: cases that did not run, and why; of pads_topics.Carried, pads_discovery.Joined."""
     others = sorted(row.others_cpu for row in rows)
     lines = ['# Many pads, as measured', f'Written by `{command}`. Other processes of the machine used '
              f'{others[len(others) // 2]:.0%} of a core meanwhile (median of the rows), {others[-1]:.0%} at most.', '',
@@ -34,8 +37,15 @@ def page(rows: Sequence[Row], left_out: Sequence[tuple[Case, str]], command: str
              '## What saturates first', '', *saturation(rows), '',
              '## Nothing lost in silence', '', 'From activation to deactivation, all buses of the row. Unaccounted: '
              'sent, not received, and counted by none.', '', *table(LEDGER, map(_ledger, rows)), '',
-             *reported(rows), *(f'- Left out: {name(case)}: {reason}' for case, reason in left_out)]
-    return '\n'.join(line.rstrip() for line in lines).rstrip() + '\n'
+             *reported(rows), *(f'- Left out: {name(case)}: {reason}' for case, reason in left_out), '',
+             *network(topics, joined)]
+    return '\n'.join(part for line in lines for part in wrapped(line)).rstrip() + '\n'
+
+
+def wrapped(line: str) -> list[str]:
+    """Text in lines of 120 columns; tables and pictures as they are."""
+    return [line] if line.startswith(('|', '!')) else textwrap.wrap(line, COLUMNS, subsequent_indent='  ' * (
+        line.startswith('- '))) or ['']
 
 
 def table(head: Sequence[str], rows) -> list[str]:
@@ -95,6 +105,33 @@ def reported(rows: Sequence[Row]) -> list[str]:
     lost = [name(row.case) for row in rows if row.unaccounted]
     return [f'- Saturated rows: {len(full)}; of these without any report: {", ".join(silent) or "none"}.',
             f'- Rows with anything unaccounted for: {", ".join(lost) or "none"}.']
+
+
+def network(topics: Sequence[list], joined: Sequence[list]) -> list[str]:
+    """Bytes of messages, and of discovery."""
+    lines = ['## The network', '']
+    if topics:
+        lines += ['A gripper with two simulated pads at 50 Hz; bytes of the messages, without RTPS, UDP and IP. At the '
+                  'full rate: what the rate would be without a frame left out.', '', *table(
+                      ('topic', 'messages/s', 'mean bytes', 'most', 'kB/s at the full rate'),
+                      ([topic, f'{rate:.1f}', f'{mean:.0f}', f'{most}', f'{_full_rate(topic, rate) * mean / 1e3:.0f}']
+                       for topic, rate, mean, most in topics)), '']
+    pairs = [(size, size * (size - 1) // 2) for size, _, _ in joined]
+    if len(joined) > 1:
+        lines += ['Grippers (one process of six nodes each) that join one DDS domain, over UDP on a network of their '
+                  'own; bytes of discovery, all headers included.', '', *table(
+                      ('grippers', 'kB when those joined', 'kB a new pair', 'then B/s', 'B/s by grippers squared'),
+                      ([f'{size}', f'{joining / 1e3:.0f}', f'{joining / 1e3 / (all_pairs - before):.0f}',
+                        f'{steady:.0f}', f'{steady / size ** 2:.0f}']
+                       for (size, joining, steady), (_, all_pairs), (_, before) in zip(joined[1:], pairs[1:], pairs)))]
+    return lines
+
+
+def _full_rate(topic: str, rate: float) -> float:
+    """The grasp is given for each shape of either pad."""
+    if topic == 'grasp':
+        return 100.0
+    return rate if topic.startswith(('/', 'skin_driver')) else 50.0
 
 
 def _reports(row: Row) -> str:
