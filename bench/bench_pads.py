@@ -33,6 +33,7 @@ from pads_picture import draw
 from pads_run import Row, measured
 
 MOST_TIME = 400.0  #: s of a run
+RAW = ROOT / 'bench_output/pads.json'  #: all rows so far, for --again
 
 
 def main() -> int:
@@ -43,6 +44,7 @@ def main() -> int:
     parser.add_argument('--patience', type=float, default=10.0, help='longest wait for an idle machine [s]')
     parser.add_argument('--output', type=Path, default=ROOT / 'docs', help='folder, default docs/')
     parser.add_argument('--nice', type=int, default=0, help='priority of the nodes, below 0 as root (a busy machine)')
+    parser.add_argument('--again', action='store_true', help=f'write the page of the rows in {RAW.name} again')
     parser.add_argument('--single', nargs=4, metavar=('FORM', 'BUSES', 'PADS', 'RATE'), help='one case, as JSON')
     args = parser.parse_args()
     if args.single:
@@ -50,11 +52,15 @@ def main() -> int:
         return 0
     cases = [case for case in (FULL if args.full else SHORT) if args.only in (None, case.form)]
     rows, left_out, begun = [], [], time.monotonic()
+    if args.again:
+        cases, rows = [], [row_of(fields) for fields in json.loads(RAW.read_text(encoding='utf-8'))]
     for number, case in enumerate(cases, 1):
         print(f'[{number}/{len(cases)}, {time.monotonic() - begun:.0f} s] {name(case)}: ', end='', flush=True)
         outcome = run(case, args.seconds, args.patience, args.nice)
         if isinstance(outcome, Row):
             rows.append(outcome)
+            RAW.parent.mkdir(exist_ok=True)
+            RAW.write_text(json.dumps(rows), encoding='utf-8')
             print(f'CPU {outcome.cpu:.0%}, {outcome.pss:.0f} MB, p50 {outcome.p50:.1f} ms, p99 {outcome.p99:.1f} ms, '
                   f'{outcome.kept_up:.1%} of the shapes, unaccounted {outcome.unaccounted}; {verdict(outcome)}',
                   flush=True)

@@ -97,13 +97,16 @@ class Exponent(NamedTuple):
 def exponents(x: Sequence[Sequence[float]], y: Sequence[float]) -> tuple[Exponent, ...]:
     """Fit log y = log c + sum of b_i log x_i by least squares; (n, k) and (n,) -> the k exponents b_i.
 
-    Interval by Student's t with n - k - 1 degrees of freedom. An exponent is NaN where its x has one value only.
+    Interval by Student's t with n - k - 1 degrees of freedom. An exponent is NaN where its x has one value only;
+    without any y there is none.
 
     >>> [str(each) for each in exponents([[1, 1], [2, 1], [4, 1], [1, 3], [2, 3]], [3, 6, 12, 27, 54])]
     ['1.00 [1.00, 1.00]', '2.00 [2.00, 2.00]']
     """
+    if not len(y):
+        return ()
     logs, target = np.log(np.asarray(x, float).reshape(len(y), -1)), np.log(np.asarray(y, float))
-    varied = [column for column in range(logs.shape[1]) if len(y) and np.ptp(logs[:, column])]
+    varied = [column for column in range(logs.shape[1]) if np.ptp(logs[:, column])]
     found = [Exponent(np.nan, np.nan, np.nan)] * logs.shape[1]
     design = np.column_stack([np.ones(len(y)), logs[:, varied]])
     freedom = len(y) - design.shape[1]

@@ -69,6 +69,7 @@ def test_the_interval_holds_the_exponent_as_often_as_it_says():
 
 
 def test_too_few_points_give_no_exponent():
+    assert exponents([], []) == ()
     assert str(exponents([[1, 1], [2, 1]], [1, 2])[0]) == '1.00'  # two points: a line, no interval
     assert all(str(found) == 'not measured' for found in exponents([[2, 1], [2, 1]], [1, 2]))
     assert str(exponents([[1, 1], [2, 1], [4, 1]], [1, 2, 4])[1]) == 'not measured'  # the buses do not vary
