@@ -18,7 +18,7 @@ LEDGER = ('processes', 'buses x pads, Hz', 'TPDOs on the wire', 'received', 'not
           'lost, counted', 'taxel frames', 'shapes', 'overtaken, dropped, skipped: counted', 'unaccounted',
           'at the consumer: shapes + left out + gaps')
 COLUMNS = 120
-FULL_CORE, FULL_WIRE, NO_IDLE = 0.9, 0.97, 0.1  #: of a core, of the wire, of a core
+FULL_CORE, FULL_WIRE, NO_IDLE, OTHERS = 0.75, 0.97, 0.1, 0.2  #: of a core (threads wait for the GIL), of the wire, of a core
 
 
 def page(rows: Sequence[Row], left_out: Sequence[tuple[Case, str]], command: str, topics: Sequence[list],
@@ -31,9 +31,9 @@ def page(rows: Sequence[Row], left_out: Sequence[tuple[Case, str]], command: str
              f'sender was later than {1e3 * LATE:g} ms (99 %); counts and CPU are right, latency and losses may be its '
              f'own. `saturated`: fewer than {KEPT_UP:.0%} of the shapes that are due. Pictured: `scale.png`.', '',
              '![CPU, memory and latency](scale.png)', '', '## Cost', '', *table(COST, map(_cost, rows)), '',
-             '## Growth', '', 'Exponent of y = c pads^a buses^b at 50 Hz over the rows that are measured and not '
+             '## Growth', '', 'Exponent of y = c pads^a buses^b at one rate over the rows that are measured and not '
              'saturated, with its 95 % interval.', '', *table(
-                 ('processes', 'rows', 'quantity', 'with the pads of a bus', 'with the buses'), growth(rows)), '',
+                 ('processes', 'Hz', 'rows', 'quantity', 'with the pads of a bus', 'with the buses'), growth(rows)), '',
              '## What saturates first', '', *saturation(rows), '',
              '## Nothing lost in silence', '', 'From activation to deactivation, all buses of the row. Unaccounted: '
              'sent, not received, and counted by none.', '', *table(LEDGER, map(_ledger, rows)), '',
@@ -68,18 +68,18 @@ def bottleneck(row: Row) -> str:
         return 'wire'
     if row.busiest > FULL_CORE:
         return 'one process (GIL)'
-    return 'processors of the machine' if row.idle < NO_IDLE else 'not CPU'
+    others = f', of which other work took {row.others_cpu:.0%} of a core' if row.others_cpu > OTHERS else ''
+    return f'processors of the machine{others}' if row.idle < NO_IDLE else 'not CPU'
 
 
 def growth(rows: Sequence[Row]) -> list[list[str]]:
     """Exponents of each quantity for each form."""
     found = []
-    for form in FORMS:
-        of = [row for row in rows if row.case.form == form and row.case.rate == 50 and row.is_measured
-              and not row.is_saturated]
+    for form, rate in sorted({(row.case.form, row.case.rate) for row in rows}):
+        of = [row for row in rows if row.case[::3] == (form, rate) and row.is_measured and not row.is_saturated]
         for quantity, value in QUANTITIES.items():
             fits = exponents([[row.case.pads, row.case.buses] for row in of], [value(row) for row in of])
-            found.append([form, f'{len(of)}', quantity, *map(str, fits or ('not measured',) * 2)])
+            found.append([form, f'{rate}', f'{len(of)}', quantity, *map(str, fits or ('not measured',) * 2)])
     return found
 
 
@@ -102,7 +102,8 @@ def reported(rows: Sequence[Row]) -> list[str]:
     """What the saturated rows reported of themselves; silence would be a defect."""
     full = [row for row in rows if row.is_saturated]
     silent = [name(row.case) for row in full if not row.reported and not row.overloads]
-    lost = [name(row.case) for row in rows if row.unaccounted]
+    lost = [f'{name(row.case)} ({step.unaccounted}: {step.name})' for row in rows for step in row.steps
+            if step.unaccounted > 0]
     return [f'- Saturated rows: {len(full)}; of these without any report: {", ".join(silent) or "none"}.',
             f'- Rows with anything unaccounted for: {", ".join(lost) or "none"}.']
 

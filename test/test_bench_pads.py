@@ -9,7 +9,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / 'bench'))
 
-from pads_cases import FULL, SHORT, Case  # noqa: E402
+from pads_cases import FULL, GROWTH, SHORT, Case  # noqa: E402
 from pads_ledger import Counts, Station, exponents, ledger  # noqa: E402
 
 from tactile_node.cia301.frame_bits import Frame  # noqa: E402
@@ -95,7 +95,8 @@ def test_the_matrix_is_that_of_the_issue():
     assert {case[1:] for case in FULL if case.form == 'one'} == wanted == {
         case[1:] for case in FULL if case.form == 'per_node'}
     assert {case[1:] for case in FULL if case.form == 'per_bus'} == {each for each in wanted if each[0] > 1}
-    assert set(SHORT) <= set(FULL) and all(case.load < 0.9 for case in FULL)
+    assert set(SHORT) <= set(FULL) and {case.buses for case in GROWTH} == {1, 2, 4, 8}
+    assert all(case.load < 0.9 for case in FULL)
 
 
 def test_the_head_of_a_shape_is_read_from_its_bytes():
