@@ -18,7 +18,8 @@ LEDGER = ('processes', 'buses x pads, Hz', 'TPDOs on the wire', 'received', 'not
           'lost, counted', 'taxel frames', 'shapes', 'overtaken, dropped, skipped: counted', 'unaccounted',
           'at the consumer: shapes + left out + gaps')
 COLUMNS = 120
-FULL_CORE, FULL_WIRE, NO_IDLE, OTHERS = 0.75, 0.97, 0.1, 0.2  #: of a core (threads wait for the GIL), of the wire, of a core
+FULL_CORE, FULL_WIRE = 0.75, 0.97  #: of a core (the threads of a process wait for the GIL), of the wire
+NO_IDLE, OTHERS = 0.1, 0.2  #: of a core
 
 
 def page(rows: Sequence[Row], left_out: Sequence[tuple[Case, str]], command: str, topics: Sequence[list],
