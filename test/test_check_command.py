@@ -104,3 +104,22 @@ def test_a_sweep_without_sync_must_fit_into_its_time(capsys):
     """At 125 kbit/s 12 frames of 135 bits take 13 ms of the 20 ms between two sweeps."""
     code, out = check(capsys, 'event12x8_8bit.yaml', '--bitrate', '125000')
     assert code == 1 and 'takes 13.0 ms, and 9.0 ms are left' in out
+
+
+@pytest.mark.parametrize('pads, period, load, warns', [
+    (4, 0.02, 0.86675, False), (2, 0.01, 0.8695, False), (3, 0.01, 1.3015, True), (5, 0.02, 1.08275, True)])
+def test_several_pads_on_one_bus_share_its_time(pads, period, load, warns, capsys):
+    """ISO 11898-1: 135 bits a frame of 8 bytes, 55 of SYNC at most; 4 pads: 50 x (55 + 4 x 32 x 135) = 866.75 kbit/s.
+
+    The one SYNC of a period is of all pads.
+    """
+    code, out = check(capsys, 'sim16x16.yaml', '--pads', pads, '--sync-period', period, '--json')
+    found = json.loads(out)
+    assert found['pads'] == pads and found['load'][f'{1 / period:g} Hz'] == pytest.approx(load)
+    assert found['highest_sweep_rate'] == pytest.approx(1 / (load * period))
+    assert code == warns and len(found['warnings']) == warns
+
+
+@pytest.mark.parametrize('words', [('--pads', '0'), ('--sync-period', '0'), ('--sync-period', 'nan')])
+def test_a_use_that_is_none_is_refused(words):
+    assert main(['check', 'sim16x16.yaml', *words]) == 2

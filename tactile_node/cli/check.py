@@ -9,8 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.bus.bus_settings import DEFAULT_BITRATE
-from tactile_node.bus.sweep_bits import sweep_bits
+from tactile_node.bus.planned_load import MOST_LOAD, planned_load, sweep_period
+from tactile_node.bus.sweep_bits import sweep_bits, tpdo_bits
 from tactile_node.errors import ConfigurationError
+from tactile_node.frames.fault_text import load_text
 from tactile_node.package_files import config_path
 from tactile_node.skin.eds import load_eds
 from tactile_node.skin.eds_rules import eds_problems
@@ -22,10 +24,17 @@ from tactile_node.yaml_section import line_of
 
 NODE_ID = 32               #: that the EDS is read for
 PITCHES = 0.0003, 0.025    #: of skins on the market, with room [m]
-MOST_LOAD = 0.9            #: of the bus's time; beyond, other traffic delays sweeps
 PERIODS = (0.02, 0.01, 0.005)  #: between two SYNCs, of which the load is given [s]
 WIDEST_MAP = 120           #: columns of a map that a terminal shows
 MAPPED, UNMAPPED, DEAD = '#', '.', 'x'
+
+
+class Use(NamedTuple):
+    """How the pads of a layout are to be used on their bus."""
+
+    bitrate: int = DEFAULT_BITRATE
+    pads: int = 1
+    sync_period: float = PERIODS[0]  #: [s]
 
 
 class Found(NamedTuple):
@@ -43,23 +52,37 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('layout', help='skin layout: a file, or a name in config/')
     parser.add_argument('eds', nargs='?', default='', help="EDS (default: the layout's name with .eds)")
     parser.add_argument('--bitrate', type=int, default=DEFAULT_BITRATE, help='of the bus [bit/s], default %(default)s')
+    parser.add_argument('--pads', type=int, default=1, help='of this layout on the bus, default %(default)s')
+    parser.add_argument('--sync-period', type=float, default=PERIODS[0], metavar='S',
+                        help='between two SYNCs, at which the bus has to carry the pads, default %(default)s')
     parser.add_argument('--json', action='store_true', help='one JSON object')
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print what was found; 2 for a layout that the driver would refuse, 1 for warnings."""
-    if args.bitrate < 1:
-        raise ConfigurationError('--bitrate', expected='a number > 0', got=str(args.bitrate), remedy='In bit/s.')
-    found = checked(args.layout, args.eds, args.bitrate)
+    use = _use(args)
+    found = checked(args.layout, args.eds, use)
     if args.json:
-        print(json.dumps(as_json(found, args.bitrate)))
+        print(json.dumps(as_json(found, use)))
     else:
-        print('\n'.join(_text(found, args.bitrate)))
+        print('\n'.join(_text(found, use)))
     return 2 if found.errors else 1 if found.warnings else 0
 
 
-def checked(layout_name: str, eds: str, bitrate: int) -> Found:
+def _use(args: argparse.Namespace) -> Use:
+    """Raises ConfigurationError."""
+    if args.bitrate < 1:
+        raise ConfigurationError('--bitrate', expected='a number > 0', got=str(args.bitrate), remedy='In bit/s.')
+    if args.pads < 1:
+        raise ConfigurationError('--pads', expected='a number > 0', got=str(args.pads), remedy='Those on one bus.')
+    if not 0 < args.sync_period < float('inf'):
+        raise ConfigurationError('--sync-period', expected='a time > 0 s', got=f'{args.sync_period:g}',
+                                 remedy='In seconds: 0.01 for 100 Hz.')
+    return Use(args.bitrate, args.pads, args.sync_period)
+
+
+def checked(layout_name: str, eds: str, use: Use) -> Found:
     """Check a layout and its EDS, all rules of both."""
     try:
         layout = read_layout(layout_name)
@@ -72,32 +95,35 @@ def checked(layout_name: str, eds: str, bitrate: int) -> Found:
     except ConfigurationError as error:
         errors.append(error)
     lines = {number: _line(layout_name, error) for number, error in enumerate(errors)}
-    return Found(layout, errors, _warnings(layout, bitrate), lines)
+    return Found(layout, errors, _warnings(layout, use), lines)
 
 
-def as_json(found: Found, bitrate: int) -> dict:
+def as_json(found: Found, use: Use) -> dict:
     """Return all facts by name; null for what is not known."""
     errors = [{'where': error.where, 'line': found.lines[number], 'expected': error.expected, 'got': error.got,
                'remedy': error.remedy} for number, error in enumerate(found.errors)]
-    return {'errors': errors, 'warnings': found.warnings, **(_facts(found.layout, bitrate) if found.layout else {})}
+    return {'errors': errors, 'warnings': found.warnings, **(_facts(found.layout, use) if found.layout else {})}
 
 
-def _facts(layout: SkinLayout, bitrate: int) -> dict:
-    bits, kinds = sweep_bits(layout), _map(layout)
+def _facts(layout: SkinLayout, use: Use) -> dict:
+    bits, kinds, loads = sweep_bits(layout), _map(layout), _loads(layout, use)
     return {'rows': layout.rows, 'cols': layout.cols, 'pitch': layout.pitch, 'unit': layout.value.unit,
             'nodes': layout.nodes, 'tpdos': len(layout.tpdos), 'polled': layout.domain is not None,
             'unmapped_taxels': int((kinds == UNMAPPED).sum()), 'dead_taxels': int((kinds == DEAD).sum()),
-            'sweep_bits': bits or None, 'highest_sweep_rate': bitrate / bits if bits else None,
+            'sweep_bits': bits or None, 'pads': use.pads,
+            'highest_sweep_rate': use.bitrate / (bits + (use.pads - 1) * tpdo_bits(layout)) if bits else None,
             'event_driven': layout.event_driven is not None,
-            'load': {f'{1 / period:g} Hz': bits / bitrate / period for period in _periods(layout)} if bits else None}
+            'load': {f'{1 / period:.4g} Hz': load for period, load in loads.items()} if bits else None}
 
 
-def _periods(layout: SkinLayout) -> tuple[float, ...]:
-    """Between two sweeps; without SYNC the device's own, beside what it sends more because of changes [s]."""
-    return PERIODS if layout.event_driven is None else (layout.event_driven.period,)
+def _loads(layout: SkinLayout, use: Use) -> dict[float, float]:
+    """Of the bus, by the time between two sweeps [s]; without SYNC that is the device's own."""
+    periods = (use.sync_period, *PERIODS) if layout.event_driven is None else (layout.event_driven.period,)
+    return {period: planned_load([layout] * use.pads, use.bitrate, period)
+            for period in sorted(set(periods), reverse=True)}
 
 
-def _warnings(layout: SkinLayout, bitrate: int) -> list[str]:
+def _warnings(layout: SkinLayout, use: Use) -> list[str]:
     found, unmapped = [], np.argwhere(_map(layout) == UNMAPPED)
     if len(unmapped):
         row, col = unmapped[0]
@@ -108,10 +134,10 @@ def _warnings(layout: SkinLayout, bitrate: int) -> list[str]:
     written = Path(layout.source).read_text(encoding='utf-8').splitlines()
     if unfilled := [number for number, line in enumerate(written, 1) if f'# {FILL_IN}' in line]:
         found.append(f'marked {FILL_IN} are the lines {", ".join(map(str, unfilled))}')
-    event, period = layout.event_driven, _periods(layout)[0]
-    load = sweep_bits(layout) / bitrate / period
+    event, period = layout.event_driven, sweep_period(layout, use.sync_period)
+    load = planned_load([layout] * use.pads, use.bitrate, use.sync_period)
     if load > MOST_LOAD:
-        found.append(f'at {1 / period:g} sweeps a second the bus would be busy for {load:.0%} of the time')
+        found.append(f'at {1 / period:.4g} sweeps a second {load_text(load, use.pads)}')
     elif event is not None and event.is_sweeps and load * period > event.sweep_time:
         found.append(f'a sweep takes {1000 * load * period:.1f} ms, and {1000 * event.sweep_time:.1f} ms are left for '
                      'it: TPDOs that come later are not recognised as part of it. Send less often, or with SYNC')
@@ -130,10 +156,10 @@ def _map(layout: SkinLayout) -> np.ndarray:
     return kinds
 
 
-def _text(found: Found, bitrate: int) -> list[str]:
+def _text(found: Found, use: Use) -> list[str]:
     lines = []
     if found.layout is not None:
-        lines += _described(found.layout, bitrate)
+        lines += _described(found.layout, use)
     for number, error in enumerate(found.errors):
         line = found.lines[number]
         lines.append(f'ERROR{f" in line {line}" if line else ""}: {error}')
@@ -141,8 +167,8 @@ def _text(found: Found, bitrate: int) -> list[str]:
     return [*lines, f'errors: {len(found.errors)}, warnings: {len(found.warnings)}']
 
 
-def _described(layout: SkinLayout, bitrate: int) -> list[str]:
-    facts, kinds = _facts(layout, bitrate), _map(layout)
+def _described(layout: SkinLayout, use: Use) -> list[str]:
+    facts, kinds = _facts(layout, use), _map(layout)
     carrier = 'one DOMAIN, polled by SDO' if layout.domain else f'{len(layout.tpdos)} CAN frames a sweep'
     lines = [f'{layout.source}: {layout.rows} x {layout.cols} taxels, pitch {1000 * layout.pitch:g} mm, in '
              f'{layout.value.unit}; {layout.nodes} node{"s" * (layout.nodes > 1)}, {carrier}']
@@ -150,7 +176,8 @@ def _described(layout: SkinLayout, bitrate: int) -> list[str]:
         loads = ', '.join(f'{load:.0%} at {rate}' for rate, load in facts['load'].items())
         if layout.event_driven:
             loads += ' without SYNC' if layout.event_driven.is_sweeps else ' by event timer, and more with changes'
-        lines.append(f'load of the bus at {bitrate / 1e6:g} Mbit/s: {loads}; highest rate '
+        pads = f' with {use.pads} pads' if use.pads > 1 else ''
+        lines.append(f'load of the bus at {use.bitrate / 1e6:g} Mbit/s{pads}: {loads}; highest rate '
                      f'{facts["highest_sweep_rate"]:.0f} sweeps a second')
     if layout.cols <= WIDEST_MAP:
         lines += [f'map ({MAPPED} taxel, {UNMAPPED} none, {DEAD} dead), row 0 first:', *map(''.join, kinds)]

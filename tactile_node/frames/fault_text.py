@@ -137,6 +137,16 @@ def sync_text(sync: SyncState) -> str:
         f': {sync.foreign} SYNCs so far' if sync.period is None else f': {1e3 * sync.period:.1f} ms')
 
 
+def load_text(load: float, pads: int) -> str:
+    """That ``pads`` take the share ``load`` of a bus's time, and whether it can carry them; without a full stop.
+
+    >>> load_text(1.3015, 3)
+    'the bus would be busy for 130 % of the time with 3 pads, more than it can carry'
+    """
+    beyond = ', more than it can carry' if load > 1 else ''
+    return f'the bus would be busy for {100 * load:.0f} % of the time with {pads} pad{"s" * (pads > 1)}{beyond}'
+
+
 def reaction_text(fault: NodeFault) -> str:
     """What the driver does about it."""
     return REACTIONS.get(fault, CONFIGURED)

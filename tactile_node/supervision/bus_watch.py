@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 from tactile_node.bus.bus_load import BusLoad
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_settings import BusSettings
-from tactile_node.frames.fault_text import OVERLOAD_PHRASES, command_text, sync_text
+from tactile_node.bus.planned_load import MOST_LOAD, planned_load
+from tactile_node.frames.fault_text import OVERLOAD_PHRASES, command_text, load_text, sync_text
 from tactile_node.frames.health import Overload, SyncState
 from tactile_node.frames.losses import BusStatistics
 from tactile_node.skin.pads import LivePad
@@ -26,6 +27,8 @@ class BusWatch:
         self._monitor = monitor
         self._is_producer = settings.produce_sync
         self._needs_sync = any(pad.layout.needs_sync for pad in pads)
+        self._pads = len(pads)
+        self._planned_load = planned_load((pad.layout for pad in pads), settings.bitrate, settings.sync_period)
         self._load = BusLoad(settings.bitrate)
         self._sync = SyncWatch(settings.produce_sync, settings.sync_period)
         self._overload = OverloadWatch(put, data_timeout / 2)
@@ -50,6 +53,12 @@ class BusWatch:
     def set_timeout(self, data: float) -> None:
         """How long a node may be without data [s]."""
         self._overload.limit = data / 2
+
+    def opened(self) -> None:
+        """The bus was opened for the first time: log what its pads ask of it, where that is much."""
+        if self._planned_load > MOST_LOAD:
+            logger.warning('By layouts and sync_period %s. Raise sync_period, or give some of them another bus.',
+                           load_text(self._planned_load, self._pads), extra={'fact': self._planned_load})
 
     def closed(self) -> None:
         """The bus is closed, or does not work."""

@@ -71,6 +71,7 @@ class Supervisor:
         with self._turn:
             self._bus.open()
             if self._thread is None:
+                self._watch.opened()
                 self._begin()
                 self._closing.clear()
                 self._thread = threading.Thread(target=self._supervise, name='supervisor', daemon=True)

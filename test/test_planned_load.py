@@ -1,0 +1,46 @@
+"""What the pads of a bus ask of it: who plans too many is warned before any frame is lost.
+
+Bit counts of ISO 11898-1: a standard data frame of n bytes has 34 + 8 n bits that are stuffed (start bit, identifier,
+RTR, IDE, r0, DLC, data, CRC), at most one stuff bit for the first five and each four after them, and 13 bits that are
+not: n = 8: 98 + 24 + 13.
+"""
+
+import logging
+
+import pytest
+
+from tactile_node.bus.bus_settings import BusSettings
+from tactile_node.bus.planned_load import planned_load
+from tactile_node.skin.layout_file import load_layout
+from tactile_node.skin.pads import make_pad
+from tactile_node.supervision.supervisor import Supervisor
+
+FRAME, SYNC = 98 + 24 + 13, 34 + 8 + 13
+NODE_IDS = 32, 40, 48, 56
+
+
+@pytest.mark.parametrize('pads, rate', [(1, 50), (4, 50), (2, 100), (3, 100)])
+def test_each_pad_takes_its_frames_and_all_share_one_sync(pads, rate):
+    layouts = [load_layout('sim16x16.yaml')] * pads
+    assert planned_load(layouts, 1_000_000, 1 / rate) == pytest.approx(rate * (SYNC + pads * 32 * FRAME) / 1e6)
+    assert planned_load(layouts, 500_000, 1 / rate) == pytest.approx(2 * rate * (SYNC + pads * 32 * FRAME) / 1e6)
+
+
+def test_a_pad_without_sync_sends_at_its_own_time_beside_one_with_sync():
+    """event8x8_16bit.yaml: 16 frames of 8 bytes each 50 ms."""
+    layouts = [load_layout('sim16x16.yaml'), load_layout('event8x8_16bit.yaml')]
+    assert planned_load(layouts, 1_000_000, 0.01) == pytest.approx((100 * (SYNC + 32 * FRAME) + 20 * 16 * FRAME) / 1e6)
+    assert planned_load(layouts[1:], 1_000_000, 0.01) == pytest.approx(20 * 16 * FRAME / 1e6)
+
+
+@pytest.mark.parametrize('pads, rate, load', [(1, 50, None), (4, 50, None), (3, 100, 1.3015), (4, 100, 1.7335)])
+def test_the_driver_starts_and_warns_of_pads_that_its_bus_cannot_carry(pads, rate, load, caplog):
+    """Whoever reads only the log learns it before the first frame is missing; the rest is the status."""
+    settings = BusSettings('virtual', f'planned{pads}at{rate}', sync_period=1 / rate)
+    placed = tuple(make_pad(f'pad{node_id}', node_id, 'sim16x16.yaml') for node_id in NODE_IDS[:pads])
+    bus = Supervisor(settings, placed, lambda name, frame: None)
+    with caplog.at_level(logging.WARNING):
+        bus.open()
+        bus.close()
+    facts = [record.fact for record in caplog.records if hasattr(record, 'fact')]
+    assert facts == ([] if load is None else [pytest.approx(load)])
