@@ -30,6 +30,21 @@ class Processes(Enum):
     EACH = 'each'
 
 
+class Side(Enum):
+    """Where a node runs when its bus and those who use the skin are on two hosts."""
+
+    BUS = 'bus'                #: the host with the CAN adapter
+    PERCEPTION = 'perception'  #: any host; needs neither bus nor layout
+
+
+class Split(Enum):
+    """The topic of a pad between the two sides."""
+
+    TAXELS = 'taxels'
+    CONTACT = 'contact'
+
+
+BUS_SIDE = {Split.TAXELS: (Role.DRIVER,), Split.CONTACT: (Role.DRIVER, Role.PROCESSOR)}
 NODE_NAMES = {Role.DRIVER: 'skin_driver', Role.PROCESSOR: 'processor', Role.CLASSIFIER: 'classifier',
               Role.GRASP: 'grasp'}
 #: The topics that come frame by frame: name relative to the pad, type. `pose` and `shapes` come too; `features`,
@@ -101,14 +116,28 @@ def chosen(nodes: Iterable[NodeDescription], labels: Sequence[str]) -> tuple[Nod
     return tuple(by_label[label] for label in labels)
 
 
+def roles_of(side: Side, split: Split) -> tuple[Role, ...]:
+    """Return what runs on ``side``.
+
+    >>> [role.value for role in roles_of(Side.PERCEPTION, Split.CONTACT)]
+    ['classifier', 'grasp']
+    """
+    return tuple(role for role in Role if (role in BUS_SIDE[split]) is (side is Side.BUS))
+
+
+def of_side(nodes: Iterable[NodeDescription], side: Side, split: Split) -> tuple[NodeDescription, ...]:
+    """Return the nodes that run on ``side``, in their order."""
+    return tuple(node for node in nodes if node.role in roles_of(side, split))
+
+
 def in_processes(nodes: Sequence[NodeDescription], processes: Processes) -> tuple[tuple[NodeDescription, ...], ...]:
     """Return the nodes of each process, that of the driver last."""
     if processes is Processes.ONE:
         return (tuple(nodes),)
     if processes is Processes.EACH:
         return tuple((node,) for node in nodes)
-    *others, driver = nodes
-    return (tuple(others), (driver,))
+    drivers, others = of_side(nodes, Side.BUS, Split.TAXELS), of_side(nodes, Side.PERCEPTION, Split.TAXELS)
+    return tuple(part for part in (others, drivers) if part)
 
 
 def frame_topics(pads: Sequence[str], namespace: str = '') -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""The launch file starts `tactile bringup`: which processes, with what, and what happens when one ends.
+"""The launch files start `tactile bringup`: which processes, with what, and what happens when one ends.
 
 `launch` and `launch_ros` are not on PyPI. Where a ROS installation has them, the last tests launch really; elsewhere
 these are skipped, and a stand-in shows what the file would start.
@@ -10,113 +10,60 @@ import signal
 import subprocess
 import sys
 import time
-from importlib.util import find_spec, module_from_spec, spec_from_file_location
+from importlib.util import find_spec
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 
 import pytest
+from launch_stand_in import actions, declared, nodes_of, processes, put_stand_ins
 
-from tactile_node.cli.bringup import described
 from tactile_node.cli.main import _parser
-from tactile_node.node_graph import bus_nodes
+from tactile_node.launching.arguments import OPTIONS, arguments
+from tactile_node.node_graph import Side, bus_nodes
 
 ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / 'launch' / 'bringup.launch.py'
 GRIPPER = {'pads': 'left, right', 'node_id': '32,0x40'}
+FILES = {'bringup.launch.py': None, 'bus.launch.py': Side.BUS, 'perception.launch.py': Side.PERCEPTION}
 SPREADS = ('one', 'driver_apart', 'each')
 
 
-class Recorded:
-    """Stands for a class of `launch` or `launch_ros`: what it is made with is kept."""
-
-    def __init__(self, *given, **named):
-        self.given, self.named = given, named
-
-
-class Configuration(Recorded):
-    def perform(self, context):
-        return context[self.given[0]]
-
-
-class Logger:
-    def __init__(self):
-        self.errors = []
-
-    def get_logger(self, name):
-        return SimpleNamespace(error=self.errors.append)
-
-
-MODULES = {
-    'launch': ['LaunchDescription'], 'launch.logging': [], 'launch.event_handlers': ['OnProcessExit'],
-    'launch.actions': ['DeclareLaunchArgument', 'EmitEvent', 'OpaqueFunction', 'RegisterEventHandler'],
-    'launch.events': ['Shutdown'], 'launch.substitutions': ['LaunchConfiguration'], 'launch_ros': [],
-    'launch_ros.actions': ['Node']}
-
-
 @pytest.fixture
-def launch_file(monkeypatch):
-    """The file as a module, beside stand-ins; ``errors`` are those it has logged."""
-    logger = Logger()
-    for name, classes in MODULES.items():
-        module = ModuleType(name)
-        for each in classes:
-            base = Configuration if each == 'LaunchConfiguration' else Recorded
-            setattr(module, each, type(each, (base,), {}))
-        monkeypatch.setitem(sys.modules, name, module)
-    sys.modules['launch'].logging = sys.modules['launch.logging']
-    sys.modules['launch.logging'].get_logger = logger.get_logger
-    spec = spec_from_file_location('bringup_launch', FILE)
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    module.errors = logger.errors
-    return module
+def errors(monkeypatch):
+    """The errors that launch was given to log."""
+    return put_stand_ins(monkeypatch)
 
 
-def actions(launch_file, **given):
-    return launch_file.bringup({name: argument[0] for name, argument in launch_file.ARGUMENTS.items()} | given)
+@pytest.mark.parametrize(('file', 'side'), FILES.items())
+def test_a_launch_file_declares_its_arguments(errors, file, side):
+    found, _ = declared(FILE.with_name(file))
+    assert [action.given[0] for action in found] == list(arguments(side))
+    assert all(len(action.named['description']) > 10 for action in found)
 
 
-def processes(launch_file, **given):
-    found = [action.named for action in actions(launch_file, **given) if type(action).__name__ == 'Node']
-    assert all(each['package'] == 'tactile_skin' and each['executable'] == 'tactile' for each in found)
-    return found
-
-
-def nodes_of(process, namespace=''):
-    """The nodes that the process makes, by the real command's own reading of its arguments."""
-    return described(_parser('bringup').parse_args(process['arguments']), namespace)
-
-
-def test_the_launch_file_declares_its_arguments(launch_file):
-    declared = [action for action in launch_file.generate_launch_description().given[0]
-                if type(action).__name__ == 'DeclareLaunchArgument']
-    assert [action.given[0] for action in declared] == list(launch_file.ARGUMENTS)
-    assert all(len(action.named['description']) > 10 for action in declared)
-
-
-def test_every_option_is_one_of_the_command(launch_file):
+def test_every_option_is_one_of_the_command():
     parser = _parser('bringup')
     command = next(action for action in parser._actions if action.choices).choices['bringup']
-    for name in launch_file.OPTIONS:
+    for name in OPTIONS:
         assert f'--{name.replace("_", "-")}' in command._option_string_actions
 
 
-def test_the_opening_of_the_gripper_is_given_to_the_grasp_alone(launch_file):
+def test_the_opening_of_the_gripper_is_given_to_the_grasp_alone(errors):
     given = {'gap_source': 'joint_states', 'gap_joints': 'finger_left, finger_right', 'gap_scale': '-0.5',
              'gap_offset': '0.08', 'publish_pad_frames': 'true', 'frame_ids': 'a,b'}
-    process, = processes(launch_file, **GRIPPER, **given)
+    process, = processes(FILE, **GRIPPER, **given)
     grasp = {'gap_source': 'joint_states', 'gap_joints': ['finger_left', 'finger_right'], 'gap_scale': -0.5,
              'gap_offset': 0.08, 'publish_pad_frames': True, 'pad_frames': ['a', 'b']}
     found = {node.label: node.parameters for node in nodes_of(process)}
     assert {name: found['grasp'].get(name) for name in grasp} == grasp
     assert not any(grasp.keys() & parameters.keys() for label, parameters in found.items() if label != 'grasp')
-    process, = processes(launch_file, **GRIPPER, gap_source='tf', gap_frames='l,r')
+    process, = processes(FILE, **GRIPPER, gap_source='tf', gap_frames='l,r')
     assert {'gap_source': 'tf', 'gap_frames': ['l', 'r']}.items() <= {
         node.label: node.parameters for node in nodes_of(process)}['grasp'].items()
 
 
-def test_taught_shapes_are_given_to_the_classifiers_alone(launch_file):
-    process, = processes(launch_file, **GRIPPER, model='/home/me/my shapes.npz', method='learned')
+def test_taught_shapes_are_given_to_the_classifiers_alone(errors):
+    process, = processes(FILE, **GRIPPER, model='/home/me/my shapes.npz', method='learned')
     found = {node.label: node.parameters for node in nodes_of(process)}
     assert {label for label, parameters in found.items() if 'model' in parameters} == {
         'left/classifier', 'right/classifier'}
@@ -124,17 +71,17 @@ def test_taught_shapes_are_given_to_the_classifiers_alone(launch_file):
     assert found['left/classifier']['method'] == 'learned'
 
 
-def test_a_replay_gives_the_time_on_request(launch_file):
-    process, = processes(launch_file, **GRIPPER, replay='session.log', publish_clock='true')
+def test_a_replay_gives_the_time_on_request(errors):
+    process, = processes(FILE, **GRIPPER, replay='session.log', publish_clock='true')
     driver = {node.label: node.parameters for node in nodes_of(process)}['skin_driver']
     assert driver['publish_clock'] is True and driver['replay'] == 'session.log'
 
 
 @pytest.mark.parametrize('spread', SPREADS)
-def test_all_processes_together_run_the_nodes_of_the_bus_with_their_parameters(launch_file, spread):
+def test_all_processes_together_run_the_nodes_of_the_bus_with_their_parameters(errors, spread):
     given = GRIPPER | {'interface': 'virtual', 'bitrate': '500000', 'autostart': 'false', 'gap': '0.04',
                        'layout': 'sim8x8_16bit.yaml', 'frame_prefix': 'robot1/', 'use_sim_time': 'true'}
-    found = [node for process in processes(launch_file, **given, processes=spread) for node in nodes_of(process)]
+    found = [node for process in processes(FILE, **given, processes=spread) for node in nodes_of(process)]
     every = {'use_sim_time': True}
     driver = {'interface': 'virtual', 'bitrate': 500000, 'autostart': False, 'layouts': ['sim8x8_16bit.yaml'],
               'node_ids': [32, 64], 'frame_prefix': 'robot1/'}
@@ -142,28 +89,28 @@ def test_all_processes_together_run_the_nodes_of_the_bus_with_their_parameters(l
                                    grasp={'gap': 0.04, 'frame_prefix': 'robot1/'}))
 
 
-def test_the_namespace_is_that_of_the_process_below_the_pushed_one(launch_file):
-    process, = processes(launch_file, **GRIPPER, namespace='hand')
+def test_the_namespace_is_that_of_the_process_below_the_pushed_one(errors):
+    process, = processes(FILE, **GRIPPER, namespace='hand')
     assert process['namespace'] == 'hand'  # launch_ros passes /robot/hand as the rule __ns, see test_bringup.py
     assert 'name' not in process
-    assert processes(launch_file, **GRIPPER)[0]['namespace'] is None
+    assert processes(FILE, **GRIPPER)[0]['namespace'] is None
 
 
 @pytest.mark.parametrize('spread', SPREADS)
-def test_the_simulated_skin_is_part_of_the_drivers_process(launch_file, spread):
-    found = processes(launch_file, **GRIPPER, simulate='true', processes=spread)
+def test_the_simulated_skin_is_part_of_the_drivers_process(errors, spread):
+    found = processes(FILE, **GRIPPER, simulate='true', processes=spread)
     driver = nodes_of(found[-1])[-1]
     assert (driver.name, driver.parameters['interface']) == ('skin_driver', 'virtual')
 
 
-def test_a_replay_runs_in_one_process_so_that_its_end_is_known(launch_file):
-    process, = processes(launch_file, **GRIPPER, replay='/tmp/session.log', processes='each')
+def test_a_replay_runs_in_one_process_so_that_its_end_is_known(errors):
+    process, = processes(FILE, **GRIPPER, replay='/tmp/session.log', processes='each')
     nodes = nodes_of(process)
     assert len(nodes) == 6 and all(node.parameters['lossless'] is True for node in nodes)
 
 
-def test_every_process_ends_with_the_launch(launch_file):
-    for process in processes(launch_file, **GRIPPER, processes='each'):
+def test_every_process_ends_with_the_launch(errors):
+    for process in processes(FILE, **GRIPPER, processes='each'):
         assert process['arguments'][-1] == f'--end-with={os.getpid()}'
 
 
@@ -173,17 +120,17 @@ def test_every_process_ends_with_the_launch(launch_file):
     ('', ['ros2', 'launch', str(FILE)], False, True),
     ('keep', ['ros2', 'launch', str(FILE)], False, False),
     ('respawn', [], True, False), ('shutdown', [], False, True)])
-def test_what_happens_when_a_process_ends(launch_file, monkeypatch, on_exit, words, respawns, ends):
+def test_what_happens_when_a_process_ends(errors, monkeypatch, on_exit, words, respawns, ends):
     monkeypatch.setattr(sys, 'argv', words)
-    found = actions(launch_file, **GRIPPER, processes='driver_apart', on_exit=on_exit)
+    found = actions(FILE, **GRIPPER, processes='driver_apart', on_exit=on_exit)
     nodes = [action for action in found if type(action).__name__ == 'Node']
     handlers = [action.given[0].named for action in found if type(action).__name__ == 'RegisterEventHandler']
     assert [node.named['respawn'] for node in nodes] == [respawns] * 2
     assert [handler['target_action'] for handler in handlers] == (nodes if ends else [])
 
 
-def test_shutdown_fails_with_a_failed_process_and_not_with_one_that_ended(launch_file):
-    _, handler = actions(launch_file, on_exit='shutdown')
+def test_shutdown_fails_with_a_failed_process_and_not_with_one_that_ended(errors):
+    _, handler = actions(FILE, on_exit='shutdown')
     ended = handler.given[0].named['on_exit']
     event = SimpleNamespace(returncode=2, process_name='tactile-1')
     with pytest.raises(RuntimeError, match='tactile-1 has failed, code 2'):
@@ -194,22 +141,22 @@ def test_shutdown_fails_with_a_failed_process_and_not_with_one_that_ended(launch
 
 
 @pytest.mark.parametrize('spread', SPREADS)
-def test_duplicate_pads_are_one_error_and_leave_the_robots_other_nodes_alone(launch_file, spread):
+def test_duplicate_pads_are_one_error_and_leave_the_robots_other_nodes_alone(errors, spread):
     given = {'pads': 'left,left', 'node_id': '32,64', 'processes': spread}
-    assert actions(launch_file, **given, on_exit='keep') == []
-    assert len(launch_file.errors) == 1 and 'left, left' in launch_file.errors[0]
+    assert actions(FILE, **given, on_exit='keep') == []
+    assert len(errors) == 1 and 'left, left' in errors[0]
     with pytest.raises(RuntimeError, match='left, left'):
-        actions(launch_file, **given, on_exit='shutdown')
+        actions(FILE, **given, on_exit='shutdown')
 
 
 @pytest.mark.parametrize('page', ['README.md', 'docs/launch.md', 'docs/hardware.md', 'examples/tactile_skin.service'])
-def test_every_argument_that_a_page_names_exists(launch_file, page):
+def test_every_argument_that_a_page_names_exists(page):
     pytest.importorskip('rclpy')
     from tactile_node.ros.parameters import table
     from tactile_node.ros.settings import DriverSettings, GraspNodeSettings
     words = set(re.findall(r'\b([a-z]\w+):=', (ROOT / page).read_text(encoding='utf-8')))
     parameters = {row.name for settings in (DriverSettings, GraspNodeSettings) for row in table(settings)}
-    assert words and words <= {*launch_file.ARGUMENTS, *parameters}
+    assert words and words <= {*arguments(None), *arguments(Side.BUS), *parameters}
 
 
 def test_the_service_ends_with_a_failed_process():

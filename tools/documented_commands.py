@@ -118,8 +118,12 @@ def problem(command: Command) -> str | None:
     if words[0].startswith('python') and words[1].endswith('.py') and not (ROOT / words[1]).is_file():
         return f'no file {words[1]}'
     if words[:3] == ['ros2', 'launch', 'tactile_skin']:
-        arguments = re.findall(r"^    '(\w+)': \(", (ROOT / 'launch' / words[3]).read_text(encoding='utf-8'), re.M)
-        unknown = [word for word in words[4:] if ':=' in word and word.split(':=')[0] not in arguments]
+        if not (ROOT / 'launch' / words[3]).is_file():
+            return f'no launch file {words[3]}'
+        from tactile_node.launching.arguments import arguments
+        from tactile_node.node_graph import Side
+        side = next((side for side in Side if words[3].startswith(side.value)), None)
+        unknown = [word for word in words[4:] if ':=' in word and word.split(':=')[0] not in arguments(side)]
         return f'no launch argument {unknown}' if unknown else None
     return None
 

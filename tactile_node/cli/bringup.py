@@ -1,9 +1,10 @@
-"""`tactile bringup`: the ROS 2 nodes of one bus in one process; `bringup.launch.py` starts the same."""
+"""`tactile bringup`: the ROS 2 nodes of one bus, or of one side of it, in one process; the launch files start it."""
 
 import argparse
 import os
 from contextlib import ExitStack
 
+from tactile_node.cli.bringup_nodes import BY_DEFAULT, SIMULATED_CHANNEL, described
 from tactile_node.cli.options import (
     add_bus_options,
     add_skin_options,
@@ -18,21 +19,9 @@ from tactile_node.cli.options import (
 )
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption, stop_with
-from tactile_node.node_graph import NodeDescription, ParameterValue, Role, bus_nodes, chosen
+from tactile_node.node_graph import Role, Side, Split
 from tactile_node.ros.global_names import without_global_names
 from tactile_node.shape.method_names import DEFAULT, FILES
-
-SIMULATED_CHANNEL = 'tactile_bringup'
-#: option -> parameter of the driver, of the classifiers, of the grasp, of all nodes
-DRIVER = {'interface': 'interface', 'channel': 'channel', 'bitrate': 'bitrate', 'record': 'record', 'replay': 'replay',
-          'replay_channel': 'replay_channel', 'publish_clock': 'publish_clock', 'pace': 'replay_pace',
-          'node_id': 'node_ids', 'layout': 'layouts', 'eds': 'eds', 'frame_ids': 'frame_ids',
-          'frame_prefix': 'frame_prefix', 'autostart': 'autostart', 'wait_at_start': 'wait_at_start'}
-CLASSIFIER = {'method': 'method', 'model': 'model'}
-GRASP = {'grasp_frame': 'frame_id', 'frame_prefix': 'frame_prefix', 'frame_ids': 'pad_frames', 'gap': 'gap',
-         'gap_source': 'gap_source', 'gap_joints': 'gap_joints', 'gap_frames': 'gap_frames', 'gap_scale': 'gap_scale',
-         'gap_offset': 'gap_offset', 'publish_pad_frames': 'publish_pad_frames'}
-EVERY = {'use_sim_time': 'use_sim_time'}
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
@@ -49,10 +38,11 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--use-sim-time', type=switch, metavar='BOOL', help='take the time from /clock')
     parser.add_argument('--record', help='file to record the bus to; an existing one is kept, the new one numbered')
     source = parser.add_mutually_exclusive_group()
-    source.add_argument('--simulate', type=switch, nargs='?', const=True, default=False, metavar='BOOL',
-                        help='a simulated skin in place of the bus (--interface and --channel are ignored)')
+    source.add_argument('--simulate', type=switch, nargs='?', const=True, default=BY_DEFAULT['simulate'],
+                        metavar='BOOL', help='a simulated skin in place of the bus (--interface and --channel are '
+                        'ignored)')
     source.add_argument('--replay', metavar='LOG', help='play a recorded CAN log in place of the bus, then end')
-    parser.add_argument('--pace', '--replay-pace', type=pace,
+    parser.add_argument('--replay-pace', '--pace', type=pace,
                         help='speed of the replay, 1 = as recorded (default), 0 = as fast as possible')
     parser.add_argument('--publish-clock', type=switch, metavar='BOOL',
                         help='the replay publishes the time of the log on /clock')
@@ -88,12 +78,17 @@ def _add_recognition_options(parser: argparse.ArgumentParser) -> None:
 
 def _add_process_options(parser: argparse.ArgumentParser) -> None:
     by_file = 'empty: as the parameter file has it'
-    parser.add_argument('--autostart', type=switch_or_file, default=True, metavar='BOOL',
+    parser.add_argument('--autostart', type=switch_or_file, default=BY_DEFAULT['autostart'], metavar='BOOL',
                         help=f'configure and activate the driver at start (default: true; {by_file})')
-    parser.add_argument('--wait-at-start', type=switch_or_file, default=False, metavar='BOOL',
+    parser.add_argument('--wait-at-start', type=switch_or_file, default=BY_DEFAULT['wait_at_start'], metavar='BOOL',
                         help=f'wait for a missing bus or device (default: false, which is an error; {by_file})')
-    parser.add_argument('--only', type=names, metavar='NODE,...', help='only these nodes of the bus, as '
-                        'left/processor,left/classifier or skin_driver; others run in other processes')
+    part = parser.add_mutually_exclusive_group()
+    part.add_argument('--only', type=names, metavar='NODE,...', help='only these nodes of the bus, as '
+                      'left/processor,left/classifier or skin_driver; others run in other processes')
+    part.add_argument('--side', choices=[side.value for side in Side], help='only the nodes of the host with the CAN '
+                      'adapter, or only those that make shapes and grasps of taxels, on any host')
+    parser.add_argument('--split', choices=[split.value for split in Split], help='the topic between the two sides, '
+                        f'the same on both (default: {Split.TAXELS.value}, processors on the side of perception)')
     parser.add_argument('--end-with', type=process_id, metavar='PID', help='end when this process ends')
     parser.add_argument('--ros-args', nargs=argparse.REMAINDER, default=[], help='ROS arguments, for all nodes')
 
@@ -117,28 +112,6 @@ def run(args: argparse.Namespace) -> int:
             return play(system, spinner, stop_requested)
         wait(spinner, stop_requested)
         return 0
-
-
-def described(args: argparse.Namespace, namespace: str) -> tuple[NodeDescription, ...]:
-    """The nodes of this process, with the parameters that were given. Raises ConfigurationError."""
-    if args.replay and args.only:
-        raise ConfigurationError('--replay', expected='all nodes of the bus in one process', got='--only',
-                                 remedy='Leave out --only (in a launch: processes:=one).')
-    every = _parameters(args, EVERY) | ({'lossless': True} if args.replay else {})
-    nodes = bus_nodes(args.pads, driver=_driver_parameters(args), every=every,
-                      classifier=_parameters(args, CLASSIFIER), grasp=_parameters(args, GRASP), namespace=namespace)
-    return chosen(nodes, args.only) if args.only else nodes
-
-
-def _driver_parameters(args: argparse.Namespace) -> dict[str, ParameterValue]:
-    simulated = {'interface': 'virtual', 'channel': SIMULATED_CHANNEL} if args.simulate else {}
-    replayed = {'autostart': True} if args.replay else {}  # also where the parameter file says false
-    return _parameters(args, DRIVER) | simulated | replayed
-
-
-def _parameters(args: argparse.Namespace, options: dict[str, str]) -> dict[str, ParameterValue]:
-    """Only what was given: the rest is left to the parameter file and the defaults."""
-    return {parameter: value for option, parameter in options.items() if (value := getattr(args, option)) is not None}
 
 
 def _params_file(args: argparse.Namespace) -> list[str]:

@@ -12,8 +12,6 @@ from tactile_node.node_graph import NodeDescription
 from tactile_node.nodes.drain import drain, published_frames
 from tactile_node.nodes.spinning import Spinner, spinning
 from tactile_node.nodes.system import System
-from tactile_node.recording.log_source import LogSource
-from tactile_node.recording.summary import summary
 from tactile_node.ros.rclpy_errors import translate_rclpy_errors
 from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
 
@@ -48,6 +46,8 @@ def play(system: System, spinner: Spinner, stop_requested: Event) -> int:
 
     Returns the exit code: 1 when frames did not come out as shapes.
     """
+    from tactile_node.recording.log_source import LogSource  # only here: nodes without the driver need no CAN library
+    from tactile_node.recording.summary import summary
     source = system.source
     if not isinstance(source, LogSource):
         raise RuntimeError(f'expected a log to play, got {type(source).__name__}')
