@@ -615,6 +615,19 @@ def test_frames_that_never_arrived_are_counted_and_a_false_sequence_is_not(chain
     assert subscription.counts.skipped == 2 + 1  # 9, 10; 15; a restart is no gap
 
 
+def test_frames_missed_while_a_link_was_cut_for_an_hour_are_all_counted(chain):
+    received: list[TaxelArray] = []
+    qos = frames_qos(DEPTH, lossless=True)  # which takes the time from the stamps alone
+    subscription = GuardedSubscription(chain.peer, TaxelArray, 'taxels', received.append, qos, check=check_taxel_array)
+    publisher = chain.peer.create_publisher(TaxelArray, 'taxels', qos)
+    for sequence, stamp in ((100, 0.0), (100 + 180_000, 3600.0), (2**63, 3600.02)):
+        message = with_sequence(sequence)
+        message.header.stamp = time_message(STAMP + stamp)
+        publisher.publish(message)
+    chain.wait(lambda: len(received) == 3)
+    assert subscription.counts.skipped == 180_000 - 1  # at 50 Hz; the last is another count
+
+
 def with_sequence(sequence):
     message = good_taxels()
     message.sequence = sequence

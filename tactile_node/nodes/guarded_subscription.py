@@ -22,7 +22,9 @@ from tactile_node.threads.reminder import Reminder
 
 logger = logging.getLogger(__name__)
 
-MOST_SKIPPED = 10_000  #: a larger gap in the sequence is another count, not frames that were missed
+#: A larger gap in the sequence than both allow is another count, not frames that were missed.
+MOST_SKIPPED = 10_000
+FASTEST = 1000.0  #: frames a second, of the time that has passed: a link may be cut for hours
 
 
 class ChainMessage(AgedMessage, Protocol):
@@ -60,6 +62,7 @@ class GuardedSubscription(Generic[Message]):
         self._age = InputAge(lossless=is_lossless(qos))
         self._arrival: Arrival | None = None  # of the newest message that was used
         self._sequence: int | None = None
+        self._stamp = 0.0  # of the same message [s, the sender's clock]
         self._publishers = 0  # when it was last asked of which type they are
         self._other_types: tuple[str, ...] = ()
         self._skipped = 0
@@ -170,10 +173,12 @@ class GuardedSubscription(Generic[Message]):
         if not self._is_of_chain(message):
             return
         self._arrival = self._age.arrived(message)
+        stamp = seconds(message.header.stamp)
         if self._sequence is not None:
             gap = message.sequence - self._sequence - 1
-            self._skipped += max(gap - _left_out_before(message), 0) if 0 < gap <= MOST_SKIPPED else 0
-        self._sequence = message.sequence
+            most = max(MOST_SKIPPED, FASTEST * (stamp - self._stamp))
+            self._skipped += max(gap - _left_out_before(message), 0) if 0 < gap <= most else 0
+        self._sequence, self._stamp = message.sequence, stamp
 
     def _drop(self, reason: RejectReason, error: Exception | None = None) -> None:
         self._dropped[reason] += 1
