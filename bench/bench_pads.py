@@ -78,7 +78,7 @@ def main() -> int:
 
 
 def run(case: Case, seconds: float, patience: float, nice: int) -> Row | str:
-    """In a process of its own; or why there is no row."""
+    """In a separate process; or why there is no row."""
     if case.processes > MOST_PROCESSES:
         return f'{case.processes} processes of nodes, more than {MOST_PROCESSES} on {os.cpu_count()} cores'
     wait_until_idle(patience)

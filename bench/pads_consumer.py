@@ -63,7 +63,7 @@ class Seen:
 
 
 class Consumer:
-    """Has a context of its own for as long as the block lasts."""
+    """Has a separate context as long as the block lasts."""
 
     def __init__(self, case: Case):
         self._case = case

@@ -1,4 +1,4 @@
-"""What discovery costs: bytes on a network of their own while 2, 4 and 8 grippers join one DDS domain.
+"""What discovery costs: bytes on a separate network while 2, 4 and 8 grippers join one DDS domain.
 
     python bench/pads_discovery.py [--most 8] [--settle 12]
 

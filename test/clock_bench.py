@@ -73,7 +73,7 @@ class Aged(NamedTuple):
 
 
 class Host:
-    """A process with a wall clock of its own."""
+    """A process with another wall clock."""
 
     def __init__(self, folder: Path, name: str, setting: str, words: list[str], *, at_once: bool):
         self._setting = folder / f'{name}.time'

@@ -53,7 +53,7 @@ class LinkWorld(Watch):
         self.waits: list[float] = []  #: when a thread of the driver was seen to wait until the link takes a packet
         self._environment = {'PYTHONPATH': str(ROOT)}
         if profile is not None:
-            # With LOCALHOST rmw_fastrtps sends by a transport of its own, whatever the profile says.
+            # With LOCALHOST rmw_fastrtps sends by another transport, whatever the profile says.
             self._environment |= {'FASTRTPS_DEFAULT_PROFILES_FILE': str(profile),
                                   'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}
         self._parameters = dict(parameters or {})
