@@ -53,7 +53,7 @@ RULES = (
     Rule(r'^tactile report', Kind.TESTED, 'test/test_report_page.py'),
     Rule(r'^tactile teach', Kind.TESTED, 'test/test_teach.py'),
     Rule(r'^tactile view', Kind.TESTED, 'test/test_view_sources.py'),
-    Rule(r'^fast-discovery-server', Kind.TESTED, 'test/test_hosts.py'),
+    Rule(r'^fast-discovery-server -i', Kind.TESTED, 'test/hosts_bench.py'),
     Rule(r'^tactile completion', Kind.TESTED, 'test/test_completion.py'),
     Rule(r'^tactile sdo (?!.*slcan)', Kind.TESTED, 'test/test_sdo_command.py'),
     Rule(r'^tactile (replay|features|classify|draft|check|scan|simulate|sdo)\b', Kind.RUN, HERE),
