@@ -74,7 +74,7 @@ class HostsWorld(World):
         stack.callback(self._end_all)
         self.start('thinking')
         self.start('bus')
-        ticker = Thread(target=self._tick, daemon=True)
+        ticker = Thread(target=self.tick, daemon=True)
         ticker.start()
         stack.callback(ticker.join)
         stack.callback(self._stop.set)
