@@ -30,7 +30,7 @@ LIBRARIES = tuple(Path('/usr/lib').glob('*/faketime/libfaketimeMT.so.1'))  #: De
 PERIOD = 0.1  # s between two frames: a busy machine keeps up
 HOSTS = ('bus', 'thinking')
 DIGIT = 0.2  # s: an age is given by tenths, and is on its way for some time
-READ = 1.1  # s in which libfaketime reads a new setting
+STEADY = 0.008  # s: more is no drift
 TIMEOUT = 120.0 if 'TACTILE_LONG' in os.environ else 60.0  # s, for a busy machine
 NODES = 'left/processor,left/classifier,right/processor,right/classifier,grasp'
 
@@ -43,15 +43,16 @@ class Clock(NamedTuple):
     values: dict[str, str]
     faults: str
     true: float    #: wall clock of the bus side - that of the thinking side [s]
+    changes: tuple[float, float]  #: of the two clocks: of the bus side since the question, of the other in DIGIT [s]
 
     @property
     def is_known(self) -> bool:
         return self.values['clock_offset_s'] != 'not known'
 
     @property
-    def asked(self) -> float:
-        """When the last question was sent that was answered [s, steady]."""
-        return self.at - float(self.values['clock_age_s']) - DIGIT
+    def is_steady(self) -> bool:
+        """Whether neither clock was set since the last question that was answered."""
+        return max(map(abs, self.changes)) < STEADY
 
     @property
     def error(self) -> float:
@@ -105,6 +106,11 @@ class Host:
     def lead(self, at: float) -> float:
         """Return wall clock - steady clock at ``at`` [s, steady]."""
         return min(list(self.leads), key=lambda each: abs(each[0] - at))[1]
+
+    def change(self, begin: float, end: float) -> float:
+        """Return how far its clock was set between two times [s, steady]."""
+        leads = [lead for at, lead in list(self.leads) if begin <= at <= end]
+        return max(leads) - min(leads) if leads else 0.0
 
     def end(self) -> None:
         self._process.kill()
@@ -202,8 +208,13 @@ class ClockWorld:
         for status in message.status:
             values = {pair.key: pair.value for pair in status.values}
             if 'clock_offset_s' in values and all(host.leads for host in self.hosts.values()):
-                bus, thinking = (self.hosts[name].lead(now) for name in HOSTS)
-                self.clocks.append(Clock(now, status.name, values, values['faults'], bus - thinking))
+                self.clocks.append(self._clock(now, status.name, values))
+
+    def _clock(self, now: float, name: str, values: dict[str, str]) -> Clock:
+        age = float(values['clock_age_s']) if values['clock_age_s'] != 'not known' else 0.0
+        bus, thinking = (self.hosts[name] for name in HOSTS)
+        return Clock(now, name, values, values['faults'], bus.lead(now) - thinking.lead(now),
+                     (bus.change(now - age - DIGIT, now), thinking.change(now - DIGIT, now)))
 
     def wait(self, condition: Callable[[], Any], what: str, timeout: float = TIMEOUT) -> None:
         end = time.monotonic() + timeout

@@ -88,6 +88,19 @@ def test_a_set_clock_is_seen_at_the_first_exchange_after_it():
     assert math.isnan(estimator.at(10.002).drift)
 
 
+@pytest.mark.parametrize('way', [0.06, -0.06])
+def test_a_fast_slew_that_hides_in_wide_bounds_is_over_after_eight_exchanges(way):
+    """What is in common of intervals before and after it need not hold the truth."""
+    estimator = OffsetEstimator()
+    for i in range(30):
+        true = 2.0 * i
+        estimator.update(exchange(true, 0.05 if i % 2 else 0.0, 0.0 if i % 2 else 0.05,
+                                  lambda t: t + min(max(t - 20.0, 0.0), 1.0) * way))
+        found = estimator.at(true + 0.05)
+        if not 20 <= true < 21 + 2 * 8:
+            assert abs(found.offset - (way if true > 21 else 0.0)) <= found.bound + 1e-9
+
+
 def test_a_drift_that_is_not_well_known_is_not_given():
     assert math.isnan(asked(exchange(2.0 * i, 0.005, 0.005, lambda t: 1.0001 * t) for i in range(10)).at(18.1).drift)
 

@@ -15,7 +15,7 @@ import pytest
 pytest.importorskip('rclpy')
 pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
 
-from clock_bench import HOSTS, LIBRARIES, READ, ClockWorld, recovery  # noqa: E402
+from clock_bench import HOSTS, LIBRARIES, ClockWorld, recovery  # noqa: E402
 from misled_bench import empty, is_overloaded  # noqa: E402
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus,
@@ -26,6 +26,8 @@ MAX_AGE = 0.25      # s, of the grasp node
 ERROR = 0.05        # s: by which an age may be too low (DelaySettings.error) or too high, beside what a test names
 TEN = 10            # grasps in a row, of which the median may be too high: a busy machine scans its skin late
 RESOLUTION = 0.001  # s, of the truth about a wall clock
+READ = 2.0          # s in which libfaketime reads a new setting
+FORGOTTEN = 25.0    # s in which the exchanges from before a slew are, by a busy machine
 BURST = 10          # messages that are held back
 JUMPS = (0.2, 1.0, 3600.0, -0.2, -1.0, -3600.0)
 
@@ -40,14 +42,14 @@ def check_ages(world, since=0.0, late=0.0):
     errors = [each.age - each.true for each in ages]
     lowest, highest = min(errors), max(median(errors[k:k + TEN]) for k in range(max(1, len(errors) - TEN)))
     assert lowest >= -ERROR and (highest <= ERROR + late or is_overloaded()), (lowest, highest)
-    assert max((each.true - each.way for each in ages if each.fresh), default=0.0) <= MAX_AGE + ERROR
+    sent = max((each.true - each.way for each in ages if each.fresh), default=0.0)
+    assert sent <= MAX_AGE + ERROR or is_overloaded(), sent  # it may stand between the decision and the message
     return lowest, highest
 
 
-def check_offsets(world, sets=(), limit=0.05):
+def check_offsets(world, since=0.0, limit=0.05):
     """What is reported is within its bound unless a clock was set since; CLOCKS_APART is given where it is certain."""
-    known = [clock for clock in list(world.clocks) if clock.is_known
-             and not any(clock.asked - READ < at < clock.at for at in sets)]
+    known = [clock for clock in list(world.clocks) if clock.is_known and clock.is_steady and clock.at > since]
     assert known
     for clock in known:
         assert abs(clock.error) <= clock.bound + RESOLUTION, clock
@@ -59,8 +61,10 @@ def check_offsets(world, sets=(), limit=0.05):
 
 def wait_for_clocks(world, since):
     """Until the nodes that hear the driver have a clock that was asked for after ``since``."""
-    world.wait(lambda: {clock.node for clock in list(world.clocks) if clock.is_known and clock.asked > since + READ}
-               >= {'/grasp', '/left/classifier'}, 'the clocks')
+    def heard():
+        return {clock.node for clock in list(world.clocks)
+                if clock.is_known and clock.is_steady and clock.at > since + READ}
+    world.wait(lambda: heard() >= {'/grasp', '/left/classifier'}, 'the clocks')
 
 
 def check_not_empty(world, since, until):
@@ -83,7 +87,7 @@ def test_a_consumer_is_not_misled_by_a_clock_that_is_apart_drifts_and_is_set_bac
         world.skin.set(is_there=False)
         world.wait(lambda: any(record['contact'] == 'NO_CONTACT' for record in world.grasps(taken)), 'no contact')
         check_ages(world, held)
-        check_offsets(world, [jumped])
+        check_offsets(world)
         last = [clock for clock in world.clocks if clock.node == '/grasp' and clock.is_known][-1]
         assert last.true == pytest.approx(-0.8, abs=0.05)  # the clock was set, and is reported; the stamps were not:
         assert float(last.values['stamps_offset_s']) == pytest.approx(last.true + 1.0, abs=0.05 + last.bound)
@@ -96,21 +100,20 @@ def test_a_consumer_is_not_misled_by_a_clock_that_is_apart_drifts_and_is_set_bac
 def test_clocks_that_jump(side, situation):
     jumps = JUMPS if situation == 'held' else [jump for jump in JUMPS if abs(jump) <= 1]
     with ClockWorld() as world:
-        held, offset, sets, rows = world.hold(), 0.0, [], []
+        held, offset, rows = world.hold(), 0.0, []
         for jump in jumps:
             time.sleep(2.0)
             offset += jump
             began = time.monotonic()
             begin(world, situation)
             world.hosts[side].set(f'{offset:+g}')
-            sets.append(time.monotonic())
             over = end(world, situation, began)
-            wait_for_clocks(world, sets[-1])
+            wait_for_clocks(world, began)
             lowest, highest = check_ages(world, began)
             rows.append((f'{jump:+g} s', over, lowest, highest))
         if situation != 'taken away':
             check_not_empty(world, held, time.monotonic())
-        error, bound = check_offsets(world, sets)
+        error, bound = check_offsets(world)
         show(f'{side}, {situation}', rows, error, bound)
 
 
@@ -171,7 +174,7 @@ def test_clocks_that_are_slewed_as_fast_as_chrony_does(side, way):
         check_not_empty(world, held, time.monotonic())
         late = 0.2 if side == 'bus' and way < 0 else 0.0
         lowest, highest = check_ages(world, held, late)
-        error, bound = check_offsets(world, [slewed - 2.4 * part for part in (0.0, 0.5, 1.0)])
+        error, bound = check_offsets(world, slewed + FORGOTTEN)
         show(f'{side}, slewed {way:+g} s', [('35 s', recovery(world, held), lowest, highest)], error, bound)
 
 

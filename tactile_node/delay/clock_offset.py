@@ -2,9 +2,9 @@
 
 We send at t1 and receive at t4, by our clock; the other host receives at t2 and answers at t3, by its own. Its clock is
 ahead by ((t2 - t1) + (t3 - t4)) / 2, which is wrong by half of the round trip (t4 - t1) - (t3 - t2) at most, however
-unequal both ways are (RFC 5905, 8). So each exchange gives an interval that holds the truth, and what all of them have
-in common is the estimate. NTP's clock filter takes the exchange of the least round trip; the common part is never
-wider. An exchange that has nothing in common with those before shows that the other clock was set.
+unequal both ways are (RFC 5905, 8). So each exchange gives an interval that holds the truth; what the last FILTER of
+them have in common is the estimate. NTP's clock filter takes the exchange of the least round trip; the common part is
+never wider. An exchange that has nothing in common with those before shows that the other clock was set.
 """
 
 from collections import deque
@@ -15,6 +15,7 @@ from typing import NamedTuple
 from tactile_node.errors import ConfigurationError, InputError
 
 KEPT = 60  #: exchanges that the drift is estimated from
+FILTER = 8  #: exchanges that the offset is estimated from, as in NTP (RFC 5905, 10)
 
 
 class Exchange(NamedTuple):
@@ -45,7 +46,7 @@ class ClockOffset(NamedTuple):
     """The other clock against ours; NaN: not known."""
 
     offset: float = nan  #: the other clock - ours [s]
-    bound: float = inf   #: what it is wrong by at most, unless the other clock was set within ``age`` [s]
+    bound: float = inf   #: what it is wrong by at most, unless the other clock was set meanwhile, see ``age`` [s]
     drift: float = nan   #: by which it grows in a second, relative
     age: float = inf     #: time since the last question that was answered [s]
 
@@ -95,31 +96,34 @@ class OffsetEstimator:
             raise InputError('times of an exchange', expected='finite seconds, the answer after the question',
                              got=str(tuple(exchange)), remedy='Leave it out.')
         now, bound = exchange.arrived, exchange.bound + self._settings.drift * (exchange.arrived - exchange.sent)
-        least, most = exchange.offset - bound, exchange.offset + bound
-        grown = self._grown(now)
-        common = max(least, self._least - grown), min(most, self._most + grown)
-        if common[0] > common[1]:
-            self.jumps += 1
-            self._samples.clear()
-            common = least, most
-        self._least, self._most = common
-        self._looked = now
-        self._asked = exchange.sent
-        self._samples.append((now, least, most))
+        self._samples.append((now, exchange.offset - bound, exchange.offset + bound))
+        self._looked, self._asked = now, exchange.sent
+        self._intersect()
         while now - self._samples[0][0] > self._settings.window:
             self._samples.popleft()
         self._drift = self._estimated_drift()
+
+    def _intersect(self) -> None:
+        """Find what the newest exchanges have in common; forget all before the clock was set."""
+        _, least, most = self._samples[-1]
+        for number in range(len(self._samples) - 2, max(-1, len(self._samples) - FILTER - 1), -1):
+            at, low, high = self._samples[number]
+            grown = self._settings.drift * (self._looked - at)
+            if max(least, low - grown) > min(most, high + grown):
+                self.jumps += 1
+                for _ in range(number + 1):
+                    self._samples.popleft()
+                break
+            least, most = max(least, low - grown), min(most, high + grown)
+        self._least, self._most = least, most
 
     def at(self, now: float) -> ClockOffset:
         """Return the offset at ``now`` [s, our clock]."""
         if now - self._looked > self._settings.longest_gap:
             return ClockOffset()
-        return ClockOffset((self._least + self._most) / 2, (self._most - self._least) / 2 + self._grown(now),
-                           self._drift, now - self._asked)
-
-    def _grown(self, now: float) -> float:
-        """What drift may have added since the last exchange [s]."""
-        return self._settings.drift * max(0.0, now - self._looked) if isfinite(self._looked) else 0.0
+        grown = self._settings.drift * max(0.0, now - self._looked)
+        return ClockOffset((self._least + self._most) / 2, (self._most - self._least) / 2 + grown, self._drift,
+                           now - self._asked)
 
     def _estimated_drift(self) -> float:
         """The rates that lead through all intervals, where they differ by little: a pair of exchanges bounds each."""
