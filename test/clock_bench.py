@@ -29,6 +29,7 @@ HERE = Path(__file__).parent
 LIBRARIES = tuple(Path('/usr/lib').glob('*/faketime/libfaketimeMT.so.1'))  #: Debian and Ubuntu: apt install faketime
 PERIOD = 0.1  # s between two frames: a busy machine keeps up
 HOSTS = ('bus', 'thinking')
+LATE = 1.5  # s by which a busy machine delivers a diagnostic late
 DIGIT = 0.2  # s: an age is given by tenths, and is on its way for some time
 STEADY = 0.008  # s: more is no drift
 TIMEOUT = 120.0 if 'TACTILE_LONG' in os.environ else 60.0  # s, for a busy machine
@@ -43,7 +44,7 @@ class Clock(NamedTuple):
     values: dict[str, str]
     faults: str
     true: float    #: wall clock of the bus side - that of the thinking side [s]
-    changes: tuple[float, float]  #: of the two clocks: of the bus side since the question, of the other in DIGIT [s]
+    changes: tuple[float, float]  #: of the two clocks: of the bus side since the question, of the other in LATE [s]
 
     @property
     def is_known(self) -> bool:
@@ -214,7 +215,7 @@ class ClockWorld:
         age = float(values['clock_age_s']) if values['clock_age_s'] != 'not known' else 0.0
         bus, thinking = (self.hosts[name] for name in HOSTS)
         return Clock(now, name, values, values['faults'], bus.lead(now) - thinking.lead(now),
-                     (bus.change(now - age - DIGIT, now), thinking.change(now - DIGIT, now)))
+                     (bus.change(now - age - DIGIT, now), thinking.change(now - LATE, now)))
 
     def wait(self, condition: Callable[[], Any], what: str, timeout: float = TIMEOUT) -> None:
         end = time.monotonic() + timeout
