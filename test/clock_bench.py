@@ -237,9 +237,12 @@ class ClockWorld:
         """Return the grasps after ``since`` [s, steady] whose age is known, and how old they were in truth."""
         arrivals = dict(self._arrivals)
         scans = [self.skin.scans(pad) for pad in PADS]  # the driver numbers by SYNC, as they are
-        if not all(number < len(scans[0]) and at > scans[0][number] for number, at in arrivals.items()):
+        early = {number: at for number, at in arrivals.items()
+                 if not (number < len(scans[0]) and at > scans[0][number])}
+        if early:
             error = TooSlowError if is_overloaded() else AssertionError  # numbers that an outage has left out
-            raise error('a message came before its scan')
+            raise error(f'{len(early)} of {len(arrivals)} messages came before their scan, the first {min(early)}; '
+                        f'{len(scans[0])} scans')
         found = []
         for record in self.grasps(since):
             if record['age_here'] is not None and all(record['sequences']):
