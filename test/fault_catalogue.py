@@ -19,6 +19,7 @@ import can
 import numpy as np
 from canopen import SdoAbortedError, SdoCommunicationError
 from fault_bench import TIMEOUT, FaultBench
+from stalls import STALLING, StallBench, stall
 
 from tactile_node.cia301.emergency import DeviceErrors, Emergency
 from tactile_node.cia301.nmt import NmtState
@@ -449,6 +450,26 @@ def second_sender_of_a_tpdo(channel: str) -> FaultBench:
         _one_of_two_devices(bench, recognised + 1)
         sender.stop()
         del bench.kept[:recognised + 1]  # what came before it was recognised may hold the other's values
+        bench.wait(lambda: bench.node().fault is not NodeFault.TWO_SENDERS, 'fault stays')
+        bench.end_of_cause()
+        bench.recover()
+    return bench
+
+
+def replaced_by_two_devices(channel: str) -> FaultBench:
+    """Two devices of our node-ID come after a silence: no backlog of one, so no value is given while both send."""
+    with FaultBench(channel) as bench:
+        bench.run().cause()
+        bench.device.power_off()
+        bench.detect(NodeFault.SILENT)
+        silent = len(bench.kept)
+        time.sleep(1.0)
+        second = SkinSimulator(bench.pads, {'pad32': lambda t: np.full((8, 8), 3.0)})
+        second.start('virtual', bench.channel)
+        bench.device.boot()
+        bench.wait(lambda: bench.node().fault is NodeFault.TWO_SENDERS, 'not recognised')
+        _one_of_two_devices(bench, silent)
+        second.stop()
         bench.wait(lambda: bench.node().fault is not NodeFault.TWO_SENDERS, 'fault stays')
         bench.end_of_cause()
         bench.recover()
@@ -989,14 +1010,14 @@ def two_large_pads_power_cycled(channel: str) -> FaultBench:
     return _two_large_pads(channel, disturb)
 
 
-FAULTS: tuple[Callable[[str], FaultBench], ...] = (
+FAULTS: tuple[Callable[[str], FaultBench | StallBench], ...] = (
     power_cycled_in_mid_stream, absent_then_back, absent_at_configure_then_late, one_of_two_pads_lost,
     boot_up_message_lost, another_device_comes_back, reset_by_another_master, all_reset_by_another_master,
     stopped_by_another_master, refuses_operational, adapter_unplugged, sending_fails, bus_off, error_frames,
     heartbeat_lost_while_taxels_flow, heartbeat_switched_off_by_another_master, taxels_lost_while_heartbeat_flows,
     tpdos_switched_off_by_another_master, tpdo_remapped_by_another_master, tpdo_slowed_down_by_another_master,
     one_tpdo_switched_off_by_another_master, one_tpdo_switched_off_unseen, one_tpdo_never_arrives,
-    two_devices_with_one_node_id, two_devices_from_the_start, second_sender_of_a_tpdo,
+    two_devices_with_one_node_id, two_devices_from_the_start, replaced_by_two_devices, second_sender_of_a_tpdo,
     second_heartbeat_of_a_node_id, two_masters_fight, second_sync_producer, sync_producer_of_another_period,
     transmission_type_ignored, sync_of_another_producer_stops, emcy_storm, short_emcy, emcy_until_it_is_reset,
     foreign_frames,
@@ -1005,19 +1026,23 @@ FAULTS: tuple[Callable[[str], FaultBench], ...] = (
     process_stalled, wall_clock_set_back, wall_clock_set_forward, disk_full_while_recording, fails_while_inactive,
     guarded_by_another_master,
     other_makers_device_at_work, refuses_operational_from_the_start, tare_under_load, one_of_a_pads_nodes_lost,
-    polled_pad_power_cycled, polled_uploads_damaged, adapter_of_two_large_pads_unplugged, two_large_pads_power_cycled)
+    polled_pad_power_cycled, polled_uploads_damaged, adapter_of_two_large_pads_unplugged, two_large_pads_power_cycled,
+    *(stall(part, seconds) for seconds in (0.3, 2.0) for part in STALLING))
+#: those that `make faults` alone injects
+LONG_FAULTS = tuple(stall(part, seconds) for seconds in (1.0, 5.0, 10.0, 30.0) for part in STALLING)
 
 
 def main() -> int:
     """Print the catalogue, each fault injected now; 1 when taxels came again later than ALLOWED."""
     print(f'{"fault":42} {"logged [s]":>10} {"again [s]":>9}  what the user sees')
     slow = []
-    for fault in FAULTS:
+    for fault in FAULTS + LONG_FAULTS:
         bench = fault(f'catalogue {fault.__name__}')
         times = [f'{time:.2f}' if time is not None else '-' for time in (bench.detected, bench.publishing_again)]
         print(f'{fault.__name__.replace("_", " "):42} {times[0]:>10} {times[1]:>9}  {fault.__doc__}', flush=True)
         slow += [fault.__name__] if (bench.publishing_again or 0) > ALLOWED else []
-    print(f'{len(FAULTS)} faults, taxels again within {ALLOWED:g} s' + (f', but for {", ".join(slow)}' if slow else ''))
+    print(f'{len(FAULTS + LONG_FAULTS)} faults, taxels again within {ALLOWED:g} s'
+          + (f', but for {", ".join(slow)}' if slow else ''))
     return int(bool(slow))
 
 

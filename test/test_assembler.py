@@ -548,3 +548,25 @@ def test_whatever_is_lost_or_late_by_a_period_no_frame_is_wrong(tmp_path, respon
             assert (np.isnan(counts) | (counts == frame.sequence)).all(), (fate, frame)
         assert not frames[-1].missing_can_frames, fate
     assert len(ways) == 8000
+
+
+@pytest.mark.parametrize('a_period', [4, 5, 7, 10, 30, 1000])
+@pytest.mark.parametrize('lost', [0, 1, 3])
+def test_what_an_adapter_has_held_back_is_given_no_present_stamp(tmp_path, lost, a_period):
+    """It hands over so many TPDOs a period until nothing waits; sweep n, of value n, was sampled at SYNC n."""
+    assembler = FrameAssembler(tiny_layout(tmp_path), (1,), one_clock=False)
+    waiting, frames = [], []
+    for period in range(10 + 40 + 200):
+        results = assembler.sync(float(period))
+        waiting += [(can_id, bytes([10 + period // 2] * 2)) for can_id in (ROW_1, ROW_2, ROW_3)]
+        if period == 50:
+            del waiting[:lost]
+        taken = {True: len(waiting), False: a_period}[period < 10] if not 10 <= period < 50 else 0
+        for can_id, data in waiting[:taken]:
+            results += assembler.feed(can_id, data, period + 0.5)
+        del waiting[:taken]
+        frames += [result for result in results if isinstance(result, TaxelFrame)]
+    for frame in frames:
+        values = frame.values[np.isfinite(frame.values)]
+        assert (values == 2 * (frame.sequence // 2)).all(), (frame.sequence, values)
+    assert np.isfinite(frames[-1].values).all() and balanced(assembler)

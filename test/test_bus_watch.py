@@ -1,9 +1,15 @@
 """What counts alone say of a bus: two senders, another SYNC, a process that is too slow. No clock, no bus."""
 
+from collections.abc import Callable
+
 import pytest
 
+from tactile_node.assembly.assembler import FrameAssembler
+from tactile_node.cia301.heartbeat import Heartbeats
 from tactile_node.frames.health import Overload, SyncFault
+from tactile_node.skin.pads import make_pads, with_dictionaries
 from tactile_node.supervision.heartbeat_watch import HeartbeatWatch
+from tactile_node.supervision.node_traffic import BusSeen, NodeTraffic
 from tactile_node.supervision.overload import OverloadWatch
 from tactile_node.supervision.sync_watch import SyncWatch
 from tactile_node.supervision.tpdo_watch import SurplusTpdos
@@ -128,3 +134,28 @@ def test_a_period_that_is_not_ours_is_reported(period, fault):
 def test_a_producer_that_begins_within_a_window_has_its_own_period():
     found = syncs(False, [(now, int(max(0.0, now - 1.5) / 0.02)) for now in times(6.0)])
     assert SyncFault.OTHER_PERIOD not in found
+
+
+def looks(sent: Callable[[float], int], seconds: float = 12.0) -> list[tuple[float, bool]]:
+    """When a node counts as two devices, of which ``sent`` heartbeats are received up to each time."""
+    heartbeats = Heartbeats()
+    node = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], (32,)))[0].nodes[0]
+    traffic = NodeTraffic(node, heartbeats)
+    pad = FrameAssembler(node.layout, (32,)).statistics()
+    seen = []
+    for now in times(seconds):
+        while heartbeats.counts(32)[0] < sent(now):
+            heartbeats.feed(0x720, b'\x05')
+        traffic.look(now, False, pad, BusSeen(0), 0.1, DELAY)
+        seen.append((now, traffic.are_two))
+    return seen
+
+
+@pytest.mark.parametrize('silent', [0.7, 2.0, 5.0])
+def test_heartbeats_of_a_silence_are_of_one_device_and_a_second_one_after_it_is_found(silent):
+    def held_back(now):
+        return int((min(now, 3.0) if now < 3.0 + silent else now) / 0.1)
+    assert not any(two for _, two in looks(held_back))
+    both = looks(lambda now: held_back(now) + int(max(0.0, now - 3.0 - silent) / 0.1))
+    found = next(now for now, two in both if two)
+    assert 3.0 + silent < found < 3.0 + silent + 4.0

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from collections import Counter
 from contextlib import suppress
 
 import pytest
@@ -103,8 +104,8 @@ class Wire:
             self.client.on_response(SDO_ANSWER, bytearray.fromhex(answer), 0.0)
 
 
-def client_on(wire, timeout):
-    wire.client = client = OwnSdoClient(32, load_eds('sim16x16.eds', 32), timeout)
+def client_on(wire, timeout, owed=None):
+    wire.client = client = OwnSdoClient(32, load_eds('sim16x16.eds', 32), timeout, Counter() if owed is None else owed)
     client.network = wire
     return client
 
@@ -117,6 +118,20 @@ def test_the_answer_about_our_object_is_taken(others):
     client = client_on(wire, 1.0)
     assert client.upload(0x1018, 1) == bytes.fromhex('C1050000')
     assert client.others == len(others) and len(wire.requests) == 1
+
+
+def test_a_device_that_was_held_up_answers_requests_of_clients_before():
+    """Three answers to three requests: the driver took them for those of two devices."""
+    answer, owed = '43181001C1050000', Counter()
+    for _ in range(2):
+        with pytest.raises(SdoCommunicationError):
+            client_on(Wire(), 0.01, owed).upload(0x1018, 1)
+    held_up = client_on(Wire(*[answer] * 3), 1.0, owed)
+    held_up.upload(0x1018, 1)
+    assert held_up.doubled == 0
+    two_devices = client_on(Wire(*[answer] * 2), 1.0, owed)
+    two_devices.upload(0x1018, 1)
+    assert two_devices.doubled == 1
 
 
 def test_an_abort_without_an_object_is_ours():

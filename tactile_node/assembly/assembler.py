@@ -19,7 +19,8 @@ Rules, for each node of the pad separately
     - Otherwise it is lost (LATE): nothing proves that it is of this period.
     - After n silent periods, n runs are therefore lost when they come within one period; otherwise all runs until an
       idle bus proves that nothing is late (rule 8), but for UNPROVED_PERIODS periods at most, and CATCH_UP_PERIODS
-      where nothing can prove it: then the node is taken to have lost its sweeps.
+      where nothing can prove it: then the node is taken to have lost its sweeps. Periods with several runs do not
+      count: an adapter hands over what it has held back.
     - A node that was just started (``start``) is not behind.
  4. When the runs of all nodes are complete, the frame is emitted at once. TPDOs that follow in that period are SURPLUS.
  5. An incomplete frame has NaN and STALE for the taxels that are in no run. It is emitted, or withheld

@@ -63,6 +63,7 @@ class SenderRun:
         self._is_suspect = False
         self._ended_suspect = False
         self._suspect_periods = 0  # in a row, up to the period before
+        self._is_catching_up = False  # a suspect run was followed by another: more may wait in an adapter
         self._was_started = False
         self.is_settled = False  #: an idle bus has proved that the sender is not behind
         self._was_silent = False  # in the period before
@@ -74,7 +75,7 @@ class SenderRun:
         """Count the runs that may still come before this period's own."""
         self._was_silent = not before.is_seen
         is_behind = before._behind > 0 and (before._ended_suspect or not before.is_seen)
-        suspect_periods = before._suspect_periods + before._ended_suspect
+        suspect_periods = 0 if before._is_catching_up else before._suspect_periods + before._ended_suspect
         if suspect_periods >= self._catch_up:
             is_behind = False
         self._suspect_periods = suspect_periods if is_behind else 0
@@ -215,6 +216,7 @@ class SenderRun:
 
     def _begin_next(self, rank: int) -> Loss | None:
         loss = None
+        self._is_catching_up |= self._is_suspect
         if self._is_suspect and self._is_of_before:
             self._set_aside()
             self._is_aside_proved = self._late_above >= 0  # a tail; a whole sweep may be of another period

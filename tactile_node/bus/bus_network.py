@@ -4,7 +4,7 @@ import errno
 import logging
 import threading
 import time
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
@@ -70,6 +70,7 @@ class BusNetwork(Network):
         self._on_failure = on_failure
         self._on_sent = on_sent
         self._sdo_turns: defaultdict[int, threading.Lock] = defaultdict(threading.Lock)
+        self._sdo_owed: defaultdict[int, Counter[bytes]] = defaultdict(Counter)  # see OwnSdoClient
         self._record = record
         self._name = name or str(bus.channel_info)
         self._order = threading.Lock()  # held while frames are recorded and handed on: both in one order
@@ -103,7 +104,7 @@ class BusNetwork(Network):
 
         Not canopen's RemoteNode: that also keeps every EMCY for ever.
         """
-        client = OwnSdoClient(node_id, dictionary, timeout)
+        client = OwnSdoClient(node_id, dictionary, timeout, self._sdo_owed[node_id])
         client.network = self
         with self._sdo_turns[node_id]:
             self.subscribe(client.tx_cobid, client.on_response)

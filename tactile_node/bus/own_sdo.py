@@ -26,17 +26,18 @@ ANSWERS = {REQUEST_DOWNLOAD: RESPONSE_DOWNLOAD, REQUEST_UPLOAD: RESPONSE_UPLOAD,
 class OwnSdoClient(SdoClient):
     """canopen's client for ``node_id``, with its own timeout [s]; it leaves out answers to other requests.
 
-    These are of another client, or late answers to a request that was given up: about another object, or to a write
-    where this one reads. An answer about the same object counts,
-    also if another client requested it. An abort that names no object counts too: some servers send it.
+    Others are of another client, or late answers to a request that was given up: about another object, or to a write
+    where this one reads. An answer about the same object counts, also if another client requested it. An abort that
+    names no object counts too: some servers send it. ``owed``: answers to all clients of this node by object, requests
+    sent less answers received; a device that was held up answers those of clients before.
     """
 
-    def __init__(self, node_id: int, dictionary: ObjectDictionary, timeout: float):
+    def __init__(self, node_id: int, dictionary: ObjectDictionary, timeout: float, owed: Counter[bytes]):
         super().__init__(SDO_REQUEST + node_id, SDO_RESPONSE + node_id, dictionary)
         self.RESPONSE_TIMEOUT = timeout
         self._object: bytes | None = None  # that the request under way is about; None: of a segment
         self._answer = RESPONSE_UPLOAD  # to it
-        self._owed: Counter[bytes] = Counter()  # answers by object: requests sent less answers received
+        self._owed = owed
         self.requests = 0  #: that name an object
         self.doubled = 0  #: answers about objects of these, beyond one for each request
         self.others = 0  #: answers left out

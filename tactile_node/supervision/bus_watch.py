@@ -92,4 +92,4 @@ class BusWatch:
             logger.error('This process is overloaded: %s.', OVERLOAD_PHRASES[self.overload],
                          extra={'fact': self.overload})
         syncs = syncs_sent if self._is_producer else received
-        return BusSeen(syncs, self.sync.foreign, self._overload.is_excused(now))
+        return BusSeen(syncs, self.sync.foreign, self._overload.is_excused(now), self._overload.ran_again)

@@ -51,7 +51,7 @@ class NodeMonitor:
         self._emergencies_reported = 0
         self._configured: Setup | None = None
         self.trusted_from = 0.0  #: what it sent before may mean something else
-        self._since = 0.0  # when the bus was opened
+        self._since = 0.0  # when the bus was opened, or this process ran again
         self._commanded = 0.0
         self._sync_at = 0.0
         self.data_at = 0.0  #: when the last taxels were received
@@ -120,6 +120,7 @@ class NodeMonitor:
     def detect(self, now: float, is_active: bool, pad: PadStatistics, bus: BusSeen) -> NodeFault:
         """The node's fault now, by its heartbeat, its TPDOs and the SYNCs so far."""
         self._is_overloaded = bus.is_overloaded
+        self._since = max(self._since, bus.ran_again)
         used = pad.used_by_node[self.node.position]
         if used != self._used:
             self._used = used
@@ -188,8 +189,9 @@ class NodeMonitor:
                 return NodeFault.UNCONFIGURED
             return NodeFault.RECONFIGURED if self._configured.boots == self.boots else NodeFault.BOOTED
         has_data = is_active and (now - self.data_at <= self._data_timeout or self._is_overloaded)
-        if is_silent:
-            return NodeFault.NO_HEARTBEAT if has_data else NodeFault.SILENT
+        if is_silent:  # both may have stopped together: half of the time tells
+            has_still = now - self.data_at <= self._data_timeout / 2 or self._is_overloaded
+            return NodeFault.NO_HEARTBEAT if is_active and has_still else NodeFault.SILENT
         if not is_active or now - self._commanded < max(GRACE, 3 * (self._heartbeat_time or 0.0)):
             return NodeFault.NONE
         if self._heartbeats.state(self.node.node_id) != NmtState.OPERATIONAL:

@@ -9,6 +9,8 @@ from tactile_node.skin.pads import CanopenNode
 from tactile_node.supervision.sender_watch import SenderWatch
 from tactile_node.supervision.tpdo_watch import MissingTpdos
 
+BACKLOG_TIME = 1.0  # s after a silence in which what was held back comes, faster than one device sends it
+
 
 class BusSeen(NamedTuple):
     """What a bus has brought so far, beside taxels."""
@@ -16,6 +18,7 @@ class BusSeen(NamedTuple):
     syncs: int
     foreign_syncs: int = 0  #: of other devices, while this driver produces SYNC
     is_overloaded: bool = False  #: this process is too slow: more has been sent
+    ran_again: float = 0.0  #: when it did after a stall: what was sent until then may not have been read yet [s]
 
 
 class NodeTraffic:
@@ -27,6 +30,9 @@ class NodeTraffic:
         self._tpdos = tuple(SentTpdo(tpdo.number, tpdo.cob_id.of(node.node_id)) for tpdo in node.layout.tpdos)
         self._missing = MissingTpdos()
         self._senders = SenderWatch()
+        self._heard = 0  # heartbeats and TPDOs, by the last look
+        self._heard_at = 0.0
+        self._measured_from = 0.0  # what comes earlier may be a backlog
         self.missing: tuple[SentTpdo, ...] = ()  #: that bring no taxels, while others do
 
     @property
@@ -56,13 +62,23 @@ class NodeTraffic:
         """Take the counts so far. ``heartbeat_time`` of the device [s], if known; ``delay`` [s] is no fault yet."""
         sends = is_active and self._node.layout.needs_sync
         missing = self._missing.update(now, pad.fresh_by_tpdo[self._node.position], delay) if sends else ()
-        self.missing = () if bus.is_overloaded else tuple(self._tpdos[place] for place in missing)
-        if bus.is_overloaded:
+        received, counts = pad.distinct_by_tpdo[self._node.position], self._heartbeats.counts(self._node.node_id)
+        is_measure = not bus.is_overloaded and not self._is_backlog(
+            now, counts[0] + sum(received), delay + 2 * (heartbeat_time or 0.0))
+        self.missing = tuple(self._tpdos[place] for place in missing) if is_measure else ()
+        if not is_measure:
             self._senders.pause()
             return
-        self._senders.look_at_heartbeats(now, *self._heartbeats.counts(self._node.node_id), heartbeat_time, delay)
+        self._senders.look_at_heartbeats(now, *counts, heartbeat_time, delay)
         if sends:
-            received = pad.distinct_by_tpdo[self._node.position]
             self._senders.look_at_tpdos(now, pad.syncs + bus.foreign_syncs, received, delay)
         else:
             self._senders.pause_tpdos()
+
+    def _is_backlog(self, now: float, heard: int, silence: float) -> bool:
+        """Whether what came up to ``now`` may have waited in device or adapter, after no sign for ``silence`` [s]."""
+        if heard != self._heard:
+            if now - self._heard_at > silence:
+                self._measured_from = now + BACKLOG_TIME
+            self._heard, self._heard_at = heard, now
+        return now < self._measured_from

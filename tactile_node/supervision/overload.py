@@ -20,6 +20,7 @@ class OverloadWatch:
         self._kind = Overload.NONE
         self._seen = 0.0  # the last sign
         self._excused = -float('inf')  # after a wait for another thread
+        self.ran_again = 0.0  #: when the last stall, or wait for another thread, ended
         self.stalls = 0  #: times that this process did not run for long
 
     def restart(self) -> None:
@@ -30,6 +31,7 @@ class OverloadWatch:
         """A wait of this process has ended ``late`` [s] after its time."""
         if late > self.limit:
             self.stalls += 1
+            self.ran_again = now
             self._see(Overload.STALLED, now)
 
     def waited(self, now: float, since: float) -> None:
@@ -37,7 +39,7 @@ class OverloadWatch:
         measure either.
         """
         if since > self.limit:
-            self._excused = now
+            self._excused = self.ran_again = now
 
     def is_excused(self, now: float) -> bool:
         """Whether what seems to be missing may only not be processed yet."""
