@@ -11,7 +11,8 @@ Rules
     STALE; with ``drop_incomplete`` the frame is withheld.
  4. Its stamp is that of its first TPDO received: later than the scan by the time that the device takes to send it,
     and by ``sweep_time`` at most where its first TPDOs are lost.
- 5. With an event timer, a pause is counted in ``sequence`` as the sweeps that should have come.
+ 5. With an event timer, a pause is counted in ``sequence`` as the sweeps that should have come. After SILENCE of
+    them what comes may have waited in an adapter: it is LATE until a run begins a period after the one before.
 
 Two sweeps are never mixed while each takes less than ``sweep_time`` from its beginning to its last stamp: the first
 TPDO received is then stamped at most ``sweep_time`` after the sweep began, the run ends ``sweep_time`` later, and twice
@@ -31,6 +32,9 @@ from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.skin.event_driven import EventDriven
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.taxel_codec import TaxelCodec
+
+SILENCE = 5  #: event timers without a TPDO: of a working device more than lost ones
+LEAST_PERIOD = 0.9  #: of a period, between the beginnings of two runs that did not wait
 
 
 class SweepAssembler:
@@ -110,6 +114,7 @@ class SweepAssembler:
         self._first = None
         self._is_given = True  # or there is none
         self._is_continued = False  # what comes may be of the run
+        self._is_held_back = False  # the run may have waited in an adapter
         self._last = -1, b''
 
     def _is_within(self, stamp: float) -> bool:
@@ -120,7 +125,10 @@ class SweepAssembler:
     def _begin(self, stamp: float) -> None:
         timer, steps = self._event.event_timer, 1
         if timer and self._first is not None:
-            steps = max(1, int((stamp - self._first) / timer + 0.5))
+            pause = stamp - self._first
+            steps = max(1, int(pause / timer + 0.5))
+            is_on_time = LEAST_PERIOD * self._event.period <= pause
+            self._is_held_back = not is_on_time if self._is_held_back else pause > SILENCE * timer
         self._sequence += steps
         self._first = stamp
         self._words = bytearray(MAX_PDO_BYTES * self._size)
@@ -133,6 +141,8 @@ class SweepAssembler:
             return ()
         self._is_given = True
         pending, self._pending = self._pending, 0
+        if self._is_held_back:
+            return self._counts.lose(LossReason.LATE, pending)
         missing = self._size - int(self._fresh.sum())
         if missing and self.drop_incomplete:
             self._counts.withhold(missing)

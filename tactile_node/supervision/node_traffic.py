@@ -62,7 +62,8 @@ class NodeTraffic:
         """Take the counts so far. ``heartbeat_time`` of the device [s], if known; ``delay`` [s] is no fault yet."""
         sends = is_active and self._node.layout.needs_sync
         missing = self._missing.update(now, pad.fresh_by_tpdo[self._node.position], delay) if sends else ()
-        received, counts = pad.distinct_by_tpdo[self._node.position], self._heartbeats.counts(self._node.node_id)
+        received = pad.distinct_by_tpdo[self._node.position] if self._node.layout.needs_sync else ()
+        counts = self._heartbeats.counts(self._node.node_id)
         is_measure = not bus.is_overloaded and not self._is_backlog(
             now, counts[0] + sum(received), delay + 2 * (heartbeat_time or 0.0))
         self.missing = tuple(self._tpdos[place] for place in missing) if is_measure else ()
