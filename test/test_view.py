@@ -36,7 +36,7 @@ from tactile_node.view.store import MOST_POINTS, Store
 from tactile_node.view.terminal_view import line_of, show_in_terminal
 from tactile_node.view.timeline import Timeline
 
-LIVE = PageFacts('by hand', None, False, '', 20.0, 0.05, scene_age=0.1)
+LIVE = PageFacts('by hand', None, '', 20.0, 0.05, scene_age=0.1)
 
 
 def parts(svg, tag):
@@ -179,7 +179,7 @@ def test_an_age_that_is_not_known_is_not_live():
 
 
 def test_a_recording_is_never_called_live():
-    shown = status_html(LIVE._replace(position=(1.0, 9.0)), [drawn(0.0)], 0, 1)
+    shown = status_html(LIVE._replace(player=MagicMock(position=1.0, length=9.0, is_playing=True)), [drawn(0.0)], 0, 1)
     assert 'RECORDING' in shown and 'LIVE' not in shown.replace(DEAD, '')
     assert 'LIVE' not in pads_html([drawn(0.0)], 1, is_recording=True).replace(DEAD, '')
 
@@ -226,6 +226,8 @@ def test_bus_and_nodes_do_not_contradict_a_dead_pad():
     assert rows['node 32'].startswith('it sends neither heartbeat nor taxels')
     well = facts._replace(pads=(facts.pads[0]._replace(nodes=(silent._replace(fault=''),)),))
     assert 'class=bad' not in health_table(well, pads=[drawn(0.05)])
+    died = health_table(well, 12.0)  # the driver: neither its bus nor its nodes are known
+    assert 'no failure' not in died and 'OPERATIONAL' not in died
 
 
 # --- the grasp
@@ -292,8 +294,9 @@ def test_stamps_of_another_time_are_said_to_be_a_replay():
     """A replay publishes the stamps of its log, just now."""
     behind = clock_difference([drawn(0.1, stamp=1000.0)], 8200.1)
     assert behind == pytest.approx(7200)
-    assert '7200 s before the time of this computer' in status_html(LIVE._replace(behind=behind), [drawn(0.1)], 0, 1)
-    assert 'of this computer' not in status_html(LIVE._replace(behind=0.1), [drawn(0.1)], 0, 1)
+    replayed = drawn(0.1, stamp=time.time() - 7200.1)
+    assert '7200 s before the time of this computer' in status_html(LIVE, [replayed], 0, 1)
+    assert 'of this computer' not in status_html(LIVE, [drawn(0.1, stamp=time.time() - 0.1)], 0, 1)
     assert np.isnan(clock_difference([drawn(9.0, stamp=1000.0)], 8200.1))
 
 

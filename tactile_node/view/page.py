@@ -17,7 +17,6 @@ from tactile_node.view.page_parts import (
     DrawnPad,
     PageFacts,
     Scales,
-    clock_difference,
     pads_html,
     status_html,
 )
@@ -130,21 +129,19 @@ class Page:
             self._slow_due = now + SLOW_PERIOD
             self._update_slow(shown, drawn)
         self._pads.content = pads_html(drawn, self._number, self._source.player is not None)
-        self._status.content = status_html(self._facts(shown, drawn, now), drawn, self._client.client_id, self._number)
+        self._status.content = status_html(self._facts(shown, now), drawn, self._client.client_id, self._number)
         self._client.flush()
         return min((pad.age for pad in drawn), default=math.inf)
 
-    def _facts(self, shown: Shown, drawn: list[DrawnPad], now: float) -> PageFacts:
+    def _facts(self, shown: Shown, now: float) -> PageFacts:
         while self._taken and now - self._taken[0][0] > MEASURED:
             self._taken.popleft()
         player = self._source.player
         ages = [age for _, age in self._taken if math.isfinite(age)]
-        behind = math.nan if player is not None else clock_difference(drawn, time.time())
         return PageFacts(
-            title=self._source.title, position=None if player is None else (player.position, player.length),
-            is_playing=player is not None and player.is_playing, problem=shown.problem,
-            rate=len(self._taken) / MEASURED, delay=sum(ages) / len(ages) if ages and player is None else math.nan,
-            behind=behind, scene_age=now - self._scene_shown, grasp=shown.grasp)
+            title=self._source.title, player=player, problem=shown.problem, rate=len(self._taken) / MEASURED,
+            delay=sum(ages) / len(ages) if ages and player is None else math.nan,
+            scene_age=now - self._scene_shown, grasp=shown.grasp)
 
     def _update_slow(self, shown: Shown, drawn: list[DrawnPad]) -> None:
         forces = {name: self._source.store.forces(name) for name in shown.pads}

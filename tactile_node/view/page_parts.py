@@ -12,7 +12,7 @@ from tactile_node.view.colours import FullScale
 from tactile_node.view.gate import TAKEN
 from tactile_node.view.heat_map import heat_map, words
 from tactile_node.view.planes import POINTS
-from tactile_node.view.source import Source
+from tactile_node.view.source import Player, Source
 from tactile_node.view.states import GraspFacts, PadState
 from tactile_node.view.store import Shown
 
@@ -151,14 +151,12 @@ class PageFacts(NamedTuple):
     """What the page reports of its source and of its pace."""
 
     title: str
-    position: tuple[float, float] | None  #: of a recording and its length as read so far [s]; None: live
-    is_playing: bool
+    player: Player | None  #: of a recording; None: live
     problem: str
     rate: float       #: updates that this browser has taken [1/s]
     delay: float      #: age of the newest data when the browser had them [s]; NaN: not measured yet
     scene_age: float  #: of what the 3-D view shows, by the browser's receipt [s]; inf: it shows nothing yet
     grasp: GraspFacts | None = None
-    behind: float = math.nan  #: by how much the stamps are behind the clock of this computer [s]; NaN: not known
 
 
 def clock_difference(pads: list[DrawnPad], wall: float) -> float:
@@ -176,6 +174,7 @@ def _other_clock(behind: float) -> str:
 
 
 def grasp_html(grasp: GraspFacts | None) -> str:
+    """Return the state of the grasp, while it is known what it is now."""
     if grasp is None:
         return 'grasp: none comes from this source'
     age, contact = time.monotonic() - grasp.acquired, grasp.contact.replace('_', ' ')
@@ -191,13 +190,14 @@ def grasp_html(grasp: GraspFacts | None) -> str:
 
 def status_html(facts: PageFacts, pads: list[DrawnPad], page: int, number: int) -> str:
     """Return the line that says whether this is live, and the receipt of update ``number`` of ``page``."""
-    if facts.position is not None:
-        done, length = facts.position
-        word = f'<b class="tactile-rec">RECORDING, {"playing" if facts.is_playing else "paused"}</b>'
-        text = f'{done:.1f} of {length:.1f} s; shapes are recognised again from its taxels'
+    if facts.player is not None:
+        word = f'<b class="tactile-rec">RECORDING, {"playing" if facts.player.is_playing else "paused"}</b>'
+        text = (f'{facts.player.position:.1f} of {facts.player.length:.1f} s; shapes are recognised again from its '
+                'taxels')
     else:
         word = _word(bool(pads) and all(pad.is_live for pad in pads))
-        text = '; '.join(f'{escape(pad.name)}: {said_of(pad)}' for pad in pads) + _other_clock(facts.behind)
+        text = '; '.join(f'{escape(pad.name)}: {said_of(pad)}' for pad in pads)
+        text += _other_clock(clock_difference(pads, time.time()))
     delay = '' if math.isnan(facts.delay) else f', shown after {1e3 * facts.delay:.0f} ms'
     scene = '<i class="tactile-scene-current"></i>' if facts.scene_age <= OLD_SCENE else ''
     problem = f'<div class="tactile-problem">{escape(facts.problem)}</div>' if facts.problem else ''

@@ -34,7 +34,7 @@ class ViewServer:
             inner_host = _inner_host()
             self._viser = viser.ViserServer(host=inner_host, port=0, verbose=False)
         # A browser may ask for a tunnel through a server in the internet.
-        self._viser.request_share_url = _not_shared  # type: ignore[method-assign]
+        self._viser.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]
         try:
             self._gate = Gate(host, port, (inner_host, self._viser.get_port()), token, self._taken)
         except BaseException:
@@ -112,7 +112,3 @@ def _inner_host() -> str:
         except OSError:  # not Linux: 127.0.0.1 alone
             return LOOPBACK
     return host
-
-
-def _not_shared(verbose: bool = True) -> None:
-    """Nothing leaves this machine."""
