@@ -97,6 +97,8 @@ lane-socketcan: lane-bus
 
 # Debian's chromium, not playwright's own download: the machine of the tests may have no internet.
 view-test: setup  ## tactile view in headless Chromium (apt-get install chromium); pictures in build/view/
+	@command -v chromium >/dev/null || command -v chromium-browser >/dev/null \
+		|| { echo 'view-test: expected Chromium, got none. Install it: apt-get install chromium'; exit 2; }
 	@$(BIN)/python -c 'import playwright' 2>/dev/null \
 		|| $(BIN)/python -m pip install --disable-pip-version-check --quiet -r requirements/view_test.txt
 	@TACTILE_VIEW_TEST=1 $(BIN)/python -m pytest test/test_view_browser.py test/test_view_gate.py test/test_view.py -q -s

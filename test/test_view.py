@@ -1,6 +1,7 @@
 """What a person is shown: that nothing old, hidden or unknown looks like a measurement."""
 
 import io
+import re
 import time
 from threading import Event, Timer
 from unittest.mock import MagicMock
@@ -17,17 +18,25 @@ from tactile_node.library.contacts import Recogniser
 from tactile_node.view.colours import PALETTE, FullScale, levels
 from tactile_node.view.facts import facts_of
 from tactile_node.view.force_chart import force_chart
-from tactile_node.view.health_table import health_table
+from tactile_node.view.health_table import HealthHistory, health_table
 from tactile_node.view.heat_map import heat_map, words
 from tactile_node.view.pads_3d import Pads3d
-from tactile_node.view.page_parts import PageFacts, Scales, clock_difference, pads_html, status_html
+from tactile_node.view.page_parts import (
+    DEAD,
+    PageFacts,
+    Scales,
+    clock_difference,
+    grasp_html,
+    pads_html,
+    status_html,
+)
 from tactile_node.view.recognising import PadRecogniser
-from tactile_node.view.states import BusFacts
+from tactile_node.view.states import BusFacts, GraspFacts, NodeFacts, PadFacts
 from tactile_node.view.store import MOST_POINTS, Store
-from tactile_node.view.terminal_view import show_in_terminal
+from tactile_node.view.terminal_view import line_of, show_in_terminal
 from tactile_node.view.timeline import Timeline
 
-LIVE = PageFacts('by hand', None, False, '', 20.0, 0.05)
+LIVE = PageFacts('by hand', None, '', 20.0, 0.05, scene_age=0.1)
 
 
 def parts(svg, tag):
@@ -170,16 +179,124 @@ def test_an_age_that_is_not_known_is_not_live():
 
 
 def test_a_recording_is_never_called_live():
-    shown = status_html(LIVE._replace(position=(1.0, 9.0)), [drawn(0.0)], 0, 1)
-    assert 'RECORDING' in shown and '>LIVE' not in shown
+    shown = status_html(LIVE._replace(player=MagicMock(position=1.0, length=9.0, is_playing=True)), [drawn(0.0)], 0, 1)
+    assert 'RECORDING' in shown and 'LIVE' not in shown.replace(DEAD, '')
+    assert 'LIVE' not in pads_html([drawn(0.0)], 1, is_recording=True).replace(DEAD, '')
+
+
+@pytest.mark.parametrize('age, taxel, is_live', [
+    (0.05, 1.0, True), (0.05, NAN, False), (3.0, 1.0, False), (3.0, NAN, False), (NAN, 1.0, False)])
+def test_a_pad_is_live_by_its_newest_valid_taxel(age, taxel, is_live):
+    """One valid taxel of 16 is enough: the others are counted and marked."""
+    values = np.full((4, 4), NAN)
+    values[2, 1] = taxel
+    assert drawn(age, values=values).is_live is is_live
+    assert not Scales().drawn('left', None, age).is_live
+
+
+def test_a_dead_skin_of_which_frames_come_is_not_live():
+    """The driver goes on to publish: every taxel NaN, under the present stamp."""
+    dead = drawn(0.05, values=np.full((4, 4), NAN))
+    shown = pads_html([dead], 1)
+    assert 'no valid taxels' in shown and 'square' not in shown and 'tactile-bar' not in shown
+    assert '>LIVE<' not in shown and 'NOT LIVE</b>' in shown
+    status = status_html(LIVE, [dead, dead._replace(name='right')], 0, 1)
+    assert 'NOT LIVE</b>' in status and 'left: no valid taxels; right: no valid taxels' in status
+
+
+def test_live_is_said_of_all_pads_or_of_the_one():
+    live, dead = drawn(0.05), drawn(0.05, values=np.full((4, 4), NAN))._replace(name='right')
+    assert '>LIVE</b>' in status_html(LIVE, [live, live], 0, 1)
+    status = status_html(LIVE, [live, dead], 0, 1)
+    assert 'NOT LIVE</b>' in status and 'left: LIVE' in status and 'right: no valid taxels' in status
+    assert 'NOT LIVE</b>' in status_html(LIVE, [], 0, 1)
+
+
+def rows_of(table):
+    """Text by name of the row."""
+    return dict(row.removesuffix('</td></tr>').split('</td><td>') for row in re.findall('<td>(.*?</td></tr>)', table))
+
+
+def test_bus_and_nodes_do_not_contradict_a_dead_pad():
+    silent = NodeFacts(32, 'OPERATIONAL', 14.0, 'it sends neither heartbeat nor taxels', '')
+    facts = BusFacts('', 0.0, {}, (PadFacts('left', 1, 0, 2, 2, {}, (silent,)),))
+    rows = rows_of(health_table(facts, pads=[drawn(0.05, values=np.full((4, 4), NAN))]))
+    assert rows['<b>left</b>'] == 'no valid taxels'
+    assert rows['bus'] == 'no failure, nodes with a fault: 1'
+    assert rows['node 32'].startswith('it sends neither heartbeat nor taxels')
+    well = facts._replace(pads=(facts.pads[0]._replace(nodes=(silent._replace(fault=''),)),))
+    assert 'class=bad' not in health_table(well, pads=[drawn(0.05)])
+    died = health_table(well, 12.0)  # the driver: neither its bus nor its nodes are known
+    assert 'no failure' not in died and 'OPERATIONAL' not in died
+
+
+# --- the grasp
+
+HELD = GraspFacts('two_sided', is_fresh=True, is_stable=True, acquired=0.0)
+
+
+def grasp_of(age, **changed):
+    return grasp_html(HELD._replace(acquired=time.monotonic() - age, **changed))
+
+
+def test_a_grasp_is_current_while_it_is_fresh_and_new():
+    shown = grasp_of(0.08)
+    assert 'class="tactile-live"' in shown and 'two sided, stable, fresh' in shown and '80 ms old' in shown
+    assert 'two sided, not stable' in grasp_of(0.08, is_stable=False)
+
+
+@pytest.mark.parametrize('age, changed', [
+    (0.6, {}), (NAN, {}), (float('inf'), {}), (0.08, {'is_fresh': False, 'is_stable': False}),
+    (0.08, {'contact': 'unseen', 'is_stable': False}), (0.08, {'contact': 'not_known', 'is_fresh': False})])
+def test_an_old_grasp_and_one_that_is_not_known_are_not_shown_as_current(age, changed):
+    shown = grasp_of(age, **changed)
+    assert 'NOT KNOWN' in shown and 'live' not in shown and 'two sided' not in shown and 'stable' not in shown
+
+
+def test_what_a_source_has_shown_is_forgotten_when_it_stops():
+    store = Store(['left'])
+    store.put(state())
+    store.put_grasp(HELD)
+    store.clear()
+    assert store.shown().grasp is None and store.shown().pads == {'left': None}
+    assert 'none comes' in grasp_html(store.shown().grasp)
+
+
+# --- the 3-D view
+
+
+@pytest.mark.parametrize('age, is_current', [(0.9, True), (1.1, False), (float('inf'), False), (NAN, False)])
+def test_the_sketch_is_covered_unless_it_is_current_by_its_own_receipt(age, is_current):
+    shown = status_html(LIVE._replace(scene_age=age), [drawn(0.05)], 0, 1)
+    assert ('tactile-scene-current' in shown) is is_current
+
+
+@pytest.mark.parametrize('aspect, pads', [(0.37, 1), (0.37, 2), (0.76, 2), (1.8, 2), (0.76, 4)])
+def test_the_camera_sees_all_pads_with_their_names(aspect, pads):
+    """Every corner is projected by hand, with a tenth of the pane to spare for the names."""
+    client, seen = MagicMock(), state(values=np.zeros((16, 16)))
+    client.camera.fov, client.camera.aspect = np.radians(75), aspect
+    Pads3d(client).look_from(seen, pads)
+    eye, target = np.array(client.camera.position), np.array(client.camera.look_at)
+    forward = (target - eye) / np.linalg.norm(target - eye)
+    right = np.cross(forward, (0, 0, 1))
+    right /= np.linalg.norm(right)
+    width = 100 * 16 * 0.004
+    corners = np.array([(1.3 * width * pair + x * width / 2, y * width / 2, z * 9 / 16 * width)
+                        for pair in range((pads + 1) // 2) for x in (-1, 1) for y in (-1, 1) for z in (0, 1)]) - eye
+    depth = corners @ forward * np.tan(np.radians(75) / 2)
+    assert (depth > 0).all()
+    assert np.abs(corners @ right / depth).max() < 0.9 * aspect
+    assert np.abs(corners @ np.cross(right, forward) / depth).max() < 0.9
 
 
 def test_stamps_of_another_time_are_said_to_be_a_replay():
     """A replay publishes the stamps of its log, just now."""
     behind = clock_difference([drawn(0.1, stamp=1000.0)], 8200.1)
     assert behind == pytest.approx(7200)
-    assert '7200 s before the time of this computer' in status_html(LIVE._replace(behind=behind), [drawn(0.1)], 0, 1)
-    assert 'of this computer' not in status_html(LIVE._replace(behind=0.1), [drawn(0.1)], 0, 1)
+    replayed = drawn(0.1, stamp=time.time() - 7200.1)
+    assert '7200 s before the time of this computer' in status_html(LIVE, [replayed], 0, 1)
+    assert 'of this computer' not in status_html(LIVE, [drawn(0.1, stamp=time.time() - 0.1)], 0, 1)
     assert np.isnan(clock_difference([drawn(9.0, stamp=1000.0)], 8200.1))
 
 
@@ -213,6 +330,31 @@ def test_a_driver_that_starts_again_with_another_layout_gets_another_sketch_and_
 
 
 # --- health
+
+
+def counted(lost, expected, overruns=0):
+    return BusFacts('', 0.1, {'queue_overruns': overruns} if overruns else {}, (
+        PadFacts('left', expected - lost, lost, expected, expected - lost, {'late': lost} if lost else {}),))
+
+
+def test_a_loss_is_red_for_a_minute():
+    history, lost, later = HealthHistory(), counted(7, 200, 3), counted(7, 5000, 3)
+    history.before(counted(0, 100), 1000.0)
+    table = health_table(lost, before=history.before(lost, 1001.0))
+    assert 'class=bad' in table and rows_of(table)['lost: late'] == '7 (7 in 1 s)'
+    assert rows_of(table)['queue overruns'] == '3 (3 in 1 s)'
+    history.before(lost, 1001.5)  # a page asks more often than a status comes
+    table = health_table(later, before=history.before(later, 1061.6))
+    assert 'class=bad' not in table and rows_of(table)['lost: late'] == '7 (0 in 60 s)'
+    assert 'class=bad' in health_table(later)  # of a recording: what was lost in it
+
+
+def test_counters_that_begin_again_have_no_past():
+    """The driver was started again: 9 losses are not 2 more than the 7 before."""
+    history = HealthHistory()
+    for stamp, facts in enumerate((counted(7, 5000), counted(9, 90), counted(12, 190))):
+        before = history.before(facts, float(stamp))
+    assert rows_of(health_table(facts, before=before))['lost: late'] == '12 (3 in 1 s)'
 
 
 def test_what_is_lost_is_listed_by_reason():
@@ -285,6 +427,10 @@ def test_a_name_is_no_command_to_the_terminal(monkeypatch):
         assert 'left' in shown and '\x1bc' not in shown
 
 
+def test_a_terminal_says_that_no_taxel_is_valid():
+    assert line_of([drawn(0.05, values=np.full((4, 4), NAN))], 'by hand') == 'left: no valid taxels; by hand'
+
+
 def test_a_narrow_terminal_gets_one_line(monkeypatch):
     monkeypatch.setenv('COLUMNS', '40')
     source = HandSource()
@@ -308,6 +454,7 @@ class Sent:
 
     def __init__(self):
         self.client = MagicMock(client_id=7)
+        self.client.camera = MagicMock(aspect=1.6, image_width=1440, image_height=900)
         self.pads = MagicMock()
         self.client.gui.add_html.side_effect = lambda text: MagicMock()
         self.client.gui.add_checkbox.side_effect = lambda label, value: MagicMock(value=value)

@@ -110,7 +110,8 @@ def test_the_page_loads_follows_and_asks_only_this_machine(browser, server):
     text = page.locator('.tactile-pads').inner_text()
     for said in ('square 97 %', 'side 24.0 mm', 'unknown (not seen)', '128 of 256 taxels without a value'):
         assert said in text
-    assert 'LIVE' in page.locator('.tactile-status b').inner_text()
+    assert page.locator('.tactile-status b').first.inner_text() == 'LIVE'
+    assert page.title() == 'left, right - tactile_skin'
     page.get_by_text('show (computed only then)').click()
     page.wait_for_selector('circle.plane-point')
     page.wait_for_timeout(1500)
@@ -139,7 +140,7 @@ def test_a_silent_source_and_a_server_that_is_gone_are_not_live(browser, server)
     page.wait_for_selector('.tactile-silent')
     page.wait_for_timeout(500)
     assert 'no data for' in page.locator('.tactile-silent').first.inner_text()
-    assert page.locator('.tactile-status b').inner_text() == 'NOT LIVE'
+    assert page.locator('.tactile-status b').first.inner_text() == 'NOT LIVE'
     assert opacity(page) == 0.0  # the page is served
     page.screenshot(path=PICTURES / 'silent.png')
     for running in server._pages.values():
@@ -151,7 +152,27 @@ def test_a_silent_source_and_a_server_that_is_gone_are_not_live(browser, server)
 
 
 def opacity(page):
-    return float(page.locator('.tactile-dead').first.evaluate('element => getComputedStyle(element).opacity'))
+    """In one step: an update replaces the element, and one that is not in the page has no style."""
+    return float(page.evaluate("getComputedStyle(document.querySelector('.tactile-dead')).opacity"))
+
+
+def cover(page):
+    """What lies over the 3-D view, by the browser's own style; 'none': nothing."""
+    return page.evaluate("""getComputedStyle(document.querySelector('canvas').parentElement, '::after').content""")
+
+
+def test_a_contact_that_has_gone_is_not_left_in_the_3d_view(browser, monkeypatch):
+    """As where WebGL runs in software: after the first update of the scene the next one is far off."""
+    from tactile_node.view import page as module
+    from tactile_node.view.server import ViewServer
+    monkeypatch.setattr(module, 'SCENE_PERIOD', 3600.0)
+    server = ViewServer(MovingSource(), port=0)
+    page = opened(browser, server)
+    until(lambda: 'OLD' in cover(page), 30.0)
+    assert page.locator('.tactile-status b').first.inner_text() == 'LIVE'  # the maps go on
+    page.screenshot(path=PICTURES / 'old_scene.png')
+    page.close()
+    server.close()
 
 
 def test_a_token_opens_the_page_and_leaves_the_address(browser):

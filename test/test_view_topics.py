@@ -113,3 +113,37 @@ def test_a_shape_is_shown_on_the_taxels_that_it_was_recognised_from(nodes):
     seen = source.store.shown().pads['left']
     np.testing.assert_array_equal(seen.values, [[10e3, 10e3], [NAN, 10e3]])
     assert seen.contact.shape == 'square' and seen.contact.outline is None  # fit_valid is false
+
+
+def grasp(sides, **changed):
+    """Both pads are touched."""
+    from tactile_skin.msg import Grasp
+    message = Grasp(sides=sides, side_states=2 * [Grasp.SIDE_TOUCHED], contact=Grasp.TWO_SIDED, **changed)
+    message.header = sides[0].header
+    for point in (message.left_centre, message.right_centre, message.midpoint, message.axis):
+        point.x = point.y = point.z = NAN
+    message.gap = message.width = message.offset = message.misalignment = message.creep = NAN
+    return message
+
+
+def test_a_grasp_has_its_own_age_and_one_that_contradicts_itself_is_not_shown(nodes):
+    from tactile_node.ros.qos import frames_qos
+    from tactile_skin.msg import Grasp
+    source, node = nodes
+    publisher = node.create_publisher(Grasp, '/grasp', frames_qos(10))
+    source.start()
+    until(publisher.get_subscription_count)
+    publisher.publish(grasp(2 * [shape(taxels(node, 1, 10e3))], stable=True))  # and not fresh
+    publisher.publish(grasp(2 * [shape(taxels(node, 1, 10e3))]))
+    until(lambda: source.store.shown().grasp is not None)
+    seen = source.store.shown().grasp
+    assert (seen.contact, seen.is_fresh, seen.is_stable, seen.acquired) == ('two_sided', False, False, -np.inf)
+
+    def is_age_known():
+        publisher.publish(grasp(2 * [shape(taxels(node, 1, 10e3))], fresh=True))
+        return np.isfinite(source.store.shown().grasp.acquired)
+    until(is_age_known)
+    assert source.store.shown().grasp.is_fresh
+    assert time.monotonic() - source.store.shown().grasp.acquired < 1
+    source.stop()
+    assert source.store.shown().grasp is None

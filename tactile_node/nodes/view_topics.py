@@ -14,18 +14,20 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from tactile_node.errors import ConfigurationError
+from tactile_node.grasp.tracker import GraspContact
 from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.spinning import Spinner
-from tactile_node.ros.message_checks import check_contact, check_contact_shape, check_taxel_array
+from tactile_node.ros.message_age import InputAge
+from tactile_node.ros.message_checks import check_contact, check_contact_shape, check_grasp, check_taxel_array
 from tactile_node.ros.qos import STATUS_QOS, frames_qos
 from tactile_node.ros.taxel_messages import taxel_values
 from tactile_node.ros.time_messages import seconds
 from tactile_node.shape.recognition import UnknownReason
 from tactile_node.view.facts import facts_of_status
-from tactile_node.view.states import PadState, SeenContact
+from tactile_node.view.states import GraspFacts, PadState, SeenContact
 from tactile_node.view.store import Store
-from tactile_skin.msg import Contact, ContactShape, SkinStatus, TaxelArray
+from tactile_skin.msg import Contact, ContactShape, Grasp, SkinStatus, TaxelArray
 
 RATE = 20.0         #: at which a pad's newest shape is shown [1/s]
 WAITING = 16        #: messages of a pad that wait for their shape
@@ -63,6 +65,9 @@ class TopicSource:
                 _PadTopics(node, pad, self._root + pad, self.store)
             status = f'{self._root}{NODE_NAMES[Role.DRIVER]}/status'
             node.create_subscription(SkinStatus, status, self._status, STATUS_QOS)
+            self._grasp_age = InputAge()
+            GuardedSubscription(node, Grasp, f'{self._root}grasp', self._grasp, frames_qos(DEPTH), check=check_grasp,
+                                newest_only=True)
             self._spinner = Spinner([node])
 
     def stop(self) -> None:
@@ -84,6 +89,11 @@ class TopicSource:
 
     def _status(self, message: SkinStatus) -> None:
         self.store.put_bus(facts_of_status(message))
+
+    def _grasp(self, message: Grasp) -> None:
+        arrival = self._grasp_age.arrived(message)
+        self.store.put_grasp(GraspFacts(GraspContact(message.contact).name.lower(), message.fresh, message.stable,
+                                        arrival.steady - arrival.age_on_arrival))
 
     def _found_pads(self) -> list[str]:
         node = Node(f'{NAME}_discovery')

@@ -4,11 +4,10 @@ from collections import deque
 
 import numpy as np
 
-from tactile_node.colour_map import STEPS as STEPS_OF_COLOUR
+from tactile_node.colour_map import STEPS as LEVELS
 from tactile_node.colour_map import rgb_table
 from tactile_node.press_levels import ON_OFF_UNIT, PRESS_BY_UNIT
 
-LEVELS = STEPS_OF_COLOUR
 PALETTE = rgb_table()[:LEVELS]  #: uint8 (LEVELS, 3)
 HELD = 10.0  #: for which the largest reading sets the scale [s]
 STEPS = 1.0, 2.0, 5.0, 10.0  #: to which a scale is rounded up

@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 from tactile_node.cia301.nmt import state_name
-from tactile_node.frames.fault_text import PHRASES, failure_text
+from tactile_node.frames.fault_text import failure_text, node_text
 from tactile_node.frames.health import BusHealth, NodeHealth
 from tactile_node.frames.losses import BusStatistics, PadStatistics
 from tactile_node.view.states import BusFacts, NodeFacts, PadFacts
@@ -33,13 +33,13 @@ def _some(counts: dict[str, int]) -> dict[str, int]:
 def _pad(name: str, pad: PadStatistics, nodes: tuple[NodeHealth, ...]) -> PadFacts:
     losses = {reason.key: count for reason, count in pad.losses.items()}
     return PadFacts(name, pad.complete, pad.incomplete, pad.expected, pad.used, _some(losses),
-                    tuple(map(_node, nodes)))
+                    tuple(_node(name, node) for node in nodes))
 
 
-def _node(node: NodeHealth) -> NodeFacts:
+def _node(pad: str, node: NodeHealth) -> NodeFacts:
     return NodeFacts(node.node_id, state_name(node.state),
                      math.nan if node.heartbeat_age is None else node.heartbeat_age,
-                     PHRASES[node.fault] if node.fault.is_fault else '', str(node.last_emergency or ''))
+                     node_text(pad, node), str(node.last_emergency or ''))
 
 
 def _pad_of_status(pad: Any) -> PadFacts:

@@ -8,7 +8,7 @@ from tactile_node.view.colours import rounded_up
 from tactile_node.view.planes import POINTS
 from tactile_node.view.store import HISTORY
 
-WIDTH, HEIGHT = 60.0, 15.0
+WIDTH, HEIGHT = 60.0, 22.0
 LEFT, RIGHT, TOP, BOTTOM = 4.0, 1.0, 1.0, 2.4
 GAP = 0.3     #: between two points, from which on they are not joined [s]
 LEAST = 1.0   #: of the scale [N]

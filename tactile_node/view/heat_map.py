@@ -11,13 +11,10 @@ from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.view.colours import LEVELS, PALETTE, SHOWN_AS, levels
 from tactile_node.view.states import PadState, SeenContact
 
-WITHOUT_VALUE, NO_TAXEL = '#8a8f98', 'none'
+WITHOUT_VALUE = '#8a8f98'
 OUTLINE, FAINT = '#29e6ff', '#5c6672'
 LEFT, RIGHT, TOP, BOTTOM = 1.4, 2.9, 0.2, 1.5  #: margins around the taxels [of a side of 16 units]
 SIDE = 16.0  #: of the taxels' longer side [units of the picture]
-#: why a taxel has no value, as it is marked
-MARKS = {TaxelStatus.NOT_KNOWN: 'unknown', TaxelStatus.STALE: 'stale', TaxelStatus.DEAD: 'dead',
-         TaxelStatus.FAULTY: 'faulty'}
 _PNG_PALETTE = PALETTE.tobytes()
 
 
@@ -29,18 +26,15 @@ def heat_map(state: PadState, full_scale: float, is_old: bool = False) -> str:
     unit = SIDE / max(rows, cols)  # of the picture, a taxel
     width, height = cols * unit, rows * unit
     view = f'{-LEFT:g} {-TOP:g} {width + LEFT + RIGHT:g} {height + TOP + BOTTOM:g}'
+    opacity = 0.25 if is_old else 1
     parts = [f'<svg class="tactile-map" data-pad="{escape(state.pad, quote=True)}" viewBox="{view}" '
              'xmlns="http://www.w3.org/2000/svg">',
-             f'<g{_faded(is_old)}><image href="{_png(state, full_scale)}" width="{width:g}" height="{height:g}" '
+             f'<g opacity="{opacity}"><image href="{_png(state, full_scale)}" width="{width:g}" height="{height:g}" '
              'preserveAspectRatio="none" style="image-rendering:pixelated"/>',
              _marks(state, unit), _axes(state, unit), _colour_bar(state.unit, full_scale, width, height)]
     if state.contact is not None and state.contact.outline is not None:
         parts.append(_outline(state.contact.outline, state.pitch, rows, unit))
     return ''.join((*parts, '</g></svg>'))
-
-
-def _faded(is_old: bool) -> str:
-    return ' opacity="0.25"' if is_old else ''
 
 
 def _png(state: PadState, full_scale: float) -> str:

@@ -15,6 +15,7 @@ SCALE = 100.0       #: scene units a metre: a pad is a few units wide, as viser'
 TALLEST = 3.0       #: column of the full scale [pitches]
 FLAT = 0.15         #: column of no load [pitches]
 OPENING = 9.0       #: between two pads that face each other [pitches]
+NARROW = 0.7        #: ratio of the pane's sides from which on its width decides how far the camera is
 OUTLINE = (41, 230, 255)
 WITHOUT_VALUE = (138, 143, 152)
 OLD = (190, 190, 190)
@@ -38,7 +39,8 @@ class Pads3d:
         """Place the camera for ``pads`` pads like this one."""
         width = SCALE * state.pitch * max(state.values.shape)
         middle = 1.3 * width * ((pads - 1) // 2) / 2
-        self._client.camera.position = (middle + 0.9 * width, -1.7 * width, 0.9 * width)
+        away = (width + 2 * middle) * max(1.0, NARROW / self._client.camera.aspect)
+        self._client.camera.position = (middle + 0.9 * away, -1.7 * away, 0.25 * width + 0.65 * away)
         self._client.camera.look_at = (middle, 0.0, 0.25 * width)
 
     def show(self, number: int, state: PadState, full_scale: float, is_old: bool) -> None:
@@ -87,4 +89,5 @@ class Pads3d:
                       dimensions=((cols + .6) * pitch, (rows + .6) * pitch, 0.5 * pitch), receive_shadow=False)
         self._outlines[state.pad] = scene.add_line_segments(
             f'{name}/outline', np.zeros((1, 2, 3), np.float32), OUTLINE, thickness=0.3 * pitch, visible=False)
-        scene.add_label(f'{name}/name', state.pad, position=(-.6 * cols * pitch, 0.0, 0.0), anchor='center-right')
+        scene.add_label(f'{name}/name', state.pad, anchor='bottom-center' if is_upper else 'top-center',
+                        position=(0.0, (.5 if is_upper else -.5) * rows * pitch, 0.0))  # at the edge next to the camera

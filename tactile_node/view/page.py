@@ -5,10 +5,11 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from html import escape
 from typing import TYPE_CHECKING
 
 from tactile_node.view.force_chart import force_chart
-from tactile_node.view.health_table import health_table
+from tactile_node.view.health_table import HealthHistory, health_table
 from tactile_node.view.pads_3d import Pads3d
 from tactile_node.view.page_parts import (
     LEGEND,
@@ -16,7 +17,6 @@ from tactile_node.view.page_parts import (
     DrawnPad,
     PageFacts,
     Scales,
-    clock_difference,
     pads_html,
     status_html,
 )
@@ -55,6 +55,8 @@ class Page:
         self._number = 0
         self._is_taken = threading.Event()
         self._slow_due = self._scene_due = 0.0
+        self._scene_shown, self._aspect = -math.inf, 0.0  # the last that the browser has taken
+        self._history = HealthHistory()
         self._planes: Planes | None = None
 
     def start(self) -> None:
@@ -83,6 +85,7 @@ class Page:
                 now = time.monotonic()
                 if is_scene_due:
                     self._scene_due = begun + max(SCENE_PERIOD, SCENE_SHARE * (now - begun))
+                    self._scene_shown = begun
                 self._taken.append((now, age + now - begun))
                 self._stopping.wait(max(0.0, begun + 1 / RATE - now))
         except Exception:
@@ -93,7 +96,8 @@ class Page:
         gui = self._client.gui
         gui.configure_theme(show_logo=False, show_share_button=False, control_width='large')
         gui.set_panel_label('tactile view')
-        gui.add_html(STYLE)
+        title = escape(f'{", ".join(self._source.store.pads)} - tactile_skin', quote=True)
+        gui.add_html(f'{STYLE}<img hidden src="data:," alt="{title}" onerror="document.title=this.alt">')
         self._status = gui.add_html('')
         self._controls = None if self._source.player is None else PlayerControls(gui, self._source.player)
         with gui.add_folder('Bus and taxels'):
@@ -110,44 +114,44 @@ class Page:
             self._force = gui.add_html('')
             gui.add_html(LEGEND)
         panel.dock_left()
-        panel.set_width(PADS_WIDTH)
+        pane = self._client.camera
+        panel.set_width(max(PADS_WIDTH, min(0.8 * pane.image_height, 0.45 * pane.image_width)))  # fills its height
         self._scene = Pads3d(self._client)
-        self._is_aimed = False
 
     def _update(self, shown: Shown, now: float, with_scene: bool) -> float:
         """Send all that is due; the age of the newest data in it [s]."""
         self._is_taken.clear()
         self._number += 1
-        drawn = [self._scales.drawn(name, state, math.inf if state is None else self._source.age(state))
-                 for name, state in shown.pads.items()]
+        drawn = self._scales.drawn_now(self._source, shown)
         if with_scene:
             self._update_scene(drawn)
         if now >= self._slow_due:
             self._slow_due = now + SLOW_PERIOD
             self._update_slow(shown, drawn)
-        self._pads.content = pads_html(drawn, self._number)
-        self._status.content = status_html(self._facts(shown, drawn, now), drawn, self._client.client_id, self._number)
+        self._pads.content = pads_html(drawn, self._number, self._source.player is not None)
+        self._status.content = status_html(self._facts(shown, now), drawn, self._client.client_id, self._number)
         self._client.flush()
         return min((pad.age for pad in drawn), default=math.inf)
 
-    def _facts(self, shown: Shown, drawn: list[DrawnPad], now: float) -> PageFacts:
+    def _facts(self, shown: Shown, now: float) -> PageFacts:
         while self._taken and now - self._taken[0][0] > MEASURED:
             self._taken.popleft()
         player = self._source.player
         ages = [age for _, age in self._taken if math.isfinite(age)]
-        behind = math.nan if player is not None else clock_difference(drawn, time.time())
         return PageFacts(
-            title=self._source.title, position=None if player is None else (player.position, player.length),
-            is_playing=player is not None and player.is_playing, problem=shown.problem,
-            rate=len(self._taken) / MEASURED, delay=sum(ages) / len(ages) if ages and player is None else math.nan,
-            behind=behind)
+            title=self._source.title, player=player, problem=shown.problem, rate=len(self._taken) / MEASURED,
+            delay=sum(ages) / len(ages) if ages and player is None else math.nan,
+            scene_age=now - self._scene_shown, grasp=shown.grasp)
 
     def _update_slow(self, shown: Shown, drawn: list[DrawnPad]) -> None:
         forces = {name: self._source.store.forces(name) for name in shown.pads}
         ends = [pad.state.stamp + pad.age for pad in drawn if pad.state is not None and math.isfinite(pad.age)]
         if ends:
             self._force.content = force_chart(forces, max(ends))
-        self._health.content = health_table(shown.bus, time.monotonic() - shown.bus_acquired)
+        age, before = time.monotonic() - shown.bus_acquired, None
+        if shown.bus is not None and self._source.player is None:
+            before = self._history.before(shown.bus, shown.bus_acquired)
+        self._health.content = health_table(shown.bus, age, before, drawn if self._source.player is None else ())
         if self._controls is not None:
             self._controls.update()
         self._planes_html.content = self._planes_picture(drawn) if self._planes_wanted.value else ''
@@ -155,17 +159,17 @@ class Page:
     def _planes_picture(self, drawn: list[DrawnPad]) -> str:
         self._planes = self._planes or Planes()
         return self._planes.pictures({
-            number: pad.state.contact.mask for number, pad in enumerate(drawn) if not pad.is_old
+            number: pad.state.contact.mask for number, pad in enumerate(drawn) if pad.is_live
             and pad.state is not None and pad.state.contact is not None and pad.state.contact.mask is not None})
 
     def _update_scene(self, drawn: list[DrawnPad]) -> None:
         for number, pad in enumerate(drawn):
             if pad.state is None:
                 continue
-            if not self._is_aimed:
-                self._is_aimed = True
+            if self._aspect != self._client.camera.aspect:
+                self._aspect = self._client.camera.aspect
                 self._scene.look_from(pad.state, len(drawn))
-            self._scene.show(number, pad.state, pad.full_scale, pad.is_old)
+            self._scene.show(number, pad.state, pad.full_scale, not pad.is_live)
 
     def taken(self, number: int) -> None:
         """The browser has put update ``number`` on its page; on any thread."""

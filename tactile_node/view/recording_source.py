@@ -42,42 +42,27 @@ class RecordingSource:
         self._recogniser = recogniser or Recogniser()
         self._recognisers: dict[str, PadRecogniser] = {}
         self._shown: dict[str, Moment] = {}
-        self._lock = threading.Lock()  # of position and is_playing
-        self._position, self._is_playing = 0.0, True
+        self._lock = threading.Lock()  # of position and is_playing, which only this class sets
+        self.position, self.is_playing = 0.0, True
+        self.player = self
         self._closing = threading.Event()
-        self._is_complete = False
+        self.is_complete = False
         self._reader: threading.Thread | None = None
         self._playing = StoppableThread(self._run, 'view_player')
-
-    @property
-    def player(self) -> 'RecordingSource':
-        return self
-
-    @property
-    def position(self) -> float:
-        return self._position
 
     @property
     def length(self) -> float:
         return max(self._timeline.end - self._timeline.begin, 0.0)
 
-    @property
-    def is_complete(self) -> bool:
-        return self._is_complete
-
-    @property
-    def is_playing(self) -> bool:
-        return self._is_playing
-
     def play(self, is_playing: bool) -> None:
         with self._lock:
-            if is_playing and self._is_complete and self._position >= self.length:
-                self._position = 0.0
-            self._is_playing = is_playing
+            if is_playing and self.is_complete and self.position >= self.length:
+                self.position = 0.0
+            self.is_playing = is_playing
 
     def seek(self, position: float) -> None:
         with self._lock:
-            self._position = min(max(position, 0.0), self.length)
+            self.position = min(max(position, 0.0), self.length)
 
     def check(self) -> None:
         self._recording.check()
@@ -99,11 +84,11 @@ class RecordingSource:
         self._timeline.close()
 
     def age(self, state: PadState) -> float:
-        return self._timeline.begin + self._position - state.stamp
+        return self._timeline.begin + self.position - state.stamp
 
     def show(self) -> None:
         """Put what is at the position into the store."""
-        now = self._timeline.begin + self._position
+        now = self._timeline.begin + self.position
         if not math.isfinite(now):
             return
         for pad in self.store.pads:
@@ -129,17 +114,17 @@ class RecordingSource:
         except (TactileError, OSError) as error:  # the file has gone, the disk of the timeline is full
             problem = f'not read to its end: {error}'
         self.store.put_problem(problem)
-        self._is_complete = True
+        self.is_complete = True
 
     def _run(self, stopping: threading.Event) -> None:
         last = time.monotonic()
         while not stopping.wait(1 / RATE):
             now = time.monotonic()
             with self._lock:
-                if self._is_playing:
-                    self._position = min(self._position + now - last, self.length)
+                if self.is_playing:
+                    self.position = min(self.position + now - last, self.length)
             last = now
-            is_complete = self._is_complete
+            is_complete = self.is_complete
             self.show()
             with self._lock:  # after its end has been shown
-                self._is_playing &= not (is_complete and self._position >= self.length)
+                self.is_playing &= not (is_complete and self.position >= self.length)

@@ -4,7 +4,6 @@ import io
 import secrets
 import socket
 import threading
-import time
 from contextlib import redirect_stdout
 from typing import TYPE_CHECKING
 
@@ -35,7 +34,7 @@ class ViewServer:
             inner_host = _inner_host()
             self._viser = viser.ViserServer(host=inner_host, port=0, verbose=False)
         # A browser may ask for a tunnel through a server in the internet.
-        self._viser.request_share_url = _not_shared  # type: ignore[method-assign]
+        self._viser.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]
         try:
             self._gate = Gate(host, port, (inner_host, self._viser.get_port()), token, self._taken)
         except BaseException:
@@ -46,10 +45,6 @@ class ViewServer:
         self._viser.on_client_disconnect(self._disconnected)
         self._thread = threading.Thread(target=self._switch_source, name='view_server', daemon=True)
         self._thread.start()
-
-    @property
-    def browsers(self) -> int:
-        return len(self._pages)
 
     def close(self) -> None:
         with self._changed:
@@ -95,17 +90,13 @@ class ViewServer:
             with self._changed:
                 self._changed.wait_for(lambda: self._is_closing or bool(self._pages) != self.is_source_on)
                 if self.is_source_on:
-                    self._linger()
+                    self._changed.wait_for(lambda: self._is_closing or bool(self._pages), LINGER)
                 is_wanted = bool(self._pages) and not self._is_closing
             if is_wanted != self.is_source_on:
                 (self._source.start if is_wanted else self._source.stop)()
                 self.is_source_on = is_wanted
             if self._is_closing and not self.is_source_on:
                 return
-
-    def _linger(self) -> None:
-        until = time.monotonic() + LINGER
-        self._changed.wait_for(lambda: self._is_closing or bool(self._pages), max(until - time.monotonic(), 0))
 
     def _stop_viser(self) -> None:
         with redirect_stdout(io.StringIO()):
@@ -121,7 +112,3 @@ def _inner_host() -> str:
         except OSError:  # not Linux: 127.0.0.1 alone
             return LOOPBACK
     return host
-
-
-def _not_shared(verbose: bool = True) -> None:
-    """Nothing leaves this machine."""

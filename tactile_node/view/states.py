@@ -38,6 +38,15 @@ class PadState(NamedTuple):
     contact: SeenContact | None = None  #: None: nothing recognises this frame
 
 
+class GraspFacts(NamedTuple):
+    """The grasp of two pads."""
+
+    contact: str     #: name of a GraspContact, in lower case
+    is_fresh: bool   #: both sides are current
+    is_stable: bool
+    acquired: float  #: the older side, by the steady clock [s]; -inf: not known
+
+
 class NodeFacts(NamedTuple):
     """A CANopen node of a pad."""
 

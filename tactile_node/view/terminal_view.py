@@ -1,6 +1,5 @@
 """A source on a terminal, for use over ssh; where nothing can be redrawn, a line of text each second."""
 
-import math
 import shutil
 import sys
 from threading import Event
@@ -9,7 +8,7 @@ from typing import TextIO
 import numpy as np
 
 from tactile_node.view.heat_map import words
-from tactile_node.view.page_parts import DrawnPad, Scales, silence
+from tactile_node.view.page_parts import DrawnPad, Scales, said_of
 from tactile_node.view.source import Source
 from tactile_node.view.store import Shown
 from tactile_node.view.terminal import LivePictures, PadView, width_of
@@ -27,7 +26,7 @@ def show_in_terminal(source: Source, stop_requested: Event, stream: TextIO | Non
     try:
         while not stop_requested.wait(PERIOD if live else LINE_PERIOD):
             shown = source.store.shown()
-            drawn = drawn_now(source, shown, scales)
+            drawn = scales.drawn_now(source, shown)
             views = [_view(pad) for pad in drawn]
             if not live:
                 print(line_of(drawn, _footer(source, shown)), file=stream, flush=True)
@@ -42,11 +41,6 @@ def show_in_terminal(source: Source, stop_requested: Event, stream: TextIO | Non
         source.stop()
 
 
-def drawn_now(source: Source, shown: Shown, scales: Scales) -> list[DrawnPad]:
-    return [scales.drawn(name, state, math.inf if state is None else source.age(state))
-            for name, state in shown.pads.items()]
-
-
 def line_of(drawn: list[DrawnPad], footer: str) -> str:
     """Return all pads in one line of text."""
     return '; '.join((*(f'{_printable(pad.name)}: {_said(pad)}' for pad in drawn), footer))
@@ -56,14 +50,12 @@ def _view(pad: DrawnPad) -> PadView:
     """Row 0 at the bottom, as on the page; of what is old nothing is drawn."""
     if pad.state is None:
         return PadView(_printable(pad.name), np.full((1, 1), np.nan), _said(pad))
-    values = np.full_like(pad.state.values, np.nan) if pad.is_old else pad.state.values / pad.full_scale
+    values = pad.state.values / pad.full_scale if pad.is_live else np.full_like(pad.state.values, np.nan)
     return PadView(_printable(pad.name), values[::-1], _said(pad).replace(', ', '\n'))
 
 
 def _said(pad: DrawnPad) -> str:
-    if pad.state is None:
-        return 'no data has come'
-    return silence(pad.age) if pad.is_old else _printable(words(pad.state.contact))
+    return _printable(words(pad.state.contact)) if pad.state is not None and pad.is_live else said_of(pad)
 
 
 def _footer(source: Source, shown: Shown) -> str:
