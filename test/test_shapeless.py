@@ -57,15 +57,23 @@ def test_a_second_contact_makes_the_first_no_chance(other, gap):
 
 
 LINES = {
-    'row': box(7, 0, 1, 16), 'column': box(0, 5, 16, 1), 'diagonal': ROWS == COLS, 'short row': box(7, 3, 1, 9),
+    'row': box(7, 0, 1, 16), 'column': box(0, 5, 16, 1), 'short row': box(7, 3, 1, 9), 'row on the edge': box(0, 0, 1, 16),
+    'diagonal': ROWS == COLS, 'row with two specks': box(7, 0, 1, 16) | box(6, 5, 1, 2),
+}
+BARS = {
     'oblique': np.rint(ROWS * 0.4 + 3) == COLS, 'flat': np.rint(COLS * 0.3 + 5) == ROWS,
-    'row on the edge': box(0, 0, 1, 16), 'two rows': box(6, 0, 2, 16), 'two columns': box(0, 6, 16, 2),
+    'two rows': box(6, 0, 2, 16), 'two columns': box(0, 6, 16, 2), 'across': box(5, 0, 7, 16),
 }
 
 
 @pytest.mark.parametrize('mask', LINES.values(), ids=LINES)
-def test_a_line_is_chance(mask):
+def test_a_line_one_taxel_wide_may_be_a_bad_one(mask):
     assert is_shapeless(of_taxels(mask))
+
+
+@pytest.mark.parametrize('mask', BARS.values(), ids=BARS)
+def test_a_bar_from_two_taxels_on_or_oblique_is_a_contact(mask):
+    assert not is_shapeless(of_taxels(mask))
 
 
 @pytest.mark.parametrize('period', [2, 3])
@@ -106,8 +114,8 @@ def test_a_contact_that_silent_rows_tear_is_no_chance():
     assert not is_shapeless(of_taxels(SHAPES['square'], hidden))
 
 
-def test_what_reaches_from_edge_to_edge_has_no_shape_since_its_ends_are_not_seen():
-    for mask in (np.ones((16, 16), bool), box(0, 0, 16, 9), box(5, 0, 7, 16)):
+def test_what_reaches_three_edges_has_no_shape_since_its_width_is_not_seen():
+    for mask in (np.ones((16, 16), bool), box(0, 0, 16, 9), box(9, 0, 7, 16)):
         assert is_shapeless(of_taxels(mask))
     for mask in (box(1, 1, 14, 14), box(0, 0, 15, 15), box(1, 0, 15, 9)):
         assert not is_shapeless(of_taxels(mask))
@@ -128,7 +136,7 @@ def test_pads_of_any_size_and_patterns_without_a_contact(shape):
 @pytest.mark.parametrize('method', ['learned', 'volf'])
 def test_a_method_answers_unknown_to_chance_and_none_to_an_empty_pad(method):
     recogniser = make_recogniser(method)
-    for mask in (LINES['row'], LINES['two columns'], (ROWS + COLS) % 2 == 0):
+    for mask in (LINES['row'], LINES['column'], (ROWS + COLS) % 2 == 0):
         assert recogniser.recognise(of_taxels(mask)).shape is Shape.UNKNOWN
     assert recogniser.recognise(of_taxels(np.zeros((16, 16), bool))).shape is Shape.NONE
 

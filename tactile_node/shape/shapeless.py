@@ -23,7 +23,7 @@ AWAY = 0.25        #: of the pad: so much beyond the box around the contact show
 MARGIN = 1         #: taxels around that box
 COMPACT = 0.62     #: compactness that chance does not reach, for small groups
 LOOSE = 1.7        #: large groups are more compact: 1 - LOOSE / sqrt(taxels)
-THIN = 1.7         #: width of a line [taxels]: one taxel, and up to 1.5 where it lies obliquely
+IN_LINE = 0.8      #: of the taxels of a line, those in one row or column
 STRING, LONG = 4, 0.6  #: rows of a string of pieces at most, and its length at least [of the pad's side]
 FALL, SLOPE = 2, 0.1   #: so many taxels beside a contact, and by this part of its width more, its pressure has fallen
 STEEP = 0.35       #: to this part of it, or less
@@ -42,10 +42,11 @@ def is_shapeless(pattern: ContactPattern) -> bool:
     """Return whether the contact of ``pattern`` is what noise, stuck taxels, lines or drift make, too.
 
     That is a group of the size that chance makes at the density of the pressed taxels beside it, a line one taxel
-    wide, what reaches from edge to edge of the pad, so that its ends are not seen, and a rise without an edge.
+    wide along a row or column, what reaches three edges of the pad, so that its width is not seen, and a rise without
+    an edge.
 
-    >>> diagonal = np.eye(8, dtype=bool)
-    >>> is_shapeless(ContactPattern.of(diagonal, diagonal.astype(float)))
+    >>> row = np.eye(8, dtype=bool)[[3] * 8].T
+    >>> is_shapeless(ContactPattern.of(row, row.astype(float)))
     True
     """
     taxels = int(np.count_nonzero(pattern.mask))
@@ -69,17 +70,14 @@ def is_shapeless(pattern: ContactPattern) -> bool:
 
 
 def _is_line(taxels: np.ndarray) -> bool:
-    """Return whether the contact is one taxel wide."""
-    y, x = np.nonzero(taxels)
-    dy, dx = y - y.mean(), x - x.mean()
-    yy, xx, xy = dy @ dy / len(y), dx @ dx / len(y), dy @ dx / len(y)
-    narrowest = (yy + xx) / 2 - np.hypot((yy - xx) / 2, xy)
-    return bool((12 * max(float(narrowest), 0.0) + 1) ** 0.5 < THIN)  # a bar with this second moment, of whole taxels
+    """Return whether most of the contact is in one row or column: a bad line, or one taxel wide."""
+    most = max(np.count_nonzero(taxels, axis=axis).max() for axis in (0, 1))
+    return bool(most >= IN_LINE * np.count_nonzero(taxels))
 
 
 def _is_across(mask: np.ndarray) -> bool:
-    """Return whether the contact reaches from one edge of the pad to the opposite one."""
-    return bool(mask[0].any() and mask[-1].any() or mask[:, 0].any() and mask[:, -1].any())
+    """Return whether the contact reaches three edges of the pad; a bar across it reaches two, and shows its width."""
+    return sum(bool(edge.any()) for edge in (mask[0], mask[-1], mask[:, 0], mask[:, -1])) >= 3
 
 
 def _is_string(mask: np.ndarray, together: np.ndarray) -> bool:

@@ -1,0 +1,143 @@
+"""How well contacts on real arrays are recognised, as shipped and without options.
+
+    python bench/bench_real_arrays.py --tekscan DIR --weiss DIR [--labels FILE] [--weights FILE] [--network]
+
+DIR: copies of the public repositories TaISLab/CNN-based-Methods-for-Tactile-Object-Recognition and
+peter-kiechle/tactile-sensors. Without them one line says so. A row is a visible class; intervals are bootstraps over
+objects, a grasp's pads among them.
+"""
+
+import argparse
+import sys
+from collections import defaultdict
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from bench.recognition.page import Table
+from bench.recognition.real_frames import LABELS, TEKSCAN, UNDECIDABLE, WEISS, Labelled, read_frames, read_labels
+from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.package_files import config_path
+from tactile_node.shape.methods import make_recogniser
+from tactile_node.shape.recognition import Recognition, Shape
+
+SURE = 0.9
+FOREIGN = 'foreign'
+PLACES = {'tekscan': TEKSCAN, 'weiss': WEISS}
+SEED, DRAWS = 20_261_123, 2000
+BINS = 10  #: of the calibration error
+
+
+class Answer(NamedTuple):
+    of: Labelled
+    found: Recognition
+
+    @property
+    def wanted(self) -> str:
+        return Shape.UNKNOWN.value if self.of.label == FOREIGN else self.of.label
+
+    @property
+    def is_named(self) -> bool:
+        return self.found.shape not in (Shape.UNKNOWN, Shape.NONE)
+
+    @property
+    def is_right(self) -> bool:
+        return self.found.shape.value == self.wanted or self.wanted == Shape.UNKNOWN.value and not self.is_named
+
+    @property
+    def is_sure(self) -> bool:
+        return self.is_named and self.found.confidence >= SURE
+
+
+def answers(labelled: list[Labelled], data: Path, weights: str, network: bool) -> list[Answer]:
+    recogniser = make_recogniser(file=weights)
+    if network:
+        recogniser = recogniser._method  # without the rules in front of it
+    frames = read_frames(labelled[0].array, data, [one.frame for one in labelled])
+    return [Answer(one, recogniser.recognise(PatternExtractor().extract(frame)))
+            for one, frame in zip(labelled, frames)]
+
+
+def interval(found: list[Answer]) -> tuple[float, float]:
+    """Bounds of 95 % of the share right, by bootstrap over objects."""
+    by_object = defaultdict(list)
+    for answer in found:
+        by_object[answer.of.object].append(answer.is_right)
+    sums = np.array([(sum(right), len(right)) for right in by_object.values()])
+    drawn = sums[np.random.default_rng(SEED).integers(len(sums), size=(DRAWS, len(sums)))].sum(1)
+    low, high = np.quantile(drawn[:, 0] / drawn[:, 1], (0.025, 0.975))
+    return float(low), float(high)
+
+
+def rows_of(array: str, found: list[Answer]) -> list[tuple]:
+    rows = []
+    for label in sorted({answer.of.label for answer in found}):
+        own = [answer for answer in found if answer.of.label == label]
+        sure = [answer for answer in own if answer.is_sure]
+        low, high = interval(own)
+        rows.append((array, label, len(own), _percent(sum(a.is_right for a in own), len(own)),
+                     f'{100 * low:.0f}-{100 * high:.0f}', _percent(sum(not a.is_named for a in own), len(own)),
+                     len(sure), sum(not a.is_right for a in sure)))
+    return rows
+
+
+def worst_objects(found: list[Answer]) -> str:
+    """The share right of each object, by visible class, the worst first."""
+    by_object = defaultdict(list)
+    for answer in found:
+        by_object[f'{answer.of.object} ({answer.of.label})'].append(answer.is_right)
+    ranked = sorted(by_object.items(), key=lambda item: np.mean(item[1]))
+    return ', '.join(f'{name} {_percent(sum(right), len(right))} of {len(right)}' for name, right in ranked)
+
+
+def calibration(found: list[Answer]) -> tuple[float, float]:
+    """Expected calibration error of the answers, and the mean log score of what was seen [nat]."""
+    confidence = np.array([answer.found.confidence for answer in found])
+    right = np.array([answer.is_right for answer in found], float)
+    bins = np.minimum((confidence * BINS).astype(int), BINS - 1)
+    error = sum(abs(confidence[bins == k].sum() - right[bins == k].sum()) for k in range(BINS)) / len(found)
+    given = [max(float(answer.found.probabilities[Shape(answer.wanted)]), 1e-6) for answer in found]
+    return float(error), float(np.log(given).mean())
+
+
+def _percent(part: int, whole: int) -> str:
+    return f'{100 * part / max(whole, 1):.0f} %'
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
+    for array, place in PLACES.items():
+        parser.add_argument(f'--{array}', type=Path, help=f'folder with {place}')
+    parser.add_argument('--labels', type=Path, default=LABELS)
+    parser.add_argument('--weights', default='', help='instead of config/recogniser.npz')
+    parser.add_argument('--network', action='store_true', help='without the rules in front of the network')
+    args = parser.parse_args()
+    every = read_labels(args.labels)
+    table = Table('Real arrays', f'largest visible contact, frame by frame; sure: confidence {SURE} or more',
+                  ['array', 'visible', 'frames', 'right', '95 %', 'no name', 'sure', 'sure and wrong'])
+    lines = []
+    for array, place in PLACES.items():
+        data = getattr(args, array)
+        if data is None or not (data / place).exists():
+            print(f'{array}: not measured; --{array} needs a folder with {place}')
+            continue
+        of_array = [one for one in every if one.array == array]
+        labelled = [one for one in of_array if one.label != UNDECIDABLE]
+        agree = sum(one.first == one.second for one in of_array)
+        found = answers(labelled, data, config_path(args.weights) if args.weights else '', args.network)
+        for row in rows_of(array, found):
+            table.add(*row)
+        error, score = calibration(found)
+        lines += [f'{array}: both people agree on {agree} of {len(of_array)} frames; calibration error '
+                  f'{100 * error:.1f} %, log score {score:.2f}', f'{array} by object: {worst_objects(found)}']
+    if table.rows:
+        print('\n'.join([table.plain(), '', *lines]))
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
