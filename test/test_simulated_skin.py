@@ -177,6 +177,7 @@ def test_taxels_have_noise_that_the_seed_repeats():
         assert first[pad].std() == pytest.approx(0.005 * FULL_SCALE, rel=0.02)
         assert (first[pad] == again[pad]).all() and not (first[pad] == other[pad]).any()
     assert abs(np.corrcoef(first['left'].ravel(), first['right'].ravel())[0, 1]) < 0.02
+    assert all((values < 0).mean() < 0.005 for values in first.values())  # this skin has no values below 0
     on_off = gripper_sources([make_pad('pad', 32, 'nus_sinapse_64x64.yaml')])['pad']
     assert on_off(1.0).dtype == bool
 

@@ -12,6 +12,7 @@ from tactile_node.synthetic.world import CLASSES
 
 HOLD = 3.0  #: s for which a contact is held: long enough for a grasp to become stable
 NOISE = 0.005  #: standard deviation of a taxel [fraction of full scale]
+REST = 3.0  #: standard deviations by which a taxel at rest is above the lowest value, which would cut its noise off
 
 
 def gripper_sources(pads: Sequence[PadSettings], shapes: Sequence[str | Silhouette] = CLASSES,
@@ -35,4 +36,6 @@ def _noisy(source: TaxelSource, pad: PadSettings, noise: float, rng: np.random.G
     if pad.layout.value.bits == 1 or not noise:
         return source
     size, deviation = (pad.layout.rows, pad.layout.cols), noise * full_scale(pad.layout)
-    return lambda t: source(t) + rng.normal(0.0, deviation, size)
+    lowest = float(pad.layout.value.to_value(np.array(pad.layout.value.raw_range)).min())
+    rest = max(0.0, lowest + REST * deviation)
+    return lambda t: source(t) + rng.normal(rest, deviation, size)
