@@ -141,11 +141,9 @@ misled: setup  ## what a consumer is led to believe when the skin, the bus or a 
 		|| { [ $$? -eq 1 ] || tail -20 build/misled.log; exit 1; }
 	@$(if $(SHORT),,TACTILE_LONG=1 $(BIN)/python -m pytest $(LONG_TESTS) -q)
 
-# Each is skipped, with the reason, where this machine makes no network namespaces.
-HOSTS_TESTS := $(wildcard $(addprefix test/,test_hosts.py test_other_version.py test_link.py test_clocks_apart.py))
-hosts: setup  ## driver and planner on two hosts: both splits, both ways of discovery, each side started again
-	@TACTILE_LONG=1 $(BIN)/python -m pytest $(HOSTS_TESTS) -q -rs
-	@for file in $(wildcard test/hosts_table.py test/link_catalogue.py); do $(BIN)/python $$file || exit 1; done
+# Tests are skipped, with the reason, where this machine makes no network namespaces.
+hosts: setup  ## driver and planner on two hosts, lossy links too: an hour (PARTS='test_link rates': only these)
+	@exec $(BIN)/python test/hosts_parts.py $(PARTS)
 
 soak: setup  ## two pads at the bus's full load: TPDOs lost, memory, latency over time (MINUTES=10)
 	@$(BIN)/python bench/soak.py --minutes $(or $(MINUTES),10)
