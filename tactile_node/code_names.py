@@ -1,8 +1,6 @@
-"""Names of the codes in our messages, for people: read from the definitions, so that no ROS is needed."""
+"""Names of the codes in our messages: the constants that stand before a field in its definition. Needs no ROS."""
 
 import re
-from collections.abc import Mapping
-from functools import cache
 
 from tactile_node.package_files import package_file
 
@@ -20,18 +18,12 @@ def name_of(interface: str | type, field: str, code: int) -> str:
     """
     if isinstance(interface, type):
         interface = f'{interface.__module__.split(".")[1]}/{interface.__name__.split("_")[0]}'
-    return codes_of(interface)[field].get(code, str(code))
-
-
-@cache
-def codes_of(interface: str) -> Mapping[str, Mapping[int, str]]:
-    """Return the names by code, by field: the constants that stand before a field are its codes."""
-    definition = package_file(f'{interface}.{interface.split("/")[0]}').read_text(encoding='utf-8')
-    codes: dict[str, dict[int, str]] = {}
-    group: dict[int, str] = {}
-    for name, number in ENTRY.findall(definition):
+    names: dict[int, str] = {}
+    for name, number in ENTRY.findall(package_file(f'{interface}.{interface.split("/")[0]}').read_text('utf-8')):
         if number:
-            group[int(number)] = name
-        elif group:
-            codes[name], group = group, {}
-    return codes
+            names[int(number)] = name
+        elif name == field and names:
+            return names.get(code, str(code))
+        else:
+            names = {}
+    raise KeyError(field)

@@ -1,11 +1,12 @@
 """`name_of`: every constant of our interfaces is the name of a code of one field."""
 
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 
 import pytest
 
-from tactile_node.code_names import codes_of, name_of
+from tactile_node.code_names import name_of
 
 ROOT = Path(__file__).resolve().parents[1]
 INTERFACES = sorted(f'{file.parent.name}/{file.stem}' for kind in ('msg', 'srv', 'action')
@@ -37,9 +38,11 @@ def test_each_constant_that_ros_generates_names_one_code(interface):
         'Request', 'Response', 'Goal', 'Result', 'Feedback') if hasattr(kind, part)]
     constants = [(name, getattr(part, name)) for part in parts for name in dir(type(part)) if name.isupper()
                  and name[0] != '_']
-    named = [(name, code) for codes in codes_of(interface).values() for code, name in codes.items()]
-    assert sorted(named) == sorted(constants)
+    named = []
     for part in parts:
-        for field in set(part.get_fields_and_field_types()) & set(codes_of(interface)):
-            assert [name_of(part, field, code) for code in codes_of(interface)[field]] == list(
-                codes_of(interface)[field].values())
+        for field, kind in part.get_fields_and_field_types().items():
+            if 'uint8' in kind:
+                with suppress(KeyError):
+                    named += [(name_of(part, field, code), code) for code in range(256)
+                              if name_of(part, field, code) != str(code)]
+    assert sorted(named) == sorted(constants)

@@ -136,14 +136,12 @@ def _opened(args: argparse.Namespace) -> tuple[can.BusABC, str]:
 
 def _sources(args: argparse.Namespace, pads: tuple[PadSettings, ...]) -> dict[str, TaxelSource]:
     if not args.recording:
-        if args.rounds < 1 or not all(0 < area < float('inf') for area in args.areas):
-            raise ConfigurationError('--areas, --rounds', expected='areas > 0 and rounds >= 1',
-                                     got=f'{args.areas}, {args.rounds}', remedy='For example --areas 50 --rounds 30.')
-        if not (0 <= args.noise <= 1 and 0 < args.hold < float('inf') and 0 <= args.slide <= MOST_SLIDE):
-            raise ConfigurationError('--noise, --hold, --slide', expected='noise of 0 to 1 (share of the full scale), '
-                                     f'hold above 0 s, slide of 0 to {MOST_SLIDE:g} m/s',
-                                     got=f'{args.noise:g}, {args.hold:g}, {args.slide:g}',
-                                     remedy='For example --noise 0.005 --hold 3 --slide 0.002.')
+        if not (args.rounds >= 1 and all(0 < number < float('inf') for number in (*args.areas, args.hold))
+                and 0 <= args.noise <= 1 and 0 <= args.slide <= MOST_SLIDE):
+            raise ConfigurationError(
+                '--areas, --rounds, --hold, --noise, --slide', remedy='For example --areas 50 --hold 3 --slide 0.002.',
+                expected=f'areas, hold > 0, rounds >= 1, noise 0 to 1 (all the scale), slide 0 to {MOST_SLIDE:g} m/s',
+                got=f'{args.areas}, {args.rounds}, {args.hold}, {args.noise}, {args.slide}')
         return gripper_sources(pads, [touching(shape) for shape in args.shapes], args.seed,
                                tuple(args.areas) * args.rounds, hold=args.hold, slide=args.slide, noise=args.noise)
     for pad in pads:

@@ -10,17 +10,11 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
+from tactile_node.code_names import name_of
 from tactile_node.errors import RefusedRequirementError, RequirementRefusal
-from tactile_node.grasp.requirement import NO_SHAPES, Missing, Requirement, missing
+from tactile_node.grasp.requirement import NO_SHAPES, Missing, Requirement, SideShape, missing
 from tactile_node.grasp.tracker import GraspState
-from tactile_node.ros.requirement_messages import (
-    fill_answer,
-    missing_text,
-    requirement_of,
-    side_shape,
-    state_message,
-    timeout_of,
-)
+from tactile_node.ros.requirement_messages import requirement_of, state_message, timeout_of
 from tactile_skin.action import WaitForGrasp
 from tactile_skin.msg import ContactShape, Grasp
 from tactile_skin.srv import CheckGrasp
@@ -39,7 +33,7 @@ class CurrentGrasp(NamedTuple):
     message: Callable[[], Grasp]     #: makes the message of it
 
     def missing(self, requirement: Requirement) -> tuple[Missing, ...]:
-        left, right = map(side_shape, self.sides)
+        left, right = (SideShape(side.class_name, side.confidence) for side in self.sides)
         return missing(requirement, self.state, (left, right))
 
 
@@ -82,8 +76,8 @@ class GraspRequests:
                 goal.handle.execute(lambda handle, goal=goal: self._finish(goal))
             elif found != goal.reported or now - goal.reported_at >= FEEDBACK_PERIOD:
                 goal.reported, goal.reported_at = found, now
-                goal.handle.publish_feedback(WaitForGrasp.Feedback(message=missing_text(found),
-                                                                   state=state_message(found)))
+                goal.handle.publish_feedback(WaitForGrasp.Feedback(
+                    message=', '.join(each.name for each in found), state=state_message(found)))
         if not self._goals:
             self._timer.cancel()
 
@@ -111,7 +105,7 @@ class GraspRequests:
     @staticmethod
     def _refuse(handle: ServerGoalHandle, error: RefusedRequirementError) -> WaitForGrasp.Result:
         result = WaitForGrasp.Result()
-        fill_answer(result, WaitForGrasp.Result.REFUSED, refused=error)
+        _fill(result, WaitForGrasp.Result.REFUSED, refused=error)
         handle.abort()
         return result
 
@@ -128,18 +122,18 @@ class GraspRequests:
         else:
             outcome = result.LOST if time.monotonic() < goal.deadline else result.TIMED_OUT
             handle.abort()
-        fill_answer(result, outcome, found)
+        _fill(result, outcome, found)
         return result
 
     def _on_check(self, request: CheckGrasp.Request, response: CheckGrasp.Response) -> CheckGrasp.Response:
         try:
             requirement = self._requirement(request.requirement)
         except RefusedRequirementError as error:
-            fill_answer(response, response.REFUSED, refused=error)
+            _fill(response, response.REFUSED, refused=error)
             return response
         current = self._current()
         found = current.missing(requirement)
-        fill_answer(response, response.NOT_HELD if found else response.HELD, found)
+        _fill(response, response.NOT_HELD if found else response.HELD, found)
         if not found:
             response.grasp = current.message()
         return response
@@ -154,3 +148,13 @@ class GraspRequests:
             raise RefusedRequirementError('wait_for_grasp', RequirementRefusal.TOO_MANY_GOALS,
                                           expected=f'at most {MOST_GOALS} goals that wait', got='one more',
                                           remedy='Cancel those that are not needed.')
+
+
+def _fill(answer: WaitForGrasp.Result | CheckGrasp.Response, outcome: int, found: Sequence[Missing] = (),
+          refused: RefusedRequirementError | None = None) -> None:
+    """Set the outcome of ``answer`` and its reason: what is missing, or why the requirement was refused."""
+    answer.outcome, answer.refusal = outcome, int(refused.refusal if refused else RequirementRefusal.NOT_REFUSED)
+    if not refused:
+        answer.state = state_message(found)
+    reason = str(refused or ', '.join(each.name for each in found))
+    answer.message = name_of(type(answer), 'outcome', outcome) + (f': {reason}' if reason else '')

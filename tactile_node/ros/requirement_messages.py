@@ -1,25 +1,19 @@
 """What a grasp has to be, from a message, and what it is short of, as one."""
 
 from collections.abc import Collection, Sequence
-from typing import TypeAlias
 
 from builtin_interfaces.msg import Duration
 
-from tactile_node.code_names import name_of
 from tactile_node.errors import RefusedRequirementError, RequirementRefusal
-from tactile_node.grasp.requirement import MOST_SHAPES, Missing, Requirement, SideShape
+from tactile_node.grasp.requirement import MOST_SHAPES, Missing, Requirement
 from tactile_node.ros.shape_messages import SHAPE_OF_NUMBER
 from tactile_node.ros.time_messages import seconds
 from tactile_node.shape.recognition import SHAPES
-from tactile_skin.action import WaitForGrasp
-from tactile_skin.msg import ContactShape, GraspRequirement, RequirementState
-from tactile_skin.srv import CheckGrasp
+from tactile_skin.msg import GraspRequirement, RequirementState
 
 NAME_OF_CODE = {code: shape.value for code, shape in SHAPE_OF_NUMBER.items() if shape in SHAPES}
 LONGEST = 3600.0  #: s, timeout of a goal; a longer one is taken for a mistake
 NANOSECONDS = 10**9
-
-Answer: TypeAlias = WaitForGrasp.Result | CheckGrasp.Response
 
 
 def requirement_of(message: GraspRequirement, known_names: Collection[str] = ()) -> Requirement:
@@ -54,23 +48,6 @@ def state_message(found: Sequence[Missing]) -> RequirementState:
     """``found``: as of `missing`."""
     return RequirementState(missing=int(found[0] if found else Missing.NOTHING),
                             all_missing=[int(each) for each in found])
-
-
-def missing_text(found: Sequence[Missing]) -> str:
-    return ', '.join(each.name for each in found)
-
-
-def fill_answer(answer: Answer, outcome: int, found: Sequence[Missing] = (),
-                refused: RefusedRequirementError | None = None) -> None:
-    """Set the outcome of ``answer`` and its reason: what is missing, or why the requirement was refused."""
-    answer.outcome, answer.state = outcome, RequirementState() if refused else state_message(found)
-    answer.refusal = int(refused.refusal if refused else RequirementRefusal.NOT_REFUSED)
-    reason = str(refused or missing_text(found))
-    answer.message = name_of(type(answer), 'outcome', outcome) + (f': {reason}' if reason else '')
-
-
-def side_shape(message: ContactShape) -> SideShape:
-    return SideShape(message.class_name, message.confidence)
 
 
 def _name(code: int) -> str:

@@ -1,8 +1,8 @@
 """A programme of touches: which shape presses a simulated pad when, as taxel values over time."""
 
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -13,7 +13,6 @@ from tactile_node.synthetic.pressure import Skin, Touching, pressure_frame
 from tactile_node.synthetic.world import CLASSES, Contact, random_contact
 
 RAMP = 0.1  # s of pressing and of letting go
-SLIDE_WAY = 2.0  # pitches to either side
 MEAN_PRESSURE = 0.6  # of full scale
 AREAS = (40.0, 60.0, 80.0)  # taxels
 
@@ -41,35 +40,27 @@ class Touch(Generic[Pressed]):
 class TouchProgram:
     """A sequence of touches, repeated for ever; calling it with a time [s] gives the taxels' values.
 
-    ``values[i]``: the taxels at the full pressure of ``touches[i]``, shape (rows, cols); of contacts that slide
-    ``slid`` gives them.
+    ``values[i]``: the taxels at the full pressure of ``touches[i]``, shape (rows, cols).
     """
 
-    def __init__(self, touches: Sequence[Touch], values: Sequence[np.ndarray], duration: float,
-                 slid: Callable[[Touch, float], np.ndarray] | None = None):
+    def __init__(self, touches: Sequence[Touch], values: Sequence[np.ndarray], duration: float):
         self.touches = tuple(touches)
         self.duration = duration
         self._values = tuple(values)
-        self._slid = slid
         self._begins = [touch.begin for touch in touches]
 
     def __call__(self, time: float) -> np.ndarray:
         time %= self.duration
         number = max(0, bisect_right(self._begins, time) - 1)
-        touch = self.touches[number]
-        load = touch.load(time)
-        values = self._slid(touch, time) if self._slid and load else self._values[number]
+        load, values = self.touches[number].load(time), self._values[number]
         # An on/off taxel has no part of a value: it is on while the load is more than half.
         return values * (load if values.dtype != bool else load > 0.5)
 
 
 def touch_program(layout: SkinLayout, shapes: Sequence[str | Silhouette] = CLASSES,
                   areas: tuple[float, ...] = AREAS,
-                  seed: int = 0, hold: float = 1.0, pause: float = 0.5, slide: float = 0.0) -> TouchProgram:
-    """Every shape in every area [taxels], in general position, held ``hold``, parted by ``pause`` [s].
-
-    While it is held, a contact slides at ``slide`` [m/s], to and fro.
-    """
+                  seed: int = 0, hold: float = 1.0, pause: float = 0.5) -> TouchProgram:
+    """Every shape in every area [taxels], in general position, held ``hold``, parted by ``pause`` [s]."""
     rng, now = np.random.default_rng(seed), pause
     touches, values = [], []
     for area in areas:
@@ -78,15 +69,7 @@ def touch_program(layout: SkinLayout, shapes: Sequence[str | Silhouette] = CLASS
             touches.append(Touch(contact, now, now + hold))
             values.append(_values(layout, contact, rng))
             now += hold + pause
-    def slid(touch: Touch, time: float) -> np.ndarray:
-        way = slide / layout.pitch * (time - touch.begin)
-        return _values(layout, replace(touch.contact, y=touch.contact.y + _to_and_fro(way)), rng)
-    return TouchProgram(touches, values, now, slid if slide else None)
-
-
-def _to_and_fro(way: float) -> float:
-    """Return the place after ``way`` from 0 to SLIDE_WAY, to -SLIDE_WAY and back [pitches]."""
-    return SLIDE_WAY - abs((way + SLIDE_WAY) % (4 * SLIDE_WAY) - 2 * SLIDE_WAY)
+    return TouchProgram(touches, values, now)
 
 
 def _contact(rng: np.random.Generator, shape: str | Silhouette, area: float, layout: SkinLayout) -> Contact | Figure:
@@ -99,10 +82,6 @@ def _values(layout: SkinLayout, contact: Contact | Figure, rng: np.random.Genera
     """The contact as ``layout`` would measure it: a pattern for on/off taxels, else values in its unit."""
     if layout.value.bits == 1:
         return contact.pattern(layout.rows, layout.cols)
+    full = abs(float(layout.value.to_value(np.array(layout.value.saturated_count))))
     return pressure_frame(contact, rng, layout.rows, layout.cols, pressure=MEAN_PRESSURE,
-                          skin=Skin(full_scale=full_scale(layout)))
-
-
-def full_scale(layout: SkinLayout) -> float:
-    """Return the largest pressure or force of a taxel, in the layout's unit; not for on/off taxels."""
-    return abs(float(layout.value.to_value(np.array(layout.value.saturated_count))))
+                          skin=Skin(full_scale=full))
