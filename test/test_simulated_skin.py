@@ -182,7 +182,7 @@ def test_taxels_have_noise_that_the_seed_repeats():
     assert on_off(1.0).dtype == bool
 
 
-def test_contacts_are_held_and_slide_to_and_fro():
+def test_contacts_are_held_and_slide_there_and_back():
     still, sliding = (gripper_sources(GRIPPER, ('circle',), areas=(40.0,), hold=6.0, slide=slide, noise=0.0)
                       for slide in (0.0, 0.003))
     rows, cols = np.indices((16, 16))
