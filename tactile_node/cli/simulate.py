@@ -53,7 +53,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
                         'as a share of the full scale (default: %(default)s)')
     parser.add_argument('--hold', type=float, default=HOLD, metavar='SECONDS',
                         help='for which each contact is held (default: %(default)s)')
-    parser.add_argument('--slide', type=float, default=0.0, metavar='SPEED', help='at which a contact moves there and back '
+    parser.add_argument('--slide', type=float, default=0.0, metavar='SPEED', help='of a contact, there and back, '
                         'while it is held, in metres a second, as 0.002 (default: it rests)')
     parser.add_argument('--recording', metavar='FILE', help='repeat this event recording (64x64 layout) instead')
     parser.add_argument('--duration', type=float, help='end after so many seconds (default: at Ctrl-C)')
