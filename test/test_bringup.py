@@ -4,7 +4,9 @@ import csv
 import signal
 import subprocess
 import sys
+import time
 from collections import Counter
+from math import sqrt
 
 import pytest
 from candump import DATA, read_candump
@@ -105,6 +107,29 @@ def test_the_process_ends_with_the_one_that_it_is_to_end_with():
         assert process.wait(60) == 0
     finally:
         process.kill()
+
+
+def test_the_force_on_a_simulated_skin_has_a_standard_deviation():
+    """A taxel's is 0.5 % of 100 kPa on 2 mm x 2 mm, and the contacts have 40 to 80 taxels."""
+    import rclpy
+
+    from tactile_skin.msg import ContactShape
+    process = subprocess.Popen([sys.executable, '-m', 'tactile_node.cli.main', 'bringup', '--simulate', '--namespace',
+                                'noisy'], stderr=subprocess.DEVNULL)
+    rclpy.init()
+    try:
+        node, shapes = rclpy.create_node('reader'), []
+        node.create_subscription(ContactShape, '/noisy/pad/shape', shapes.append, 10)
+        end = time.monotonic() + 60
+        while not any(shape.fit_valid and shape.held.sec for shape in shapes):
+            assert time.monotonic() < end
+            rclpy.spin_once(node, timeout_sec=0.1)
+        of_taxel = 0.005 * 100e3 * 0.002**2
+        assert 0.7 < shapes[-1].force_sd / (of_taxel * sqrt(shapes[-1].taxels)) < 1.5
+    finally:
+        rclpy.shutdown()
+        process.terminate()
+        process.wait(60)
 
 
 def test_frames_have_the_given_names_and_prefix(tmp_path):

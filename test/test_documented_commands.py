@@ -91,6 +91,8 @@ def test_the_commands_of_a_page_work_in_their_order(page, tmp_path, monkeypatch,
     (tmp_path / 'my_skin.eds').write_bytes((ROOT / 'config/sim16x16.eds').read_bytes())
     monkeypatch.chdir(tmp_path)
     texts = [each.text for each in RUN if each.page == page]
+    of_skin = [text for text in texts if LINK in text]
+    assert SKIN not in of_skin or of_skin[0] == SKIN, 'the skin has to run before what needs it'
     with ExitStack() as stack:
         if any(LINK in text and 'simulate' not in text for text in texts):
             stack.enter_context(simulated(SKIN.replace(LINK, 'skin')))

@@ -60,7 +60,7 @@ class Planner:
         feedback = []
         goal = WaitForGrasp.Goal(requirement=GraspRequirement(**required), timeout=timeout if isinstance(
             timeout, Duration) else duration_message(timeout))
-        sent = self._actions.send_goal_async(goal, lambda message: feedback.append(message.feedback.state))
+        sent = self._actions.send_goal_async(goal, lambda message: feedback.append(message.feedback))
         self.until(sent.done, sides)
         return sent.result(), feedback
 
@@ -103,7 +103,7 @@ def test_goals_wait_beside_each_other_and_each_gets_its_answer(planner):
     assert (status, result.outcome, result.state.missing) == (GoalStatus.STATUS_SUCCEEDED, Result.HELD, S.NOTHING)
     assert check_grasp(result.grasp) is None and result.grasp.stable and result.grasp.fresh
     assert age_seconds(result.grasp.age) < 0.3
-    assert {each.missing for each in feedback} >= {S.NO_RESULT, S.UNSEEN, S.NOT_STABLE}
+    assert {each.state.missing for each in feedback} >= {S.NO_RESULT, S.UNSEEN, S.NOT_STABLE}
     call = other.cancel_goal_async()
     planner.until(call.done, BOTH)
     status, result = planner.result(other, BOTH)
@@ -147,7 +147,7 @@ def test_when_pads_go_silent_a_goal_times_out_and_never_succeeds_by_an_old_grasp
     handle, feedback = planner.send(timeout=0.6)
     status, result = planner.result(handle)
     assert (status, result.outcome, result.state.missing) == (GoalStatus.STATUS_ABORTED, Result.TIMED_OUT, S.UNSEEN)
-    assert result.grasp == Grasp() and {each.missing for each in feedback} == {S.UNSEEN}
+    assert result.grasp == Grasp() and {each.state.missing for each in feedback} == {S.UNSEEN}
 
 
 def test_a_pad_that_is_hidden_while_a_goal_waits_is_the_reason(planner):
@@ -172,20 +172,44 @@ def test_the_service_answers_at_once_from_what_is_current(planner):
     refused = planner.check(max_width=nan)
     assert (refused.outcome, refused.refusal) == (CheckGrasp.Response.REFUSED, CheckGrasp.Response.NOT_A_LIMIT)
     assert refused.message and refused.state.missing == S.NOT_KNOWN
-    assert planner.check(class_names=['sqare']).refusal == CheckGrasp.Response.NO_SUCH_SHAPE
+    refused = planner.check(class_names=['sqare'])
+    assert refused.refusal == CheckGrasp.Response.NO_SUCH_SHAPE and 'unknown' not in refused.message
 
 
-def test_a_goal_with_wrong_limits_is_rejected_and_so_is_one_too_many(planner):
-    for wrong in ({'min_width': nan}, {'min_held': Duration(sec=-1)}, {'shapes': [ContactShape.NONE]}):
-        assert not planner.send(**wrong)[0].accepted
-    for timeout in (0.0, Duration(sec=-1), 3601.0):
-        assert not planner.send(timeout=timeout)[0].accepted
+def test_a_goal_with_wrong_limits_is_refused_with_the_reason_and_so_is_one_too_many(planner):
+    R = CheckGrasp.Response
+
+    def refusal(**goal):
+        handle, _ = planner.send(**goal)
+        status, result = planner.result(handle)
+        assert (status, result.outcome, result.state) == (GoalStatus.STATUS_ABORTED, Result.REFUSED, RequirementState())
+        assert result.message.startswith('REFUSED: ') and result.grasp == Grasp()
+        return result.refusal
+    assert refusal(min_width=nan) == refusal(min_held=Duration(sec=-1)) == R.NOT_A_LIMIT
+    assert refusal(timeout=Duration(sec=-1)) == R.NOT_A_LIMIT
+    assert refusal(shapes=[ContactShape.NONE]) == R.NO_SUCH_SHAPE
+    assert refusal(timeout=0.0) == refusal(timeout=3601.0) == R.NO_TIMEOUT
     handles = [planner.send()[0] for _ in range(MOST_GOALS)]
-    assert all(each.accepted for each in handles) and not planner.send()[0].accepted
+    assert refusal() == R.TOO_MANY_GOALS
     cancelled = handles[0].cancel_goal_async()
     planner.until(cancelled.done)
     assert planner.result(handles[0])[1].outcome == Result.CANCELED
-    assert planner.send()[0].accepted
+    last, _ = planner.send(timeout=0.2)
+    assert planner.result(last)[1].outcome == Result.TIMED_OUT
+
+
+def test_every_answer_names_its_codes_for_people(planner):
+    handle, feedback = planner.send(timeout=0.3)
+    result = planner.result(handle)[1]
+    assert (result.message, result.refusal) == ('TIMED_OUT: NO_RESULT', CheckGrasp.Response.NOT_REFUSED)
+    assert planner.check().message == 'NOT_HELD: NO_RESULT'
+    assert {each.message for each in feedback} == {'NO_RESULT'}
+    planner.until(lambda: planner.gripper.grasps and planner.gripper.latest.stable, BOTH)
+    assert planner.gripper.latest.message == 'TWO_SIDED, fresh, stable'
+    handle, _ = planner.send(sides=BOTH)
+    assert planner.result(handle, BOTH)[1].message == 'HELD'
+    planner.until(lambda: planner.gripper.latest.contact == Grasp.UNSEEN)
+    assert planner.gripper.latest.message == 'UNSEEN, not fresh, not stable'
 
 
 def test_a_goal_that_waits_does_not_keep_the_executor_busy(planner):
@@ -228,7 +252,7 @@ def test_a_grasp_that_is_lost_before_the_answer_leaves_is_not_reported_as_held(p
     held = GraspState((SideState.TOUCHED,) * 2, GraspContact.TWO_SIDED, fresh=True, same_shape=True, line=None,
                       line_is_bound=False, held=1.0, stable=True, creep=0.0)
     unseen = held._replace(contact=GraspContact.UNSEEN, fresh=False, stable=False)
-    looks = [held, held, held]  # twice at what is asked for, once at the grasp; then it is lost
+    looks = [held, held]  # once at what is asked for, once at the grasp; then it is lost
     sides = [ContactShape(), ContactShape()]
     node = rclpy.create_node('brief')
     requests = GraspRequests(node, lambda: CurrentGrasp(looks.pop() if looks else unseen, sides, Grasp))

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[1]
 
 
-FOLDERS = ('tactile_node', 'config', 'msg', 'urdf')
+FOLDERS = ('tactile_node', 'config', 'msg', 'srv', 'action', 'urdf')
 FILES = ('setup.py', 'setup.cfg', 'pyproject.toml', 'MANIFEST.in', 'package.xml', 'README.md', 'LICENSE', 'NOTICE',
          'CHANGELOG.rst', 'CITATION.cff', 'SECURITY.md')
 BUILD = {**os.environ, 'SOURCE_DATE_EPOCH': '1735689600'}  # the same date in every archive
@@ -82,7 +82,7 @@ def test_it_holds_what_runs_and_nothing_that_only_tests_or_training_need(wheel):
     tops = {name.split('/')[0] for name in names}
     assert tops == {'tactile_node', f'tactile_skin-{tactile_node.__version__}.dist-info'}
     ours = {str(path.relative_to(ROOT)) for path in (ROOT / 'tactile_node').rglob('*.py')}
-    data = {f'tactile_node/{path.relative_to(ROOT)}' for folder in ('config', 'msg')
+    data = {f'tactile_node/{path.relative_to(ROOT)}' for folder in ('config', 'msg', 'srv', 'action')
             for path in (ROOT / folder).iterdir()}
     assert {name for name in names if name.startswith('tactile_node/')} == ours | data | {'tactile_node/py.typed'}
 
@@ -128,7 +128,8 @@ def test_its_examples_are_true(installed):
     assert int(attempted) and not int(failed)
 
 
-@pytest.mark.parametrize('name', ['config/recogniser.npz', 'config/sim16x16.yaml', 'msg/Grasp.msg'])
+@pytest.mark.parametrize('name', ['config/recogniser.npz', 'config/sim16x16.yaml', 'msg/Grasp.msg',
+                                  'srv/CheckGrasp.srv', 'action/WaitForGrasp.action'])
 def test_it_finds_its_files(installed, name):
     program = f'from tactile_node.package_files import package_file; print(package_file({name!r}))'
     assert run(installed, '-c', program).strip() == str(installed / 'tactile_node' / name)

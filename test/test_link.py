@@ -1,9 +1,7 @@
 """The chain on two hosts that a bad link joins: a planner is not misled, nothing is lost silently, the driver runs on.
 
-The long form (TACTILE_LONG=1, `make hosts`) runs link_catalogue.py, which prints the tables of docs/link.md.
+`make hosts` also runs link_catalogue.py, which prints the tables of docs/link.md.
 """
-
-import os
 
 import pytest
 
@@ -66,9 +64,3 @@ def test_a_link_that_carries_less_than_is_sent(world):
     except NoHostsError as error:
         pytest.skip(str(error))
     assert found.missed and not found.waits, 'the driver waited for the link'
-
-
-@pytest.mark.skipif('TACTILE_LONG' not in os.environ, reason='takes half an hour: with TACTILE_LONG=1')
-def test_every_case(capsys):
-    with capsys.disabled():
-        assert link_catalogue.main([]) == 0

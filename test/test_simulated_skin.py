@@ -19,7 +19,9 @@ from faulty_bus import Adapter
 from tactile_node.bus import slcan_bus
 from tactile_node.bus.bus_network import open_bus
 from tactile_node.cia301.frame_bits import Frame
+from tactile_node.cli.main import main
 from tactile_node.errors import BusError
+from tactile_node.simulator.gripper import gripper_sources
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.slcan_pty import SlcanPty, decode, encode
 from tactile_node.simulator.touches import touch_program
@@ -159,6 +161,48 @@ def test_touches_press_and_let_go():
     assert program(0.55).max() == pytest.approx(30_000, rel=1e-3)  # amid the ramp of 0.1 s
     on_off = touch_program(load_layout('nus_sinapse_64x64.yaml'), ('square',), areas=(400,), seed=3)(1.0)
     assert set(np.unique(on_off)) == {0, 1} and abs(on_off.sum() - 400) < 25
+
+
+GRIPPER = [make_pad('left', 32, 'sim16x16.yaml'), make_pad('right', 64, 'sim16x16.yaml')]
+FULL_SCALE, PITCH = 100e3, 0.002  # Pa, m, of sim16x16
+TIMES = np.arange(0, 8, 0.02)  # s
+
+
+def test_taxels_have_noise_that_the_seed_repeats():
+    def noise(seed):
+        noisy, still = gripper_sources(GRIPPER, seed=seed), gripper_sources(GRIPPER, seed=seed, noise=0.0)
+        return {pad: np.array([noisy[pad](t) - still[pad](t) for t in TIMES]) for pad in noisy}
+    first, again, other = noise(3), noise(3), noise(4)
+    for pad in ('left', 'right'):
+        assert first[pad].std() == pytest.approx(0.005 * FULL_SCALE, rel=0.02)
+        assert (first[pad] == again[pad]).all() and not (first[pad] == other[pad]).any()
+    assert abs(np.corrcoef(first['left'].ravel(), first['right'].ravel())[0, 1]) < 0.02
+    assert all((values < 0).mean() < 0.005 for values in first.values())  # this skin has no values below 0
+    on_off = gripper_sources([make_pad('pad', 32, 'nus_sinapse_64x64.yaml')])['pad']
+    assert on_off(1.0).dtype == bool
+
+
+def test_contacts_are_held_and_slide_there_and_back():
+    still, sliding = (gripper_sources(GRIPPER, ('circle',), areas=(40.0,), hold=6.0, slide=slide, noise=0.0)
+                      for slide in (0.0, 0.003))
+    rows, cols = np.indices((16, 16))
+
+    def centre(values):
+        return np.array([(values * rows).sum(), (values * cols).sum()]) / values.sum() * PITCH
+    held = TIMES[(TIMES > 0.7) & (TIMES < 6.3)]
+    for pad in ('left', 'right'):
+        assert len({still[pad](t).tobytes() for t in held}) == 1
+        way = np.array([centre(sliding[pad](t)) - centre(still[pad](t)) for t in held])
+        speed = np.abs(way[10:, 0] - way[:-10, 0]) / 0.2  # coverage is counted on 8x8 points of a taxel
+        assert np.median(speed) == pytest.approx(0.003, rel=0.05) and speed.max() < 0.0035
+        assert np.ptp(way[:, 0]) == pytest.approx(2 * 0.004, rel=0.05) and np.abs(way[:, 1]).max() < 1e-4
+
+
+@pytest.mark.parametrize('words', [('--noise', '-0.1'), ('--noise', '1.5'), ('--noise', 'nan'), ('--hold', '0'),
+                                   ('--hold', 'inf'), ('--slide', '5'), ('--slide', '-1')])
+def test_a_skin_that_cannot_be_simulated_is_refused(words, capsys):
+    assert main(['simulate', '--interface', 'virtual', '--duration', '0', *words]) == 2
+    assert words[0] in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(('line', 'can_id', 'data', 'extended', 'remote'), [

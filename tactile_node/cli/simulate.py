@@ -19,7 +19,7 @@ from tactile_node.cli.silhouette_option import touching
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption
 from tactile_node.simulator.device import TaxelSource
-from tactile_node.simulator.gripper import gripper_sources
+from tactile_node.simulator.gripper import HOLD, NOISE, gripper_sources
 from tactile_node.simulator.recording import SIDE, load_recording
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.slcan_pty import SlcanPty
@@ -30,6 +30,7 @@ from tactile_node.synthetic.figures import NAMED
 from tactile_node.synthetic.world import CLASSES
 
 MOST_DELAY = 1.0  #: s
+MOST_SLIDE = 1.0  #: m/s
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
@@ -48,6 +49,12 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--rounds', type=int, default=1, metavar='N', help='N touches of each shape and area, each at '
                         'another place and angle, before the programme repeats (default: %(default)s)')
     parser.add_argument('--seed', type=int, default=0, help='of the touches (default: %(default)s)')
+    parser.add_argument('--noise', type=float, default=NOISE, metavar='SD', help='standard deviation of each taxel, '
+                        'as a share of the full scale (default: %(default)s)')
+    parser.add_argument('--hold', type=float, default=HOLD, metavar='SECONDS',
+                        help='for which each contact is held (default: %(default)s)')
+    parser.add_argument('--slide', type=float, default=0.0, metavar='SPEED', help='of a contact, there and back, '
+                        'while it is held, in metres a second, as 0.002 (default: it rests)')
     parser.add_argument('--recording', metavar='FILE', help='repeat this event recording (64x64 layout) instead')
     parser.add_argument('--duration', type=float, help='end after so many seconds (default: at Ctrl-C)')
     parser.set_defaults(run=run)
@@ -129,11 +136,14 @@ def _opened(args: argparse.Namespace) -> tuple[can.BusABC, str]:
 
 def _sources(args: argparse.Namespace, pads: tuple[PadSettings, ...]) -> dict[str, TaxelSource]:
     if not args.recording:
-        if args.rounds < 1 or not all(0 < area < float('inf') for area in args.areas):
-            raise ConfigurationError('--areas, --rounds', expected='areas > 0 and rounds >= 1',
-                                     got=f'{args.areas}, {args.rounds}', remedy='For example --areas 50 --rounds 30.')
+        if not (args.rounds >= 1 and all(0 < number < float('inf') for number in (*args.areas, args.hold))
+                and 0 <= args.noise <= 1 and 0 <= args.slide <= MOST_SLIDE):
+            raise ConfigurationError(
+                '--areas, --rounds, --hold, --noise, --slide', remedy='For example --areas 50 --hold 3 --slide 0.002.',
+                expected=f'areas, hold > 0, rounds >= 1, noise 0 to 1 (all the scale), slide 0 to {MOST_SLIDE:g} m/s',
+                got=f'{args.areas}, {args.rounds}, {args.hold}, {args.noise}, {args.slide}')
         return gripper_sources(pads, [touching(shape) for shape in args.shapes], args.seed,
-                               tuple(args.areas) * args.rounds)
+                               tuple(args.areas) * args.rounds, hold=args.hold, slide=args.slide, noise=args.noise)
     for pad in pads:
         if (pad.layout.rows, pad.layout.cols) != (SIDE, SIDE):
             raise ConfigurationError('--recording', expected=f'a layout of {SIDE}x{SIDE} taxels',

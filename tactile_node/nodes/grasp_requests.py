@@ -5,15 +5,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
+from tactile_node.code_names import name_of
 from tactile_node.errors import RefusedRequirementError, RequirementRefusal
-from tactile_node.grasp.requirement import Missing, Requirement, missing
+from tactile_node.grasp.requirement import NO_SHAPES, Missing, Requirement, SideShape, missing
 from tactile_node.grasp.tracker import GraspState
-from tactile_node.ros.requirement_messages import requirement_of, side_shape, state_message, timeout_of
+from tactile_node.ros.requirement_messages import requirement_of, state_message, timeout_of
 from tactile_skin.action import WaitForGrasp
 from tactile_skin.msg import ContactShape, Grasp
 from tactile_skin.srv import CheckGrasp
@@ -32,7 +33,7 @@ class CurrentGrasp(NamedTuple):
     message: Callable[[], Grasp]     #: makes the message of it
 
     def missing(self, requirement: Requirement) -> tuple[Missing, ...]:
-        left, right = map(side_shape, self.sides)
+        left, right = (SideShape(side.class_name, side.confidence) for side in self.sides)
         return missing(requirement, self.state, (left, right))
 
 
@@ -58,7 +59,7 @@ class GraspRequests:
         self._goals: list[_Goal] = []
         self._server = ActionServer(
             node, WaitForGrasp, '~/wait_for_grasp', execute_callback=lambda handle: WaitForGrasp.Result(),
-            goal_callback=self._on_goal, handle_accepted_callback=self._on_accepted,
+            handle_accepted_callback=self._on_accepted,
             cancel_callback=lambda handle: CancelResponse.ACCEPT, result_timeout=RESULT_TIMEOUT)
         self._service = node.create_service(CheckGrasp, '~/check_grasp', self._on_check)
         # On the steady clock: with use_sim_time and no /clock a goal would wait for ever
@@ -75,7 +76,8 @@ class GraspRequests:
                 goal.handle.execute(lambda handle, goal=goal: self._finish(goal))
             elif found != goal.reported or now - goal.reported_at >= FEEDBACK_PERIOD:
                 goal.reported, goal.reported_at = found, now
-                goal.handle.publish_feedback(WaitForGrasp.Feedback(state=state_message(found)))
+                goal.handle.publish_feedback(WaitForGrasp.Feedback(
+                    message=', '.join(each.name for each in found), state=state_message(found)))
         if not self._goals:
             self._timer.cancel()
 
@@ -88,57 +90,57 @@ class GraspRequests:
     def _on_timer(self) -> None:
         self.look(self._current())
 
-    def _on_goal(self, goal: WaitForGrasp.Goal) -> GoalResponse:
+    def _on_accepted(self, handle: ServerGoalHandle) -> None:
         try:
-            self._requirement(goal.requirement)
-            timeout_of(goal.timeout)
+            requirement, timeout = self._requirement(handle.request.requirement), timeout_of(handle.request.timeout)
             self._check_room()
         except RefusedRequirementError as error:
-            self._node.get_logger().warning(f'wait_for_grasp: {error}')  # the protocol has no place for it
-            return GoalResponse.REJECT
-        return GoalResponse.ACCEPT
-
-    def _on_accepted(self, handle: ServerGoalHandle) -> None:
-        request = handle.request
-        self._goals.append(_Goal(handle, self._requirement(request.requirement),
-                                 time.monotonic() + timeout_of(request.timeout)))
+            # A goal that is rejected gets no result, so no reason.
+            handle.execute(lambda handle, error=error: self._refuse(handle, error))
+            return
+        self._goals.append(_Goal(handle, requirement, time.monotonic() + timeout))
         self._timer.reset()
         self.look(self._current())
 
+    @staticmethod
+    def _refuse(handle: ServerGoalHandle, error: RefusedRequirementError) -> WaitForGrasp.Result:
+        result = WaitForGrasp.Result()
+        _fill(result, WaitForGrasp.Result.REFUSED, refused=error)
+        handle.abort()
+        return result
+
     def _finish(self, goal: _Goal) -> WaitForGrasp.Result:
         """Answer by what is known now: the executor may have had other work since `look`."""
-        current, handle = self._current(), goal.handle
+        current, handle, result = self._current(), goal.handle, WaitForGrasp.Result()
         found = current.missing(goal.requirement)
-        result = WaitForGrasp.Result(state=state_message(found))
         if handle.is_cancel_requested:
-            result.outcome = WaitForGrasp.Result.CANCELED
+            outcome = result.CANCELED
             handle.canceled()
         elif not found:
-            result.outcome, result.grasp = WaitForGrasp.Result.HELD, current.message()
+            outcome, result.grasp = result.HELD, current.message()
             handle.succeed()
         else:
-            has_time = time.monotonic() < goal.deadline
-            result.outcome = WaitForGrasp.Result.LOST if has_time else WaitForGrasp.Result.TIMED_OUT
+            outcome = result.LOST if time.monotonic() < goal.deadline else result.TIMED_OUT
             handle.abort()
+        _fill(result, outcome, found)
         return result
 
     def _on_check(self, request: CheckGrasp.Request, response: CheckGrasp.Response) -> CheckGrasp.Response:
         try:
             requirement = self._requirement(request.requirement)
         except RefusedRequirementError as error:
-            response.outcome, response.refusal = CheckGrasp.Response.REFUSED, int(error.refusal)
-            response.message = str(error)
+            _fill(response, response.REFUSED, refused=error)
             return response
         current = self._current()
         found = current.missing(requirement)
-        response.refusal, response.state = int(RequirementRefusal.NOT_REFUSED), state_message(found)
-        response.outcome = CheckGrasp.Response.NOT_HELD if found else CheckGrasp.Response.HELD
+        _fill(response, response.NOT_HELD if found else response.HELD, found)
         if not found:
             response.grasp = current.message()
         return response
 
     def _requirement(self, message: object) -> Requirement:
-        names = dict.fromkeys(name for side in self._current().sides for name in side.class_names)
+        names = dict.fromkeys(name for side in self._current().sides for name in side.class_names
+                              if name not in NO_SHAPES)
         return requirement_of(message, tuple(names))
 
     def _check_room(self) -> None:
@@ -146,3 +148,13 @@ class GraspRequests:
             raise RefusedRequirementError('wait_for_grasp', RequirementRefusal.TOO_MANY_GOALS,
                                           expected=f'at most {MOST_GOALS} goals that wait', got='one more',
                                           remedy='Cancel those that are not needed.')
+
+
+def _fill(answer: WaitForGrasp.Result | CheckGrasp.Response, outcome: int, found: Sequence[Missing] = (),
+          refused: RefusedRequirementError | None = None) -> None:
+    """Set the outcome of ``answer`` and its reason: what is missing, or why the requirement was refused."""
+    answer.outcome, answer.refusal = outcome, int(refused.refusal if refused else RequirementRefusal.NOT_REFUSED)
+    if not refused:
+        answer.state = state_message(found)
+    reason = str(refused or ', '.join(each.name for each in found))
+    answer.message = name_of(type(answer), 'outcome', outcome) + (f': {reason}' if reason else '')

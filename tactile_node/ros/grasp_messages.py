@@ -68,11 +68,12 @@ def grasp_message(state: GraspState, sides: list[ContactShape], opening: Opening
 
     Stamp and age are those of the older one: a receiver measures the delay of its path by both together.
     """
+    words = state.contact.name, 'fresh' if state.fresh else 'not fresh', 'stable' if state.stable else 'not stable'
     message = Grasp(
-        age=age_message(max(ages)), sides=sides, side_states=[int(each) for each in state.side_states],
-        contact=int(state.contact), fresh=state.fresh, gap=opening.gap, gap_source=int(opening.source),
-        gap_age=age_message(opening.age), same_shape=state.same_shape, stable=state.stable,
-        held=duration_message(state.held), creep=state.creep, line_is_bound=state.line_is_bound)
+        message=', '.join(words), age=age_message(max(ages)), sides=sides,
+        side_states=[int(each) for each in state.side_states], contact=int(state.contact), fresh=state.fresh,
+        gap=opening.gap, gap_source=int(opening.source), gap_age=age_message(opening.age), same_shape=state.same_shape,
+        stable=state.stable, held=duration_message(state.held), creep=state.creep, line_is_bound=state.line_is_bound)
     message.header.stamp = _older(sides, ages).header.stamp
     message.header.frame_id = frame_id
     _add_line(message, state.line)

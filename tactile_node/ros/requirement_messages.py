@@ -5,11 +5,11 @@ from collections.abc import Collection, Sequence
 from builtin_interfaces.msg import Duration
 
 from tactile_node.errors import RefusedRequirementError, RequirementRefusal
-from tactile_node.grasp.requirement import MOST_SHAPES, Missing, Requirement, SideShape
+from tactile_node.grasp.requirement import MOST_SHAPES, Missing, Requirement
 from tactile_node.ros.shape_messages import SHAPE_OF_NUMBER
 from tactile_node.ros.time_messages import seconds
 from tactile_node.shape.recognition import SHAPES
-from tactile_skin.msg import ContactShape, GraspRequirement, RequirementState
+from tactile_skin.msg import GraspRequirement, RequirementState
 
 NAME_OF_CODE = {code: shape.value for code, shape in SHAPE_OF_NUMBER.items() if shape in SHAPES}
 LONGEST = 3600.0  #: s, timeout of a goal; a longer one is taken for a mistake
@@ -48,10 +48,6 @@ def state_message(found: Sequence[Missing]) -> RequirementState:
     """``found``: as of `missing`."""
     return RequirementState(missing=int(found[0] if found else Missing.NOTHING),
                             all_missing=[int(each) for each in found])
-
-
-def side_shape(message: ContactShape) -> SideShape:
-    return SideShape(message.class_name, message.confidence)
 
 
 def _name(code: int) -> str:

@@ -17,10 +17,7 @@ from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, Taugh
 from tactile_skin.msg import Contact, ContactShape, ContactShapes
 
 #: ContactShape.msg numbers of our shapes.
-SHAPE_NUMBERS = {
-    Shape.NONE: ContactShape.NONE, Shape.UNKNOWN: ContactShape.UNKNOWN, Shape.CIRCLE: ContactShape.CIRCLE,
-    Shape.SQUARE: ContactShape.SQUARE, Shape.RECTANGLE: ContactShape.RECTANGLE,
-    Shape.RIGHT_TRIANGLE: ContactShape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE: ContactShape.ISOSCELES_TRIANGLE}
+SHAPE_NUMBERS: dict[Shape, int] = {shape: getattr(ContactShape, shape.name) for shape in Shape}
 SHAPE_OF_NUMBER = {number: shape for shape, number in SHAPE_NUMBERS.items()}
 MOST_SHAPES = 4  #: of a ContactShapes message
 SOLIDS = {'box': SolidPrimitive.BOX, 'cylinder': SolidPrimitive.CYLINDER}
