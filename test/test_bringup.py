@@ -57,7 +57,7 @@ def short_timeout(tmp_path):
     (['--interface', 'virtual', '--pads', 'le ft'], 'letters, digits and underscores'),
     (['--interface', 'virtual', '--bitrate', '5'], 'bit rate of the bus [bit/s]'),
     (['--interface', 'virtual', '--pads', 'left,right', '--node-id', '32,64', '--gap', '40'],
-     "'gap': expected float -1 to 1.0 (opening of the gripper with gap_source parameter [m]"),
+     "'gap': expected opening of the gripper with gap_source parameter [m]"),
     (['--interface', 'virtual', '--pads', 'left,left', '--node-id', '32,64'], 'a different name for each'),
     (['--interface', 'virtual', '--only', 'left/grasp'], 'nodes of this bus'),
     (['--replay', LOG, '--record', '/nowhere.log'], 'a log that is played is not recorded'),

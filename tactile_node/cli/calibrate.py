@@ -15,7 +15,7 @@ from tactile_node.calibration.presses import Presses, find_presses, zeroed
 from tactile_node.calibration.response import SUFFIX, save_response
 from tactile_node.calibration.response_fit import Calibration, Disc, calibrate, check_disc
 from tactile_node.cli.frame_file import read_frames
-from tactile_node.cli.options import DEFAULT_LAYOUT, add_any_device_option, add_node_id_option, node_ids_of
+from tactile_node.cli.options import add_log_options, add_output_option, node_ids_of
 from tactile_node.cli.played_log import play_log
 from tactile_node.cli.progress import counted
 from tactile_node.conditioning.gain import load_gains
@@ -39,19 +39,15 @@ class Readings(NamedTuple):
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser = subparsers.add_parser('calibrate', description=__doc__,
-                                   help="learn a skin's response from presses of a known disc",
                                    formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('recording', help='CAN log as of `tactile record`, or a .npy array (K, rows, cols), zeroed')
     parser.add_argument('--radius', type=float, required=True, metavar='METRES', help='of the face that touches')
     parser.add_argument('--edge-radius', type=float, default=0.0, metavar='METRES',
                         help='of the rounded edge of that face, default 0: sharp')
-    parser.add_argument('--layout', default=DEFAULT_LAYOUT, help='skin layout of a log (default: %(default)s)')
-    add_node_id_option(parser)
-    parser.add_argument('--channel', default='', help='bus to play from a log of several buses')
-    add_any_device_option(parser)
+    add_log_options(parser)
     parser.add_argument('--gains', default='', metavar='FILE', help='per-taxel gains, as in gain_files of the driver')
     parser.add_argument('--pitch', type=float, metavar='METRES', help='distance of neighbouring taxels of an array')
-    parser.add_argument('-o', '--output', metavar='FILE', help=f'default: beside the layout, suffix {SUFFIX}')
+    add_output_option(parser, metavar='FILE', help=f'default: beside the layout, suffix {SUFFIX}')
     parser.set_defaults(run=run)
 
 
@@ -59,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
     known = Disc(args.radius, args.edge_radius)
     check_disc(known)
     output = _output(args)
-    check_writable(output)
+    check_writable(output, [args.recording], force=args.force)
     readings = _readings(args)
     found = find_presses(readings.frames, readings.saturated, readings.unit or None)
     frames = sum(map(len, found.presses))

@@ -46,8 +46,7 @@ class Found(NamedTuple):
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('check', description=__doc__,
-                                   help='check a skin layout and its EDS, and show the pad that they describe')
+    parser = subparsers.add_parser('check', description=__doc__)
     parser.add_argument('layout', help='skin layout: a file, or a name in config/')
     parser.add_argument('eds', nargs='?', default='', help="EDS (default: the layout's name with .eds)")
     parser.add_argument('--bitrate', type=int, default=DEFAULT_BITRATE, help='of the bus [bit/s], default %(default)s')

@@ -1,7 +1,7 @@
 """Options that several sub-commands share; their types raise ConfigurationError for what they cannot read."""
 
 import argparse
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE
 from tactile_node.cia301.node_id import MAX_NODE_ID
@@ -118,6 +118,21 @@ def add_node_id_option(parser: argparse.ArgumentParser) -> None:
 def add_any_device_option(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--any-device', action='store_true', help='play also where the SDO answers in the log show '
                         'another device, or another mapping of its TPDOs: taxels may be in wrong places')
+
+
+def add_output_option(parser: argparse.ArgumentParser, *names: str, **properties: Any) -> None:
+    """Add --output, or ``names``, with ``properties``, and the --force that `check_writable` needs to replace it."""
+    parser.add_argument(*(names or ('-o', '--output')), **properties)
+    parser.add_argument('--force', action='store_true', help='replace what exists; without, nothing is overwritten')
+
+
+def add_log_options(parser: argparse.ArgumentParser) -> None:
+    """Add --layout, --node-id, --channel and --any-device, for a log of pads of one layout."""
+    parser.add_argument('--layout', default=DEFAULT_LAYOUT, help='skin layout (default: %(default)s)')
+    add_node_id_option(parser)
+    parser.add_argument('--channel', default='', help='bus to play from a log of several buses, as the log names it '
+                        '(can0); for a bag, the topic')
+    add_any_device_option(parser)
 
 
 def add_model_option(parser: argparse.ArgumentParser) -> None:

@@ -10,6 +10,7 @@ from tqdm import tqdm
 from tactile_node.cli.options import (
     add_any_device_option,
     add_model_option,
+    add_output_option,
     add_skin_options,
     add_window_options,
     bit_rate,
@@ -34,12 +35,11 @@ from tactile_node.skin.pads import make_pads
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('report', help='write a page on a log or bag, for a support ticket',
-                                   description=__doc__)
+    parser = subparsers.add_parser('report', description=__doc__)
     parser.set_defaults(run=run)
     parser.add_argument('log', metavar='LOG|BAG', help='CAN log as of `tactile replay`, or a ROS 2 bag with '
                         '<pad>/taxels: .mcap, .db3, its folder; of a rotated series, its first file')
-    parser.add_argument('-o', '--output', metavar='FILE', default='report.html', help='default: %(default)s')
+    add_output_option(parser, metavar='FILE', default='report.html', help='default: %(default)s')
     add_skin_options(parser)
     parser.add_argument('--pads', type=names, default=[], metavar='NAME,...',
                         help='name of each pad (default: after its node-ID)')
@@ -56,8 +56,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    check_writable(args.output)
-    with interruption() as stop_requested, output_file(args.output, inputs=_files(args.log)) as stream, \
+    check_writable(args.output, _files(args.log), force=args.force)
+    with interruption() as stop_requested, output_file(args.output) as stream, \
             tqdm(total=_total(args.log), unit=' frames', disable=None, file=sys.stderr, leave=False) as bar:
         report = _reporter(args, bar.update).report(stop_requested)
         stream.write(page_of(report).encode())

@@ -89,14 +89,14 @@ def declare(node: Node, settings: type[NodeSettings], read_at_configure: Collect
     Those that a lifecycle node reads at configure are not: the node itself refuses a change while it is configured.
     """
     rows = table(settings)
-    given: dict[str, RosParameter] = getattr(node, '_parameter_overrides', {})  # rclpy has no public name for it
     for row in rows:
         default = list(row.default) if isinstance(row.default, tuple) else row.default
         try:
             node.declare_parameter(row.name, default, _descriptor(row, row.name in read_at_configure))
-        except (InvalidParameterTypeException, InvalidParameterValueException):
-            raise _refused(row, given[row.name].value) from None
-    _warn_of_misspelt(node, set(given), [row.name for row in rows])
+        except (InvalidParameterTypeException, InvalidParameterValueException) as error:
+            raise ConfigurationError(f'parameter {row.name!r}', expected=row.properties.description, got=str(error),
+                                     remedy='Correct the value, and its unit.') from None
+    _warn_of_misspelt(node, [row.name for row in rows])
 
 
 def read(node: Node, settings: type[Settings]) -> Settings:
@@ -108,14 +108,6 @@ def changed(settings: Settings, parameters: Iterable[RosParameter]) -> Settings:
     """Return ``settings`` with the new values of ``parameters``; those of others, as use_sim_time, are left out."""
     names = {each.name for each in fields(settings)}
     return replace(settings, **{each.name: _immutable(each.value) for each in parameters if each.name in names})
-
-
-def _refused(row: Parameter, value: object) -> ConfigurationError:
-    """Return the error of a value that is not of the parameter's type or range; the description has its unit."""
-    description, low, high, _ = row.properties
-    kind = type(row.default).__name__ + (f' {low} to {high}' if math.isfinite(high) else '')
-    return ConfigurationError(f'parameter {row.name!r}', expected=f'{kind} ({description})', got=repr(value),
-                              remedy='Correct it, and its unit.')
 
 
 def _immutable(value: Any) -> Any:
@@ -138,8 +130,8 @@ def _descriptor(row: Parameter, read_at_configure: bool) -> ParameterDescriptor:
     return descriptor
 
 
-def _warn_of_misspelt(node: Node, given: set[str], known: list[str]) -> None:
+def _warn_of_misspelt(node: Node, known: list[str]) -> None:
     """ROS accepts any name in a parameter file, since one file may serve several nodes."""
-    for name in given - set(known):
+    for name in set(getattr(node, '_parameter_overrides', {})) - set(known):
         for similar in get_close_matches(name, known, 1, SIMILAR):
             node.get_logger().warning(f'parameter {name!r} is not known: is {similar!r} meant?')
