@@ -33,6 +33,14 @@ def names(text: str) -> list[str]:
     return [part.strip() for part in text.split(',') if part.strip()]
 
 
+def pad_names(text: str) -> list[str]:
+    """As `names`; one with a blank is taken for several that no comma separates."""
+    if any(len(name.split()) > 1 for name in names(text)):
+        raise ConfigurationError('--pads', expected='names separated by commas', got=repr(text),
+                                 remedy='For example --pads left,right.')
+    return names(text)
+
+
 def pace(text: str) -> float:
     """Speed of a replay: 1 = as recorded, 0 = as fast as possible."""
     try:

@@ -16,8 +16,8 @@ from tactile_node.cli.options import (
     bit_rate,
     eds_of,
     layouts_of,
-    names,
     node_ids_of,
+    pad_names,
     recogniser_of,
     window_of,
 )
@@ -41,7 +41,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
                         '<pad>/taxels: .mcap, .db3, its folder; of a rotated series, its first file')
     add_output_option(parser, metavar='FILE', default='report.html', help='default: %(default)s')
     add_skin_options(parser)
-    parser.add_argument('--pads', type=names, default=[], metavar='NAME,...',
+    parser.add_argument('--pads', type=pad_names, default=[], metavar='NAME,...',
                         help='name of each pad (default: after its node-ID)')
     parser.add_argument('--channel', default='', help='bus to report on of a log of several, as the log names it '
                         '(can0); for a bag, the topic')
