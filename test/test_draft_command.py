@@ -96,6 +96,11 @@ def test_a_file_that_exists_is_never_overwritten(is_link, tmp_path, capsys):
     assert code == 2 and not (tmp_path / 'elsewhere').exists() and (is_link or path.read_text() == 'kept')
 
 
+def test_it_says_what_was_written_and_what_to_do(tmp_path, capsys):
+    _, path = drafted(tmp_path, 'sim16x16.eds')
+    assert f'tactile check {path} sim16x16.eds' in capsys.readouterr().out
+
+
 def test_without_a_file_it_is_printed(tmp_path, capsys):
     assert main(['draft', 'sim8x8_16bit.eds']) == 0
     path = tmp_path / 'x.yaml'

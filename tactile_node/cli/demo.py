@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
         for pad in PADS:
             if of_pad := [verdict for verdict in verdicts if verdict.pad == pad]:
                 draw_pad(of_pad, session.pitch, folder / PICTURE.format(pad=pad))
-        print(report.table(verdicts))
+        print(report.table(verdicts, session.pitch))
     return _conclude(folder, session, verdicts)
 
 

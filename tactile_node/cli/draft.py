@@ -8,7 +8,7 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.output_file import check_writable, output_file
 from tactile_node.skin.eds import load_eds
 from tactile_node.skin.layout import MAX_SIDE
-from tactile_node.skin.layout_draft import MAX_BITS, Known, draft
+from tactile_node.skin.layout_draft import FILL_IN, GUESS, MAX_BITS, Known, draft
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
@@ -35,6 +35,8 @@ def run(args: argparse.Namespace) -> int:
     if args.output:
         with output_file(args.output, inputs=[args.eds]) as stream:
             stream.write(text.encode())
+        print(f'written to {args.output}. Replace what is marked {FILL_IN}, compare what is marked {GUESS}, then: '
+              f'tactile check {args.output} {args.eds}')
     else:
         print(text, end='')
     return 0

@@ -28,6 +28,7 @@ from tactile_node.recording.series import files_of
 from tactile_node.recording.topic_bag import CAN_TYPE as CAN_FRAMES
 from tactile_node.recording.topic_bag import DIAGNOSTICS, STATUS, TAXELS, holds_taxels
 from tactile_node.report.bag_report import BagReporter
+from tactile_node.report.finding_text import sentence
 from tactile_node.report.findings import findings
 from tactile_node.report.log_report import LogReporter
 from tactile_node.report.page import page_of
@@ -51,7 +52,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     add_window_options(parser)
     add_model_option(parser)
     parser.epilog = ('Layouts, node-IDs, names, EDS and channel are those of CAN frames; taxel arrays of a bag carry '
-                     'what is needed. Prints the path of the page and how many problems stand out. The exit code is 0 '
+                     'what is needed. Prints the path of the page and the problems that stand out. The exit code is 0 '
                      'where a page was written, whatever is on it.')
 
 
@@ -61,9 +62,9 @@ def run(args: argparse.Namespace) -> int:
             tqdm(total=_total(args.log), unit=' frames', disable=None, file=sys.stderr, leave=False) as bar:
         report = _reporter(args, bar.update).report(stop_requested)
         stream.write(page_of(report).encode())
-    problems = sum(found.finding.is_problem for found in findings(report))
+    problems = [sentence(found) for found in findings(report) if found.finding.is_problem]
     print(f'{args.output}: {len(report.pads)} pads, {sum(len(pad.touches) for pad in report.pads)} touches, '
-          f'{problems} problems')
+          f'{len(problems)} problems', *problems, sep='\n  ')
     return 0
 
 
