@@ -22,6 +22,7 @@ from tactile_node.conditioning.gain import load_gains
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.output_file import check_writable
+from tactile_node.pose.pitch import check_pitch
 from tactile_node.press_levels import ON_OFF_UNIT
 from tactile_node.skin.pads import make_pads
 
@@ -94,9 +95,7 @@ def _readings(args: argparse.Namespace) -> Readings:
 
 
 def _of_array(args: argparse.Namespace) -> Readings:
-    if args.pitch is None or not 0 < args.pitch < np.inf:
-        raise ConfigurationError('--pitch', expected='a length > 0 in metres', got=str(args.pitch),
-                                 remedy='Give the distance of neighbouring taxels.')
+    check_pitch(args.pitch)
     frames = read_frames(args.recording).values
     if frames.dtype == bool:
         raise _on_off(args.recording)
@@ -111,12 +110,7 @@ def _of_log(args: argparse.Namespace) -> Readings:
                                  remedy='Calibrate each pad from its own presses.')
     if layout.value.unit == ON_OFF_UNIT:
         raise _on_off(layout.source)
-    played = play_log(args.recording, pads, channel=args.channel, any_device=args.any_device)
-    if not played.has_ended:
-        raise KeyboardInterrupt
-    if not played.used:
-        raise InputError(f'log {args.recording}', expected='taxel frames of this pad', got='none',
-                         remedy='Check --node-id and --layout.')
+    played = play_log(args.recording, pads, channel=args.channel, any_device=args.any_device, must_be_used=True)
     frames = played.frames[pads[0].name]
     saturated = np.array([frame.status == TaxelStatus.SATURATED for frame in frames])
     return Readings(zeroed(np.array([frame.values for frame in frames])), saturated, layout.pitch, layout.value.unit)

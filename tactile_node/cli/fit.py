@@ -49,7 +49,10 @@ def run(args: argparse.Namespace) -> int:
         raise InputError('arguments of fit', expected='at least 500 patterns of each kind and a seed >= 0',
                          got=f'--patterns {args.patterns} --validation {args.validation} --seed {args.seed}',
                          remedy='Ask for more.')
-    _check_output(args.output, args.force)
+    if is_shipped(args.output):  # the published curves must stay what they are
+        raise InputError(f'output {args.output!r}', expected='a file of your own', got='a file of the package',
+                         remedy='Give another path with --output.')
+    check_writable(args.output, force=args.force)
     training = _draw(Purpose.TRAINING, args.seed, args.patterns)
     validation = _draw(Purpose.VALIDATION, args.seed, args.validation)
     readings = {name: fit_classifier(training, third) for name, third in READINGS.items()}
@@ -60,14 +63,6 @@ def run(args: argparse.Namespace) -> int:
     print(f'third plane read as in the {kept}: {rate:.1%} of {args.validation} '
           f'validation patterns recognised, written to {args.output}')
     return 0
-
-
-def _check_output(path: str, force: bool) -> None:
-    """Before the work: the published curves must stay what they are, whatever is forced."""
-    if is_shipped(path):
-        raise InputError(f'output {path!r}', expected='a file of your own', got='a file of the package',
-                         remedy='Give another path with --output.')
-    check_writable(path, force=force)
 
 
 def _draw(purpose: Purpose, seed: int, patterns: int) -> Samples:

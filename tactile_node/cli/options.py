@@ -43,25 +43,21 @@ def pad_names(text: str) -> list[str]:
 
 def pace(text: str) -> float:
     """Speed of a replay: 1 = as recorded, 0 = as fast as possible."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0 <= value < float('inf'):
-        raise ConfigurationError('--pace', expected='a number >= 0', got=repr(text),
-                                 remedy='1 is the recorded pace, 0 as fast as possible.')
-    return value
+    return _from_0(text, '--pace', 'a number >= 0', '1 is the recorded pace, 0 as fast as possible.')
 
 
 def seconds(text: str) -> float:
     """A time >= 0 [s]."""
+    return _from_0(text, '--start, --duration', 'a number >= 0 [s]', 'For example --start 1800 --duration 60.')
+
+
+def _from_0(text: str, option: str, expected: str, remedy: str) -> float:
     try:
         value = float(text)
     except ValueError:
         value = -1.0
     if not 0 <= value < float('inf'):
-        raise ConfigurationError('--start, --duration', expected='a number >= 0 [s]', got=repr(text),
-                                 remedy='For example --start 1800 --duration 60.')
+        raise ConfigurationError(option, expected=expected, got=repr(text), remedy=remedy)
     return value
 
 
