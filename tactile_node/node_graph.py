@@ -158,10 +158,10 @@ def frame_topics(pads: Sequence[str], namespace: str = '') -> dict[str, str]:
 def _check_names(pads: Sequence[str], namespace: str) -> None:
     if not pads:
         raise ConfigurationError('pads', expected='a name for each pad', got='none', remedy='Name a pad.')
-    for what, name in (('namespace', namespace), *(('name of a pad', pad) for pad in pads)):
+    for what, name in (('namespace', namespace), *(('pads', pad) for pad in pads)):
         if name and not ROS_NAME.fullmatch(name):  # rclpy refuses it too, with a warning of its own
             raise ConfigurationError(what, expected='letters, digits and underscores, not a digit first, joined by /',
-                                     got=repr(name), remedy='Rename it.')
+                                     got=repr(name), remedy='Rename it. Commas separate several pads.')
     if len(set(pads)) != len(pads):
         raise ConfigurationError('pads', expected='a different name for each', got=', '.join(pads),
                                  remedy='Give every pad a different one.')

@@ -57,7 +57,7 @@ def short_timeout(tmp_path):
     (['--wait-at-start', 'true', '--interface', 'nosuch'], ', socketcan, '),  # waiting would not help
     (['--interface', 'virtual', '--layout', '/nowhere.yaml'], '/nowhere.yaml'),
     (['--interface', 'virtual', '--pads', 'left,right'], 'a node-ID for each of the pads'),
-    (['--interface', 'virtual', '--pads', 'left right', '--node-id', '32,64'], 'separated by commas'),
+    (['--interface', 'virtual', '--pads', 'left right', '--node-id', '32,64'], 'Commas separate several pads'),
     (['--interface', 'virtual', '--pads', 'le-ft'], 'letters, digits and underscores'),
     (['--interface', 'virtual', '--namespace', 'my-robot'], "got 'my-robot'. Rename it"),
     (['--interface', 'virtual', '--ros-args', '-r', '__ns:=/my-robot'], "got '/my-robot'. Rename it"),

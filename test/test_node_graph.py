@@ -35,6 +35,12 @@ def test_a_namespace_that_ros_refuses_is_refused_before_any_node_is_made(namespa
     assert refused.value.where == 'namespace' and refused.value.got == repr(namespace)
 
 
+def test_pads_without_a_comma_are_refused_with_the_hint():
+    with pytest.raises(ConfigurationError, match='Commas') as refused:
+        bus_nodes(['left right'], driver={})
+    assert refused.value.got == "'left right'"
+
+
 def test_parameters_of_every_node_reach_every_node_and_the_drivers_own_win():
     nodes = bus_nodes(GRIPPER, driver={'queue_depth': 7}, every={'queue_depth': 5, 'lossless': True})
     assert all(node.parameters['lossless'] is True for node in nodes)

@@ -13,7 +13,6 @@ from tactile_node.cli.options import (
     names,
     node_ids_of,
     pace,
-    pad_names,
     process_id,
     switch,
     switch_or_file,
@@ -35,7 +34,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser = subparsers.add_parser('bringup', help='run all ROS 2 nodes of one bus in this process',
                                    description=__doc__)
     add_bus_options(parser, is_set=False)
-    parser.add_argument('--pads', type=pad_names, default=['pad'], metavar='NAME,...',
+    parser.add_argument('--pads', type=names, default=['pad'], metavar='NAME,...',
                         help='names of the pads (default: pad); two are taken for a gripper')
     add_skin_options(parser)
     parser.add_argument('--namespace', default='', help='namespace of all nodes and topics')
