@@ -3,6 +3,7 @@
 Imports neither rclpy nor a numerical library, so that a launch file can read it at once.
 """
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from enum import Enum
 from typing import NamedTuple
@@ -55,6 +56,7 @@ VIEW_TOPICS = {'image': 'sensor_msgs/msg/Image', 'image_colour': 'sensor_msgs/ms
                'markers': 'visualization_msgs/msg/MarkerArray', 'wrench': 'geometry_msgs/msg/WrenchStamped'}
 GRASP_TOPIC = {'grasp': 'tactile_skin/msg/Grasp'}
 PADS_OF_A_GRASP = 2
+ROS_NAME = re.compile('(/?[A-Za-z_][A-Za-z0-9_]*)(/[A-Za-z_][A-Za-z0-9_]*)*')
 
 
 class NodeDescription(NamedTuple):
@@ -96,7 +98,7 @@ def bus_nodes(pads: Sequence[str], *, driver: Parameters, every: Parameters | No
     grasp            hand/grasp
     skin_driver      hand/skin_driver
     """
-    _check_names(pads)
+    _check_names(pads, namespace)
     common = dict(every or {})
     of_pad: dict[Role, Parameters] = {Role.PROCESSOR: common, Role.CLASSIFIER: {**common, **(classifier or {})}}
     nodes = [NodeDescription(role, pad, namespace, parameters) for pad in pads for role, parameters in of_pad.items()]
@@ -153,9 +155,13 @@ def frame_topics(pads: Sequence[str], namespace: str = '') -> dict[str, str]:
     return topics
 
 
-def _check_names(pads: Sequence[str]) -> None:
+def _check_names(pads: Sequence[str], namespace: str) -> None:
     if not pads:
         raise ConfigurationError('pads', expected='a name for each pad', got='none', remedy='Name a pad.')
+    for what, name in (('namespace', namespace), *(('pads', pad) for pad in pads)):
+        if name and not ROS_NAME.fullmatch(name):  # rclpy refuses it too, with a warning of its own
+            raise ConfigurationError(what, expected='letters, digits and underscores, not a digit first, joined by /',
+                                     got=repr(name), remedy='Rename it. Commas separate several pads.')
     if len(set(pads)) != len(pads):
         raise ConfigurationError('pads', expected='a different name for each', got=', '.join(pads),
                                  remedy='Give every pad a different one.')

@@ -39,14 +39,25 @@ def output_file(path: str | Path, inputs: Iterable[str | Path] = ()) -> Iterator
                          got=error.strerror or str(error), remedy='Give another path, or make room.') from error
 
 
-def check_writable(path: str | Path, inputs: Iterable[str | Path] = ()) -> None:
-    """Raise InputError where ``path`` cannot be written or is one of ``inputs``: before long work, not after it."""
+def check_writable(path: str | Path, inputs: Iterable[str | Path] = (), *, force: bool) -> None:
+    """Raise InputError where ``path`` cannot be written, is one of ``inputs``, or exists and there is no ``force``.
+
+    For commands, before their long work rather than after it.
+    """
     target = Path(os.path.realpath(path))
     _check_no_input(path, inputs)
+    check_new(path, force=force)
     if not os.access(path if _is_device(path) else target.parent, os.W_OK) or target.is_dir():
         raise InputError(f'output {str(path)!r}', expected='a file that can be written',
                          got='a folder' if target.is_dir() else 'no folder that can be written',
                          remedy='Give another path.')
+
+
+def check_new(path: str | Path, *, force: bool) -> None:
+    """Raise InputError where ``path`` exists, unless it is a device or a pipe, and there is no ``force``."""
+    if not force and os.path.lexists(path) and (os.path.isdir(path) or not _is_device(path)):
+        raise InputError(f'output {str(path)!r}', expected='a new file', got='one that exists',
+                         remedy='Give another path, or --force to replace it.')
 
 
 def _check_no_input(path: str | Path, inputs: Iterable[str | Path]) -> None:

@@ -23,7 +23,7 @@ from misled_bench import TooSlowError, is_overloaded  # noqa: E402
 LOG = str(DATA / 'sim16x16_two_pads.log.gz')
 
 
-def test_a_log_comes_out_whole_and_the_command_reports_it(capsys):
+def test_a_log_comes_out_whole_and_the_command_reports_it(capsys, caplog):
     name = 'sim16x16_two_pads.log.gz'
     lines = read_candump(name)
     syncs = sum(line.can_id == 0x080 for line in lines)
@@ -32,6 +32,8 @@ def test_a_log_comes_out_whole_and_the_command_reports_it(capsys):
     printed = capsys.readouterr().out
     assert f'Shapes: {2 * syncs} of {2 * syncs} taxel frames' in printed
     assert f'CAN frames: {len(lines)} ' in printed
+    waits = [record.args for record in caplog.records if record.name == 'tactile_node.nodes.drain']
+    assert waits and all(count < published == 2 * syncs for count, published in waits)
 
 
 def test_a_replay_starts_whatever_the_parameter_file_has(tmp_path, capsys):
@@ -53,11 +55,17 @@ def short_timeout(tmp_path):
     (['--replay', '/nowhere.log'], 'no such file'),
     (['--interface', 'virtual', '--eds', __file__], 'expected an EDS file'),
     (['--interface', 'virtual', '--channel', 'empty'], 'Check power, wiring, termination, bit rate and node-ID'),
-    (['--interface', 'nosuch'], 'Check interface and channel'),
+    (['--interface', 'slcn'], 'got \'slcn\'. Did you mean "slcan"?'),
+    (['--wait-at-start', 'true', '--interface', 'nosuch'], ', socketcan, '),  # waiting would not help
     (['--interface', 'virtual', '--layout', '/nowhere.yaml'], '/nowhere.yaml'),
     (['--interface', 'virtual', '--pads', 'left,right'], 'a node-ID for each of the pads'),
-    (['--interface', 'virtual', '--pads', 'le ft'], 'letters, digits and underscores'),
-    (['--interface', 'virtual', '--bitrate', '5'], 'within its range'),
+    (['--interface', 'virtual', '--pads', 'left right', '--node-id', '32,64'], 'Commas separate several pads'),
+    (['--interface', 'virtual', '--pads', 'le-ft'], 'letters, digits and underscores'),
+    (['--interface', 'virtual', '--namespace', 'my-robot'], "got 'my-robot'. Rename it"),
+    (['--interface', 'virtual', '--ros-args', '-r', '__ns:=/my-robot'], "got '/my-robot'. Rename it"),
+    (['--interface', 'virtual', '--bitrate', '5'], 'bit rate of the bus [bit/s]'),
+    (['--interface', 'virtual', '--pads', 'left,right', '--node-id', '32,64', '--gap', '40'],
+     "'gap': expected opening of the gripper with gap_source parameter [m]"),
     (['--interface', 'virtual', '--pads', 'left,left', '--node-id', '32,64'], 'a different name for each'),
     (['--interface', 'virtual', '--only', 'left/grasp'], 'nodes of this bus'),
     (['--replay', LOG, '--record', '/nowhere.log'], 'a log that is played is not recorded'),

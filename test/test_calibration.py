@@ -237,8 +237,8 @@ def test_a_calibration_that_cannot_be_is_refused(given, known, says):
 
 
 @pytest.mark.parametrize('words, says', [
-    (['x.npy', '--radius', '0.01'], '--output'), (['x.npy', '--radius', '0.01', '-o', 'y'], '--pitch'),
-    (['x.log', '--radius', '0'], 'radius'),
+    (['x.npy', '--radius', '0.01'], '--output'), (['x.npy', '--radius', '0.01', '-o', 'y'], 'pitch: expected a length'),
+    (['x.log', '--radius', '0'], 'radius'), (['x.log', '--radius', '12.5'], 'at most 0.25 m'),
     (['x.log', '--radius', '0.01', '--layout', 'nus_sinapse_64x64.yaml'], 'nus_sinapse_64x64.yaml')])
 def test_the_command_says_what_it_needs(words, says, capsys):
     assert main(['calibrate', *words]) == 2

@@ -70,14 +70,22 @@ def test_facts_of_the_bus_are_those_of_can(capsys):
     assert found['load']['50 Hz'] == pytest.approx(0.4375)
 
 
-def test_what_is_mapped_nowhere_and_an_improbable_pitch_are_warnings(tmp_path, capsys):
-    text = SIM.replace('rows: 16', 'rows: 17', 1).replace('pitch: 0.002', 'pitch: 2.0').replace('dead_taxels: []',
-                                                                                             'dead_taxels: [[3, 1]]')
+def test_what_is_mapped_nowhere_is_a_warning(tmp_path, capsys):
+    text = SIM.replace('rows: 16', 'rows: 17', 1).replace('dead_taxels: []', 'dead_taxels: [[3, 1]]')
     path = written(tmp_path, text)
     code, out = check(capsys, path, CONFIG / 'sim16x16.eds')
-    assert code == 1 and '16 of 272 taxels are in no TPDO, the first is row 16, column 0' in out and 'metres' in out
+    assert code == 1 and '16 of 272 taxels are in no TPDO, the first is row 16, column 0' in out
     rows = [line for line in out.splitlines() if len(line) == 16 and set(line) <= set('#.x')]
     assert len(rows) == 17 and rows[16] == 16 * '.' and rows[3] == '#x' + 14 * '#' and rows[0] == 16 * '#'
+
+
+def test_an_improbable_pitch_is_an_error_unless_it_is_meant(tmp_path, capsys):
+    path = written(tmp_path, SIM.replace('pitch: 0.002', 'pitch: 2'))
+    code, out = check(capsys, path, CONFIG / 'sim16x16.eds', '--json')
+    error, = json.loads(out)['errors']
+    assert code == 2 and error['line'] == 1 + SIM[:SIM.index('\npitch:')].count('\n') + 1 and '0.002' in error['remedy']
+    path = written(tmp_path, SIM.replace('pitch: 0.002', 'unusual_pitch: true\npitch: 2'))
+    assert check(capsys, path, CONFIG / 'sim16x16.eds')[0] == 0
 
 
 @pytest.mark.parametrize('words, part', [

@@ -1,6 +1,7 @@
 """What the demo writes of its touches: table, CSV and picture, from what the shape topic reported."""
 
 import csv
+import re
 
 import numpy as np
 import pytest
@@ -44,10 +45,11 @@ def test_the_csv_has_pose_and_size_with_their_deviations_as_numbers(verdicts, tm
     assert unfitted['x_mm'] == '' and unfitted['recognised'] == 'circle'
 
 
-def test_the_table_marks_what_is_wrong(verdicts):
-    lines = table(verdicts).splitlines()
-    assert ['wrong' in line for line in lines] == [False, False, False, True]
-    assert '10.0 x 5.0' in lines[1] and 'radius 4.0' in lines[2]
+def test_the_table_marks_what_is_wrong_and_has_the_true_size(verdicts):
+    lines = table(verdicts, PITCH).splitlines()
+    assert ['wrong: circle' in line for line in lines] == [False, False, False, True]
+    assert re.search(r'10\.0 x 5\.0 +10\.0 x 5\.0 ±', lines[1]) and re.search(r'4\.0 +radius 4\.0 ±', lines[2])
+    assert ' 8.0 ' in lines[3], 'a side of 4 pitches'
 
 
 def test_the_picture_has_a_row_a_size_and_also_touches_without_an_outline(verdicts, tmp_path):

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tactile_node.cli.main import main
-from tactile_node.skin.layout_file import load_layout
+from tactile_node.skin.layout_file import read_layout
 
 CONFIG = Path(__file__).parents[1] / 'config'
 
@@ -52,7 +52,7 @@ def frames(layout):
     ('nodes2_12x8_12bit', ('--bits', 12, '--rows', 6))])
 def test_a_draft_maps_what_the_hand_written_layout_maps(name, words, tmp_path):
     code, path = drafted(tmp_path, f'{name}.eds', *words)
-    ours, theirs = load_layout(path), load_layout(f'{name}.yaml').of_node(0)
+    ours, theirs = read_layout(path), read_layout(f'{name}.yaml').of_node(0)
     assert code == 0 and frames(ours) == frames(theirs)
     assert (ours.value.bits, ours.value.signed) == (theirs.value.bits, theirs.value.signed)
     assert ours.rows * theirs.nodes == theirs.rows and ours.cols == theirs.cols
@@ -62,7 +62,7 @@ def test_what_the_eds_does_not_say_is_marked(tmp_path, capsys):
     eds = tmp_path / 'skin.eds'
     eds.write_text(EDS)
     code, path = drafted(tmp_path, eds, '--cols', 3)
-    layout, text = load_layout(path), path.read_text()
+    layout, text = read_layout(path), path.read_text()
     assert code == 0 and (layout.rows, layout.cols, layout.value.bits, layout.value.signed) == (3, 3, 16, True)
     assert [(tpdo.number, str(tpdo.cob_id), [tuple(field) for field in tpdo.taxels]) for tpdo in layout.tpdos] == [
         (1, '$NODEID+0x180', [(0, 0, 8), (0, 1, 24), (0, 2, 40)]),
@@ -76,13 +76,13 @@ def test_what_the_eds_does_not_say_is_marked(tmp_path, capsys):
     assert '# TPDO 5 is left out: it maps nothing' in lines
 
 
-def test_check_warns_until_a_draft_is_filled_in(tmp_path, capsys):
+def test_check_refuses_a_draft_until_it_is_filled_in(tmp_path, capsys):
     """A scale of 1 Pa is a pressure that looks right."""
     _, path = drafted(tmp_path, 'sim16x16.eds')
-    assert main(['check', str(path), 'sim16x16.eds']) == 1
+    assert main(['check', str(path), 'sim16x16.eds']) == 2
     out = capsys.readouterr().out
     numbers = [str(number) for number, line in enumerate(path.read_text().splitlines(), 1) if '# FILL IN' in line]
-    assert len(numbers) == 4 and f'lines {", ".join(numbers)}' in out and 'metres' in out
+    assert len(numbers) == 4 and f'lines {", ".join(numbers)}' in out and 'key "pitch"' in out
     text = path.read_text().replace('# FILL IN', '#').replace('pitch: 1.0', 'pitch: 0.002')
     path.write_text(text)
     assert main(['check', str(path), 'sim16x16.eds']) == 0
@@ -96,11 +96,16 @@ def test_a_file_that_exists_is_never_overwritten(is_link, tmp_path, capsys):
     assert code == 2 and not (tmp_path / 'elsewhere').exists() and (is_link or path.read_text() == 'kept')
 
 
+def test_it_says_what_was_written_and_what_to_do(tmp_path, capsys):
+    _, path = drafted(tmp_path, 'sim16x16.eds')
+    assert f'tactile check {path} sim16x16.eds' in capsys.readouterr().out
+
+
 def test_without_a_file_it_is_printed(tmp_path, capsys):
     assert main(['draft', 'sim8x8_16bit.eds']) == 0
     path = tmp_path / 'x.yaml'
     path.write_text(capsys.readouterr().out)
-    assert load_layout(path).rows == 8
+    assert read_layout(path).rows == 8
 
 
 @pytest.mark.parametrize('words', [

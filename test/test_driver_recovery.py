@@ -4,8 +4,9 @@ import gc
 import itertools
 import threading
 import time
+from collections import Counter
 from dataclasses import replace
-from math import inf
+from math import inf, log2
 
 import numpy as np
 import pytest
@@ -143,6 +144,20 @@ def test_what_is_missing_at_start_is_waited_for_and_reported_now_and_then(chain)
     chain.wait(lambda: (OK, OK) in chain.levels, 'never OK')
     starting.join()
     chain.wait(lambda: heard[-1].active and heard[-1].fault == SkinStatus.FAULT_NONE, 'status not well again')
+
+
+def test_a_device_that_never_answers_is_reported_ever_more_rarely(chain):
+    chain.bench.device.power_off()
+    chain.driver.set_parameters([Parameter('boot_timeout', value=0.1)])
+    logged, begun, stop = [], time.monotonic(), threading.Event()
+    chain.listener.create_subscription(Log, '/rosout', lambda message: logged.append(message.msg), 100)
+    starting = threading.Thread(target=chain.driver.autostart, args=(stop,))
+    starting.start()
+    chain.wait(lambda: chain.bench.adapter.opened >= 6, 'no further attempt')
+    stop.set()
+    starting.join()
+    counts, most = Counter(logged), 1 + log2(1 + (time.monotonic() - begun) / FIRST_REMINDER)
+    assert any(WAITING in sentence for sentence in counts) and max(counts.values()) <= most < 5, counts
 
 
 def test_the_pads_of_a_driver_are_seen_all_or_none(chain, monkeypatch):

@@ -2,9 +2,12 @@
 
 import configparser
 import re
+import sys
 from pathlib import Path
 
-from tactile_node.cli.main import NEEDS
+import pytest
+
+from tactile_node.cli.main import NEEDS, main
 
 ROOT = Path(__file__).resolve().parents[1]
 #: tactile-skin[picture], '.[picture,bag]'
@@ -46,3 +49,15 @@ def test_a_module_that_an_error_sends_to_an_extra_comes_with_it():
     for module, remedy in NEEDS.items():
         for extra in NAMED.findall(remedy):
             assert libraries[module] in extras()[extra], module
+
+
+def test_the_help_marks_the_commands_whose_modules_are_missing(monkeypatch, capsys):
+    for module in ('rclpy', 'matplotlib'):
+        monkeypatch.setitem(sys.modules, module, None)
+    monkeypatch.setenv('COLUMNS', '200')
+    with pytest.raises(SystemExit):
+        main(['--help'])
+    lines = capsys.readouterr().out.replace('\n' + 14 * ' ', ' ').splitlines()  # a long name has its text below
+    missing = {line.split()[0]: re.findall('rclpy|matplotlib', line) for line in lines if line.startswith('    ')}
+    assert {name: found for name, found in missing.items() if found} == {
+        'bringup': ['rclpy'], 'demo': ['rclpy', 'matplotlib'], 'reproduce': ['matplotlib']}

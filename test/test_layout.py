@@ -74,6 +74,7 @@ BAD = {
     'wrong type': (TINY.replace('rows: 3', 'rows: many'), 'key "rows"'),
     'true as number': (TINY.replace('rows: 3', 'rows: true'), 'key "rows"'),
     'pitch of 0': (TINY.replace('0.003', '0'), 'key "pitch"'),
+    'pitch in millimetres': (TINY.replace('0.003', '3'), 'key "pitch": expected 0.0003 to 0.025 m, got 3 m'),
     'unit': (TINY.replace('unit: Pa', 'unit: psi'), 'key "value.unit"'),
     'bits': (TINY.replace('bits: 8', 'bits: 33'), 'key "value.bits"'),
     'no TPDO': (TINY.split('tpdos')[0] + 'tpdos: []\n', 'at least one TPDO'),
@@ -99,6 +100,10 @@ def test_bad_layout_is_refused_with_file_and_key(tmp_path, text, says):
     with pytest.raises(ConfigurationError, match=re.escape(says)) as refused:
         tiny_layout(tmp_path, text)
     assert 'layout.yaml' in str(refused.value) and refused.value.remedy
+
+
+def test_an_unusual_pitch_can_be_meant(tmp_path):
+    assert tiny_layout(tmp_path, TINY.replace('0.003', '0.04') + 'unusual_pitch: true\n').pitch == 0.04
 
 
 def test_missing_layout_says_where_it_looked():

@@ -28,6 +28,19 @@ def test_each_pad_has_its_nodes_and_two_pads_a_grasp(pads, roles):
     assert len({(node.namespace, node.name) for node in nodes}) == len(nodes)
 
 
+@pytest.mark.parametrize('namespace', ['my-robot', '2nd', 'a//b', 'a/', 'a b'])
+def test_a_namespace_that_ros_refuses_is_refused_before_any_node_is_made(namespace):
+    with pytest.raises(ConfigurationError) as refused:
+        bus_nodes(GRIPPER, driver={}, namespace=namespace)
+    assert refused.value.where == 'namespace' and refused.value.got == repr(namespace)
+
+
+def test_pads_without_a_comma_are_refused_with_the_hint():
+    with pytest.raises(ConfigurationError, match='Commas') as refused:
+        bus_nodes(['left right'], driver={})
+    assert refused.value.got == "'left right'"
+
+
 def test_parameters_of_every_node_reach_every_node_and_the_drivers_own_win():
     nodes = bus_nodes(GRIPPER, driver={'queue_depth': 7}, every={'queue_depth': 5, 'lossless': True})
     assert all(node.parameters['lossless'] is True for node in nodes)

@@ -27,7 +27,7 @@ def is_kept(path):
 
 
 def test_a_log_that_cannot_be_played_leaves_the_output_as_it_was(kept, capsys):
-    assert main(['replay', 'nosuch.log', '--output', str(kept)]) == 2
+    assert main(['replay', 'nosuch.log', '--output', str(kept), '--force']) == 2
     assert 'nosuch.log' in capsys.readouterr().err
     assert is_kept(kept)
 

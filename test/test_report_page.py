@@ -174,11 +174,20 @@ def test_the_command_writes_a_whole_page_or_none(tmp_path, capsys):
     page = check_alone(out.read_text(encoding='utf-8'))
     assert 'Pad <left>' in ''.join(page.texts)
     before = out.read_bytes()
-    assert main(['report', str(tmp_path / 'none.log'), '-o', str(out)]) == 2
+    assert main(['report', str(tmp_path / 'none.log'), '-o', str(out), '--force']) == 2
     assert out.read_bytes() == before and list(tmp_path.glob('.report*')) == []
     content = (tmp_path / 'x.log').read_bytes()
-    assert main(['report', log, '-o', log]) == 2
+    assert main(['report', log, '-o', log, '--force']) == 2
     assert (tmp_path / 'x.log').read_bytes() == content
+
+
+def test_the_command_names_the_problems_that_it_counts(tmp_path, capsys):
+    log, out = logged(tmp_path / 'x.log', session(2.5)), tmp_path / 'report.html'
+    assert main(['report', log, '--node-id', '32,96', '--pads', 'left,right', '-o', str(out)]) == 0
+    first, *problems = capsys.readouterr().out.splitlines()
+    assert first.endswith(f' {len(problems)} problems') and any('right: no taxels' in problem for problem in problems)
+    texts = ''.join(check_alone(out.read_text(encoding='utf-8')).texts)
+    assert all(problem.strip() in texts for problem in problems)
 
 
 def test_a_bag_is_told_from_a_log_by_its_topics(tmp_path, capsys, monkeypatch):

@@ -166,6 +166,18 @@ def test_no_device_on_the_bus():
         assert any(isinstance(fact, DeviceAbsentError) and 'node 32' in fact.where for fact in bench.log.facts)
 
 
+def test_a_wrong_node_id_is_reported_with_the_nodes_that_are_heard():
+    with Bench('wrong', nodes=(32, 64), boot_timeout=0.5) as bench:
+        bench.simulator.stop()
+        bench.driver.open()
+        with other_bus('wrong') as other:
+            for node_id in (64, 5):
+                other.send(can.Message(arbitration_id=0x700 + node_id, data=[0x7F], is_extended_id=False))
+            with pytest.raises(DeviceAbsentError) as absent:
+                bench.driver.configure()
+    assert absent.value.got == 'no answer, but heartbeats of node 5, 64' and '`tactile scan`' in absent.value.remedy
+
+
 def test_second_pad_missing_names_its_node():
     with Bench('half', nodes=(32, 64), boot_timeout=2.0) as bench:
         bench.simulator.devices[64].power_off()
@@ -205,8 +217,7 @@ def test_device_that_refuses_operational():
 
 
 @pytest.mark.parametrize(('interface', 'channel', 'says'), [
-    ('socketcan', 'nocan7', 'ip link set nocan7 up|modprobe'), ('slcan', '/dev/nothing', '/dev/nothing'),
-    ('nonsense', 'x', 'nonsense')])
+    ('socketcan', 'nocan7', 'ip link set nocan7 up|modprobe'), ('slcan', '/dev/nothing', '/dev/nothing')])
 def test_bus_that_cannot_be_opened(interface, channel, says):
     pads = Bench('unused').pads
     with pytest.raises(BusError) as refused:

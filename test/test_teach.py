@@ -229,12 +229,12 @@ def recordings(tmp_path_factory):
     return folder
 
 
-def test_the_command_refuses_what_is_not_good_enough_unless_forced(recordings, capsys, monkeypatch, background):
+def test_the_command_refuses_what_is_not_good_enough_unless_it_is_accepted(recordings, capsys, monkeypatch, background):
     monkeypatch.setattr('tactile_node.cli.teach.load_background', lambda kind: background)
     output, picture = recordings / 'own.npz', recordings / 'confusion.png'
     given = ['teach', '--name', 'coin', '--from', str(recordings / 'discs.npy'), '--output', str(output)]
     assert main(given) == 1 and not output.exists()
-    assert main([*given, '--force', '--picture', str(picture)]) == 0
+    assert main([*given, '--accept-poor', '--picture', str(picture)]) == 0
     assert picture.read_bytes().startswith(b'\x89PNG')
     assert [each.value for each in ShapeRecogniser.from_file(output).classes][len(Shape):] == ['coin']
     assert main([*given, '--model', str(output)]) == 2  # coin is taught already

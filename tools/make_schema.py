@@ -23,6 +23,7 @@ from tactile_node.cia301.pdo import (
 )
 from tactile_node.skin.layout import MAX_DOMAIN_BYTES, MAX_SIDE
 from tactile_node.skin.layout_file import UNITS
+from tactile_node.skin.layout_rules import PITCHES
 from tactile_node.skin.tpdo_repeat import LARGEST, MOST
 from tactile_node.yaml_section import LARGEST as LARGEST_NUMBER
 
@@ -45,6 +46,8 @@ def schema() -> Schema:
             'rows': _integer('Rows of taxels.', 1, MAX_SIDE),
             'cols': _integer('Columns of taxels.', 1, MAX_SIDE),
             'pitch': _positive('Between the centres of neighbouring taxels [m].'),
+            'unusual_pitch': {'description': 'The pitch is meant, though below '
+                              f'{1000 * PITCHES[0]:g} mm or above {1000 * PITCHES[1]:g} mm.', 'type': 'boolean'},
             'value': _value(),
             'sync_cob_id': _integer('COB-ID of the SYNC that starts a sweep (default 0x080).', 1, ID_MASK),
             'response_time': _optional(_positive(

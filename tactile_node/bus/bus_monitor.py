@@ -9,6 +9,7 @@ from tactile_node.cia301.emergency import EmergencyLog
 from tactile_node.cia301.frame_bits import Frame, worst_case_bits
 from tactile_node.cia301.heartbeat import Heartbeats
 from tactile_node.cia301.nmt import NmtState
+from tactile_node.cia301.node_id import MAX_NODE_ID, MIN_NODE_ID
 from tactile_node.cia301.objects import COB_ID_SYNC, PRODUCER_HEARTBEAT_TIME, TPDO_COMMUNICATION, TPDO_MAPPING
 from tactile_node.cia301.pdo import MAX_TPDOS
 from tactile_node.cia301.sdo import written_object
@@ -24,7 +25,7 @@ FRAME_BITS = tuple(worst_case_bits(Frame(0, bytes(n))) for n in range(9))
 DECIDES_TPDOS = frozenset((COB_ID_SYNC, *range(TPDO_COMMUNICATION, TPDO_COMMUNICATION + MAX_TPDOS),
                            *range(TPDO_MAPPING, TPDO_MAPPING + MAX_TPDOS)))
 
-Feed = Callable[[int, bytes], None]
+Feed = Callable[[int, bytes], object]
 
 
 class BusMonitor:
@@ -48,6 +49,8 @@ class BusMonitor:
         self.is_error_passive = False
         self.error_counters = ErrorCounters()
         self._watched: dict[int, Feed] = {NMT: self._command}
+        for other in range(MIN_NODE_ID, MAX_NODE_ID + 1):
+            self._watched[HEARTBEAT + other] = self.heartbeats.feed
         for node_id in self.emergencies:
             self._watched[HEARTBEAT + node_id] = self._heartbeat
             self._watched[EMCY + node_id] = self._emergency

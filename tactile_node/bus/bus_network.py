@@ -7,6 +7,7 @@ import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from difflib import get_close_matches
 from typing import Any
 
 import can
@@ -15,7 +16,7 @@ from canopen import Network, ObjectDictionary
 from tactile_node.bus.own_sdo import OwnSdoClient
 from tactile_node.bus.reception import Batch, Reception
 from tactile_node.bus.slcan_bus import BulkSlcanBus
-from tactile_node.errors import BusError
+from tactile_node.errors import BusError, ConfigurationError
 from tactile_node.frames.health import BusFault
 from tactile_node.recording.log_writer import CanLogWriter
 
@@ -32,7 +33,12 @@ _REMEDIES = {
 
 
 def open_bus(interface: str, channel: str, bitrate: int, options: Mapping[str, Any]) -> can.BusABC:
-    """Open a python-can bus. Raises BusError."""
+    """Open a python-can bus. Raises BusError; ConfigurationError for an interface that python-can has not."""
+    if interface not in can.VALID_INTERFACES:
+        close = get_close_matches(interface, can.VALID_INTERFACES, n=1)
+        raise ConfigurationError('CAN interface', expected=f'one of {", ".join(sorted(can.VALID_INTERFACES))}',
+                                 got=repr(interface),
+                                 remedy=f'Did you mean "{close[0]}"?' if close else 'Name one of these.')
     try:
         if interface == 'slcan':
             return BulkSlcanBus(channel, bitrate=bitrate, **options)

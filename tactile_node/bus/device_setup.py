@@ -90,7 +90,8 @@ class DeviceSetup(DeviceObjects):
                 now = time.monotonic()
             absent = DeviceAbsentError(self._label, expected=f'an answer by SDO within {timeout:g} s',
                                        got=self._silence(),
-                                       remedy='Check power, wiring, termination, bit rate and node-ID.')
+                                       remedy='Check power, wiring, termination, bit rate and node-ID: `tactile scan` '
+                                       'finds the nodes of a bus.')
             if now - begun >= timeout:
                 raise absent
             if reminder.is_due(self._label, now):
@@ -99,7 +100,10 @@ class DeviceSetup(DeviceObjects):
 
     def _silence(self) -> str:
         state = self._heartbeats.state(self._node.node_id)
-        return 'no answer' if state is None else f'only its heartbeat ({state_name(state)})'
+        if state is not None:
+            return f'only its heartbeat ({state_name(state)})'
+        others = ', '.join(map(str, self._heartbeats.nodes))
+        return f'no answer, but heartbeats of node {others}' if others else 'no answer'
 
     def _check_identity(self) -> None:
         ours = identity_of(self._node.dictionary, self._node.eds)

@@ -28,6 +28,7 @@ EXPONENTS, BENDS = (0.4, 2.5), (-0.4, 0.4)
 NODES = 16              #: of the curve, in equal ratios
 LOWEST = 0.5            #: of the lightest press: below, the curve is a line through 0
 STEP = 0.02             #: for derivatives: fits stop at a finite accuracy
+LARGEST_RADIUS = 0.25   #: of a disc [m]: one of 10 pitches has half of it on the coarsest skins
 MOST_ROUNDED = 0.3      #: more is no flat face
 LAYER_ERROR = 0.08      #: of the logarithm of the depth, common to all presses of one disc
 LARGEST_ERROR = 0.03    #: of the lengths after calibration; beyond, the disc is another one
@@ -163,7 +164,7 @@ class _Search:
 
 def check_disc(known: Disc) -> None:
     """Raise InputError for a disc that cannot be."""
-    if not (0 < known.radius < np.inf and 0 <= known.edge_radius <= MOST_ROUNDED * known.radius):
-        raise InputError('known disc', got=f'radius {known.radius!r}, edge radius {known.edge_radius!r}',
-                         expected=f'a radius > 0 [m] and an edge rounded to at most {MOST_ROUNDED:g} of it',
-                         remedy='Measure the face that touches.')
+    if not (0 < known.radius <= LARGEST_RADIUS and 0 <= known.edge_radius <= MOST_ROUNDED * known.radius):
+        raise InputError('known disc', got=f'radius {known.radius:g} m, edge radius {known.edge_radius:g} m',
+                         expected=f'a radius > 0, at most {LARGEST_RADIUS:g} m, and an edge rounded to at most '
+                         f'{MOST_ROUNDED:g} of it', remedy='Give metres, 12.5 mm as 0.0125.')

@@ -52,6 +52,12 @@ class Heartbeats:
         heard = self._heard.get(node_id)
         return None if heard is None else heard[0]
 
+    @property
+    def nodes(self) -> list[int]:
+        """The nodes that were heard, in order."""
+        with self._changed:
+            return sorted(self._heard)
+
     def heard(self, node_id: int) -> float | None:
         """When the node was last heard, None when it never was."""
         heard = self._heard.get(node_id)

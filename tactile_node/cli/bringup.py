@@ -19,9 +19,15 @@ from tactile_node.cli.options import (
 )
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption, stop_with
+from tactile_node.launching.arguments import OPTIONS
 from tactile_node.node_graph import Role, Side, Split
 from tactile_node.ros.global_names import without_global_names
-from tactile_node.shape.method_names import DEFAULT, FILES
+
+#: options that are described as the arguments of the launch files are, and what reads them
+LAUNCHED = {'frame_ids': names, 'frame_prefix': str, 'grasp_frame': str, 'gap_source': str, 'gap': float,
+            'gap_joints': names, 'gap_frames': names, 'gap_scale': float, 'gap_offset': float,
+            'publish_pad_frames': switch, 'method': str, 'model': str, 'params_file': str, 'use_sim_time': switch,
+            'publish_clock': switch, 'replay_channel': str}
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
@@ -31,11 +37,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--pads', type=names, default=['pad'], metavar='NAME,...',
                         help='names of the pads (default: pad); two are taken for a gripper')
     add_skin_options(parser)
-    _add_frame_options(parser)
-    _add_opening_options(parser)
     parser.add_argument('--namespace', default='', help='namespace of all nodes and topics')
-    parser.add_argument('--params-file', help='ROS 2 parameter file; options given here win over it')
-    parser.add_argument('--use-sim-time', type=switch, metavar='BOOL', help='take the time from /clock')
     parser.add_argument('--record', help='file to record the bus to; an existing one is kept, the new one numbered')
     source = parser.add_mutually_exclusive_group()
     source.add_argument('--simulate', type=switch, nargs='?', const=True, default=BY_DEFAULT['simulate'],
@@ -44,36 +46,10 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     source.add_argument('--replay', metavar='LOG', help='play a recorded CAN log in place of the bus, then end')
     parser.add_argument('--replay-pace', '--pace', type=pace,
                         help='speed of the replay, 1 = as recorded (default), 0 = as fast as possible')
-    parser.add_argument('--publish-clock', type=switch, metavar='BOOL',
-                        help='the replay publishes the time of the log on /clock')
-    parser.add_argument('--replay-channel', help='bus to play from a log of several; for a bag, the topic')
-    _add_recognition_options(parser)
+    for option, kind in LAUNCHED.items():
+        parser.add_argument(f'--{option.replace("_", "-")}', type=kind, help=OPTIONS[option][1])
     _add_process_options(parser)
     parser.set_defaults(run=run)
-
-
-def _add_frame_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('--frame-ids', type=names, metavar='FRAME,...', help='frame of each pad (default: <pad>_pad)')
-    parser.add_argument('--frame-prefix', metavar='PREFIX', help='put before every frame of pads and grasp, as robot1/')
-    parser.add_argument('--grasp-frame', metavar='FRAME', help='frame of the grasp (default: gripper)')
-
-
-def _add_opening_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('--gap-source', help='where the opening of the gripper comes from: parameter (default), '
-                        'joint_states, tf or none')
-    parser.add_argument('--gap', type=float, metavar='METRES', help='opening of the gripper')
-    parser.add_argument('--gap-joints', type=names, metavar='JOINT,...', help='joints that add to the opening')
-    parser.add_argument('--gap-frames', type=names, metavar='FRAME,FRAME', help='frames of both fingers in tf')
-    parser.add_argument('--gap-scale', type=float, metavar='FACTOR', help='opening for a unit of joints or distance')
-    parser.add_argument('--gap-offset', type=float, metavar='METRES', help='opening where these are 0')
-    parser.add_argument('--publish-pad-frames', type=switch, metavar='BOOL', help='publish the frames of the pads to '
-                        'tf, where no URDF has them (default: false)')
-
-
-def _add_recognition_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('--method', help=f'how shapes are recognised: {", ".join(FILES)} (default: {DEFAULT})')
-    parser.add_argument('--model', metavar='FILE', help='weights or curves of the method, as `tactile teach` writes '
-                        "them: a file, or a name in config/ (default: the method's own)")
 
 
 def _add_process_options(parser: argparse.ArgumentParser) -> None:

@@ -15,13 +15,14 @@ from tactile_node.calibration.presses import Presses, find_presses, zeroed
 from tactile_node.calibration.response import SUFFIX, save_response
 from tactile_node.calibration.response_fit import Calibration, Disc, calibrate, check_disc
 from tactile_node.cli.frame_file import read_frames
-from tactile_node.cli.options import DEFAULT_LAYOUT, add_any_device_option, add_node_id_option, node_ids_of
+from tactile_node.cli.options import add_log_options, add_output_option, node_ids_of
 from tactile_node.cli.played_log import play_log
 from tactile_node.cli.progress import counted
 from tactile_node.conditioning.gain import load_gains
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.output_file import check_writable
+from tactile_node.pose.pitch import check_pitch
 from tactile_node.press_levels import ON_OFF_UNIT
 from tactile_node.skin.pads import make_pads
 
@@ -39,19 +40,15 @@ class Readings(NamedTuple):
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser = subparsers.add_parser('calibrate', description=__doc__,
-                                   help="learn a skin's response from presses of a known disc",
                                    formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('recording', help='CAN log as of `tactile record`, or a .npy array (K, rows, cols), zeroed')
     parser.add_argument('--radius', type=float, required=True, metavar='METRES', help='of the face that touches')
     parser.add_argument('--edge-radius', type=float, default=0.0, metavar='METRES',
                         help='of the rounded edge of that face, default 0: sharp')
-    parser.add_argument('--layout', default=DEFAULT_LAYOUT, help='skin layout of a log (default: %(default)s)')
-    add_node_id_option(parser)
-    parser.add_argument('--channel', default='', help='bus to play from a log of several buses')
-    add_any_device_option(parser)
+    add_log_options(parser)
     parser.add_argument('--gains', default='', metavar='FILE', help='per-taxel gains, as in gain_files of the driver')
     parser.add_argument('--pitch', type=float, metavar='METRES', help='distance of neighbouring taxels of an array')
-    parser.add_argument('-o', '--output', metavar='FILE', help=f'default: beside the layout, suffix {SUFFIX}')
+    add_output_option(parser, metavar='FILE', help=f'default: beside the layout, suffix {SUFFIX}')
     parser.set_defaults(run=run)
 
 
@@ -59,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
     known = Disc(args.radius, args.edge_radius)
     check_disc(known)
     output = _output(args)
-    check_writable(output)
+    check_writable(output, [args.recording], force=args.force)
     readings = _readings(args)
     found = find_presses(readings.frames, readings.saturated, readings.unit or None)
     frames = sum(map(len, found.presses))
@@ -98,9 +95,7 @@ def _readings(args: argparse.Namespace) -> Readings:
 
 
 def _of_array(args: argparse.Namespace) -> Readings:
-    if args.pitch is None or not 0 < args.pitch < np.inf:
-        raise ConfigurationError('--pitch', expected='a length > 0 in metres', got=str(args.pitch),
-                                 remedy='Give the distance of neighbouring taxels.')
+    check_pitch(args.pitch)
     frames = read_frames(args.recording).values
     if frames.dtype == bool:
         raise _on_off(args.recording)
@@ -115,12 +110,7 @@ def _of_log(args: argparse.Namespace) -> Readings:
                                  remedy='Calibrate each pad from its own presses.')
     if layout.value.unit == ON_OFF_UNIT:
         raise _on_off(layout.source)
-    played = play_log(args.recording, pads, channel=args.channel, any_device=args.any_device)
-    if not played.has_ended:
-        raise KeyboardInterrupt
-    if not played.used:
-        raise InputError(f'log {args.recording}', expected='taxel frames of this pad', got='none',
-                         remedy='Check --node-id and --layout.')
+    played = play_log(args.recording, pads, channel=args.channel, any_device=args.any_device, must_be_used=True)
     frames = played.frames[pads[0].name]
     saturated = np.array([frame.status == TaxelStatus.SATURATED for frame in frames])
     return Readings(zeroed(np.array([frame.values for frame in frames])), saturated, layout.pitch, layout.value.unit)

@@ -23,7 +23,6 @@ from tactile_node.skin.layout_rules import layout_problems
 from tactile_node.yaml_section import line_of
 
 NODE_ID = 32               #: that the EDS is read for
-PITCHES = 0.0003, 0.025    #: of skins on the market, with room [m]
 PERIODS = (0.02, 0.01, 0.005)  #: between two SYNCs, of which the load is given [s]
 WIDEST_MAP = 120           #: columns of a map that a terminal shows
 MAPPED, UNMAPPED, DEAD = '#', '.', 'x'
@@ -47,8 +46,7 @@ class Found(NamedTuple):
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('check', description=__doc__,
-                                   help='check a skin layout and its EDS, and show the pad that they describe')
+    parser = subparsers.add_parser('check', description=__doc__)
     parser.add_argument('layout', help='skin layout: a file, or a name in config/')
     parser.add_argument('eds', nargs='?', default='', help="EDS (default: the layout's name with .eds)")
     parser.add_argument('--bitrate', type=int, default=DEFAULT_BITRATE, help='of the bus [bit/s], default %(default)s')
@@ -129,8 +127,6 @@ def _warnings(layout: SkinLayout, use: Use) -> list[str]:
         row, col = unmapped[0]
         found.append(f'{len(unmapped)} of {layout.rows * layout.cols} taxels are in no TPDO, the first is row {row}, '
                      f'column {col}: they are UNMAPPED, and no part of the pad')
-    if not PITCHES[0] <= layout.pitch <= PITCHES[1]:
-        found.append(f'the pitch is {1000 * layout.pitch:g} mm; it has to be in metres')
     written = Path(layout.source).read_text(encoding='utf-8').splitlines()
     if unfilled := [number for number, line in enumerate(written, 1) if f'# {FILL_IN}' in line]:
         found.append(f'marked {FILL_IN} are the lines {", ".join(map(str, unfilled))}')

@@ -8,8 +8,7 @@ from tactile_node.shape.method_names import DEFAULT, FILES, LEARNED, VOLF
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('classify', description=__doc__,
-                                   help='the recognised shape, of frames in files: JSON lines or CSV')
+    parser = subparsers.add_parser('classify', description=__doc__)
     parser.set_defaults(run=run)
     add_array_arguments(parser)
     parser.add_argument('--method', choices=list(FILES), default=DEFAULT,

@@ -15,7 +15,6 @@ SHELLS = 'bash', 'zsh', 'fish'
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser = subparsers.add_parser('completion', description=__doc__,
-                                   help='print what makes your shell complete `tactile`',
                                    formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('shell', choices=SHELLS, help='the lines are for this one')
     parser.set_defaults(run=run)

@@ -4,7 +4,9 @@ import argparse
 import shutil
 from pathlib import Path
 
+from tactile_node.cli.options import add_output_option
 from tactile_node.errors import ConfigurationError
+from tactile_node.output_file import check_new
 
 PICTURE = 'touches_{pad}.png'
 PADS = 'left', 'right'
@@ -12,9 +14,8 @@ MADE = ('bag', 'can.log', 'touches.csv', *(PICTURE.format(pad=pad) for pad in PA
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('demo', help='simulated gripper skin: five shapes, from CAN frame to topic',
-                                   description=__doc__)
-    parser.add_argument('--output', type=Path, default=Path('demo_output'), help='folder for bag, log, pictures, table')
+    parser = subparsers.add_parser('demo', description=__doc__)
+    add_output_option(parser, type=Path, default=Path('demo_output'), help='folder for bag, log, pictures, table')
     parser.add_argument('--areas', type=float, nargs='+', default=(25.0, 40.0, 60.0), metavar='N',
                         help='sizes of the touches [taxels]; every shape comes at each (default: 25 40 60)')
     parser.add_argument('--seed', type=int, default=2026, help='of the touches')
@@ -22,6 +23,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    for name in MADE:
+        check_new(args.output / name, force=args.force)
     from tactile_node.demo import report
     from tactile_node.demo.picture import draw_pad
     from tactile_node.demo.session import DemoSession  # rclpy and matplotlib: only where they are needed
@@ -34,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
         for pad in PADS:
             if of_pad := [verdict for verdict in verdicts if verdict.pad == pad]:
                 draw_pad(of_pad, session.pitch, folder / PICTURE.format(pad=pad))
-        print(report.table(verdicts))
+        print(report.table(verdicts, session.pitch))
     return _conclude(folder, session, verdicts)
 
 

@@ -1,41 +1,42 @@
 """`tactile draft`: begin a skin layout from the TPDOs of an EDS, with marks where the EDS says nothing."""
 
 import argparse
-import os
 
 from tactile_node.cli.check import NODE_ID
-from tactile_node.errors import ConfigurationError, InputError
-from tactile_node.output_file import output_file
+from tactile_node.cli.options import add_output_option
+from tactile_node.errors import ConfigurationError
+from tactile_node.output_file import check_writable, output_file
 from tactile_node.skin.eds import load_eds
 from tactile_node.skin.layout import MAX_SIDE
-from tactile_node.skin.layout_draft import MAX_BITS, Known, draft
+from tactile_node.skin.layout_draft import FILL_IN, GUESS, MAX_BITS, Known, draft
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('draft', description=__doc__, help='begin a skin layout from an EDS')
+    parser = subparsers.add_parser('draft', description=__doc__)
     parser.add_argument('eds', help='EDS: a file, or a name in config/')
     for side in ('rows', 'cols'):
         parser.add_argument(f'--{side}', type=int, help=f'{side} of the pad (default: guessed)')
     parser.add_argument('--bits', type=int, help='width of a taxel, where mapped objects hold several or a part of one '
                         '(default: the commonest width of a mapped object)')
-    parser.add_argument('--output', metavar='FILE', help='a new file (default: print it)')
+    add_output_option(parser, metavar='FILE', help='default: print it')
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print or write the layout; an existing file stays as it is."""
+    """Print or write the layout."""
     for option, most in (('rows', MAX_SIDE), ('cols', MAX_SIDE), ('bits', MAX_BITS)):
         value = getattr(args, option)
         if value is not None and not 1 <= value <= most:
             raise ConfigurationError(f'--{option}', expected=f'a whole number 1..{most}', got=str(value),
                                      remedy='Correct the number.')
-    if args.output and os.path.lexists(args.output):
-        raise InputError(f'output {args.output!r}', expected='a new file', got='one that exists',
-                         remedy='Give another name.')
+    if args.output:
+        check_writable(args.output, [args.eds], force=args.force)
     text = draft(load_eds(args.eds, NODE_ID), NODE_ID, args.eds, Known(args.rows, args.cols, args.bits))
     if args.output:
         with output_file(args.output, inputs=[args.eds]) as stream:
             stream.write(text.encode())
+        print(f'written to {args.output}. Replace what is marked {FILL_IN}, compare what is marked {GUESS}, then: '
+              f'tactile check {args.output} {args.eds}')
     else:
         print(text, end='')
     return 0

@@ -11,8 +11,7 @@ GROUPS = {name.lower(): group for name, group in Group.__members__.items()}
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('features', description=__doc__,
-                                   help='every quantity of the paper, of frames in files: JSON lines or CSV')
+    parser = subparsers.add_parser('features', description=__doc__)
     parser.set_defaults(run=run)
     add_array_arguments(parser)
     parser.add_argument('--groups', type=groups, default=Group.ALL, metavar='GROUP,...',

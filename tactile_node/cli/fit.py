@@ -1,11 +1,11 @@
 """`tactile fit`: fits the curves of the paper's planes and writes them with where they come from."""
 
 import argparse
-import os
 
 import numpy as np
 import yaml
 
+from tactile_node.cli.options import add_output_option
 from tactile_node.cli.progress import counted
 from tactile_node.errors import InputError
 from tactile_node.output_file import check_writable, output_file
@@ -34,16 +34,14 @@ HEADER = '''\
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('fit', description=__doc__,
-                                   help="fit the classifier's curves on synthetic patterns")
+    parser = subparsers.add_parser('fit', description=__doc__)
     parser.set_defaults(run=run)
     parser.add_argument('--patterns', type=int, default=20_000, help='training patterns, default %(default)s')
     parser.add_argument('--validation', type=int, default=5_000, help='fresh patterns, default %(default)s')
     parser.add_argument('--seed', type=int, default=0, help='default %(default)s')
-    parser.add_argument('-o', '--output', default='volf_curves.yaml', metavar='FILE',
+    add_output_option(parser, default='volf_curves.yaml', metavar='FILE',
                         help='default %(default)s; never a file that the package ships. Use it by --curves of classify '
                              'and reproduce, or parameter model of the classifier node (method: volf)')
-    parser.add_argument('--force', action='store_true', help='overwrite the output where it exists')
 
 
 def run(args: argparse.Namespace) -> int:
@@ -51,7 +49,10 @@ def run(args: argparse.Namespace) -> int:
         raise InputError('arguments of fit', expected='at least 500 patterns of each kind and a seed >= 0',
                          got=f'--patterns {args.patterns} --validation {args.validation} --seed {args.seed}',
                          remedy='Ask for more.')
-    _check_output(args.output, args.force)
+    if is_shipped(args.output):  # the published curves must stay what they are
+        raise InputError(f'output {args.output!r}', expected='a file of your own', got='a file of the package',
+                         remedy='Give another path with --output.')
+    check_writable(args.output, force=args.force)
     training = _draw(Purpose.TRAINING, args.seed, args.patterns)
     validation = _draw(Purpose.VALIDATION, args.seed, args.validation)
     readings = {name: fit_classifier(training, third) for name, third in READINGS.items()}
@@ -62,17 +63,6 @@ def run(args: argparse.Namespace) -> int:
     print(f'third plane read as in the {kept}: {rate:.1%} of {args.validation} '
           f'validation patterns recognised, written to {args.output}')
     return 0
-
-
-def _check_output(path: str, force: bool) -> None:
-    """Before the work: the published curves must stay what they are, and a user's are overwritten on request only."""
-    if is_shipped(path):
-        raise InputError(f'output {path!r}', expected='a file of your own', got='a file of the package',
-                         remedy='Give another path with --output.')
-    if os.path.lexists(path) and not force:
-        raise InputError(f'output {path!r}', expected='a new file', got='one that exists',
-                         remedy='Give another path, or --force.')
-    check_writable(path)
 
 
 def _draw(purpose: Purpose, seed: int, patterns: int) -> Samples:

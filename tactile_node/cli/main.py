@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
+from importlib.util import find_spec
 
 import tactile_node
 from tactile_node.errors import TactileError
@@ -38,6 +39,9 @@ COMMANDS = (
 #: They run nodes, whose handler forwards the log to /rosout and stderr.
 WITH_NODES = ('bringup', 'demo')
 
+#: by command, what its help would promise in vain without
+NEEDED = {'bringup': ('rclpy', 'tactile_skin'), 'demo': ('rclpy', 'tactile_skin', 'matplotlib'), 'view': ('viser',),
+          'reproduce': ('matplotlib',), 'completion': ('argcomplete',)}
 _ROS = 'Source a ROS 2 workspace that holds tactile_skin, or run `make demo` once.'
 NEEDS = {'rclpy': _ROS, 'rcl_interfaces': _ROS, 'tactile_skin': _ROS,
          'can': 'Install it: pip install python-can.', 'canopen': 'Install it: pip install canopen (docs/install.md).',
@@ -108,7 +112,8 @@ def _parser(chosen: str) -> argparse.ArgumentParser:
     """Parser of all sub-commands, complete for the ``chosen`` one alone, so that no other is imported."""
     parser = argparse.ArgumentParser(
         prog='tactile', description='Contact shape from a tactile skin on a CAN bus.',
-        epilog='`tactile COMMAND --help` explains a command; `tactile demo` needs neither hardware nor options.')
+        epilog='`tactile COMMAND --help` explains a command.'
+        + ('' if _lack('demo') else ' `tactile demo` needs neither hardware nor options.'))
     version = f'tactile_skin {tactile_node.__version__}' if chosen == '--version' else ''
     parser.add_argument('--version', action='version', version=version)
     commands = parser.add_subparsers(required=True, metavar='COMMAND')
@@ -116,8 +121,14 @@ def _parser(chosen: str) -> argparse.ArgumentParser:
         if name == chosen:
             import_module(module).add_parser(commands)
         else:
-            commands.add_parser(name, help=text)
+            commands.add_parser(name, help=text + _lack(name))
     return parser
+
+
+def _lack(command: str) -> str:
+    """Return which modules ``command`` needs and are missing, for its help; '' where it can run."""
+    missing = [module for module in NEEDED.get(command, ()) if find_spec(module) is None]
+    return f' (not here: needs {", ".join(missing)})' if missing else ''
 
 
 if __name__ == '__main__':

@@ -1,7 +1,7 @@
 """Options that several sub-commands share; their types raise ConfigurationError for what they cannot read."""
 
 import argparse
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE
 from tactile_node.cia301.node_id import MAX_NODE_ID
@@ -33,27 +33,31 @@ def names(text: str) -> list[str]:
     return [part.strip() for part in text.split(',') if part.strip()]
 
 
+def pad_names(text: str) -> list[str]:
+    """As `names`; one with a blank is taken for several that no comma separates."""
+    if any(len(name.split()) > 1 for name in names(text)):
+        raise ConfigurationError('--pads', expected='names separated by commas', got=repr(text),
+                                 remedy='For example --pads left,right.')
+    return names(text)
+
+
 def pace(text: str) -> float:
     """Speed of a replay: 1 = as recorded, 0 = as fast as possible."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0 <= value < float('inf'):
-        raise ConfigurationError('--pace', expected='a number >= 0', got=repr(text),
-                                 remedy='1 is the recorded pace, 0 as fast as possible.')
-    return value
+    return _from_0(text, '--pace', 'a number >= 0', '1 is the recorded pace, 0 as fast as possible.')
 
 
 def seconds(text: str) -> float:
     """A time >= 0 [s]."""
+    return _from_0(text, '--start, --duration', 'a number >= 0 [s]', 'For example --start 1800 --duration 60.')
+
+
+def _from_0(text: str, option: str, expected: str, remedy: str) -> float:
     try:
         value = float(text)
     except ValueError:
         value = -1.0
     if not 0 <= value < float('inf'):
-        raise ConfigurationError('--start, --duration', expected='a number >= 0 [s]', got=repr(text),
-                                 remedy='For example --start 1800 --duration 60.')
+        raise ConfigurationError(option, expected=expected, got=repr(text), remedy=remedy)
     return value
 
 
@@ -118,6 +122,21 @@ def add_node_id_option(parser: argparse.ArgumentParser) -> None:
 def add_any_device_option(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--any-device', action='store_true', help='play also where the SDO answers in the log show '
                         'another device, or another mapping of its TPDOs: taxels may be in wrong places')
+
+
+def add_output_option(parser: argparse.ArgumentParser, *names: str, **properties: Any) -> None:
+    """Add --output, or ``names``, with ``properties``, and the --force that `check_writable` needs to replace it."""
+    parser.add_argument(*(names or ('-o', '--output')), **properties)
+    parser.add_argument('--force', action='store_true', help='replace what exists; without, nothing is overwritten')
+
+
+def add_log_options(parser: argparse.ArgumentParser) -> None:
+    """Add --layout, --node-id, --channel and --any-device, for a log of pads of one layout."""
+    parser.add_argument('--layout', default=DEFAULT_LAYOUT, help='skin layout (default: %(default)s)')
+    add_node_id_option(parser)
+    parser.add_argument('--channel', default='', help='bus to play from a log of several buses, as the log names it '
+                        '(can0); for a bag, the topic')
+    add_any_device_option(parser)
 
 
 def add_model_option(parser: argparse.ArgumentParser) -> None:

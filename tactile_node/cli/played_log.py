@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tactile_node.cli.progress import counted
-from tactile_node.errors import LogError
+from tactile_node.errors import InputError, LogError
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.interruption import interruption
 from tactile_node.recording.damage import damage_lines
@@ -28,11 +28,12 @@ class PlayedLog(NamedTuple):
 
 
 def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = None, channel: str = '',
-             any_device: bool = False, window: Window = WHOLE, keep: bool = True) -> PlayedLog:
+             any_device: bool = False, window: Window = WHOLE, keep: bool = True,
+             must_be_used: bool = False) -> PlayedLog:
     """Play ``window`` of ``path`` at ``pace`` (None: as fast as possible); what is damaged is reported on stderr.
 
     Not ``keep``: the frames are only counted, and memory stays flat. Raises LogError where it cannot be played to its
-    end.
+    end; with ``must_be_used`` also KeyboardInterrupt where that was interrupted, InputError for a pad without a TPDO.
     """
     frames: dict[str, list[TaxelFrame]] = {pad.name: [] for pad in pads}
     count = 0
@@ -55,4 +56,10 @@ def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = N
                        remedy='What was played up to there is not used.')
     for line in damage_lines(source.damages):
         print(line, file=sys.stderr)
-    return PlayedLog(frames, source, source.finished.is_set())
+    played = PlayedLog(frames, source, source.finished.is_set())
+    if must_be_used and not played.has_ended:
+        raise KeyboardInterrupt
+    if must_be_used and not played.used:
+        raise InputError(f'log {path}', expected='taxel frames of this pad', got='none',
+                         remedy='Check --node-id and --layout.')
+    return played

@@ -7,10 +7,12 @@ import time
 import can
 
 from tactile_node.bus.bus_network import open_bus
-from tactile_node.cli.options import add_bus_options
+from tactile_node.cli.options import add_bus_options, add_output_option
 from tactile_node.errors import BusError, ConfigurationError, LogError
 from tactile_node.interruption import interruption
+from tactile_node.output_file import check_new, check_writable
 from tactile_node.recording.log_writer import MEGABYTE, CanLogWriter
+from tactile_node.recording.series import files_of
 
 HINT_AFTER = 3.0  # s
 SILENCE = ('Nothing on the bus so far. A CANopen skin is silent until a master starts it: run the driver on the same '
@@ -18,10 +20,9 @@ SILENCE = ('Nothing on the bus so far. A CANopen skin is silent until a master s
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('record', help='record a CAN log from a live bus', description=__doc__)
-    parser.add_argument('file',
-                        help='log to write, format by suffix: .log (candump), .log.gz, .asc, .blf, .trc, '
-                        '.mcap (ROS 2 bag)')
+    parser = subparsers.add_parser('record', description=__doc__)
+    add_output_option(parser, 'file', help='log to write, format by suffix: .log (candump), .log.gz, .asc, .blf, .trc, '
+                      '.mcap (ROS 2 bag)')
     add_bus_options(parser)
     parser.add_argument('--duration', type=float, default=float('inf'),
                         help='length of the recording [s] (default: until Ctrl-C)')
@@ -35,9 +36,12 @@ def run(args: argparse.Namespace) -> int:
     if not 0 <= args.rotate_mb < float('inf'):
         raise ConfigurationError('--rotate-mb', expected='a number >= 0', got=str(args.rotate_mb),
                                  remedy='0 makes one file.')
+    check_writable(args.file, force=args.force)
+    for path in files_of(args.file):
+        check_new(path, force=args.force)
     bus = open_bus(args.interface, args.channel, args.bitrate, {})
     try:
-        log = CanLogWriter(args.file, args.channel, round(args.rotate_mb * MEGABYTE))
+        log = CanLogWriter(args.file, args.channel, round(args.rotate_mb * MEGABYTE), replaces=args.force)
         try:
             _record(bus, log, args.duration)
         finally:

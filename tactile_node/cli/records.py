@@ -7,7 +7,8 @@ import json
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
-from tactile_node.output_file import output_file
+from tactile_node.cli.options import add_output_option
+from tactile_node.output_file import check_writable, output_file
 
 Record = dict
 JSON, CSV = 'json', 'csv'
@@ -15,7 +16,7 @@ KNOWN = 'file', 'frame', 'pad', 'stamp', 'sequence'  #: columns before those of 
 
 
 def add_output_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('-o', '--output', metavar='FILE', help='write there instead of to standard output')
+    add_output_option(parser, metavar='FILE', help='write there instead of to standard output')
     parser.add_argument('--format', choices=(JSON, CSV), default=JSON,
                         help='json: an object a line; csv: a header, names within names joined by a dot, empty is '
                              'null; default %(default)s')
@@ -33,7 +34,9 @@ def write_records(records: Iterable[Record], columns: Callable[[], Sequence[str]
         for line in lines:  # one by one, for who reads a pipe
             sys.stdout.write(line)
         return
-    with output_file(args.output, inputs=[path for path in args.frames if path != '-']) as stream:
+    inputs = [path for path in args.frames if path != '-']
+    check_writable(args.output, inputs, force=args.force)
+    with output_file(args.output, inputs) as stream:
         stream.writelines(map(str.encode, lines))
 
 

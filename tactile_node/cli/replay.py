@@ -11,9 +11,8 @@ import numpy as np
 
 from tactile_node.cli.frame_file import write_archive
 from tactile_node.cli.options import (
-    DEFAULT_LAYOUT,
-    add_any_device_option,
-    add_node_id_option,
+    add_log_options,
+    add_output_option,
     add_window_options,
     node_ids_of,
     pace,
@@ -22,26 +21,21 @@ from tactile_node.cli.options import (
 from tactile_node.cli.played_log import play_log
 from tactile_node.errors import ConfigurationError
 from tactile_node.frames.taxel_frame import TaxelFrame
-from tactile_node.output_file import output_file
+from tactile_node.output_file import check_writable, output_file
 from tactile_node.recording.summary import summary
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.pads import PadSettings, make_pads
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('replay', description=__doc__,
-                                   help='play a CAN log without ROS: taxel frames to a file')
+    parser = subparsers.add_parser('replay', description=__doc__)
     parser.add_argument('log', help='CAN log: .log (candump), .log.gz, .asc, .blf, .trc, or a ROS 2 bag of '
                         'can_msgs/msg/Frame: .mcap, .db3, its folder; of a rotated series, its first file')
-    parser.add_argument('--layout', default=DEFAULT_LAYOUT, help='skin layout (default: %(default)s)')
-    add_node_id_option(parser)
-    parser.add_argument('--channel', default='', help='bus to play from a log of several buses, as the log names it '
-                        '(can0); for a bag, the topic')
-    add_any_device_option(parser)
+    add_log_options(parser)
     parser.add_argument('--pace', type=pace, default=0.0,
                         help='1: as recorded, 2: twice as fast, 0: as fast as possible (default: %(default)s)')
     add_window_options(parser)
-    parser.add_argument('-o', '--output', metavar='FILE', help='.npz: values of shape (K, rows, cols), NaN = invalid, '
+    add_output_option(parser, metavar='FILE', help='.npz: values of shape (K, rows, cols), NaN = invalid, '
                         'with stamps, sequence, status, pad, pitch and unit; .npy: the values alone; - is standard '
                         'output (.npy), for one pad; with more pads the name gets _pad32 and so on')
     parser.set_defaults(run=run)
@@ -50,9 +44,12 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
 def run(args: argparse.Namespace) -> int:
     """Play the log to its end; 1 when it held no taxels of these pads, or those of others, or was interrupted."""
     pads = make_pads([args.layout], node_ids_of(args))
+    paths = _outputs(args.output, pads)
+    for path in filter(None, paths.values()):
+        check_writable(path, [args.log], force=args.force)
     with ExitStack() as stack:  # before the log is played: what cannot be written is reported at once
-        outputs = {name: stack.enter_context(output_file(path, inputs=(args.log,)) if path else _standard_output())
-                   for name, path in _outputs(args.output, pads).items()}
+        outputs = {name: stack.enter_context(output_file(path, [args.log]) if path else _standard_output())
+                   for name, path in paths.items()}
         played = play_log(args.log, pads, pace=args.pace or None, channel=args.channel, any_device=args.any_device,
                           window=window_of(args), keep=bool(outputs))
         for name, stream in outputs.items():

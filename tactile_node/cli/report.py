@@ -10,13 +10,14 @@ from tqdm import tqdm
 from tactile_node.cli.options import (
     add_any_device_option,
     add_model_option,
+    add_output_option,
     add_skin_options,
     add_window_options,
     bit_rate,
     eds_of,
     layouts_of,
-    names,
     node_ids_of,
+    pad_names,
     recogniser_of,
     window_of,
 )
@@ -27,6 +28,7 @@ from tactile_node.recording.series import files_of
 from tactile_node.recording.topic_bag import CAN_TYPE as CAN_FRAMES
 from tactile_node.recording.topic_bag import DIAGNOSTICS, STATUS, TAXELS, holds_taxels
 from tactile_node.report.bag_report import BagReporter
+from tactile_node.report.finding_text import sentence
 from tactile_node.report.findings import findings
 from tactile_node.report.log_report import LogReporter
 from tactile_node.report.page import page_of
@@ -34,14 +36,13 @@ from tactile_node.skin.pads import make_pads
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('report', help='write a page on a log or bag, for a support ticket',
-                                   description=__doc__)
+    parser = subparsers.add_parser('report', description=__doc__)
     parser.set_defaults(run=run)
     parser.add_argument('log', metavar='LOG|BAG', help='CAN log as of `tactile replay`, or a ROS 2 bag with '
                         '<pad>/taxels: .mcap, .db3, its folder; of a rotated series, its first file')
-    parser.add_argument('-o', '--output', metavar='FILE', default='report.html', help='default: %(default)s')
+    add_output_option(parser, metavar='FILE', default='report.html', help='default: %(default)s')
     add_skin_options(parser)
-    parser.add_argument('--pads', type=names, default=[], metavar='NAME,...',
+    parser.add_argument('--pads', type=pad_names, default=[], metavar='NAME,...',
                         help='name of each pad (default: after its node-ID)')
     parser.add_argument('--channel', default='', help='bus to report on of a log of several, as the log names it '
                         '(can0); for a bag, the topic')
@@ -51,19 +52,19 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     add_window_options(parser)
     add_model_option(parser)
     parser.epilog = ('Layouts, node-IDs, names, EDS and channel are those of CAN frames; taxel arrays of a bag carry '
-                     'what is needed. Prints the path of the page and how many problems stand out. The exit code is 0 '
+                     'what is needed. Prints the path of the page and the problems that stand out. The exit code is 0 '
                      'where a page was written, whatever is on it.')
 
 
 def run(args: argparse.Namespace) -> int:
-    check_writable(args.output)
-    with interruption() as stop_requested, output_file(args.output, inputs=_files(args.log)) as stream, \
+    check_writable(args.output, _files(args.log), force=args.force)
+    with interruption() as stop_requested, output_file(args.output) as stream, \
             tqdm(total=_total(args.log), unit=' frames', disable=None, file=sys.stderr, leave=False) as bar:
         report = _reporter(args, bar.update).report(stop_requested)
         stream.write(page_of(report).encode())
-    problems = sum(found.finding.is_problem for found in findings(report))
+    problems = [sentence(found) for found in findings(report) if found.finding.is_problem]
     print(f'{args.output}: {len(report.pads)} pads, {sum(len(pad.touches) for pad in report.pads)} touches, '
-          f'{problems} problems')
+          f'{len(problems)} problems', *problems, sep='\n  ')
     return 0
 
 

@@ -5,8 +5,10 @@ import os
 from contextlib import closing
 from pathlib import Path
 
+from tactile_node.cli.options import add_output_option
 from tactile_node.cli.progress import Stages
 from tactile_node.errors import InputError
+from tactile_node.output_file import check_new
 from tactile_node.package_files import config_path
 from tactile_node.shape.volf import VolfClassifier
 
@@ -14,10 +16,9 @@ LEAST_TRAINING = 600
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('reproduce', description=__doc__,
-                                   help="re-draw the paper's figures and re-measure its claims")
+    parser = subparsers.add_parser('reproduce', description=__doc__)
     parser.set_defaults(run=run)
-    parser.add_argument('-o', '--output', required=True, metavar='DIR', help='made where it does not exist')
+    add_output_option(parser, required=True, metavar='DIR', help='made where it does not exist')
     parser.add_argument('--patterns', type=int, default=2000, metavar='N',
                         help='fresh patterns at each size, default %(default)s')
     parser.add_argument('--training', type=int, default=12_000, metavar='N',
@@ -37,7 +38,9 @@ def run(args: argparse.Namespace) -> int:
     folder = _folder(args.output)
     # Here, so that without matplotlib the reason is given before the work is done, and help needs none of it.
     from tactile_node.reproduction.experiments import measure
-    from tactile_node.reproduction.page import write_page
+    from tactile_node.reproduction.page import PAGE_FILE, TABLES, write_page
+    for name in (PAGE_FILE, *TABLES):
+        check_new(folder / name, force=args.force)
 
     command = f'tactile reproduce --patterns {args.patterns} --training {args.training} --seed {args.seed}'
     with closing(Stages()) as stages:

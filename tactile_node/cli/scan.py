@@ -29,7 +29,7 @@ UNHEARD = 'CAN frames were received, but no node was heard: check the bit rate, 
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('scan', description=__doc__, help='find the CANopen nodes of a bus',
+    parser = subparsers.add_parser('scan', description=__doc__,
                                    formatter_class=argparse.RawDescriptionHelpFormatter)
     add_bus_options(parser, finds_bit_rate=True)
     parser.add_argument('--node-id', type=node_ids, action='extend', metavar='ID,...',

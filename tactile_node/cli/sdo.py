@@ -38,7 +38,7 @@ RECONFIGURES = ('this object decides which TPDOs the node sends: a driver that r
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('sdo', description=__doc__, help='read or write one object of a device',
+    parser = subparsers.add_parser('sdo', description=__doc__,
                                    formatter_class=argparse.RawDescriptionHelpFormatter)
     actions = parser.add_subparsers(required=True, metavar='read|write|store|restore')
     read = _action(actions, 'read', _read, ANSWER, 'print the value of an object')

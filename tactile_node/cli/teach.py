@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from tactile_node.cli.options import add_any_device_option, add_bus_options, add_skin_options
+from tactile_node.cli.options import add_any_device_option, add_bus_options, add_output_option, add_skin_options
 from tactile_node.cli.touch_sources import live_touches, touches_in
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.output_file import check_writable, output_file
@@ -46,20 +46,21 @@ class _OfLastName(argparse.Action):
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('teach', help='teach the recogniser your own shapes', description=__doc__,
+    parser = subparsers.add_parser('teach', description=__doc__,
                                    formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--name', action='append', required=True, help='of the shape; repeat it, with its own --from, '
                         'for several shapes in one file')
     parser.add_argument('--from', nargs='+', action=_OfLastName, dest='from_', metavar='FILE',
                         help='touches of the shape named before: CAN logs, or .npz and .npy files of frames in time '
                         '(docs/command_line.md); the object is lifted between two touches. Without: live from the bus')
-    parser.add_argument('-o', '--output', required=True, metavar='FILE', help='.npz to write')
+    add_output_option(parser, required=True, metavar='FILE', help='.npz to write')
     parser.add_argument('--model', default=FILES[LEARNED], metavar='FILE',
                         help='to teach; a file of this command keeps its shapes (default: config/%(default)s)')
     parser.add_argument('--touches', type=int, default=TOUCHES, metavar='N',
                         help='to record of each shape, live (default: %(default)s)')
     parser.add_argument('--picture', metavar='FILE', help='draw what is taken for what on held-out contacts')
-    parser.add_argument('--force', action='store_true', help='write the file even where the held-out figures are bad')
+    parser.add_argument('--accept-poor', action='store_true', help='write the file even where the held-out figures are '
+                        'bad')
     add_skin_options(parser)
     add_bus_options(parser, is_set=False)
     add_any_device_option(parser)
@@ -81,8 +82,8 @@ def run(args: argparse.Namespace) -> int:
     if args.picture:
         import_module('matplotlib')  # before the touches are recorded, not after it
     inputs = [model, *sum(args.sources.values(), [])]
-    for path in filter(None, (args.output, args.picture)):
-        check_writable(path, inputs)
+    for path in (args.output, *_pictures(args.picture)):
+        check_writable(path, inputs, force=args.force)
     examples = {kind: examples_in(base, kind, len(before)) for kind in KINDS}
     for name in args.name:
         kind, found = _recorded(name, args)
@@ -93,10 +94,10 @@ def run(args: argparse.Namespace) -> int:
     for kind, result in taught.items():
         print(_summary(result.held_out, names, kind))
         _draw(args.picture, result.held_out, names, kind if len(taught) > 1 else '')
-    if not all(result.held_out.is_good for result in taught.values()) and not args.force:
+    if not all(result.held_out.is_good for result in taught.values()) and not args.accept_poor:
         print(f'tactile: not written: it needs {LEAST_RIGHT:.0%} of the touches of each shape, and may cost the five '
               f'shapes {MOST_LOST:.1%}. The shape may be too like another one at this size, or the touches differ too '
-              'much: record more, or a larger contact. --force writes it all the same.', file=sys.stderr)
+              'much: record more, or a larger contact. --accept-poor writes it all the same.', file=sys.stderr)
         return REFUSED
     with output_file(args.output, inputs=inputs) as stream:
         write_taught(stream, base, names, {kind: result.head for kind, result in taught.items()}, examples)
@@ -144,6 +145,11 @@ def _summary(held_out: HeldOut, names: Sequence[str], kind: str) -> str:
               '  foreign contacts called a shape: {} before, {} after, of {}'.format(
                   *held_out.foreign, held_out.foreign[0].total)]
     return '\n'.join(lines)
+
+
+def _pictures(path: str | None) -> list[Path]:
+    """Return what `_draw` may write."""
+    return [Path(path), *(Path(path).with_stem(f'{Path(path).stem}_{kind}') for kind in KINDS)] if path else []
 
 
 def _draw(path: str | None, held_out: HeldOut, names: Sequence[str], kind: str) -> None:

@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from collections import Counter
 from pathlib import Path
 from queue import Empty, SimpleQueue
 
@@ -13,7 +14,7 @@ from tactile_node.calibration.presses import zeroed
 from tactile_node.cli.frame_file import read_frames
 from tactile_node.cli.options import eds_of, layouts_of, node_ids_of
 from tactile_node.cli.played_log import play_log
-from tactile_node.errors import BusError, ConfigurationError, InputError
+from tactile_node.errors import BusError, ConfigurationError
 from tactile_node.frames.fault_text import failure_text
 from tactile_node.frames.health import Failure
 from tactile_node.interruption import interruption
@@ -32,14 +33,14 @@ WHAT_TO_DO = ('Touch the skin with {name} {count} times: hold it still until it 
 
 def touches_in(files: list[str], args: argparse.Namespace) -> Touches:
     """Return the touches in arrays and logs, each file in its order."""
-    touches: list[Touch] = []
-    unused: dict = {}
-    for path in files:
-        found = _in_array(path) if Path(path).suffix in ARRAYS else _in_log(path, args)
-        touches += found.touches
-        for reason, count in found.unused.items():
-            unused[reason] = unused.get(reason, 0) + count
-    return Touches(touches, unused)
+    return _joined([_in_array(path) if Path(path).suffix in ARRAYS else _in_log(path, args) for path in files])
+
+
+def _joined(found: list[Touches]) -> Touches:
+    unused: Counter = Counter()
+    for each in found:
+        unused.update(each.unused)
+    return Touches([touch for each in found for touch in each.touches], unused)
 
 
 def _in_array(path: str) -> Touches:
@@ -49,22 +50,13 @@ def _in_array(path: str) -> Touches:
 
 def _in_log(path: str, args: argparse.Namespace) -> Touches:
     pads = make_pads(layouts_of(args), node_ids_of(args))
-    played = play_log(path, pads, channel=args.channel or '', any_device=args.any_device)
-    if not played.has_ended:
-        raise KeyboardInterrupt
-    if not played.used:
-        raise InputError(f'log {path}', expected='taxel frames of this pad', got='none',
-                         remedy='Check --node-id and --layout.')
-    touches: list[Touch] = []
-    unused: dict = {}
+    played = play_log(path, pads, channel=args.channel or '', any_device=args.any_device, must_be_used=True)
+    found = []
     for pad in pads:
         frames = np.array([frame.values for frame in played.frames[pad.name]])
         unit = pad.layout.value.unit
-        found = find_touches(frames if unit == ON_OFF_UNIT else zeroed(frames), unit)
-        touches += found.touches
-        for reason, count in found.unused.items():
-            unused[reason] = unused.get(reason, 0) + count
-    return Touches(touches, unused)
+        found.append(find_touches(frames if unit == ON_OFF_UNIT else zeroed(frames), unit))
+    return _joined(found)
 
 
 def live_touches(name: str, count: int, args: argparse.Namespace, record: str) -> Touches:

@@ -19,8 +19,8 @@ from tactile_node.cli.options import (
     add_window_options,
     eds_of,
     layouts_of,
-    names,
     node_ids_of,
+    pad_names,
     recogniser_of,
     window_of,
 )
@@ -40,8 +40,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
                                    formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('recording', nargs='?', help='CAN log as of `tactile record`, or a ROS 2 bag')
     add_bus_options(parser, is_set=False)
-    parser.add_argument('--pads', type=names, metavar='NAME,...', help='names of the pads (default: of topics all that '
-                        'are found, else pad<node-ID>)')
+    parser.add_argument('--pads', type=pad_names, metavar='NAME,...', help='names of the pads (default: of topics all '
+                        'that are found, else pad<node-ID>)')
     add_skin_options(parser)
     add_any_device_option(parser)
     add_window_options(parser)

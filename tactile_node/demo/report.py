@@ -7,16 +7,16 @@ import numpy as np
 
 from tactile_node.demo.observation import SeenFit, Verdict
 
-SHOWN = ('pad', '[s]', 'true', 'recognised', 'prob', 'size')  #: what fits into the 80 columns of a terminal
+SHOWN = ('pad', '[s]', 'true', 'prob', 'true size', 'size')  #: what fits into the 80 columns of a terminal
 TOUCHED = ('pad', 'touch', 'taxels', 'angle_deg', 'true', 'recognised', 'confidence', 'frames')
 FOUND = ('size1_mm', 'size2_mm', 'size_sd_mm', 'x_mm', 'y_mm', 'centre_sd_mm', 'found_angle_deg', 'angle_sd_deg')
 
 
-def table(verdicts: list[Verdict]) -> str:
-    """Return the table as text, a line a touch, wrong ones marked."""
-    cells = [_shown(verdict) for verdict in verdicts]
+def table(verdicts: list[Verdict], pitch: float) -> str:
+    """Return the table as text, a line a touch, wrong ones marked; ``pitch`` of the pads [m]."""
+    cells = [_shown(verdict, pitch) for verdict in verdicts]
     widths = [max(map(len, column)) for column in zip(SHOWN, *cells)]
-    marks = ['', *('' if v.right else '  <- wrong' for v in verdicts)]
+    marks = ['', *('' if v.right else f'  <- wrong: {v.recognised}' for v in verdicts)]
     lines = ['  '.join(f'{cell:<{width}}' for cell, width in zip(row, widths)) for row in [SHOWN, *cells]]
     return '\n'.join((line + mark).rstrip() for line, mark in zip(lines, marks))
 
@@ -26,8 +26,9 @@ def write_csv(verdicts: list[Verdict], path: Path) -> None:
         csv.writer(file).writerows([(*TOUCHED, *FOUND), *((*_touched(v), *_found(v.fit)) for v in verdicts)])
 
 
-def _shown(v: Verdict) -> tuple[str, ...]:
-    return (v.pad, f'{v.touch.begin:.1f}', v.touch.contact.shape, v.recognised, f'{v.confidence:.2f}',
+def _shown(v: Verdict, pitch: float) -> tuple[str, ...]:
+    true = ' x '.join(f'{1000 * pitch * length:.1f}' for length in v.touch.contact.dimensions[:2])  # no handedness
+    return (v.pad, f'{v.touch.begin:.1f}', v.touch.contact.shape, f'{v.confidence:.2f}', true,
             '' if v.fit is None else v.fit.size)
 
 

@@ -1,7 +1,9 @@
 """Runs the steps of a lifecycle node: an error makes the transition fail, is logged and kept."""
 
+import logging
 import time
 import traceback
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -9,7 +11,10 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
 
 from tactile_node.errors import DeviceError, TactileError
+from tactile_node.ros.rosout_handler import PACKAGE_LOGGER, RosoutHandler
 from tactile_node.threads.reminder import Reminder
+
+logger = logging.getLogger(__name__)
 
 WAITING = 'The driver waits for it.'
 
@@ -19,21 +24,28 @@ class LifecycleSteps:
 
     def __init__(self, node: Node):
         self._node = node
-        self._reminder: Reminder | None = None
-        self._waits_for: tuple[type[TactileError], ...] = ()
+        self._waits_for: tuple[type[TactileError], ...] | None = None  # None: not within `autostart`
         self.error: TactileError | None = None
 
     @contextmanager
     def autostart(self, waits_for: tuple[type[TactileError], ...]) -> Iterator[None]:
-        """Inside the block, a step that fails with one of these errors is repeated: log each when a reminder is due.
+        """Inside the block, a step that fails with one of these errors is repeated: each text is logged when it is due.
 
         Any other error ends the block and is reported where it is caught, so that it is reported once.
         """
-        self._reminder, self._waits_for = Reminder(), waits_for
+        reminders: defaultdict[str, Reminder] = defaultdict(Reminder)
+
+        def is_due(record: logging.LogRecord) -> bool:
+            return reminders[record.getMessage()].is_due(record.getMessage(), time.monotonic())
+        package = logging.getLogger(PACKAGE_LOGGER)
+        forwarding = next(each for each in package.handlers if isinstance(each, RosoutHandler))
+        forwarding.addFilter(is_due)
+        self._waits_for = waits_for
         try:
             yield
         finally:
-            self._reminder = None
+            self._waits_for = None
+            forwarding.removeFilter(is_due)
 
     def attempt(self, step: Callable[[], None]) -> TransitionCallbackReturn:
         """Run ``step`` and return the result of its transition."""
@@ -56,7 +68,7 @@ class LifecycleSteps:
                                          remedy='The log above has it.')
 
     def _log(self, error: TactileError) -> None:
-        if self._reminder is None:
+        if self._waits_for is None:
             self._node.get_logger().error(str(error))
-        elif isinstance(error, self._waits_for) and self._reminder.is_due(str(error), time.monotonic()):
-            self._node.get_logger().error(f'{error} {WAITING}')
+        elif isinstance(error, self._waits_for):
+            logger.error('%s %s', error, WAITING, extra={'fact': error})

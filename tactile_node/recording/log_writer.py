@@ -8,7 +8,7 @@ import can
 
 from tactile_node.errors import LogError
 from tactile_node.recording.log_file import SUFFIXES, LogFile
-from tactile_node.recording.series import following, part, suffix_of
+from tactile_node.recording.series import files_of, following, part, suffix_of
 
 logger = logging.getLogger(__name__)
 
@@ -20,9 +20,9 @@ LOOK_EVERY = 256  # CAN frames between two looks at the size of a file that is l
 class CanLogWriter:
     """Writes CAN messages to a log as they are received; thread-safe.
 
-    An existing file is never overwritten: ``path`` is the one that is written, ``session-2.log`` where
-    ``session.log`` exists. From ``largest`` bytes on (0: never) the next file begins, ``session_part2.log`` and so on;
-    each can be read alone, all as one by the first, and no frame is lost between two.
+    An existing file is never overwritten unless this one ``replaces`` it: ``path`` is the one that is written,
+    ``session-2.log`` where ``session.log`` exists. From ``largest`` bytes on (0: never) the next file begins,
+    ``session_part2.log`` and so on; each can be read alone, all as one by the first, and no frame is lost between two.
     Every format is flushed every FLUSH_PERIOD (.db by python-can, every 5 s): a killed
     process loses at most that. A message without the name of its bus (what this package sends, and what some adapters
     receive) gets ``channel``, a device's path without its folder.
@@ -32,7 +32,7 @@ class CanLogWriter:
     beginning or its suffix means no format.
     """
 
-    def __init__(self, path: str | Path, channel: str = '', largest: int = 0):
+    def __init__(self, path: str | Path, channel: str = '', largest: int = 0, *, replaces: bool = False):
         self._channel = '_'.join(channel.rsplit('/')[-1].split()) or None  # formats separate by spaces
         self._largest = largest
         self._lock = threading.Lock()
@@ -42,7 +42,7 @@ class CanLogWriter:
         self.failure = ''
         self._file: LogFile | None = None
         try:
-            self.path = _new_file(Path(path))
+            self.path = _new_file(Path(path), replaces)
             self._file = self._last = LogFile(self.path)
         except (OSError, ValueError, ImportError) as error:
             raise LogError(str(path),
@@ -141,14 +141,17 @@ class CanLogWriter:
         logger.error('%s', self.failure, extra={'fact': error})
 
 
-def _new_file(path: Path) -> Path:
+def _new_file(path: Path, replaces: bool) -> Path:
     """Make ``path``, or with the first number from 2 on that makes it new, as are the files that may follow it.
 
-    It exists from then on, so that another recording, started together with this one, gets another number.
+    It exists from then on, so that another recording, started together with this one, gets another number. What it
+    ``replaces`` is removed, with the files that follow.
     """
     suffix = suffix_of(path)
     if suffix.lower() not in SUFFIXES:
         raise ValueError(f'the suffix {suffix!r}, whose logs cannot be replayed' if suffix else 'no suffix')
+    for old in files_of(path) if replaces else ():
+        old.unlink(missing_ok=True)
     candidate, number = path, 2
     while True:
         try:

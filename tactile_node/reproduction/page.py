@@ -28,6 +28,7 @@ tr.paper { color: #c2410c } tr:nth-child(even) { background: #f6f6f6 }
 figure { display: inline-block; margin: 1em 1em 1em 0; vertical-align: top } figure.wide { display: block }
 figcaption { font-size: 13px; color: #555; max-width: 44em } small { color: #777 }
 td { white-space: nowrap } td:first-child { white-space: normal }'''
+PAGE_FILE, TABLES = 'index.html', ('rates.csv', 'inside.csv', 'lost.csv', 'confusion.csv')
 INTERVALS = 'Recognition with 95 % intervals (Wilson); stars: published.'
 PAGE = Template('''<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>Volf, Dvořák, Vlček: re-drawn and re-measured</title>
@@ -54,7 +55,7 @@ $figures
 
 
 def write_page(folder: Path, results: Results, command: str) -> list[Path]:
-    """Write index.html, rates.csv, inside.csv, lost.csv and confusion.csv into ``folder``; return their paths."""
+    """Write PAGE_FILE and TABLES into ``folder``; return their paths."""
     lost, confusions = _lost_rows(results), _confusion_rows(results)
     beside = [results.methods[0], *results.inside.methods]
     page = PAGE.substitute(
@@ -65,13 +66,12 @@ def write_page(folder: Path, results: Results, command: str) -> list[Path]:
         explained=escape(explained(results)),
         findings=''.join(f'<li>{escape(text)}</li>' for text in findings(results)),
         lost=_table(lost, percent=True), confusions=_table(confusions, percent=True), figures=_figures(results))
-    (folder / 'index.html').write_text(page, encoding='utf-8')
-    tables = {'rates': _rate_rows(results.methods, 'area'), 'inside': _rate_rows(results.inside.methods, 'N'),
-              'lost': lost, 'confusion': confusions}
-    for name, rows in tables.items():
-        with open(folder / f'{name}.csv', 'w', encoding='utf-8', newline='') as stream:
+    (folder / PAGE_FILE).write_text(page, encoding='utf-8')
+    tables = _rate_rows(results.methods, 'area'), _rate_rows(results.inside.methods, 'N'), lost, confusions
+    for name, rows in zip(TABLES, tables, strict=True):
+        with open(folder / name, 'w', encoding='utf-8', newline='') as stream:
             csv.writer(stream).writerows(rows)
-    return [folder / 'index.html', *(folder / f'{name}.csv' for name in tables)]
+    return [folder / name for name in (PAGE_FILE, *TABLES)]
 
 
 def _rate_rows(methods: Sequence[Method], size_is: str) -> list[Row]:

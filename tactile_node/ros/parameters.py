@@ -8,10 +8,12 @@ from difflib import get_close_matches
 from typing import Any, NamedTuple, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import QoSProfile
 
+from tactile_node.errors import ConfigurationError
 from tactile_node.ros.qos import frames_qos
 
 SIMILAR = 0.8  # ratio of two names from which on one is taken for the other, misspelt
@@ -89,7 +91,11 @@ def declare(node: Node, settings: type[NodeSettings], read_at_configure: Collect
     rows = table(settings)
     for row in rows:
         default = list(row.default) if isinstance(row.default, tuple) else row.default
-        node.declare_parameter(row.name, default, _descriptor(row, row.name in read_at_configure))
+        try:
+            node.declare_parameter(row.name, default, _descriptor(row, row.name in read_at_configure))
+        except (InvalidParameterTypeException, InvalidParameterValueException) as error:
+            raise ConfigurationError(f'parameter {row.name!r}', expected=row.properties.description, got=str(error),
+                                     remedy='Correct the value, and its unit.') from None
     _warn_of_misspelt(node, [row.name for row in rows])
 
 

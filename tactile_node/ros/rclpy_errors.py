@@ -6,8 +6,6 @@ from contextlib import contextmanager
 from rclpy.exceptions import (
     InvalidNamespaceException,
     InvalidNodeNameException,
-    InvalidParameterTypeException,
-    InvalidParameterValueException,
     InvalidTopicNameException,
 )
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -15,7 +13,6 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from tactile_node.errors import ConfigurationError
 
 NAMES = (InvalidNamespaceException, InvalidNodeNameException, InvalidTopicNameException)
-VALUES = (InvalidParameterTypeException, InvalidParameterValueException)
 
 
 @contextmanager
@@ -26,9 +23,6 @@ def translate_rclpy_errors() -> Iterator[None]:
     except NAMES as error:
         raise ConfigurationError('namespace or pad name', expected='letters, digits and underscores',
                                  got=' '.join(str(error).split()), remedy='Rename it.') from None
-    except VALUES as error:
-        raise ConfigurationError('a parameter', expected='a value of its type within its range', got=str(error),
-                                 remedy='`ros2 param describe` shows both.') from None
     except rclpy_implementation.RCLError as error:
         if 'params file' not in str(error):
             raise

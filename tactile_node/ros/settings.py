@@ -7,6 +7,7 @@ from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFA
 from tactile_node.conditioning.limits import TARE_LIMIT_BY_UNIT
 from tactile_node.contact.press import PRESS_BY_UNIT, RELEASE_RATIO
 from tactile_node.contact.seen import SMALLEST_CONTACT
+from tactile_node.grasp.opening import HIGHEST_GAP
 from tactile_node.press_levels import LEAST_BY_UNIT
 from tactile_node.ros.parameters import NodeSettings, ReceiverSettings, parameter
 from tactile_node.shape.methods import DEFAULT
@@ -125,8 +126,8 @@ class GraspNodeSettings(ReceiverSettings):
         (math.pi, 0.0, 0.0), 'roll, pitch, yaw of the right pad in the gripper frame [rad]')
     gap_source: str = parameter('parameter', 'where the opening of the gripper comes from: parameter (gap), '
                                 'joint_states, tf or none; while it is not known, what depends on it is NaN')
-    gap: float = parameter(-1.0, 'opening of the gripper with gap_source parameter [m]; below 0: not known', -1, 1,
-                           live=True)
+    gap: float = parameter(-1.0, 'opening of the gripper with gap_source parameter [m]; below 0: not known', -1,
+                           HIGHEST_GAP, live=True)
     gap_joints: tuple[str, ...] = parameter(('',), 'joints whose positions, added, give the opening (gap_source '
                                             'joint_states)')
     joint_states_topic: str = parameter('/joint_states', 'topic of the joints (gap_source joint_states)')

@@ -17,7 +17,7 @@ from tactile_node.skin.layout import MAX_SIDE, MappedObject
 FILL_IN = 'FILL IN'     #: marks what an EDS cannot say
 GUESS = 'GUESS'         #: marks what it does not say
 MAX_BITS = 32           #: of a taxel
-IMPROBABLE_PITCH = 1.0  #: m: `tactile check` warns until it is replaced
+IMPROBABLE_PITCH = 1.0  #: m: refused until it is replaced
 TAXELS_IN_LINE = 6
 
 

@@ -53,7 +53,7 @@ def read_layout(path: str | Path) -> SkinLayout:
         tpdos=tuple(tpdo for section in sections for tpdo in _tpdos(section)),
         dead=tuple(_taxel(top, taxel) for taxel in top.sequence('dead_taxels', [])),
         nodes=top.integer('nodes', 1, MAX_NODE_ID, 1), response_time=_response_time(top), domain=domain,
-        event_driven=read_event_driven(top))
+        event_driven=read_event_driven(top), unusual_pitch=top.choice('unusual_pitch', (False, True), False))
     top.done()
     return layout
 

@@ -12,6 +12,8 @@ from tactile_node.skin.event_driven import EventDriven
 from tactile_node.skin.layout import DomainLayout, SkinLayout, TaxelField, TpdoLayout
 from tactile_node.skin.problems import raised_by
 
+PITCHES = 0.0003, 0.025  #: of skins on the market, with room [m]
+
 
 def check_layout(layout: SkinLayout) -> None:
     """Raise ConfigurationError for the first rule that ``layout`` breaks."""
@@ -26,6 +28,7 @@ def layout_problems(layout: SkinLayout) -> list[ConfigurationError]:
 
 def _checks(layout: SkinLayout) -> Iterator[Callable[[], None]]:
     """Give the rules, each as a call that raises ConfigurationError."""
+    yield partial(_check_pitch, layout)
     if layout.event_driven is not None:
         yield partial(_check_event_driven, layout, layout.event_driven)
     if layout.domain is not None:
@@ -44,6 +47,13 @@ def _checks(layout: SkinLayout) -> Iterator[Callable[[], None]]:
     yield partial(_check_prefixes, layout)
     yield partial(_check_sync, layout)
     yield partial(_check_dead, layout)
+
+
+def _check_pitch(layout: SkinLayout) -> None:
+    least, most = PITCHES
+    if not (least <= layout.pitch <= most or layout.unusual_pitch):
+        _refuse(layout, 'pitch', expected=f'{least:g} to {most:g} m', got=f'{layout.pitch:g} m',
+                remedy='Write it in metres, 2 mm as 0.002. Where it is meant, add "unusual_pitch: true".')
 
 
 def _check_tpdos(layout: SkinLayout) -> None:

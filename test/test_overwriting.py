@@ -1,0 +1,84 @@
+"""No command replaces a file that exists, unless with --force; it refuses before its work."""
+
+import argparse
+import os
+
+import numpy as np
+import pytest
+from test_can_commands import DATA
+
+from tactile_node.cli.main import COMMANDS, _parser, main
+
+LOG = str(DATA / 'sim16x16_two_pads.log.gz')
+RECORD = ['record', '--interface', 'virtual', '--duration', '0.1', 'x.log']
+#: What writes one file, its name last. All inputs are missing, or no bus is there: the refusal comes before.
+WRITES = [
+    ['features', 'none.npy', '-o', 'x.json'], ['classify', 'none.npy', '-o', 'x.json'],
+    ['fit', '-o', 'x.yaml'], ['calibrate', 'none.npy', '--radius', '0.01', '--pitch', '0.002', '-o', 'x.yaml'],
+    ['teach', '--name', 'plug', '--from', 'none.npy', '-o', 'x.npz'],
+    ['teach', '--name', 'plug', '--from', 'none.npy', '-o', 'new.npz', '--picture', 'x.png'],
+    ['draft', 'sim16x16.eds', '--output', 'x.yaml'], RECORD,
+    ['replay', 'none.log', '-o', 'x.npz'], ['report', 'none.log', '-o', 'x.html']]
+DEMO = ['demo', '--areas', '40', '--output', '.']
+REPRODUCE = ['reproduce', '--patterns', '15', '--training', '600', '--output', '.']
+WITH_FOLDERS = [(DEMO, 'touches.csv'), (DEMO, 'bag/metadata.yaml'), (REPRODUCE, 'index.html'), (REPRODUCE, 'lost.csv')]
+APPENDS_OR_NUMBERS = {'simulate', 'bringup'}  # --report, --record
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def refuses(words, path, capsys):
+    path.parent.mkdir(exist_ok=True)
+    path.write_text('kept')
+    assert main(words) == 2
+    error = capsys.readouterr().err
+    return path.name in error or path.parent.name in error, '--force' in error, path.read_text() == 'kept'
+
+
+@pytest.mark.parametrize('words', WRITES, ids=lambda words: f'{words[0]} {words[-1]}')
+def test_a_file_that_exists_is_refused_before_the_work(words, folder, capsys):
+    assert all(refuses(words, folder / words[-1], capsys))
+    assert os.listdir(folder) == [words[-1]]
+
+
+@pytest.mark.parametrize('words, name', WITH_FOLDERS, ids=str)
+def test_so_is_a_folder_with_earlier_results(words, name, folder, capsys):
+    assert all(refuses(words, folder / name, capsys))
+
+
+def test_a_file_of_one_of_several_pads_or_of_a_series_is_refused(folder, capsys):
+    assert all(refuses(['replay', LOG, '--node-id', '32,64', '-o', 'x.npz'], folder / 'x_pad64.npz', capsys))
+    assert all(refuses(RECORD, folder / 'x_part2.log', capsys))
+
+
+def test_with_force_it_is_replaced(folder, capsys):
+    for name in ('x.npz', 'x.csv', 'x.yaml', 'x.log', 'x_part2.log'):
+        (folder / name).write_text('old')
+    assert main(['replay', LOG, '-o', 'x.npz', '--force']) == 0 and 'values' in np.load('x.npz')
+    assert main(['classify', 'x.npz', '--format', 'csv', '-o', 'x.csv', '--force']) == 0
+    assert main(['draft', 'sim16x16.eds', '--output', 'x.yaml', '--force']) == 0
+    main([*RECORD, '--force'])
+    assert all((folder / name).read_text() != 'old' for name in ('x.csv', 'x.yaml', 'x.log'))
+    assert not (folder / 'x_part2.log').exists(), 'a reader would take it for a part of the new one'
+
+
+def test_a_log_whose_suffix_is_no_format_is_kept(folder):
+    (folder / 'thesis.txt').write_text('kept')
+    assert main(['record', '--interface', 'virtual', 'thesis.txt', '--force']) == 2
+    assert (folder / 'thesis.txt').read_text() == 'kept'
+
+
+def test_a_device_is_no_file_that_exists(folder):
+    assert main(['draft', 'sim16x16.eds', '--output', os.devnull]) == 0
+
+
+@pytest.mark.parametrize('command', [name for name, *_ in COMMANDS])
+def test_every_command_that_writes_says_so(command):
+    parsers = next(action for action in _parser(command)._actions if isinstance(action, argparse._SubParsersAction))
+    options = {option for action in parsers.choices[command]._actions for option in action.option_strings}
+    writes = options & {'--output', '--report', '--record', '--picture'} or command == 'record'
+    assert bool(writes) == ('--force' in options or command in APPENDS_OR_NUMBERS)
