@@ -1,4 +1,4 @@
-"""Contacts as real arrays show them: taxels of unlike gain, speckle, cross-talk, rims, bars, small pads, cut by an edge.
+"""Contacts as real arrays show them: unlike gains, speckle, cross-talk, rims, bars, small pads, cut by an edge.
 
 Ranges are wider than what was measured on real arrays (docs/recognition/real_arrays.md). What is labelled is what is
 seen: a bar that leaves the pad is a rectangle, a disc of which a half is seen has no label. Lengths in taxel pitches,
