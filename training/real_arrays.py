@@ -44,9 +44,10 @@ class Touch(NamedTuple):
     label: int
 
 
-def draw_real(rng: np.random.Generator, count: int, on_off: bool, foreign: Forms) -> Samples:
-    """Draw ``count`` samples; ``foreign``: figures of which those unlike the five shapes are used."""
-    unlike = foreign.chosen((foreign.labels == UNKNOWN) & (foreign.overlaps.max(1) < OVERLAP))
+def draw_real(rng: np.random.Generator, count: int, on_off: bool, foreign: Forms | None = None) -> Samples:
+    """Draw ``count`` samples; ``foreign``: figures of which those unlike the five shapes are used; None: known ones."""
+    unlike = None if foreign is None else foreign.chosen(
+        (foreign.labels == UNKNOWN) & (foreign.overlaps.max(1) < OVERLAP))
     found: list[tuple[ContactPattern, np.ndarray, int]] = []
     while len(found) < count:
         touch = random_touch(rng, unlike)
@@ -60,9 +61,11 @@ def draw_real(rng: np.random.Generator, count: int, on_off: bool, foreign: Forms
     return samples_from(found)
 
 
-def random_touch(rng: np.random.Generator, unlike: Forms) -> Touch | None:
+def random_touch(rng: np.random.Generator, unlike: Forms | None) -> Touch | None:
     """Draw a contact somewhere on a pad; None where what is seen of it does not decide its class."""
     label = int(rng.choice(len(SHARES), p=SHARES))
+    if label == UNKNOWN and unlike is None:
+        return None
     rows, cols = PADS[rng.integers(len(PADS))]
     most = min(MOST, OF_PAD * rows * cols)
     area = float(np.exp(rng.uniform(np.log(LEAST[label]), np.log(most))))
@@ -121,7 +124,7 @@ def _taxels(points: np.ndarray) -> np.ndarray:
 
 
 def _depth(rng: np.random.Generator, label: int, u: np.ndarray, v: np.ndarray, area: float, longest: int,
-           unlike: Forms) -> np.ndarray:
+           unlike: Forms | None) -> np.ndarray:
     """Distance from the outline, positive inside, about exact near it."""
     if label == CIRCLE:
         stretch = np.exp(rng.uniform(-BALL, BALL) * (area < 60) / 2 + rng.uniform(-0.05, 0.05))
@@ -136,6 +139,7 @@ def _depth(rng: np.random.Generator, label: int, u: np.ndarray, v: np.ndarray, a
     if label != UNKNOWN:
         contact = random_contact(rng, LABELS[label], area, rows=1, cols=1)
         return contact.depth(u + contact.x, v + contact.y)
+    assert unlike is not None  # random_touch draws no foreign contact without them
     return _foreign_depth(rng, u, v, area, longest, unlike)
 
 
