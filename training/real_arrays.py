@@ -19,7 +19,7 @@ from training.samples import LABELS, SMALLEST, UNKNOWN, Samples, samples_from
 from training.segmentation import pattern_beside
 
 PADS = ((13, 6), (14, 6), (8, 8), (16, 16), (12, 32), (28, 50))  #: rows and columns
-FINER = 4                 #: points a taxel's side at which coverage is counted
+FINER = 3                 #: points a taxel's side at which coverage is counted
 CIRCLE, SQUARE, RECTANGLE, RIGHT, ISOSCELES = range(UNKNOWN)
 SHARES = (0.24, 0.1, 0.2, 0.07, 0.07, 0.32)  #: of the labels drawn; what is not decided is drawn again
 LEAST = (8.0, 25.0, 9.0, 30.0, 30.0, 14.0)  #: areas by label [taxels]
@@ -31,7 +31,7 @@ THINNEST = 1.7            #: width of a bar [pitches]
 BARE = 0.8                #: of a bar of equal second moments, the share that a foreign figure covers at most
 HOLLOW = 0.3               #: share of circles, squares and rectangles
 DOMES = (0.65, 0.0, 0.5, 0.0, 0.0, 0.4)  #: shares of contacts that are round on top, by label
-BALL, CYLINDER = 0.17, 2.2  #: stretch of a ball's contact on a curved finger (log); least ratio of a lying cylinder's
+BALL, CYLINDER = 0.32, 2.2  #: stretch of a ball's contact on a curved finger (log); least ratio of a lying cylinder's
 THINNEST_WALL = 1.3       #: of a rim [pitches]
 OVERLAP = 0.8             #: with the best of the five shapes, of foreign figures at most
 
@@ -171,7 +171,7 @@ def _foreign_depth(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, area:
         return _stalk(rng, u, v, area)
     if kind < 0.92:
         return _parts(rng, u, v, area)
-    ratio = rng.uniform(1.6, 2.4)  # an oval
+    ratio = rng.uniform(1.7, 2.4)  # an oval
     a, b = np.sqrt(area * ratio / np.pi), np.sqrt(area / ratio / np.pi)
     return (1 - np.hypot(u / a, v / b)) * b
 
@@ -273,4 +273,4 @@ def _fill(u: np.ndarray, v: np.ndarray) -> float:
 def _is_oval(u: np.ndarray, v: np.ndarray) -> bool:
     """Whether they fill an ellipse that no one takes for a bar: a bar has a fill of 1, an ellipse of pi / 3."""
     low, high = np.linalg.eigvalsh(np.cov(u, v))
-    return bool(_fill(u, v) > 1.02 and 1.45 < np.sqrt(high / low) < 2.6)
+    return bool(_fill(u, v) > 1.02 and 1.6 < np.sqrt(high / low) < 2.6)
