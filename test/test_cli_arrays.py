@@ -107,7 +107,7 @@ def test_classify_fits_pose_and_size_with_the_pitch(tactile, shape, names, turn)
     contact = random_contact(rng, shape, 80)
     frame = pressure_frame(contact, rng, skin=Skin(noise=0.01))
     empty, line = tactile('classify', np.array([np.zeros_like(frame), frame]), '--pitch', str(pitch))
-    assert not {'x', 'dimensions', 'sd', 'box'} & set(empty)
+    assert not {'x', 'dimensions', 'sd', 'box', 'hollow'} & set(empty)
     assert line['shape'] == shape
     assert [line['x'] / pitch, line['y'] / pitch] == pytest.approx(contact.outline().mean(0), abs=0.1)
     assert tuple(line['dimensions']) == names

@@ -104,8 +104,10 @@ def _fitted(contact: ContactPattern, recognition: Recognition, pitch: float, res
 
 def _boxed(contact: ContactPattern, pitch: float | None) -> Record:
     """What is known of a contact whatever its shape; with a pitch the least rectangle around it."""
+    if not contact.mask.any():
+        return {}
     box = contact_box(contact, pitch or 1.0)
-    if not pitch or not contact.mask.any():
+    if not pitch:
         return {'hollow': box.hollow}
     names = *POSE, *SIDES
     return {'hollow': box.hollow, 'box': {**dict(zip(names, (*box.centre, box.angle, *box.lengths))),
