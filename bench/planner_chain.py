@@ -9,7 +9,8 @@ from tactile_node.fusion.recognitions import RecognitionFusion
 from tactile_node.grasp.gripper import Gripper, PadPose
 from tactile_node.grasp.opening import GapSource, Opening
 from tactile_node.grasp.tracker import SIDES, GraspSettings, GraspTracker
-from tactile_node.pose.fit import fit_shape
+from tactile_node.pose.box import contact_box
+from tactile_node.pose.contact_fit import fit_contact
 from tactile_node.pose.moments import contact_moments
 from tactile_node.ros.contact_messages import contact_message
 from tactile_node.ros.grasp_messages import grasp_message, side_result
@@ -44,9 +45,10 @@ class _Pad:
             pattern = join_pieces(pattern)
             seen = visibility_of(pattern)._replace(pad_seen=contact.pad_seen)
         fused = self._fusion.update(EPOCH + now, frame)
-        fit = fit_shape(pattern.values, pattern.mask, fused.recognition.shape, PITCH) if pattern.mask.any() else None
+        fit = fit_contact(pattern, fused.recognition.shape, PITCH, visibility=seen) if pattern.mask.any() else None
         moments = contact_moments(pattern.values, pattern.mask, PITCH, UNIT, seen, pattern.noise)
-        return shape_message(contact, Findings(frame, fused, fit, moments, seen, pattern), 'learned', 0.0)
+        found = Findings(frame, fused, fit, moments, seen, pattern, contact_box(pattern, PITCH, seen))
+        return shape_message(contact, found, 'learned', 0.0)
 
 
 class Chain:

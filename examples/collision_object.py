@@ -26,6 +26,7 @@ class Refusal(IntEnum):
     NOT_HELD = 4        # not fresh, not two-sided or not stable
     WIDTH_NOT_KNOWN = 5  # the gripper's opening is not known
     OTHER_SHAPES = 6    # the sides report different shapes: it is no prism
+    HOLLOW = 7          # a ring or a frame: whether its inside is solid is not known
 
 
 class NoObjectError(ValueError):
@@ -46,6 +47,8 @@ def collision_object(shape, object_id: str, height: float | None = None) -> Coll
         raise NoObjectError(Refusal.NO_SHAPE)
     if shape.size_is_bound:
         raise NoObjectError(Refusal.SIZE_IS_BOUND)
+    if shape.hollow:
+        raise NoObjectError(Refusal.HOLLOW)
     height = _height_of(shape) if height is None else height
     if not (isfinite(height) and height > 0):
         raise NoObjectError(Refusal.NO_HEIGHT)

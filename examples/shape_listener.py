@@ -22,8 +22,8 @@ class ShapeListener(Node):
         if message.shape == self._last:
             return
         self._last = message.shape
-        size = ', '.join(f'{name} {1000 * length:.1f} mm'
-                         for name, length in zip(message.dimension_names, message.dimensions))
+        size = ', '.join(f'{name} {">= " if is_bound else ""}{1000 * length:.1f} mm' for name, length, is_bound in zip(
+            message.dimension_names, message.dimensions, message.dimension_is_bound))
         print(f'{message.class_name:20}{100 * message.confidence:4.0f} %  {size if message.fit_valid else ""}',
               flush=True)
 

@@ -21,17 +21,19 @@ if TYPE_CHECKING:
     from tactile_node.errors import ConfigurationError, InputError, TactileError
     from tactile_node.fusion.recognitions import FusedRecognition, FusionSettings
     from tactile_node.helmholtz.features import Features, Group
-    from tactile_node.library.contacts import Recogniser, find_contact, fit_shape, paper_features
+    from tactile_node.library.contacts import Recogniser, contact_box, find_contact, fit_shape, paper_features
     from tactile_node.library.plot import plot_frame
     from tactile_node.library.stream import ContactStream, StreamedContact
+    from tactile_node.pose.box import ContactBox
     from tactile_node.pose.fit import ShapeFit
     from tactile_node.shape.recognition import Recognition, Shape
 
     __version__: str
 
-__all__ = ['__version__', 'find_contact', 'paper_features', 'Recogniser', 'fit_shape', 'ContactStream', 'plot_frame',
-           'PressThresholds', 'Group', 'Shape', 'ContactPattern', 'Features', 'Recognition', 'ShapeFit',
-           'FusedRecognition', 'FusionSettings', 'StreamedContact', 'TactileError', 'InputError', 'ConfigurationError']
+__all__ = ['__version__', 'find_contact', 'paper_features', 'Recogniser', 'fit_shape', 'contact_box', 'ContactStream',
+           'plot_frame', 'PressThresholds', 'Group', 'Shape', 'ContactPattern', 'ContactBox', 'Features', 'Recognition',
+           'ShapeFit', 'FusedRecognition', 'FusionSettings', 'StreamedContact', 'TactileError', 'InputError',
+           'ConfigurationError']
 
 #: module -> the public names it defines; each is imported when it is read first, so that a node pays for none
 _HOMES = {
@@ -40,9 +42,10 @@ _HOMES = {
     'errors': ('ConfigurationError', 'InputError', 'TactileError'),
     'fusion.recognitions': ('FusedRecognition', 'FusionSettings'),
     'helmholtz.features': ('Features', 'Group'),
-    'library.contacts': ('Recogniser', 'find_contact', 'fit_shape', 'paper_features'),
+    'library.contacts': ('Recogniser', 'contact_box', 'find_contact', 'fit_shape', 'paper_features'),
     'library.plot': ('plot_frame',),
     'library.stream': ('ContactStream', 'StreamedContact'),
+    'pose.box': ('ContactBox',),
     'pose.fit': ('ShapeFit',),
     'shape.recognition': ('Recognition', 'Shape'),
 }

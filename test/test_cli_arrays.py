@@ -13,6 +13,7 @@ from patterns import assorted
 from tactile_node.cli.main import main
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PressThresholds
+from tactile_node.synthetic.figures import named_silhouette, random_figure
 from tactile_node.synthetic.pressure import Skin, pressure_frame
 from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import random_contact
@@ -106,7 +107,7 @@ def test_classify_fits_pose_and_size_with_the_pitch(tactile, shape, names, turn)
     contact = random_contact(rng, shape, 80)
     frame = pressure_frame(contact, rng, skin=Skin(noise=0.01))
     empty, line = tactile('classify', np.array([np.zeros_like(frame), frame]), '--pitch', str(pitch))
-    assert not {'x', 'dimensions', 'sd'} & set(empty)
+    assert not {'x', 'dimensions', 'sd', 'box', 'hollow'} & set(empty)
     assert line['shape'] == shape
     assert [line['x'] / pitch, line['y'] / pitch] == pytest.approx(contact.outline().mean(0), abs=0.1)
     assert tuple(line['dimensions']) == names
@@ -119,7 +120,19 @@ def test_classify_fits_pose_and_size_with_the_pitch(tactile, shape, names, turn)
         away = (line['angle'] - contact.angle + turn / 2) % turn - turn / 2
         assert abs(away) < 0.05 and 0 < line['sd']['angle'] < 0.05
     assert all(0 < line['sd'][name] < 0.1 * pitch for name in ('x', 'y', *names))
-    assert 'x' not in tactile('classify', frame)[0]
+    assert not any(line['is_bound'][name] for name in names)
+    assert not {'x', 'box'} & set(tactile('classify', frame)[0])
+
+
+def test_classify_gives_the_place_of_an_unknown_contact_and_no_dimensions_of_a_shape(tactile):
+    rng, pitch = generator(Purpose.TEST, 12), 0.004
+    frame = pressure_frame(random_figure(rng, named_silhouette('l'), 80.0, 20, 20), rng, 20, 20, skin=Skin(noise=0.01))
+    whole, cut = tactile('classify', np.array([frame, np.roll(frame, -8, 1)]), '--pitch', str(pitch))
+    assert whole['shape'] == 'unknown' and not {'x', 'dimensions', 'is_bound'} & set(whole)
+    box = whole['box']
+    assert 0.03 < box['short'] <= box['long'] < 0.06 and set(box['sd']) == {'x', 'y', 'angle', 'long', 'short'}
+    assert not any(box['is_bound'].values()) and all(0.015 < box[name] < 0.06 for name in ('x', 'y'))
+    assert any(cut['box']['is_bound'].values()) and whole['hollow'] is False
 
 
 @pytest.mark.parametrize('pitch', ['0', '-0.004', 'nan'])

@@ -91,6 +91,7 @@ def test_what_both_pads_hold_is_as_long_as_they_are_apart(example):
 @pytest.mark.parametrize(('changes', 'height', 'refusal'), [
     ({'kind': ContactShape.UNKNOWN}, 0.04, 'NO_SHAPE'), ({'kind': ContactShape.NOT_KNOWN}, 0.04, 'NO_SHAPE'),
     ({'kind': ContactShape.NONE}, 0.04, 'NO_SHAPE'), ({'size_is_bound': True}, 0.04, 'SIZE_IS_BOUND'),
+    ({'hollow': True}, 0.04, 'HOLLOW'),
     ({}, None, 'NO_HEIGHT'), ({}, nan, 'NO_HEIGHT'), ({}, 0.0, 'NO_HEIGHT'),
     ({'kind': ContactShape.RIGHT_TRIANGLE}, 0.04, 'NO_SHAPE')])
 def test_a_contact_whose_shape_or_size_is_not_known_is_refused(example, changes, height, refusal):

@@ -38,6 +38,7 @@ from tactile_node.nodes.grasp_node import GraspNode  # noqa: E402
 from tactile_node.nodes.guarded_subscription import GuardedSubscription  # noqa: E402
 from tactile_node.nodes.processor_node import ProcessorNode  # noqa: E402
 from tactile_node.nodes.replay_gate import WINDOW, ReplayGate  # noqa: E402
+from tactile_node.pose.box import contact_box  # noqa: E402
 from tactile_node.pose.fit import fit_shape  # noqa: E402
 from tactile_node.pose.moments import contact_moments  # noqa: E402
 from tactile_node.ros.contact_messages import contact_message  # noqa: E402
@@ -107,7 +108,8 @@ def good_shape(sequence=0) -> ContactShape:
     frame = Recognition.of({Shape.SQUARE: 0.75, Shape.UNKNOWN: 0.25})
     pattern = ContactPattern.of(mask, values)
     found = Findings(frame, FusedRecognition(frame, STAMP, 1.5, 30), fit_shape(values, mask, Shape.SQUARE, PITCH),
-                     contact_moments(values, mask, PITCH, 'Pa'), visibility_of(pattern), pattern)
+                     contact_moments(values, mask, PITCH, 'Pa'), visibility_of(pattern), pattern,
+                     contact_box(pattern, PITCH))
     return shape_message(contact, found, 'learned', 0.0)
 
 

@@ -14,7 +14,8 @@ from tactile_node.fusion.recognitions import FusedRecognition  # noqa: E402
 from tactile_node.grasp.opening import NOT_KNOWN, GapSource, Opening  # noqa: E402
 from tactile_node.grasp.tracker import GraspTracker, SideState  # noqa: E402
 from tactile_node.helmholtz.features import Group, compute_features  # noqa: E402
-from tactile_node.pose.fit import fit_shape  # noqa: E402
+from tactile_node.pose.box import contact_box  # noqa: E402
+from tactile_node.pose.contact_fit import fit_contact  # noqa: E402
 from tactile_node.pose.moments import contact_moments  # noqa: E402
 from tactile_node.ros.contact_messages import contact_message, pattern_of  # noqa: E402
 from tactile_node.ros.feature_messages import features_message, features_of  # noqa: E402
@@ -24,7 +25,7 @@ from tactile_node.ros.message_checks import RejectReason, check_contact_shape, c
 from tactile_node.ros.shape_messages import Findings, pose_message, shape_message  # noqa: E402
 from tactile_node.ros.taxel_messages import taxel_array_message, taxel_values  # noqa: E402
 from tactile_node.ros.time_messages import time_message  # noqa: E402
-from tactile_node.shape.recognition import Recognition, Shape, TaughtShape  # noqa: E402
+from tactile_node.shape.recognition import Recognition, Shape, TaughtShape, likeliest_known  # noqa: E402
 from tactile_skin.msg import ContactShape, Grasp  # noqa: E402
 
 pytestmark = pytest.mark.ros
@@ -73,10 +74,10 @@ def shape(values, kind, solid_height=0.0):
     message = contact(values)
     pattern = pattern_of(message)
     frame = Recognition.of({kind: 0.75, Shape.UNKNOWN: 0.25})
-    fit = fit_shape(pattern.values, pattern.mask, kind, PITCH)
+    fit = fit_contact(pattern, kind, PITCH)
     moments = contact_moments(pattern.values, pattern.mask, PITCH, 'Pa')
     found = Findings(frame, FusedRecognition(frame, STAMP - 1.5, 1.5, 30), fit, moments, visibility_of(pattern),
-                     pattern)
+                     pattern, contact_box(pattern, PITCH))
     return shape_message(message, found, 'learned', solid_height)
 
 
@@ -102,6 +103,38 @@ def test_an_empty_pad_has_no_features():
     message = features(np.zeros((16, 16), np.float32))
     assert not message.features and message.contacts == 0
     assert features_of(message).values['N'] == 0
+
+
+@pytest.mark.parametrize('kind', (Shape.UNKNOWN, Shape.RECTANGLE))
+def test_every_contact_has_its_least_rectangle_and_what_of_it_is_a_bound(kind):
+    values = np.zeros((16, 16), np.float32)
+    values[4:8, :9] = 50e3  # leaves the pad
+    message = shape(values, kind)
+    assert message.fit_valid == (kind is Shape.RECTANGLE) and not message.hollow
+    assert list(message.dimension_is_bound) == ([True, False] if message.fit_valid else [])
+    assert list(message.box_lengths) == pytest.approx([9 * PITCH, 4 * PITCH]) and message.box_angle == 0
+    assert list(message.box_length_is_bound) == [True, False] and min(message.box_lengths_sd) > 0
+    assert (message.box_centre.x, message.box_centre.y) == pytest.approx((4 * PITCH, 5.5 * PITCH))
+    assert message.box_centre_sd > 0 and 0 < message.box_angle_sd < 0.46
+
+
+def test_without_a_contact_there_is_no_rectangle_that_could_be_taken_for_one():
+    message = shape(np.zeros((16, 16), np.float32), Shape.NONE)
+    assert np.isnan((*message.box_lengths, *message.box_lengths_sd, message.box_angle, message.box_centre.x)).all()
+
+
+def test_no_solid_is_published_for_a_frame():
+    values = np.zeros((16, 16), np.float32)
+    values[3:12, 3:14] = 50e3
+    assert shape(values, Shape.RECTANGLE, 0.02).solid.dimensions
+    values[5:10, 5:12] = 0
+    message = shape(values, Shape.RECTANGLE, 0.02)
+    assert message.hollow and message.fit_valid and not message.solid.dimensions and not message.mesh.vertices
+
+
+def test_the_likeliest_class_of_an_unknown_contact_is_in_the_message():
+    message = shape(block(4, 9), Shape.SQUARE)
+    assert likeliest_known(dict(zip(message.class_names, message.probabilities))) == ('square', pytest.approx(0.75))
 
 
 def test_shape_message_tells_a_rectangle_in_metres():
@@ -280,12 +313,14 @@ def test_a_dead_taxel_beside_a_contact_does_not_hide_its_creep():
 
 
 def test_the_resolution_of_a_centre_is_that_of_its_source():
-    assert side_result(shape(block(6, 6), Shape.SQUARE), 0.0).resolution == pytest.approx(0.1 * PITCH, rel=0.01)
-    assert side_result(shape(block(6, 6), Shape.UNKNOWN), 0.0).resolution == pytest.approx(0.5 * PITCH, rel=0.01)
-    message = shape(block(6, 6), Shape.SQUARE)
+    values = block(6, 6)
+    values[5, 4] *= 0.99  # pressures, not on/off
+    assert side_result(shape(values, Shape.SQUARE), 0.0).resolution == pytest.approx(0.1 * PITCH, rel=0.01)
+    assert side_result(shape(values, Shape.UNKNOWN), 0.0).resolution == pytest.approx(0.5 * PITCH, rel=0.01)
+    message = shape(values, Shape.SQUARE)
     message.force = math.nan  # of on/off taxels
     assert side_result(message, 0.0).resolution == pytest.approx(PITCH, rel=0.01)
-    message = shape(block(6, 6), Shape.SQUARE)
+    message = shape(values, Shape.SQUARE)
     message.standard_deviations[0] = 0.5 * PITCH
     assert side_result(message, 0.0).resolution == pytest.approx(PITCH)
 

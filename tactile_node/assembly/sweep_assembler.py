@@ -12,7 +12,8 @@ Rules
  4. Its stamp is that of its first TPDO received: later than the scan by the time that the device takes to send it,
     and by ``sweep_time`` at most where its first TPDOs are lost.
  5. With an event timer, a pause is counted in ``sequence`` as the sweeps that should have come. After SILENCE of
-    them what comes may have waited in an adapter: it is LATE until a run begins more than ``sweep_time`` after the one before.
+    them what comes may have waited in an adapter: it is LATE until a run begins more than ``sweep_time`` after the one
+    before.
 
 Two sweeps are never mixed while each takes less than ``sweep_time`` from its beginning to its last stamp: the first
 TPDO received is then stamped at most ``sweep_time`` after the sweep began, the run ends ``sweep_time`` later, and twice

@@ -15,7 +15,7 @@ from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.errors import InputError
 from tactile_node.geometry.outlines import OUTLINES
 from tactile_node.library.arguments import known_response
-from tactile_node.library.contacts import Recogniser, fit_shape, recognised
+from tactile_node.library.contacts import Recogniser, contact_box, fit_shape, recognised
 from tactile_node.library.stream import ContactFollower
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.pitch import check_pitch
@@ -23,6 +23,7 @@ from tactile_node.shape.method_names import LEARNED, VOLF
 from tactile_node.shape.recognition import Recognition, ShapeClass
 
 POSE = 'x', 'y', 'angle'
+SIDES = 'long', 'short'  #: of the least rectangle
 
 
 def write_shapes(args: argparse.Namespace) -> None:
@@ -43,7 +44,7 @@ def _single(path: str, found: TaxelFrames, recogniser: Recogniser, args: argpars
     for k, pattern in enumerate(patterns(path, found, args, largest=True)):
         contact, recognition = recognised(recogniser, pattern)
         yield {'file': path, 'frame': k, **found.known_of(k), **recognition.as_json(), **_counted(pattern),
-               **(_fitted(contact, recognition, pitch, response) if pitch else {})}
+               **(_fitted(contact, recognition, pitch, response) if pitch else {}), **_boxed(contact, pitch)}
 
 
 def _fused(path: str, found: TaxelFrames, recogniser: Recogniser, args: argparse.Namespace) -> Iterator[Record]:
@@ -55,7 +56,8 @@ def _fused(path: str, found: TaxelFrames, recogniser: Recogniser, args: argparse
     for k, frame in enumerate(followed(found.values, path, len(found.values), prints=prints(args))):
         contact, _, fused, fit = follower.follow(frame, float(stamps[k]), **taxels_known(found, k))
         yield {'file': path, 'frame': k, **found.known_of(k), **fused.recognition.as_json(), **_counted(contact),
-               'held': fused.held, 'fused_frames': fused.frames, **(_as_json(fit) if pitch and fit else {})}
+               'held': fused.held, 'fused_frames': fused.frames, **(_as_json(fit) if pitch and fit else {}),
+               **_boxed(contact, pitch)}
 
 
 def _stamps(path: str, found: TaxelFrames, args: argparse.Namespace) -> np.ndarray:
@@ -84,8 +86,10 @@ def _columns(classes: Sequence[ShapeClass]) -> list[str]:
     """Of all records, in the order of their names."""
     dimensions = list(dict.fromkeys(name for outline in OUTLINES.values() for name in outline.dimensions))
     return [*KNOWN, 'shape', 'reason', 'confidence',
-            *(f'probabilities.{shape.value}' for shape in classes), 'N', 'contacts', 'held', 'fused_frames', *POSE,
-            *(f'dimensions.{name}' for name in dimensions), *(f'sd.{name}' for name in (*POSE, *dimensions))]
+            *(f'probabilities.{shape.value}' for shape in classes), 'N', 'contacts', 'held', 'fused_frames', 'hollow',
+            *POSE, *(f'dimensions.{name}' for name in dimensions), *(f'sd.{name}' for name in (*POSE, *dimensions)),
+            *(f'is_bound.{name}' for name in dimensions), *(f'box.{name}' for name in (*POSE, *SIDES)),
+            *(f'box.sd.{name}' for name in (*POSE, *SIDES)), *(f'box.is_bound.{name}' for name in SIDES)]
 
 
 def _counted(pattern: ContactPattern) -> Record:
@@ -98,13 +102,27 @@ def _fitted(contact: ContactPattern, recognition: Recognition, pitch: float, res
     return _as_json(fit) if fit else {}
 
 
+def _boxed(contact: ContactPattern, pitch: float | None) -> Record:
+    """What is known of a contact whatever its shape; with a pitch the least rectangle around it."""
+    if not contact.mask.any():
+        return {}
+    box = contact_box(contact, pitch or 1.0)
+    if not pitch:
+        return {'hollow': box.hollow}
+    names = *POSE, *SIDES
+    return {'hollow': box.hollow, 'box': {**dict(zip(names, (*box.centre, box.angle, *box.lengths))),
+                    'sd': dict(zip(names, (box.centre_sd, box.centre_sd, box.angle_sd, *box.lengths_sd))),
+                    'is_bound': dict(zip(SIDES, box.length_is_bound))}}
+
+
 def _as_json(fit: ShapeFit) -> Record:
     """Numbers that are not known, as the angle of a circle, are None."""
     found = dict(zip(fit.parameter_names, fit.parameters))
     deviations = dict(zip(fit.parameter_names, np.sqrt(np.diag(fit.covariance))))
     return {**{name: _number(found.get(name)) for name in POSE},
             'dimensions': {name: _number(found[name]) for name in fit.dimension_names},
-            'sd': {name: _number(deviations.get(name)) for name in (*POSE, *fit.dimension_names)}}
+            'sd': {name: _number(deviations.get(name)) for name in (*POSE, *fit.dimension_names)},
+            'is_bound': dict(zip(fit.dimension_names, fit.is_bound))}
 
 
 def _number(value: float | None) -> float | None:

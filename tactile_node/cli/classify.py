@@ -33,7 +33,10 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
                      'a "reason": not_seen (too many NaN), unfamiliar or too_small. With a pitch, one of the five '
                      'shapes has "x", "y", "angle" of its centre and its x axis in the frame of the pad (origin at '
                      'taxel (0, 0), x along columns, y along rows; metres, radians), "dimensions" (metres) and "sd", '
-                     'one standard deviation of each of them by name; the angle of a circle is null. Of an .npz also '
+                     'one standard deviation of each of them by name; the angle of a circle is null. "is_bound": '
+                     'dimensions of which the edge of the pad or hidden taxels show a part only. Every contact, '
+                     'unknown too, has a "box", the least rectangle around it, with the same of its "long" and "short" '
+                     'side; "hollow": a ring or a frame. Of an .npz also '
                      '"pad", "stamp" [s] and "sequence". With --fuse "held" [s] and "fused_frames": since when '
                      'the shape is the same.')
 

@@ -5,12 +5,13 @@ from pathlib import Path
 from numpy.typing import ArrayLike
 
 from tactile_node.calibration.response import SkinResponse
-from tactile_node.contact.on_off import are_on_off
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.contact.press import PressThresholds
 from tactile_node.helmholtz.features import Features, Group, compute_features
 from tactile_node.library.arguments import checked_frame, extractor_by, instance, known_response, known_shape
-from tactile_node.pose import fit
+from tactile_node.pose import box
+from tactile_node.pose.box import ContactBox
+from tactile_node.pose.contact_fit import fit_contact
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.shape.methods import DEFAULT, make_recogniser
 from tactile_node.shape.patch import join_pieces
@@ -107,9 +108,22 @@ def fit_shape(contact: ContactPattern, shape: ShapeClass, pitch: float = 1.0,
     [28, 28, 28]
     """
     shape = known_shape(shape)
-    taxels = contact.mask if are_on_off(_contact(contact).values) else contact.values
     known = known_response(response)
-    return fit.fit_shape(taxels, contact.mask, shape, pitch, None if known is None else known.layer)
+    return fit_contact(_contact(contact), shape, pitch, None if known is None else known.layer)
+
+
+def contact_box(contact: ContactPattern, pitch: float = 1.0) -> ContactBox:
+    """Return the least rectangle around ``contact``, whatever its shape, with deviations; NaN without a contact.
+
+    ``pitch`` as in `fit_shape`. What the pad's edge or hidden taxels cut is a bound. Raises InputError for something
+    else than a contact, ConfigurationError for a pitch that is no length > 0.
+
+    >>> import numpy as np
+    >>> box = contact_box(find_contact(np.pad(np.full((3, 9), 50e3), 4)), pitch=0.004)
+    >>> [round(1000 * length) for length in box.lengths], box.length_is_bound
+    ([36, 12], (False, False))
+    """
+    return box.contact_box(_contact(contact), pitch)
 
 
 def _contact(contact: object) -> ContactPattern:

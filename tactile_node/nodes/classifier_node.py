@@ -7,7 +7,6 @@ from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.node import Node
 
-from tactile_node.contact.on_off import are_on_off
 from tactile_node.contact.pattern import ContactPattern, of_contact
 from tactile_node.contact.visibility import Visibility, visibility_of
 from tactile_node.fusion.recognitions import FusedRecognition, RecognitionFusion
@@ -16,7 +15,9 @@ from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.run import run_node
 from tactile_node.nodes.shape_view import ShapeView
-from tactile_node.pose.fit import ShapeFit, fit_shape
+from tactile_node.pose.box import contact_box
+from tactile_node.pose.contact_fit import fit_contact
+from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.moments import contact_moments
 from tactile_node.ros.contact_messages import layer_of, pattern_of
 from tactile_node.ros.message_age import age_message
@@ -94,8 +95,9 @@ class ClassifierNode(Node):
                  fused: FusedRecognition) -> ContactShape:
         moments = contact_moments(pattern.values, pattern.mask, message.pitch, message.unit, seen,
                                   pattern.noise)
-        found = Findings(frame=frame, fused=fused, fit=self._fitted(message, pattern, fused.recognition.shape),
-                         moments=moments, visibility=seen, pattern=pattern)
+        found = Findings(frame=frame, fused=fused, fit=self._fitted(message, pattern, seen, fused.recognition.shape),
+                         moments=moments, visibility=seen, pattern=pattern,
+                         box=contact_box(pattern, message.pitch, seen))
         shape = shape_message(message, found, self._settings.method, self._settings.solid_height)
         shape.age = self._age()
         return shape
@@ -109,11 +111,11 @@ class ClassifierNode(Node):
             return self._fusion.update(stamp, frame)
         return FusedRecognition(frame, stamp, 0.0, 1)
 
-    def _fitted(self, message: Contact, pattern: ContactPattern, shape: ShapeClass) -> ShapeFit | None:
+    def _fitted(self, message: Contact, pattern: ContactPattern, seen: Visibility,
+                shape: ShapeClass) -> ShapeFit | None:
         if not self._settings.fit or not pattern.mask.any():
             return None
-        taxels = pattern.mask if are_on_off(pattern.values) else pattern.values
-        return fit_shape(taxels, pattern.mask, shape, message.pitch, layer_of(message))
+        return fit_contact(pattern, shape, message.pitch, layer_of(message), seen)
 
 
 def _visibility(message: Contact, pattern: ContactPattern) -> Visibility:

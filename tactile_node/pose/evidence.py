@@ -36,7 +36,7 @@ def gather(values: np.ndarray, mask: np.ndarray, at_edge: bool | None = None) ->
     valid = np.isfinite(values)
     values = np.where(valid, values, 0.0)
     near = _around(mask, MARGIN)
-    hole = _holes(mask)
+    hole = holes(mask)
     used = valid & near
     if hole is not None:
         used &= ~(_around(hole, 1) & ~_around(~mask & ~hole, 1))
@@ -88,7 +88,7 @@ def _around(mask: np.ndarray, reach: int) -> np.ndarray:
     return rows.astype(np.float32) @ mask.astype(np.float32) @ cols.astype(np.float32) > 0.5
 
 
-def _holes(mask: np.ndarray) -> np.ndarray | None:
+def holes(mask: np.ndarray) -> np.ndarray | None:
     """Return what ``mask`` encloses, None for nothing (the usual case)."""
     between = ~mask
     for axis in (0, 1):  # quick: what is enclosed has taxels of the mask on all four sides

@@ -40,6 +40,8 @@ class ShapeFit(NamedTuple):
     handedness: int                    #: right triangle: 1, or -1 when mirrored; else 0
     dimension_names: tuple[str, ...]   #: as in `outlines.OUTLINES`
     dimensions: tuple[float, ...]      #: [m]
+    #: of each dimension: it is the length that is seen, and the contact goes on where nothing is seen (`fit_contact`)
+    is_bound: tuple[bool, ...]
     covariance: np.ndarray             #: of ``parameter_names``, [m, rad]
     residual: float                    #: root mean square of value - model, fraction of the contact's level
     outline: np.ndarray                #: corners, (n, 2), in the sense from x to y [m]
@@ -195,7 +197,8 @@ def _in_metres(shape: Shape, pitch: float, evidence: Evidence, found: Candidate,
     loading = loading_of(found)
     return ShapeFit(shape=shape, centre=tuple(centre.tolist()), angle=angle, symmetry=estimate.symmetry,
                     handedness=handedness, dimension_names=outline.dimensions, dimensions=tuple(dimensions.tolist()),
-                    covariance=covariance, residual=_residual(evidence, found.solution), outline=corners,
+                    is_bound=(False,) * len(dimensions), covariance=covariance,
+                    residual=_residual(evidence, found.solution), outline=corners,
                     indenter=loading.indenter if loading else None, peak=loading.peak if loading else np.nan,
                     depth=loading.depth * pitch if loading else np.nan)
 

@@ -334,8 +334,9 @@ def _fit(message: ContactShape) -> RejectReason | None:
     if not message.fit_valid:
         return None
     parameters = len(message.parameter_names)
-    if (len(message.dimension_names) != len(message.dimensions) or parameters**2 != len(message.covariance)
-            or parameters != len(message.standard_deviations)):
+    dimensions = len(message.dimensions)
+    if (dimensions != len(message.dimension_names) or dimensions != len(message.dimension_is_bound)
+            or parameters**2 != len(message.covariance) or parameters != len(message.standard_deviations)):
         return RejectReason.WRONG_LENGTH
     place, direction = message.pose.pose.position, message.pose.pose.orientation
     return _finite(place.x, place.y, direction.x, direction.y, direction.z, direction.w, *message.dimensions)

@@ -9,6 +9,7 @@ from shape_msgs.msg import Mesh, MeshTriangle, SolidPrimitive
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.contact.visibility import Visibility
 from tactile_node.fusion.recognitions import FusedRecognition
+from tactile_node.pose.box import ContactBox
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.moments import ContactMoments
 from tactile_node.pose.solids import pose_covariance, prism, solid
@@ -37,6 +38,7 @@ class Findings(NamedTuple):
     moments: ContactMoments
     visibility: Visibility
     pattern: ContactPattern
+    box: ContactBox
 
 
 def shape_message(contact: Contact, found: Findings, method: str, solid_height: float) -> ContactShape:
@@ -59,11 +61,12 @@ def shape_message(contact: Contact, found: Findings, method: str, solid_height: 
         missing_can_frames=contact.missing_can_frames,
         contacts=found.pattern.contacts, others_present=found.pattern.contacts > 1,
         contact_areas=[taxels * contact.pitch**2 for taxels in found.pattern.sizes],
-        pose=_nowhere(), residual=float('nan'))
+        pose=_nowhere(), residual=float('nan'), hollow=found.box.hollow)
     _add_moments(message, found.moments)
+    _add_box(message, found.box)
     if found.fit is not None:
         _add_fit(message, found.fit)
-        if solid_height > 0:
+        if solid_height > 0 and not found.box.hollow:
             _add_solid(message, found.fit, solid_height)
     return message
 
@@ -88,10 +91,18 @@ def _add_moments(message: ContactShape, moments: ContactMoments) -> None:
     message.centre_of_pressure_is_bound = moments.centre_of_pressure_is_bound
 
 
+def _add_box(message: ContactShape, box: ContactBox) -> None:
+    x, y = box.centre
+    message.box_centre, message.box_angle, message.box_lengths = Point(x=x, y=y), box.angle, box.lengths
+    message.box_centre_sd, message.box_angle_sd, message.box_lengths_sd = box.centre_sd, box.angle_sd, box.lengths_sd
+    message.box_length_is_bound = box.length_is_bound
+
+
 def _add_fit(message: ContactShape, fit: ShapeFit) -> None:
     message.fit_valid, message.pose = True, _pose(fit)
     message.symmetry, message.handedness = fit.symmetry, fit.handedness
     message.dimension_names, message.dimensions = fit.dimension_names, fit.dimensions
+    message.dimension_is_bound = fit.is_bound
     message.parameter_names, message.covariance = fit.parameter_names, fit.covariance.reshape(-1)
     message.standard_deviations = np.sqrt(np.diag(fit.covariance))
     message.residual = fit.residual

@@ -1,0 +1,95 @@
+"""The least rectangle around a contact: where it is and how large, whatever its shape."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tactile_node.contact.pattern import ContactPattern
+from tactile_node.contact.visibility import Visibility
+from tactile_node.pose.hollow import is_hollow
+from tactile_node.pose.pitch import check_pitch
+from tactile_node.pose.rim import is_cut, reach, rim_of
+
+#: at which a rectangle is laid around the contact [rad]
+ANGLES = np.radians(np.arange(90.0))
+COS, SIN = np.cos(ANGLES), np.sin(ANGLES)
+QUARTER = np.pi / 2
+#: Standard deviations [pitches] of an angle's lengths, of the centre and of what a side of the rectangle varies by from
+#: angle to angle: pressures, on/off or saturated taxels. On contacts of training seeds (bench/bench_box.py).
+LENGTH_SD, CENTRE_SD, SIDE_SD = (0.7, 0.45), (0.2, 0.2), (0.2, 0.3)
+ANGLE_SD = 0.02  #: at least [rad]
+
+
+class ContactBox(NamedTuple):
+    """The least rectangle around a contact, in the pad's frame, with standard deviations; NaN without a contact."""
+
+    centre: tuple[float, float]       #: [m]; of what is seen where a length is a bound
+    angle: float                      #: of the long side, x to y, in (-π/2, π/2] [rad]
+    lengths: tuple[float, float]      #: long, short [m]
+    centre_sd: float                  #: along x and along y [m]
+    angle_sd: float                   #: of the sides, which are equal a quarter turn on [rad]; 0.45: any angle will do
+    lengths_sd: tuple[float, float]   #: [m]
+    length_is_bound: tuple[bool, bool]  #: the contact is cut by the pad's edge or by hidden taxels: it may be longer
+    hollow: bool                      #: it is a ring or a frame (`is_hollow`)
+
+
+NOWHERE = ContactBox((np.nan, np.nan), np.nan, (np.nan, np.nan), np.nan, np.nan, (np.nan, np.nan), (False, False),
+                     hollow=False)
+
+
+def contact_box(pattern: ContactPattern, pitch: float = 1.0,
+                visibility: Visibility | None = None) -> ContactBox:
+    """Return the box of the contact of ``pattern``; NOWHERE without one.
+
+    ``pitch``: distance of neighbouring taxels; all lengths come in its unit. ``visibility`` of the pattern spares its
+    computation where it is known.
+
+    >>> box = contact_box(ContactPattern.of(np.pad(np.ones((2, 6), bool), 2), np.pad(np.ones((2, 6)), 2)))
+    >>> box.lengths, round(box.angle, 3), box.length_is_bound
+    ((6.0, 2.0), 0.0, (False, False))
+    """
+    check_pitch(pitch)
+    if not pattern.mask.any():
+        return NOWHERE
+    rim = rim_of(pattern, visibility)
+    kind = 0 if rim.graded else 1
+    low, high = reach(rim, ANGLES).transpose(1, 0, 2)
+    likely = _likelihood(high - low, SIDE_SD[kind])
+    best = int(likely.argmax())
+    away = ANGLES - ANGLES[best]
+    is_over = np.abs(away) > QUARTER / 2  # a quarter turn on, the axes are the other ones
+    sides = np.empty((5, len(ANGLES)))  # along and across, x and y of the centre, angle
+    sides[:2], sides[2:4] = high - low, _turned((high + low) / 2)
+    sides[:2, is_over] = sides[1::-1, is_over]
+    sides[4] = away - is_over * np.copysign(QUARTER, away)
+    middle = sides[:, best]
+    along, across, x, y, turned = (sides - middle[:, np.newaxis])**2 @ likely  # variances
+    lengths, lengths_sd = middle[:2], np.sqrt((LENGTH_SD[kind]**2 + along, LENGTH_SD[kind]**2 + across))
+    is_bound, angle = is_cut(rim, ANGLES[best]), float(ANGLES[best])
+    if lengths[1] > lengths[0]:
+        lengths, lengths_sd, is_bound, angle = lengths[::-1], lengths_sd[::-1], is_bound[::-1], angle + QUARTER
+    return ContactBox(
+        centre=_pair(middle[2:4] * pitch), angle=angle if angle <= QUARTER else angle - np.pi,
+        lengths=_pair(lengths * pitch), centre_sd=float(np.sqrt(CENTRE_SD[kind]**2 + max(x, y)) * pitch),
+        angle_sd=float(np.sqrt(ANGLE_SD**2 + turned)), lengths_sd=_pair(lengths_sd * pitch),
+        length_is_bound=_pair(is_bound), hollow=is_hollow(pattern))
+
+
+def _likelihood(lengths: np.ndarray, side_sd: float) -> np.ndarray:
+    """Return how likely each angle, (k,), is that of the least area of ``lengths``, (2, k); they sum to 1."""
+    area = lengths.prod(0)
+    deviation = side_sd * np.sqrt(2 * np.square(lengths).sum(0))
+    likely: np.ndarray = np.exp(-((area - area.min()) / deviation)**2 / 2)
+    likely /= likely.sum()
+    return likely
+
+
+def _turned(middles: np.ndarray) -> np.ndarray:
+    """Return x and y, (2, k), of places along and across the axes at ANGLES."""
+    along, across = middles
+    return np.stack((along * COS - across * SIN, along * SIN + across * COS))
+
+
+def _pair(values: np.ndarray) -> tuple[Any, Any]:
+    first, second = values.tolist()
+    return first, second

@@ -1,0 +1,150 @@
+"""The least rectangle around any contact, bounds where it is cut, hollow contacts."""
+
+import numpy as np
+import pytest
+
+import tactile_node as tn
+from tactile_node.errors import ConfigurationError, InputError
+from tactile_node.library.contacts import Recogniser, recognised
+from tactile_node.synthetic.figures import named_silhouette, random_figure
+from tactile_node.synthetic.pressure import Skin, pressure_frame
+from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.synthetic.world import Contact
+
+SKIN = Skin(blur=0.4, noise=0.005)
+PITCH = 0.004
+
+
+def contact_of(touching, rows=16, cols=16, seed=0, skin=SKIN):
+    return tn.find_contact(pressure_frame(touching, generator(Purpose.VALIDATION, seed), rows, cols, skin=skin))
+
+
+def bar(length, width, tip, angle=0.0):
+    """From beyond the left edge of the pad to ``tip`` (x)."""
+    along = np.array((np.cos(angle), np.sin(angle)))
+    x, y = np.array((tip, 7.4)) - along * length / 2
+    return Contact('rectangle', (length, width), x=float(x), y=float(y), angle=angle)
+
+
+@pytest.mark.parametrize('angle', (0.0, 0.3, -0.5))
+@pytest.mark.parametrize('width', (2.5, 4.0))
+def test_a_bar_that_leaves_the_pad_has_a_bound_for_its_length_and_its_width(angle, width):
+    contact = contact_of(bar(30, width, 11.0, angle))
+    seen = 11.5 / np.cos(angle) + width * abs(np.tan(angle))
+    fit, box = tn.fit_shape(contact, tn.Shape.RECTANGLE), tn.contact_box(contact)
+    assert fit.is_bound == (True, False) and box.length_is_bound == (True, False)
+    assert 0.85 * 11.5 < fit.dimensions[0] < 1.03 * seen and fit.dimensions[1] == pytest.approx(width, rel=0.05)
+    assert np.ptp(fit.outline @ (np.cos(angle), np.sin(angle))) == pytest.approx(fit.dimensions[0], rel=0.01)
+    assert fit.centre[0] == pytest.approx(5.5 * np.cos(angle), abs=1.0)  # of what is seen
+    assert abs(box.lengths[1] - width) < 2 * box.lengths_sd[1]
+
+
+def test_a_bar_across_the_pad_and_one_that_ends_on_it():
+    across = contact_of(Contact('rectangle', (60, 3), x=7.5, y=7.6))
+    assert tn.fit_shape(across, tn.Shape.RECTANGLE).is_bound == (True, False)
+    whole = contact_of(Contact('rectangle', (11, 3), x=7.5, y=7.6))
+    assert tn.fit_shape(whole, tn.Shape.RECTANGLE).is_bound == tn.contact_box(whole).length_is_bound == (False, False)
+    assert tn.fit_shape(whole, tn.Shape.RECTANGLE).dimensions[0] == pytest.approx(11, rel=0.02)
+
+
+def test_a_bar_along_the_edge_has_a_bound_for_its_width():
+    contact = contact_of(Contact('rectangle', (9, 5), x=7.5, y=0.0))
+    assert tn.fit_shape(contact, tn.Shape.RECTANGLE).is_bound == (False, True)
+    assert tn.contact_box(contact).length_is_bound == (False, True)
+
+
+@pytest.mark.parametrize(('shape', 'dimensions'), [('circle', (5.0,)), ('square', (8.0,))])
+@pytest.mark.parametrize('x', np.arange(-1.5, 3.1, 0.5))
+def test_a_bound_of_a_shape_that_the_edge_cuts_is_never_above_its_true_size(shape, dimensions, x):
+    fit = tn.fit_shape(contact_of(Contact(shape, dimensions, x=float(x), y=7.3, angle=0.2)), tn.Shape(shape))
+    assert fit.is_bound == (True,) and 0.5 * dimensions[0] < fit.dimensions[0] < 1.03 * dimensions[0]
+
+
+def test_hidden_taxels_cut_a_bar_as_the_edge_does_and_a_dead_one_does_not():
+    frame = pressure_frame(Contact('rectangle', (10, 3), x=7.5, y=7.6), generator(Purpose.VALIDATION, 0), 16, 16)
+    frame[9, 7] = np.nan
+    assert tn.contact_box(tn.find_contact(frame)).length_is_bound == (False, False)
+    frame[4:12, 11:] = np.nan
+    assert tn.contact_box(tn.find_contact(frame)).length_is_bound == (True, False)
+    assert tn.fit_shape(tn.find_contact(frame), tn.Shape.RECTANGLE).is_bound == (True, False)
+
+
+@pytest.mark.parametrize('name', ('l', 't'))
+def test_an_unknown_contact_has_a_box_and_no_fit(name):
+    rng = generator(Purpose.VALIDATION, 3)
+    figure = random_figure(rng, named_silhouette(name), 60.0, 24, 24)
+    contact = contact_of(figure, 24, 24)
+    box = tn.contact_box(contact, PITCH)
+    assert tn.fit_shape(contact, tn.Shape.UNKNOWN) is None and box.length_is_bound == (False, False)
+    side = 1.8 * figure.silhouette.cells ** -0.5 * 96 * np.sqrt(60) * PITCH  # of the square that it fills
+    assert np.all(np.abs(np.array(box.lengths) - side) < 1.96 * np.array(box.lengths_sd))
+    turned = (box.angle - figure.angle + np.pi / 4) % (np.pi / 2) - np.pi / 4
+    assert abs(turned) < 2 * box.angle_sd
+
+
+@pytest.mark.parametrize('angle', np.radians((-80, -30, 0, 20, 90)))
+def test_a_box_has_the_bars_angle_and_a_round_contact_any(angle):
+    box = tn.contact_box(contact_of(Contact('rectangle', (10, 3), x=7.4, y=7.6, angle=float(angle))), PITCH)
+    away = (box.angle - angle + np.pi / 2) % np.pi - np.pi / 2
+    assert abs(away) < 2 * box.angle_sd < 0.2 and -np.pi / 2 < box.angle <= np.pi / 2
+    assert box.centre == pytest.approx((7.4 * PITCH, 7.6 * PITCH), abs=2 * box.centre_sd)
+    assert tn.contact_box(contact_of(Contact('circle', (4.0,), x=7.4, y=7.6))).angle_sd > 0.35
+
+
+def test_saturated_and_on_off_taxels_have_boxes():
+    frame = np.pad(np.full((3, 9), 50e3), 3)
+    on_off, pressures = tn.contact_box(tn.find_contact(frame > 0)), tn.contact_box(tn.find_contact(frame))
+    assert on_off.lengths == pressures.lengths == (9, 3)
+    one = np.zeros((5, 5), bool)
+    one[2, 2] = True
+    assert tn.contact_box(tn.find_contact(one)).lengths == pytest.approx((1, 1), abs=0.3)
+
+
+def test_no_contact_has_no_box_and_wrong_arguments_are_refused():
+    box = tn.contact_box(tn.find_contact(np.zeros((8, 8))))
+    assert np.isnan((*box.centre, box.angle, *box.lengths, *box.lengths_sd)).all() and not box.hollow
+    with pytest.raises(InputError):
+        tn.contact_box(np.zeros((8, 8)))
+    with pytest.raises(ConfigurationError):
+        tn.contact_box(tn.find_contact(np.zeros((8, 8))), pitch=0.0)
+
+
+def rim_of(solid, wall):
+    class Rim:
+        x, y, reach = solid.x, solid.y, solid.reach
+
+        def depth(self, x, y):
+            depth = solid.depth(x, y)
+            return np.minimum(depth, wall - depth)
+    return Rim()
+
+
+@pytest.mark.parametrize('solid', (Contact('circle', (5.0,), x=9.3, y=9.1), Contact('square', (9.0,), 9.3, 9.1, 0.3),
+                                   Contact('rectangle', (13.0, 8.0), 9.3, 9.1, 0.6)), ids=lambda solid: solid.shape)
+def test_a_ring_and_a_frame_are_hollow(solid):
+    frame = pressure_frame(rim_of(solid, 1.7), generator(Purpose.VALIDATION, 1), 20, 20, skin=SKIN)
+    assert tn.contact_box(tn.find_contact(frame)).hollow
+    assert tn.contact_box(tn.find_contact(frame > 30e3)).hollow
+    assert not tn.contact_box(contact_of(solid, 20, 20)).hollow
+
+
+def test_a_solid_contact_of_weak_and_dead_taxels_is_not_hollow():
+    rng = generator(Purpose.VALIDATION, 2)
+    for seed in range(40):
+        frame = pressure_frame(Contact('circle', (5.0,), x=9.3, y=9.1), rng, 20, 20, skin=SKIN)
+        frame *= rng.uniform(1 / 3, 1, frame.shape)
+        frame[9, 7 + seed % 5] = 0  # a single one that does not answer
+        assert not tn.contact_box(tn.find_contact(frame)).hollow
+    frame = np.pad(np.full((7, 7), 50e3), 3)
+    frame[4:9, 4:9] = np.nan  # what is not seen may be pressed
+    assert not tn.contact_box(tn.find_contact(frame)).hollow
+
+
+def test_an_unknown_contact_has_a_likeliest_known_class():
+    contact = contact_of(random_figure(generator(Purpose.VALIDATION, 3), named_silhouette('hexagon'), 60.0, 24, 24),
+                         24, 24)
+    _, found = recognised(Recogniser(), contact)
+    name, probability = found.likeliest_known
+    others = [p for shape, p in found.probabilities.items() if shape not in (tn.Shape.NONE, tn.Shape.UNKNOWN)]
+    assert name not in (tn.Shape.NONE, tn.Shape.UNKNOWN) and probability == max(others) == found.probabilities[name]
+    assert tn.Recognition.certain(tn.Shape.NONE).likeliest_known is None
