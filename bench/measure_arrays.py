@@ -51,19 +51,17 @@ METHOD = ('The contact is what `tactile classify` finds without options, with th
           'fixed profile of a curved finger or cover counts as gain; weak taxels in a large contact count as '
           'hollow (ViTac).')
 HOW = {
-    'readings in a contact': ('quantiles 0.9 and 0.1 of its taxels, median over frames', 'all below, domes and tilt'),
-    'spread': ('standard deviation of the log of a reading less the mean log of the 5 to 8 neighbours in the contact',
-               'all below'),
-    'gain, speckle': ('one-way variances: between taxels, and within a taxel over 8 frames or more',
-                      'gain 0-0.3, speckle 0-0.5 in the log, alone or smoothed by 0.4-1.2 taxels'),
-    'rows, columns': ('the same of the mean over a line; the weakest that is often inside; neighbours in it hide 0.3 of the log',
-                      '0-0.2 in the log; in half of the frames 4 % of the lines at 0.05-0.6'),
-    'rings': ('mean of the first and second ring around the contact, of its median', 'blur of 0-0.9 taxels, 0-15 % of '
-              'the neighbours in a row or column'),
-    'cross-talk': ('mean reading 3 taxels and more away, of the median', '0-6 % of the highest of a line'),
-    'noise': ('differences of successive frames', '0-2 % of the full scale, values below 0-20 % of the level cut off'),
-    'hollow': ('enclosed taxels that are not pressed', '30 % of circles, squares and rectangles that have room'),
-    'bars': ('second moments; labels: rectangle by both people', '60 % of the rectangles, 2.2:1 to 30:1')}
+    'readings in a contact': ('quantiles 0.9 and 0.1 of its taxels, median over frames', 'all below, domes, tilt'),
+    'spread': ('log of a reading less the mean log of 5 to 8 neighbours', 'all below'),
+    'gain': ('variance between taxels, of 8 frames or more', 'standard deviation 0-0.3 in the log'),
+    'speckle': ('variance within a taxel, between frames', '0-0.5 in the log, smoothed by 0 or 0.4-1.2 taxels'),
+    'rows, columns': ('as gain, of a line; its taxels hide 0.3 of the log', '0-0.2 in the log'),
+    'weakest': ('of the lines that are often inside', '0.05-0.6 of 4 % of the lines, in half of the frames'),
+    'rings': ('means, of the median in the contact', 'blur of 0-0.9 taxels, 0-15 % of two neighbours'),
+    'cross-talk': ('means 3 taxels and more away, of the median', '0-6 % of the highest of a line'),
+    'noise': ('differences of successive frames', '0-2 % of full scale; 0-20 % of the level cut off'),
+    'hollow': ('enclosed taxels that are not pressed', '30 % of circles, squares, rectangles with room'),
+    'bars': ('second moments; labels of two people', '60 % of the rectangles, 2.2:1 to 30:1')}
 
 
 def groups_of(array: str, data: Path) -> list[Group]:

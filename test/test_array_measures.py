@@ -33,7 +33,7 @@ def test_rims_bars_edges_and_rings_are_counted():
     bar[5] = 20
     found = measure([Group([rim, bar, disc, disc], 255)])
     assert found['hollow: encloses 2 taxels or more'] == '25 %' and found['bars: longer than 3:1'] == '25 %'
-    assert found['touch 0 / 1 / 2 or more edges'] == '75 % / 0.0 % / 25 %'
+    assert found['touch 0 / 1 / 2 or more edges'] == '75 / 0.0 / 25 %'
     assert found['first / second ring around'].endswith('/ 0.0 %')
 
 

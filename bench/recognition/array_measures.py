@@ -105,23 +105,23 @@ def measure(groups: list[Group]) -> dict[str, str]:
     every = np.concatenate([one[np.isfinite(one)] for one in residuals]) if residuals else np.zeros(1)
     lines = [fixed_part(of)[0] for of in (rows, cols)]
     weakest = [min((one.mean() for one in of if len(one) >= OFTEN), default=np.nan) for of in (rows, cols)]
-    share = {place: _percent(np.mean(of)) for place, of in outside.items()}
+    share = {place: float(np.mean(of)) for place, of in outside.items()}
     return {
-        'contacts of 9 taxels or more': f'{len(sizes)}, of {np.median(sizes):.0f} taxels (median)',
-        'touch 0 / 1 / 2 or more edges': ' / '.join(_percent(np.mean(of)) for of in (
-            np.equal(edges, 0), np.equal(edges, 1), np.greater(edges, 1))),
-        'hollow: encloses 2 taxels or more': _percent(hollow / len(sizes)),
-        f'bars: longer than {LONG:g}:1': _percent(bars / len(sizes)),
+        'contacts, median of taxels': f'{len(sizes)}, {np.median(sizes):.0f}',
+        'touch 0 / 1 / 2 or more edges': _percents(
+            np.mean(of) for of in (np.equal(edges, 0), np.equal(edges, 1), np.greater(edges, 1))),
+        'hollow: encloses 2 taxels or more': _percents([hollow / len(sizes)]),
+        f'bars: longer than {LONG:g}:1': _percents([bars / len(sizes)]),
         'readings in a contact, 90 % to 10 %': f'{np.median(whole_range):.1f} : 1',
-        'spread about their neighbours': f'{every.std():.2f} ({len(every)} taxels)',
+        'spread about their neighbours': _number(every.std()),
         'of it gain, stays with the taxel': _number(gain),
         'of it speckle, changes': _number(speckle),
-        'correlation at 1 / 2 / 3 taxels': ' / '.join(_number(alike(residuals, k)) for k in (1, 2, 3)),
+        'correlation at 1 / 2 / 3': ' / '.join(_number(alike(residuals, k)) for k in (1, 2, 3)),
         'gain of rows / columns': ' / '.join(map(_number, lines)),
         'weakest row / column': ' / '.join(_number(np.exp(of)) for of in weakest),
-        'first / second ring around': ' / '.join(share.get(place, '-') for place in ('ring', 'second')),
-        'cross-talk in rows / columns / elsewhere': ' / '.join(
-            share.get(place, '-') for place in ('row', 'column', 'away'))}
+        'first / second ring around': _percents(share.get(place, np.nan) for place in ('ring', 'second')),
+        'cross-talk: row / column / elsewhere': _percents(
+            share.get(place, np.nan) for place in ('row', 'column', 'away'))}
 
 
 def measure_over_time(rest: list[np.ndarray], stamped: dict[float, np.ndarray]) -> dict[str, str]:
@@ -146,9 +146,9 @@ def measure_over_time(rest: list[np.ndarray], stamped: dict[float, np.ndarray]) 
     return {
         'noise at rest [counts of 4095]': f'{np.median(quiet):.2f} (median), {quiet.max():.1f} (largest taxel)',
         'drift as the hand warms up [counts]': f'{np.median((last - first)[first > 0]):.1f}',
-        'noise under load': f'{_percent(np.median(loaded))} of the reading',
+        'noise under load': f'{_percents([np.median(loaded)])} of the reading',
         'growth under a constant weight, from 1 s to its end': f'{np.median(creep):.2f} x ({len(creep)} imprints)',
-        'reads 1 to 2 s after the weight is gone': _percent(np.nanmedian(remains)),
+        'reads 1 to 2 s after the weight is gone': _percents([np.nanmedian(remains)]),
         'sum of the readings': f'weight to the power {slope:.2f}'}
 
 
@@ -160,5 +160,5 @@ def _number(value: float) -> str:
     return f'{value:.2f}'.replace('-0.00', '0.00') if np.isfinite(value) else '-'
 
 
-def _percent(share: float) -> str:
-    return f'{100 * share:.1f} %' if share < 0.1 else f'{100 * share:.0f} %'
+def _percents(shares: Iterable[float]) -> str:
+    return ' / '.join(f'{100 * share:.{int(share < 0.1)}f}' for share in shares) + ' %'
