@@ -2,7 +2,7 @@
 
 >>> import numpy as np
 >>> import tactile_node as tn
->>> contact = tn.find_contact(np.pad(np.full((7, 7), 50e3), 4))       # pascal; the thresholds are those of the nodes
+>>> contact = tn.find_contact(np.pad(np.full((7, 7), 50e3), 4), unit='Pa')  # thresholds are those of the nodes
 >>> tn.Recogniser().recognise(contact).shape.value
 'square'
 >>> round(tn.fit_shape(contact, tn.Shape.SQUARE, pitch=0.004).dimensions[0], 3)                     # metre

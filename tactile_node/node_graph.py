@@ -161,7 +161,7 @@ def _check_names(pads: Sequence[str], namespace: str) -> None:
     for what, name in (('namespace', namespace), *(('pads', pad) for pad in pads)):
         if name and not ROS_NAME.fullmatch(name):  # rclpy refuses it too, with a warning of its own
             raise ConfigurationError(what, expected='letters, digits and underscores, not a digit first, joined by /',
-                                     got=repr(name), remedy='Rename it. Commas separate several pads.')
+                                     got=repr(name), remedy='Rename it.' + ' Commas separate several pads.' * (what == 'pads'))
     if len(set(pads)) != len(pads):
         raise ConfigurationError('pads', expected='a different name for each', got=', '.join(pads),
                                  remedy='Give every pad a different one.')

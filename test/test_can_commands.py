@@ -158,7 +158,7 @@ def test_replay_writes_frames_and_the_fate_of_each_can_frame(tmp_path, capsys):
     assert frames.shape == (77, 64, 64) and frames.dtype == np.float32 and not np.isnan(frames).any()
     printed = capsys.readouterr().out
     assert '77 taxel frames, 77 complete, 0 incomplete' in printed
-    assert '4928 expected, 0 missing; 4928 received: 4928 used' in printed
+    assert '4928 expected, 0 brought no taxels; 4928 received: 4928 used' in printed
 
 
 def test_replay_of_two_pads_writes_two_files(tmp_path):

@@ -185,12 +185,18 @@ def test_a_pause_leaves_out_the_sequence_numbers_of_lost_sweeps(sweeps, tmp_path
     assert [only(sweep(other, at)).sequence for at in (5.0, 5.5)] == [0, 1]
 
 
+def test_one_stamp_far_ahead_costs_that_sweep_and_none_after_it(sweeps):
+    sweep(sweeps, 5.0)
+    assert not frames(sweep(sweeps, 5e6))
+    assert [len(frames(sweep(sweeps, 5 + k * T))) for k in (2, 3)] == [1, 1] and is_balanced(sweeps)
+
+
 def test_sweeps_that_an_adapter_has_held_back_are_late(sweeps):
-    """The burst has stamps of the present; the first sweep that begins a period after another is one of them."""
+    """The burst has stamps of the present; a device begins two sweeps farther apart, also a fast one."""
     for number in range(10):
         sweep(sweeps, number * T)
     burst = [frames(sweep(sweeps, 20 * T + 0.0035 * i, counts=100)) for i in range(5)]
-    after = [frames(sweep(sweeps, (22 + i) * T)) for i in range(3)]
+    after = [frames(sweep(sweeps, 22 * T + 0.85 * T * i)) for i in range(3)]
     assert not any(burst) and all(len(given) == 1 and rows(given[0]) == [10, 10, 10] for given in after)
     assert sweeps.statistics().losses[LossReason.LATE] == 15 and is_balanced(sweeps)
 

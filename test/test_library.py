@@ -51,7 +51,7 @@ def test_what_is_pressed_is_relative_unless_thresholds_are_given():
         assert tn.find_contact(frame, unit=unit).mask.tolist() == [[True, True, False, False]], 'half of the contact'
     assert tn.find_contact(frame, thresholds=tn.PressThresholds(30e3, 20e3)).mask.tolist() == [[False, True, False,
                                                                                                False]]
-    assert not tn.find_contact(frame / 20).contacts, 'below 2 kPa'
+    assert not tn.find_contact(frame / 20, unit='Pa').contacts, 'below 2 kPa'
     assert not tn.find_contact(np.full((2, 2), np.nan), unit=None).contacts
     with pytest.raises(tn.ConfigurationError):
         tn.find_contact(frame, unit='psi')
@@ -104,7 +104,7 @@ def test_a_wrong_argument_is_refused_with_expected_got_and_remedy(wrong):
 def test_odd_arrays_are_taken_as_what_they_are():
     patch = np.s_[4:11, 4:11]
     for frame in (SQUARE.astype(int), SQUARE.astype(np.uint16), SQUARE.tolist(), SQUARE * 1e100):
-        assert tn.find_contact(frame).mask[patch].all() and tn.find_contact(frame).mask.sum() == 49
+        assert tn.find_contact(frame, 'Pa').mask[patch].all() and tn.find_contact(frame, 'Pa').mask.sum() == 49
     assert tn.find_contact((SQUARE > 0).tolist()).mask.sum() == 49
     assert tn.find_contact((SQUARE > 0).astype(int), unit='1').mask.sum() == 49
     masked = tn.find_contact(np.ma.masked_array(SQUARE, mask=np.indices(SQUARE.shape).sum(0) == 8))

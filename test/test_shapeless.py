@@ -57,8 +57,9 @@ def test_a_second_contact_makes_the_first_no_chance(other, gap):
 
 
 LINES = {
-    'row': box(7, 0, 1, 16), 'column': box(0, 5, 16, 1), 'short row': box(7, 3, 1, 9), 'row on the edge': box(0, 0, 1, 16),
-    'diagonal': ROWS == COLS, 'row with two specks': box(7, 0, 1, 16) | box(6, 5, 1, 2),
+    'row': box(7, 0, 1, 16), 'column': box(0, 5, 16, 1), 'short row': box(7, 3, 1, 9),
+    'row on the edge': box(0, 0, 1, 16), 'diagonal': ROWS == COLS,
+    'row with two specks': box(7, 0, 1, 16) | box(6, 5, 1, 2),
 }
 BARS = {
     'oblique': np.rint(ROWS * 0.4 + 3) == COLS, 'flat': np.rint(COLS * 0.3 + 5) == ROWS,

@@ -7,12 +7,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from captured_log import CapturedLog
 from taught_cross import cross, rng_of, write_taught_cross
 
 rclpy = pytest.importorskip('rclpy')
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 
+from tactile_node.errors import InputError  # noqa: E402
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus  # noqa: E402
 from tactile_node.nodes.classifier_node import ClassifierNode  # noqa: E402
 from tactile_node.nodes.processor_node import ProcessorNode  # noqa: E402
@@ -252,3 +254,13 @@ def test_a_taught_shape_is_on_the_topic_by_its_name_with_a_place_and_without_a_p
     assert (pressed.shape.shape, pressed.shape.class_name) == (ContactShape.OTHER, 'cross')
     assert not pressed.shape.fit_valid and np.isnan(pressed.shape.pose.pose.position.x)
     assert pressed.shape.centre_of_pressure.x == pytest.approx(7.5 * PITCH, abs=PITCH)
+
+
+def test_counts_that_a_layout_takes_for_pascal_are_reported_once(pad):
+    counts, touch = (np.pad(peak + np.arange(49.0).reshape(7, 7), 4) for peak in (100, 20e3))
+    with CapturedLog() as log:
+        for frame in (np.zeros_like(counts), counts, counts):
+            assert pad.send(frame).contact.state == Contact.EMPTY
+        facts = log.error_facts
+        assert pad.send(touch).contact.state == Contact.TOUCHED
+    assert len(facts) == 1 and isinstance(facts[0], InputError) and 'layout' in facts[0].remedy

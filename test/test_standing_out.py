@@ -90,6 +90,51 @@ def test_beside_a_stronger_contact_a_weak_one_never_hides_it(gap):
     np.testing.assert_array_equal(pressed & ~weak, strong)
 
 
+@pytest.mark.parametrize('weak', [0.25, 1 / 3, 0.45])
+def test_taxels_of_low_gain_leave_a_contact_whole(weak):
+    """A fifth of the taxels, the corners apart, reads so much of the others."""
+    rng, mask = np.random.default_rng(11), box(4, 3, 7, 9)
+    corners = np.isin(ROWS, (4, 10)) & np.isin(COLS, (3, 11))
+    for _ in range(40):
+        faint = (rng.random(mask.shape) < 0.2) & ~corners
+        faint &= ~np.roll(faint, 1, 0) & ~np.roll(faint, 1, 1)
+        np.testing.assert_array_equal(found(100.0 * mask * np.where(faint, weak, 1.0)), mask)
+
+
+@pytest.mark.parametrize('turn', [np.asarray, np.transpose])
+@pytest.mark.parametrize('rows', [1, 2])
+def test_a_weak_line_tears_no_bar(rows, turn):
+    """A bar across a pad of six columns, one or two lines of which read a third of the others."""
+    bar = np.zeros((14, 6))
+    bar[3:9] = 100.0
+    bar[5:5 + rows] /= 3
+    pattern = PatternExtractor(unit=None).extract(turn(bar) + np.random.default_rng(12).standard_normal(turn(bar).shape))
+    assert pattern.contacts == 1
+    np.testing.assert_array_equal(pattern.mask, turn(bar) > 0)
+
+
+@pytest.mark.parametrize('other', [1.0, 0.7, 0.4])
+@pytest.mark.parametrize('gap', [1, 2, 3])
+def test_contacts_with_taxels_below_a_fifth_of_both_between_them_stay_two(gap, other):
+    one, two = box(4, 1, 6, 5), box(4, 6 + gap, 6, 5)
+    pattern = PatternExtractor().extract(1000.0 * one + 1000 * other * two + 190 * other * box(4, 6, 6, gap)
+                                         + np.random.default_rng(13).standard_normal(one.shape))
+    assert pattern.contacts == 2 and pattern.sizes == (30, 30)
+
+
+@pytest.mark.parametrize('inner', [0.05, 0.19])
+def test_a_hollow_contact_stays_hollow(inner):
+    outer, hole = box(3, 3, 9, 9), box(5, 5, 5, 5)
+    np.testing.assert_array_equal(found(1000.0 * outer * np.where(hole, inner, 1.0)), outer & ~hole)
+
+
+def test_a_weak_taxel_between_stays_pressed_a_little_longer():
+    values, mask = 100.0 * box(4, 4, 6, 6), box(4, 4, 6, 6)
+    for level, first, held in ((18.0, False, True), (24.0, True, True), (15.0, False, False)):
+        values[6, 6] = level
+        assert found(values)[6, 6] == first and found(values, before=mask)[6, 6] == held
+
+
 def test_what_is_pressed_stays_so_a_little_longer():
     values = 100.0 * box(4, 4, 6, 6)
     for level, first, held in ((48.0, False, True), (52.0, True, True), (40.0, False, False)):

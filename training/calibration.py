@@ -15,6 +15,7 @@ from tactile_node.synthetic.seeds import Purpose, generator
 from training.batch import draw_many
 from training.mechanics import DEPTH, ON_OFF_PRESSURE, solution_pool
 from training.model import Model
+from training.real_arrays import draw_real
 from training.samples import LABELS, SMALLEST, UNKNOWN, Samples, joined_samples, samples_from
 from training.segmentation import as_shipped
 
@@ -25,6 +26,7 @@ CLEAN = ((9, 60, 30, 80), (60, 130, 36, 40), (130, 500, 56, 16))  #: areas, pad,
 NEAR = 0.3  #: contacts of sizes within this logarithm count alike
 SOLUTIONS, FRAMES, POSES = 150, 12_000, 3  #: of contact mechanics
 MECHANICS_SEED = 910_000
+REAL, REAL_SEED = 6000, 920_000  #: of real arrays
 PRESSURE, NOISE, DEAD = (0.05, 0.8), 0.01, 0.03  #: of clean contacts by mechanics; tilt and depth as in training
 
 
@@ -37,14 +39,15 @@ class Validation(NamedTuple):
 
 
 def validation(model: Model, on_off: bool, seed: int, folder: Path) -> list[Validation]:
-    """Of our generator and, pressures, of contact mechanics; ``folder`` keeps the solved indenters.
+    """Of our generator and, pressures, of contact mechanics and of real arrays; ``folder`` keeps the solved indenters.
 
     Where an on/off taxel of a contact by mechanics is on depends on thresholds that are not known.
     """
     rng = generator(Purpose.VALIDATION, seed)
     own = joined_samples([draw_many(rng, min(250, 400_000 // pad ** 2), on_off, (low, high), faulty=0.0, pad=pad)
                           for low, high, pad, batches in CLEAN for _ in range(batches)])
-    worlds = [own] if on_off else [own, mechanics_samples(rng, on_off, FRAMES, folder)]
+    worlds = [own] if on_off else [own, mechanics_samples(rng, on_off, FRAMES, folder),
+                                   draw_real(generator(Purpose.VALIDATION, REAL_SEED), REAL, on_off)]
     return [Validation(logits(model, known), known.labels, known.geometry[:, 0]) for known in worlds]
 
 
@@ -80,15 +83,18 @@ def logits(model: Model, samples: Samples) -> np.ndarray:
 
 
 def calibrated(worlds: list[Validation]) -> Calibration:
-    """The temperature of least log-loss; the bias by size at which no world loses more than LOSSES."""
-    own = worlds[0]
+    """The temperature of least log-loss; the bias by size at which no clean world loses more than LOSSES.
+
+    The temperature is that of the hardest world, the last: real arrays, where there are pressures.
+    """
+    hardest = worlds[-1]
 
     def log_loss(log_temperature: float) -> float:
-        scaled = own.known[:, :UNKNOWN] / np.exp(log_temperature)
-        chosen = scaled[np.arange(len(scaled)), own.labels]
+        scaled = hardest.known[:, :UNKNOWN] / np.exp(log_temperature)
+        chosen = scaled[np.arange(len(scaled)), hardest.labels]
         return float((np.logaddexp.reduce(scaled, 1) - chosen).mean())
     temperature = float(np.exp(minimize_scalar(log_loss, bounds=(-1, 2), method='bounded').x))
-    return Calibration(temperature, np.maximum(np.max([_biases(world) for world in worlds], axis=0), LEAST_BIAS))
+    return Calibration(temperature, np.maximum(np.max([_biases(world) for world in worlds[:2]], axis=0), LEAST_BIAS))
 
 
 def _biases(world: Validation) -> np.ndarray:

@@ -13,6 +13,7 @@ from training.forms import ALL, Forms, stored_forms
 from training.hidden import draw_hidden
 from training.mechanics import draw_mechanics, solution_pool
 from training.noise import draw_noise
+from training.real_arrays import draw_real
 from training.samples import SMALLEST, UNKNOWN, Samples, draw, joined_samples, samples_from
 from training.segmentation import pattern_beside
 
@@ -29,7 +30,7 @@ FORMS = {'foreign': 4000, 'blemish': 1600}
 FORMS_SEED = 700_000
 KIND_SEED = {'on_off': 500_000, 'graded': 600_000}
 FIRST = {'bulk': 0, 'large': 10_000, 'faulty': 20_000, 'foreign': 40_000, 'blemish': 50_000, 'noise': 60_000,
-         'mechanics': 70_000, 'hidden': 80_000}  #: seeds of a kind's parts start here
+         'mechanics': 70_000, 'hidden': 80_000, 'real': 90_000}  #: seeds of a kind's parts start here
 PART = 10_000  #: samples of a part, about
 
 
@@ -37,7 +38,7 @@ class Part(NamedTuple):
     """One file of samples.
 
     ``pool``: bulk, large (30 to 4,300 taxels), faulty (one or two faults each), foreign and blemish (figures of
-    forms.py), noise, mechanics (computed contacts), hidden (seen in part).
+    forms.py), noise, mechanics (computed contacts), hidden (seen in part), real (as real arrays show them).
     """
 
     kind: str
@@ -61,6 +62,8 @@ class Part(NamedTuple):
             return joined_samples(draw_noise(rng, PART // 40, on_off) for _ in range(40))
         if self.pool == 'hidden':
             return draw_hidden(rng, PART, on_off)
+        if self.pool == 'real':
+            return draw_real(rng, PART, on_off, forms_of(folder, 'foreign'))
         return draw(rng, PART, on_off, faulty=1.0, outliers=0.0)
 
 

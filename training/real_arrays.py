@@ -19,10 +19,10 @@ from training.samples import LABELS, SMALLEST, UNKNOWN, Samples, samples_from
 from training.segmentation import pattern_beside
 
 PADS = ((13, 6), (14, 6), (8, 8), (16, 16), (12, 32), (28, 50))  #: rows and columns
-FINER = 4                 #: points a taxel's side at which coverage is counted
+FINER = 3                 #: points a taxel's side at which coverage is counted
 CIRCLE, SQUARE, RECTANGLE, RIGHT, ISOSCELES = range(UNKNOWN)
-SHARES = (0.2, 0.14, 0.22, 0.09, 0.09, 0.26)  #: of the labels drawn; what is not decided is drawn again
-LEAST = (9.0, 14.0, 9.0, 25.0, 25.0, 14.0)  #: areas by label [taxels]
+SHARES = (0.24, 0.1, 0.2, 0.07, 0.07, 0.32)  #: of the labels drawn; what is not decided is drawn again
+LEAST = (8.0, 25.0, 9.0, 30.0, 30.0, 14.0)  #: areas by label [taxels]
 MOST = 500.0
 OF_PAD = 0.6              #: of the pad's area at most
 SEEN_WHOLE = {CIRCLE: 0.65, SQUARE: 0.9, RIGHT: 0.93, ISOSCELES: 0.93, UNKNOWN: 0.5}  #: least share on the pad
@@ -30,7 +30,8 @@ SLIMMEST, STOUTEST = 30.0, 1.4  #: length to width of a bar; of what is seen of 
 THINNEST = 1.7            #: width of a bar [pitches]
 BARE = 0.8                #: of a bar of equal second moments, the share that a foreign figure covers at most
 HOLLOW = 0.3               #: share of circles, squares and rectangles
-DOMES = (0.6, 0.1, 0.4, 0.1, 0.1, 0.3)  #: shares of contacts that are round on top, by label
+DOMES = (0.65, 0.0, 0.5, 0.0, 0.0, 0.4)  #: shares of contacts that are round on top, by label
+BALL, CYLINDER = 0.32, 2.2  #: stretch of a ball's contact on a curved finger (log); least ratio of a lying cylinder's
 THINNEST_WALL = 1.3       #: of a rim [pitches]
 OVERLAP = 0.8             #: with the best of the five shapes, of foreign figures at most
 
@@ -43,9 +44,10 @@ class Touch(NamedTuple):
     label: int
 
 
-def draw_real(rng: np.random.Generator, count: int, on_off: bool, foreign: Forms) -> Samples:
-    """Draw ``count`` samples; ``foreign``: figures of which those unlike the five shapes are used."""
-    unlike = foreign.chosen((foreign.labels == UNKNOWN) & (foreign.overlaps.max(1) < OVERLAP))
+def draw_real(rng: np.random.Generator, count: int, on_off: bool, foreign: Forms | None = None) -> Samples:
+    """Draw ``count`` samples; ``foreign``: figures of which those unlike the five shapes are used; None: known ones."""
+    unlike = None if foreign is None else foreign.chosen(
+        (foreign.labels == UNKNOWN) & (foreign.overlaps.max(1) < OVERLAP))
     found: list[tuple[ContactPattern, np.ndarray, int]] = []
     while len(found) < count:
         touch = random_touch(rng, unlike)
@@ -59,9 +61,11 @@ def draw_real(rng: np.random.Generator, count: int, on_off: bool, foreign: Forms
     return samples_from(found)
 
 
-def random_touch(rng: np.random.Generator, unlike: Forms) -> Touch | None:
+def random_touch(rng: np.random.Generator, unlike: Forms | None) -> Touch | None:
     """Draw a contact somewhere on a pad; None where what is seen of it does not decide its class."""
     label = int(rng.choice(len(SHARES), p=SHARES))
+    if label == UNKNOWN and unlike is None:
+        return None
     rows, cols = PADS[rng.integers(len(PADS))]
     most = min(MOST, OF_PAD * rows * cols)
     area = float(np.exp(rng.uniform(np.log(LEAST[label]), np.log(most))))
@@ -74,7 +78,7 @@ def random_touch(rng: np.random.Generator, unlike: Forms) -> Touch | None:
     u = (x - x0) * np.cos(angle) + (y - y0) * np.sin(angle)
     v = (y - y0) * np.cos(angle) - (x - x0) * np.sin(angle)
     depth = _depth(rng, label, u, v, area, max(rows, cols), unlike)
-    pressure = _profile(rng, label, depth, u, v, area)
+    pressure = _profile(rng, label, depth, u, v)
     inner = slice(margin * FINER, -margin * FINER), slice(margin * FINER, -margin * FINER)
     if not _is_decided(label, depth >= 0, inner, u, v):
         return None
@@ -120,10 +124,10 @@ def _taxels(points: np.ndarray) -> np.ndarray:
 
 
 def _depth(rng: np.random.Generator, label: int, u: np.ndarray, v: np.ndarray, area: float, longest: int,
-           unlike: Forms) -> np.ndarray:
+           unlike: Forms | None) -> np.ndarray:
     """Distance from the outline, positive inside, about exact near it."""
     if label == CIRCLE:
-        stretch = np.exp(rng.uniform(-0.1, 0.1))
+        stretch = np.exp(rng.uniform(-BALL, BALL) * (area < 60) / 2 + rng.uniform(-0.05, 0.05))
         uneven = 1 + rng.choice((0.0, 0.06)) * np.cos(rng.integers(2, 6) * np.arctan2(v, u) + rng.uniform(0, 6))
         return np.sqrt(area / np.pi) * uneven - np.hypot(u * stretch, v / stretch)
     if label in (SQUARE, RECTANGLE):
@@ -135,6 +139,7 @@ def _depth(rng: np.random.Generator, label: int, u: np.ndarray, v: np.ndarray, a
     if label != UNKNOWN:
         contact = random_contact(rng, LABELS[label], area, rows=1, cols=1)
         return contact.depth(u + contact.x, v + contact.y)
+    assert unlike is not None  # random_touch draws no foreign contact without them
     return _foreign_depth(rng, u, v, area, longest, unlike)
 
 
@@ -152,17 +157,21 @@ def _sides(rng: np.random.Generator, label: int, area: float, longest: int) -> t
 def _foreign_depth(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, area: float, longest: int,
                    unlike: Forms) -> np.ndarray:
     kind = rng.random()
-    if kind < 0.45:
+    if kind < 0.3:
         k, unit = rng.integers(len(unlike.labels)), np.sqrt(area)
         col, row = (unlike.middle[k][axis] + of / unit / unlike.cell[k] for axis, of in ((0, u), (1, v)))
         near = ndimage.map_coordinates(unlike.distance[k].astype(float), (row, col), order=1, cval=-127)
         return near / DISTANCE_STEPS * unit
     width = max(THINNEST, rng.uniform(0.12, 0.4) * np.sqrt(area))
-    if kind < 0.7:
+    if kind < 0.5:
         return _hook(rng, u, v, width, longest)
-    if kind < 0.85:
+    if kind < 0.65:
         return _bow(rng, u, v, width)
-    ratio = rng.uniform(1.5, 2.4)  # an oval
+    if kind < 0.75:
+        return _stalk(rng, u, v, area)
+    if kind < 0.92:
+        return _parts(rng, u, v, area)
+    ratio = rng.uniform(1.7, 2.4)  # an oval
     a, b = np.sqrt(area * ratio / np.pi), np.sqrt(area / ratio / np.pi)
     return (1 - np.hypot(u / a, v / b)) * b
 
@@ -180,11 +189,36 @@ def _hook(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, width: float, 
 
 
 def _bow(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, width: float) -> np.ndarray:
-    """A bent bar: a part of a ring, of at most three fifths of it."""
-    half, radius = rng.uniform(0.5, 1.9), rng.uniform(1.6, 5) * width
-    angle = np.arctan2(v, u + radius * 0.6)
-    away = np.abs(np.hypot(u + radius * 0.6, v) - radius)
+    """A bent bar: a part of a ring, of at most three fifths of it, its middle off its chord by its width or more."""
+    radius = np.exp(rng.uniform(np.log(1.6), np.log(16))) * width
+    half = rng.uniform(np.arccos(1 - 0.8 * width / radius), 1.9)
+    middle = radius * np.sinc(half / np.pi)
+    angle = np.arctan2(v, u + middle)
+    away = np.abs(np.hypot(u + middle, v) - radius)
     return np.minimum(width / 2 - away, (half - np.abs(angle)) * radius)
+
+
+def _stalk(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, area: float) -> np.ndarray:
+    """A round or oval blob with a bar that leaves it."""
+    radius, stretch = 0.45 * np.sqrt(area), np.exp(rng.uniform(0, 0.4))
+    blob = radius - np.hypot(u * stretch, v / stretch)
+    away = radius * rng.uniform(1.8, 4) * np.exp(1j * rng.uniform(0, 2 * np.pi))
+    return np.maximum(blob, _bar(u, v, np.zeros(2), np.array((away.real, away.imag)), radius * rng.uniform(0.4, 1)))
+
+
+def _parts(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, area: float) -> np.ndarray:
+    """Two to five ovals or bars near each other: a rock, the jaws of a tool."""
+    count = int(rng.integers(2, 6))
+    size, place, parts = np.sqrt(area / count), np.zeros(2), []
+    for _ in range(count):
+        turn = rng.uniform(0, np.pi)
+        x, y = u - place[0], v - place[1]
+        along, across = x * np.cos(turn) + y * np.sin(turn), y * np.cos(turn) - x * np.sin(turn)
+        ratio, part = np.exp(rng.uniform(0, 0.5)), size * rng.uniform(0.6, 1.2)
+        parts.append(part / 2 - np.hypot(along / ratio, across * ratio))
+        angle = rng.uniform(0, 2 * np.pi)
+        place = place + (1.25 * part + rng.uniform(0.5, 2.5)) * np.array((np.cos(angle), np.sin(angle)))
+    return np.max(parts, axis=0)
 
 
 def _bar(u: np.ndarray, v: np.ndarray, start: np.ndarray, end: np.ndarray, width: float) -> np.ndarray:
@@ -193,22 +227,27 @@ def _bar(u: np.ndarray, v: np.ndarray, start: np.ndarray, end: np.ndarray, width
     return width / 2 - np.hypot(u - start[0] - along * du, v - start[1] - along * dv)
 
 
-def _profile(rng: np.random.Generator, label: int, depth: np.ndarray, u: np.ndarray, v: np.ndarray,
-             area: float) -> np.ndarray:
+def _profile(rng: np.random.Generator, label: int, depth: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Pressure at each point: flat, round on top, higher at the rim, or of a hollow object's rim alone; tilted."""
     inside, deepest = depth >= 0, max(float(depth.max()), 1e-3)
     share = np.clip(depth / deepest, 0, 1)
     if label in (CIRCLE, SQUARE, RECTANGLE) and deepest > 2 * THINNEST_WALL and rng.random() < HOLLOW:
         wall = rng.uniform(THINNEST_WALL, max(THINNEST_WALL + 0.1, 0.6 * deepest))
         pressure = inside * np.where(depth <= wall, 1.0, rng.choice((0.0, rng.uniform(0, 0.3))))
-    elif rng.random() < DOMES[label]:
+    elif rng.random() < DOMES[label] and (label != RECTANGLE or _fits_lengthwise(inside, deepest)):
         pressure = np.sqrt(np.clip(1 - (1 - share) ** 2, 0, 1)) * inside  # of a ball or a lying cylinder
     else:
         pressure = inside * (1 + rng.uniform(-0.3, 0.6) * (1 - share) ** 2)
-    towards, tilt = rng.uniform(0, 2 * np.pi), rng.uniform(0, 0.7) * (rng.random() < 0.7)
-    rise = (np.cos(towards) * u + np.sin(towards) * v) * tilt / max(np.sqrt(area), 2 * np.abs(u[inside]).std())
-    found: np.ndarray = pressure * np.clip(1 + rise, 0.15, 2)
+    towards, tilt = rng.uniform(0, 2 * np.pi), rng.uniform(0, 1.2) * (rng.random() < 0.7)
+    towards = towards if label != RECTANGLE or rng.random() < 0.5 else 0.0  # a bar is often held at one end
+    rise = np.cos(towards) * u + np.sin(towards) * v
+    found: np.ndarray = pressure * np.exp(tilt * rise / max(2 * float(rise[inside].std()), 0.5))
     return found
+
+
+def _fits_lengthwise(inside: np.ndarray, deepest: float) -> bool:
+    """Whether a bar is slim enough for a cylinder that lies on the pad."""
+    return bool(inside.sum() / FINER ** 2 > CYLINDER * (2 * deepest) ** 2)
 
 
 def _is_decided(label: int, inside: np.ndarray, pad: tuple[slice, slice], u: np.ndarray, v: np.ndarray) -> bool:
@@ -234,4 +273,4 @@ def _fill(u: np.ndarray, v: np.ndarray) -> float:
 def _is_oval(u: np.ndarray, v: np.ndarray) -> bool:
     """Whether they fill an ellipse that no one takes for a bar: a bar has a fill of 1, an ellipse of pi / 3."""
     low, high = np.linalg.eigvalsh(np.cov(u, v))
-    return bool(_fill(u, v) > 1.02 and 1.45 < np.sqrt(high / low) < 2.6)
+    return bool(_fill(u, v) > 1.02 and 1.6 < np.sqrt(high / low) < 2.6)

@@ -5,6 +5,7 @@ bound the training, so that a run can be repeated: same seed, same machine, same
 """
 
 import argparse
+import copy
 import json
 import multiprocessing
 import os
@@ -32,9 +33,9 @@ from training.samples import UNKNOWN, Samples
 
 #: of each pool: parts of about 10,000 samples, and samples in a batch
 PARTS = {'bulk': 28, 'large': 12, 'faulty': 22, 'foreign': 16, 'blemish': 7, 'mechanics': 14, 'noise': 3,
-         'hidden': 12}
+         'hidden': 12, 'real': 20}
 MIX = {'bulk': 150, 'large': 60, 'faulty': 130, 'foreign': 112, 'blemish': 40, 'mechanics': 70, 'noise': 12,
-       'hidden': 50}
+       'hidden': 50, 'real': 200}
 SHARED = *FORMS, 'indenters', 'indenters of validation'  #: what both networks are trained on, drawn first
 STEPS = 16_000
 FOREIGN_WEIGHT = 0.5
@@ -57,16 +58,20 @@ def loss_of(found: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
     return functional.cross_entropy(found[known, :UNKNOWN], labels[known]) + FOREIGN_WEIGHT * foreign
 
 
-def fit(pools: dict[str, Samples], steps: int, seed: int, progress: Callable[[int, float], None]) -> Model:
-    """AdamW with a rate falling like a cosine; returns the running average of the weights."""
+def fit(pools: dict[str, Samples], steps: int, seed: int, progress: Callable[[int, float], None],
+        start: Model | None = None) -> Model:
+    """AdamW with a rate falling like a cosine; returns the running average of the weights.
+
+    ``start``: a trained network to continue from, at half of the rate.
+    """
     geometry = np.concatenate([pool.geometry[:5000] for pool in pools.values()])
     torch.manual_seed(seed)
-    model, average = (Model(geometry.mean(0), geometry.std(0) + 1e-3).to(memory_format=torch.channels_last)
-                      for _ in range(2))
-    average.load_state_dict(model.state_dict())
-    optimiser = torch.optim.AdamW(model.parameters(), RATE, weight_decay=DECAY)
+    model = start or Model(geometry.mean(0), geometry.std(0) + 1e-3)
+    model, average = (each.to(memory_format=torch.channels_last) for each in (model, copy.deepcopy(model)))
+    rate = RATE / 2 if start else RATE
+    optimiser = torch.optim.AdamW(model.parameters(), rate, weight_decay=DECAY)
     for step, (images, geometry, labels) in zip(range(steps), batches(pools, np.random.default_rng(seed))):
-        now = RATE * min(1, (step + 1) / 300) * (0.5 + 0.5 * np.cos(np.pi * step / steps) + 0.005)
+        now = rate * min(1, (step + 1) / 300) * (0.5 + 0.5 * np.cos(np.pi * step / steps) + 0.005)
         optimiser.param_groups[0]['lr'] = now
         loss = loss_of(model(images.contiguous(memory_format=torch.channels_last), geometry), labels)
         optimiser.zero_grad()
@@ -107,7 +112,8 @@ def _fitted(pools: dict[str, Samples], kind: str, args: argparse.Namespace, prog
     """Train, or read what a run before has trained on the samples of this folder: calibration can be repeated."""
     path = args.samples / f'{kind}_{args.steps}_{args.seed}_{args.share:g}.pt'
     if not path.exists():
-        torch.save(fit(pools, args.steps, args.seed, progress), path)
+        start = Model.from_arrays(dict(np.load(args.start)), kind) if args.start else None
+        torch.save(fit(pools, args.steps, args.seed, progress, start), path)
     return torch.load(path, weights_only=False)
 
 
@@ -127,10 +133,13 @@ def main() -> int:
     claim(args.samples)
     with ProcessPoolExecutor(args.jobs, multiprocessing.get_context('spawn')) as jobs:
         drawn = dict(zip(SHARED, jobs.map(_shared, SHARED, [args.samples] * len(SHARED))))
-        found = list(jobs.map(trained, KINDS, [args] * len(KINDS)))
+        found = list(jobs.map(trained, args.kinds, [args] * len(args.kinds)))
+    arrays = dict(np.load(args.start)) if args.start else {}
     about = {'code': _code(), 'seed': args.seed, 'steps': args.steps, 'figures and indenters': drawn,
-             'samples': {kind: counts for kind, (_, counts) in zip(KINDS, found)}, 'mix': MIX}
-    arrays = {name: array for of_kind, _ in found for name, array in of_kind.items()}
+             'samples': {kind: counts for kind, (_, counts) in zip(args.kinds, found)}, 'mix': MIX}
+    if args.start:
+        about['continues'] = json.loads(str(arrays.pop('about')))
+    arrays |= {name: array for of_kind, _ in found for name, array in of_kind.items()}
     np.savez_compressed(args.output, **arrays, about=np.array(json.dumps(about)))
     print(f'{args.output}: {args.output.stat().st_size / 1e6:.2f} MB, {json.dumps(about)}')
     return 0
@@ -155,6 +164,8 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument('--share', type=float, default=1.0, help='of the samples, for a short trial')
     parser.add_argument('--jobs', type=int, default=1, help='2: train both networks at the same time')
     parser.add_argument('--seed', type=int, default=1)
+    parser.add_argument('--start', type=Path, help='weights to continue from, in place of random ones')
+    parser.add_argument('--kinds', nargs='+', choices=KINDS, default=KINDS, help='others stay as in --start')
     return parser.parse_args()
 
 

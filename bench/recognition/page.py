@@ -20,7 +20,7 @@ BEYOND = '#c8c8c8'
 PANEL, BETWEEN, WORDS, BELOW = 2.0, 0.18, 0.88, 0.55  #: side, gap, room above a panel, and below all [inch]
 AROUND = 3  #: taxels around a contact that are shown
 KIND = {True: 'on/off', False: 'pressures'}
-GENERATED = '<!-- Written by bench/bench_recognition.py; not to be edited. -->\n'
+GENERATED = '<!-- Written by {}; not to be edited. -->\n'
 
 
 class Table:
@@ -60,8 +60,9 @@ def write_csv(path: Path, results: list[Result]) -> None:
                                  rate.count, f'{rate.value:.5f}', *(f'{bound:.5f}' for bound in rate.interval)])
 
 
-def write_page(path: Path, title: str, tables: list[Table], pictures: list[tuple[str, str]]) -> None:
-    text = [GENERATED, f'# {title}\n', *(table.markdown() for table in tables)]
+def write_page(path: Path, title: str, tables: list[Table], pictures: list[tuple[str, str]],
+               script: str = 'bench/bench_recognition.py') -> None:
+    text = [GENERATED.format(script), f'# {title}\n', *(table.markdown() for table in tables)]
     text += [f'## {caption}\n\n![{caption}]({file})\n' for file, caption in pictures]
     path.write_text('\n'.join(text), encoding='utf-8')
 

@@ -59,14 +59,19 @@ def read_frames(array: str, data: Path, names: list[str]) -> Iterator[np.ndarray
 
 def peak_frame(path: Path, pad: int) -> np.ndarray:
     """Return the frame of a `.dsa` recording in which a pad reads most in all, (rows, cols) [counts]."""
-    text = bz2.decompress(path.read_bytes()).decode()
-    first = sum(rows * cols for rows, cols in PADS[:pad])
-    rows, cols = PADS[pad]
-    frames = [frame for frame in map(_unpacked, re.findall(r'<frame_data>\s*([0-9A-Fa-f\s]+?)\s*</frame_data>', text))
-              if len(frame) == sum(rows * cols for rows, cols in PADS)]
-    of_pad = np.array(frames)[:, first:first + rows * cols].reshape(-1, rows, cols)
+    of_pad = read_hand(path)[pad]
     found: np.ndarray = of_pad[of_pad.sum((1, 2)).argmax()]
     return found
+
+
+def read_hand(path: Path) -> list[np.ndarray]:
+    """Return all frames of a `.dsa` recording, (K, rows, cols) of each of PADS [counts]."""
+    text = bz2.decompress(path.read_bytes()).decode()
+    ends = np.cumsum([rows * cols for rows, cols in PADS])
+    frames = [frame for frame in map(_unpacked, re.findall(r'<frame_data>\s*([0-9A-Fa-f\s]+?)\s*</frame_data>', text))
+              if len(frame) == ends[-1]]
+    parts = np.split(np.array(frames), ends[:-1], axis=1)
+    return [part.reshape(-1, *pad) for part, pad in zip(parts, PADS)]
 
 
 def _unpacked(packed: str) -> list[float]:

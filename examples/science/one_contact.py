@@ -46,7 +46,7 @@ frame[6, 6] = np.nan
 # What stands out of the noise, up to half of the contact's own level. A dead taxel that the contact encloses belongs to
 # it.
 
-contact = tn.find_contact(frame)
+contact = tn.find_contact(frame, unit='Pa')
 print(int(contact.mask.sum()), 'taxels are pressed; the whole pad was seen:', contact.pad_seen)
 
 # %%

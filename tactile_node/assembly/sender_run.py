@@ -75,7 +75,7 @@ class SenderRun:
         """Count the runs that may still come before this period's own."""
         self._was_silent = not before.is_seen
         is_behind = before._behind > 0 and (before._ended_suspect or not before.is_seen)
-        suspect_periods = 0 if before._is_catching_up else before._suspect_periods + before._ended_suspect
+        suspect_periods = before._suspect_periods + (before._ended_suspect and not before._is_catching_up)
         if suspect_periods >= self._catch_up:
             is_behind = False
         self._suspect_periods = suspect_periods if is_behind else 0

@@ -12,7 +12,7 @@ Rules
  4. Its stamp is that of its first TPDO received: later than the scan by the time that the device takes to send it,
     and by ``sweep_time`` at most where its first TPDOs are lost.
  5. With an event timer, a pause is counted in ``sequence`` as the sweeps that should have come. After SILENCE of
-    them what comes may have waited in an adapter: it is LATE until a run begins a period after the one before.
+    them what comes may have waited in an adapter: it is LATE until a run begins more than ``sweep_time`` after the one before.
 
 Two sweeps are never mixed while each takes less than ``sweep_time`` from its beginning to its last stamp: the first
 TPDO received is then stamped at most ``sweep_time`` after the sweep began, the run ends ``sweep_time`` later, and twice
@@ -34,7 +34,6 @@ from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.taxel_codec import TaxelCodec
 
 SILENCE = 5  #: event timers without a TPDO: of a working device more than lost ones
-LEAST_PERIOD = 0.9  #: of a period, between the beginnings of two runs that did not wait
 
 
 class SweepAssembler:
@@ -127,8 +126,8 @@ class SweepAssembler:
         if timer and self._first is not None:
             pause = stamp - self._first
             steps = max(1, int(pause / timer + 0.5))
-            is_on_time = LEAST_PERIOD * self._event.period <= pause
-            self._is_held_back = not is_on_time if self._is_held_back else pause > SILENCE * timer
+            is_backlog = 0 <= pause <= self._event.sweep_time  # no device begins two sweeps so soon
+            self._is_held_back = is_backlog if self._is_held_back else pause > SILENCE * timer
         self._sequence += steps
         self._first = stamp
         self._words = bytearray(MAX_PDO_BYTES * self._size)

@@ -35,7 +35,7 @@ _REMEDIES = {
 def open_bus(interface: str, channel: str, bitrate: int, options: Mapping[str, Any]) -> can.BusABC:
     """Open a python-can bus. Raises BusError; ConfigurationError for an interface that python-can has not."""
     if interface not in can.VALID_INTERFACES:
-        close = get_close_matches(interface, can.VALID_INTERFACES, n=1)
+        close = get_close_matches(interface.lower(), can.VALID_INTERFACES, n=1)
         raise ConfigurationError('CAN interface', expected=f'one of {", ".join(sorted(can.VALID_INTERFACES))}',
                                  got=repr(interface),
                                  remedy=f'Did you mean "{close[0]}"?' if close else 'Name one of these.')

@@ -11,12 +11,12 @@ from tactile_node.cli.frame_file import TaxelFrames
 from tactile_node.cli.frame_patterns import files, patterns, taxels_known, thresholds
 from tactile_node.cli.progress import followed
 from tactile_node.cli.records import KNOWN, Record, prints, write_records
-from tactile_node.contact.pattern import ContactPattern
+from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.errors import InputError
 from tactile_node.geometry.outlines import OUTLINES
 from tactile_node.library.arguments import known_response
 from tactile_node.library.contacts import Recogniser, contact_box, fit_shape, recognised
-from tactile_node.library.stream import ContactStream
+from tactile_node.library.stream import ContactFollower
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.pitch import check_pitch
 from tactile_node.shape.method_names import LEARNED, VOLF
@@ -51,10 +51,10 @@ def _fused(path: str, found: TaxelFrames, recogniser: Recogniser, args: argparse
     """Each frame with those before it."""
     pitch, response = _geometry(found, args)
     stamps = _stamps(path, found, args)
-    stream = ContactStream(recogniser, pitch=pitch or 1.0, unit=found.unit, thresholds=thresholds(args),
-                           response=response)
+    extractor = PatternExtractor(thresholds(args), unit=found.unit)
+    follower = ContactFollower(recogniser, extractor, pitch or 1.0, response=response)
     for k, frame in enumerate(followed(found.values, path, len(found.values), prints=prints(args))):
-        contact, _, fused, fit = stream.update(frame, float(stamps[k]), **taxels_known(found, k))
+        contact, _, fused, fit = follower.follow(frame, float(stamps[k]), **taxels_known(found, k))
         yield {'file': path, 'frame': k, **found.known_of(k), **fused.recognition.as_json(), **_counted(contact),
                'held': fused.held, 'fused_frames': fused.frames, **(_as_json(fit) if pitch and fit else {}),
                **_boxed(contact, pitch)}

@@ -66,7 +66,7 @@ def _conclude(folder: Path, session, verdicts: list) -> int:
     if len(verdicts) < session.touches:
         missing.append(f'{session.touches - len(verdicts)} of {session.touches} touches on the shape topic')
     if missing:
-        print(f'Missing: {", ".join(missing)}.')
+        print(f'Missing: {", ".join(missing)}. On a busy machine shapes are left out: try it again when it is idle.')
         return 1
     print(f'In {folder}/: ' + ', '.join(MADE) + f' ({session.bag.messages} messages in the bag).')
     return 0

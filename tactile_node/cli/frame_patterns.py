@@ -1,6 +1,7 @@
 """What `features` and `classify` share: the frames of their inputs and the contact pattern of each."""
 
 import argparse
+import sys
 from collections.abc import Iterator
 
 import numpy as np
@@ -11,6 +12,7 @@ from tactile_node.cli.progress import followed
 from tactile_node.cli.records import prints
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.contact.press import PRESS_FRACTION, PressThresholds
+from tactile_node.contact.scale import UnitScale
 from tactile_node.errors import InputError
 from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.library.arguments import check_values
@@ -30,13 +32,14 @@ def files(args: argparse.Namespace) -> Iterator[tuple[str, TaxelFrames]]:
         found = found._replace(unit=args.unit or found.unit)
         if thresholds(args) is None and found.values.size:
             check_values(found.values, found.unit)
+            if error := next(filter(None, map(UnitScale(found.unit, most=1.0).doubt, found.values)), None):
+                print(f'tactile: warning: {path}: {error}', file=sys.stderr)
         yield path, found
 
 
 def patterns(path: str, found: TaxelFrames, args: argparse.Namespace, *, largest: bool) -> Iterator[ContactPattern]:
     """Yield the contact pattern of each frame; of a bool frame, all active taxels unless ``largest``."""
-    fixed = thresholds(args)
-    extractor = PatternExtractor(fixed, unit=found.unit if fixed is None else None, largest=largest)
+    extractor = PatternExtractor(thresholds(args), unit=found.unit, largest=largest)
     for k, frame in enumerate(followed(found.values, path, len(found.values), prints=prints(args))):
         yield extractor.extract(frame, **taxels_known(found, k))
 

@@ -21,6 +21,24 @@ def grown(mask: np.ndarray) -> np.ndarray:
     return around
 
 
+def enclosed(mask: np.ndarray) -> np.ndarray:
+    """Return the taxels with ``mask``, bool (rows, cols), on both sides in their row or column, 2 taxels away or less.
+
+    >>> enclosed(np.array([[True, False, False, True, False, False, False, True]]))[0].nonzero()[0].tolist()
+    [1, 2, 5]
+    """
+    between: np.ndarray = _enclosed_along_rows(mask) | _enclosed_along_rows(mask.T).T
+    return between
+
+
+def _enclosed_along_rows(mask: np.ndarray) -> np.ndarray:
+    rows, cols = mask.shape
+    wide = np.zeros((rows, cols + 4), bool)
+    wide[:, 2:-2] = mask
+    between: np.ndarray = (wide[:, :-4] | wide[:, 1:-3]) & (wide[:, 3:-1] | wide[:, 4:])
+    return between
+
+
 def touches_edge(mask: np.ndarray) -> bool:
     """Return whether a taxel of ``mask``, bool (rows, cols), is in the first or last row or column.
 

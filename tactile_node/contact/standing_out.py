@@ -2,7 +2,8 @@
 
 Grips are light: a fixed fraction of the full scale misses most of them. Under a flat indenter the normal stress in the
 skin is half of the indenter's pressure at its edge, at any depth (Boussinesq, a loaded half-plane), so a contact's
-outline is where its taxels read half of what they read inside.
+outline is where its taxels read half of what they read inside. Taxels differ in gain and real objects press unevenly:
+what reads less between pressed taxels is pressed, too, while it is more than the skin's response.
 """
 
 from typing import NamedTuple
@@ -10,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from tactile_node.contact.neighbours import grown, highest_near
+from tactile_node.contact.neighbours import enclosed, grown, highest_near
 from tactile_node.contact.seen import EIGHT_CONNECTED
 
 OUTLINE = 0.5      #: of the local level
@@ -20,6 +21,7 @@ ALONE = 6.0        #: standard deviations of a group of fewer than GROUP taxels:
 GROUP = 4          #: taxels at NOISE that noise does not make (once in 20,000 frames of 256 taxels)
 HALO = 0.25        #: of the highest reading within REACH taxels: less is the skin's response beside a contact
 REACH = 3
+BETWEEN = 0.2      #: of the highest level within REACH taxels: less between pressed ones parts two contacts
 PLANE_FROM = 12    #: taxels that show a tilt
 STEEPEST = 0.5     #: the plane of the local level changes by at most so much of its mean
 
@@ -55,16 +57,20 @@ def _box(taxels: np.ndarray) -> tuple[slice, slice]:
 
 
 def _pressed(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray, strong: np.ndarray) -> np.ndarray:
-    candidates = candidates & (raised >= HALO * highest_near(raised, REACH))
-    pressed = _outlined(raised, candidates, ease)
-    rest = candidates & ~grown(pressed)
+    near = candidates & (raised >= HALO * highest_near(raised, REACH))
+    level = _outlined(raised, near, ease)
+    rest = near & ~grown(level > 0)
     if np.count_nonzero(rest) >= GROUP:  # beside a stronger contact, joined to it by the skin's response
-        pressed |= _outlined(raised, rest, ease)
+        level = np.maximum(level, _outlined(raised, rest, ease))
+    pressed = level > 0
+    weak = candidates & ~pressed & enclosed(pressed)
+    if np.count_nonzero(weak):
+        pressed |= weak & (raised >= BETWEEN * ease * highest_near(level, REACH))
     return _significant(pressed, raised >= strong)
 
 
 def _outlined(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray) -> np.ndarray:
-    """Return the ``candidates`` at half of the level of their group or more."""
+    """Return the level of their group for the ``candidates`` at half of it or more, 0 for all other taxels."""
     groups, count = ndimage.label(candidates, EIGHT_CONNECTED)
     flat, weight = groups.reshape(-1), raised.reshape(-1)
     sums = np.bincount(flat, weight, count + 1)
@@ -75,8 +81,7 @@ def _outlined(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray) -> n
     sizes = np.bincount(groups[inside], minlength=count + 1)
     for number in (sizes[1:] >= PLANE_FROM).nonzero()[0] + 1:
         _tilted(local, raised, groups == number, inside)
-    outlined: np.ndarray = candidates & (raised >= OUTLINE * ease * local)
-    return outlined
+    return np.where(candidates & (raised >= OUTLINE * ease * local), local, 0.0)
 
 
 def _tilted(local: np.ndarray, raised: np.ndarray, group: np.ndarray, inside: np.ndarray) -> None:

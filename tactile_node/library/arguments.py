@@ -5,9 +5,12 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tactile_node.calibration.response import SkinResponse, load_response
+from tactile_node.contact.pattern import PatternExtractor, as_frame
 from tactile_node.contact.press import PRESS_BY_UNIT, PressThresholds
+from tactile_node.contact.scale import UnitScale
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.shape.recognition import Shape, ShapeClass, TaughtShape
 
@@ -21,8 +24,15 @@ def instance(value: object, kind: type[Kind], name: str, remedy: str) -> Kind:
     return value
 
 
-def given_thresholds(thresholds: object) -> PressThresholds:
-    return instance(thresholds, PressThresholds, 'thresholds', 'Pass PressThresholds(press, release).')
+def extractor_by(unit: str | None, thresholds: object) -> tuple[PatternExtractor, UnitScale]:
+    """Return what finds contacts by ``thresholds``, or where they are None by ``unit``, and what doubts the unit."""
+    if thresholds is None and unit not in (None, '', *PRESS_BY_UNIT):
+        raise ConfigurationError('unit of the taxel values', expected=f'one of {", ".join(PRESS_BY_UNIT)}',
+                                 got=repr(unit), remedy='Convert the values, or pass thresholds in their unit.')
+    if thresholds is None:
+        return PatternExtractor(unit=unit or None), UnitScale(unit)
+    known = instance(thresholds, PressThresholds, 'thresholds', 'Pass PressThresholds(press, release).')
+    return PatternExtractor(known), UnitScale(None)
 
 
 def known_response(response: object, unit: str | None = None) -> SkinResponse | None:
@@ -42,12 +52,16 @@ def known_response(response: object, unit: str | None = None) -> SkinResponse | 
     return found
 
 
-def known_unit(unit: object) -> str:
-    """Return ``unit``, which must have thresholds."""
-    if not isinstance(unit, str) or unit not in PRESS_BY_UNIT:
-        raise ConfigurationError('unit of the taxel values', expected=f'one of {", ".join(PRESS_BY_UNIT)}',
-                                 got=repr(unit), remedy='Convert the values, or pass thresholds in their unit.')
-    return unit
+def checked_frame(values: ArrayLike, scale: UnitScale) -> np.ndarray:
+    """Return ``values`` as a frame. Raises InputError where they may be counts, or cannot be of their unit."""
+    frame = as_frame(values)
+    if scale.unit == '' and np.asarray(values).dtype.kind in 'iu':
+        raise InputError('unit', expected='one for integers, which may be counts', got='none',
+                         remedy="Pass unit='Pa', 'N' or '1'; for counts unit=None, or convert them.")
+    check_values(frame, scale.unit)
+    if error := scale.doubt(frame):
+        raise error
+    return frame
 
 
 def check_values(frame: np.ndarray, unit: str | None) -> None:

@@ -5,17 +5,10 @@ from pathlib import Path
 from numpy.typing import ArrayLike
 
 from tactile_node.calibration.response import SkinResponse
-from tactile_node.contact.pattern import ContactPattern, PatternExtractor, as_frame
+from tactile_node.contact.pattern import ContactPattern
 from tactile_node.contact.press import PressThresholds
 from tactile_node.helmholtz.features import Features, Group, compute_features
-from tactile_node.library.arguments import (
-    check_values,
-    given_thresholds,
-    instance,
-    known_response,
-    known_shape,
-    known_unit,
-)
+from tactile_node.library.arguments import checked_frame, extractor_by, instance, known_response, known_shape
 from tactile_node.pose import box
 from tactile_node.pose.box import ContactBox
 from tactile_node.pose.contact_fit import fit_contact
@@ -25,7 +18,7 @@ from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.recognition import Recognition, ShapeClass
 
 
-def find_contact(values: ArrayLike, unit: str | None = 'Pa',
+def find_contact(values: ArrayLike, unit: str | None = '',
                  thresholds: PressThresholds | None = None, *, saturated: ArrayLike | None = None,
                  unmapped: ArrayLike | None = None) -> ContactPattern:
     """Return the largest contact of one frame; ``values`` are real numbers or bool, shape (rows, cols).
@@ -34,22 +27,19 @@ def find_contact(values: ArrayLike, unit: str | None = 'Pa',
     seen (`pad_seen`), so that 0 contacts do not mean that it is empty. ``unmapped`` (bool): places without a taxel,
     which hide nothing. ``saturated`` (bool): values that are lower bounds. A bool array is itself the pressed taxels.
     Pressed is what stands out of the noise of the taxels at rest, of which there must be a quarter, up to where it
-    reads half of its contact. ``unit``: 'Pa' (from 2 kPa on), 'N' (from 7 mN) or '1' (on/off). None: an array without
-    a unit; one whose values are 0 and a single other is on/off. ``thresholds`` replace this rule by fixed values.
+    reads half of its contact. ``unit``: 'Pa' (from 2 kPa on), 'N' (from 7 mN) or '1' (on/off). None: no unit, as of
+    counts; values that are 0 and a single other are on/off. '': as None, but integers are refused. ``thresholds``
+    replace this rule by fixed values.
 
     >>> import numpy as np
-    >>> int(find_contact(np.pad(np.full((2, 3), 50e3), 1)).mask.sum())  # taxels pressed together
+    >>> int(find_contact(np.pad(np.full((2, 3), 50e3), 1), 'Pa').mask.sum())  # taxels pressed together
     6
 
-    Raises InputError for another array and for numbers 0 and 1 in pascal, ConfigurationError for another unit.
+    Raises InputError for another array, for integers without a unit and for a contact that is far too low for its unit,
+    as counts are; ConfigurationError for another unit.
     """
-    frame = as_frame(values)
-    if thresholds is None:
-        check_values(frame, unit)
-        extractor = PatternExtractor(unit=unit if unit is None else known_unit(unit))
-    else:
-        extractor = PatternExtractor(given_thresholds(thresholds))
-    return extractor.extract(frame, saturated=saturated, unmapped=unmapped)
+    extractor, scale = extractor_by(unit, thresholds)
+    return extractor.extract(checked_frame(values, scale), saturated=saturated, unmapped=unmapped)
 
 
 def paper_features(contact: ContactPattern, groups: Group = Group.ALL) -> Features:

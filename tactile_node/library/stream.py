@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tactile_node.calibration.response import SkinResponse
-from tactile_node.contact.pattern import ContactPattern, PatternExtractor, as_frame
+from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.contact.press import PressThresholds
 from tactile_node.errors import InputError
 from tactile_node.fusion.recognitions import FusedRecognition, FusionSettings, RecognitionFusion
-from tactile_node.library.arguments import check_values, given_thresholds, instance, known_response, known_unit, seconds
+from tactile_node.library.arguments import checked_frame, extractor_by, instance, known_response, seconds
 from tactile_node.library.contacts import Recogniser, fit_shape, recognised
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.pitch import check_pitch
@@ -30,7 +30,7 @@ class StreamedContact(NamedTuple):
 class ContactFollower:
     """Frame -> contact -> recognition -> fused shape -> fit, without checks: of a pad whose unit and size are known.
 
-    ``response``: frames have already passed its curve.
+    ``response``: frames are readings that its curve turns into pressures.
     """
 
     def __init__(self, recogniser: Recogniser, extractor: PatternExtractor, pitch: float,
@@ -42,6 +42,8 @@ class ContactFollower:
     def follow(self, frame: np.ndarray, stamp: float, *, saturated: ArrayLike | None = None,
                unmapped: ArrayLike | None = None) -> StreamedContact:
         """Take ``frame``, (rows, cols), of time ``stamp`` [s]."""
+        if self._response is not None and frame.dtype != bool:
+            frame = self._response.curve(frame.astype(float))
         contact, recognition = recognised(
             self._recogniser, self._extractor.extract(frame, saturated=saturated, unmapped=unmapped))
         fused = self._fusion.update(stamp, recognition)
@@ -68,21 +70,17 @@ class ContactStream:
     Raises ConfigurationError for another unit or pitch, InputError for an argument of another type.
     """
 
-    def __init__(self, recogniser: Recogniser | None = None, *, pitch: float = 1.0, unit: str | None = 'Pa',
+    def __init__(self, recogniser: Recogniser | None = None, *, pitch: float = 1.0, unit: str | None = '',
                  thresholds: PressThresholds | None = None, fusion: FusionSettings | None = None,
                  response: str | Path | SkinResponse | None = None):
         check_pitch(pitch)
         recogniser = Recogniser() if recogniser is None else recogniser
         fusion = FusionSettings() if fusion is None else fusion
-        self._response = known_response(response, unit if thresholds is None else None)
-        self._unit = unit if thresholds is None else None
-        if thresholds is None:
-            extractor = PatternExtractor(unit=unit if unit is None else known_unit(unit))
-        else:
-            extractor = PatternExtractor(given_thresholds(thresholds))
+        extractor, self._scale = extractor_by(unit, thresholds)
         self._follower = ContactFollower(
             instance(recogniser, Recogniser, 'recogniser', 'Pass Recogniser(method), or None.'), extractor, pitch,
-            instance(fusion, FusionSettings, 'fusion', 'Pass FusionSettings(), or None.'), self._response)
+            instance(fusion, FusionSettings, 'fusion', 'Pass FusionSettings(), or None.'),
+            known_response(response, self._scale.unit))
         self._shape: tuple[int, ...] | None = None
 
     def update(self, values: ArrayLike, stamp: float, *, saturated: ArrayLike | None = None,
@@ -95,11 +93,8 @@ class ContactStream:
         for another array, one of another shape than before, and a stamp that is no time.
         """
         stamp = seconds(stamp)
-        frame = as_frame(values)
-        check_values(frame, self._unit)
+        frame = checked_frame(values, self._scale)
         self._check_shape(frame.shape)
-        if self._response is not None and frame.dtype != bool:
-            frame = self._response.curve(frame.astype(float))
         return self._follower.follow(frame, stamp, saturated=saturated, unmapped=unmapped)
 
     def _check_shape(self, shape: tuple[int, ...]) -> None:

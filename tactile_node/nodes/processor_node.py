@@ -1,5 +1,6 @@
 """Taxel array -> contact pattern, and its features while something subscribes to them, on topics."""
 
+import logging
 import sys
 import time
 from collections.abc import Sequence
@@ -11,6 +12,7 @@ from rclpy.parameter import Parameter
 
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PRESS_BY_UNIT, PressThresholds
+from tactile_node.contact.scale import UnitScale
 from tactile_node.contact.visibility import visibility_of
 from tactile_node.errors import ConfigurationError, TactileError
 from tactile_node.frames.taxel_frame import TaxelStatus
@@ -28,6 +30,8 @@ from tactile_node.ros.parameters import changed, declare, read
 from tactile_node.ros.settings import ProcessorSettings
 from tactile_node.ros.taxel_messages import taxel_values
 from tactile_skin.msg import Contact, ContactFeatures, TaxelArray
+
+logger = logging.getLogger(__name__)
 
 
 class ProcessorNode(Node):
@@ -60,6 +64,7 @@ class ProcessorNode(Node):
         self._settings = settings
         self._groups = groups
         self._extractors = extractors
+        self._scales = {} if press else {unit: UnitScale(unit, most=1.0) for unit in PRESS_BY_UNIT}
 
     def _on_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
         try:
@@ -69,8 +74,12 @@ class ProcessorNode(Node):
         return SetParametersResult(successful=True)
 
     def _on_taxels(self, message: TaxelArray) -> None:
+        values = taxel_values(message)
+        if message.unit in self._scales and (error := self._scales[message.unit].doubt(values)):
+            logger.warning('%s: %s', self._taxels.topic, error, extra={'fact': error})
+            self._scales = {}  # once
         pattern = self._extractors[message.unit].extract(
-            taxel_values(message), saturated=taxels_of(message, TaxelStatus.SATURATED),
+            values, saturated=taxels_of(message, TaxelStatus.SATURATED),
             unmapped=taxels_of(message, TaxelStatus.UNMAPPED))
         visibility = visibility_of(pattern, self._settings.smallest_contact)
         contact = contact_message(message, pattern, visibility, self._settings.smallest_contact)

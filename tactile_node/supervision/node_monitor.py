@@ -120,7 +120,8 @@ class NodeMonitor:
     def detect(self, now: float, is_active: bool, pad: PadStatistics, bus: BusSeen) -> NodeFault:
         """The node's fault now, by its heartbeat, its TPDOs and the SYNCs so far."""
         self._is_overloaded = bus.is_overloaded
-        self._since = max(self._since, bus.ran_again)
+        if self._since <= (self._heartbeats.heard(self.node.node_id) or 0.0):  # one stall excuses a silence, not many
+            self._since = max(self._since, bus.ran_again)
         used = pad.used_by_node[self.node.position]
         if used != self._used:
             self._used = used

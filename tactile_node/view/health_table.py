@@ -25,7 +25,8 @@ class HealthHistory:
         expected = sum(pad.expected for pad in facts.pads)
         if self._facts and expected < self._facts[-1][1]:
             self._facts.clear()  # the driver has been started again: its counters have no past
-        self._facts.append((stamp, expected, facts))
+        if not self._facts or stamp > self._facts[-1][0]:  # of a driver that has ended it stands still
+            self._facts.append((stamp, expected, facts))
         while len(self._facts) > 1 and stamp - self._facts[1][0] >= RECENT:
             self._facts.popleft()
         return self._facts[0][2], stamp - self._facts[0][0]
@@ -41,10 +42,11 @@ def health_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFact
         return '<div class="tactile-note">no status of a bus comes from this source</div>'
     load = 'not known (log)' if math.isnan(facts.load) else f'{facts.load:.0%}'
     if age > OLD_STATUS:  # neither bus nor nodes are known any more
+        load = 'not known'
         facts = facts._replace(failure=f'OLD: nothing newer for {age:.0f} s',
                                pads=tuple(pad._replace(nodes=()) for pad in facts.pads))
     faults = sum(bool(node.fault) for pad in facts.pads for node in pad.nodes)
-    bus = facts.failure or 'no failure' + f', nodes with a fault: {faults}' * bool(faults)
+    bus = facts.failure or (f'nodes with a fault: {faults}' if faults else 'no failure')
     rows = [('bus', escape(bus), bus != 'no failure'), ('bus load', load, False)]
     earlier, span = before or (BusFacts('', 0.0, {}, ()), None)
     rows += [_counted(_words(name), str(count), count - earlier.counts.get(name, 0), span)

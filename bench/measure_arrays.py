@@ -1,0 +1,149 @@
+"""What real arrays do to a contact, as a page: gains, speckle, weak lines, cross-talk, noise, creep, rims, bars.
+
+    python bench/measure_arrays.py --tekscan DIR --weiss DIR --vitac DIR [--output DIR]
+
+DIR: copies of the public repositories TaISLab/CNN-based-Methods-for-Tactile-Object-Recognition,
+peter-kiechle/tactile-sensors and jsheng45/ViTac-Tactile-Sensing; without one, one line says so. The generator's own
+frames (training/real_arrays.py) are measured in the same way, and only they are drawn. Read is what is open: of the
+first two the frames that are labelled. The page is written where --output is given.
+"""
+
+import argparse
+import sys
+from collections import defaultdict
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+
+matplotlib.use('Agg')
+import matplotlib.pyplot as plt
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from bench.recognition.array_measures import Group, measure, measure_over_time
+from bench.recognition.page import COLOURS, Table, write_page
+from bench.recognition.real_frames import PADS, TEKSCAN, WEISS, read_frames, read_hand, read_labels
+from tactile_node.shape.recognition import Shape
+from training.real_arrays import random_touch, read_by
+
+PROFILES = 'pressure_profiles'  #: of peter-kiechle/tactile-sensors
+STAMPED, HEATED = (f'{PROFILES}/{name}' for name in (
+    'calibration_weight_and_temperature/room temperature', 'calibration_noise/temperature-noise.dsa'))
+STAMPED_PAD, WEIGHTS = 1, {'A': 200, 'B': 300, 'C': 400, 'D': 500, 'E': 600, 'F': 700, 'G': 800, 'H': 900}  # [g]
+VITAC, VITAC_PAD, STEP = 'Data', (12, 32), 10  #: every so many frames of it: 0.1 s
+PLACES = {'tekscan': TEKSCAN, 'weiss': WEISS, 'vitac': VITAC}
+DRAWN, SEED = 1500, 20_261_123
+PICTURE, ROWS, COLS = 'real_arrays.png', 3, 8
+
+CONTACTS = ('Tekscan 50x28, 8-bit JPEG: 500 frames of ten objects. Weiss hand, curved fingers of 14x6 and 13x6, '
+            '12 bits, readings below 100 cut off: the frame of most pressure of each pad and grasp. ViTac 12x32, '
+            'soft covers, scaled frame by frame: every tenth frame of presses and slides. Drawn: 1,500 frames of '
+            'training/real_arrays.py, each with gains of its own, which count as speckle.')
+TIME = ('The Weiss hand alone: the other recordings are single frames, or scaled frame by frame. At rest while '
+        'it warms up; under a square stamp of 1.1 cm² with 200 to 900 g. Hysteresis is seen as growth under a '
+        'constant weight, and as what remains after it. The generator draws single frames: nothing of this but '
+        'the noise.')
+METHOD = ('The contact is what `tactile classify` finds without options, with the pieces torn off it, from 9 '
+          'taxels on. Independent speckle has correlations of -0.18 / 0.05 / 0, speckle smoothed by a Gaussian '
+          'of 0.5 taxels -0.04 / 0 / 0, of 0.8 taxels 0.30 / -0.15 / 0. JPEG smooths the Tekscan frames. The '
+          'fixed profile of a curved finger or cover counts as gain; weak taxels in a large contact count as '
+          'hollow (ViTac).')
+HOW = {
+    'readings in a contact': ('quantiles 0.9 and 0.1 of its taxels, median over frames', 'all below, domes and tilt'),
+    'spread': ('standard deviation of the log of a reading less the mean log of the 5 to 8 neighbours in the contact',
+               'all below'),
+    'gain, speckle': ('one-way variances: between taxels, and within a taxel over 8 frames or more',
+                      'gain 0-0.3, speckle 0-0.5 in the log, alone or smoothed by 0.4-1.2 taxels'),
+    'rows, columns': ('the same of the mean over a line; the weakest that is often inside; neighbours in it hide 0.3 of the log',
+                      '0-0.2 in the log; in half of the frames 4 % of the lines at 0.05-0.6'),
+    'rings': ('mean of the first and second ring around the contact, of its median', 'blur of 0-0.9 taxels, 0-15 % of '
+              'the neighbours in a row or column'),
+    'cross-talk': ('mean reading 3 taxels and more away, of the median', '0-6 % of the highest of a line'),
+    'noise': ('differences of successive frames', '0-2 % of the full scale, values below 0-20 % of the level cut off'),
+    'hollow': ('enclosed taxels that are not pressed', '30 % of circles, squares and rectangles that have room'),
+    'bars': ('second moments; labels: rectangle by both people', '60 % of the rectangles, 2.2:1 to 30:1')}
+
+
+def groups_of(array: str, data: Path) -> list[Group]:
+    """Return the open frames of an array, of each pad or cover apart."""
+    names = [one.frame for one in read_labels() if one.array == array]
+    if array == 'tekscan':
+        return [Group(list(read_frames(array, data, names)), 255)]
+    if array == 'weiss':
+        hands = [read_hand(data / WEISS / file) for file in sorted({name.split('#')[0] for name in names})]
+        return [Group([hand[k][hand[k].sum((1, 2)).argmax()] for hand in hands], 4095) for k in range(len(PADS))]
+    covers = sorted(cover for cover in (data / VITAC).iterdir() if 'Press' in cover.name)
+    return [Group([frame for file in sorted(cover.rglob('raw.csv'))
+                   for frame in np.loadtxt(file, delimiter=',')[::STEP].reshape(-1, *VITAC_PAD)], 1.0)
+            for cover in covers]
+
+
+def drawn() -> list[Group]:
+    """Return frames of the generator, by size of the pad."""
+    rng, by_pad = np.random.default_rng(SEED), defaultdict(list)
+    while sum(map(len, by_pad.values())) < DRAWN:
+        if (touch := random_touch(rng, None)) is not None:
+            frame = read_by(rng, touch, on_off=False)
+            by_pad[frame.shape].append(frame)
+    return [Group(frames, max(frame.max() for frame in frames)) for frames in by_pad.values()]
+
+
+def labelled_bars(array: str) -> str:
+    labels = [one.label for one in read_labels() if one.array == array]
+    return f'{labels.count(Shape.RECTANGLE.value)} of {len(labels)}' if labels else '-'
+
+
+def draw(path: Path, groups: list[Group]) -> None:
+    """Draw frames of the generator, a pad a column."""
+    figure, axes = plt.subplots(ROWS, COLS, figsize=(12, 4.5), layout='constrained')
+    for k, axis in enumerate(axes.flat):
+        axis.imshow(groups[k % len(groups)].frames[k // len(groups)], cmap=COLOURS, origin='lower')
+        axis.axis('off')
+    figure.savefig(path, dpi=80)
+
+
+def tables_of(found: dict[str, dict[str, str]]) -> list[Table]:
+    contacts = Table('Contacts', CONTACTS, ['', *found])
+    for name in found['drawn']:
+        contacts.add(name, *(of[name] for of in found.values()))
+    contacts.add('labelled as bars', *map(labelled_bars, found))
+    how = Table('How, and what is drawn', METHOD, ['quantity', 'estimated as', 'the generator draws'])
+    for name, texts in HOW.items():
+        how.add(name, *texts)
+    return [contacts, how]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
+    for array, place in PLACES.items():
+        parser.add_argument(f'--{array}', type=Path, help=f'folder with {place}')
+    parser.add_argument('--output', type=Path, help='folder of the page')
+    args = parser.parse_args()
+    found, over_time = {}, None
+    for array, place in PLACES.items():
+        data = getattr(args, array)
+        if data is None or not (data / place).exists():
+            print(f'{array}: not measured; --{array} needs a folder with {place}')
+            continue
+        found[array] = measure(groups_of(array, data))
+        if array == 'weiss' and (data / HEATED).exists():
+            over_time = Table('Noise and creep', TIME, ['', 'weiss'])
+            stamped = {weight: read_hand(data / STAMPED / f'{name}.dsa')[STAMPED_PAD]
+                       for name, weight in WEIGHTS.items()}
+            for row in measure_over_time(read_hand(data / HEATED), stamped).items():
+                over_time.add(*row)
+    groups = drawn()
+    contacts, how = tables_of({**found, 'drawn': measure(groups)})
+    tables = [contacts, *([over_time] if over_time else []), how]
+    print('\n'.join(table.plain() for table in tables[:-1]))
+    if args.output:
+        draw(args.output / PICTURE, groups)
+        write_page(args.output / 'real_arrays.md', 'What real arrays do to a contact', tables,
+                   [(PICTURE, 'Frames that the generator draws')], script='bench/measure_arrays.py')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
