@@ -37,16 +37,11 @@ NOWHERE = ContactBox((np.nan, np.nan), np.nan, (np.nan, np.nan), np.nan, np.nan,
                      hollow=False)
 
 
-def contact_box(pattern: ContactPattern, pitch: float = 1.0,
-                visibility: Visibility | None = None) -> ContactBox:
+def contact_box(pattern: ContactPattern, pitch: float = 1.0, visibility: Visibility | None = None) -> ContactBox:
     """Return the box of the contact of ``pattern``; NOWHERE without one.
 
     ``pitch``: distance of neighbouring taxels; all lengths come in its unit. ``visibility`` of the pattern spares its
     computation where it is known.
-
-    >>> box = contact_box(ContactPattern.of(np.pad(np.ones((2, 6), bool), 2), np.pad(np.ones((2, 6)), 2)))
-    >>> box.lengths, round(box.angle, 3), box.length_is_bound
-    ((6.0, 2.0), 0.0, (False, False))
     """
     check_pitch(pitch)
     if not pattern.mask.any():

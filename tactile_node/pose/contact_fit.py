@@ -4,7 +4,7 @@ import numpy as np
 
 from tactile_node.contact.on_off import are_on_off
 from tactile_node.contact.pattern import ContactPattern
-from tactile_node.contact.visibility import Visibility
+from tactile_node.contact.visibility import Visibility, visibility_of
 from tactile_node.geometry.outlines import OUTLINES
 from tactile_node.pose.fit import ShapeFit, fit_shape
 from tactile_node.pose.layer import Layer
@@ -25,12 +25,14 @@ def fit_contact(pattern: ContactPattern, shape: ShapeClass, pitch: float = 1.0, 
     """
     taxels = pattern.mask if are_on_off(pattern.values) else pattern.values
     fit = fit_shape(taxels, pattern.mask, shape, pitch, layer)
-    return None if fit is None else _bounded(fit, rim_of(pattern, visibility), pitch)
+    if fit is None or fit.shape not in UPRIGHT:
+        return fit
+    visibility = visibility or visibility_of(pattern)
+    is_whole = not (visibility.at_edge or visibility.outline_hidden)
+    return fit if is_whole else _bounded(fit, rim_of(pattern, visibility), pitch)
 
 
 def _bounded(fit: ShapeFit, rim: Rim, pitch: float) -> ShapeFit:
-    if rim.is_end.all() or fit.shape not in UPRIGHT:
-        return fit
     is_bound = is_cut(rim, fit.angle)
     if fit.shape is not Shape.RECTANGLE:
         is_bound[:] = is_bound.any()

@@ -15,10 +15,6 @@ def is_hollow(pattern: ContactPattern) -> bool:
     """Return whether the contact of ``pattern`` encloses taxels that are seen and hardly pressed.
 
     A few weak taxels of a solid contact are no hole. One that the pad's edge cuts is not enclosed.
-
-    >>> ring = np.pad(np.pad(np.zeros((3, 3), bool), 2, constant_values=True), 1)
-    >>> is_hollow(ContactPattern.of(ring, ring.astype(float)))
-    True
     """
     inside = holes(pattern.mask)
     if inside is None:

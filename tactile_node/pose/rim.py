@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.contact.neighbours import sum_around
+from tactile_node.contact.neighbours import grown, sum_around
 from tactile_node.contact.on_off import are_on_off
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.contact.visibility import Visibility, visibility_of
@@ -66,7 +66,7 @@ def reach(rim: Rim, angles: np.ndarray) -> np.ndarray:
     The first index is the axis, the second the end: the lower one, the higher one.
     """
     along = _along(rim, angles)
-    return np.stack((along.min(1), along.max(1)), 1)
+    return np.stack((along.min(0), along.max(0)), 1)
 
 
 def is_cut(rim: Rim, angle: float) -> np.ndarray:
@@ -75,18 +75,20 @@ def is_cut(rim: Rim, angle: float) -> np.ndarray:
     An end is seen where the rim reaches as far away from all that is not seen, as the flank of a bar does that leaves
     the pad.
     """
+    if rim.is_end.all():
+        return np.zeros(2, bool)
     along = _along(rim, np.array([angle]))[..., 0]
-    low, high = along.min(1, keepdims=True) + AS_FAR, along.max(1, keepdims=True) - AS_FAR
-    ends = along[:, rim.is_end]
-    cut: np.ndarray = ~((ends <= low).any(1) & (ends >= high).any(1))
+    ends = along[rim.is_end]
+    cut: np.ndarray = ~((ends <= along.min(0) + AS_FAR).any(0) & (ends >= along.max(0) - AS_FAR).any(0))
     return cut
 
 
 def _along(rim: Rim, angles: np.ndarray) -> np.ndarray:
-    """Coordinates of the places along and across axes at ``angles``, (2, n, k)."""
-    x, y = rim.places.T[..., np.newaxis]
+    """Coordinates of the places along and across axes at ``angles``, (n, 2, k)."""
     cos, sin = np.cos(angles), np.sin(angles)
-    return np.stack((x * cos + y * sin, y * cos - x * sin))
+    axes = np.array(((cos, -sin), (sin, cos)))
+    along: np.ndarray = rim.places @ axes.reshape(2, -1)
+    return along.reshape(-1, 2, len(angles))
 
 
 def _framed(taxels: np.ndarray) -> np.ndarray:
@@ -117,6 +119,6 @@ def _steepness(values: np.ndarray, contact: np.ndarray) -> float:
 
     Under a sharp edge they read more, and the skin spreads that outwards; under a dome they read less.
     """
-    inner = contact & (sum_around(contact) > 8.5)
+    inner = ~grown(~contact)
     deep = float(values[inner].mean()) if inner.any() else 0.0
     return float(np.clip(values[contact & ~inner].mean() / (EVEN * deep), *STEEPNESS)) if deep > 0 else 1.0
