@@ -27,7 +27,8 @@ def enclosed(mask: np.ndarray) -> np.ndarray:
     >>> enclosed(np.array([[True, False, False, True, False, False, False, True]]))[0].nonzero()[0].tolist()
     [1, 2, 5]
     """
-    return _enclosed_along_rows(mask) | _enclosed_along_rows(mask.T).T
+    between: np.ndarray = _enclosed_along_rows(mask) | _enclosed_along_rows(mask.T).T
+    return between
 
 
 def _enclosed_along_rows(mask: np.ndarray) -> np.ndarray:
