@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from tactile_node.contact.left_over import FORGOTTEN, LeftOver
+from tactile_node import ContactStream
+from tactile_node.contact.left_over import FORGOTTEN, RELEASE, LeftOver
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.visibility import visibility_of
+from tactile_node.shape.recognition import Shape, UnknownReason
 
 ROWS, COLS = np.mgrid[:16, :16]
 TRIANGLE = (COLS >= 3) & (ROWS >= 3) & (COLS + ROWS <= 16)
@@ -71,8 +73,69 @@ def test_a_pad_that_nothing_is_left_on_is_empty_at_once():
 
 def test_a_compact_contact_that_shrinks_is_followed_down_to_its_last_square():
     found = LeftOver()
-    for side in (9, 7, 5, 4, 3):
-        assert not found.update(box(3, 3, side, side)).any(), side
+    for side in (9, 8, 7, 6, 5, 4, 3):
+        for _ in range(8):
+            assert not found.update(box(3, 3, side, side)).any(), side
+
+
+CLUMPS = {'square': box(6, 6, 3, 3), 'bar': box(5, 5, 2, 6), 'disc': disc(2.2), 'corner': TRIANGLE & disc(3.5, 4, 4)}
+
+
+@pytest.mark.parametrize('clump', CLUMPS.values(), ids=CLUMPS)
+@pytest.mark.parametrize('frames', [1, 4, 13])
+@pytest.mark.parametrize('unit', ['Pa', '1'])
+def test_a_compact_clump_that_stays_on_after_a_release_is_left_over(clump, frames, unit):
+    """The contact shrinks to it in so many frames; from then on it is neither a contact nor an empty pad."""
+    held = disc(5.2) | clump
+    falling = [clump | disc(5.2 - 2.6 * k / frames) for k in range(1, frames)]
+    rng, extractor = np.random.default_rng(5), PatternExtractor(unit=unit)
+    level, noise = (1.0, 0.0) if unit == '1' else (40e3, 500.0)
+    for number, mask in enumerate([held] * 50 + falling + [clump] * 200):
+        pattern = extractor.extract(level * mask + noise * rng.standard_normal(mask.shape))
+        if number >= 50 + len(falling):
+            assert not pattern.contacts and pattern.is_left_over and not pattern.pad_seen
+        elif number < 50:
+            assert pattern.contacts == 1 and not pattern.is_left_over
+
+
+def test_an_object_that_is_taken_away_is_gone_within_0_3_s():
+    """A planner that sees a held object where residue is left would carry on without it."""
+    stream, clump = ContactStream(unit=None), box(6, 6, 4, 4)
+    masks = [box(3, 3, 10, 10)] * 50 + [box(4, 4, 8, 8), box(5, 5, 6, 6)] + [clump] * 60 + [clump & False] * 3
+    found = [stream.update(mask, 0.02 * number) for number, mask in enumerate(masks)]
+    assert found[49].fused.recognition.shape is Shape.SQUARE
+    for each in found[65:112]:
+        assert each.fused.recognition.reason is UnknownReason.NOT_SEEN and not each.contact.contacts
+    assert found[-1].fused.recognition.shape is Shape.NONE and found[-1].contact.pad_seen
+
+
+RESTING = {'beyond it': box(9, 9, 4, 4), 'twice what was left': box(6, 6, 5, 5), 'beside it': box(12, 1, 3, 4)}
+
+
+@pytest.mark.parametrize('resting', RESTING.values(), ids=RESTING)
+def test_a_light_object_that_rests_where_one_was_let_go_is_a_contact(resting):
+    """A planner that sees no contact would drop it."""
+    extractor, clump = PatternExtractor(), box(6, 6, 3, 3)
+    for mask in [disc(5.2)] * 20 + [clump] * 10 + [clump | resting] * 50:
+        pattern = extractor.extract(mask)
+    assert pattern.contacts and pattern.mask[resting].all()
+
+
+def test_a_light_object_laid_down_a_moment_after_a_release_is_a_contact():
+    extractor = PatternExtractor()
+    for mask in [disc(5.2)] * 20 + [disc(1) & False] * RELEASE + [box(6, 6, 4, 4)]:
+        pattern = extractor.extract(mask)
+    assert pattern.contacts == 1 and pattern.mask.sum() == 16
+
+
+@pytest.mark.parametrize('seen', [1, 2])
+def test_a_contact_of_which_most_rows_are_lost_is_not_left_over(seen):
+    extractor, held = PatternExtractor(unit='Pa'), box(3, 3, 8, 8)
+    values = 40e3 * held + 500 * np.random.default_rng(6).standard_normal(held.shape)
+    for number in range(40):
+        pattern = extractor.extract(np.where((number >= 20) & (ROWS < 11 - seen), np.nan, values))
+    assert pattern.contacts == 1 and not pattern.is_left_over
+    np.testing.assert_array_equal(pattern.mask, held & (ROWS >= 11 - seen))
 
 
 @pytest.mark.parametrize('gap', [3, 6])

@@ -108,9 +108,10 @@ def test_a_weak_line_tears_no_bar(rows, turn):
     bar = np.zeros((14, 6))
     bar[3:9] = 100.0
     bar[5:5 + rows] /= 3
-    pattern = PatternExtractor(unit=None).extract(turn(bar) + np.random.default_rng(12).standard_normal(turn(bar).shape))
+    bar = turn(bar)
+    pattern = PatternExtractor(unit=None).extract(bar + np.random.default_rng(12).standard_normal(bar.shape))
     assert pattern.contacts == 1
-    np.testing.assert_array_equal(pattern.mask, turn(bar) > 0)
+    np.testing.assert_array_equal(pattern.mask, bar > 0)
 
 
 @pytest.mark.parametrize('other', [1.0, 0.7, 0.4])
@@ -120,6 +121,15 @@ def test_contacts_with_taxels_below_a_fifth_of_both_between_them_stay_two(gap, o
     pattern = PatternExtractor().extract(1000.0 * one + 1000 * other * two + 190 * other * box(4, 6, 6, gap)
                                          + np.random.default_rng(13).standard_normal(one.shape))
     assert pattern.contacts == 2 and pattern.sizes == (30, 30)
+
+
+@pytest.mark.parametrize('specks, is_whole', [(0, True), (2, True), (6, False)])
+def test_on_a_pad_full_of_specks_nothing_is_joined(specks, is_whole):
+    """They are noise, and joined noise looks like a contact."""
+    mask, values = box(2, 2, 5, 5), 100.0 * box(2, 2, 5, 5)
+    values[4, 4] = 30.0
+    values[13, 1:2 * specks:2] = 100.0
+    assert found(values)[mask].all() == is_whole
 
 
 @pytest.mark.parametrize('inner', [0.05, 0.19])

@@ -6,6 +6,8 @@ from tactile_node.contact.neighbours import linked
 from tactile_node.read_only import read_only
 
 REMAINS = 1 / 3    #: of the contact that a taxel belonged to: less is what is left over
+RELEASE = 15       #: frames in which a contact that falls to REMAINS of its size is let go; 0.3 s at 50 Hz
+AGAIN = 2          #: times what was left over: a contact again
 APART = 2          #: taxels between pieces of one contact, at most: silent lines tear it
 COMPACT = 0.62     #: a contact whose taxels have more of their sides in common shrinks, what is left over is ragged
 FORGOTTEN = 25     #: frames without being pressed after which a taxel begins again: some flicker
@@ -14,13 +16,14 @@ FORGOTTEN = 25     #: frames without being pressed after which a taxel begins ag
 class LeftOver:
     """Finds the pressed taxels of a pad that stay on while their surroundings come and go.
 
-    A taxel is left over while it is pressed in a ragged group of at most a third of the taxels of the largest contact
-    that it belonged to, pieces close to each other taken as one. A contact that reaches it again clears it. Nothing is
-    known of a taxel that was on from the first frame.
+    A taxel is left over while it is pressed in a group of at most a third of the taxels of the largest contact that it
+    belonged to, pieces close to each other taken as one, if the group is ragged, or if all of it fell so low within
+    RELEASE frames: an object that leaves more slowly is followed. A contact that reaches it again clears it, and so
+    does a fallen group that grows. Nothing is known of a taxel that was on from the first frame.
     """
 
     def __init__(self) -> None:
-        self._largest = self._idle = np.zeros((0, 0))
+        self._largest = self._recent = self._idle = self._since = np.zeros((0, 0))
 
     def update(self, pressed: np.ndarray, is_one: bool = False) -> np.ndarray:
         """Return the taxels left over, bool (rows, cols), of successive frames ``pressed``.
@@ -28,31 +31,30 @@ class LeftOver:
         ``is_one``: they are known to be one group, which spares the search.
         """
         if self._largest.shape != pressed.shape:
-            self._largest, self._idle = np.zeros((2, *pressed.shape))
+            self._largest, self._recent, self._idle, self._since = np.zeros((4, *pressed.shape))
         self._idle = np.where(pressed, 0, self._idle + 1)
+        self._since += 1
         self._largest *= self._idle <= FORGOTTEN
+        self._recent *= self._since <= RELEASE
         if not np.count_nonzero(pressed):
             return read_only(np.zeros(pressed.shape, bool))
-        size, ragged = _group(pressed) if is_one else _groups(pressed)
-        left = ragged & (size <= REMAINS * self._largest)
+        groups = pressed.astype(int) if is_one else linked(pressed, APART) * pressed
+        sizes, ragged = _sizes(pressed, groups)
+        size = sizes[groups]
+        fallen = np.bincount(groups[pressed & (size <= REMAINS * self._recent)], minlength=len(sizes)) == sizes
+        left = pressed & (fallen[groups] | ragged[groups] & (size <= REMAINS * self._largest))
         self._largest = np.maximum(self._largest, size)
+        self._recent = np.maximum(np.where(left, np.minimum(self._recent, AGAIN / REMAINS * size), self._recent), size)
+        self._since[left | (self._recent == size)] = 0
         return read_only(left)
 
 
-def _group(pressed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """As `_groups` where all are one group."""
-    size = np.count_nonzero(pressed)
-    shared = np.count_nonzero(pressed[1:] & pressed[:-1]) + np.count_nonzero(pressed[:, 1:] & pressed[:, :-1])
-    return size * pressed, pressed & (shared < COMPACT * 2 * size)
-
-
-def _groups(pressed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return of each pressed taxel the size of its group and whether that is ragged; 0 and False of others."""
-    groups = linked(pressed, APART) * pressed
+def _sizes(pressed: np.ndarray, groups: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the size of each group and whether it is ragged; 0 and False of number 0."""
     count = int(groups.max()) + 1
     sizes = np.bincount(groups.reshape(-1), minlength=count)
     down, along = pressed[1:] & pressed[:-1], pressed[:, 1:] & pressed[:, :-1]
     shared = np.bincount(groups[1:][down], minlength=count) + np.bincount(groups[:, 1:][along], minlength=count)
     ragged = shared < COMPACT * 2 * sizes
     sizes[0], ragged[0] = 0, False
-    return sizes[groups], ragged[groups]
+    return sizes, ragged

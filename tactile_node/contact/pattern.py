@@ -113,8 +113,11 @@ class PatternExtractor:
             numbers = numbers - rest
         labels, contacts = number_contacts(pressed, hidden)
         is_one = contacts == 1 and not np.count_nonzero(hidden)
-        left = self._left_over.update(pressed, is_one) if self._largest else None
-        if left is not None and np.count_nonzero(left):  # what they read is no contact, and hides whether there is one
+        left = np.zeros(frame.shape, bool)
+        if self._largest:  # a contact is no smaller for what is not seen of it
+            left = self._left_over.update(pressed | self._before(frame.shape) & hidden, is_one) & valid
+        is_left = bool(np.count_nonzero(left))
+        if is_left:  # what they read is no contact, and hides whether there is one
             valid = valid & ~left
             hidden = hidden | left
             labels, contacts = number_contacts(pressed & ~left, hidden)
@@ -128,7 +131,7 @@ class PatternExtractor:
             labels=read_only(labels), sizes=tuple(np.bincount(labels.reshape(-1))[1:].tolist()),
             hidden=read_only(hidden), saturated=read_only(_taxels(saturated, frame.shape, 'saturated') & valid),
             unmapped=read_only(missing), noise=noise,
-            is_left_over=left is not None and not contacts and bool(np.count_nonzero(left)))
+            is_left_over=is_left and not contacts)
 
     def _found(self, frame: np.ndarray, values: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         """Return the pressed taxels, the noise of all, and what they read at rest; 0 where a unit gives the zero."""

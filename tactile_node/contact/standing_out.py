@@ -22,6 +22,7 @@ GROUP = 4          #: taxels at NOISE that noise does not make (once in 20,000 f
 HALO = 0.25        #: of the highest reading within REACH taxels: less is the skin's response beside a contact
 REACH = 3
 BETWEEN = 0.2      #: of the highest level within REACH taxels: less between pressed ones parts two contacts
+SPECKS = 2         #: groups of fewer than GROUP taxels that a contact whose taxels differ in gain sheds
 PLANE_FROM = 12    #: taxels that show a tilt
 STEEPEST = 0.5     #: the plane of the local level changes by at most so much of its mean
 
@@ -65,7 +66,8 @@ def _pressed(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray, stron
     pressed = level > 0
     weak = candidates & ~pressed & enclosed(pressed)
     if np.count_nonzero(weak):
-        pressed |= weak & (raised >= BETWEEN * ease * highest_near(level, REACH))
+        whole = pressed | weak & (raised >= BETWEEN * ease * highest_near(level, REACH))
+        pressed = pressed if _are_specks(whole, raised) else whole
     return _significant(pressed, raised >= strong)
 
 
@@ -100,6 +102,15 @@ def _tilted(local: np.ndarray, raised: np.ndarray, group: np.ndarray, inside: np
     along_y, along_x = (vy * xx - vx * xy) / determinant, (vx * yy - vy * xy) / determinant
     plane = mean + along_y * (row - middle[0]) + along_x * (col - middle[1])
     local[row, col] = np.minimum(np.maximum(plane, (1 - STEEPEST) * mean), (1 + STEEPEST) * mean)
+
+
+def _are_specks(pressed: np.ndarray, raised: np.ndarray) -> bool:
+    """Return whether more than SPECKS small groups read as much as the largest one: noise, which must not be joined."""
+    groups, count = ndimage.label(pressed, EIGHT_CONNECTED)
+    groups = groups[pressed]
+    sizes = np.bincount(groups, minlength=count + 1)[1:]
+    means = np.bincount(groups, raised[pressed], count + 1)[1:] / sizes
+    return bool(np.count_nonzero((sizes < GROUP) & (means >= OUTLINE * means[sizes.argmax()])) > SPECKS)
 
 
 def _significant(pressed: np.ndarray, strong: np.ndarray) -> np.ndarray:
