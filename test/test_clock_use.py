@@ -21,7 +21,7 @@ WALL_CLOCK = {
     'tactile_node/nodes/opening_source.py': 'the same',
     'tactile_node/nodes/pad_frames.py': 'stamps on tf, of the host that publishes: see docs/clocks.md',
     'tactile_node/ros/bag.py': 'when a message was recorded, beside its stamp',
-    'tactile_node/view/page.py': 'a warning that the stamps are of another clock',
+    'tactile_node/view/page_parts.py': 'a warning that the stamps are of another clock',
     'tactile_node/demo/watcher.py': 'one host',
     'tactile_node/demo/session.py': 'one host',
     'tactile_node/simulator/device.py': 'what touches the simulated skin',

@@ -60,9 +60,10 @@ LINES = {
     'row': box(7, 0, 1, 16), 'column': box(0, 5, 16, 1), 'short row': box(7, 3, 1, 9),
     'row on the edge': box(0, 0, 1, 16), 'diagonal': ROWS == COLS,
     'row with two specks': box(7, 0, 1, 16) | box(6, 5, 1, 2),
+    'oblique': np.rint(ROWS * 0.4 + 3) == COLS, 'flat': np.rint(COLS * 0.3 + 5) == ROWS,
 }
 BARS = {
-    'oblique': np.rint(ROWS * 0.4 + 3) == COLS, 'flat': np.rint(COLS * 0.3 + 5) == ROWS,
+    'oblique': abs(ROWS * 0.4 + 3 - COLS) < 0.9, 'flat': abs(COLS * 0.3 + 5 - ROWS) < 0.8,
     'two rows': box(6, 0, 2, 16), 'two columns': box(0, 6, 16, 2), 'across': box(5, 0, 7, 16),
 }
 
@@ -73,8 +74,18 @@ def test_a_line_one_taxel_wide_may_be_a_bad_one(mask):
 
 
 @pytest.mark.parametrize('mask', BARS.values(), ids=BARS)
-def test_a_bar_from_two_taxels_on_or_oblique_is_a_contact(mask):
+def test_a_bar_wider_than_a_taxel_is_a_contact_also_from_edge_to_edge(mask):
     assert not is_shapeless(of_taxels(mask))
+
+
+@pytest.mark.parametrize('turn', [np.asarray, np.transpose])
+def test_a_band_on_a_pad_that_hums_is_no_bar(turn):
+    rng = np.random.default_rng(6)
+    rows = np.array([0, 1, 0, 0, 2, 0, 1, 10, 10, 0, 0, 4, 1, 0, 3, 0.0])[:, None]
+    still, hums = box(7, 0, 2, 16) * 10.0, np.broadcast_to(rows, (16, 16))
+    answers = [is_shapeless(PatternExtractor().extract(turn(values + 0.05 * rng.standard_normal((16, 16)))))
+               for values in (still, hums)]
+    assert answers == [False, True]
 
 
 @pytest.mark.parametrize('period', [2, 3])

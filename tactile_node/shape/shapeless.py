@@ -23,7 +23,8 @@ AWAY = 0.25        #: of the pad: so much beyond the box around the contact show
 MARGIN = 1         #: taxels around that box
 COMPACT = 0.62     #: compactness that chance does not reach, for small groups
 LOOSE = 1.7        #: large groups are more compact: 1 - LOOSE / sqrt(taxels)
-IN_LINE = 0.8      #: of the taxels of a line, those in one row or column
+LINE_TAXELS = 1.2  #: taxels of a line at most, for each of the rows or columns along which it lies
+HUM = 0.25         #: of a band's level: where another row reads so much more or less than at rest, the pad hums
 STRING, LONG = 4, 0.6  #: rows of a string of pieces at most, and its length at least [of the pad's side]
 FALL, SLOPE = 2, 0.1   #: so many taxels beside a contact, and by this part of its width more, its pressure has fallen
 STEEP = 0.35       #: to this part of it, or less
@@ -42,8 +43,7 @@ def is_shapeless(pattern: ContactPattern) -> bool:
     """Return whether the contact of ``pattern`` is what noise, stuck taxels, lines or drift make, too.
 
     That is a group of the size that chance makes at the density of the pressed taxels beside it, a line one taxel
-    wide along a row or column, what reaches three edges of the pad, so that its width is not seen, and a rise without
-    an edge.
+    wide, what reaches three edges of the pad, so that its width is not seen, and a rise without an edge.
 
     >>> row = np.eye(8, dtype=bool)[[3] * 8].T
     >>> is_shapeless(ContactPattern.of(row, row.astype(float)))
@@ -53,8 +53,8 @@ def is_shapeless(pattern: ContactPattern) -> bool:
     together = joined(pattern)
     if np.count_nonzero(together) < GROUPS[0]:
         return False  # too small for a shape anyway
-    if _is_line(together) or _is_across(pattern.mask) or _is_string(pattern.mask, together) or _is_rise(
-            pattern, together):
+    if (_is_line(together) or _is_across(pattern.mask) or _is_string(pattern.mask, together)
+            or _is_rise(pattern, together) or _is_hum(pattern, together)):
         return True
     density, compactness = _density_beside(pattern, together), _compactness(pattern.mask)
     whole = np.count_nonzero(together)
@@ -70,9 +70,8 @@ def is_shapeless(pattern: ContactPattern) -> bool:
 
 
 def _is_line(taxels: np.ndarray) -> bool:
-    """Return whether most of the contact is in one row or column: a bad line, or one taxel wide."""
-    most = max(np.count_nonzero(taxels, axis=axis).max() for axis in (0, 1))
-    return bool(most >= IN_LINE * np.count_nonzero(taxels))
+    """Return whether the contact is one taxel wide: a bad line, or a chain of specks."""
+    return bool(np.count_nonzero(taxels) <= LINE_TAXELS * max(_extents(taxels)))
 
 
 def _is_across(mask: np.ndarray) -> bool:
@@ -118,6 +117,23 @@ def _is_rise(pattern: ContactPattern, together: np.ndarray) -> bool:
     return _median(pattern.values[beside]) - rest > most or any(
         _lines_rise(*turned, rest, most) for turned in (
             (pattern.values, together, away, quiet), (pattern.values.T, together.T, away.T, quiet.T)))
+
+
+def _is_hum(pattern: ContactPattern, together: np.ndarray) -> bool:
+    """Return whether the contact is a band of rows or columns from edge to edge, and others move, too."""
+    values = np.where(pattern.hidden | pattern.unmapped, np.nan, pattern.values)
+    return any(bool(taxels[:, 0].any() and taxels[:, -1].any()) and _others_move(readings, taxels)
+               for readings, taxels in ((values, together), (values.T, together.T)))
+
+
+def _others_move(values: np.ndarray, band: np.ndarray) -> bool:
+    """Return whether rows away from the rows of ``band`` read by HUM of its level more or less than each other."""
+    away = ~grown(grown(np.repeat(band.any(1)[:, None], 3, 1)))[:, 1] & np.isfinite(values).any(1)
+    if np.count_nonzero(away) < 2:
+        return False
+    medians = np.nanmedian(values[away], axis=1)
+    rest = float(np.median(medians))
+    return bool(np.abs(medians - rest).max() > HUM * (float(np.nanmean(values[band])) - rest))
 
 
 def _lines_rise(values: np.ndarray, taxels: np.ndarray, away: np.ndarray, quiet: np.ndarray, rest: float,
