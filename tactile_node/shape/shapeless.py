@@ -6,6 +6,7 @@ taxels and 200 of 64x64 for each density. Contacts are compact: their taxels hav
 """
 
 import numpy as np
+from scipy import ndimage
 
 from tactile_node.contact.neighbours import grown
 from tactile_node.contact.pattern import ContactPattern
@@ -128,7 +129,7 @@ def _is_hum(pattern: ContactPattern, together: np.ndarray) -> bool:
 
 def _others_move(values: np.ndarray, band: np.ndarray) -> bool:
     """Return whether rows away from the rows of ``band`` read by HUM of its level more or less than each other."""
-    away = ~grown(grown(np.repeat(band.any(1)[:, None], 3, 1)))[:, 1] & np.isfinite(values).any(1)
+    away = ~ndimage.binary_dilation(band.any(1), iterations=FALL) & np.isfinite(values).any(1)
     if np.count_nonzero(away) < 2:
         return False
     medians = np.nanmedian(values[away], axis=1)
