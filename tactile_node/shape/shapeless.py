@@ -25,7 +25,8 @@ MARGIN = 1         #: taxels around that box
 COMPACT = 0.62     #: compactness that chance does not reach, for small groups
 LOOSE = 1.7        #: large groups are more compact: 1 - LOOSE / sqrt(taxels)
 LINE_TAXELS = 1.2  #: taxels of a line at most, for each of the rows or columns along which it lies
-HUM = 0.25         #: of a band's level: where another row reads so much more or less than at rest, the pad hums
+HUM, ROW_NOISE = 0.03, 6.0  #: of a band's level, and deviations of a row's median: rows that read another level move
+MOVING = 0.3       #: of the rows away from a band: where so many move, the pad hums
 STRING, LONG = 4, 0.6  #: rows of a string of pieces at most, and its length at least [of the pad's side]
 FALL, SLOPE = 2, 0.1   #: so many taxels beside a contact, and by this part of its width more, its pressure has fallen
 STEEP = 0.35       #: to this part of it, or less
@@ -55,7 +56,7 @@ def is_shapeless(pattern: ContactPattern) -> bool:
     if np.count_nonzero(together) < GROUPS[0]:
         return False  # too small for a shape anyway
     if (_is_line(together) or _is_across(pattern.mask) or _is_string(pattern.mask, together)
-            or _is_rise(pattern, together) or _is_hum(pattern, together)):
+            or _is_rise(pattern, together) or _is_hum(pattern)):
         return True
     density, compactness = _density_beside(pattern, together), _compactness(pattern.mask)
     whole = np.count_nonzero(together)
@@ -120,21 +121,23 @@ def _is_rise(pattern: ContactPattern, together: np.ndarray) -> bool:
             (pattern.values, together, away, quiet), (pattern.values.T, together.T, away.T, quiet.T)))
 
 
-def _is_hum(pattern: ContactPattern, together: np.ndarray) -> bool:
+def _is_hum(pattern: ContactPattern) -> bool:
     """Return whether the contact is a band of rows or columns from edge to edge, and others move, too."""
     values = np.where(pattern.hidden | pattern.unmapped, np.nan, pattern.values)
     return any(bool(taxels[:, 0].any() and taxels[:, -1].any()) and _others_move(readings, taxels)
-               for readings, taxels in ((values, together), (values.T, together.T)))
+               for readings, taxels in ((values, pattern.mask), (values.T, pattern.mask.T)))
 
 
 def _others_move(values: np.ndarray, band: np.ndarray) -> bool:
-    """Return whether rows away from the rows of ``band`` read by HUM of its level more or less than each other."""
-    away = ~ndimage.binary_dilation(band.any(1), iterations=FALL) & np.isfinite(values).any(1)
-    if np.count_nonzero(away) < 2:
+    """Return whether many rows away from those of ``band`` read another level than the rest, beyond their noise."""
+    away = ~ndimage.binary_dilation(band.any(1)) & np.isfinite(values).any(1)
+    if np.count_nonzero(away) < LINE:
         return False
     medians = np.nanmedian(values[away], axis=1)
+    noise = np.nanmedian(np.abs(values[away] - medians[:, None]), axis=1) / values.shape[1] ** 0.5
     rest = float(np.median(medians))
-    return bool(np.abs(medians - rest).max() > HUM * (float(np.nanmean(values[band])) - rest))
+    least = HUM * (float(np.nanmean(values[band])) - rest)
+    return bool(np.mean(np.abs(medians - rest) > np.maximum(least, ROW_NOISE * noise)) > MOVING)
 
 
 def _lines_rise(values: np.ndarray, taxels: np.ndarray, away: np.ndarray, quiet: np.ndarray, rest: float,
