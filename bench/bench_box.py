@@ -79,7 +79,7 @@ def pressed(rng: np.random.Generator, name: str, area: float) -> Touch:
 
 
 def errors(touch: Touch) -> np.ndarray:
-    """Of the long and the short side, x, y and angle; then their deviations; then the true sides."""
+    """Return the long and short side, x, y and angle, then their deviations, then the true sides."""
     box = contact_box(touch.pattern)
     cos, sin = np.cos(ANGLES), np.sin(ANGLES)
     along = touch.places @ np.stack((cos, sin)), touch.places @ np.stack((-sin, cos))

@@ -40,7 +40,7 @@ PICTURE, ROWS, COLS = 'real_arrays.png', 3, 8
 CONTACTS = ('Tekscan 50x28, 8-bit JPEG: 500 frames of ten objects. Weiss hand, curved fingers of 14x6 and 13x6, '
             '12 bits, readings below 100 cut off: the frame of most pressure of each pad and grasp. ViTac 12x32, '
             'soft covers, scaled frame by frame: every tenth frame of presses and slides. Drawn: 1,500 frames of '
-            'training/real_arrays.py, each with gains of its own, which count as speckle.')
+            'training/real_arrays.py, each with other gains, which count as speckle.')
 TIME = ('The Weiss hand alone: the other recordings are single frames, or scaled frame by frame. At rest while '
         'it warms up; under a square stamp of 1.1 cm² with 200 to 900 g. Hysteresis is seen as growth under a '
         'constant weight, and as what remains after it. The generator draws single frames: nothing of this but '
