@@ -1,14 +1,17 @@
 """What counts alone say of a bus: two senders, another SYNC, a process that is too slow. No clock, no bus."""
 
+import time
 from collections.abc import Callable
 
 import pytest
 
 from tactile_node.assembly.assembler import FrameAssembler
+from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.cia301.heartbeat import Heartbeats
-from tactile_node.frames.health import Overload, SyncFault
+from tactile_node.frames.health import NodeFault, Overload, SyncFault
 from tactile_node.skin.pads import make_pads, with_dictionaries
 from tactile_node.supervision.heartbeat_watch import HeartbeatWatch
+from tactile_node.supervision.node_monitor import NodeMonitor
 from tactile_node.supervision.node_traffic import BusSeen, NodeTraffic
 from tactile_node.supervision.overload import OverloadWatch
 from tactile_node.supervision.sync_watch import SyncWatch
@@ -159,3 +162,19 @@ def test_heartbeats_of_a_silence_are_of_one_device_and_a_second_one_after_it_is_
     both = looks(lambda now: held_back(now) + int(max(0.0, now - 3.0 - silent) / 0.1))
     found = next(now for now, two in both if two)
     assert 3.0 + silent < found < 3.0 + silent + 4.0
+
+
+@pytest.mark.parametrize(('stalls', 'is_reported'), [([5.0], False), ([1.0, 1.05], False), ([0.4] * 60, True)])
+def test_a_stall_excuses_a_silence_and_stalls_without_end_do_not(stalls, is_reported):
+    """A node was heard and is not any more; this process stalls again and again, for so long [s]."""
+    bus = BusMonitor([32])
+    node = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], (32,)))[0].nodes[0]
+    monitor, pad = NodeMonitor(node, bus, 0.5, 0.5), FrameAssembler(node.layout, (32,)).statistics()
+    now = time.monotonic()
+    monitor.expect(now - 1.0)
+    bus.heartbeats.feed(0x720, b'\x05')
+    faults = []
+    for stall in stalls:
+        now += stall
+        faults.append(monitor.detect(now, False, pad, BusSeen(0, is_overloaded=True, ran_again=now)))
+    assert (faults[-1] is NodeFault.SILENT) == is_reported, faults

@@ -52,6 +52,7 @@ class NodeMonitor:
         self._configured: Setup | None = None
         self.trusted_from = 0.0  #: what it sent before may mean something else
         self._since = 0.0  # when the bus was opened, or this process ran again
+        self._excuses = 0  # stalls since it was heard
         self._commanded = 0.0
         self._sync_at = 0.0
         self.data_at = 0.0  #: when the last taxels were received
@@ -120,8 +121,7 @@ class NodeMonitor:
     def detect(self, now: float, is_active: bool, pad: PadStatistics, bus: BusSeen) -> NodeFault:
         """The node's fault now, by its heartbeat, its TPDOs and the SYNCs so far."""
         self._is_overloaded = bus.is_overloaded
-        if self._since <= (self._heartbeats.heard(self.node.node_id) or 0.0):  # one stall excuses a silence, not many
-            self._since = max(self._since, bus.ran_again)
+        self._excuse_silence(bus.ran_again)
         used = pad.used_by_node[self.node.position]
         if used != self._used:
             self._used = used
@@ -172,6 +172,14 @@ class NodeMonitor:
             emergencies=emergencies.count, last_emergency=emergencies.last, outages=outages,
             distrusted=self.distrusted, active_emergency=emergencies.active,
             missing_tpdos=self.traffic.missing, surplus_tpdos=self.traffic.surplus, device_errors=self.device_errors)
+
+    def _excuse_silence(self, ran_again: float) -> None:
+        """What was sent until this process ran again may not have been read; many stalls in a row are no excuse."""
+        if ran_again > self._since:
+            was_heard = (self._heartbeats.heard(self.node.node_id) or 0.0) > self._since
+            self._excuses = 0 if was_heard else self._excuses + 1
+            if self._excuses < PATIENCE:
+                self._since = ran_again
 
     def _is_silent(self, now: float) -> bool:
         """A device with a heartbeat time that is not ours may be silent for three of its periods."""
