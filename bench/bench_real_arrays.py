@@ -29,7 +29,7 @@ SURE = 0.9
 FOREIGN = 'foreign'
 PLACES = {'tekscan': TEKSCAN, 'weiss': WEISS}
 SEED, DRAWS = 20_261_123, 2000
-BINS = 10  #: of the calibration error
+BINS = 10  #: confidences are sorted into so many for the calibration error
 
 
 class Answer(NamedTuple):
@@ -132,7 +132,7 @@ def main() -> int:
         for row in rows_of(array, found):
             table.add(*row)
         error, score = calibration(found)
-        lines += [f'{array}: both people agree on {agree} of {len(of_array)} frames; calibration error '
+        lines += [f'{array}: both raters agree on {agree} of {len(of_array)} frames; calibration error '
                   f'{100 * error:.1f} %, log score {score:.2f}', f'{array} by object: {worst_objects(found)}']
     if table.rows:
         print('\n'.join([table.plain(), '', *lines]))

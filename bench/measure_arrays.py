@@ -61,7 +61,7 @@ HOW = {
     'cross-talk': ('means 3 taxels and more away, of the median', '0-6 % of the highest of a line'),
     'noise': ('differences of successive frames', '0-2 % of full scale; 0-20 % of the level cut off'),
     'hollow': ('enclosed taxels that are not pressed', '30 % of circles, squares, rectangles with room'),
-    'bars': ('second moments; labels of two people', '60 % of the rectangles, 2.2:1 to 30:1')}
+    'bars': ('second moments; labels of two raters', '60 % of the rectangles, 2.2:1 to 30:1')}
 
 
 def groups_of(array: str, data: Path) -> list[Group]:

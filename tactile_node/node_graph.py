@@ -159,7 +159,7 @@ def _check_names(pads: Sequence[str], namespace: str) -> None:
     if not pads:
         raise ConfigurationError('pads', expected='a name for each pad', got='none', remedy='Name a pad.')
     for what, name in (('namespace', namespace), *(('pads', pad) for pad in pads)):
-        if name and not ROS_NAME.fullmatch(name):  # rclpy refuses it too, with a warning of its own
+        if name and not ROS_NAME.fullmatch(name):  # rclpy would refuse it after another warning
             raise ConfigurationError(what, expected='letters, digits and underscores, not a digit first, joined by /',
                                      got=repr(name),
                                      remedy='Rename it.' + ' Commas separate several pads.' * (what == 'pads'))

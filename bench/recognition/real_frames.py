@@ -1,6 +1,7 @@
 """Frames of real arrays, read from a copy of their public repositories; nothing of them is kept here but labels.
 
-Labels name the largest visible contact, as two people gave them apart: bench/recognition/labels/real_arrays.csv.
+Labels name the largest visible contact, as two raters (vision models) gave them apart, from pictures without names:
+bench/recognition/labels/real_arrays.csv.
 """
 
 import bz2
@@ -23,7 +24,7 @@ UNDECIDABLE = 'undecidable'
 
 
 class Labelled(NamedTuple):
-    """One frame by name, as each of two people saw it."""
+    """One frame by name, as each of two raters saw it."""
 
     array: str   #: tekscan or weiss
     frame: str   #: file in the data, of the Weiss hand with `#pad`

@@ -123,9 +123,11 @@ def _is_rise(pattern: ContactPattern, together: np.ndarray) -> bool:
 
 def _is_hum(pattern: ContactPattern) -> bool:
     """Return whether the contact is a band of rows or columns from edge to edge, and others move, too."""
+    along = [bool(mask[:, 0].any() and mask[:, -1].any()) for mask in (pattern.mask, pattern.mask.T)]
+    if not any(along):
+        return False
     values = np.where(pattern.hidden | pattern.unmapped, np.nan, pattern.values)
-    return any(bool(taxels[:, 0].any() and taxels[:, -1].any()) and _others_move(readings, taxels)
-               for readings, taxels in ((values, pattern.mask), (values.T, pattern.mask.T)))
+    return along[0] and _others_move(values, pattern.mask) or along[1] and _others_move(values.T, pattern.mask.T)
 
 
 def _others_move(values: np.ndarray, band: np.ndarray) -> bool:
