@@ -6,7 +6,7 @@ Contacts of 12-100 taxels in general position, nominal pressures (1 % noise, blu
 ways (`shape/completion.py`). Weights of the readings were chosen on validation seeds.
 
 Then whole sessions: contacts of 40-100 taxels on a 16x16 pad of 32 TPDOs, some of which never arrive; single frames as
-shipped, and ten frames fused.
+shipped, and ten frames fused. Last, contacts of which little is hidden: named, and named where all of them is seen.
 """
 
 import sys
@@ -34,6 +34,7 @@ PRESSURE = Conditions(tilt=0.2, blur=0.5, noise=0.01)
 AREAS, TPDO, SURE = (12, 100), 8, 0.9
 PAD, PAD_TPDOS, LOST_AREAS, LOST_CONTACTS, LOST_SEED = 16, 32, (40, 100), 500, 34_000
 LITTLE = 0.15  #: of the contact and the taxels around it
+LITTLE_CONTACTS, LITTLE_MISSING, LITTLE_SEED = 2000, (1, 10), 35_000  #: TPDOs that are missing: least, most
 CASES = (('nothing', 0), ('TPDOs', 2), ('TPDOs', 4), ('adjacent rows', 2), ('adjacent rows', 3), ('adjacent rows', 5),
          ('dead', 0.03))
 
@@ -55,6 +56,7 @@ def main() -> None:
             print(f'| {amount} {kind} | {"on/off" if on_off else "pressure"} | {" | ".join(cells)} | {cost:.2f} |',
                   flush=True)
     lost_tpdos()
+    little_hidden()
 
 
 def lost_tpdos() -> None:
@@ -81,20 +83,50 @@ def lost_tpdos() -> None:
                   f'{" | ".join(cells)} |', flush=True)
 
 
+def little_hidden() -> None:
+    """Print how many contacts with less than LITTLE hidden are named, and how many of the same seen as a whole."""
+    recogniser = make_recogniser()
+    print(f'\n| less than {LITTLE:.0%} hidden | contacts | right | right, all seen | wrong and sure |\n'
+          + '| --- ' * 5 + '|')
+    for on_off in (False, True):
+        rng, found = generator(Purpose.EVALUATION, LITTLE_SEED + on_off), []
+        while len(found) < LITTLE_CONTACTS:
+            truth = Shape(CLASSES[len(found) % len(CLASSES)])
+            frame = read_contact(rng, _on_pad(rng, truth.value), on_off)
+            lost = lost_taxels(rng, int(rng.integers(*LITTLE_MISSING, endpoint=True)), bool(rng.integers(2)))
+            if 0 < share_hidden(frame, lost, thresholds(on_off)) < LITTLE:
+                answers = [recogniser.recognise(PatternExtractor(thresholds(on_off)).extract(seen))
+                           for seen in (np.where(lost, np.nan, frame), frame)]
+                found.append([answer.shape is truth for answer in answers] + [misleads(truth, answers[0])])
+        cells = [f'{share:.1%}' for share in np.mean(found, 0)]
+        print(f'| {"on/off" if on_off else "pressure"} | {len(found)} | {" | ".join(cells)} |', flush=True)
+
+
 def session(rng: np.random.Generator, name: str, missing: int, in_a_row: bool,
             on_off: bool) -> tuple[Shape, list[ContactPattern], float]:
     """Shape, patterns of ten frames, and how much of the contact and the taxels around it is hidden."""
-    contact = _on_pad(rng, name)
+    contact, lost, press = _on_pad(rng, name), lost_taxels(rng, missing, in_a_row), thresholds(on_off)
+    frames = [read_contact(rng, contact, on_off) for _ in range(1 if on_off else 10)]
+    patterns = [PatternExtractor(press).extract(np.where(lost, np.nan, frame)) for frame in frames]
+    return Shape(name), patterns * (10 if on_off else 1), share_hidden(frames[-1], lost, press)
+
+
+def thresholds(on_off: bool) -> PressThresholds:
+    return PressThresholds(0.5, 0.4) if on_off else PressThresholds(0.25, 0.2)
+
+
+def lost_taxels(rng: np.random.Generator, missing: int, in_a_row: bool) -> np.ndarray:
     order = (np.arange(PAD_TPDOS) + rng.integers(PAD_TPDOS)) % PAD_TPDOS if in_a_row else rng.permutation(PAD_TPDOS)
-    lost = np.isin(np.arange(PAD * PAD).reshape(PAD, PAD) // TPDO, order[:missing])
-    press = PressThresholds(0.5, 0.4) if on_off else PressThresholds(0.25, 0.2)
-    patterns = []
-    for _ in range(1 if on_off else 10):
-        frame = contact.pattern(PAD, PAD).astype(float) if on_off else pressure_frame(
-            contact, rng, PAD, PAD, skin=Skin(full_scale=1.0, noise=0.01, blur=0.5))
-        seen = ndimage.binary_dilation(frame >= press.press, np.ones((3, 3)))
-        patterns.append(PatternExtractor(press).extract(np.where(lost, np.nan, frame)))
-    return Shape(name), patterns * (10 if on_off else 1), float(lost[seen].mean())
+    return np.isin(np.arange(PAD * PAD).reshape(PAD, PAD) // TPDO, order[:missing])
+
+
+def read_contact(rng: np.random.Generator, contact: Contact, on_off: bool) -> np.ndarray:
+    return contact.pattern(PAD, PAD).astype(float) if on_off else pressure_frame(
+        contact, rng, PAD, PAD, skin=Skin(full_scale=1.0, noise=0.01, blur=0.5))
+
+
+def share_hidden(frame: np.ndarray, lost: np.ndarray, press: PressThresholds) -> float:
+    return float(lost[ndimage.binary_dilation(frame >= press.press, np.ones((3, 3)))].mean())
 
 
 def _on_pad(rng: np.random.Generator, name: str) -> Contact:

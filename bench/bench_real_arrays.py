@@ -1,9 +1,9 @@
 """How well contacts on real arrays are recognised, as shipped and without options.
 
-    python bench/bench_real_arrays.py --tekscan DIR --weiss DIR [--labels FILE] [--weights FILE] [--network]
+    python bench/bench_real_arrays.py --tekscan DIR --weiss DIR --vitac DIR [--labels FILE] [--weights FILE] [--network]
 
-DIR: copies of the public repositories TaISLab/CNN-based-Methods-for-Tactile-Object-Recognition and
-peter-kiechle/tactile-sensors. Without them one line says so. A row is a visible class; intervals are bootstraps over
+DIR: copies of the public repositories TaISLab/CNN-based-Methods-for-Tactile-Object-Recognition,
+peter-kiechle/tactile-sensors and jsheng45/ViTac-Tactile-Sensing. Without one, one line says so. A row is a visible class; intervals are bootstraps over
 objects, a grasp's pads among them.
 """
 
@@ -19,15 +19,15 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from bench.recognition.page import Table
-from bench.recognition.real_frames import LABELS, TEKSCAN, UNDECIDABLE, WEISS, Labelled, read_frames, read_labels
+from bench.recognition.real_frames import LABELS, TEKSCAN, UNDECIDABLE, VITAC, WEISS, Labelled, read_frames, read_labels
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.package_files import config_path
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.recognition import Recognition, Shape
 
 SURE = 0.9
-FOREIGN = 'foreign'
-PLACES = {'tekscan': TEKSCAN, 'weiss': WEISS}
+WITHOUT_SHAPE = ('foreign', 'none')  #: labels: no shape is the right answer
+PLACES = {'tekscan': TEKSCAN, 'weiss': WEISS, 'vitac': VITAC}
 SEED, DRAWS = 20_261_123, 2000
 BINS = 10  #: confidences are sorted into so many for the calibration error
 
@@ -38,7 +38,7 @@ class Answer(NamedTuple):
 
     @property
     def wanted(self) -> str:
-        return Shape.UNKNOWN.value if self.of.label == FOREIGN else self.of.label
+        return Shape.UNKNOWN.value if self.of.label in WITHOUT_SHAPE else self.of.label
 
     @property
     def is_named(self) -> bool:

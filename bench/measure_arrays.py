@@ -24,7 +24,7 @@ sys.path.insert(0, str(ROOT))
 
 from bench.recognition.array_measures import Group, measure, measure_over_time
 from bench.recognition.page import COLOURS, Table, write_page
-from bench.recognition.real_frames import PADS, TEKSCAN, WEISS, read_frames, read_hand, read_labels
+from bench.recognition.real_frames import PADS, TEKSCAN, VITAC, VITAC_PAD, WEISS, read_frames, read_hand, read_labels
 from tactile_node.shape.recognition import Shape
 from training.real_arrays import random_touch, read_by
 
@@ -32,7 +32,7 @@ PROFILES = 'pressure_profiles'  #: of peter-kiechle/tactile-sensors
 STAMPED, HEATED = (f'{PROFILES}/{name}' for name in (
     'calibration_weight_and_temperature/room temperature', 'calibration_noise/temperature-noise.dsa'))
 STAMPED_PAD, WEIGHTS = 1, {'A': 200, 'B': 300, 'C': 400, 'D': 500, 'E': 600, 'F': 700, 'G': 800, 'H': 900}  # [g]
-VITAC, VITAC_PAD, STEP = 'Data', (12, 32), 10  #: every so many frames of it: 0.1 s
+STEP = 10  #: every so many frames of ViTac: 0.1 s
 PLACES = {'tekscan': TEKSCAN, 'weiss': WEISS, 'vitac': VITAC}
 DRAWN, SEED = 1500, 20_261_123
 PICTURE, ROWS, COLS = 'real_arrays.png', 3, 8

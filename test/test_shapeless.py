@@ -194,3 +194,12 @@ def test_a_ragged_group_among_specks_is_no_contact_and_a_solid_one_is():
     solid = np.zeros((40, 40), bool)
     solid[15:25, 15:25] = True
     assert not is_shapeless(of_taxels(pressed | solid))
+
+
+def test_the_partial_pressures_around_a_few_taxels_tell_a_contact_from_specks():
+    """Five taxels of a finger's pad of 13x6: alone they are chance, under a soft cover a small contact."""
+    plus = np.zeros((13, 6))
+    plus[5:8, 3] = plus[6, 2:5] = 1.0
+    assert is_shapeless(PatternExtractor(unit='Pa').extract(plus * 5e4))
+    soft = plus + 0.35 * (abs(np.arange(13)[:, None] - 6) + abs(np.arange(6) - 3) == 2)
+    assert not is_shapeless(PatternExtractor(unit='Pa').extract(soft * 5e4))

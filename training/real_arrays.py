@@ -33,6 +33,7 @@ HOLLOW = 0.3               #: share of circles, squares and rectangles
 DOMES = (0.65, 0.0, 0.5, 0.0, 0.0, 0.4)  #: shares of contacts that are round on top, by label
 BALL, CYLINDER = 0.32, 2.2  #: stretch of a ball's contact on a curved finger (log); least ratio of a lying cylinder's
 THINNEST_WALL = 1.3       #: of a rim [pitches]
+RESPONSE = (0.8, 1.8)      #: reading by pressure to this power: a Weiss hand's sum of readings is weight to the 1.64
 OVERLAP = 0.8             #: with the best of the five shapes, of foreign figures at most
 
 
@@ -98,6 +99,7 @@ def read_by(rng: np.random.Generator, touch: Touch, on_off: bool) -> np.ndarray:
         weak = rng.random(len(of_lines)) < rng.choice((0.0, 0.04))
         of_lines[weak] *= rng.uniform(0.05, 0.6)
     values = _with_cross_talk(rng, values)
+    values = np.maximum(values, 0) ** np.exp(rng.uniform(*np.log(RESPONSE)))
     level = rng.uniform(0.1, 1.3)
     values = level * values + rng.choice((0.0, rng.uniform(0, 0.02))) * rng.standard_normal(shape)
     values[values < rng.choice((0.0, rng.uniform(0, 0.2))) * level] = 0  # what the electronics takes for idle

@@ -18,6 +18,7 @@ from PIL import Image
 
 TEKSCAN = 'Tactile_Images_Dataset.zip'  #: of TaISLab/CNN-based-Methods-for-Tactile-Object-Recognition
 WEISS = 'python/classification/training_grasp_profiles_thesis'  #: of peter-kiechle/tactile-sensors
+VITAC, VITAC_PAD = 'Data', (12, 32)  #: of jsheng45/ViTac-Tactile-Sensing
 PADS = ((14, 6), (13, 6)) * 3  #: rows and columns of the Weiss hand's pads, in the order of a frame
 LABELS = Path(__file__).parent / 'labels' / 'real_arrays.csv'
 UNDECIDABLE = 'undecidable'
@@ -26,14 +27,14 @@ UNDECIDABLE = 'undecidable'
 class Labelled(NamedTuple):
     """One frame by name, as each of two raters saw it."""
 
-    array: str   #: tekscan or weiss
-    frame: str   #: file in the data, of the Weiss hand with `#pad`
+    array: str   #: tekscan, weiss or vitac
+    frame: str   #: file in the data, of the Weiss hand with `#pad`, of ViTac with `#frame`
     first: str
     second: str
 
     @property
     def object(self) -> str:
-        return self.frame.split('/')[-2]
+        return self.frame.split('/')[1 if self.array == 'vitac' else -2]  # of ViTac, the cover
 
     @property
     def label(self) -> str:
@@ -54,8 +55,11 @@ def read_frames(array: str, data: Path, names: list[str]) -> Iterator[np.ndarray
                 yield np.asarray(Image.open(io.BytesIO(images.read(name))).convert('L'), float)
         return
     for name in names:
-        file, pad = name.split('#')
-        yield peak_frame(data / WEISS / file, int(pad))
+        file, number = name.split('#')
+        if array == 'vitac':
+            yield np.loadtxt(data / file, delimiter=',')[int(number)].reshape(VITAC_PAD)
+        else:
+            yield peak_frame(data / WEISS / file, int(number))
 
 
 def peak_frame(path: Path, pad: int) -> np.ndarray:

@@ -17,6 +17,7 @@ import numpy as np
 
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.errors import ConfigurationError
+from tactile_node.shape.convexity import is_convex
 from tactile_node.shape.invariants import COUNT, describe_all
 from tactile_node.shape.network import TAPS, Network
 from tactile_node.shape.patch import Patch, joined, make_patch
@@ -29,6 +30,8 @@ OUTPUTS = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Sh
 #: pressures show the rim
 SMALLEST = {'on_off': 6, 'graded': 4}
 DOUBT = 0.2   #: by so much the whole must be likelier unknown than its largest piece to be given up
+MOST_OF_PIECES = 0.5  #: it has so many of their taxels; several pieces alike are one contact of several parts
+NOT_CONVEX = 0.99     #: probability of UNKNOWN, at least, of a contact that is not convex
 LAYERS = len(TAPS) + 3
 MOST_BYTES = 1 << 24  #: of the arrays of a file, far more than ours have
 KINDS = ('on_off', 'graded')  #: of frames: without and with values between none and full
@@ -93,11 +96,12 @@ class ShapeRecogniser:
         return [self._decided(pattern, mask, found) for pattern, mask, found in zip(patterns, together, whole)]
 
     def _decided(self, pattern: ContactPattern, together: np.ndarray, whole: Recognition) -> Recognition:
-        """Choose between the pieces together and the largest alone."""
+        """Choose between the pieces together and the largest alone, where that is most of them."""
         if np.count_nonzero(together) == np.count_nonzero(pattern.mask):
             return whole
         whole = whole._replace(joined=whole.shape is not Shape.UNKNOWN)
-        if whole.probabilities[Shape.UNKNOWN] <= DOUBT:
+        if (whole.probabilities[Shape.UNKNOWN] <= DOUBT
+                or np.count_nonzero(pattern.mask) < MOST_OF_PIECES * np.count_nonzero(together)):
             return whole
         largest = self._recognised([(pattern.values, pattern.mask)])[0]
         gain = whole.probabilities[Shape.UNKNOWN] - largest.probabilities[Shape.UNKNOWN]
@@ -118,16 +122,22 @@ class ShapeRecogniser:
                 patches[patch.graded].append((k, patch))
         for alike in patches.values():
             if alike:
-                probabilities = self.probabilities([patch for _, patch in alike]).tolist()
+                # on/off taxels show a rim torn by silent lines as pieces, pressures show what is between them
+                convex = np.array([not patch.graded or is_convex(*contacts[k]) for k, patch in alike])
+                probabilities = self.probabilities([patch for _, patch in alike], convex).tolist()
                 for (k, _), of_outputs in zip(alike, probabilities):
                     found[k] = Recognition.of(dict(zip(self.outputs, of_outputs)))
         return found
 
-    def probabilities(self, patches: list[Patch]) -> np.ndarray:
-        """Return the probabilities of ``outputs`` for patches all graded or all not, (K, len(outputs))."""
+    def probabilities(self, patches: list[Patch], convex: np.ndarray) -> np.ndarray:
+        """Return the probabilities of ``outputs`` for patches all graded or all not, (K, len(outputs)).
+
+        ``convex``: bool (K,), `is_convex` of their contacts; the five shapes are, what is taught need not be.
+        """
         kind = KINDS[patches[0].graded]
         embedding, log_taxels = self.embedding(patches)
         known = self.known(kind, embedding, log_taxels)
+        known[~convex] = _as_foreign(known[~convex])
         if len(self.outputs) == len(OUTPUTS):
             return known
         if kind not in self._heads:
@@ -145,6 +155,13 @@ class ShapeRecogniser:
         """Return the probabilities of OUTPUTS, (K, 6), as without taught shapes."""
         logits = self._networks[kind].logits(embedding)
         return self._calibrations[kind].probabilities(logits.astype(float), log_taxels)
+
+
+def _as_foreign(probabilities: np.ndarray) -> np.ndarray:
+    """Return probabilities of OUTPUTS, (K, 6), with that of UNKNOWN raised to NOT_CONVEX where it is less."""
+    unknown = np.maximum(probabilities[:, -1:], NOT_CONVEX)
+    known = probabilities[:, :-1] * (1 - unknown) / np.maximum(1 - probabilities[:, -1:], 1e-12)
+    return np.concatenate((known, unknown), 1)
 
 
 def read_arrays(path: str | Path) -> dict[str, np.ndarray]:

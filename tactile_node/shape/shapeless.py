@@ -9,7 +9,8 @@ import numpy as np
 from scipy import ndimage
 
 from tactile_node.contact.neighbours import grown
-from tactile_node.contact.pattern import ContactPattern
+from tactile_node.contact.on_off import are_on_off
+from tactile_node.contact.pattern import ContactPattern, number_contacts
 from tactile_node.shape.patch import joined
 
 #: Fraction of the taxels beside the contact that are pressed -> taxels of a group that chance does not make there.
@@ -38,6 +39,7 @@ RAGGED = 0.45      #: nor below this one where
 FEW = 14           #: it is of fewer taxels, with the pieces close to it,
 FEW_ALONE = 7      #: where nothing else is pressed of fewer than these (slim triangles of 9 taxels are ragged), or
 LARGEST = 0.4      #: less than this part of them is in one piece
+SMALL, PARTIAL = 16, 0.25  #: taxels of a contact so small that its rim counts, and the level of that rim
 SURE = 15.0        #: -log of the probability that chance presses all taxels of a compact contact
 
 
@@ -51,15 +53,22 @@ def is_shapeless(pattern: ContactPattern) -> bool:
     >>> is_shapeless(ContactPattern.of(row, row.astype(float)))
     True
     """
-    taxels = int(np.count_nonzero(pattern.mask))
     together = joined(pattern)
     if np.count_nonzero(together) < GROUPS[0]:
         return False  # too small for a shape anyway
     if (_is_line(together) or _is_across(pattern.mask) or _is_string(pattern.mask, together)
             or _is_rise(pattern, together) or _is_hum(pattern)):
         return True
+    if not _is_chance(pattern, together):
+        return False
+    wider = _wider(pattern)
+    return wider is pattern or _is_chance(wider, joined(wider))
+
+
+def _is_chance(pattern: ContactPattern, together: np.ndarray) -> bool:
+    """Return whether chance makes such a group at the density of the pressed taxels beside it."""
+    taxels, whole = int(np.count_nonzero(pattern.mask)), np.count_nonzero(together)
     density, compactness = _density_beside(pattern, together), _compactness(pattern.mask)
-    whole = np.count_nonzero(together)
     if density >= SPECKLED and compactness < AMONG_SPECKS:
         return True
     few = FEW if pattern.contacts > 1 else FEW_ALONE
@@ -69,6 +78,20 @@ def is_shapeless(pattern: ContactPattern) -> bool:
     if density < DENSEST and taxels >= np.interp(density, DENSITIES, GROUPS) * (1 + MORE_PLACES * places):
         return False
     return bool(taxels < SURE / -np.log(density) or compactness < max(COMPACT, 1 - LOOSE / taxels ** 0.5))
+
+
+def _wider(pattern: ContactPattern) -> ContactPattern:
+    """Return a small contact with the partial pressures around it, and what else reaches their level.
+
+    A soft cover spreads a contact; a speck has nothing around it. On/off taxels, and large contacts, stay as they are.
+    """
+    if np.count_nonzero(pattern.mask) >= SMALL or are_on_off(pattern.values):
+        return pattern
+    pressed = (pattern.values >= PARTIAL * np.nanmean(pattern.values[pattern.mask])) | pattern.mask
+    labels, contacts = number_contacts(pressed, pattern.hidden)
+    number = int(labels[pattern.mask].max())
+    return pattern._replace(mask=labels == number, labels=labels, contacts=contacts,
+                            sizes=tuple(np.bincount(labels.reshape(-1))[1:].tolist()))
 
 
 def _is_line(taxels: np.ndarray) -> bool:
