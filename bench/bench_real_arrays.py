@@ -3,8 +3,8 @@
     python bench/bench_real_arrays.py --tekscan DIR --weiss DIR --vitac DIR [--labels FILE] [--weights FILE] [--network]
 
 DIR: copies of the public repositories TaISLab/CNN-based-Methods-for-Tactile-Object-Recognition,
-peter-kiechle/tactile-sensors and jsheng45/ViTac-Tactile-Sensing. Without one, one line says so. A row is a visible class; intervals are bootstraps over
-objects, a grasp's pads among them.
+peter-kiechle/tactile-sensors and jsheng45/ViTac-Tactile-Sensing. Without one, one line says so. A row is a visible
+class; intervals are bootstraps over objects, a grasp's pads among them.
 """
 
 import argparse

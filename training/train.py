@@ -33,7 +33,7 @@ from training.samples import UNKNOWN, Samples
 
 #: of each pool: parts of about 10,000 samples, and samples in a batch
 PARTS = {'bulk': 28, 'large': 12, 'faulty': 22, 'foreign': 16, 'blemish': 7, 'mechanics': 14, 'noise': 3,
-         'hidden': 12, 'real': 20}
+         'hidden': 12, 'real': 30}
 MIX = {'bulk': 150, 'large': 60, 'faulty': 130, 'foreign': 112, 'blemish': 40, 'mechanics': 70, 'noise': 12,
        'hidden': 50, 'real': 200}
 SHARED = *FORMS, 'indenters', 'indenters of validation'  #: what both networks are trained on, drawn first

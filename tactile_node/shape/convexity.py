@@ -25,31 +25,42 @@ def is_convex(values: np.ndarray, mask: np.ndarray) -> bool:
     >>> is_convex(bar, bar > 0), is_convex(hook, hook > 0)
     (True, False)
     """
-    with np.errstate(invalid='ignore'):
-        wide = mask | (values >= PARTIAL_LEVEL * np.nanmean(values[mask]))
+    if _fills(mask, _box(mask)):
+        return True
+    unseen = np.isnan(values)
+    wide = mask | (np.where(unseen, 0.0, values) >= PARTIAL_LEVEL * float(np.nanmean(values[mask])))
     labels = ndimage.label(wide, EIGHT_CONNECTED)[0]
-    wide = np.isin(labels, np.unique(labels[mask]))
-    rows, cols = np.flatnonzero(wide.any(1)), np.flatnonzero(wide.any(0))
-    box = slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1)
-    inside, unseen = wide[box], np.isnan(values[box])
-    if np.count_nonzero(inside) >= LEAST_CONVEXITY * inside.size:  # quick: the hull is in the box
+    is_of_contact = np.bincount(labels[mask], minlength=int(labels.max()) + 1) > 0
+    wide = is_of_contact[labels]
+    rows, cols = _box(wide)
+    inside, unseen = wide[rows, cols], unseen[rows, cols]
+    hull = _hull(inside)
+    if _fills(inside, hull & ~(unseen & ~inside)):
         return True
     closed = inside | ndimage.binary_closing(np.pad(inside, 2), EIGHT_CONNECTED)[2:-2, 2:-2]
-    at_edge = rows[0] == 0, rows[-1] == mask.shape[0] - 1, cols[0] == 0, cols[-1] == mask.shape[1] - 1
-    in_hull = _hull(closed) & ~(unseen & ~closed)
-    filled = closed | _holes(closed | unseen, at_edge)
-    return bool(np.count_nonzero(filled & in_hull) >= LEAST_CONVEXITY * np.count_nonzero(in_hull))
+    at_edge = (rows.start == 0, rows.stop == mask.shape[0], cols.start == 0, cols.stop == mask.shape[1])
+    return _fills(closed | _holes(closed | unseen, at_edge), hull & ~(unseen & ~closed))
+
+
+def _fills(taxels: np.ndarray, hull: np.ndarray | tuple[slice, slice]) -> bool:
+    """Return whether ``taxels`` are LEAST_CONVEXITY of ``hull``, bool (rows, cols), or of a box of rows and columns."""
+    part = taxels[hull]
+    return bool(np.count_nonzero(part) >= LEAST_CONVEXITY * part.size)
+
+
+def _box(taxels: np.ndarray) -> tuple[slice, slice]:
+    rows, cols = np.flatnonzero(taxels.any(1)), np.flatnonzero(taxels.any(0))
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(cols[0]), int(cols[-1]) + 1)
 
 
 def _holes(rim: np.ndarray, at_edge: tuple[bool, bool, bool, bool]) -> np.ndarray:
     """Return what ``rim`` encloses, alone or with one edge of the pad: the first row, the last, columns."""
     filled = ndimage.binary_fill_holes(rim)
-    framed = np.pad(rim, 1)
-    for edge, is_touched in zip(((0, ...), (-1, ...), (..., 0), (..., -1)), at_edge):
+    for edge, is_touched in enumerate(at_edge):
         if is_touched:
-            closed = framed.copy()
-            closed[edge] = True
-            filled |= ndimage.binary_fill_holes(closed)[1:-1, 1:-1]
+            axis, end = divmod(edge, 2)
+            closed = np.insert(rim, end * rim.shape[axis], True, axis)
+            filled |= np.delete(ndimage.binary_fill_holes(closed), end * rim.shape[axis], axis)
     holes: np.ndarray = filled & ~rim
     return holes
 
