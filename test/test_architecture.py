@@ -11,15 +11,14 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'tactile_node'
 NUMERICAL = {'delay', 'geometry', 'conditioning', 'contact', 'helmholtz', 'shape', 'synthetic', 'pose', 'fusion',
-             'grasp', 'reproduction', 'calibration', 'teaching'}
+             'grasp', 'calibration', 'teaching'}
 CAN_SIDE = {'cia301', 'frames', 'threads', 'skin', 'assembly', 'recording', 'bus', 'supervision'}
 #: room -> rooms of ours it may import beside itself and the modules at the top of the package
 ALLOWED = {
     'delay': set(), 'geometry': set(), 'contact': set(), 'helmholtz': set(), 'conditioning': {'frames'},
     'shape': {'contact', 'helmholtz'}, 'synthetic': {'geometry', 'shape'}, 'pose': {'contact', 'geometry', 'shape'},
     'fusion': {'shape'}, 'grasp': {'shape'}, 'calibration': {'conditioning', 'contact', 'geometry', 'pose', 'shape'},
-    'teaching': {'contact', 'shape'},
-    'reproduction': {'helmholtz', 'shape', 'synthetic'},
+    'teaching': {'contact', 'helmholtz', 'shape', 'synthetic'},
     'library': {'calibration', 'contact', 'fusion', 'helmholtz', 'pose', 'shape'},
     'cia301': set(), 'frames': {'cia301'}, 'threads': set(), 'skin': {'cia301', 'frames'},
     'assembly': {'cia301', 'frames', 'skin'}, 'recording': {'assembly', 'cia301', 'frames', 'skin', 'threads'},

@@ -60,4 +60,4 @@ def test_the_help_marks_the_commands_whose_modules_are_missing(monkeypatch, caps
     lines = capsys.readouterr().out.replace('\n' + 14 * ' ', ' ').splitlines()  # a long name has its text below
     missing = {line.split()[0]: re.findall('rclpy|matplotlib', line) for line in lines if line.startswith('    ')}
     assert {name: found for name, found in missing.items() if found} == {
-        'bringup': ['rclpy'], 'demo': ['rclpy', 'matplotlib'], 'reproduce': ['matplotlib']}
+        'bringup': ['rclpy'], 'demo': ['rclpy', 'matplotlib']}

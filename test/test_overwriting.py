@@ -20,8 +20,7 @@ WRITES = [
     ['draft', 'sim16x16.eds', '--output', 'x.yaml'], RECORD,
     ['replay', 'none.log', '-o', 'x.npz'], ['report', 'none.log', '-o', 'x.html']]
 DEMO = ['demo', '--areas', '40', '--output', '.']
-REPRODUCE = ['reproduce', '--patterns', '15', '--training', '600', '--output', '.']
-WITH_FOLDERS = [(DEMO, 'touches.csv'), (DEMO, 'bag/metadata.yaml'), (REPRODUCE, 'index.html'), (REPRODUCE, 'lost.csv')]
+WITH_FOLDERS = [(DEMO, 'touches.csv'), (DEMO, 'bag/metadata.yaml')]
 APPENDS_OR_NUMBERS = {'simulate', 'bringup'}  # --report, --record
 
 

@@ -15,7 +15,7 @@ PLACES = {
     'frames': (1.0, 1), 'delay': (4.2, 1), 'shape': (5.7, 1),
     'skin': (1.0, 2), 'conditioning': (2.8, 2), 'grasp': (4.5, 2), 'pose': (5.7, 2), 'fusion': (6.9, 2),
     'synthetic': (8.6, 2),
-    'assembly': (1.0, 3), 'calibration': (5.7, 3), 'teaching': (7.1, 3), 'reproduction': (9.1, 3),
+    'assembly': (1.0, 3), 'calibration': (5.7, 3), 'teaching': (7.1, 3),
     'library': (7.7, 3.9), 'recording': (1.0, 4), 'ros': (4.6, 6),
     'bus': (1.0, 5), 'supervision': (1.0, 6), 'simulator': (2.6, 6), 'report': (6.6, 5),
     'view': (6.6, 6.3), 'nodes': (4.0, 7.4), 'demo': (3.3, 8.2), 'launching': (4.3, 8.1),

@@ -19,7 +19,6 @@ COMMANDS = (
     ('features', 'tactile_node.cli.features', 'every quantity of the paper, of frames in files: JSON lines or CSV'),
     ('classify', 'tactile_node.cli.classify', 'the recognised shape, of frames in files: JSON lines or CSV'),
     ('fit', 'tactile_node.cli.fit', "fit the classifier's curves on synthetic patterns"),
-    ('reproduce', 'tactile_node.cli.reproduce', "re-draw the paper's figures and re-measure its claims"),
     ('bringup', 'tactile_node.cli.bringup', 'run all ROS 2 nodes of one bus in this process'),
     ('view', 'tactile_node.cli.view', 'show the pads in a browser or on a terminal'),
     ('demo', 'tactile_node.cli.demo', 'simulated gripper skin: five shapes, from CAN frame to topic'),
@@ -41,7 +40,7 @@ WITH_NODES = ('bringup', 'demo')
 
 #: by command, what its help would promise in vain without
 NEEDED = {'bringup': ('rclpy', 'tactile_skin'), 'demo': ('rclpy', 'tactile_skin', 'matplotlib'), 'view': ('viser',),
-          'reproduce': ('matplotlib',), 'completion': ('argcomplete',)}
+          'completion': ('argcomplete',)}
 _ROS = 'Source a ROS 2 workspace that holds tactile_skin, or run `make demo` once.'
 NEEDS = {'rclpy': _ROS, 'rcl_interfaces': _ROS, 'tactile_skin': _ROS,
          'can': 'Install it: pip install python-can.', 'canopen': 'Install it: pip install canopen (docs/install.md).',

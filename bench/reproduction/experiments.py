@@ -4,24 +4,24 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bench.reproduction.confusion import confusion, lost_in_plane
+from bench.reproduction.inside_reading import WORLD as INSIDE_WORLD
+from bench.reproduction.inside_reading import InsideReading, measure_inside, wanted_inside
+from bench.reproduction.methods import SIZES, Method, best_fit, measured
+from bench.reproduction.neighbours import NearestNeighbours
+from bench.reproduction.sampling import Drawn, Progress, Wanted, draw
+from bench.reproduction.worlds import WORLDS, draw_pattern
 from tactile_node.helmholtz.features import Group, features_at_angles
 from tactile_node.rate import Rate
-from tactile_node.reproduction.confusion import confusion, lost_in_plane
-from tactile_node.reproduction.curve_fitting import (
+from tactile_node.shape.volf import ANSWERS, VolfClassifier
+from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.teaching.curve_fitting import (
     AREAS,
     READINGS,
     Samples,
     answers,
     fit_classifier,
 )
-from tactile_node.reproduction.inside_reading import WORLD as INSIDE_WORLD
-from tactile_node.reproduction.inside_reading import InsideReading, measure_inside, wanted_inside
-from tactile_node.reproduction.methods import SIZES, Method, best_fit, measured
-from tactile_node.reproduction.neighbours import NearestNeighbours
-from tactile_node.reproduction.sampling import Drawn, Progress, Wanted, draw
-from tactile_node.reproduction.worlds import WORLDS, draw_pattern
-from tactile_node.shape.volf import ANSWERS, VolfClassifier
-from tactile_node.synthetic.seeds import Purpose, generator
 
 VANISHING = 25  #: area at which the angles that lose taxels are looked for
 WORLDS_BY_AREA = tuple(world for world in WORLDS if world != INSIDE_WORLD)

@@ -1,13 +1,22 @@
-"""`tactile reproduce`: the paper's figures re-drawn, its claims re-measured, as a page and as CSV."""
+"""The paper's figures re-drawn, its claims re-measured, as a page and as CSV: `make reproduce`.
+
+    python bench/reproduce.py --output DIR [--patterns N] [--training N] [--seed N] [--jobs N] [--curves FILE]
+"""
 
 import argparse
 import os
+import sys
 from contextlib import closing
 from pathlib import Path
 
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from bench.reproduction.experiments import measure
+from bench.reproduction.page import PAGE_FILE, TABLES, write_page
+from bench.reproduction.stages import Stages
 from tactile_node.cli.options import add_output_option
-from tactile_node.cli.progress import Stages
-from tactile_node.errors import InputError
+from tactile_node.errors import InputError, TactileError
 from tactile_node.output_file import check_new
 from tactile_node.package_files import config_path
 from tactile_node.shape.volf import VolfClassifier
@@ -15,9 +24,8 @@ from tactile_node.shape.volf import VolfClassifier
 LEAST_TRAINING = 600
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('reproduce', description=__doc__)
-    parser.set_defaults(run=run)
+def main(argv: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_output_option(parser, required=True, metavar='DIR', help='made where it does not exist')
     parser.add_argument('--patterns', type=int, default=2000, metavar='N',
                         help='fresh patterns at each size, default %(default)s')
@@ -27,6 +35,11 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--jobs', type=int, default=os.cpu_count() or 1, help='processes, default %(default)s')
     parser.add_argument('--curves', default='volf_curves.yaml', metavar='FILE',
                         help="the published method's curves, default config/%(default)s")
+    try:
+        return run(parser.parse_args(argv))
+    except TactileError as error:
+        print(f'reproduce: error: {error}', file=sys.stderr)
+        return 2
 
 
 def run(args: argparse.Namespace) -> int:
@@ -36,13 +49,10 @@ def run(args: argparse.Namespace) -> int:
                          f'--jobs {args.jobs} --training {args.training}', remedy='Ask for more.')
     classifier = VolfClassifier.from_file(config_path(args.curves))
     folder = _folder(args.output)
-    # Here, so that without matplotlib the reason is given before the work is done, and help needs none of it.
-    from tactile_node.reproduction.experiments import measure
-    from tactile_node.reproduction.page import PAGE_FILE, TABLES, write_page
     for name in (PAGE_FILE, *TABLES):
         check_new(folder / name, force=args.force)
 
-    command = f'tactile reproduce --patterns {args.patterns} --training {args.training} --seed {args.seed}'
+    command = f'python bench/reproduce.py --patterns {args.patterns} --training {args.training} --seed {args.seed}'
     with closing(Stages()) as stages:
         results = measure(classifier, patterns=args.patterns, training=args.training, seed=args.seed, jobs=args.jobs,
                           progress=stages.show)
@@ -60,3 +70,6 @@ def _folder(path: str) -> Path:
                          remedy='Give another path with --output.') from None
     return Path(path)
 
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -9,14 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.reproduction.confusion import lost_in_plane
-from tactile_node.reproduction.curve_fitting import AREAS, Samples, answers
-from tactile_node.reproduction.inside import ACTIVE, areas_around, by_inside
-from tactile_node.reproduction.methods import SIZES, Method, best_fit, measured
-from tactile_node.reproduction.sampling import Drawn, Progress, Wanted
+from bench.reproduction.confusion import lost_in_plane
+from bench.reproduction.inside import ACTIVE, areas_around, by_inside
+from bench.reproduction.methods import SIZES, Method, best_fit, measured
+from bench.reproduction.sampling import Drawn, Progress, Wanted
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS, VolfClassifier
 from tactile_node.synthetic.seeds import Purpose
+from tactile_node.teaching.curve_fitting import AREAS, Samples, answers
 
 WORLD = 'equilateral triangles'
 TRIANGLE = Shape.ISOSCELES_TRIANGLE

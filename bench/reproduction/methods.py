@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.rate import Rate
-from tactile_node.reproduction.curve_fitting import READINGS, Samples, answers, fit_classifier
 from tactile_node.shape.volf import VolfClassifier
+from tactile_node.teaching.curve_fitting import READINGS, Samples, answers, fit_classifier
 
 SIZES = (15, 20, 25, 30, 35, 50, 75, 100)  #: N [taxels] at which recognition is measured
 PUBLISHED = {20: 'about 70 %', 35: 'more than 90 %', 100: 'about 99.9 %'}

@@ -7,13 +7,13 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from bench.reproduction.inside import INSIDE, count_inside
+from bench.reproduction.worlds import draw_pattern
 from tactile_node.helmholtz.features import Group, features_at_angles
-from tactile_node.reproduction.curve_fitting import COLUMNS, Samples
-from tactile_node.reproduction.inside import INSIDE, count_inside
-from tactile_node.reproduction.worlds import draw_pattern
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS
 from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.teaching.curve_fitting import COLUMNS, Samples
 
 BATCH = 250  #: patterns a process draws at a time
 
