@@ -65,7 +65,7 @@ $(VENV)/.built: $(VENV)/.installed $(SOURCES)
 	@touch $@
 
 demo: setup  ## simulated gripper skin, five shapes, live in the terminal; results in demo_output/
-	@$(BIN)/tactile demo --output demo_output --force
+	@$(BIN)/python -m examples.demo --output demo_output --force
 	@$(NEXT)
 
 check: lint  ## style and the fast tests: what to run while you work (under 30 s)

@@ -31,8 +31,7 @@ ALLOWED = {
     'ros': {'bus', 'cia301', 'frames', 'skin', *NUMERICAL},
     'view': {'bus', 'cia301', 'contact', 'frames', 'helmholtz', 'library', 'pose', 'recording', 'shape', 'skin',
              'supervision', 'threads'},
-    'nodes': {'bus', 'frames', 'recording', 'ros', 'skin', 'supervision', 'threads', 'view', *NUMERICAL},
-    'demo': {'nodes', 'ros', 'shape', 'simulator', 'skin', 'synthetic', 'view'}}
+    'nodes': {'bus', 'frames', 'recording', 'ros', 'skin', 'supervision', 'threads', 'view', *NUMERICAL}}
 ROS = {'rclpy', 'tactile_skin', 'std_msgs', 'diagnostic_msgs', 'geometry_msgs', 'rcl_interfaces', 'builtin_interfaces',
        'sensor_msgs', 'tf2_msgs', 'lifecycle_msgs', 'rosgraph_msgs', 'visualization_msgs', 'launch', 'launch_ros'}
 CAN = {'can', 'canopen'}
@@ -77,9 +76,9 @@ def test_the_can_side_knows_no_ros(folder):
         assert not {name.split('.')[0] for name in imports(path)} & ROS, path
 
 
-def test_only_commands_and_the_demo_import_nodes():
+def test_only_commands_import_nodes():
     for path in PACKAGE.rglob('*.py'):
-        if path.relative_to(PACKAGE).parts[0] not in ('nodes', 'cli', 'demo'):
+        if path.relative_to(PACKAGE).parts[0] not in ('nodes', 'cli'):
             assert not any(name.startswith('tactile_node.nodes') for name in imports(path)), path
 
 
