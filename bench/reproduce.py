@@ -6,7 +6,6 @@
 import argparse
 import os
 import sys
-from contextlib import closing
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -14,7 +13,6 @@ sys.path.insert(0, str(ROOT))
 
 from bench.reproduction.experiments import measure
 from bench.reproduction.page import PAGE_FILE, TABLES, write_page
-from bench.reproduction.stages import Stages
 from tactile_node.cli.options import add_output_option
 from tactile_node.errors import InputError, TactileError
 from tactile_node.output_file import check_new
@@ -26,7 +24,7 @@ LEAST_TRAINING = 600
 
 def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    add_output_option(parser, required=True, metavar='DIR', help='made where it does not exist')
+    add_output_option(parser, type=Path, required=True, metavar='DIR', help='made where it does not exist')
     parser.add_argument('--patterns', type=int, default=2000, metavar='N',
                         help='fresh patterns at each size, default %(default)s')
     parser.add_argument('--training', type=int, default=12_000, metavar='N',
@@ -48,27 +46,14 @@ def run(args: argparse.Namespace) -> int:
                          f'--training >= {LEAST_TRAINING}', got=f'--patterns {args.patterns} --seed {args.seed} '
                          f'--jobs {args.jobs} --training {args.training}', remedy='Ask for more.')
     classifier = VolfClassifier.from_file(config_path(args.curves))
-    folder = _folder(args.output)
+    args.output.mkdir(parents=True, exist_ok=True)
     for name in (PAGE_FILE, *TABLES):
-        check_new(folder / name, force=args.force)
+        check_new(args.output / name, force=args.force)
 
     command = f'python bench/reproduce.py --patterns {args.patterns} --training {args.training} --seed {args.seed}'
-    with closing(Stages()) as stages:
-        results = measure(classifier, patterns=args.patterns, training=args.training, seed=args.seed, jobs=args.jobs,
-                          progress=stages.show)
-        stages.show('drawing the figures')
-        written = write_page(folder, results, command)
-    print(*written, sep='\n')
+    results = measure(classifier, patterns=args.patterns, training=args.training, seed=args.seed, jobs=args.jobs)
+    print(*write_page(args.output, results, command), sep='\n')
     return 0
-
-
-def _folder(path: str) -> Path:
-    try:
-        Path(path).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f'output {path!r}', expected='a folder that can be made', got=error.strerror or str(error),
-                         remedy='Give another path with --output.') from None
-    return Path(path)
 
 
 if __name__ == '__main__':

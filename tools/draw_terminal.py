@@ -1,6 +1,6 @@
 """Makes a moving picture of what a program shows on a terminal, or of pictures, for a page.
 
-    python tools/draw_terminal.py docs/terminal.gif --run python -m examples.demo --force --areas 40 60  # cast too
+    python tools/draw_terminal.py docs/terminal.gif --run tactile demo --force --areas 40 60     # keep the cast too
     python tools/draw_terminal.py docs/terminal.gif --cast terminal.cast                 # draw a cast again
     python tools/draw_terminal.py docs/view.gif --pictures shot1.png shot2.png shot3.png
 

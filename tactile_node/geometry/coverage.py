@@ -16,10 +16,6 @@ class Window(NamedTuple):
     rows: int
     cols: int
 
-    @property
-    def slices(self) -> tuple[slice, slice]:
-        return slice(self.row, self.row + self.rows), slice(self.col, self.col + self.cols)
-
 
 def coverages(corners: np.ndarray, motions: np.ndarray, window: Window, weights: np.ndarray,
               of_change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
