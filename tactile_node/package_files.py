@@ -44,31 +44,6 @@ def package_file(name: str) -> Path:
         got='no such file', remedy=f'Looked in the current folder and in {", ".join(map(str, folders))}.')
 
 
-def is_shipped(path: str | Path) -> bool:
-    """Return whether ``path``, or what it links to, is a file that comes with this package, of whatever installation.
-
-    >>> is_shipped(package_file('config/volf_curves.yaml')), is_shipped('my_curves.yaml')
-    (True, False)
-    """
-    target = Path(path).expanduser().resolve()
-    if not target.exists():
-        return False
-    return any((folder / 'config' / target.name).is_file() and target.samefile(folder / 'config' / target.name)
-               for folder in (PACKAGE_FOLDER, CHECKOUT)) or _is_ours(target.parent)
-
-
-def _is_ours(folder: Path) -> bool:
-    """Return whether it is config/ of a checkout, an installed module or a share folder other than this module's."""
-    above = folder.parent
-    if folder.name != 'config':
-        return False
-    if above.name == 'tactile_node' and (above / Path(__file__).name).is_file():
-        return True
-    package_xml = above / 'package.xml'
-    return package_xml.is_file() and '<name>tactile_skin</name>' in package_xml.read_text(encoding='utf-8',
-                                                                                           errors='replace')
-
-
 def is_checkout() -> bool:
     """Return whether this module lies in a checkout, or is a symbolic link or an editable install of one."""
     return (CHECKOUT / 'package.xml').is_file()

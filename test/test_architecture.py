@@ -18,7 +18,7 @@ ALLOWED = {
     'delay': set(), 'geometry': set(), 'contact': set(), 'helmholtz': set(), 'conditioning': {'frames'},
     'shape': {'contact', 'helmholtz'}, 'synthetic': {'geometry', 'shape'}, 'pose': {'contact', 'geometry', 'shape'},
     'fusion': {'shape'}, 'grasp': {'shape'}, 'calibration': {'conditioning', 'contact', 'geometry', 'pose', 'shape'},
-    'teaching': {'contact', 'helmholtz', 'shape', 'synthetic'},
+    'teaching': {'contact', 'shape'},
     'library': {'calibration', 'contact', 'fusion', 'helmholtz', 'pose', 'shape'},
     'cia301': set(), 'frames': {'cia301'}, 'threads': set(), 'skin': {'cia301', 'frames'},
     'assembly': {'cia301', 'frames', 'skin'}, 'recording': {'assembly', 'cia301', 'frames', 'skin', 'threads'},

@@ -14,7 +14,7 @@ RECORD = ['record', '--interface', 'virtual', '--duration', '0.1', 'x.log']
 #: What writes one file, its name last. All inputs are missing, or no bus is there: the refusal comes before.
 WRITES = [
     ['features', 'none.npy', '-o', 'x.json'], ['classify', 'none.npy', '-o', 'x.json'],
-    ['fit', '-o', 'x.yaml'], ['calibrate', 'none.npy', '--radius', '0.01', '--pitch', '0.002', '-o', 'x.yaml'],
+    ['calibrate', 'none.npy', '--radius', '0.01', '--pitch', '0.002', '-o', 'x.yaml'],
     ['teach', '--name', 'plug', '--from', 'none.npy', '-o', 'x.npz'],
     ['teach', '--name', 'plug', '--from', 'none.npy', '-o', 'new.npz', '--picture', 'x.png'],
     ['draft', 'sim16x16.eds', '--output', 'x.yaml'], RECORD,

@@ -20,7 +20,7 @@ from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS, GROUPS, plane_feature
 from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import CLASSES, random_pattern
-from tactile_node.teaching.curve_fitting import COLUMNS, Samples
+from training.curve_fitting import COLUMNS, Samples
 
 
 def test_wilson_interval_of_a_textbook_case():

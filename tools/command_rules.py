@@ -44,7 +44,6 @@ RULES = (
     Rule(r'^python -m training', Kind.MINUTES, 'make train'),
     Rule(r'^python examples/shape_listener.py', Kind.TESTED, 'test/test_tutorial.py'),
     Rule(r'^python3? examples/planner_client.py', Kind.TESTED, 'test/test_planner_client.py'),
-    Rule(r'^tactile fit', Kind.TESTED, 'test/test_fit_command.py'),
     Rule(r'^tactile calibrate', Kind.TESTED, 'test/test_calibration.py'),
     Rule(r'^tactile bringup.*--interface slcan', Kind.TESTED, 'test/test_tutorial.py'),
     Rule(r'^tactile bringup', Kind.TESTED, 'test/test_bringup.py'),

@@ -14,7 +14,7 @@ from tactile_node.helmholtz.features import Group, features_at_angles
 from tactile_node.rate import Rate
 from tactile_node.shape.volf import ANSWERS, VolfClassifier
 from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.teaching.curve_fitting import (
+from training.curve_fitting import (
     AREAS,
     READINGS,
     Samples,

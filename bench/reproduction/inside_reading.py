@@ -15,7 +15,7 @@ from bench.reproduction.sampling import Drawn, Wanted
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS, VolfClassifier
 from tactile_node.synthetic.seeds import Purpose
-from tactile_node.teaching.curve_fitting import AREAS, Samples, answers
+from training.curve_fitting import AREAS, Samples, answers
 
 WORLD = 'equilateral triangles'
 TRIANGLE = Shape.ISOSCELES_TRIANGLE

@@ -7,7 +7,7 @@ import numpy as np
 
 from tactile_node.rate import Rate
 from tactile_node.shape.volf import ANSWERS, VolfClassifier
-from tactile_node.teaching.curve_fitting import READINGS, Samples, answers, fit_classifier
+from training.curve_fitting import READINGS, Samples, answers, fit_classifier
 
 SIZES = (15, 20, 25, 30, 35, 50, 75, 100)  #: N [taxels] at which recognition is measured
 PLANE_OF = np.array([1, 1, 2, 3, 3])  #: the plane whose curve decides for each of ANSWERS

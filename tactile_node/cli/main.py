@@ -18,7 +18,6 @@ from tactile_node.interruption import ignore_interruptions
 COMMANDS = (
     ('features', 'tactile_node.cli.features', 'every quantity of the paper, of frames in files: JSON lines or CSV'),
     ('classify', 'tactile_node.cli.classify', 'the recognised shape, of frames in files: JSON lines or CSV'),
-    ('fit', 'tactile_node.cli.fit', "fit the classifier's curves on synthetic patterns"),
     ('bringup', 'tactile_node.cli.bringup', 'run all ROS 2 nodes of one bus in this process'),
     ('view', 'tactile_node.cli.view', 'show the pads in a browser or on a terminal'),
     ('simulate', 'tactile_node.cli.simulate', 'be a CANopen skin that touches shapes or repeats a recording'),

@@ -4,7 +4,7 @@
 2. (min P05, min I5): isosceles triangle | circle and square;
 3. (dif P05 or min P05, dif I5): square | circle.
 
-The curves are data (config/volf_curves.yaml), fitted by `tactile fit`. The paper gives no probabilities:
+The curves are data (config/volf_curves.yaml), fitted by `training.fit_curves`. The paper gives no probabilities:
 ours are how often each class was the truth among the training patterns with the same answer of the curves,
 in the same band of N.
 """
@@ -48,7 +48,7 @@ class VolfClassifier:
 
     @classmethod
     def from_file(cls, path: str | Path) -> 'VolfClassifier':
-        """Read the curves that `tactile fit` wrote; ConfigurationError where they are not."""
+        """Read the curves that `training.fit_curves` wrote; ConfigurationError where they are not."""
         top = load_mapping(Path(path), 'curves of the classifier')
         planes = top.take('planes')
         try:
@@ -110,5 +110,5 @@ def _shares(data: Mapping[str, Any]) -> np.ndarray:
 
 
 def _unusable(path: str | Path, got: str) -> ConfigurationError:
-    return ConfigurationError(f'curves of the classifier, {path}', expected='a file written by `tactile fit`',
-                              got=got, remedy='Use config/volf_curves.yaml, or run `tactile fit` again.')
+    return ConfigurationError(f'curves of the classifier, {path}', expected='a file as training/fit_curves.py writes',
+                              got=got, remedy='Use config/volf_curves.yaml, or one that it has written for you.')

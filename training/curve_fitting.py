@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.helmholtz.features import compute_features
-from tactile_node.shape.plane import Plane, axes, fit_curve
+from tactile_node.shape.plane import Plane, axes
 from tactile_node.shape.volf import (
     ANSWERS,
     BANDS,
@@ -23,6 +23,9 @@ AREAS = (13.0, 300.0)  #: training areas, log-uniform [taxels]
 COLUMNS = (('value', 'N'), ('dif', 'alpha9'), ('min', 'P05'), ('min', 'info_norm5'),
            ('dif', 'P05'), ('dif', 'info_norm5'))
 PASSES = 6
+KNOTS = 9
+LEVELS = 41   #: heights tried at each knot, first over the whole plane, then about what was found
+STIFF = 5.0   #: patterns a curve must gain for a kink that misses the neighbours' middle by 1 in v
 READINGS = {'caption': ('min', 'P05'), 'text': ('dif', 'P05')}  #: the third plane's horizontal axis
 
 
@@ -113,3 +116,48 @@ def fit_classifier(samples: Samples, third: tuple[str, str]) -> VolfClassifier:
     """Fit the curves and count how far they can be trusted."""
     planes = fit_planes(samples, third)
     return VolfClassifier(planes, count_shares(answers(planes, samples), samples))
+
+
+def fit_curve(u: np.ndarray, v: np.ndarray, gain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return knots and levels of the chain of lines with the greatest sum of ``gain`` above it.
+
+    ``gain``, shape (n,): what is won by having a point above the curve instead of below, negative where it
+    is lost. Found by dynamic programming over the heights at the knots: nothing better exists on its grid,
+    wherever one starts; a second, finer grid lies about the first one's answer.
+    """
+    some = gain != 0
+    u, v, gain = u[some], v[some], gain[some]
+    knots = np.linspace(u.min(), u.max(), KNOTS)
+    low, high = np.quantile(v, (0.001, 0.999))
+    grid = np.tile(np.linspace(low, high, LEVELS), (KNOTS, 1))
+    coarse = _best_chain(u, v, gain, knots=knots, grid=grid)
+    step = grid[0, 1] - grid[0, 0]
+    finer = coarse[:, None] + np.linspace(-1.5, 1.5, LEVELS) * step
+    return knots, _best_chain(u, v, gain, knots=knots, grid=finer)
+
+
+def _best_chain(u: np.ndarray, v: np.ndarray, gain: np.ndarray, knots: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """Best heights at ``knots``, one of each row of ``grid``, shape (knots, levels)."""
+    segment = np.clip(np.searchsorted(knots, u, 'right') - 1, 0, len(knots) - 2)
+    won = []
+    for k, (left, right) in enumerate(zip(knots, knots[1:])):
+        inside = segment == k
+        share = (u[inside] - left) / (right - left)
+        won.append(_gain_of_lines(share, v[inside], gain[inside], left=grid[k], right=grid[k + 1]))
+    best, choices = won[0], []  # best[a, b]: of all chains that end in the heights a, b
+    for k in range(1, len(won)):
+        kink = np.abs(grid[k - 1][:, None, None] - 2 * grid[k][:, None] + grid[k + 1])
+        total = best[:, :, None] - STIFF * kink
+        choices.append(total.argmax(0))
+        best = total.max(0) + won[k]
+    path = [int(place) for place in np.unravel_index(best.argmax(), best.shape)]
+    for choice in reversed(choices):
+        path.insert(0, int(choice[path[0], path[1]]))
+    return grid[np.arange(len(knots)), path]
+
+
+def _gain_of_lines(share: np.ndarray, v: np.ndarray, gain: np.ndarray, left: np.ndarray,
+                   right: np.ndarray) -> np.ndarray:
+    """Sum of gains above each line from a height ``left`` to a height ``right``, shape (left, right)."""
+    rising = right * share[:, None]
+    return np.array([gain @ (v[:, None] > rising + (height * (1 - share))[:, None]) for height in left])

@@ -1,58 +1,42 @@
-"""`tactile fit`: fits the curves of the paper's planes and writes them with where they come from."""
+"""Fits the curves of the paper's planes and writes them with where they come from: python -m training.fit_curves.
+
+`method: volf` reads the file by `--curves` of `tactile classify`, or parameter model of the classifier node.
+"""
 
 import argparse
+import sys
+from pathlib import Path
 
 import numpy as np
 import yaml
+from tqdm import tqdm
 
-from tactile_node.cli.options import add_output_option
-from tactile_node.cli.progress import counted
-from tactile_node.errors import InputError
-from tactile_node.output_file import check_writable, output_file
-from tactile_node.package_files import is_shipped
+from tactile_node.output_file import output_file
 from tactile_node.shape.volf import ANSWERS, BANDS, VolfClassifier
 from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.teaching.curve_fitting import (
-    AREAS,
-    COLUMNS,
-    READINGS,
-    Samples,
-    draw_samples,
-    fit_classifier,
-    recognised,
-)
+from training.curve_fitting import AREAS, COLUMNS, READINGS, Samples, draw_samples, fit_classifier, recognised
 
+LEAST_PATTERNS = 500
 HEADER = '''\
 # Curves of the paper's classifier (section 7), fitted on synthetic patterns in general position.
 # Written by `{command}`; do not edit.
 # A curve is a chain of straight lines on the axes u = ln(1 + horizontal) (knots), v = ln(0.01 + vertical)
-# (levels), see tactile_node/shape/plane.py. Shares: how often each class (circle last, in the order of
+# (levels), see tactile_node/shape/volf.py. Shares: how often each class (circle last, in the order of
 # the answers) was the truth where the curves gave an answer, a row a band of N, on training patterns.
 # Rates are the share of patterns recognised by the curves alone and by the largest share; both readings of
 # the third plane are given, the one better in training is kept.
 '''
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('fit', description=__doc__)
-    parser.set_defaults(run=run)
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.split(':')[0])
     parser.add_argument('--patterns', type=int, default=20_000, help='training patterns, default %(default)s')
     parser.add_argument('--validation', type=int, default=5_000, help='fresh patterns, default %(default)s')
     parser.add_argument('--seed', type=int, default=0, help='default %(default)s')
-    add_output_option(parser, default='volf_curves.yaml', metavar='FILE',
-                        help='default %(default)s; never a file that the package ships. Use it by --curves of '
-                             'classify, or parameter model of the classifier node (method: volf)')
-
-
-def run(args: argparse.Namespace) -> int:
-    if min(args.patterns, args.validation) < 500 or args.seed < 0:
-        raise InputError('arguments of fit', expected='at least 500 patterns of each kind and a seed >= 0',
-                         got=f'--patterns {args.patterns} --validation {args.validation} --seed {args.seed}',
-                         remedy='Ask for more.')
-    if is_shipped(args.output):  # the published curves must stay what they are
-        raise InputError(f'output {args.output!r}', expected='a file of your own', got='a file of the package',
-                         remedy='Give another path with --output.')
-    check_writable(args.output, force=args.force)
+    parser.add_argument('--output', type=Path, default=Path('config/volf_curves.yaml'), help='default %(default)s')
+    args = parser.parse_args()
+    if min(args.patterns, args.validation) < LEAST_PATTERNS:
+        parser.error(f'at least {LEAST_PATTERNS} patterns of each kind')
     training = _draw(Purpose.TRAINING, args.seed, args.patterns)
     validation = _draw(Purpose.VALIDATION, args.seed, args.validation)
     readings = {name: fit_classifier(training, third) for name, third in READINGS.items()}
@@ -66,12 +50,13 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _draw(purpose: Purpose, seed: int, patterns: int) -> Samples:
-    with counted(purpose.name.lower(), ' patterns', patterns) as bar:
+    with tqdm(desc=purpose.name.lower(), total=patterns, unit=' patterns') as bar:
         return draw_samples(generator(purpose, seed), patterns, progress=lambda done: bar.update(done - bar.n))
 
 
 def _write(args, kept: str, readings: dict, training: Samples, validation: Samples) -> None:
-    command = f'tactile fit --patterns {args.patterns} --validation {args.validation} --seed {args.seed}'
+    command = (f'python -m training.fit_curves --patterns {args.patterns} --validation {args.validation} '
+               f'--seed {args.seed}')
     data = {
         'provenance': {
             'command': command, 'training_areas': list(AREAS),
@@ -104,3 +89,7 @@ def _accuracy(classifier: VolfClassifier, training: Samples, validation: Samples
     stages = {'training': training, 'validation': validation}
     return {f'{stage}_{way}': _mean(right) for stage, samples in stages.items()
             for way, right in recognised(classifier, samples).items()}
+
+
+if __name__ == '__main__':
+    sys.exit(main())
