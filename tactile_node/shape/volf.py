@@ -110,5 +110,5 @@ def _shares(data: Mapping[str, Any]) -> np.ndarray:
 
 
 def _unusable(path: str | Path, got: str) -> ConfigurationError:
-    return ConfigurationError(f'curves of the classifier, {path}', expected='a file as training/fit_curves.py writes',
+    return ConfigurationError(f'curves of the classifier, {path}', expected='a file written by training/fit_curves.py',
                               got=got, remedy='Use config/volf_curves.yaml, or one that it has written for you.')
