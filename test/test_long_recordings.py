@@ -181,7 +181,7 @@ def series(folder, suffix='.mcap'):
     return parts
 
 
-@pytest.mark.parametrize('suffix', ['.mcap', '.log', '.blf', '.log.gz'])
+@pytest.mark.parametrize('suffix', ['.mcap', '.log', '.log.gz'])
 def test_the_first_file_of_a_series_stands_for_all_any_other_for_itself(tmp_path, suffix):
     first, second, third = series(tmp_path, suffix)
     can_log(tmp_path / f'xy_part2{suffix}')  # of another recording

@@ -1,4 +1,4 @@
-"""Writes CAN logs by suffix, in one file or in several of limited size."""
+"""Writes CAN logs (.log, .log.gz, .mcap), in one file or in several of limited size."""
 
 import logging
 import threading
@@ -23,9 +23,8 @@ class CanLogWriter:
     An existing file is never overwritten unless this one ``replaces`` it: ``path`` is the one that is written,
     ``session-2.log`` where ``session.log`` exists. From ``largest`` bytes on (0: never) the next file begins,
     ``session_part2.log`` and so on; each can be read alone, all as one by the first, and no frame is lost between two.
-    Every format is flushed every FLUSH_PERIOD (.db by python-can, every 5 s): a killed
-    process loses at most that. A message without the name of its bus (what this package sends, and what some adapters
-    receive) gets ``channel``, a device's path without its folder.
+    It is flushed every FLUSH_PERIOD: a killed process loses at most that. A message without the name of its bus (what
+    this package sends, and what some adapters receive) gets ``channel``, a device's path without its folder.
     ``can_frames`` counts what was recorded, ``unwritten`` messages that the format cannot hold, and those missing after
     the recording has failed (a full disk): it ends then, with the last frames flushed, ``failure`` has the reason,
     which is also logged, and nothing else is affected. Raises LogError when the file cannot be written from the
@@ -41,12 +40,13 @@ class CanLogWriter:
         self.unwritten = 0
         self.failure = ''
         self._file: LogFile | None = None
+        _check_suffix(Path(path))
         try:
             self.path = _new_file(Path(path), replaces)
             self._file = self._last = LogFile(self.path)
         except (OSError, ValueError, ImportError) as error:
             raise LogError(str(path),
-                           expected=f'a log file that can be written ({", ".join(SUFFIXES)})',
+                           expected='a log file that can be written',
                            got=str(error), remedy='Check folder, permissions and suffix.') from error
         self._closed = threading.Event()
         threading.Thread(target=self._keep_flushed, name='log', daemon=True).start()
@@ -141,6 +141,16 @@ class CanLogWriter:
         logger.error('%s', self.failure, extra={'fact': error})
 
 
+def _check_suffix(path: Path) -> None:
+    suffix = suffix_of(path)
+    if suffix.lower() not in SUFFIXES:
+        log = f'{str(path).removesuffix(suffix)}.log'
+        raise LogError(str(path), expected=f'a log file that can be written: {", ".join(SUFFIXES)}',
+                       got=f'the suffix {suffix!r}' if suffix else 'no suffix',
+                       remedy=f'Record to {log}; python-can makes other formats of it: '
+                              f'python -m can.logconvert {log} {path}.' if suffix else 'Name it session.log.')
+
+
 def _new_file(path: Path, replaces: bool) -> Path:
     """Make ``path``, or with the first number from 2 on that makes it new, as are the files that may follow it.
 
@@ -148,8 +158,6 @@ def _new_file(path: Path, replaces: bool) -> Path:
     ``replaces`` is removed, with the files that follow.
     """
     suffix = suffix_of(path)
-    if suffix.lower() not in SUFFIXES:
-        raise ValueError(f'the suffix {suffix!r}, whose logs cannot be replayed' if suffix else 'no suffix')
     for old in files_of(path) if replaces else ():
         old.unlink(missing_ok=True)
     candidate, number = path, 2
