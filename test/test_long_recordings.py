@@ -22,9 +22,8 @@ from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.package_files import package_file
 from tactile_node.recording.bag_records import records_of
 from tactile_node.recording.damage import DamageKind
-from tactile_node.recording.log_file import LogFile
 from tactile_node.recording.log_reader import CanLogReader
-from tactile_node.recording.log_writer import CanLogWriter
+from tactile_node.recording.log_writer import CanLogWriter, LogFile
 from tactile_node.recording.series import following
 from tactile_node.recording.topic_bag import TopicBagReader, Unread
 from tactile_node.recording.window import Window

@@ -65,7 +65,7 @@ def begin_of(path: str | Path) -> int:
     """Return when the first message was recorded [ns]; 0 where there is none. Raises LogError for no bag."""
     part = bag_parts(path)[0]
     if part.is_there and part.path.suffix == '.mcap':
-        with _opened_mcap(part.path) as file:
+        with opened_mcap(part.path) as file:
             statistics = None if file.summary is None else file.summary.statistics
             if statistics is not None and statistics.message_count:
                 return statistics.message_start_time
@@ -127,7 +127,7 @@ def _one(damages: list[Damage], begin: float | None, end: float | None) -> Damag
 
 
 def _of_mcap(path: Path, since: int) -> Iterator[Recorded | Damage]:
-    with _opened_mcap(path) as file:
+    with opened_mcap(path) as file:
         for found in file.read(since):
             if isinstance(found, Damage):
                 yield found
@@ -138,7 +138,7 @@ def _of_mcap(path: Path, since: int) -> Iterator[Recorded | Damage]:
 
 
 @contextmanager
-def _opened_mcap(path: Path) -> Iterator['McapFile']:
+def opened_mcap(path: Path) -> Iterator['McapFile']:
     module = library('tactile_node.recording.mcap_file', path)
     with path.open('rb') as file:
         yield module.McapFile(file.fileno(), path.name)
@@ -149,7 +149,7 @@ def _definition(schema) -> str:
 
 
 def _topics_of_mcap(path: Path) -> dict[str, str]:
-    with _opened_mcap(path) as file:
+    with opened_mcap(path) as file:
         if not file.channels:  # it was not ended
             for _ in file.read():
                 pass
