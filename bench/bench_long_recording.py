@@ -28,7 +28,7 @@ from tactile_node.recording.bag_records import Recorded, begin_of, records_of
 from tactile_node.recording.damage import Damage, damage_text
 from tactile_node.recording.log_reader import CanLogReader
 from tactile_node.recording.log_writer import MEGABYTE, CanLogWriter
-from tactile_node.recording.mcap_summary import summary_of
+from tactile_node.recording.mcap_file import McapFile
 from tactile_node.recording.series import files_of
 from tactile_node.recording.topic_bag import TAXELS, TopicBagReader, message_types
 from tactile_node.recording.window import Window
@@ -193,9 +193,10 @@ def damaged(name: str, path: Path, copy: Path) -> None:
     shutil.copyfile(path, copy)
     whole, size = _read(copy), copy.stat().st_size
     with copy.open('rb') as file:
-        summary = summary_of(file.fileno(), size)
+        summary = McapFile(file.fileno(), copy.name).summary
     assert summary is not None
-    middle = int(summary.places[len(summary.places) // 2])
+    places = sorted(each.chunk_start_offset for each in summary.chunk_indexes)
+    middle = places[len(places) // 2]
     for what, at, new in (('40 bytes changed in a chunk', middle + 1000, b'\xC6' * 40),
                           ('64 KiB of zeros over the begin of one', middle - 2000, bytes(1 << 16)),
                           ('the last tenth cut off', size - size // 10, None)):

@@ -36,7 +36,7 @@ from skin_process import SkinProcess, punctual
 
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.frames.taxel_frame import TaxelFrame
-from tactile_node.recording.summary import summary
+from tactile_node.recording.log_source import summary
 from tactile_node.simulator.wire_report import WireReport
 from tactile_node.skin.pads import make_pad
 from tactile_node.supervision.supervisor import Supervisor

@@ -8,8 +8,8 @@ import pytest
 from test_logs import tiny_log
 
 from tactile_node.errors import LogError
+from tactile_node.recording.bag_log import McapCanWriter
 from tactile_node.recording.log_reader import CanLogReader
-from tactile_node.recording.log_writer import CanLogWriter
 
 
 def half(line):
@@ -31,10 +31,9 @@ DAMAGES = {'half': half, 'digit': digit, 'byte': lambda line: half(line) + b'\xf
 @pytest.mark.parametrize('suffix', ['.log', '.asc', '.trc', '.csv', '.log.gz', '.asc.gz'])
 def test_a_damaged_line_costs_its_own_frame_in_every_format(tmp_path, suffix, damage):
     plain = tmp_path / f'x{suffix.removesuffix(".gz")}'
-    writer = CanLogWriter(plain)
-    for n in range(20):
-        writer.write(can.Message(1.7e9 + n / 10, 0x181, False, data=[n, *7 * [0x55]], channel=0))
-    writer.close()
+    with can.Logger(str(plain)) as writer:
+        for n in range(20):
+            writer(can.Message(1.7e9 + n / 10, 0x181, False, data=[n, *7 * [0x55]], channel=0))
     lines = plain.read_bytes().splitlines()
     at = [i for i, line in enumerate(lines) if b'55 55' in line or b'5555' in line or b'VVVV' in line][10]
     lines[at] = DAMAGES[damage](lines[at])
@@ -98,10 +97,10 @@ def test_the_bytes_of_an_asc_are_as_its_header_says(tmp_path, base):
 def test_damage_within_a_binary_log_is_reported(tmp_path, suffix, place):
     """Of three containers the second: its kind, which python-can then passes over, or its content."""
     path = tmp_path / f'x{suffix}'
-    writer, random = CanLogWriter(path), np.random.default_rng(1)
+    writer, random = McapCanWriter(path) if suffix == '.mcap' else can.Logger(str(path)), np.random.default_rng(1)
     for n in range(6000):
-        writer.write(can.Message(1.7e9 + n / 1000, 0x181, False, data=random.bytes(8), channel=0))
-    writer.close()
+        writer.on_message_received(can.Message(1.7e9 + n / 1000, 0x181, False, data=random.bytes(8), channel=0))
+    writer.stop()
     content = bytearray(path.read_bytes())
     first = 0x7000 if suffix == '.db' else content.index(b'LOBJ' if suffix == '.blf' else b'\4\0\0\0zstd', 200)
     if place == 'kind' and suffix == '.blf':

@@ -22,9 +22,8 @@ from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.package_files import package_file
 from tactile_node.recording.bag_records import records_of
 from tactile_node.recording.damage import DamageKind
-from tactile_node.recording.log_file import LogFile
 from tactile_node.recording.log_reader import CanLogReader
-from tactile_node.recording.log_writer import CanLogWriter
+from tactile_node.recording.log_writer import CanLogWriter, LogFile
 from tactile_node.recording.series import following
 from tactile_node.recording.topic_bag import TopicBagReader, Unread
 from tactile_node.recording.window import Window
@@ -173,6 +172,25 @@ def test_of_a_recording_without_its_end_the_chunks_before_are_read(tmp_path, sha
     assert first.kind is DamageKind.CHUNK and last.kind is DamageKind.CUT_SHORT and last.end is None
 
 
+@pytest.mark.parametrize('name', [name for name in DAMAGES if not name.startswith(('the last', 'the magic', 'the su'))])
+def test_damage_to_a_killed_recording_costs_its_chunk_alone(tmp_path, name):
+    """No index says where the next chunk is."""
+    path = can_log(tmp_path / 'x.mcap')
+    data, (damage, lost) = path.read_bytes(), DAMAGES[name]
+    path.write_bytes(damage(data, chunks(data))[:chunks(data)[-1].end])
+    reader, all_of_them = CanLogReader(path), numbered(FRAMES)
+    assert [bytes(message.data) for message in reader] == [bytes(all_of_them[n].data) for n in without(*lost)]
+    assert reader.damages[-1].kind is DamageKind.CUT_SHORT and len(reader.damages) > bool(lost)
+
+
+def test_of_a_killed_recording_of_others_a_part_is_read(tmp_path):
+    """Its types stand in its first chunk alone, which lies before the part."""
+    path = topic_bag(tmp_path / 'x.mcap')
+    path.write_bytes(path.read_bytes()[:chunks(path.read_bytes())[-1].end])
+    messages = TopicBagReader(path).messages((TAXELS,), window=Window(17.0, 25.0))
+    assert [message.content.sequence for message in messages] == list(range(17, 42))
+
+
 def series(folder, suffix='.mcap'):
     """Three files with 500 frames."""
     parts = folder / f'x{suffix}', folder / f'x_part2{suffix}', folder / f'x_part3{suffix}'
@@ -181,7 +199,7 @@ def series(folder, suffix='.mcap'):
     return parts
 
 
-@pytest.mark.parametrize('suffix', ['.mcap', '.log', '.blf', '.log.gz'])
+@pytest.mark.parametrize('suffix', ['.mcap', '.log', '.log.gz'])
 def test_the_first_file_of_a_series_stands_for_all_any_other_for_itself(tmp_path, suffix):
     first, second, third = series(tmp_path, suffix)
     can_log(tmp_path / f'xy_part2{suffix}')  # of another recording

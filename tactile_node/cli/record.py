@@ -1,4 +1,4 @@
-"""``tactile record``: write everything on a CAN bus to a log, candump's or any other python-can knows."""
+"""``tactile record``: write everything on a CAN bus to a log: candump's, or a ROS 2 bag."""
 
 import argparse
 import sys
@@ -21,7 +21,7 @@ SILENCE = ('Nothing on the bus so far. A CANopen skin is silent until a master s
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser = subparsers.add_parser('record', description=__doc__)
-    add_output_option(parser, 'file', help='log to write, format by suffix: .log (candump), .log.gz, .asc, .blf, .trc, '
+    add_output_option(parser, 'file', help='log to write, format by suffix: .log (candump), .log.gz, '
                       '.mcap (ROS 2 bag)')
     add_bus_options(parser)
     parser.add_argument('--duration', type=float, default=float('inf'),

@@ -46,8 +46,8 @@ def play(system: System, spinner: Spinner, stop_requested: Event) -> int:
 
     Returns the exit code: 1 when frames did not come out as shapes.
     """
-    from tactile_node.recording.log_source import LogSource  # only here: nodes without the driver need no CAN library
-    from tactile_node.recording.summary import summary
+    # only here: nodes without the driver need no CAN library
+    from tactile_node.recording.log_source import LogSource, summary
     source = system.source
     if not isinstance(source, LogSource):
         raise RuntimeError(f'expected a log to play, got {type(source).__name__}')

@@ -6,12 +6,14 @@ from contextlib import closing, contextmanager
 from functools import reduce
 from importlib import import_module
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from tactile_node.errors import LogError
 from tactile_node.recording.damage import Damage, DamageKind
-from tactile_node.recording.mcap_file import McapFile
 from tactile_node.recording.series import SUFFIXES, Part, parts_of
+
+if TYPE_CHECKING:
+    from tactile_node.recording.mcap_file import McapFile
 
 ZSTANDARD = b'\x28\xB5\x2F\xFD'  # RFC 8878: how such data begin; CDR begins with 00
 MSG = 'ros2msg'  #: the encoding of definitions that are written as .msg files
@@ -63,9 +65,10 @@ def begin_of(path: str | Path) -> int:
     """Return when the first message was recorded [ns]; 0 where there is none. Raises LogError for no bag."""
     part = bag_parts(path)[0]
     if part.is_there and part.path.suffix == '.mcap':
-        with _opened_mcap(part.path) as file:
-            if file.summary is not None and file.summary.messages:
-                return file.summary.begin
+        with opened_mcap(part.path) as file:
+            statistics = None if file.summary is None else file.summary.statistics
+            if statistics is not None and statistics.message_count:
+                return statistics.message_start_time
     first = next(records_of(path, lambda _: None), None)
     return 0 if first is None else first.time
 
@@ -124,7 +127,7 @@ def _one(damages: list[Damage], begin: float | None, end: float | None) -> Damag
 
 
 def _of_mcap(path: Path, since: int) -> Iterator[Recorded | Damage]:
-    with _opened_mcap(path) as file:
+    with opened_mcap(path) as file:
         for found in file.read(since):
             if isinstance(found, Damage):
                 yield found
@@ -135,10 +138,10 @@ def _of_mcap(path: Path, since: int) -> Iterator[Recorded | Damage]:
 
 
 @contextmanager
-def _opened_mcap(path: Path) -> Iterator[McapFile]:
-    library_of_streams, records = library('mcap.stream_reader', path), library('mcap.records', path)
+def opened_mcap(path: Path) -> Iterator['McapFile']:
+    module = library('tactile_node.recording.mcap_file', path)
     with path.open('rb') as file:
-        yield McapFile(file.fileno(), path, library_of_streams, records)
+        yield module.McapFile(file.fileno(), path.name)
 
 
 def _definition(schema) -> str:
@@ -146,7 +149,7 @@ def _definition(schema) -> str:
 
 
 def _topics_of_mcap(path: Path) -> dict[str, str]:
-    with _opened_mcap(path) as file:
+    with opened_mcap(path) as file:
         if not file.channels:  # it was not ended
             for _ in file.read():
                 pass

@@ -3,7 +3,7 @@
 import gzip
 import re
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from io import BufferedReader
 from pathlib import Path
 from typing import NoReturn
@@ -19,12 +19,13 @@ from tactile_node.recording.damage import Damage, DamageKind, damage_text, utc
 from tactile_node.recording.log_channels import ChosenChannel
 from tactile_node.recording.log_lines import READERS, LogLines
 from tactile_node.recording.series import parts_of
-from tactile_node.recording.stray_stamps import without_strays
 from tactile_node.recording.window import WHOLE, Window
 
 CANDUMP = re.compile(rb'\(\d+\.\d+\) \S+ [0-9A-Fa-f]{3,8}#')                #: `candump -L`
 CONSOLE = re.compile(rb'\s*(\([\d. :-]+\)\s+)?\S+\s+[0-9A-Fa-f]{3,8}\s+\[\d+\]')  #: `candump can0`, for people
 GZIP, HEAD = b'\x1f\x8b', 4096
+SET_BACK = 1.0  # s: two frames of one clock are recorded in a wrong order by less
+FAR = 10.0      # s ahead of the frame before: between two frames of a skin at work there is less
 BLF_APPLICATION = 8  # where a .blf has the number of the program that wrote it
 
 
@@ -200,3 +201,39 @@ class CanLogReader:
 
     def _refuse(self, got: str, remedy: str) -> NoReturn:
         raise LogError(self.path, expected='a log with CAN frames', got=got, remedy=remedy)
+
+
+def without_strays(messages: Iterable[can.Message], on_stray: Callable[[can.Message], None]) -> Iterator[can.Message]:
+    """Leave out each frame that alone lies FAR ahead of its neighbours, or SET_BACK behind; ``on_stray`` gets it.
+
+    Where a clock was set, or the bus was at rest, the next frame follows the new time.
+
+    >>> def log(*stamps):
+    ...     return [can.Message(stamp) for stamp in stamps]
+    >>> strays = []
+    >>> [m.timestamp for m in without_strays(log(7000, 1, 2, 9000, 3, 4, 5000, 5001, 40, 41), strays.append)]
+    [1, 2, 3, 4, 5000, 5001, 40, 41]
+    >>> [m.timestamp for m in strays]
+    [7000, 9000]
+    """
+    last = message = None
+    for following in messages:
+        if message is not None:
+            if _is_stray(last, message.timestamp, following.timestamp):
+                on_stray(message)
+            else:
+                last = message.timestamp
+                yield message
+        message = following
+    if message is not None:
+        yield message
+
+
+def _is_stray(last: float | None, stamp: float, following: float) -> bool:
+    if last is None:
+        return following < stamp - SET_BACK
+    return not _fits(stamp, last) and _fits(following, last)
+
+
+def _fits(stamp: float, last: float) -> bool:
+    return last - SET_BACK <= stamp <= last + FAR

@@ -15,13 +15,10 @@ from tactile_node.frames.fault_text import failure_text, node_label
 from tactile_node.frames.health import BusFault, BusHealth, Failure
 from tactile_node.frames.losses import BusStatistics
 from tactile_node.recording.damage import Damage
-from tactile_node.recording.heard_nodes import HeardNodes
 from tactile_node.recording.log_channels import OneBus
-from tactile_node.recording.log_reader import CanLogReader
-from tactile_node.recording.logged_set_up import LoggedSetUp
-from tactile_node.recording.played_times import PlayedTimes
-from tactile_node.recording.recorded_pace import RecordedPace
-from tactile_node.recording.stray_stamps import SET_BACK
+from tactile_node.recording.log_reader import SET_BACK, CanLogReader
+from tactile_node.recording.logged_set_up import HeardNodes, LoggedSetUp
+from tactile_node.recording.replay_times import PlayedTimes, RecordedPace
 from tactile_node.recording.window import WHOLE, Window
 from tactile_node.skin.pad_rules import check_pads
 from tactile_node.skin.pads import PadSettings, identities_of
@@ -228,3 +225,16 @@ def _of_pads(pads: Sequence[PadSettings]) -> set[int]:
     nodes = [node_id for pad in pads for node_id in pad.node_ids]
     return {pad.layout.sync_cob_id for pad in pads} | {
         base + node_id for base in (HEARTBEAT, SDO_REQUEST, SDO_RESPONSE) for node_id in nodes}
+
+
+def summary(statistics: BusStatistics) -> str:
+    """Return a table of what was published and the fate of every CAN frame."""
+    lines = []
+    for name, pad in statistics.pads.items():
+        fates = {'used': pad.used} | {reason.key: count for reason, count in pad.losses.items() if count}
+        lines.append(f'{name}: {pad.published} taxel frames, {pad.complete} complete, {pad.incomplete} incomplete; '
+                     f'TPDOs: {pad.expected} expected, {pad.missing} brought no taxels; {pad.received} received: ' +
+                     ', '.join(f'{count} {fate}' for fate, count in fates.items()))
+    services = ', '.join(f'{count} {service}' for service, count in sorted(statistics.can_frames.items()))
+    lines.append(f'CAN frames: {sum(statistics.can_frames.values())} ({services}); lines unread: {statistics.unread}')
+    return '\n'.join(lines)

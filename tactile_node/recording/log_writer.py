@@ -1,20 +1,82 @@
-"""Writes CAN logs by suffix, in one file or in several of limited size."""
+"""Writes CAN logs (.log, .log.gz, .mcap), in one file or in several of limited size."""
 
 import logging
 import threading
 from pathlib import Path
+from typing import Any
 
 import can
 
 from tactile_node.errors import LogError
-from tactile_node.recording.log_file import SUFFIXES, LogFile
+from tactile_node.recording.bag_log import CHUNK, McapCanWriter
 from tactile_node.recording.series import files_of, following, part, suffix_of
 
 logger = logging.getLogger(__name__)
 
+SUFFIXES = ('.log', '.log.gz', '.mcap')  #: what is written
 FLUSH_PERIOD = 0.5  # s: what a killed recording loses at most
 MEGABYTE = 1_000_000  # bytes
 LOOK_EVERY = 256  # CAN frames between two looks at the size of a file that is limited
+
+
+class LogFile:
+    """Writes CAN messages to ``path``, an empty file, in the format of its suffix; not thread-safe.
+
+    ``can_frames``: how many it has taken. Raises OSError, ValueError, ImportError where nothing can write to it; the
+    file is then removed.
+    """
+
+    def __init__(self, path: Path):
+        self.path = path
+        self.can_frames = 0
+        self._flushed = self._size = 0  # CAN frames and bytes that the last flush brought to the disk
+        try:
+            self.writer: Any = McapCanWriter(path) if path.suffix == '.mcap' else can.Logger(str(path))
+        except (OSError, ValueError, ImportError):
+            path.unlink(missing_ok=True)
+            raise
+
+    @property
+    def is_dirty(self) -> bool:
+        return self.can_frames > self._flushed
+
+    def reaches(self, largest: int) -> bool:
+        """Return whether the file has ``largest`` bytes, with all that was written so far. Raises OSError."""
+        if isinstance(self.writer, McapCanWriter) and self.writer.file.tell() + CHUNK < largest:
+            return False  # without a flush, which would end its chunk
+        self.flush()
+        return self._size >= largest
+
+    def write(self, message: can.Message) -> None:
+        """Raises ValueError for a message that the format cannot hold, OSError where the disk takes no more."""
+        self.writer.on_message_received(message)
+        self.can_frames += 1
+
+    def flush(self) -> None:
+        """Bring all that was written so far into the file, as a reader needs it. Raises OSError."""
+        if isinstance(self.writer, McapCanWriter):
+            self.writer.flush()
+        self.writer.file.flush()
+        self._flushed, self._size = self.can_frames, self.path.stat().st_size
+
+    def close(self) -> None:
+        """Write what is left and end the file. Raises OSError: ``cut_back`` has to follow."""
+        self.flush()
+        self.writer.stop()
+
+    def cut_back(self) -> int:
+        """After an OSError, end the file with the last frame flushed; return how many taken since are lost.
+
+        Else a disk that took a part of the rest would leave half a frame, and no one could say how many are lost.
+        """
+        try:
+            self.writer.stop()
+        except (OSError, ValueError):  # what it still holds; a file that is closed
+            pass
+        with self.path.open('r+b') as file:
+            file.truncate(self._size)
+        lost, self.can_frames = self.can_frames - self._flushed, self._flushed
+        return lost
 
 
 class CanLogWriter:
@@ -23,9 +85,8 @@ class CanLogWriter:
     An existing file is never overwritten unless this one ``replaces`` it: ``path`` is the one that is written,
     ``session-2.log`` where ``session.log`` exists. From ``largest`` bytes on (0: never) the next file begins,
     ``session_part2.log`` and so on; each can be read alone, all as one by the first, and no frame is lost between two.
-    Every format is flushed every FLUSH_PERIOD (.db by python-can, every 5 s): a killed
-    process loses at most that. A message without the name of its bus (what this package sends, and what some adapters
-    receive) gets ``channel``, a device's path without its folder.
+    It is flushed every FLUSH_PERIOD: a killed process loses at most that. A message without the name of its bus (what
+    this package sends, and what some adapters receive) gets ``channel``, a device's path without its folder.
     ``can_frames`` counts what was recorded, ``unwritten`` messages that the format cannot hold, and those missing after
     the recording has failed (a full disk): it ends then, with the last frames flushed, ``failure`` has the reason,
     which is also logged, and nothing else is affected. Raises LogError when the file cannot be written from the
@@ -41,12 +102,13 @@ class CanLogWriter:
         self.unwritten = 0
         self.failure = ''
         self._file: LogFile | None = None
+        _check_suffix(Path(path))
         try:
             self.path = _new_file(Path(path), replaces)
             self._file = self._last = LogFile(self.path)
         except (OSError, ValueError, ImportError) as error:
             raise LogError(str(path),
-                           expected=f'a log file that can be written ({", ".join(SUFFIXES)})',
+                           expected='a log file that can be written',
                            got=str(error), remedy='Check folder, permissions and suffix.') from error
         self._closed = threading.Event()
         threading.Thread(target=self._keep_flushed, name='log', daemon=True).start()
@@ -141,6 +203,16 @@ class CanLogWriter:
         logger.error('%s', self.failure, extra={'fact': error})
 
 
+def _check_suffix(path: Path) -> None:
+    suffix = suffix_of(path)
+    if suffix.lower() not in SUFFIXES:
+        log = f'{str(path).removesuffix(suffix)}.log'
+        raise LogError(str(path), expected=f'a log file that can be written: {", ".join(SUFFIXES)}',
+                       got=f'the suffix {suffix!r}' if suffix else 'no suffix',
+                       remedy=f'Record to {log}; python-can makes other formats of it: '
+                              f'python -m can.logconvert {log} {path}.' if suffix else 'Name it session.log.')
+
+
 def _new_file(path: Path, replaces: bool) -> Path:
     """Make ``path``, or with the first number from 2 on that makes it new, as are the files that may follow it.
 
@@ -148,8 +220,6 @@ def _new_file(path: Path, replaces: bool) -> Path:
     ``replaces`` is removed, with the files that follow.
     """
     suffix = suffix_of(path)
-    if suffix.lower() not in SUFFIXES:
-        raise ValueError(f'the suffix {suffix!r}, whose logs cannot be replayed' if suffix else 'no suffix')
     for old in files_of(path) if replaces else ():
         old.unlink(missing_ok=True)
     candidate, number = path, 2

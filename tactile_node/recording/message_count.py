@@ -6,7 +6,7 @@ from collections.abc import Collection
 from pathlib import Path
 
 from tactile_node.errors import LogError
-from tactile_node.recording.bag_records import is_bag, library
+from tactile_node.recording.bag_records import is_bag, opened_mcap
 from tactile_node.recording.log_lines import READERS
 from tactile_node.recording.series import files_of
 
@@ -35,12 +35,9 @@ def _lines(path: Path) -> int:
 
 def _of_mcap(path: Path, types: Collection[str]) -> int:
     """Raises EOFError for a file that has no counts: it was not ended, or is no .mcap."""
-    reader = library('mcap.reader', path)
-    try:
-        with path.open('rb') as file:
-            summary = reader.make_reader(file).get_summary()
-        counts = summary.statistics.channel_message_counts
-        return sum(counts.get(channel.id, 0) for channel in summary.channels.values()
-                   if summary.schemas[channel.schema_id].name in types)
-    except Exception as error:  # the library lets struct's and others' errors through
-        raise EOFError(str(error)) from error
+    with opened_mcap(path) as file:
+        if file.summary is None or file.summary.statistics is None:
+            raise EOFError(f'{path} has no counts')
+        counts = file.summary.statistics.channel_message_counts
+        return sum(counts.get(channel.id, 0) for channel, schema in file.channels
+                   if schema is not None and schema.name in types)
