@@ -66,7 +66,7 @@ def test_the_nodes_of_a_side_are_spread_over_processes(file, spread, split, size
     (file, side, split) for file, side in ((BUS, 'bus'), (PERCEPTION, 'perception')) for split in ON_BUS])
 def test_the_command_runs_what_the_launch_file_of_its_side_starts(file, side, split):
     launched, = processes(file, **PADS, split=split, frame_prefix='r/')
-    of_bus = ['--node-id', '32', '--wait-at-start', ''] if side == 'bus' else ['--wait-at-start', 'false']
+    of_bus = ['--node-id', '32'] if side == 'bus' else []
     started = command('--pads', 'left,right', '--side', side, '--split', split, '--frame-prefix', 'r/', *of_bus)
     assert [(node.label, node.role) for node in started] == [(node.label, node.role) for node in nodes_of(launched)]
     assert {node.label: node.parameters.get('frame_prefix') for node in started} == {

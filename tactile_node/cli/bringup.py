@@ -4,7 +4,7 @@ import argparse
 import os
 from contextlib import ExitStack
 
-from tactile_node.cli.bringup_nodes import BY_DEFAULT, SIMULATED_CHANNEL, described
+from tactile_node.cli.bringup_nodes import SIMULATED_CHANNEL, described
 from tactile_node.cli.options import (
     add_bus_options,
     add_skin_options,
@@ -15,7 +15,6 @@ from tactile_node.cli.options import (
     pace,
     process_id,
     switch,
-    switch_or_file,
 )
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption, stop_with
@@ -40,8 +39,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--namespace', default='', help='namespace of all nodes and topics')
     parser.add_argument('--record', help='file to record the bus to; an existing one is kept, the new one numbered')
     source = parser.add_mutually_exclusive_group()
-    source.add_argument('--simulate', type=switch, nargs='?', const=True, default=BY_DEFAULT['simulate'],
-                        metavar='BOOL', help='a simulated skin in place of the bus (--interface and --channel are '
+    source.add_argument('--simulate', type=switch, nargs='?', const=True, metavar='BOOL',
+                        help='a simulated skin in place of the bus (--interface and --channel are '
                         'ignored)')
     source.add_argument('--replay', metavar='LOG', help='play a recorded CAN log in place of the bus, then end')
     parser.add_argument('--replay-pace', '--pace', type=pace,
@@ -53,11 +52,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
 
 
 def _add_process_options(parser: argparse.ArgumentParser) -> None:
-    by_file = 'empty: as the parameter file has it'
-    parser.add_argument('--autostart', type=switch_or_file, default=BY_DEFAULT['autostart'], metavar='BOOL',
-                        help=f'configure and activate the driver at start (default: true; {by_file})')
-    parser.add_argument('--wait-at-start', type=switch_or_file, default=BY_DEFAULT['wait_at_start'], metavar='BOOL',
-                        help=f'wait for a missing bus or device (default: false, which is an error; {by_file})')
+    parser.add_argument('--autostart', type=switch, metavar='BOOL', help=OPTIONS['autostart'][1])
+    parser.add_argument('--wait-at-start', type=switch, metavar='BOOL', help=OPTIONS['wait_at_start'][1])
     part = parser.add_mutually_exclusive_group()
     part.add_argument('--only', type=names, metavar='NODE,...', help='only these nodes of the bus, as '
                       'left/processor,left/classifier or skin_driver; others run in other processes')

@@ -18,8 +18,6 @@ from tactile_node.node_graph import (
 )
 
 SIMULATED_CHANNEL = 'tactile_bringup'
-#: option of the driver -> its default, where that is not None
-BY_DEFAULT = {'simulate': False, 'autostart': True, 'wait_at_start': False}
 
 
 def described(args: argparse.Namespace, namespace: str) -> tuple[NodeDescription, ...]:
@@ -46,7 +44,7 @@ def _side(args: argparse.Namespace) -> tuple[Side, Split]:
     side, split = Side(args.side), Split(args.split or Split.TAXELS.value)
     options = {option for table in PARAMETERS.values() for option in table} | {'simulate'}
     for option in sorted(options):
-        if getattr(args, option) not in (None, BY_DEFAULT.get(option)) and not any(
+        if getattr(args, option) is not None and not any(
                 is_read_by(role, option) for role in roles_of(side, split)):
             raise ConfigurationError(f'--{option.replace("_", "-")}', expected='an option of a node of this side',
                                      got=f'--side {side.value}', remedy='Give it on the other host.')

@@ -27,7 +27,7 @@ OPTIONS = {
     'channel': ('', 'channel of the interface (default can0)'),
     'bitrate': ('', 'bit rate of the bus [bit/s] (default 1000000)'),
     'pads': ('pad', 'names of the pads on this bus, comma-separated; topics are <name>/taxels, features, shape, pose'),
-    'node_id': ('32', 'CANopen node-ID of each pad (of each of its nodes), comma-separated'),
+    'node_id': ('', 'CANopen node-ID of each pad (of each of its nodes), comma-separated'),
     'layout': ('', 'skin layout of each pad, comma-separated, or one for all (default sim16x16.yaml)'),
     'eds': ('', 'EDS of each pad, comma-separated, or one for all; empty: named as the layout'),
     'frame_ids': ('', 'frame of each pad, comma-separated (default <name>_pad)'),
@@ -44,7 +44,7 @@ OPTIONS = {
     'model': ('', 'weights or curves of the method, as `tactile teach` writes them: a file, or a name in config/'),
     'params_file': ('', 'ROS 2 parameter file for all nodes; arguments given here win over it'),
     'use_sim_time': ('', 'true: take the time from /clock'),
-    'simulate': ('false', 'true: a simulated skin in place of the bus, in the process of the driver'),
+    'simulate': ('', 'true: a simulated skin in place of the bus, in the process of the driver'),
     'replay': ('', 'recorded CAN log to play in place of the bus; the process ends with the log, with code 1 when '
                'frames did not come out as shapes'),
     'replay_channel': ('', 'bus to play from a log of several buses, as the log names it; for a bag, the topic'),
@@ -54,7 +54,6 @@ OPTIONS = {
     'wait_at_start': ('', 'true (default): wait for a missing bus or device; false: exit'),
     'autostart': ('', 'true (default): configure and activate at start; false: leave both to a lifecycle manager'),
 }
-BY_FILE = ('wait_at_start', 'autostart')  # given also if empty: `tactile bringup` then leaves them to the file
 OF_A_REPLAY = ('replay', 'replay_channel', 'replay_pace', 'publish_clock')  # which is always one process
 
 

@@ -19,7 +19,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from tactile_node.errors import TactileError
-from tactile_node.launching.arguments import BY_FILE, OPTIONS, arguments
+from tactile_node.launching.arguments import OPTIONS, arguments
 from tactile_node.node_graph import NodeDescription, Processes, Side, Split, bus_nodes, in_processes, of_side
 
 PACKAGE = 'tactile_skin'
@@ -80,7 +80,7 @@ def process(nodes: tuple[NodeDescription, ...], given: Given, *, whole: bool) ->
 def options(given: Mapping[str, str]) -> list[str]:
     """Only what was given: the rest is left to the parameter file and the nodes' defaults."""
     return [f'--{name.replace("_", "-")}={given[name]}' for name in OPTIONS
-            if name in given and (given[name] or name in BY_FILE)]
+            if given.get(name)]
 
 
 def name_of(nodes: tuple[NodeDescription, ...]) -> str:
