@@ -1,4 +1,4 @@
-"""`tactile bringup`: the ROS 2 nodes of one bus, or of one side of it, in one process; the launch files start it."""
+"""`tactile bringup`: the ROS 2 nodes of one bus, or of one side of it, in one process; the launch file starts it."""
 
 import argparse
 import os
@@ -19,10 +19,10 @@ from tactile_node.cli.options import (
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption, stop_with
 from tactile_node.launching.arguments import OPTIONS
-from tactile_node.node_graph import Role, Side, Split
+from tactile_node.node_graph import Role, Side
 from tactile_node.ros.global_names import without_global_names
 
-#: options that are described as the arguments of the launch files are, and what reads them
+#: options that are described as the arguments of the launch file are, and what reads them
 LAUNCHED = {'frame_ids': names, 'frame_prefix': str, 'grasp_frame': str, 'gap_source': str, 'gap': float,
             'gap_joints': names, 'gap_frames': names, 'gap_scale': float, 'gap_offset': float,
             'publish_pad_frames': switch, 'method': str, 'model': str, 'params_file': str, 'use_sim_time': switch,
@@ -54,13 +54,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
 def _add_process_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--autostart', type=switch, metavar='BOOL', help=OPTIONS['autostart'][1])
     parser.add_argument('--wait-at-start', type=switch, metavar='BOOL', help=OPTIONS['wait_at_start'][1])
-    part = parser.add_mutually_exclusive_group()
-    part.add_argument('--only', type=names, metavar='NODE,...', help='only these nodes of the bus, as '
-                      'left/processor,left/classifier or skin_driver; others run in other processes')
-    part.add_argument('--side', choices=[side.value for side in Side], help='only the nodes of the host with the CAN '
-                      'adapter, or only those that make shapes and grasps of taxels, on any host')
-    parser.add_argument('--split', choices=[split.value for split in Split], help='the topic between the two sides, '
-                        f'the same on both (default: {Split.TAXELS.value}, processors on the side of perception)')
+    parser.add_argument('--side', choices=[side.value for side in Side], help=OPTIONS['side'][1])
     parser.add_argument('--end-with', type=process_id, metavar='PID', help='end when this process ends')
     parser.add_argument('--ros-args', nargs=argparse.REMAINDER, default=[], help='ROS arguments, for all nodes')
 

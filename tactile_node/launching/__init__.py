@@ -1,1 +1,1 @@
-"""What the launch files start, and what they share."""
+"""The arguments of the launch file."""

@@ -1,4 +1,4 @@
-"""The arguments of the launch files, most of them options of `tactile bringup`, and the parameters that these set.
+"""The arguments of the launch file, most of them options of `tactile bringup`, and the parameters that these set.
 
 Imports no ROS, so that the command and the documents can read it where launch is not installed.
 """
@@ -6,7 +6,7 @@ Imports no ROS, so that the command and the documents can read it where launch i
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from tactile_node.node_graph import Processes, Role, Side, Split, roles_of
+from tactile_node.node_graph import Role, Side, roles_of
 
 #: option -> parameter of the nodes of a role
 DRIVER = {'interface': 'interface', 'channel': 'channel', 'bitrate': 'bitrate', 'record': 'record', 'replay': 'replay',
@@ -20,7 +20,6 @@ GRASP = {'grasp_frame': 'frame_id', 'frame_prefix': 'frame_prefix', 'frame_ids':
 EVERY = {'use_sim_time': 'use_sim_time'}
 PARAMETERS: Mapping[Role, Mapping[str, str]] = {
     Role.DRIVER: DRIVER, Role.PROCESSOR: {}, Role.CLASSIFIER: CLASSIFIER, Role.GRASP: GRASP}
-FOR_EVERY_NODE = ('pads', 'params_file', *EVERY)
 #: name: (default, description). Each is the option of `tactile bringup` of the same name; empty: not given.
 OPTIONS = {
     'interface': ('', 'python-can interface: socketcan (default), slcan, pcan, kvaser, ...'),
@@ -44,6 +43,8 @@ OPTIONS = {
     'model': ('', 'weights or curves of the method, as `tactile teach` writes them: a file, or a name in config/'),
     'params_file': ('', 'ROS 2 parameter file for all nodes; arguments given here win over it'),
     'use_sim_time': ('', 'true: take the time from /clock'),
+    'side': ('', 'only the nodes of this side: bus: the driver, on the host with the CAN adapter; perception: those '
+             'that make shapes and grasps of taxels, on any host (default: all nodes)'),
     'simulate': ('', 'true: a simulated skin in place of the bus, in the process of the driver'),
     'replay': ('', 'recorded CAN log to play in place of the bus; the process ends with the log, with code 1 when '
                'frames did not come out as shapes'),
@@ -54,57 +55,24 @@ OPTIONS = {
     'wait_at_start': ('', 'true (default): wait for a missing bus or device; false: exit'),
     'autostart': ('', 'true (default): configure and activate at start; false: leave both to a lifecycle manager'),
 }
-OF_A_REPLAY = ('replay', 'replay_channel', 'replay_pace', 'publish_clock')  # which is always one process
 
 
 class Argument(NamedTuple):
-    """One of a launch file."""
+    """One of the launch file."""
 
     default: str
     description: str
     choices: list[str] | None = None
 
 
-def arguments(side: Side | None) -> dict[str, Argument]:
-    """Return those of the launch file of ``side``; None: of the one that starts both.
-
-    >>> 'channel' in arguments(Side.PERCEPTION), 'model' in arguments(Side.BUS)
-    (False, False)
-    """
-    options = {name: Argument(*OPTIONS[name]) for name in OPTIONS if side is None or is_of(side, name)}
-    return {**options, **_of_the_launch(side)}
+ARGUMENTS = {
+    **{name: Argument(*row) for name, row in OPTIONS.items()},
+    'side': Argument('', OPTIONS['side'][1], ['', *(side.value for side in Side)]),
+    'namespace': Argument('', 'namespace of all nodes and topics, below that of PushRosNamespace'),
+    'on_exit': Argument('keep', 'when the process ends: keep: nothing more; respawn: start it again; shutdown: end the '
+                        'whole launch, with code 1 where the process has failed', ['keep', 'respawn', 'shutdown'])}
 
 
 def is_of(side: Side, option: str) -> bool:
-    """Whether a node that can be on this side reads the option of `tactile bringup`."""
-    if option in FOR_EVERY_NODE:
-        return True
-    roles = {role for split in Split for role in roles_of(side, split)}
-    return option not in OF_A_REPLAY and any(is_read_by(role, option) for role in roles)
-
-
-def is_read_by(role: Role, option: str) -> bool:
-    """Whether the nodes of ``role`` read an option that is not for every node."""
-    return option in PARAMETERS[role] or (role is Role.DRIVER and option == 'simulate')
-
-
-def _of_the_launch(side: Side | None) -> dict[str, Argument]:
-    """Those that are no parameters of nodes."""
-    processes = {Processes.ONE: 'one: all nodes in one process', Processes.DRIVER_APART: 'driver_apart: the driver in '
-                 'its own', Processes.EACH: 'each: a process a node'}
-    if side is Side.PERCEPTION:
-        del processes[Processes.DRIVER_APART]
-    replay = ['a replay is always one'] * (side is None)
-    found = {
-        'namespace': Argument('', 'namespace of all nodes and topics, below that of PushRosNamespace'),
-        'processes': Argument(Processes.ONE.value, '; '.join([*processes.values(), *replay]),
-                              [each.value for each in processes]),
-        'on_exit': Argument('', 'when a process of these ends: keep: nothing more (default where another launch file '
-                            'includes this one); respawn: start it again; shutdown: end the whole launch, with code 1 '
-                            'where the process has failed (default where this file itself is launched)',
-                            ['', 'keep', 'respawn', 'shutdown'])}
-    if side is not None:
-        found['split'] = Argument(Split.TAXELS.value, 'the topic between the two sides, the same on both: taxels: the '
-                                  'bus side is the driver; contact: the driver and the processors',
-                                  [each.value for each in Split])
-    return found
+    """Whether a node of this side reads an option that is not for every node."""
+    return any(option in PARAMETERS[role] or (role is Role.DRIVER and option == 'simulate') for role in roles_of(side))
