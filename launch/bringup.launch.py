@@ -13,14 +13,15 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from launch import LaunchDescription
-from tactile_node.launching.arguments import ARGUMENTS, OPTIONS
+from tactile_node.cli.bringup_nodes import ARGUMENTS, OPTIONS
 
 RESPAWN_DELAY = 2.0  # s
 
 
 def generate_launch_description() -> LaunchDescription:
     return LaunchDescription([
-        *(DeclareLaunchArgument(name, default_value=each.default, description=each.description, choices=each.choices)
+        *(DeclareLaunchArgument(name, default_value='', description=each.description,
+                                choices=['', *each.choices] if each.choices else None)
           for name, each in ARGUMENTS.items()), OpaqueFunction(function=start)])
 
 

@@ -17,13 +17,19 @@ from types import SimpleNamespace
 import pytest
 from launch_stand_in import declared, nodes_of, process_of, put_stand_ins
 
+from tactile_node.cli.bringup_nodes import ARGUMENTS
 from tactile_node.cli.main import _parser
-from tactile_node.launching.arguments import ARGUMENTS, OPTIONS
 from tactile_node.node_graph import bus_nodes
+from tactile_node.ros.settings import ClassifierSettings, DriverSettings, GraspNodeSettings, table
 
 ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / 'launch' / 'bringup.launch.py'
 GRIPPER = {'pads': 'left, right', 'node_id': '32,0x40'}
+NODES = DriverSettings, ClassifierSettings, GraspNodeSettings
+#: argument -> parameter of another name
+RENAMED = {'node_id': 'node_ids', 'layout': 'layouts', 'grasp_frame': 'frame_id'}
+#: arguments that set no parameter of our nodes
+OTHERS = {'namespace', 'on_exit', 'side', 'simulate', 'use_sim_time', 'params_file'}
 
 
 @pytest.fixture(autouse=True)
@@ -32,17 +38,36 @@ def stand_ins(request, monkeypatch):
         put_stand_ins(monkeypatch)
 
 
+def options_of_the_command():
+    return next(action for action in _parser('bringup')._actions if action.choices).choices[
+        'bringup']._option_string_actions
+
+
 def test_the_launch_file_declares_its_arguments():
     found, _ = declared(FILE)
     assert [action.given[0] for action in found] == list(ARGUMENTS)
     assert all(len(action.named['description']) > 10 for action in found)
 
 
-def test_every_option_is_one_of_the_command():
-    parser = _parser('bringup')
-    command = next(action for action in parser._actions if action.choices).choices['bringup']
-    for name in OPTIONS:
-        assert f'--{name.replace("_", "-")}' in command._option_string_actions
+def test_every_argument_is_an_option_of_the_command_but_what_ends_with_the_launch():
+    assert {f'--{name.replace("_", "-")}' for name in ARGUMENTS} - options_of_the_command().keys() == {'--on-exit'}
+
+
+@pytest.mark.parametrize('name', sorted(ARGUMENTS.keys() - OTHERS))
+def test_what_sets_a_parameter_has_the_description_and_the_default_of_its_table(name):
+    row = next(row for settings in NODES for row in table(settings) if row.name == RENAMED.get(name, name))
+    option = options_of_the_command()[f'--{name.replace("_", "-")}']
+    argument = next(each.named for each in declared(FILE)[0] if each.given[0] == name)
+    assert option.default is None and argument['default_value'] == ''  # not given: left to file and node
+    for text in (option.help, argument['description']):
+        if text == row.properties.description:  # which says what an empty one is
+            assert set(row.default) <= {''}
+            continue
+        description, _, written = text.removesuffix(')').rpartition(' (default: ')
+        default = option.type(written)
+        assert description == row.properties.description
+        assert default == (list(row.default) if isinstance(row.default, tuple) else row.default)
+        assert isinstance(default, type(row.default)) or isinstance(row.default, tuple)
 
 
 def test_the_opening_of_the_gripper_is_given_to_the_grasp_alone():
@@ -126,11 +151,8 @@ def test_shutdown_fails_with_a_failed_process_and_not_with_one_that_ended():
 
 @pytest.mark.parametrize('page', ['README.md', 'docs/launch.md', 'docs/hardware.md', 'examples/tactile_skin.service'])
 def test_every_argument_that_a_page_names_exists(page):
-    pytest.importorskip('rclpy')
-    from tactile_node.ros.parameters import table
-    from tactile_node.ros.settings import DriverSettings, GraspNodeSettings
     words = set(re.findall(r'\b([a-z]\w+):=', (ROOT / page).read_text(encoding='utf-8')))
-    parameters = {row.name for settings in (DriverSettings, GraspNodeSettings) for row in table(settings)}
+    parameters = {row.name for settings in NODES for row in table(settings)}
     assert words and words <= {*ARGUMENTS, *parameters}
 
 

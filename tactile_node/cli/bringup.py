@@ -3,60 +3,33 @@
 import argparse
 import os
 from contextlib import ExitStack
+from typing import Any
 
-from tactile_node.cli.bringup_nodes import SIMULATED_CHANNEL, described
-from tactile_node.cli.options import (
-    add_bus_options,
-    add_skin_options,
-    eds_of,
-    layouts_of,
-    names,
-    node_ids_of,
-    pace,
-    process_id,
-    switch,
-)
+from tactile_node.cli.bringup_nodes import OPTIONS, SIMULATED_CHANNEL, described, pads_of
+from tactile_node.cli.options import eds_of, layouts_of, names, node_ids, node_ids_of, process_id, switch
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption, stop_with
-from tactile_node.launching.arguments import OPTIONS
-from tactile_node.node_graph import Role, Side
+from tactile_node.node_graph import Role
 from tactile_node.ros.global_names import without_global_names
-
-#: options that are described as the arguments of the launch file are, and what reads them
-LAUNCHED = {'frame_ids': names, 'frame_prefix': str, 'grasp_frame': str, 'gap_source': str, 'gap': float,
-            'gap_joints': names, 'gap_frames': names, 'gap_scale': float, 'gap_offset': float,
-            'publish_pad_frames': switch, 'method': str, 'model': str, 'params_file': str, 'use_sim_time': switch,
-            'publish_clock': switch, 'replay_channel': str}
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser = subparsers.add_parser('bringup', help='run all ROS 2 nodes of one bus in this process',
                                    description=__doc__)
-    add_bus_options(parser, is_set=False)
-    parser.add_argument('--pads', type=names, default=['pad'], metavar='NAME,...',
-                        help='names of the pads (default: pad); two are taken for a gripper')
-    add_skin_options(parser)
-    parser.add_argument('--namespace', default='', help='namespace of all nodes and topics')
-    parser.add_argument('--record', help='file to record the bus to; an existing one is kept, the new one numbered')
     source = parser.add_mutually_exclusive_group()
-    source.add_argument('--simulate', type=switch, nargs='?', const=True, metavar='BOOL',
-                        help='a simulated skin in place of the bus (--interface and --channel are '
-                        'ignored)')
-    source.add_argument('--replay', metavar='LOG', help='play a recorded CAN log in place of the bus, then end')
-    parser.add_argument('--replay-pace', '--pace', type=pace,
-                        help='speed of the replay, 1 = as recorded (default), 0 = as fast as possible')
-    for option, kind in LAUNCHED.items():
-        parser.add_argument(f'--{option.replace("_", "-")}', type=kind, help=OPTIONS[option][1])
-    _add_process_options(parser)
-    parser.set_defaults(run=run)
-
-
-def _add_process_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('--autostart', type=switch, metavar='BOOL', help=OPTIONS['autostart'][1])
-    parser.add_argument('--wait-at-start', type=switch, metavar='BOOL', help=OPTIONS['wait_at_start'][1])
-    parser.add_argument('--side', choices=[side.value for side in Side], help=OPTIONS['side'][1])
+    for name, option in OPTIONS.items():
+        words = [f'--{name.replace("_", "-")}', *(['--pace'] if name == 'replay_pace' else [])]
+        more: dict[str, Any] = {'choices': option.choices, 'metavar': None if option.choices else 'VALUE'}
+        if option.read is switch:
+            more = {'metavar': 'BOOL', **({'nargs': '?', 'const': True} if name == 'simulate' else {})}
+        elif option.read in (names, node_ids):
+            more = {'metavar': 'VALUE,...', 'action': 'extend'}
+        (source if name in ('simulate', 'replay') else parser).add_argument(
+            *words, type=option.read, help=option.description.replace('%', '%%'), **more)
+    parser.add_argument('--namespace', default='', help='namespace of all nodes and topics')
     parser.add_argument('--end-with', type=process_id, metavar='PID', help='end when this process ends')
     parser.add_argument('--ros-args', nargs=argparse.REMAINDER, default=[], help='ROS arguments, for all nodes')
+    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -95,7 +68,7 @@ def _simulate(args: argparse.Namespace, stack: ExitStack) -> None:
     from tactile_node.simulator.gripper import gripper_sources
     from tactile_node.simulator.skin_simulator import SkinSimulator
     from tactile_node.skin.pads import make_pads, with_dictionaries
-    pads = with_dictionaries(make_pads(layouts_of(args), node_ids_of(args), args.pads), eds_of(args))
+    pads = with_dictionaries(make_pads(layouts_of(args), node_ids_of(args), pads_of(args)), eds_of(args))
     simulator = SkinSimulator(pads, gripper_sources(pads))
     simulator.start('virtual', SIMULATED_CHANNEL)
     stack.callback(simulator.stop)
