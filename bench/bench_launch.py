@@ -24,14 +24,12 @@ from contextlib import ExitStack
 from pathlib import Path
 
 PADS, NODE_IDS = ('left', 'right'), '32,64'
-BRINGUP = ('bringup', '--interface', 'slcan', '--pads', ','.join(PADS), '--node-id', NODE_IDS)
-#: The processes of each form; a word list is `tactile WORDS`.
+BRINGUP = ('bringup', '--pads', ','.join(PADS))
+OF_BUS = ('--interface', 'slcan', '--node-id', NODE_IDS, '--channel')
+#: The processes of each form, as words behind `tactile bringup`; that of the driver is the last.
 FORMS = {
     'one': [()],
-    'driver_apart': [('--only', 'left/processor,left/classifier,right/processor,right/classifier,grasp'),
-                     ('--only', 'skin_driver')],
-    'each': [('--only', name) for name in ('left/processor', 'left/classifier', 'right/processor', 'right/classifier',
-                                           'grasp', 'skin_driver')],
+    'driver_apart': [('--side', 'perception'), ('--side', 'bus')],
     'executables': []}  # one node a process, as `ros2 run` starts them
 ROWS = {'first_shapes': 's from start to a shape of both pads',
         'start_cpu': 's of CPU that all processes have used until then', 'pss': 'MB, PSS of all processes',
@@ -52,7 +50,7 @@ TICKS = os.sysconf('SC_CLK_TCK')
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('forms', nargs='*', default=['one', 'driver_apart', 'each'], metavar='FORM')
+    parser.add_argument('forms', nargs='*', default=['one', 'driver_apart'], metavar='FORM')
     parser.add_argument('--repeat', type=int, default=3)
     parser.add_argument('--seconds', type=float, default=20.0, help='length of a measurement')
     parser.add_argument('--rate', type=float, default=50.0, help='SYNCs a second (default: %(default)s)')
@@ -104,8 +102,10 @@ def measured(form: str, seconds: float, rate: float) -> dict[str, float]:
                 raise SystemExit('the simulated skin has not started')
         begun = time.monotonic()
         period = ['--ros-args', '-p', f'skin_driver:sync_period:={1 / rate}']
-        processes = ([started([*BRINGUP, '--channel', channel, *words, *period]) for words in FORMS[form]]
-                     or executables(channel, rate))
+        words = [[*BRINGUP, *each] for each in FORMS[form]]
+        if words:
+            words[-1] += [*OF_BUS, channel, *period]
+        processes = [started(each) for each in words] or executables(channel, rate)
         stack.callback(ended, processes)
         while len(consumer.shapes) < len(PADS):
             consumer.spin(0.01)

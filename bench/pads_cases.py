@@ -1,5 +1,6 @@
 """Which buses, pads, rates and processes bench_pads.py measures, and the processes of each."""
 
+import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -67,10 +68,17 @@ class Case(NamedTuple):
             words = [sys.executable, '-m', 'tactile_node.cli.main', 'bringup', '--interface', 'slcan', '--channel',
                      channel, '--pads', ','.join(self.names()), '--node-id', ','.join(map(str, NODE_IDS[:self.pads])),
                      '--layout', layout, '--namespace', namespace(bus)]
-            only = [['--only', node.label] for node in self.nodes(bus, channel)] if self.form == 'per_node' else [[]]
             period = ['--ros-args', '-p', f'sync_period:={1 / self.rate}']  # of the driver; no other node has it
-            found += [[*words, *each, *period] for each in only]
+            found += ([executable(node) for node in self.nodes(bus, channel, layout)] if self.form == 'per_node'
+                      else [[*words, *period]])
         return found
+
+
+def executable(node: NodeDescription) -> list[str]:
+    """Return the command for one node, as `ros2 run` starts it."""
+    given = (word for name, value in node.parameters.items() for word in ('-p', f'{name}:={json.dumps(value)}'))
+    return [sys.executable, '-m', f'tactile_node.nodes.{node.role.value}_node', '--ros-args', '-r',
+            f'__ns:=/{node.namespace}', *given]
 
 
 def namespace(bus: int) -> str:

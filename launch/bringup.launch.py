@@ -1,36 +1,46 @@
-"""Starts all nodes of one CAN bus, in one process unless `processes` says otherwise: `tactile bringup` with arguments.
+"""Starts the nodes of one CAN bus in one process, or those of one side of it: `tactile bringup` with arguments.
 
-Where the driver has a process apart, perception.launch.py and bus.launch.py are included: they start the same nodes on
-two hosts.
+Arguments are checked there, not here: a wrong one is one error of that process, and the other nodes of the robot stay.
 """
 
-from pathlib import Path
+import os
 
 from launch.action import Action
-from launch.actions import GroupAction, IncludeLaunchDescription
-from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch.events.process import ProcessExited
+from launch.launch_context import LaunchContext
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
 
 from launch import LaunchDescription
-from tactile_node.launching.arguments import arguments
-from tactile_node.launching.processes import launch_description, nodes_of, start_nodes
-from tactile_node.node_graph import Processes, Side, Split
+from tactile_node.cli.bringup_nodes import ARGUMENTS, OPTIONS
+
+RESPAWN_DELAY = 2.0  # s
 
 
 def generate_launch_description() -> LaunchDescription:
-    return launch_description(None, __file__, bringup)
+    return LaunchDescription([
+        *(DeclareLaunchArgument(name, default_value='', description=each.description,
+                                choices=['', *each.choices] if each.choices else None)
+          for name, each in ARGUMENTS.items()), OpaqueFunction(function=start)])
 
 
-def bringup(given: dict[str, str]) -> list[Action]:
-    nodes = nodes_of(given)  # first: an error of both sides is reported once
-    if given['replay'] or given['processes'] == Processes.ONE.value:
-        return start_nodes(nodes, {**given, 'processes': Processes.ONE.value}, whole=True)
-    spread = Processes.ONE if given['processes'] == Processes.DRIVER_APART.value else Processes.EACH
-    of_sides = {**given, 'processes': spread.value, 'split': Split.TAXELS.value}
-    return [included(side, of_sides) for side in (Side.PERCEPTION, Side.BUS)]  # who listens is there first
+def start(context: LaunchContext) -> list[Action]:
+    """Start the process. It names its nodes and puts them in namespaces: it takes that of the launch alone.
+
+    Only what was given becomes an option: the rest is left to the parameter file and the nodes' defaults.
+    """
+    given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
+    options = [f'--{name.replace("_", "-")}={given[name]}' for name in OPTIONS if given[name]]
+    return [Node(package='tactile_skin', executable='tactile', exec_name='tactile',
+                 namespace=given['namespace'] or None, output='screen',
+                 arguments=['bringup', *options, f'--end-with={os.getpid()}'],
+                 respawn=given['on_exit'] == 'respawn', respawn_delay=RESPAWN_DELAY,
+                 on_exit=end_launch if given['on_exit'] == 'shutdown' else None)]
 
 
-def included(side: Side, given: dict[str, str]) -> GroupAction:
-    """In a group, so that the arguments of one side do not reach the other, nor what is launched after both."""
-    source = PythonLaunchDescriptionSource(str(Path(__file__).with_name(f'{side.value}.launch.py')))
-    return GroupAction([IncludeLaunchDescription(
-        source, launch_arguments=[(name, given[name]) for name in arguments(side)])])
+def end_launch(event: ProcessExited, context: LaunchContext) -> list[Action]:
+    """End the launch with its process; with exit code 1 where that has failed, for systemd."""
+    if event.returncode and not context.is_shutdown:
+        raise RuntimeError(f'{event.process_name} has failed, code {event.returncode}')
+    return [Shutdown(reason=f'{event.process_name} has ended')]

@@ -4,7 +4,7 @@ Imports neither rclpy nor a numerical library, so that a launch file can read it
 """
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from enum import Enum
 from typing import NamedTuple
 
@@ -23,29 +23,13 @@ class Role(Enum):
     GRASP = 'grasp'
 
 
-class Processes(Enum):
-    """How the nodes of a bus are spread over processes."""
-
-    ONE = 'one'
-    DRIVER_APART = 'driver_apart'
-    EACH = 'each'
-
-
 class Side(Enum):
-    """Where a node runs when its bus and those who use the skin are on two hosts."""
+    """Where a node runs when its bus and those who use the skin are on two hosts, or in two processes."""
 
-    BUS = 'bus'                #: the host with the CAN adapter
-    PERCEPTION = 'perception'  #: any host; needs neither bus nor layout
-
-
-class Split(Enum):
-    """The topic of a pad between the two sides."""
-
-    TAXELS = 'taxels'
-    CONTACT = 'contact'
+    BUS = 'bus'                #: the driver, on the host with the CAN adapter
+    PERCEPTION = 'perception'  #: the others, on any host; they need neither bus nor layout
 
 
-BUS_SIDE = {Split.TAXELS: (Role.DRIVER,), Split.CONTACT: (Role.DRIVER, Role.PROCESSOR)}
 NODE_NAMES = {Role.DRIVER: 'skin_driver', Role.PROCESSOR: 'processor', Role.CLASSIFIER: 'classifier',
               Role.GRASP: 'grasp'}
 #: The topics that come frame by frame: name relative to the pad, type. `pose` and `shapes` come too; `features`,
@@ -108,38 +92,13 @@ def bus_nodes(pads: Sequence[str], *, driver: Parameters, every: Parameters | No
     return (*nodes, NodeDescription(Role.DRIVER, '', namespace, {'pads': list(pads), **common, **driver}))
 
 
-def chosen(nodes: Iterable[NodeDescription], labels: Sequence[str]) -> tuple[NodeDescription, ...]:
-    """Return the nodes with these labels. Raises ConfigurationError for a label of none."""
-    by_label = {node.label: node for node in nodes}
-    for label in labels:
-        if label not in by_label:
-            raise ConfigurationError('--only', expected='nodes of this bus: ' + ', '.join(by_label), got=repr(label),
-                                     remedy='Name one of them.')
-    return tuple(by_label[label] for label in labels)
-
-
-def roles_of(side: Side, split: Split) -> tuple[Role, ...]:
+def roles_of(side: Side) -> tuple[Role, ...]:
     """Return what runs on ``side``.
 
-    >>> [role.value for role in roles_of(Side.PERCEPTION, Split.CONTACT)]
-    ['classifier', 'grasp']
+    >>> [role.value for role in roles_of(Side.PERCEPTION)]
+    ['processor', 'classifier', 'grasp']
     """
-    return tuple(role for role in Role if (role in BUS_SIDE[split]) is (side is Side.BUS))
-
-
-def of_side(nodes: Iterable[NodeDescription], side: Side, split: Split) -> tuple[NodeDescription, ...]:
-    """Return the nodes that run on ``side``, in their order."""
-    return tuple(node for node in nodes if node.role in roles_of(side, split))
-
-
-def in_processes(nodes: Sequence[NodeDescription], processes: Processes) -> tuple[tuple[NodeDescription, ...], ...]:
-    """Return the nodes of each process, that of the driver last."""
-    if processes is Processes.ONE:
-        return (tuple(nodes),)
-    if processes is Processes.EACH:
-        return tuple((node,) for node in nodes)
-    drivers, others = of_side(nodes, Side.BUS, Split.TAXELS), of_side(nodes, Side.PERCEPTION, Split.TAXELS)
-    return tuple(part for part in (others, drivers) if part)
+    return tuple(role for role in Role if (role is Role.DRIVER) is (side is Side.BUS))
 
 
 def frame_topics(pads: Sequence[str], namespace: str = '') -> dict[str, str]:

@@ -33,7 +33,6 @@ LATE = 1.5  # s by which a busy machine delivers a diagnostic late
 DIGIT = 0.2  # s: an age is given by tenths, and is on its way for some time
 STEADY = 0.008  # s: more is no drift
 TIMEOUT = 120.0 if 'TACTILE_LONG' in os.environ else 60.0  # s, for a busy machine
-NODES = 'left/processor,left/classifier,right/processor,right/classifier,grasp'
 
 
 class Clock(NamedTuple):
@@ -176,7 +175,7 @@ class ClockWorld:
                       'node_ids': list(NODE_IDS), 'sync_period': PERIOD}
         words = {'bus': ['tactile_node.nodes.driver_node', '--ros-args',
                          *(word for name, value in parameters.items() for word in ('-p', f'{name}:={value}'))],
-                 'thinking': ['tactile_node.cli.main', 'bringup', '--pads', ','.join(PADS), '--only', NODES,
+                 'thinking': ['tactile_node.cli.main', 'bringup', '--pads', ','.join(PADS), '--side', 'perception',
                               '--ros-args', '-r', 'processor:taxels:=relayed']}
         for name in reversed(HOSTS):
             self.hosts[name] = host = Host(folder, name, self._settings[name], words[name], at_once=self._at_once)

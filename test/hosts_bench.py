@@ -9,7 +9,6 @@ import subprocess
 import sys
 import time
 from contextlib import ExitStack
-from enum import Enum
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Thread
@@ -20,22 +19,9 @@ from misled_skin import LAYOUT, NODE_IDS, PADS
 from two_hosts import Host, Hosts
 
 DRIVER = 'skin_driver'
-PROCESSORS = tuple(f'{pad}/processor' for pad in PADS)
-REST = (*(f'{pad}/classifier' for pad in PADS), 'grasp')
 TOPICS = ('grasp=grasp', 'left=left/shape', 'right=right/shape', 'health=/diagnostics', 'status=skin_driver/status')
+SIDES = {'bus': 'bus', 'thinking': 'perception'}  #: host -> side of `tactile bringup`
 DISCOVERY_PORT = 11811  # Fast DDS's default of a discovery server
-
-
-class Split(Enum):
-    """What passes the link; the values are the nodes of the first host."""
-
-    TAXELS = (DRIVER,)
-    CONTACTS = (DRIVER, *PROCESSORS)
-
-    @property
-    def there(self) -> tuple[str, ...]:
-        """The nodes of the second host."""
-        return tuple(node for node in (*PROCESSORS, *REST) if node not in self.value)
 
 
 class HostsWorld(World):
@@ -45,11 +31,13 @@ class HostsWorld(World):
     `here_records`. ``discovery_server``: on the first host, in place of the addresses of peers.
     """
 
-    def __init__(self, hosts: Hosts, split: Split = Split.TAXELS, held: dict[str, Any] | None = None, *,
+    has_sides = True  #: False: all nodes are on the first host
+
+    def __init__(self, hosts: Hosts, held: dict[str, Any] | None = None, *,
                  topics: tuple[str, ...] = TOPICS, here: tuple[str, ...] = (), period: float = PERIOD,
                  discovery_server: bool = False, environment: dict[str, str] | None = None):
         super().__init__(held, topics=topics, period=period)
-        self.hosts, self._split, self._here = hosts, split, here
+        self.hosts, self._here = hosts, here
         self._environment = {'ROS_DOMAIN_ID': str(1 + os.getpid() % 100), 'PYTHONUNBUFFERED': '1',
                              **(environment or {})}
         self._has_server = discovery_server
@@ -81,14 +69,13 @@ class HostsWorld(World):
 
     def start(self, side: str) -> None:
         """Run `tactile bringup` with the nodes of one side."""
-        host, nodes = ((self.hosts.first, self._split.value) if side == 'bus'
-                       else (self.hosts.second, self._split.there))
+        host = self.hosts.first if side == 'bus' else self.hosts.second
         words = ['--interface', 'slcan', '--channel', self._port, '--node-id', ','.join(map(str, NODE_IDS)),
                  '--layout', LAYOUT] if side == 'bus' else []
         period = ['--ros-args', '-p', f'{DRIVER}:sync_period:={self._period}'] if side == 'bus' else []
         self.bringups[side] = self._on(host)(
             [sys.executable, '-m', 'tactile_node.cli.main', 'bringup', '--pads', ','.join(PADS),
-             '--only', ','.join(nodes), *words, *period], stdout=self._log, stderr=self._log)
+             *(['--side', SIDES[side]] if self.has_sides else []), *words, *period], stdout=self._log, stderr=self._log)
 
     def end(self, side: str, is_killed: bool = False) -> None:
         process = self.bringups.pop(side)

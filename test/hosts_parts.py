@@ -43,7 +43,7 @@ def parts() -> list[Part]:
         words = [table, *(('--split', split) if split else ())]
         return Part('_'.join(filter(None, (table, split))), [sys.executable, str(HERE / 'link_catalogue.py'), *words],
                     usual)
-    splits = 'taxels', 'contacts', 'grasps'  # of link_bench.py, which needs ROS
+    splits = 'taxels', 'grasps'  # of link_bench.py, which needs ROS
     return [test('test_hosts', 420), test('test_other_version', 90), test('test_link', 60),
             test('test_clocks_apart', 180), Part('hosts_table', [sys.executable, str(HERE / 'hosts_table.py')], 300),
             *(catalogue('losses', 420, split) for split in splits),

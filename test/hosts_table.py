@@ -12,11 +12,10 @@ import json
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
-from hosts_bench import DRIVER, PROCESSORS, REST, HostsWorld, Split
+from hosts_bench import HostsWorld
 from misled_skin import PADS
 from two_hosts import Hosts
 
@@ -28,7 +27,6 @@ LEFT, GRASP, SHAPE = f'/{PADS[0]}/', '/grasp', f'/{PADS[0]}/shape'
 OTHERS = {'/left/pose': 'geometry_msgs/msg/PoseWithCovarianceStamped', '/left/shapes': 'tactile_skin/msg/ContactShapes',
           '/skin_driver/status': 'tactile_skin/msg/SkinStatus', '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray'}
 ONCE_A_SECOND = '/skin_driver/status', '/diagnostics'
-ALL_HERE = SimpleNamespace(name='GRASP', value=(*PROCESSORS, *REST, DRIVER), there=())  # only the planner is there
 
 
 class Load(NamedTuple):
@@ -42,8 +40,10 @@ class Load(NamedTuple):
 class BusHost(HostsWorld):
     """All nodes on the first host, and a reader of the grasp: nothing is subscribed on the second."""
 
-    def __init__(self, hosts: Hosts, split, period: float):
-        super().__init__(hosts, split, topics=(), here=('grasp=grasp',), period=period)
+    has_sides = False
+
+    def __init__(self, hosts: Hosts, period: float):
+        super().__init__(hosts, topics=(), here=('grasp=grasp',), period=period)
 
     def start(self, side: str) -> None:
         if side == 'bus':
@@ -74,7 +74,7 @@ def topic_table(hosts: Hosts, seconds: float, rate: float) -> None:
     topics = {topic: kind for topic, kind in frame_topics(PADS).items() if topic.startswith(LEFT) or topic == GRASP}
     print_row('topic', 'a second', 'octets of a message', 'on the link', 'kB/s at 50 Hz', 'latency p50 [ms]', 'p99')
     print_row(*['---'] * 7)
-    with BusHost(hosts, ALL_HERE, 1 / rate) as world:
+    with BusHost(hosts, 1 / rate) as world:
         world.hold()
         quiet = measured(world, seconds, {}).rate
         for topic, kind in (topics | OTHERS).items():
@@ -95,13 +95,13 @@ def split_table(hosts: Hosts, seconds: float, rate: float) -> None:
               'p99')
     print_row(*['---'] * 6)
     topics = {name: kind for name, kind in frame_topics(PADS).items() if name in (SHAPE, GRASP)}
-    for split in (*Split, ALL_HERE):
-        with (BusHost(hosts, split, 1 / rate) if split is ALL_HERE
-              else HostsWorld(hosts, split, topics=('grasp=grasp',), period=1 / rate)) as world:
+    for nodes, make in (('driver', lambda: HostsWorld(hosts, topics=('grasp=grasp',), period=1 / rate)),
+                        ('all', lambda: BusHost(hosts, 1 / rate))):
+        with make() as world:
             world.hold()
             load = measured(world, seconds, topics)
-            print_row({'TAXELS': 'driver', 'CONTACTS': 'driver, processors', 'GRASP': 'all'}[split.name],
-                      f'{1e-3 * load.rate:.0f}', *milliseconds(load.topics[SHAPE]), *milliseconds(load.topics[GRASP]))
+            print_row(nodes, f'{1e-3 * load.rate:.0f}', *milliseconds(load.topics[SHAPE]),
+                      *milliseconds(load.topics[GRASP]))
 
 
 def print_row(*cells: object) -> None:

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
 from math import inf, nan
 from pathlib import Path
@@ -26,11 +26,8 @@ from tactile_node.ros.message_age import NOT_KNOWN_SEC
 
 ROOT = Path(__file__).resolve().parents[1]
 CONSUMER = ROOT / 'test' / 'misled_consumer.py'
-PROCESSORS, CLASSIFIERS = [f'{pad}/processor' for pad in PADS], [f'{pad}/classifier' for pad in PADS]
-#: By what the link carries: what runs on the host of the bus, and what on the other
-SPLITS = {'taxels': (['skin_driver'], [*PROCESSORS, *CLASSIFIERS, 'grasp']),
-          'contacts': (['skin_driver', *PROCESSORS], [*CLASSIFIERS, 'grasp']),
-          'grasps': (['skin_driver', *PROCESSORS, *CLASSIFIERS, 'grasp'], [])}
+#: By what the link carries: whether the nodes are on both hosts, or all on that of the bus
+SPLITS = {'taxels': True, 'grasps': False}
 NEAR = {pad: f'near_{pad}' for pad in PADS}  # the taxels as a consumer beside the driver receives them
 MAX_AGE, MAX_SILENCE = 0.3, 0.1  # s, as in docs/consumers.md and examples/planner_client.py
 STATUS_PERIOD = 1.0  # s between two messages of a node about what it has received
@@ -71,7 +68,7 @@ class LinkWorld(Watch):
         self._stack.close()
 
     def _start(self) -> None:
-        stack, (bus_side, thinking_side) = self._stack, SPLITS[self.split]
+        stack, is_on_both = self._stack, SPLITS[self.split]
         self.link = stack.enter_context(LossyHosts())
         self._folder = Path(stack.enter_context(TemporaryDirectory()))
         self._port = str(self._folder / 'skin')
@@ -82,9 +79,12 @@ class LinkWorld(Watch):
         self.consumer = self.consume(far, {'grasp': 'grasp', **{pad: f'{pad}/shape' for pad in PADS},
                                            'status': '/diagnostics'},
                                      best_effort=bool(self._parameters.get('best_effort')))
-        if thinking_side:
-            self.thinking = self._bringup(far, thinking_side)
-        self.driver = self._bringup(near, bus_side)
+        of_bus = ['--interface', 'slcan', '--channel', self._port, '--node-id', ','.join(map(str, NODE_IDS)),
+                  '--layout', LAYOUT]
+        if is_on_both:
+            self.thinking = self._bringup(far, ['--side', 'perception'])
+            of_bus += ['--side', 'bus']
+        self.driver = self._bringup(near, of_bus)
         for target in (self.tick, self._look):
             thread = threading.Thread(target=target, daemon=True)
             thread.start()
@@ -98,13 +98,12 @@ class LinkWorld(Watch):
         threading.Thread(target=self.read, args=(consumer,), daemon=True).start()
         return consumer
 
-    def _bringup(self, host: Host, labels: Iterable[str]) -> subprocess.Popen:
+    def _bringup(self, host: Host, words: list[str]) -> subprocess.Popen:
         given = {'/**': {'ros__parameters': {'sync_period': self.period, **self._parameters}}}
         file = self._folder / f'{host.address}.yaml'
         file.write_text(json.dumps(given))  # JSON is YAML
-        return self._popen(host, ['-m', 'tactile_node.cli.main', 'bringup', '--interface', 'slcan', '--channel',
-                                  self._port, '--pads', ','.join(PADS), '--node-id', ','.join(map(str, NODE_IDS)),
-                                  '--layout', LAYOUT, '--only', ','.join(labels), '--params-file', str(file)])
+        return self._popen(host, ['-m', 'tactile_node.cli.main', 'bringup', '--pads', ','.join(PADS), *words,
+                                  '--params-file', str(file)])
 
     def _popen(self, host: Host, words: list[str], **keywords) -> subprocess.Popen:
         process = host.popen([sys.executable, *words], self._environment, **keywords)

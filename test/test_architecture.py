@@ -26,7 +26,6 @@ ALLOWED = {
     'supervision': {'bus', 'cia301', 'frames', 'skin', 'threads'},
     'report': {'assembly', 'cia301', 'conditioning', 'contact', 'frames', 'fusion', 'library', 'pose', 'recording',
                'shape', 'skin'},
-    'launching': set(),
     'simulator': {'bus', 'cia301', 'skin', 'synthetic', 'threads'},
     'ros': {'bus', 'cia301', 'frames', 'skin', *NUMERICAL},
     'view': {'bus', 'cia301', 'contact', 'frames', 'helmholtz', 'library', 'pose', 'recording', 'shape', 'skin',

@@ -56,9 +56,10 @@ def short_timeout(tmp_path):
 @pytest.mark.parametrize('words, expected', [
     (['--replay', '/nowhere.log'], 'no such file'),
     (['--interface', 'virtual', '--eds', __file__], 'expected an EDS file'),
-    (['--interface', 'virtual', '--channel', 'empty'], 'Check power, wiring, termination, bit rate and node-ID'),
+    (['--interface', 'virtual', '--channel', 'empty', '--wait-at-start', 'false'],
+     'Check power, wiring, termination, bit rate and node-ID'),
     (['--interface', 'slcn'], 'got \'slcn\'. Did you mean "slcan"?'),
-    (['--wait-at-start', 'true', '--interface', 'nosuch'], ', socketcan, '),  # waiting would not help
+    (['--interface', 'nosuch'], ', socketcan, '),  # waiting would not help
     (['--interface', 'virtual', '--layout', '/nowhere.yaml'], '/nowhere.yaml'),
     (['--interface', 'virtual', '--pads', 'left,right'], 'a node-ID for each of the pads'),
     (['--interface', 'virtual', '--pads', 'left right', '--node-id', '32,64'], 'Commas separate several pads'),
@@ -69,9 +70,8 @@ def short_timeout(tmp_path):
     (['--interface', 'virtual', '--pads', 'left,right', '--node-id', '32,64', '--gap', '40'],
      "'gap': expected opening of the gripper with gap_source parameter [m]"),
     (['--interface', 'virtual', '--pads', 'left,left', '--node-id', '32,64'], 'a different name for each'),
-    (['--interface', 'virtual', '--only', 'left/grasp'], 'nodes of this bus'),
     (['--replay', LOG, '--record', '/nowhere.log'], 'a log that is played is not recorded'),
-    (['--replay', LOG, '--only', 'skin_driver'], 'all nodes of the bus in one process'),
+    (['--replay', LOG, '--side', 'bus'], 'all nodes of the bus in one process'),
     (['--use-sim-time', 'maybe'], 'true or false'),
     (['--interface', 'virtual', '--publish-clock', 'true'], 'publish_clock'),
     (['--end-with', 'launch'], 'a process id'),
@@ -102,8 +102,7 @@ def test_a_namespace_for_the_whole_process_keeps_the_names_of_its_nodes(rule):
         assert {node.get_parameter('queue_depth').value for node in system.nodes} == {7}
         published = {publisher.topic_name for node in system.nodes for publisher in node.publishers}
         assert {'/robot/hand/left/shape', '/robot/hand/right/shape', '/robot/hand/held'} <= published
-        # `wait_at_start` false: the command, not the parameter file, says so
-        assert system.driver.get_parameter('wait_at_start').value is False
+        assert system.driver.get_parameter('wait_at_start').value is True  # as without the command
 
 
 def test_the_process_ends_with_the_one_that_it_is_to_end_with():

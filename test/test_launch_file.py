@@ -1,4 +1,4 @@
-"""The launch files start `tactile bringup`: which processes, with what, and what happens when one ends.
+"""The launch file starts `tactile bringup`: with what, and what happens when it ends.
 
 `launch` and `launch_ros` are not on PyPI. Where a ROS installation has them, the last tests launch really; elsewhere
 these are skipped, and a stand-in shows what the file would start.
@@ -15,55 +15,77 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from launch_stand_in import actions, declared, nodes_of, processes, put_stand_ins
+from launch_stand_in import declared, nodes_of, process_of, put_stand_ins
 
+from tactile_node.cli.bringup_nodes import ARGUMENTS
 from tactile_node.cli.main import _parser
-from tactile_node.launching.arguments import OPTIONS, arguments
-from tactile_node.node_graph import Side, bus_nodes
+from tactile_node.node_graph import bus_nodes
+from tactile_node.ros.settings import ClassifierSettings, DriverSettings, GraspNodeSettings, table
 
 ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / 'launch' / 'bringup.launch.py'
 GRIPPER = {'pads': 'left, right', 'node_id': '32,0x40'}
-FILES = {'bringup.launch.py': None, 'bus.launch.py': Side.BUS, 'perception.launch.py': Side.PERCEPTION}
-SPREADS = ('one', 'driver_apart', 'each')
+NODES = DriverSettings, ClassifierSettings, GraspNodeSettings
+#: argument -> parameter of another name
+RENAMED = {'node_id': 'node_ids', 'layout': 'layouts', 'grasp_frame': 'frame_id'}
+#: arguments that set no parameter of our nodes
+OTHERS = {'namespace', 'on_exit', 'side', 'simulate', 'use_sim_time', 'params_file'}
 
 
-@pytest.fixture
-def errors(monkeypatch):
-    """The errors that launch was given to log."""
-    return put_stand_ins(monkeypatch)
+@pytest.fixture(autouse=True)
+def stand_ins(request, monkeypatch):
+    if 'bus' not in request.keywords:
+        put_stand_ins(monkeypatch)
 
 
-@pytest.mark.parametrize(('file', 'side'), FILES.items())
-def test_a_launch_file_declares_its_arguments(errors, file, side):
-    found, _ = declared(FILE.with_name(file))
-    assert [action.given[0] for action in found] == list(arguments(side))
+def options_of_the_command():
+    return next(action for action in _parser('bringup')._actions if action.choices).choices[
+        'bringup']._option_string_actions
+
+
+def test_the_launch_file_declares_its_arguments():
+    found, _ = declared(FILE)
+    assert [action.given[0] for action in found] == list(ARGUMENTS)
     assert all(len(action.named['description']) > 10 for action in found)
 
 
-def test_every_option_is_one_of_the_command():
-    parser = _parser('bringup')
-    command = next(action for action in parser._actions if action.choices).choices['bringup']
-    for name in OPTIONS:
-        assert f'--{name.replace("_", "-")}' in command._option_string_actions
+def test_every_argument_is_an_option_of_the_command_but_what_ends_with_the_launch():
+    assert {f'--{name.replace("_", "-")}' for name in ARGUMENTS} - options_of_the_command().keys() == {'--on-exit'}
 
 
-def test_the_opening_of_the_gripper_is_given_to_the_grasp_alone(errors):
+@pytest.mark.parametrize('name', sorted(ARGUMENTS.keys() - OTHERS))
+def test_what_sets_a_parameter_has_the_description_and_the_default_of_its_table(name):
+    row = next(row for settings in NODES for row in table(settings) if row.name == RENAMED.get(name, name))
+    option = options_of_the_command()[f'--{name.replace("_", "-")}']
+    argument = next(each.named for each in declared(FILE)[0] if each.given[0] == name)
+    assert option.default is None and argument['default_value'] == ''  # not given: left to file and node
+    for text in (option.help, argument['description']):
+        if text == row.properties.description:  # which says what an empty one is
+            assert set(row.default) <= {''}
+            continue
+        description, _, written = text.removesuffix(')').rpartition(' (default: ')
+        default = option.type(written)
+        assert description == row.properties.description
+        assert default == (list(row.default) if isinstance(row.default, tuple) else row.default)
+        assert isinstance(default, type(row.default)) or isinstance(row.default, tuple)
+
+
+def test_the_opening_of_the_gripper_is_given_to_the_grasp_alone():
     given = {'gap_source': 'joint_states', 'gap_joints': 'finger_left, finger_right', 'gap_scale': '-0.5',
              'gap_offset': '0.08', 'publish_pad_frames': 'true', 'frame_ids': 'a,b'}
-    process, = processes(FILE, **GRIPPER, **given)
+    process = process_of(FILE, **GRIPPER, **given)
     grasp = {'gap_source': 'joint_states', 'gap_joints': ['finger_left', 'finger_right'], 'gap_scale': -0.5,
              'gap_offset': 0.08, 'publish_pad_frames': True, 'pad_frames': ['a', 'b']}
     found = {node.label: node.parameters for node in nodes_of(process)}
     assert {name: found['grasp'].get(name) for name in grasp} == grasp
     assert not any(grasp.keys() & parameters.keys() for label, parameters in found.items() if label != 'grasp')
-    process, = processes(FILE, **GRIPPER, gap_source='tf', gap_frames='l,r')
+    process = process_of(FILE, **GRIPPER, gap_source='tf', gap_frames='l,r')
     assert {'gap_source': 'tf', 'gap_frames': ['l', 'r']}.items() <= {
         node.label: node.parameters for node in nodes_of(process)}['grasp'].items()
 
 
-def test_taught_shapes_are_given_to_the_classifiers_alone(errors):
-    process, = processes(FILE, **GRIPPER, model='/home/me/my shapes.npz', method='learned')
+def test_taught_shapes_are_given_to_the_classifiers_alone():
+    process = process_of(FILE, **GRIPPER, model='/home/me/my shapes.npz', method='learned')
     found = {node.label: node.parameters for node in nodes_of(process)}
     assert {label for label, parameters in found.items() if 'model' in parameters} == {
         'left/classifier', 'right/classifier'}
@@ -71,92 +93,67 @@ def test_taught_shapes_are_given_to_the_classifiers_alone(errors):
     assert found['left/classifier']['method'] == 'learned'
 
 
-def test_a_replay_gives_the_time_on_request(errors):
-    process, = processes(FILE, **GRIPPER, replay='session.log', publish_clock='true')
+def test_a_replay_gives_the_time_on_request():
+    process = process_of(FILE, **GRIPPER, replay='session.log', publish_clock='true')
     driver = {node.label: node.parameters for node in nodes_of(process)}['skin_driver']
     assert driver['publish_clock'] is True and driver['replay'] == 'session.log'
 
 
-@pytest.mark.parametrize('spread', SPREADS)
-def test_all_processes_together_run_the_nodes_of_the_bus_with_their_parameters(errors, spread):
+def test_the_process_runs_the_nodes_of_the_bus_with_their_parameters():
     given = GRIPPER | {'interface': 'virtual', 'bitrate': '500000', 'autostart': 'false', 'gap': '0.04',
                        'layout': 'sim8x8_16bit.yaml', 'frame_prefix': 'robot1/', 'use_sim_time': 'true'}
-    found = [node for process in processes(FILE, **given, processes=spread) for node in nodes_of(process)]
+    found = nodes_of(process_of(FILE, **given))
     every = {'use_sim_time': True}
     driver = {'interface': 'virtual', 'bitrate': 500000, 'autostart': False, 'layouts': ['sim8x8_16bit.yaml'],
               'node_ids': [32, 64], 'frame_prefix': 'robot1/'}
-    assert found == list(bus_nodes(['left', 'right'], driver=driver, every=every,
-                                   grasp={'gap': 0.04, 'frame_prefix': 'robot1/'}))
+    assert found == bus_nodes(['left', 'right'], driver=driver, every=every,
+                                   grasp={'gap': 0.04, 'frame_prefix': 'robot1/'})
 
 
-def test_the_namespace_is_that_of_the_process_below_the_pushed_one(errors):
-    process, = processes(FILE, **GRIPPER, namespace='hand')
+def test_the_namespace_is_that_of_the_process_below_the_pushed_one():
+    process = process_of(FILE, **GRIPPER, namespace='hand')
     assert process['namespace'] == 'hand'  # launch_ros passes /robot/hand as the rule __ns, see test_bringup.py
     assert 'name' not in process
-    assert processes(FILE, **GRIPPER)[0]['namespace'] is None
+    assert process_of(FILE, **GRIPPER)['namespace'] is None
 
 
-@pytest.mark.parametrize('spread', SPREADS)
-def test_the_simulated_skin_is_part_of_the_drivers_process(errors, spread):
-    found = processes(FILE, **GRIPPER, simulate='true', processes=spread)
-    driver = nodes_of(found[-1])[-1]
+def test_the_simulated_skin_takes_the_place_of_the_bus():
+    driver = nodes_of(process_of(FILE, **GRIPPER, simulate='true'))[-1]
     assert (driver.name, driver.parameters['interface']) == ('skin_driver', 'virtual')
 
 
-def test_a_replay_runs_in_one_process_so_that_its_end_is_known(errors):
-    process, = processes(FILE, **GRIPPER, replay='/tmp/session.log', processes='each')
-    nodes = nodes_of(process)
+def test_a_replay_is_lossless():
+    nodes = nodes_of(process_of(FILE, **GRIPPER, replay='/tmp/session.log'))
     assert len(nodes) == 6 and all(node.parameters['lossless'] is True for node in nodes)
 
 
-def test_every_process_ends_with_the_launch(errors):
-    for process in processes(FILE, **GRIPPER, processes='each'):
-        assert process['arguments'][-1] == f'--end-with={os.getpid()}'
+def test_the_process_ends_with_the_launch():
+    assert process_of(FILE, **GRIPPER)['arguments'][-1] == f'--end-with={os.getpid()}'
 
 
-@pytest.mark.parametrize(('on_exit', 'words', 'respawns', 'ends'), [
-    ('', ['ros2', 'launch', 'robot', 'bringup.launch.py'], False, False),
-    ('', ['ros2', 'launch', 'tactile_skin', 'bringup.launch.py', 'pads:=left'], False, True),
-    ('', ['ros2', 'launch', str(FILE)], False, True),
-    ('keep', ['ros2', 'launch', str(FILE)], False, False),
-    ('respawn', [], True, False), ('shutdown', [], False, True)])
-def test_what_happens_when_a_process_ends(errors, monkeypatch, on_exit, words, respawns, ends):
-    monkeypatch.setattr(sys, 'argv', words)
-    found = actions(FILE, **GRIPPER, processes='driver_apart', on_exit=on_exit)
-    nodes = [action for action in found if type(action).__name__ == 'Node']
-    handlers = [action.given[0].named for action in found if type(action).__name__ == 'RegisterEventHandler']
-    assert [node.named['respawn'] for node in nodes] == [respawns] * 2
-    assert [handler['target_action'] for handler in handlers] == (nodes if ends else [])
+@pytest.mark.parametrize(('given', 'respawns', 'ends'), [
+    ({}, False, False), ({'on_exit': 'keep'}, False, False), ({'on_exit': 'respawn'}, True, False),
+    ({'on_exit': 'shutdown'}, False, True)])
+def test_what_happens_when_the_process_ends(given, respawns, ends):
+    process = process_of(FILE, **GRIPPER, **given)
+    assert process['respawn'] is respawns and (process['on_exit'] is not None) is ends
 
 
-def test_shutdown_fails_with_a_failed_process_and_not_with_one_that_ended(errors):
-    _, handler = actions(FILE, on_exit='shutdown')
-    ended = handler.given[0].named['on_exit']
+def test_shutdown_fails_with_a_failed_process_and_not_with_one_that_ended():
+    ended = process_of(FILE, on_exit='shutdown')['on_exit']
     event = SimpleNamespace(returncode=2, process_name='tactile-1')
     with pytest.raises(RuntimeError, match='tactile-1 has failed, code 2'):
         ended(event, SimpleNamespace(is_shutdown=False))
-    assert [type(action).__name__ for action in ended(event, SimpleNamespace(is_shutdown=True))] == ['EmitEvent']
+    assert [type(action).__name__ for action in ended(event, SimpleNamespace(is_shutdown=True))] == ['Shutdown']
     event.returncode = 0
-    assert [type(action).__name__ for action in ended(event, SimpleNamespace(is_shutdown=False))] == ['EmitEvent']
-
-
-@pytest.mark.parametrize('spread', SPREADS)
-def test_duplicate_pads_are_one_error_and_leave_the_robots_other_nodes_alone(errors, spread):
-    given = {'pads': 'left,left', 'node_id': '32,64', 'processes': spread}
-    assert actions(FILE, **given, on_exit='keep') == []
-    assert len(errors) == 1 and 'left, left' in errors[0]
-    with pytest.raises(RuntimeError, match='left, left'):
-        actions(FILE, **given, on_exit='shutdown')
+    assert [type(action).__name__ for action in ended(event, SimpleNamespace(is_shutdown=False))] == ['Shutdown']
 
 
 @pytest.mark.parametrize('page', ['README.md', 'docs/launch.md', 'docs/hardware.md', 'examples/tactile_skin.service'])
 def test_every_argument_that_a_page_names_exists(page):
-    pytest.importorskip('rclpy')
-    from tactile_node.ros.parameters import table
-    from tactile_node.ros.settings import DriverSettings, GraspNodeSettings
     words = set(re.findall(r'\b([a-z]\w+):=', (ROOT / page).read_text(encoding='utf-8')))
-    parameters = {row.name for settings in (DriverSettings, GraspNodeSettings) for row in table(settings)}
-    assert words and words <= {*arguments(None), *arguments(Side.BUS), *parameters}
+    parameters = {row.name for settings in NODES for row in table(settings)}
+    assert words and words <= {*ARGUMENTS, *parameters}
 
 
 def test_the_service_ends_with_a_failed_process():
@@ -229,11 +226,11 @@ def processes_with(word):
 @pytest.mark.bus
 @pytest.mark.parametrize('number', [signal.SIGTERM, signal.SIGINT])
 def test_two_grippers_below_a_pushed_namespace_run_and_leave_no_process(robot, number):
-    process, output = robot('processes:=driver_apart')
+    process, output = robot()
     expected = [f'[robot.{side}.hand.skin_driver]' for side in 'ab']
     assert wait_for(lambda: all(output.read_text().count(f'{name}: node') >= 4 for name in expected))
     children = processes_with(f'--end-with={process.pid}')
-    assert len(children) == 4
+    assert len(children) == 2
     process.send_signal(number)
     process.wait(30)
     assert wait_for(lambda: not processes_with(f'--end-with={process.pid}'), 20)

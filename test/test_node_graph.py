@@ -1,4 +1,4 @@
-"""The nodes of a bus are described once: names, topics and parameters, and how they are spread over processes."""
+"""The nodes of a bus are described once: names, topics and parameters."""
 
 import subprocess
 import sys
@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.node_graph import Processes, bus_nodes, chosen, frame_topics, in_processes
+from tactile_node.node_graph import bus_nodes, frame_topics
 
 ROOT = Path(__file__).resolve().parents[1]
 GRIPPER = ('left', 'right')
@@ -52,21 +52,6 @@ def test_parameters_of_every_node_reach_every_node_and_the_drivers_own_win():
 def test_pads_without_names_of_their_own_are_refused(pads):
     with pytest.raises(ConfigurationError):
         bus_nodes(pads, driver={})
-
-
-@pytest.mark.parametrize(('processes', 'sizes'), [
-    (Processes.ONE, [6]), (Processes.DRIVER_APART, [5, 1]), (Processes.EACH, [1, 1, 1, 1, 1, 1])])
-def test_every_node_is_in_one_process_and_the_drivers_is_the_last(processes, sizes):
-    nodes = bus_nodes(GRIPPER, driver={'channel': 'can1'}, namespace='hand')
-    parts = in_processes(nodes, processes)
-    assert [len(part) for part in parts] == sizes
-    assert [node for part in parts for node in part] == list(nodes)
-    assert [chosen(nodes, [node.label for node in part]) for part in parts] == list(parts)
-
-
-def test_a_node_that_the_bus_has_not_cannot_be_chosen():
-    with pytest.raises(ConfigurationError, match='middle/processor'):
-        chosen(bus_nodes(GRIPPER, driver={}), ['middle/processor'])
 
 
 @pytest.mark.ros

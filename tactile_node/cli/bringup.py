@@ -1,72 +1,35 @@
-"""`tactile bringup`: the ROS 2 nodes of one bus, or of one side of it, in one process; the launch files start it."""
+"""`tactile bringup`: the ROS 2 nodes of one bus, or of one side of it, in one process; the launch file starts it."""
 
 import argparse
 import os
 from contextlib import ExitStack
+from typing import Any
 
-from tactile_node.cli.bringup_nodes import BY_DEFAULT, SIMULATED_CHANNEL, described
-from tactile_node.cli.options import (
-    add_bus_options,
-    add_skin_options,
-    eds_of,
-    layouts_of,
-    names,
-    node_ids_of,
-    pace,
-    process_id,
-    switch,
-    switch_or_file,
-)
+from tactile_node.cli.bringup_nodes import OPTIONS, SIMULATED_CHANNEL, described, pads_of
+from tactile_node.cli.options import eds_of, layouts_of, names, node_ids, node_ids_of, process_id, switch
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption, stop_with
-from tactile_node.launching.arguments import OPTIONS
-from tactile_node.node_graph import Role, Side, Split
+from tactile_node.node_graph import Role
 from tactile_node.ros.global_names import without_global_names
-
-#: options that are described as the arguments of the launch files are, and what reads them
-LAUNCHED = {'frame_ids': names, 'frame_prefix': str, 'grasp_frame': str, 'gap_source': str, 'gap': float,
-            'gap_joints': names, 'gap_frames': names, 'gap_scale': float, 'gap_offset': float,
-            'publish_pad_frames': switch, 'method': str, 'model': str, 'params_file': str, 'use_sim_time': switch,
-            'publish_clock': switch, 'replay_channel': str}
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser = subparsers.add_parser('bringup', help='run all ROS 2 nodes of one bus in this process',
                                    description=__doc__)
-    add_bus_options(parser, is_set=False)
-    parser.add_argument('--pads', type=names, default=['pad'], metavar='NAME,...',
-                        help='names of the pads (default: pad); two are taken for a gripper')
-    add_skin_options(parser)
-    parser.add_argument('--namespace', default='', help='namespace of all nodes and topics')
-    parser.add_argument('--record', help='file to record the bus to; an existing one is kept, the new one numbered')
     source = parser.add_mutually_exclusive_group()
-    source.add_argument('--simulate', type=switch, nargs='?', const=True, default=BY_DEFAULT['simulate'],
-                        metavar='BOOL', help='a simulated skin in place of the bus (--interface and --channel are '
-                        'ignored)')
-    source.add_argument('--replay', metavar='LOG', help='play a recorded CAN log in place of the bus, then end')
-    parser.add_argument('--replay-pace', '--pace', type=pace,
-                        help='speed of the replay, 1 = as recorded (default), 0 = as fast as possible')
-    for option, kind in LAUNCHED.items():
-        parser.add_argument(f'--{option.replace("_", "-")}', type=kind, help=OPTIONS[option][1])
-    _add_process_options(parser)
-    parser.set_defaults(run=run)
-
-
-def _add_process_options(parser: argparse.ArgumentParser) -> None:
-    by_file = 'empty: as the parameter file has it'
-    parser.add_argument('--autostart', type=switch_or_file, default=BY_DEFAULT['autostart'], metavar='BOOL',
-                        help=f'configure and activate the driver at start (default: true; {by_file})')
-    parser.add_argument('--wait-at-start', type=switch_or_file, default=BY_DEFAULT['wait_at_start'], metavar='BOOL',
-                        help=f'wait for a missing bus or device (default: false, which is an error; {by_file})')
-    part = parser.add_mutually_exclusive_group()
-    part.add_argument('--only', type=names, metavar='NODE,...', help='only these nodes of the bus, as '
-                      'left/processor,left/classifier or skin_driver; others run in other processes')
-    part.add_argument('--side', choices=[side.value for side in Side], help='only the nodes of the host with the CAN '
-                      'adapter, or only those that make shapes and grasps of taxels, on any host')
-    parser.add_argument('--split', choices=[split.value for split in Split], help='the topic between the two sides, '
-                        f'the same on both (default: {Split.TAXELS.value}, processors on the side of perception)')
+    for name, option in OPTIONS.items():
+        words = [f'--{name.replace("_", "-")}', *(['--pace'] if name == 'replay_pace' else [])]
+        more: dict[str, Any] = {'choices': option.choices, 'metavar': None if option.choices else 'VALUE'}
+        if option.read is switch:
+            more = {'metavar': 'BOOL', **({'nargs': '?', 'const': True} if name == 'simulate' else {})}
+        elif option.read in (names, node_ids):
+            more = {'metavar': 'VALUE,...', 'action': 'extend'}
+        (source if name in ('simulate', 'replay') else parser).add_argument(
+            *words, type=option.read, help=option.description.replace('%', '%%'), **more)
+    parser.add_argument('--namespace', default='', help='namespace of all nodes and topics')
     parser.add_argument('--end-with', type=process_id, metavar='PID', help='end when this process ends')
     parser.add_argument('--ros-args', nargs=argparse.REMAINDER, default=[], help='ROS arguments, for all nodes')
+    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -105,7 +68,7 @@ def _simulate(args: argparse.Namespace, stack: ExitStack) -> None:
     from tactile_node.simulator.gripper import gripper_sources
     from tactile_node.simulator.skin_simulator import SkinSimulator
     from tactile_node.skin.pads import make_pads, with_dictionaries
-    pads = with_dictionaries(make_pads(layouts_of(args), node_ids_of(args), args.pads), eds_of(args))
+    pads = with_dictionaries(make_pads(layouts_of(args), node_ids_of(args), pads_of(args)), eds_of(args))
     simulator = SkinSimulator(pads, gripper_sources(pads))
     simulator.start('virtual', SIMULATED_CHANNEL)
     stack.callback(simulator.stop)

@@ -79,11 +79,6 @@ def switch(text: str) -> bool:
     return text.lower() in ('true', '1')
 
 
-def switch_or_file(text: str) -> bool | None:
-    """As `switch`; None for the empty text, which leaves it to the parameter file."""
-    return switch(text) if text else None
-
-
 def process_id(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise ConfigurationError('--end-with', expected='a process id', got=repr(text), remedy='Give a number.')

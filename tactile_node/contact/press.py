@@ -11,6 +11,7 @@ from tactile_node.press_levels import RELEASE_RATIO as RELEASE_RATIO
 #: The same for arrays without a unit, as fractions of the full scale.
 PRESS_FRACTION = 0.3
 RELEASE_FRACTION = 0.2
+SMALLEST_CONTACT = 4  #: taxels of the smallest contact that is reported
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,9 @@
 import numpy as np
 from scipy import ndimage
 
+from tactile_node.contact.press import SMALLEST_CONTACT as SMALLEST_CONTACT
 from tactile_node.read_only import read_only
 
-SMALLEST_CONTACT = 4  #: taxels of the smallest contact that is reported
 EIGHT_CONNECTED = read_only(np.ones((3, 3), bool))
 
 

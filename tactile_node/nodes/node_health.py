@@ -13,7 +13,7 @@ from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.health_timer import start_health_timer
 from tactile_node.ros.measurement_time import use_stamps
 from tactile_node.ros.message_health import StreamFault, StreamHealth, health_status, several_text, topics_of_several
-from tactile_node.ros.parameters import ReceiverSettings
+from tactile_node.ros.settings import ReceiverSettings
 
 logger = logging.getLogger(__name__)
 

@@ -5,7 +5,7 @@ import math
 from rclpy.node import Node
 
 from tactile_node.delay.estimator import DelayEstimator
-from tactile_node.ros.parameters import NodeSettings
+from tactile_node.ros.settings import NodeSettings
 
 
 class MeasurementTime:

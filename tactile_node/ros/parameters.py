@@ -1,86 +1,23 @@
-"""ROS 2 parameters from the fields of a frozen dataclass: declared, read and changed in one way for every node."""
+"""ROS 2 parameters from the tables of settings: declared, read and changed in one way for every node."""
 
 import math
 from array import array
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import fields, replace
 from difflib import get_close_matches
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
-from rclpy.qos import QoSProfile
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.ros.qos import frames_qos
+from tactile_node.ros.settings import NodeSettings, Parameter, table
 
 SIMILAR = 0.8  # ratio of two names from which on one is taken for the other, misspelt
-METADATA = 'parameter'  # key of a field's metadata
-
-Value = bool | int | float | str | tuple[str, ...] | tuple[int, ...] | tuple[float, ...]
-Default = TypeVar('Default', bound=Value)
-
-
-class Properties(NamedTuple):
-    """What a parameter has beside name and default; ``low`` and ``high`` bound a number."""
-
-    description: str
-    low: float = -math.inf
-    high: float = math.inf
-    live: bool = False  #: a change takes effect at once; otherwise the parameter is read-only
-
-
-class Parameter(NamedTuple):
-    """One row of a node's table of parameters."""
-
-    name: str
-    default: object
-    properties: Properties
-
-
-def parameter(default: Default, description: str, low: float = -math.inf, high: float = math.inf, *,
-              live: bool = False) -> Default:
-    """Return a dataclass field that is a ROS parameter."""
-    return field(default=default, metadata={METADATA: Properties(description, low, high, live)})
-
-
-@dataclass(frozen=True)
-class NodeSettings:
-    """The parameters that every node has: how the topics that come frame by frame are queued."""
-
-    queue_depth: int = parameter(10, 'number of messages a publisher or subscription keeps; the oldest is discarded '
-                                 'first', 1, 100_000)
-    lossless: bool = parameter(False, 'for replays: publishers keep 5000 messages, also for late subscribers')
-
-    @property
-    def qos(self) -> QoSProfile:
-        return frames_qos(self.queue_depth, self.lossless)
-
-
-@dataclass(frozen=True)
-class ReceiverSettings(NodeSettings):
-    """Those of a node that receives messages of the chain."""
-
-    best_effort: bool = parameter(False, 'true: what is lost on the way to this node is not sent again but counted as '
-                                  'skipped, so that what follows need not wait for it; for a link that loses packets')
-    max_clock_offset: float = parameter(0.05, 'how far the stamps of the driver may be from the clock of this host '
-                                        'before the diagnostics warn of it (tf lookups at them would fail here) [s]; '
-                                        'ages need no common clock', 0, 1e9)
-
-    @property
-    def input_qos(self) -> QoSProfile:
-        """Of the subscriptions; a lossless replay loses nothing, whatever ``best_effort`` says."""
-        return frames_qos(self.queue_depth, self.lossless, self.best_effort)
-
 
 Settings = TypeVar('Settings', bound=NodeSettings)
-
-
-def table(settings: type[NodeSettings]) -> tuple[Parameter, ...]:
-    """Return the parameters of a node, a row for each field of its settings."""
-    return tuple(Parameter(each.name, each.default, each.metadata[METADATA]) for each in fields(settings))
 
 
 def declare(node: Node, settings: type[NodeSettings], read_at_configure: Collection[str] = ()) -> None:

@@ -1,20 +1,88 @@
-"""Every parameter of every node, in one place: name, type, default, range, meaning."""
+"""Every parameter of every node, in one place: name, type, default, range, meaning.
+
+Imports no ROS: launch file, `tactile bringup` and the documents read the tables too.
+"""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE
 from tactile_node.conditioning.limits import TARE_LIMIT_BY_UNIT
-from tactile_node.contact.press import PRESS_BY_UNIT, RELEASE_RATIO
-from tactile_node.contact.seen import SMALLEST_CONTACT
+from tactile_node.contact.press import PRESS_BY_UNIT, RELEASE_RATIO, SMALLEST_CONTACT
 from tactile_node.grasp.opening import HIGHEST_GAP
 from tactile_node.press_levels import LEAST_BY_UNIT
-from tactile_node.ros.parameters import NodeSettings, ReceiverSettings, parameter
-from tactile_node.shape.methods import DEFAULT
+from tactile_node.shape.method_names import DEFAULT
 
+if TYPE_CHECKING:
+    from rclpy.qos import QoSProfile
+
+METADATA = 'parameter'  # key of a field's metadata
+
+Value = bool | int | float | str | tuple[str, ...] | tuple[int, ...] | tuple[float, ...]
+Default = TypeVar('Default', bound=Value)
 FRAME_PREFIX = 'put before every frame, as robot_state_publisher does: robot1/'
 FULL_SCALE = 'reading of the brightest colour of {} [unit of the taxels]; 0: the highest so far, at least ' + (
     f'{PRESS_BY_UNIT["Pa"] / 1e3:g} kPa, {PRESS_BY_UNIT["N"]:g} N')
+
+
+class Properties(NamedTuple):
+    """What a parameter has beside name and default; ``low`` and ``high`` bound a number."""
+
+    description: str
+    low: float = -math.inf
+    high: float = math.inf
+    live: bool = False  #: a change takes effect at once; otherwise the parameter is read-only
+
+
+class Parameter(NamedTuple):
+    """One row of a node's table of parameters."""
+
+    name: str
+    default: object
+    properties: Properties
+
+
+def parameter(default: Default, description: str, low: float = -math.inf, high: float = math.inf, *,
+              live: bool = False) -> Default:
+    """Return a dataclass field that is a ROS parameter."""
+    return field(default=default, metadata={METADATA: Properties(description, low, high, live)})
+
+
+@dataclass(frozen=True)
+class NodeSettings:
+    """The parameters that every node has: how the topics that come frame by frame are queued."""
+
+    queue_depth: int = parameter(10, 'number of messages a publisher or subscription keeps; the oldest is discarded '
+                                 'first', 1, 100_000)
+    lossless: bool = parameter(False, 'for replays: publishers keep 5000 messages, also for late subscribers')
+
+    @property
+    def qos(self) -> 'QoSProfile':
+        from tactile_node.ros.qos import frames_qos
+        return frames_qos(self.queue_depth, self.lossless)
+
+
+@dataclass(frozen=True)
+class ReceiverSettings(NodeSettings):
+    """Those of a node that receives messages of the chain."""
+
+    best_effort: bool = parameter(False, 'true: what is lost on the way to this node is not sent again but counted as '
+                                  'skipped, so that what follows need not wait for it; for a link that loses packets')
+    max_clock_offset: float = parameter(0.05, 'how far the stamps of the driver may be from the clock of this host '
+                                        'before the diagnostics warn of it (tf lookups at them would fail here) [s]; '
+                                        'ages need no common clock', 0, 1e9)
+
+    @property
+    def input_qos(self) -> 'QoSProfile':
+        """Of the subscriptions; a lossless replay loses nothing, whatever ``best_effort`` says."""
+        from tactile_node.ros.qos import frames_qos
+        return frames_qos(self.queue_depth, self.lossless, self.best_effort)
+
+
+def table(settings: type[NodeSettings]) -> tuple[Parameter, ...]:
+    """Return the parameters of a node, a row for each field of its settings."""
+    return tuple(Parameter(each.name, each.default, each.metadata[METADATA]) for each in fields(settings))
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,0 @@
-"""What the launch files start, and what they share."""
