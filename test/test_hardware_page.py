@@ -1,0 +1,52 @@
+"""docs/hardware.md explains every value and sentence that the driver can report, and no other."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
+
+from tactile_node.cia301.connection_set import SERVICES  # noqa: E402
+from tactile_node.cia301.nmt import NmtState  # noqa: E402
+from tactile_node.conditioning.conditioned_pad import PadCondition  # noqa: E402
+from tactile_node.conditioning.taxel_faults import FaultDetector  # noqa: E402
+from tactile_node.frames.fault_text import OVERLOAD_PHRASES, PHRASES, SYNC_PHRASES  # noqa: E402
+from tactile_node.frames.health import BusHealth, NodeHealth  # noqa: E402
+from tactile_node.frames.losses import BusStatistics, LossReason, PadStatistics  # noqa: E402
+from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
+
+pytestmark = pytest.mark.ros
+
+PAGE = (Path(__file__).resolve().parents[1] / 'docs/hardware.md').read_text(encoding='utf-8')
+
+
+def reported() -> set[str]:
+    """Every key on /diagnostics."""
+    pad = PadStatistics(complete=0, incomplete=0, expected=0, received=0, used=0, pending=0,
+                        losses=dict.fromkeys(LossReason, 0))
+    services = {service.use for service in SERVICES} | {'tpdo', 'sync', 'foreign', 'remote'}
+    counts = BusStatistics({'pad': pad}, dict.fromkeys(services, 0))
+    health = BusHealth(nodes={'pad': (NodeHealth(32, NmtState.STOPPED, False, None),)})
+    condition = PadCondition(FaultDetector(1, 1, 1.0).faults)
+    statuses = BusDiagnostics('driver', 'can0').message(counts, health, {'pad': condition}).status
+    return {pair.key for status in statuses for pair in status.values}
+
+
+def explained() -> set[str]:
+    tables = PAGE.split('## What a diagnostic means')[1].split('### Faults of the bus')[0]
+    cells = [line.split('|')[1] for line in tables.splitlines() if line.startswith('| `')]
+    names = [name for cell in cells for name in re.findall(r'`(\w+)`', cell)]
+    return {f'can_frames{name}' if name.startswith('_') else name for name in names}
+
+
+def test_every_value_is_explained_and_no_other():
+    assert explained() == reported()
+
+
+SENTENCES = {**PHRASES, **SYNC_PHRASES, **OVERLOAD_PHRASES}
+
+
+@pytest.mark.parametrize('fault', [fault for fault in SENTENCES if fault.name not in ('NOT_KNOWN', 'NONE')])
+def test_every_fault_is_explained_with_its_name_and_sentence(fault):
+    assert f'| `{fault.name}` | {SENTENCES[fault]} |' in PAGE
