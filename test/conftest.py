@@ -18,6 +18,21 @@ def pytest_runtest_call(item):
         outcome.force_exception(pytest.skip.Exception(f'the machine does not keep up: {error}'))
 
 
+#: What a module of tests may import where there is none: how to get it
+OF_ROS = {'rclpy': 'ROS 2 is not installed', 'tactile_skin': 'the messages are not built: run `make setup`'}
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_make_collect_report(collector):
+    """A module of tests of ROS nodes is skipped, with the reason, where ROS 2 or our messages are missing."""
+    outcome = yield
+    report = outcome.get_result()
+    missing = getattr(report.call.excinfo and report.call.excinfo.value.__cause__, 'name', None) or ''
+    reason = OF_ROS.get(missing.partition('.')[0])
+    if report.failed and reason:
+        report.outcome, report.longrepr = 'skipped', (str(collector.path), 0, f'Skipped: {reason}')
+
+
 BUILT = Path(__file__).resolve().parents[1] / 'build' / 'messages'
 
 

@@ -7,17 +7,14 @@ from threading import Event
 from xml.etree import ElementTree
 
 import pytest
+import rclpy
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-
-from tactile_node.node_graph import bus_nodes  # noqa: E402
-from tactile_node.nodes.spinning import spinning  # noqa: E402
-from tactile_node.nodes.system import System  # noqa: E402
-from tactile_node.simulator.gripper import gripper_sources  # noqa: E402
-from tactile_node.simulator.skin_simulator import SkinSimulator  # noqa: E402
-from tactile_node.skin.pads import make_pads, with_dictionaries  # noqa: E402
+from tactile_node.node_graph import bus_nodes
+from tactile_node.nodes.spinning import spinning
+from tactile_node.nodes.system import System
+from tactile_node.simulator.gripper import gripper_sources
+from tactile_node.simulator.skin_simulator import SkinSimulator
+from tactile_node.skin.pads import make_pads, with_dictionaries
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 

@@ -6,13 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import Point32, Polygon
+from shape_msgs.msg import SolidPrimitive
 
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from geometry_msgs.msg import Point32, Polygon  # noqa: E402
-from shape_msgs.msg import SolidPrimitive  # noqa: E402
-
-from tactile_skin.msg import ContactShape, Grasp  # noqa: E402
+from tactile_skin.msg import ContactShape, Grasp
 
 pytestmark = pytest.mark.ros
 

@@ -5,30 +5,27 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from fault_bench import LAYOUT, PRESSED, SIDE, FaultBench
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from std_srvs.srv import Trigger
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
-from fault_bench import LAYOUT, PRESSED, SIDE, FaultBench  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-from std_srvs.srv import Trigger  # noqa: E402
-
-from tactile_node.calibration.response import SkinResponse, save_response  # noqa: E402
-from tactile_node.conditioning.fault_file import load_faults  # noqa: E402
-from tactile_node.conditioning.response_curve import make_curve  # noqa: E402
-from tactile_node.conditioning.taxel_faults import TaxelFault  # noqa: E402
-from tactile_node.errors import ConfigurationError  # noqa: E402
-from tactile_node.frames.taxel_frame import TaxelFrame  # noqa: E402
-from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
-from tactile_node.nodes.driver_source import driver_pads  # noqa: E402
-from tactile_node.pose.layer import Layer  # noqa: E402
-from tactile_node.ros.conditioning_setup import conditioned_pads, skin_responses  # noqa: E402
-from tactile_node.ros.parameters import table  # noqa: E402
-from tactile_node.ros.qos import STATUS_QOS, frames_qos  # noqa: E402
-from tactile_node.ros.settings import DriverSettings  # noqa: E402
-from tactile_skin.msg import FaultyTaxel, NodeStatus, SkinStatus, TaxelArray  # noqa: E402
+from tactile_node.calibration.response import SkinResponse, save_response
+from tactile_node.conditioning.fault_file import load_faults
+from tactile_node.conditioning.response_curve import make_curve
+from tactile_node.conditioning.taxel_faults import TaxelFault
+from tactile_node.errors import ConfigurationError
+from tactile_node.frames.taxel_frame import TaxelFrame
+from tactile_node.nodes.driver_node import DriverNode
+from tactile_node.nodes.driver_source import driver_pads
+from tactile_node.pose.layer import Layer
+from tactile_node.ros.conditioning_setup import conditioned_pads, skin_responses
+from tactile_node.ros.parameters import table
+from tactile_node.ros.qos import STATUS_QOS, frames_qos
+from tactile_node.ros.settings import DriverSettings
+from tactile_skin.msg import FaultyTaxel, NodeStatus, SkinStatus, TaxelArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 

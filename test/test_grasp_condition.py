@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import pytest
 
 py_trees = pytest.importorskip('py_trees')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
 
 from py_trees.common import Status  # noqa: E402
 from test_malformed_messages import good_shape  # noqa: E402

@@ -5,20 +5,17 @@ import time
 from contextlib import ExitStack
 
 import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from test_malformed_messages import good_shape
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-from test_malformed_messages import good_shape  # noqa: E402
-
-from tactile_node.nodes.grasp_node import GraspNode  # noqa: E402
-from tactile_node.ros.message_age import age_message, age_seconds  # noqa: E402
-from tactile_node.ros.message_checks import check_grasp  # noqa: E402
-from tactile_node.ros.qos import frames_qos  # noqa: E402
-from tactile_node.ros.time_messages import time_message  # noqa: E402
-from tactile_skin.msg import ContactShape, Grasp  # noqa: E402
+from tactile_node.nodes.grasp_node import GraspNode
+from tactile_node.ros.message_age import age_message, age_seconds
+from tactile_node.ros.message_checks import check_grasp
+from tactile_node.ros.qos import frames_qos
+from tactile_node.ros.time_messages import time_message
+from tactile_skin.msg import ContactShape, Grasp
 
 pytestmark = pytest.mark.ros
 

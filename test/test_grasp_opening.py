@@ -11,20 +11,17 @@ from math import atan2, hypot, isfinite, isnan, pi
 
 import numpy as np
 import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from sensor_msgs.msg import JointState
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from sensor_msgs.msg import JointState  # noqa: E402
-
-from tactile_node.node_graph import bus_nodes  # noqa: E402
-from tactile_node.nodes.system import System  # noqa: E402
-from tactile_node.ros.message_age import age_seconds  # noqa: E402
-from tactile_node.ros.message_checks import check_grasp  # noqa: E402
-from tactile_node.simulator.skin_simulator import SkinSimulator  # noqa: E402
-from tactile_node.skin.pads import make_pad  # noqa: E402
-from tactile_skin.msg import Grasp  # noqa: E402
+from tactile_node.node_graph import bus_nodes
+from tactile_node.nodes.system import System
+from tactile_node.ros.message_age import age_seconds
+from tactile_node.ros.message_checks import check_grasp
+from tactile_node.simulator.skin_simulator import SkinSimulator
+from tactile_node.skin.pads import make_pad
+from tactile_skin.msg import Grasp
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 

@@ -6,29 +6,26 @@ from functools import partial
 from math import nan
 
 import pytest
+import rclpy
+import test_grasp_node
+from action_msgs.msg import GoalStatus
+from builtin_interfaces.msg import Duration
+from rclpy.action import ActionClient
+from rclpy.parameter import Parameter
+from test_grasp_node import PERIOD, SIM_TIME, TIMEOUT, hidden_shape
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.action', reason='the messages are not built: run `make setup`')
-
-import test_grasp_node  # noqa: E402
-from action_msgs.msg import GoalStatus  # noqa: E402
-from builtin_interfaces.msg import Duration  # noqa: E402
-from rclpy.action import ActionClient  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-from test_grasp_node import PERIOD, SIM_TIME, TIMEOUT, hidden_shape  # noqa: E402
-
-from tactile_node.errors import RefusedRequirementError, RequirementRefusal  # noqa: E402
-from tactile_node.grasp.tracker import GraspContact, GraspState, SideState  # noqa: E402
-from tactile_node.nodes.frame_executor import FrameExecutor  # noqa: E402
-from tactile_node.nodes.grasp_requests import MOST_GOALS, CurrentGrasp, GraspRequests  # noqa: E402
-from tactile_node.ros.message_age import age_seconds  # noqa: E402
-from tactile_node.ros.message_checks import check_grasp  # noqa: E402
-from tactile_node.ros.qos import frames_qos  # noqa: E402
-from tactile_node.ros.requirement_messages import requirement_of, timeout_of  # noqa: E402
-from tactile_node.ros.time_messages import duration_message  # noqa: E402
-from tactile_skin.action import WaitForGrasp  # noqa: E402
-from tactile_skin.msg import ContactShape, Grasp, GraspRequirement, RequirementState  # noqa: E402
-from tactile_skin.srv import CheckGrasp  # noqa: E402
+from tactile_node.errors import RefusedRequirementError, RequirementRefusal
+from tactile_node.grasp.tracker import GraspContact, GraspState, SideState
+from tactile_node.nodes.frame_executor import FrameExecutor
+from tactile_node.nodes.grasp_requests import MOST_GOALS, CurrentGrasp, GraspRequests
+from tactile_node.ros.message_age import age_seconds
+from tactile_node.ros.message_checks import check_grasp
+from tactile_node.ros.qos import frames_qos
+from tactile_node.ros.requirement_messages import requirement_of, timeout_of
+from tactile_node.ros.time_messages import duration_message
+from tactile_skin.action import WaitForGrasp
+from tactile_skin.msg import ContactShape, Grasp, GraspRequirement, RequirementState
+from tactile_skin.srv import CheckGrasp
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 

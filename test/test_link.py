@@ -9,12 +9,8 @@ import time
 from contextlib import contextmanager
 
 import pytest
-
-pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from link_bench import MAX_AGE, SPLITS, LinkWorld  # noqa: E402
-from link_catalogue import (  # noqa: E402
+from link_bench import MAX_AGE, SPLITS, LinkWorld
+from link_catalogue import (
     CUTS,
     FLAT,
     LEASE,
@@ -31,8 +27,8 @@ from link_catalogue import (  # noqa: E402
     slow,
     stopped,
 )
-from misled_bench import WITHDRAWN, TooSlowError, is_overloaded  # noqa: E402
-from two_hosts import NoHostsError  # noqa: E402
+from misled_bench import WITHDRAWN, TooSlowError, is_overloaded
+from two_hosts import NoHostsError
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 long = pytest.mark.skipif('TACTILE_LONG' not in os.environ, reason='takes most of an hour: set TACTILE_LONG')

@@ -14,37 +14,34 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rclpy
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from rclpy.type_hash import TypeHash
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from builtin_interfaces.msg import Time  # noqa: E402
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-from rclpy.type_hash import TypeHash  # noqa: E402
-
-from tactile_node.contact.pattern import ContactPattern  # noqa: E402
-from tactile_node.contact.visibility import visibility_of  # noqa: E402
-from tactile_node.delay.source_guard import HOLD  # noqa: E402
-from tactile_node.errors import InputError  # noqa: E402
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus  # noqa: E402
-from tactile_node.fusion.recognitions import FusedRecognition, RecognitionFusion  # noqa: E402
-from tactile_node.grasp.opening import GapSource, Opening  # noqa: E402
-from tactile_node.grasp.tracker import GraspTracker, SideResult, SideState  # noqa: E402
-from tactile_node.helmholtz.features import Group, compute_features  # noqa: E402
-from tactile_node.nodes.classifier_node import ClassifierNode  # noqa: E402
-from tactile_node.nodes.grasp_node import GraspNode  # noqa: E402
-from tactile_node.nodes.guarded_subscription import GuardedSubscription  # noqa: E402
-from tactile_node.nodes.processor_node import ProcessorNode  # noqa: E402
-from tactile_node.nodes.replay_gate import WINDOW, ReplayGate  # noqa: E402
-from tactile_node.pose.box import contact_box  # noqa: E402
-from tactile_node.pose.fit import fit_shape  # noqa: E402
-from tactile_node.pose.moments import contact_moments  # noqa: E402
-from tactile_node.ros.contact_messages import contact_message  # noqa: E402
-from tactile_node.ros.feature_messages import features_message  # noqa: E402
-from tactile_node.ros.grasp_messages import grasp_message, side_result  # noqa: E402
-from tactile_node.ros.message_checks import (  # noqa: E402
+from tactile_node.contact.pattern import ContactPattern
+from tactile_node.contact.visibility import visibility_of
+from tactile_node.delay.source_guard import HOLD
+from tactile_node.errors import InputError
+from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.fusion.recognitions import FusedRecognition, RecognitionFusion
+from tactile_node.grasp.opening import GapSource, Opening
+from tactile_node.grasp.tracker import GraspTracker, SideResult, SideState
+from tactile_node.helmholtz.features import Group, compute_features
+from tactile_node.nodes.classifier_node import ClassifierNode
+from tactile_node.nodes.grasp_node import GraspNode
+from tactile_node.nodes.guarded_subscription import GuardedSubscription
+from tactile_node.nodes.processor_node import ProcessorNode
+from tactile_node.nodes.replay_gate import WINDOW, ReplayGate
+from tactile_node.pose.box import contact_box
+from tactile_node.pose.fit import fit_shape
+from tactile_node.pose.moments import contact_moments
+from tactile_node.ros.contact_messages import contact_message
+from tactile_node.ros.feature_messages import features_message
+from tactile_node.ros.grasp_messages import grasp_message, side_result
+from tactile_node.ros.message_checks import (
     RejectReason,
     check_contact,
     check_contact_features,
@@ -53,13 +50,13 @@ from tactile_node.ros.message_checks import (  # noqa: E402
     check_grasp,
     check_taxel_array,
 )
-from tactile_node.ros.message_health import MessageCounts, StreamFault, StreamHealth, health_status  # noqa: E402
-from tactile_node.ros.qos import frames_qos  # noqa: E402
-from tactile_node.ros.shape_messages import Findings, shape_message  # noqa: E402
-from tactile_node.ros.taxel_messages import taxel_array_message, taxel_values  # noqa: E402
-from tactile_node.ros.time_messages import duration_message, time_message  # noqa: E402
-from tactile_node.shape.recognition import Recognition, Shape  # noqa: E402
-from tactile_skin.msg import (  # noqa: E402
+from tactile_node.ros.message_health import MessageCounts, StreamFault, StreamHealth, health_status
+from tactile_node.ros.qos import frames_qos
+from tactile_node.ros.shape_messages import Findings, shape_message
+from tactile_node.ros.taxel_messages import taxel_array_message, taxel_values
+from tactile_node.ros.time_messages import duration_message, time_message
+from tactile_node.shape.recognition import Recognition, Shape
+from tactile_skin.msg import (
     Contact,
     ContactFeatures,
     ContactShape,

@@ -10,26 +10,23 @@ from math import inf, isinf, isnan, nan
 
 import numpy as np
 import pytest
+import rclpy
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from opening_bench import TIMEOUT, OpeningBench
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from builtin_interfaces.msg import Time  # noqa: E402
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
-from opening_bench import TIMEOUT, OpeningBench  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-from rclpy.qos import QoSProfile  # noqa: E402
-from sensor_msgs.msg import JointState  # noqa: E402
-from std_msgs.msg import Header  # noqa: E402
-
-from tactile_node.errors import ConfigurationError  # noqa: E402
-from tactile_node.grasp.opening import NOT_KNOWN, GapSource, Opening  # noqa: E402
-from tactile_node.nodes.opening_source import make_opening_source  # noqa: E402
-from tactile_node.ros.message_checks import RejectReason as R  # noqa: E402
-from tactile_node.ros.opening_health import opening_status  # noqa: E402
-from tactile_node.ros.parameters import declare, read  # noqa: E402
-from tactile_node.ros.settings import GraspNodeSettings  # noqa: E402
+from tactile_node.errors import ConfigurationError
+from tactile_node.grasp.opening import NOT_KNOWN, GapSource, Opening
+from tactile_node.nodes.opening_source import make_opening_source
+from tactile_node.ros.message_checks import RejectReason as R
+from tactile_node.ros.opening_health import opening_status
+from tactile_node.ros.parameters import declare, read
+from tactile_node.ros.settings import GraspNodeSettings
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 

@@ -8,24 +8,21 @@ from math import pi
 
 import numpy as np
 import pytest
+import rclpy
+from geometry_msgs.msg import TransformStamped
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import JointState
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from geometry_msgs.msg import TransformStamped  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-from scipy.spatial.transform import Rotation  # noqa: E402
-from sensor_msgs.msg import JointState  # noqa: E402
-
-from tactile_node.errors import ConfigurationError  # noqa: E402
-from tactile_node.grasp.gripper import Gripper, PadPose  # noqa: E402
-from tactile_node.nodes.opening_source import make_opening_source  # noqa: E402
-from tactile_node.nodes.pad_frames import publish_pad_frames  # noqa: E402
-from tactile_node.ros.opening_messages import quaternion  # noqa: E402
-from tactile_node.ros.parameters import declare, read  # noqa: E402
-from tactile_node.ros.qos import TF_QOS, TF_STATIC_QOS  # noqa: E402
-from tactile_node.ros.settings import GraspNodeSettings  # noqa: E402
+from tactile_node.errors import ConfigurationError
+from tactile_node.grasp.gripper import Gripper, PadPose
+from tactile_node.nodes.opening_source import make_opening_source
+from tactile_node.nodes.pad_frames import publish_pad_frames
+from tactile_node.ros.opening_messages import quaternion
+from tactile_node.ros.parameters import declare, read
+from tactile_node.ros.qos import TF_QOS, TF_STATIC_QOS
+from tactile_node.ros.settings import GraspNodeSettings
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.slow]
 

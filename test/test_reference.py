@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip('rclpy')
 parser = pytest.importorskip('rosidl_adapter.parser')
 
 import tactile_node  # noqa: E402

@@ -4,21 +4,18 @@ import time
 from contextlib import ExitStack
 
 import pytest
+import rclpy
 from candump import DATA, read_candump
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.lifecycle import TransitionCallbackReturn  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-from rosgraph_msgs.msg import Clock  # noqa: E402
-
-from tactile_node.nodes.clock_output import STEP  # noqa: E402
-from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
-from tactile_node.ros.qos import frames_qos  # noqa: E402
-from tactile_node.ros.time_messages import seconds  # noqa: E402
-from tactile_skin.msg import TaxelArray  # noqa: E402
+from tactile_node.nodes.clock_output import STEP
+from tactile_node.nodes.driver_node import DriverNode
+from tactile_node.ros.qos import frames_qos
+from tactile_node.ros.time_messages import seconds
+from tactile_skin.msg import TaxelArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 

@@ -6,19 +6,16 @@ import threading
 import time
 
 import pytest
+import rclpy
+from fault_bench import LAYOUT, FaultBench
+from rcl_interfaces.msg import Log
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from fault_bench import LAYOUT, FaultBench  # noqa: E402
-from rcl_interfaces.msg import Log  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-
-from tactile_node.cli import replay  # noqa: E402
-from tactile_node.cli.main import main  # noqa: E402
-from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
-from tactile_node.ros.rosout_handler import RosoutHandler  # noqa: E402
+from tactile_node.cli import replay
+from tactile_node.cli.main import main
+from tactile_node.nodes.driver_node import DriverNode
+from tactile_node.ros.rosout_handler import RosoutHandler
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 

@@ -7,28 +7,27 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import rclpy
 from captured_log import CapturedLog
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 from taught_cross import cross, rng_of, write_taught_cross
 
-rclpy = pytest.importorskip('rclpy')
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-
-from tactile_node.errors import InputError  # noqa: E402
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus  # noqa: E402
-from tactile_node.nodes.classifier_node import ClassifierNode  # noqa: E402
-from tactile_node.nodes.processor_node import ProcessorNode  # noqa: E402
-from tactile_node.pose.layer import Layer  # noqa: E402
-from tactile_node.ros.message_age import age_seconds  # noqa: E402
-from tactile_node.ros.message_checks import (  # noqa: E402
+from tactile_node.errors import InputError
+from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.nodes.classifier_node import ClassifierNode
+from tactile_node.nodes.processor_node import ProcessorNode
+from tactile_node.pose.layer import Layer
+from tactile_node.ros.message_age import age_seconds
+from tactile_node.ros.message_checks import (
     check_contact,
     check_contact_features,
     check_contact_shape,
     check_contact_shapes,
 )
-from tactile_node.ros.qos import frames_qos  # noqa: E402
-from tactile_node.ros.taxel_messages import taxel_array_message  # noqa: E402
-from tactile_skin.msg import Contact, ContactFeatures, ContactShape, ContactShapes, TaxelArray  # noqa: E402
+from tactile_node.ros.qos import frames_qos
+from tactile_node.ros.taxel_messages import taxel_array_message
+from tactile_skin.msg import Contact, ContactFeatures, ContactShape, ContactShapes, TaxelArray
 
 pytestmark = pytest.mark.ros
 PITCH = 0.002

@@ -8,16 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus  # noqa: E402
-from tactile_node.ros.taxel_messages import taxel_array_message  # noqa: E402
-from tactile_skin.msg import TaxelArray  # noqa: E402
+from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.ros.taxel_messages import taxel_array_message
+from tactile_skin.msg import TaxelArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 

@@ -6,23 +6,20 @@ from math import cos, inf, isnan, nan, pi, sin
 
 import numpy as np
 import pytest
+import rclpy
+from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
+from opening_bench import TIMEOUT, OpeningBench
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from geometry_msgs.msg import Quaternion, TransformStamped, Vector3  # noqa: E402
-from opening_bench import TIMEOUT, OpeningBench  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-
-from tactile_node.errors import ConfigurationError  # noqa: E402
-from tactile_node.grasp.opening import NOT_KNOWN, GapSource  # noqa: E402
-from tactile_node.nodes.opening_source import make_opening_source  # noqa: E402
-from tactile_node.ros.message_checks import RejectReason as R  # noqa: E402
-from tactile_node.ros.parameters import declare, read  # noqa: E402
-from tactile_node.ros.qos import TF_QOS, TF_STATIC_QOS  # noqa: E402
-from tactile_node.ros.settings import GraspNodeSettings  # noqa: E402
-from tactile_node.ros.time_messages import time_message  # noqa: E402
+from tactile_node.errors import ConfigurationError
+from tactile_node.grasp.opening import NOT_KNOWN, GapSource
+from tactile_node.nodes.opening_source import make_opening_source
+from tactile_node.ros.message_checks import RejectReason as R
+from tactile_node.ros.parameters import declare, read
+from tactile_node.ros.qos import TF_QOS, TF_STATIC_QOS
+from tactile_node.ros.settings import GraspNodeSettings
+from tactile_node.ros.time_messages import time_message
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.slow]
 

@@ -9,8 +9,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / 'tools'))
 import documented_commands as documented  # noqa: E402

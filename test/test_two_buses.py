@@ -5,19 +5,16 @@ from contextlib import ExitStack
 
 import numpy as np
 import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-
-from tactile_node.node_graph import bus_nodes  # noqa: E402
-from tactile_node.nodes.grasp_node import GraspNode  # noqa: E402
-from tactile_node.nodes.system import System  # noqa: E402
-from tactile_node.simulator.skin_simulator import SkinSimulator  # noqa: E402
-from tactile_node.skin.pads import make_pad  # noqa: E402
-from tactile_skin.msg import Grasp, TaxelArray  # noqa: E402
+from tactile_node.node_graph import bus_nodes
+from tactile_node.nodes.grasp_node import GraspNode
+from tactile_node.nodes.system import System
+from tactile_node.simulator.skin_simulator import SkinSimulator
+from tactile_node.skin.pads import make_pad
+from tactile_skin.msg import Grasp, TaxelArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 

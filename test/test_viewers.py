@@ -12,33 +12,30 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import rclpy
 import yaml
+from geometry_msgs.msg import Point32, WrenchStamped
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import Image
+from visualization_msgs.msg import Marker, MarkerArray
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from geometry_msgs.msg import Point32, WrenchStamped  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
-from sensor_msgs.msg import Image  # noqa: E402
-from visualization_msgs.msg import Marker, MarkerArray  # noqa: E402
-
-from tactile_node.colour_map import NO_VALUE, SATURATED, STEPS, ColourScale, rgb_table  # noqa: E402
-from tactile_node.contact.pattern import PatternExtractor  # noqa: E402
-from tactile_node.contact.visibility import visibility_of  # noqa: E402
-from tactile_node.frames.taxel_frame import TaxelStatus  # noqa: E402
-from tactile_node.node_graph import frame_topics  # noqa: E402
-from tactile_node.nodes import shape_view, taxel_views  # noqa: E402
-from tactile_node.nodes.classifier_node import ClassifierNode  # noqa: E402
-from tactile_node.nodes.processor_node import ProcessorNode  # noqa: E402
-from tactile_node.ros.contact_messages import contact_message  # noqa: E402
-from tactile_node.ros.image_messages import colour_image, value_image  # noqa: E402
-from tactile_node.ros.marker_lifetime import MarkerLifetime  # noqa: E402
-from tactile_node.ros.marker_messages import ContactMarkers  # noqa: E402
-from tactile_node.ros.qos import frames_qos  # noqa: E402
-from tactile_node.ros.wrench_messages import wrench_message  # noqa: E402
-from tactile_skin.msg import Contact, ContactShape, TaxelArray  # noqa: E402
+from tactile_node.colour_map import NO_VALUE, SATURATED, STEPS, ColourScale, rgb_table
+from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.contact.visibility import visibility_of
+from tactile_node.frames.taxel_frame import TaxelStatus
+from tactile_node.node_graph import frame_topics
+from tactile_node.nodes import shape_view, taxel_views
+from tactile_node.nodes.classifier_node import ClassifierNode
+from tactile_node.nodes.processor_node import ProcessorNode
+from tactile_node.ros.contact_messages import contact_message
+from tactile_node.ros.image_messages import colour_image, value_image
+from tactile_node.ros.marker_lifetime import MarkerLifetime
+from tactile_node.ros.marker_messages import ContactMarkers
+from tactile_node.ros.qos import frames_qos
+from tactile_node.ros.wrench_messages import wrench_message
+from tactile_skin.msg import Contact, ContactShape, TaxelArray
 
 pytestmark = pytest.mark.ros
 PITCH = 0.002
