@@ -355,7 +355,7 @@ def test_a_fault_reaches_the_status_when_it_changes(chain, monkeypatch):
 
 
 def test_of_a_flapping_fault_the_last_state_is_reported(chain, monkeypatch):
-    """How often at most: test_change_pace.py."""
+    """How often at most: test_pacer.py."""
     chain.driver.autostart()
     chain.wait(lambda: (OK, OK) in chain.levels, 'never OK')
     heard, source = seen_status(chain), chain.driver.source
