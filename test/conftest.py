@@ -1,6 +1,7 @@
 """For every test: ROS stays on this machine, each run of pytest in its own domain."""
 
 import os
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -19,7 +20,8 @@ def pytest_runtest_call(item):
 
 
 #: What a module of tests may import where there is none: how to get it
-OF_ROS = {'rclpy': 'ROS 2 is not installed', 'tactile_skin': 'the messages are not built: run `make setup`'}
+OF_ROS = {'rclpy': 'ROS 2 is not installed', 'tactile_skin': 'the messages are not built: run `make setup`',
+          **{name: f'{name} is not installed' for name in ('py_trees', 'rosidl_adapter', 'xacro')}}
 
 
 @pytest.hookimpl(hookwrapper=True)
@@ -36,6 +38,16 @@ def pytest_make_collect_report(collector):
 BUILT = Path(__file__).resolve().parents[1] / 'build' / 'messages'
 
 
+@pytest.fixture
+def ros():
+    """Run ROS; what is added to the stack ends before it."""
+    import rclpy
+    rclpy.init()
+    with ExitStack() as stack:
+        stack.callback(rclpy.shutdown)
+        yield stack
+
+
 @pytest.fixture(scope='session')
 def tf_message():
     """The message of /tf."""
@@ -46,10 +58,10 @@ def tf_message():
 
 
 @pytest.fixture(scope='session')
-def collision_object_message(tmp_path_factory):
+def collision_object_message():
     """What MoveIt's planning scene takes."""
-    from generated_messages import generated_messages
-    with generated_messages('moveit_msgs', tmp_path_factory.mktemp('messages')):
+    from built_messages import built_messages
+    with built_messages('moveit_msgs', BUILT):
         from moveit_msgs.msg import CollisionObject
         yield CollisionObject
 

@@ -1,20 +1,14 @@
 """The pure parts of bench/bench_pads.py: whether its ledger would show a silent loss."""
 
-import sys
-from pathlib import Path
 
 import pytest
+from pads_cases import Case
+from pads_ledger import Counts, Station, ledger
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / 'bench'))
-
-from pads_cases import Case  # noqa: E402
-from pads_ledger import Counts, Station, ledger  # noqa: E402
-
-from tactile_node.cia301.frame_bits import Frame  # noqa: E402
-from tactile_node.simulator.wire import Wire  # noqa: E402
-from tactile_node.skin.pad_rules import check_pads  # noqa: E402
-from tactile_node.skin.pads import make_pad  # noqa: E402
+from tactile_node.cia301.frame_bits import Frame
+from tactile_node.simulator.wire import Wire
+from tactile_node.skin.pad_rules import check_pads
+from tactile_node.skin.pads import make_pad
 
 #: 10 SYNCs to one pad of 32 TPDOs: 8 answered, 1 skipped, 1 TPDO not read, 3 late; 10 frames, 7 shapes
 FAIR = Counts(pads=1, tpdos=32, syncs_left_out=2, sweeps=8, sweeps_skipped=1, unread=1, queue_overruns=0,

@@ -1,8 +1,6 @@
 """The example for MoveIt: a contact as a collision object, refused where its size or the grasp is not known."""
 
-import importlib.util
 from math import cos, nan, pi, sin
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,11 +16,8 @@ ANGLE, X, Y = 0.3, 0.010, 0.012
 
 @pytest.fixture(scope='module')
 def example(collision_object_message):
-    path = Path(__file__).resolve().parents[1] / 'examples' / 'collision_object.py'
-    spec = importlib.util.spec_from_file_location('collision_object', path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    import collision_object
+    return collision_object
 
 
 def shape(kind=ContactShape.RECTANGLE, dimensions=(0.012, 0.006), corners=(), **fields):

@@ -1,4 +1,4 @@
-"""A fixed, small share of `make fuzz`, and every input that once broke something."""
+"""Random input."""
 
 import logging
 from pathlib import Path

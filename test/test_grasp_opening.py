@@ -6,13 +6,11 @@ closing direction.
 """
 
 import time
-from contextlib import ExitStack
 from math import atan2, hypot, isfinite, isnan, pi
 
 import numpy as np
 import pytest
-import rclpy
-from rclpy.executors import SingleThreadedExecutor
+from ros_bench import TIMEOUT, RosBench
 from sensor_msgs.msg import JointState
 
 from tactile_node.node_graph import bus_nodes
@@ -25,7 +23,6 @@ from tactile_skin.msg import Grasp
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
-TIMEOUT = 60.0  # s, for a busy machine
 LIMIT = 0.3  # s, max_gap_age
 JOINTS = ['left_finger_joint', 'right_finger_joint']
 GRASP = {'gap_source': 'joint_states', 'gap_joints': JOINTS, 'max_gap_age': LIMIT,
@@ -41,10 +38,11 @@ def square(column):
     return lambda t: values
 
 
-class World:
+class World(RosBench):
     """The nodes of a gripper, and what one consumer reads."""
 
     def __init__(self, stack):
+        super().__init__(stack)
         channel = 'grasp_opening'
         pads = [make_pad('left', 32, 'sim16x16.yaml'), make_pad('right', 64, 'sim16x16.yaml')]
         skin = SkinSimulator(pads, {'left': square(6), 'right': square(9)})
@@ -54,11 +52,8 @@ class World:
             'interface': 'virtual', 'channel': channel, 'node_ids': [32, 64], 'layouts': ['sim16x16.yaml'],
             'sync_period': 0.1}))  # s: the chain, the skins and the consumer share one process
         stack.callback(system.destroy)
-        self.executor = SingleThreadedExecutor()
-        stack.callback(self.executor.shutdown)
-        beside = rclpy.create_node('beside')
-        stack.callback(beside.destroy_node)
-        for node in (*system.nodes, beside):
+        beside = self.add('beside')
+        for node in system.nodes:
             self.executor.add_node(node)
         self.grasps = []
         beside.create_subscription(Grasp, 'grasp', self.grasps.append, 10)
@@ -90,11 +85,8 @@ class World:
 
 
 @pytest.fixture
-def world():
-    rclpy.init()
-    with ExitStack() as stack:
-        stack.callback(rclpy.shutdown)
-        yield World(stack)
+def world(ros):
+    return World(ros)
 
 
 def check_place(grasp, gap):

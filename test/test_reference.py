@@ -2,23 +2,19 @@
 
 import argparse
 import re
-import sys
 from pathlib import Path
 
+import from_code
 import pytest
+from from_code import command_line, interfaces, layout_keys, library, parameters
+from rosidl_adapter import parser
 
-parser = pytest.importorskip('rosidl_adapter.parser')
-
-import tactile_node  # noqa: E402
-from tactile_node.cli.main import COMMANDS  # noqa: E402
-from tactile_node.ros.parameters import table  # noqa: E402
+import tactile_node
+from tactile_node.cli.main import COMMANDS
+from tactile_node.ros.parameters import table
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / 'docs'
-sys.path.insert(0, str(DOCS / '_ext'))
-import from_code  # noqa: E402
-from from_code import command_line, interfaces, layout_keys, library, parameters  # noqa: E402
-
 INTERFACES = [path for folder in ('msg', 'srv', 'action') for path in sorted((ROOT / folder).glob(f'*.{folder}'))]
 
 

@@ -7,12 +7,10 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
+import documented_commands as documented
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / 'tools'))
-import documented_commands as documented  # noqa: E402
-
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 PAGE = (ROOT / 'docs/tutorial.md').read_text(encoding='utf-8')
 TIMEOUT = 60.0  # s, for a busy machine

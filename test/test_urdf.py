@@ -6,9 +6,6 @@ from math import pi
 import numpy as np
 import pytest
 import yaml
-
-pytest.importorskip('xacro', reason='xacro is not installed')
-
 from urdf_frames import URDF, expand, joints, place
 
 from tactile_node.grasp.gripper import Gripper, PadPose
