@@ -65,7 +65,7 @@ $(VENV)/.built: $(VENV)/.installed $(SOURCES)
 	@touch $@
 
 demo: setup  ## simulated gripper skin, five shapes, live in the terminal; results in demo_output/
-	@$(BIN)/tactile demo --output demo_output --force
+	@$(BIN)/python -m examples.demo --output demo_output --force
 	@$(NEXT)
 
 check: lint  ## style and the fast tests: what to run while you work (under 30 s)
@@ -128,7 +128,7 @@ train: $(BENCH_VENV)/.installed  ## train the shape recogniser again (under two 
 	@$(BENCH_VENV)/bin/python -m training.train --output config/recogniser.npz --jobs $(or $(JOBS),1)
 
 reproduce: setup  ## the paper's figures and claims beside ours, on one page in reproduction/
-	@$(BIN)/tactile reproduce --output reproduction --force --jobs 2
+	@$(BIN)/python bench/reproduce.py --output reproduction --force --jobs 2
 
 faults: setup  ## inject every fault of the catalogue, print what the user sees and how fast it is over
 	@$(BIN)/python test/fault_catalogue.py

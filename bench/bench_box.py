@@ -19,10 +19,10 @@ from bench.recognition import mechanics
 from tactile_node import contact_box, find_contact
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.synthetic.figures import named_silhouette, random_figure, silhouette_of
-from tactile_node.synthetic.layer import measured, sample, stress_field
 from tactile_node.synthetic.pressure import Skin, pressure_frame
 from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import random_contact
+from training.ground_truth.layer import measured, sample, stress_field
 
 AREAS = (12, 25, 50, 100)
 SEED = 67_000_000

@@ -22,10 +22,10 @@ from bench.recognition import mechanics
 from tactile_node.calibration.presses import LEAST_TAXELS, PressFrame
 from tactile_node.calibration.response_fit import Calibration, Disc, calibrate
 from tactile_node.pose.fit import fit_shape
-from tactile_node.synthetic.indenters import flat_punch
-from tactile_node.synthetic.mechanics import Solution, solve
 from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import Contact
+from training.ground_truth.indenters import flat_punch
+from training.ground_truth.mechanics import Solution, solve
 
 SEED = 70_000_000
 DEPTHS = (0.35, 0.8)  #: of the taxels [pitches]

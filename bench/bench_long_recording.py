@@ -21,16 +21,16 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 from mcap.writer import CompressionType, IndexType, Writer
-from recorded_world import BEGIN, SECOND, World, topics
+from recorded_world import BEGIN, MESSAGES, SECOND, World, topics
+from rosbags import typesys
 
-from tactile_node.package_files import package_file
 from tactile_node.recording.bag_records import Recorded, begin_of, records_of
 from tactile_node.recording.damage import Damage, damage_text
 from tactile_node.recording.log_reader import CanLogReader
 from tactile_node.recording.log_writer import MEGABYTE, CanLogWriter
 from tactile_node.recording.mcap_summary import summary_of
 from tactile_node.recording.series import files_of
-from tactile_node.recording.topic_bag import TAXELS, TopicBagReader
+from tactile_node.recording.topic_bag import TAXELS, TopicBagReader, message_types
 from tactile_node.recording.window import Window
 
 TOPIC_CHUNK = 1 << 20  #: bytes; ros2 bag record's is 786,432
@@ -75,12 +75,7 @@ def new_writer(file, kinds: dict[str, str], definitions: dict[str, str] | None =
 
 def _text(kind: str) -> str:
     """With all that it contains."""
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-    types = get_typestore(Stores.ROS2_JAZZY)
-    for name in ('TaxelArray', 'Contact', 'ContactShape', 'Grasp'):
-        types.register(get_types_from_msg(package_file(f'msg/{name}.msg').read_text(encoding='utf-8'),
-                                          f'tactile_skin/msg/{name}'))
-    return types.generate_msgdef(kind, ros_version=2)[0]
+    return message_types(typesys, MESSAGES).generate_msgdef(kind, ros_version=2)[0]
 
 
 def memory() -> float:

@@ -29,8 +29,6 @@ from tactile_node.shape.methods import FILES, LEARNED, VisibilityGuard, make_rec
 from tactile_node.shape.recogniser import OUTPUTS, ShapeRecogniser, read_arrays
 from tactile_node.shape.recognition import Shape
 from tactile_node.synthetic.figures import NAMED, Figure, Silhouette, named_silhouette, random_figure
-from tactile_node.synthetic.indenters import Indenter
-from tactile_node.synthetic.layer import measured, sample, stress_field
 from tactile_node.synthetic.pressure import Skin, pressure_frame
 from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import CLASSES, random_contact
@@ -39,6 +37,8 @@ from tactile_node.teaching.examples import examples_of
 from tactile_node.teaching.taught_file import write_taught
 from tactile_node.teaching.teach import Taught, teach
 from tactile_node.teaching.touches import find_touches
+from training.ground_truth.indenters import Indenter
+from training.ground_truth.layer import measured, sample, stress_field
 
 SEED, TOUCHES, AREA, PAD = 77_000, 30, 50.0, 16
 LOADS = (0, 0, 0.3, 0.8, 1, 1, 1, 1, 0.7, 0.2, 0)  #: of the frames of one touch

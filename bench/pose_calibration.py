@@ -31,8 +31,8 @@ from tactile_node.pose.model_error import (
 )
 from tactile_node.pose.profiles import DOMES, Indenter
 from tactile_node.shape.recognition import Shape
-from tactile_node.synthetic.mechanics import Solution
 from tactile_node.synthetic.seeds import Purpose, generator
+from training.ground_truth.mechanics import Solution
 from training.mechanics import solution_pool
 
 SEED = 950_000

@@ -17,9 +17,9 @@ from tactile_node.geometry.outlines import OUTLINES
 from tactile_node.pose.evidence import gather
 from tactile_node.pose.fit import ShapeFit, fit_evidence, fit_shape
 from tactile_node.shape.recognition import Shape
-from tactile_node.synthetic.layer import measured, sample, stress_field
-from tactile_node.synthetic.mechanics import Solution
 from tactile_node.synthetic.seeds import Purpose, generator
+from training.ground_truth.layer import measured, sample, stress_field
+from training.ground_truth.mechanics import Solution
 
 AREAS = (25, 50, 100)
 BIAS, SPREAD, CENTRE, ANGLE = 3.0, 3.0, 0.03, 0.5  #: required of flat punches [%, %, pitches, degrees]

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 import can
 import numpy as np
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags import typesys
 
-from tactile_node.package_files import package_file
+from tactile_node.recording.topic_bag import message_types
 from tactile_node.skin.layout_file import load_layout
 
 RATE, NODES, PADS, SIDE = 100, (32, 64), ('left', 'right'), 16
@@ -42,7 +42,7 @@ class World:
         order = [(field.row, field.col) for carrier in self._layout.tpdos for field in carrier.taxels]
         self._rows, self._cols = np.array(order).T
         self._cob_ids = [tpdo.cob_id.of(node) for node in NODES for tpdo in self._layout.tpdos]
-        self.types = message_types()
+        self.types = message_types(typesys, MESSAGES)
 
     def counts(self, second: int) -> np.ndarray:
         """Return the taxels of a second, (sweeps, pads, rows, cols), uint8."""
@@ -123,14 +123,6 @@ def topics() -> dict[str, str]:
     found = {f'/{pad}/{topic}': kind for pad in PADS for topic, kind in (
         ('taxels', 'TaxelArray'), ('contact', 'Contact'), ('shape', 'ContactShape'))}
     return {topic: f'tactile_skin/msg/{kind}' for topic, kind in (found | {'/grasp': 'Grasp'}).items()}
-
-
-def message_types() -> Any:
-    types = get_typestore(Stores.ROS2_JAZZY)
-    for name in MESSAGES:
-        text = package_file(f'msg/{name}.msg').read_text(encoding='utf-8')
-        types.register(get_types_from_msg(text, f'tactile_skin/msg/{name}'))
-    return types
 
 
 def default(types: Any, kind: str, **fields: Any) -> Any:

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_node.synthetic.indenters import flat_punch
-from tactile_node.synthetic.layer import sample, stress_field
-from tactile_node.synthetic.mechanics import Solution, solve
 from tactile_node.synthetic.world import Contact
+from training.ground_truth.indenters import flat_punch
+from training.ground_truth.layer import sample, stress_field
+from training.ground_truth.mechanics import Solution, solve
 
 SIDE, PITCH, NODE_ID = 16, 0.002, 32
 DEPTH = 0.7          #: of the taxels [pitches]

@@ -10,15 +10,14 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'tactile_node'
 NUMERICAL = {'delay', 'geometry', 'conditioning', 'contact', 'helmholtz', 'shape', 'synthetic', 'pose', 'fusion',
-             'grasp', 'reproduction', 'calibration', 'teaching'}
+             'grasp', 'calibration', 'teaching'}
 CAN_SIDE = {'cia301', 'frames', 'threads', 'skin', 'assembly', 'recording', 'bus', 'supervision'}
 #: room -> rooms of ours it may import beside itself and the modules at the top of the package
 ALLOWED = {
     'delay': set(), 'geometry': set(), 'contact': set(), 'helmholtz': set(), 'conditioning': {'frames'},
     'shape': {'contact', 'helmholtz'}, 'synthetic': {'geometry', 'shape'}, 'pose': {'contact', 'geometry', 'shape'},
     'fusion': {'shape'}, 'grasp': {'shape'}, 'calibration': {'conditioning', 'contact', 'geometry', 'pose', 'shape'},
-    'teaching': {'contact', 'shape'},
-    'reproduction': {'helmholtz', 'shape', 'synthetic'},
+    'teaching': {'contact', 'helmholtz', 'shape', 'synthetic'},
     'library': {'calibration', 'contact', 'fusion', 'helmholtz', 'pose', 'shape'},
     'cia301': set(), 'frames': {'cia301'}, 'threads': set(), 'skin': {'cia301', 'frames'},
     'assembly': {'cia301', 'frames', 'skin'}, 'recording': {'assembly', 'cia301', 'frames', 'skin', 'threads'},
@@ -31,8 +30,7 @@ ALLOWED = {
     'ros': {'bus', 'cia301', 'frames', 'skin', *NUMERICAL},
     'view': {'bus', 'cia301', 'contact', 'frames', 'helmholtz', 'library', 'pose', 'recording', 'shape', 'skin',
              'supervision', 'threads'},
-    'nodes': {'bus', 'frames', 'recording', 'ros', 'skin', 'supervision', 'threads', 'view', *NUMERICAL},
-    'demo': {'nodes', 'ros', 'shape', 'simulator', 'skin', 'synthetic', 'view'}}
+    'nodes': {'bus', 'frames', 'recording', 'ros', 'skin', 'supervision', 'threads', 'view', *NUMERICAL}}
 ROS = {'rclpy', 'tactile_skin', 'std_msgs', 'diagnostic_msgs', 'geometry_msgs', 'rcl_interfaces', 'builtin_interfaces',
        'sensor_msgs', 'tf2_msgs', 'lifecycle_msgs', 'rosgraph_msgs', 'visualization_msgs', 'launch', 'launch_ros'}
 CAN = {'can', 'canopen'}
@@ -77,9 +75,9 @@ def test_the_can_side_knows_no_ros(folder):
         assert not {name.split('.')[0] for name in imports(path)} & ROS, path
 
 
-def test_only_commands_and_the_demo_import_nodes():
+def test_only_commands_import_nodes():
     for path in PACKAGE.rglob('*.py'):
-        if path.relative_to(PACKAGE).parts[0] not in ('nodes', 'cli', 'demo'):
+        if path.relative_to(PACKAGE).parts[0] not in ('nodes', 'cli'):
             assert not any(name.startswith('tactile_node.nodes') for name in imports(path)), path
 
 
@@ -99,7 +97,8 @@ def test_what_is_reported_on_is_drawn_without_training(module):
             continue
         seen.add(name)
         waiting += imports(ROOT / f'{name.replace(".", "/")}.py')
-    assert not any(name.startswith('training') for name in seen), seen
+    of_training = {name for name in seen if name.startswith('training.')}
+    assert all(name.startswith('training.ground_truth.') for name in of_training), of_training
 
 
 def test_the_picture_shows_the_imports_of_today():

@@ -1,4 +1,4 @@
-"""`tactile bringup` and `tactile demo` as a user meets them: results, and sentences for what cannot work."""
+"""`tactile bringup` and `make demo` as a user meets them: results, and sentences for what cannot work."""
 
 import csv
 import signal
@@ -17,6 +17,8 @@ pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
 
 from misled_bench import TooSlowError, is_overloaded  # noqa: E402
+
+from examples.demo.__main__ import main as demo  # noqa: E402
 
 LOG = str(DATA / 'sim16x16_two_pads.log.gz')
 
@@ -155,7 +157,7 @@ def test_a_missing_parameter_file_is_reported(capsys):
 
 
 def test_demo_leaves_bag_log_table_and_picture(tmp_path, capsys):
-    code = main(['demo', '--areas', '40', '--output', str(tmp_path)])
+    code = demo(['--areas', '40', '--output', str(tmp_path)])
     from rosbags.rosbag2 import Reader
     with Reader(tmp_path / 'bag') as bag:
         counts = {connection.topic: connection.msgcount for connection in bag.connections}
@@ -172,6 +174,8 @@ def test_demo_leaves_bag_log_table_and_picture(tmp_path, capsys):
         assert (tmp_path / f'touches_{pad}.png').read_bytes().startswith(b'\x89PNG')
     assert b'#' in (tmp_path / 'can.log').read_bytes()
     assert 'touches recognised' in capsys.readouterr().out
+    assert demo(['--output', str(tmp_path)]) == 2
+    assert '--force' in capsys.readouterr().err, 'earlier results are kept'
     if code == 1 and is_overloaded():  # all is there but a touch: it may have gone before its frames were read
         raise TooSlowError('the demo missed touches')
     assert code == 0
@@ -194,7 +198,7 @@ def test_a_parameter_that_cannot_work_is_refused_at_once():
 
 
 def test_ctrl_c_ends_the_demo_quietly(tmp_path):
-    process = subprocess.Popen([sys.executable, '-m', 'tactile_node.cli.main', 'demo', '--output', str(tmp_path)],
+    process = subprocess.Popen([sys.executable, '-m', 'examples.demo', '--output', str(tmp_path)], cwd=DATA.parents[1],
                                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert any('TPDOs ready' in line for line in process.stderr)
     process.send_signal(signal.SIGINT)

@@ -17,10 +17,10 @@ from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.pose.fit import fit_shape
 from tactile_node.pose.layer import Layer
 from tactile_node.shape.recognition import Shape
-from tactile_node.synthetic.indenters import ball
-from tactile_node.synthetic.layer import sample, stress_field
-from tactile_node.synthetic.mechanics import solve
 from tactile_node.synthetic.seeds import Purpose, generator
+from training.ground_truth.indenters import ball
+from training.ground_truth.layer import sample, stress_field
+from training.ground_truth.mechanics import solve
 
 RADIUS = 0.0104  #: of the known disc [m]
 OTHERS = {'square': (0.0150,), 'rectangle': (0.0180, 0.0110)}  #: pressed after the calibration

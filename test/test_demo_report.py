@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tactile_node.demo.observation import Seen, SeenFit, verdicts_of
-from tactile_node.demo.picture import draw_pad
-from tactile_node.demo.report import table, write_csv
+from examples.demo.observation import Seen, SeenFit, verdicts_of
+from examples.demo.picture import draw_pad
+from examples.demo.report import table, write_csv
 from tactile_node.simulator.touches import Touch
 from tactile_node.synthetic.world import Contact
 

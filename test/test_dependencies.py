@@ -47,7 +47,7 @@ OF_TESTS = {'jsonschema': 'python3-jsonschema', 'py_trees': 'py_trees', 'pytest'
 NOT_MODULES = {'rosidl_default_runtime', 'ros2launch', 'xacro'}
 #: Nothing imports them: the messages of an action are made of them
 OF_INTERFACES = {'action_msgs'}
-OURS = {'tactile_node', 'tactile_skin', 'bench', 'training', 'from_code',
+OURS = {'tactile_node', 'tactile_skin', 'bench', 'training', 'examples', 'from_code',
         *(path.stem for folder in ('tools', 'bench', 'examples') for path in (ROOT / folder).glob('*.py'))}
 #: Imported by single tests or examples that say so: what a robot has that needs the example, or a tool of this machine
 OPTIONAL = {'torch', 'catkin_pkg', 'docutils', 'moveit_msgs', 'tactile_msgs', 'playwright'}

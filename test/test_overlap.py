@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from tactile_node.geometry.overlap import Limits, best_overlap, overlaps
-from tactile_node.geometry.raster import as_raster, coarser
-from tactile_node.geometry.simplex import maximised
 from tactile_node.synthetic.world import CLASSES, random_contact
+from training.ground_truth.overlap import Limits, best_overlap, overlaps
+from training.ground_truth.raster import as_raster, coarser
+from training.ground_truth.simplex import maximised
 
 NEAR = 0.006  #: what best_overlap promises, and the grid's own error
 SIDE = 400

@@ -19,9 +19,6 @@ WRITES = [
     ['teach', '--name', 'plug', '--from', 'none.npy', '-o', 'new.npz', '--picture', 'x.png'],
     ['draft', 'sim16x16.eds', '--output', 'x.yaml'], RECORD,
     ['replay', 'none.log', '-o', 'x.npz'], ['report', 'none.log', '-o', 'x.html']]
-DEMO = ['demo', '--areas', '40', '--output', '.']
-REPRODUCE = ['reproduce', '--patterns', '15', '--training', '600', '--output', '.']
-WITH_FOLDERS = [(DEMO, 'touches.csv'), (DEMO, 'bag/metadata.yaml'), (REPRODUCE, 'index.html'), (REPRODUCE, 'lost.csv')]
 APPENDS_OR_NUMBERS = {'simulate', 'bringup'}  # --report, --record
 
 
@@ -43,11 +40,6 @@ def refuses(words, path, capsys):
 def test_a_file_that_exists_is_refused_before_the_work(words, folder, capsys):
     assert all(refuses(words, folder / words[-1], capsys))
     assert os.listdir(folder) == [words[-1]]
-
-
-@pytest.mark.parametrize('words, name', WITH_FOLDERS, ids=str)
-def test_so_is_a_folder_with_earlier_results(words, name, folder, capsys):
-    assert all(refuses(words, folder / name, capsys))
 
 
 def test_a_file_of_one_of_several_pads_or_of_a_series_is_refused(folder, capsys):

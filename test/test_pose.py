@@ -6,7 +6,7 @@ import pytest
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PressThresholds
 from tactile_node.errors import InputError
-from tactile_node.geometry.coverage import Window, coverage
+from tactile_node.geometry.coverage import Window
 from tactile_node.geometry.outlines import OUTLINES, outline_of
 from tactile_node.geometry.polygon import depth_inside, moving_depth
 from tactile_node.pose.first_guess import guesses, moments_of
@@ -17,6 +17,7 @@ from tactile_node.shape.recognition import SHAPES, Shape
 from tactile_node.synthetic.pressure import Skin, pressure_frame
 from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import CLASSES, Contact, random_contact
+from training.ground_truth.raster import coverage
 
 WINDOW = Window(0, 0, 20, 20)
 PITCH = 0.002

@@ -10,10 +10,10 @@ from tactile_node import find_contact
 from tactile_node.geometry.outlines import outline_of
 from tactile_node.pose.fit import fit_shape
 from tactile_node.shape.recognition import Shape
-from tactile_node.synthetic.indenters import Indenter, ball, cone, cylinder, flat_punch
-from tactile_node.synthetic.layer import measured, sample, stress_field
-from tactile_node.synthetic.mechanics import solve
 from tactile_node.synthetic.world import Contact
+from training.ground_truth.indenters import Indenter, ball, cone, cylinder, flat_punch
+from training.ground_truth.layer import measured, sample, stress_field
+from training.ground_truth.mechanics import solve
 
 PUNCHES = {
     'circle': (0.564,), 'square': (1.0,), 'rectangle': (1.4, 0.714), 'right_triangle': (1.73, 1.155, 1.0),

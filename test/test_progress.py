@@ -5,7 +5,7 @@ import io
 import pytest
 
 from tactile_node.cli import progress
-from tactile_node.cli.progress import Stages, counted, followed
+from tactile_node.cli.progress import counted, followed
 
 
 class Terminal(io.StringIO):
@@ -18,11 +18,6 @@ class Terminal(io.StringIO):
 def work():
     with counted('frames of a log', ' frames', total=4) as bar:
         bar.update(2)
-    stages = Stages()
-    stages.show('drawing', 0.25)
-    stages.show('drawing', 0.5)
-    stages.show('fitting')
-    stages.close()
     return list(followed('abc', 'x.npy', 3, prints=True))
 
 
@@ -36,11 +31,11 @@ def test_it_is_silent_where_stderr_is_no_terminal(capsys):
     assert capsys.readouterr() == ('', '')
 
 
-def test_a_terminal_shows_the_share_that_is_done_of_each_stage(monkeypatch, capsys):
+def test_a_terminal_shows_how_much_is_done(monkeypatch, capsys):
     monkeypatch.setattr('sys.stderr', terminal := Terminal())
     assert work() == ['a', 'b', 'c']
     shown = terminal.getvalue()
-    assert 'frames of a log' in shown and '2/4' in shown and '50%' in shown and 'fitting' in shown and 'x.npy' in shown
+    assert 'frames of a log' in shown and '2/4' in shown and 'x.npy' in shown
     assert capsys.readouterr().out == ''
 
 

@@ -8,9 +8,9 @@ from bench.recognition import beside, blemish, foreign, spots
 from bench.recognition.figures import p_value_behind
 from bench.recognition.idle import IDLE
 from bench.recognition.stamp import Stamp, pressed
-from tactile_node.geometry.overlap import best_overlap
 from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import CLASSES, Contact, random_contact
+from training.ground_truth.overlap import best_overlap
 
 
 def random_stream(seed):

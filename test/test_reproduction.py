@@ -1,4 +1,4 @@
-"""`tactile reproduce`: its statistics by hand, its worlds, and a whole small run."""
+"""`make reproduce`: its statistics by hand, its worlds, and a whole small run."""
 
 import csv
 import re
@@ -7,21 +7,20 @@ import by_definition
 import numpy as np
 import pytest
 
-from tactile_node.cli.main import main
+from bench.reproduce import main
+from bench.reproduction.inside import ACTIVE, INSIDE, areas_around, by_inside, count_inside
+from bench.reproduction.inside_reading import replaced, wanted_inside
+from bench.reproduction.methods import SIZES, confusion, lost_in_plane
+from bench.reproduction.neighbours import NearestNeighbours
+from bench.reproduction.sampling import Wanted, draw, plane_features
+from bench.reproduction.worlds import EQUILATERAL_TRIANGLES, WORLDS, draw_contact, draw_pattern
 from tactile_node.helmholtz.features import compute_features
 from tactile_node.rate import Rate
-from tactile_node.reproduction.confusion import confusion, lost_in_plane
-from tactile_node.reproduction.curve_fitting import COLUMNS, Samples
-from tactile_node.reproduction.inside import ACTIVE, INSIDE, areas_around, by_inside, count_inside
-from tactile_node.reproduction.inside_reading import replaced, wanted_inside
-from tactile_node.reproduction.methods import SIZES
-from tactile_node.reproduction.neighbours import NearestNeighbours
-from tactile_node.reproduction.sampling import Wanted, draw, plane_features
-from tactile_node.reproduction.worlds import EQUILATERAL_TRIANGLES, WORLDS, draw_contact, draw_pattern
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS, GROUPS, plane_feature
 from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import CLASSES, random_pattern
+from tactile_node.teaching.curve_fitting import COLUMNS, Samples
 
 
 def test_wilson_interval_of_a_textbook_case():
@@ -96,7 +95,7 @@ def test_no_class_has_so_many_inside_taxels_beyond_the_areas_searched(size):
 
 def test_patterns_drawn_by_inside_taxels_have_that_many_in_every_class():
     wanted = {'a': Wanted('benchmark', Purpose.TEST, 20, areas_around(20), inside=20)}
-    drawn = draw(wanted, 3, 1, lambda stage, share: None)['a']
+    drawn = draw(wanted, 3, 1)['a']
     for samples in drawn:
         assert (samples.of(INSIDE) == 20).all() and (samples.of(ACTIVE) > 20).all()
         assert np.bincount(samples.labels).tolist() == [4] * 5
@@ -108,7 +107,7 @@ def test_only_the_isosceles_triangles_are_replaced_one_for_one():
     many = len([label for label in range(18) if ANSWERS[label % 5] is triangle])
     wanted = {'all': Wanted('benchmark', Purpose.TEST, 18, (30, 30)),
               'new': Wanted('equilateral triangles', Purpose.TEST, many, (30, 30), (triangle,))}
-    drawn = draw(wanted, 4, 1, lambda stage, share: None)
+    drawn = draw(wanted, 4, 1)
     found, number = replaced(drawn['all'], drawn['new']), ANSWERS.index(triangle)
     for old, new, joined in zip(drawn['all'], drawn['new'], found):
         np.testing.assert_array_equal(np.bincount(joined.labels), np.bincount(old.labels))
@@ -122,7 +121,7 @@ def test_only_the_isosceles_triangles_are_replaced_one_for_one():
 def test_what_is_drawn_does_not_depend_on_the_number_of_processes():
     wanted = {'a': Wanted('benchmark', Purpose.TEST, 260, (20, 40)),
               'b': Wanted('one proportion', Purpose.TEST, 5, (30, 30))}
-    one, two = (draw(wanted, 3, jobs, lambda stage, share: None) for jobs in (1, 2))
+    one, two = (draw(wanted, 3, jobs) for jobs in (1, 2))
     for name in wanted:
         assert len(one[name].every.labels) == wanted[name].patterns
         for column in COLUMNS:
@@ -144,7 +143,8 @@ def test_nearest_neighbours_separate_clusters():
 @pytest.mark.slow
 def test_a_small_run_writes_page_and_numbers(tmp_path, capsys):
     folder = tmp_path / 'out'
-    assert main(['reproduce', '-o', str(folder), '--patterns', '15', '--training', '600', '--jobs', '1']) == 0
+    arguments = ['-o', str(folder), '--patterns', '15', '--training', '600', '--jobs', '1']
+    assert main(arguments) == 0
     page = (folder / 'index.html').read_text(encoding='utf-8')
     assert page.count('<img ') == page.count('data:image/svg+xml;base64,') == 12
     assert not re.search(r'(src|href)="(?!data:)', page), 'the page needs something else'
@@ -156,7 +156,9 @@ def test_a_small_run_writes_page_and_numbers(tmp_path, capsys):
         assert f'{float(row["recognised"]):.1%}' in page and row['method'] in page
     _check_inside_reading(folder, page)
     assert rows[0]['method'].startswith('as published') and rows[0]['patterns'] == '15'
-    assert capsys.readouterr().err == ''  # progress is for a terminal
+    assert capsys.readouterr().err == '', 'a bar is for a terminal'
+    assert main(arguments) == 2
+    assert '--force' in capsys.readouterr().err
 
 
 def _check_inside_reading(folder, page):
@@ -176,5 +178,5 @@ def _check_inside_reading(folder, page):
 
 @pytest.mark.parametrize('wrong', [['--patterns', '3'], ['--training', '10'], ['--jobs', '0'], ['--seed', '-1']])
 def test_arguments_out_of_range_are_refused(wrong, tmp_path, capsys):
-    assert main(['reproduce', '-o', str(tmp_path), *wrong]) == 2
+    assert main(['-o', str(tmp_path), *wrong]) == 2
     assert 'Ask for more' in capsys.readouterr().err

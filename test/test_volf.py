@@ -8,7 +8,12 @@ from patterns import ring
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import compute_features
 from tactile_node.package_files import config_path
-from tactile_node.reproduction.curve_fitting import (
+from tactile_node.shape.plane import Plane, fit_curve
+from tactile_node.shape.recognition import Shape
+from tactile_node.shape.volf import GROUPS, VolfClassifier, by_curves
+from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.synthetic.world import CLASSES, random_pattern
+from tactile_node.teaching.curve_fitting import (
     READINGS,
     Samples,
     count_shares,
@@ -16,11 +21,6 @@ from tactile_node.reproduction.curve_fitting import (
     fit_classifier,
     recognised,
 )
-from tactile_node.shape.plane import Plane, fit_curve
-from tactile_node.shape.recognition import Shape
-from tactile_node.shape.volf import GROUPS, VolfClassifier, by_curves
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import CLASSES, random_pattern
 
 ONE_PLANE = 'planes: {rectangle: {horizontal: %s, levels: [0, 1]}}'
 AXES = ('value', 'N'), ('dif', 'alpha9')

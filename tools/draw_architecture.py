@@ -15,17 +15,17 @@ PLACES = {
     'frames': (1.0, 1), 'delay': (4.2, 1), 'shape': (5.7, 1),
     'skin': (1.0, 2), 'conditioning': (2.8, 2), 'grasp': (4.5, 2), 'pose': (5.7, 2), 'fusion': (6.9, 2),
     'synthetic': (8.6, 2),
-    'assembly': (1.0, 3), 'calibration': (5.7, 3), 'teaching': (7.1, 3), 'reproduction': (9.1, 3),
+    'assembly': (1.0, 3), 'calibration': (5.7, 3), 'teaching': (7.1, 3),
     'library': (7.7, 3.9), 'recording': (1.0, 4), 'ros': (4.6, 6),
     'bus': (1.0, 5), 'supervision': (1.0, 6), 'simulator': (2.6, 6), 'report': (6.6, 5),
-    'view': (6.6, 6.3), 'nodes': (4.0, 7.4), 'demo': (3.3, 8.2), 'launching': (4.3, 8.1),
+    'view': (6.6, 6.3), 'nodes': (4.0, 7.4), 'launching': (3.0, 8.2),
     'cli': (4.6, 9)}
 COLOURS = {'CAN side, no ROS': '#cfe3f5', 'numerical core: neither CAN nor ROS': '#d8efd3',
            'no ROS, with the core': '#d5ecea', 'ROS 2': '#fbe3c4',
            'programs': '#eeeeee'}
 SIDES = {'CAN side, no ROS': ('cia301', 'threads', 'frames', 'skin', 'assembly', 'recording', 'bus', 'supervision',
                               'simulator'), 'no ROS, with the core': ('report', 'view'),
-         'ROS 2': ('ros', 'nodes', 'launching'), 'programs': ('demo', 'cli')}
+         'ROS 2': ('ros', 'nodes', 'launching'), 'programs': ('cli',)}
 WIDTH, HEIGHT = 0.92, 0.5
 
 

@@ -6,7 +6,8 @@ from pathlib import Path
 from tactile_node.errors import ConfigurationError
 
 ROOT = Path(__file__).resolve().parents[1]
-DRAWING = ('training', *(f'tactile_node/{room}' for room in ('contact', 'geometry', 'shape', 'synthetic')))
+DRAWING = ('training', 'training/ground_truth',
+           *(f'tactile_node/{room}' for room in ('contact', 'geometry', 'shape', 'synthetic')))
 
 
 def claim(folder: Path) -> None:

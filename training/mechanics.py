@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.synthetic.indenters import Indenter, ball, cone, cylinder, flat_punch
-from tactile_node.synthetic.layer import measured, sample, stress_field
-from tactile_node.synthetic.mechanics import Solution, solve
 from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import CLASSES, random_contact
+from training.ground_truth.indenters import Indenter, ball, cone, cylinder, flat_punch
+from training.ground_truth.layer import measured, sample, stress_field
+from training.ground_truth.mechanics import Solution, solve
 from training.samples import LABELS
 from training.solutions import read_solutions, source_digest, write_solutions
 

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from tactile_node.read_only import read_only
-from tactile_node.synthetic import contact_solver, half_space, indenters, mechanics, world
-from tactile_node.synthetic.mechanics import Solution
+from tactile_node.synthetic import world
+from training.ground_truth import contact_solver, half_space, indenters, mechanics
+from training.ground_truth.mechanics import Solution
 
 SCALARS = ('kind', 'label', 'cell', 'origin', 'filled', 'compression', 'tilt')
 

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from bench.recognition import mechanics
-from tactile_node.synthetic.layer import measured, sample, stress_field
 from tactile_node.synthetic.world import CLASSES
+from training.ground_truth.layer import measured, sample, stress_field
 
 WEAKEST = 0.5   #: pressure of a punch relative to the strongest one's
 ROOM = 5.0      #: around the punches [pitches]

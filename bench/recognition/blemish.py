@@ -10,8 +10,8 @@ import numpy as np
 from scipy import ndimage
 
 from bench.recognition.stamp import Stamp, cropped, drawn, points
-from tactile_node.geometry.overlap import Limits
 from tactile_node.synthetic.world import Contact, random_contact
+from training.ground_truth.overlap import Limits
 
 KEPT = 0.92      #: overlap of a blemished figure with its shape, at least
 SPOILED = 0.02   #: by its blemish it loses at least so much

@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.shape.recogniser import OUTPUTS
-from tactile_node.synthetic.indenters import Indenter, ball, cone, cylinder, flat_punch
-from tactile_node.synthetic.layer import measured, sample, stress_field
-from tactile_node.synthetic.mechanics import Solution, solve
 from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import CLASSES, random_contact
+from training.ground_truth.indenters import Indenter, ball, cone, cylinder, flat_punch
+from training.ground_truth.layer import measured, sample, stress_field
+from training.ground_truth.mechanics import Solution, solve
 
 SEEDS = 50_000_000  #: the seeds of this report start here, above those of the other cases
 CELLS = 64          #: in the square root of the nominal contact area

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from tactile_node.geometry.overlap import ANY, Limits, best_overlap
+from training.ground_truth.overlap import ANY, Limits, best_overlap
 
 CELLS = 256        #: of the square that a figure is drawn in, x and y from -1 to 1
 SUBSAMPLES = 6     #: a taxel's coverage is counted on 6 x 6 points

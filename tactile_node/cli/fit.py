@@ -10,7 +10,9 @@ from tactile_node.cli.progress import counted
 from tactile_node.errors import InputError
 from tactile_node.output_file import check_writable, output_file
 from tactile_node.package_files import is_shipped
-from tactile_node.reproduction.curve_fitting import (
+from tactile_node.shape.volf import ANSWERS, BANDS, VolfClassifier
+from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.teaching.curve_fitting import (
     AREAS,
     COLUMNS,
     READINGS,
@@ -19,8 +21,6 @@ from tactile_node.reproduction.curve_fitting import (
     fit_classifier,
     recognised,
 )
-from tactile_node.shape.volf import ANSWERS, BANDS, VolfClassifier
-from tactile_node.synthetic.seeds import Purpose, generator
 
 HEADER = '''\
 # Curves of the paper's classifier (section 7), fitted on synthetic patterns in general position.
@@ -40,8 +40,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--validation', type=int, default=5_000, help='fresh patterns, default %(default)s')
     parser.add_argument('--seed', type=int, default=0, help='default %(default)s')
     add_output_option(parser, default='volf_curves.yaml', metavar='FILE',
-                        help='default %(default)s; never a file that the package ships. Use it by --curves of classify '
-                             'and reproduce, or parameter model of the classifier node (method: volf)')
+                        help='default %(default)s; never a file that the package ships. Use it by --curves of '
+                             'classify, or parameter model of the classifier node (method: volf)')
 
 
 def run(args: argparse.Namespace) -> int:

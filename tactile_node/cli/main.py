@@ -19,10 +19,8 @@ COMMANDS = (
     ('features', 'tactile_node.cli.features', 'every quantity of the paper, of frames in files: JSON lines or CSV'),
     ('classify', 'tactile_node.cli.classify', 'the recognised shape, of frames in files: JSON lines or CSV'),
     ('fit', 'tactile_node.cli.fit', "fit the classifier's curves on synthetic patterns"),
-    ('reproduce', 'tactile_node.cli.reproduce', "re-draw the paper's figures and re-measure its claims"),
     ('bringup', 'tactile_node.cli.bringup', 'run all ROS 2 nodes of one bus in this process'),
     ('view', 'tactile_node.cli.view', 'show the pads in a browser or on a terminal'),
-    ('demo', 'tactile_node.cli.demo', 'simulated gripper skin: five shapes, from CAN frame to topic'),
     ('simulate', 'tactile_node.cli.simulate', 'be a CANopen skin that touches shapes or repeats a recording'),
     ('calibrate', 'tactile_node.cli.calibrate', "learn a skin's response from presses of a known disc"),
     ('teach', 'tactile_node.cli.teach', 'teach the recogniser your own shapes'),
@@ -36,13 +34,12 @@ COMMANDS = (
     ('completion', 'tactile_node.cli.completion', 'print what makes your shell complete `tactile`'),
 )
 
-#: They run nodes, whose handler forwards the log to /rosout and stderr.
-WITH_NODES = ('bringup', 'demo')
+#: It runs nodes, whose handler forwards the log to /rosout and stderr.
+RUNS_NODES = 'bringup'
 
 #: by command, what its help would promise in vain without
-NEEDED = {'bringup': ('rclpy', 'tactile_skin'), 'demo': ('rclpy', 'tactile_skin', 'matplotlib'), 'view': ('viser',),
-          'reproduce': ('matplotlib',), 'completion': ('argcomplete',)}
-_ROS = 'Source a ROS 2 workspace that holds tactile_skin, or run `make demo` once.'
+NEEDED = {'bringup': ('rclpy', 'tactile_skin'), 'view': ('viser',), 'completion': ('argcomplete',)}
+_ROS = 'Source a ROS 2 workspace that holds tactile_skin, or run `make setup` once.'
 NEEDS = {'rclpy': _ROS, 'rcl_interfaces': _ROS, 'tactile_skin': _ROS,
          'can': 'Install it: pip install python-can.', 'canopen': 'Install it: pip install canopen (docs/install.md).',
          'matplotlib': "Install it: pip install 'tactile-skin[picture]'.",
@@ -94,7 +91,7 @@ def program() -> int:
 @contextmanager
 def _logging(command: str) -> Iterator[None]:
     """Print warnings and errors of the package to stderr, unless ``command`` runs nodes."""
-    if command in WITH_NODES:
+    if command == RUNS_NODES:
         yield
         return
     handler = logging.StreamHandler(sys.stderr)
@@ -112,8 +109,7 @@ def _parser(chosen: str) -> argparse.ArgumentParser:
     """Parser of all sub-commands, complete for the ``chosen`` one alone, so that no other is imported."""
     parser = argparse.ArgumentParser(
         prog='tactile', description='Contact shape from a tactile skin on a CAN bus.',
-        epilog='`tactile COMMAND --help` explains a command.'
-        + ('' if _lack('demo') else ' `tactile demo` needs neither hardware nor options.'))
+        epilog='`tactile COMMAND --help` explains a command.')
     version = f'tactile_skin {tactile_node.__version__}' if chosen == '--version' else ''
     parser.add_argument('--version', action='version', version=version)
     commands = parser.add_subparsers(required=True, metavar='COMMAND')

@@ -16,22 +16,6 @@ class Window(NamedTuple):
     rows: int
     cols: int
 
-    @property
-    def slices(self) -> tuple[slice, slice]:
-        return slice(self.row, self.row + self.rows), slice(self.col, self.col + self.cols)
-
-
-def coverage(corners: np.ndarray, motions: np.ndarray, window: Window) -> tuple[np.ndarray, np.ndarray]:
-    """Return the covered fraction of each taxel of ``window`` and its derivatives.
-
-    Shapes (rows, cols) and (p, rows, cols).
-
-    ``corners``: (n, 2), in the sense from x to y; ``motions``: (p, n, 2), d corners / d parameter.
-    """
-    once = np.ones((1, 1))
-    covered, changes = coverages(corners[np.newaxis], motions[:, np.newaxis], window, once, once[0])
-    return covered[0], changes
-
 
 def coverages(corners: np.ndarray, motions: np.ndarray, window: Window, weights: np.ndarray,
               of_change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

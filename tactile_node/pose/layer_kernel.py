@@ -60,7 +60,7 @@ def kernel(depth: float) -> np.ndarray:
 
 
 def _newmark(y: np.ndarray, x: np.ndarray, z: float) -> np.ndarray:
-    """Stress under the corner of a rectangle x, y; odd in both. Not shared with synthetic/, which judges the fit."""
+    """Stress under the corner of a rectangle x, y; odd in both. Training and benchmarks have their own."""
     slant = np.sqrt(x * x + y * y + z * z)
     parts = x * y * z / slant * (1 / (x * x + z * z) + 1 / (y * y + z * z))
     stress: np.ndarray = (np.arctan(x * y / (z * slant)) + parts) / (2 * np.pi)

@@ -5,7 +5,7 @@ bag has none, or one that cannot be read, that of msg/ counts. Messages are read
 """
 
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from enum import IntEnum, unique
 from functools import cached_property
 from pathlib import Path
@@ -198,8 +198,13 @@ class _Types:
 
     @cached_property
     def _ours(self) -> Any:
-        store = self._typesys.get_typestore(self._typesys.Stores.ROS2_JAZZY)
-        for name in DEFINITIONS:
-            text = package_file(f'msg/{name}.msg').read_text(encoding='utf-8')
-            store.register(self._typesys.get_types_from_msg(text, f'{PACKAGE}/msg/{name}'))
-        return store
+        return message_types(self._typesys, DEFINITIONS)
+
+
+def message_types(typesys: Any, names: Iterable[str]) -> Any:
+    """Return a store of ROS 2 Jazzy and of our messages of ``names``; ``typesys``: rosbags.typesys."""
+    store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+    for name in names:
+        text = package_file(f'msg/{name}.msg').read_text(encoding='utf-8')
+        store.register(typesys.get_types_from_msg(text, f'{PACKAGE}/msg/{name}'))
+    return store

@@ -6,8 +6,8 @@ from math import ceil, pi, sqrt
 import numpy as np
 
 from tactile_node.read_only import read_only
-from tactile_node.synthetic.contact_solver import TOLERANCE, press
-from tactile_node.synthetic.indenters import Indenter
+from training.ground_truth.contact_solver import TOLERANCE, press
+from training.ground_truth.indenters import Indenter
 
 CELLS = 48  #: in the square root of the nominal contact area
 

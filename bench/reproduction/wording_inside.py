@@ -2,10 +2,10 @@
 
 import math
 
-from tactile_node.reproduction.experiments import Results
-from tactile_node.reproduction.inside_reading import LARGEST, InsideReading
-from tactile_node.reproduction.methods import PUBLISHED, Method, published_share
-from tactile_node.reproduction.worlds import EQUILATERAL_TRIANGLES
+from bench.reproduction.experiments import Results
+from bench.reproduction.inside_reading import LARGEST, InsideReading
+from bench.reproduction.methods import PUBLISHED, Method, published_share
+from bench.reproduction.worlds import EQUILATERAL_TRIANGLES
 
 
 def explained(results: Results) -> str:

@@ -9,15 +9,15 @@ import numpy as np
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 
-from tactile_node.demo.observation import Verdict, verdicts_of
-from tactile_node.demo.touches import GAP, TouchedPad, scripted_touches
-from tactile_node.demo.watcher import Watcher
+from examples.demo.bag import BagRecorder
+from examples.demo.observation import Verdict, verdicts_of
+from examples.demo.touches import GAP, TouchedPad, scripted_touches
+from examples.demo.watcher import Watcher
 from tactile_node.interruption import interruption
 from tactile_node.node_graph import Parameters, bus_nodes, frame_topics
 from tactile_node.nodes.drain import drain
 from tactile_node.nodes.spinning import Spinner
 from tactile_node.nodes.system import System
-from tactile_node.ros.bag import BagRecorder
 from tactile_node.ros.qos import frames_qos
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.skin.pads import make_pad

@@ -9,14 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.reproduction.confusion import lost_in_plane
-from tactile_node.reproduction.curve_fitting import AREAS, Samples, answers
-from tactile_node.reproduction.inside import ACTIVE, areas_around, by_inside
-from tactile_node.reproduction.methods import SIZES, Method, best_fit, measured
-from tactile_node.reproduction.sampling import Drawn, Progress, Wanted
+from bench.reproduction.inside import ACTIVE, areas_around, by_inside
+from bench.reproduction.methods import SIZES, Method, best_fit, lost_in_plane, measured
+from bench.reproduction.sampling import Drawn, Wanted
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS, VolfClassifier
 from tactile_node.synthetic.seeds import Purpose
+from tactile_node.teaching.curve_fitting import AREAS, Samples, answers
 
 WORLD = 'equilateral triangles'
 TRIANGLE = Shape.ISOSCELES_TRIANGLE
@@ -55,8 +54,7 @@ def wanted_inside(patterns: int, training: int) -> dict[str, Wanted]:
     return wanted
 
 
-def measure_inside(drawn: dict[str, Drawn], published: VolfClassifier,
-                   progress: Progress) -> InsideReading:
+def measure_inside(drawn: dict[str, Drawn], published: VolfClassifier) -> InsideReading:
     """Measure the reading; ``published`` has the curves of the method as published."""
     training = drawn['benchmark training']
     triangles = replaced(training, drawn['triangles training'])
@@ -64,7 +62,7 @@ def measure_inside(drawn: dict[str, Drawn], published: VolfClassifier,
     inside = {size: drawn[f'inside {size}'] for size in SIZES}
     both = {size: replaced(inside[size], drawn[f'triangles inside {size}']) for size in SIZES}
     every = {size: by_inside(each.every) for size, each in both.items()}
-    progress('fitting curves: N inside taxels, equilateral triangles')
+    print('fitting curves: N inside taxels, equilateral triangles', flush=True)
     classifier = best_fit(by_inside(triangles.every))
     return InsideReading(
         equilateral=measured('equilateral triangles', best_fit(triangles.every), by_area),

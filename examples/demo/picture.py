@@ -9,7 +9,7 @@ from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse
 
-from tactile_node.demo.observation import SeenFit, Verdict
+from examples.demo.observation import SeenFit, Verdict
 from tactile_node.synthetic.world import CLASSES
 
 TITLE = ('Pad "{pad}": what presses, and what the shape topic reported of it (probability, size, centre, angle ± '

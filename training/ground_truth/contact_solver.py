@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.synthetic.half_space import Influence, displacement_influence
+from training.ground_truth.half_space import Influence, displacement_influence
 
 TOLERANCE = 1e-6  #: change of the pressures in one step [fraction of the load]
 MOST_STEPS = 1000

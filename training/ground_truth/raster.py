@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tactile_node.geometry.coverage import Window, coverage
+from tactile_node.geometry.coverage import Window, coverages
 
 CELLS = 96  #: along the longer side of the figure
 
@@ -31,6 +31,18 @@ def coarser(raster: np.ndarray, factor: int) -> np.ndarray:
     wide[:raster.shape[0], :raster.shape[1]] = raster
     means: np.ndarray = wide.reshape(rows, factor, cols, factor).mean((1, 3))
     return means
+
+
+def coverage(corners: np.ndarray, motions: np.ndarray, window: Window) -> tuple[np.ndarray, np.ndarray]:
+    """Return the covered fraction of each taxel of ``window`` and its derivatives.
+
+    Shapes (rows, cols) and (p, rows, cols).
+
+    ``corners``: (n, 2), in the sense from x to y; ``motions``: (p, n, 2), d corners / d parameter.
+    """
+    once = np.ones((1, 1))
+    covered, changes = coverages(corners[np.newaxis], motions[:, np.newaxis], window, once, once[0])
+    return covered[0], changes
 
 
 def _of_outline(corners: np.ndarray, cells: int) -> np.ndarray:

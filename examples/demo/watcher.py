@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from rclpy.node import Node
 
-from tactile_node.demo.observation import Seen, SeenFit
+from examples.demo.observation import Seen, SeenFit
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.ros.message_checks import check_contact_shape, check_taxel_array
 from tactile_node.ros.qos import frames_qos

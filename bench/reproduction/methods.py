@@ -1,4 +1,4 @@
-"""What is compared: ways to recognise, at each size, beside the published figures."""
+"""What is compared: ways to recognise, at each size, beside the published figures, and where they go wrong."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -6,10 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.rate import Rate
-from tactile_node.reproduction.curve_fitting import READINGS, Samples, answers, fit_classifier
-from tactile_node.shape.volf import VolfClassifier
+from tactile_node.shape.volf import ANSWERS, VolfClassifier
+from tactile_node.teaching.curve_fitting import READINGS, Samples, answers, fit_classifier
 
 SIZES = (15, 20, 25, 30, 35, 50, 75, 100)  #: N [taxels] at which recognition is measured
+PLANE_OF = np.array([1, 1, 2, 3, 3])  #: the plane whose curve decides for each of ANSWERS
 PUBLISHED = {20: 'about 70 %', 35: 'more than 90 %', 100: 'about 99.9 %'}
 
 
@@ -35,3 +36,16 @@ def measured(name: str, classifier: VolfClassifier, evaluation: Mapping[int, Sam
     """Return what the curves of ``classifier`` reach on fresh patterns by size."""
     return Method(name, {size: Rate.of(answers(classifier.planes, samples) == samples.labels)
                          for size, samples in evaluation.items()})
+
+
+def lost_in_plane(answer: np.ndarray, labels: np.ndarray) -> dict[int, float]:
+    """Share of all patterns that each of the planes 1, 2, 3 is the first to send the wrong way."""
+    first = PLANE_OF[np.minimum(answer, labels)]
+    return {plane: float(np.mean((answer != labels) & (first == plane))) for plane in (1, 2, 3)}
+
+
+def confusion(answer: np.ndarray, labels: np.ndarray) -> np.ndarray:
+    """Share of each class (row) that gets each answer (column), shape (5, 5), in the order of ANSWERS."""
+    counts = np.zeros((len(ANSWERS), len(ANSWERS)))
+    np.add.at(counts, (labels, answer), 1)
+    return counts / np.maximum(counts.sum(1, keepdims=True), 1)

@@ -4,24 +4,23 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bench.reproduction.inside_reading import WORLD as INSIDE_WORLD
+from bench.reproduction.inside_reading import InsideReading, measure_inside, wanted_inside
+from bench.reproduction.methods import SIZES, Method, best_fit, confusion, lost_in_plane, measured
+from bench.reproduction.neighbours import NearestNeighbours
+from bench.reproduction.sampling import Drawn, Wanted, draw
+from bench.reproduction.worlds import WORLDS, draw_pattern
 from tactile_node.helmholtz.features import Group, features_at_angles
 from tactile_node.rate import Rate
-from tactile_node.reproduction.confusion import confusion, lost_in_plane
-from tactile_node.reproduction.curve_fitting import (
+from tactile_node.shape.volf import ANSWERS, VolfClassifier
+from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.teaching.curve_fitting import (
     AREAS,
     READINGS,
     Samples,
     answers,
     fit_classifier,
 )
-from tactile_node.reproduction.inside_reading import WORLD as INSIDE_WORLD
-from tactile_node.reproduction.inside_reading import InsideReading, measure_inside, wanted_inside
-from tactile_node.reproduction.methods import SIZES, Method, best_fit, measured
-from tactile_node.reproduction.neighbours import NearestNeighbours
-from tactile_node.reproduction.sampling import Drawn, Progress, Wanted, draw
-from tactile_node.reproduction.worlds import WORLDS, draw_pattern
-from tactile_node.shape.volf import ANSWERS, VolfClassifier
-from tactile_node.synthetic.seeds import Purpose, generator
 
 VANISHING = 25  #: area at which the angles that lose taxels are looked for
 WORLDS_BY_AREA = tuple(world for world in WORLDS if world != INSIDE_WORLD)
@@ -46,10 +45,9 @@ class Results(NamedTuple):
     inside: InsideReading
 
 
-def measure(classifier: VolfClassifier, patterns: int, training: int, seed: int, jobs: int,
-            progress: Progress) -> Results:
+def measure(classifier: VolfClassifier, patterns: int, training: int, seed: int, jobs: int) -> Results:
     """Measure everything; ``patterns`` at each size, of the benchmark's world."""
-    drawn = draw(_wanted(patterns, training) | wanted_inside(patterns, training), seed, jobs, progress)
+    drawn = draw(_wanted(patterns, training) | wanted_inside(patterns, training), seed, jobs)
     every = {size: drawn[f'benchmark {size}'].every for size in SIZES}
     answered = {size: answers(classifier.planes, samples) for size, samples in every.items()}
     methods = [measured('as published, the three planes', classifier, every)]
@@ -58,10 +56,8 @@ def measure(classifier: VolfClassifier, patterns: int, training: int, seed: int,
         for kept in (False, True):
             if world == 'benchmark' and not kept:
                 continue
-            progress(f'fitting curves: {world}{", vanishing angles left out" if kept else ""}')
             method, fitted[world, kept] = _refitted(drawn, world, kept)
             methods.append(method)
-    progress('nearest neighbours')
     learner = NearestNeighbours(drawn['benchmark training'].every, drawn['benchmark validation'].every)
     methods.append(Method('the same six features, nearest neighbours', {
         size: Rate.of(learner.answers(samples) == samples.labels) for size, samples in every.items()}))
@@ -78,7 +74,7 @@ def measure(classifier: VolfClassifier, patterns: int, training: int, seed: int,
         vanished={size: _vanished(drawn[f'benchmark {size}']) for size in SIZES},
         remaining=_remaining(seed),
         neighbours=learner.number,
-        inside=measure_inside(drawn, classifier, progress))
+        inside=measure_inside(drawn, classifier))
 
 
 def _wanted(patterns: int, training: int) -> dict[str, Wanted]:
@@ -93,8 +89,9 @@ def _wanted(patterns: int, training: int) -> dict[str, Wanted]:
 
 def _refitted(drawn: dict[str, Drawn], world: str, kept: bool) -> tuple[Method, VolfClassifier]:
     """The three planes with curves fitted for ``world``, the better reading of the third in training."""
-    best = best_fit(drawn[f'{world} training'][kept])
     name = f'three planes, {world}' + (', vanishing angles left out' if kept else '')
+    print('fitting curves:', name, flush=True)
+    best = best_fit(drawn[f'{world} training'][kept])
     return measured(name, best, {size: drawn[f'{world} {size}'][kept] for size in SIZES}), best
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from scipy import ndimage
 
 from tactile_node.read_only import read_only
-from tactile_node.synthetic.half_space import stress_influence
-from tactile_node.synthetic.mechanics import Solution
+from training.ground_truth.half_space import stress_influence
+from training.ground_truth.mechanics import Solution
 
 REACH = 8.0            #: depths around the indenter in which its stress is followed: 0.2 % of the load is beyond
 CELL_OF_DEPTH = 0.125  #: a field this coarse [depths] is smooth enough to be interpolated linearly, to 1 % at its peak

@@ -1,33 +1,44 @@
-"""`tactile demo`: a simulated gripper skin with two pads is touched by all five shapes, and every stage is shown."""
+"""A simulated gripper skin with two pads is touched by all five shapes, and every stage is shown: `make demo`.
+
+    python -m examples.demo [--output DIR] [--areas N ...] [--seed N]
+"""
 
 import argparse
 import shutil
+import sys
 from pathlib import Path
 
+from examples.demo import report
+from examples.demo.picture import draw_pad
+from examples.demo.session import PADS, DemoSession
 from tactile_node.cli.options import add_output_option
-from tactile_node.errors import ConfigurationError
+from tactile_node.errors import ConfigurationError, TactileError
+from tactile_node.interruption import ignore_interruptions
 from tactile_node.output_file import check_new
 
 PICTURE = 'touches_{pad}.png'
-PADS = 'left', 'right'
 MADE = ('bag', 'can.log', 'touches.csv', *(PICTURE.format(pad=pad) for pad in PADS))
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('demo', description=__doc__)
+def main(argv: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(prog='demo', description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
     add_output_option(parser, type=Path, default=Path('demo_output'), help='folder for bag, log, pictures, table')
     parser.add_argument('--areas', type=float, nargs='+', default=(25.0, 40.0, 60.0), metavar='N',
                         help='sizes of the touches [taxels]; every shape comes at each (default: 25 40 60)')
     parser.add_argument('--seed', type=int, default=2026, help='of the touches')
-    parser.set_defaults(run=run)
+    try:
+        return run(parser.parse_args(argv))
+    except TactileError as error:
+        print(f'demo: error: {error}', file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130
 
 
 def run(args: argparse.Namespace) -> int:
     for name in MADE:
         check_new(args.output / name, force=args.force)
-    from tactile_node.demo import report
-    from tactile_node.demo.picture import draw_pad
-    from tactile_node.demo.session import DemoSession  # rclpy and matplotlib: only where they are needed
     folder = _emptied(args.output)
     with DemoSession(folder, args.seed, args.areas) as session:
         session.play()
@@ -55,7 +66,7 @@ def _emptied(folder: Path) -> Path:
     return folder
 
 
-def _conclude(folder: Path, session, verdicts: list) -> int:
+def _conclude(folder: Path, session: DemoSession, verdicts: list) -> int:
     """Print what lies where; 0 only when every touch has a verdict and every result exists."""
     right = sum(verdict.right for verdict in verdicts)
     print(f'\n{right} of {len(verdicts)} touches recognised; latency SYNC to shape: {session.latency()}; '
@@ -70,3 +81,10 @@ def _conclude(folder: Path, session, verdicts: list) -> int:
         return 1
     print(f'In {folder}/: ' + ', '.join(MADE) + f' ({session.bag.messages} messages in the bag).')
     return 0
+
+
+if __name__ == '__main__':
+    try:
+        sys.exit(main())
+    finally:
+        ignore_interruptions()  # a second Ctrl-C must not make a clean end look like a crash

@@ -6,11 +6,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tactile_node.reproduction.curve_fitting import Samples
-from tactile_node.reproduction.methods import PUBLISHED, SIZES, Method, published_share
+from bench.reproduction.methods import PUBLISHED, SIZES, Method, published_share
 from tactile_node.shape.plane import Plane
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS
+from tactile_node.teaching.curve_fitting import Samples
 
 #: Okabe and Ito's colours, for every kind of colour vision; marks differ too
 COLOURS = {Shape.RECTANGLE: '#e69f00', Shape.RIGHT_TRIANGLE: '#d55e00', Shape.ISOSCELES_TRIANGLE: '#cc79a7',

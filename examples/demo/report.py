@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_node.demo.observation import SeenFit, Verdict
+from examples.demo.observation import SeenFit, Verdict
 
 SHOWN = ('pad', '[s]', 'true', 'prob', 'true size', 'size')  #: what fits into the 80 columns of a terminal
 TOUCHED = ('pad', 'touch', 'taxels', 'angle_deg', 'true', 'recognised', 'confidence', 'frames')

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from bench.reproduction.experiments import VANISHING, Results
+from bench.reproduction.methods import PUBLISHED, SIZES, Method
+from bench.reproduction.worlds import LONG_RECTANGLES, ONE_PROPORTION
 from tactile_node.helmholtz.rotation import ANGLES
-from tactile_node.reproduction.experiments import VANISHING, Results
-from tactile_node.reproduction.methods import PUBLISHED, SIZES, Method
-from tactile_node.reproduction.worlds import LONG_RECTANGLES, ONE_PROPORTION
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from tactile_node.helmholtz.operators import Stencil, border
-from tactile_node.reproduction.curve_fitting import COLUMNS, Samples
+from tactile_node.teaching.curve_fitting import COLUMNS, Samples
 
 ACTIVE = COLUMNS[0]  #: the number of active taxels, N by the matrix A
 INSIDE = ('value', 'inside')  #: the number of inside taxels

@@ -10,13 +10,13 @@ from string import Template
 
 from matplotlib.figure import Figure
 
+from bench.reproduction import clouds, sketches
+from bench.reproduction.experiments import Results
+from bench.reproduction.methods import PUBLISHED, SIZES, Method
+from bench.reproduction.wording import findings
+from bench.reproduction.wording_inside import explained
+from bench.reproduction.worlds import LONG_RECTANGLES
 from tactile_node.rate import Rate
-from tactile_node.reproduction import clouds, sketches
-from tactile_node.reproduction.experiments import Results
-from tactile_node.reproduction.methods import PUBLISHED, SIZES, Method
-from tactile_node.reproduction.wording import findings
-from tactile_node.reproduction.wording_inside import explained
-from tactile_node.reproduction.worlds import LONG_RECTANGLES
 from tactile_node.shape.volf import ANSWERS
 
 Row = Sequence[str | int | float]

@@ -1,27 +1,21 @@
 """Draws patterns and the features of the paper's planes, on several processes."""
 
-from collections.abc import Iterable
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
+from tqdm import tqdm
 
+from bench.reproduction.inside import INSIDE, count_inside
+from bench.reproduction.worlds import draw_pattern
 from tactile_node.helmholtz.features import Group, features_at_angles
-from tactile_node.reproduction.curve_fitting import COLUMNS, Samples
-from tactile_node.reproduction.inside import INSIDE, count_inside
-from tactile_node.reproduction.worlds import draw_pattern
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS
 from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.teaching.curve_fitting import COLUMNS, Samples
 
 BATCH = 250  #: patterns a process draws at a time
-
-
-class Progress(Protocol):
-    """Receives the stage of the work, and which share of that stage is done where it is known."""
-
-    def __call__(self, stage: str, share: float | None = None, /) -> None: ...
 
 
 class Wanted(NamedTuple):
@@ -54,7 +48,7 @@ class Drawn(NamedTuple):
     kept: Samples
 
 
-def draw(wanted: dict[str, Wanted], seed: int, jobs: int, progress: Progress) -> dict[str, Drawn]:
+def draw(wanted: dict[str, Wanted], seed: int, jobs: int) -> dict[str, Drawn]:
     """Draw what is ``wanted``, by name. The result does not depend on ``jobs``."""
     parts: list[tuple[Wanted, int, int]] = []
     names: list[str] = []
@@ -66,14 +60,11 @@ def draw(wanted: dict[str, Wanted], seed: int, jobs: int, progress: Progress) ->
     tasks = [Task(*part, streams[part[0].purpose][i]) for i, part in enumerate(parts)]
     rows: dict[str, list[np.ndarray]] = {name: [] for name in wanted}
     with ProcessPoolExecutor(jobs) if jobs > 1 else nullcontext() as pool:
-        for done, (name, batch) in enumerate(zip(names, _mapped(pool, tasks)), 1):
+        batches = tqdm(map(draw_batch, tasks) if pool is None else pool.map(draw_batch, tasks), 'drawing patterns',
+                       len(tasks), disable=None)  # None: shown on a terminal only
+        for batch, name in zip(batches, names):
             rows[name].append(batch)
-            progress('drawing patterns', done / len(tasks))
     return {name: _samples(np.concatenate(batches)) for name, batches in rows.items()}
-
-
-def _mapped(pool: Executor | None, tasks: list[Task]) -> Iterable[np.ndarray]:
-    return map(draw_batch, tasks) if pool is None else pool.map(draw_batch, tasks)
 
 
 def draw_batch(task: Task) -> np.ndarray:

@@ -6,13 +6,12 @@ from pathlib import Path
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rosbags import typesys
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from tactile_node.package_files import package_file
+from tactile_node.recording.topic_bag import message_types
 
-PACKAGE = 'tactile_skin'
 MESSAGES = ('TaxelArray', 'Contact', 'FeatureRange', 'ContactFeatures', 'ContactShape', 'ContactShapes', 'Grasp')
 
 
@@ -20,10 +19,7 @@ class BagRecorder:
     """Records ``topics`` (name: type, 'package/msg/Name') that ``node`` receives, from construction to close."""
 
     def __init__(self, node: Node, folder: Path, topics: Mapping[str, str], qos: QoSProfile):
-        types = get_typestore(Stores.ROS2_JAZZY)
-        for name in MESSAGES:
-            text = package_file(f'msg/{name}.msg').read_text(encoding='utf-8')
-            types.register(get_types_from_msg(text, f'{PACKAGE}/msg/{name}'))
+        types = message_types(typesys, MESSAGES)
         self.messages, self._clock = 0, node.get_clock()
         self._writer = Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP)
         self._writer.open()

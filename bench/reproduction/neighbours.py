@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tactile_node.reproduction.curve_fitting import COLUMNS, Samples
 from tactile_node.shape.volf import ANSWERS
+from tactile_node.teaching.curve_fitting import COLUMNS, Samples
 
 NUMBERS = (5, 11, 21, 41)
 

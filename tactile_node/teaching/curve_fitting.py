@@ -83,7 +83,8 @@ def _gain(heights: np.ndarray, labels: np.ndarray, index: int) -> np.ndarray:
     """What it wins to have each pattern above curve ``index``: 1, -1, or 0 where that changes nothing."""
     gets_there = ~(heights[:index] > 0).any(0)
     otherwise = index + 1 + by_curves(heights[index + 1:])
-    return gets_there * ((labels == index).astype(float) - (labels == otherwise))
+    gain: np.ndarray = gets_there * ((labels == index).astype(float) - (labels == otherwise))
+    return gain
 
 
 def answers(planes: Mapping[str, Plane], samples: Samples) -> np.ndarray:
@@ -97,7 +98,8 @@ def count_shares(answer: np.ndarray, samples: Samples) -> np.ndarray:
     counts = np.full((len(BANDS), len(ANSWERS), len(ANSWERS)), 0.1)  # no class is ever quite impossible
     counts += np.eye(len(ANSWERS))  # and an answer never given in training stands for itself
     np.add.at(counts, (band_of(samples.of(COLUMNS[0])), answer, samples.labels), 1)
-    return counts / counts.sum(2, keepdims=True)
+    shares: np.ndarray = counts / counts.sum(2, keepdims=True)
+    return shares
 
 
 def recognised(classifier: VolfClassifier, samples: Samples) -> dict[str, np.ndarray]:

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tactile_node.geometry.outlines import outline_of
-from tactile_node.geometry.raster import as_raster, coarser
-from tactile_node.geometry.simplex import maximised
 from tactile_node.read_only import read_only
+from training.ground_truth.raster import as_raster, coarser
+from training.ground_truth.simplex import maximised
 
 SHAPES = ('circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle')
 FACTOR = 4        #: cells of the fine raster to one of the coarse

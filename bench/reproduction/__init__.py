@@ -1,0 +1,1 @@
+"""The paper's figures re-drawn and its claims re-measured: see bench/reproduce.py."""

@@ -1,0 +1,1 @@
+"""`make demo`: a scripted gripper skin, watched from taxel to shape."""

@@ -1,1 +1,0 @@
-"""`tactile demo`: a scripted gripper skin, watched from taxel to shape."""

@@ -1,1 +1,0 @@
-"""The paper's figures re-drawn and its claims re-measured (`tactile reproduce`)."""
