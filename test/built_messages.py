@@ -1,7 +1,6 @@
 """Message packages that PyPI lacks: their interfaces, and a build of one in a folder where no ROS installation has it.
 
-Only what our code uses of them, by the names of the real packages: geometry2, MoveIt 2, object_recognition_msgs and
-tactile_toolbox.
+Only what our code uses of them, by the names of the real packages: geometry2, MoveIt 2 and tactile_toolbox.
 """
 
 import ctypes
@@ -22,20 +21,14 @@ INTERFACES: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     'tf2_msgs': (('geometry_msgs',), {'TFMessage': 'geometry_msgs/TransformStamped[] transforms'}),
     'tactile_msgs': (('std_msgs', 'sensor_msgs'), {
         'TactileState': 'std_msgs/Header header\nsensor_msgs/ChannelFloat32[] sensors'}),
-    'object_recognition_msgs': ((), {'ObjectType': 'string key\nstring db'}),
-    'moveit_msgs': (('std_msgs', 'geometry_msgs', 'shape_msgs', 'object_recognition_msgs'), {
+    'moveit_msgs': (('std_msgs', 'geometry_msgs', 'shape_msgs'), {
         'CollisionObject': '''std_msgs/Header header
 geometry_msgs/Pose pose
 string id
-object_recognition_msgs/ObjectType type
 shape_msgs/SolidPrimitive[] primitives
 geometry_msgs/Pose[] primitive_poses
 shape_msgs/Mesh[] meshes
 geometry_msgs/Pose[] mesh_poses
-shape_msgs/Plane[] planes
-geometry_msgs/Pose[] plane_poses
-string[] subframe_names
-geometry_msgs/Pose[] subframe_poses
 byte ADD=0
 byte REMOVE=1
 byte APPEND=2

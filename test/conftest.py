@@ -1,6 +1,7 @@
 """For every test: ROS stays on this machine, each run of pytest in its own domain."""
 
 import os
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,33 @@ def pytest_runtest_call(item):
         outcome.force_exception(pytest.skip.Exception(f'the machine does not keep up: {error}'))
 
 
+#: What a module of tests may import where there is none: how to get it
+OF_ROS = {'rclpy': 'ROS 2 is not installed', 'tactile_skin': 'the messages are not built: run `make setup`',
+          **{name: f'{name} is not installed' for name in ('py_trees', 'rosidl_adapter', 'xacro')}}
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_make_collect_report(collector):
+    """A module of tests of ROS nodes is skipped, with the reason, where ROS 2 or our messages are missing."""
+    outcome = yield
+    report = outcome.get_result()
+    missing = getattr(report.call.excinfo and report.call.excinfo.value.__cause__, 'name', None) or ''
+    reason = OF_ROS.get(missing.partition('.')[0])
+    if report.failed and reason:
+        report.outcome, report.longrepr = 'skipped', (str(collector.path), 0, f'Skipped: {reason}')
+
+
 BUILT = Path(__file__).resolve().parents[1] / 'build' / 'messages'
+
+
+@pytest.fixture
+def ros():
+    """Run ROS; what is added to the stack ends before it."""
+    import rclpy
+    rclpy.init()
+    with ExitStack() as stack:
+        stack.callback(rclpy.shutdown)
+        yield stack
 
 
 @pytest.fixture(scope='session')
@@ -31,10 +58,10 @@ def tf_message():
 
 
 @pytest.fixture(scope='session')
-def collision_object_message(tmp_path_factory):
+def collision_object_message():
     """What MoveIt's planning scene takes."""
-    from generated_messages import generated_messages
-    with generated_messages('moveit_msgs', tmp_path_factory.mktemp('messages')):
+    from built_messages import built_messages
+    with built_messages('moveit_msgs', BUILT):
         from moveit_msgs.msg import CollisionObject
         yield CollisionObject
 

@@ -1,6 +1,5 @@
-"""docs/access.md lists what is open: it equals the graph of running nodes, their parameters and the policy."""
+"""The SROS 2 policy allows the running nodes what they need, and no more."""
 
-import re
 import time
 from contextlib import ExitStack
 from pathlib import Path
@@ -8,43 +7,21 @@ from threading import Event
 from xml.etree import ElementTree
 
 import pytest
+import rclpy
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from rclpy.parameter import Parameter  # noqa: E402
-
-from tactile_node.node_graph import bus_nodes  # noqa: E402
-from tactile_node.nodes.grasp_node import GraspNode  # noqa: E402
-from tactile_node.nodes.spinning import spinning  # noqa: E402
-from tactile_node.nodes.system import System  # noqa: E402
-from tactile_node.ros.parameters import table  # noqa: E402
-from tactile_node.ros.settings import (  # noqa: E402
-    ClassifierSettings,
-    DriverSettings,
-    GraspNodeSettings,
-    ProcessorSettings,
-)
-from tactile_node.simulator.gripper import gripper_sources  # noqa: E402
-from tactile_node.simulator.skin_simulator import SkinSimulator  # noqa: E402
-from tactile_node.skin.pads import make_pads, with_dictionaries  # noqa: E402
+from tactile_node.node_graph import bus_nodes
+from tactile_node.nodes.spinning import spinning
+from tactile_node.nodes.system import System
+from tactile_node.simulator.gripper import gripper_sources
+from tactile_node.simulator.skin_simulator import SkinSimulator
+from tactile_node.skin.pads import make_pads, with_dictionaries
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = (ROOT / 'docs/access.md').read_text(encoding='utf-8')
 POLICY = ElementTree.parse(ROOT / 'examples/sros2_policy.xml').getroot()
 PADS, LAYOUT = ['left', 'right'], 'sim16x16.yaml'
-SETTINGS = {'driver': DriverSettings, 'processor': ProcessorSettings, 'classifier': ClassifierSettings,
-            'grasp': GraspNodeSettings}
 TIMEOUT = 60.0  # s, for a busy machine
-ROLES = {'skin_driver': 'driver'}
-
-
-def rows(heading: str) -> list[list[str]]:
-    """The cells of the table whose heading begins with these cells."""
-    lines = PAGE[PAGE.index(f'| {heading} |'):].split('\n\n')[0].splitlines()[2:]
-    return [[re.sub('^`([^`]*)`$', r'\1', cell.strip()) for cell in line.strip('|').split('|')] for line in lines]
 
 
 class Graph:
@@ -94,61 +71,6 @@ def settled(watcher, nodes) -> Graph:
             return now
         assert time.monotonic() < deadline
         time.sleep(0.2)
-
-
-def generic(name: str) -> str:
-    """A full name as the page has it: /left/taxels -> <pad>/taxels, /grasp -> grasp."""
-    if name in ('/diagnostics', '/rosout', '/parameter_events'):
-        return name
-    return re.sub('^/(left|right)/', '<pad>/', name).removeprefix('/')
-
-
-def publishers(name: str, graph: Graph) -> str:
-    found = {ROLES.get(node, node) for (_, node), topics in graph.published.items() if name in topics}
-    return 'every node' if len(found) > 1 else found.pop()
-
-
-def test_the_page_lists_the_topics_of_the_running_nodes_and_no_other(graph):
-    found = {(generic(name), kind, publishers(name, graph))
-             for topics in graph.published.values() for name, kind in topics.items()}
-    assert {tuple(row[:3]) for row in rows('topic | type | published by')} == found
-    listed = {name for name, *_ in found}
-    assert {generic(name) for topics in graph.subscribed.values() for name in topics} <= listed
-
-
-def test_the_page_lists_the_services_of_the_running_nodes_and_no_other(graph):
-    by_service: dict[str, set[str]] = {}
-    for (namespace, name), services in graph.served.items():
-        for service in services:
-            assert service.startswith(f'{namespace.rstrip("/")}/{name}/')
-            by_service.setdefault(service.rsplit('/', 1)[-1], set()).add(ROLES.get(name, name))
-    found = {(service, 'every node' if len(nodes) > 1 else nodes.pop()) for service, nodes in by_service.items()}
-    assert {tuple(row[:2]) for row in rows('service | of')} == found
-    receivers = {key for key in graph.called if key[1] != 'skin_driver'}
-    assert {key: set(called) for key, called in graph.called.items() if called} == dict.fromkeys(
-        receivers, {'/skin_driver/host_time'})
-
-
-def test_the_page_lists_every_parameter_that_takes_effect_at_once():
-    live = {(role, row.name) for role, settings in SETTINGS.items() for row in table(settings) if row.properties.live}
-    assert {tuple(row[:2]) for row in rows('node | parameter')} == live
-
-
-def test_each_topic_that_needs_a_parameter_names_it():
-    named = {parameter for row in rows('topic | type | parameter') for parameter in re.findall('`(\\w+)`', row[2])}
-    known = {row.name for settings in SETTINGS.values() for row in table(settings)}
-    assert {'publish_clock', 'gap_source', 'use_sim_time'} <= named <= known | {'use_sim_time'}
-
-
-def test_the_opening_from_joint_states_reads_the_topic_that_the_page_names():
-    rclpy.init()
-    with ExitStack() as stack:
-        stack.callback(rclpy.shutdown)
-        grasp = GraspNode(parameter_overrides=[Parameter('gap_source', value='joint_states'),
-                                               Parameter('gap_joints', value=['finger_joint'])])
-        stack.callback(grasp.destroy_node)
-        subscribed = {subscription.topic_name for subscription in grasp.subscriptions}
-        assert subscribed - {'/left/shape', '/right/shape'} == {'/joint_states'}
 
 
 #: What ROS 2 makes of an action, as SROS 2 allows it to the node that executes it (design.ros2.org, "Actions")

@@ -1,11 +1,10 @@
 """The rules of docs/architecture.md: who may import whom."""
 
 import ast
-import importlib.util
 import re
 from pathlib import Path
-from types import ModuleType
 
+import draw_architecture as picture
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -102,7 +101,6 @@ def test_what_is_reported_on_is_drawn_without_training(module):
 
 
 def test_the_picture_shows_the_imports_of_today():
-    picture = _tool('draw_architecture')
     imports = picture.edges()
     assert (ROOT / 'docs/architecture.txt').read_text(encoding='utf-8') == picture.text(imports), \
         'run `make architecture` and commit docs/architecture.png and .txt'
@@ -118,10 +116,3 @@ def test_every_station_of_a_can_frame_exists():
     for path, kind, method in stations:
         source = (PACKAGE / path).read_text(encoding='utf-8')
         assert f'class {kind}' in source and f'def {method}(' in source, (path, kind, method)
-
-
-def _tool(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, ROOT / 'tools' / f'{name}.py')
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module

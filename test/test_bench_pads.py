@@ -1,21 +1,14 @@
-"""The pure parts of bench/bench_pads.py: whether its ledger would show a silent loss, and its exponents a law."""
+"""The pure parts of bench/bench_pads.py: whether its ledger would show a silent loss."""
 
-import sys
-from pathlib import Path
 
-import numpy as np
 import pytest
+from pads_cases import Case
+from pads_ledger import Counts, Station, ledger
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / 'bench'))
-
-from pads_cases import FULL, GROWTH, SHORT, Case  # noqa: E402
-from pads_ledger import Counts, Station, exponents, ledger  # noqa: E402
-
-from tactile_node.cia301.frame_bits import Frame  # noqa: E402
-from tactile_node.simulator.wire import Wire  # noqa: E402
-from tactile_node.skin.pad_rules import check_pads  # noqa: E402
-from tactile_node.skin.pads import make_pad  # noqa: E402
+from tactile_node.cia301.frame_bits import Frame
+from tactile_node.simulator.wire import Wire
+from tactile_node.skin.pad_rules import check_pads
+from tactile_node.skin.pads import make_pad
 
 #: 10 SYNCs to one pad of 32 TPDOs: 8 answered, 1 skipped, 1 TPDO not read, 3 late; 10 frames, 7 shapes
 FAIR = Counts(pads=1, tpdos=32, syncs_left_out=2, sweeps=8, sweeps_skipped=1, unread=1, queue_overruns=0,
@@ -52,29 +45,6 @@ def test_counts_of_a_session_are_differences():
     assert (FAIR - FAIR)._replace(pads=0, tpdos=0) == Counts(*[0] * 13, Station(), Station())
 
 
-def test_exponents_of_a_known_law_are_found():
-    """y = 3 pads^2 buses^0.5, by hand."""
-    sizes = [(1, 1), (2, 1), (4, 1), (1, 4), (2, 4), (1, 16)]
-    pads, buses = exponents(sizes, [3 * pads ** 2 * buses ** 0.5 for pads, buses in sizes])
-    assert pads.value == pytest.approx(2) and buses.value == pytest.approx(0.5)
-    assert pads.high - pads.low < 1e-6
-
-
-def test_the_interval_holds_the_exponent_as_often_as_it_says():
-    rng, held, sizes = np.random.default_rng(0), 0, np.array([1, 1, 2, 2, 3, 4, 4, 8], float)
-    for _ in range(400):
-        found, = exponents(sizes[:, None], 5 * sizes ** 1.3 * np.exp(rng.normal(0, 0.1, len(sizes))))
-        held += found.low <= 1.3 <= found.high
-    assert 0.92 < held / 400 < 0.98
-
-
-def test_too_few_points_give_no_exponent():
-    assert exponents([], []) == ()
-    assert str(exponents([[1, 1], [2, 1]], [1, 2])[0]) == '1.00'  # two points: a line, no interval
-    assert all(str(found) == 'not measured' for found in exponents([[2, 1], [2, 1]], [1, 2]))
-    assert str(exponents([[1, 1], [2, 1], [4, 1]], [1, 2, 4])[1]) == 'not measured'  # the buses do not vary
-
-
 @pytest.mark.parametrize('pads', [1, 2, 3, 4])
 def test_the_last_tpdo_of_each_pad_ends_when_the_wire_says(pads):
     """Latency is counted from there; the arbitration mixes the sweeps of the pads."""
@@ -87,16 +57,6 @@ def test_the_last_tpdo_of_each_pad_ends_when_the_wire_says(pads):
             sender.put(55e-6 + 0.0003, Frame(tpdo.cob_id.of(node), bytes(8)))
     ends = {carried.sender: carried.end for carried in wire.advance(1.0)}
     assert case.sweep_ends == pytest.approx([ends[sender] for sender in wire.senders])
-
-
-def test_the_matrix_is_that_of_the_issue():
-    wanted = {(buses, pads, rate) for buses in (1, 2, 4, 8) for rate, most in ((50, 4), (100, 2))
-              for pads in range(1, most + 1)}
-    assert {case[1:] for case in FULL if case.form == 'one'} == wanted == {
-        case[1:] for case in FULL if case.form == 'per_node'}
-    assert {case[1:] for case in FULL if case.form == 'per_bus'} == {each for each in wanted if each[0] > 1}
-    assert set(SHORT) <= set(FULL) and {case.buses for case in GROWTH} == {1, 2, 4, 8}
-    assert all(case.load < 0.9 for case in FULL)
 
 
 def test_the_head_of_a_shape_is_read_from_its_bytes():

@@ -15,8 +15,6 @@ from tactile_node.cli.main import main
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
-pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
 
 from misled_bench import TooSlowError, is_overloaded  # noqa: E402
 

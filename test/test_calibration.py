@@ -8,14 +8,7 @@ import yaml
 from hidden_skin import DEPTH, PITCH, SIDE, counts, pressed, solved, write_log
 
 import tactile_node as tn
-from tactile_node.calibration.presses import (
-    LEAST_TAXELS,
-    OF_EACH,
-    PressFrame,
-    Unused,
-    find_presses,
-    zeroed,
-)
+from tactile_node.calibration.presses import LEAST_TAXELS, OF_EACH, PressFrame, Unused, find_presses, zeroed
 from tactile_node.calibration.response import SkinResponse, load_response, save_response
 from tactile_node.calibration.response_fit import LEAST_PRESSES, Disc, calibrate
 from tactile_node.cli.main import main

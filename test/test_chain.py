@@ -7,13 +7,11 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
 import pytest
+import rclpy
 from candump import DATA, read_candump
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from tactile_node.ros.qos import frames_qos  # noqa: E402
-from tactile_skin.msg import ContactFeatures, ContactShape, TaxelArray  # noqa: E402
+from tactile_node.ros.qos import frames_qos
+from tactile_skin.msg import ContactFeatures, ContactShape, TaxelArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 

@@ -1,9 +1,13 @@
-"""The facts of CiA 301, against the numbers that the standard prints."""
+"""Facts of CiA 301 and of CAN frames."""
+
+import random
 
 import pytest
 
+from tactile_node.bus.bus_monitor import FRAME_BITS
 from tactile_node.cia301 import connection_set, nmt, objects, pdo, sdo
 from tactile_node.cia301.connection_set import reserved_for, service_of
+from tactile_node.cia301.frame_bits import Frame, arbitration, crc15, true_bits, worst_case_bits
 
 
 @pytest.mark.parametrize(('can_ids', 'service'), [
@@ -51,3 +55,81 @@ def test_names_of_nmt_commands(command, name):
     (0x06, 'unknown NMT state 0x06'), (None, 'never heard')])
 def test_names_of_nmt_states(state, name):
     assert nmt.state_name(state) == name
+
+
+GENERATOR = 0b1100_0101_1001_1001  # x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1: Bosch CAN 2.0, part A, 3.1.1
+
+
+def remainder(bits: str) -> str:
+    """The CRC sequence by long division."""
+    number = int(bits, 2) << 15
+    while number.bit_length() > 15:
+        number ^= GENERATOR << number.bit_length() - 16
+    return f'{number:015b}'
+
+
+def stuffed(bits: str) -> str:
+    sent = ''
+    for bit in bits:
+        sent += bit
+        if sent[-5:] in ('00000', '11111'):
+            sent += '1' if bit == '0' else '0'
+    return sent
+
+
+def on_the_wire(frame: Frame) -> str:
+    """Bit by bit, up to the three bits before the next frame (ISO 11898-1)."""
+    remote = '1' if frame.is_remote else '0'
+    if frame.is_extended:
+        head = f'0{frame.can_id >> 18:011b}11{frame.can_id & 0x3FFFF:018b}{remote}00'
+    else:
+        head = f'0{frame.can_id:011b}{remote}00'
+    body = head + f'{frame.dlc:04b}' + ''.join(f'{byte:08b}' for byte in frame.data)
+    return stuffed(body + remainder(body)) + '1' + '01' + '1111111' + '111'
+
+
+def drawn(rng: random.Random) -> Frame:
+    """Long runs of equal bits are common, as in counts of a skin at rest."""
+    is_extended, is_remote = rng.random() < 0.3, rng.random() < 0.1
+    can_id = rng.choice((0, 0x7FF, 0x080, 0x1A0, rng.getrandbits(11)))
+    data = bytes(rng.choice((0, 0, 0xFF, 0x55, 0x1F, 0x0F, rng.getrandbits(8))) for _ in range(rng.randrange(9)))
+    return Frame(can_id << 18 | rng.getrandbits(18) if is_extended else can_id, b'' if is_remote else data,
+                 is_extended, is_remote, len(data) if is_remote else 0)
+
+
+def test_crc_of_the_catalogue_of_parametrised_algorithms():
+    """CRC-15/CAN: the check value of '123456789' is 0x059E."""
+    assert crc15(int.from_bytes(b'123456789', 'big'), 72) == 0x059E
+
+
+def test_true_bits_are_those_of_a_frame_written_out():
+    rng = random.Random(3)
+    for frame in (drawn(rng) for _ in range(5000)):
+        assert true_bits(frame) == len(on_the_wire(frame)), frame
+
+
+@pytest.mark.parametrize(('frame', 'bits'), [
+    (Frame(0x2AA, bytes([0x55] * 8)), 47 + 64),  # nowhere five equal bits
+    (Frame(0x000), 47 + 6)])                     # 34 zeros, for so is their CRC: a stuff bit after each five
+def test_frames_counted_by_hand(frame, bits):
+    assert true_bits(frame) == bits
+
+
+def test_no_frame_is_longer_than_the_worst_case():
+    """Bosch CAN 2.0: after the first five equal bits a stuff bit may come every four."""
+    rng = random.Random(4)
+    assert all(true_bits(frame) <= worst_case_bits(frame) for frame in (drawn(rng) for _ in range(5000)))
+    assert [worst_case_bits(Frame(1, bytes(n))) for n in range(9)] == list(FRAME_BITS)
+    assert worst_case_bits(Frame(1, bytes(8), is_extended=True)) == 160
+
+
+def test_arbitration_is_by_the_bits_as_they_are_sent():
+    """Of two frames the one with the first dominant bit goes: standard before extended, data before remote."""
+    rng = random.Random(5)
+    for _ in range(2000):
+        one, other = drawn(rng), drawn(rng)
+        # start of frame, 11 bits, RTR or SRR, IDE, 18 bits, RTR: before stuffing
+        fields = [(f'{frame.can_id >> 18:011b}11{frame.can_id & 0x3FFFF:018b}{frame.is_remote:d}'
+                   if frame.is_extended else f'{frame.can_id:011b}{frame.is_remote:d}0').ljust(32, '0')
+                  for frame in (one, other)]
+        assert (arbitration(one) < arbitration(other)) == (fields[0] < fields[1])

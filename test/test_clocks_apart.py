@@ -11,12 +11,8 @@ from itertools import pairwise
 from statistics import median
 
 import pytest
-
-pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from clock_bench import HOSTS, LIBRARIES, ClockWorld, recovery  # noqa: E402
-from misled_bench import empty, is_overloaded  # noqa: E402
+from clock_bench import HOSTS, LIBRARIES, ClockWorld, recovery
+from misled_bench import empty, is_overloaded
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus,
               pytest.mark.skipif(not LIBRARIES, reason='libfaketime is not installed: apt install faketime')]

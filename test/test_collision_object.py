@@ -1,18 +1,13 @@
 """The example for MoveIt: a contact as a collision object, refused where its size or the grasp is not known."""
 
-import importlib.util
 from math import cos, nan, pi, sin
-from pathlib import Path
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import Point32, Polygon
+from shape_msgs.msg import SolidPrimitive
 
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from geometry_msgs.msg import Point32, Polygon  # noqa: E402
-from shape_msgs.msg import SolidPrimitive  # noqa: E402
-
-from tactile_skin.msg import ContactShape, Grasp  # noqa: E402
+from tactile_skin.msg import ContactShape, Grasp
 
 pytestmark = pytest.mark.ros
 
@@ -21,11 +16,8 @@ ANGLE, X, Y = 0.3, 0.010, 0.012
 
 @pytest.fixture(scope='module')
 def example(collision_object_message):
-    path = Path(__file__).resolve().parents[1] / 'examples' / 'collision_object.py'
-    spec = importlib.util.spec_from_file_location('collision_object', path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    import collision_object
+    return collision_object
 
 
 def shape(kind=ContactShape.RECTANGLE, dimensions=(0.012, 0.006), corners=(), **fields):

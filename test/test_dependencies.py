@@ -42,7 +42,7 @@ ORIGINS = {
     'zstandard': Origin('mcap-ros2-support', 'mcap'),  # mcap requires it; rosdep has no key
 }
 OF_TESTS = {'jsonschema': 'python3-jsonschema', 'py_trees': 'py_trees', 'pytest': 'python3-pytest',
-            'rosidl_generator_py': 'rosidl_default_generators'}
+            'rosidl_adapter': 'rosidl_default_generators'}
 #: Nothing imports them: they run the package
 NOT_MODULES = {'rosidl_default_runtime', 'ros2launch', 'xacro'}
 #: Nothing imports them: the messages of an action are made of them
@@ -131,14 +131,3 @@ def test_a_workspace_gets_the_pip_keys_by_the_documented_variable():
     package.evaluate_conditions({'PIP_BREAK_SYSTEM_PACKAGES': '1', 'ROS_DISTRO': 'jazzy'})
     assert {depend.name for depend in package.exec_depends if depend.evaluated_condition} >= PIP_KEYS
     assert 'export PIP_BREAK_SYSTEM_PACKAGES=1\n' in (ROOT / 'docs/install.md').read_text(encoding='utf-8')
-
-
-def test_the_versions_of_ubuntu_that_the_page_names_are_those_that_are_tested():
-    """Where the page says that Ubuntu has a version and another is tested, it gives the reason."""
-    tested = dict(re.findall(r'^([\w-]+)==([\d.]+)$', (ROOT / 'requirements/lowest.txt').read_text(), re.MULTILINE))
-    page = (ROOT / 'docs/install.md').read_text(encoding='utf-8')
-    rows = re.findall(r'^\| ([\w-]+) \| .+? \| (.+?) \| ([\d.]+)(:.*)? \|$', page, re.MULTILINE)
-    assert {name.lower() for name, *_ in rows} == requirements()
-    for name, ubuntu, version, reason in rows:
-        assert tested[name.lower()] == version
-        assert ubuntu in (version, 'PyPI') or reason

@@ -4,21 +4,18 @@ import itertools
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
 
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from diagnostic_msgs.msg import DiagnosticStatus  # noqa: E402
-
-from tactile_node.assembly.router import BusStatistics  # noqa: E402
-from tactile_node.cia301.emergency import decode_emergency  # noqa: E402
-from tactile_node.cia301.nmt import NmtState  # noqa: E402
-from tactile_node.conditioning.condition_text import ZERO_TEXT  # noqa: E402
-from tactile_node.conditioning.conditioned_pad import PadCondition  # noqa: E402
-from tactile_node.conditioning.tare import ZeroState  # noqa: E402
-from tactile_node.conditioning.taxel_faults import FaultyTaxels  # noqa: E402
-from tactile_node.errors import HalfZeroedError  # noqa: E402
-from tactile_node.frames.fault_text import PHRASES, failure_text  # noqa: E402
-from tactile_node.frames.health import (  # noqa: E402
+from tactile_node.assembly.router import BusStatistics
+from tactile_node.cia301.emergency import decode_emergency
+from tactile_node.cia301.nmt import NmtState
+from tactile_node.conditioning.condition_text import ZERO_TEXT
+from tactile_node.conditioning.conditioned_pad import PadCondition
+from tactile_node.conditioning.tare import ZeroState
+from tactile_node.conditioning.taxel_faults import FaultyTaxels
+from tactile_node.errors import HalfZeroedError
+from tactile_node.frames.fault_text import PHRASES, failure_text
+from tactile_node.frames.health import (
     BusFault,
     BusHealth,
     Failure,
@@ -30,8 +27,8 @@ from tactile_node.frames.health import (  # noqa: E402
     SyncFault,
     SyncState,
 )
-from tactile_node.frames.losses import LossReason, PadStatistics  # noqa: E402
-from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
+from tactile_node.frames.losses import LossReason, PadStatistics
+from tactile_node.ros.diagnostics import BusDiagnostics
 
 pytestmark = pytest.mark.ros
 

@@ -10,17 +10,15 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+import documented_commands as documented
 import numpy as np
 import pytest
+from command_rules import HERE, RULES, Kind
 from matplotlib import pyplot
 
-from tactile_node.cli.main import COMMANDS, main
+from tactile_node.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / 'tools'))
-import documented_commands as documented  # noqa: E402
-from command_rules import AWAITED, HERE, RULES, Kind  # noqa: E402
-
 LINK = '/tmp/skin'  # in the documents
 LOG = 'test/data/sim16x16_two_pads.log.gz'
 TIMEOUT = 60.0  # s, for a busy machine
@@ -61,14 +59,10 @@ def test_every_command_has_a_class_and_names_what_exists(page):
 
 def test_the_tests_that_rules_name_exist_and_run_such_a_command():
     for rule in RULES:
-        if rule.kind is Kind.TESTED and not any(name in rule.pattern for name in AWAITED):
+        if rule.kind is Kind.TESTED:
             program, word = rule.pattern.replace('3?', '').removeprefix('^').split(' ')[:2]
             name = word.split('.*')[0] if program == 'tactile' else word.split('/')[-1].removesuffix('.py')
             assert name in (ROOT / rule.where).read_text(encoding='utf-8'), rule
-
-
-def test_commands_that_are_awaited_are_not_there_yet():
-    assert not set(AWAITED) & {name for name, *_ in COMMANDS}
 
 
 RUN = [each for each in ALL if each.rule and each.rule.kind is Kind.RUN]

@@ -5,23 +5,20 @@ import time
 from contextlib import ExitStack
 
 import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.executors import SingleThreadedExecutor
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from diagnostic_msgs.msg import DiagnosticStatus  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-
-from tactile_node.delay.clock_offset import ClockOffset  # noqa: E402
-from tactile_node.errors import InputError  # noqa: E402
-from tactile_node.nodes import driver_clocks  # noqa: E402
-from tactile_node.nodes.driver_clocks import DriverClocks, wall_lead  # noqa: E402
-from tactile_node.nodes.host_time_service import HostTimeService  # noqa: E402
-from tactile_node.ros.clock_facts import DriverClock, stamps_ahead_of  # noqa: E402
-from tactile_node.ros.message_health import MessageCounts, StreamHealth, health_status  # noqa: E402
-from tactile_node.ros.time_messages import time_message  # noqa: E402
-from tactile_skin.msg import TaxelArray  # noqa: E402
-from tactile_skin.srv import HostTime  # noqa: E402
+from tactile_node.delay.clock_offset import ClockOffset
+from tactile_node.errors import InputError
+from tactile_node.nodes import driver_clocks
+from tactile_node.nodes.driver_clocks import DriverClocks, wall_lead
+from tactile_node.nodes.host_time_service import HostTimeService
+from tactile_node.ros.clock_facts import DriverClock, stamps_ahead_of
+from tactile_node.ros.message_health import MessageCounts, StreamHealth, health_status
+from tactile_node.ros.time_messages import time_message
+from tactile_skin.msg import TaxelArray
+from tactile_skin.srv import HostTime
 
 pytestmark = pytest.mark.ros
 

@@ -1,72 +1,60 @@
 """The driver node's conditioning as a user meets it: files, services, parameters changed while frames flow."""
 
-import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from fault_bench import LAYOUT, PRESSED, SIDE, FaultBench
+from rclpy.parameter import Parameter
+from ros_bench import RosBench
+from std_srvs.srv import Trigger
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
-from fault_bench import LAYOUT, PRESSED, SIDE, FaultBench  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-from std_srvs.srv import Trigger  # noqa: E402
-
-from tactile_node.calibration.response import SkinResponse, save_response  # noqa: E402
-from tactile_node.conditioning.fault_file import load_faults  # noqa: E402
-from tactile_node.conditioning.response_curve import make_curve  # noqa: E402
-from tactile_node.conditioning.taxel_faults import TaxelFault  # noqa: E402
-from tactile_node.errors import ConfigurationError  # noqa: E402
-from tactile_node.frames.taxel_frame import TaxelFrame  # noqa: E402
-from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
-from tactile_node.nodes.driver_source import driver_pads  # noqa: E402
-from tactile_node.pose.layer import Layer  # noqa: E402
-from tactile_node.ros.conditioning_setup import conditioned_pads, skin_responses  # noqa: E402
-from tactile_node.ros.parameters import table  # noqa: E402
-from tactile_node.ros.qos import STATUS_QOS, frames_qos  # noqa: E402
-from tactile_node.ros.settings import DriverSettings  # noqa: E402
-from tactile_skin.msg import FaultyTaxel, NodeStatus, SkinStatus, TaxelArray  # noqa: E402
+from tactile_node.calibration.response import SkinResponse, save_response
+from tactile_node.conditioning.fault_file import load_faults
+from tactile_node.conditioning.response_curve import make_curve
+from tactile_node.conditioning.taxel_faults import TaxelFault
+from tactile_node.errors import ConfigurationError
+from tactile_node.frames.taxel_frame import TaxelFrame
+from tactile_node.nodes.driver_node import DriverNode
+from tactile_node.nodes.driver_source import driver_pads
+from tactile_node.pose.layer import Layer
+from tactile_node.ros.conditioning_setup import conditioned_pads, skin_responses
+from tactile_node.ros.parameters import table
+from tactile_node.ros.qos import STATUS_QOS, frames_qos
+from tactile_node.ros.settings import DriverSettings
+from tactile_skin.msg import FaultyTaxel, NodeStatus, SkinStatus, TaxelArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
-TIMEOUT = 60.0  # s, for a busy machine
 LIVE = {'drop_incomplete', 'heartbeat_timeout', 'faulty_taxels', 'tare_limit', 'follow_drift', 'frozen_after'}
 FILE = 'pads: {pad32: {dead: [[2, 3]]}}'
 
 
-class Driver:
+class Driver(RosBench):
     """The driver node on a simulated pad that reads PRESSED everywhere, and a listener."""
 
-    def __init__(self, channel, **given):
+    def __init__(self, stack, channel, **given):
+        super().__init__(stack)
         given = {'interface': 'virtual', 'channel': channel, 'pads': ['pad32'], 'node_ids': [32],
                  'layouts': [LAYOUT]} | given
-        self.node = DriverNode(parameter_overrides=[Parameter(name, value=value) for name, value in given.items()])
-        self.listener = rclpy.create_node('listener')
+        self.node = self.add(DriverNode(
+            parameter_overrides=[Parameter(name, value=value) for name, value in given.items()]))
+        self.listener = self.add('listener')
         self.taxels = []
         self.diagnostics = []
         self.status = []
         self.listener.create_subscription(TaxelArray, '/pad32/taxels', self.taxels.append, frames_qos(50, False))
         self.listener.create_subscription(DiagnosticArray, '/diagnostics', self.diagnostics.append, 10)
         self.listener.create_subscription(SkinStatus, '/skin_driver/status', self.status.append, STATUS_QOS)
-        self.executor = SingleThreadedExecutor()
-        for node in (self.node, self.listener):
-            self.executor.add_node(node)
-
-    def wait(self, condition):
-        end = time.monotonic() + TIMEOUT
-        while not condition():
-            assert time.monotonic() < end, 'it did not come'
-            self.executor.spin_once(timeout_sec=0.1)
 
     def values(self):
         """Of the next frame that was not yet on its way."""
         for _ in range(10):
             self.executor.spin_once(timeout_sec=0.0)
         self.taxels.clear()
-        self.wait(lambda: any(not message.missing_can_frames for message in self.taxels))
+        self.until(lambda: any(not message.missing_can_frames for message in self.taxels))
         message = next(message for message in self.taxels if not message.missing_can_frames)
         return np.array(message.values).reshape(SIDE, SIDE)
 
@@ -75,21 +63,15 @@ class Driver:
 
 
 @pytest.fixture
-def make(tmp_path):
-    rclpy.init()
-    made = []
-    with FaultBench('conditioning', source=lambda t: np.full((SIDE, SIDE), PRESSED)) as bench:
-        def driver(**given):
-            made.append(Driver(bench.channel, **given))
-            made[-1].bench = bench
-            made[-1].node.autostart()
-            return made[-1]
-        yield driver
-        for each in made:
-            each.executor.shutdown()
-            each.node.destroy_node()
-            each.listener.destroy_node()
-    rclpy.shutdown()
+def make(ros):
+    bench = ros.enter_context(FaultBench('conditioning', source=lambda t: np.full((SIDE, SIDE), PRESSED)))
+
+    def driver(**given):
+        made = Driver(ros, bench.channel, **given)
+        made.bench = bench
+        made.node.autostart()
+        return made
+    return driver
 
 
 @pytest.fixture(scope='module')
@@ -108,10 +90,10 @@ def test_files_act_from_the_first_frame_and_are_reported(make, tmp_path):
     values = driver.values()
     assert np.isnan(values[2, 3]) and np.count_nonzero(np.isnan(values)) == 1
     np.testing.assert_allclose(values[0], 2 * PRESSED, rtol=1e-3)
-    driver.wait(lambda: any(status.pads and status.pads[0].faulty_taxels for status in driver.status))
+    driver.until(lambda: any(status.pads and status.pads[0].faulty_taxels for status in driver.status))
     faulty, = driver.status[-1].pads[0].faulty_taxels
     assert (faulty.row, faulty.col, faulty.code, faulty.fault) == (2, 3, FaultyTaxel.DEAD, 'dead')
-    driver.wait(lambda: any(status.level == DiagnosticStatus.WARN and 'dead: (2, 3)' in status.message
+    driver.until(lambda: any(status.level == DiagnosticStatus.WARN and 'dead: (2, 3)' in status.message
                             for message in driver.diagnostics for status in message.status))
 
 
@@ -139,9 +121,9 @@ def test_faults_are_saved_on_request(make, tmp_path):
     driver = make(faulty_taxels_file=str(faults))
     faults.unlink()
     client = driver.listener.create_client(Trigger, '/skin_driver/save_faulty_taxels')
-    driver.wait(client.service_is_ready)
+    driver.until(client.service_is_ready)
     answer = client.call_async(Trigger.Request())
-    driver.wait(answer.done)
+    driver.until(answer.done)
     assert answer.result().success and '1 faulty' in answer.result().message
     assert load_faults(faults, {'pad32': (SIDE, SIDE)})['pad32'].places(TaxelFault.DEAD) == [(4, 5)]
 
@@ -149,9 +131,9 @@ def test_faults_are_saved_on_request(make, tmp_path):
 def test_without_a_file_saving_names_what_to_set(make):
     driver = make()
     client = driver.listener.create_client(Trigger, '/skin_driver/save_faulty_taxels')
-    driver.wait(client.service_is_ready)
+    driver.until(client.service_is_ready)
     answer = client.call_async(Trigger.Request())
-    driver.wait(answer.done)
+    driver.until(answer.done)
     assert not answer.result().success and 'faulty_taxels_file' in answer.result().message
 
 
@@ -170,46 +152,46 @@ def test_changes_take_effect_live_or_are_refused_with_a_reason(make, tmp_path):
     assert driver.set('tare_limit', 50.0).successful and drift.limit == 0.03  # a grasp would be taken for drift
     assert driver.set('frozen_after', 0.1).successful  # the skin reads the same for ever
     driver.taxels.clear()
-    driver.wait(lambda: driver.taxels and np.isnan(driver.taxels[-1].values).all())
+    driver.until(lambda: driver.taxels and np.isnan(driver.taxels[-1].values).all())
     assert driver.set('frozen_after', 0.0).successful
-    driver.wait(lambda: not np.isnan(driver.taxels[-1].values).all())
+    driver.until(lambda: not np.isnan(driver.taxels[-1].values).all())
 
 
 def test_how_long_a_node_may_be_silent_can_be_changed_live(make):
     driver = make()
-    driver.wait(lambda: driver.status and driver.status[-1].active)
+    driver.until(lambda: driver.status and driver.status[-1].active)
     assert driver.set('heartbeat_timeout', 30.0).successful
     driver.bench.device.power_off()
-    driver.wait(lambda: driver.status[-1].pads[0].nodes[0].heartbeat_age > 2)
+    driver.until(lambda: driver.status[-1].pads[0].nodes[0].heartbeat_age > 2)
     assert driver.status[-1].pads[0].nodes[0].fault == NodeStatus.FAULT_NONE
     assert driver.set('heartbeat_timeout', 0.5).successful
-    driver.wait(lambda: driver.status[-1].pads[0].nodes[0].fault == NodeStatus.FAULT_SILENT)
+    driver.until(lambda: driver.status[-1].pads[0].nodes[0].fault == NodeStatus.FAULT_SILENT)
 
 
 def test_another_publisher_of_the_pads_taxels_is_reported(make):
     """Also one of the same name, as a driver that was started twice."""
     driver = make()
-    driver.wait(lambda: driver.status and driver.status[-1].pads and driver.status[-1].pads[0].level == SkinStatus.OK)
+    driver.until(lambda: driver.status and driver.status[-1].pads and driver.status[-1].pads[0].level == SkinStatus.OK)
     with rclpy.context.Context() as context:  # as in another process
         other = rclpy.create_node('skin_driver', context=context)
         other.create_publisher(TaxelArray, '/pad32/taxels', 10)
-        driver.wait(lambda: driver.status[-1].pads[0].level == SkinStatus.WARN
+        driver.until(lambda: driver.status[-1].pads[0].level == SkinStatus.WARN
                     and '/skin_driver' in driver.status[-1].pads[0].message)
         other.destroy_node()
-    driver.wait(lambda: driver.status[-1].pads[0].level == SkinStatus.OK)
+    driver.until(lambda: driver.status[-1].pads[0].level == SkinStatus.OK)
 
 
 def test_incomplete_frames_can_be_dropped_live(make):
     driver = make()
     driver.values()
     driver.bench.adapter.tamper = lambda message: [] if message.arbitration_id == 0x1A0 else [message]
-    driver.wait(lambda: driver.taxels[-1].missing_can_frames == 1)
+    driver.until(lambda: driver.taxels[-1].missing_can_frames == 1)
     assert driver.set('drop_incomplete', True).successful
 
     def lost():
         pad = driver.status[-1].pads[0]
         return pad.loss_counts[pad.loss_reasons.index('incomplete')]
-    driver.wait(lost)
+    driver.until(lost)
     driver.bench.adapter.tamper = None
     driver.values()
 

@@ -10,34 +10,31 @@ from math import inf, log2
 
 import numpy as np
 import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from fault_bench import LAYOUT, PRESSED, SIDE, FaultBench
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.msg import Log
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.time import Time
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
-from fault_bench import LAYOUT, PRESSED, SIDE, FaultBench  # noqa: E402
-from lifecycle_msgs.msg import Transition  # noqa: E402
-from lifecycle_msgs.srv import ChangeState  # noqa: E402
-from rcl_interfaces.msg import Log  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.lifecycle import TransitionCallbackReturn  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: E402
-from rclpy.time import Time  # noqa: E402
-
-from tactile_node.frames.health import BusFault, Failure  # noqa: E402
-from tactile_node.nodes import driver_node  # noqa: E402
-from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
-from tactile_node.nodes.lifecycle_steps import WAITING  # noqa: E402
-from tactile_node.nodes.pad_output import PadOutput  # noqa: E402
-from tactile_node.ros.parameters import read  # noqa: E402
-from tactile_node.ros.qos import STATUS_QOS, frames_qos  # noqa: E402
-from tactile_node.ros.settings import DriverSettings  # noqa: E402
-from tactile_node.ros.time_messages import seconds  # noqa: E402
-from tactile_node.threads import change_pace  # noqa: E402
-from tactile_node.threads.reminder import FIRST_REMINDER  # noqa: E402
-from tactile_skin.msg import NodeStatus, SkinStatus, TaxelArray  # noqa: E402
-from tactile_skin.srv import Tare  # noqa: E402
+from tactile_node.frames.health import BusFault, Failure
+from tactile_node.nodes import driver_node
+from tactile_node.nodes.driver_node import DriverNode
+from tactile_node.nodes.lifecycle_steps import WAITING
+from tactile_node.nodes.pad_output import PadOutput
+from tactile_node.ros.parameters import read
+from tactile_node.ros.qos import STATUS_QOS, frames_qos
+from tactile_node.ros.settings import DriverSettings
+from tactile_node.ros.time_messages import seconds
+from tactile_node.threads import change_pace
+from tactile_node.threads.reminder import FIRST_REMINDER
+from tactile_skin.msg import NodeStatus, SkinStatus, TaxelArray
+from tactile_skin.srv import Tare
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
@@ -358,7 +355,7 @@ def test_a_fault_reaches_the_status_when_it_changes(chain, monkeypatch):
 
 
 def test_of_a_flapping_fault_the_last_state_is_reported(chain, monkeypatch):
-    """How often at most: test_change_pace.py."""
+    """How often at most: test_pacer.py."""
     chain.driver.autostart()
     chain.wait(lambda: (OK, OK) in chain.levels, 'never OK')
     heard, source = seen_status(chain), chain.driver.source

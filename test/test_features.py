@@ -10,11 +10,7 @@ from patterns import L_OF_THREE, assorted, cropped, ring, rotated_patterns, shap
 
 from tactile_node.errors import InputError
 from tactile_node.helmholtz.features import Group, compute_features
-from tactile_node.helmholtz.rotation import (
-    ANGLES,
-    fill_holes,
-    fine_lattice,
-)
+from tactile_node.helmholtz.rotation import ANGLES, fill_holes, fine_lattice
 
 
 def assert_same(found, expected, name):

@@ -6,15 +6,12 @@ import time
 from contextlib import ExitStack
 
 import pytest
+import rclpy
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from lifecycle_msgs.msg import Transition  # noqa: E402
-from lifecycle_msgs.srv import ChangeState  # noqa: E402
-
-from tactile_node.ros.qos import STATUS_QOS  # noqa: E402
-from tactile_skin.msg import SkinStatus  # noqa: E402
+from tactile_node.ros.qos import STATUS_QOS
+from tactile_skin.msg import SkinStatus
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 

@@ -4,18 +4,16 @@ import threading
 import time
 
 import pytest
+import rclpy
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.task import Future
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
-rclpy = pytest.importorskip('rclpy')
-
-from rclpy.callback_groups import ReentrantCallbackGroup  # noqa: E402
-from rclpy.event_handler import SubscriptionEventCallbacks  # noqa: E402
-from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
-from rclpy.task import Future  # noqa: E402
-from std_msgs.msg import String  # noqa: E402
-from std_srvs.srv import Trigger  # noqa: E402
-
-from tactile_node.nodes.frame_executor import EVENTS_PERIOD, FrameExecutor  # noqa: E402
-from tactile_node.nodes.spinning import spinning  # noqa: E402
+from tactile_node.nodes.frame_executor import EVENTS_PERIOD, FrameExecutor
+from tactile_node.nodes.spinning import spinning
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 

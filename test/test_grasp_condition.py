@@ -1,31 +1,22 @@
 """The example for behaviour trees: a condition that never succeeds by an old grasp."""
 
-import importlib.util
-from pathlib import Path
 from types import SimpleNamespace
 
+import grasp_condition as example
+import py_trees
 import pytest
+from py_trees.common import Status
+from test_malformed_messages import good_shape
 
-py_trees = pytest.importorskip('py_trees')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from py_trees.common import Status  # noqa: E402
-from test_malformed_messages import good_shape  # noqa: E402
-
-from tactile_node.grasp.opening import NOT_KNOWN  # noqa: E402
-from tactile_node.grasp.tracker import GraspTracker, SideResult, SideState  # noqa: E402
-from tactile_node.ros.grasp_messages import grasp_message  # noqa: E402
-from tactile_node.ros.message_age import age_message  # noqa: E402
-from tactile_node.ros.message_checks import check_grasp  # noqa: E402
-from tactile_node.ros.time_messages import time_message  # noqa: E402
-from tactile_skin.msg import ContactShape, Grasp  # noqa: E402
+from tactile_node.grasp.opening import NOT_KNOWN
+from tactile_node.grasp.tracker import GraspTracker, SideResult, SideState
+from tactile_node.ros.grasp_messages import grasp_message
+from tactile_node.ros.message_age import age_message
+from tactile_node.ros.message_checks import check_grasp
+from tactile_node.ros.time_messages import time_message
+from tactile_skin.msg import ContactShape, Grasp
 
 pytestmark = pytest.mark.ros
-
-PATH = Path(__file__).resolve().parents[1] / 'examples' / 'grasp_condition.py'
-SPEC = importlib.util.spec_from_file_location('grasp_condition', PATH)
-example = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(example)
 
 PERIOD, AGE = 0.05, 0.03  # s
 

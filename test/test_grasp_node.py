@@ -2,30 +2,25 @@
 
 import math
 import time
-from contextlib import ExitStack
+from functools import partial
 
 import pytest
+from rclpy.parameter import Parameter
+from ros_bench import TIMEOUT, RosBench
+from test_malformed_messages import good_shape
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-from test_malformed_messages import good_shape  # noqa: E402
-
-from tactile_node.nodes.grasp_node import GraspNode  # noqa: E402
-from tactile_node.ros.message_age import age_message, age_seconds  # noqa: E402
-from tactile_node.ros.message_checks import check_grasp  # noqa: E402
-from tactile_node.ros.qos import frames_qos  # noqa: E402
-from tactile_node.ros.time_messages import time_message  # noqa: E402
-from tactile_skin.msg import ContactShape, Grasp  # noqa: E402
+from tactile_node.nodes.grasp_node import GraspNode
+from tactile_node.ros.message_age import age_message, age_seconds
+from tactile_node.ros.message_checks import check_grasp
+from tactile_node.ros.qos import frames_qos
+from tactile_node.ros.time_messages import time_message
+from tactile_skin.msg import ContactShape, Grasp
 
 pytestmark = pytest.mark.ros
 
 PERIOD, AGE = 0.02, 0.015  # s
 HELD_BACK = 1.5  # s, fifteen times what a grasp may be old
 BOTH = ('left', 'right')
-TIMEOUT = 60.0  # s, for a busy machine
 
 
 def hidden_shape() -> ContactShape:
@@ -36,26 +31,20 @@ def hidden_shape() -> ContactShape:
                         frame_shape=ContactShape.UNKNOWN, frame_class_name='unknown', method='learned')
 
 
-class Gripper:
+class Gripper(RosBench):
     """Two classifiers, each with another clock, and a reader of the node's grasps."""
 
-    def __init__(self, stack: ExitStack, parameters=(), offsets=(0.0, 0.0)):
+    def __init__(self, stack, parameters=(), offsets=(0.0, 0.0), executor=None, lossless=False):
+        super().__init__(stack, executor)
         self.grasps: list[tuple[float, Grasp]] = []
-        self._executor = SingleThreadedExecutor()
         self._offsets = dict(zip(BOTH, offsets))
         self._sequence = 0
         self._shape = good_shape()
-        peer = rclpy.create_node('peer')
-        for node in (peer, GraspNode(parameter_overrides=[Parameter(*each) for each in parameters])):
-            self._executor.add_node(node)
-            stack.callback(node.destroy_node)
-        peer.create_subscription(Grasp, '/grasp', self._on_grasp, frames_qos(500))
-        self._publishers = {side: peer.create_publisher(ContactShape, f'/{side}/shape', frames_qos(500))
-                            for side in BOTH}
-        end = time.monotonic() + TIMEOUT
-        while not all(each.get_subscription_count() for each in self._publishers.values()):
-            assert time.monotonic() < end
-            self._executor.spin_once(timeout_sec=0.1)
+        peer, qos = self.add('peer'), frames_qos(500, lossless)
+        self.add(GraspNode(parameter_overrides=[Parameter(*each) for each in parameters]))
+        peer.create_subscription(Grasp, '/grasp', self._on_grasp, qos)
+        self._publishers = {side: peer.create_publisher(ContactShape, f'/{side}/shape', qos) for side in BOTH}
+        self.until(lambda: all(each.get_subscription_count() for each in self._publishers.values()))
 
     def _on_grasp(self, grasp: Grasp) -> None:
         assert check_grasp(grasp) is None
@@ -79,25 +68,13 @@ class Gripper:
     def publish(self, side: str, message: ContactShape) -> None:
         self._publishers[side].publish(message)
 
-    def spin(self, seconds: float) -> None:
-        end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0:
-            self._executor.spin_once(timeout_sec=min(0.005, left))
-
-    def spin_until(self, condition) -> None:
-        """Publish nothing."""
-        end = time.monotonic() + TIMEOUT
-        while not condition():
-            assert time.monotonic() < end, self.grasps[-1:]
-            self._executor.spin_once(timeout_sec=0.01)
-
     def run(self, seconds: float, sides=BOTH, shapes=None) -> None:
         """Publish the shapes of ``sides`` every PERIOD."""
         for _ in range(round(seconds / PERIOD)):
             self._sequence += 1
             for side in sides:
                 self.publish(side, self.message(side, (shapes or {}).get(side)))
-            self.spin(PERIOD)
+            self.wait(PERIOD)
 
     def run_until(self, condition, what: str, **given) -> None:
         end = time.monotonic() + TIMEOUT
@@ -107,11 +84,8 @@ class Gripper:
 
 
 @pytest.fixture
-def make_gripper():
-    rclpy.init()
-    with ExitStack() as stack:
-        stack.callback(rclpy.shutdown)
-        yield lambda *args, **options: Gripper(stack, *args, **options)
+def make_gripper(ros):
+    return partial(Gripper, ros)
 
 
 OFFSETS = [(0.0, 0.0), (3600.0, -86400.0)]
@@ -152,12 +126,12 @@ def test_ten_shapes_that_were_held_back_are_never_fresh(make_gripper, offsets):
     kept = []
     for _ in range(10):
         kept += [(side, gripper.message(side, good_shape())) for side in BOTH]
-        gripper.spin(PERIOD)
-    gripper.spin(HELD_BACK)
+        gripper.wait(PERIOD)
+    gripper.wait(HELD_BACK)
     released = time.monotonic()
     for side, message in kept:
         gripper.publish(side, message)
-    gripper.spin_until(lambda: len(gripper.after(released)) >= 20)
+    gripper.until(lambda: len(gripper.after(released)) >= 20)
     burst = [grasp for _, grasp in gripper.after(released)]
     assert not any(grasp.fresh or grasp.stable for grasp in burst)
     assert {grasp.contact for grasp in burst} == {Grasp.UNSEEN}
@@ -170,11 +144,11 @@ def test_a_start_in_the_middle_of_a_burst_is_not_fresh(make_gripper):
     kept = []
     for _ in range(10):
         kept += [(side, gripper.message(side, good_shape())) for side in BOTH]
-        gripper.spin(PERIOD)
-    gripper.spin(HELD_BACK)
+        gripper.wait(PERIOD)
+    gripper.wait(HELD_BACK)
     for side, message in kept:
         gripper.publish(side, message)
-    gripper.spin_until(lambda: len(gripper.grasps) >= 20)
+    gripper.until(lambda: len(gripper.grasps) >= 20)
     assert not any(grasp.fresh for _, grasp in gripper.grasps)
 
 
@@ -195,6 +169,6 @@ def test_a_pad_that_is_not_seen_is_unseen(make_gripper, hidden):
 def test_a_side_that_never_answers_is_not_known(make_gripper):
     gripper = make_gripper()
     gripper.run(1.0, ['left'])
-    gripper.spin_until(lambda: len(gripper.grasps) > 20)
+    gripper.until(lambda: len(gripper.grasps) > 20)
     assert {(grasp.contact, grasp.fresh) for _, grasp in gripper.grasps} == {(Grasp.NOT_KNOWN, False)}
     assert age_seconds(gripper.latest.age) == math.inf

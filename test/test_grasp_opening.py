@@ -6,29 +6,23 @@ closing direction.
 """
 
 import time
-from contextlib import ExitStack
 from math import atan2, hypot, isfinite, isnan, pi
 
 import numpy as np
 import pytest
+from ros_bench import TIMEOUT, RosBench
+from sensor_msgs.msg import JointState
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from sensor_msgs.msg import JointState  # noqa: E402
-
-from tactile_node.node_graph import bus_nodes  # noqa: E402
-from tactile_node.nodes.system import System  # noqa: E402
-from tactile_node.ros.message_age import age_seconds  # noqa: E402
-from tactile_node.ros.message_checks import check_grasp  # noqa: E402
-from tactile_node.simulator.skin_simulator import SkinSimulator  # noqa: E402
-from tactile_node.skin.pads import make_pad  # noqa: E402
-from tactile_skin.msg import Grasp  # noqa: E402
+from tactile_node.node_graph import bus_nodes
+from tactile_node.nodes.system import System
+from tactile_node.ros.message_age import age_seconds
+from tactile_node.ros.message_checks import check_grasp
+from tactile_node.simulator.skin_simulator import SkinSimulator
+from tactile_node.skin.pads import make_pad
+from tactile_skin.msg import Grasp
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
-TIMEOUT = 60.0  # s, for a busy machine
 LIMIT = 0.3  # s, max_gap_age
 JOINTS = ['left_finger_joint', 'right_finger_joint']
 GRASP = {'gap_source': 'joint_states', 'gap_joints': JOINTS, 'max_gap_age': LIMIT,
@@ -44,10 +38,11 @@ def square(column):
     return lambda t: values
 
 
-class World:
+class World(RosBench):
     """The nodes of a gripper, and what one consumer reads."""
 
     def __init__(self, stack):
+        super().__init__(stack)
         channel = 'grasp_opening'
         pads = [make_pad('left', 32, 'sim16x16.yaml'), make_pad('right', 64, 'sim16x16.yaml')]
         skin = SkinSimulator(pads, {'left': square(6), 'right': square(9)})
@@ -57,11 +52,8 @@ class World:
             'interface': 'virtual', 'channel': channel, 'node_ids': [32, 64], 'layouts': ['sim16x16.yaml'],
             'sync_period': 0.1}))  # s: the chain, the skins and the consumer share one process
         stack.callback(system.destroy)
-        self.executor = SingleThreadedExecutor()
-        stack.callback(self.executor.shutdown)
-        beside = rclpy.create_node('beside')
-        stack.callback(beside.destroy_node)
-        for node in (*system.nodes, beside):
+        beside = self.add('beside')
+        for node in system.nodes:
             self.executor.add_node(node)
         self.grasps = []
         beside.create_subscription(Grasp, 'grasp', self.grasps.append, 10)
@@ -93,11 +85,8 @@ class World:
 
 
 @pytest.fixture
-def world():
-    rclpy.init()
-    with ExitStack() as stack:
-        stack.callback(rclpy.shutdown)
-        yield World(stack)
+def world(ros):
+    return World(ros)
 
 
 def check_place(grasp, gap):

@@ -1,34 +1,29 @@
 """The action and the service of the grasp node, served by the executor of our processes: nothing old fulfils a goal."""
 
 import time
-from contextlib import ExitStack
 from functools import partial
 from math import nan
 
 import pytest
+import rclpy
+from action_msgs.msg import GoalStatus
+from builtin_interfaces.msg import Duration
+from rclpy.action import ActionClient
+from rclpy.parameter import Parameter
+from ros_bench import TIMEOUT
+from test_grasp_node import BOTH, PERIOD, SIM_TIME, Gripper, hidden_shape
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.action', reason='the messages are not built: run `make setup`')
-
-import test_grasp_node  # noqa: E402
-from action_msgs.msg import GoalStatus  # noqa: E402
-from builtin_interfaces.msg import Duration  # noqa: E402
-from rclpy.action import ActionClient  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-from test_grasp_node import PERIOD, SIM_TIME, TIMEOUT, hidden_shape  # noqa: E402
-
-from tactile_node.errors import RefusedRequirementError, RequirementRefusal  # noqa: E402
-from tactile_node.grasp.tracker import GraspContact, GraspState, SideState  # noqa: E402
-from tactile_node.nodes.frame_executor import FrameExecutor  # noqa: E402
-from tactile_node.nodes.grasp_requests import MOST_GOALS, CurrentGrasp, GraspRequests  # noqa: E402
-from tactile_node.ros.message_age import age_seconds  # noqa: E402
-from tactile_node.ros.message_checks import check_grasp  # noqa: E402
-from tactile_node.ros.qos import frames_qos  # noqa: E402
-from tactile_node.ros.requirement_messages import requirement_of, timeout_of  # noqa: E402
-from tactile_node.ros.time_messages import duration_message  # noqa: E402
-from tactile_skin.action import WaitForGrasp  # noqa: E402
-from tactile_skin.msg import ContactShape, Grasp, GraspRequirement, RequirementState  # noqa: E402
-from tactile_skin.srv import CheckGrasp  # noqa: E402
+from tactile_node.errors import RefusedRequirementError, RequirementRefusal
+from tactile_node.grasp.tracker import GraspContact, GraspState, SideState
+from tactile_node.nodes.frame_executor import FrameExecutor
+from tactile_node.nodes.grasp_requests import MOST_GOALS, CurrentGrasp, GraspRequests
+from tactile_node.ros.message_age import age_seconds
+from tactile_node.ros.message_checks import check_grasp
+from tactile_node.ros.requirement_messages import requirement_of, timeout_of
+from tactile_node.ros.time_messages import duration_message
+from tactile_skin.action import WaitForGrasp
+from tactile_skin.msg import ContactShape, Grasp, GraspRequirement, RequirementState
+from tactile_skin.srv import CheckGrasp
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
@@ -39,11 +34,9 @@ LONG = 60.0  # s, a timeout that does not end
 class Planner:
     """A client of a grasp node between two classifiers."""
 
-    def __init__(self, stack: ExitStack, parameters=()):
-        self.gripper = test_grasp_node.Gripper(stack, parameters)
-        node = rclpy.create_node('planner')
-        stack.callback(node.destroy_node)
-        self.gripper._executor.add_node(node)
+    def __init__(self, stack, parameters=(), lossless=False):
+        self.gripper = Gripper(stack, parameters, executor=FrameExecutor(), lossless=lossless)
+        node = self.gripper.add('planner')
         self._actions = ActionClient(node, WaitForGrasp, '/grasp/wait_for_grasp')
         stack.callback(self._actions.destroy)
         self._checks = node.create_client(CheckGrasp, '/grasp/check_grasp')
@@ -75,16 +68,9 @@ class Planner:
         return call.result()
 
 
-BOTH = ('left', 'right')
-
-
 @pytest.fixture
-def make_planner(monkeypatch):
-    monkeypatch.setattr(test_grasp_node, 'SingleThreadedExecutor', FrameExecutor)
-    rclpy.init()
-    with ExitStack() as stack:
-        stack.callback(rclpy.shutdown)
-        yield lambda *parameters: Planner(stack, *parameters)
+def make_planner(ros):
+    return partial(Planner, ros)
 
 
 @pytest.fixture
@@ -117,21 +103,20 @@ def test_each_of_the_goals_that_end_together_gets_its_answer(planner):
     """Middleware keeps so many requests and replies of a service, and drops more without a sign."""
     handles = [planner.send(shapes=[ContactShape.SQUARE])[0] for _ in range(MOST_GOALS)]
     asked = [handle.get_result_async() for handle in handles]
-    planner.gripper.spin(0.2)
+    planner.gripper.wait(0.2)
     for handle in handles:
         handle.cancel_goal_async()
     end = time.monotonic() + 2.0
     while time.monotonic() < end and not all(each.done() for each in asked):
-        planner.gripper.spin(0.05)
+        planner.gripper.wait(0.05)
     assert [each.result().result.outcome for each in asked if each.done()] == [Result.CANCELED] * MOST_GOALS
 
 
-def test_the_last_grasp_of_a_lossless_replay_that_has_ended_is_not_held(make_planner, monkeypatch):
+def test_the_last_grasp_of_a_lossless_replay_that_has_ended_is_not_held(make_planner):
     """Its clock is that of the stamps, which then stand still."""
-    monkeypatch.setattr(test_grasp_node, 'frames_qos', partial(frames_qos, lossless=True))
-    planner = make_planner((('lossless', Parameter.Type.BOOL, True),))
+    planner = make_planner((('lossless', Parameter.Type.BOOL, True),), lossless=True)
     planner.until(lambda: planner.gripper.grasps and planner.gripper.latest.stable, BOTH)
-    planner.gripper.spin(0.4)
+    planner.gripper.wait(0.4)
     answer = planner.check()
     assert (answer.outcome, answer.state.missing) == (CheckGrasp.Response.NOT_HELD, S.UNSEEN)
     handle, _ = planner.send(timeout=0.2)
@@ -218,7 +203,7 @@ def test_a_goal_that_waits_does_not_keep_the_executor_busy(planner):
     passes, before = 0, time.process_time()
     end = time.monotonic() + 0.5
     while time.monotonic() < end:
-        planner.gripper._executor.spin_once(timeout_sec=0.05)
+        planner.gripper.executor.spin_once(timeout_sec=0.05)
         passes += 1
     assert passes < 100, time.process_time() - before
 
@@ -256,7 +241,7 @@ def test_a_grasp_that_is_lost_before_the_answer_leaves_is_not_reported_as_held(p
     sides = [ContactShape(), ContactShape()]
     node = rclpy.create_node('brief')
     requests = GraspRequests(node, lambda: CurrentGrasp(looks.pop() if looks else unseen, sides, Grasp))
-    planner.gripper._executor.add_node(node)
+    planner.gripper.executor.add_node(node)
     client = ActionClient(node, WaitForGrasp, '/brief/wait_for_grasp')
     planner.until(client.server_is_ready)
     sent = client.send_goal_async(WaitForGrasp.Goal(timeout=Duration(sec=60)))

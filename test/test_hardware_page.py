@@ -5,16 +5,14 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from tactile_node.cia301.connection_set import SERVICES  # noqa: E402
-from tactile_node.cia301.nmt import NmtState  # noqa: E402
-from tactile_node.conditioning.conditioned_pad import PadCondition  # noqa: E402
-from tactile_node.conditioning.taxel_faults import FaultDetector  # noqa: E402
-from tactile_node.frames.fault_text import OVERLOAD_PHRASES, PHRASES, SYNC_PHRASES  # noqa: E402
-from tactile_node.frames.health import BusHealth, NodeHealth  # noqa: E402
-from tactile_node.frames.losses import BusStatistics, LossReason, PadStatistics  # noqa: E402
-from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
+from tactile_node.cia301.connection_set import SERVICES
+from tactile_node.cia301.nmt import NmtState
+from tactile_node.conditioning.conditioned_pad import PadCondition
+from tactile_node.conditioning.taxel_faults import FaultDetector
+from tactile_node.frames.fault_text import OVERLOAD_PHRASES, PHRASES, SYNC_PHRASES
+from tactile_node.frames.health import BusHealth, NodeHealth
+from tactile_node.frames.losses import BusStatistics, LossReason, PadStatistics
+from tactile_node.ros.diagnostics import BusDiagnostics
 
 pytestmark = pytest.mark.ros
 

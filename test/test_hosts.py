@@ -14,13 +14,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-
-pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from hosts_bench import HostsWorld  # noqa: E402
-from misled_bench import WITHDRAWN, FalseClaim, current, empty  # noqa: E402
-from two_hosts import Hosts, NoHostsError  # noqa: E402
+from hosts_bench import HostsWorld
+from misled_bench import WITHDRAWN, FalseClaim, current, empty
+from two_hosts import Hosts, NoHostsError
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 

@@ -4,14 +4,11 @@ import math
 from types import SimpleNamespace
 
 import pytest
+from builtin_interfaces.msg import Duration
+from std_msgs.msg import Header
 
-pytest.importorskip('rclpy')
-
-from builtin_interfaces.msg import Duration  # noqa: E402
-from std_msgs.msg import Header  # noqa: E402
-
-from tactile_node.ros.message_age import NOT_KNOWN_SEC, InputAge, age_message, age_seconds  # noqa: E402
-from tactile_node.ros.time_messages import time_message  # noqa: E402
+from tactile_node.ros.message_age import NOT_KNOWN_SEC, InputAge, age_message, age_seconds
+from tactile_node.ros.time_messages import time_message
 
 pytestmark = pytest.mark.ros
 

@@ -5,15 +5,11 @@ planner, hidden rows and saturation in test_stages.py, a tare of a grasp in test
 """
 
 import pytest
+from misled_bench import current, empty, is_overloaded
+from misled_catalogue import bus_fails, malformed_messages, object_creeps, rows_are_hidden
+from misled_consumer import grasp_facts, shape_facts
 
-pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from misled_bench import current, empty, is_overloaded  # noqa: E402
-from misled_catalogue import bus_fails, malformed_messages, object_creeps, rows_are_hidden  # noqa: E402
-from misled_consumer import grasp_facts, shape_facts  # noqa: E402
-
-from tactile_skin.msg import ContactShape, Grasp  # noqa: E402
+from tactile_skin.msg import ContactShape, Grasp
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 

@@ -1,12 +1,20 @@
-"""The nodes of a bus are looked after at once: what one of them takes its time for costs the others none."""
+"""Nodes that come back, zero themselves or share a COB-ID: what the driver does."""
 
+import logging
 import threading
 
+import numpy as np
 import pytest
+from can_bench import Bench
+from canopen import SdoAbortedError
 from fault_bench import TIMEOUT, FaultBench
 
+from tactile_node.bus import auto_zero, bus_devices
 from tactile_node.bus.skin_bus import SkinBus
-from tactile_node.errors import DeviceAbsentError
+from tactile_node.errors import DeviceAbsentError, DeviceError, HalfZeroedError
+from tactile_node.package_files import config_path
+from tactile_node.recording.log_source import LogSource
+from tactile_node.skin.pads import make_pad
 
 pytestmark = pytest.mark.bus
 
@@ -30,3 +38,114 @@ def test_of_absent_nodes_that_are_not_waited_for_one_is_named():
         bench.driver.open()
         with pytest.raises(DeviceAbsentError, match='node 32'):
             bench.driver.configure()
+
+
+def test_an_eds_without_it_is_reported():
+    with Bench('no_zero', 'sim16x16.yaml') as bench:
+        bench.driver.open()
+        with pytest.raises(DeviceError, match='0x6125.*no such object.*without on_device'):
+            bench.driver.auto_zero('pad32')
+
+
+def test_a_device_that_refuses_is_reported_by_channel(monkeypatch):
+    monkeypatch.setattr(auto_zero, 'ZERO_SIGNATURE', b'nero')
+    with Bench('refuses_zero', 'sim8x8_16bit.yaml') as bench:
+        bench.driver.open()
+        with pytest.raises(DeviceError, match='0x6125 sub 1: .*0 of 64 channels are zeroed') as refused:
+            bench.driver.auto_zero('pad32')
+        assert not isinstance(refused.value, HalfZeroedError)
+
+
+@pytest.mark.parametrize('answer', [bytes.fromhex('8025610322000008'), None])
+def test_a_device_that_is_zeroed_in_part_or_does_not_answer_is_distinguished(answer):
+    """The third channel is refused (SDO abort), or its confirmation lost: then its state is not known."""
+    def tamper(message):
+        if message.arbitration_id == 0x5A0 and bytes(message.data[:4]) == bytes.fromhex('60256103'):
+            message.data = answer
+            return [message] if answer else []
+        return [message]
+    with FaultBench(f'half zeroed {answer}') as bench:
+        bench.driver.open()
+        bench.adapter.tamper = tamper
+        with pytest.raises(HalfZeroedError, match='0x6125 sub 3: .*2 of 64 channels are zeroed'):
+            bench.driver.auto_zero('pad32')
+
+
+def test_of_a_pads_nodes_the_first_may_be_zeroed_when_the_second_refuses(monkeypatch):
+    zeroed = []
+
+    def second_refuses(_sdo, _dictionary, label):
+        if zeroed:
+            raise DeviceError(label, expected='that it takes "zero"', got='an abort', remedy='See its manual.')
+        zeroed.append(label)
+        return 5
+    monkeypatch.setattr(bus_devices, 'auto_zero', second_refuses)
+    with Bench('nodes zeroed', 'nodes2_12x8_12bit.yaml', (32, 35)) as bench:
+        bench.driver.open()
+        with pytest.raises(HalfZeroedError, match='node 35.*5 channels of other nodes are zeroed'):
+            bench.driver.auto_zero('pad32')
+
+
+def test_a_log_has_no_device(tmp_path):
+    source = LogSource(str(tmp_path / 'x.log'), (make_pad('pad', 32, 'sim8x8_16bit.yaml'),), lambda *_: None)
+    with pytest.raises(DeviceError, match='x.log'):
+        source.auto_zero('pad')
+
+
+#: the simulated skin's TPDO 3 (first half of row 1) alone, under the COB-ID that its TPDO 1 (of row 0) has
+ONE = '''
+rows: 1
+cols: 4
+pitch: 0.004
+value: {unit: N, scale: 0.0005, offset: 30000, bits: 16, signed: true, pressure: falling}
+tpdos:
+- {number: 3, cob_id: $NODEID+0x180, map: {object: 0x7130, sub: 9, bits: 16, count: 4},
+   taxels: {first: [0, 0], step: [0, 1], count: 4, bit_step: 16}}
+'''
+ROWS = np.repeat(np.arange(8.0)[:, None] + 1, 8, axis=1)  # each taxel reads the number of its row, from 1
+
+
+def one_tpdo(bench, folder):
+    """A driver of ONE on the bench's bus."""
+    path = folder / 'one.yaml'
+    path.write_text(ONE)
+    pad = make_pad('pad32', 32, str(path), str(config_path('sim8x8_16bit.eds')))
+    return SkinBus(bench.settings, (pad,), lambda name, frame: bench.frames.put((name, frame)))
+
+
+def cob_id(bench, number):
+    """0x1800 + number - 1, sub 1, of the device."""
+    return bench.simulator.devices[32]._number(0x1800 + number - 1, 1)
+
+
+def test_no_other_tpdo_is_taken_for_taxels(tmp_path, caplog):
+    """CANopenNode's demo device sent both under one COB-ID, and the first came out as valid values."""
+    caplog.set_level(logging.WARNING)
+    with Bench('rivals', 'sim8x8_16bit.yaml', source=lambda t: ROWS, sync_period=0.02) as bench:
+        bench.run()
+        bench.take_whole(1)
+        bench.driver.close()
+        bench.forget()
+        bench.driver = one_tpdo(bench, tmp_path)
+        bench.run()
+        frames = bench.take_whole(3)
+        rival, other = cob_id(bench, 1), cob_id(bench, 2)
+        losses = bench.driver.statistics().pads['pad32'].losses
+    assert all(np.allclose(frame.values, 2.0) for _, frame in frames)
+    assert rival >> 31 == 1 and other >> 31 == 0, 'TPDO 2 has another COB-ID'
+    assert not any(losses.values()) and 'TPDO 1' in caplog.text
+
+
+def test_a_device_that_refuses_is_not_used(tmp_path):
+    def refuse(index, subindex, **_):
+        if (index, subindex) == (0x1800, 1):
+            raise SdoAbortedError(0x06010002)
+    with Bench('stubborn', 'sim8x8_16bit.yaml', source=lambda t: ROWS) as bench:
+        bench.run()
+        bench.driver.close()
+        bench.simulator.devices[32]._node.add_write_callback(refuse)
+        bench.driver = one_tpdo(bench, tmp_path)
+        bench.driver.open()
+        with pytest.raises(DeviceError) as refused:
+            bench.driver.configure()
+    assert '0x1800 sub 1' in refused.value.where and '0x06010002' in refused.value.got

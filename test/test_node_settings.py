@@ -5,25 +5,17 @@ from dataclasses import FrozenInstanceError, fields
 from pathlib import Path
 
 import pytest
+import rclpy
 import yaml
+from rclpy.parameter import Parameter
+from rclpy.qos import ReliabilityPolicy
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from rclpy.parameter import Parameter  # noqa: E402
-from rclpy.qos import ReliabilityPolicy  # noqa: E402
-
-from tactile_node.nodes.classifier_node import ClassifierNode  # noqa: E402
-from tactile_node.nodes.driver_node import READ_AT_CONFIGURE, DriverNode  # noqa: E402
-from tactile_node.nodes.grasp_node import GraspNode  # noqa: E402
-from tactile_node.nodes.processor_node import ProcessorNode  # noqa: E402
-from tactile_node.ros.parameters import changed, read, table  # noqa: E402
-from tactile_node.ros.settings import (  # noqa: E402
-    ClassifierSettings,
-    DriverSettings,
-    GraspNodeSettings,
-    ProcessorSettings,
-)
+from tactile_node.nodes.classifier_node import ClassifierNode
+from tactile_node.nodes.driver_node import READ_AT_CONFIGURE, DriverNode
+from tactile_node.nodes.grasp_node import GraspNode
+from tactile_node.nodes.processor_node import ProcessorNode
+from tactile_node.ros.parameters import changed, read, table
+from tactile_node.ros.settings import ClassifierSettings, DriverSettings, GraspNodeSettings, ProcessorSettings
 
 EXAMPLE = Path(__file__).resolve().parents[1] / 'config' / 'parameters.yaml'
 SETTINGS = {'skin_driver': DriverSettings, 'processor': ProcessorSettings, 'classifier': ClassifierSettings,

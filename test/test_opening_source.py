@@ -5,31 +5,26 @@ The grippers are known from their makers' drawings; each expected number is comp
 
 import time
 from collections import Counter
-from contextlib import ExitStack
 from math import inf, isinf, isnan, nan
 
 import numpy as np
 import pytest
+import rclpy
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
+from ros_bench import TIMEOUT, RosBench
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from builtin_interfaces.msg import Time  # noqa: E402
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
-from opening_bench import TIMEOUT, OpeningBench  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-from rclpy.qos import QoSProfile  # noqa: E402
-from sensor_msgs.msg import JointState  # noqa: E402
-from std_msgs.msg import Header  # noqa: E402
-
-from tactile_node.errors import ConfigurationError  # noqa: E402
-from tactile_node.grasp.opening import NOT_KNOWN, GapSource, Opening  # noqa: E402
-from tactile_node.nodes.opening_source import make_opening_source  # noqa: E402
-from tactile_node.ros.message_checks import RejectReason as R  # noqa: E402
-from tactile_node.ros.opening_health import opening_status  # noqa: E402
-from tactile_node.ros.parameters import declare, read  # noqa: E402
-from tactile_node.ros.settings import GraspNodeSettings  # noqa: E402
+from tactile_node.errors import ConfigurationError
+from tactile_node.grasp.opening import NOT_KNOWN, GapSource, Opening
+from tactile_node.nodes.opening_source import make_opening_source
+from tactile_node.ros.message_checks import RejectReason as R
+from tactile_node.ros.opening_health import opening_status
+from tactile_node.ros.parameters import declare, read
+from tactile_node.ros.settings import GraspNodeSettings
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
@@ -39,29 +34,25 @@ KNUCKLE = {'gap_source': 'joint_states', 'gap_joints': ['knuckle'], 'gap_offset'
 ARM = (['shoulder', 'elbow'], [0.1, 0.2])
 
 
-class Gripper(OpeningBench):
+class Gripper(RosBench):
     """A node with an opening source, and a publisher of joint states beside it."""
 
-    def __init__(self, stack: ExitStack):
-        self.stack = stack
-        self.executor = SingleThreadedExecutor()
-        stack.callback(self.executor.shutdown)
-        self.publishing = self._add(rclpy.create_node('joints'))
+    def __init__(self, stack):
+        super().__init__(stack)
+        self.publishing = self.add('joints')
         self.publisher = self.publishing.create_publisher(JointState, '/joint_states', QoSProfile(depth=50))
-
-    def _add(self, node):
-        self.stack.callback(node.destroy_node)
-        self.executor.add_node(node)
-        return node
 
     def make(self, **parameters):
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-        self.node = self._add(rclpy.create_node('grasp', parameter_overrides=overrides))
+        self.node = self.add(rclpy.create_node('grasp', parameter_overrides=overrides))
         declare(self.node, GraspNodeSettings)
         self.source = make_opening_source(self.node, read(self.node, GraspNodeSettings), np.array((0.0, 0.0, 1.0)))
         self.until(lambda: not hasattr(self.source, 'subscriptions') or self.publisher.get_subscription_count(),
                    'not discovered')
         return self
+
+    def current(self):
+        return self.source.current(time.monotonic())
 
     @property
     def counts(self):
@@ -77,11 +68,8 @@ class Gripper(OpeningBench):
 
 
 @pytest.fixture
-def gripper():
-    rclpy.init()
-    with ExitStack() as stack:
-        stack.callback(rclpy.shutdown)
-        yield Gripper(stack)
+def gripper(ros):
+    return Gripper(ros)
 
 
 def test_two_fingers_add_to_the_opening_wherever_they_stand_in_the_message(gripper):

@@ -10,19 +10,15 @@ import time
 from pathlib import Path
 
 import pytest
+import rclpy
+from built_messages import built
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
 
-pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-import rclpy  # noqa: E402
-from built_messages import built  # noqa: E402
-from rclpy.context import Context  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-
-from tactile_node.nodes.guarded_subscription import GuardedSubscription  # noqa: E402
-from tactile_node.ros.message_checks import RejectReason, check_taxel_array  # noqa: E402
-from tactile_node.ros.qos import frames_qos  # noqa: E402
-from tactile_skin.msg import TaxelArray  # noqa: E402
+from tactile_node.nodes.guarded_subscription import GuardedSubscription
+from tactile_node.ros.message_checks import RejectReason, check_taxel_array
+from tactile_node.ros.qos import frames_qos
+from tactile_skin.msg import TaxelArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus,
               pytest.mark.skipif(not os.environ.get('TACTILE_LONG'), reason='TACTILE_LONG is not set')]

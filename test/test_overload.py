@@ -6,25 +6,22 @@ import time
 
 import numpy as np
 import pytest
+import rclpy
+from hidden_skin import NODE_ID, write_log
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from hidden_skin import NODE_ID, write_log  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-
-from tactile_node.frames.taxel_frame import TaxelFrame  # noqa: E402
-from tactile_node.nodes import replay_gate  # noqa: E402
-from tactile_node.nodes.classifier_node import ClassifierNode  # noqa: E402
-from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
-from tactile_node.nodes.guarded_subscription import GuardedSubscription  # noqa: E402
-from tactile_node.nodes.processor_node import ProcessorNode  # noqa: E402
-from tactile_node.nodes.replay_gate import WINDOW, ReplayGate  # noqa: E402
-from tactile_node.ros.message_checks import check_taxel_array  # noqa: E402
-from tactile_node.ros.qos import frames_qos  # noqa: E402
-from tactile_node.ros.taxel_messages import taxel_array_message  # noqa: E402
-from tactile_skin.msg import Contact, ContactShape, Progress, TaxelArray  # noqa: E402
+from tactile_node.frames.taxel_frame import TaxelFrame
+from tactile_node.nodes import replay_gate
+from tactile_node.nodes.classifier_node import ClassifierNode
+from tactile_node.nodes.driver_node import DriverNode
+from tactile_node.nodes.guarded_subscription import GuardedSubscription
+from tactile_node.nodes.processor_node import ProcessorNode
+from tactile_node.nodes.replay_gate import WINDOW, ReplayGate
+from tactile_node.ros.message_checks import check_taxel_array
+from tactile_node.ros.qos import frames_qos
+from tactile_node.ros.taxel_messages import taxel_array_message
+from tactile_skin.msg import Contact, ContactShape, Progress, TaxelArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 

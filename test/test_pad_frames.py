@@ -3,33 +3,28 @@
 import logging
 import sys
 import time
-from contextlib import ExitStack
 from math import pi
 
 import numpy as np
 import pytest
+import rclpy
+from geometry_msgs.msg import TransformStamped
+from rclpy.parameter import Parameter
+from ros_bench import TIMEOUT, RosBench
+from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import JointState
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from geometry_msgs.msg import TransformStamped  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-from scipy.spatial.transform import Rotation  # noqa: E402
-from sensor_msgs.msg import JointState  # noqa: E402
-
-from tactile_node.errors import ConfigurationError  # noqa: E402
-from tactile_node.grasp.gripper import Gripper, PadPose  # noqa: E402
-from tactile_node.nodes.opening_source import make_opening_source  # noqa: E402
-from tactile_node.nodes.pad_frames import publish_pad_frames  # noqa: E402
-from tactile_node.ros.opening_messages import quaternion  # noqa: E402
-from tactile_node.ros.parameters import declare, read  # noqa: E402
-from tactile_node.ros.qos import TF_QOS, TF_STATIC_QOS  # noqa: E402
-from tactile_node.ros.settings import GraspNodeSettings  # noqa: E402
+from tactile_node.errors import ConfigurationError
+from tactile_node.grasp.gripper import Gripper, PadPose
+from tactile_node.nodes.opening_source import make_opening_source
+from tactile_node.nodes.pad_frames import publish_pad_frames
+from tactile_node.ros.opening_messages import quaternion
+from tactile_node.ros.parameters import declare, read
+from tactile_node.ros.qos import TF_QOS, TF_STATIC_QOS
+from tactile_node.ros.settings import GraspNodeSettings
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.slow]
 
-TIMEOUT = 60.0  # s, for a busy machine
 LIMIT = 0.3  # s, max_gap_age
 #: The pads of urdf/example_gripper.urdf.xacro
 POSES = {'left_xyz': [-0.015, 0.0, 0.145], 'left_rpy': [-pi / 2, 0.0, 0.0],
@@ -37,19 +32,12 @@ POSES = {'left_xyz': [-0.015, 0.0, 0.145], 'left_rpy': [-pi / 2, 0.0, 0.0],
 JOINTS = {'gap_source': 'joint_states', 'gap_joints': ['finger']}
 
 
-class FrameGripper:
+class FrameGripper(RosBench):
     """A node that publishes the frames, beside a listener."""
 
     def __init__(self, stack):
-        self.stack = stack
-        self.executor = SingleThreadedExecutor()
-        stack.callback(self.executor.shutdown)
-        self.beside = self.add(rclpy.create_node('beside'))
-
-    def add(self, node):
-        self.stack.callback(node.destroy_node)
-        self.executor.add_node(node)
-        return node
+        super().__init__(stack)
+        self.beside = self.add('beside')
 
     def make(self, **parameters):
         overrides = [Parameter(name, value=value)
@@ -70,10 +58,7 @@ class FrameGripper:
         return heard
 
     def wait_for(self, heard, count=1):
-        end = time.monotonic() + TIMEOUT
-        while len(heard) < count:
-            assert time.monotonic() < end, 'no transforms'
-            self.executor.spin_once(timeout_sec=0.01)
+        self.until(lambda: len(heard) >= count, 'no transforms')
         return heard[-1]
 
     def wait_for_the_end(self, heard):
@@ -84,18 +69,10 @@ class FrameGripper:
             before = len(heard)
             self.wait(2 * LIMIT)
 
-    def wait(self, seconds):
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            self.executor.spin_once(timeout_sec=0.01)
-
 
 @pytest.fixture
-def gripper():
-    rclpy.init()
-    with ExitStack() as stack:
-        stack.callback(rclpy.shutdown)
-        yield FrameGripper(stack)
+def gripper(ros):
+    return FrameGripper(ros)
 
 
 def origin(transform):

@@ -1,6 +1,5 @@
 """The example client decides as its docstrings say, and on nothing that is old or not seen."""
 
-import importlib.util
 import os
 import subprocess
 import sys
@@ -12,13 +11,10 @@ from math import cos, inf, nan, pi, radians, sin
 from pathlib import Path
 from types import SimpleNamespace
 
+import planner_client as client
 import pytest
 
 PATH = Path(__file__).resolve().parents[1] / 'examples' / 'planner_client.py'
-SPEC = importlib.util.spec_from_file_location('planner_client', PATH)
-client = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(client)
-
 AIM = (0.015, 0.015)
 
 

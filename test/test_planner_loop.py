@@ -1,37 +1,29 @@
 """The planner example in a loop with a simulated gripper: it ends with contacts that oppose, or does not squeeze."""
 
-import sys
 import time
 from contextlib import ExitStack
 from math import inf
-from pathlib import Path
 from threading import Event
 
+import bench_planner
 import numpy as np
+import planner_client
 import pytest
+import rclpy
+from grasp_loop import MOVES, SETTLE, GraspLoop, Reason
+from planner_client import Correction
+from planner_world import AIM, FORCE, PITCH, Placed, Thing, close, noisy
+from rclpy.parameter import Parameter
+from scipy.spatial.transform import Rotation
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT / 'bench'), str(ROOT / 'examples')]
-
-import bench_planner  # noqa: E402
-import planner_client  # noqa: E402
-from grasp_loop import MOVES, SETTLE, GraspLoop, Reason  # noqa: E402
-from planner_client import Correction  # noqa: E402
-from planner_world import AIM, FORCE, PITCH, Placed, Thing, close, noisy  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-from scipy.spatial.transform import Rotation  # noqa: E402
-
-from tactile_node.node_graph import bus_nodes  # noqa: E402
-from tactile_node.nodes.spinning import spinning  # noqa: E402
-from tactile_node.nodes.system import System  # noqa: E402
-from tactile_node.ros.message_age import InputAge  # noqa: E402
-from tactile_node.simulator.skin_simulator import SkinSimulator  # noqa: E402
-from tactile_node.skin.pads import make_pads, with_dictionaries  # noqa: E402
-from tactile_node.synthetic.world import Contact  # noqa: E402
-from tactile_skin.msg import Grasp  # noqa: E402
+from tactile_node.node_graph import bus_nodes
+from tactile_node.nodes.spinning import spinning
+from tactile_node.nodes.system import System
+from tactile_node.ros.message_age import InputAge
+from tactile_node.simulator.skin_simulator import SkinSimulator
+from tactile_node.skin.pads import make_pads, with_dictionaries
+from tactile_node.synthetic.world import Contact
+from tactile_skin.msg import Grasp
 
 TIMEOUT = 60.0  # s
 

@@ -21,12 +21,7 @@ from tactile_node.shape.recognition import Shape, UnknownReason
 from tactile_node.shape.volf import GROUPS
 from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import CLASSES, Contact, random_contact
-from training.field import (
-    NOMINAL_ON_OFF,
-    NOMINAL_PRESSURE,
-    Conditions,
-    field_frame,
-)
+from training.field import NOMINAL_ON_OFF, NOMINAL_PRESSURE, Conditions, field_frame
 
 
 @pytest.fixture(scope='module')

@@ -6,19 +6,15 @@ import threading
 import time
 
 import pytest
+from fault_bench import LAYOUT, FaultBench
+from rcl_interfaces.msg import Log
+from rclpy.parameter import Parameter
+from ros_bench import RosBench
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from fault_bench import LAYOUT, FaultBench  # noqa: E402
-from rcl_interfaces.msg import Log  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-
-from tactile_node.cli import replay  # noqa: E402
-from tactile_node.cli.main import main  # noqa: E402
-from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
-from tactile_node.ros.rosout_handler import RosoutHandler  # noqa: E402
+from tactile_node.cli import replay
+from tactile_node.cli.main import main
+from tactile_node.nodes.driver_node import DriverNode
+from tactile_node.ros.rosout_handler import RosoutHandler
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
@@ -37,49 +33,34 @@ def driver(namespace=None, **given):
                       parameter_overrides=[Parameter(name, value=value) for name, value in given.items()])
 
 
-class Rosout:
+class Rosout(RosBench):
     """What arrives on /rosout."""
 
-    def __init__(self):
-        self.node, self.heard = rclpy.create_node('rosout_listener'), []
+    def __init__(self, stack):
+        super().__init__(stack)
+        self.node, self.heard = self.add('rosout_listener'), []
         self.node.create_subscription(Log, '/rosout', self.heard.append, 100)
-        self._executor = SingleThreadedExecutor()
-        self._executor.add_node(self.node)
-
-    def wait(self, condition, what):
-        end = time.monotonic() + TIMEOUT
-        while not condition():
-            assert time.monotonic() < end, f'{what}: {self.heard}'
-            self._executor.spin_once(timeout_sec=0.1)
 
     def wait_for_driver(self):
         """Log until it arrives: discovery has then found the driver's publisher."""
         def is_found():
             CAN_SIDE.info('hello')
-            self._executor.spin_once(timeout_sec=0.05)
+            self.executor.spin_once(timeout_sec=0.05)
             return self.heard
-        self.wait(is_found, 'not connected')
+        self.until(is_found, 'not connected')
         self.settle()
         self.heard.clear()
 
     def settle(self):
         """Take what is under way: an end mark comes after it."""
         CAN_SIDE.info('end mark %d', mark := time.monotonic_ns())
-        self.wait(lambda: any(str(mark) in message.msg for message in self.heard), 'no end mark')
+        self.until(lambda: any(str(mark) in message.msg for message in self.heard), 'no end mark')
         self.heard[:] = [message for message in self.heard if 'end mark' not in message.msg]
-
-    def close(self):
-        self._executor.shutdown()
-        self.node.destroy_node()
 
 
 @pytest.fixture
-def rosout():
-    rclpy.init()
-    listener = Rosout()
-    yield listener
-    listener.close()
-    rclpy.shutdown()
+def rosout(ros):
+    return Rosout(ros)
 
 
 @pytest.fixture
@@ -164,7 +145,7 @@ def test_what_the_bus_logs_arrives_under_the_drivers_name(rosout):
 
         def errors():
             return [heard for heard in rosout.heard if heard.level == Log.ERROR and 'ode 32' in heard.msg]
-        rosout.wait(errors, 'no error')
+        rosout.until(errors, 'no error')
         assert {heard.name for heard in rosout.heard} == {node.get_logger().name}
         assert any(heard.level == Log.INFO and 'is open' in heard.msg for heard in rosout.heard)
         rosout.settle()

@@ -2,7 +2,6 @@
 
 import re
 import threading
-import time
 
 import can
 import numpy as np
@@ -207,15 +206,6 @@ def test_newer_minor_revision_is_accepted():
         bench.driver.configure()
 
 
-def test_device_that_refuses_operational():
-    with Bench('stubborn') as bench:
-        bench.driver.open()
-        bench.driver.configure()
-        bench.simulator.devices[32].refuses_start = True
-        with pytest.raises(DeviceError, match='OPERATIONAL after NMT start.*PRE-OPERATIONAL'):
-            bench.driver.start()
-
-
 @pytest.mark.parametrize(('interface', 'channel', 'says'), [
     ('socketcan', 'nocan7', 'ip link set nocan7 up|modprobe'), ('slcan', '/dev/nothing', '/dev/nothing')])
 def test_bus_that_cannot_be_opened(interface, channel, says):
@@ -259,18 +249,6 @@ def test_consumer_that_fails_does_not_stop_the_bus(caplog):
         assert wait_until(lambda: bench.driver.statistics().consumer_errors >= 3)
 
 
-def test_slow_consumer_overruns_the_queue_and_it_is_counted():
-    gate = threading.Event()
-    with Bench('slow') as bench:
-        bench.driver = SkinBus(BusSettings(INTERFACE, bench.channel, sync_period=0.01, queue_limit=100),
-                               bench.pads,
-                               lambda *_: gate.wait())
-        bench.run()
-        overrun = wait_until(lambda: bench.driver.statistics().queue_overruns > 0)
-        gate.set()
-        assert overrun
-
-
 def test_error_and_foreign_frames_do_not_disturb():
     with Bench('noisy', sync_period=0.01) as bench, other_bus('noisy') as other:
         bench.run()
@@ -306,21 +284,3 @@ def test_sync_of_another_producer_gives_no_frames_while_inactive():
         assert wait_until(lambda: bench.driver.statistics().can_frames.get('sync') == 8)
         bench.driver.close()
         assert bench.driver.statistics().pads['pad32'].published <= 2 and bench.frames.qsize() <= 1
-
-
-@pytest.mark.skipif(INTERFACE != 'virtual', reason='the kernel stamps by its own wall clock')
-def test_wall_clock_set_while_running_neither_loses_nor_turns_back_a_stamp(monkeypatch):
-    real, shift = time.time, [0.0]
-    monkeypatch.setattr(time, 'time', lambda: real() + shift[0])
-    with Bench('clock', sync_period=0.01) as bench:
-        bench.run()
-        stamps = [f.stamp for _, f in bench.take_whole(5)]
-        for count, jump in enumerate((-3600.0, 0.0, 500.0), 1):  # back, put right, forward
-            shift[0] = jump
-            assert wait_until(lambda count=count: bench.driver.statistics().clock_jumps == count)
-            stamps += [f.stamp for _, f in bench.take_whole(10)]
-        bench.driver.stop()
-        statistics = bench.driver.statistics()
-    steps = np.diff(stamps)
-    assert (steps > 0).all() and (steps > 100).sum() == 1  # only forward is followed
-    assert statistics.clock_jumps == 3 and statistics.stamps_ahead == 0

@@ -1,53 +1,46 @@
 """Processor and classifier on real topics: what a consumer reads of pads hidden, saturated or touched twice."""
 
 import time
-from contextlib import ExitStack
 from math import inf
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from captured_log import CapturedLog
+from rclpy.parameter import Parameter
+from ros_bench import TIMEOUT, RosBench
 from taught_cross import cross, rng_of, write_taught_cross
 
-rclpy = pytest.importorskip('rclpy')
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-
-from tactile_node.errors import InputError  # noqa: E402
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus  # noqa: E402
-from tactile_node.nodes.classifier_node import ClassifierNode  # noqa: E402
-from tactile_node.nodes.processor_node import ProcessorNode  # noqa: E402
-from tactile_node.pose.layer import Layer  # noqa: E402
-from tactile_node.ros.message_age import age_seconds  # noqa: E402
-from tactile_node.ros.message_checks import (  # noqa: E402
+from tactile_node.errors import InputError
+from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.nodes.classifier_node import ClassifierNode
+from tactile_node.nodes.processor_node import ProcessorNode
+from tactile_node.pose.layer import Layer
+from tactile_node.ros.message_age import age_seconds
+from tactile_node.ros.message_checks import (
     check_contact,
     check_contact_features,
     check_contact_shape,
     check_contact_shapes,
 )
-from tactile_node.ros.qos import frames_qos  # noqa: E402
-from tactile_node.ros.taxel_messages import taxel_array_message  # noqa: E402
-from tactile_skin.msg import Contact, ContactFeatures, ContactShape, ContactShapes, TaxelArray  # noqa: E402
+from tactile_node.ros.qos import frames_qos
+from tactile_node.ros.taxel_messages import taxel_array_message
+from tactile_skin.msg import Contact, ContactFeatures, ContactShape, ContactShapes, TaxelArray
 
 pytestmark = pytest.mark.ros
 PITCH = 0.002
-TIMEOUT = 60.0  # s, for a busy machine
 TOPICS = {'contact': (Contact, check_contact), 'shape': (ContactShape, check_contact_shape),
           'shapes': (ContactShapes, check_contact_shapes), 'features': (ContactFeatures, check_contact_features)}
 
 
-class Pad:
+class Pad(RosBench):
     """Both nodes of a pad, and a peer that publishes its taxels and reads its topics."""
 
-    def __init__(self, stack: ExitStack, **classifier):
-        self._executor = SingleThreadedExecutor()
-        self.peer = rclpy.create_node('peer')
-        self.processor, self.classifier = ProcessorNode(), ClassifierNode(
-            parameter_overrides=[Parameter(name, value=value) for name, value in classifier.items()])
-        for node in (self.peer, self.processor, self.classifier):
-            self._executor.add_node(node)
-            stack.callback(node.destroy_node)
+    def __init__(self, stack, **classifier):
+        super().__init__(stack)
+        self.peer, self.processor = self.add('peer'), self.add(ProcessorNode())
+        self.classifier = self.add(ClassifierNode(
+            parameter_overrides=[Parameter(name, value=value) for name, value in classifier.items()]))
         self._taxels = self.peer.create_publisher(TaxelArray, 'taxels', frames_qos(50))
         self._subscriptions, self.heard, self._sequence = {}, {topic: [] for topic in TOPICS}, 0
         for topic in ('contact', 'shape'):
@@ -56,12 +49,12 @@ class Pad:
     def subscribe(self, topic: str) -> None:
         self._subscriptions[topic] = self.peer.create_subscription(TOPICS[topic][0], topic, self.heard[topic].append,
                                                                    frames_qos(50))
-        self._spin_until(lambda: self.peer.count_publishers(topic) and all(
+        self.until(lambda: self.peer.count_publishers(topic) and all(
             publisher.get_subscription_count() for publisher in self._publishers(topic)))
 
     def unsubscribe(self, topic: str) -> None:
         self.peer.destroy_subscription(self._subscriptions.pop(topic))
-        self._spin_until(lambda: not any(each.get_subscription_count() for each in self._publishers(topic)))
+        self.until(lambda: not any(each.get_subscription_count() for each in self._publishers(topic)))
 
     def _publishers(self, topic):
         return [each for node in (self.processor, self.classifier) for each in node.publishers
@@ -69,7 +62,7 @@ class Pad:
 
     def send(self, frame, saturated=False, unmapped=False, layer=None) -> SimpleNamespace:
         """Publish a frame [Pa] and return the messages made of it by topic, each checked, None where there is none."""
-        self._spin_until(lambda: self._taxels.get_subscription_count())
+        self.until(lambda: self._taxels.get_subscription_count())
         values = np.asarray(frame, np.float32)
         status = np.where(np.isnan(values), TaxelStatus.STALE, TaxelStatus.VALID).astype(np.uint8)
         status[np.broadcast_to(saturated, status.shape)] = TaxelStatus.SATURATED
@@ -77,7 +70,7 @@ class Pad:
         taxels = taxel_array_message(TaxelFrame(time.time(), self._sequence, values, status, 0),
                                      PITCH, 'Pa', 'left_pad', layer)
         self._taxels.publish(taxels)
-        self._spin_until(lambda: all(heard and heard[-1].sequence == taxels.sequence
+        self.until(lambda: all(heard and heard[-1].sequence == taxels.sequence
                                      for topic, heard in self.heard.items() if topic in self._subscriptions))
         self._sequence += 1
         made = {topic: heard[-1] if topic in self._subscriptions else None for topic, heard in self.heard.items()}
@@ -85,19 +78,10 @@ class Pad:
             assert message is None or TOPICS[topic][1](message) is None
         return SimpleNamespace(**made)
 
-    def _spin_until(self, condition) -> None:
-        end = time.monotonic() + TIMEOUT
-        while not condition():
-            assert time.monotonic() < end
-            self._executor.spin_once(timeout_sec=0.01)
-
 
 @pytest.fixture
-def pad():
-    rclpy.init()
-    with ExitStack() as stack:
-        stack.callback(rclpy.shutdown)
-        yield Pad(stack)
+def pad(ros):
+    return Pad(ros)
 
 
 def block(rows=slice(4, 11), cols=slice(4, 11), level=50e3):
@@ -243,13 +227,10 @@ def test_every_stage_adds_to_the_age(pad):
     assert 0 < ages['contact'] < ages['features'] < inf and ages['contact'] < ages['shape'] < ages['shapes']
 
 
-def test_a_taught_shape_is_on_the_topic_by_its_name_with_a_place_and_without_a_pose(tmp_path):
+def test_a_taught_shape_is_on_the_topic_by_its_name_with_a_place_and_without_a_pose(ros, tmp_path):
     write_taught_cross(tmp_path / 'own.npz')
-    rclpy.init()
-    with ExitStack() as stack:
-        stack.callback(rclpy.shutdown)
-        pad = Pad(stack, model=str(tmp_path / 'own.npz'))
-        empty, pressed = pad.send(np.zeros((16, 16))), pad.send(50e3 * cross(rng_of(40)))
+    pad = Pad(ros, model=str(tmp_path / 'own.npz'))
+    empty, pressed = pad.send(np.zeros((16, 16))), pad.send(50e3 * cross(rng_of(40)))
     assert empty.shape.shape == ContactShape.NONE and 'cross' in empty.shape.class_names
     assert (pressed.shape.shape, pressed.shape.class_name) == (ContactShape.OTHER, 'cross')
     assert not pressed.shape.fit_valid and np.isnan(pressed.shape.pose.pose.position.x)

@@ -6,18 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rclpy.qos import DurabilityPolicy
 
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from rclpy.qos import DurabilityPolicy  # noqa: E402
-
-from tactile_node.cia301.nmt import NmtState  # noqa: E402
-from tactile_node.conditioning.conditioned_pad import PadCondition  # noqa: E402
-from tactile_node.conditioning.tare import ZeroState  # noqa: E402
-from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault  # noqa: E402
-from tactile_node.errors import TareRefusal  # noqa: E402
-from tactile_node.frames.fault_text import PHRASES, failure_text  # noqa: E402
-from tactile_node.frames.health import (  # noqa: E402
+from tactile_node.cia301.nmt import NmtState
+from tactile_node.conditioning.conditioned_pad import PadCondition
+from tactile_node.conditioning.tare import ZeroState
+from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
+from tactile_node.errors import TareRefusal
+from tactile_node.frames.fault_text import PHRASES, failure_text
+from tactile_node.frames.health import (
     BusFault,
     BusHealth,
     Failure,
@@ -28,13 +25,13 @@ from tactile_node.frames.health import (  # noqa: E402
     SyncFault,
     SyncState,
 )
-from tactile_node.frames.losses import BusStatistics, LossReason, PadStatistics  # noqa: E402
-from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
-from tactile_node.ros.lifecycle import PrimaryState  # noqa: E402
-from tactile_node.ros.qos import STATUS_QOS  # noqa: E402
-from tactile_node.ros.status_message import status_message  # noqa: E402
-from tactile_skin.msg import FaultyTaxel, NodeStatus, PadStatus, SkinStatus  # noqa: E402
-from tactile_skin.srv import Tare  # noqa: E402
+from tactile_node.frames.losses import BusStatistics, LossReason, PadStatistics
+from tactile_node.ros.diagnostics import BusDiagnostics
+from tactile_node.ros.lifecycle import PrimaryState
+from tactile_node.ros.qos import STATUS_QOS
+from tactile_node.ros.status_message import status_message
+from tactile_skin.msg import FaultyTaxel, NodeStatus, PadStatus, SkinStatus
+from tactile_skin.srv import Tare
 
 pytestmark = pytest.mark.ros
 

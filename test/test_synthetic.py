@@ -5,12 +5,7 @@ import pytest
 
 from tactile_node.synthetic.pressure import Skin, coverage, pressure_frame
 from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import (
-    CLASSES,
-    Contact,
-    random_contact,
-    random_pattern,
-)
+from tactile_node.synthetic.world import CLASSES, Contact, random_contact, random_pattern
 
 
 def polygon_area(vertices):

@@ -1,32 +1,22 @@
 """The bridge to tactile_msgs/TactileState: what a taxel has not is NaN there, never 0."""
 
-import importlib.util
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+import tactile_state_bridge as bridge
+from rclpy.parameter import Parameter
+from ros_bench import RosBench
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus  # noqa: E402
-from tactile_node.ros.taxel_messages import taxel_array_message  # noqa: E402
-from tactile_skin.msg import TaxelArray  # noqa: E402
+from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.ros.taxel_messages import taxel_array_message
+from tactile_skin.msg import TaxelArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
 PATH = Path(__file__).resolve().parents[1] / 'examples' / 'tactile_state_bridge.py'
-SPEC = importlib.util.spec_from_file_location('tactile_state_bridge', PATH)
-bridge = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(bridge)
-
-TIMEOUT = 60.0  # s
 VALUES = [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]
 
 
@@ -56,28 +46,22 @@ def test_places_without_a_taxel_leave_no_pad_out(tactile_state_message):
     assert bridge.tactile_state(taxels(), 'left', bridge.LEAVE_OUT) is not None
 
 
-def test_the_node_sends_each_pad_and_drops_what_is_malformed(tactile_state_message):
-    rclpy.init()
-    try:
-        node = bridge.make_node(parameter_overrides=[Parameter('pads', value=['left', 'right'])])
-        peer = rclpy.create_node('peer')
-        heard, executor = [], SingleThreadedExecutor()
-        for each in (node, peer):
-            executor.add_node(each)
-        peer.create_subscription(tactile_state_message, 'tactile_states', heard.append, 10)
-        publishers = [peer.create_publisher(TaxelArray, f'{pad}/taxels', 10) for pad in ('left', 'right')]
-        end = time.monotonic() + TIMEOUT
-        while len({state.sensors[0].name for state in heard}) < 2:
-            assert time.monotonic() < end
-            for publisher in publishers:
-                publisher.publish(TaxelArray())  # no taxels
-                publisher.publish(taxels())
-            executor.spin_once(timeout_sec=0.05)
-        assert all(list(state.sensors[0].values) == [1, 2, 3, 4, 5, 6] for state in heard)
-        with pytest.raises(ValueError):
-            bridge.make_node(parameter_overrides=[Parameter('nan', value='zero')])
-    finally:
-        rclpy.shutdown()
+def test_the_node_sends_each_pad_and_drops_what_is_malformed(ros, tactile_state_message):
+    bench, heard = RosBench(ros), []
+    bench.add(bridge.make_node(parameter_overrides=[Parameter('pads', value=['left', 'right'])]))
+    peer = bench.add('peer')
+    peer.create_subscription(tactile_state_message, 'tactile_states', heard.append, 10)
+    publishers = [peer.create_publisher(TaxelArray, f'{pad}/taxels', 10) for pad in ('left', 'right')]
+
+    def have_come():
+        for publisher in publishers:
+            publisher.publish(TaxelArray())  # no taxels
+            publisher.publish(taxels())
+        return len({state.sensors[0].name for state in heard}) == 2
+    bench.until(have_come)
+    assert all(list(state.sensors[0].values) == [1, 2, 3, 4, 5, 6] for state in heard)
+    with pytest.raises(ValueError):
+        bridge.make_node(parameter_overrides=[Parameter('nan', value='zero')])
 
 
 def test_without_tactile_msgs_it_says_what_is_missing():

@@ -1,28 +1,23 @@
 """The opening of the gripper from tf, in a running node with real messages: when it must not be known."""
 
 import time
-from contextlib import ExitStack
 from math import cos, inf, isnan, nan, pi, sin
 
 import numpy as np
 import pytest
+import rclpy
+from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
+from rclpy.parameter import Parameter
+from ros_bench import TIMEOUT, RosBench
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from geometry_msgs.msg import Quaternion, TransformStamped, Vector3  # noqa: E402
-from opening_bench import TIMEOUT, OpeningBench  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-
-from tactile_node.errors import ConfigurationError  # noqa: E402
-from tactile_node.grasp.opening import NOT_KNOWN, GapSource  # noqa: E402
-from tactile_node.nodes.opening_source import make_opening_source  # noqa: E402
-from tactile_node.ros.message_checks import RejectReason as R  # noqa: E402
-from tactile_node.ros.parameters import declare, read  # noqa: E402
-from tactile_node.ros.qos import TF_QOS, TF_STATIC_QOS  # noqa: E402
-from tactile_node.ros.settings import GraspNodeSettings  # noqa: E402
-from tactile_node.ros.time_messages import time_message  # noqa: E402
+from tactile_node.errors import ConfigurationError
+from tactile_node.grasp.opening import NOT_KNOWN, GapSource
+from tactile_node.nodes.opening_source import make_opening_source
+from tactile_node.ros.message_checks import RejectReason as R
+from tactile_node.ros.parameters import declare, read
+from tactile_node.ros.qos import TF_QOS, TF_STATIC_QOS
+from tactile_node.ros.settings import GraspNodeSettings
+from tactile_node.ros.time_messages import time_message
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.slow]
 
@@ -47,24 +42,23 @@ def fingers(left, right, stamp=0.0):
             transform('right_finger', 'hand', y=right, stamp=stamp)]
 
 
-class Robot(OpeningBench):
+class Robot(RosBench):
     """A node with an opening source, and publishers of tf beside it."""
 
     def __init__(self, stack, kind, **more):
+        super().__init__(stack)
         self.kind = kind
-        self.executor = SingleThreadedExecutor()
-        stack.callback(self.executor.shutdown)
-        publishing = rclpy.create_node('robot_state_publisher')
+        publishing = self.add('robot_state_publisher')
         overrides = [Parameter(name, value=value) for name, value in {**PARAMETERS, **more}.items()]
-        node = rclpy.create_node('grasp', parameter_overrides=overrides)
-        for each in (publishing, node):
-            stack.callback(each.destroy_node)
-            self.executor.add_node(each)
+        node = self.add(rclpy.create_node('grasp', parameter_overrides=overrides))
         declare(node, GraspNodeSettings)
         self.source = make_opening_source(node, read(node, GraspNodeSettings), ALONG_Y)
         self.publishers = [publishing.create_publisher(kind, topic, qos)
                            for topic, qos in (('/tf', TF_QOS), ('/tf_static', TF_STATIC_QOS))]
         self.until(lambda: all(each.get_subscription_count() for each in self.publishers), 'not discovered')
+
+    def current(self):
+        return self.source.current(time.monotonic())
 
     def send(self, *transforms, static=False):
         """Publish one message and return the opening once it was received."""
@@ -76,11 +70,8 @@ class Robot(OpeningBench):
 
 
 @pytest.fixture
-def robot(tf_message):
-    rclpy.init()
-    with ExitStack() as stack:
-        stack.callback(rclpy.shutdown)
-        yield Robot(stack, tf_message)
+def robot(ros, tf_message):
+    return Robot(ros, tf_message)
 
 
 def test_the_distance_of_the_fingers_along_the_closing_direction(robot):
@@ -140,7 +131,7 @@ def test_transforms_that_were_held_back_are_no_opening(robot):
 
 
 @pytest.mark.parametrize('gap', [0.0, 0.0305, 0.08])
-def test_the_frames_of_the_pads_in_a_urdf_give_the_opening(tf_message, gap):
+def test_the_frames_of_the_pads_in_a_urdf_give_the_opening(ros, tf_message, gap):
     """The example gripper, closed with skin on skin, as robot_state_publisher publishes it."""
     pytest.importorskip('xacro', reason='xacro is not installed')
     from scipy.spatial.transform import Rotation
@@ -152,12 +143,9 @@ def test_the_frames_of_the_pads_in_a_urdf_give_the_opening(tf_message, gap):
         there = place(joint, positions)
         rotation = Rotation.from_matrix(there[:3, :3]).as_quat()
         made[joint.kind].append(transform(joint.child, joint.parent, *there[:3, 3], rotation=rotation))
-    rclpy.init()
-    with ExitStack() as stack:
-        stack.callback(rclpy.shutdown)
-        robot = Robot(stack, tf_message, frame_id='gripper', gap_frames=['left_pad', 'right_pad'], gap_offset=0.0)
-        robot.send(*made['fixed'], static=True)
-        assert robot.send(*made['prismatic']).gap == pytest.approx(gap)
+    robot = Robot(ros, tf_message, frame_id='gripper', gap_frames=['left_pad', 'right_pad'], gap_offset=0.0)
+    robot.send(*made['fixed'], static=True)
+    assert robot.send(*made['prismatic']).gap == pytest.approx(gap)
 
 
 @pytest.mark.parametrize('wrong, reason', [
@@ -180,15 +168,8 @@ def test_made_up_frames_do_not_fill_the_memory(robot):
     assert set(dropped) == {R.TOO_LARGE} and dropped[R.TOO_LARGE] >= 10
 
 
-def test_where_tf2_msgs_is_missing_the_error_names_it(monkeypatch):
+def test_where_tf2_msgs_is_missing_the_error_names_it(ros, monkeypatch):
     monkeypatch.setitem(__import__('sys').modules, 'tf2_msgs', None)
     monkeypatch.setitem(__import__('sys').modules, 'tf2_msgs.msg', None)
-    rclpy.init()
-    try:
-        overrides = [Parameter(name, value=value) for name, value in PARAMETERS.items()]
-        node = rclpy.create_node('grasp', parameter_overrides=overrides)
-        declare(node, GraspNodeSettings)
-        with pytest.raises(ConfigurationError, match='tf2_msgs'):
-            make_opening_source(node, read(node, GraspNodeSettings), ALONG_Y)
-    finally:
-        rclpy.shutdown()
+    with pytest.raises(ConfigurationError, match='tf2_msgs'):
+        Robot(ros, None)

@@ -1,27 +1,19 @@
 """Two pads, each on its own CAN bus, and a grasp node that sees both: as docs/hardware.md says."""
 
-import time
-from contextlib import ExitStack
-
 import numpy as np
 import pytest
+from rclpy.parameter import Parameter
+from ros_bench import RosBench
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-
-from tactile_node.node_graph import bus_nodes  # noqa: E402
-from tactile_node.nodes.grasp_node import GraspNode  # noqa: E402
-from tactile_node.nodes.system import System  # noqa: E402
-from tactile_node.simulator.skin_simulator import SkinSimulator  # noqa: E402
-from tactile_node.skin.pads import make_pad  # noqa: E402
-from tactile_skin.msg import Grasp, TaxelArray  # noqa: E402
+from tactile_node.node_graph import bus_nodes
+from tactile_node.nodes.grasp_node import GraspNode
+from tactile_node.nodes.system import System
+from tactile_node.simulator.skin_simulator import SkinSimulator
+from tactile_node.skin.pads import make_pad
+from tactile_skin.msg import Grasp, TaxelArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
-TIMEOUT = 60.0  # s, for a busy machine
 FINGERS = {'left': ('two_buses_a', 'sim16x16.yaml', 50e3), 'right': ('two_buses_b', 'domain16x10_16bit.yaml', 60e3)}
 
 
@@ -32,34 +24,26 @@ def pressed(rows, cols, pressure):
 
 
 @pytest.fixture
-def fingers():
-    rclpy.init()
-    with ExitStack() as stack:
-        stack.callback(rclpy.shutdown)
-        executor = SingleThreadedExecutor()
-        for name, (channel, layout, pressure) in FINGERS.items():
-            pad = make_pad(name, 32, layout)
-            skin = SkinSimulator([pad], {name: pressed(pad.layout.rows, pad.layout.cols, pressure)})
-            skin.start('virtual', channel)
-            stack.callback(skin.stop)
-            driver = {'interface': 'virtual', 'channel': channel, 'node_ids': [32], 'layouts': [layout]}
-            system = System(bus_nodes([name], driver=driver, namespace=f'{name}_finger'))
-            stack.callback(system.destroy)
-            for node in system.nodes:
-                executor.add_node(node)
-            system.driver.autostart()
-        grasp = GraspNode(parameter_overrides=[Parameter(f'{name}_pad', value=f'{name}_finger/{name}')
-                                               for name in FINGERS])
-        listener = rclpy.create_node('listener')
-        for node in (grasp, listener):
-            stack.callback(node.destroy_node)
-            executor.add_node(node)
-        yield executor, listener
-        executor.shutdown()
+def fingers(ros):
+    bench = RosBench(ros)
+    for name, (channel, layout, pressure) in FINGERS.items():
+        pad = make_pad(name, 32, layout)
+        skin = SkinSimulator([pad], {name: pressed(pad.layout.rows, pad.layout.cols, pressure)})
+        skin.start('virtual', channel)
+        ros.callback(skin.stop)
+        driver = {'interface': 'virtual', 'channel': channel, 'node_ids': [32], 'layouts': [layout]}
+        system = System(bus_nodes([name], driver=driver, namespace=f'{name}_finger'))
+        ros.callback(system.destroy)
+        for node in system.nodes:
+            bench.executor.add_node(node)
+        system.driver.autostart()
+    bench.add(GraspNode(parameter_overrides=[Parameter(f'{name}_pad', value=f'{name}_finger/{name}')
+                                             for name in FINGERS]))
+    return bench
 
 
 def test_both_come_and_the_grasp_sees_both(fingers):
-    executor, listener = fingers
+    listener = fingers.add('listener')
     heard = {name: [] for name in FINGERS}  # whole frames: a busy machine loses some
     grasps = []
     for name in FINGERS:
@@ -67,9 +51,6 @@ def test_both_come_and_the_grasp_sees_both(fingers):
                                      lambda frame, whole=heard[name]: frame.missing_can_frames or whole.append(frame),
                                      10)
     listener.create_subscription(Grasp, 'grasp', grasps.append, 10)
-    end = time.monotonic() + TIMEOUT
-    while not (all(heard.values()) and any(grasp.contact == Grasp.TWO_SIDED for grasp in grasps)):
-        assert time.monotonic() < end, f'{ {name: len(given) for name, given in heard.items()} }, {grasps[-1:]}'
-        executor.spin_once(timeout_sec=0.1)
+    fingers.until(lambda: all(heard.values()) and any(grasp.contact == Grasp.TWO_SIDED for grasp in grasps))
     for name, (_, _, pressure) in FINGERS.items():
         assert max(heard[name][-1].values) == pytest.approx(pressure, rel=0.01)

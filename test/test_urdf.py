@@ -6,13 +6,10 @@ from math import pi
 import numpy as np
 import pytest
 import yaml
+from urdf_frames import URDF, expand, joints, place
 
-pytest.importorskip('xacro', reason='xacro is not installed')
-
-from urdf_frames import URDF, expand, joints, place  # noqa: E402
-
-from tactile_node.grasp.gripper import Gripper, PadPose  # noqa: E402
-from tactile_node.grasp.line import contact_line  # noqa: E402
+from tactile_node.grasp.gripper import Gripper, PadPose
+from tactile_node.grasp.line import contact_line
 
 GRIPPER = 'example_gripper.urdf.xacro'
 

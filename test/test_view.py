@@ -21,15 +21,7 @@ from tactile_node.view.force_chart import force_chart
 from tactile_node.view.health_table import HealthHistory, health_table
 from tactile_node.view.heat_map import heat_map, words
 from tactile_node.view.pads_3d import Pads3d
-from tactile_node.view.page_parts import (
-    DEAD,
-    PageFacts,
-    Scales,
-    clock_difference,
-    grasp_html,
-    pads_html,
-    status_html,
-)
+from tactile_node.view.page_parts import DEAD, PageFacts, Scales, clock_difference, grasp_html, pads_html, status_html
 from tactile_node.view.recognising import PadRecogniser
 from tactile_node.view.states import BusFacts, GraspFacts, NodeFacts, PadFacts
 from tactile_node.view.store import MOST_POINTS, Store

@@ -4,10 +4,10 @@ import time
 
 import numpy as np
 import pytest
+import rclpy
 from viewed import NAN
 
 pytestmark = pytest.mark.ros
-rclpy = pytest.importorskip('rclpy')
 
 
 @pytest.fixture

@@ -5,44 +5,38 @@ import json
 import math
 import re
 import struct
-import time
-from contextlib import ExitStack
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import rclpy
 import yaml
+from geometry_msgs.msg import Point32, WrenchStamped
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from ros_bench import RosBench
+from sensor_msgs.msg import Image
+from visualization_msgs.msg import Marker, MarkerArray
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from geometry_msgs.msg import Point32, WrenchStamped  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
-from sensor_msgs.msg import Image  # noqa: E402
-from visualization_msgs.msg import Marker, MarkerArray  # noqa: E402
-
-from tactile_node.colour_map import NO_VALUE, SATURATED, STEPS, ColourScale, rgb_table  # noqa: E402
-from tactile_node.contact.pattern import PatternExtractor  # noqa: E402
-from tactile_node.contact.visibility import visibility_of  # noqa: E402
-from tactile_node.frames.taxel_frame import TaxelStatus  # noqa: E402
-from tactile_node.node_graph import frame_topics  # noqa: E402
-from tactile_node.nodes import shape_view, taxel_views  # noqa: E402
-from tactile_node.nodes.classifier_node import ClassifierNode  # noqa: E402
-from tactile_node.nodes.processor_node import ProcessorNode  # noqa: E402
-from tactile_node.ros.contact_messages import contact_message  # noqa: E402
-from tactile_node.ros.image_messages import colour_image, value_image  # noqa: E402
-from tactile_node.ros.marker_lifetime import MarkerLifetime  # noqa: E402
-from tactile_node.ros.marker_messages import ContactMarkers  # noqa: E402
-from tactile_node.ros.qos import frames_qos  # noqa: E402
-from tactile_node.ros.wrench_messages import wrench_message  # noqa: E402
-from tactile_skin.msg import Contact, ContactShape, TaxelArray  # noqa: E402
+from tactile_node.colour_map import NO_VALUE, SATURATED, STEPS, ColourScale, rgb_table
+from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.contact.visibility import visibility_of
+from tactile_node.frames.taxel_frame import TaxelStatus
+from tactile_node.node_graph import frame_topics
+from tactile_node.nodes import shape_view, taxel_views
+from tactile_node.nodes.classifier_node import ClassifierNode
+from tactile_node.nodes.processor_node import ProcessorNode
+from tactile_node.ros.contact_messages import contact_message
+from tactile_node.ros.image_messages import colour_image, value_image
+from tactile_node.ros.marker_lifetime import MarkerLifetime
+from tactile_node.ros.marker_messages import ContactMarkers
+from tactile_node.ros.qos import frames_qos
+from tactile_node.ros.wrench_messages import wrench_message
+from tactile_skin.msg import Contact, ContactShape, TaxelArray
 
 pytestmark = pytest.mark.ros
 PITCH = 0.002
-TIMEOUT = 60.0  # s, for a busy machine
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
 VIEWS = {'image': Image, 'image_colour': Image, 'wrench': WrenchStamped, 'markers': MarkerArray}
 NAN = math.nan
@@ -324,17 +318,14 @@ def test_what_follows_an_outage_is_shown_no_longer_than_before():
 
 # --- On topics
 
-class Pad:
+class Pad(RosBench):
     """Both nodes of a pad and a peer, which publishes its taxels and reads what viewers read."""
 
-    def __init__(self, stack: ExitStack, lossless: bool = False):
-        self._executor = SingleThreadedExecutor()
-        self.peer = rclpy.create_node('viewer', namespace='left')
+    def __init__(self, stack, lossless: bool = False):
+        super().__init__(stack)
+        self.peer = self.add(rclpy.create_node('viewer', namespace='left'))
         options = {'namespace': 'left', 'parameter_overrides': [Parameter('lossless', value=lossless)]}
-        self.nodes = ProcessorNode(**options), ClassifierNode(**options)
-        for node in (self.peer, *self.nodes):
-            self._executor.add_node(node)
-            stack.callback(node.destroy_node)
+        self.nodes = self.add(ProcessorNode(**options)), self.add(ClassifierNode(**options))
         qos = frames_qos(10, lossless)
         self._taxels = self.peer.create_publisher(TaxelArray, 'taxels', qos)
         self.shapes: list[ContactShape] = []
@@ -346,20 +337,6 @@ class Pad:
         """Publish ``message`` and wait for its shape."""
         self._taxels.publish(message)
         self.until(lambda: self.shapes and self.shapes[-1].header.stamp == message.header.stamp)
-
-    def until(self, condition) -> None:
-        end = time.monotonic() + TIMEOUT
-        while not condition():
-            assert time.monotonic() < end
-            self._executor.spin_once(timeout_sec=0.05)
-
-
-@pytest.fixture
-def ros():
-    rclpy.init()
-    with ExitStack() as stack:
-        stack.callback(rclpy.shutdown)
-        yield stack
 
 
 @pytest.fixture

@@ -1,9 +1,14 @@
-"""YAML files that cannot be used end in an error that names the file."""
+"""Layout files: sections read by key, TPDOs that repeat."""
+
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
+from long_layouts import LONG, written_out
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.yaml_section import MOST_BYTES, load_mapping
+from tactile_node.skin.layout_file import load_layout, read_layout
+from tactile_node.yaml_section import MOST_BYTES, line_of, load_mapping
 
 
 @pytest.mark.parametrize('text, got', [
@@ -62,3 +67,84 @@ def test_a_file_of_a_size_that_no_skin_needs_is_refused_unread(tmp_path):
     with pytest.raises(ConfigurationError) as refused:
         load_mapping(path, 'a skin layout')
     assert refused.value.got == 'a larger file'
+
+
+CONFIG = Path(__file__).parents[1] / 'config'
+HEAD = 'rows: 4\ncols: 2\npitch: 0.003\nvalue: {unit: Pa, scale: 2.0, bits: 8}\ntpdos:\n'
+ENTRY = '''- number: 3
+  cob_id: $NODEID+0x180
+  map: [[0x2000, 1, 8]]
+  taxels: [[0, 0, 0]]
+'''
+LOOPS = '''  repeat:
+  - {count: 4, number: 5, cob_id: 0x100, object: 1, step: [1, 0]}
+  - {count: 2, number: 1, cob_id: 7, sub: 2, step: [0, 1]}
+'''
+
+
+def written(folder, text):
+    path = folder / 'skin.yaml'
+    path.write_text(text, encoding='utf-8')
+    return path
+
+
+def without_places(layout):
+    return replace(layout, source='', tpdos=tuple(replace(tpdo, key='') for tpdo in layout.tpdos))
+
+
+@pytest.mark.parametrize('name', LONG)
+def test_the_shipped_layouts_stand_for_every_tpdo_written_out(name, tmp_path):
+    text = (CONFIG / f'{name}.yaml').read_text(encoding='utf-8')
+    long = load_layout(written(tmp_path, written_out(text, name)))
+    assert 'repeat' in text.split('tpdos:\n')[1] and len(long.tpdos) >= len(LONG[name])
+    assert without_places(load_layout(CONFIG / f'{name}.yaml')) == without_places(long)
+
+
+def test_the_last_loop_runs_fastest(tmp_path):
+    """The order is the one in which the device sends: an assembler that expects another loses sweeps."""
+    tpdos = load_layout(written(tmp_path, HEAD + ENTRY + LOOPS)).tpdos
+    assert [(tpdo.number, tpdo.cob_id.base, tpdo.mapping[0].index, tpdo.mapping[0].subindex, *tpdo.taxels[0][:2])
+            for tpdo in tpdos] == [(3, 0x180, 0x2000, 1, 0, 0), (4, 0x187, 0x2000, 3, 0, 1),
+                                   (8, 0x280, 0x2001, 1, 1, 0), (9, 0x287, 0x2001, 3, 1, 1),
+                                   (13, 0x380, 0x2002, 1, 2, 0), (14, 0x387, 0x2002, 3, 2, 1),
+                                   (18, 0x480, 0x2003, 1, 3, 0), (19, 0x487, 0x2003, 3, 3, 1)]
+    assert all(tpdo.cob_id.relative and tpdo.node == 0 for tpdo in tpdos)
+
+
+def test_one_loop_needs_no_list_and_may_run_backwards(tmp_path):
+    text = HEAD + ENTRY.replace('[[0, 0, 0]]', '[[3, 1, 0]]') \
+        + '  repeat: {count: 3, number: -1, cob_id: -0x10, sub: 1, step: [-1, 0]}\n'
+    tpdos = load_layout(written(tmp_path, text.replace('0x180', '0x1A0'))).tpdos
+    assert [(tpdo.number, tpdo.cob_id.base, tpdo.taxels[0].row) for tpdo in tpdos] == [(3, 0x1A0, 3), (2, 0x190, 2),
+                                                                                      (1, 0x180, 1)]
+
+
+@pytest.mark.parametrize(('loops', 'key'), [
+    ('{count: 0}', 'tpdos[0].repeat.count'), ('{number: 1}', 'tpdos[0].repeat.count'), ('3', 'tpdos[0].repeat'),
+    ('[3]', 'tpdos[0].repeat[0]'), ('[{count: 2, numbers: 1}]', 'tpdos[0].repeat[0].numbers'),
+    ('{count: 2, step: [1]}', 'tpdos[0].repeat.step'), ('{count: 2, sub: 1.5}', 'tpdos[0].repeat.sub'),
+    ('[{count: 500}, {count: 500}]', 'tpdos[0].repeat'),                 # no more than a node has TPDOs
+    ('{count: 512, number: 1}', 'tpdos[0].repeat'),                      # number 514
+    ('{count: 4, number: -1}', 'tpdos[0].repeat'), ('{count: 8, number: 1, cob_id: 0x100}', 'tpdos[0].repeat'),
+    ('{count: 3, number: 1, object: 0x7FFF}', 'tpdos[0].repeat'),
+    ('{count: 3, number: 1, sub: 127}', 'tpdos[0].repeat'), ('{count: 3, number: 1, sub: -1}', 'tpdos[0].repeat'),
+    ('{count: 2, node: -1}', 'tpdos[0].repeat')])
+def test_a_wrong_repeat_is_refused_by_its_key_and_line(loops, key, tmp_path):
+    path = written(tmp_path, HEAD + ENTRY + f'  repeat: {loops}\n')
+    with pytest.raises(ConfigurationError) as caught:
+        read_layout(path)
+    assert caught.value.where == f'{path}, key "{key}"' and line_of(path, key) == 10
+
+
+@pytest.mark.parametrize(('text', 'key', 'line'), [
+    (LOOPS.replace('number: 5', 'number: 1'), 'tpdos[0] (TPDO 4).number', 6),
+    (LOOPS.replace('cob_id: 7', 'cob_id: 0'), 'tpdos[0] (TPDO 4).cob_id', 7),
+    (LOOPS.replace('count: 4', 'count: 5').replace('0x100', '8'), 'tpdos[0] (TPDO 23).taxels', 9),
+    (LOOPS.replace('step: [0, 1]', 'step: [0, 0]'), 'tpdos[0] (TPDO 4).taxels', 9),
+    (LOOPS.replace('cob_id: 7', 'cob_id: 7, node: 1'), 'tpdos[0] (node 1, TPDO 4).node', 6)])
+def test_a_repetition_that_breaks_a_rule_is_named(text, key, line, tmp_path):
+    """The driver is refused a pad whose 23rd TPDO is wrong: the message says that it is the 23rd."""
+    path = written(tmp_path, HEAD + ENTRY + text)
+    with pytest.raises(ConfigurationError) as caught:
+        load_layout(path)
+    assert caught.value.where == f'{path}, key "{key}"' and line_of(path, key) == line

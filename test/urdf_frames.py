@@ -5,6 +5,7 @@ from typing import NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
+import xacro
 from scipy.spatial.transform import Rotation
 
 URDF = Path(__file__).resolve().parents[1] / 'urdf'
@@ -21,7 +22,6 @@ class Joint(NamedTuple):
 
 def expand(name: str) -> ElementTree.Element:
     """Expand a xacro file of urdf/, or the given text beside them."""
-    import xacro
     document = xacro.process_file(str(URDF / name))
     return ElementTree.fromstring(document.toxml())
 

@@ -57,5 +57,3 @@ RULES = (
     Rule(r'^tactile sdo (?!.*slcan)', Kind.TESTED, 'test/test_sdo_command.py'),
     Rule(r'^tactile (replay|features|classify|draft|check|scan|simulate|sdo)\b', Kind.RUN, HERE),
 )
-#: Commands that documents name before they are there; a test says when to take them out.
-AWAITED: tuple[str, ...] = ()

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from command_rules import AWAITED, PROGRAMS, RULES, Kind, Rule
+from command_rules import PROGRAMS, RULES, Kind, Rule
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -128,7 +128,7 @@ def problem(command: Command) -> str | None:
 
 def _problem_of_tactile(words: list[str], in_sentence: bool) -> str | None:
     from tactile_node.cli.main import COMMANDS, _parser
-    if words[0] in ('COMMAND', '--version', '--help') or words[0] in AWAITED:
+    if words[0] in ('COMMAND', '--version', '--help'):
         return None
     if words[0] not in [name for name, *_ in COMMANDS]:
         return f'no command {words[0]}'

@@ -20,12 +20,7 @@ from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings
 from tactile_node.synthetic.seeds import Purpose, generator
 from tactile_node.synthetic.world import CLASSES
-from training.field import (
-    NOMINAL_ON_OFF,
-    NOMINAL_PRESSURE,
-    Conditions,
-    field_frame,
-)
+from training.field import NOMINAL_ON_OFF, NOMINAL_PRESSURE, Conditions, field_frame
 from training.samples import LABELS, LEVEL_STEPS, UNKNOWN, Samples
 
 DATA = Path(__file__).resolve().parents[2] / 'test/data'

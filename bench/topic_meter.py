@@ -1,6 +1,6 @@
 """Measures topics where it runs: prints one JSON line for each with its messages, their octets and their latencies.
 
-    python test/topic_meter.py 5.0 left/taxels=tactile_skin/msg/TaxelArray
+    python bench/topic_meter.py 5.0 left/taxels=tactile_skin/msg/TaxelArray
 """
 
 import importlib

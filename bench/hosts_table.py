@@ -1,6 +1,6 @@
-"""What each topic costs on the link between two hosts, and what each split of the nodes needs; part of `make hosts`.
+"""What each topic costs on the link between two hosts, and what each split of the nodes needs.
 
-    python test/hosts_table.py [--seconds 10] [--rate 20]
+    python bench/hosts_table.py [--seconds 10] [--rate 20]
 
 Two pads of 16x16 taxels hold an object, at a rate that a busy machine keeps. Octets are those of the interface: with
 IP, UDP, RTPS and acknowledgements, both directions, less what passes while nothing is subscribed. Latency is from SYNC
@@ -15,6 +15,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+
+sys.path[:0] = [str(Path(__file__).resolve().parents[1] / folder) for folder in ('.', 'test')]
+
 from hosts_bench import HostsWorld
 from misled_skin import PADS
 from two_hosts import Hosts
