@@ -1,6 +1,6 @@
 """What a bad link does to the chain: each case makes one world bad, and gives a row of a table.
 
-`python test/link_catalogue.py` (`make hosts`) runs every case and prints the tables of docs/link.md; `test_link.py`
+`python test/link_catalogue.py` (`make hosts`) runs every case and prints the tables of docs/hosts.md; `test_link.py`
 runs a short one.
 """
 

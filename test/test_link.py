@@ -1,6 +1,6 @@
 """The chain on two hosts that a bad link joins: a planner is not misled, nothing is lost silently, the driver runs on.
 
-`make hosts` also runs link_catalogue.py, which prints the tables of docs/link.md.
+`make hosts` also runs link_catalogue.py, which prints the tables of docs/hosts.md.
 """
 
 import pytest
