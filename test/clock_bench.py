@@ -31,26 +31,20 @@ HERE = Path(__file__).parent
 LIBRARIES = tuple(Path('/usr/lib').glob('*/faketime/libfaketimeMT.so.1'))  #: Debian and Ubuntu: apt install faketime
 PERIOD = 0.1  # s between two frames: a busy machine keeps up
 HOSTS = ('bus', 'thinking')
-LATE = 3.0  # s in which an age is known again after a jump, and its diagnostic is delivered
+BEFORE, AFTER = 3.0, 0.5  # s around a report in which a jump spoils it: ages settle, a new clock is printed late
 STEADY = 0.008  # s: more is no drift
 TIMEOUT = 120.0 if 'TACTILE_LONG' in os.environ else 60.0  # s, for a busy machine
 NODES = 'left/processor,left/classifier,right/processor,right/classifier,grasp'
 
 
 class Report(NamedTuple):
-    """What a node reports of the stamps that it receives at one time; the truth at that time."""
+    """What a node reports of the stamps that it receives."""
 
     at: float      #: [s, steady]
     node: str
-    offset: float  #: by which stamps are ahead of the clock of its host [s]; NaN: not known
+    offset: float  #: by which stamps are ahead of the clock of its host [s]
     faults: str
-    true: float    #: the same
-    change: float  #: of the clock of either host in LATE [s]
-
-    @property
-    def is_steady(self) -> bool:
-        """Whether it is known, and neither clock was set meanwhile."""
-        return math.isfinite(self.offset) and self.change < STEADY
+    lead: float    #: of the newest stamp + age on the way between the hosts, against the steady clock [s]
 
 
 class Aged(NamedTuple):
@@ -126,7 +120,7 @@ class ClockWorld:
         self.hosts: dict[str, Host] = {}
         self.records: list[Record] = []  #: of the consumer
         self.reports: list[Report] = []
-        self._lead = math.nan  # of the newest stamp + age, against the steady clock [s]
+        self._lead = math.nan  # as in a Report
         self._arrivals: dict[int, float] = {}  # of the left pad's taxels on the way between the hosts, by sequence
         self._stack = ExitStack()
         self._stop = threading.Event()
@@ -199,11 +193,16 @@ class ClockWorld:
         now = time.monotonic()
         for status in message.status:
             values = {pair.key: pair.value for pair in status.values}
-            if 'stamps_offset_s' in values and all(host.leads for host in self.hosts.values()):
-                offset = values['stamps_offset_s']
-                self.reports.append(Report(now, status.name, math.nan if offset == 'not known' else float(offset),
-                                           values['faults'], self._lead - self.hosts['thinking'].lead(now),
-                                           max(host.change(now - LATE, now) for host in self.hosts.values())))
+            if values.get('stamps_offset_s', 'not known') != 'not known':
+                self.reports.append(Report(now, status.name, float(values['stamps_offset_s']), values['faults'],
+                                           self._lead))
+
+    def compared(self, since: float = 0.0) -> list[tuple[Report, float]]:
+        """Return the reports after ``since`` [s, steady] in whose time no clock was set, with their errors [s]."""
+        return [(report, report.offset - report.lead + self.hosts['thinking'].lead(report.at))
+                for report in list(self.reports)
+                if since < report.at < time.monotonic() - AFTER and all(
+                    host.change(report.at - BEFORE, report.at + AFTER) < STEADY for host in self.hosts.values())]
 
     def wait(self, condition: Callable[[], Any], what: str, timeout: float = TIMEOUT) -> None:
         end = time.monotonic() + timeout

@@ -52,21 +52,21 @@ def check_ages(world, since=0.0, late=0.0):
 
 def check_offsets(world, since=0.0):
     """Offsets are true but for the way unless a clock was set, CLOCKS_APART is given beyond the limits; the errors."""
-    known = [report for report in list(world.reports) if report.is_steady and report.at > since]
+    known = world.compared(since)
     assert known
-    for report in known:
-        assert -WAY <= report.offset - report.true <= ERROR or is_overloaded(), report
+    for report, error in known:
+        assert -WAY <= error <= ERROR or is_overloaded(), (report, error)
         is_near = min(abs(report.offset - LIMIT), abs(report.offset + BEHIND)) <= RESOLUTION
         if not is_near and 'SILENT' not in report.faults:
             assert ('CLOCKS_APART' in report.faults) == (not -BEHIND < report.offset < LIMIT), report
-    errors = [report.offset - report.true for report in known]
+    errors = [error for _, error in known]
     return min(errors), max(errors)
 
 
 def wait_for_reports(world, since):
     """Until all nodes that receive stamps have compared those from after ``since``."""
     def heard():
-        return {report.node for report in list(world.reports) if report.is_steady and report.at > since + READ}
+        return {report.node for report, _ in world.compared(since + READ)}
     world.wait(lambda: heard() >= {'/grasp', '/left/classifier', '/left/processor'}, 'the stamps to be compared')
 
 
@@ -91,7 +91,7 @@ def test_a_consumer_is_not_misled_by_a_clock_that_is_apart_drifts_and_is_set_bac
         world.wait(lambda: any(record['contact'] == 'NO_CONTACT' for record in world.grasps(taken)), 'no contact')
         check_ages(world, held)
         check_offsets(world)
-        last = [report for report in world.reports if report.node == '/grasp' and report.is_steady][-1]
+        last = [report for report, _ in world.compared(jumped + READ) if report.node == '/grasp'][-1]
         assert 0.2 - WAY < last.offset < 0.2 + ERROR or is_overloaded()  # the clock was set back, its stamps were not
 
 
