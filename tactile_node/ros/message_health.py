@@ -125,8 +125,8 @@ def is_apart(stamps_offset: float, limit: float) -> bool:
 def clock_text(topic: str, stamps_offset: float) -> str:
     """The sentence for a topic whose stamps are apart from the clock of this host by ``stamps_offset`` [s]."""
     if stamps_offset > 0:
-        return f'stamps on {topic} are {stamps_offset:.3f} s ahead of our clock: tf lookups fail, ages are right'
-    return (f'stamps on {topic} are {-stamps_offset:.3f} s behind our clock: the clocks are apart, it is a replay, or '
+        return f'stamps on {topic} are {stamps_offset:.3f} s ahead of the clock here: tf lookups fail, ages are right'
+    return (f'stamps on {topic} are {-stamps_offset:.3f} s behind the clock here: the clocks differ, a replay, or '
             'each message comes that late and is older than its age says')
 
 
