@@ -5,6 +5,7 @@ processes of this machine share: when the skin was scanned, and what the wall cl
 """
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -23,44 +24,26 @@ from misled_skin import LAYOUT, NODE_IDS, PADS
 from rclpy.executors import SingleThreadedExecutor
 
 from tactile_node.ros.message_age import age_seconds
+from tactile_node.ros.time_messages import seconds
 from tactile_skin.msg import TaxelArray
 
 HERE = Path(__file__).parent
 LIBRARIES = tuple(Path('/usr/lib').glob('*/faketime/libfaketimeMT.so.1'))  #: Debian and Ubuntu: apt install faketime
 PERIOD = 0.1  # s between two frames: a busy machine keeps up
 HOSTS = ('bus', 'thinking')
-LATE = 1.5  # s by which a busy machine delivers a diagnostic late
-DIGIT = 0.2  # s: an age is given by tenths, and is on its way for some time
+BEFORE, AFTER = 3.0, 0.5  # s around a report in which a jump spoils it: ages settle, a new clock is printed late
 STEADY = 0.008  # s: more is no drift
 TIMEOUT = 120.0 if 'TACTILE_LONG' in os.environ else 60.0  # s, for a busy machine
 
 
-class Clock(NamedTuple):
-    """What a node reports of the driver's clock at one time; the truth at that time."""
+class Report(NamedTuple):
+    """What a node reports of the stamps that it receives."""
 
     at: float      #: [s, steady]
     node: str
-    values: dict[str, str]
+    offset: float  #: by which stamps are ahead of the clock of its host [s]
     faults: str
-    true: float    #: wall clock of the bus side - that of the thinking side [s]
-    changes: tuple[float, float]  #: of the two clocks: of the bus side since the question, of the other in LATE [s]
-
-    @property
-    def is_known(self) -> bool:
-        return self.values['clock_offset_s'] != 'not known'
-
-    @property
-    def is_steady(self) -> bool:
-        """Whether neither clock was set since the last question that was answered."""
-        return max(map(abs, self.changes)) < STEADY
-
-    @property
-    def error(self) -> float:
-        return float(self.values['clock_offset_s']) - self.true
-
-    @property
-    def bound(self) -> float:
-        return float(self.values['clock_offset_bound_s'])
+    lead: float    #: of the newest stamp + age on the way between the hosts, against the steady clock [s]
 
 
 class Aged(NamedTuple):
@@ -135,7 +118,8 @@ class ClockWorld:
         self._settings = dict(zip(HOSTS, (bus, thinking)))
         self.hosts: dict[str, Host] = {}
         self.records: list[Record] = []  #: of the consumer
-        self.clocks: list[Clock] = []
+        self.reports: list[Report] = []
+        self._lead = math.nan  # as in a Report
         self._arrivals: dict[int, float] = {}  # of the left pad's taxels on the way between the hosts, by sequence
         self._stack = ExitStack()
         self._stop = threading.Event()
@@ -200,21 +184,24 @@ class ClockWorld:
             self.records.append(json.loads(line))
 
     def _on_taxels(self, message: TaxelArray) -> None:
-        if age_seconds(message.age) < 1:
-            self._arrivals[message.sequence] = time.monotonic()
+        if (age := age_seconds(message.age)) < 1:
+            self._arrivals[message.sequence] = now = time.monotonic()
+            self._lead = seconds(message.header.stamp) + age - now
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         now = time.monotonic()
         for status in message.status:
             values = {pair.key: pair.value for pair in status.values}
-            if 'clock_offset_s' in values and all(host.leads for host in self.hosts.values()):
-                self.clocks.append(self._clock(now, status.name, values))
+            if values.get('stamps_offset_s', 'not known') != 'not known':
+                self.reports.append(Report(now, status.name, float(values['stamps_offset_s']), values['faults'],
+                                           self._lead))
 
-    def _clock(self, now: float, name: str, values: dict[str, str]) -> Clock:
-        age = float(values['clock_age_s']) if values['clock_age_s'] != 'not known' else 0.0
-        bus, thinking = (self.hosts[name] for name in HOSTS)
-        return Clock(now, name, values, values['faults'], bus.lead(now) - thinking.lead(now),
-                     (bus.change(now - age - DIGIT, now), thinking.change(now - LATE, now)))
+    def compared(self, since: float = 0.0) -> list[tuple[Report, float]]:
+        """Return the reports after ``since`` [s, steady] in whose time no clock was set, with their errors [s]."""
+        return [(report, report.offset - report.lead + self.hosts['thinking'].lead(report.at))
+                for report in list(self.reports)
+                if since < report.at < time.monotonic() - AFTER and all(
+                    host.change(report.at - BEFORE, report.at + AFTER) < STEADY for host in self.hosts.values())]
 
     def wait(self, condition: Callable[[], Any], what: str, timeout: float = TIMEOUT) -> None:
         end = time.monotonic() + timeout

@@ -1,6 +1,6 @@
 """Which modules look at the wall clock of their host, and why that is right where the clocks of hosts are apart.
 
-A module that is not here takes the stamps of messages and a steady clock. See docs/clocks.md.
+A module that is not here takes the stamps of messages and a steady clock. See docs/hosts.md.
 """
 
 import ast
@@ -14,12 +14,11 @@ WALL_CLOCK = {
     'tactile_node/bus/slcan_bus.py': 'the time of CAN frames, which stamp_clock puts on that line',
     'tactile_node/bus/bus_network.py': 'the time of sent CAN frames in a recording',
     'tactile_node/cia301/emergency.py': 'the time of an EMCY, which people read',
-    'tactile_node/nodes/host_time_service.py': 'what is compared',
-    'tactile_node/nodes/driver_clocks.py': 'what it is compared with',
+    'tactile_node/nodes/guarded_subscription.py': 'a warning that the stamps are of another clock',
     'tactile_node/nodes/state_publisher.py': 'stamp of a diagnostic, as REP-107 has it',
     'tactile_node/nodes/node_health.py': 'the same',
     'tactile_node/nodes/opening_source.py': 'the same',
-    'tactile_node/nodes/pad_frames.py': 'stamps on tf, of the host that publishes: see docs/clocks.md',
+    'tactile_node/nodes/pad_frames.py': 'stamps on tf, of the host that publishes: see docs/hosts.md',
     'tactile_node/view/page_parts.py': 'a warning that the stamps are of another clock',
     'examples/demo/bag.py': 'when a message was recorded, beside its stamp',
     'examples/demo/watcher.py': 'one host',

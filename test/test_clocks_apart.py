@@ -1,4 +1,4 @@
-"""Two hosts whose wall clocks are apart, drift and are set: what a consumer believes stays true, the offset is shown.
+"""Two hosts whose wall clocks are apart, drift and are set: what a consumer believes stays true, stamps are compared.
 
 The wall clock of one side is that of libfaketime; the truth is the steady clock, which all processes share. Nothing
 here asserts how fast anything is: a busy machine makes grasps old, and they have to say so. With TACTILE_LONG all
@@ -21,9 +21,12 @@ long = pytest.mark.skipif('TACTILE_LONG' not in os.environ, reason='takes minute
 MAX_AGE = 0.25      # s, of the grasp node
 ERROR = 0.05        # s: by which an age may be too low (DelaySettings.error) or too high, beside what a test names
 TEN = 10            # grasps in a row, of which the median may be too high: a busy machine scans its skin late
-RESOLUTION = 0.001  # s, of the truth about a wall clock
+WAY = 0.3           # s that a message is on its way at most, by a busy machine
+LIMIT = 0.05        # s that stamps may be ahead, and BEHIND that they may seem to be behind
+BEHIND = 0.5
+RESOLUTION = 0.001  # s, of what is reported
 READ = 2.0          # s in which libfaketime reads a new setting
-FORGOTTEN = 25.0    # s in which the exchanges from before a slew are, by a busy machine
+FORGOTTEN = 31.0    # s in which stamps from before a slew are
 BURST = 10          # messages that are held back
 JUMPS = (0.2, 1.0, 3600.0, -0.2, -1.0, -3600.0)
 
@@ -43,24 +46,24 @@ def check_ages(world, since=0.0, late=0.0):
     return lowest, highest
 
 
-def check_offsets(world, since=0.0, limit=0.05):
-    """What is reported is within its bound unless a clock was set since; CLOCKS_APART is given where it is certain."""
-    known = [clock for clock in list(world.clocks) if clock.is_known and clock.is_steady and clock.at > since]
+def check_offsets(world, since=0.0):
+    """Offsets are true but for the way unless a clock was set, CLOCKS_APART is given beyond the limits; the errors."""
+    known = world.compared(since)
     assert known
-    for clock in known:
-        assert abs(clock.error) <= clock.bound + RESOLUTION, clock
-        apart = abs(float(clock.values['stamps_offset_s']))
-        if abs(apart - limit - clock.bound) > RESOLUTION:
-            assert ('CLOCKS_APART' in clock.faults) == (apart > limit + clock.bound), clock
-    return max(abs(clock.error) for clock in known), max(clock.bound for clock in known)
+    for report, error in known:
+        assert -WAY <= error <= ERROR or is_overloaded(), (report, error)
+        is_near = min(abs(report.offset - LIMIT), abs(report.offset + BEHIND)) <= RESOLUTION
+        if not is_near and 'SILENT' not in report.faults:
+            assert ('CLOCKS_APART' in report.faults) == (not -BEHIND < report.offset < LIMIT), report
+    errors = [error for _, error in known]
+    return min(errors), max(errors)
 
 
-def wait_for_clocks(world, since):
-    """Until the nodes that hear the driver have a clock that was asked for after ``since``."""
+def wait_for_reports(world, since):
+    """Until all nodes that receive stamps have compared those from after ``since``."""
     def heard():
-        return {clock.node for clock in list(world.clocks)
-                if clock.is_known and clock.is_steady and clock.at > since + READ}
-    world.wait(lambda: heard() >= {'/grasp', '/left/classifier'}, 'the clocks')
+        return {report.node for report, _ in world.compared(since + READ)}
+    world.wait(lambda: heard() >= {'/grasp', '/left/classifier', '/left/processor'}, 'the stamps to be compared')
 
 
 def check_not_empty(world, since, until):
@@ -77,17 +80,15 @@ def test_a_consumer_is_not_misled_by_a_clock_that_is_apart_drifts_and_is_set_bac
         world.relays[0].release()
         world.relays[0].pass_on()
         world.hold(jumped + 2.0)
-        wait_for_clocks(world, jumped)
+        wait_for_reports(world, jumped)
         taken = time.monotonic()
         check_not_empty(world, held, taken)
         world.skin.set(is_there=False)
         world.wait(lambda: any(record['contact'] == 'NO_CONTACT' for record in world.grasps(taken)), 'no contact')
         check_ages(world, held)
         check_offsets(world)
-        last = [clock for clock in world.clocks if clock.node == '/grasp' and clock.is_known][-1]
-        assert last.true == pytest.approx(-0.8, abs=0.05)  # the clock was set, and is reported; the stamps were not:
-        assert float(last.values['stamps_offset_s']) == pytest.approx(last.true + 1.0, abs=0.05 + last.bound)
-        assert 'CLOCKS_APART' in last.faults
+        last = [report for report, _ in world.compared(jumped + READ) if report.node == '/grasp'][-1]
+        assert 0.2 - WAY < last.offset < 0.2 + ERROR or is_overloaded()  # the clock was set back, its stamps were not
 
 
 @long
@@ -104,13 +105,12 @@ def test_clocks_that_jump(side, situation):
             begin(world, situation)
             world.hosts[side].set(f'{offset:+g}')
             over = end(world, situation, began)
-            wait_for_clocks(world, began)
+            wait_for_reports(world, began)
             lowest, highest = check_ages(world, began)
             rows.append((f'{jump:+g} s', over, lowest, highest))
         if situation != 'taken away':
             check_not_empty(world, held, time.monotonic())
-        error, bound = check_offsets(world)
-        show(f'{side}, {situation}', rows, error, bound)
+        show(f'{side}, {situation}', rows, *check_offsets(world))
 
 
 def begin(world, situation):
@@ -149,12 +149,8 @@ def test_clocks_that_drift(side, rate):
         time.sleep(60.0)
         check_not_empty(world, held, time.monotonic())
         lowest, highest = check_ages(world, held)
-        error, bound = check_offsets(world)
-        show(f'{side}, drift {1e6 * rate:+.0f} ppm', [('60 s', recovery(world, held), lowest, highest)], error, bound)
-        drifts = [clock.values['clock_drift_ppm'] for clock in world.clocks]
-        known = [float(drift) for drift in drifts if drift != 'not known']
-        # our steady clock is that of the thinking side, which libfaketime leaves alone
-        assert all(drift == pytest.approx(1e6 * rate if side == 'bus' else 0.0, abs=25) for drift in known)
+        show(f'{side}, drift {1e6 * rate:+.0f} ppm', [('60 s', recovery(world, held), lowest, highest)],
+             *check_offsets(world))
 
 
 @long
@@ -170,14 +166,14 @@ def test_clocks_that_are_slewed_as_fast_as_chrony_does(side, way):
         check_not_empty(world, held, time.monotonic())
         late = 0.2 if side == 'bus' and way < 0 else 0.0
         lowest, highest = check_ages(world, held, late)
-        error, bound = check_offsets(world, slewed + FORGOTTEN)
-        show(f'{side}, slewed {way:+g} s', [('35 s', recovery(world, held), lowest, highest)], error, bound)
+        show(f'{side}, slewed {way:+g} s', [('35 s', recovery(world, held), lowest, highest)],
+             *check_offsets(world, slewed + FORGOTTEN))
 
 
-def show(name, rows, error, bound):
+def show(name, rows, least, most):
     for what, without, lowest, highest in rows:
         ages = f'{lowest:+.3f} | {highest:+.3f}'
-        print(f'\n| {name} | {what} | {without:.2f} | {ages} | {error:.4f} | {bound:.4f} |', end='', flush=True)
+        print(f'\n| {name} | {what} | {without:.2f} | {ages} | {least:+.3f} | {most:+.3f} |', end='', flush=True)
 
 
 def test_the_jumps_are_each_undone():

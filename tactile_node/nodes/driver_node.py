@@ -24,7 +24,6 @@ from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.clock_output import ClockOutput
 from tactile_node.nodes.driver_source import driver_pads, make_source, pad_frames
 from tactile_node.nodes.fault_service import FaultService
-from tactile_node.nodes.host_time_service import HostTimeService
 from tactile_node.nodes.lifecycle_steps import LifecycleSteps
 from tactile_node.nodes.pad_output import PadOutput
 from tactile_node.nodes.replay_gate import ReplayGate
@@ -66,7 +65,6 @@ class DriverNode(LifecycleNode):
         self._steps = LifecycleSteps(self)
         self._stop_requested: threading.Event | None = None
         self._tare = TareService(self)
-        HostTimeService(self, self._stamps_ahead)
         self._lifecycle = PrimaryState.UNCONFIGURED
         self._state = StatePublisher(self, self._driver_state)
         forward_logs_to(self)
@@ -231,13 +229,6 @@ class DriverNode(LifecycleNode):
 
     def _faults(self) -> dict[str, FaultyTaxels]:
         return {name: pad.conditioned.faults for name, pad in self._pads.items()}
-
-    def _stamps_ahead(self) -> float:
-        """NaN of a replay, whose stamps are of its log."""
-        source, settings = self._source, self._settings
-        if source is None or settings is None:
-            return 0.0
-        return math.nan if settings.replay else source.statistics().stamps_ahead
 
     def _driver_state(self) -> DriverState:
         return DriverState(self._lifecycle, self._source, self._steps.error,

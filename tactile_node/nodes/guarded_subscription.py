@@ -90,12 +90,14 @@ class GuardedSubscription(Generic[Message]):
 
     @property
     def health(self) -> StreamHealth:
-        """Its counts, the age of its newest data now, and who publishes it."""
+        """Its counts, the age and the stamp of its newest data now, and who publishes it."""
         age = math.inf if self._arrival is None else self._arrival.age(time.monotonic())
         if not self._kind_is_of_chain:
             return StreamHealth(self.counts, age)
+        stamps_offset = self._stamp + age - time.time() if age < math.inf else math.nan
         self._other_types = publishers_of_other_type(self._node, self.topic)
-        return StreamHealth(self.counts, age, tuple(publisher_names(self._node, self.topic)), self._other_types)
+        return StreamHealth(self.counts, age, tuple(publisher_names(self._node, self.topic)), self._other_types,
+                            stamps_offset)
 
     def destroy(self) -> None:
         self._node.destroy_subscription(self._subscription)

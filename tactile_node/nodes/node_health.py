@@ -1,6 +1,7 @@
 """The diagnostic of a node that processes messages: /diagnostics, once a second."""
 
 import logging
+import math
 import time
 from collections.abc import Sequence
 
@@ -8,7 +9,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from tactile_node.nodes.driver_clocks import DriverClocks
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.health_timer import start_health_timer
 from tactile_node.ros.measurement_time import use_stamps
@@ -22,14 +22,12 @@ class MessageHealth:
     """Publishes what ``node`` does with the messages of ``subscriptions``; it lasts as long as the node.
 
     The stamp is of the node's clock: with use_sim_time and before the first /clock it is 0, and the messages continue.
-    The clocks of hosts are compared unless the time of the stamps is simulated or that of a log.
+    Stamps are compared with the clock of this host unless their time is simulated or that of a lossless replay.
     """
 
     def __init__(self, node: Node, subscriptions: Sequence[GuardedSubscription], settings: ReceiverSettings):
         self._node = node
-        self._max_clock_offset = settings.max_clock_offset
-        topics = [subscription.topic for subscription in subscriptions]
-        self._clocks = DriverClocks(node, topics if use_stamps(node, settings) else [])
+        self._max_clock_offset = settings.max_clock_offset if use_stamps(node, settings) else math.inf
         self._subscriptions = tuple(subscriptions)
         self._before = {subscription.topic: subscription.counts for subscription in subscriptions}
         self._at = time.monotonic()
@@ -40,7 +38,7 @@ class MessageHealth:
     def _publish(self) -> None:
         now, at = {subscription.topic: subscription.health for subscription in self._subscriptions}, time.monotonic()
         status = health_status(self._node.get_fully_qualified_name(), now, self._before, at - self._at,
-                               self._clocks.look(), max_clock_offset=self._max_clock_offset)
+                               self._max_clock_offset)
         self._log_several(now)
         self._before, self._at = {topic: stream.counts for topic, stream in now.items()}, at
         message = DiagnosticArray(status=[status])

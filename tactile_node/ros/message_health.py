@@ -4,15 +4,14 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from enum import IntEnum
-from types import MappingProxyType
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
-from tactile_node.ros.clock_facts import DriverClock, clock_values, clocks_text
 from tactile_node.ros.message_checks import RejectReason
 
 OLD = 1.0  #: s: data that still comes, and is older, was held back
+LONGEST_WAY = 0.5  #: s: stamps that are further behind are of another clock, if not held back each
 MOST_OVERTAKEN = 0.05  #: of the messages received since the last look: more is an overload
 
 
@@ -27,7 +26,7 @@ class StreamFault(IntEnum):
     SEVERAL_PUBLISHERS = 5  #: of one pad's topic: its messages are of two sources
     SILENT = 6              #: a topic has brought none
     OVERLOADED = 7          #: the node cannot keep up: more than MOST_OVERTAKEN were overtaken by newer ones
-    CLOCKS_APART = 8        #: the stamps of a driver are apart from the clock of this host
+    CLOCKS_APART = 8        #: stamps are ahead of the clock of this host, or seem to be behind it
     OTHER_TYPE = 9          #: a publisher has another version of the message; nothing of the topic is used
 
 
@@ -48,20 +47,18 @@ class StreamHealth(NamedTuple):
     age: float = math.inf  #: of the newest message's data [s]; inf: not known
     publishers: tuple[str, ...] = ()  #: full names of the nodes that publish its topic; of our chain only
     other_types: tuple[str, ...] = ()  #: of these, those that have another version of the message
+    stamps_offset: float = math.nan  #: stamp + age of the newest message - the clock of this host [s]; NaN: not known
 
 
 def health_status(node: str, now: Mapping[str, StreamHealth], before: Mapping[str, MessageCounts],
-                  period: float, clocks: Mapping[str, DriverClock] = MappingProxyType({}), *,
-                  max_clock_offset: float = math.inf) -> DiagnosticStatus:
+                  period: float, max_clock_offset: float = math.inf) -> DiagnosticStatus:
     """Return the status of ``node``, by its full name; by topic: the state now and the counts ``period`` [s] before.
 
-    ``clocks``: by driver. WARN: messages were dropped, skipped or, many, overtaken since then, are old, or have two
-    sources, or stamps are more than ``max_clock_offset`` [s] apart from the clock of this host; STALE: a topic has
-    brought none; else OK.
+    WARN: messages were dropped, skipped or, many, overtaken since then, are old, or have two sources, or stamps are
+    more than ``max_clock_offset`` [s] apart from the clock of this host (inf: they are not compared); STALE: a topic
+    has brought none; else OK.
     """
-    found = dict(_found(now, before))
-    if apart := clocks_text(clocks, max_clock_offset):
-        found[StreamFault.CLOCKS_APART] = apart
+    found = dict(_found(now, before, max_clock_offset))
     processed = _sum(now, 'processed') - sum(counts.processed for counts in before.values())
     text = '; '.join(found.values()) or f'{processed} messages, none dropped'
     level = _level(found)
@@ -71,7 +68,7 @@ def health_status(node: str, now: Mapping[str, StreamHealth], before: Mapping[st
               'rate_hz': f'{processed / period:.1f}', 'age_s': _age(now), 'skipped': _sum(now, 'skipped'),
               'overtaken': _sum(now, 'overtaken'),
               'publishers': max((len(stream.publishers) for stream in now.values()), default=0),
-              **clock_values(clocks),
+              'stamps_offset_s': _stamps_offset(now, max_clock_offset),
               **{f'dropped_{reason.key}': dropped[reason] for reason in RejectReason if reason}}
     return DiagnosticStatus(level=level, name=node, message=text,
                             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])
@@ -82,7 +79,8 @@ def topics_of_several(now: Mapping[str, StreamHealth]) -> dict[str, tuple[str, .
     return {topic: stream.publishers for topic, stream in now.items() if len(stream.publishers) > 1}
 
 
-def _found(now: Mapping[str, StreamHealth], before: Mapping[str, MessageCounts]) -> Iterable[tuple[StreamFault, str]]:
+def _found(now: Mapping[str, StreamHealth], before: Mapping[str, MessageCounts],
+           max_clock_offset: float) -> Iterable[tuple[StreamFault, str]]:
     """Give each fault with its sentence."""
     dropped = _dropped(stream.counts for stream in now.values()) - _dropped(before.values())
     if dropped:
@@ -100,6 +98,10 @@ def _found(now: Mapping[str, StreamHealth], before: Mapping[str, MessageCounts])
            if topic not in silent and OLD < stream.age < math.inf]
     if old:
         yield StreamFault.OLD, f'data is old: {", ".join(old)}'
+    apart = [clock_text(topic, stream.stamps_offset) for topic, stream in now.items()
+             if topic not in silent and is_apart(stream.stamps_offset, max_clock_offset)]
+    if apart:
+        yield StreamFault.CLOCKS_APART, '; '.join(apart)
     for topic, publishers in topics_of_several(now).items():
         yield StreamFault.SEVERAL_PUBLISHERS, several_text(topic, publishers)
     for topic, stream in now.items():
@@ -107,6 +109,25 @@ def _found(now: Mapping[str, StreamHealth], before: Mapping[str, MessageCounts])
             yield StreamFault.OTHER_TYPE, other_type_text(topic, stream.other_types)
     if silent:
         yield StreamFault.SILENT, f'nothing received on {", ".join(silent)}'
+
+
+def is_apart(stamps_offset: float, limit: float) -> bool:
+    """Whether stamps [s] are ahead by more than ``limit``, or behind by more than that and any usual way takes.
+
+    The way takes no time below 0, so stamps that are ahead are of another clock for certain.
+
+    >>> is_apart(0.06, limit=0.05), is_apart(-0.4, limit=0.05), is_apart(-0.6, limit=0.05)
+    (True, False, True)
+    """
+    return stamps_offset > limit or -stamps_offset > max(limit, LONGEST_WAY)
+
+
+def clock_text(topic: str, stamps_offset: float) -> str:
+    """The sentence for a topic whose stamps are apart from the clock of this host by ``stamps_offset`` [s]."""
+    if stamps_offset > 0:
+        return f'stamps on {topic} are {stamps_offset:.3f} s ahead of the clock here: tf lookups fail, ages are right'
+    return (f'stamps on {topic} are {-stamps_offset:.3f} s behind the clock here: the clocks differ, a replay, or '
+            'each message comes that late and is older than its age says')
 
 
 def several_text(topic: str, publishers: Iterable[str]) -> str:
@@ -131,6 +152,12 @@ def _age(now: Mapping[str, StreamHealth]) -> str:
     """Of the topic whose newest data is oldest."""
     oldest = max((stream.age for stream in now.values()), default=math.inf)
     return f'{oldest:.3f}' if oldest < math.inf else 'not known'
+
+
+def _stamps_offset(now: Mapping[str, StreamHealth], max_clock_offset: float) -> str:
+    """Of the topic whose stamps are farthest from the clock of this host."""
+    known = [stream.stamps_offset for stream in now.values() if not math.isnan(stream.stamps_offset)]
+    return f'{max(known, key=abs):+.3f}' if known and max_clock_offset < math.inf else 'not known'
 
 
 def _sum(now: Mapping[str, StreamHealth], field: str) -> int:

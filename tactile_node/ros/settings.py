@@ -69,9 +69,9 @@ class ReceiverSettings(NodeSettings):
 
     best_effort: bool = parameter(False, 'true: what is lost on the way to this node is not sent again but counted as '
                                   'skipped, so that what follows need not wait for it; for a link that loses packets')
-    max_clock_offset: float = parameter(0.05, 'how far the stamps of the driver may be from the clock of this host '
-                                        'before the diagnostics warn of it (tf lookups at them would fail here) [s]; '
-                                        'ages need no common clock', 0, 1e9)
+    max_clock_offset: float = parameter(0.05, 'how far stamps may be ahead of the clock of this host, or behind it '
+                                        '(0.5 s at least, for the way takes time), before the diagnostics warn of it '
+                                        '(tf lookups at them would fail here) [s]; ages need no common clock', 0, 1e9)
 
     @property
     def input_qos(self) -> 'QoSProfile':
