@@ -14,8 +14,7 @@ from rclpy.task import Future  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
-from tactile_node.nodes.frame_executor import EVENTS_PERIOD, FrameExecutor  # noqa: E402
-from tactile_node.nodes.spinning import spinning  # noqa: E402
+from tactile_node.nodes.spinning import EVENTS_PERIOD, FrameExecutor, spinning  # noqa: E402
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 

@@ -19,12 +19,12 @@ from test_grasp_node import PERIOD, SIM_TIME, TIMEOUT, hidden_shape  # noqa: E40
 
 from tactile_node.errors import RefusedRequirementError, RequirementRefusal  # noqa: E402
 from tactile_node.grasp.tracker import GraspContact, GraspState, SideState  # noqa: E402
-from tactile_node.nodes.frame_executor import FrameExecutor  # noqa: E402
 from tactile_node.nodes.grasp_requests import MOST_GOALS, CurrentGrasp, GraspRequests  # noqa: E402
+from tactile_node.nodes.spinning import FrameExecutor  # noqa: E402
+from tactile_node.ros.grasp_messages import requirement_of, timeout_of  # noqa: E402
 from tactile_node.ros.message_age import age_seconds  # noqa: E402
 from tactile_node.ros.message_checks import check_grasp  # noqa: E402
 from tactile_node.ros.qos import frames_qos  # noqa: E402
-from tactile_node.ros.requirement_messages import requirement_of, timeout_of  # noqa: E402
 from tactile_node.ros.time_messages import duration_message  # noqa: E402
 from tactile_skin.action import WaitForGrasp  # noqa: E402
 from tactile_skin.msg import ContactShape, Grasp, GraspRequirement, RequirementState  # noqa: E402

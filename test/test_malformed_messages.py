@@ -37,12 +37,11 @@ from tactile_node.nodes.classifier_node import ClassifierNode  # noqa: E402
 from tactile_node.nodes.grasp_node import GraspNode  # noqa: E402
 from tactile_node.nodes.guarded_subscription import GuardedSubscription  # noqa: E402
 from tactile_node.nodes.processor_node import ProcessorNode  # noqa: E402
-from tactile_node.nodes.replay_gate import WINDOW, ReplayGate  # noqa: E402
+from tactile_node.nodes.replay import WINDOW, ReplayGate  # noqa: E402
 from tactile_node.pose.box import contact_box  # noqa: E402
 from tactile_node.pose.fit import fit_shape  # noqa: E402
 from tactile_node.pose.moments import contact_moments  # noqa: E402
-from tactile_node.ros.contact_messages import contact_message  # noqa: E402
-from tactile_node.ros.feature_messages import features_message  # noqa: E402
+from tactile_node.ros.contact_messages import contact_message, features_message  # noqa: E402
 from tactile_node.ros.grasp_messages import grasp_message, side_result  # noqa: E402
 from tactile_node.ros.message_checks import (  # noqa: E402
     RejectReason,

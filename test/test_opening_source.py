@@ -27,7 +27,7 @@ from tactile_node.errors import ConfigurationError  # noqa: E402
 from tactile_node.grasp.opening import NOT_KNOWN, GapSource, Opening  # noqa: E402
 from tactile_node.nodes.opening_source import make_opening_source  # noqa: E402
 from tactile_node.ros.message_checks import RejectReason as R  # noqa: E402
-from tactile_node.ros.opening_health import opening_status  # noqa: E402
+from tactile_node.ros.opening_messages import opening_status  # noqa: E402
 from tactile_node.ros.parameters import declare, read  # noqa: E402
 from tactile_node.ros.settings import GraspNodeSettings  # noqa: E402
 

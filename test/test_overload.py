@@ -15,12 +15,12 @@ from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 
 from tactile_node.frames.taxel_frame import TaxelFrame  # noqa: E402
-from tactile_node.nodes import replay_gate  # noqa: E402
+from tactile_node.nodes import replay  # noqa: E402
 from tactile_node.nodes.classifier_node import ClassifierNode  # noqa: E402
 from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
 from tactile_node.nodes.guarded_subscription import GuardedSubscription  # noqa: E402
 from tactile_node.nodes.processor_node import ProcessorNode  # noqa: E402
-from tactile_node.nodes.replay_gate import WINDOW, ReplayGate  # noqa: E402
+from tactile_node.nodes.replay import WINDOW, ReplayGate  # noqa: E402
 from tactile_node.ros.message_checks import check_taxel_array  # noqa: E402
 from tactile_node.ros.qos import frames_qos  # noqa: E402
 from tactile_node.ros.taxel_messages import taxel_array_message  # noqa: E402
@@ -122,7 +122,7 @@ def test_a_lossless_stage_of_half_the_speed_works_on_all(context):
 @pytest.fixture
 def gate(context, monkeypatch):
     """A gate of two pads that gives up at once, and what a classifier reports to it."""
-    monkeypatch.setattr(replay_gate, 'TIMEOUT', 0.2)
+    monkeypatch.setattr(replay, 'TIMEOUT', 0.2)
     node = rclpy.create_node('driver')
     found = ReplayGate(node, ['left', 'right'], frames_qos(10, lossless=True))
     yield found
@@ -159,7 +159,7 @@ def test_a_gate_closes_again_with_the_first_answer(gate):
 
 
 def test_a_released_gate_lets_a_waiting_log_go_at_once(gate, monkeypatch):
-    monkeypatch.setattr(replay_gate, 'TIMEOUT', TIMEOUT)
+    monkeypatch.setattr(replay, 'TIMEOUT', TIMEOUT)
     for number in range(WINDOW):
         gate.wait('left', number)
     threading.Timer(0.2, gate.release).start()
@@ -183,7 +183,7 @@ def test_a_replay_that_waits_can_be_deactivated_at_once(context, tmp_path):
         time.sleep(0.02)
     begin = time.monotonic()
     driver.trigger_deactivate()
-    assert time.monotonic() - begin < replay_gate.TIMEOUT / 4
+    assert time.monotonic() - begin < replay.TIMEOUT / 4
     driver.destroy_node()
 
 

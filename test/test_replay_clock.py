@@ -14,8 +14,8 @@ from rclpy.lifecycle import TransitionCallbackReturn  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
 
-from tactile_node.nodes.clock_output import STEP  # noqa: E402
 from tactile_node.nodes.driver_node import DriverNode  # noqa: E402
+from tactile_node.nodes.replay import CLOCK_STEP  # noqa: E402
 from tactile_node.ros.qos import frames_qos  # noqa: E402
 from tactile_node.ros.time_messages import seconds  # noqa: E402
 from tactile_skin.msg import TaxelArray  # noqa: E402
@@ -71,9 +71,9 @@ def test_a_consumer_with_simulated_time_sees_the_time_of_the_log(stack):
     late = [passed for passed, _ in seen[5:]]  # once /clock is discovered
     length = stamps[-1] - stamps[0]
     assert all(-length < passed < length for passed in late), late  # the order of two topics is open
-    assert min(abs(passed) for passed in late) < 2 * STEP
+    assert min(abs(passed) for passed in late) < 2 * CLOCK_STEP
     assert clocks == sorted(clocks) and stamps[0] <= clocks[0] and clocks[-1] <= stamps[-1]
-    assert len(clocks) <= length / STEP + 1
+    assert len(clocks) <= length / CLOCK_STEP + 1
     assert all(0 < age < TIMEOUT for _, age in seen)  # since it was played, not since it was recorded
 
 

@@ -17,8 +17,7 @@ from tactile_node.helmholtz.features import Group, compute_features  # noqa: E40
 from tactile_node.pose.box import contact_box  # noqa: E402
 from tactile_node.pose.contact_fit import fit_contact  # noqa: E402
 from tactile_node.pose.moments import contact_moments  # noqa: E402
-from tactile_node.ros.contact_messages import contact_message, pattern_of  # noqa: E402
-from tactile_node.ros.feature_messages import features_message, features_of  # noqa: E402
+from tactile_node.ros.contact_messages import contact_message, features_message, features_of, pattern_of  # noqa: E402
 from tactile_node.ros.grasp_messages import grasp_message, side_result  # noqa: E402
 from tactile_node.ros.message_age import InputAge, age_seconds  # noqa: E402
 from tactile_node.ros.message_checks import RejectReason, check_contact_shape, check_grasp, check_taxel_array  # noqa: E402

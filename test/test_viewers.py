@@ -29,15 +29,18 @@ from tactile_node.contact.pattern import PatternExtractor  # noqa: E402
 from tactile_node.contact.visibility import visibility_of  # noqa: E402
 from tactile_node.frames.taxel_frame import TaxelStatus  # noqa: E402
 from tactile_node.node_graph import frame_topics  # noqa: E402
-from tactile_node.nodes import shape_view, taxel_views  # noqa: E402
+from tactile_node.nodes import views  # noqa: E402
 from tactile_node.nodes.classifier_node import ClassifierNode  # noqa: E402
 from tactile_node.nodes.processor_node import ProcessorNode  # noqa: E402
 from tactile_node.ros.contact_messages import contact_message  # noqa: E402
-from tactile_node.ros.image_messages import colour_image, value_image  # noqa: E402
-from tactile_node.ros.marker_lifetime import MarkerLifetime  # noqa: E402
-from tactile_node.ros.marker_messages import ContactMarkers  # noqa: E402
 from tactile_node.ros.qos import frames_qos  # noqa: E402
-from tactile_node.ros.wrench_messages import wrench_message  # noqa: E402
+from tactile_node.ros.view_messages import (  # noqa: E402
+    ContactMarkers,
+    MarkerLifetime,
+    colour_image,
+    value_image,
+    wrench_message,
+)
 from tactile_skin.msg import Contact, ContactShape, TaxelArray  # noqa: E402
 
 pytestmark = pytest.mark.ros
@@ -370,8 +373,8 @@ def made(monkeypatch) -> list[str]:
     def noting(name, make):
         return lambda *arguments: (found.append(name), make(*arguments))[1]
     for name in ('value_image', 'colour_image', 'wrench_message'):
-        monkeypatch.setattr(taxel_views, name, noting(name, getattr(taxel_views, name)))
-    monkeypatch.setattr(shape_view.ContactMarkers, 'message', noting('markers', ContactMarkers.message))
+        monkeypatch.setattr(views, name, noting(name, getattr(views, name)))
+    monkeypatch.setattr(views.ContactMarkers, 'message', noting('markers', ContactMarkers.message))
     return found
 
 

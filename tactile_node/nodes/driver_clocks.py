@@ -9,7 +9,7 @@ from rclpy.task import Future
 
 from tactile_node.delay.clock_offset import Exchange, OffsetEstimator
 from tactile_node.errors import InputError
-from tactile_node.nodes.publisher_names import publisher_names
+from tactile_node.nodes.guarded_subscription import publisher_names
 from tactile_node.ros.clock_facts import DriverClock, stamps_ahead_of
 from tactile_node.ros.time_messages import seconds
 from tactile_skin.srv import HostTime

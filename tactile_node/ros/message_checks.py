@@ -8,31 +8,24 @@ import math
 from array import array
 from collections.abc import Callable, Sequence
 from enum import IntEnum
-from typing import TYPE_CHECKING, TypeAlias, TypeVar
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
-from geometry_msgs.msg import TransformStamped
 
 from tactile_node.contact.pattern import MOST_LABELS
 from tactile_node.contact.press import PRESS_BY_UNIT
 from tactile_node.frames.taxel_frame import TaxelStatus
-from tactile_node.grasp.opening import LinearGap, is_plausible
 from tactile_node.grasp.tracker import GraspContact
-from tactile_node.ros.opening_messages import frame_name, sum_of_positions
 from tactile_node.ros.shape_messages import SHAPE_OF_NUMBER
 from tactile_node.skin.layout import MAX_SIDE
 from tactile_skin.msg import Contact, ContactFeatures, ContactShape, ContactShapes, FeatureRange, Grasp, TaxelArray
-
-if TYPE_CHECKING:
-    from sensor_msgs.msg import JointState  # 40 ms, which only a grasp node that needs it pays
 
 MAX_FEATURES = 1000  #: of one message; ours have far fewer
 MAX_CLASSES = 1000  #: the same
 TOLERANCE = 1e-3  #: of probabilities, which are float32
 LAST_SECOND = 2**31 - 1  #: of Time; rounding must not go beyond it
 NANOSECONDS = 10**9
-QUATERNION_TOLERANCE = 1e-2  #: of its length, as in tf2
 #: By TaxelStatus, to its largest number: whether a taxel of this status has a value
 GIVES_VALUE = np.isin(np.arange(256), (TaxelStatus.VALID, TaxelStatus.SATURATED))
 NAME_OF_NUMBER = {number: shape.value for number, shape in SHAPE_OF_NUMBER.items()}
@@ -151,36 +144,6 @@ def check_grasp(message: Grasp) -> RejectReason | None:
             or _duration(message.gap_age))
 
 
-def check_joint_state(message: 'JointState', joints: Sequence[str], law: LinearGap) -> RejectReason | None:
-    """Check that it has one position of each of ``joints``, which make an opening. Other joints are not checked."""
-    if len(message.position) != len(message.name):
-        return RejectReason.WRONG_LENGTH
-    if not set(joints) <= set(message.name):
-        return RejectReason.MISSING_JOINT
-    if any(message.name.count(joint) > 1 for joint in joints):
-        return RejectReason.INCONSISTENT
-    total = sum_of_positions(message, joints)
-    return (_finite(total)
-            or (None if is_plausible(law.gap(total)) else RejectReason.IMPLAUSIBLE_OPENING)
-            or _time(message.header.stamp))
-
-
-def check_transforms(transforms: Sequence[TransformStamped]) -> RejectReason | None:
-    """Check a message of tf: each transform joins two frames, and its quaternion is of length 1 as tf2 requires."""
-    return next((reason for each in transforms if (reason := _transform(each))), None)
-
-
-def _transform(message: TransformStamped) -> RejectReason | None:
-    place, turn = message.transform.translation, message.transform.rotation
-    parent, child = frame_name(message.header.frame_id), frame_name(message.child_frame_id)
-    numbers = (place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w)
-    if not (all(map(math.isfinite, numbers))):
-        return RejectReason.NOT_FINITE
-    if not parent or not child or parent == child or abs(math.hypot(*numbers[3:]) - 1) > QUATERNION_TOLERANCE:
-        return RejectReason.INCONSISTENT
-    return _time(message.header.stamp)
-
-
 def _grid(rows: int, cols: int, *lengths: int) -> RejectReason | None:
     if not rows or not cols:
         return RejectReason.NO_TAXELS
@@ -223,7 +186,7 @@ def _tpdo_ages(message: TaxelArray) -> RejectReason | None:
         return RejectReason.WRONG_LENGTH
     if not len(message.tpdo_ages) or max(message.taxel_tpdos) >= len(message.tpdo_ages):
         return RejectReason.UNKNOWN_CODE
-    return _finite(*message.tpdo_ages) or (RejectReason.WRONG_STAMP if min(message.tpdo_ages) < 0 else None)
+    return check_finite(*message.tpdo_ages) or (RejectReason.WRONG_STAMP if min(message.tpdo_ages) < 0 else None)
 
 
 def _noise_floor(message: Contact) -> RejectReason | None:
@@ -317,7 +280,7 @@ def _counts(message: ContactShape) -> RejectReason | None:
             and max(message.hidden_ring_taxels, message.saturated_ring_taxels) <= message.ring_taxels)
     if len(message.contact_areas) != min(message.contacts, MOST_LABELS):
         return RejectReason.WRONG_LENGTH
-    return _finite(*message.contact_areas) if fits else RejectReason.INCONSISTENT
+    return check_finite(*message.contact_areas) if fits else RejectReason.INCONSISTENT
 
 
 def _place(message: ContactShape) -> RejectReason | None:
@@ -327,7 +290,7 @@ def _place(message: ContactShape) -> RejectReason | None:
         return RejectReason.INCONSISTENT
     if not message.taxels or message.unknown_reason == ContactShape.NOT_SEEN:
         return None
-    return _finite(message.centre_of_pressure.x, message.centre_of_pressure.y)
+    return check_finite(message.centre_of_pressure.x, message.centre_of_pressure.y)
 
 
 def _fit(message: ContactShape) -> RejectReason | None:
@@ -339,7 +302,7 @@ def _fit(message: ContactShape) -> RejectReason | None:
             or parameters**2 != len(message.covariance) or parameters != len(message.standard_deviations)):
         return RejectReason.WRONG_LENGTH
     place, direction = message.pose.pose.position, message.pose.pose.orientation
-    return _finite(place.x, place.y, direction.x, direction.y, direction.z, direction.w, *message.dimensions)
+    return check_finite(place.x, place.y, direction.x, direction.y, direction.z, direction.w, *message.dimensions)
 
 
 def _grasp_codes(message: Grasp) -> RejectReason | None:
@@ -380,21 +343,21 @@ def _line(message: Grasp) -> RejectReason | None:
     if has_line and not message.stable and all(map(math.isnan, (message.offset, *of_gap))):
         return None
     if has_line and math.isfinite(message.gap):
-        return _finite(message.offset, *of_gap)
+        return check_finite(message.offset, *of_gap)
     if not all(map(math.isnan, of_gap)):
         return RejectReason.INCONSISTENT
-    return _finite(message.offset) if has_line else None
+    return check_finite(message.offset) if has_line else None
 
 
-def _finite(*numbers: float) -> RejectReason | None:
+def check_finite(*numbers: float) -> RejectReason | None:
     return None if all(map(math.isfinite, numbers)) else RejectReason.NOT_FINITE
 
 
 def _times(message: Staged) -> RejectReason | None:
-    return _time(message.header.stamp) or _duration(message.age)
+    return check_time(message.header.stamp) or _duration(message.age)
 
 
-def _time(time: Time) -> RejectReason | None:
+def check_time(time: Time) -> RejectReason | None:
     return None if 0 <= time.sec < LAST_SECOND and time.nanosec < NANOSECONDS else RejectReason.WRONG_STAMP
 
 
