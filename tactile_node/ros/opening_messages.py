@@ -15,8 +15,8 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.frame_tree import Transform, rotation_matrix
 from tactile_node.grasp.gripper import PadPose
 from tactile_node.grasp.opening import GapSource, LinearGap, Opening, is_plausible
-from tactile_node.ros.message_checks import RejectReason, check_finite, check_time
 from tactile_node.ros.message_health import MessageCounts
+from tactile_node.skin.taxel_array import RejectReason, check_finite, check_time
 
 if TYPE_CHECKING:
     from sensor_msgs.msg import JointState  # 40 ms, which only a grasp node that needs it pays
