@@ -30,9 +30,8 @@ from tactile_node.frames.health import (  # noqa: E402
 )
 from tactile_node.frames.losses import BusStatistics, LossReason, PadStatistics  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
-from tactile_node.ros.lifecycle import PrimaryState  # noqa: E402
 from tactile_node.ros.qos import STATUS_QOS  # noqa: E402
-from tactile_node.ros.status_message import status_message  # noqa: E402
+from tactile_node.ros.status_message import PrimaryState, status_message  # noqa: E402
 from tactile_skin.msg import FaultyTaxel, NodeStatus, PadStatus, SkinStatus  # noqa: E402
 from tactile_skin.srv import Tare  # noqa: E402
 

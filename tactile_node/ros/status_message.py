@@ -3,9 +3,11 @@
 import math
 from array import array
 from collections.abc import Mapping
+from enum import IntEnum
 from types import MappingProxyType
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from lifecycle_msgs.msg import State
 
 from tactile_node.cia301.nmt import NmtState, state_name
 from tactile_node.conditioning.conditioned_pad import PadCondition
@@ -15,7 +17,6 @@ from tactile_node.frames import counters
 from tactile_node.frames.fault_text import command_text, failure_text, node_text
 from tactile_node.frames.health import BusHealth, NodeHealth
 from tactile_node.frames.losses import BusStatistics, PadStatistics
-from tactile_node.ros.lifecycle import PrimaryState
 from tactile_skin.msg import FaultyTaxel, NodeStatus, PadStatus, SkinStatus
 
 #: NodeStatus.msg numbers of the NMT states; None: never heard.
@@ -23,6 +24,16 @@ NMT_NUMBERS: Mapping[int | None, int] = {None: NodeStatus.NMT_NOT_KNOWN, NmtStat
                NmtState.STOPPED: NodeStatus.NMT_STOPPED, NmtState.OPERATIONAL: NodeStatus.NMT_OPERATIONAL,
                NmtState.PRE_OPERATIONAL: NodeStatus.NMT_PRE_OPERATIONAL}
 SEVERITY = (DiagnosticStatus.OK, DiagnosticStatus.STALE, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
+
+
+class PrimaryState(IntEnum):
+    """The primary states of a lifecycle node; the codes are those of lifecycle_msgs/State and of SkinStatus."""
+
+    NOT_KNOWN = State.PRIMARY_STATE_UNKNOWN
+    UNCONFIGURED = State.PRIMARY_STATE_UNCONFIGURED
+    INACTIVE = State.PRIMARY_STATE_INACTIVE
+    ACTIVE = State.PRIMARY_STATE_ACTIVE
+    FINALIZED = State.PRIMARY_STATE_FINALIZED
 
 
 def status_message(diagnostics: DiagnosticArray, counts: BusStatistics, health: BusHealth,
