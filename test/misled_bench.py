@@ -25,9 +25,9 @@ from rclpy.qos import QoSProfile
 
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.driver_node import DriverNode
-from tactile_node.nodes.frame_executor import FrameExecutor
 from tactile_node.nodes.grasp_node import GraspNode
 from tactile_node.nodes.processor_node import ProcessorNode
+from tactile_node.nodes.spinning import FrameExecutor
 from tactile_skin.msg import Contact, ContactShape, TaxelArray
 
 PERIOD = 0.02  # s between two frames

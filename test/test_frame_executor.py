@@ -12,8 +12,7 @@ from rclpy.task import Future
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from tactile_node.nodes.frame_executor import EVENTS_PERIOD, FrameExecutor
-from tactile_node.nodes.spinning import spinning
+from tactile_node.nodes.spinning import EVENTS_PERIOD, FrameExecutor, spinning
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 

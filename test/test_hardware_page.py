@@ -1,6 +1,7 @@
-"""docs/hardware.md explains every value and sentence that the driver can report, and no other."""
+"""docs/hardware.md and the table of counters explain what the driver can report, and nothing else."""
 
 import re
+import sys
 from pathlib import Path
 
 import pytest
@@ -14,9 +15,13 @@ from tactile_node.frames.health import BusHealth, NodeHealth
 from tactile_node.frames.losses import BusStatistics, LossReason, PadStatistics
 from tactile_node.ros.diagnostics import BusDiagnostics
 
+DOCS = Path(__file__).resolve().parents[1] / 'docs'
+sys.path.insert(0, str(DOCS / '_ext'))
+from from_code import counters  # noqa: E402
+
 pytestmark = pytest.mark.ros
 
-PAGE = (Path(__file__).resolve().parents[1] / 'docs/hardware.md').read_text(encoding='utf-8')
+PAGE = (DOCS / 'hardware.md').read_text(encoding='utf-8')
 
 
 def reported() -> set[str]:
@@ -32,8 +37,8 @@ def reported() -> set[str]:
 
 
 def explained() -> set[str]:
-    tables = PAGE.split('## What a diagnostic means')[1].split('### Faults of the bus')[0]
-    cells = [line.split('|')[1] for line in tables.splitlines() if line.startswith('| `')]
+    pages = [PAGE.split('## What a diagnostic means')[1].split('### Faults of the bus')[0], counters.markdown()]
+    cells = [line.split('|')[1] for page in pages for line in page.splitlines() if line.startswith('| `')]
     names = [name for cell in cells for name in re.findall(r'`(\w+)`', cell)]
     return {f'can_frames{name}' if name.startswith('_') else name for name in names}
 

@@ -33,12 +33,11 @@ from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.grasp_node import GraspNode
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.processor_node import ProcessorNode
-from tactile_node.nodes.replay_gate import WINDOW, ReplayGate
+from tactile_node.nodes.replay import WINDOW, ReplayGate
 from tactile_node.pose.box import contact_box
 from tactile_node.pose.fit import fit_shape
 from tactile_node.pose.moments import contact_moments
-from tactile_node.ros.contact_messages import contact_message
-from tactile_node.ros.feature_messages import features_message
+from tactile_node.ros.contact_messages import contact_message, features_message
 from tactile_node.ros.grasp_messages import grasp_message, side_result
 from tactile_node.ros.message_checks import (
     RejectReason,

@@ -22,7 +22,7 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.opening import NOT_KNOWN, GapSource, Opening
 from tactile_node.nodes.opening_source import make_opening_source
 from tactile_node.ros.message_checks import RejectReason as R
-from tactile_node.ros.opening_health import opening_status
+from tactile_node.ros.opening_messages import opening_status
 from tactile_node.ros.parameters import declare, read
 from tactile_node.ros.settings import GraspNodeSettings
 

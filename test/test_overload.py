@@ -12,12 +12,12 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 
 from tactile_node.frames.taxel_frame import TaxelFrame
-from tactile_node.nodes import replay_gate
+from tactile_node.nodes import replay
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.driver_node import DriverNode
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.processor_node import ProcessorNode
-from tactile_node.nodes.replay_gate import WINDOW, ReplayGate
+from tactile_node.nodes.replay import WINDOW, ReplayGate
 from tactile_node.ros.message_checks import check_taxel_array
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.taxel_messages import taxel_array_message
@@ -119,7 +119,7 @@ def test_a_lossless_stage_of_half_the_speed_works_on_all(context):
 @pytest.fixture
 def gate(context, monkeypatch):
     """A gate of two pads that gives up at once, and what a classifier reports to it."""
-    monkeypatch.setattr(replay_gate, 'TIMEOUT', 0.2)
+    monkeypatch.setattr(replay, 'TIMEOUT', 0.2)
     node = rclpy.create_node('driver')
     found = ReplayGate(node, ['left', 'right'], frames_qos(10, lossless=True))
     yield found
@@ -156,7 +156,7 @@ def test_a_gate_closes_again_with_the_first_answer(gate):
 
 
 def test_a_released_gate_lets_a_waiting_log_go_at_once(gate, monkeypatch):
-    monkeypatch.setattr(replay_gate, 'TIMEOUT', TIMEOUT)
+    monkeypatch.setattr(replay, 'TIMEOUT', TIMEOUT)
     for number in range(WINDOW):
         gate.wait('left', number)
     threading.Timer(0.2, gate.release).start()
@@ -180,7 +180,7 @@ def test_a_replay_that_waits_can_be_deactivated_at_once(context, tmp_path):
         time.sleep(0.02)
     begin = time.monotonic()
     driver.trigger_deactivate()
-    assert time.monotonic() - begin < replay_gate.TIMEOUT / 4
+    assert time.monotonic() - begin < replay.TIMEOUT / 4
     driver.destroy_node()
 
 

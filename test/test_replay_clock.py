@@ -8,8 +8,8 @@ from rclpy.parameter import Parameter
 from ros_bench import TIMEOUT, RosBench
 from rosgraph_msgs.msg import Clock
 
-from tactile_node.nodes.clock_output import STEP
 from tactile_node.nodes.driver_node import DriverNode
+from tactile_node.nodes.replay import CLOCK_STEP
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.time_messages import seconds
 from tactile_skin.msg import TaxelArray
@@ -47,9 +47,9 @@ def test_a_consumer_with_simulated_time_sees_the_time_of_the_log(ros):
     late = [passed for passed, _ in seen[5:]]  # once /clock is discovered
     length = stamps[-1] - stamps[0]
     assert all(-length < passed < length for passed in late), late  # the order of two topics is open
-    assert min(abs(passed) for passed in late) < 2 * STEP
+    assert min(abs(passed) for passed in late) < 2 * CLOCK_STEP
     assert clocks == sorted(clocks) and stamps[0] <= clocks[0] and clocks[-1] <= stamps[-1]
-    assert len(clocks) <= length / STEP + 1
+    assert len(clocks) <= length / CLOCK_STEP + 1
     assert all(0 < age < TIMEOUT for _, age in seen)  # since it was played, not since it was recorded
 
 

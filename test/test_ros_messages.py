@@ -15,8 +15,7 @@ from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.pose.box import contact_box
 from tactile_node.pose.contact_fit import fit_contact
 from tactile_node.pose.moments import contact_moments
-from tactile_node.ros.contact_messages import contact_message, pattern_of
-from tactile_node.ros.feature_messages import features_message, features_of
+from tactile_node.ros.contact_messages import contact_message, features_message, features_of, pattern_of
 from tactile_node.ros.grasp_messages import grasp_message, side_result
 from tactile_node.ros.message_age import InputAge, age_seconds
 from tactile_node.ros.message_checks import RejectReason, check_contact_shape, check_grasp, check_taxel_array

@@ -27,9 +27,8 @@ from tactile_node.frames.health import (
 )
 from tactile_node.frames.losses import BusStatistics, LossReason, PadStatistics
 from tactile_node.ros.diagnostics import BusDiagnostics
-from tactile_node.ros.lifecycle import PrimaryState
 from tactile_node.ros.qos import STATUS_QOS
-from tactile_node.ros.status_message import status_message
+from tactile_node.ros.status_message import PrimaryState, status_message
 from tactile_skin.msg import FaultyTaxel, NodeStatus, PadStatus, SkinStatus
 from tactile_skin.srv import Tare
 

@@ -170,7 +170,8 @@ def test_a_bag_cut_short_gives_what_is_whole_and_says_so(tmp_path):
     {'rows': 0}, {'rows': 4_000_000_000}, {'values': np.ones(5, np.float32)}, {'status': np.ones(5, np.uint8)},
     {'status': np.full(6, 9, np.uint8)}, {'status': np.ones(6, np.uint8)}, {'unit': 'psi'}, {'pitch': NAN},
     {'pitch': 0.0}, {'tpdo_ages': np.array([1], np.float32)},
-    {'tpdo_ages': np.array([1], np.float32), 'taxel_tpdos': np.ones(6, np.uint16)}])
+    {'tpdo_ages': np.array([1], np.float32), 'taxel_tpdos': np.ones(6, np.uint16)},
+    {'layer_deviation': 0.0}, {'values': np.array([1, 2, np.inf, 4, 5, 6], np.float32)}])
 def test_a_frame_whose_fields_do_not_fit_is_counted_not_given(tmp_path, changed):
     reader = TopicBagReader(bag(tmp_path / 'bag', arrays(1, **changed) + arrays(1)))
     assert len(list(reader.frames())) == 1 and dict(reader.unread) == {Unread.INCONSISTENT: 1}

@@ -24,15 +24,18 @@ from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.visibility import visibility_of
 from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.node_graph import frame_topics
-from tactile_node.nodes import shape_view, taxel_views
+from tactile_node.nodes import views
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.processor_node import ProcessorNode
 from tactile_node.ros.contact_messages import contact_message
-from tactile_node.ros.image_messages import colour_image, value_image
-from tactile_node.ros.marker_lifetime import MarkerLifetime
-from tactile_node.ros.marker_messages import ContactMarkers
 from tactile_node.ros.qos import frames_qos
-from tactile_node.ros.wrench_messages import wrench_message
+from tactile_node.ros.view_messages import (
+    ContactMarkers,
+    MarkerLifetime,
+    colour_image,
+    value_image,
+    wrench_message,
+)
 from tactile_skin.msg import Contact, ContactShape, TaxelArray
 
 pytestmark = pytest.mark.ros
@@ -347,8 +350,8 @@ def made(monkeypatch) -> list[str]:
     def noting(name, make):
         return lambda *arguments: (found.append(name), make(*arguments))[1]
     for name in ('value_image', 'colour_image', 'wrench_message'):
-        monkeypatch.setattr(taxel_views, name, noting(name, getattr(taxel_views, name)))
-    monkeypatch.setattr(shape_view.ContactMarkers, 'message', noting('markers', ContactMarkers.message))
+        monkeypatch.setattr(views, name, noting(name, getattr(views, name)))
+    monkeypatch.setattr(views.ContactMarkers, 'message', noting('markers', ContactMarkers.message))
     return found
 
 

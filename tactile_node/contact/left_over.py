@@ -9,7 +9,7 @@ REMAINS = 1 / 3    #: of the contact that a taxel belonged to: less is what is l
 RELEASE = 15       #: frames in which a contact that falls to REMAINS of its size is let go; 0.3 s at 50 Hz
 AGAIN = 2          #: times what was left over: a contact again
 APART = 2          #: taxels between pieces of one contact, at most: silent lines tear it
-COMPACT = 0.62     #: a contact whose taxels have more of their sides in common shrinks, what is left over is ragged
+LEAST_COMPACTNESS = 0.62  #: fraction of a contact's sides in common; what is left over, or by chance, is ragged
 FORGOTTEN = 25     #: frames without being pressed after which a taxel begins again: some flicker
 
 
@@ -55,6 +55,6 @@ def _sizes(pressed: np.ndarray, groups: np.ndarray) -> tuple[np.ndarray, np.ndar
     sizes = np.bincount(groups.reshape(-1), minlength=count)
     down, along = pressed[1:] & pressed[:-1], pressed[:, 1:] & pressed[:, :-1]
     shared = np.bincount(groups[1:][down], minlength=count) + np.bincount(groups[:, 1:][along], minlength=count)
-    ragged = shared < COMPACT * 2 * sizes
+    ragged = shared < LEAST_COMPACTNESS * 2 * sizes
     sizes[0], ragged[0] = 0, False
     return sizes, ragged

@@ -10,19 +10,27 @@ from tactile_node.frames.taxel_frame import TaxelFrame
 
 
 class LossReason(IntEnum):
-    """Why a CAN frame of a pad is in no taxel frame. The codes are stable."""
+    """Why a CAN frame of a pad is in no taxel frame: its code, which is stable, and its meaning."""
 
-    BEFORE_FIRST_SYNC = 1
-    OUT_OF_ORDER = 2  #: received after a TPDO that follows it in a sweep
-    LATE = 3  #: of an earlier period, or possibly so
-    DUPLICATE = 4  #: the same COB-ID and bytes twice in a row
-    SURPLUS = 5  #: after the period's frame was complete
-    SHORT = 6  #: fewer bytes than mapped
-    UNKNOWN_ROW = 7  #: a row number, or an MPDO, that is not in the layout
-    OVER_LONG = 8  #: more bytes than mapped: the device maps something else
-    BROKEN = 9  #: an SDO upload that was aborted, lacks frames or has a wrong CRC
-    INCOMPLETE = 10  #: good, but of an incomplete taxel frame, which is withheld (``drop_incomplete``)
-    UNFINISHED = 11  #: the driver stopped within the period
+    BEFORE_FIRST_SYNC = 1, 'received before the first SYNC'
+    OUT_OF_ORDER = 2, 'received after a TPDO that follows it in a sweep'
+    LATE = 3, 'of an earlier period, or possibly so'
+    DUPLICATE = 4, 'the same COB-ID and bytes twice in a row'
+    SURPLUS = 5, "after the period's frame was complete"
+    SHORT = 6, 'fewer bytes than mapped'
+    UNKNOWN_ROW = 7, 'a row number, or an MPDO, that is not in the layout'
+    OVER_LONG = 8, 'more bytes than mapped: the device maps something else'
+    BROKEN = 9, 'an SDO upload that was aborted, lacks frames or has a wrong CRC'
+    INCOMPLETE = 10, 'good, but of an incomplete taxel frame, which is withheld (drop_incomplete)'
+    UNFINISHED = 11, 'the driver stopped within the period'
+
+    meaning: str
+
+    def __new__(cls, code: int, meaning: str) -> 'LossReason':
+        reason = int.__new__(cls, code)
+        reason._value_ = code
+        reason.meaning = meaning
+        return reason
 
     @property
     def key(self) -> str:

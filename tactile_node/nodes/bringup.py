@@ -10,9 +10,9 @@ from rclpy.signals import SignalHandlerOptions
 
 from tactile_node.node_graph import NodeDescription
 from tactile_node.nodes.drain import drain, published_frames
+from tactile_node.nodes.run import translate_rclpy_errors
 from tactile_node.nodes.spinning import Spinner, spinning
 from tactile_node.nodes.system import System
-from tactile_node.ros.rclpy_errors import translate_rclpy_errors
 from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
 
 

@@ -14,7 +14,7 @@ from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.run import run_node
-from tactile_node.nodes.shape_view import ShapeView
+from tactile_node.nodes.views import ShapeView
 from tactile_node.pose.box import contact_box
 from tactile_node.pose.contact_fit import fit_contact
 from tactile_node.pose.fit import ShapeFit

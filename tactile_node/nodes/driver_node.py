@@ -21,20 +21,18 @@ from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError
 from tactile_node.frames.frame_source import FrameSource
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.node_graph import NODE_NAMES, Role
-from tactile_node.nodes.clock_output import ClockOutput
+from tactile_node.nodes.driver_services import FaultService, TareService, Zeroing
 from tactile_node.nodes.driver_source import driver_pads, make_source, pad_frames
-from tactile_node.nodes.fault_service import FaultService
-from tactile_node.nodes.lifecycle_steps import LifecycleSteps
+from tactile_node.nodes.lifecycle_steps import LifecycleSteps, reject_invalid_transitions
 from tactile_node.nodes.pad_output import PadOutput
-from tactile_node.nodes.replay_gate import ReplayGate
+from tactile_node.nodes.replay import ClockOutput, ReplayGate
 from tactile_node.nodes.run import run_node
 from tactile_node.nodes.state_publisher import DriverState, StatePublisher
-from tactile_node.nodes.tare_service import TareService, Zeroing
 from tactile_node.ros.conditioning_setup import adjust, conditioned_pads, skin_responses
-from tactile_node.ros.lifecycle import PrimaryState, reject_invalid_transitions
 from tactile_node.ros.parameters import changed, declare, read, table
 from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
 from tactile_node.ros.settings import DriverSettings
+from tactile_node.ros.status_message import PrimaryState
 
 #: All that is not live; autostart and wait_at_start are read once, before that.
 READ_AT_CONFIGURE = frozenset(each.name for each in table(DriverSettings) if not each.properties.live

@@ -1,4 +1,7 @@
-"""Runs the steps of a lifecycle node: an error makes the transition fail, is logged and kept."""
+"""Runs the steps of a lifecycle node: an error makes the transition fail, is logged and kept.
+
+A transition that the state does not allow is refused.
+"""
 
 import logging
 import time
@@ -7,7 +10,8 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from rclpy.lifecycle import TransitionCallbackReturn
+from lifecycle_msgs.srv import ChangeState
+from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.node import Node
 
 from tactile_node.errors import DeviceError, TactileError
@@ -72,3 +76,24 @@ class LifecycleSteps:
             self._node.get_logger().error(str(error))
         elif isinstance(error, self._waits_for):
             logger.error('%s %s', error, WAITING, extra={'fact': error})
+
+
+def reject_invalid_transitions(node: LifecycleNode) -> None:
+    """Answer a request for a transition that the node's state does not allow with success = False.
+
+    rclpy raises in its callback (RCLError: "Transition is not registered"), which would end the process; a lifecycle
+    manager that repeats itself would do that.
+    """
+    service = next(service for service in node.services if service.srv_type is ChangeState)
+    change = service.callback
+
+    def answer(request: ChangeState.Request, response: ChangeState.Response) -> ChangeState.Response:
+        try:
+            return change(request, response)
+        except RuntimeError as error:
+            node.get_logger().error(f'change_state: expected a transition that the present state allows, got '
+                                    f'{request.transition.label or request.transition.id} ({error}). '
+                                    'Ask ~/get_available_transitions.')
+            response.success = False
+            return response
+    service.callback = answer

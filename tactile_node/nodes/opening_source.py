@@ -3,30 +3,50 @@
 import logging
 import math
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Sequence
-from typing import Protocol
+from functools import partial
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import TransformStamped
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.grasp.opening import GapSource, LinearGap, Opening
+from tactile_node.grasp.frame_tree import FrameTree
+from tactile_node.grasp.opening import NOT_KNOWN, GapSource, LatestGap, LinearGap, Opening, is_plausible, opening
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.health_timer import start_health_timer
-from tactile_node.nodes.parameter_opening import ParameterOpening, refuse_a_gap_that_nothing_reads
+from tactile_node.ros.measurement_time import MeasurementTime, use_stamps
 from tactile_node.ros.message_checks import RejectReason
-from tactile_node.ros.opening_health import opening_status, total, why_not_known
-from tactile_node.ros.opening_messages import frame_name
+from tactile_node.ros.opening_messages import (
+    check_joint_state,
+    check_transforms,
+    frame_name,
+    opening_status,
+    sum_of_positions,
+    tf_message_type,
+    total,
+    transform,
+    why_not_known,
+)
+from tactile_node.ros.qos import TF_QOS, TF_STATIC_QOS
 from tactile_node.ros.settings import GraspNodeSettings
+from tactile_node.ros.time_messages import seconds
 from tactile_node.threads.reminder import Reminder
+
+if TYPE_CHECKING:
+    from sensor_msgs.msg import JointState
 
 logger = logging.getLogger(__name__)
 
 NONE = 'none'  #: value of the parameter gap_source
 NAMES = {source.name.lower(): source for source in GapSource if source}
+MOST_FRAMES = 10_000  #: of the robot and of one message: made-up names must not fill the memory
 
 
 class OpeningSource(Protocol):
@@ -34,6 +54,121 @@ class OpeningSource(Protocol):
 
     def current(self, now: float) -> Opening:
         """Return the opening at ``now`` of the steady clock (time.monotonic) [s]."""
+
+
+class MeasuredSource(OpeningSource, Protocol):
+    """A source that listens to messages."""
+
+    remedy: str  #: what to look for while the opening is not known
+
+    @property
+    def subscriptions(self) -> Sequence[GuardedSubscription]:
+        """What it listens to."""
+
+
+class ParameterOpening:
+    """The live parameter ``gap``, which holds until it is set again; below 0: not known."""
+
+    def __init__(self, node: Node):
+        self._latest = LatestGap(GapSource.PARAMETER)
+        self._on_parameters([node.get_parameter('gap')])
+        node.add_post_set_parameters_callback(self._on_parameters)
+
+    def current(self, now: float) -> Opening:
+        return self._latest.current(now)
+
+    def _on_parameters(self, parameters: Sequence[Parameter]) -> None:
+        for each in parameters:
+            if each.name == 'gap':
+                self._latest.set(each.value if each.value >= 0 else math.nan, time.monotonic())
+
+
+def refuse_a_gap_that_nothing_reads(node: Node, source: str) -> None:
+    """Refuse a change of ``gap`` at run time that the ``source`` of the opening would ignore."""
+    def check(parameters: Sequence[Parameter]) -> SetParametersResult:
+        is_set = any(each.name == 'gap' and each.value >= 0 for each in parameters)
+        refused = is_set and source != 'parameter'
+        return SetParametersResult(successful=not refused,
+                                   reason=f'the opening comes from gap_source {source}' if refused else '')
+    node.add_on_set_parameters_callback(check)
+
+
+class JointStatesOpening:
+    """The sum of joint positions. Messages of other joints pass, for many nodes may share the topic."""
+
+    def __init__(self, node: Node, settings: GraspNodeSettings, law: LinearGap):
+        from sensor_msgs.msg import JointState  # 40 ms, which only a grasp node that needs it pays
+        self._joints = settings.gap_joints
+        self._law = law
+        self._latest = LatestGap(GapSource.JOINT_STATES, settings.max_gap_age)
+        self._measured = MeasurementTime(use_stamps=use_stamps(node, settings))
+        self.subscriptions = (GuardedSubscription(node, JointState, settings.joint_states_topic, self._on_state,
+                                                  qos_profile_sensor_data, check=self._check),)
+        self.remedy = f'no usable joint states of {", ".join(self._joints)} on {self.subscriptions[0].topic}'
+
+    def current(self, now: float) -> Opening:
+        return self._latest.current(now)
+
+    def _check(self, message: 'JointState') -> RejectReason | None:
+        if self._is_of_others(message) and not math.isnan(self.current(time.monotonic()).gap):
+            return None
+        return check_joint_state(message, self._joints, self._law)
+
+    def _on_state(self, message: 'JointState') -> None:
+        if not self._is_of_others(message):
+            measured = self._measured.of(seconds(message.header.stamp), time.monotonic())
+            self._latest.set(self._law.gap(sum_of_positions(message, self._joints)), measured)
+
+    def _is_of_others(self, message: 'JointState') -> bool:
+        return set(self._joints).isdisjoint(message.name)
+
+class TfOpening:
+    """The distance of two frames along the closing direction."""
+
+    def __init__(self, node: Node, settings: GraspNodeSettings, law: LinearGap, closing: np.ndarray):
+        self._law = law
+        self._closing = closing
+        self._reference = frame_name(settings.frame)
+        self._left, self._right = map(frame_name, settings.fingers)
+        self._max_age = settings.max_gap_age
+        self._tree = FrameTree()
+        self._measured: defaultdict[str, MeasurementTime] = defaultdict(
+            partial(MeasurementTime, use_stamps=use_stamps(node, settings)))
+        kind = tf_message_type('parameter gap_source tf')
+        self.subscriptions = (GuardedSubscription(node, kind, '/tf', self._on_tf, TF_QOS, check=self._check),
+                              GuardedSubscription(node, kind, '/tf_static', self._on_tf_static, TF_STATIC_QOS,
+                                                  check=self._check))
+        self.remedy = (f'no plausible distance of the moving frames {self._left} and {self._right} in '
+                       f'{self._reference} from /tf')
+
+    def current(self, now: float) -> Opening:
+        left, right = (self._tree.find(frame, self._reference) for frame in (self._left, self._right))
+        if left is None or right is None:
+            return NOT_KNOWN
+        measured = min(left.measured, right.measured)
+        distance = float(self._closing @ (right.transform.translation - left.transform.translation))
+        gap = self._law.gap(distance)
+        if measured == math.inf or not is_plausible(gap):  # static: these frames do not move with the fingers
+            return NOT_KNOWN
+        return opening(gap, GapSource.TF, max(0.0, now - measured), self._max_age)
+
+    def _check(self, message: Any) -> RejectReason | None:
+        if len(self._tree) + len(message.transforms) > MOST_FRAMES:
+            return RejectReason.TOO_LARGE
+        return check_transforms(message.transforms)
+
+    def _on_tf(self, message: Any) -> None:
+        now = time.monotonic()
+        for each in message.transforms:
+            self._set(each, self._measured[frame_name(each.child_frame_id)].of(seconds(each.header.stamp), now))
+
+    def _on_tf_static(self, message: Any) -> None:
+        for each in message.transforms:
+            self._set(each, math.inf)
+
+    def _set(self, message: TransformStamped, measured: float) -> None:
+        self._tree.set(frame_name(message.child_frame_id), frame_name(message.header.frame_id),
+                       transform(message.transform), measured)
 
 
 def make_opening_source(node: Node, settings: GraspNodeSettings, closing: np.ndarray) -> OpeningSource:
@@ -46,26 +181,14 @@ def make_opening_source(node: Node, settings: GraspNodeSettings, closing: np.nda
     refuse_a_gap_that_nothing_reads(node, settings.gap_source)
     law = LinearGap(settings.gap_offset, settings.gap_scale)
     if settings.gap_source == 'joint_states':
-        from tactile_node.nodes.joint_states_opening import JointStatesOpening
         return _Reporting(node, JointStatesOpening(node, settings, law))
     if settings.gap_source == 'tf':
-        from tactile_node.nodes.tf_opening import TfOpening
         return _Reporting(node, TfOpening(node, settings, law, closing))
     source = ParameterOpening(node)
     if math.isnan(source.current(time.monotonic()).gap):
         logger.info('%s: the opening of the gripper is not known: widths and places in a grasp are NaN. Set gap, or '
                     'gap_source to joint_states or tf', node.get_fully_qualified_name())
     return source
-
-
-class MeasuredSource(OpeningSource, Protocol):
-    """A source that listens to messages."""
-
-    remedy: str  #: what to look for while the opening is not known
-
-    @property
-    def subscriptions(self) -> Sequence[GuardedSubscription]:
-        """What it listens to."""
 
 
 class _Reporting:

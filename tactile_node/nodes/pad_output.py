@@ -9,7 +9,7 @@ from rclpy.qos import QoSProfile
 
 from tactile_node.conditioning.conditioned_pad import ConditionedPad, PadCondition
 from tactile_node.frames.taxel_frame import TaxelFrame
-from tactile_node.nodes.publisher_names import publisher_names
+from tactile_node.nodes.guarded_subscription import publisher_names
 from tactile_node.pose.layer import Layer
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.taxel_messages import taxel_array_message

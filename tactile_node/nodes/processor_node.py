@@ -21,9 +21,8 @@ from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.run import run_node
-from tactile_node.nodes.taxel_views import TaxelViews
-from tactile_node.ros.contact_messages import contact_message, taxels_of
-from tactile_node.ros.feature_messages import features_message
+from tactile_node.nodes.views import TaxelViews
+from tactile_node.ros.contact_messages import contact_message, features_message, taxels_of
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.message_checks import check_taxel_array
 from tactile_node.ros.parameters import changed, declare, read

@@ -2,21 +2,28 @@
 
 import gc
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from threading import Event
 from typing import TypeVar
 
 import rclpy
+from rclpy.exceptions import (
+    InvalidNamespaceException,
+    InvalidNodeNameException,
+    InvalidTopicNameException,
+)
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from tactile_node.errors import TactileError
+from tactile_node.errors import ConfigurationError, TactileError
 from tactile_node.interruption import ignore_interruptions, interruption
 from tactile_node.nodes.spinning import Spinner, spinning
-from tactile_node.ros.rclpy_errors import translate_rclpy_errors
 from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
 
 SomeNode = TypeVar('SomeNode', bound=Node)
+NAMES = (InvalidNamespaceException, InvalidNodeNameException, InvalidTopicNameException)
 
 
 def run_node(make: Callable[[], SomeNode], start: Callable[[SomeNode, Event], None] | None = None) -> int:
@@ -62,3 +69,18 @@ def wait(spinner: Spinner, stop_requested: Event) -> None:
     gc.freeze()
     while not stop_requested.wait(0.2):
         spinner.check()
+
+
+@contextmanager
+def translate_rclpy_errors() -> Iterator[None]:
+    """Raise ConfigurationError for what rclpy raises inside the block."""
+    try:
+        yield
+    except NAMES as error:
+        raise ConfigurationError('namespace or pad name', expected='letters, digits and underscores',
+                                 got=' '.join(str(error).split()), remedy='Rename it.') from None
+    except rclpy_implementation.RCLError as error:
+        if 'params file' not in str(error):
+            raise
+        raise ConfigurationError('parameter file', expected='a ROS 2 parameter file (YAML)',
+                                 got=str(error).split(', at /')[0], remedy='Check path and indentation.') from None

@@ -17,9 +17,8 @@ from tactile_node.frames.health import BusHealth
 from tactile_node.frames.losses import BusStatistics
 from tactile_node.nodes.health_timer import start_health_timer
 from tactile_node.ros.diagnostics import PERIOD, BusDiagnostics, Finding, diagnostic_array, unconfigured
-from tactile_node.ros.lifecycle import PrimaryState
 from tactile_node.ros.qos import STATUS_QOS
-from tactile_node.ros.status_message import status_message
+from tactile_node.ros.status_message import PrimaryState, status_message
 from tactile_node.threads.change_pace import ChangePace
 from tactile_skin.msg import SkinStatus
 

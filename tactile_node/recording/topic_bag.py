@@ -25,8 +25,9 @@ from tactile_node.recording.bag_records import (
     topics_of,
 )
 from tactile_node.recording.damage import Damage, DamageKind, damage_text
-from tactile_node.recording.taxel_message import PadGeometry, fault_of, frame_of, geometry_of, seconds
+from tactile_node.recording.taxel_message import PadGeometry, frame_of, geometry_of, seconds
 from tactile_node.recording.window import SECOND, WHOLE, Window
+from tactile_node.skin.taxel_array import check_taxel_array
 
 PACKAGE = 'tactile_skin'
 TAXELS, SHAPE, STATUS = (f'{PACKAGE}/msg/{name}' for name in ('TaxelArray', 'ContactShape', 'SkinStatus'))
@@ -138,8 +139,8 @@ class TopicBagReader:
         except Exception as error:  # rosbags raises what struct, numpy and zstandard raise
             self._leave_out(Unread.UNDECODABLE, f'{recorded.topic}: {error}')
             return
-        if recorded.type == TAXELS and (fault := fault_of(content)):
-            self._leave_out(Unread.INCONSISTENT, f'{recorded.topic}: {fault}')
+        if recorded.type == TAXELS and (reason := check_taxel_array(content)):
+            self._leave_out(Unread.INCONSISTENT, f'{recorded.topic}: {reason.key}')
             return
         at = recorded.time / SECOND
         if recorded.type == TAXELS:

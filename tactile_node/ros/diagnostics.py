@@ -13,6 +13,7 @@ from tactile_node.cia301.nmt import state_name
 from tactile_node.conditioning.condition_text import ZERO_TEXT, faults_text
 from tactile_node.conditioning.conditioned_pad import PadCondition
 from tactile_node.conditioning.tare import ZeroState
+from tactile_node.frames import counters
 from tactile_node.frames.fault_text import OVERLOAD_PHRASES, command_text, failure_text, node_text, sync_text
 from tactile_node.frames.health import BusHealth, NodeHealth, Outages
 from tactile_node.frames.losses import BusStatistics, PadStatistics
@@ -135,7 +136,7 @@ def _bus_findings(now: BusStatistics, before: BusStatistics, health: BusHealth,
                   health_before: BusHealth) -> list[Finding]:
     if health.failure is not None:
         return [Finding(DiagnosticStatus.ERROR, failure_text(health.failure))]
-    grown = [name for name, count in _bus_losses(now).items() if count > _bus_losses(before)[name]]
+    grown = [loss.name for loss in counters.BUS_LOSSES if loss.count(now) > loss.count(before)]
     texts = [f'growing: {", ".join(grown)}'] if grown else []
     texts += _new_outages(health.outages, health_before.outages)
     if health.is_error_passive:
@@ -198,33 +199,23 @@ def _condition_findings(condition: PadCondition) -> list[Finding]:
     return findings
 
 
-def _bus_losses(statistics: BusStatistics) -> dict[str, int]:
-    return {'queue_overruns': statistics.queue_overruns, 'sync_overruns': statistics.sync_overruns,
-            'sync_pauses': statistics.sync_pauses, 'poll_overruns': statistics.poll_overruns,
-            'consumer_errors': statistics.consumer_errors, 'unread_log_lines': statistics.unread,
-            'unrecorded_can_frames': statistics.unrecorded,
-            'error_frames': statistics.can_frames.get('error', 0), 'clock_jumps': statistics.clock_jumps}
-
-
 def _bus_values(statistics: BusStatistics, health: BusHealth) -> dict[str, object]:
     return {'fault': health.fault.name,
             **{f'can_frames_{name}': count for name, count in statistics.can_frames.items()},
-            **_bus_losses(statistics), 'stamps_ahead_s': f'{statistics.stamps_ahead:.3f}',
+            **counters.read_counters(counters.BUS_LOSSES, statistics),
+            **counters.read_counters(counters.BUS_EVENTS, health), 'stamps_ahead_s': f'{statistics.stamps_ahead:.3f}',
             'bus_load_percent': f'{100 * health.load:.1f}',
             'tx_error_count': health.error_counters.tx,
             'rx_error_count': health.error_counters.rx,
-            'error_passive': health.is_error_passive, 'outages': health.outages.count,
-            'outage_seconds': f'{health.outages.seconds:.2f}', 'outage_last_reason': failure_text(health.outages.cause),
-            'foreign_nmt_commands': health.foreign_commands, 'foreign_nmt_last': command_text(health.last_command),
-            'sync_fault': health.sync.fault.name, 'foreign_syncs': health.sync.foreign,
+            'error_passive': health.is_error_passive, 'outage_seconds': f'{health.outages.seconds:.2f}',
+            'outage_last_reason': failure_text(health.outages.cause),
+            'foreign_nmt_last': command_text(health.last_command), 'sync_fault': health.sync.fault.name,
             'sync_period_s': '' if health.sync.period is None else f'{health.sync.period:.4f}',
-            'overload': health.overload.name, 'stalls': health.stalls}
+            'overload': health.overload.name}
 
 
 def _pad_values(pad: PadStatistics) -> dict[str, object]:
-    return {'frames_complete': pad.complete, 'frames_incomplete': pad.incomplete, 'frames_withheld': pad.withheld,
-            'late_answers': pad.late_answers, 'tpdos_expected': pad.expected, 'tpdos_received': pad.received,
-            'tpdos_used': pad.used,
+    return {**counters.read_counters(counters.PAD_COUNTERS, pad),
             **{f'tpdos_lost_{reason.key}': count for reason, count in pad.losses.items()}}
 
 
@@ -238,9 +229,7 @@ def _nodes_values(nodes: tuple[NodeHealth, ...]) -> dict[str, object]:
 
 def _node_values(node: NodeHealth) -> dict[str, object]:
     age = 'never heard' if node.heartbeat_age is None else f'{node.heartbeat_age:.2f}'
-    return {'node_id': node.node_id, 'fault': node.fault.name,
-            'nmt_state': state_name(node.state), 'heartbeat_age_s': age, 'boot_ups': node.boots,
-            'emcy_count': node.emergencies, 'emcy_last': node.last_emergency or '',
-            'emcy_active': node.active_emergency or '',
-            'outages': node.outages.count, 'outage_seconds': f'{node.outages.seconds:.2f}',
-            'outage_last_reason': failure_text(node.outages.cause), 'frames_distrusted': node.distrusted}
+    return {'node_id': node.node_id, 'fault': node.fault.name, 'nmt_state': state_name(node.state),
+            'heartbeat_age_s': age, **counters.read_counters(counters.NODE_COUNTERS, node),
+            'emcy_last': node.last_emergency or '', 'emcy_active': node.active_emergency or '',
+            'outage_seconds': f'{node.outages.seconds:.2f}', 'outage_last_reason': failure_text(node.outages.cause)}

@@ -1,5 +1,7 @@
 """What a message must fulfil before a node uses it: one function for each type, None or the reason to drop it.
 
+The rules of a TaxelArray are those of `skin/taxel_array.py`, which hold for bags too.
+
 DDS guarantees the types of the fields, not that they fit together: any node can publish on our topics. Sizes are
 checked first, so that no check costs more than the message itself and nothing is allocated by a size that it names.
 """
@@ -7,34 +9,31 @@ checked first, so that no check costs more than the message itself and nothing i
 import math
 from array import array
 from collections.abc import Callable, Sequence
-from enum import IntEnum
-from typing import TYPE_CHECKING, TypeAlias, TypeVar
+from typing import TypeAlias, TypeVar
 
 import numpy as np
-from builtin_interfaces.msg import Duration, Time
-from geometry_msgs.msg import TransformStamped
 
 from tactile_node.contact.pattern import MOST_LABELS
-from tactile_node.contact.press import PRESS_BY_UNIT
 from tactile_node.frames.taxel_frame import TaxelStatus
-from tactile_node.grasp.opening import LinearGap, is_plausible
 from tactile_node.grasp.tracker import GraspContact
-from tactile_node.ros.opening_messages import frame_name, sum_of_positions
 from tactile_node.ros.shape_messages import SHAPE_OF_NUMBER
-from tactile_node.skin.layout import MAX_SIDE
-from tactile_skin.msg import Contact, ContactFeatures, ContactShape, ContactShapes, FeatureRange, Grasp, TaxelArray
-
-if TYPE_CHECKING:
-    from sensor_msgs.msg import JointState  # 40 ms, which only a grasp node that needs it pays
+from tactile_node.skin.taxel_array import RejectReason as RejectReason
+from tactile_node.skin.taxel_array import (
+    check_codes,
+    check_duration,
+    check_finite,
+    check_grid,
+    check_layer,
+    check_scale,
+    check_taxels,
+    check_time,
+)
+from tactile_node.skin.taxel_array import check_taxel_array as check_taxel_array
+from tactile_skin.msg import Contact, ContactFeatures, ContactShape, ContactShapes, FeatureRange, Grasp
 
 MAX_FEATURES = 1000  #: of one message; ours have far fewer
 MAX_CLASSES = 1000  #: the same
 TOLERANCE = 1e-3  #: of probabilities, which are float32
-LAST_SECOND = 2**31 - 1  #: of Time; rounding must not go beyond it
-NANOSECONDS = 10**9
-QUATERNION_TOLERANCE = 1e-2  #: of its length, as in tf2
-#: By TaxelStatus, to its largest number: whether a taxel of this status has a value
-GIVES_VALUE = np.isin(np.arange(256), (TaxelStatus.VALID, TaxelStatus.SATURATED))
 NAME_OF_NUMBER = {number: shape.value for number, shape in SHAPE_OF_NUMBER.items()}
 SHAPE_NUMBERS_KNOWN = frozenset((*SHAPE_OF_NUMBER, ContactShape.OTHER))
 UNKNOWN_REASONS = (ContactShape.NOT_UNKNOWN, ContactShape.NOT_SEEN, ContactShape.UNFAMILIAR, ContactShape.TOO_SMALL)
@@ -43,61 +42,22 @@ Message = TypeVar('Message')
 
 
 #: They have stamp and age.
-Staged: TypeAlias = TaxelArray | Contact | ContactFeatures | ContactShape | ContactShapes | Grasp
-
-
-class RejectReason(IntEnum):
-    """Why a message was dropped. The codes are stable."""
-
-    NOT_KNOWN = 0
-    UNKNOWN_UNIT = 1  #: not "Pa", "N" or "1"
-    NO_TAXELS = 2  #: rows or cols is 0, as in a default-constructed message
-    TOO_LARGE = 3  #: more rows, columns or features than any skin has
-    WRONG_LENGTH = 4  #: an array that does not fit rows * cols, the classes or the names of its elements
-    WRONG_PITCH = 5  #: not a length > 0
-    UNKNOWN_CODE = 6  #: a number that its enumeration does not have
-    NOT_FINITE = 7  #: NaN or infinite where a number is needed
-    WRONG_PROBABILITIES = 8  #: not in 0...1, or their sum is not 1
-    WRONG_STAMP = 9  #: a time before 1970, after 2038, or with 10^9 ns and more; a duration below 0
-    INCONSISTENT = 10  #: fields that contradict each other
-    PROCESSING_FAILED = 11  #: the message passed the checks, and its processing raised an error
-    MISSING_JOINT = 12  #: of the joints that make the opening of the gripper
-    IMPLAUSIBLE_OPENING = 13  #: no gripper is opened so far: a wrong sign, scale or offset
-    STAMP_AHEAD = 14  #: its stamp runs ahead of all before: a false message, or a clock that was set forward
-    WRONG_SEQUENCE = 15  #: a sequence number that cannot be yet
-    OTHER_TYPE = 16  #: a publisher of the topic has another version of the message: values are read from wrong places
-    OTHER_SOURCE = 17  #: two sources send on the topic: which of them is the right one is not known
-
-    @property
-    def key(self) -> str:
-        """Its name in diagnostics: 'unknown_unit'."""
-        return self.name.lower()
+Staged: TypeAlias = Contact | ContactFeatures | ContactShape | ContactShapes | Grasp
 
 
 #: Returns None for a message that can be used
 Check = Callable[[Message], RejectReason | None]
 
 
-def check_taxel_array(message: TaxelArray) -> RejectReason | None:
-    """Check sizes, unit, pitch, codes and stamp; a taxel has a finite value exactly where its code gives one."""
-    return (_grid(message.rows, message.cols, len(message.values), len(message.status))
-            or _scale(message.unit, message.pitch)
-            or _codes(message.status, max(TaxelStatus))
-            or _taxels(message.values, message.status)
-            or _layer(message)
-            or _tpdo_ages(message)
-            or _times(message))
-
-
 def check_contact(message: Contact) -> RejectReason | None:
     """Check the taxels as `check_taxel_array` does, and that labels, counts and state belong together."""
-    return (_grid(message.rows, message.cols, len(message.values), len(message.status), len(message.labels))
+    return (check_grid(message.rows, message.cols, len(message.values), len(message.status), len(message.labels))
             or (RejectReason.TOO_LARGE if len(message.contact_taxels) > len(message.labels) else None)
-            or _scale(message.unit, message.pitch)
-            or _codes(message.status, max(TaxelStatus))
-            or _taxels(message.values, message.status)
+            or check_scale(message.unit, message.pitch)
+            or check_codes(message.status, max(TaxelStatus))
+            or check_taxels(message.values, message.status)
             or _noise_floor(message)
-            or _layer(message)
+            or check_layer(message.layer_depth, message.layer_deviation)
             or _state(message.state, message.contacts)
             or _labels(message)
             or _times(message))
@@ -105,10 +65,10 @@ def check_contact(message: Contact) -> RejectReason | None:
 
 def check_contact_features(message: ContactFeatures) -> RejectReason | None:
     """Check that pattern, state, contacts and features belong together."""
-    return (_grid(message.rows, message.cols, len(message.pattern))
+    return (check_grid(message.rows, message.cols, len(message.pattern))
             or (RejectReason.TOO_LARGE if len(message.features) > MAX_FEATURES else None)
             or (None if 0 < message.pitch < math.inf else RejectReason.WRONG_PITCH)
-            or _codes(message.pattern, 1)
+            or check_codes(message.pattern, 1)
             or _state(message.state, message.contacts)
             or _featured(message)
             or _angles(message.features)
@@ -126,7 +86,7 @@ def check_contact_shape(message: ContactShape) -> RejectReason | None:
             or _place(message)
             or _fit(message)
             or _times(message)
-            or _duration(message.held))
+            or check_duration(message.held))
 
 
 def check_contact_shapes(message: ContactShapes) -> RejectReason | None:
@@ -147,83 +107,8 @@ def check_grasp(message: Grasp) -> RejectReason | None:
             or _same_shape(message)
             or _line(message)
             or _times(message)
-            or _duration(message.held)
-            or _duration(message.gap_age))
-
-
-def check_joint_state(message: 'JointState', joints: Sequence[str], law: LinearGap) -> RejectReason | None:
-    """Check that it has one position of each of ``joints``, which make an opening. Other joints are not checked."""
-    if len(message.position) != len(message.name):
-        return RejectReason.WRONG_LENGTH
-    if not set(joints) <= set(message.name):
-        return RejectReason.MISSING_JOINT
-    if any(message.name.count(joint) > 1 for joint in joints):
-        return RejectReason.INCONSISTENT
-    total = sum_of_positions(message, joints)
-    return (_finite(total)
-            or (None if is_plausible(law.gap(total)) else RejectReason.IMPLAUSIBLE_OPENING)
-            or _time(message.header.stamp))
-
-
-def check_transforms(transforms: Sequence[TransformStamped]) -> RejectReason | None:
-    """Check a message of tf: each transform joins two frames, and its quaternion is of length 1 as tf2 requires."""
-    return next((reason for each in transforms if (reason := _transform(each))), None)
-
-
-def _transform(message: TransformStamped) -> RejectReason | None:
-    place, turn = message.transform.translation, message.transform.rotation
-    parent, child = frame_name(message.header.frame_id), frame_name(message.child_frame_id)
-    numbers = (place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w)
-    if not (all(map(math.isfinite, numbers))):
-        return RejectReason.NOT_FINITE
-    if not parent or not child or parent == child or abs(math.hypot(*numbers[3:]) - 1) > QUATERNION_TOLERANCE:
-        return RejectReason.INCONSISTENT
-    return _time(message.header.stamp)
-
-
-def _grid(rows: int, cols: int, *lengths: int) -> RejectReason | None:
-    if not rows or not cols:
-        return RejectReason.NO_TAXELS
-    if max(rows, cols) > MAX_SIDE:
-        return RejectReason.TOO_LARGE
-    return RejectReason.WRONG_LENGTH if any(length != rows * cols for length in lengths) else None
-
-
-def _scale(unit: str, pitch: float) -> RejectReason | None:
-    if unit not in PRESS_BY_UNIT:
-        return RejectReason.UNKNOWN_UNIT
-    return None if 0 < pitch < math.inf else RejectReason.WRONG_PITCH
-
-
-def _codes(codes: array, last: int) -> RejectReason | None:
-    return RejectReason.UNKNOWN_CODE if np.frombuffer(codes, np.uint8).max() > last else None
-
-
-def _taxels(values: array, status: array) -> RejectReason | None:
-    """A value without a code that gives one would be taken for valid, and NaN under VALID for a defect of ours."""
-    numbers = np.frombuffer(values, np.float32)
-    if np.isinf(numbers).any():
-        return RejectReason.NOT_FINITE
-    return None if (GIVES_VALUE[np.frombuffer(status, np.uint8)] != np.isnan(numbers)).all() \
-        else RejectReason.INCONSISTENT
-
-
-def _layer(message: TaxelArray | Contact) -> RejectReason | None:
-    """A depth without its deviation would count for exact; 0: not known."""
-    depth, deviation = message.layer_depth, message.layer_deviation
-    if not (math.isfinite(depth) and math.isfinite(deviation)):
-        return RejectReason.NOT_FINITE
-    return None if depth > 0 and deviation > 0 or depth == deviation == 0 else RejectReason.INCONSISTENT
-
-
-def _tpdo_ages(message: TaxelArray) -> RejectReason | None:
-    if not len(message.tpdo_ages) and not len(message.taxel_tpdos):
-        return None
-    if len(message.taxel_tpdos) != len(message.values) or len(message.tpdo_ages) > len(message.values):
-        return RejectReason.WRONG_LENGTH
-    if not len(message.tpdo_ages) or max(message.taxel_tpdos) >= len(message.tpdo_ages):
-        return RejectReason.UNKNOWN_CODE
-    return _finite(*message.tpdo_ages) or (RejectReason.WRONG_STAMP if min(message.tpdo_ages) < 0 else None)
+            or check_duration(message.held)
+            or check_duration(message.gap_age))
 
 
 def _noise_floor(message: Contact) -> RejectReason | None:
@@ -317,7 +202,7 @@ def _counts(message: ContactShape) -> RejectReason | None:
             and max(message.hidden_ring_taxels, message.saturated_ring_taxels) <= message.ring_taxels)
     if len(message.contact_areas) != min(message.contacts, MOST_LABELS):
         return RejectReason.WRONG_LENGTH
-    return _finite(*message.contact_areas) if fits else RejectReason.INCONSISTENT
+    return check_finite(*message.contact_areas) if fits else RejectReason.INCONSISTENT
 
 
 def _place(message: ContactShape) -> RejectReason | None:
@@ -327,7 +212,7 @@ def _place(message: ContactShape) -> RejectReason | None:
         return RejectReason.INCONSISTENT
     if not message.taxels or message.unknown_reason == ContactShape.NOT_SEEN:
         return None
-    return _finite(message.centre_of_pressure.x, message.centre_of_pressure.y)
+    return check_finite(message.centre_of_pressure.x, message.centre_of_pressure.y)
 
 
 def _fit(message: ContactShape) -> RejectReason | None:
@@ -339,7 +224,7 @@ def _fit(message: ContactShape) -> RejectReason | None:
             or parameters**2 != len(message.covariance) or parameters != len(message.standard_deviations)):
         return RejectReason.WRONG_LENGTH
     place, direction = message.pose.pose.position, message.pose.pose.orientation
-    return _finite(place.x, place.y, direction.x, direction.y, direction.z, direction.w, *message.dimensions)
+    return check_finite(place.x, place.y, direction.x, direction.y, direction.z, direction.w, *message.dimensions)
 
 
 def _grasp_codes(message: Grasp) -> RejectReason | None:
@@ -380,23 +265,13 @@ def _line(message: Grasp) -> RejectReason | None:
     if has_line and not message.stable and all(map(math.isnan, (message.offset, *of_gap))):
         return None
     if has_line and math.isfinite(message.gap):
-        return _finite(message.offset, *of_gap)
+        return check_finite(message.offset, *of_gap)
     if not all(map(math.isnan, of_gap)):
         return RejectReason.INCONSISTENT
-    return _finite(message.offset) if has_line else None
-
-
-def _finite(*numbers: float) -> RejectReason | None:
-    return None if all(map(math.isfinite, numbers)) else RejectReason.NOT_FINITE
+    return check_finite(message.offset) if has_line else None
 
 
 def _times(message: Staged) -> RejectReason | None:
-    return _time(message.header.stamp) or _duration(message.age)
+    return check_time(message.header.stamp) or check_duration(message.age)
 
 
-def _time(time: Time) -> RejectReason | None:
-    return None if 0 <= time.sec < LAST_SECOND and time.nanosec < NANOSECONDS else RejectReason.WRONG_STAMP
-
-
-def _duration(duration: Duration) -> RejectReason | None:
-    return None if duration.sec >= 0 and duration.nanosec < NANOSECONDS else RejectReason.WRONG_STAMP

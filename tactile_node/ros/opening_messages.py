@@ -1,18 +1,27 @@
-"""From joint states and transforms, as messages, to what the opening of a gripper is computed from."""
+"""Messages of the opening of a gripper: what it is computed from, their checks, and its diagnostic."""
 
-from collections.abc import Sequence
+import math
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from geometry_msgs.msg import Transform as TransformMessage
 
+from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.frame_tree import Transform, rotation_matrix
 from tactile_node.grasp.gripper import PadPose
+from tactile_node.grasp.opening import GapSource, LinearGap, Opening, is_plausible
+from tactile_node.ros.message_health import MessageCounts
+from tactile_node.skin.taxel_array import RejectReason, check_finite, check_time
 
 if TYPE_CHECKING:
-    from sensor_msgs.msg import JointState
+    from sensor_msgs.msg import JointState  # 40 ms, which only a grasp node that needs it pays
+
+QUATERNION_TOLERANCE = 1e-2  #: of its length, as in tf2
 
 
 def sum_of_positions(message: 'JointState', joints: Sequence[str]) -> float:
@@ -46,3 +55,76 @@ def quaternion(roll: float, pitch: float, yaw: float) -> Quaternion:
 def frame_name(name: str) -> str:
     """Return the name as tf2 has it; some publishers still lead it with a slash."""
     return name.lstrip('/')
+
+
+def tf_message_type(where: str) -> type:
+    """Return the message of /tf, which ``where`` needs. Raises ConfigurationError where tf2_msgs is not installed."""
+    try:
+        from tf2_msgs.msg import TFMessage
+    except ImportError as error:
+        raise ConfigurationError(
+            where, expected='the ROS package tf2_msgs', got=f'{error}',
+            remedy='Install ros-jazzy-tf2-msgs, or leave it out.') from None
+    return TFMessage
+
+
+def check_joint_state(message: 'JointState', joints: Sequence[str], law: LinearGap) -> RejectReason | None:
+    """Check that it has one position of each of ``joints``, which make an opening. Other joints are not checked."""
+    if len(message.position) != len(message.name):
+        return RejectReason.WRONG_LENGTH
+    if not set(joints) <= set(message.name):
+        return RejectReason.MISSING_JOINT
+    if any(message.name.count(joint) > 1 for joint in joints):
+        return RejectReason.INCONSISTENT
+    total = sum_of_positions(message, joints)
+    return (check_finite(total)
+            or (None if is_plausible(law.gap(total)) else RejectReason.IMPLAUSIBLE_OPENING)
+            or check_time(message.header.stamp))
+
+
+def check_transforms(transforms: Sequence[TransformStamped]) -> RejectReason | None:
+    """Check a message of tf: each transform joins two frames, and its quaternion is of length 1 as tf2 requires."""
+    return next((reason for each in transforms if (reason := _transform(each))), None)
+
+
+def _transform(message: TransformStamped) -> RejectReason | None:
+    place, turn = message.transform.translation, message.transform.rotation
+    parent, child = frame_name(message.header.frame_id), frame_name(message.child_frame_id)
+    numbers = (place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w)
+    if not (all(map(math.isfinite, numbers))):
+        return RejectReason.NOT_FINITE
+    if not parent or not child or parent == child or abs(math.hypot(*numbers[3:]) - 1) > QUATERNION_TOLERANCE:
+        return RejectReason.INCONSISTENT
+    return check_time(message.header.stamp)
+
+
+def total(counts: Iterable[MessageCounts]) -> Counter[RejectReason]:
+    """Return what was dropped of all subscriptions."""
+    return sum((Counter(each.dropped) for each in counts), Counter())
+
+
+def why_not_known(opening: Opening, remedy: str) -> str:
+    """Return why the gap of ``opening`` is NaN; ``remedy``: what its source lacks without a value."""
+    if opening.source is GapSource.NOT_KNOWN:
+        return remedy
+    if opening.age == math.inf:
+        return 'its stamps do not advance with time, so it may be of any age (one publisher? a clock that is set?)'
+    return f'its last value is {opening.age:.1f} s old; {remedy}'
+
+
+def opening_status(node: str, opening: Opening, dropped: Counter[RejectReason], before: Counter[RejectReason],
+                   remedy: str) -> DiagnosticStatus:
+    """Return the status of the opening of ``node``; ``before``: what was dropped until the last status.
+
+    STALE: the opening is not known; WARN: it is, and messages were dropped since the last status; else OK.
+    """
+    grown = ', '.join(f'{count} ({reason.key})' for reason, count in sorted((dropped - before).items()))
+    is_known = not math.isnan(opening.gap)
+    texts = [f'{1e3 * opening.gap:.1f} mm' if is_known else f'not known: {why_not_known(opening, remedy)}',
+             *([f'messages dropped: {grown}'] if grown else [])]
+    level = DiagnosticStatus.STALE if not is_known else DiagnosticStatus.WARN if grown else DiagnosticStatus.OK
+    values = {'gap_m': f'{opening.gap:.4f}', 'source': opening.source.name.lower(),
+              'age_s': f'{opening.age:.3f}' if opening.age < math.inf else 'not known',
+              **{f'dropped_{reason.key}': dropped[reason] for reason in RejectReason if reason}}
+    return DiagnosticStatus(level=level, name=f'{node}: opening', message='; '.join(texts),
+                            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])

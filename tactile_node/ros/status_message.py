@@ -3,18 +3,20 @@
 import math
 from array import array
 from collections.abc import Mapping
+from enum import IntEnum
 from types import MappingProxyType
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from lifecycle_msgs.msg import State
 
 from tactile_node.cia301.nmt import NmtState, state_name
 from tactile_node.conditioning.conditioned_pad import PadCondition
 from tactile_node.conditioning.tare import ZeroState
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
+from tactile_node.frames import counters
 from tactile_node.frames.fault_text import command_text, failure_text, node_text
 from tactile_node.frames.health import BusHealth, NodeHealth
 from tactile_node.frames.losses import BusStatistics, PadStatistics
-from tactile_node.ros.lifecycle import PrimaryState
 from tactile_skin.msg import FaultyTaxel, NodeStatus, PadStatus, SkinStatus
 
 #: NodeStatus.msg numbers of the NMT states; None: never heard.
@@ -22,6 +24,16 @@ NMT_NUMBERS: Mapping[int | None, int] = {None: NodeStatus.NMT_NOT_KNOWN, NmtStat
                NmtState.STOPPED: NodeStatus.NMT_STOPPED, NmtState.OPERATIONAL: NodeStatus.NMT_OPERATIONAL,
                NmtState.PRE_OPERATIONAL: NodeStatus.NMT_PRE_OPERATIONAL}
 SEVERITY = (DiagnosticStatus.OK, DiagnosticStatus.STALE, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
+
+
+class PrimaryState(IntEnum):
+    """The primary states of a lifecycle node; the codes are those of lifecycle_msgs/State and of SkinStatus."""
+
+    NOT_KNOWN = State.PRIMARY_STATE_UNKNOWN
+    UNCONFIGURED = State.PRIMARY_STATE_UNCONFIGURED
+    INACTIVE = State.PRIMARY_STATE_INACTIVE
+    ACTIVE = State.PRIMARY_STATE_ACTIVE
+    FINALIZED = State.PRIMARY_STATE_FINALIZED
 
 
 def status_message(diagnostics: DiagnosticArray, counts: BusStatistics, health: BusHealth,
@@ -35,16 +47,11 @@ def status_message(diagnostics: DiagnosticArray, counts: BusStatistics, health: 
         lifecycle_state=lifecycle,
         fault=health.fault.value, failure=failure_text(health.failure), bus_load=health.load,
         error_passive=health.is_error_passive, tx_error_count=health.error_counters.tx,
-        rx_error_count=health.error_counters.rx, error_frames=counts.can_frames.get('error', 0),
-        queue_overruns=counts.queue_overruns, sync_overruns=counts.sync_overruns,
-        sync_pauses=counts.sync_pauses, poll_overruns=counts.poll_overruns,
-        consumer_errors=counts.consumer_errors, clock_jumps=counts.clock_jumps, unread_log_lines=counts.unread,
-        unrecorded_can_frames=counts.unrecorded,
-        foreign_nmt_commands=health.foreign_commands, foreign_nmt_last=command_text(health.last_command),
-        sync_fault=health.sync.fault.value, foreign_syncs=health.sync.foreign,
+        rx_error_count=health.error_counters.rx, **counters.read_fields(counters.BUS_LOSSES, counts),
+        **counters.read_fields(counters.BUS_EVENTS, health), foreign_nmt_last=command_text(health.last_command),
+        sync_fault=health.sync.fault.value,
         sync_period=math.nan if health.sync.period is None else health.sync.period,
-        overload=health.overload.value, stalls=health.stalls,
-        outages=health.outages.count, outage_seconds=health.outages.seconds,
+        overload=health.overload.value, outage_seconds=health.outages.seconds,
         outage_last_reason=failure_text(health.outages.cause),
         pads=[_pad(name, status, pad, nodes=health.nodes.get(name, ()), condition=conditions.get(name))
               for status, (name, pad) in zip(pads, counts.pads.items())])
@@ -59,9 +66,7 @@ def _pad(name: str, status: DiagnosticStatus, pad: PadStatistics, nodes: tuple[N
          condition: PadCondition | None) -> PadStatus:
     return PadStatus(
         pad=name, level=_level(status.level), message=status.message, nodes=[_node(name, node) for node in nodes],
-        frames_complete=pad.complete, frames_incomplete=pad.incomplete, tpdos_expected=pad.expected,
-        late_answers=pad.late_answers,
-        tpdos_received=pad.received, tpdos_used=pad.used, loss_reasons=[reason.key for reason in pad.losses],
+        **counters.read_fields(counters.PAD_COUNTERS, pad), loss_reasons=[reason.key for reason in pad.losses],
         loss_codes=array('B', pad.losses), loss_counts=array('Q', pad.losses.values()),
         faulty_taxels=_faulty(condition.faults) if condition else [],
         unchanged=condition.unchanged if condition else math.nan,
@@ -78,8 +83,7 @@ def _node(pad: str, node: NodeHealth) -> NodeStatus:
         node_id=node.node_id, nmt_state=NMT_NUMBERS.get(node.state, NodeStatus.NMT_UNDEFINED),
         nmt_state_text=state_name(node.state), operational=node.is_operational, fault=node.fault.value,
         fault_text=node_text(pad, node),
-        heartbeat_age=math.nan if node.heartbeat_age is None else node.heartbeat_age, boots=node.boots,
-        emcy_count=node.emergencies, emcy_last=str(node.last_emergency or ''),
-        emcy_active=str(node.active_emergency or ''), outages=node.outages.count,
-        outage_seconds=node.outages.seconds, outage_last_reason=failure_text(node.outages.cause),
-        frames_distrusted=node.distrusted)
+        heartbeat_age=math.nan if node.heartbeat_age is None else node.heartbeat_age,
+        **counters.read_fields(counters.NODE_COUNTERS, node), emcy_last=str(node.last_emergency or ''),
+        emcy_active=str(node.active_emergency or ''), outage_seconds=node.outages.seconds,
+        outage_last_reason=failure_text(node.outages.cause))

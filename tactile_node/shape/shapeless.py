@@ -8,6 +8,7 @@ taxels and 200 of 64x64 for each density. Contacts are compact: their taxels hav
 import numpy as np
 from scipy import ndimage
 
+from tactile_node.contact.left_over import LEAST_COMPACTNESS
 from tactile_node.contact.neighbours import grown
 from tactile_node.contact.on_off import are_on_off
 from tactile_node.contact.pattern import ContactPattern, number_contacts
@@ -23,7 +24,6 @@ OTHER = 6          #: taxels of another contact, which is no speck
 OTHER_COMPACT = 0.57  #: compactness of such a contact
 AWAY = 0.25        #: of the pad: so much beyond the box around the contact shows the density of specks
 MARGIN = 1         #: taxels around that box
-COMPACT = 0.62     #: compactness that chance does not reach, for small groups
 LOOSE = 1.7        #: large groups are more compact: 1 - LOOSE / sqrt(taxels)
 LINE_TAXELS = 1.2  #: taxels of a line at most, for each of the rows or columns along which it lies
 HUM, ROW_NOISE = 0.03, 6.0  #: of a band's level, and deviations of a row's median: rows that read another level move
@@ -77,7 +77,7 @@ def _is_chance(pattern: ContactPattern, together: np.ndarray) -> bool:
     places = max(np.log(pattern.mask.size / PLACES) / np.log(PLACES), 0.0)
     if density < DENSEST and taxels >= np.interp(density, DENSITIES, GROUPS) * (1 + MORE_PLACES * places):
         return False
-    return bool(taxels < SURE / -np.log(density) or compactness < max(COMPACT, 1 - LOOSE / taxels ** 0.5))
+    return bool(taxels < SURE / -np.log(density) or compactness < max(LEAST_COMPACTNESS, 1 - LOOSE / taxels ** 0.5))
 
 
 def _wider(pattern: ContactPattern) -> ContactPattern:

@@ -4,25 +4,23 @@ import math
 from typing import Any
 
 from tactile_node.cia301.nmt import state_name
+from tactile_node.frames import counters
 from tactile_node.frames.fault_text import failure_text, node_text
 from tactile_node.frames.health import BusHealth, NodeHealth
 from tactile_node.frames.losses import BusStatistics, PadStatistics
 from tactile_node.view.states import BusFacts, NodeFacts, PadFacts
 
-#: fields of BusStatistics and of SkinStatus.msg alike
-COUNTS = 'queue_overruns', 'sync_overruns', 'sync_pauses', 'poll_overruns', 'consumer_errors', 'clock_jumps'
-
 
 def facts_of(statistics: BusStatistics, health: BusHealth, load_is_known: bool = True) -> BusFacts:
     """Of a live bus or a log; a log knows no load."""
-    counts = {name: getattr(statistics, name) for name in COUNTS} | {'unread_log_lines': statistics.unread}
+    counts = counters.read_counters(counters.BUS_LOSSES, statistics)
     return BusFacts(failure_text(health.failure), health.load if load_is_known else math.nan, _some(counts),
                     tuple(_pad(name, pad, health.nodes.get(name, ())) for name, pad in statistics.pads.items()))
 
 
 def facts_of_status(message: Any) -> BusFacts:
     """Of a SkinStatus, from a topic or a bag."""
-    counts = {name: int(getattr(message, name)) for name in (*COUNTS, 'unread_log_lines')}
+    counts = {loss.name: int(getattr(message, loss.name)) for loss in counters.BUS_LOSSES if loss.is_field}
     return BusFacts(message.failure, float(message.bus_load), _some(counts), tuple(map(_pad_of_status, message.pads)))
 
 

@@ -9,7 +9,7 @@ from importlib import import_module
 
 MARK = re.compile(r'<!-- from the code: (\w+) -->')
 #: module of this package, imported when a page needs it; each has a function `markdown`
-GENERATORS = ('parameters', 'interfaces', 'graph', 'command_line', 'layout_keys', 'library', 'other_pages')
+GENERATORS = ('parameters', 'counters', 'interfaces', 'graph', 'command_line', 'layout_keys', 'library', 'other_pages')
 
 
 def filled(text: str, missing: Callable[[str, ModuleNotFoundError], str]) -> str:

@@ -1,4 +1,4 @@
-"""Slows a lossless replay to the pace of the last stage, which reports its progress."""
+"""What a driver that plays a log adds: the time of the log, and its pace where nothing may be lost."""
 
 import threading
 from collections import deque
@@ -7,13 +7,34 @@ from functools import partial
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rosgraph_msgs.msg import Clock
 
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.ros.message_checks import RejectReason
+from tactile_node.ros.time_messages import time_message
 from tactile_skin.msg import Progress
 
+CLOCK_STEP = 0.01  # s of the log between two messages on /clock
 WINDOW = 500  # frames that may be under way; well below qos.REPLAY_DEPTH
 TIMEOUT = 10.0  # how long a pad's progress may stand still before its frames are played without waiting [s]
+
+
+class ClockOutput:
+    """Publishes the time of a log as it is played, for nodes with use_sim_time; it never goes back."""
+
+    def __init__(self, node: Node):
+        self._node = node
+        self._due = 0.0
+        self._publisher = node.create_publisher(Clock, '/clock', QoSProfile(depth=1))
+
+    def show(self, stamp: float) -> None:
+        """The CAN frame stamped ``stamp`` [s, Unix epoch] is played now."""
+        if stamp >= self._due:
+            self._due = stamp + CLOCK_STEP
+            self._publisher.publish(Clock(clock=time_message(stamp)))
+
+    def destroy(self) -> None:
+        self._node.destroy_publisher(self._publisher)
 
 
 class _Pad:

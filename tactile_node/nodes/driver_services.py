@@ -1,4 +1,4 @@
-"""The service `~/tare` of a driver node."""
+"""The services `~/tare` and `~/save_faulty_taxels` of a driver node."""
 
 import threading
 import traceback
@@ -8,9 +8,12 @@ from typing import NamedTuple
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.task import Future
+from std_srvs.srv import Trigger
 
+from tactile_node.conditioning.fault_file import save_faults
 from tactile_node.conditioning.tare import Tare as Measured
 from tactile_node.conditioning.tare import TaredPad
+from tactile_node.conditioning.taxel_faults import FaultyTaxels
 from tactile_node.errors import ConfigurationError, TactileError, TareRefusal, TareRefusedError
 from tactile_skin.srv import Tare
 
@@ -149,3 +152,29 @@ def _noted(name: str, found: Measured, response: Tare.Response, on_device: str =
     response.largest_offset.append(found.largest)
     return (f'{name}: {on_device}tared over {found.frames} frames, noise {found.noise:.3g}, '
             f'largest offset {found.largest:.3g}.')
+
+
+class FaultService:
+    """Writes what ``faults()`` gives, by pad, to the file ``path``."""
+
+    def __init__(self, node: Node, path: str, faults: Callable[[], Mapping[str, FaultyTaxels]]):
+        self._node = node
+        self._path = path
+        self._faults = faults
+        self._service = node.create_service(Trigger, '~/save_faulty_taxels', self._answer)
+
+    def destroy(self) -> None:
+        self._node.destroy_service(self._service)
+
+    def _answer(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        try:
+            if not self._path:
+                raise ConfigurationError('parameter faulty_taxels_file', expected='the path of a file', got='none',
+                                         remedy='Set it, and configure the driver again.')
+            faults = self._faults()
+            save_faults(self._path, faults)
+            response.success = True
+            response.message = f'{sum(found.total for found in faults.values())} faulty taxels written to {self._path}.'
+        except ConfigurationError as error:
+            response.success, response.message = False, str(error)
+        return response

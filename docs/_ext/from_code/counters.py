@@ -1,0 +1,24 @@
+"""The counters of a driver, from the tables of `tactile_node/frames/counters.py`."""
+
+from collections.abc import Iterable, Iterator
+
+from tactile_node.frames import counters
+from tactile_node.frames.losses import LossReason
+
+from . import markdown as md
+
+
+def markdown() -> str:
+    losses = ((f'tpdos_lost_{reason.key}', reason.meaning) for reason in LossReason)
+    parts = {'Bus': listed((*counters.BUS_LOSSES, *counters.BUS_EVENTS)),
+             'Pad': (*listed(counters.PAD_COUNTERS), *losses), 'Node': listed(counters.NODE_COUNTERS)}
+    return '\n\n'.join(f'## {part}\n\n{_table(rows)}' for part, rows in parts.items())
+
+
+def listed(rows: Iterable[counters.Counter]) -> Iterator[tuple[str, str]]:
+    """Give the name and the meaning of each counter."""
+    return ((row.name, row.meaning) for row in rows)
+
+
+def _table(rows: Iterable[tuple[str, str]]) -> str:
+    return md.table(('counter', 'meaning'), ((md.code(name), md.prose(meaning)) for name, meaning in rows))
