@@ -32,7 +32,7 @@ sys.path.insert(0, str(ROOT))
 
 import matplotlib
 import numpy as np
-from skin_process import SkinProcess, punctual
+from skin_process import SkinProcess
 
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.frames.taxel_frame import TaxelFrame
@@ -183,9 +183,9 @@ def priority() -> str:
 
 def run(args: argparse.Namespace, skin: SkinProcess, stalls: StallWatch) -> Soak:
     latencies = Latencies()
-    layout = str(punctual(Path(skin.port).parent, LAYOUT))
-    pads = tuple(make_pad(f'pad{node}', node, layout) for node in NODES)
-    driver = Supervisor(BusSettings('slcan', skin.port, sync_period=1 / args.rate), pads, latencies)
+    pads = tuple(make_pad(f'pad{node}', node, LAYOUT) for node in NODES)
+    settings = BusSettings('slcan', skin.port, sync_period=1 / args.rate)
+    driver = Supervisor(settings, pads, latencies)
     driver.open()
     try:
         driver.configure()

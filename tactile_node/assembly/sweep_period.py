@@ -10,17 +10,17 @@ class SweepPeriod:
     """One period of a pad.
 
     ``ranks_of_senders``: the ranks of each of its senders, ascending. ``before``: the period before; None where
-    nothing of it can come any more. ``catch_up``: see ``SenderRun``.
+    nothing of it can come any more.
     """
 
     def __init__(self, sequence: int, stamp: float, ranks_of_senders: list[np.ndarray],
-                 before: 'SweepPeriod | None', catch_up: int):
+                 before: 'SweepPeriod | None'):
         self.sequence = sequence
         self.stamp = stamp
         size = sum(map(len, ranks_of_senders))
         self.payload = Payload(bytearray(MAX_PDO_BYTES * size), np.zeros(size, bool))
         runs_before = [None] * len(ranks_of_senders) if before is None else before.runs
-        self.runs: list[SenderRun] = [SenderRun(own, self.payload, run, catch_up)
+        self.runs: list[SenderRun] = [SenderRun(own, self.payload, run)
                                       for own, run in zip(ranks_of_senders, runs_before)]
         self.is_emitted = False
         self.is_discarded = False  #: a SYNC was lost in it, so nothing of it is used

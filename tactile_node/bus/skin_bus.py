@@ -4,7 +4,6 @@ import logging
 import time
 from collections import Counter
 from collections.abc import Callable, Collection
-from math import inf
 from pathlib import Path
 
 import can
@@ -37,13 +36,6 @@ HOST_STAMPED = ('socketcan', 'virtual')
 CONSUMER_TIMEOUT = 2.0  # s that close() waits for an on_frame under way
 
 
-def adapter_delay(settings: BusSettings) -> float:
-    """For how long CAN frames may be held back before they have their stamp [s]; infinite where that is not known."""
-    if settings.interface in HOST_STAMPED:
-        return 0.0
-    return settings.adapter_delay if settings.interface == 'slcan' else inf
-
-
 class SkinBus:
     """One CAN bus and its pads; FrameSource has the order of calls. A Supervisor recovers it.
 
@@ -66,8 +58,7 @@ class SkinBus:
         is_host_stamped = settings.interface in HOST_STAMPED
         self._router = Router(self._pads, self._consumer, foreign_sync=not settings.produce_sync,
                               one_clock=not settings.produce_sync or is_host_stamped,
-                              drop_incomplete=settings.drop_incomplete,
-                              adapter_delay=adapter_delay(settings))
+                              drop_incomplete=settings.drop_incomplete, bitrate=settings.bitrate)
         self._traffic = Traffic(self._router, self._monitor, self._fail, polled=self._polls.keys(),
                                 queue_limit=settings.queue_limit, is_host_stamped=is_host_stamped,
                                 sync_period=settings.sync_period)

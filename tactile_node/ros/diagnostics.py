@@ -223,7 +223,7 @@ def _bus_values(statistics: BusStatistics, health: BusHealth) -> dict[str, objec
 
 def _pad_values(pad: PadStatistics) -> dict[str, object]:
     return {'frames_complete': pad.complete, 'frames_incomplete': pad.incomplete, 'frames_withheld': pad.withheld,
-            'late_answers': pad.late_answers, 'tpdos_expected': pad.expected, 'tpdos_received': pad.received,
+            'tpdos_expected': pad.expected, 'tpdos_received': pad.received,
             'tpdos_used': pad.used,
             **{f'tpdos_lost_{reason.key}': count for reason, count in pad.losses.items()}}
 

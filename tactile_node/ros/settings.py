@@ -47,9 +47,6 @@ class DriverSettings(NodeSettings):
     boot_timeout: float = parameter(5.0, 'time for each device to answer at configure [s]', 0.1, 3600)
     sdo_timeout: float = parameter(0.3, 'time for each answer of a device by SDO [s]', 0.02, 60)
     sdo_retries: int = parameter(3, 'further SDO requests where a device does not answer', 0, 100)
-    adapter_delay: float = parameter(0.002, 'time for which an adapter whose CAN frames get their stamps here (slcan) '
-                                     'may hold them back, SYNC and its answer together [s]; matters for layouts '
-                                     'with response_time', 0, 1)
     heartbeat_period: float = parameter(0.1, 'time between two heartbeats of a device, written to its 0x1017 [s]',
                                         0.01, 30)
     heartbeat_timeout: float = parameter(0.5, 'time without a heartbeat after which a node is reported as lost [s]; '

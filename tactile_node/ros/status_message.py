@@ -60,7 +60,6 @@ def _pad(name: str, status: DiagnosticStatus, pad: PadStatistics, nodes: tuple[N
     return PadStatus(
         pad=name, level=_level(status.level), message=status.message, nodes=[_node(name, node) for node in nodes],
         frames_complete=pad.complete, frames_incomplete=pad.incomplete, tpdos_expected=pad.expected,
-        late_answers=pad.late_answers,
         tpdos_received=pad.received, tpdos_used=pad.used, loss_reasons=[reason.key for reason in pad.losses],
         loss_codes=array('B', pad.losses), loss_counts=array('Q', pad.losses.values()),
         faulty_taxels=_faulty(condition.faults) if condition else [],
