@@ -1,11 +1,14 @@
 """How much of a bus's time its pads will take, by their layouts: known before anything is on the bus."""
 
 from collections.abc import Iterable
+from math import ceil
 
 from tactile_node.bus.sweep_bits import SYNC_BITS, tpdo_bits
+from tactile_node.errors import ConfigurationError
 from tactile_node.skin.layout import SkinLayout
 
 MOST_LOAD = 0.9  #: of the bus's time; beyond, other traffic (heartbeats, SDO, EMCY) delays sweeps
+FULL_LOAD = 0.95  #: beyond, a few foreign frames make nodes leave out sweeps
 
 
 def planned_load(layouts: Iterable[SkinLayout], bitrate: int, sync_period: float) -> float:
@@ -21,6 +24,30 @@ def planned_load(layouts: Iterable[SkinLayout], bitrate: int, sync_period: float
     pads = tuple(layouts)
     sync = SYNC_BITS / sync_period if any(pad.needs_sync for pad in pads) else 0.0
     return (sync + sum(tpdo_bits(pad) / sweep_period(pad, sync_period) for pad in pads)) / bitrate
+
+
+def refuse_full_bus(layouts: Iterable[SkinLayout], bitrate: int, sync_period: float) -> None:
+    """Raise ConfigurationError where the load of these pads would be above FULL_LOAD.
+
+    >>> from tactile_node.skin.layout_file import load_layout
+    >>> refuse_full_bus([load_layout('sim16x16.yaml')] * 4, 1_000_000, 0.01)
+    Traceback (most recent call last):
+    tactile_node.errors.ConfigurationError: sync_period and layouts: expected a bus that is busy for 95 % of the time \
+at most, got 173 %. Give a sync_period of 0.0183 s (54.6 sweeps a second) or more, or some of the pads another bus; \
+allow_full_bus lets it be.
+    """
+    pads = tuple(layouts)
+    load = planned_load(pads, bitrate, sync_period)
+    if load <= FULL_LOAD:
+        return
+    by_sync = planned_load([pad for pad in pads if pad.needs_sync], bitrate, sync_period)
+    left = FULL_LOAD - (load - by_sync)  # by pads that have their own period
+    another = 'some of the pads another bus; allow_full_bus lets it be.'
+    if by_sync and left > 0:
+        least = ceil(1e4 * sync_period * by_sync / left) / 1e4
+        another = f'a sync_period of {least:g} s ({1 / least:.1f} sweeps a second) or more, or {another}'
+    raise ConfigurationError('sync_period and layouts', got=f'{100 * load:.0f} %', remedy=f'Give {another}',
+                             expected=f'a bus that is busy for {100 * FULL_LOAD:.0f} % of the time at most')
 
 
 def sweep_period(layout: SkinLayout, sync_period: float) -> float:

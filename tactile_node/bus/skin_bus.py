@@ -14,6 +14,7 @@ from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import BusNetwork, open_bus
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.domain_polling import DomainPolling
+from tactile_node.bus.planned_load import refuse_full_bus
 from tactile_node.bus.traffic import Traffic
 from tactile_node.bus.usb_port import NamedPort, UsbPort
 from tactile_node.cia301.emergency import DeviceErrors
@@ -46,6 +47,8 @@ class SkinBus:
     def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], on_frame: OnFrame,
                  monitor: BusMonitor | None = None, on_failure: Callable[[Failure], None] | None = None):
         check_pads(pads)
+        if not settings.allow_full_bus:
+            refuse_full_bus((pad.layout for pad in pads), settings.bitrate, settings.sync_period)
         self._settings = settings
         self._pads = live_pads(pads)
         self._nodes = [node for pad in self._pads for node in pad.nodes]

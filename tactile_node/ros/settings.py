@@ -43,6 +43,8 @@ class DriverSettings(NodeSettings):
                                            'outwards); empty: <name>_pad')
     frame_prefix: str = parameter('', FRAME_PREFIX)
     sync_period: float = parameter(0.02, 'time between two SYNCs, which is the time between two frames [s]', 0.001, 10)
+    allow_full_bus: bool = parameter(False, 'true: pads may keep the bus busy for more than 95 % of the time, where a '
+                                     'few foreign frames cost sweeps; false: refused at configure')
     produce_sync: bool = parameter(True, 'true: the driver sends SYNC; false: another node on the bus sends it')
     boot_timeout: float = parameter(5.0, 'time for each device to answer at configure [s]', 0.1, 3600)
     sdo_timeout: float = parameter(0.3, 'time for each answer of a device by SDO [s]', 0.02, 60)
