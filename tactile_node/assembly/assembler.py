@@ -95,7 +95,7 @@ class FrameAssembler:
     def is_in_doubt(self) -> bool:
         """Whether a bus without SYNC has to show how far a node is. From any thread."""
         period = self._period
-        return period is not None and period.is_in_doubt
+        return period is not None and any(run.is_in_doubt for run in period.runs)
 
     def restart(self) -> None:
         """Forget the periods under way, the nodes do not send; the next SYNC is number 0."""
@@ -132,13 +132,14 @@ class FrameAssembler:
         self._period = SweepPeriod(self._sequence, timestamp, self._ranks_of_nodes, period)
         if self._is_after_outage:
             self._is_after_outage = False
-            self._period.assume_behind()
+            for run in self._period.runs:
+                run.assume_behind()
         return results
 
     def settle(self) -> None:
         """A free bus has proved that no answer to an earlier SYNC is to come (``FreeBus``)."""
-        if self._period is not None:
-            self._period.settle()
+        for run in () if self._period is None else self._period.runs:
+            run.settle()
 
     def feed(self, can_id: int, data: bytes, timestamp: float) -> Results:
         """One TPDO of this pad: the frames that it completes, losses, or nothing (taken, more to come)."""

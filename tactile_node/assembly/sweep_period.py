@@ -44,21 +44,6 @@ class SweepPeriod:
         return not self.is_discarded and not before.is_discarded and any(
             run.is_undecided and earlier.may_be_continued for run, earlier in zip(self.runs, before.runs))
 
-    @property
-    def is_in_doubt(self) -> bool:
-        """Whether a sender may still be behind though a period has passed that could have shown it."""
-        return any(run.is_in_doubt for run in self.runs)
-
-    def settle(self) -> None:
-        """No run of an earlier period begins any more."""
-        for run in self.runs:
-            run.settle()
-
-    def assume_behind(self) -> None:
-        """It is not known what the senders have sent so far."""
-        for run in self.runs:
-            run.assume_behind()
-
     def return_proved(self, before: 'SweepPeriod') -> None:
         """Give the runs that were set aside to the period before, of senders that have begun their next one."""
         for run in self.runs:

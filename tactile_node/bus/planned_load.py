@@ -27,27 +27,18 @@ def planned_load(layouts: Iterable[SkinLayout], bitrate: int, sync_period: float
 
 
 def refuse_full_bus(layouts: Iterable[SkinLayout], bitrate: int, sync_period: float) -> None:
-    """Raise ConfigurationError where the load of these pads would be above FULL_LOAD.
-
-    >>> from tactile_node.skin.layout_file import load_layout
-    >>> refuse_full_bus([load_layout('sim16x16.yaml')] * 4, 1_000_000, 0.01)
-    Traceback (most recent call last):
-    tactile_node.errors.ConfigurationError: sync_period and layouts: expected a bus that is busy for 95 % of the time \
-at most, got 173 %. Give a sync_period of 0.0183 s (54.6 sweeps a second) or more, or some of the pads another bus; \
-allow_full_bus lets it be.
-    """
+    """Raise ConfigurationError, with the rate that fits, where the load of these pads would be above FULL_LOAD."""
     pads = tuple(layouts)
     load = planned_load(pads, bitrate, sync_period)
     if load <= FULL_LOAD:
         return
     by_sync = planned_load([pad for pad in pads if pad.needs_sync], bitrate, sync_period)
     left = FULL_LOAD - (load - by_sync)  # by pads that have their own period
-    another = 'some of the pads another bus; allow_full_bus lets it be.'
-    if by_sync and left > 0:
-        least = ceil(1e4 * sync_period * by_sync / left) / 1e4
-        another = f'a sync_period of {least:g} s ({1 / least:.1f} sweeps a second) or more, or {another}'
-    raise ConfigurationError('sync_period and layouts', got=f'{100 * load:.0f} %', remedy=f'Give {another}',
-                             expected=f'a bus that is busy for {100 * FULL_LOAD:.0f} % of the time at most')
+    least = ceil(1e4 * sync_period * by_sync / left) / 1e4 if by_sync and left > 0 else 0.0
+    slower = f'a sync_period of {least:g} s ({1 / least:.1f} sweeps a second) or more, or ' if least else ''
+    raise ConfigurationError('sync_period and layouts', got=f'{100 * load:.0f} %',
+                             expected=f'a bus that is busy for {100 * FULL_LOAD:.0f} % of the time at most',
+                             remedy=f'Give {slower}some of the pads another bus; allow_full_bus lets it be.')
 
 
 def sweep_period(layout: SkinLayout, sync_period: float) -> float:
