@@ -73,7 +73,6 @@ class Bench:
         self._options = ['--batch', str(batch)]
         self._folder = folder
         self._seconds = seconds
-        self._layout = punctual(folder, LAYOUT)
 
     def replay(self, tree: Path, name: str) -> None:
         """Print how much faster than a full bus the driver of ``tree`` plays a log of LOGGED seconds."""
@@ -87,11 +86,10 @@ class Bench:
 
     def row(self, kind: str, rate: float, tree: Path, bare: float = 0.0, name: str = 'here') -> float:
         """Print one; its processor time [cores]."""
-        layout = self._layout if tree == ROOT else LAYOUT
         with tempfile.TemporaryDirectory(dir=self._folder) as folder:
             skin = SkinProcess(Path(folder), LAYOUT, [NODE], self._options)
             command = [sys.executable, __file__, '--seconds', str(self._seconds), '--reader', kind, skin.port,
-                       str(layout), str(rate)]
+                       LAYOUT, str(rate)]
             reader = subprocess.Popen(command, stdout=subprocess.PIPE, text=True,
                                       env=os.environ | {'PYTHONPATH': str(tree)})
             assert reader.stdout
@@ -132,7 +130,9 @@ def driver(port: str, layout: str, rate: float, seconds: float) -> dict:
     def received(_name: str, frame) -> None:
         if not frame.missing_can_frames:
             latencies.append(time.time() - frame.stamp - DELAY - SWEEP)
-    bus = Supervisor(BusSettings('slcan', port, sync_period=1 / rate), (make_pad('pad', NODE, layout),), received)
+    full = {'allow_full_bus': True} if hasattr(BusSettings, 'allow_full_bus') else {}  # an older tree has it not
+    bus = Supervisor(BusSettings('slcan', port, sync_period=1 / rate, **full), (make_pad('pad', NODE, layout),),
+                     received)
     bus.open()
     bus.configure()
     bus.start()
@@ -236,7 +236,7 @@ READERS = {'driver': driver, 'replay': replay, 'bare': bare, 'pdo maps': pdo_map
 
 if __name__ == '__main__':
     if '--reader' not in sys.argv:
-        from skin_process import ROOT, SkinProcess, punctual
+        from skin_process import ROOT, SkinProcess
 
         from tactile_node.skin.layout_file import load_layout
     sys.exit(main())

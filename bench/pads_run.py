@@ -14,7 +14,7 @@ from bench_launch import busy_seconds, cpu_seconds, ended, pss
 from pads_cases import LAYOUT, NODE_IDS, ROOT, TPDOS, Case
 from pads_consumer import Consumer
 from pads_ledger import Counts, Station, Step, ledger
-from skin_process import SkinProcess, punctual
+from skin_process import SkinProcess
 
 from tactile_node.simulator.wire_report import WireReport
 
@@ -76,10 +76,9 @@ def measured(case: Case, seconds: float, nice: int) -> Row:
             skins.append(SkinProcess(folder / str(bus), LAYOUT, NODE_IDS[:case.pads]))
             stack.callback(skins[-1].end)
         consumer = stack.enter_context(Consumer(case))
-        layout = str(punctual(folder, LAYOUT))
         processes = [subprocess.Popen(words, cwd=ROOT, start_new_session=True, stdout=subprocess.DEVNULL,
                                       stderr=subprocess.DEVNULL, env=os.environ | {'PYTHONPATH': str(ROOT)})
-                     for words in case.commands([skin.port for skin in skins], layout)]
+                     for words in case.commands([skin.port for skin in skins], LAYOUT)]
         stack.callback(ended, processes)
         for process in processes:
             raise_session(nice, process.pid)

@@ -11,19 +11,9 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from tactile_node.package_files import config_path  # noqa: E402
 from tactile_node.simulator.wire_report import WireReport  # noqa: E402
 
 REPORT_TIMEOUT = 10.0  #: s
-RESPONSE = 0.0005  #: s from SYNC to the first TPDO of the simulated skin on an idle bus
-
-
-def punctual(folder: Path, layout: str) -> Path:
-    """Copy a layout and its EDS to ``folder``, with the response_time that the simulated skin keeps to."""
-    path = folder / layout
-    path.write_text(config_path(layout).read_text(encoding='utf-8') + f'response_time: {RESPONSE}\n')
-    path.with_suffix('.eds').write_bytes(config_path(layout).with_suffix('.eds').read_bytes())
-    return path
 
 
 class SkinProcess:

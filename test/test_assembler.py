@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from can_bench import TINY, only, tiny_layout
+from can_bench import only, tiny_layout
 
 from tactile_node.assembly.assembler import ORDER_MEMORY, FrameAssembler
-from tactile_node.assembly.sender_run import CATCH_UP_PERIODS
+from tactile_node.assembly.free_bus import FreeBus
 from tactile_node.frames.losses import Loss, LossReason
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 
@@ -81,22 +81,24 @@ def test_silent_periods_are_all_stale(assembler):
     check(only(assembler.sync(3)), np.full((3, 2), NAN), sequence=2, missing=3)
 
 
-def test_sweeps_after_silence_are_given_up_until_none_is_late_any_more(assembler):
-    """Each may be of the period before; after CATCH_UP_PERIODS periods the silent one is taken to be lost."""
+def test_sweeps_after_silence_are_given_up_until_a_free_bus_proves_that_none_is_late(assembler):
+    """Each may be of the period before."""
     sweep = [(ROW_1, '0B0B'), (ROW_2, '0B0B'), (ROW_3, '0B0B')]
     assembler.sync(0)
     assembler.sync(1)
     given = []
-    for period in range(1, 1 + CATCH_UP_PERIODS):
+    for period in range(1, 51):
         assert send(assembler, *sweep, at=period + 0.5) is None
         given += assembler.sync(period + 1)
-    assert given.count(Loss(LossReason.LATE, 3)) == CATCH_UP_PERIODS
-    assert assembler.statistics().losses[LossReason.LATE] == 3 * CATCH_UP_PERIODS
-    frames = [result for result in given if isinstance(result, TaxelFrame)]
-    for sequence, frame in enumerate(frames):
+    assert given.count(Loss(LossReason.LATE, 3)) == 50 and assembler.statistics().losses[LossReason.LATE] == 150
+    for sequence, frame in enumerate(result for result in given if isinstance(result, TaxelFrame)):
         check(frame, np.full((3, 2), NAN), sequence, missing=3)
-    check(send(assembler, *sweep, at=4.5), np.full((3, 2), 2), sequence=1 + CATCH_UP_PERIODS)
-    assert len(frames) == 1 + CATCH_UP_PERIODS and balanced(assembler)
+    assert assembler.is_in_doubt
+    assembler.settle()
+    assert not assembler.is_in_doubt and send(assembler, *sweep, at=51.5) is None
+    check(only(assembler.sync(52)), np.full((3, 2), 2), sequence=51)
+    check(send(assembler, *sweep, at=52.5), np.full((3, 2), 2), sequence=52)
+    assert balanced(assembler)
 
 
 def test_a_sweep_that_is_late_as_a_whole_goes_back_to_its_period(assembler):
@@ -255,7 +257,7 @@ def test_what_was_sent_before_the_sync_before_is_of_neither_period(assembler, ol
 
 
 def played(assembler, script):
-    """'S2 A1@1.5 B1': SYNC 2 at 2, row A of sweep 1 stamped 1.5, row B of it stamped now; {sequence: sweeps in it}."""
+    """'S2 F A1@1.5 B1': SYNC 2 at 2, a free bus, row A of sweep 1 stamped 1.5, row B now; {sequence: sweeps in it}."""
     given, rows, now = [], {'A': ROW_1, 'B': ROW_2, 'C': ROW_3}, 0.0
     for word in script.split():
         name, _, stamp = word.partition('@')
@@ -264,6 +266,8 @@ def played(assembler, script):
             given += assembler.sync(now)
         elif name == 'R':
             assembler.resume(0)
+        elif name == 'F':
+            assembler.settle()
         else:
             given += assembler.feed(rows[name[0]], bytes([10 + int(name[1:])] * 2), float(stamp or now + 0.5))
     given += assembler.end_period()
@@ -284,110 +288,42 @@ def test_sweeps_that_may_be_old_are_not_given(assembler, script, frames):
 
 
 def test_a_sender_that_often_leaves_out_a_period_is_not_given_up_for_ever(assembler):
-    script = ' '.join(f'S{i} A{i} B{i} C{i}' if i % 3 else f'S{i}' for i in range(90))
+    script = ' '.join((f'S{i}', f'S{i} A{i} B{i} C{i}', f'S{i} F A{i} B{i} C{i}')[i % 3] for i in range(90))
     found = played(assembler, script)
     assert sum(bool(sweeps) for sweeps in found.values()) >= 10
     assert all(sweeps <= {sequence} for sequence, sweeps in found.items())
 
 
-WAITS = 0.01  #: s, the response_time of a layout
+@pytest.mark.parametrize(('taken', 'foreign', 'until', 'is_over'), [
+    (1.004, [], 1.0205, True), (1.004, [], 1.0125, False), (1.017, [], 1.0205, True), (1.018, [], 1.0205, False),
+    (1.004, [0.99, 1.005], 1.013, True), (1.004, [1.012, 1.0122, 1.0124], 1.013, False), (None, [], 1.0205, False)])
+def test_a_bus_that_is_free_when_an_answer_is_due_proves_that_there_is_none(taken, foreign, until, is_over):
+    """Due at 1.01 is the answer to the SYNC of 1.0. Without any TPDO since, an adapter may hold all back."""
+    bus = FreeBus(1_000_000)
+    for stamp in (0.98, 1.0):
+        bus.sync(stamp)
+    if taken is not None:
+        bus.take(taken)
+    for stamp in foreign:
+        bus.occupy(stamp)
+    bus.sync(1.02)
+    assert bus.proves(until) == is_over
 
 
-def settled(tmp_path):
-    """An assembler whose node has not answered the SYNC of 1.0, nor that of 1.02 until 1.0205."""
-    assembler = FrameAssembler(tiny_layout(tmp_path, TINY + f'response_time: {WAITS}\n'), (1,), adapter_delay=0.001,
-                               pauses_sync=True)
+def test_a_bus_that_seemed_free_because_the_adapter_was_held_up_gives_no_wrong_stamp(assembler):
     for stamp in (0.98, 1.0):
         assembler.sync(stamp)
         if stamp < 1.0:
             send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=0.985)
     assembler.sync(1.02)
-    return assembler
-
-
-@pytest.mark.parametrize(('since', 'until', 'is_over'), [
-    (0.985, 1.0205, True), (1.009, 1.0201, True), (1.0, 1.0111, True),
-    (0.985, 1.0109, False), (1.01, 1.0205, False), (0.9, 0.999, False)])
-def test_an_idle_bus_proves_that_no_sweep_is_late(tmp_path, since, until, is_over):
-    """Idle for response_time and the adapter's delay, after the SYNC that was not answered."""
-    assembler = settled(tmp_path)
-    assembler.settle(since, until)
-    assert send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=1.0206) is None
-    assert not assembler.idle_wanted  # a SYNC has to pass first
-    *_, frame = assembler.sync(1.04)
-    if is_over:
-        check(frame, np.zeros((3, 2)), sequence=2)
-        assert not assembler.idle_wanted and not assembler.statistics().losses[LossReason.LATE]
-    else:
-        assert assembler.idle_wanted == pytest.approx(WAITS + 0.001)
-        assert assembler.statistics().losses[LossReason.LATE] == 3
-
-
-def test_a_bus_that_seemed_idle_because_the_adapter_was_held_up_gives_no_wrong_stamp(tmp_path):
-    assembler = settled(tmp_path)
-    assembler.settle(0.985, 1.0205)
+    assembler.settle()
     results = []
     for data in (b'\x0A\x0A', b'\x0B\x0B'):  # the late one and its own, at once
         for row in (ROW_1, ROW_2, ROW_3):
             results += assembler.feed(row, data, 1.021)
     check(results[0], np.zeros((3, 2)), sequence=1)
     check(results[1], np.full((3, 2), 2), sequence=2)
-    assert len(results) == 2 and assembler.statistics().late_answers == 1
-    assert assembler.sync(1.04) == () and balanced(assembler)
-
-
-def test_two_old_sweeps_that_come_at_once_do_not_shift_those_after_them(tmp_path):
-    """The adapter holds both back: the second is no better proved than the first."""
-    assembler = FrameAssembler(tiny_layout(tmp_path, TINY + 'response_time: 0.002'), (1,), adapter_delay=0.002,
-                               pauses_sync=True)
-    results, sweep = [], iter(range(100))
-
-    def come(at):
-        number = next(sweep)
-        for row in (ROW_1, ROW_2, ROW_3):
-            results.extend(assembler.feed(row, bytes([10 + number] * 2), at))
-    for period in range(12):
-        results += assembler.sync(period * 0.01)
-        if period == 3:
-            assembler.settle(0.005, 0.033)
-            come(0.033)
-            come(0.033)
-        elif period != 1 and period != 2:
-            come(period * 0.01 + 0.005)
-    for frame in (result for result in results if isinstance(result, TaxelFrame)):
-        counts = frame.values[:, 0] / 2
-        assert (np.isnan(counts) | (counts == frame.sequence)).all(), frame
-    assert assembler.statistics().late_answers and balanced(assembler)
-
-
-def test_an_idle_bus_before_an_outage_proves_nothing_after_it(tmp_path):
-    assembler = settled(tmp_path)
-    assembler.settle(1.0205, 1.0395)
-    assembler.resume(50)
-    assembler.sync(2.0)
-    assert send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=2.001) is None
-    assert not any(isinstance(result, TaxelFrame) and not result.missing_can_frames for result in assembler.sync(2.02))
-
-
-def test_where_it_is_not_known_when_the_bus_is_idle_a_sweep_left_out_costs_as_much_as_before(tmp_path):
-    """Of a log, say: whatever its layout promises."""
-    assembler, whole = FrameAssembler(tiny_layout(tmp_path, TINY + 'response_time: 0.002'), (1,)), 0
-    for period in range(100):
-        results = [*assembler.sync(period * 0.02)]
-        if period != 50:
-            for row in (ROW_1, ROW_2, ROW_3):
-                results += assembler.feed(row, b'\x0A\x0A', period * 0.02 + 0.001)
-        whole += sum(isinstance(result, TaxelFrame) and not result.missing_can_frames for result in results)
-        assert not assembler.idle_wanted
-    assert whole == 100 - 1 - CATCH_UP_PERIODS
-
-
-def test_a_layout_without_a_response_time_proves_nothing(assembler):
-    for stamp in (0.98, 1.0, 1.02, 1.04):
-        assembler.sync(stamp)
-        assembler.settle(0.0, stamp + 0.019)
-        assert not assembler.idle_wanted
-    assert send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=1.06) is None
+    assert len(results) == 2 and assembler.sync(1.04) == () and balanced(assembler)
 
 
 def test_stamps_of_two_clocks_are_not_compared(tmp_path):
@@ -451,11 +387,13 @@ def test_restart_counts_the_unfinished_and_begins_at_zero(assembler):
 
 
 def random_periods(assembler, loss, most_delayed, periods=3000):
-    """Each period sends its number in all taxels; frames are lost, and delayed across SYNCs in order."""
+    """Each period sends its number in all taxels; frames are lost, or delayed across SYNCs in order."""
     rng = np.random.default_rng(5)
     backlog, given = [], []
     for period in range(periods):
         given += assembler.sync(period)
+        if not backlog:
+            assembler.settle()
         backlog += [(can_id, bytes([period % 250 + 5] * 2))
                     for can_id in (ROW_1, ROW_2, ROW_3) if rng.random() > loss]
         delayed = int(rng.integers(0, most_delayed + 1)) if rng.random() < 0.3 else 0
@@ -481,13 +419,12 @@ def test_without_loss_most_of_what_is_late_is_used(assembler):
     assert statistics.complete > 0.95 * 3000 and statistics.missing < 0.03 * 9000
 
 
-def test_delays_of_several_periods_do_not_mix_and_hardly_ever_stamp_late(assembler):
-    """A sender that stays behind for more than CATCH_UP_PERIODS periods cannot be detected."""
+def test_delays_of_several_periods_neither_mix_nor_stamp_late(assembler):
     ages = []
     for sequence, periods in random_periods(assembler, loss=0.0, most_delayed=8):
         assert len(periods) <= 1
         ages += [(sequence - period) % 250 for period in periods]
-    assert len(ages) > 2500 and np.count_nonzero(ages) <= 3
+    assert len(ages) > 2500 and not any(ages)
 
 
 def test_reordered_tpdos_are_counted_apart_and_never_joined(assembler):
@@ -525,23 +462,21 @@ def fates(of=(), begin=0):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('response', ['', 'response_time: 1.51'], ids=['unknown', 'known'])
-def test_whatever_is_lost_or_late_by_a_period_no_frame_is_wrong(tmp_path, response):
+def test_whatever_is_lost_or_late_by_a_period_no_frame_is_wrong(tmp_path):
     """All 8000 ways; the first taxel's count is the period that its TPDO was sent in."""
-    layout, ways = tiny_layout(tmp_path, TINY + response), list(fates())
+    layout, ways = tiny_layout(tmp_path), list(fates())
     for fate in ways:
-        assembler, frames, last = FrameAssembler(layout, (1,), adapter_delay=0.0, pauses_sync=True), [], 0.0
-        for period in range(PERIODS + CATCH_UP_PERIODS + 3):
+        assembler, frames = FrameAssembler(layout, (1,)), []
+        for period in range(PERIODS + 6):
             sent = [(i % 3, i // 3) for i, comes in enumerate(fate) if comes == period]
             sent += [(row, period) for row in range(3)] if period >= PERIODS else []
-            stamp = period + 5 * (period > PERIODS + CATCH_UP_PERIODS)  # SYNCs are left out once
-            frames += assembler.sync(stamp)
+            frames += assembler.sync(period)
+            if period == PERIODS + 3:
+                assembler.settle()
             for row, count in sent:
-                assembler.settle(last, stamp + 0.5)
-                last = stamp + 0.5
-                frames += assembler.feed((ROW_1, ROW_2, ROW_3)[row], bytes([10 + count] * 2), last)
+                frames += assembler.feed((ROW_1, ROW_2, ROW_3)[row], bytes([10 + count] * 2), period + 0.5)
         frames = [frame for frame in (*frames, *assembler.end_period()) if isinstance(frame, TaxelFrame)]
-        assert [frame.sequence for frame in frames] == list(range(PERIODS + CATCH_UP_PERIODS + 3))
+        assert [frame.sequence for frame in frames] == list(range(PERIODS + 6))
         assert balanced(assembler)
         for frame in frames:
             counts = frame.values[:, 0] / 2
@@ -558,6 +493,8 @@ def test_what_an_adapter_has_held_back_is_given_no_present_stamp(tmp_path, lost,
     waiting, frames = [], []
     for period in range(10 + 40 + 200):
         results = assembler.sync(float(period))
+        if not waiting and period > 50:
+            assembler.settle()
         waiting += [(can_id, bytes([10 + period // 2] * 2)) for can_id in (ROW_1, ROW_2, ROW_3)]
         if period == 50:
             del waiting[:lost]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from wire import Node
+from wire import Node, frame_seconds
 from wire_worlds import HOST, ONE, TWO, TWO_NODES, WIRE, period_at, played, random_world, rising
 
 LOADS = (0.8, 0.9, 0.95, 0.98)
@@ -34,10 +34,10 @@ def test_a_sync_late_by_half_a_period_or_jitter_costs_nothing(load, clock):
 @pytest.mark.parametrize('clock', [HOST, WIRE])
 @pytest.mark.parametrize('pads', [ONE, TWO, TWO_NODES], ids=['one pad', 'two pads', 'a pad of two nodes'])
 @pytest.mark.parametrize('load', LOADS)
-def test_a_skipped_sweep_costs_at_most_itself_and_one_more(load, pads, clock):
-    """An idle bus proves that the node does not answer late."""
+def test_a_skipped_sweep_costs_a_few_more(load, pads, clock):
+    """A free bus proves that the node does not answer late; where it is full, the driver leaves out SYNCs for that."""
     for seen in played(pads, np.arange(SWEEPS) * period_at(load, pads), clock, skips=lambda number: number == EVENT):
-        assert not seen.wrong and len(seen.answered) == SWEEPS - 1 and len(seen.whole) >= SWEEPS - 3
+        assert not seen.wrong and len(seen.answered) >= SWEEPS - 5 and len(seen.answered) - len(seen.whole) <= 4
 
 
 @pytest.mark.parametrize('clock', [HOST, WIRE])
@@ -52,20 +52,12 @@ def test_in_an_overload_no_stamp_is_wrong_and_after_it_all_is_whole(over, after,
 
 
 @pytest.mark.parametrize('clock', [HOST, WIRE])
-def test_a_node_that_answers_later_than_its_layout_says_is_noticed(clock):
-    """Twice its time then has to pass, more than there is here: the skipped sweep costs two more and two SYNCs."""
-    slow = {EVENT, EVENT + 20}
-    seen, = played(ONE, np.arange(SWEEPS) * 0.02, clock, skips=lambda number: number == EVENT + 20,
-                   delay=lambda number: 0.012 if number in slow else 0.0003)
-    assert not seen.wrong and seen.late_answers == 1 and len(seen.whole) >= SWEEPS - 5
-
-
-@pytest.mark.parametrize('clock', [HOST, WIRE])
-def test_a_node_that_always_answers_later_than_its_layout_says_costs_no_more_syncs(clock):
-    """Twice the time that it takes is waited for, however often it has answered late."""
-    seen, = played(ONE, np.arange(SWEEPS) * 0.02, clock, delay=lambda number: 0.005,
+@pytest.mark.parametrize('delay', [0.005, 0.012, 0.018])
+def test_a_slow_node_that_leaves_out_a_sweep_has_no_wrong_stamp(delay, clock):
+    """Even where it takes longer than half a period to answer, and each sweep crosses the next SYNC."""
+    seen, = played(ONE, np.arange(SWEEPS) * 0.02, clock, delay=lambda number: delay,
                    skips=lambda number: number in (EVENT, 3 * EVENT // 2))
-    assert not seen.wrong and seen.late_answers > SWEEPS - 10 and len(seen.whole) >= SWEEPS - 12
+    assert not seen.wrong and len(seen.whole) >= SWEEPS - 16
 
 
 @pytest.mark.parametrize('clock', [HOST, WIRE])
@@ -76,18 +68,27 @@ def test_a_node_that_is_gone_holds_up_no_other(clock):
     assert not gone[1].wrong and len(gone[1].whole) >= SWEEPS - 8
 
 
-def test_on_a_bus_that_is_never_idle_a_sweep_left_out_costs_not_all():
-    """Another device sends all the time, so nothing proves anything: UNPROVED_PERIODS."""
+def test_on_a_bus_that_is_never_idle_for_long_a_sweep_left_out_costs_not_all():
+    """What another device sends takes part of the time; the rest is free."""
     chatter = Node([0x700], size=1, skips=lambda number: True)
     chatter.chatter(np.arange(0, SWEEPS * 0.02, 0.0004))
     seen, = played(ONE, np.arange(SWEEPS) * 0.02, WIRE, skips=lambda number: number == EVENT, chatter=[chatter])
-    assert not seen.wrong and SWEEPS - 40 <= len(seen.whole) <= SWEEPS - 20
+    assert not seen.wrong and len(seen.whole) >= SWEEPS - 3
 
 
-def test_without_a_response_time_a_skipped_sweep_costs_four_frames():
-    """It, and those that could be it: CATCH_UP_PERIODS. Nothing proves that the node is not late."""
-    seen, = played(ONE, np.arange(SWEEPS) * 0.02, WIRE, response=None, skips=lambda number: number == EVENT)
-    assert not seen.wrong and not seen.late_answers and len(seen.whole) == SWEEPS - 4
+@pytest.mark.parametrize('clock', [HOST, WIRE])
+@pytest.mark.parametrize('pads', [ONE, TWO, TWO_NODES], ids=['one pad', 'two pads', 'a pad of two nodes'])
+@pytest.mark.parametrize('foreign', [0.0, 0.05, 0.08, 0.15])
+@pytest.mark.parametrize('load', LOADS)
+def test_foreign_frames_that_go_first_give_no_frame_a_wrong_stamp(load, foreign, pads, clock):
+    """Beyond a full bus the nodes fall behind, and leave out sweeps."""
+    period = period_at(load, pads)
+    others = Node([0x081], skips=lambda number: True)
+    if foreign:
+        others.chatter(np.arange(0.0, SWEEPS * period, frame_seconds(8) / foreign))
+    for seen in played(pads, np.arange(SWEEPS) * period, clock, chatter=[others]):
+        assert not seen.wrong
+        assert len(seen.whole) >= (0.3 * len(seen.answered) if foreign else SWEEPS - 1)
 
 
 @pytest.mark.slow

@@ -6,11 +6,13 @@ not: n = 8: 98 + 24 + 13.
 """
 
 import logging
+from dataclasses import replace
 
 import pytest
 
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.planned_load import planned_load
+from tactile_node.errors import ConfigurationError
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import make_pad
 from tactile_node.supervision.supervisor import Supervisor
@@ -33,11 +35,27 @@ def test_a_pad_without_sync_sends_at_its_own_time_beside_one_with_sync():
     assert planned_load(layouts[1:], 1_000_000, 0.01) == pytest.approx(20 * 16 * FRAME / 1e6)
 
 
+def placed_pads(count):
+    return tuple(make_pad(f'pad{node_id}', node_id, 'sim16x16.yaml') for node_id in NODE_IDS[:count])
+
+
+@pytest.mark.parametrize(('pads', 'longest'), [(1, 0.0047), (2, 0.0092), (4, 0.0183)])
+def test_a_bus_that_would_be_too_full_is_refused_with_the_rate_that_fits(pads, longest):
+    load = (SYNC + pads * 32 * FRAME) / 1e6
+    assert load / longest <= 0.95 < load / (longest - 0.0001)
+    settings = BusSettings('virtual', 'too_full', sync_period=longest - 0.0001)
+    with pytest.raises(ConfigurationError) as refused:
+        Supervisor(settings, placed_pads(pads), lambda name, frame: None)
+    assert f'{longest:g} s' in refused.value.remedy
+    for fits in (replace(settings, sync_period=longest), replace(settings, allow_full_bus=True)):
+        Supervisor(fits, placed_pads(pads), lambda name, frame: None)
+
+
 @pytest.mark.parametrize('pads, rate, load', [(1, 50, None), (4, 50, None), (3, 100, 1.3015), (4, 100, 1.7335)])
 def test_the_driver_starts_and_warns_of_pads_that_its_bus_cannot_carry(pads, rate, load, caplog):
     """Whoever reads only the log learns it before the first frame is missing; the rest is the status."""
-    settings = BusSettings('virtual', f'planned{pads}at{rate}', sync_period=1 / rate)
-    placed = tuple(make_pad(f'pad{node_id}', node_id, 'sim16x16.yaml') for node_id in NODE_IDS[:pads])
+    settings = BusSettings('virtual', f'planned{pads}at{rate}', sync_period=1 / rate, allow_full_bus=True)
+    placed = placed_pads(pads)
     bus = Supervisor(settings, placed, lambda name, frame: None)
     with caplog.at_level(logging.WARNING):
         bus.open()

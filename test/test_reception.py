@@ -81,25 +81,25 @@ def test_slcan_frames_came_between_the_last_look_at_an_empty_port_and_their_read
 
 
 def test_syncs_are_left_out_while_it_is_not_known_how_far_a_node_is():
-    """As many as the bus has to be idle for, then none for a while."""
-    router = SimpleNamespace(idle_wanted=0.0, sync=lambda stamp: None)
+    """So many that the nodes send what waits and the bus is free, then none for a while."""
+    router = SimpleNamespace(is_in_doubt=False, sync=lambda stamp: None)
     traffic = Traffic(router, None, None, polled=(), queue_limit=9, is_host_stamped=True, sync_period=0.02)
     sent = []
     network = SimpleNamespace(send_message=lambda *args, **kwargs: sent.append(number))
     for number in range(24):
-        router.idle_wanted = 0.025 if number >= 10 else 0.0
+        router.is_in_doubt = number >= 10
         traffic.send_sync(network, 0x80)
-    assert sent == [*range(10), 12, 13, 14, 15, 18, 19, 20, 21]
+    assert sent == [*range(10), 13, 14, 15, 16, 20, 21, 22, 23]
     assert traffic.pause.count == 6 and traffic.syncs_sent == len(sent)
 
 
-class Idle:
-    """A Traffic whose steady clock is ours, and for how long its bus was idle before each frame."""
+class Clocked:
+    """A Traffic whose steady clock is ours, and for how long its bus was not known to be free before each frame."""
 
     def __init__(self, monkeypatch, queue_limit=99):
         self.spans, self.steady = [], 1000.0
         monkeypatch.setattr(traffic_module, 'time', SimpleNamespace(monotonic=lambda: self.steady, time=time.time))
-        router = SimpleNamespace(settle=lambda since, until: self.spans.append(until - since),
+        router = SimpleNamespace(occupy=lambda stamp, seconds=None: self.spans.append(seconds),
                                  feed=lambda *frame: None)
         monitor = SimpleNamespace(feed=lambda can_id, data: None, feed_error=lambda message: False)
         self.traffic = Traffic(router, monitor, None, polled=(), queue_limit=queue_limit, is_host_stamped=True,
@@ -107,48 +107,45 @@ class Idle:
         self.begun = time.time() - 100.0
         self.traffic.begin()
 
-    def received(self, *stamps, steady=None, **kind):
+    def received(self, *stamps, steady=None, spans=None, **kind):
         """Messages stamped so many seconds after the beginning, all read ``steady`` seconds after it."""
         self.steady = 1000.0 + (stamps[-1] if steady is None else steady)
-        expected = len(self.spans) + len(stamps)
+        expected = len(self.spans) + (len(stamps) if spans is None else spans)
         self.traffic.received(Batch([can.Message(self.begun + stamp, 0x1A0, kind.pop('extended', False), **kind)
                                      for stamp in stamps]))
         return lambda: len(self.spans) == expected
 
     def seen(self):
         self.traffic.end(10.0)
-        return [round(span, 3) for span in self.spans]
+        return [span if span is None else round(span, 3) for span in self.spans]
 
 
-def test_a_bus_that_was_closed_or_not_read_was_not_idle(monkeypatch):
-    idle, held = Idle(monkeypatch, queue_limit=2), threading.Event()
-    assert wait_until(idle.received(5.0)) and wait_until(idle.received(6.0, 6.1))
-    idle.traffic.put(held.wait)
-    whole = idle.received(6.2, 6.3)
-    idle.received(6.4)  # there is no room for it
+def test_a_bus_that_was_closed_or_not_read_was_not_free(monkeypatch):
+    bus, held = Clocked(monkeypatch, queue_limit=2), threading.Event()
+    assert wait_until(bus.received(5.0)) and wait_until(bus.received(6.0, 6.1))
+    bus.traffic.put(held.wait)
+    whole = bus.received(6.2, 6.3)
+    bus.received(6.4)  # there is no room for it
     held.set()
-    assert wait_until(whole) and wait_until(idle.received(8.0)) and wait_until(idle.received(8.5))
-    idle.traffic.end(1.0)
-    idle.traffic.begin()
-    assert wait_until(idle.received(9.0))
-    assert idle.seen() == [-inf, 1.0, 0.1, 0.1, 0.1, 0.0, 0.5, 0.0] and idle.traffic.overruns == 1
+    assert wait_until(whole) and wait_until(bus.received(8.0)) and wait_until(bus.received(8.5))
+    bus.traffic.end(1.0)
+    bus.traffic.begin()
+    assert wait_until(bus.received(9.0))
+    assert bus.seen() == [inf, 0.0, 0.0, 0.0, 0.0, 1.7, 0.0, 0.5] and bus.traffic.overruns == 1
 
 
-def test_a_clock_that_is_set_forward_is_no_idle_bus(monkeypatch):
-    idle = Idle(monkeypatch)
+def test_a_clock_that_is_set_forward_is_no_free_bus(monkeypatch):
+    bus = Clocked(monkeypatch)
     for stamps, steady in (((1.0,), 1.0), ((1.001,), 1.001), ((1.052,), 1.002)):
-        assert wait_until(idle.received(*stamps, steady=steady))
-    assert idle.seen()[1:] == [0.001, 0.001]
+        assert wait_until(bus.received(*stamps, steady=steady))
+    assert bus.seen()[1:] == [0.0, 0.05]
 
 
-def test_a_bus_full_of_what_is_no_taxel_is_not_idle(monkeypatch):
-    idle = Idle(monkeypatch)
-    idle.received(1.0)
-    idle.received(1.01, extended=True)
-    idle.received(1.02)
-    idle.received(1.03, is_error_frame=True)
-    idle.received(1.04)
-    assert idle.seen()[1:] == [0.01, 0.01, -inf]
+def test_what_is_no_taxel_takes_its_time_and_after_an_error_the_bus_is_not_known_to_be_free(monkeypatch):
+    bus = Clocked(monkeypatch)
+    for stamp, spans, kind in ((1.0, 1, {}), (1.01, 2, {'extended': True}), (1.02, 1, {'is_error_frame': True})):
+        assert wait_until(bus.received(stamp, spans=spans, **kind))
+    assert bus.seen()[1:] == [0.0, None, inf]
 
 
 def test_a_fault_that_comes_once_is_reported_after_what_came_before_it():
@@ -167,6 +164,6 @@ def test_a_fault_that_comes_once_is_reported_after_what_came_before_it():
 
 def test_syncs_are_no_longer_left_out_once_nothing_is_in_doubt_or_sync_was_off():
     pause = SyncPause(period=0.001)
-    assert pause.is_due(inf) and pause.is_due(inf) and not pause.is_due(0.0) and not pause.is_due(inf)
+    assert pause.is_due(True) and pause.is_due(True) and not pause.is_due(False) and not pause.is_due(True)
     pause.restart()
-    assert [pause.is_due(inf) for _ in range(12)] == 10 * [True] + 2 * [False]
+    assert [pause.is_due(True) for _ in range(12)] == 7 * [True] + 4 * [False] + [True]

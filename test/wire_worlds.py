@@ -2,28 +2,27 @@
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
-from wire import SYNC_ID, Carried, Node, carried, frame_seconds
+from wire import BIT, SYNC_ID, Carried, Node, carried, frame_seconds
 
-from tactile_node.assembly.assembler import FrameAssembler
+from tactile_node.assembly.router import Router
 from tactile_node.bus.reception import PAUSE
 from tactile_node.bus.sync_pause import SyncPause
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
-from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.layout_file import load_layout
+from tactile_node.skin.pads import PadSettings
 
 CODES = 251               #: the TPDOs of a sweep hold its number modulo this, plus 1
-RESPONSE, ADAPTER = 0.0005, 0.0005  #: s from SYNC to the first TPDO on an idle bus, and through an adapter, at most
+ADAPTER = 0.0005  #: s through an adapter, at most
 TIMEOUT = 0.002  #: s that a read waits for bytes
 HOST, WIRE = 'stamps of the host', 'stamps of the wire'
 
 
 class Pad(NamedTuple):
-    """A pad with its nodes and its assembler."""
+    """A pad with its nodes."""
 
     layout: str
     node_ids: tuple[int, ...]
@@ -35,7 +34,6 @@ class Seen(NamedTuple):
     whole: list[int]
     answered: list[int]
     wrong: int
-    late_answers: int
 
 
 ONE, TWO_NODES = (Pad('sim16x16.yaml', (32,)),), (Pad('nodes2_12x8_12bit.yaml', (32, 35)),)
@@ -47,87 +45,87 @@ def period_at(load: float, pads: Sequence[Pad]) -> float:
     return (frames * frame_seconds(8) + frame_seconds(0)) / load
 
 
-def played(pads: Sequence[Pad], syncs: Sequence[float], clock: str, *, lost: float = 0.0,
-           response: float | None = RESPONSE, seed: int = 0, first_skips: Callable[[int], bool] | None = None,
-           chatter: Sequence[Node] = (), **of_nodes) -> list[Seen]:
-    """Let the nodes answer ``syncs`` on one wire; what each pad's assembler makes of the frames that it receives.
+def played(pads: Sequence[Pad], syncs: Sequence[float], clock: str, *, lost: float = 0.0, seed: int = 0,
+           first_skips: Callable[[int], bool] | None = None, chatter: Sequence[Node] = (), **of_nodes) -> list[Seen]:
+    """Let the nodes answer ``syncs`` on one wire; what the driver makes of the frames of each pad that it receives.
 
-    ``lost``: share of TPDOs that are not received; ``response``: what the layouts promise [s]; ``first_skips``: which
-    sweeps the first pad leaves out; ``chatter``: nodes of no pad.
+    ``lost``: share of TPDOs that are not received; ``first_skips``: which sweeps the first pad leaves out;
+    ``chatter``: nodes of no pad.
     """
     rng = np.random.default_rng(seed)
-    layouts = [replace(load_layout(pad.layout), response_time=response) for pad in pads]
+    layouts = [load_layout(pad.layout) for pad in pads]
     nodes = [[Node([tpdo.cob_id.of(node_id) for tpdo in layout.tpdos if tpdo.node == place], **of_nodes)
               for place, node_id in enumerate(pad.node_ids)] for pad, layout in zip(pads, layouts)]
     for node in nodes[0] if first_skips is not None else ():
         node.skips = first_skips
-    receivers = [Receiver(pad, layout, clock) for pad, layout in zip(pads, layouts)]
+    receiver = Receiver(pads, clock)
     period = float(np.median(np.diff(syncs)))
-    path = Wire(receivers, period) if clock == WIRE else Adapter(receivers, period, rng)
+    path = Wire(receiver, period) if clock == WIRE else Adapter(receiver, period, rng)
     for frame in carried(syncs, [*chain.from_iterable(nodes), *chatter], path.is_pause_wanted):
         if frame.can_id == SYNC_ID:
             path.sync(frame)
         elif rng.random() >= lost:
             path.tpdo(frame)
     path.read(np.inf)
-    return [receiver.seen(own) for receiver, own in zip(receivers, nodes)]
+    return receiver.seen(nodes)
 
 
 class Receiver:
-    """The assembler of one pad, and what comes of it."""
+    """The driver's way from CAN frames to taxel frames, and what comes of it."""
 
-    def __init__(self, pad: Pad, layout: SkinLayout, clock: str):
-        self.assembler = FrameAssembler(layout, pad.node_ids, one_clock=clock == WIRE,
-                                        adapter_delay=ADAPTER if clock == HOST else 0.0, pauses_sync=True)
-        self._layout = layout
-        self._lengths = {tpdo.cob_id.of(pad.node_ids[tpdo.node]): tpdo.length for tpdo in layout.tpdos}
+    def __init__(self, pads: Sequence[Pad], clock: str):
+        self._pads = [PadSettings(str(place), pad.node_ids, load_layout(pad.layout)) for place, pad in enumerate(pads)]
+        self._frames: dict[str, list[TaxelFrame]] = {pad.name: [] for pad in self._pads}
+        self.router = Router(tuple(self._pads), lambda name, frame: self._frames[name].append(frame),
+                             foreign_sync=False, one_clock=clock == WIRE, bitrate=round(1 / BIT))
+        self._tpdos = {tpdo.cob_id.of(pad.node_ids[tpdo.node]): (pad.layout, tpdo.length)
+                       for pad in self._pads for tpdo in pad.layout.tpdos}
         self._numbers: dict[float, int] = {}  # of the SYNCs, by their stamps
-        self._results = []
 
     def sync(self, stamp: float, number: int) -> None:
         self._numbers[stamp] = number
-        self._results += self.assembler.sync(stamp)
+        self.router.sync(stamp)
 
-    def tpdo(self, frame: Carried, stamp: float, idle: tuple[float, float]) -> None:
-        """The bus was idle before it, at least between these two times."""
-        self.assembler.settle(*idle)
-        if frame.can_id in self._lengths:
-            data = coded(frame.number, self._layout)[:self._lengths[frame.can_id]]
-            self._results += self.assembler.feed(frame.can_id, data, stamp)
+    def tpdo(self, frame: Carried, stamp: float, after: float) -> None:
+        data = bytes(8)
+        if frame.can_id in self._tpdos:
+            layout, length = self._tpdos[frame.can_id]
+            data = coded(frame.number, layout)[:length]
+        self.router.feed(frame.can_id, data, stamp, after)
 
-    def seen(self, nodes: Sequence[Node]) -> Seen:
-        self._results += self.assembler.end_period()
-        whole, wrong, value = [], 0, self._layout.value
-        for frame in (result for result in self._results if isinstance(result, TaxelFrame)):
+    def seen(self, nodes: Sequence[Sequence[Node]]) -> list[Seen]:
+        self.router.end()
+        statistics = self.router.statistics().pads
+        assert all(pad.received == pad.used + pad.pending + sum(pad.losses.values()) for pad in statistics.values())
+        return [self._seen(pad, own) for pad, own in zip(self._pads, nodes)]
+
+    def _seen(self, pad: PadSettings, nodes: Sequence[Node]) -> Seen:
+        whole, wrong, value = [], 0, pad.layout.value
+        for frame in self._frames[pad.name]:
             number, valid = self._numbers[frame.stamp], frame.status != TaxelStatus.STALE
             counts = np.round(frame.values[valid] / value.scale).astype(int) + value.offset
             wrong += bool((counts != number % CODES + 1).any())
             whole += [number] if valid.all() else []
-        return Seen(whole, sorted(set.intersection(*(set(node.answered) for node in nodes))), wrong,
-                    self.assembler.statistics().late_answers)
+        return Seen(whole, sorted(set.intersection(*(set(node.answered) for node in nodes))), wrong)
 
 
 class Wire:
     """Frames stamped when the wire has carried them: SocketCAN, which does not give own frames, here SYNC, back."""
 
-    def __init__(self, receivers: Sequence[Receiver], period: float):
-        self._receivers = receivers
-        self._before = 0.0
+    def __init__(self, receiver: Receiver, period: float):
+        self._receiver = receiver
         self._pause = SyncPause(period)
 
     def is_pause_wanted(self, now: float) -> bool:
         """Whether the driver leaves out the SYNC that it would send now."""
         self.read(now)
-        return self._pause.is_due(max(receiver.assembler.idle_wanted for receiver in self._receivers))
+        return self._pause.is_due(self._receiver.router.is_in_doubt)
 
     def sync(self, frame: Carried) -> None:
-        for receiver in self._receivers:
-            receiver.sync(frame.end, frame.number)
+        self._receiver.sync(frame.end, frame.number)
 
     def tpdo(self, frame: Carried) -> None:
-        for receiver in self._receivers:
-            receiver.tpdo(frame, frame.end, (self._before, frame.end))
-        self._before = frame.end
+        self._receiver.tpdo(frame, frame.end, frame.end)
 
     def read(self, until: float) -> None:
         """All is read."""
@@ -136,8 +134,8 @@ class Wire:
 class Adapter(Wire):
     """SYNCs are stamped as they are sent, the others as they are read from an adapter, all that wait at once: slcan."""
 
-    def __init__(self, receivers: Sequence[Receiver], period: float, rng: np.random.Generator):
-        super().__init__(receivers, period)
+    def __init__(self, receiver: Receiver, period: float, rng: np.random.Generator):
+        super().__init__(receiver, period)
         self._rng = rng
         self._here: deque[tuple[float, Carried]] = deque()  # when it can be read
         self._last = 0.0  # the last frame is here
@@ -145,8 +143,7 @@ class Adapter(Wire):
 
     def sync(self, frame: Carried) -> None:
         self.read(frame.offered)
-        for receiver in self._receivers:
-            receiver.sync(frame.offered, frame.number)
+        self._receiver.sync(frame.offered, frame.number)
 
     def tpdo(self, frame: Carried) -> None:
         self._last = max(self._last, frame.end + self._rng.uniform(0, ADAPTER))
@@ -158,13 +155,11 @@ class Adapter(Wire):
             first = self._here[0][0]
             if first > self._asked:  # nothing waits: asked again after each TIMEOUT
                 empty_at = self._asked = self._asked + (first - self._asked) // TIMEOUT * TIMEOUT
-            read, idle = max(self._asked, first), (self._before, empty_at)
+            read = max(self._asked, first)
             while self._here and self._here[0][0] <= read:
                 _, frame = self._here.popleft()
-                for receiver in self._receivers:
-                    receiver.tpdo(frame, read, idle)
-                idle = (0.0, 0.0)
-            self._before, self._free = read, read + PAUSE
+                self._receiver.tpdo(frame, read, empty_at)
+            self._free = read + PAUSE
 
 
 def rising(times: np.ndarray) -> np.ndarray:
@@ -191,5 +186,5 @@ def random_world(pads: Sequence[Pad], clock: str, seed: int, count: int = 200) -
     syncs += rng.uniform(0, 1, count) * (rng.random(count) < 0.05) * shortest / 2
     skipped = set(np.flatnonzero(rng.random(count) < 0.02).tolist())
     delays = rng.uniform(0.0001, 0.15 * shortest, count)
-    return played(pads, rising(syncs), clock, lost=rng.choice((0, 0.001, 0.02)), response=0.15 * shortest + 2e-4,
-                  seed=seed, skips=skipped.__contains__, delay=delays.__getitem__)
+    return played(pads, rising(syncs), clock, lost=rng.choice((0, 0.001, 0.02)), seed=seed,
+                  skips=skipped.__contains__, delay=delays.__getitem__)

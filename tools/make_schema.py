@@ -50,8 +50,6 @@ def schema() -> Schema:
                               f'{1000 * PITCHES[0]:g} mm or above {1000 * PITCHES[1]:g} mm.', 'type': 'boolean'},
             'value': _value(),
             'sync_cob_id': _integer('COB-ID of the SYNC that starts a sweep (default 0x080).', 1, ID_MASK),
-            'response_time': _optional(_positive(
-                'A node that has an answer to SYNC begins to send it within this time unless the bus is busy [s].')),
             'dead_taxels': _list('Taxels known to be dead, [row, col] each; they are NaN.', _place(0)),
             'nodes': _integer('CANopen nodes that make up the pad (default 1).', 1, MAX_NODE_ID),
             'tpdos': _list('The TPDOs that carry the taxels, in the order in which the device sends them.', _tpdo()),

@@ -17,10 +17,8 @@ Rules, for each node of the pad separately
       Where it can only be the tail of a run, it does so when the next run begins: a sender keeps its order. That does
       not hold for ORDER_MEMORY periods after the order was seen to be changed (OUT_OF_ORDER).
     - Otherwise it is lost (LATE): nothing proves that it is of this period.
-    - After n silent periods, n runs are therefore lost when they come within one period; otherwise all runs until an
-      idle bus proves that nothing is late (rule 8), but for UNPROVED_PERIODS periods at most, and CATCH_UP_PERIODS
-      where nothing can prove it: then the node is taken to have lost its sweeps. Periods with several runs do not
-      count: an adapter hands over what it has held back.
+    - After n silent periods, n runs are therefore lost when they come within one period; otherwise all runs until a
+      free bus proves that nothing is late (rule 8).
     - A node that was just started (``start``) is not behind.
  4. When the runs of all nodes are complete, the frame is emitted at once. TPDOs that follow in that period are SURPLUS.
  5. An incomplete frame has NaN and STALE for the taxels that are in no run. It is emitted, or withheld
@@ -30,28 +28,23 @@ Rules, for each node of the pad separately
     before, or LATE: a driver that lags behind its bus never publishes taxels under a later stamp.
  7. With several nodes, a next run of a node that is not suspect proves that a SYNC was lost. The period is discarded:
     all TPDOs of all nodes are LATE until the next SYNC.
- 8. The layout may give a ``response_time``: a node that has an answer to send begins within it when the bus is idle. A
-    bus that was idle for longer since a SYNC therefore proves that no run of that period comes any more (``settle``).
-    The next run is of the period in which it comes, unless another follows in it: then an adapter was held up.
-    While it is not known how far a node is (``idle_wanted``), the SYNC producer leaves out a SYNC, so that the bus
-    is idle. A node that was seen to answer later is given twice that time for ORDER_MEMORY periods.
+ 8. A node that has an answer to a SYNC to send begins within half a period while the bus is free. A bus that was free
+    for longer, after TPDOs of that period, therefore proves that no run of it comes any more (``FreeBus``, ``settle``).
+    The next run is of the period in which it comes, unless another follows in it: then an adapter was held up. While
+    it is not known how far a node is (``is_in_doubt``), the SYNC producer leaves out SYNCs, so that the bus is free.
 
 Limits
   - A frame mixes two periods only if a SYNC, the end of one sweep and the beginning of the next one are lost within
     two periods, or where bus or adapter change the order of a sender for the first time, and the end of the sweep
     before is lost.
-  - A node that does not keep to its ``response_time``, or has none and stays late for more than CATCH_UP_PERIODS SYNCs,
-    is not detected. Until it catches up, its taxels are stamped one period late. They are mixed with those of another
-    period where another node of the pad is not late, or where the end of one sweep and the beginning of the next one
-    are lost.
+  - A node that answers on a free bus after the next SYNC, or an adapter that holds frames back for that long in the
+    midst of them, is not detected once a sweep was left out: its taxels are then stamped one period late.
 """
 
 from collections.abc import Sequence
-from math import inf
 
 import numpy as np
 
-from tactile_node.assembly.sender_run import CATCH_UP_PERIODS, UNPROVED_PERIODS
 from tactile_node.assembly.sweep_period import SweepPeriod
 from tactile_node.assembly.tpdo_table import TpdoTable
 from tactile_node.cia301.pdo import MAX_PDO_BYTES
@@ -61,28 +54,21 @@ from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.taxel_codec import TaxelCodec
 
 ORDER_MEMORY = 100  #: periods after a change of order; a lost SYNC can look like one
-MOST_PATIENCE = 0.5  #: s
 
 
 class FrameAssembler:
     """The state machine of one pad. ``sync`` and ``feed`` return the taxel frames that are finished, and losses.
 
-    ``node_ids``: those of the pad's nodes, as many as the layout has. ``adapter_delay``: for how long an adapter may
-    hold a CAN frame back [s]; infinite where it is not known when the bus is idle. ``pauses_sync``: the SYNC producer
-    leaves out SYNCs as ``idle_wanted`` says.
+    ``node_ids``: those of the pad's nodes, as many as the layout has.
     """
 
     service = 'tpdo'  #: under which its CAN frames are counted
 
     def __init__(self, layout: SkinLayout, node_ids: Sequence[int], one_clock: bool = True,
-                 drop_incomplete: bool = False, adapter_delay: float = inf, pauses_sync: bool = False):
+                 drop_incomplete: bool = False):
         self.drop_incomplete = drop_incomplete
         self._codec = TaxelCodec(layout)
         self._one_clock = one_clock
-        #: for how long the bus is idle at most while an answer to a SYNC is pending [s]
-        self.settling_time = inf if layout.response_time is None else layout.response_time + adapter_delay
-        self._pauses_sync = pauses_sync and self.settling_time < inf
-        self._catch_up = UNPROVED_PERIODS if self._pauses_sync else CATCH_UP_PERIODS
         self._node_ids = tuple(node_ids)
         self._table = TpdoTable(layout, node_ids)
         self._nodes = [tpdo.node for tpdo in layout.tpdos]  # by rank
@@ -93,7 +79,6 @@ class FrameAssembler:
         self._withheld = 0
         self._received = 0
         self._used = [0] * len(node_ids)
-        self._late_answers = 0
         self._syncs = 0
         self._distinct = [0] * len(layout.tpdos)  # by rank
         self._fresh = np.zeros(len(layout.tpdos), int)  # by rank
@@ -107,10 +92,10 @@ class FrameAssembler:
         return self._table.can_ids
 
     @property
-    def idle_wanted(self) -> float:
-        """For how long the bus has to be idle to show how far the nodes are [s]; 0: that is known. From any thread."""
+    def is_in_doubt(self) -> bool:
+        """Whether a bus without SYNC has to show how far a node is. From any thread."""
         period = self._period
-        return self._patience if self._pauses_sync and period is not None and period.is_in_doubt else 0.0
+        return period is not None and any(run.is_in_doubt for run in period.runs)
 
     def restart(self) -> None:
         """Forget the periods under way, the nodes do not send; the next SYNC is number 0."""
@@ -118,10 +103,6 @@ class FrameAssembler:
         self._sequence = -1
         self._is_after_outage = False
         self._changed_order = -ORDER_MEMORY - 1  # sequence number at which bus or adapter last did
-        self._patience = self.settling_time  # longer for some periods after an answer that came later
-        self._answered_late = 0  # sequence number at which one did
-        self._idle_for = 0.0  # the longest time for which the bus was idle since the last SYNC
-        self._sync_before = -inf  # stamp of the SYNC before the last one
 
     def resume(self, lost_periods: int) -> None:
         """After an outage: forget the periods under way, leave out ``lost_periods`` sequence numbers.
@@ -148,25 +129,17 @@ class FrameAssembler:
                 results += self._emit(period)
         self._sequence += 1
         self._syncs += 1
-        self._sync_before = -inf if period is None else period.stamp
-        self._period = SweepPeriod(self._sequence, timestamp, self._ranks_of_nodes, period, self._catch_up)
-        if self._idle_for >= self._patience:
-            self._period.settle()
-        self._idle_for = 0.0
-        if self._sequence - self._answered_late >= ORDER_MEMORY:
-            self._patience = self.settling_time
+        self._period = SweepPeriod(self._sequence, timestamp, self._ranks_of_nodes, period)
         if self._is_after_outage:
             self._is_after_outage = False
-            self._period.assume_behind()
+            for run in self._period.runs:
+                run.assume_behind()
         return results
 
-    def settle(self, since: float, until: float) -> None:
-        """The bus carried no CAN frame between these stamps."""
-        if self._period is None:
-            return
-        self._idle_for = max(self._idle_for, until - max(since, self._period.stamp))
-        if until - max(since, self._sync_before) >= self._patience:
-            self._period.settle()
+    def settle(self) -> None:
+        """A free bus has proved that no answer to an earlier SYNC is to come (``FreeBus``)."""
+        for run in () if self._period is None else self._period.runs:
+            run.settle()
 
     def feed(self, can_id: int, data: bytes, timestamp: float) -> Results:
         """One TPDO of this pad: the frames that it completes, losses, or nothing (taken, more to come)."""
@@ -179,8 +152,6 @@ class FrameAssembler:
         self._distinct[rank] += 1
         if self._one_clock and timestamp < period.stamp:
             return self._feed_before(period, rank, data, timestamp)
-        if self._idle_for >= self.settling_time and not period.runs[self._nodes[rank]].is_seen:
-            self._note_late_answer(2 * self._idle_for)
         results = self._take(period, rank, data)
         if self._before is not None and self._sequence - self._changed_order >= ORDER_MEMORY:
             period.return_proved(self._before)
@@ -204,21 +175,14 @@ class FrameAssembler:
             complete=self._complete, incomplete=self._incomplete, expected=frames * len(self._nodes),
             received=self._received, used=sum(self._used), pending=self._pending(),
             losses=dict(self._losses), withheld=self._withheld,
-            used_by_node=tuple(self._used), late_answers=self._late_answers,
+            used_by_node=tuple(self._used),
             distinct_by_tpdo=tuple(tuple(self._distinct[rank] for rank in own) for own in self._ranks_of_nodes),
             fresh_by_tpdo=tuple(tuple(self._fresh[own].tolist()) for own in self._ranks_of_nodes),
             syncs=self._syncs)  # after what they have caused, for another thread counts on meanwhile
 
-    def _note_late_answer(self, patience: float) -> None:
-        """A node does not keep to the layout's response_time: wait for longer before it is taken for granted again."""
-        self._late_answers += 1
-        self._answered_late = self._sequence
-        self._patience = min(max(self._patience, patience), max(self.settling_time, MOST_PATIENCE))
-
     def _forget(self) -> None:
         self._losses[LossReason.UNFINISHED] += self._pending()
         self._before = self._period = None
-        self._idle_for = 0.0
 
     def _pending(self) -> int:
         return sum(period.pending for period in (self._before, self._period) if period is not None)
@@ -246,8 +210,6 @@ class FrameAssembler:
         if run.repeats(rank, data):
             self._distinct[rank] -= 1
             return self._lose(LossReason.DUPLICATE)
-        if run.is_settled and run.last >= rank:  # two runs in one period: the first is a late one after all
-            self._note_late_answer(2 * self._patience)
         if len(period.runs) > 1 and not period.is_emitted and run.begins_next_sweep(rank):
             discarded = self._discard(period)
         if period.is_discarded:

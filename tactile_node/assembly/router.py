@@ -10,6 +10,7 @@ import can
 
 from tactile_node.assembly.assembler import FrameAssembler
 from tactile_node.assembly.domain_assembler import DomainAssembler
+from tactile_node.assembly.free_bus import SLOW_BITRATE, FreeBus
 from tactile_node.assembly.snapshot_assembler import SnapshotAssembler
 from tactile_node.assembly.sweep_assembler import SweepAssembler
 from tactile_node.cia301.connection_set import service_of
@@ -25,18 +26,17 @@ class Router:
     """Routes CAN frames in order and calls ``on_frame(pad name, TaxelFrame)``. Not thread-safe: one thread feeds it.
 
     With ``foreign_sync`` the SYNCs on the bus separate the periods; else only calls of ``sync`` do. ``one_clock``:
-    the stamps given to ``sync`` and ``feed`` are of one clock. ``adapter_delay``: see ``FrameAssembler``.
+    the stamps given to ``sync`` and ``feed`` are of one clock. ``bitrate`` [bit/s].
     """
 
     def __init__(self, pads: tuple[PadSettings, ...], on_frame: OnFrame, foreign_sync: bool = True,
-                 one_clock: bool = True, drop_incomplete: bool = False, adapter_delay: float = inf):
-        make = partial(_assembler, one_clock=one_clock, drop_incomplete=drop_incomplete, adapter_delay=adapter_delay,
-                       pauses_sync=not foreign_sync)
+                 one_clock: bool = True, drop_incomplete: bool = False, bitrate: int = SLOW_BITRATE):
+        make = partial(_assembler, one_clock=one_clock, drop_incomplete=drop_incomplete)
         self._assemblers = {pad.name: make(pad) for pad in pads}
         self._owners = {can_id: (name, assembler.feed, assembler.service, isinstance(assembler, FrameAssembler))
                        for name, assembler in self._assemblers.items() for can_id in assembler.can_ids}
         self._synchronous = [one for one in self._assemblers.values() if isinstance(one, FrameAssembler)]
-        self._settling_time = min((one.settling_time for one in self._synchronous), default=inf)
+        self._bus = FreeBus(bitrate)
         self.is_running = True  #: see ``pause``
         self._foreign_sync = foreign_sync
         self._sync_id = pads[0].layout.sync_cob_id
@@ -49,24 +49,24 @@ class Router:
         return self._owners.keys()
 
     @property
-    def idle_wanted(self) -> float:
-        """For how long the bus has to be idle to show how far the nodes are [s]; 0: that is known. From any thread."""
-        return max((assembler.idle_wanted for assembler in self._synchronous), default=0.0)
+    def is_in_doubt(self) -> bool:
+        """Whether a bus without SYNC has to show how far a node is. From any thread."""
+        return any(assembler.is_in_doubt for assembler in self._synchronous)
 
-    def settle(self, since: float, until: float) -> None:
-        """The bus carried no CAN frame between these stamps."""
-        if until - since >= self._settling_time:
-            for assembler in self._synchronous:
-                assembler.settle(since, until)
+    def occupy(self, stamp: float, seconds: float | None = None) -> None:
+        """Until this stamp the bus may have carried something else for so long, or a frame that is not fed."""
+        self._bus.occupy(stamp, seconds)
 
     def restart(self) -> None:
         self.is_running = True
+        self._bus.restart()
         for assembler in self._assemblers.values():
             assembler.restart()
 
     def resume(self, lost_periods: int) -> None:
         """After an outage: forget the period under way and leave out ``lost_periods`` sequence numbers."""
         self.is_running = True
+        self._bus.restart()
         for assembler in self._assemblers.values():
             assembler.resume(lost_periods)
 
@@ -86,12 +86,20 @@ class Router:
 
     def sync(self, stamp: float) -> None:
         """A SYNC, own or foreign: every pad's period ends and the next begins."""
+        self._bus.sync(stamp)
         for name, assembler in self._assemblers.items():
             self._hand_over(name, assembler.sync(stamp))
 
-    def feed(self, can_id: int, data: bytes, stamp: float) -> None:
-        """A data frame with an 11-bit identifier."""
+    def feed(self, can_id: int, data: bytes, stamp: float, after: float | None = None) -> None:
+        """A data frame with an 11-bit identifier. It came ``after`` this stamp, where its own does not say when."""
+        if self._bus.proves(stamp if after is None else after):
+            for assembler in self._synchronous:
+                assembler.settle()
         owner = self._owners.get(can_id)
+        if owner is None or not owner[-1]:
+            self._bus.occupy(stamp)
+        else:
+            self._bus.take(stamp)
         if owner is not None:
             name, feed, service, has_sync = owner
             self._counts[service] += 1
@@ -111,6 +119,7 @@ class Router:
             self.feed(message.arbitration_id, bytes(message.data), message.timestamp)
         else:
             self._counts[kind] += 1
+            self._bus.occupy(message.timestamp, inf if message.is_error_frame else None)
 
     def end(self) -> None:
         """End the last period, since no more CAN frames will come."""
@@ -127,14 +136,13 @@ class Router:
                 self._on_frame(name, result)
 
 
-def _assembler(pad: PadSettings, one_clock: bool, drop_incomplete: bool, adapter_delay: float,
-               pauses_sync: bool) -> Assembler:
+def _assembler(pad: PadSettings, one_clock: bool, drop_incomplete: bool) -> Assembler:
     if pad.layout.domain is not None:
         return DomainAssembler(pad.layout, pad.node_ids[0], drop_incomplete)
     if (event := pad.layout.event_driven) is not None:
         kind = SweepAssembler if event.is_sweeps else SnapshotAssembler
         return kind(pad.layout, event, pad.node_ids, drop_incomplete)
-    return FrameAssembler(pad.layout, pad.node_ids, one_clock, drop_incomplete, adapter_delay, pauses_sync)
+    return FrameAssembler(pad.layout, pad.node_ids, one_clock, drop_incomplete)
 
 
 def non_data_kind(message: can.Message) -> str | None:

@@ -10,7 +10,7 @@
       |   (still SUSPECT where the sender was behind by more than one)
       '-- SYNC: lost (LATE), since nothing proves that it is of this period
 
-    After an idle bus (settle) SUSPECT becomes CURRENT at SYNC: no run was late, and none followed to show the contrary.
+    After a free bus (settle) SUSPECT becomes CURRENT at SYNC: no run was late, and none followed to show the contrary.
 
 How many runs the sender is behind when a period begins:
 
@@ -30,10 +30,6 @@ import numpy as np
 from tactile_node.cia301.pdo import MAX_PDO_BYTES
 from tactile_node.frames.losses import Loss, LossReason
 
-#: Periods, each with one run, after which a sender that may be behind is taken to have lost its sweeps: a guess. The
-#: second number where SYNCs are left out for an idle bus: after so many, other senders must keep it busy.
-CATCH_UP_PERIODS, UNPROVED_PERIODS = 3, 24
-
 
 class Payload(NamedTuple):
     """The TPDOs of one period, by rank."""
@@ -46,12 +42,11 @@ class SenderRun:
     """The ascending run of one sender's ranks in one period.
 
     ``own``: the sender's ranks, ascending. ``before``: its run of the period before; None where nothing of an
-    earlier period can come. ``catch_up``: CATCH_UP_PERIODS or UNPROVED_PERIODS.
+    earlier period can come.
     """
 
-    def __init__(self, own: np.ndarray, payload: Payload, before: 'SenderRun | None', catch_up: int):
+    def __init__(self, own: np.ndarray, payload: Payload, before: 'SenderRun | None'):
         self._own = own
-        self._catch_up = catch_up
         self._payload = payload
         self._top = int(own[-1])
         self._ranks: set[int] = set()  # of the run under way
@@ -62,10 +57,9 @@ class SenderRun:
         self.is_seen = False  # anything was received
         self._is_suspect = False
         self._ended_suspect = False
-        self._suspect_periods = 0  # in a row, up to the period before
-        self._is_catching_up = False  # a suspect run was followed by another: more may wait in an adapter
+        self._is_doubted = False  # a period has passed that could have shown whether the sender is behind
         self._was_started = False
-        self.is_settled = False  #: an idle bus has proved that the sender is not behind
+        self.is_settled = False  #: a free bus has proved that the sender is not behind
         self._was_silent = False  # in the period before
         self._expect_late(0)
         if before is not None:
@@ -75,10 +69,7 @@ class SenderRun:
         """Count the runs that may still come before this period's own."""
         self._was_silent = not before.is_seen
         is_behind = before._behind > 0 and (before._ended_suspect or not before.is_seen)
-        suspect_periods = before._suspect_periods + (before._ended_suspect and not before._is_catching_up)
-        if suspect_periods >= self._catch_up:
-            is_behind = False
-        self._suspect_periods = suspect_periods if is_behind else 0
+        self._is_doubted = is_behind and (before._ended_suspect or before._is_doubted)
         carried = before._behind if is_behind else 0
         if before.is_seen:
             self._expect_late(carried + (before.last < self._top), -1 if carried else before.last,
@@ -105,7 +96,7 @@ class SenderRun:
     @property
     def is_in_doubt(self) -> bool:
         """Whether the sender sends and may still be behind, though a period has passed that could have shown it."""
-        return self._suspect_periods > 0 and not self._was_silent
+        return self._is_doubted and not self._was_silent
 
     @property
     def is_undecided(self) -> bool:
@@ -131,7 +122,7 @@ class SenderRun:
         """No run of an earlier period begins any more. The tail of one needs no such proof: it has its own."""
         if not self.is_seen and self._late_above < 0:
             self.is_settled = True
-            self._suspect_periods = 0
+            self._is_doubted = False
 
     def assume_behind(self) -> None:
         """It is not known what the sender has sent so far, so its first run may be an old one."""
@@ -216,7 +207,6 @@ class SenderRun:
 
     def _begin_next(self, rank: int) -> Loss | None:
         loss = None
-        self._is_catching_up |= self._is_suspect
         if self._is_suspect and self._is_of_before:
             self._set_aside()
             self._is_aside_proved = self._late_above >= 0  # a tail; a whole sweep may be of another period
@@ -225,7 +215,7 @@ class SenderRun:
             loss = Loss(LossReason.LATE if is_late else LossReason.OUT_OF_ORDER, self.lose())
         self._expect_late(max(self._behind - 1, 0))
         self._is_suspect = self._behind > 0
-        self.is_settled = False  # two runs in one period: what proved it was no idle bus
+        self.is_settled = False  # two runs in one period: the bus only seemed free
         return loss
 
     def _set_aside(self) -> None:

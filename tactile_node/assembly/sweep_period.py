@@ -10,17 +10,17 @@ class SweepPeriod:
     """One period of a pad.
 
     ``ranks_of_senders``: the ranks of each of its senders, ascending. ``before``: the period before; None where
-    nothing of it can come any more. ``catch_up``: see ``SenderRun``.
+    nothing of it can come any more.
     """
 
     def __init__(self, sequence: int, stamp: float, ranks_of_senders: list[np.ndarray],
-                 before: 'SweepPeriod | None', catch_up: int):
+                 before: 'SweepPeriod | None'):
         self.sequence = sequence
         self.stamp = stamp
         size = sum(map(len, ranks_of_senders))
         self.payload = Payload(bytearray(MAX_PDO_BYTES * size), np.zeros(size, bool))
         runs_before = [None] * len(ranks_of_senders) if before is None else before.runs
-        self.runs: list[SenderRun] = [SenderRun(own, self.payload, run, catch_up)
+        self.runs: list[SenderRun] = [SenderRun(own, self.payload, run)
                                       for own, run in zip(ranks_of_senders, runs_before)]
         self.is_emitted = False
         self.is_discarded = False  #: a SYNC was lost in it, so nothing of it is used
@@ -43,21 +43,6 @@ class SweepPeriod:
         """Whether this period may still bring what ``before`` lacks."""
         return not self.is_discarded and not before.is_discarded and any(
             run.is_undecided and earlier.may_be_continued for run, earlier in zip(self.runs, before.runs))
-
-    @property
-    def is_in_doubt(self) -> bool:
-        """Whether a sender may still be behind though a period has passed that could have shown it."""
-        return any(run.is_in_doubt for run in self.runs)
-
-    def settle(self) -> None:
-        """No run of an earlier period begins any more."""
-        for run in self.runs:
-            run.settle()
-
-    def assume_behind(self) -> None:
-        """It is not known what the senders have sent so far."""
-        for run in self.runs:
-            run.assume_behind()
 
     def return_proved(self, before: 'SweepPeriod') -> None:
         """Give the runs that were set aside to the period before, of senders that have begun their next one."""

@@ -22,7 +22,7 @@ class BusSettings:
     sdo_timeout: float = 0.3  #: how long each answer by SDO may take [s]
     sdo_retries: int = 3  #: further requests where there is no answer
     heartbeat_ms: int = 100  #: written to each device's 0x1017
-    adapter_delay: float = 0.002  #: that an adapter without stamps holds SYNC and its answer back, at most [s]
+    allow_full_bus: bool = False  #: even where pads and ``sync_period`` keep it busy for more than FULL_LOAD
     queue_limit: int = 20_000  #: CAN frames that may wait for the worker
     drop_incomplete: bool = False  #: withhold and count a sweep that lacks TPDOs; else it is given with NaN
     record: str = ''  #: log file for everything on the bus, own frames included

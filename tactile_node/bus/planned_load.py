@@ -1,11 +1,14 @@
 """How much of a bus's time its pads will take, by their layouts: known before anything is on the bus."""
 
 from collections.abc import Iterable
+from math import ceil
 
 from tactile_node.bus.sweep_bits import SYNC_BITS, tpdo_bits
+from tactile_node.errors import ConfigurationError
 from tactile_node.skin.layout import SkinLayout
 
 MOST_LOAD = 0.9  #: of the bus's time; beyond, other traffic (heartbeats, SDO, EMCY) delays sweeps
+FULL_LOAD = 0.95  #: beyond, a few foreign frames make nodes leave out sweeps
 
 
 def planned_load(layouts: Iterable[SkinLayout], bitrate: int, sync_period: float) -> float:
@@ -21,6 +24,21 @@ def planned_load(layouts: Iterable[SkinLayout], bitrate: int, sync_period: float
     pads = tuple(layouts)
     sync = SYNC_BITS / sync_period if any(pad.needs_sync for pad in pads) else 0.0
     return (sync + sum(tpdo_bits(pad) / sweep_period(pad, sync_period) for pad in pads)) / bitrate
+
+
+def refuse_full_bus(layouts: Iterable[SkinLayout], bitrate: int, sync_period: float) -> None:
+    """Raise ConfigurationError, with the rate that fits, where the load of these pads would be above FULL_LOAD."""
+    pads = tuple(layouts)
+    load = planned_load(pads, bitrate, sync_period)
+    if load <= FULL_LOAD:
+        return
+    by_sync = planned_load([pad for pad in pads if pad.needs_sync], bitrate, sync_period)
+    left = FULL_LOAD - (load - by_sync)  # by pads that have their own period
+    least = ceil(1e4 * sync_period * by_sync / left) / 1e4 if by_sync and left > 0 else 0.0
+    slower = f'a sync_period of {least:g} s ({1 / least:.1f} sweeps a second) or more, or ' if least else ''
+    raise ConfigurationError('sync_period and layouts', got=f'{100 * load:.0f} %',
+                             expected=f'a bus that is busy for {100 * FULL_LOAD:.0f} % of the time at most',
+                             remedy=f'Give {slower}some of the pads another bus; allow_full_bus lets it be.')
 
 
 def sweep_period(layout: SkinLayout, sync_period: float) -> float:

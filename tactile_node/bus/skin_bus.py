@@ -4,7 +4,6 @@ import logging
 import time
 from collections import Counter
 from collections.abc import Callable, Collection
-from math import inf
 from pathlib import Path
 
 import can
@@ -15,6 +14,7 @@ from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import BusNetwork, open_bus
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.domain_polling import DomainPolling
+from tactile_node.bus.planned_load import refuse_full_bus
 from tactile_node.bus.traffic import Traffic
 from tactile_node.bus.usb_port import NamedPort, UsbPort
 from tactile_node.cia301.emergency import DeviceErrors
@@ -37,13 +37,6 @@ HOST_STAMPED = ('socketcan', 'virtual')
 CONSUMER_TIMEOUT = 2.0  # s that close() waits for an on_frame under way
 
 
-def adapter_delay(settings: BusSettings) -> float:
-    """For how long CAN frames may be held back before they have their stamp [s]; infinite where that is not known."""
-    if settings.interface in HOST_STAMPED:
-        return 0.0
-    return settings.adapter_delay if settings.interface == 'slcan' else inf
-
-
 class SkinBus:
     """One CAN bus and its pads; FrameSource has the order of calls. A Supervisor recovers it.
 
@@ -54,6 +47,8 @@ class SkinBus:
     def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], on_frame: OnFrame,
                  monitor: BusMonitor | None = None, on_failure: Callable[[Failure], None] | None = None):
         check_pads(pads)
+        if not settings.allow_full_bus:
+            refuse_full_bus((pad.layout for pad in pads), settings.bitrate, settings.sync_period)
         self._settings = settings
         self._pads = live_pads(pads)
         self._nodes = [node for pad in self._pads for node in pad.nodes]
@@ -66,8 +61,7 @@ class SkinBus:
         is_host_stamped = settings.interface in HOST_STAMPED
         self._router = Router(self._pads, self._consumer, foreign_sync=not settings.produce_sync,
                               one_clock=not settings.produce_sync or is_host_stamped,
-                              drop_incomplete=settings.drop_incomplete,
-                              adapter_delay=adapter_delay(settings))
+                              drop_incomplete=settings.drop_incomplete, bitrate=settings.bitrate)
         self._traffic = Traffic(self._router, self._monitor, self._fail, polled=self._polls.keys(),
                                 queue_limit=settings.queue_limit, is_host_stamped=is_host_stamped,
                                 sync_period=settings.sync_period)

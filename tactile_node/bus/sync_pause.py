@@ -1,22 +1,24 @@
-"""Decides which SYNCs the producer leaves out, so that the bus is idle and shows how far its nodes are."""
+"""Decides which SYNCs the producer leaves out, so that the bus is free and shows how far its nodes are."""
 
 from math import ceil
 
-SPACING = 4    #: SYNCs that are sent between two pauses
-READING = 1e-3  #: s by which the driver sees an idle bus too short
-MOST = 10      #: SYNCs left out in a row
+from tactile_node.assembly.free_bus import FREE_TIME
+
+SPACING = 4     #: SYNCs that are sent between two pauses
+BACKLOG = 2     #: periods that a node may take to send the sweeps that wait
+READING = 2e-3  #: s by which the driver sees a free bus too short
 
 
 class SyncPause:
     """``period``: of SYNC [s].
 
     >>> pause = SyncPause(period=0.02)
-    >>> [pause.is_due(wanted) for wanted in (0.0, 0.03, 0.03, 0.03, 0.0, 0.0, 0.03)]
-    [False, True, True, False, False, False, False]
+    >>> [pause.is_due(doubt) for doubt in (False, True, True, True, True, False, False, True)]
+    [False, True, True, True, False, False, False, False]
     """
 
     def __init__(self, period: float):
-        self._period = period
+        self._length = BACKLOG + ceil((FREE_TIME + READING) / period)  # SYNCs
         self.count = 0  #: SYNCs left out
         self.restart()
 
@@ -25,12 +27,12 @@ class SyncPause:
         self._since = SPACING  # SYNCs sent since the last pause
         self._left = 0  # SYNCs to be left out
 
-    def is_due(self, idle: float) -> bool:
-        """Whether to leave out the SYNC that is due, so that the bus is ``idle`` [s]; 0: it need not be."""
-        if not idle:
+    def is_due(self, is_in_doubt: bool) -> bool:
+        """Whether to leave out the SYNC that is due, where it is in doubt how far a node is."""
+        if not is_in_doubt:
             self._left = 0
         elif not self._left and self._since >= SPACING:
-            self._left = ceil(min((idle + READING) / self._period, MOST))
+            self._left = self._length
             self._since = 0
         if self._left:
             self._left -= 1

@@ -47,7 +47,7 @@ class Traffic:
         self.overruns = 0  #: CAN frames lost because the queue was full
         self.syncs_sent = 0
         self.pause = SyncPause(sync_period)
-        self._last_came = inf  # the stamp up to which all received so far has come
+        self._last_came = -inf  # the stamp up to which all received so far has come
         self._is_gap = True  # nothing is known of the time before the next batch
         self._read_at = 0.0  # by the steady clock, the last batch
 
@@ -91,7 +91,7 @@ class Traffic:
                 frames.append((NO_DATA, b'', came))
         if self._put - self._fed + len(frames) <= self._queue_limit:
             self._put += len(frames)
-            self._calls.put(self._feed, frames, self._came(batch), self._most_idle(batch))
+            self._calls.put(self._feed, frames, self._came(batch), self._most_free(batch))
             self._is_gap = False
         else:
             self.overruns += len(frames)
@@ -105,8 +105,8 @@ class Traffic:
         after, until = batch.came
         return after + lead, until + lead
 
-    def _most_idle(self, batch: Batch) -> float:
-        """For how long the bus was idle at most before any frame of ``batch`` [s], by the steady clock.
+    def _most_free(self, batch: Batch) -> float:
+        """For how long the bus was free at most before any frame of ``batch`` [s], by the steady clock.
 
         0 where CAN frames before it were not taken.
         """
@@ -114,17 +114,19 @@ class Traffic:
         before, self._read_at = self._read_at, read
         return 0.0 if self._is_gap else max(0.0, after - before)
 
-    def _feed(self, frames: list[tuple[int, bytes, float]], came: Span | None, most_idle: float) -> None:
-        """On the assembler's thread. Between two frames the bus was idle; all frames of a ``came`` count as one."""
+    def _feed(self, frames: list[tuple[int, bytes, float]], came: Span | None, most_free: float) -> None:
+        """On the assembler's thread. Time that stamps have and the steady clock has not is none of a free bus."""
         for can_id, data, stamp in frames:
-            after, until = came or (stamp, stamp)
             if stamp == inf:
-                self._last_came = inf
+                self._router.occupy(inf, inf)
                 continue
-            self._router.settle(max(self._last_came, after - most_idle), after)
+            after, until = came or (stamp, stamp)
+            self._router.occupy(after, max(0.0, after - self._last_came - most_free))
             self._last_came = until
-            if can_id != NO_DATA:
-                self._router.feed(can_id, data, stamp)
+            if can_id == NO_DATA:
+                self._router.occupy(stamp)
+            else:
+                self._router.feed(can_id, data, stamp, after)
         self._fed += len(frames)
 
     def _count_other(self, kind: str, message: can.Message) -> None:
@@ -142,7 +144,7 @@ class Traffic:
 
     def send_sync(self, network: BusNetwork, can_id: int) -> None:
         """The SYNC is put into the queue before it is on the bus: no TPDO can overtake it. Raises BusError."""
-        if self.pause.is_due(self._router.idle_wanted):
+        if self.pause.is_due(self._router.is_in_doubt):
             return
         stamp = self.clock.now()
         if self.clock.jumps != self._jumps_reported:

@@ -64,7 +64,6 @@ class PadStatistics(NamedTuple):
     losses: dict[LossReason, int]  #: TPDOs lost, of every reason; read only
     withheld: int = 0  #: incomplete taxel frames not given, because of ``drop_incomplete``
     used_by_node: tuple[int, ...] = ()  #: ``used``, by the pad's nodes
-    late_answers: int = 0  #: sweeps that began later after their SYNC than the layout's response_time
     syncs: int = 0  #: SYNCs that began a period
     distinct_by_tpdo: tuple[tuple[int, ...], ...] = ()  #: TPDOs seen but DUPLICATEs, by node and its part of the layout
     fresh_by_tpdo: tuple[tuple[int, ...], ...] = ()  #: TPDOs good for a taxel frame, given or withheld; likewise
@@ -87,7 +86,7 @@ class BusStatistics(NamedTuple):
     can_frames: dict[str, int]
     queue_overruns: int = 0  #: CAN frames not taken because this process was too slow
     sync_overruns: int = 0  #: SYNCs not sent because this process was too slow
-    sync_pauses: int = 0  #: SYNCs left out, so that an idle bus shows how far the nodes are
+    sync_pauses: int = 0  #: SYNCs left out, so that a free bus shows how far the nodes are
     poll_overruns: int = 0  #: polls of a DOMAIN left out because the ones before took too long
     consumer_errors: int = 0  #: exceptions of on_frame
     clock_jumps: int = 0  #: times the wall clock was set while stamps were taken

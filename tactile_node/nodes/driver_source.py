@@ -54,7 +54,7 @@ def make_source(settings: DriverSettings, pads: tuple[PadSettings, ...], on_fram
                       boot_timeout=settings.boot_timeout, drop_incomplete=settings.drop_incomplete,
                       record=settings.record, record_largest=round(settings.record_rotate_mb * MEGABYTE),
                       sdo_timeout=settings.sdo_timeout, sdo_retries=settings.sdo_retries,
-                      adapter_delay=settings.adapter_delay,
+                      allow_full_bus=settings.allow_full_bus,
                       heartbeat_ms=round(1000 * settings.heartbeat_period))
     return Supervisor(bus, live_pads(pads), on_frame, recover=settings.recover,
                       heartbeat_timeout=settings.heartbeat_timeout)

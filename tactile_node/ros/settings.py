@@ -111,13 +111,12 @@ class DriverSettings(NodeSettings):
                                            'outwards); empty: <name>_pad')
     frame_prefix: str = parameter('', FRAME_PREFIX)
     sync_period: float = parameter(0.02, 'time between two SYNCs, which is the time between two frames [s]', 0.001, 10)
+    allow_full_bus: bool = parameter(False, 'true: pads may keep the bus busy for more than 95 % of the time, where a '
+                                     'few foreign frames cost sweeps; false: refused at configure')
     produce_sync: bool = parameter(True, 'true: the driver sends SYNC; false: another node on the bus sends it')
     boot_timeout: float = parameter(5.0, 'time for each device to answer at configure [s]', 0.1, 3600)
     sdo_timeout: float = parameter(0.3, 'time for each answer of a device by SDO [s]', 0.02, 60)
     sdo_retries: int = parameter(3, 'further SDO requests where a device does not answer', 0, 100)
-    adapter_delay: float = parameter(0.002, 'time for which an adapter whose CAN frames get their stamps here (slcan) '
-                                     'may hold them back, SYNC and its answer together [s]; matters for layouts '
-                                     'with response_time', 0, 1)
     heartbeat_period: float = parameter(0.1, 'time between two heartbeats of a device, written to its 0x1017 [s]',
                                         0.01, 30)
     heartbeat_timeout: float = parameter(0.5, 'time without a heartbeat after which a node is reported as lost [s]; '

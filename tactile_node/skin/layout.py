@@ -135,7 +135,6 @@ class SkinLayout:
     tpdos: tuple[TpdoLayout, ...]
     dead: tuple[tuple[int, int], ...] = ()  #: (row, col) of taxels known to be dead
     nodes: int = 1  #: CANopen nodes that make up the pad
-    response_time: float | None = None  #: from a SYNC to the first TPDO on an idle bus, at most [s]; None: not known
     domain: DomainLayout | None = None  #: polled by SDO; ``tpdos`` is then empty
     event_driven: EventDriven | None = None  #: its TPDOs are not sampled by SYNC
     unusual_pitch: bool = False  #: meant, where it is outside PITCHES of ``layout_rules``

@@ -52,7 +52,7 @@ def read_layout(path: str | Path) -> SkinLayout:
         value=_value_format(top.section('value')), sync_cob_id=top.integer('sync_cob_id', 1, ID_MASK, SYNC),
         tpdos=tuple(tpdo for section in sections for tpdo in _tpdos(section)),
         dead=tuple(_taxel(top, taxel) for taxel in top.sequence('dead_taxels', [])),
-        nodes=top.integer('nodes', 1, MAX_NODE_ID, 1), response_time=_response_time(top), domain=domain,
+        nodes=top.integer('nodes', 1, MAX_NODE_ID, 1), domain=domain,
         event_driven=read_event_driven(top), unusual_pitch=top.choice('unusual_pitch', (False, True), False))
     top.done()
     return layout
@@ -61,10 +61,6 @@ def read_layout(path: str | Path) -> SkinLayout:
 def _taxel(top: Section, written: object) -> tuple[int, int]:
     row, col = top.checked_integers('dead_taxels', written, count=2, low=0, high=MAX_SIDE)
     return row, col
-
-
-def _response_time(top: Section) -> float | None:
-    return None if top.take('response_time', None) is None else top.number('response_time', positive=True)
 
 
 def _value_format(section: Section) -> ValueFormat:
