@@ -4,7 +4,7 @@ import heapq
 
 from tactile_node.report.model import Gap
 
-KEPT = 50
+KEPT_GAPS = 50
 
 
 class LongestGaps:
@@ -21,7 +21,7 @@ class LongestGaps:
         if self._last is not None and stamp - self._last >= self._least:
             self.count += 1
             entry = stamp - self._last, self._last
-            (heapq.heappush if len(self._kept) < KEPT else heapq.heappushpop)(self._kept, entry)
+            (heapq.heappush if len(self._kept) < KEPT_GAPS else heapq.heappushpop)(self._kept, entry)
         self._last = stamp if self._last is None else max(self._last, stamp)
 
     def gaps(self) -> tuple[Gap, ...]:

@@ -1,11 +1,11 @@
-"""The touches of a pad, in bounded memory: MOST are listed, the PICTURED longest with their picture."""
+"""The touches of a pad, in bounded memory: MOST_TOUCHES are listed, the PICTURED longest with their picture."""
 
 import heapq
 from dataclasses import replace
 
 from tactile_node.report.touch import Touch
 
-MOST = 500      #: on the page
+MOST_TOUCHES = 500      #: on the page
 PICTURED = 24   #: a page of 2 pads stays below 1 MB
 
 
@@ -15,12 +15,12 @@ class TouchList:
     def __init__(self) -> None:
         self._touches: list[Touch] = []
         self._longest: list[tuple[float, int]] = []  # seconds, index of those with a picture
-        self.left_out = 0  #: beyond MOST
+        self.left_out = 0  #: beyond MOST_TOUCHES
         self.small_frames = 0  #: frames with a contact of too few taxels for a touch
 
     @property
     def is_full(self) -> bool:
-        return len(self._touches) == MOST
+        return len(self._touches) == MOST_TOUCHES
 
     def add(self, touch: Touch) -> None:
         index = len(self._touches)
