@@ -16,7 +16,6 @@ from tactile_node.frames.losses import BusStatistics, LossReason, PadStatistics
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.library.contacts import Recogniser
 from tactile_node.view.colours import PALETTE, FullScale, levels
-from tactile_node.view.facts import facts_of
 from tactile_node.view.force_chart import force_chart
 from tactile_node.view.health_table import HealthHistory, health_table
 from tactile_node.view.heat_map import heat_map, words
@@ -31,9 +30,9 @@ from tactile_node.view.page_parts import (
     status_html,
 )
 from tactile_node.view.recognising import PadRecogniser
-from tactile_node.view.states import BusFacts, GraspFacts, NodeFacts, PadFacts
-from tactile_node.view.store import MOST_POINTS, Store
-from tactile_node.view.terminal_view import line_of, show_in_terminal
+from tactile_node.view.source import MOST_POINTS, Store
+from tactile_node.view.states import BusFacts, GraspFacts, NodeFacts, PadFacts, facts_of
+from tactile_node.view.terminal import line_of, show_in_terminal
 from tactile_node.view.timeline import Timeline
 
 LIVE = PageFacts('by hand', None, '', 20.0, 0.05, scene_age=0.1)

@@ -243,8 +243,16 @@ class Tunnel:
         self.port = self._server.sockets[0].getsockname()[1]
 
     def close(self):
+        asyncio.run_coroutine_threadsafe(self._end(), self._loop).result()
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
+
+    async def _end(self):
+        self._server.close()
+        open_tasks = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in open_tasks:
+            task.cancel()
+        await asyncio.gather(*open_tasks, return_exceptions=True)
 
     async def _connected(self, reader, writer):
         inner_reader, inner_writer = await asyncio.open_connection('127.0.0.1', self._inner)

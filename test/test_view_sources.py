@@ -13,10 +13,9 @@ from tactile_node.cli.main import main
 from tactile_node.errors import BusError, ConfigurationError
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.skin.pads import make_pads, with_dictionaries
-from tactile_node.view.bag_recording import BagRecording
 from tactile_node.view.bus_source import BusSource
-from tactile_node.view.log_recording import LogRecording
 from tactile_node.view.recording_source import RecordingSource
+from tactile_node.view.recordings import BagRecording, LogRecording
 
 pytestmark = pytest.mark.bus
 LAYOUT = 'sim16x16.yaml'

@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
         try:
             source.check()
             if args.terminal:
-                from tactile_node.view.terminal_view import show_in_terminal
+                from tactile_node.view.terminal import show_in_terminal
                 show_in_terminal(source, stop_requested, full_scale=args.full_scale)
             else:
                 _serve(args, source, stop_requested)
@@ -102,9 +102,9 @@ def source_of(args: argparse.Namespace) -> Source:
 def _recording_source(args: argparse.Namespace) -> Source:
     from tactile_node.view.recording_source import RecordingSource
     if holds_taxels(args.recording):
-        from tactile_node.view.bag_recording import BagRecording
+        from tactile_node.view.recordings import BagRecording
         return RecordingSource(BagRecording(args.recording, args.pads or (), window_of(args)), recogniser_of(args))
-    from tactile_node.view.log_recording import LogRecording
+    from tactile_node.view.recordings import LogRecording
     pads = make_pads(layouts_of(args), node_ids_of(args), args.pads or ())
     return RecordingSource(LogRecording(args.recording, pads, args.channel or '', args.any_device,
                                         window_of(args)),

@@ -3,8 +3,8 @@
 It also takes the browsers' receipts: an update of a page holds an empty picture of the address TAKEN, for which a
 browser asks when it has put the update on its page.
 
-It listens on this machine alone; from elsewhere the port is forwarded by ssh. A browser must have asked for this machine:
-else any web page that is open in it could read the skin (DNS rebinding, cross-site WebSockets).
+It listens on this machine alone; from elsewhere the port is forwarded by ssh. A browser must have asked for this
+machine: else any web page that is open in it could read the skin (DNS rebinding, cross-site WebSockets).
 """
 
 import asyncio

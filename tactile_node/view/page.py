@@ -22,12 +22,10 @@ from tactile_node.view.page_parts import (
     status_html,
 )
 from tactile_node.view.planes import Planes
-from tactile_node.view.player_controls import PlayerControls
-from tactile_node.view.source import Source
-from tactile_node.view.store import Shown
+from tactile_node.view.source import Player, Shown, Source
 
 if TYPE_CHECKING:
-    from viser import ClientHandle
+    from viser import ClientHandle, GuiApi
 
 RATE = 17.5         #: updates at most [1/s]
 SLOW_PERIOD = 0.2   #: of chart and tables [s]
@@ -37,6 +35,29 @@ SILENCE = 0.4       #: after which the page is brought up to date all the same: 
 LOOK = 0.2          #: for a browser that has gone [s]
 MEASURED = 3.0      #: over which rate and delay are measured [s]
 PADS_WIDTH, HEALTH_WIDTH = 720.0, 380.0  #: pixels
+SLIDER_STEP = 0.05  #: [s]
+
+
+class PlayerControls:
+    """Adds them to ``gui``; `update` lets them follow what plays."""
+
+    def __init__(self, gui: 'GuiApi', player: Player):
+        self._player = player
+        self._button = gui.add_button('Pause')
+        self._slider = gui.add_slider('time [s]', min=0.0, max=SLIDER_STEP, step=SLIDER_STEP, initial_value=0.0)
+        self._button.on_click(lambda event: player.play(not player.is_playing))
+        self._slider.on_update(self._moved)
+
+    def update(self) -> None:
+        self._button.label = 'Pause' if self._player.is_playing else 'Play'
+        self._slider.max = max(self._player.length, SLIDER_STEP)
+        if self._player.is_playing:
+            self._slider.value = min(self._player.position, self._slider.max)  # type: ignore[misc]
+
+    def _moved(self, event) -> None:
+        if event.client is not None:  # a person, not `update`
+            self._player.play(False)
+            self._player.seek(self._slider.value)
 
 
 class Page:

@@ -12,9 +12,8 @@ from tactile_node.view.colours import FullScale
 from tactile_node.view.gate import TAKEN
 from tactile_node.view.heat_map import heat_map, words
 from tactile_node.view.planes import POINTS
-from tactile_node.view.source import Player, Source
+from tactile_node.view.source import Player, Shown, Source
 from tactile_node.view.states import GraspFacts, PadState
-from tactile_node.view.store import Shown
 
 OLD = 0.5          #: age from which on data are marked as old [s]
 OLD_SCENE = 1.0    #: the same of the 3-D view [s]
@@ -118,8 +117,8 @@ def _pad(pad: DrawnPad, colour: str, is_recording: bool) -> str:
     bars = _bars(contact.probabilities) if is_live and contact is not None else ''
     silent = '' if is_live else f'<div class="tactile-silent">{said_of(pad)}</div>'
     dead = DEAD if is_recording or not is_live else (
-        f'<div class="tactile-dead" style="animation-delay:{fresh_for([pad]):.3f}s">NOT LIVE: this page has got nothing '
-        f'newer than {OLD:g} s</div>')
+        f'<div class="tactile-dead" style="animation-delay:{fresh_for([pad]):.3f}s">NOT LIVE: this page has got '
+        f'nothing newer than {OLD:g} s</div>')
     return (f'<div class="tactile-pad"><h3>{name}<small>{_hidden(pad.state)}</small></h3>'
             f'<div class="tactile-words">{said}</div>{heat_map(pad.state, pad.full_scale, not is_live)}{bars}{silent}'
             f'{dead}</div>')
