@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 from viewed import NAN, HandSource, contact, state
 
+from tactile_node.colour_map import PALETTE
 from tactile_node.frames.health import BusFault, BusHealth, Failure, NodeFault, NodeHealth
 from tactile_node.frames.losses import BusStatistics, LossReason, PadStatistics
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.library.contacts import Recogniser
-from tactile_node.view.colours import PALETTE, FullScale, levels
+from tactile_node.view.colours import FullScale, levels
 from tactile_node.view.force_chart import force_chart
 from tactile_node.view.health_table import HealthHistory, health_table
 from tactile_node.view.heat_map import heat_map, words

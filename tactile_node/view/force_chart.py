@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tactile_node.view.colours import rounded_up
+from tactile_node.colour_map import rounded_up
 from tactile_node.view.planes import POINTS
 from tactile_node.view.source import HISTORY
 
