@@ -12,6 +12,7 @@ INFERNO = ((0, 0, 4), (11, 7, 36), (33, 12, 74), (61, 9, 101), (87, 16, 110), (1
            (163, 44, 97), (188, 55, 84), (208, 69, 69), (227, 89, 51), (241, 113, 31), (249, 140, 10), (252, 170, 15),
            (249, 201, 50), (242, 232, 101), (252, 255, 164))
 STEPS = 256  #: colours of values
+ROUND_STEPS = 1.0, 2.0, 5.0, 10.0  #: to which a scale is rounded up, and those of its ticks
 NO_VALUE, SATURATED = STEPS, STEPS + 1  #: numbers of the colours of taxels without a value, at the end of their range
 NO_VALUE_RGB, SATURATED_RGB = (128, 128, 128), (60, 210, 80)  #: grey and green, which inferno does not have
 
@@ -26,6 +27,19 @@ def rgb_table() -> np.ndarray:
     places = np.linspace(0, len(anchors) - 1, STEPS)
     of_values = np.stack([np.interp(places, np.arange(len(anchors)), channel) for channel in anchors.T], axis=1)
     return read_only(np.vstack([np.rint(of_values), NO_VALUE_RGB, SATURATED_RGB]).astype(np.uint8))
+
+
+PALETTE = rgb_table()[:STEPS]  #: colours of values, from 0 to the brightest, uint8 (STEPS, 3)
+
+
+def rounded_up(value: float) -> float:
+    """Return the next of 1, 2, 5, 10, 20 ... from ``value`` on.
+
+    >>> rounded_up(37e3), rounded_up(1.0)
+    (50000.0, 1.0)
+    """
+    decade = 10.0 ** np.floor(np.log10(value))
+    return float(next(step * decade for step in ROUND_STEPS if value <= step * decade * (1 + 1e-9)))
 
 
 class ColourScale:

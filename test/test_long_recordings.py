@@ -27,10 +27,10 @@ from tactile_node.recording.log_writer import CanLogWriter, LogFile
 from tactile_node.recording.series import following
 from tactile_node.recording.topic_bag import TopicBagReader, Unread
 from tactile_node.recording.window import Window
-from tactile_node.report.page import page_of
+from tactile_node.report.report_page import page_of
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings
-from tactile_node.view.bag_recording import BagRecording
+from tactile_node.view.recordings import BagRecording
 from tactile_node.view.timeline import Timeline
 
 mcap = pytest.importorskip('mcap.writer')

@@ -15,16 +15,15 @@ from tactile_node.library.contacts import Recogniser
 from tactile_node.recording.message_count import message_count
 from tactile_node.report.bus_record import BusRecord
 from tactile_node.report.charts import thinned
-from tactile_node.report.ends import KEPT, Ends
 from tactile_node.report.findings import Finding, findings
+from tactile_node.report.kept_entries import KEPT, Ends, LongestGaps
 from tactile_node.report.log_report import LogReporter
-from tactile_node.report.longest import LongestGaps
 from tactile_node.report.model import TaxelHealth
 from tactile_node.report.node_record import NodeRecords
 from tactile_node.report.status_record import StatusRecord
-from tactile_node.report.taxel_marks import Mark, marks_of, no_value_share
+from tactile_node.report.taxel_record import Mark, marks_of, no_value_share
+from tactile_node.report.touch import PICTURED
 from tactile_node.report.touch_finder import TouchFinder
-from tactile_node.report.touch_list import PICTURED
 from tactile_node.shape.recognition import Recognition, Shape
 from tactile_node.skin.pads import make_pads
 

@@ -18,7 +18,7 @@ from tactile_node.report.bag_report import BagReporter
 from tactile_node.report.findings import Finding, findings
 from tactile_node.report.markup import ABSENT
 from tactile_node.report.model import Kind
-from tactile_node.report.page import page_of
+from tactile_node.report.report_page import page_of
 from tactile_node.report.touch_section import TAUGHT
 from tactile_node.shape.recognition import Recognition, Shape, TaughtShape
 

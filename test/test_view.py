@@ -11,21 +11,21 @@ import numpy as np
 import pytest
 from viewed import NAN, HandSource, contact, state
 
+from tactile_node.colour_map import PALETTE
 from tactile_node.frames.health import BusFault, BusHealth, Failure, NodeFault, NodeHealth
 from tactile_node.frames.losses import BusStatistics, LossReason, PadStatistics
 from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.library.contacts import Recogniser
-from tactile_node.view.colours import PALETTE, FullScale, levels
-from tactile_node.view.facts import facts_of
+from tactile_node.view.colours import FullScale, levels
 from tactile_node.view.force_chart import force_chart
 from tactile_node.view.health_table import HealthHistory, health_table
 from tactile_node.view.heat_map import heat_map, words
 from tactile_node.view.pads_3d import Pads3d
 from tactile_node.view.page_parts import DEAD, PageFacts, Scales, clock_difference, grasp_html, pads_html, status_html
 from tactile_node.view.recognising import PadRecogniser
-from tactile_node.view.states import BusFacts, GraspFacts, NodeFacts, PadFacts
-from tactile_node.view.store import MOST_POINTS, Store
-from tactile_node.view.terminal_view import line_of, show_in_terminal
+from tactile_node.view.source import MOST_POINTS, Store
+from tactile_node.view.states import BusFacts, GraspFacts, NodeFacts, PadFacts, facts_of
+from tactile_node.view.terminal import line_of, show_in_terminal
 from tactile_node.view.timeline import Timeline
 
 LIVE = PageFacts('by hand', None, '', 20.0, 0.05, scene_age=0.1)

@@ -1,9 +1,11 @@
 """`tactile view` in headless Chromium: it loads, follows the skin, keeps pace, and no request leaves the machine."""
 
+import asyncio
 import os
 import shutil
 import threading
 import time
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -16,7 +18,7 @@ CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser') or ''
 PICTURES = Path(__file__).resolve().parents[1] / 'build' / 'view'
 FLAGS = ['--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader']
 RATE = 50.0  #: at which the pads of this test send [1/s]
-TOKEN = 'abcdefgh-IJKLMNOP_0123'
+TUNNEL_RATE = 100e3  #: [bytes/s]
 
 if not os.environ.get('TACTILE_VIEW_TEST'):  # what is missing there is an error, here it is left out
     pytest.importorskip('playwright', reason='playwright is missing: make view-test installs it')
@@ -39,6 +41,7 @@ class MovingSource(HandSource):
     def __init__(self):
         super().__init__()
         self.is_silent = False
+        self.side_at = lambda now: .024
         self._stopping = threading.Event()
 
     def start(self):
@@ -66,7 +69,7 @@ class MovingSource(HandSource):
             mask[4:11, 4:11] = True
             square = contact(outline=outline, force=49 * values[7, 7] * .004 ** 2, mask=mask,
                              probabilities={'square': .97, 'circle': .02, 'rectangle': .01, 'none': 0.},
-                             dimensions=(('side', .024),))
+                             dimensions=(('side', self.side_at(now)),))
             self.store.put(state('left', now, values=values, contact=square))
             self.store.put(state('right', now, values=hidden, contact=contact('unknown', force=NAN)))
 
@@ -79,11 +82,11 @@ def server():
     server.close()
 
 
-def opened(browser, server, requests=None):
+def opened(browser, server, requests=None, port=None):
     page = browser.new_page(viewport={'width': 1680, 'height': 950})
     if requests is not None:
         page.on('request', lambda request: requests.append(request.url))
-    page.goto(f'http://127.0.0.1:{server.port}/')
+    page.goto(f'http://127.0.0.1:{port or server.port}/')
     page.wait_for_selector('.tactile-map[data-pad=left]', timeout=60_000)
     return page
 
@@ -141,19 +144,21 @@ def test_a_silent_source_and_a_server_that_is_gone_are_not_live(browser, server)
     page.wait_for_timeout(500)
     assert 'no data for' in page.locator('.tactile-silent').first.inner_text()
     assert page.locator('.tactile-status b').first.inner_text() == 'NOT LIVE'
-    assert opacity(page) == 0.0  # the page is served
+    assert set(page.evaluate(OPACITIES)) - {''} == {'0'}  # the page is served
     page.screenshot(path=PICTURES / 'silent.png')
     for running in server._pages.values():
         running.stop()  # as where this process hangs: the connection stays, nothing comes
-    page.wait_for_timeout(3500)
-    assert opacity(page) == 1.0
+    page.wait_for_function("getComputedStyle(document.querySelector('.tactile-dead')).opacity === '1'")
     page.screenshot(path=PICTURES / 'not_served.png')
     page.close()
 
 
-def opacity(page):
-    """In one step: an update replaces the element, and one that is not in the page has no style."""
-    return float(page.evaluate("getComputedStyle(document.querySelector('.tactile-dead')).opacity"))
+#: How much the cover is seen, each 20 ms for 1 s; '' where an update replaces it just then
+OPACITIES = """() => new Promise(resolve => {
+    const seen = [];
+    const timer = setInterval(() => seen.push(getComputedStyle(document.querySelector('.tactile-dead')).opacity), 20);
+    setTimeout(() => { clearInterval(timer); resolve(seen); }, 1000);
+})"""
 
 
 def cover(page):
@@ -169,19 +174,126 @@ def test_a_contact_that_has_gone_is_not_left_in_the_3d_view(browser, monkeypatch
     server = ViewServer(MovingSource(), port=0)
     page = opened(browser, server)
     until(lambda: 'OLD' in cover(page), 30.0)
-    assert page.locator('.tactile-status b').first.inner_text() == 'LIVE'  # the maps go on
+    until(lambda: page.locator('.tactile-status b').first.inner_text() == 'LIVE')  # the maps go on
     page.screenshot(path=PICTURES / 'old_scene.png')
     page.close()
     server.close()
 
 
-def test_a_token_opens_the_page_and_leaves_the_address(browser):
-    from tactile_node.view.server import ViewServer
-    server = ViewServer(MovingSource(), port=0, token=TOKEN)
+#: What a script of a page reads from these addresses: by a request, a frame, a WebSocket that waits for a message
+READ = """addresses => Promise.all(addresses.flatMap(address => [
+    fetch(`http://${address}/`).then(answer => answer.text()).then(text => `fetch ${address} ${text.length}`),
+    new Promise((resolve, reject) => {
+        const frame = document.createElement('iframe');
+        frame.onload = () => frame.contentDocument ? resolve(`frame ${address}`) : reject();
+        frame.src = `http://${address}/`;
+        document.body.append(frame);
+    }),
+    new Promise((resolve, reject) => {
+        const socket = new WebSocket(`ws://${address}/`, 'viser-v' + VERSION);
+        socket.onmessage = () => resolve(`socket ${address}`);
+        socket.onerror = socket.onclose = reject;
+    })].map(each => each.catch(() => null)))).then(read => read.filter(each => each))"""
+
+
+@pytest.fixture
+def other_origin():
+    """The address of an empty page on another port of this machine."""
+    class Empty(BaseHTTPRequestHandler):
+        def do_GET(self):
+            self.send_response(200)
+            self.send_header('Content-Type', 'text/html')
+            self.end_headers()
+            self.wfile.write(b'<body></body>')
+
+        def log_message(self, *args):
+            pass
+
+    with ThreadingHTTPServer(('127.0.0.1', 0), Empty) as http:
+        threading.Thread(target=http.serve_forever).start()
+        yield f'127.0.0.1:{http.server_port}'
+        http.shutdown()
+
+
+def test_a_page_of_another_origin_that_knows_every_port_reads_nothing(browser, server, other_origin):
+    import viser
+    ports = server.port, server._viser.get_port()
+    addresses = [f'{host}:{port}' for host in ('127.0.0.1', 'localhost', '[::1]') for port in ports]
+    read = READ.replace('VERSION', f"'{viser.__version__}'")
     page = browser.new_page()
-    assert page.goto(f'http://127.0.0.1:{server.port}/').status == 403
-    page.goto(f'http://127.0.0.1:{server.port}/?token={TOKEN}')
-    page.wait_for_selector('.tactile-map[data-pad=left]', timeout=60_000)
-    assert TOKEN not in page.url
+    page.goto(f'http://{other_origin}/')
+    assert page.evaluate(read, addresses) == []
+    page.goto(f'http://127.0.0.1:{server.port}/')  # its own origin reads by all three ways
+    found = page.evaluate(read, addresses)
+    assert [each.split()[0] for each in found] == ['fetch', 'frame', 'socket']
     page.close()
-    server.close()
+
+
+class Tunnel:
+    """Forwards a port as `ssh -L` does: TUNNEL_RATE to the browser, of all connections together."""
+
+    def __init__(self, port):
+        self._inner = port
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever)
+        self._line = asyncio.Lock()
+        self._thread.start()
+        self._server = asyncio.run_coroutine_threadsafe(
+            asyncio.start_server(self._connected, '127.0.0.1', 0), self._loop).result()
+        self.port = self._server.sockets[0].getsockname()[1]
+
+    def close(self):
+        asyncio.run_coroutine_threadsafe(self._end(), self._loop).result()
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+
+    async def _end(self):
+        self._server.close()
+        open_tasks = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in open_tasks:
+            task.cancel()
+        await asyncio.gather(*open_tasks, return_exceptions=True)
+
+    async def _connected(self, reader, writer):
+        inner_reader, inner_writer = await asyncio.open_connection('127.0.0.1', self._inner)
+        await asyncio.gather(self._copy(reader, inner_writer, np.inf), self._copy(inner_reader, writer, TUNNEL_RATE),
+                             return_exceptions=True)
+
+    async def _copy(self, reader, writer, rate):
+        while data := await reader.read(4096):
+            if rate < np.inf:
+                async with self._line:
+                    await asyncio.sleep(len(data) / rate)
+            writer.write(data)
+            await writer.drain()
+        writer.close()
+
+
+#: Looks each 20 ms for 10 s at a pad that says LIVE and is not covered; returns the ages of what it shows [s]
+AGES = """begin => new Promise(resolve => {
+    const ages = [];
+    const timer = setInterval(() => {
+        const pad = document.querySelector('.tactile-pad');
+        if (!pad.querySelector('b.tactile-live') || +getComputedStyle(pad.querySelector('.tactile-dead')).opacity)
+            return;
+        const side = +pad.querySelector('.tactile-words').textContent.match(/side ([0-9.]+) mm/)[1];
+        ages.push(Date.now() / 1e3 - begin - side / 1e3);
+    }, 20);
+    setTimeout(() => { clearInterval(timer); resolve(ages); }, 10000);
+})"""
+
+
+def test_over_a_slow_tunnel_nothing_old_looks_live(browser, server):
+    from tactile_node.view.page_parts import OLD
+    begin = time.time()
+    server._source.side_at = lambda now: now - begin
+    tunnel = Tunnel(server.port)
+    page = opened(browser, server, port=tunnel.port)
+    page.get_by_text('3-D', exact=True).click()  # drawn without a GPU, it keeps the browser from drawing at all
+    page.add_style_tag(content='canvas {display: none}')
+    page.wait_for_timeout(1000)
+    ages = page.evaluate(AGES, begin)
+    print(f'\n{TUNNEL_RATE / 1e3:.0f} kB/s: live in {len(ages)} looks, {max(ages):.2f} s old at most')
+    assert len(ages) > 100 and max(ages) <= OLD
+    page.close()
+    tunnel.close()

@@ -5,8 +5,8 @@ import time
 import numpy as np
 
 from tactile_node.frames.taxel_frame import TaxelStatus
+from tactile_node.view.source import Store
 from tactile_node.view.states import PadState, SeenContact
-from tactile_node.view.store import Store
 
 NAN = float('nan')
 PITCH = 0.004

@@ -28,10 +28,9 @@ from tactile_node.recording.series import files_of
 from tactile_node.recording.topic_bag import CAN_TYPE as CAN_FRAMES
 from tactile_node.recording.topic_bag import DIAGNOSTICS, STATUS, TAXELS, holds_taxels
 from tactile_node.report.bag_report import BagReporter
-from tactile_node.report.finding_text import sentence
-from tactile_node.report.findings import findings
+from tactile_node.report.findings import findings, sentence
 from tactile_node.report.log_report import LogReporter
-from tactile_node.report.page import page_of
+from tactile_node.report.report_page import page_of
 from tactile_node.skin.pads import make_pads
 
 

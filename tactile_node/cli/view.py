@@ -3,11 +3,10 @@
 Without RECORDING and --interface: the topics of running nodes, subscribed while somebody looks. With --interface or
 --channel: a bus without ROS; this command then starts the pads, so no driver may run on that bus. RECORDING: a CAN log,
 or a ROS 2 bag of our topics. The page is for this machine alone: from elsewhere use `ssh -L 8080:localhost:8080 ROBOT`
-and open http://localhost:8080, or --host with --token.
+and open http://localhost:8080.
 """
 
 import argparse
-import secrets
 from threading import Event
 
 from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE, BusSettings
@@ -28,11 +27,9 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption
 from tactile_node.recording.topic_bag import holds_taxels
 from tactile_node.skin.pads import make_pads, with_dictionaries
-from tactile_node.view.gate import check_token
 from tactile_node.view.source import Source
 
-DEFAULT_HOST, DEFAULT_PORT = '127.0.0.1', 8080
-AUTO = 'auto'  #: value of --token
+DEFAULT_PORT = 8080
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
@@ -50,10 +47,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--terminal', action='store_true', help='pictures on the terminal in place of the page')
     parser.add_argument('--full-scale', type=full_scale, metavar='READING', help='reading of the brightest colour, in '
                         "the pad's unit (default: the largest of the last 10 s)")
-    parser.add_argument('--host', default=DEFAULT_HOST, help='address of the page (default: %(default)s)')
-    parser.add_argument('--port', type=int, default=DEFAULT_PORT, help='0: a free one (default: %(default)s)')
-    parser.add_argument('--token', default='', help='that a browser has to give, needed with --host; auto: a '
-                        'random one')
+    parser.add_argument('--port', type=int, default=DEFAULT_PORT, help='of the page; 0: a free one (default: '
+                        '%(default)s)')
     parser.set_defaults(run=run)
 
 
@@ -70,18 +65,15 @@ def full_scale(text: str) -> float:
 
 def run(args: argparse.Namespace) -> int:
     """Show until Ctrl-C; on a terminal, a recording to its end."""
-    token = secrets.token_urlsafe(16) if args.token == AUTO else args.token
-    if not args.terminal:
-        check_token(args.host, token)  # before anything is opened
     with interruption() as stop_requested:
         source = source_of(args)
         try:
             source.check()
             if args.terminal:
-                from tactile_node.view.terminal_view import show_in_terminal
+                from tactile_node.view.terminal import show_in_terminal
                 show_in_terminal(source, stop_requested, full_scale=args.full_scale)
             else:
-                _serve(args, source, token, stop_requested)
+                _serve(args, source, stop_requested)
         finally:
             source.close()
     return 0
@@ -110,28 +102,21 @@ def source_of(args: argparse.Namespace) -> Source:
 def _recording_source(args: argparse.Namespace) -> Source:
     from tactile_node.view.recording_source import RecordingSource
     if holds_taxels(args.recording):
-        from tactile_node.view.bag_recording import BagRecording
+        from tactile_node.view.recordings import BagRecording
         return RecordingSource(BagRecording(args.recording, args.pads or (), window_of(args)), recogniser_of(args))
-    from tactile_node.view.log_recording import LogRecording
+    from tactile_node.view.recordings import LogRecording
     pads = make_pads(layouts_of(args), node_ids_of(args), args.pads or ())
     return RecordingSource(LogRecording(args.recording, pads, args.channel or '', args.any_device,
                                         window_of(args)),
                            recogniser_of(args))
 
 
-def _serve(args: argparse.Namespace, source: Source, token: str, stop_requested: Event) -> None:
+def _serve(args: argparse.Namespace, source: Source, stop_requested: Event) -> None:
+    from tactile_node.view.gate import LOOPBACK
     from tactile_node.view.server import ViewServer  # viser: only where it is needed
-    server = ViewServer(source, args.host, args.port, token, args.full_scale)
+    server = ViewServer(source, args.port, args.full_scale)
     try:
-        query = f'/?token={token}' if token else ''
-        print(f'{source.title}: open http://{_shown_host(args.host)}:{server.port}{query} (Ctrl-C ends)', flush=True)
+        print(f'{source.title}: open http://{LOOPBACK}:{server.port} (Ctrl-C ends)', flush=True)
         stop_requested.wait()
     finally:
         server.close()
-
-
-def _shown_host(host: str) -> str:
-    if host in ('0.0.0.0', '::', ''):
-        import socket
-        return socket.gethostname()
-    return f'[{host}]' if ':' in host else host

@@ -53,7 +53,7 @@ PAD_COUNTERS: tuple[Counter[PadStatistics], ...] = (
     Counter('frames_incomplete', 'sweeps published with NaN', lambda pad: pad.incomplete),
     Counter('frames_withheld', 'incomplete sweeps that are not published (drop_incomplete)',
             lambda pad: pad.withheld, is_field=False),
-Counter('tpdos_expected', 'more than received: the rest was lost on the bus or not sent',
+    Counter('tpdos_expected', 'more than received: the rest was lost on the bus or not sent',
             lambda pad: pad.expected),
     Counter('tpdos_received', 'good or not', lambda pad: pad.received),
     Counter('tpdos_used', 'whose taxels were published as valid', lambda pad: pad.used))

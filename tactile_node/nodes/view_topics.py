@@ -24,9 +24,8 @@ from tactile_node.ros.qos import STATUS_QOS, frames_qos
 from tactile_node.ros.taxel_messages import taxel_values
 from tactile_node.ros.time_messages import seconds
 from tactile_node.shape.recognition import UnknownReason
-from tactile_node.view.facts import facts_of_status
-from tactile_node.view.states import GraspFacts, PadState, SeenContact
-from tactile_node.view.store import Store
+from tactile_node.view.source import Store
+from tactile_node.view.states import GraspFacts, PadState, SeenContact, facts_of_status
 from tactile_skin.msg import Contact, ContactShape, Grasp, SkinStatus, TaxelArray
 
 RATE = 20.0         #: at which a pad's newest shape is shown [1/s]

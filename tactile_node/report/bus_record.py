@@ -9,8 +9,7 @@ import numpy as np
 from tactile_node.cia301.connection_set import NMT
 from tactile_node.cia301.frame_bits import Frame, worst_case_bits
 from tactile_node.read_only import read_only
-from tactile_node.report.ends import Ends
-from tactile_node.report.longest import LongestGaps
+from tactile_node.report.kept_entries import Ends, LongestGaps
 from tactile_node.report.model import BusFacts, BusLoad, SeenCommand
 
 WINDOW = 1.0  #: s, as of the driver's bus load

@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_node.colour_map import rounded_up
+
 WIDTH, HEIGHT, LEFT, BOTTOM = 940, 130, 64, 22
 MOST = 900  #: points of one line: more than one a pixel is not seen
 
@@ -49,26 +51,15 @@ def thinned(values: np.ndarray, keep_highest: bool) -> np.ndarray:
     return np.array([part[pick(values[part])] if np.isfinite(values[part]).any() else part[0] for part in parts])
 
 
-def step_of(span: float, ticks: int) -> float:
-    """Return 1, 2 or 5 times a power of ten, so that ``span`` has at most so many.
-
-    >>> step_of(6.8, 8), step_of(600, 8), step_of(1.0, 2)
-    (1.0, 100.0, 0.5)
-    """
-    least = span / ticks
-    power = 10.0 ** math.floor(math.log10(least))
-    return next(factor * power for factor in (1, 2, 5, 10) if factor * power >= least * (1 - 1e-9))
-
-
 def _axes(place, end: float, top: float, unit: str) -> str:
     parts = []
-    for k in range(int(end / step_of(end, 10)) + 1):
-        value = k * step_of(end, 10)
+    for k in range(int(end / rounded_up(end / 10)) + 1):
+        value = k * rounded_up(end / 10)
         x, y = place(value, 0)
         parts.append(f'<path class="tick" d="M{x:.1f} {y}V8"/><text x="{x:.1f}" y="{y + 14}" '
                      f'text-anchor="middle">{value:g}{" s" if k == 0 else ""}</text>')
-    for k in range(int(top / step_of(top, 3) + 1e-9) + 1):
-        value = k * step_of(top, 3)
+    for k in range(int(top / rounded_up(top / 3) + 1e-9) + 1):
+        value = k * rounded_up(top / 3)
         x, y = place(0, value)
         parts.append(f'<path class="tick" d="M{x} {y:.1f}H{WIDTH - 8}"/><text x="{x - 5}" y="{y + 4:.1f}" '
                      f'text-anchor="end">{value:g}{" " + unit if unit else ""}</text>')

@@ -20,7 +20,7 @@ from tactile_node.cia301.objects import (
     SOFTWARE_VERSION,
 )
 from tactile_node.cia301.sdo_upload import SdoUpload, Step
-from tactile_node.report.ends import Ends
+from tactile_node.report.kept_entries import Ends
 from tactile_node.report.model import NmtChange, NodeFacts
 
 #: (index, sub-index) of what a ticket needs to name a device

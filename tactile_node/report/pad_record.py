@@ -6,7 +6,7 @@ import numpy as np
 
 from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.library.contacts import Recogniser
-from tactile_node.report.longest import LongestGaps
+from tactile_node.report.kept_entries import LongestGaps
 from tactile_node.report.model import PadFacts
 from tactile_node.report.taxel_record import TaxelRecord
 from tactile_node.report.touch_finder import MAX_PAUSE, TouchFinder

@@ -7,7 +7,7 @@ from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.report.markup import Html, facts, folded, joined, legend_of, paragraph, safe, table
 from tactile_node.report.model import Gap, PadFacts, TaxelHealth
 from tactile_node.report.svg import cells, colour_bar, grid, heat_cells
-from tactile_node.report.taxel_marks import Mark, marks_of, no_value_share
+from tactile_node.report.taxel_record import Mark, marks_of, no_value_share
 from tactile_node.report.touch_section import reading, touch_section
 
 MARKS = {Mark.GOOD: ('#2e8b57', 'values in every frame, which change'),

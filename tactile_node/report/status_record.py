@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tactile_node.read_only import read_only
-from tactile_node.report.ends import Ends
+from tactile_node.report.kept_entries import Ends
 from tactile_node.report.model import BusLoad, NmtChange, NodeFacts, Reported
 
 OK = 1                            #: SkinStatus, PadStatus; NOT_KNOWN is 0

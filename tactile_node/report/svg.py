@@ -7,9 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tactile_node.colour_map import STEPS, rgb_table
+from tactile_node.colour_map import PALETTE, STEPS
 
-COLOURS = rgb_table()[:STEPS]
 LEVELS = 48
 NO_VALUE = '#9a9a9a'
 OUTLINE = '#00e5ff'
@@ -21,7 +20,7 @@ def colour(share: float) -> str:
     >>> colour(0.0), colour(1.0)
     ('#000004', '#fcffa4')
     """
-    return '#' + bytes(COLOURS[round(min(max(share, 0.0), 1.0) * (STEPS - 1))]).hex()
+    return '#' + bytes(PALETTE[round(min(max(share, 0.0), 1.0) * (STEPS - 1))]).hex()
 
 
 def cells(colours: Sequence[tuple[str, np.ndarray]]) -> str:

@@ -18,8 +18,7 @@ from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.fusion.recognitions import RecognitionFusion
 from tactile_node.library.contacts import Recogniser, fit_shape, recognised
 from tactile_node.pose.moments import contact_moments
-from tactile_node.report.touch import Picture, Sample, Touch
-from tactile_node.report.touch_list import TouchList
+from tactile_node.report.touch import Picture, Sample, Touch, TouchList
 from tactile_node.shape.recognition import Shape, ShapeClass, UnknownReason
 
 PERIOD = 0.1     #: s between two recognitions of one touch: they cost as much as the rest of a report

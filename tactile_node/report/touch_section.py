@@ -9,9 +9,8 @@ from tactile_node.report.charts import Points, chart, thinned
 from tactile_node.report.markup import Html, facts, folded, joined, legend_of, paragraph, safe, table
 from tactile_node.report.model import PadFacts
 from tactile_node.report.svg import colour_bar, grid, heat_cells, outline
-from tactile_node.report.touch import Touch
+from tactile_node.report.touch import MOST_TOUCHES, PICTURED, Touch
 from tactile_node.report.touch_finder import PERIOD
-from tactile_node.report.touch_list import MOST, PICTURED
 from tactile_node.shape.recognition import Shape, ShapeClass
 
 #: Okabe and Ito: distinct with every kind of colour vision
@@ -27,7 +26,8 @@ def touch_section(pad: PadFacts, begin: float, end: float) -> Html:
     if not pad.touches:
         return paragraph(f'No touch in this recording{_small(pad)}.')
     pictured = [(number, touch) for number, touch in enumerate(pad.touches, 1) if touch.picture is not None]
-    left_out = f' {pad.touches_left_out} more, beyond the first {MOST}, are not listed.' if pad.touches_left_out else ''
+    left_out = (f' {pad.touches_left_out} more, beyond the first {MOST_TOUCHES}, are not listed.'
+                if pad.touches_left_out else '')
     shown = '' if len(pictured) == len(pad.touches) else (
         f' Pictures are of the {PICTURED} longest; {len(pad.touches) - len(pictured)} others are in the table alone.')
     cards = Html(''.join(_card(number, touch, pad, begin) for number, touch in pictured))

@@ -12,10 +12,9 @@ from tactile_node.library.contacts import Recogniser
 from tactile_node.skin.pads import LivePad
 from tactile_node.supervision.supervisor import Supervisor
 from tactile_node.threads.stoppable_thread import StoppableThread
-from tactile_node.view.facts import facts_of
 from tactile_node.view.recognising import PadRecogniser
-from tactile_node.view.states import PadState
-from tactile_node.view.store import Store
+from tactile_node.view.source import Store
+from tactile_node.view.states import PadState, facts_of
 
 RATE = 16.0        #: at which the newest frames are recognised [1/s]: an eye needs no more
 FACTS_PERIOD = 0.5  #: s

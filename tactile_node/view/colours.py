@@ -5,12 +5,10 @@ from collections import deque
 import numpy as np
 
 from tactile_node.colour_map import STEPS as LEVELS
-from tactile_node.colour_map import rgb_table
+from tactile_node.colour_map import rounded_up
 from tactile_node.press_levels import ON_OFF_UNIT, PRESS_BY_UNIT
 
-PALETTE = rgb_table()[:LEVELS]  #: uint8 (LEVELS, 3)
 HELD = 10.0  #: for which the largest reading sets the scale [s]
-STEPS = 1.0, 2.0, 5.0, 10.0  #: to which a scale is rounded up
 #: what a person reads: factor and name, by unit
 SHOWN_AS = {'Pa': (1e-3, 'kPa'), 'N': (1.0, 'N'), ON_OFF_UNIT: (1.0, '')}
 
@@ -19,16 +17,6 @@ def levels(values: np.ndarray, full_scale: float) -> np.ndarray:
     """Return the index into PALETTE of each of ``values``, uint8; of NaN it is 0, to be marked by the caller."""
     fractions = np.nan_to_num(np.clip(values / full_scale, 0, 1))
     return np.rint(fractions * (LEVELS - 1)).astype(np.uint8)
-
-
-def rounded_up(value: float) -> float:
-    """Return the next of 1, 2, 5, 10, 20 ... from ``value`` on.
-
-    >>> rounded_up(37e3), rounded_up(1.0)
-    (50000.0, 1.0)
-    """
-    decade = 10.0 ** np.floor(np.log10(value))
-    return float(next(step * decade for step in STEPS if value <= step * decade * (1 + 1e-9)))
 
 
 class FullScale:

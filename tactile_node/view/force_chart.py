@@ -4,9 +4,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tactile_node.view.colours import rounded_up
+from tactile_node.colour_map import rounded_up
 from tactile_node.view.planes import POINTS
-from tactile_node.view.store import HISTORY
+from tactile_node.view.source import HISTORY
 
 WIDTH, HEIGHT = 60.0, 22.0
 LEFT, RIGHT, TOP, BOTTOM = 4.0, 1.0, 1.0, 2.4

@@ -7,8 +7,9 @@ from html import escape
 import numpy as np
 from PIL import Image
 
+from tactile_node.colour_map import PALETTE, rounded_up
 from tactile_node.frames.taxel_frame import TaxelStatus
-from tactile_node.view.colours import LEVELS, PALETTE, SHOWN_AS, levels
+from tactile_node.view.colours import LEVELS, SHOWN_AS, levels
 from tactile_node.view.states import PadState, SeenContact
 
 WITHOUT_VALUE = '#8a8f98'
@@ -88,8 +89,7 @@ def _axes(state: PadState, unit: float) -> str:
 
 def _ticks(length: float) -> list[float]:
     """About four round lengths from 0 to ``length``."""
-    step = next((step for decade in (.1, 1, 10, 100) for step in (1 * decade, 2 * decade, 5 * decade)
-                 if length / step <= 4), 1000)
+    step = rounded_up(length / 4) if length else 1.0
     return [k * step for k in range(int(length / step) + 1)]
 
 

@@ -4,8 +4,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tactile_node.colour_map import PALETTE
 from tactile_node.frames.taxel_frame import TaxelStatus
-from tactile_node.view.colours import PALETTE, levels
+from tactile_node.view.colours import levels
 from tactile_node.view.states import PadState
 
 if TYPE_CHECKING:

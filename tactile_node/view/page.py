@@ -18,30 +18,54 @@ from tactile_node.view.page_parts import (
     PageFacts,
     Scales,
     pads_html,
+    receipt_html,
     status_html,
 )
 from tactile_node.view.planes import Planes
-from tactile_node.view.player_controls import PlayerControls
-from tactile_node.view.source import Source
-from tactile_node.view.store import Shown
+from tactile_node.view.source import Player, Shown, Source
 
 if TYPE_CHECKING:
-    from viser import ClientHandle
+    from viser import ClientHandle, GuiApi
 
 RATE = 17.5         #: updates at most [1/s]
 SLOW_PERIOD = 0.2   #: of chart and tables [s]
 SCENE_PERIOD = 0.15  #: of the 3-D view [s]
-SCENE_SHARE = 5.0    #: times as long as a browser takes for it, it waits for the next: without a GPU it is slow
+PAUSE_SHARE = 5.0    #: times as long as a browser takes for one of these, it waits for the next: it may be slow
 SILENCE = 0.4       #: after which the page is brought up to date all the same: ages grow [s]
 LOOK = 0.2          #: for a browser that has gone [s]
 MEASURED = 3.0      #: over which rate and delay are measured [s]
 PADS_WIDTH, HEALTH_WIDTH = 720.0, 380.0  #: pixels
+SLIDER_STEP = 0.05  #: [s]
+
+
+class PlayerControls:
+    """Adds them to ``gui``; `update` lets them follow what plays."""
+
+    def __init__(self, gui: 'GuiApi', player: Player):
+        self._player = player
+        self._button = gui.add_button('Pause')
+        self._slider = gui.add_slider('time [s]', min=0.0, max=SLIDER_STEP, step=SLIDER_STEP, initial_value=0.0)
+        self._button.on_click(lambda event: player.play(not player.is_playing))
+        self._slider.on_update(self._moved)
+
+    def update(self) -> None:
+        self._button.label = 'Pause' if self._player.is_playing else 'Play'
+        self._slider.max = max(self._player.length, SLIDER_STEP)
+        if self._player.is_playing:
+            self._slider.value = min(self._player.position, self._slider.max)  # type: ignore[misc]
+
+    def _moved(self, event) -> None:
+        if event.client is not None:  # a person, not `update`
+            self._player.play(False)
+            self._player.seek(self._slider.value)
 
 
 class Page:
     """Runs from `start` to `stop`. One update at most is under way: the next waits for the browser's answer.
 
     So nothing queues anywhere between the skin and a slow browser, and what it shows is never older than one update.
+    What may look live travels alone, so that the time it took before says how old it will be; chart, tables and scene
+    follow it in updates without.
     """
 
     def __init__(self, client: 'ClientHandle', source: Source, is_connected: Callable[[], bool],
@@ -54,6 +78,7 @@ class Page:
         self._taken: deque[tuple[float, float]] = deque()  # when [s], with data of which age [s]
         self._number = 0
         self._is_taken = threading.Event()
+        self._transit = 0.0  # of the last update of the pads [s]
         self._slow_due = self._scene_due = 0.0
         self._scene_shown, self._aspect = -math.inf, 0.0  # the last that the browser has taken
         self._history = HealthHistory()
@@ -78,16 +103,16 @@ class Page:
                 begun = time.monotonic()
                 shown = self._source.store.shown()
                 version = shown.version
-                is_scene_due = begun >= self._scene_due and self._scene_wanted.value
-                age = self._update(shown, begun, is_scene_due)
+                drawn = [pad._replace(transit=self._transit) for pad in self._scales.drawn_now(self._source, shown)]
+                self._update_pads(shown, drawn, begun)
                 if not self._has_answered():
                     return
                 now = time.monotonic()
-                if is_scene_due:
-                    self._scene_due = begun + max(SCENE_PERIOD, SCENE_SHARE * (now - begun))
-                    self._scene_shown = begun
-                self._taken.append((now, age + now - begun))
-                self._stopping.wait(max(0.0, begun + 1 / RATE - now))
+                self._transit = now - begun
+                self._taken.append((now, min((pad.age for pad in drawn), default=math.inf) + self._transit))
+                if not self._has_taken_rest(shown, drawn):
+                    return
+                self._stopping.wait(max(0.0, begun + 1 / RATE - time.monotonic()))
         except Exception:
             if not self._stopping.is_set() and self._is_connected():
                 raise
@@ -99,6 +124,7 @@ class Page:
         title = escape(f'{", ".join(self._source.store.pads)} - tactile_skin', quote=True)
         gui.add_html(f'{STYLE}<img hidden src="data:," alt="{title}" onerror="document.title=this.alt">')
         self._status = gui.add_html('')
+        self._receipt = gui.add_html('')
         self._controls = None if self._source.player is None else PlayerControls(gui, self._source.player)
         with gui.add_folder('Bus and taxels'):
             self._health = gui.add_html('')
@@ -118,20 +144,35 @@ class Page:
         panel.set_width(max(PADS_WIDTH, min(0.8 * pane.image_height, 0.45 * pane.image_width)))  # fills its height
         self._scene = Pads3d(self._client)
 
-    def _update(self, shown: Shown, now: float, with_scene: bool) -> float:
-        """Send all that is due; the age of the newest data in it [s]."""
+    def _update_pads(self, shown: Shown, drawn: list[DrawnPad], now: float) -> None:
         self._is_taken.clear()
         self._number += 1
-        drawn = self._scales.drawn_now(self._source, shown)
-        if with_scene:
-            self._update_scene(drawn)
-        if now >= self._slow_due:
-            self._slow_due = now + SLOW_PERIOD
-            self._update_slow(shown, drawn)
         self._pads.content = pads_html(drawn, self._number, self._source.player is not None)
         self._status.content = status_html(self._facts(shown, now), drawn, self._client.client_id, self._number)
         self._client.flush()
-        return min((pad.age for pad in drawn), default=math.inf)
+
+    def _has_taken_rest(self, shown: Shown, drawn: list[DrawnPad]) -> bool:
+        """Send what else is due, and wait for the browser; False when it has gone."""
+        begun = time.monotonic()
+        is_scene_due, is_slow_due = begun >= self._scene_due and self._scene_wanted.value, begun >= self._slow_due
+        if not is_scene_due and not is_slow_due:
+            return True
+        self._is_taken.clear()
+        self._number += 1
+        if is_scene_due:
+            self._update_scene(drawn)
+        else:
+            self._update_slow(shown, drawn)
+        self._receipt.content = receipt_html(self._client.client_id, self._number)
+        self._client.flush()
+        if not self._has_answered():
+            return False
+        pause = PAUSE_SHARE * (time.monotonic() - begun)
+        if is_scene_due:
+            self._scene_due, self._scene_shown = begun + max(SCENE_PERIOD, pause), begun
+        else:
+            self._slow_due = begun + max(SLOW_PERIOD, pause)
+        return True
 
     def _facts(self, shown: Shown, now: float) -> PageFacts:
         while self._taken and now - self._taken[0][0] > MEASURED:

@@ -12,9 +12,8 @@ from tactile_node.view.colours import FullScale
 from tactile_node.view.gate import TAKEN
 from tactile_node.view.heat_map import heat_map, words
 from tactile_node.view.planes import POINTS
-from tactile_node.view.source import Player, Source
+from tactile_node.view.source import Player, Shown, Source
 from tactile_node.view.states import GraspFacts, PadState
-from tactile_node.view.store import Shown
 
 OLD = 0.5          #: age from which on data are marked as old [s]
 OLD_SCENE = 1.0    #: the same of the 3-D view [s]
@@ -47,6 +46,8 @@ b.tactile-live {{color:#15803d}} b.tactile-old {{color:#c81e1e}} b.tactile-rec {
   text-align:center; font-weight:700; font-size:18px; color:#c81e1e; background:#fffe; border:2px solid #c81e1e;
   pointer-events:none; opacity:0; animation:tactile-dead 0s linear {PAGE_SILENT}s forwards}}
 @keyframes tactile-dead {{to {{opacity:1}}}}
+.tactile-fresh {{animation:tactile-gone 0s linear {PAGE_SILENT}s forwards}}
+@keyframes tactile-gone {{to {{visibility:hidden}}}}
 .tactile-status .tactile-dead {{position:fixed}}
 body:not(:has(.tactile-scene-current)) div:has(> canvas ~ div, > div ~ canvas)::after {{
   content:'OLD: the 3-D view is off, or this browser draws it late'; position:absolute; inset:0; z-index:2;
@@ -64,6 +65,7 @@ class DrawnPad(NamedTuple):
     state: PadState | None
     age: float         #: [s]; inf: not known
     full_scale: float  #: [unit]
+    transit: float = 0.0  #: that the browser took for the update before [s]
 
     @property
     def is_old(self) -> bool:
@@ -73,6 +75,11 @@ class DrawnPad(NamedTuple):
     def is_live(self) -> bool:
         """New, with valid taxels: the frames of a dead skin have none."""
         return self.state is not None and not self.is_old and not np.isnan(self.state.values).all()
+
+
+def fresh_for(pads: list[DrawnPad]) -> float:
+    """Return for how long what is sent now may look live once the browser has it [s]: the browser counts alone."""
+    return min((max(OLD - pad.age - pad.transit, 0.0) for pad in pads if pad.is_live), default=PAGE_SILENT)
 
 
 class Scales:
@@ -109,9 +116,12 @@ def _pad(pad: DrawnPad, colour: str, is_recording: bool) -> str:
     said = escape(words(contact)) if is_live else 'what touches is not known'
     bars = _bars(contact.probabilities) if is_live and contact is not None else ''
     silent = '' if is_live else f'<div class="tactile-silent">{said_of(pad)}</div>'
+    dead = DEAD if is_recording or not is_live else (
+        f'<div class="tactile-dead" style="animation-delay:{fresh_for([pad]):.3f}s">NOT LIVE: this page has got '
+        f'nothing newer than {OLD:g} s</div>')
     return (f'<div class="tactile-pad"><h3>{name}<small>{_hidden(pad.state)}</small></h3>'
             f'<div class="tactile-words">{said}</div>{heat_map(pad.state, pad.full_scale, not is_live)}{bars}{silent}'
-            f'{DEAD}</div>')
+            f'{dead}</div>')
 
 
 def _word(is_live: bool) -> str:
@@ -201,7 +211,13 @@ def status_html(facts: PageFacts, pads: list[DrawnPad], page: int, number: int) 
     delay = '' if math.isnan(facts.delay) else f', shown after {1e3 * facts.delay:.0f} ms'
     scene = '<i class="tactile-scene-current"></i>' if facts.scene_age <= OLD_SCENE else ''
     problem = f'<div class="tactile-problem">{escape(facts.problem)}</div>' if facts.problem else ''
+    fresh = PAGE_SILENT if facts.player is not None else fresh_for(pads)
     return (f'<div class="tactile-status" data-update="{number}" data-rate="{facts.rate:.1f}" '
-            f'data-delay="{facts.delay:.3f}">{word} {escape(facts.title)}<br>{text}<br>'
-            f'{grasp_html(facts.grasp)}<br>{facts.rate:.0f} updates/s{delay}{scene}{problem}{DEAD}'
-            f'<img class="tactile-taken" alt="" src="{TAKEN}/{page}/{number}"></div>')
+            f'data-delay="{facts.delay:.3f}"><div class="tactile-fresh" style="animation-delay:{fresh:.3f}s">{word} '
+            f'{escape(facts.title)}<br>{text}<br>{grasp_html(facts.grasp)}</div>'
+            f'{facts.rate:.0f} updates/s{delay}{scene}{problem}{DEAD}{receipt_html(page, number)}</div>')
+
+
+def receipt_html(page: int, number: int) -> str:
+    """Return the picture for which a browser asks when it has put update ``number`` on ``page``."""
+    return f'<img class="tactile-taken" alt="" src="{TAKEN}/{page}/{number}">'

@@ -10,8 +10,8 @@ from tactile_node.errors import TactileError
 from tactile_node.library.contacts import Recogniser
 from tactile_node.threads.stoppable_thread import StoppableThread
 from tactile_node.view.recognising import PadRecogniser
+from tactile_node.view.source import Store
 from tactile_node.view.states import PadState
-from tactile_node.view.store import Store
 from tactile_node.view.timeline import Moment, Timeline
 
 RATE = 20.0  #: at which the position moves on [1/s]

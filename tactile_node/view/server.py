@@ -7,7 +7,7 @@ import threading
 from contextlib import redirect_stdout
 from typing import TYPE_CHECKING
 
-from tactile_node.view.gate import Gate, check_token
+from tactile_node.view.gate import LOOPBACK, Gate
 from tactile_node.view.page import Page
 from tactile_node.view.source import Source
 
@@ -15,16 +15,13 @@ if TYPE_CHECKING:
     from viser import ClientHandle
 
 LINGER = 2.0  #: for which the source stays on without a browser: a page is loaded again [s]
-LOOPBACK = '127.0.0.1'
 
 
 class ViewServer:
-    """Runs from `__init__` to `close`. Raises ConfigurationError for an address that needs a token or is taken."""
+    """Runs from `__init__` to `close`. Raises ConfigurationError for a port that is taken."""
 
-    def __init__(self, source: Source, host: str = LOOPBACK, port: int = 8080, token: str = '',
-                 full_scale: float | None = None):
+    def __init__(self, source: Source, port: int = 8080, full_scale: float | None = None):
         import viser
-        check_token(host, token)
         self._source, self._full_scale = source, full_scale
         self._changed = threading.Condition()
         self._pages: dict[int, Page] = {}
@@ -36,7 +33,7 @@ class ViewServer:
         # A browser may ask for a tunnel through a server in the internet.
         self._viser.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]
         try:
-            self._gate = Gate(host, port, (inner_host, self._viser.get_port()), token, self._taken)
+            self._gate = Gate(port, (inner_host, self._viser.get_port()), self._taken)
         except BaseException:
             self._stop_viser()
             raise

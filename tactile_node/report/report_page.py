@@ -3,12 +3,10 @@
 from string import Template
 
 from tactile_node.recording.damage import damage_lines, utc
-from tactile_node.report.bus_section import bus_section
-from tactile_node.report.finding_text import sentence
-from tactile_node.report.findings import findings
+from tactile_node.report.bus_section import bus_section, nodes_section
+from tactile_node.report.findings import findings, sentence
 from tactile_node.report.markup import Html, facts, joined, paragraph, safe
 from tactile_node.report.model import Report
-from tactile_node.report.node_section import nodes_section
 from tactile_node.report.pad_section import pad_section
 
 STYLE = '''body { font: 14px/1.45 system-ui, sans-serif; max-width: 68em;
