@@ -16,7 +16,7 @@ from tactile_node.frames.health import BusHealth, NodeHealth  # noqa: E402
 from tactile_node.frames.losses import BusStatistics, LossReason, PadStatistics  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
 from tactile_node.ros.status_message import status_message  # noqa: E402
-from tactile_node.view.facts import facts_of, facts_of_status  # noqa: E402
+from tactile_node.view.states import facts_of, facts_of_status  # noqa: E402
 from tactile_node.view.health_table import health_table  # noqa: E402
 from tactile_skin.msg import NodeStatus, PadStatus, SkinStatus  # noqa: E402
 
