@@ -18,10 +18,8 @@ import numpy as np
 from bench.recognition import mechanics
 from tactile_node import contact_box, find_contact
 from tactile_node.contact.pattern import ContactPattern
-from tactile_node.synthetic.figures import named_silhouette, random_figure, silhouette_of
-from tactile_node.synthetic.pressure import Skin, pressure_frame
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import random_contact
+from tactile_node.simulator.figures import Skin, named_silhouette, pressure_frame, random_figure, silhouette_of
+from tactile_node.simulator.world import Purpose, generator, random_contact
 from training.ground_truth.layer import measured, sample, stress_field
 
 AREAS = (12, 25, 50, 100)

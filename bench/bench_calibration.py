@@ -19,11 +19,10 @@ import numpy as np
 from pose_mechanics import AREAS, Outlined, Row, Skin, error_of, measure, outlined, pressed
 
 from bench.recognition import mechanics
-from tactile_node.calibration.presses import LEAST_TAXELS, PressFrame
-from tactile_node.calibration.response_fit import Calibration, Disc, calibrate
+from tactile_node.learning.presses import LEAST_TAXELS, PressFrame
+from tactile_node.learning.response_fit import Calibration, Disc, calibrate
 from tactile_node.pose.fit import fit_shape
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import Contact
+from tactile_node.simulator.world import Contact, Purpose, generator
 from training.ground_truth.indenters import flat_punch
 from training.ground_truth.mechanics import Solution, solve
 

@@ -24,8 +24,7 @@ from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.helmholtz.operators import Stencil, border, matrix
 from tactile_node.package_files import config_path
 from tactile_node.shape.volf import GROUPS, VolfClassifier
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import CLASSES, random_pattern
+from tactile_node.simulator.world import CLASSES, Purpose, generator, random_pattern
 
 TAXELS = 100
 

@@ -122,9 +122,9 @@ def measured(seconds: float) -> float:
 
 
 def driver(port: str, layout: str, rate: float, seconds: float) -> dict:
-    from tactile_node.bus.bus_settings import BusSettings
+    from tactile_node.bus.bus_network import BusSettings
     from tactile_node.skin.pads import make_pad
-    from tactile_node.supervision.supervisor import Supervisor
+    from tactile_node.sources.supervisor import Supervisor
     latencies: list[float] = []
 
     def received(_name: str, frame) -> None:
@@ -166,8 +166,8 @@ def write_log(path: Path) -> None:
 
 
 def replay(log: str, layout: str, _rate: float, _seconds: float) -> dict:
-    from tactile_node.recording.log_source import LogSource
     from tactile_node.skin.pads import make_pad
+    from tactile_node.sources.log_source import LogSource
     whole = []
     source = LogSource(log, (make_pad('pad', NODE, layout),),
                        lambda name, frame: whole.append(not frame.missing_can_frames), pace=None)
@@ -182,9 +182,9 @@ def replay(log: str, layout: str, _rate: float, _seconds: float) -> dict:
 
 def prepared(port: str, layout: str):
     """Let the driver configure the device, as all readers need it; then the device waits for NMT start."""
-    from tactile_node.bus.bus_settings import BusSettings
+    from tactile_node.bus.bus_network import BusSettings
     from tactile_node.skin.pads import make_pad
-    from tactile_node.supervision.supervisor import Supervisor
+    from tactile_node.sources.supervisor import Supervisor
     pad = make_pad('pad', NODE, layout)
     bus = Supervisor(BusSettings('slcan', port), (pad,), lambda name, frame: None)
     bus.open()

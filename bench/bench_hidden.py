@@ -21,13 +21,12 @@ from scipy import ndimage
 
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.contact.press import PressThresholds
-from tactile_node.fusion.recognitions import RecognitionFusion
 from tactile_node.package_files import config_path
 from tactile_node.shape.methods import FILES, LEARNED, Learned, make_recogniser
 from tactile_node.shape.recognition import Recognition, Shape
-from tactile_node.synthetic.pressure import Skin, pressure_frame
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import CLASSES, Contact, random_contact
+from tactile_node.shape.recognitions import RecognitionFusion
+from tactile_node.simulator.figures import Skin, pressure_frame
+from tactile_node.simulator.world import CLASSES, Contact, Purpose, generator, random_contact
 from training.field import NOMINAL_ON_OFF, Conditions, field_frame
 
 PRESSURE = Conditions(tilt=0.2, blur=0.5, noise=0.01)

@@ -24,14 +24,14 @@ from mcap.writer import CompressionType, IndexType, Writer
 from recorded_world import BEGIN, MESSAGES, SECOND, World, topics
 from rosbags import typesys
 
-from tactile_node.recording.bag_records import Recorded, begin_of, records_of
-from tactile_node.recording.damage import Damage, damage_text
-from tactile_node.recording.log_reader import CanLogReader
-from tactile_node.recording.log_writer import MEGABYTE, CanLogWriter
-from tactile_node.recording.mcap_file import McapFile
-from tactile_node.recording.series import files_of
-from tactile_node.recording.topic_bag import TAXELS, TopicBagReader, message_types
-from tactile_node.recording.window import Window
+from tactile_node.logs.bag_records import Recorded, begin_of, records_of
+from tactile_node.logs.damage import Damage, damage_text
+from tactile_node.logs.log_reader import CanLogReader
+from tactile_node.logs.log_writer import MEGABYTE, CanLogWriter
+from tactile_node.logs.mcap_file import McapFile
+from tactile_node.logs.replay_times import Window
+from tactile_node.logs.series import files_of
+from tactile_node.logs.topic_bag import TAXELS, TopicBagReader, message_types
 
 TOPIC_CHUNK = 1 << 20  #: bytes; ros2 bag record's is 786,432
 SEEKS = 40

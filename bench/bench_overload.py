@@ -20,9 +20,9 @@ import numpy as np
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
-from tactile_node.frames.taxel_frame import TaxelFrame
+from tactile_node.ros.contact_messages import taxel_array_message
 from tactile_node.ros.qos import frames_qos
-from tactile_node.ros.taxel_messages import taxel_array_message
+from tactile_node.taxel_frame import TaxelFrame
 from tactile_skin.msg import ContactShape, TaxelArray
 
 PERIOD, PITCH, PAD = 0.02, 0.002, 'overload'

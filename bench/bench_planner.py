@@ -21,7 +21,7 @@ from planner_client import MAX_ANGLE, MAX_MISALIGNMENT, MAX_OFFSET, Planner, ask
 from planner_world import AIM, Closed, Placed, Thing, close, noisy, random_place, random_thing
 from scipy.spatial.transform import Rotation
 
-from tactile_node.synthetic.world import Contact
+from tactile_node.simulator.world import Contact
 
 STARTS, SEED = 50, 4000
 KINDS = ('circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle', 'ball')

@@ -2,7 +2,7 @@
 
 Run from the checkout: python bench/bench_pose.py [--patterns 200] [--calibrate] [--picture]
 Writes docs/pose_results.md and docs/pose_failures.png. ``--calibrate`` instead prints the factors of
-tactile_node/pose/noise.py, found on training seeds; everything else here is measured on evaluation seeds.
+tactile_node/pose/model_error.py, found on training seeds; everything else here is measured on evaluation seeds.
 """
 
 import argparse
@@ -25,12 +25,11 @@ import pose_pictures
 from pose_world import CONDITIONS, by_moments, by_rectangle, draw, error, same_handedness
 from scipy.stats import binom, binomtest, chi2
 
-from tactile_node.geometry.outlines import OUTLINES
 from tactile_node.pose.fit import fit_shape
 from tactile_node.pose.moments import contact_moments
+from tactile_node.pose.outlines import OUTLINES
 from tactile_node.shape.recognition import Shape
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import CLASSES
+from tactile_node.simulator.world import CLASSES, Purpose, generator
 
 AREA = 50
 AREAS = (12, 20, 35, 50, 100)

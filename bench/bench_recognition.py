@@ -28,7 +28,7 @@ from bench.recognition.page import write_csv, write_page
 from bench.recognition.sections import ALONE, FULL, LONGEST, QUICK, SECTIONS, WITHOUT_ANCHORS, Run, Section
 from tactile_node import Recogniser
 from tactile_node.package_files import config_path
-from tactile_node.synthetic.seeds import Purpose
+from tactile_node.simulator.world import Purpose
 
 
 class Clock:

@@ -19,7 +19,7 @@ sys.path.insert(0, str(ROOT))
 
 from skin_process import SkinProcess
 
-from tactile_node.simulator.wire_report import WireReport
+from tactile_node.simulator.wire import WireReport
 from tactile_node.skin.pads import make_pad
 
 NODE, LAYOUT = 32, 'sim16x16.yaml'

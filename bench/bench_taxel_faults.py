@@ -16,9 +16,9 @@ sys.path.insert(0, str(ROOT))
 import numpy as np
 
 from tactile_node.conditioning.taxel_faults import FaultDetector, TaxelFault
+from tactile_node.simulator.figures import Skin, pressure_frame
+from tactile_node.simulator.world import CLASSES, random_contact
 from tactile_node.skin.layout_file import load_layout
-from tactile_node.synthetic.pressure import Skin, pressure_frame
-from tactile_node.synthetic.world import CLASSES, random_contact
 
 SEEDS = range(7000, 7010)
 RATE, TOUCHES, PRESSED, RELEASED, EACH, LIMIT, NOISE = 50, 100, 20, 10, 2, 10e3, 400.0

@@ -23,20 +23,25 @@ import numpy as np
 from bench.recognition import foreign, mechanics
 from bench.recognition.stamp import pressed
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
+from tactile_node.learning.head_fit import load_background
+from tactile_node.learning.taught_file import examples_of, write_taught
+from tactile_node.learning.teach import Taught, teach
+from tactile_node.learning.touches import find_touches
 from tactile_node.package_files import config_path
 from tactile_node.rate import Rate
 from tactile_node.shape.methods import FILES, LEARNED, VisibilityGuard, make_recogniser
 from tactile_node.shape.recogniser import OUTPUTS, ShapeRecogniser, read_arrays
 from tactile_node.shape.recognition import Shape
-from tactile_node.synthetic.figures import NAMED, Figure, Silhouette, named_silhouette, random_figure
-from tactile_node.synthetic.pressure import Skin, pressure_frame
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import CLASSES, random_contact
-from tactile_node.teaching.background import load_background
-from tactile_node.teaching.examples import examples_of
-from tactile_node.teaching.taught_file import write_taught
-from tactile_node.teaching.teach import Taught, teach
-from tactile_node.teaching.touches import find_touches
+from tactile_node.simulator.figures import (
+    NAMED,
+    Figure,
+    Silhouette,
+    Skin,
+    named_silhouette,
+    pressure_frame,
+    random_figure,
+)
+from tactile_node.simulator.world import CLASSES, Purpose, generator, random_contact
 from training.ground_truth.indenters import Indenter
 from training.ground_truth.layer import measured, sample, stress_field
 

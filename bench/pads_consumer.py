@@ -14,7 +14,7 @@ from pads_cases import Case, namespace
 from pads_ledger import Station
 from rclpy.qos import QoSProfile
 
-from tactile_node.frames.health import NodeFault, Overload
+from tactile_node.assembly.health import NodeFault, Overload
 from tactile_node.nodes.spinning import FrameExecutor
 from tactile_node.ros.qos import STATUS_QOS, frames_qos
 from tactile_skin.msg import ContactShape, SkinStatus

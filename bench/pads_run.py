@@ -16,7 +16,7 @@ from pads_consumer import Consumer
 from pads_ledger import Counts, Station, Step, ledger
 from skin_process import SkinProcess
 
-from tactile_node.simulator.wire_report import WireReport
+from tactile_node.simulator.wire import WireReport
 
 SETTLE = 3.0  #: s after the activation
 NICE = -10    #: of skins and consumer: a device does not wait for the processor of its host

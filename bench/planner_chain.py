@@ -4,21 +4,20 @@ import numpy as np
 
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.visibility import visibility_of
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
-from tactile_node.fusion.recognitions import RecognitionFusion
 from tactile_node.grasp.gripper import Gripper, PadPose
 from tactile_node.grasp.opening import GapSource, Opening
 from tactile_node.grasp.tracker import SIDES, GraspSettings, GraspTracker
 from tactile_node.pose.box import contact_box
-from tactile_node.pose.contact_fit import fit_contact
+from tactile_node.pose.fit import fit_contact
 from tactile_node.pose.moments import contact_moments
-from tactile_node.ros.contact_messages import contact_message
+from tactile_node.ros.contact_messages import contact_message, taxel_array_message
 from tactile_node.ros.grasp_messages import grasp_message, side_result
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.shape_messages import Findings, shape_message
-from tactile_node.ros.taxel_messages import taxel_array_message
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.patch import join_pieces
+from tactile_node.shape.recognitions import RecognitionFusion
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_skin.msg import ContactShape, Grasp
 
 PITCH, UNIT = 0.002, 'Pa'

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
-from tactile_node.synthetic.world import Contact, random_contact
+from tactile_node.simulator.world import Contact, random_contact
 
 ROWS, PITCH = 16, 0.002                 # sim16x16.yaml, both ways
 SPAN = (ROWS - 1) * PITCH

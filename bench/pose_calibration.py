@@ -17,7 +17,6 @@ sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
 import numpy as np
 from pose_mechanics import Pressed, error_of, outlined, pressed
 
-from tactile_node.geometry.outlines import OUTLINES, outline_of
 from tactile_node.pose.fit import ShapeFit, fit_shape
 from tactile_node.pose.model_error import (
     Loading,
@@ -29,9 +28,10 @@ from tactile_node.pose.model_error import (
     share_of,
     spread_at,
 )
+from tactile_node.pose.outlines import OUTLINES, outline_of
 from tactile_node.pose.profiles import DOMES, Indenter
 from tactile_node.shape.recognition import Shape
-from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.simulator.world import Purpose, generator
 from training.ground_truth.mechanics import Solution
 from training.mechanics import solution_pool
 

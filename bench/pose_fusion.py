@@ -9,12 +9,11 @@ from pose_world import PAD, PRESS, RELEASE
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PressThresholds
 from tactile_node.errors import TactileError
-from tactile_node.fusion.recognitions import FusionSettings, RecognitionFusion
 from tactile_node.shape.methods import METHODS, make_recogniser
 from tactile_node.shape.recognition import Shape
-from tactile_node.synthetic.pressure import Skin, pressure_frame
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import CLASSES, random_contact
+from tactile_node.shape.recognitions import FusionSettings, RecognitionFusion
+from tactile_node.simulator.figures import Skin, pressure_frame
+from tactile_node.simulator.world import CLASSES, Purpose, generator, random_contact
 
 PERIOD = 0.01   # [s]
 FRAMES = 60     # of each of two shapes, one straight after the other

@@ -12,12 +12,12 @@ from scipy.stats import binomtest, chi2
 
 from bench.recognition import mechanics
 from tactile_node import find_contact
-from tactile_node.calibration.response import SkinResponse
-from tactile_node.geometry.outlines import OUTLINES
+from tactile_node.learning.response import SkinResponse
 from tactile_node.pose.evidence import gather
 from tactile_node.pose.fit import ShapeFit, fit_evidence, fit_shape
+from tactile_node.pose.outlines import OUTLINES
 from tactile_node.shape.recognition import Shape
-from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.simulator.world import Purpose, generator
 from training.ground_truth.layer import measured, sample, stress_field
 from training.ground_truth.mechanics import Solution
 

@@ -7,12 +7,12 @@ from scipy import spatial
 
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PressThresholds
-from tactile_node.geometry.outlines import OUTLINES, outline_of
 from tactile_node.pose.first_guess import guesses, moments_of
 from tactile_node.pose.fit import ShapeFit
+from tactile_node.pose.outlines import OUTLINES, outline_of
 from tactile_node.shape.recognition import Shape
-from tactile_node.synthetic.pressure import Skin, pressure_frame
-from tactile_node.synthetic.world import Contact, random_contact
+from tactile_node.simulator.figures import Skin, pressure_frame
+from tactile_node.simulator.world import Contact, random_contact
 
 PAD = 36
 PRESS, RELEASE = 15_000.0, 12_000.0  # of a mean pressure of 50 000 Pa

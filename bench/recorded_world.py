@@ -11,7 +11,7 @@ import can
 import numpy as np
 from rosbags import typesys
 
-from tactile_node.recording.topic_bag import message_types
+from tactile_node.logs.topic_bag import message_types
 from tactile_node.skin.layout_file import load_layout
 
 RATE, NODES, PADS, SIDE = 100, (32, 64), ('left', 'right'), 16

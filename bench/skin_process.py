@@ -11,7 +11,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from tactile_node.simulator.wire_report import WireReport  # noqa: E402
+from tactile_node.simulator.wire import WireReport  # noqa: E402
 
 REPORT_TIMEOUT = 10.0  #: s
 

@@ -34,12 +34,12 @@ import matplotlib
 import numpy as np
 from skin_process import SkinProcess
 
-from tactile_node.bus.bus_settings import BusSettings
-from tactile_node.frames.taxel_frame import TaxelFrame
-from tactile_node.recording.log_source import summary
-from tactile_node.simulator.wire_report import WireReport
+from tactile_node.bus.bus_network import BusSettings
+from tactile_node.simulator.wire import WireReport
 from tactile_node.skin.pads import make_pad
-from tactile_node.supervision.supervisor import Supervisor
+from tactile_node.sources.log_source import summary
+from tactile_node.sources.supervisor import Supervisor
+from tactile_node.taxel_frame import TaxelFrame
 
 matplotlib.use('Agg')
 import matplotlib.pyplot as plt  # noqa: E402

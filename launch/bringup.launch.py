@@ -13,7 +13,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from launch import LaunchDescription
-from tactile_node.cli.bringup_nodes import ARGUMENTS, OPTIONS
+from tactile_node.cli.bringup import ARGUMENTS, OPTIONS
 
 RESPAWN_DELAY = 2.0  # s
 

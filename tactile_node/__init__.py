@@ -19,14 +19,20 @@ if TYPE_CHECKING:
     from tactile_node.contact.pattern import ContactPattern
     from tactile_node.contact.press import PressThresholds
     from tactile_node.errors import ConfigurationError, InputError, TactileError
-    from tactile_node.fusion.recognitions import FusedRecognition, FusionSettings
     from tactile_node.helmholtz.features import Features, Group
-    from tactile_node.library.contacts import Recogniser, contact_box, find_contact, fit_shape, paper_features
-    from tactile_node.library.plot import plot_frame
+    from tactile_node.library.contacts import (
+        Recogniser,
+        contact_box,
+        find_contact,
+        fit_shape,
+        paper_features,
+        plot_frame,
+    )
     from tactile_node.library.stream import ContactStream, StreamedContact
     from tactile_node.pose.box import ContactBox
     from tactile_node.pose.fit import ShapeFit
     from tactile_node.shape.recognition import Recognition, Shape
+    from tactile_node.shape.recognitions import FusedRecognition, FusionSettings
 
     __version__: str
 
@@ -40,10 +46,10 @@ _HOMES = {
     'contact.pattern': ('ContactPattern',),
     'contact.press': ('PressThresholds',),
     'errors': ('ConfigurationError', 'InputError', 'TactileError'),
-    'fusion.recognitions': ('FusedRecognition', 'FusionSettings'),
+    'shape.recognitions': ('FusedRecognition', 'FusionSettings'),
     'helmholtz.features': ('Features', 'Group'),
-    'library.contacts': ('Recogniser', 'contact_box', 'find_contact', 'fit_shape', 'paper_features'),
-    'library.plot': ('plot_frame',),
+    'library.contacts': ('Recogniser', 'contact_box', 'find_contact', 'fit_shape', 'paper_features',
+                         'plot_frame'),
     'library.stream': ('ContactStream', 'StreamedContact'),
     'pose.box': ('ContactBox',),
     'pose.fit': ('ShapeFit',),
@@ -53,7 +59,7 @@ _HOMES = {
 
 def __getattr__(name: str) -> object:
     if name == '__version__':
-        return import_module('tactile_node.version').package_version()
+        return import_module('tactile_node.package_files').package_version()
     for module, names in _HOMES.items():
         if name in names:
             return getattr(import_module(f'{__name__}.{module}'), name)

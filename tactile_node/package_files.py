@@ -4,7 +4,9 @@ A wheel and a ROS workspace hold config/, msg/, srv/ and action/ inside the Pyth
 beside it; an editable install and `colcon build --symlink-install` lead back to the checkout.
 """
 
+from importlib import metadata
 from pathlib import Path
+from xml.etree import ElementTree
 
 from tactile_node.errors import ConfigurationError
 
@@ -47,3 +49,18 @@ def package_file(name: str) -> Path:
 def is_checkout() -> bool:
     """Return whether this module lies in a checkout, or is a symbolic link or an editable install of one."""
     return (CHECKOUT / 'package.xml').is_file()
+
+
+#: what pip calls the distribution, and what ament_python_install_package calls it
+DISTRIBUTIONS = ('tactile-skin', 'tactile_node')
+
+
+def package_version() -> str:
+    """Return the version in package.xml, or in the metadata that was made of it and installed beside this package."""
+    if is_checkout():
+        return ElementTree.parse(CHECKOUT / 'package.xml').findtext('version', default='unknown')
+    beside = [str(PACKAGE_FOLDER.parent)]
+    for name in DISTRIBUTIONS:
+        for distribution in metadata.distributions(name=name, path=beside):
+            return distribution.version
+    return 'unknown'

@@ -12,14 +12,13 @@ import can
 import numpy as np
 from captured_log import CapturedLog
 
+from tactile_node.assembly.frame_source import Loss, Results
 from tactile_node.bus.skin_bus import BusSettings, SkinBus
-from tactile_node.frames.losses import Loss, Results
-from tactile_node.frames.taxel_frame import TaxelFrame
-from tactile_node.simulator.skin_simulator import SkinSimulator
-from tactile_node.simulator.wire_network import WireSettings
+from tactile_node.simulator.skin_simulator import SkinSimulator, WireSettings
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import make_pads, with_dictionaries
-from tactile_node.supervision.supervisor import Supervisor
+from tactile_node.sources.supervisor import Supervisor
+from tactile_node.taxel_frame import TaxelFrame
 
 #: The same tests run on a real Linux CAN stack, where all share one channel: `make socketcan`
 INTERFACE = os.environ.get('TACTILE_TEST_INTERFACE', 'virtual')

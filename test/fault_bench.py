@@ -11,13 +11,13 @@ import numpy as np
 from can_bench import Bench, wait_until
 from faulty_bus import Adapter
 
+from tactile_node.assembly.health import NodeFault
 from tactile_node.bus import skin_bus
-from tactile_node.bus.bus_settings import BusSettings
+from tactile_node.bus.bus_network import BusSettings
 from tactile_node.cia301.emergency import Emergency
-from tactile_node.frames.health import NodeFault
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
-from tactile_node.simulator.wire_network import WireSettings
-from tactile_node.supervision.supervisor import Supervisor
+from tactile_node.simulator.skin_simulator import WireSettings
+from tactile_node.sources.supervisor import Supervisor
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 LAYOUT, SIDE, PRESSED = 'sim8x8_16bit.yaml', 8, 12.5
 #: what the skin sends takes its time on a wire of 1 Mbit/s; TACTILE_TEST_WIRE=off: it is sent at once

@@ -21,16 +21,15 @@ from canopen import SdoAbortedError, SdoCommunicationError
 from fault_bench import TIMEOUT, FaultBench
 from stalls import STALLING, StallBench, stall
 
+from tactile_node.assembly.frame_source import LossReason
+from tactile_node.assembly.health import BusFault, ForeignCommand, NodeFault, Overload, SentTpdo, SyncFault
 from tactile_node.cia301.emergency import DeviceErrors, Emergency
-from tactile_node.cia301.nmt import NmtState
-from tactile_node.conditioning.contact_guard import ContactGuard
-from tactile_node.conditioning.tare import TaredPad
+from tactile_node.cia301.objects import NmtState
+from tactile_node.conditioning.tare import ContactGuard, TaredPad
 from tactile_node.errors import BusError, DeviceAbsentError, DeviceError, TareRefusedError, TwoDevicesError
-from tactile_node.frames.health import BusFault, ForeignCommand, NodeFault, Overload, SentTpdo, SyncFault
-from tactile_node.frames.losses import LossReason
-from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.simulator.device import SimulatedDevice
 from tactile_node.simulator.skin_simulator import SkinSimulator
+from tactile_node.taxel_frame import TaxelFrame
 
 ALLOWED = 1.0  # s from the end of a cause until taxels come again
 ALL_TPDOS = range(1, 17)  # of the pad of 8x8 taxels

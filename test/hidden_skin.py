@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_node.synthetic.world import Contact
+from tactile_node.simulator.world import Contact
 from training.ground_truth.indenters import flat_punch
 from training.ground_truth.layer import sample, stress_field
 from training.ground_truth.mechanics import Solution, solve

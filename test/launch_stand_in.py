@@ -4,7 +4,7 @@ import sys
 from importlib.util import module_from_spec, spec_from_file_location
 from types import ModuleType
 
-from tactile_node.cli.bringup_nodes import described
+from tactile_node.cli.bringup import described
 from tactile_node.cli.main import _parser
 
 

@@ -21,8 +21,7 @@ from misled_bench import Claim, Record, SkinProcess, Watch
 from misled_skin import LAYOUT, NODE_IDS, PADS
 from two_hosts import Host, LossyHosts
 
-from tactile_node.delay.estimator import DelayEstimator
-from tactile_node.ros.message_age import NOT_KNOWN_SEC
+from tactile_node.ros.message_age import NOT_KNOWN_SEC, DelayEstimator
 
 ROOT = Path(__file__).resolve().parents[1]
 CONSUMER = ROOT / 'test' / 'misled_consumer.py'

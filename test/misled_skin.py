@@ -19,11 +19,11 @@ from typing import Any
 import can
 import numpy as np
 
+from tactile_node.simulator.figures import Skin, pressure_frame
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.slcan_pty import SlcanPty
+from tactile_node.simulator.world import Contact as Touching
 from tactile_node.skin.pads import LivePad, make_pads, with_dictionaries
-from tactile_node.synthetic.pressure import Skin, pressure_frame
-from tactile_node.synthetic.world import Contact as Touching
 
 PADS, NODE_IDS, LAYOUT = ('left', 'right'), (32, 48), 'sim16x16.yaml'
 PITCH = 0.002  # m, of the layout

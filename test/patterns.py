@@ -4,8 +4,7 @@ import numpy as np
 from scipy import ndimage
 
 from tactile_node.helmholtz.rotation import with_rotated
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import CLASSES, random_pattern
+from tactile_node.simulator.world import CLASSES, Purpose, generator, random_pattern
 
 L_OF_THREE = np.array([[True, False], [True, True]])
 

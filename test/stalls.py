@@ -21,13 +21,13 @@ from can_bench import wait_until
 from captured_log import CapturedLog
 from fault_bench import LAYOUT, SIDE, TIMEOUT, WIRE
 
-from tactile_node.bus.bus_settings import BusSettings
-from tactile_node.frames.health import NodeFault
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.assembly.health import NodeFault
+from tactile_node.bus.bus_network import BusSettings
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.slcan_pty import SlcanPty
 from tactile_node.skin.pads import make_pads, with_dictionaries
-from tactile_node.supervision.supervisor import Supervisor
+from tactile_node.sources.supervisor import Supervisor
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 NODE_IDS = 32, 64
 STALLING = 'skin', 'adapter', 'driver'

@@ -4,14 +4,13 @@ from pathlib import Path
 
 import numpy as np
 
+from tactile_node.learning.head_fit import Background, load_background
+from tactile_node.learning.taught_file import examples_of, write_taught
+from tactile_node.learning.teach import teach
+from tactile_node.learning.touches import find_touches
 from tactile_node.package_files import config_path
 from tactile_node.shape.recogniser import ShapeRecogniser, read_arrays
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.teaching.background import Background, load_background
-from tactile_node.teaching.examples import examples_of
-from tactile_node.teaching.taught_file import write_taught
-from tactile_node.teaching.teach import teach
-from tactile_node.teaching.touches import find_touches
+from tactile_node.simulator.world import Purpose, generator
 
 PAD, FINE = 16, 6
 LOADS = 0, 0.3, 1, 1, 1, 1, 0.2, 0

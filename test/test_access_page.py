@@ -12,8 +12,8 @@ import rclpy
 from tactile_node.node_graph import bus_nodes
 from tactile_node.nodes.spinning import spinning
 from tactile_node.nodes.system import System
-from tactile_node.simulator.gripper import gripper_sources
 from tactile_node.simulator.skin_simulator import SkinSimulator
+from tactile_node.simulator.touches import gripper_sources
 from tactile_node.skin.pads import make_pads, with_dictionaries
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]

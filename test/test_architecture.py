@@ -9,27 +9,20 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'tactile_node'
-NUMERICAL = {'delay', 'geometry', 'conditioning', 'contact', 'helmholtz', 'shape', 'synthetic', 'pose', 'fusion',
-             'grasp', 'calibration', 'teaching'}
-CAN_SIDE = {'cia301', 'frames', 'threads', 'skin', 'assembly', 'recording', 'bus', 'supervision'}
+NUMERICAL = {'conditioning', 'contact', 'helmholtz', 'shape', 'pose', 'grasp', 'learning'}
+CAN_SIDE = {'cia301', 'skin', 'assembly', 'logs', 'bus', 'sources'}
 #: room -> rooms of ours it may import beside itself and the modules at the top of the package
 ALLOWED = {
-    'delay': set(), 'geometry': set(), 'contact': set(), 'helmholtz': set(), 'conditioning': {'frames'},
-    'shape': {'contact', 'helmholtz'}, 'synthetic': {'geometry', 'shape'}, 'pose': {'contact', 'geometry', 'shape'},
-    'fusion': {'shape'}, 'grasp': {'shape'}, 'calibration': {'conditioning', 'contact', 'geometry', 'pose', 'shape'},
-    'teaching': {'contact', 'shape'},
-    'library': {'calibration', 'contact', 'fusion', 'helmholtz', 'pose', 'shape'},
-    'cia301': set(), 'frames': {'cia301'}, 'threads': set(), 'skin': {'cia301', 'frames'},
-    'assembly': {'cia301', 'frames', 'skin'}, 'recording': {'assembly', 'cia301', 'frames', 'skin', 'threads'},
-    'bus': {'assembly', 'cia301', 'frames', 'recording', 'skin', 'threads'},
-    'supervision': {'bus', 'cia301', 'frames', 'skin', 'threads'},
-    'report': {'assembly', 'cia301', 'conditioning', 'contact', 'frames', 'fusion', 'library', 'pose', 'recording',
-               'shape', 'skin'},
-    'simulator': {'bus', 'cia301', 'skin', 'synthetic', 'threads'},
-    'ros': {'bus', 'cia301', 'frames', 'skin', *NUMERICAL},
-    'view': {'bus', 'cia301', 'contact', 'frames', 'helmholtz', 'library', 'pose', 'recording', 'shape', 'skin',
-             'supervision', 'threads'},
-    'nodes': {'bus', 'frames', 'recording', 'ros', 'skin', 'supervision', 'threads', 'view', *NUMERICAL}}
+    'contact': set(), 'helmholtz': set(), 'conditioning': set(), 'shape': {'contact', 'helmholtz'},
+    'pose': {'contact', 'shape'}, 'grasp': {'shape'}, 'learning': {'conditioning', 'contact', 'pose', 'shape'},
+    'library': {'contact', 'helmholtz', 'learning', 'pose', 'shape'},
+    'cia301': set(), 'skin': {'cia301'}, 'assembly': {'cia301', 'skin'}, 'logs': {'assembly', 'cia301', 'skin'},
+    'bus': {'assembly', 'cia301', 'logs', 'skin'}, 'sources': {'assembly', 'bus', 'cia301', 'logs', 'skin'},
+    'simulator': {'bus', 'cia301', 'pose', 'shape', 'skin'},
+    'viewing': {'assembly', 'bus', 'cia301', 'conditioning', 'contact', 'helmholtz', 'library', 'logs', 'pose', 'shape',
+                'skin', 'sources'},
+    'ros': {'assembly', 'bus', 'cia301', 'skin', *NUMERICAL},
+    'nodes': {'assembly', 'bus', 'logs', 'ros', 'skin', 'sources', 'viewing', *NUMERICAL}}
 ROS = {'rclpy', 'tactile_skin', 'std_msgs', 'diagnostic_msgs', 'geometry_msgs', 'rcl_interfaces', 'builtin_interfaces',
        'sensor_msgs', 'tf2_msgs', 'lifecycle_msgs', 'rosgraph_msgs', 'visualization_msgs', 'launch', 'launch_ros'}
 CAN = {'can', 'canopen'}
@@ -68,7 +61,7 @@ def test_the_numerical_core_knows_neither_ros_nor_can(folder):
         assert not {name.split('.')[0] for name in imports(path)} & (ROS | CAN), path
 
 
-@pytest.mark.parametrize('folder', [*sorted(CAN_SIDE), 'report', 'simulator', 'view'])
+@pytest.mark.parametrize('folder', [*sorted(CAN_SIDE), 'simulator', 'viewing'])
 def test_the_can_side_knows_no_ros(folder):
     for path in modules(folder):
         assert not {name.split('.')[0] for name in imports(path)} & ROS, path

@@ -5,9 +5,9 @@ import pytest
 from can_bench import only, tiny_layout
 
 from tactile_node.assembly.assembler import ORDER_MEMORY, FrameAssembler
-from tactile_node.assembly.free_bus import FreeBus
-from tactile_node.frames.losses import Loss, LossReason
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.assembly.frame_source import Loss, LossReason
+from tactile_node.assembly.sweep_period import FreeBus
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 VALID, STALE, DEAD, SATURATED = TaxelStatus.VALID, TaxelStatus.STALE, TaxelStatus.DEAD, TaxelStatus.SATURATED
 NAN = np.nan

@@ -9,9 +9,9 @@ import pytest
 from test_logs import DATA, play
 
 from tactile_node.errors import LogError
-from tactile_node.recording.bag_log import TYPE
-from tactile_node.recording.log_reader import CanLogReader
-from tactile_node.recording.log_writer import CanLogWriter
+from tactile_node.logs.bag_log import TYPE
+from tactile_node.logs.log_reader import CanLogReader
+from tactile_node.logs.log_writer import CanLogWriter
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings
 

@@ -7,8 +7,7 @@ from pads_ledger import Counts, Station, ledger
 
 from tactile_node.cia301.frame_bits import Frame
 from tactile_node.simulator.wire import Wire
-from tactile_node.skin.pad_rules import check_pads
-from tactile_node.skin.pads import make_pad
+from tactile_node.skin.pads import check_pads, make_pad
 
 #: 10 SYNCs to one pad of 32 TPDOs: 8 answered, 1 skipped, 1 TPDO not read, 3 late; 10 frames, 7 shapes
 FAIR = Counts(pads=1, tpdos=32, syncs_left_out=2, sweeps=8, sweeps_skipped=1, unread=1, queue_overruns=0,

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 import can
 import pytest
 
-from tactile_node.bus.bit_rate import find_bit_rate
 from tactile_node.bus.bus_network import open_bus
+from tactile_node.bus.node_scan import find_bit_rate
 from tactile_node.cli.main import main
 from tactile_node.simulator.slcan_pty import SlcanPty
 

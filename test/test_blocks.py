@@ -5,13 +5,12 @@ import pytest
 from scipy.integrate import dblquad
 
 from tactile_node.contact.pattern import PatternExtractor
-from tactile_node.pose.blocks import AROUND, WIDEST, in_blocks, size_of
 from tactile_node.pose.fit import fit_shape
-from tactile_node.pose.layer_kernel import DEPTHS, REACH, kernel, taps_at
+from tactile_node.pose.least_squares import AROUND, WIDEST, in_blocks, size_of
+from tactile_node.pose.skin_model import DEPTHS, REACH, kernel, taps_at
 from tactile_node.shape.recognition import Shape
-from tactile_node.synthetic.pressure import Skin, pressure_frame
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import CLASSES, random_contact
+from tactile_node.simulator.figures import Skin, pressure_frame
+from tactile_node.simulator.world import CLASSES, Purpose, generator, random_contact
 
 
 @pytest.mark.parametrize(('extent', 'size'), [(1, 1), (32, 1), (33, 2), (64, 2), (65, 3), (1024, 32)])

@@ -32,7 +32,7 @@ def test_a_log_comes_out_whole_and_the_command_reports_it(capsys, caplog):
     printed = capsys.readouterr().out
     assert f'Shapes: {2 * syncs} of {2 * syncs} taxel frames' in printed
     assert f'CAN frames: {len(lines)} ' in printed
-    waits = [record.args for record in caplog.records if record.name == 'tactile_node.nodes.drain']
+    waits = [record.args for record in caplog.records if record.name == 'tactile_node.nodes.replay']
     assert waits and all(count < published == 2 * syncs for count, published in waits)
 
 
@@ -87,7 +87,7 @@ def test_a_namespace_for_the_whole_process_keeps_the_names_of_its_nodes(rule):
     """What launch_ros passes inside PushRosNamespace; rcl alone would make both processors /robot/hand/processor."""
     from tactile_node.cli.bringup import described
     from tactile_node.cli.main import _parser
-    from tactile_node.nodes.bringup import running
+    from tactile_node.nodes.run import running
     from tactile_node.ros.global_names import without_global_names
     args = _parser('bringup').parse_args(
         ['bringup', '--pads', 'left,right', '--node-id', '32,64', '--namespace', 'elsewhere', '--ros-args', rule,

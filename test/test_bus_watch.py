@@ -6,16 +6,13 @@ from collections.abc import Callable
 import pytest
 
 from tactile_node.assembly.assembler import FrameAssembler
+from tactile_node.assembly.health import NodeFault, Overload, SyncFault
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.cia301.heartbeat import Heartbeats
-from tactile_node.frames.health import NodeFault, Overload, SyncFault
 from tactile_node.skin.pads import make_pads, with_dictionaries
-from tactile_node.supervision.heartbeat_watch import HeartbeatWatch
-from tactile_node.supervision.node_monitor import NodeMonitor
-from tactile_node.supervision.node_traffic import BusSeen, NodeTraffic
-from tactile_node.supervision.overload import OverloadWatch
-from tactile_node.supervision.sync_watch import SyncWatch
-from tactile_node.supervision.tpdo_watch import SurplusTpdos
+from tactile_node.sources.bus_watch import OverloadWatch, SyncWatch
+from tactile_node.sources.node_monitor import NodeMonitor
+from tactile_node.sources.node_traffic import BusSeen, HeartbeatWatch, NodeTraffic, SurplusTpdos
 
 STEP = 0.02  # s between two rounds
 DELAY = 0.5  # s

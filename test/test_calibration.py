@@ -8,16 +8,16 @@ import yaml
 from hidden_skin import DEPTH, PITCH, SIDE, counts, pressed, solved, write_log
 
 import tactile_node as tn
-from tactile_node.calibration.presses import LEAST_TAXELS, OF_EACH, PressFrame, Unused, find_presses, zeroed
-from tactile_node.calibration.response import SkinResponse, load_response, save_response
-from tactile_node.calibration.response_fit import LEAST_PRESSES, Disc, calibrate
 from tactile_node.cli.main import main
-from tactile_node.conditioning.response_curve import make_curve
+from tactile_node.conditioning.gain import make_curve
 from tactile_node.errors import ConfigurationError, InputError
+from tactile_node.learning.presses import LEAST_TAXELS, OF_EACH, PressFrame, Unused, find_presses, zeroed
+from tactile_node.learning.response import SkinResponse, load_response, save_response
+from tactile_node.learning.response_fit import LEAST_PRESSES, Disc, calibrate
 from tactile_node.pose.fit import fit_shape
-from tactile_node.pose.layer import Layer
+from tactile_node.pose.profiles import Layer
 from tactile_node.shape.recognition import Shape
-from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.simulator.world import Purpose, generator
 from training.ground_truth.indenters import ball
 from training.ground_truth.layer import sample, stress_field
 from training.ground_truth.mechanics import solve

@@ -15,8 +15,8 @@ from can_bench import Bench, wait_until
 from tactile_node.bus.skin_bus import BusSettings, SkinBus
 from tactile_node.cli import record, replay, simulate
 from tactile_node.errors import ConfigurationError, LogError, TactileError
-from tactile_node.recording.log_reader import CanLogReader
-from tactile_node.recording.log_writer import CanLogWriter
+from tactile_node.logs.log_reader import CanLogReader
+from tactile_node.logs.log_writer import CanLogWriter
 from tactile_node.skin.pads import make_pad
 
 pytestmark = pytest.mark.bus
@@ -85,7 +85,7 @@ def test_killed_recording_is_readable(tmp_path, suffix):
     log = tmp_path / f'x{suffix}'
     code = f'''
 import can, itertools, time
-from tactile_node.recording.log_writer import CanLogWriter
+from tactile_node.logs.log_writer import CanLogWriter
 writer = CanLogWriter({str(log)!r})
 for i in itertools.count():
     writer.write(can.Message(1.7e9 + i, 0x181, False, data=i.to_bytes(4, 'little'), channel=1))

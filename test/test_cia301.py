@@ -5,9 +5,9 @@ import random
 import pytest
 
 from tactile_node.bus.bus_monitor import FRAME_BITS
-from tactile_node.cia301 import connection_set, nmt, objects, pdo, sdo
-from tactile_node.cia301.connection_set import reserved_for, service_of
+from tactile_node.cia301 import objects, sdo
 from tactile_node.cia301.frame_bits import Frame, arbitration, crc15, true_bits, worst_case_bits
+from tactile_node.cia301.objects import reserved_for, service_of
 
 
 @pytest.mark.parametrize(('can_ids', 'service'), [
@@ -24,16 +24,17 @@ def test_restricted_can_ids():
 
 
 def test_cob_ids_of_the_services():
-    assert (connection_set.NMT, connection_set.SYNC, connection_set.EMCY) == (0x000, 0x080, 0x080)
-    assert (connection_set.SDO_RESPONSE, connection_set.SDO_REQUEST) == (0x580, 0x600)
-    assert connection_set.HEARTBEAT == 0x700
+    assert (objects.NMT, objects.SYNC, objects.EMCY) == (0x000, 0x080, 0x080)
+    assert (objects.SDO_RESPONSE, objects.SDO_REQUEST) == (0x580, 0x600)
+    assert objects.HEARTBEAT == 0x700
 
 
 def test_objects_and_pdos():
     assert (objects.COB_ID_SYNC, objects.PRODUCER_HEARTBEAT_TIME, objects.IDENTITY) == (0x1005, 0x1017, 0x1018)
     assert (objects.TPDO_COMMUNICATION, objects.TPDO_MAPPING) == (0x1800, 0x1A00)
-    assert (pdo.EVERY_SYNC, pdo.MAX_SYNCHRONOUS, pdo.MANUFACTURER_EVENT, pdo.SAM_MPDO) == (1, 240, 254, 254)
-    assert (pdo.MAX_PDO_BITS, pdo.MPDO_DATA_BITS, pdo.MAX_TPDOS) == (64, 32, 512)
+    assert (objects.EVERY_SYNC, objects.MAX_SYNCHRONOUS) == (1, 240)
+    assert (objects.MANUFACTURER_EVENT, objects.SAM_MPDO) == (254, 254)
+    assert (objects.MAX_PDO_BITS, objects.MPDO_DATA_BITS, objects.MAX_TPDOS) == (64, 32, 512)
 
 
 def test_commands_of_a_block_upload():
@@ -47,14 +48,14 @@ def test_commands_of_a_block_upload():
     (0x01, 'start'), (0x02, 'stop'), (0x80, 'enter pre-operational'), (0x81, 'reset node'),
     (0x82, 'reset communication'), (0x83, 'command 0x83')])
 def test_names_of_nmt_commands(command, name):
-    assert nmt.command_name(command) == name
+    assert objects.command_name(command) == name
 
 
 @pytest.mark.parametrize(('state', 'name'), [
     (0x00, 'BOOT-UP'), (0x04, 'STOPPED'), (0x05, 'OPERATIONAL'), (0x7F, 'PRE-OPERATIONAL'),
     (0x06, 'unknown NMT state 0x06'), (None, 'never heard')])
 def test_names_of_nmt_states(state, name):
-    assert nmt.state_name(state) == name
+    assert objects.state_name(state) == name
 
 
 GENERATOR = 0b1100_0101_1001_1001  # x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1: Bosch CAN 2.0, part A, 3.1.1

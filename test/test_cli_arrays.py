@@ -13,10 +13,8 @@ from patterns import assorted
 from tactile_node.cli.main import main
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PressThresholds
-from tactile_node.synthetic.figures import named_silhouette, random_figure
-from tactile_node.synthetic.pressure import Skin, pressure_frame
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import random_contact
+from tactile_node.simulator.figures import Skin, named_silhouette, pressure_frame, random_figure
+from tactile_node.simulator.world import Purpose, generator, random_contact
 
 
 @pytest.fixture
@@ -177,7 +175,7 @@ def test_a_reader_that_leaves_is_no_error(tmp_path):
 @pytest.mark.bus
 def test_neither_ros_nor_can_is_imported():
     code = ('import sys; from tactile_node.cli.main import main; import tactile_node.cli.classified, '
-            'tactile_node.cli.described; sys.exit(bool({"rclpy", "can", "canopen"} & set(sys.modules)))')
+            'tactile_node.cli.frame_patterns; sys.exit(bool({"rclpy", "can", "canopen"} & set(sys.modules)))')
     assert subprocess.run([sys.executable, '-c', code], check=False).returncode == 0
 
 

@@ -19,13 +19,13 @@ WALL_CLOCK = {
     'tactile_node/nodes/node_health.py': 'the same',
     'tactile_node/nodes/opening_source.py': 'the same',
     'tactile_node/nodes/pad_frames.py': 'stamps on tf, of the host that publishes: see docs/hosts.md',
-    'tactile_node/view/page_parts.py': 'a warning that the stamps are of another clock',
+    'tactile_node/viewing/page_parts.py': 'a warning that the stamps are of another clock',
     'examples/demo/bag.py': 'when a message was recorded, beside its stamp',
     'examples/demo/watcher.py': 'one host',
     'examples/demo/session.py': 'one host',
     'tactile_node/simulator/device.py': 'what touches the simulated skin',
     'tactile_node/simulator/slcan_pty.py': 'what a CAN adapter stamps',
-    'tactile_node/simulator/wire_gateway.py': 'the same'}
+    'tactile_node/simulator/skin_simulator.py': 'the same'}
 #: QoS of DDS that compare the stamp of the sender's host with the clock of the receiver's (lifespan), or end with a
 #: lease that nothing here watches
 QOS = {'lifespan', 'deadline', 'liveliness', 'liveliness_lease_duration'}

@@ -6,10 +6,8 @@ import pytest
 import tactile_node as tn
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.library.contacts import Recogniser, recognised
-from tactile_node.synthetic.figures import named_silhouette, random_figure
-from tactile_node.synthetic.pressure import Skin, pressure_frame
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import Contact
+from tactile_node.simulator.figures import Skin, named_silhouette, pressure_frame, random_figure
+from tactile_node.simulator.world import Contact, Purpose, generator
 
 SKIN = Skin(blur=0.4, noise=0.005)
 PITCH = 0.004

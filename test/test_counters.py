@@ -9,15 +9,15 @@ pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run 
 
 from diagnostic_msgs.msg import DiagnosticStatus  # noqa: E402
 
-from tactile_node.cia301.nmt import NmtState  # noqa: E402
-from tactile_node.frames import counters  # noqa: E402
-from tactile_node.frames.counters import Counter  # noqa: E402
-from tactile_node.frames.health import BusHealth, NodeHealth  # noqa: E402
-from tactile_node.frames.losses import BusStatistics, LossReason, PadStatistics  # noqa: E402
+from tactile_node.assembly import counters  # noqa: E402
+from tactile_node.assembly.counters import Counter  # noqa: E402
+from tactile_node.assembly.frame_source import BusStatistics, LossReason, PadStatistics  # noqa: E402
+from tactile_node.assembly.health import BusHealth, NodeHealth  # noqa: E402
+from tactile_node.cia301.objects import NmtState  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
 from tactile_node.ros.status_message import status_message  # noqa: E402
-from tactile_node.view.states import facts_of, facts_of_status  # noqa: E402
-from tactile_node.view.health_table import health_table  # noqa: E402
+from tactile_node.viewing.health_table import health_table  # noqa: E402
+from tactile_node.viewing.states import facts_of, facts_of_status  # noqa: E402
 from tactile_skin.msg import NodeStatus, PadStatus, SkinStatus  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'docs/_ext'))

@@ -8,8 +8,8 @@ import pytest
 from test_logs import tiny_log
 
 from tactile_node.errors import LogError
-from tactile_node.recording.bag_log import McapCanWriter
-from tactile_node.recording.log_reader import CanLogReader
+from tactile_node.logs.bag_log import McapCanWriter
+from tactile_node.logs.log_reader import CanLogReader
 
 
 def half(line):

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from tactile_node.delay.estimator import DelayEstimator, DelaySettings
 from tactile_node.errors import ConfigurationError, InputError
+from tactile_node.ros.message_age import DelayEstimator, DelaySettings
 
 SETTINGS = DelaySettings()
 LIMIT = 0.1  #: s, what a reader takes as current

@@ -11,7 +11,7 @@ from examples.demo.observation import Seen, SeenFit, verdicts_of
 from examples.demo.picture import draw_pad
 from examples.demo.report import table, write_csv
 from tactile_node.simulator.touches import Touch
-from tactile_node.synthetic.world import Contact
+from tactile_node.simulator.world import Contact
 
 PITCH = 0.002
 CORNERS = np.array([[0.01, 0.01], [0.02, 0.01], [0.02, 0.015], [0.01, 0.015]])

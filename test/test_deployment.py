@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from tactile_node.cli.bringup_nodes import described
+from tactile_node.cli.bringup import described
 from tactile_node.cli.main import _parser
 
 EXAMPLES = Path(__file__).resolve().parents[1] / 'examples'

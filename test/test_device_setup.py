@@ -3,17 +3,17 @@
 import pytest
 from canopen import SdoAbortedError
 
+from tactile_node.assembly.frame_source import PadStatistics
+from tactile_node.assembly.health import NodeFault
+from tactile_node.bus.bus_devices import read_errors
 from tactile_node.bus.bus_monitor import BusMonitor
-from tactile_node.bus.device_errors import read_errors
 from tactile_node.bus.device_setup import DeviceSetup
 from tactile_node.cia301.emergency import DeviceErrors
 from tactile_node.cia301.heartbeat import Heartbeats
 from tactile_node.errors import DeviceError
-from tactile_node.frames.health import NodeFault
-from tactile_node.frames.losses import PadStatistics
 from tactile_node.skin.pads import make_pad
-from tactile_node.supervision.node_monitor import NodeMonitor
-from tactile_node.supervision.node_traffic import BusSeen
+from tactile_node.sources.node_monitor import NodeMonitor
+from tactile_node.sources.node_traffic import BusSeen
 
 NODE = make_pad('pad', 32, 'sim16x16.yaml').nodes[0]
 READ_ONLY, UNKNOWN = 0x0601_0002, 0x0602_0000  # abort codes of CiA 301

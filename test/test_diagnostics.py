@@ -6,16 +6,9 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from tactile_node.assembly.router import BusStatistics
-from tactile_node.cia301.emergency import decode_emergency
-from tactile_node.cia301.nmt import NmtState
-from tactile_node.conditioning.condition_text import ZERO_TEXT
-from tactile_node.conditioning.conditioned_pad import PadCondition
-from tactile_node.conditioning.tare import ZeroState
-from tactile_node.conditioning.taxel_faults import FaultyTaxels
-from tactile_node.errors import HalfZeroedError
-from tactile_node.frames.fault_text import PHRASES, failure_text
-from tactile_node.frames.health import (
+from tactile_node.assembly.fault_text import PHRASES, failure_text
+from tactile_node.assembly.frame_source import LossReason, PadStatistics
+from tactile_node.assembly.health import (
     BusFault,
     BusHealth,
     Failure,
@@ -27,7 +20,13 @@ from tactile_node.frames.health import (
     SyncFault,
     SyncState,
 )
-from tactile_node.frames.losses import LossReason, PadStatistics
+from tactile_node.assembly.router import BusStatistics
+from tactile_node.cia301.emergency import decode_emergency
+from tactile_node.cia301.objects import NmtState
+from tactile_node.conditioning.conditioned_pad import ZERO_TEXT, PadCondition
+from tactile_node.conditioning.tare import ZeroState
+from tactile_node.conditioning.taxel_faults import FaultyTaxels
+from tactile_node.errors import HalfZeroedError
 from tactile_node.ros.diagnostics import BusDiagnostics
 
 pytestmark = pytest.mark.ros

@@ -12,17 +12,17 @@ from can_bench import Bench, only, tiny_layout, wait_until
 from faulty_bus import Adapter
 
 from tactile_node.assembly.domain_assembler import DomainAssembler
+from tactile_node.assembly.frame_source import Loss, LossReason
+from tactile_node.assembly.health import NodeFault
 from tactile_node.bus import skin_bus
-from tactile_node.cia301.sdo_upload import SdoUpload, Step
+from tactile_node.cia301.sdo import SdoUpload, Step
 from tactile_node.errors import ConfigurationError, DeviceError
-from tactile_node.frames.health import NodeFault
-from tactile_node.frames.losses import Loss, LossReason
-from tactile_node.frames.taxel_frame import TaxelStatus
-from tactile_node.recording.log_reader import CanLogReader
-from tactile_node.recording.log_source import LogSource
+from tactile_node.logs.log_reader import CanLogReader
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings
 from tactile_node.skin.taxel_codec import TaxelCodec
+from tactile_node.sources.log_source import LogSource
+from tactile_node.taxel_frame import TaxelStatus
 
 TINY = '''
 rows: 3

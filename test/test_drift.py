@@ -8,10 +8,9 @@ import os
 import numpy as np
 import pytest
 
-from tactile_node.conditioning.contact_guard import ContactGuard
 from tactile_node.conditioning.drift import DriftFollower
-from tactile_node.conditioning.tare import TaredPad
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.conditioning.tare import ContactGuard, TaredPad
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 LIMIT, RATE, SIDE, NOISE = 10e3, 50, 16, 300.0  # Pa, Hz, taxels, Pa
 GRASP = 40e3

@@ -11,19 +11,18 @@ from rclpy.parameter import Parameter
 from ros_bench import RosBench
 from std_srvs.srv import Trigger
 
-from tactile_node.calibration.response import SkinResponse, save_response
-from tactile_node.conditioning.fault_file import load_faults
-from tactile_node.conditioning.response_curve import make_curve
-from tactile_node.conditioning.taxel_faults import TaxelFault
+from tactile_node.conditioning.gain import make_curve
+from tactile_node.conditioning.taxel_faults import TaxelFault, load_faults
 from tactile_node.errors import ConfigurationError
-from tactile_node.frames.taxel_frame import TaxelFrame
+from tactile_node.learning.response import SkinResponse, save_response
 from tactile_node.nodes.driver_node import DriverNode
 from tactile_node.nodes.driver_source import driver_pads
-from tactile_node.pose.layer import Layer
+from tactile_node.pose.profiles import Layer
 from tactile_node.ros.conditioning_setup import conditioned_pads, skin_responses
 from tactile_node.ros.parameters import table
 from tactile_node.ros.qos import STATUS_QOS, frames_qos
 from tactile_node.ros.settings import DriverSettings
+from tactile_node.taxel_frame import TaxelFrame
 from tactile_skin.msg import FaultyTaxel, NodeStatus, SkinStatus, TaxelArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]

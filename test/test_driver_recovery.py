@@ -22,7 +22,9 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 
-from tactile_node.frames.health import BusFault, Failure
+from tactile_node.assembly.health import BusFault, Failure
+from tactile_node.bus import threads
+from tactile_node.bus.threads import FIRST_REMINDER
 from tactile_node.nodes import driver_node
 from tactile_node.nodes.driver_node import DriverNode
 from tactile_node.nodes.lifecycle_steps import WAITING
@@ -31,8 +33,6 @@ from tactile_node.ros.parameters import read
 from tactile_node.ros.qos import STATUS_QOS, frames_qos
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.ros.time_messages import seconds
-from tactile_node.threads import change_pace
-from tactile_node.threads.reminder import FIRST_REMINDER
 from tactile_skin.msg import NodeStatus, SkinStatus, TaxelArray
 from tactile_skin.srv import Tare
 
@@ -346,7 +346,7 @@ def test_a_fault_reaches_the_status_when_it_changes(chain, monkeypatch):
     """Not by the message of each second, which does not come here; `make faults` measures how soon."""
     chain.driver.autostart()
     chain.wait(lambda: (OK, OK) in chain.levels, 'never OK')
-    monkeypatch.setattr(change_pace, 'EARLY', -inf)
+    monkeypatch.setattr(threads, 'EARLY', -inf)
     heard = seen_status(chain)
     chain.bench.adapter.is_plugged = False
     chain.wait(lambda: heard and heard[-1][1].fault != SkinStatus.FAULT_NONE, 'not reported')

@@ -5,8 +5,7 @@ from can_bench import TINY, tiny_layout
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.eds import load_eds
-from tactile_node.skin.eds_rules import check_against
-from tactile_node.skin.identity import Identity, identity_of
+from tactile_node.skin.eds_rules import Identity, check_against, identity_of
 
 SMALL = '''[DeviceInfo]
 VendorName=nobody

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from can_bench import TINY, only, tiny_layout
 
+from tactile_node.assembly.frame_source import Loss, LossReason
 from tactile_node.assembly.snapshot_assembler import SNAPSHOT_WAIT, SnapshotAssembler
 from tactile_node.assembly.sweep_assembler import SweepAssembler
 from tactile_node.errors import ConfigurationError
-from tactile_node.frames.losses import Loss, LossReason
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus, without_any_value
 from tactile_node.skin.taxel_codec import without_values
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, without_any_value
 
 T = 0.02
 MAX_AGE = 0.05

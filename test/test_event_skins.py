@@ -8,17 +8,16 @@ import pytest
 from can_bench import INTERFACE, Bench, Master, channel_of, other_bus, wait_until
 from faulty_bus import Adapter
 
+from tactile_node.assembly.health import NodeFault
 from tactile_node.bus import skin_bus
-from tactile_node.bus.bus_settings import BusSettings
+from tactile_node.bus.bus_network import BusSettings
 from tactile_node.bus.skin_bus import SkinBus
-from tactile_node.frames.health import NodeFault
-from tactile_node.frames.taxel_frame import TaxelStatus
-from tactile_node.recording.log_source import LogSource
-from tactile_node.simulator.event_schedule import EventSchedule
 from tactile_node.simulator.skin_simulator import SkinSimulator
-from tactile_node.simulator.tpdo_records import ConfiguredTpdo
+from tactile_node.simulator.tpdo_records import ConfiguredTpdo, EventSchedule
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings, make_pad
+from tactile_node.sources.log_source import LogSource
+from tactile_node.taxel_frame import TaxelStatus
 
 SWEEPS, SNAPSHOTS = 'event12x8_8bit.yaml', 'event8x8_16bit.yaml'
 SHAPES = {SWEEPS: (12, 8), SNAPSHOTS: (8, 8)}

@@ -4,18 +4,7 @@ from functools import partial
 
 import pytest
 
-from tactile_node.cia301.emergency import DeviceErrors, decode_emergency
-from tactile_node.cia301.nmt import NmtState
-from tactile_node.errors import (
-    BusError,
-    ConfigurationError,
-    DeviceAbsentError,
-    DeviceError,
-    LogError,
-    TareRefusal,
-    TareRefusedError,
-)
-from tactile_node.frames.fault_text import (
+from tactile_node.assembly.fault_text import (
     OVERLOAD_PHRASES,
     PHRASES,
     SYNC_PHRASES,
@@ -26,7 +15,7 @@ from tactile_node.frames.fault_text import (
     node_text,
     reaction_text,
 )
-from tactile_node.frames.health import (
+from tactile_node.assembly.health import (
     BusFault,
     Failure,
     ForeignCommand,
@@ -36,6 +25,17 @@ from tactile_node.frames.health import (
     Overload,
     SentTpdo,
     SyncFault,
+)
+from tactile_node.cia301.emergency import DeviceErrors, decode_emergency
+from tactile_node.cia301.objects import NmtState
+from tactile_node.errors import (
+    BusError,
+    ConfigurationError,
+    DeviceAbsentError,
+    DeviceError,
+    LogError,
+    TareRefusal,
+    TareRefusedError,
 )
 
 

@@ -8,9 +8,9 @@ from can_bench import wait_until
 from fault_bench import FaultBench
 from fault_catalogue import FAULTS
 
+from tactile_node.assembly.health import BusFault, NodeFault
 from tactile_node.cia301.emergency import decode_emergency
-from tactile_node.cia301.nmt import NmtState
-from tactile_node.frames.health import BusFault, NodeFault
+from tactile_node.cia301.objects import NmtState
 
 pytestmark = pytest.mark.bus
 

@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from tactile_node.cli.silhouette_option import touching
+from tactile_node.cli.simulate import touching
 from tactile_node.errors import InputError
+from tactile_node.simulator.figures import NAMED, Figure, coverage, named_silhouette, silhouette_of
 from tactile_node.simulator.touches import touch_program
 from tactile_node.skin.layout_file import load_layout
-from tactile_node.synthetic.figures import NAMED, Figure, named_silhouette, silhouette_of
-from tactile_node.synthetic.pressure import coverage
 
 
 @pytest.mark.parametrize('name', NAMED)

@@ -17,8 +17,8 @@ from tactile_node.cli.frame_file import TaxelFrames, read_frames
 from tactile_node.cli.frame_png import Greys
 from tactile_node.cli.main import main
 from tactile_node.errors import InputError
-from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.skin.layout import MAX_SIDE
+from tactile_node.taxel_frame import TaxelStatus
 
 LOG = Path(__file__).parent / 'data' / 'sim16x16_two_pads.log.gz'
 SQUARE = np.zeros((12, 12))

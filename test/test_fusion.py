@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.fusion.recognitions import FusionSettings, RecognitionFusion
 from tactile_node.shape.recognition import Recognition, Shape, TaughtShape, UnknownReason
-from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.shape.recognitions import FusionSettings, RecognitionFusion
+from tactile_node.simulator.world import Purpose, generator
 
 PERIOD = 0.01
 SQUARE = {Shape.SQUARE: 0.6, Shape.CIRCLE: 0.3, Shape.UNKNOWN: 0.1}

@@ -6,13 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from tactile_node.cia301.connection_set import SERVICES
-from tactile_node.cia301.nmt import NmtState
+from tactile_node.assembly.fault_text import OVERLOAD_PHRASES, PHRASES, SYNC_PHRASES
+from tactile_node.assembly.frame_source import BusStatistics, LossReason, PadStatistics
+from tactile_node.assembly.health import BusHealth, NodeHealth
+from tactile_node.cia301.objects import SERVICES, NmtState
 from tactile_node.conditioning.conditioned_pad import PadCondition
 from tactile_node.conditioning.taxel_faults import FaultDetector
-from tactile_node.frames.fault_text import OVERLOAD_PHRASES, PHRASES, SYNC_PHRASES
-from tactile_node.frames.health import BusHealth, NodeHealth
-from tactile_node.frames.losses import BusStatistics, LossReason, PadStatistics
 from tactile_node.ros.diagnostics import BusDiagnostics
 
 DOCS = Path(__file__).resolve().parents[1] / 'docs'

@@ -17,7 +17,7 @@ from types import SimpleNamespace
 import pytest
 from launch_stand_in import declared, nodes_of, process_of, put_stand_ins
 
-from tactile_node.cli.bringup_nodes import ARGUMENTS
+from tactile_node.cli.bringup import ARGUMENTS
 from tactile_node.cli.main import _parser
 from tactile_node.node_graph import bus_nodes
 from tactile_node.ros.settings import ClassifierSettings, DriverSettings, GraspNodeSettings, table

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from launch_stand_in import nodes_of, process_of, put_stand_ins
 
-from tactile_node.cli.bringup_nodes import described
+from tactile_node.cli.bringup import described
 from tactile_node.cli.main import _parser
 from tactile_node.errors import ConfigurationError
 from tactile_node.node_graph import Role
@@ -81,15 +81,15 @@ class Missing:
 
 sys.meta_path.insert(0, Missing())
 from tactile_node.cli.main import main
-from tactile_node.nodes import bringup
-running = bringup.running
+from tactile_node.nodes import run
+running = run.running
 
 def observed(nodes, arguments):
     threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
     print(*(node.label for node in nodes), flush=True)
     return running(nodes, arguments)
 
-bringup.running = observed
+run.running = observed
 sys.exit(main(['bringup', '--side', 'perception', '--pads', 'left,right']))
 """
 

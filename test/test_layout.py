@@ -14,11 +14,10 @@ import yaml
 from can_bench import TINY, tiny_layout
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.skin.layout_file import load_layout, read_layout
-from tactile_node.skin.pad_rules import check_pads
-from tactile_node.skin.pads import PadSettings, make_pad
+from tactile_node.skin.pads import PadSettings, check_pads, make_pad
 from tactile_node.skin.taxel_codec import TaxelCodec
+from tactile_node.taxel_frame import TaxelStatus
 
 
 def one_tpdo(value: str, taxels: str, rows: int = 1, cols: int = 1) -> str:

@@ -208,10 +208,9 @@ def test_of_single_arrays_and_of_all_pressed_taxels_nothing_is_left_over():
 def test_what_is_left_over_arrives_in_a_message_that_is_accepted(specks):
     """NOT_SEEN, never EMPTY, with the taxels as FAULTY and without a value, and with the noise of each taxel."""
     pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-    from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
-    from tactile_node.ros.contact_messages import contact_message, pattern_of
+    from tactile_node.ros.contact_messages import contact_message, pattern_of, taxel_array_message, taxel_values
     from tactile_node.ros.message_checks import check_contact, check_taxel_array
-    from tactile_node.ros.taxel_messages import taxel_array_message, taxel_values
+    from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
     from tactile_skin.msg import Contact
     rng, extractor, stays = np.random.default_rng(4), PatternExtractor(unit='Pa'), np.isin(16 * ROWS + COLS, specks)
     status = np.full((16, 16), TaxelStatus.VALID, np.uint8)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import tactile_node as tn
-from tactile_node.fusion.recognitions import RecognitionFusion
+from tactile_node.shape.recognitions import RecognitionFusion
 
 ROOT = Path(__file__).resolve().parents[1]
 SQUARE = np.pad(np.full((7, 7), 50e3), 4)

@@ -9,12 +9,12 @@ import pytest
 from can_bench import TINY, tiny_layout
 from test_logs import DATA, ROWS, SYNC, play, tiny_log, tiny_pads
 
+from tactile_node.assembly.health import BusFault
 from tactile_node.cia301.objects import IDENTITY
 from tactile_node.cli.main import main
 from tactile_node.errors import ConfigurationError
-from tactile_node.frames.health import BusFault
-from tactile_node.recording.logged_set_up import LoggedSetUp
-from tactile_node.skin.identity import Identity
+from tactile_node.logs.logged_set_up import LoggedSetUp
+from tactile_node.skin.eds_rules import Identity
 from tactile_node.skin.pads import PadSettings, identities_of
 
 SWEEP = (SYNC, *ROWS)

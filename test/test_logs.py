@@ -13,17 +13,17 @@ import numpy as np
 import pytest
 from can_bench import tiny_layout
 
+from tactile_node.assembly.frame_source import LossReason
+from tactile_node.assembly.health import BusFault
 from tactile_node.cli.main import main
 from tactile_node.errors import LogError
-from tactile_node.frames.health import BusFault
-from tactile_node.frames.losses import LossReason
-from tactile_node.recording.bag_log import McapCanWriter
-from tactile_node.recording.log_reader import CanLogReader
-from tactile_node.recording.log_source import LogSource
-from tactile_node.recording.log_writer import CanLogWriter
+from tactile_node.logs.bag_log import McapCanWriter
+from tactile_node.logs.log_reader import CanLogReader
+from tactile_node.logs.log_writer import CanLogWriter
 from tactile_node.simulator.recording import load_recording
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings
+from tactile_node.sources.log_source import LogSource
 
 DATA = Path(__file__).parent / 'data'
 RING = DATA / 'nus_ring_session.log.gz'

@@ -18,20 +18,19 @@ from test_topic_bag import TAXELS, _with_header, store, taxel_array
 
 from tactile_node.cli import replay
 from tactile_node.errors import ConfigurationError, LogError
-from tactile_node.frames.taxel_frame import TaxelStatus
+from tactile_node.logs.bag_records import records_of
+from tactile_node.logs.damage import DamageKind
+from tactile_node.logs.log_reader import CanLogReader
+from tactile_node.logs.log_writer import CanLogWriter, LogFile
+from tactile_node.logs.replay_times import Window
+from tactile_node.logs.series import following
+from tactile_node.logs.topic_bag import TopicBagReader, Unread
 from tactile_node.package_files import package_file
-from tactile_node.recording.bag_records import records_of
-from tactile_node.recording.damage import DamageKind
-from tactile_node.recording.log_reader import CanLogReader
-from tactile_node.recording.log_writer import CanLogWriter, LogFile
-from tactile_node.recording.series import following
-from tactile_node.recording.topic_bag import TopicBagReader, Unread
-from tactile_node.recording.window import Window
-from tactile_node.report.report_page import page_of
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings
-from tactile_node.view.recordings import BagRecording
-from tactile_node.view.timeline import Timeline
+from tactile_node.taxel_frame import TaxelStatus
+from tactile_node.viewing.recordings import BagRecording, Timeline
+from tactile_node.viewing.report_page import page_of
 
 mcap = pytest.importorskip('mcap.writer')
 rosbags = pytest.importorskip('rosbags.rosbag2')

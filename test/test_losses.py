@@ -1,7 +1,7 @@
 """The reasons of losses: their codes and names are part of the interface."""
 
-from tactile_node.frames.losses import BusStatistics, LossReason, PadStatistics
-from tactile_node.recording.log_source import summary
+from tactile_node.assembly.frame_source import BusStatistics, LossReason, PadStatistics
+from tactile_node.sources.log_source import summary
 
 
 def test_codes_and_names_of_the_reasons_are_stable():

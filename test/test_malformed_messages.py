@@ -22,10 +22,7 @@ from ros_bench import TIMEOUT, RosBench
 
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.contact.visibility import visibility_of
-from tactile_node.delay.source_guard import HOLD
 from tactile_node.errors import InputError
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
-from tactile_node.fusion.recognitions import FusedRecognition, RecognitionFusion
 from tactile_node.grasp.opening import GapSource, Opening
 from tactile_node.grasp.tracker import GraspTracker, SideResult, SideState
 from tactile_node.helmholtz.features import Group, compute_features
@@ -37,7 +34,7 @@ from tactile_node.nodes.replay import WINDOW, ReplayGate
 from tactile_node.pose.box import contact_box
 from tactile_node.pose.fit import fit_shape
 from tactile_node.pose.moments import contact_moments
-from tactile_node.ros.contact_messages import contact_message, features_message
+from tactile_node.ros.contact_messages import contact_message, features_message, taxel_array_message, taxel_values
 from tactile_node.ros.grasp_messages import grasp_message, side_result
 from tactile_node.ros.message_checks import (
     RejectReason,
@@ -51,9 +48,11 @@ from tactile_node.ros.message_checks import (
 from tactile_node.ros.message_health import MessageCounts, StreamFault, StreamHealth, health_status
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.shape_messages import Findings, shape_message
-from tactile_node.ros.taxel_messages import taxel_array_message, taxel_values
+from tactile_node.ros.source_guard import HOLD
 from tactile_node.ros.time_messages import duration_message, time_message
 from tactile_node.shape.recognition import Recognition, Shape
+from tactile_node.shape.recognitions import FusedRecognition, RecognitionFusion
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_skin.msg import (
     Contact,
     ContactFeatures,

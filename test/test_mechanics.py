@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from bench.recognition import mechanics as reported
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import CLASSES, random_contact
+from tactile_node.simulator.world import CLASSES, Purpose, generator, random_contact
 from training.ground_truth.contact_solver import press
 from training.ground_truth.half_space import displacement_influence, stress_influence
 from training.ground_truth.indenters import ball, cone, cylinder, flat_punch, inscribed_radius

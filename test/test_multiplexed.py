@@ -7,12 +7,11 @@ import pytest
 from can_bench import Bench, only, tiny_layout
 
 from tactile_node.assembly.assembler import FrameAssembler
+from tactile_node.assembly.frame_source import Loss, LossReason
 from tactile_node.errors import ConfigurationError
-from tactile_node.frames.losses import Loss, LossReason
-from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.skin.layout_file import load_layout
-from tactile_node.skin.pad_rules import check_pads
-from tactile_node.skin.pads import make_pad
+from tactile_node.skin.pads import check_pads, make_pad
+from tactile_node.taxel_frame import TaxelStatus
 
 ROWS = '''
 rows: 2

@@ -9,12 +9,12 @@ from can_bench import Bench
 from canopen import SdoAbortedError
 from fault_bench import TIMEOUT, FaultBench
 
-from tactile_node.bus import auto_zero, bus_devices
+from tactile_node.bus import bus_devices
 from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.errors import DeviceAbsentError, DeviceError, HalfZeroedError
 from tactile_node.package_files import config_path
-from tactile_node.recording.log_source import LogSource
 from tactile_node.skin.pads import make_pad
+from tactile_node.sources.log_source import LogSource
 
 pytestmark = pytest.mark.bus
 
@@ -48,7 +48,7 @@ def test_an_eds_without_it_is_reported():
 
 
 def test_a_device_that_refuses_is_reported_by_channel(monkeypatch):
-    monkeypatch.setattr(auto_zero, 'ZERO_SIGNATURE', b'nero')
+    monkeypatch.setattr(bus_devices, 'ZERO_SIGNATURE', b'nero')
     with Bench('refuses_zero', 'sim8x8_16bit.yaml') as bench:
         bench.driver.open()
         with pytest.raises(DeviceError, match='0x6125 sub 1: .*0 of 64 channels are zeroed') as refused:

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from tactile_node.contact.noise_floor import LEARNED_AFTER, NoiseFloor
+from tactile_node.contact.noise_floor import LEARNED_AFTER, NoiseFloor, resting_of
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PressThresholds
-from tactile_node.contact.resting import resting_of
 
 SHAPE = (12, 12)
 ROWS, COLS = np.mgrid[:12, :12]

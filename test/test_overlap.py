@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_node.synthetic.world import CLASSES, random_contact
+from tactile_node.simulator.world import CLASSES, random_contact
 from training.ground_truth.overlap import Limits, best_overlap, overlaps
 from training.ground_truth.raster import as_raster, coarser
 from training.ground_truth.simplex import maximised

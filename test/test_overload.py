@@ -11,16 +11,16 @@ from hidden_skin import NODE_ID, write_log
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 
-from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.nodes import replay
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.driver_node import DriverNode
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.processor_node import ProcessorNode
 from tactile_node.nodes.replay import WINDOW, ReplayGate
+from tactile_node.ros.contact_messages import taxel_array_message
 from tactile_node.ros.message_checks import check_taxel_array
 from tactile_node.ros.qos import frames_qos
-from tactile_node.ros.taxel_messages import taxel_array_message
+from tactile_node.taxel_frame import TaxelFrame
 from tactile_skin.msg import Contact, ContactShape, Progress, TaxelArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]

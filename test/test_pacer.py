@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_node.threads.change_pace import EARLY, MOST, PERIOD, ChangePace
-from tactile_node.threads.pacer import Schedule
+from tactile_node.bus.threads import EARLY, MOST, PERIOD, ChangePace, Schedule
 
 
 def times(delays, period=1.0, lasts=0.0):

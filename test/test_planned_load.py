@@ -10,12 +10,12 @@ from dataclasses import replace
 
 import pytest
 
-from tactile_node.bus.bus_settings import BusSettings
-from tactile_node.bus.planned_load import planned_load
+from tactile_node.bus.bus_network import BusSettings
+from tactile_node.bus.load import planned_load
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import make_pad
-from tactile_node.supervision.supervisor import Supervisor
+from tactile_node.sources.supervisor import Supervisor
 
 FRAME, SYNC = 98 + 24 + 13, 34 + 8 + 13
 NODE_IDS = 32, 40, 48, 56

@@ -21,8 +21,8 @@ from tactile_node.nodes.spinning import spinning
 from tactile_node.nodes.system import System
 from tactile_node.ros.message_age import InputAge
 from tactile_node.simulator.skin_simulator import SkinSimulator
+from tactile_node.simulator.world import Contact
 from tactile_node.skin.pads import make_pads, with_dictionaries
-from tactile_node.synthetic.world import Contact
 from tactile_skin.msg import Grasp
 
 TIMEOUT = 60.0  # s

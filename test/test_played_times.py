@@ -2,7 +2,7 @@
 
 import pytest
 
-from tactile_node.recording.replay_times import LENGTH, RESOLUTION, PlayedTimes
+from tactile_node.logs.replay_times import LENGTH, RESOLUTION, PlayedTimes
 
 
 class Played:

@@ -6,17 +6,14 @@ import pytest
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PressThresholds
 from tactile_node.errors import InputError
-from tactile_node.geometry.coverage import Window
-from tactile_node.geometry.outlines import OUTLINES, outline_of
-from tactile_node.geometry.polygon import depth_inside, moving_depth
 from tactile_node.pose.first_guess import guesses, moments_of
 from tactile_node.pose.fit import fit_shape
+from tactile_node.pose.outlines import OUTLINES, Window, depth_inside, moving_depth, outline_of
 from tactile_node.pose.skin_model import PatternModel, PressureModel
 from tactile_node.pose.solids import pose_covariance, prism, solid
 from tactile_node.shape.recognition import SHAPES, Shape
-from tactile_node.synthetic.pressure import Skin, pressure_frame
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import CLASSES, Contact, random_contact
+from tactile_node.simulator.figures import Skin, pressure_frame
+from tactile_node.simulator.world import CLASSES, Contact, Purpose, generator, random_contact
 from training.ground_truth.raster import coverage
 
 WINDOW = Window(0, 0, 20, 20)

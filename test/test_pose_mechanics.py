@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from tactile_node import find_contact
-from tactile_node.geometry.outlines import outline_of
 from tactile_node.pose.fit import fit_shape
+from tactile_node.pose.outlines import outline_of
 from tactile_node.shape.recognition import Shape
-from tactile_node.synthetic.world import Contact
+from tactile_node.simulator.world import Contact
 from training.ground_truth.indenters import Indenter, ball, cone, cylinder, flat_punch
 from training.ground_truth.layer import measured, sample, stress_field
 from training.ground_truth.mechanics import solve

@@ -15,8 +15,7 @@ from can_bench import wait_until
 from tactile_node.bus import traffic as traffic_module
 from tactile_node.bus.bus_network import open_bus
 from tactile_node.bus.reception import MOST, Batch, Reception
-from tactile_node.bus.sync_pause import SyncPause
-from tactile_node.bus.traffic import Traffic
+from tactile_node.bus.traffic import SyncPause, Traffic
 
 pytestmark = pytest.mark.bus
 

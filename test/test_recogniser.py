@@ -19,8 +19,7 @@ from tactile_node.shape.patch import ROOM, SIDE, join_pieces, joined, make_patch
 from tactile_node.shape.recogniser import LOG_SIZES, Calibration, ShapeRecogniser
 from tactile_node.shape.recognition import Shape, UnknownReason
 from tactile_node.shape.volf import GROUPS
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import CLASSES, Contact, random_contact
+from tactile_node.simulator.world import CLASSES, Contact, Purpose, generator, random_contact
 from training.field import NOMINAL_ON_OFF, NOMINAL_PRESSURE, Conditions, field_frame
 
 

@@ -9,9 +9,8 @@ from tactile_node.shape.invariants import describe_all
 from tactile_node.shape.likeness import COUNT
 from tactile_node.shape.patch import HIGHEST_LEVEL, SIDE, joined, make_patch
 from tactile_node.shape.recognition import Shape, UnknownReason
-from tactile_node.synthetic.pressure import coverage
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import CLASSES, Contact, random_contact
+from tactile_node.simulator.figures import coverage
+from tactile_node.simulator.world import CLASSES, Contact, Purpose, generator, random_contact
 
 
 @pytest.fixture(scope='module')

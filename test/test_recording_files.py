@@ -10,8 +10,8 @@ from test_can_commands import ROOT, run
 
 from tactile_node.cli import record
 from tactile_node.errors import ConfigurationError
-from tactile_node.recording.log_reader import CanLogReader
-from tactile_node.recording.log_writer import CanLogWriter
+from tactile_node.logs.log_reader import CanLogReader
+from tactile_node.logs.log_writer import CanLogWriter
 
 SUFFIXES = ['.log', '.log.gz', '.mcap']
 FRAMES = 1500
@@ -71,7 +71,7 @@ def test_a_next_file_that_cannot_be_made_ends_the_recording(tmp_path):
 FULL = '''
 import resource, sys, time
 import can
-from tactile_node.recording import log_writer
+from tactile_node.logs import log_writer
 from test_recording_files import numbered
 log_writer.FLUSH_PERIOD = 0.01
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]),) * 2)

@@ -10,22 +10,19 @@ from test_logs import DATA
 
 from tactile_node.conditioning.taxel_faults import TaxelFault
 from tactile_node.errors import LogError
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.library.contacts import Recogniser
-from tactile_node.recording.message_count import message_count
-from tactile_node.report.bus_record import BusRecord
-from tactile_node.report.charts import thinned
-from tactile_node.report.findings import Finding, findings
-from tactile_node.report.kept_entries import KEPT, Ends, LongestGaps
-from tactile_node.report.log_report import LogReporter
-from tactile_node.report.model import TaxelHealth
-from tactile_node.report.node_record import NodeRecords
-from tactile_node.report.status_record import StatusRecord
-from tactile_node.report.taxel_record import Mark, marks_of, no_value_share
-from tactile_node.report.touch import PICTURED
-from tactile_node.report.touch_finder import TouchFinder
+from tactile_node.logs.bag_records import message_count
 from tactile_node.shape.recognition import Recognition, Shape
 from tactile_node.skin.pads import make_pads
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.viewing.charts import thinned
+from tactile_node.viewing.findings import Finding, findings
+from tactile_node.viewing.log_report import LogReporter
+from tactile_node.viewing.model import KEPT, Ends, LongestGaps, TaxelHealth
+from tactile_node.viewing.node_record import BusRecord, NodeRecords
+from tactile_node.viewing.status_record import Mark, StatusRecord, marks_of, no_value_share
+from tactile_node.viewing.touch import PICTURED
+from tactile_node.viewing.touch_finder import TouchFinder
 
 SESSION = DATA / 'sim16x16_two_pads.log.gz'
 BEGIN = 1_700_000_000

@@ -11,16 +11,16 @@ from test_topic_bag import TAXELS, bag, store, taxel_array, unchunked
 
 from tactile_node.cli.main import main
 from tactile_node.errors import LogError
-from tactile_node.frames.taxel_frame import TaxelStatus
-from tactile_node.recording.message_count import message_count
-from tactile_node.recording.topic_bag import DIAGNOSTICS, SHAPE
-from tactile_node.report.bag_report import BagReporter
-from tactile_node.report.findings import Finding, findings
-from tactile_node.report.markup import ABSENT
-from tactile_node.report.model import Kind
-from tactile_node.report.report_page import page_of
-from tactile_node.report.touch_section import TAUGHT
+from tactile_node.logs.bag_records import message_count
+from tactile_node.logs.topic_bag import DIAGNOSTICS, SHAPE
 from tactile_node.shape.recognition import Recognition, Shape, TaughtShape
+from tactile_node.taxel_frame import TaxelStatus
+from tactile_node.viewing.findings import Finding, findings
+from tactile_node.viewing.log_report import BagReporter
+from tactile_node.viewing.markup import ABSENT
+from tactile_node.viewing.model import Kind
+from tactile_node.viewing.report_page import page_of
+from tactile_node.viewing.touch_section import TAUGHT
 
 VOID = {'meta', 'br', 'path', 'rect', 'polygon', 'polyline'}
 NAN = float('nan')

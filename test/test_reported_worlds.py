@@ -8,8 +8,7 @@ from bench.recognition import beside, blemish, foreign, spots
 from bench.recognition.figures import p_value_behind
 from bench.recognition.idle import IDLE
 from bench.recognition.stamp import Stamp, pressed
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import CLASSES, Contact, random_contact
+from tactile_node.simulator.world import CLASSES, Contact, Purpose, generator, random_contact
 from training.ground_truth.overlap import best_overlap
 
 

@@ -18,8 +18,7 @@ from tactile_node.helmholtz.features import compute_features
 from tactile_node.rate import Rate
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS, GROUPS, plane_feature
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import CLASSES, random_pattern
+from tactile_node.simulator.world import CLASSES, Purpose, generator, random_pattern
 from training.curve_fitting import COLUMNS, Samples
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tactile_node.errors import RefusedRequirementError, RequirementRefusal
-from tactile_node.grasp.line import Line
+from tactile_node.grasp.gripper import Line
 from tactile_node.grasp.requirement import MOST_SHAPES, Missing, Requirement, SideShape, missing
 from tactile_node.grasp.tracker import GraspContact, GraspState, SideState
 

@@ -7,22 +7,28 @@ import pytest
 
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.contact.visibility import visibility_of
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus, TpdoAges
-from tactile_node.fusion.recognitions import FusedRecognition
 from tactile_node.grasp.opening import NOT_KNOWN, GapSource, Opening
 from tactile_node.grasp.tracker import GraspTracker, SideState
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.pose.box import contact_box
-from tactile_node.pose.contact_fit import fit_contact
+from tactile_node.pose.fit import fit_contact
 from tactile_node.pose.moments import contact_moments
-from tactile_node.ros.contact_messages import contact_message, features_message, features_of, pattern_of
+from tactile_node.ros.contact_messages import (
+    contact_message,
+    features_message,
+    features_of,
+    pattern_of,
+    taxel_array_message,
+    taxel_values,
+)
 from tactile_node.ros.grasp_messages import grasp_message, side_result
 from tactile_node.ros.message_age import InputAge, age_seconds
 from tactile_node.ros.message_checks import RejectReason, check_contact_shape, check_grasp, check_taxel_array
 from tactile_node.ros.shape_messages import Findings, pose_message, shape_message
-from tactile_node.ros.taxel_messages import taxel_array_message, taxel_values
 from tactile_node.ros.time_messages import time_message
 from tactile_node.shape.recognition import Recognition, Shape, TaughtShape, likeliest_known
+from tactile_node.shape.recognitions import FusedRecognition
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, TpdoAges
 from tactile_skin.msg import ContactShape, Grasp
 
 pytestmark = pytest.mark.ros

@@ -6,7 +6,7 @@ import can
 import pytest
 from can_bench import INTERFACE, Served, channel_of
 
-from tactile_node.cia301.object_address import ObjectAddress, parse_address
+from tactile_node.cia301.objects import ObjectAddress, parse_address
 from tactile_node.cli.main import main
 from tactile_node.skin.object_value import WrongValueError, decoded, encoded
 

@@ -21,10 +21,9 @@ from tactile_node.bus.bus_network import open_bus
 from tactile_node.cia301.frame_bits import Frame
 from tactile_node.cli.main import main
 from tactile_node.errors import BusError
-from tactile_node.simulator.gripper import gripper_sources
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.slcan_pty import SlcanPty, decode, encode
-from tactile_node.simulator.touches import touch_program
+from tactile_node.simulator.touches import gripper_sources, touch_program
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import make_pad
 

@@ -10,10 +10,10 @@ from can_bench import INTERFACE, Bench, other_bus, wait_until
 
 from tactile_node.bus.skin_bus import BusSettings, SkinBus
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError, DeviceError, LogError
-from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.package_files import config_path
-from tactile_node.recording.log_source import LogSource
 from tactile_node.skin.pads import PadSettings, make_pad
+from tactile_node.sources.log_source import LogSource
+from tactile_node.taxel_frame import TaxelStatus
 
 pytestmark = pytest.mark.bus
 

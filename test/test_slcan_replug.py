@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from can_bench import wait_until
 
-from tactile_node.bus.bus_settings import BusSettings
-from tactile_node.frames.health import BusFault
+from tactile_node.assembly.health import BusFault
+from tactile_node.bus.bus_network import BusSettings
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.slcan_pty import SlcanPty
 from tactile_node.skin.pads import make_pads, with_dictionaries
-from tactile_node.supervision.supervisor import Supervisor
+from tactile_node.sources.supervisor import Supervisor
 
 pytestmark = pytest.mark.bus
 

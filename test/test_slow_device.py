@@ -9,9 +9,9 @@ import pytest
 from can_bench import Bench, other_bus, wait_until
 from canopen import SdoAbortedError, SdoCommunicationError
 
+from tactile_node.assembly.health import NodeFault
 from tactile_node.bus.own_sdo import OwnSdoClient
 from tactile_node.errors import BusError, DeviceAbsentError
-from tactile_node.frames.health import NodeFault
 from tactile_node.skin.eds import load_eds
 
 pytestmark = pytest.mark.bus

@@ -5,8 +5,7 @@ from itertools import chain
 
 import pytest
 
-from tactile_node.delay.source_guard import HOLD, RESTART, SourceGuard
-from tactile_node.delay.stamp_guard import CONFIRMED, StampGuard
+from tactile_node.ros.source_guard import CONFIRMED, HOLD, RESTART, SourceGuard, StampGuard
 
 PERIOD, EPOCH = 0.02, 1.7e9
 

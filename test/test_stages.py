@@ -12,10 +12,10 @@ from ros_bench import TIMEOUT, RosBench
 from taught_cross import cross, rng_of, write_taught_cross
 
 from tactile_node.errors import InputError
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.processor_node import ProcessorNode
-from tactile_node.pose.layer import Layer
+from tactile_node.pose.profiles import Layer
+from tactile_node.ros.contact_messages import taxel_array_message
 from tactile_node.ros.message_age import age_seconds
 from tactile_node.ros.message_checks import (
     check_contact,
@@ -24,7 +24,7 @@ from tactile_node.ros.message_checks import (
     check_contact_shapes,
 )
 from tactile_node.ros.qos import frames_qos
-from tactile_node.ros.taxel_messages import taxel_array_message
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_skin.msg import Contact, ContactFeatures, ContactShape, ContactShapes, TaxelArray
 
 pytestmark = pytest.mark.ros

@@ -14,13 +14,13 @@ pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus  # noqa: E402
 from tactile_node.nodes.processor_node import ProcessorNode  # noqa: E402
 from tactile_node.nodes.spinning import spinning  # noqa: E402
+from tactile_node.ros.contact_messages import taxel_array_message  # noqa: E402
 from tactile_node.ros.message_health import MessageCounts, StreamHealth, health_status  # noqa: E402
 from tactile_node.ros.qos import frames_qos  # noqa: E402
-from tactile_node.ros.taxel_messages import taxel_array_message  # noqa: E402
 from tactile_node.ros.time_messages import duration_message  # noqa: E402
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus  # noqa: E402
 from tactile_skin.msg import TaxelArray  # noqa: E402
 
 pytestmark = pytest.mark.ros

@@ -8,13 +8,9 @@ import numpy as np
 import pytest
 from rclpy.qos import DurabilityPolicy
 
-from tactile_node.cia301.nmt import NmtState
-from tactile_node.conditioning.conditioned_pad import PadCondition
-from tactile_node.conditioning.tare import ZeroState
-from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
-from tactile_node.errors import TareRefusal
-from tactile_node.frames.fault_text import PHRASES, failure_text
-from tactile_node.frames.health import (
+from tactile_node.assembly.fault_text import PHRASES, failure_text
+from tactile_node.assembly.frame_source import BusStatistics, LossReason, PadStatistics
+from tactile_node.assembly.health import (
     BusFault,
     BusHealth,
     Failure,
@@ -25,7 +21,11 @@ from tactile_node.frames.health import (
     SyncFault,
     SyncState,
 )
-from tactile_node.frames.losses import BusStatistics, LossReason, PadStatistics
+from tactile_node.cia301.objects import NmtState
+from tactile_node.conditioning.conditioned_pad import PadCondition
+from tactile_node.conditioning.tare import ZeroState
+from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
+from tactile_node.errors import TareRefusal
 from tactile_node.ros.diagnostics import BusDiagnostics
 from tactile_node.ros.qos import STATUS_QOS
 from tactile_node.ros.status_message import PrimaryState, status_message

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from tactile_node.synthetic.pressure import Skin, coverage, pressure_frame
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import CLASSES, Contact, random_contact, random_pattern
+from tactile_node.simulator.figures import Skin, coverage, pressure_frame
+from tactile_node.simulator.world import CLASSES, Contact, Purpose, generator, random_contact, random_pattern
 
 
 def polygon_area(vertices):

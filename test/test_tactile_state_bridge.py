@@ -10,8 +10,8 @@ import tactile_state_bridge as bridge
 from rclpy.parameter import Parameter
 from ros_bench import RosBench
 
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
-from tactile_node.ros.taxel_messages import taxel_array_message
+from tactile_node.ros.contact_messages import taxel_array_message
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_skin.msg import TaxelArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]

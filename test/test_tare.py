@@ -5,10 +5,9 @@ import threading
 import numpy as np
 import pytest
 
-from tactile_node.conditioning.contact_guard import ContactGuard
-from tactile_node.conditioning.tare import TaredPad, ZeroState, measure
+from tactile_node.conditioning.tare import ContactGuard, TaredPad, ZeroState, measure
 from tactile_node.errors import DeviceError, HalfZeroedError, TareRefusal, TareRefusedError
-from tactile_node.frames.taxel_frame import TaxelFrame
+from tactile_node.taxel_frame import TaxelFrame
 
 LIMIT = 10.0
 GUARD = ContactGuard.of_unit('Pa')

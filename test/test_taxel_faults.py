@@ -3,15 +3,12 @@
 import numpy as np
 import pytest
 
-from tactile_node.conditioning.condition_text import faults_text
-from tactile_node.conditioning.conditioned_pad import ConditionedPad
-from tactile_node.conditioning.contact_guard import ContactGuard
-from tactile_node.conditioning.fault_file import load_faults, save_faults
+from tactile_node.conditioning.conditioned_pad import ConditionedPad, faults_text
 from tactile_node.conditioning.gain import load_gains
-from tactile_node.conditioning.tare import TaredPad
-from tactile_node.conditioning.taxel_faults import FaultDetector, FaultyTaxels, TaxelFault
+from tactile_node.conditioning.tare import ContactGuard, TaredPad
+from tactile_node.conditioning.taxel_faults import FaultDetector, FaultyTaxels, TaxelFault, load_faults, save_faults
 from tactile_node.errors import ConfigurationError
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 SIDE, LIMIT, PRESS, FULL, PERIOD = 12, 10.0, 60.0, 100.0, 0.02
 GUARD = ContactGuard.of_unit('Pa')

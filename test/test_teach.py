@@ -14,18 +14,18 @@ from tactile_node.cli.main import main
 from tactile_node.cli.touch_sources import _guided
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.errors import ConfigurationError, InputError
+from tactile_node.learning.head_fit import FOREIGN, load_background
+from tactile_node.learning.taught_file import examples_in
+from tactile_node.learning.teach import LEAST_RIGHT, teach
+from tactile_node.learning.touches import Unused, find_touches
 from tactile_node.package_files import config_path
 from tactile_node.rate import Rate
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.recogniser import ShapeRecogniser, read_arrays
 from tactile_node.shape.recognition import Shape, TaughtShape, UnknownReason
+from tactile_node.simulator.figures import Skin, pressure_frame
+from tactile_node.simulator.world import CLASSES, random_contact
 from tactile_node.skin.layout_file import load_layout
-from tactile_node.synthetic.pressure import Skin, pressure_frame
-from tactile_node.synthetic.world import CLASSES, random_contact
-from tactile_node.teaching.background import FOREIGN, load_background
-from tactile_node.teaching.taught_file import examples_in
-from tactile_node.teaching.teach import LEAST_RIGHT, teach
-from tactile_node.teaching.touches import Unused, find_touches
 
 pytestmark = pytest.mark.slow
 

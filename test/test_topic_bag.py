@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from tactile_node.errors import LogError
-from tactile_node.frames.taxel_frame import TaxelStatus
-from tactile_node.package_files import package_file
-from tactile_node.recording.bag_log import TYPE as CAN_TYPE
-from tactile_node.recording.topic_bag import (
+from tactile_node.logs.bag_log import TYPE as CAN_TYPE
+from tactile_node.logs.topic_bag import (
     DIAGNOSTICS,
     SHAPE,
     TAXELS,
@@ -21,6 +19,8 @@ from tactile_node.recording.topic_bag import (
     holds_can_frames,
     holds_taxels,
 )
+from tactile_node.package_files import package_file
+from tactile_node.taxel_frame import TaxelStatus
 
 rosbags = pytest.importorskip('rosbags.rosbag2')
 typesys = pytest.importorskip('rosbags.typesys')

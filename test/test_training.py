@@ -10,8 +10,7 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.shape.invariants import describe
 from tactile_node.shape.patch import joined, make_patch
 from tactile_node.shape.recogniser import SIZES
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import Contact, random_contact
+from tactile_node.simulator.world import Contact, Purpose, generator, random_contact
 from training.batch import aligned, draw_forms, draw_many
 from training.blemishes import BLEMISHES
 from training.drawn_by import claim

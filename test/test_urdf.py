@@ -8,8 +8,7 @@ import pytest
 import yaml
 from urdf_frames import URDF, expand, joints, place
 
-from tactile_node.grasp.gripper import Gripper, PadPose
-from tactile_node.grasp.line import contact_line
+from tactile_node.grasp.gripper import Gripper, PadPose, contact_line
 
 GRIPPER = 'example_gripper.urdf.xacro'
 

@@ -9,14 +9,13 @@ import pytest
 from can_bench import wait_until
 from serial.tools import list_ports
 
-from tactile_node.bus.bus_network import BusNetwork, open_bus
-from tactile_node.bus.bus_settings import BusSettings
+from tactile_node.bus.bus_network import BusNetwork, BusSettings, open_bus
 from tactile_node.bus.usb_port import UsbPort
 from tactile_node.errors import BusError
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.slcan_pty import SlcanPty
 from tactile_node.skin.pads import make_pads, with_dictionaries
-from tactile_node.supervision.supervisor import Supervisor
+from tactile_node.sources.supervisor import Supervisor
 
 OF_PTY = 2  # descriptors: both ends
 PADS = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], [32]))

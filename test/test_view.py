@@ -11,22 +11,30 @@ import numpy as np
 import pytest
 from viewed import NAN, HandSource, contact, state
 
+from tactile_node.assembly.frame_source import BusStatistics, LossReason, PadStatistics
+from tactile_node.assembly.health import BusFault, BusHealth, Failure, NodeFault, NodeHealth
 from tactile_node.colour_map import PALETTE
-from tactile_node.frames.health import BusFault, BusHealth, Failure, NodeFault, NodeHealth
-from tactile_node.frames.losses import BusStatistics, LossReason, PadStatistics
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.library.contacts import Recogniser
-from tactile_node.view.colours import FullScale, levels
-from tactile_node.view.force_chart import force_chart
-from tactile_node.view.health_table import HealthHistory, health_table
-from tactile_node.view.heat_map import heat_map, words
-from tactile_node.view.pads_3d import Pads3d
-from tactile_node.view.page_parts import DEAD, PageFacts, Scales, clock_difference, grasp_html, pads_html, status_html
-from tactile_node.view.recognising import PadRecogniser
-from tactile_node.view.source import MOST_POINTS, Store
-from tactile_node.view.states import BusFacts, GraspFacts, NodeFacts, PadFacts, facts_of
-from tactile_node.view.terminal import line_of, show_in_terminal
-from tactile_node.view.timeline import Timeline
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.viewing.colours import FullScale, levels
+from tactile_node.viewing.force_chart import force_chart
+from tactile_node.viewing.health_table import HealthHistory, health_table
+from tactile_node.viewing.heat_map import heat_map, words
+from tactile_node.viewing.pads_3d import Pads3d
+from tactile_node.viewing.page_parts import (
+    DEAD,
+    PageFacts,
+    Scales,
+    clock_difference,
+    grasp_html,
+    pads_html,
+    status_html,
+)
+from tactile_node.viewing.recordings import Timeline
+from tactile_node.viewing.source import MOST_POINTS, Store
+from tactile_node.viewing.states import BusFacts, GraspFacts, NodeFacts, PadFacts, facts_of
+from tactile_node.viewing.terminal import line_of, show_in_terminal
+from tactile_node.viewing.touch_finder import PadRecogniser
 
 LIVE = PageFacts('by hand', None, '', 20.0, 0.05, scene_age=0.1)
 
@@ -453,7 +461,7 @@ class Sent:
 
 
 def page_of(source, browser):
-    from tactile_node.view.page import Page
+    from tactile_node.viewing.page import Page
     return Page(browser.client, source, lambda: True)
 
 
@@ -485,7 +493,7 @@ def test_a_browser_that_does_not_answer_gets_nothing_more_and_then_the_newest():
 
 
 def test_planes_are_computed_only_while_they_are_open(monkeypatch):
-    from tactile_node.view import page as module
+    from tactile_node.viewing import page as module
     computed = []
     monkeypatch.setattr(module.Planes, 'pictures', lambda self, masks: computed.append(masks) or '')
     source, browser = HandSource(['left']), Sent()
@@ -507,7 +515,7 @@ def test_planes_are_computed_only_while_they_are_open(monkeypatch):
 
 def test_a_point_lies_on_the_side_of_the_curve_that_the_classifier_takes():
     """A long bar is a rectangle by section 7: its point is in the field above the first curve."""
-    from tactile_node.view.planes import Planes
+    from tactile_node.viewing.pads_3d import Planes
     mask = np.zeros((16, 16), bool)
     mask[6:9, 2:14] = True
     pictures = Planes().pictures({0: mask}).split('class="tactile-planes">')[1]

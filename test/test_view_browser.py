@@ -76,7 +76,7 @@ class MovingSource(HandSource):
 
 @pytest.fixture
 def server():
-    from tactile_node.view.server import ViewServer
+    from tactile_node.viewing.server import ViewServer
     server = ViewServer(MovingSource(), port=0)
     yield server
     server.close()
@@ -168,8 +168,8 @@ def cover(page):
 
 def test_a_contact_that_has_gone_is_not_left_in_the_3d_view(browser, monkeypatch):
     """As where WebGL runs in software: after the first update of the scene the next one is far off."""
-    from tactile_node.view import page as module
-    from tactile_node.view.server import ViewServer
+    from tactile_node.viewing import page as module
+    from tactile_node.viewing.server import ViewServer
     monkeypatch.setattr(module, 'SCENE_PERIOD', 3600.0)
     server = ViewServer(MovingSource(), port=0)
     page = opened(browser, server)
@@ -284,7 +284,7 @@ AGES = """begin => new Promise(resolve => {
 
 
 def test_over_a_slow_tunnel_nothing_old_looks_live(browser, server):
-    from tactile_node.view.page_parts import OLD
+    from tactile_node.viewing.page_parts import OLD
     begin = time.time()
     server._source.side_at = lambda now: now - begin
     tunnel = Tunnel(server.port)

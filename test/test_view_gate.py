@@ -7,8 +7,8 @@ import pytest
 from viewed import HandSource
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.view.gate import Gate, Request, refused
-from tactile_node.view.server import ViewServer
+from tactile_node.viewing.gate import Gate, Request, refused
+from tactile_node.viewing.server import ViewServer
 
 pytest.importorskip('viser')
 pytestmark = pytest.mark.bus

@@ -7,15 +7,13 @@ import pytest
 from test_topic_bag import TAXELS, bag, store, taxel_array
 from viewed import NAN
 
-from tactile_node.bus.bus_network import open_bus
-from tactile_node.bus.bus_settings import BusSettings
+from tactile_node.bus.bus_network import BusSettings, open_bus
 from tactile_node.cli.main import main
 from tactile_node.errors import BusError, ConfigurationError
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.skin.pads import make_pads, with_dictionaries
-from tactile_node.view.bus_source import BusSource
-from tactile_node.view.recording_source import RecordingSource
-from tactile_node.view.recordings import BagRecording, LogRecording
+from tactile_node.viewing.bus_source import BusSource, RecordingSource
+from tactile_node.viewing.recordings import BagRecording, LogRecording
 
 pytestmark = pytest.mark.bus
 LAYOUT = 'sim16x16.yaml'

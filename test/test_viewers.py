@@ -22,9 +22,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 from tactile_node.colour_map import NO_VALUE, SATURATED, STEPS, ColourScale, rgb_table
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.visibility import visibility_of
-from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.node_graph import frame_topics
-from tactile_node.nodes import views
+from tactile_node.nodes import view_topics
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.processor_node import ProcessorNode
 from tactile_node.ros.contact_messages import contact_message
@@ -36,6 +35,7 @@ from tactile_node.ros.view_messages import (
     value_image,
     wrench_message,
 )
+from tactile_node.taxel_frame import TaxelStatus
 from tactile_skin.msg import Contact, ContactShape, TaxelArray
 
 pytestmark = pytest.mark.ros
@@ -350,8 +350,8 @@ def made(monkeypatch) -> list[str]:
     def noting(name, make):
         return lambda *arguments: (found.append(name), make(*arguments))[1]
     for name in ('value_image', 'colour_image', 'wrench_message'):
-        monkeypatch.setattr(views, name, noting(name, getattr(views, name)))
-    monkeypatch.setattr(views.ContactMarkers, 'message', noting('markers', ContactMarkers.message))
+        monkeypatch.setattr(view_topics, name, noting(name, getattr(view_topics, name)))
+    monkeypatch.setattr(view_topics.ContactMarkers, 'message', noting('markers', ContactMarkers.message))
     return found
 
 

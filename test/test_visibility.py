@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from tactile_node.contact.neighbours import pad_seen
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PressThresholds
-from tactile_node.contact.seen import pad_seen
 from tactile_node.contact.visibility import visibility_of
 
 NAN = np.nan

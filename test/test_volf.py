@@ -8,11 +8,9 @@ from patterns import ring
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import compute_features
 from tactile_node.package_files import config_path
-from tactile_node.shape.plane import Plane
 from tactile_node.shape.recognition import Shape
-from tactile_node.shape.volf import GROUPS, VolfClassifier, by_curves
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import CLASSES, random_pattern
+from tactile_node.shape.volf import GROUPS, Plane, VolfClassifier, by_curves
+from tactile_node.simulator.world import CLASSES, Purpose, generator, random_pattern
 from training.curve_fitting import (
     READINGS,
     Samples,

@@ -8,13 +8,12 @@ from wire import SYNC_ID, Node, carried, frame_seconds
 
 from tactile_node.assembly.assembler import FrameAssembler
 from tactile_node.cia301.frame_bits import Frame, Stuffing, true_bits
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.simulator.device import SimulatedDevice
 from tactile_node.simulator.segment import Segment
-from tactile_node.simulator.wire import Wire
-from tactile_node.simulator.wire_network import WireNetwork, WireSettings
-from tactile_node.simulator.wire_report import WINDOW, WireRecord
+from tactile_node.simulator.skin_simulator import WireNetwork, WireSettings
+from tactile_node.simulator.wire import WINDOW, Wire, WireRecord
 from tactile_node.skin.pads import make_pad
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 START = Frame(0x000, bytes([1, 0]))
 

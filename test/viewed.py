@@ -4,9 +4,9 @@ import time
 
 import numpy as np
 
-from tactile_node.frames.taxel_frame import TaxelStatus
-from tactile_node.view.source import Store
-from tactile_node.view.states import PadState, SeenContact
+from tactile_node.taxel_frame import TaxelStatus
+from tactile_node.viewing.source import Store
+from tactile_node.viewing.states import PadState, SeenContact
 
 NAN = float('nan')
 PITCH = 0.004

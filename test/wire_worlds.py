@@ -10,10 +10,10 @@ from wire import BIT, SYNC_ID, Carried, Node, carried, frame_seconds
 
 from tactile_node.assembly.router import Router
 from tactile_node.bus.reception import PAUSE
-from tactile_node.bus.sync_pause import SyncPause
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.bus.traffic import SyncPause
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 CODES = 251               #: the TPDOs of a sweep hold its number modulo this, plus 1
 ADAPTER = 0.0005  #: s through an adapter, at most

@@ -120,7 +120,7 @@ def problem(command: Command) -> str | None:
     if words[:3] == ['ros2', 'launch', 'tactile_skin']:
         if not (ROOT / 'launch' / words[3]).is_file():
             return f'no launch file {words[3]}'
-        from tactile_node.cli.bringup_nodes import ARGUMENTS
+        from tactile_node.cli.bringup import ARGUMENTS
         unknown = [word for word in words[4:] if ':=' in word and word.split(':=')[0] not in ARGUMENTS]
         return f'no launch argument {unknown}' if unknown else None
     return None

@@ -11,21 +11,17 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'tactile_node'
 #: rooms by rows, the lowest first; x is in units of a box
 PLACES = {
-    'cia301': (1.0, 0), 'threads': (3.0, 0), 'contact': (5.1, 0), 'helmholtz': (6.3, 0), 'geometry': (8.6, 0),
-    'frames': (1.0, 1), 'delay': (4.2, 1), 'shape': (5.7, 1),
-    'skin': (1.0, 2), 'conditioning': (2.8, 2), 'grasp': (4.5, 2), 'pose': (5.7, 2), 'fusion': (6.9, 2),
-    'synthetic': (8.6, 2),
-    'assembly': (1.0, 3), 'calibration': (5.7, 3), 'teaching': (7.1, 3),
-    'library': (7.7, 3.9), 'recording': (1.0, 4), 'ros': (4.6, 6),
-    'bus': (1.0, 5), 'supervision': (1.0, 6), 'simulator': (2.6, 6), 'report': (6.6, 5),
-    'view': (6.6, 6.3), 'nodes': (4.0, 7.4),
-    'cli': (4.6, 9)}
+    'cia301': (1.0, 0), 'contact': (5.1, 0), 'helmholtz': (6.3, 0),
+    'skin': (1.0, 1), 'conditioning': (3.0, 1), 'shape': (5.7, 1),
+    'assembly': (1.0, 2), 'grasp': (4.5, 2), 'pose': (5.9, 2),
+    'logs': (1.0, 3), 'learning': (5.9, 3), 'bus': (1.0, 4), 'library': (7.2, 4),
+    'sources': (1.0, 5), 'simulator': (2.4, 5), 'ros': (4.4, 5), 'viewing': (6.6, 6), 'nodes': (4.0, 7),
+    'cli': (4.6, 8)}
 COLOURS = {'CAN side, no ROS': '#cfe3f5', 'numerical core: neither CAN nor ROS': '#d8efd3',
            'no ROS, with the core': '#d5ecea', 'ROS 2': '#fbe3c4',
            'programs': '#eeeeee'}
-SIDES = {'CAN side, no ROS': ('cia301', 'threads', 'frames', 'skin', 'assembly', 'recording', 'bus', 'supervision',
-                              'simulator'), 'no ROS, with the core': ('report', 'view'),
-         'ROS 2': ('ros', 'nodes'), 'programs': ('cli',)}
+SIDES = {'CAN side, no ROS': ('cia301', 'skin', 'assembly', 'logs', 'bus', 'sources', 'simulator'),
+         'no ROS, with the core': ('viewing',), 'ROS 2': ('ros', 'nodes'), 'programs': ('cli',)}
 WIDTH, HEIGHT = 0.92, 0.5
 
 

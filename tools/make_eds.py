@@ -6,19 +6,20 @@ TPDOs' defaults are the layout's, but disabled: like most devices, the skin send
 
 from pathlib import Path
 
-from tactile_node.cia301.cia404 import AUTO_ZERO
-from tactile_node.cia301.cob_id import DISABLED
 from tactile_node.cia301.objects import (
+    AUTO_ZERO,
     COB_ID_SYNC,
     DEVICE_NAME,
     DEVICE_TYPE,
+    DISABLED,
     ERROR_REGISTER,
+    EVERY_SYNC,
     IDENTITY,
     PRODUCER_HEARTBEAT_TIME,
+    SAM_MPDO,
     TPDO_COMMUNICATION,
     TPDO_MAPPING,
 )
-from tactile_node.cia301.pdo import EVERY_SYNC, SAM_MPDO
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.layout_file import load_layout
 

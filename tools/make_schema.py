@@ -9,22 +9,22 @@ import json
 from pathlib import Path
 from typing import Any
 
-from tactile_node.cia301.cob_id import ID_MASK
-from tactile_node.cia301.node_id import MAX_NODE_ID
-from tactile_node.cia301.objects import MAX_INDEX, MAX_SUBINDEX
-from tactile_node.cia301.pdo import (
+from tactile_node.cia301.objects import (
     EVENT_TIMER_UNIT,
+    ID_MASK,
     INHIBIT_UNIT,
     MANUFACTURER_EVENT,
+    MAX_INDEX,
+    MAX_NODE_ID,
     MAX_PDO_BITS,
+    MAX_SUBINDEX,
     MAX_TIME,
     MAX_TPDOS,
     PROFILE_EVENT,
 )
 from tactile_node.skin.layout import MAX_DOMAIN_BYTES, MAX_SIDE
-from tactile_node.skin.layout_file import UNITS
+from tactile_node.skin.layout_file import LARGEST, MOST, UNITS
 from tactile_node.skin.layout_rules import PITCHES
-from tactile_node.skin.tpdo_repeat import LARGEST, MOST
 from tactile_node.yaml_section import LARGEST as LARGEST_NUMBER
 
 FILE = Path(__file__).resolve().parents[1] / 'config/skin_layout.schema.json'

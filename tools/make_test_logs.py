@@ -18,14 +18,13 @@ import can
 import numpy as np
 
 from tactile_node.bus.skin_bus import BusSettings, SkinBus
-from tactile_node.cia301.connection_set import HEARTBEAT, SYNC
-from tactile_node.cia301.nmt import NmtState
+from tactile_node.cia301.objects import HEARTBEAT, SYNC, NmtState
 from tactile_node.simulator.device import TaxelSource
 from tactile_node.simulator.recording import load_recording
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.touches import touch_program
+from tactile_node.simulator.world import CLASSES
 from tactile_node.skin.pads import LivePad, make_pad
-from tactile_node.synthetic.world import CLASSES
 
 DATA = Path(__file__).resolve().parents[1] / 'test' / 'data'
 EPOCH = 1_700_000_000.0  # s: the logs' beginning, a date of no meaning

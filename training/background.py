@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from tactile_node.shape.recogniser import KINDS
-from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.simulator.world import Purpose, generator
 from training.drawn_by import claim
 from training.pools import Part, draw_parts, read_parts
 from training.samples import LEVEL_STEPS, UNKNOWN

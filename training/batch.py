@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from tactile_node.synthetic.world import random_contact
+from tactile_node.simulator.world import random_contact
 from training.forms import STEPS as DISTANCE_STEPS
 from training.forms import Forms
 from training.patches import samples_of

@@ -6,7 +6,7 @@ Small ones leave the shape what it is, large ones make it foreign: the overlap d
 import numpy as np
 from scipy import ndimage
 
-from tactile_node.synthetic.world import CLASSES, Contact, random_contact
+from tactile_node.simulator.world import CLASSES, Contact, random_contact
 from training.shapes import Figure, disc, inside, stroke
 
 AREA = 1.6  #: of the shapes before they get a blemish

@@ -9,7 +9,7 @@ from scipy.optimize import minimize_scalar
 
 from tactile_node.shape.patch import joined
 from tactile_node.shape.recogniser import LOG_SIZES, Calibration
-from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.simulator.world import Purpose, generator
 from training.batch import draw_many
 from training.ground_truth.layer import measured, sample, stress_field
 from training.ground_truth.mechanics import Solution

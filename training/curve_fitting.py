@@ -6,18 +6,19 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.helmholtz.features import compute_features
-from tactile_node.shape.plane import Plane, axes
 from tactile_node.shape.volf import (
     ANSWERS,
     BANDS,
     GROUPS,
     SMALLEST,
+    Plane,
     VolfClassifier,
+    axes,
     band_of,
     by_curves,
     plane_feature,
 )
-from tactile_node.synthetic.world import CLASSES, random_pattern
+from tactile_node.simulator.world import CLASSES, random_pattern
 
 AREAS = (13.0, 300.0)  #: training areas, log-uniform [taxels]
 COLUMNS = (('value', 'N'), ('dif', 'alpha9'), ('min', 'P05'), ('min', 'info_norm5'),

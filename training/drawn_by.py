@@ -7,7 +7,7 @@ from tactile_node.errors import ConfigurationError
 
 ROOT = Path(__file__).resolve().parents[1]
 DRAWING = ('training', 'training/ground_truth',
-           *(f'tactile_node/{room}' for room in ('contact', 'geometry', 'shape', 'synthetic')))
+           *(f'tactile_node/{room}' for room in ('contact', 'pose', 'shape', 'simulator')))
 
 
 def claim(folder: Path) -> None:

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
-from tactile_node.synthetic.pressure import Touching, coverage
-from tactile_node.synthetic.world import CLASSES, PAD, random_contact
+from tactile_node.simulator.figures import Touching, coverage
+from tactile_node.simulator.world import CLASSES, PAD, random_contact
 from training.ground_truth.indenters import inscribed_radius
 from training.outliers import random_outlier
 from training.variants import Hollow, Rounded

@@ -13,7 +13,7 @@ from tqdm import tqdm
 
 from tactile_node.output_file import output_file
 from tactile_node.shape.volf import ANSWERS, BANDS, VolfClassifier
-from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.simulator.world import Purpose, generator
 from training.curve_fitting import AREAS, COLUMNS, READINGS, Samples, draw_samples, fit_classifier, recognised
 
 LEAST_PATTERNS = 500

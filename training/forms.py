@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.simulator.world import Purpose, generator
 from training.blemishes import BLEMISHES
 from training.families import FAMILIES
 from training.ground_truth.overlap import overlaps

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_node.geometry.polygon import depth_inside
+from tactile_node.pose.outlines import depth_inside
 
 Depth = Callable[[np.ndarray, np.ndarray], np.ndarray]  #: of points about the origin, about unit size
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.shape.patch import joined
-from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.simulator.world import Purpose, generator
 from training.batch import MEMORY, TRIANGLES, draw_forms, draw_many
 from training.forms import ALL, Forms, stored_forms
 from training.hidden import draw_hidden

@@ -12,7 +12,7 @@ from scipy import ndimage
 
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.shape.patch import joined
-from tactile_node.synthetic.world import random_contact
+from tactile_node.simulator.world import random_contact
 from training.forms import STEPS as DISTANCE_STEPS
 from training.forms import Forms
 from training.samples import LABELS, SMALLEST, UNKNOWN, Samples, samples_from

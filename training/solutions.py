@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from tactile_node.read_only import read_only
-from tactile_node.synthetic import world
+from tactile_node.simulator import world
 from training.ground_truth import contact_solver, half_space, indenters, mechanics
 from training.ground_truth.mechanics import Solution
 

@@ -22,8 +22,8 @@ import numpy as np
 import torch
 from torch.nn import functional
 
+from tactile_node.package_files import package_version
 from tactile_node.shape.recogniser import KINDS
-from tactile_node.version import package_version
 from training.calibration import calibrated, validation, validation_solutions
 from training.drawn_by import claim
 from training.mechanics import solution_pool

@@ -10,8 +10,7 @@ import numpy as np
 
 from tactile_node.shape.patch import joined
 from tactile_node.shape.recogniser import KINDS, ShapeRecogniser
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import Contact
+from tactile_node.simulator.world import Contact, Purpose, generator
 from training.batch import draw_forms
 from training.calibration import mechanics_samples
 from training.field import NOMINAL_ON_OFF, NOMINAL_PRESSURE, Conditions, field_frame

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_node.synthetic.pressure import Touching
-from tactile_node.synthetic.world import Contact
+from tactile_node.simulator.figures import Touching
+from tactile_node.simulator.world import Contact
 
 
 @dataclass(frozen=True)

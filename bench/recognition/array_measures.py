@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
+from tactile_node.contact.neighbours import EIGHT_CONNECTED
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
-from tactile_node.contact.seen import EIGHT_CONNECTED
 from tactile_node.shape.patch import joined
 
 LEAST = 9    #: taxels of a contact

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bench.recognition import mechanics
-from tactile_node.synthetic.world import CLASSES
+from tactile_node.simulator.world import CLASSES
 from training.ground_truth.layer import measured, sample, stress_field
 
 WEAKEST = 0.5   #: pressure of a punch relative to the strongest one's

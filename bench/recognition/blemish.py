@@ -10,7 +10,7 @@ import numpy as np
 from scipy import ndimage
 
 from bench.recognition.stamp import Stamp, cropped, drawn, points
-from tactile_node.synthetic.world import Contact, random_contact
+from tactile_node.simulator.world import Contact, random_contact
 from training.ground_truth.overlap import Limits
 
 KEPT = 0.92      #: overlap of a blemished figure with its shape, at least

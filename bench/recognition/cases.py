@@ -12,14 +12,13 @@ import numpy as np
 from tactile_node import find_contact
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.contact.press import PressThresholds
-from tactile_node.recording.log_source import LogSource
 from tactile_node.shape.invariants import describe
 from tactile_node.shape.patch import joined, make_patch
 from tactile_node.simulator.recording import load_recording
+from tactile_node.simulator.world import CLASSES, Purpose, generator
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import CLASSES
+from tactile_node.sources.log_source import LogSource
 from training.field import NOMINAL_ON_OFF, NOMINAL_PRESSURE, Conditions, field_frame
 from training.samples import LABELS, LEVEL_STEPS, UNKNOWN, Samples
 

@@ -14,7 +14,7 @@ from bench.recognition.page import draw_failures
 from bench.recognition.punches import mechanics_cases
 from bench.recognition.sections import AREAS, FIELD_AREAS, FULL, SHOWN
 from tactile_node import Recogniser
-from tactile_node.synthetic.seeds import Purpose
+from tactile_node.simulator.world import Purpose
 
 REPORTED = Purpose.EVALUATION
 PICTURES: dict[str, Callable[[], Iterable[Case]]] = {

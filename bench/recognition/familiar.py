@@ -12,8 +12,7 @@ from bench.recognition.page import KIND, Table
 from bench.recognition.stamp import Stamp, pressed
 from tactile_node import Shape, find_contact
 from tactile_node.shape.recogniser import OUTPUTS
-from tactile_node.synthetic.seeds import Purpose
-from tactile_node.synthetic.world import CLASSES
+from tactile_node.simulator.world import CLASSES, Purpose
 
 FOREIGN_AREAS = (12, 20, 40, 50, 100, 200)
 BLEMISH_AREAS = (40, 100, 200)

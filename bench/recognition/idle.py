@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from tactile_node.synthetic.pressure import coverage
-from tactile_node.synthetic.world import CLASSES, random_contact
+from tactile_node.simulator.figures import coverage
+from tactile_node.simulator.world import CLASSES, random_contact
 
 RATE = 50.0   #: frames a second
 HELD = 50     #: frames that a contact is pressed for before it is released

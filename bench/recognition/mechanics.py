@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.shape.recogniser import OUTPUTS
-from tactile_node.synthetic.seeds import Purpose, generator
-from tactile_node.synthetic.world import CLASSES, random_contact
+from tactile_node.simulator.world import CLASSES, Purpose, generator, random_contact
 from training.ground_truth.indenters import Indenter, ball, cone, cylinder, flat_punch
 from training.ground_truth.layer import measured, sample, stress_field
 from training.ground_truth.mechanics import Solution, solve

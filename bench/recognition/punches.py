@@ -7,7 +7,7 @@ import numpy as np
 from bench.recognition import mechanics
 from bench.recognition.cases import ROUND, Case, patches
 from tactile_node import find_contact
-from tactile_node.synthetic.seeds import Purpose
+from tactile_node.simulator.world import Purpose
 
 AREAS = (12, 25, 50, 100)
 PUNCHES = 'flat punches'

@@ -11,7 +11,7 @@ from bench.recognition.idle import IDLE
 from bench.recognition.page import KIND, Table, draw_failures
 from bench.recognition.punches import mechanics_cases
 from tactile_node import Recogniser
-from tactile_node.synthetic.seeds import Purpose
+from tactile_node.simulator.world import Purpose
 
 AREAS, FIELD_AREAS = (9, 12, 15, 20, 25, 35, 50, 75, 100), (20, 50, 100)
 NOTHING_SEEDS = 900_000

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from tactile_node.synthetic.pressure import coverage
-from tactile_node.synthetic.world import CLASSES, Contact, random_contact
+from tactile_node.simulator.figures import coverage
+from tactile_node.simulator.world import CLASSES, Contact, random_contact
 
 AREAS = 16.0, 200.0    #: [taxels], log-uniform where the size is not what is varied
 PRESSURE, TILT, BLUR, NOISE = 0.5, 0.2, 0.5, 0.01  #: nominal, as in training.field

@@ -7,9 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bench.reproduction.methods import PUBLISHED, SIZES, Method, published_share
-from tactile_node.shape.plane import Plane
 from tactile_node.shape.recognition import Shape
-from tactile_node.shape.volf import ANSWERS
+from tactile_node.shape.volf import ANSWERS, Plane
 from training.curve_fitting import Samples
 
 #: Okabe and Ito's colours, for every kind of colour vision; marks differ too

@@ -13,7 +13,7 @@ from bench.reproduction.worlds import WORLDS, draw_pattern
 from tactile_node.helmholtz.features import Group, features_at_angles
 from tactile_node.rate import Rate
 from tactile_node.shape.volf import ANSWERS, VolfClassifier
-from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.simulator.world import Purpose, generator
 from training.curve_fitting import (
     AREAS,
     READINGS,

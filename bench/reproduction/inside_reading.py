@@ -14,7 +14,7 @@ from bench.reproduction.methods import SIZES, Method, best_fit, lost_in_plane, m
 from bench.reproduction.sampling import Drawn, Wanted
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS, VolfClassifier
-from tactile_node.synthetic.seeds import Purpose
+from tactile_node.simulator.world import Purpose
 from training.curve_fitting import AREAS, Samples, answers
 
 WORLD = 'equilateral triangles'

@@ -12,7 +12,7 @@ from bench.reproduction.worlds import draw_pattern
 from tactile_node.helmholtz.features import Group, features_at_angles
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS
-from tactile_node.synthetic.seeds import Purpose, generator
+from tactile_node.simulator.world import Purpose, generator
 from training.curve_fitting import COLUMNS, Samples
 
 BATCH = 250  #: patterns a process draws at a time

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.synthetic.world import CLASSES, PAD, Contact, random_pattern
+from tactile_node.simulator.world import CLASSES, PAD, Contact, random_pattern
 
 
 class Fixed(NamedTuple):

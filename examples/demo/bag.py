@@ -10,7 +10,7 @@ from rosbags import typesys
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from tactile_node.recording.topic_bag import message_types
+from tactile_node.logs.topic_bag import message_types
 
 MESSAGES = ('TaxelArray', 'Contact', 'FeatureRange', 'ContactFeatures', 'ContactShape', 'ContactShapes', 'Grasp')
 

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse
 
 from examples.demo.observation import SeenFit, Verdict
-from tactile_node.synthetic.world import CLASSES
+from tactile_node.simulator.world import CLASSES
 
 TITLE = ('Pad "{pad}": what presses, and what the shape topic reported of it (probability, size, centre, angle ± '
          'standard deviation)')

@@ -15,13 +15,13 @@ from examples.demo.touches import GAP, TouchedPad, scripted_touches
 from examples.demo.watcher import Watcher
 from tactile_node.interruption import interruption
 from tactile_node.node_graph import Parameters, bus_nodes, frame_topics
-from tactile_node.nodes.drain import drain
+from tactile_node.nodes.replay import drain
 from tactile_node.nodes.spinning import Spinner
 from tactile_node.nodes.system import System
 from tactile_node.ros.qos import frames_qos
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.skin.pads import make_pad
-from tactile_node.view.terminal import LivePictures
+from tactile_node.viewing.terminal import LivePictures
 
 PADS, NODE_IDS, LAYOUT = ('left', 'right'), (32, 64), 'sim16x16.yaml'
 CHANNEL = 'tactile_demo'

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from tactile_node.errors import ConfigurationError
+from tactile_node.simulator.figures import Skin, pressure_frame
 from tactile_node.simulator.touches import Touch
-from tactile_node.synthetic.pressure import Skin, pressure_frame
-from tactile_node.synthetic.world import CLASSES, Contact, random_contact
+from tactile_node.simulator.world import CLASSES, Contact, random_contact
 
 LARGEST = 60.0  # taxels: what every shape finds room for on 16x16
 TOUCH, GAP = 0.8, 0.3  # how long an object is held, is away [s]

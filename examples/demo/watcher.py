@@ -10,12 +10,12 @@ from rclpy.node import Node
 
 from examples.demo.observation import Seen, SeenFit
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
+from tactile_node.ros.contact_messages import taxel_values
 from tactile_node.ros.message_checks import check_contact_shape, check_taxel_array
 from tactile_node.ros.qos import frames_qos
-from tactile_node.ros.taxel_messages import taxel_values
 from tactile_node.ros.time_messages import seconds
 from tactile_node.shape.recognition import Shape, UnknownReason
-from tactile_node.view.terminal import PadView
+from tactile_node.viewing.terminal import PadView
 from tactile_skin.msg import ContactShape, TaxelArray
 
 KEPT = 1000  # taxel arrays that may wait for their shape

@@ -45,13 +45,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tactile_node.assembly.frame_source import Loss, LossReason, PadStatistics, Results
 from tactile_node.assembly.sweep_period import SweepPeriod
 from tactile_node.assembly.tpdo_table import TpdoTable
-from tactile_node.cia301.pdo import MAX_PDO_BYTES
-from tactile_node.frames.losses import Loss, LossReason, PadStatistics, Results
-from tactile_node.frames.taxel_frame import TaxelFrame
+from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.taxel_codec import TaxelCodec
+from tactile_node.taxel_frame import TaxelFrame
 
 ORDER_MEMORY = 100  #: periods after a change of order; a lost SYNC can look like one
 

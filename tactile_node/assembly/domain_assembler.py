@@ -7,13 +7,13 @@ succeed gives, at that next one, a frame whose taxels are all NaN and STALE, or 
 
 import numpy as np
 
-from tactile_node.cia301.connection_set import SDO_REQUEST, SDO_RESPONSE
-from tactile_node.cia301.sdo_upload import SdoUpload, Step
+from tactile_node.assembly.frame_source import Loss, LossReason, PadStatistics, Results
+from tactile_node.cia301.objects import SDO_REQUEST, SDO_RESPONSE
+from tactile_node.cia301.sdo import SdoUpload, Step
 from tactile_node.errors import ConfigurationError
-from tactile_node.frames.losses import Loss, LossReason, PadStatistics, Results
-from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.taxel_codec import TaxelCodec
+from tactile_node.taxel_frame import TaxelFrame
 
 
 class DomainAssembler:

@@ -10,14 +10,13 @@ import can
 
 from tactile_node.assembly.assembler import FrameAssembler
 from tactile_node.assembly.domain_assembler import DomainAssembler
-from tactile_node.assembly.free_bus import SLOW_BITRATE, FreeBus
+from tactile_node.assembly.frame_source import BusStatistics, OnFrame, Results
 from tactile_node.assembly.snapshot_assembler import SnapshotAssembler
 from tactile_node.assembly.sweep_assembler import SweepAssembler
-from tactile_node.cia301.connection_set import service_of
-from tactile_node.frames.consumer import OnFrame
-from tactile_node.frames.losses import BusStatistics, Results
-from tactile_node.frames.taxel_frame import TaxelFrame
+from tactile_node.assembly.sweep_period import SLOW_BITRATE, FreeBus
+from tactile_node.cia301.objects import service_of
 from tactile_node.skin.pads import PadSettings
+from tactile_node.taxel_frame import TaxelFrame
 
 Assembler: TypeAlias = FrameAssembler | DomainAssembler | SweepAssembler | SnapshotAssembler
 

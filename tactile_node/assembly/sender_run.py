@@ -27,8 +27,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.cia301.pdo import MAX_PDO_BYTES
-from tactile_node.frames.losses import Loss, LossReason
+from tactile_node.assembly.frame_source import Loss, LossReason
+from tactile_node.cia301.objects import MAX_PDO_BYTES
 
 
 class Payload(NamedTuple):

@@ -25,14 +25,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tactile_node.assembly.pad_counts import PadCounts
-from tactile_node.assembly.tpdo_table import TpdoTable
-from tactile_node.cia301.pdo import MAX_PDO_BYTES
-from tactile_node.frames.losses import LossReason, PadStatistics, Results
-from tactile_node.frames.taxel_frame import TaxelFrame
-from tactile_node.skin.event_driven import EventDriven
-from tactile_node.skin.layout import SkinLayout
+from tactile_node.assembly.frame_source import LossReason, PadStatistics, Results
+from tactile_node.assembly.tpdo_table import PadCounts, TpdoTable
+from tactile_node.cia301.objects import MAX_PDO_BYTES
+from tactile_node.skin.layout import EventDriven, SkinLayout
 from tactile_node.skin.taxel_codec import TaxelCodec
+from tactile_node.taxel_frame import TaxelFrame
 
 SILENCE = 5  #: event timers without a TPDO: of a working device more than lost ones
 

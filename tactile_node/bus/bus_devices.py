@@ -4,18 +4,76 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 
-from tactile_node.bus.auto_zero import auto_zero
+from canopen import ObjectDictionary, SdoAbortedError, SdoCommunicationError
+from canopen.objectdictionary import ODVariable
+from canopen.sdo import SdoClient
+
 from tactile_node.bus.bus_monitor import BusMonitor
-from tactile_node.bus.bus_network import BusNetwork
-from tactile_node.bus.bus_settings import BusSettings
-from tactile_node.bus.device_errors import read_errors
+from tactile_node.bus.bus_network import BusNetwork, BusSettings
 from tactile_node.bus.device_setup import DeviceAsSet, DeviceSetup
 from tactile_node.bus.own_sdo import OwnSdoClient
-from tactile_node.cia301.connection_set import NMT
 from tactile_node.cia301.emergency import DeviceErrors
-from tactile_node.cia301.nmt import NmtCommand, NmtState, state_name
+from tactile_node.cia301.objects import (
+    AUTO_ZERO,
+    ERROR_FIELD,
+    ERROR_REGISTER,
+    NMT,
+    ZERO_SIGNATURE,
+    NmtCommand,
+    NmtState,
+    state_name,
+)
 from tactile_node.errors import BusError, DeviceError, HalfZeroedError, TwoDevicesError
 from tactile_node.skin.pads import CanopenNode
+
+
+def auto_zero(sdo: SdoClient, dictionary: ObjectDictionary, label: str) -> int:
+    """Zero every channel that the EDS lists; how many.
+
+    Raises DeviceError where nothing was zeroed, HalfZeroedError where some channels were, or where the device has not
+    answered.
+    """
+    where = f'{label}, object 0x{AUTO_ZERO:04X}'
+    entry = dictionary[AUTO_ZERO] if AUTO_ZERO in dictionary else None
+    subs = [0] if isinstance(entry, ODVariable) else [sub for sub in entry or () if sub]
+    if not subs:
+        raise DeviceError(where, expected="the device's auto-zero (CiA 404) in its EDS", got='no such object',
+                          remedy='Tare without on_device: then the driver takes the zero off.')
+    for sub in subs:
+        try:
+            sdo.download(AUTO_ZERO, sub, ZERO_SIGNATURE)
+        except (SdoAbortedError, SdoCommunicationError, BusError) as error:
+            done = subs.index(sub)
+            kind = HalfZeroedError if done or not isinstance(error, SdoAbortedError) else DeviceError
+            raise kind(f'{where} sub {sub}', expected='that it takes "zero"', got=str(error),
+                       remedy=f'{done} of {len(subs)} channels are zeroed. See the manual of the device, or tare '
+                              'without on_device.') from error
+    return len(subs)
+
+
+MOST = 4  # entries read, the newest ones; a device may keep 254
+
+
+def read_errors(sdo: SdoClient) -> DeviceErrors:
+    """Return them as far as the device answers. Raises BusError."""
+    register = None
+    field: list[int] = []
+    try:
+        register = _number(sdo, ERROR_REGISTER, 0)
+        for sub in range(1, min(_number(sdo, ERROR_FIELD, 0) or 0, MOST) + 1):
+            field += [entry for entry in (_number(sdo, ERROR_FIELD, sub),) if entry is not None]
+    except SdoCommunicationError:
+        pass
+    return DeviceErrors(register, tuple(field))
+
+
+def _number(sdo: SdoClient, index: int, sub: int) -> int | None:
+    """None where the device refuses it: 0x1003 is optional."""
+    try:
+        return int.from_bytes(sdo.upload(index, sub), 'little')
+    except SdoAbortedError:
+        return None
+
 
 START_AGAIN = 1.3  # s between two NMT starts of a node that does not become OPERATIONAL
 

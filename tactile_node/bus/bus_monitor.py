@@ -4,16 +4,25 @@ from collections.abc import Callable, Iterable
 
 import can
 
-from tactile_node.cia301.connection_set import EMCY, HEARTBEAT, NMT, SDO_REQUEST
+from tactile_node.assembly.health import ErrorCounters, ForeignCommand
 from tactile_node.cia301.emergency import EmergencyLog
 from tactile_node.cia301.frame_bits import Frame, worst_case_bits
 from tactile_node.cia301.heartbeat import Heartbeats
-from tactile_node.cia301.nmt import NmtState
-from tactile_node.cia301.node_id import MAX_NODE_ID, MIN_NODE_ID
-from tactile_node.cia301.objects import COB_ID_SYNC, PRODUCER_HEARTBEAT_TIME, TPDO_COMMUNICATION, TPDO_MAPPING
-from tactile_node.cia301.pdo import MAX_TPDOS
+from tactile_node.cia301.objects import (
+    COB_ID_SYNC,
+    EMCY,
+    HEARTBEAT,
+    MAX_NODE_ID,
+    MAX_TPDOS,
+    MIN_NODE_ID,
+    NMT,
+    PRODUCER_HEARTBEAT_TIME,
+    SDO_REQUEST,
+    TPDO_COMMUNICATION,
+    TPDO_MAPPING,
+    NmtState,
+)
 from tactile_node.cia301.sdo import written_object
-from tactile_node.frames.health import ErrorCounters, ForeignCommand
 
 #: linux/can/error.h: bits of an error frame's identifier; of byte 1 when the controller reports
 BUS_OFF, CONTROLLER, RESTARTED, COUNTERS = 0x040, 0x004, 0x100, 0x200

@@ -9,32 +9,34 @@ from canopen import SdoAbortedError, SdoCommunicationError
 from canopen.objectdictionary import ODVariable
 from canopen.sdo import SdoClient
 
-from tactile_node.bus.device_objects import DeviceObjects
 from tactile_node.bus.domain_polling import check_domain
-from tactile_node.cia301.cob_id import DISABLED, ID_MASK, NO_RTR, PRODUCES_SYNC, SYNC_ID_MASK
+from tactile_node.bus.own_sdo import DeviceObjects
+from tactile_node.bus.threads import Reminder
 from tactile_node.cia301.heartbeat import Heartbeats
-from tactile_node.cia301.nmt import state_name
 from tactile_node.cia301.objects import (
     COB_ID_SYNC,
-    IDENTITY,
-    PRODUCER_HEARTBEAT_TIME,
-    TPDO_COMMUNICATION,
-    TPDO_MAPPING,
-)
-from tactile_node.cia301.pdo import (
+    DISABLED,
     EVENT_TIMER,
     EVERY_SYNC,
+    ID_MASK,
+    IDENTITY,
     INHIBIT_TIME,
     MANUFACTURER_EVENT,
     MAX_TPDOS,
+    NO_RTR,
+    PRODUCER_HEARTBEAT_TIME,
+    PRODUCES_SYNC,
     SAM_MPDO,
+    SYNC_ID_MASK,
+    TPDO_COMMUNICATION,
+    TPDO_MAPPING,
     TRANSMISSION_TYPE,
+    state_name,
 )
 from tactile_node.errors import DeviceAbsentError, DeviceError
-from tactile_node.skin.identity import Identity, identity_of
+from tactile_node.skin.eds_rules import Identity, identity_of
 from tactile_node.skin.layout import TpdoLayout
 from tactile_node.skin.pads import CanopenNode
-from tactile_node.threads.reminder import Reminder
 
 logger = logging.getLogger(__name__)
 

@@ -8,11 +8,10 @@ from contextlib import AbstractContextManager
 from canopen import SdoAbortedError, SdoCommunicationError
 from canopen.sdo import SdoClient
 
+from tactile_node.assembly.health import BusFault
+from tactile_node.bus.threads import Pacer, Reminder
 from tactile_node.errors import BusError, DeviceError
-from tactile_node.frames.health import BusFault
 from tactile_node.skin.layout import DomainLayout
-from tactile_node.threads.pacer import Pacer
-from tactile_node.threads.reminder import Reminder
 
 logger = logging.getLogger(__name__)
 

@@ -10,13 +10,22 @@ from canopen import ObjectDictionary, SdoAbortedError, SdoCommunicationError
 from canopen.sdo.constants import REQUEST_UPLOAD
 
 from tactile_node.assembly.router import non_data_kind
-from tactile_node.bus.bus_network import BusNetwork
+from tactile_node.bus.bus_network import BusNetwork, open_bus
 from tactile_node.bus.reception import Batch
-from tactile_node.cia301.connection_set import HEARTBEAT, SDO_REQUEST, SDO_RESPONSE, node_of
 from tactile_node.cia301.heartbeat import TOGGLE
-from tactile_node.cia301.objects import DEVICE_NAME, DEVICE_TYPE, IDENTITY, PRODUCER_HEARTBEAT_TIME
+from tactile_node.cia301.objects import (
+    DEVICE_NAME,
+    DEVICE_TYPE,
+    HEARTBEAT,
+    IDENTITY,
+    PRODUCER_HEARTBEAT_TIME,
+    SDO_REQUEST,
+    SDO_RESPONSE,
+    node_of,
+)
 from tactile_node.cia301.sdo import SDO_BYTES
-from tactile_node.skin.identity import Identity
+from tactile_node.errors import BusError, ConfigurationError
+from tactile_node.skin.eds_rules import Identity
 
 SPACING = 0.002  #: s between two of the first requests: a bus in use stays usable
 ANSWER = 0.5     #: s for the first answer of a node
@@ -104,3 +113,67 @@ def _read(network: BusNetwork, node_id: int) -> dict[tuple[int, int], bytes]:
 
 def _number(data: bytes | None) -> int | None:
     return None if data is None else int.from_bytes(data, 'little')
+
+
+#: bit/s, of CiA 301 (5.4): first those in use for skins
+RATES = (1_000_000, 500_000, 250_000, 125_000, 800_000, 50_000, 20_000, 10_000)
+LISTEN_ONLY = {'slcan': {'listen_only': True}}  #: options of python-can, by interface
+SETTLED = 0.1  #: s after opening, of which frames do not count: lines cut by the change may come
+ENOUGH = 10    #: sound frames: more prove no more
+_REMEDY = ('At least two other nodes have to be on the bus, and one of them has to send, such as a heartbeat. The '
+           'adapter has to know the command L (listen only); CANable 2.0 as delivered does not. Otherwise give the '
+           'bit rate.')
+_BY_HAND = {'socketcan': 'The bit rate is set by "ip link set {channel} down", then "ip link set {channel} up type can '
+                         'bitrate 500000 listen-only on", and so on; candump shows whether frames come.'}
+
+
+class RateTried(NamedTuple):
+    """What was heard at one bit rate."""
+
+    bitrate: int       #: bit/s
+    frames: int        #: sound ones
+    error_frames: int
+
+    @property
+    def is_right(self) -> bool:
+        """At another bit rate no CRC is right, and no frame sound."""
+        return self.frames > 0 and not self.error_frames
+
+
+def find_bit_rate(interface: str, channel: str, listen: float) -> int:
+    """Return the bit rate [bit/s] at which sound frames and no others come within ``listen`` [s].
+
+    Raises ConfigurationError for an interface that cannot do it, BusError where there is no such bit rate.
+    """
+    if interface not in LISTEN_ONLY:
+        raise ConfigurationError('--bitrate', expected=f'a number, with interface {interface}', got='auto',
+                                 remedy=_BY_HAND.get(interface, 'Only these find it: ' + ', '.join(LISTEN_ONLY) + '.')
+                                 .format(channel=channel))
+    tried = []
+    for bitrate in RATES:
+        tried.append(heard_at(interface, channel, bitrate, listen))
+        if tried[-1].is_right:
+            return bitrate
+    heard = ', '.join(f'{each.bitrate / 1000:g} kbit/s: {each.frames} ({each.error_frames} error frames)'
+                      for each in tried if each.frames or each.error_frames)
+    raise BusError(f'CAN bus {interface} {channel}', got=heard or 'no frames',
+                   expected=f'sound frames and no error frames at one of {len(RATES)} bit rates', remedy=_REMEDY)
+
+
+def heard_at(interface: str, channel: str, bitrate: int, listen: float) -> RateTried:
+    """Listen at one bit rate, for as long as it may be right. Raises BusError."""
+    frames = error_frames = 0
+    bus = open_bus(interface, channel, bitrate, LISTEN_ONLY[interface])
+    try:
+        begun = time.monotonic()
+        while frames < ENOUGH and not error_frames and (left := begun + SETTLED + listen - time.monotonic()) > 0:
+            message = bus.recv(left)
+            if message is not None and time.monotonic() >= begun + SETTLED:
+                frames += not message.is_error_frame
+                error_frames += message.is_error_frame
+    except (can.CanError, OSError) as error:
+        raise BusError(f'CAN bus {interface} {channel}', expected='to receive', got=str(error),
+                       remedy='Check the adapter.') from error
+    finally:
+        bus.shutdown()
+    return RateTried(bitrate, frames, error_frames)

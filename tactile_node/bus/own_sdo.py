@@ -2,8 +2,11 @@
 
 import queue
 from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import NoReturn, TypeVar
 
-from canopen import ObjectDictionary
+from canopen import ObjectDictionary, SdoAbortedError, SdoCommunicationError
 from canopen.sdo import SdoClient
 from canopen.sdo.constants import (
     REQUEST_BLOCK_UPLOAD,
@@ -15,8 +18,57 @@ from canopen.sdo.constants import (
     RESPONSE_UPLOAD,
 )
 
-from tactile_node.cia301.connection_set import SDO_REQUEST, SDO_RESPONSE
+from tactile_node.cia301.objects import RESTORE_PARAMETERS, SDO_REQUEST, SDO_RESPONSE, STORE_PARAMETERS, ObjectAddress
 from tactile_node.cia301.sdo import BLOCK_COMMAND, COMMAND, INITIATE_BLOCK_REQUEST, SDO_BYTES
+from tactile_node.errors import DeviceAbsentError, DeviceError, InterruptedSetupError
+
+SAVE, LOAD = b'save', b'load'  #: signatures of 0x1010 and 0x1011 (CiA 301, 7.5.2.13 and 7.5.2.14)
+ALL_PARAMETERS = 1             #: their sub-index that stands for all
+
+
+def read_object(sdo: SdoClient, address: ObjectAddress) -> bytes:
+    """Return the bytes of one object. Raises DeviceError."""
+    with _refusals(sdo, address, 'be read'):
+        with sdo.open(address.index, address.sub, 'rb', buffering=0) as upload:
+            announced, data = upload.size, bytes(upload.read())
+    if announced is not None and announced != len(data):
+        raise DeviceError(_where(sdo, address), expected=f'{announced} bytes, as the device announces',
+                          got=f'{len(data)} bytes', remedy='Read it again; another SDO client may have interfered.')
+    return data
+
+
+def write_object(sdo: SdoClient, address: ObjectAddress, data: bytes) -> None:
+    """Write ``data``. Raises DeviceError where the device does not confirm it."""
+    with _refusals(sdo, address, f'be set to the bytes {data[:8].hex()}{"..." if len(data) > 8 else ""}'):
+        sdo.download(address.index, address.sub, data)
+
+
+def store_parameters(sdo: SdoClient, sub: int = ALL_PARAMETERS) -> None:
+    """Make the device keep its parameters over a power cycle. Raises DeviceError."""
+    write_object(sdo, ObjectAddress(STORE_PARAMETERS, sub), SAVE)
+
+
+def restore_parameters(sdo: SdoClient, sub: int = ALL_PARAMETERS) -> None:
+    """Make the device take its maker's parameters at its next reset. Raises DeviceError."""
+    write_object(sdo, ObjectAddress(RESTORE_PARAMETERS, sub), LOAD)
+
+
+@contextmanager
+def _refusals(sdo: SdoClient, address: ObjectAddress, what: str) -> Iterator[None]:
+    try:
+        yield
+    except SdoAbortedError as error:
+        raise DeviceError(_where(sdo, address), expected=f'that it can {what}', got=f'SDO abort: {error}',
+                          remedy="Compare with the device's manual and EDS.") from error
+    except SdoCommunicationError as error:
+        raise DeviceAbsentError(_where(sdo, address), expected=f'an answer by SDO within {sdo.RESPONSE_TIMEOUT:g} s',
+                                got=str(error), remedy='Check power, wiring, bit rate and node-ID; a slow device '
+                                'needs a larger --timeout.') from error
+
+
+def _where(sdo: SdoClient, address: ObjectAddress) -> str:
+    return f'node {sdo.rx_cobid & 0x7F}, object {address}'
+
 
 #: What a server answers to a request that names an object, if it does not abort
 ANSWERS = {REQUEST_DOWNLOAD: RESPONSE_DOWNLOAD, REQUEST_UPLOAD: RESPONSE_UPLOAD,
@@ -69,3 +121,78 @@ class OwnSdoClient(SdoClient):
             self.requests += 1
             self.responses = queue.Queue()  # what came until now is late
         super().send_request(request)
+
+
+Answer = TypeVar('Answer')
+
+
+class DeviceObjects:
+    """The objects of the device ``label``; a request without an answer is repeated ``retries`` times.
+
+    Raises DeviceError where the device refuses, DeviceAbsentError where it does not answer, BusError; and
+    InterruptedSetupError in place of the next request when ``is_interrupted()``.
+    """
+
+    def __init__(self, sdo: SdoClient, label: str, retries: int, is_interrupted: Callable[[], bool]):
+        self._sdo = sdo
+        self._label = label
+        self._tries = 1 + retries
+        self._is_interrupted = is_interrupted
+
+    def _read(self, index: int, sub: int) -> int:
+        """Read an unsigned number."""
+        try:
+            return self._uploaded(index, sub)
+        except SdoAbortedError as error:
+            self._refuse('be read', index, sub, error)
+
+    def _read_if_any(self, index: int, sub: int) -> int | None:
+        """Read an unsigned number; None where the device refuses it."""
+        try:
+            return self._uploaded(index, sub)
+        except SdoAbortedError:
+            return None
+
+    def _uploaded(self, index: int, sub: int) -> int:
+        return int.from_bytes(self._retried('read', index, sub, lambda: self._sdo.upload(index, sub)), 'little')
+
+    def _write(self, index: int, sub: int, value: int, size: int) -> None:
+        try:
+            self._download(index, sub, value.to_bytes(size, 'little'))
+        except SdoAbortedError as error:
+            self._refuse(f'be set to 0x{value:X}', index, sub, error)
+
+    def _write_if_taken(self, index: int, sub: int, value: int, size: int) -> None:
+        """Write a number; the device may refuse it."""
+        try:
+            self._download(index, sub, value.to_bytes(size, 'little'))
+        except SdoAbortedError:
+            pass
+
+    def _download(self, index: int, sub: int, data: bytes) -> None:
+        self._retried('write', index, sub, lambda: self._sdo.download(index, sub, data))
+
+    def _retried(self, verb: str, index: int, sub: int, request: Callable[[], Answer]) -> Answer:
+        """What ``request`` returns; it is repeated when there is no answer. Raises DeviceAbsentError."""
+        silence: SdoCommunicationError | None = None
+        for _ in range(self._tries):
+            self._check_interrupt()
+            try:
+                return request()
+            except SdoCommunicationError as error:
+                silence = error
+        timeout = self._tries * self._sdo.RESPONSE_TIMEOUT
+        raise DeviceAbsentError(f'{self._label}, object 0x{index:04X} sub {sub}', got=str(silence),
+                                expected=f'an answer to a {verb} within {timeout:g} s',
+                                remedy='Check the wiring and whether the device is on; a slow one needs a larger '
+                                'sdo_timeout.') from silence
+
+    def _check_interrupt(self) -> None:
+        if self._is_interrupted():
+            raise InterruptedSetupError(self._label, expected='that it is configured', got='a driver that stops',
+                                        remedy='Start the driver again.')
+
+    def _refuse(self, what: str, index: int, sub: int, error: SdoAbortedError) -> NoReturn:
+        raise DeviceError(f'{self._label}, object 0x{index:04X} sub {sub}', expected=f'that it can {what}',
+                          got=f'SDO abort: {error}',
+                          remedy="Compare the layout with the device's manual and EDS.") from error

@@ -8,27 +8,24 @@ from pathlib import Path
 
 import can
 
+from tactile_node.assembly.fault_text import failure_text, node_label
+from tactile_node.assembly.frame_source import BusStatistics, Consumer, OnFrame
+from tactile_node.assembly.health import BusFault, Failure
 from tactile_node.assembly.router import Router
 from tactile_node.bus.bus_devices import BusDevices
 from tactile_node.bus.bus_monitor import BusMonitor
-from tactile_node.bus.bus_network import BusNetwork, open_bus
-from tactile_node.bus.bus_settings import BusSettings
+from tactile_node.bus.bus_network import BusNetwork, BusSettings, open_bus
 from tactile_node.bus.domain_polling import DomainPolling
-from tactile_node.bus.planned_load import refuse_full_bus
+from tactile_node.bus.load import refuse_full_bus
+from tactile_node.bus.threads import Pacer
 from tactile_node.bus.traffic import Traffic
 from tactile_node.bus.usb_port import NamedPort, UsbPort
 from tactile_node.cia301.emergency import DeviceErrors
-from tactile_node.cia301.nmt import NmtCommand
+from tactile_node.cia301.objects import NmtCommand
 from tactile_node.errors import BusError, DeviceError, LogError
-from tactile_node.frames.consumer import Consumer, OnFrame
-from tactile_node.frames.fault_text import failure_text, node_label
-from tactile_node.frames.health import BusFault, Failure
-from tactile_node.frames.losses import BusStatistics
-from tactile_node.recording.log_writer import CanLogWriter
+from tactile_node.logs.log_writer import CanLogWriter
 from tactile_node.skin.layout import DomainLayout
-from tactile_node.skin.pad_rules import check_pads, live_pads
-from tactile_node.skin.pads import CanopenNode, LivePad
-from tactile_node.threads.pacer import Pacer
+from tactile_node.skin.pads import CanopenNode, LivePad, check_pads, live_pads
 
 logger = logging.getLogger(__name__)
 

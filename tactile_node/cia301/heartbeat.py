@@ -4,8 +4,7 @@ import threading
 import time
 from collections import Counter
 
-from tactile_node.cia301.connection_set import HEARTBEAT
-from tactile_node.cia301.nmt import NmtState
+from tactile_node.cia301.objects import HEARTBEAT, NmtState
 
 TOGGLE = 0x80  # bit 7 toggles in answers to node guarding
 

@@ -1,4 +1,53 @@
-"""Indices of the objects in the communication profile area (CiA 301, 7.5.2)."""
+"""Facts of CiA 301 and 306: node-IDs, COB-IDs, objects, PDO and NMT."""
+
+import re
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple
+
+MIN_NODE_ID = 1
+MAX_NODE_ID = 127
+ALL_NODES = 0  #: in an NMT command
+
+
+DISABLED = 1 << 31  #: "PDO does not exist" in sub 1 of the PDO communication record (CiA 301)
+NO_RTR = 1 << 30  #: "no remote request allowed", same place
+PRODUCES_SYNC = 1 << 30  #: in 0x1005: the device produces SYNC
+SYNC_ID_MASK = (1 << 30) - 1  #: in 0x1005: the identifier and bit 29, which says that it has 29 bits
+ID_MASK = 0x7FF  #: the identifier, also its greatest value: 11 bits
+
+_TERM = re.compile(r'\$NODEID|0X[0-9A-F]+|[0-9]+')
+
+
+class CobId(NamedTuple):
+    """An 11-bit COB-ID, given as a number or as '$NODEID+0x180' (CiA 306)."""
+
+    base: int
+    relative: bool  #: the node-ID is added
+
+    def of(self, node_id: int) -> int:
+        return self.base + (node_id if self.relative else 0)
+
+    def __str__(self) -> str:
+        return f'{"$NODEID+" if self.relative else ""}0x{self.base:03X}'
+
+
+def parse_cob_id(written: int | str) -> CobId:
+    """Return the COB-ID of a number, '0x1A0', '$NODEID+0x180' or '0x180 + $NodeID'; ValueError otherwise.
+
+    >>> parse_cob_id('$NODEID+0x180').of(32) == 0x1A0
+    True
+    """
+    if isinstance(written, bool) or not isinstance(written, (int, str)):
+        raise ValueError(written)
+    terms = str(written).replace(' ', '').upper().split('+')
+    if not all(_TERM.fullmatch(term) for term in terms) or terms.count('$NODEID') > 1:
+        raise ValueError(written)
+    base = sum(int(term, 0) for term in terms if term != '$NODEID')
+    if not 0 <= base <= ID_MASK:
+        raise ValueError(written)
+    return CobId(base, '$NODEID' in terms)
+
 
 DEVICE_TYPE = 0x1000
 ERROR_REGISTER = 0x1001
@@ -16,3 +65,149 @@ TPDO_MAPPING = 0x1A00  #: of TPDO 1; sub 0 number of mapped objects, then index,
 
 MAX_INDEX = 0xFFFF
 MAX_SUBINDEX = 0xFE
+
+
+FIRST_INDEX = 0x1000  #: below are data types (CiA 301, 7.4.1), which no SDO server has
+_ADDRESS = re.compile(r'(0x[0-9a-f]+|[0-9]{5,})(?::(0x[0-9a-f]+|[0-9]+))?', re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class ObjectAddress:
+    """One value of a device; ``sub`` is 0 for an object without sub-indices."""
+
+    index: int
+    sub: int
+
+    def __str__(self) -> str:
+        return f'0x{self.index:04X} sub {self.sub}'
+
+
+def parse_address(written: str) -> ObjectAddress:
+    """Return the address that '0x1018:1', '0x1018:0x01' or '25601:16' stands for; ValueError for anything else.
+
+    Manuals write an index as four hexadecimal digits, so four digits without 0x could be either:
+
+    >>> parse_address('0x6401:16'), parse_address('25601:0x10')
+    (ObjectAddress(index=25601, sub=16), ObjectAddress(index=25601, sub=16))
+    >>> parse_address('6401')
+    Traceback (most recent call last):
+    ValueError: 6401
+    """
+    match = _ADDRESS.fullmatch(written.strip())
+    if match is None:
+        raise ValueError(written)
+    address = ObjectAddress(int(match[1], 0), int(match[2] or '0', 0))
+    if not (FIRST_INDEX <= address.index <= MAX_INDEX and address.sub <= MAX_SUBINDEX):
+        raise ValueError(written)
+    return address
+
+
+MAX_TPDOS = 512  #: of one node
+MAX_PDO_BYTES = 8  #: of a classic CAN frame
+MAX_PDO_BITS = 8 * MAX_PDO_BYTES
+
+# Transmission types, a sub-index of the communication record
+TRANSMISSION_TYPE = 2
+EVERY_SYNC = 1  #: synchronous; 2..240: at every 2nd..240th SYNC
+MAX_SYNCHRONOUS = 240
+MANUFACTURER_EVENT = 254  #: at an event that the maker defines; CiA 301 prescribes 254 or 255 for an MPDO
+PROFILE_EVENT = 255  #: at an event that the device profile defines
+
+# Times in the communication record (CiA 301, 7.5.2.37)
+INHIBIT_TIME, INHIBIT_UNIT = 3, 1e-4  #: sub-index and unit [s]: least time between two transmissions of one TPDO
+EVENT_TIMER, EVENT_TIMER_UNIT = 5, 1e-3  #: the same of the most time; 0: off
+MAX_TIME = 0xFFFF  #: of both, in their units
+
+# Multiplexed PDO in source addressing mode: node-ID, index and sub-index of one object, and its value
+SAM_MPDO = 0xFE  #: in place of the number of mapped objects, sub 0 of the mapping record
+MPDO_DATA_BITS = 32
+
+
+class NmtCommand(IntEnum):
+    """Byte 0 of an NMT command; byte 1 is the node-ID."""
+
+    START = 0x01
+    STOP = 0x02
+    ENTER_PRE_OPERATIONAL = 0x80
+    RESET_NODE = 0x81
+    RESET_COMMUNICATION = 0x82
+
+
+class NmtState(IntEnum):
+    """A node's state, as in its heartbeat."""
+
+    BOOT_UP = 0x00
+    STOPPED = 0x04
+    OPERATIONAL = 0x05
+    PRE_OPERATIONAL = 0x7F
+
+
+def command_name(command: int) -> str:
+    """Name an NMT command: 'enter pre-operational'; 'command 0x..' when CiA 301 does not define it."""
+    if command not in NmtCommand.__members__.values():
+        return f'command 0x{command:02X}'
+    return NmtCommand(command).name.lower().replace('_', ' ').replace('pre ', 'pre-')
+
+
+def state_name(state: int | None) -> str:
+    """Name an NMT state as CiA 301 does: 'PRE-OPERATIONAL'; 'never heard' for None."""
+    if state is None:
+        return 'never heard'
+    known = state in NmtState.__members__.values()
+    return NmtState(state).name.replace('_', '-') if known else f'unknown NMT state 0x{state:02X}'
+
+
+AUTO_ZERO = 0x6125  #: "AI autozero", one sub-index a channel, write only
+ZERO_SIGNATURE = b'zero'  #: to be written to AUTO_ZERO: 0x6F72657A, least significant byte first
+
+
+NMT = 0x000
+SYNC = 0x080  #: default, object 0x1005 can change it
+TIME = 0x100
+# Of these, add the node-ID:
+EMCY = 0x080
+SDO_RESPONSE = 0x580  #: server to client
+SDO_REQUEST = 0x600  #: client to server
+HEARTBEAT = 0x700  #: also boot-up and node guarding
+
+
+class CanIdRange(NamedTuple):
+    first: int
+    last: int
+    use: str
+
+
+def _of_nodes(base: int, use: str) -> CanIdRange:
+    return CanIdRange(base + MIN_NODE_ID, base + MAX_NODE_ID, use)
+
+
+#: The names under which CAN frames of a service are counted
+SERVICES = (CanIdRange(NMT, NMT, 'nmt'), _of_nodes(EMCY, 'emcy'), CanIdRange(TIME, TIME, 'time'),
+            _of_nodes(SDO_RESPONSE, 'sdo'), _of_nodes(SDO_REQUEST, 'sdo'), _of_nodes(HEARTBEAT, 'heartbeat'))
+
+#: Table "Restricted CAN-IDs" of CiA 301: no PDO and no SYNC may use these
+RESERVED = (
+    CanIdRange(NMT, NMT, 'NMT'), CanIdRange(0x001, 0x07F, 'reserved'), CanIdRange(0x101, 0x180, 'reserved'),
+    _of_nodes(SDO_RESPONSE, 'SDO answers'), _of_nodes(SDO_REQUEST, 'SDO requests'),
+    CanIdRange(0x6E0, 0x6FF, 'reserved'), _of_nodes(HEARTBEAT, 'NMT error control'),
+    CanIdRange(0x780, 0x7FF, 'reserved'))
+
+
+def node_of(can_id: int, base: int) -> int | None:
+    """Return the node-ID of a COB-ID that is ``base`` + node-ID; None of any other.
+
+    >>> node_of(0x720, HEARTBEAT), node_of(0x700, HEARTBEAT)
+    (32, None)
+    """
+    node_id = can_id - base
+    return node_id if MIN_NODE_ID <= node_id <= MAX_NODE_ID else None
+
+
+def service_of(can_id: int) -> str:
+    """Name the service of a COB-ID that is no pad's TPDO and not SYNC: 'nmt', 'emcy', ..., else 'foreign'."""
+    return next((service.use for service in SERVICES if service.first <= can_id <= service.last), 'foreign')
+
+
+def reserved_for(can_id: int) -> str | None:
+    """Name what CiA 301 reserves ``can_id`` for; None when a PDO may use it."""
+    return next((range_.use for range_ in RESERVED if range_.first <= can_id <= range_.last), None)

@@ -11,20 +11,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.calibration.presses import Presses, find_presses, zeroed
-from tactile_node.calibration.response import SUFFIX, save_response
-from tactile_node.calibration.response_fit import Calibration, Disc, calibrate, check_disc
 from tactile_node.cli.frame_file import read_frames
 from tactile_node.cli.options import add_log_options, add_output_option, node_ids_of
-from tactile_node.cli.played_log import play_log
-from tactile_node.cli.progress import counted
+from tactile_node.cli.played_log import counted, play_log
 from tactile_node.conditioning.gain import load_gains
 from tactile_node.errors import ConfigurationError, InputError
-from tactile_node.frames.taxel_frame import TaxelStatus
+from tactile_node.learning.presses import Presses, find_presses, zeroed
+from tactile_node.learning.response import SUFFIX, save_response
+from tactile_node.learning.response_fit import Calibration, Disc, calibrate, check_disc
 from tactile_node.output_file import check_writable
-from tactile_node.pose.pitch import check_pitch
+from tactile_node.pose.moments import check_pitch
 from tactile_node.press_levels import ON_OFF_UNIT
 from tactile_node.skin.pads import make_pads
+from tactile_node.taxel_frame import TaxelStatus
 
 SUSPICIOUS = 0.06  #: of the radius
 

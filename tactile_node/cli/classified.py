@@ -6,20 +6,19 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from tactile_node.calibration.response import SkinResponse
 from tactile_node.cli.frame_file import TaxelFrames
 from tactile_node.cli.frame_patterns import files, patterns, taxels_known, thresholds
-from tactile_node.cli.progress import followed
+from tactile_node.cli.played_log import followed
 from tactile_node.cli.records import KNOWN, Record, prints, write_records
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.errors import InputError
-from tactile_node.geometry.outlines import OUTLINES
-from tactile_node.library.arguments import known_response
-from tactile_node.library.contacts import Recogniser, contact_box, fit_shape, recognised
+from tactile_node.learning.response import SkinResponse
+from tactile_node.library.contacts import Recogniser, contact_box, fit_shape, known_response, recognised
 from tactile_node.library.stream import ContactFollower
 from tactile_node.pose.fit import ShapeFit
-from tactile_node.pose.pitch import check_pitch
-from tactile_node.shape.method_names import LEARNED, VOLF
+from tactile_node.pose.moments import check_pitch
+from tactile_node.pose.outlines import OUTLINES
+from tactile_node.shape.methods import LEARNED, VOLF
 from tactile_node.shape.recognition import Recognition, ShapeClass
 
 POSE = 'x', 'y', 'angle'

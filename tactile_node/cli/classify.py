@@ -2,9 +2,9 @@
 
 import argparse
 
-from tactile_node.cli.arrays import add_array_arguments
+from tactile_node.cli.records import add_array_arguments
 from tactile_node.errors import ConfigurationError
-from tactile_node.shape.method_names import DEFAULT, FILES, LEARNED, VOLF
+from tactile_node.shape.methods import DEFAULT, FILES, LEARNED, VOLF
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:

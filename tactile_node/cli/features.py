@@ -2,9 +2,9 @@
 
 import argparse
 
-from tactile_node.cli.arrays import add_array_arguments
+from tactile_node.cli.records import add_array_arguments
 from tactile_node.errors import InputError
-from tactile_node.helmholtz.feature_groups import Group
+from tactile_node.helmholtz.features import Group
 
 #: as written on the command line, in the order of the help
 GROUPS = {name.lower(): group for name, group in Group.__members__.items()}
@@ -37,6 +37,6 @@ def groups(text: str) -> Group:
 
 
 def run(args: argparse.Namespace) -> int:
-    from tactile_node.cli.described import write_features  # scipy: only where it is needed
+    from tactile_node.cli.frame_patterns import write_features  # scipy: only where it is needed
     write_features(args)
     return 0

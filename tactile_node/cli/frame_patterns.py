@@ -8,14 +8,15 @@ import numpy as np
 
 from tactile_node.cli.frame_file import TaxelFrames, read_frames
 from tactile_node.cli.frame_png import Greys
-from tactile_node.cli.progress import followed
-from tactile_node.cli.records import prints
+from tactile_node.cli.played_log import followed
+from tactile_node.cli.records import KNOWN, Record, flattened, prints, write_records
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.contact.press import PRESS_FRACTION, PressThresholds
 from tactile_node.contact.scale import UnitScale
 from tactile_node.errors import InputError
-from tactile_node.frames.taxel_frame import TaxelStatus
-from tactile_node.library.arguments import check_values
+from tactile_node.helmholtz.features import Group, compute_features
+from tactile_node.library.contacts import check_values
+from tactile_node.taxel_frame import TaxelStatus
 
 
 def files(args: argparse.Namespace) -> Iterator[tuple[str, TaxelFrames]]:
@@ -60,3 +61,19 @@ def thresholds(args: argparse.Namespace) -> PressThresholds | None:
         raise InputError('thresholds', expected='--full-scale with --press or --release', got='no full scale',
                          remedy='Give the largest value that a taxel can have, or leave all three out.')
     return None
+
+
+def write_features(args: argparse.Namespace) -> None:
+    write_records(_records(args), lambda: _columns(args.groups), args)
+
+
+def _records(args: argparse.Namespace) -> Iterator[Record]:
+    for path, found in files(args):
+        for k, pattern in enumerate(patterns(path, found, args, largest=args.largest_contact)):
+            yield {'file': path, 'frame': k, **found.known_of(k),
+                   **compute_features(pattern.mask, args.groups).as_json()}
+
+
+def _columns(wanted: Group) -> list[str]:
+    """Of every frame, also of one without a contact."""
+    return [*KNOWN, *flattened(compute_features(np.ones((2, 2), bool), wanted).as_json())]

@@ -1,13 +1,16 @@
 """Options that several sub-commands share; their types raise ConfigurationError for what they cannot read."""
 
 import argparse
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE
-from tactile_node.cia301.node_id import MAX_NODE_ID
-from tactile_node.errors import ConfigurationError
-from tactile_node.recording.window import Window
-from tactile_node.shape.method_names import LEARNED
+from tactile_node.bus.bus_network import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE, BusNetwork, open_bus
+from tactile_node.bus.reception import Batch
+from tactile_node.cia301.objects import MAX_NODE_ID
+from tactile_node.errors import BusError, ConfigurationError
+from tactile_node.logs.replay_times import Window
+from tactile_node.shape.methods import LEARNED
 
 if TYPE_CHECKING:
     from tactile_node.library.contacts import Recogniser
@@ -163,3 +166,18 @@ def layouts_of(args: argparse.Namespace) -> list[str]:
 
 def eds_of(args: argparse.Namespace) -> list[str]:
     return args.eds or ['']
+
+
+@contextmanager
+def opened_network(args: argparse.Namespace, on_batch: Callable[[Batch], None]) -> Iterator[BusNetwork]:
+    """The bus that the options of `add_bus_options` name. Raises BusError, also where it fails meanwhile."""
+    failures: list[Exception] = []
+    network = BusNetwork(open_bus(args.interface, args.channel, args.bitrate, {}), on_batch,
+                         lambda fault, error: failures.append(error), name=f'{args.interface} {args.channel}')
+    try:
+        yield network
+    finally:
+        network.close()
+    if failures:
+        raise BusError(f'CAN bus {args.interface} {args.channel}', expected='to continue receiving',
+                       got=str(failures[0]), remedy='Check the adapter.')

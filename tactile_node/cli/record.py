@@ -10,9 +10,9 @@ from tactile_node.bus.bus_network import open_bus
 from tactile_node.cli.options import add_bus_options, add_output_option
 from tactile_node.errors import BusError, ConfigurationError, LogError
 from tactile_node.interruption import interruption
+from tactile_node.logs.log_writer import MEGABYTE, CanLogWriter
+from tactile_node.logs.series import files_of
 from tactile_node.output_file import check_new, check_writable
-from tactile_node.recording.log_writer import MEGABYTE, CanLogWriter
-from tactile_node.recording.series import files_of
 
 HINT_AFTER = 3.0  # s
 SILENCE = ('Nothing on the bus so far. A CANopen skin is silent until a master starts it: run the driver on the same '

@@ -20,11 +20,11 @@ from tactile_node.cli.options import (
 )
 from tactile_node.cli.played_log import play_log
 from tactile_node.errors import ConfigurationError
-from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.output_file import check_writable, output_file
-from tactile_node.recording.log_source import summary
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.pads import PadSettings, make_pads
+from tactile_node.sources.log_source import summary
+from tactile_node.taxel_frame import TaxelFrame
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:

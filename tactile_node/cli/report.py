@@ -22,16 +22,15 @@ from tactile_node.cli.options import (
     window_of,
 )
 from tactile_node.interruption import interruption
+from tactile_node.logs.bag_records import message_count
+from tactile_node.logs.series import files_of
+from tactile_node.logs.topic_bag import CAN_TYPE as CAN_FRAMES
+from tactile_node.logs.topic_bag import DIAGNOSTICS, STATUS, TAXELS, holds_taxels
 from tactile_node.output_file import check_writable, output_file
-from tactile_node.recording.message_count import message_count
-from tactile_node.recording.series import files_of
-from tactile_node.recording.topic_bag import CAN_TYPE as CAN_FRAMES
-from tactile_node.recording.topic_bag import DIAGNOSTICS, STATUS, TAXELS, holds_taxels
-from tactile_node.report.bag_report import BagReporter
-from tactile_node.report.findings import findings, sentence
-from tactile_node.report.log_report import LogReporter
-from tactile_node.report.report_page import page_of
 from tactile_node.skin.pads import make_pads
+from tactile_node.viewing.findings import findings, sentence
+from tactile_node.viewing.log_report import BagReporter, LogReporter
+from tactile_node.viewing.report_page import page_of
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:

@@ -9,17 +9,14 @@ import json
 import sys
 from pathlib import Path
 
-from tactile_node.bus.bit_rate import find_bit_rate
-from tactile_node.bus.node_scan import FoundNode, NodeScan
-from tactile_node.cia301.nmt import state_name
-from tactile_node.cia301.node_id import MAX_NODE_ID, MIN_NODE_ID
-from tactile_node.cli.opened_network import opened_network
-from tactile_node.cli.options import add_bus_options, node_ids
+from tactile_node.bus.node_scan import FoundNode, NodeScan, find_bit_rate
+from tactile_node.cia301.objects import MAX_NODE_ID, MIN_NODE_ID, state_name
+from tactile_node.cli.options import add_bus_options, node_ids, opened_network
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption
 from tactile_node.package_files import config_path
 from tactile_node.skin.eds import load_eds
-from tactile_node.skin.identity import Identity, identity_of
+from tactile_node.skin.eds_rules import Identity, identity_of
 
 LONGEST = 86_400.0  #: s to listen
 LISTEN = 1.5  #: s: most heartbeats are sent once a second or more often

@@ -15,18 +15,15 @@ from math import isfinite
 from canopen import ObjectDictionary
 
 from tactile_node.bus.bus_monitor import DECIDES_TPDOS
-from tactile_node.bus.object_access import (
+from tactile_node.bus.own_sdo import (
     ALL_PARAMETERS,
     read_object,
     restore_parameters,
     store_parameters,
     write_object,
 )
-from tactile_node.cia301.node_id import MAX_NODE_ID, MIN_NODE_ID
-from tactile_node.cia301.object_address import ObjectAddress, parse_address
-from tactile_node.cia301.objects import MAX_SUBINDEX
-from tactile_node.cli.opened_network import opened_network
-from tactile_node.cli.options import add_bus_options
+from tactile_node.cia301.objects import MAX_NODE_ID, MAX_SUBINDEX, MIN_NODE_ID, ObjectAddress, parse_address
+from tactile_node.cli.options import add_bus_options, opened_network
 from tactile_node.errors import ConfigurationError, DeviceError
 from tactile_node.skin.eds import load_eds
 from tactile_node.skin.object_value import TYPES, WrongValueError, declared, decoded, encoded, named, type_name

@@ -9,25 +9,67 @@ import argparse
 import gc
 import json
 import signal
+from pathlib import Path
 
 import can
+import numpy as np
 
 from tactile_node.bus.bus_network import open_bus
 from tactile_node.cia301.frame_bits import Stuffing
 from tactile_node.cli.options import add_bus_options, add_skin_options, eds_of, layouts_of, node_ids_of
-from tactile_node.cli.silhouette_option import touching
-from tactile_node.errors import ConfigurationError
+from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.interruption import interruption
 from tactile_node.simulator.device import TaxelSource
-from tactile_node.simulator.gripper import HOLD, NOISE, gripper_sources
+from tactile_node.simulator.figures import MOST_SIDE, NAMED, Silhouette, named_silhouette, silhouette_of
 from tactile_node.simulator.recording import SIDE, load_recording
-from tactile_node.simulator.skin_simulator import SkinSimulator
+from tactile_node.simulator.skin_simulator import SkinSimulator, WireSettings
 from tactile_node.simulator.slcan_pty import SlcanPty
-from tactile_node.simulator.touches import AREAS
-from tactile_node.simulator.wire_network import WireSettings
+from tactile_node.simulator.touches import AREAS, HOLD, NOISE, gripper_sources
+from tactile_node.simulator.world import CLASSES
 from tactile_node.skin.pads import PadSettings, make_pads, with_dictionaries
-from tactile_node.synthetic.figures import NAMED
-from tactile_node.synthetic.world import CLASSES
+
+DARK = 128  #: grey values below belong to the figure
+
+
+def touching(text: str) -> str | Silhouette:
+    """Return the class of that name, or the silhouette of a name or of a picture. Raises InputError for another."""
+    if text in CLASSES:
+        return text
+    if text in NAMED:
+        return named_silhouette(text)
+    path = Path(text)
+    if not path.is_file():
+        raise InputError('--shapes', expected=f'{", ".join((*CLASSES, *NAMED))}, or a picture', got=repr(text),
+                         remedy='Name one of them, or the file of a picture, dark on white, or of a bool .npy array.')
+    return silhouette_of(path.stem, _array(path) if path.suffix == '.npy' else _picture(path))
+
+
+def _array(path: Path) -> np.ndarray:
+    try:
+        array = np.load(path, allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise _unusable(path, ' '.join(str(error).split())) from None
+    if not isinstance(array, np.ndarray) or array.dtype.kind not in 'biu':
+        raise _unusable(path, 'another kind of array')
+    return array != 0
+
+
+def _picture(path: Path) -> np.ndarray:
+    from PIL import Image, UnidentifiedImageError  # optional
+
+    try:
+        with Image.open(path) as picture:
+            if max(picture.size) > MOST_SIDE:
+                raise _unusable(path, f'{picture.width} x {picture.height}')
+            return np.asarray(picture.convert('L')) < DARK
+    except (OSError, UnidentifiedImageError, ValueError, SyntaxError) as error:
+        raise _unusable(path, ' '.join(str(error).split())) from None
+
+
+def _unusable(path: Path, got: str) -> InputError:
+    return InputError(f'picture {str(path)!r}', expected=f'dark on white, up to {MOST_SIDE} x {MOST_SIDE}, or a bool '
+                      '.npy array', got=got, remedy='Write it as .png.')
+
 
 MOST_DELAY = 1.0  #: s
 MOST_SLIDE = 1.0  #: m/s

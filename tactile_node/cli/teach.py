@@ -19,17 +19,24 @@ from tqdm import tqdm
 from tactile_node.cli.options import add_any_device_option, add_bus_options, add_output_option, add_skin_options
 from tactile_node.cli.touch_sources import live_touches, touches_in
 from tactile_node.errors import ConfigurationError, InputError
+from tactile_node.learning.head_fit import load_background
+from tactile_node.learning.taught_file import NO_EXAMPLES, Examples, check_name, examples_in, examples_of, write_taught
+from tactile_node.learning.teach import (
+    LEAST_RIGHT,
+    LEAST_TOUCHES,
+    MOST_LOST,
+    STAGES,
+    HeldOut,
+    Taught,
+    confusion_picture,
+    teach,
+)
+from tactile_node.learning.touches import Touches
 from tactile_node.output_file import check_writable, output_file
 from tactile_node.package_files import config_path
 from tactile_node.shape.methods import FILES, LEARNED
 from tactile_node.shape.recogniser import KINDS, ShapeRecogniser, read_arrays
 from tactile_node.shape.recognition import TaughtShape
-from tactile_node.teaching.background import load_background
-from tactile_node.teaching.examples import Examples, examples_of
-from tactile_node.teaching.picture import confusion_picture
-from tactile_node.teaching.taught_file import NO_EXAMPLES, check_name, examples_in, write_taught
-from tactile_node.teaching.teach import LEAST_RIGHT, LEAST_TOUCHES, MOST_LOST, STAGES, HeldOut, Taught, teach
-from tactile_node.teaching.touches import Touches
 
 TOUCHES = 30
 SEED = 0  #: of the variants of touches

@@ -8,20 +8,20 @@ from queue import Empty, SimpleQueue
 
 import numpy as np
 
-from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE, BusSettings
+from tactile_node.assembly.fault_text import failure_text
+from tactile_node.assembly.health import Failure
+from tactile_node.bus.bus_network import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE, BusSettings
 from tactile_node.bus.skin_bus import SkinBus
-from tactile_node.calibration.presses import zeroed
 from tactile_node.cli.frame_file import read_frames
 from tactile_node.cli.options import eds_of, layouts_of, node_ids_of
 from tactile_node.cli.played_log import play_log
 from tactile_node.errors import BusError, ConfigurationError
-from tactile_node.frames.fault_text import failure_text
-from tactile_node.frames.health import Failure
 from tactile_node.interruption import interruption
+from tactile_node.learning.presses import zeroed
+from tactile_node.learning.touches import Touch, Touches, TouchFinder, find_touches
 from tactile_node.press_levels import ON_OFF_UNIT
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.pads import make_pads, with_dictionaries
-from tactile_node.teaching.touches import Touch, Touches, TouchFinder, find_touches
 
 ARRAYS = ('.npy', '.npz')
 AT_REST = 25        #: frames that the zero of a live skin is found from

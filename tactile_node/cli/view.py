@@ -9,7 +9,7 @@ and open http://localhost:8080.
 import argparse
 from threading import Event
 
-from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE, BusSettings
+from tactile_node.bus.bus_network import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE, BusSettings
 from tactile_node.cli.options import (
     add_any_device_option,
     add_bus_options,
@@ -25,9 +25,9 @@ from tactile_node.cli.options import (
 )
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption
-from tactile_node.recording.topic_bag import holds_taxels
+from tactile_node.logs.topic_bag import holds_taxels
 from tactile_node.skin.pads import make_pads, with_dictionaries
-from tactile_node.view.source import Source
+from tactile_node.viewing.source import Source
 
 DEFAULT_PORT = 8080
 
@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
         try:
             source.check()
             if args.terminal:
-                from tactile_node.view.terminal import show_in_terminal
+                from tactile_node.viewing.terminal import show_in_terminal
                 show_in_terminal(source, stop_requested, full_scale=args.full_scale)
             else:
                 _serve(args, source, stop_requested)
@@ -88,7 +88,7 @@ def source_of(args: argparse.Namespace) -> Source:
     if args.recording is not None:
         return _recording_source(args)
     if is_bus:
-        from tactile_node.view.bus_source import BusSource
+        from tactile_node.viewing.bus_source import BusSource
         pads = with_dictionaries(make_pads(layouts_of(args), node_ids_of(args), args.pads or ()), eds_of(args))
         return BusSource(BusSettings(args.interface or DEFAULT_INTERFACE, args.channel or DEFAULT_CHANNEL,
                                      args.bitrate or DEFAULT_BITRATE), pads, recogniser_of(args))
@@ -100,11 +100,11 @@ def source_of(args: argparse.Namespace) -> Source:
 
 
 def _recording_source(args: argparse.Namespace) -> Source:
-    from tactile_node.view.recording_source import RecordingSource
+    from tactile_node.viewing.bus_source import RecordingSource
     if holds_taxels(args.recording):
-        from tactile_node.view.recordings import BagRecording
+        from tactile_node.viewing.recordings import BagRecording
         return RecordingSource(BagRecording(args.recording, args.pads or (), window_of(args)), recogniser_of(args))
-    from tactile_node.view.recordings import LogRecording
+    from tactile_node.viewing.recordings import LogRecording
     pads = make_pads(layouts_of(args), node_ids_of(args), args.pads or ())
     return RecordingSource(LogRecording(args.recording, pads, args.channel or '', args.any_device,
                                         window_of(args)),
@@ -112,8 +112,8 @@ def _recording_source(args: argparse.Namespace) -> Source:
 
 
 def _serve(args: argparse.Namespace, source: Source, stop_requested: Event) -> None:
-    from tactile_node.view.gate import LOOPBACK
-    from tactile_node.view.server import ViewServer  # viser: only where it is needed
+    from tactile_node.viewing.gate import LOOPBACK
+    from tactile_node.viewing.server import ViewServer  # viser: only where it is needed
     server = ViewServer(source, args.port, args.full_scale)
     try:
         print(f'{source.title}: open http://{LOOPBACK}:{server.port} (Ctrl-C ends)', flush=True)

@@ -6,12 +6,90 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import label
 
-from tactile_node.conditioning.contact_guard import ContactGuard
 from tactile_node.conditioning.drift import DriftFollower
-from tactile_node.errors import HalfZeroedError, TareRefusal, TareRefusedError
-from tactile_node.frames.taxel_frame import TaxelFrame, TaxelStatus, without_any_value
+from tactile_node.errors import ConfigurationError, HalfZeroedError, TareRefusal, TareRefusedError
+from tactile_node.press_levels import ON_OFF_UNIT, PRESS_BY_UNIT, RELEASE_RATIO
 from tactile_node.read_only import read_only
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, without_any_value
+
+#: A taxel that reads so much is pressed when a tare is requested: less than a contact worth the name.
+TARE_LIMIT_BY_UNIT = {'Pa': 10e3, 'N': 0.03}
+
+
+def tare_limit(given: float, unit: str) -> float:
+    """Return ``given``, or where it is 0 the limit for ``unit``. Raises ConfigurationError where there is none."""
+    limit = None if unit == ON_OFF_UNIT else given or TARE_LIMIT_BY_UNIT.get(unit)
+    if limit is None:
+        raise ConfigurationError('tare', expected='taxels in ' + ' or '.join(TARE_LIMIT_BY_UNIT), got=repr(unit),
+                                 remedy='On/off taxels have no zero to set.')
+    return limit
+
+
+def rest_limit(given: float, unit: str) -> float:
+    """Return the same for on/off taxels too: below it a taxel is not pressed."""
+    return PRESS_BY_UNIT[ON_OFF_UNIT] if unit == ON_OFF_UNIT else tare_limit(given, unit)
+
+
+def drift_limit(given: float, unit: str, gains: np.ndarray | None = None) -> float:
+    """Return what the zero may be followed by: a ``given`` tare limit beyond the unit's own would hide a grasp.
+
+    So would one that the largest of ``gains`` makes a contact of. Raises ConfigurationError where there is no zero.
+    """
+    largest = 1.0 if gains is None else max(1.0, float(gains.max()))
+    return min(tare_limit(given, unit), tare_limit(0.0, unit)) / largest
+
+
+RAISED_TAXELS = 3  #: connected taxels that stand out make a contact; fewer may be faulty
+BACKGROUND = 0.25  #: quantile of the loads taken for what nothing presses: an object may cover the rest
+LOWEST = 0.05      #: quantile; BACKGROUND - LOWEST is 0.97 standard deviations of normal offsets
+SPREADS = 6.0      #: such distances above the background that no offset reaches
+
+
+class ContactGuard(NamedTuple):
+    """Finds a contact in readings. Levels are of published values: gain x (reading - zero).
+
+    A taxel is pressed from ``press`` on, and until it reads less than RELEASE_RATIO of it: the processor, by its
+    defaults, reports such a contact. RAISED_TAXELS connected taxels are pressed too where they read ``raised`` more
+    than the pad's background, and more than its offsets vary: before the first tare a contact may hide in a low offset.
+    """
+
+    press: float
+    raised: float
+    gains: np.ndarray | float = 1.0  #: (rows, cols) or one for all
+
+    @classmethod
+    def of_unit(cls, unit: str, gains: np.ndarray | float = 1.0) -> 'ContactGuard':
+        """``unit``: of the taxels, one of PRESS_BY_UNIT."""
+        return cls(PRESS_BY_UNIT[unit], TARE_LIMIT_BY_UNIT.get(unit, np.inf), gains)
+
+    def pressed(self, readings: np.ndarray, zero: np.ndarray | float) -> np.ndarray:
+        """Return the pressed taxels, bool (rows, cols), of successive readings (K, rows, cols), NaN where invalid.
+
+        >>> guard = ContactGuard.of_unit('Pa')
+        >>> guard.pressed(np.array([[[0.0, 0.0, 40e3]]]), zero=0.0).tolist()
+        [[False, False, True]]
+        """
+        loads = self.gains * (readings - zero)
+        valid = np.isfinite(loads)
+        known: np.ndarray = np.asarray(valid.any(0))
+        mean = np.where(valid, loads, 0).sum(0) / np.maximum(valid.sum(0), 1)
+        highest = np.where(valid, loads, -np.inf).max(0)
+        pressed: np.ndarray = known & ((mean >= RELEASE_RATIO * self.press) | (highest >= self.press))
+        return pressed | self._standing_out(mean, known)
+
+    def _standing_out(self, mean: np.ndarray, known: np.ndarray) -> np.ndarray:
+        if not known.any():
+            return known
+        lowest, background = np.quantile(mean[known], (LOWEST, BACKGROUND))
+        raised = known & (mean >= background + max(self.raised, SPREADS * (background - lowest)))
+        groups, count = label(raised, np.ones((3, 3)))
+        sizes = np.bincount(groups.ravel(), minlength=count + 1)
+        sizes[0] = 0
+        of_contacts: np.ndarray = (sizes >= RAISED_TAXELS)[groups]
+        return of_contacts
+
 
 FAULTY = (TaxelStatus.DEAD, TaxelStatus.FAULTY)
 SETTLING = 3  #: frames ignored after a device has zeroed itself: some were under way

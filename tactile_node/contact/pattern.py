@@ -7,11 +7,9 @@ from numpy.typing import ArrayLike
 from scipy import ndimage
 
 from tactile_node.contact.left_over import LeftOver
-from tactile_node.contact.neighbours import grown
+from tactile_node.contact.neighbours import EIGHT_CONNECTED, grown, pad_seen
 from tactile_node.contact.noise_floor import NoiseFloor
-from tactile_node.contact.on_off import are_on_off
-from tactile_node.contact.press import PressThresholds
-from tactile_node.contact.seen import EIGHT_CONNECTED, pad_seen
+from tactile_node.contact.press import PressThresholds, are_on_off
 from tactile_node.contact.standing_out import Threshold, standing_out
 from tactile_node.errors import InputError
 from tactile_node.press_levels import LEAST_BY_UNIT, ON_OFF_UNIT

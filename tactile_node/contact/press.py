@@ -1,4 +1,4 @@
-"""From which value on a taxel is pressed, and below which it is released: the one place that decides."""
+"""From which value on a taxel is pressed, and below which it is released; whether taxels are on/off."""
 
 from dataclasses import dataclass
 
@@ -7,6 +7,17 @@ import numpy as np
 from tactile_node.errors import ConfigurationError
 from tactile_node.press_levels import PRESS_BY_UNIT as PRESS_BY_UNIT
 from tactile_node.press_levels import RELEASE_RATIO as RELEASE_RATIO
+
+
+def are_on_off(values: np.ndarray) -> bool:
+    """Return whether all ``values``, finite or NaN (no valid value), are 0 or one other number above it.
+
+    >>> are_on_off(np.array([0.0, 5.0, np.nan])), are_on_off(np.array([0.0, 5.0, 2.0]))
+    (True, False)
+    """
+    highest = np.fmax.reduce(values, axis=None, initial=0.0)
+    return bool(((values == 0) | (values == highest) | np.isnan(values)).all())
+
 
 #: The same for arrays without a unit, as fractions of the full scale.
 PRESS_FRACTION = 0.3

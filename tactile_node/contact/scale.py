@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from tactile_node.contact.on_off import are_on_off
 from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.contact.press import are_on_off
 from tactile_node.errors import InputError
 from tactile_node.press_levels import LEAST_BY_UNIT
 

@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from tactile_node.contact.neighbours import enclosed, grown, highest_near
-from tactile_node.contact.seen import EIGHT_CONNECTED
+from tactile_node.contact.neighbours import EIGHT_CONNECTED, enclosed, grown, highest_near
 
 OUTLINE = 0.5      #: of the local level
 NOISE = 3.0        #: standard deviations that a taxel of a contact is above the level at rest

@@ -7,7 +7,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from tactile_node.errors import RefusedRequirementError, RequirementRefusal
-from tactile_node.grasp.line import Line
+from tactile_node.grasp.gripper import Line
 from tactile_node.grasp.tracker import GraspContact, GraspState
 from tactile_node.shape.recognition import Shape
 

@@ -12,8 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.errors import ConfigurationError, InputError
-from tactile_node.grasp.gripper import Gripper
-from tactile_node.grasp.line import Line, contact_line
+from tactile_node.grasp.gripper import Gripper, Line, contact_line
 from tactile_node.grasp.steadiness import Steadiness, SteadinessSettings
 from tactile_node.shape.recognition import Shape
 

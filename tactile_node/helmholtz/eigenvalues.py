@@ -22,10 +22,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage, sparse
 
-from tactile_node.helmholtz.banded import Banded
-from tactile_node.helmholtz.large_part import large_part
-from tactile_node.helmholtz.operators import WEIGHTS, Stencil
-from tactile_node.helmholtz.taxel_list import TaxelList
+from tactile_node.helmholtz.operators import WEIGHTS, Banded, Stencil
+from tactile_node.helmholtz.taxel_list import TaxelList, large_part
 
 TOLERANCE = 2e-10  #: of the residual, relative to the eigenvalue
 SOLVES = (3, 4, 4, 3, 2, 2, 2)  #: inverse iterations of each round

@@ -6,6 +6,7 @@ minimum, maximum and difference over the 46 rotations.
 """
 
 from collections.abc import Mapping
+from enum import Flag, auto
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -13,12 +14,77 @@ import numpy as np
 
 from tactile_node.errors import InputError
 from tactile_node.helmholtz.eigenvalues import Problem, smallest_eigenvalues
-from tactile_node.helmholtz.feature_groups import Group as Group
-from tactile_node.helmholtz.gravity import Gravity, gravity
-from tactile_node.helmholtz.information import Information, information
 from tactile_node.helmholtz.operators import WEIGHTS, Stencil
 from tactile_node.helmholtz.rotation import ANGLES, with_rotated
-from tactile_node.helmholtz.taxel_list import TaxelList, ringed_taxel_list, taxel_list
+from tactile_node.helmholtz.taxel_list import TaxelList, Weights, ringed_taxel_list, taxel_list
+
+
+class Gravity(NamedTuple):
+    """The centre of gravity T in both coordinate systems, each of shape (K,).
+
+    NaN where no two active taxels are neighbours by the stencil: there is nothing to weigh.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    V: np.ndarray      #: distance from the origin, sqrt(x² + y²)
+    alpha: np.ndarray  #: arctan2(x, y) [degrees]
+
+
+def gravity(taxels: TaxelList, stencil: Stencil) -> Gravity:
+    """Return the centre of gravity of each of the K patterns of ``taxels``.
+
+    A pair of neighbours i > j weighs A(i,j) at (i-1)/(N-1), (j-1)/(N-1); summed over i the weights are
+    those of the neighbours before each taxel, summed over j those of the neighbours after it.
+    """
+    weights = WEIGHTS[stencil]
+    before = _weigh(taxels.earlier_edge, taxels.earlier_corner, weights)
+    after = _weigh(taxels.later_edge, taxels.later_corner, weights)
+    with np.errstate(invalid='ignore', divide='ignore'):
+        scale = taxels.per_pattern(before) * (taxels.counts - 1)
+        x = taxels.per_pattern(before * taxels.number) / scale
+        y = taxels.per_pattern(after * taxels.number) / scale
+    return Gravity(x, y, np.sqrt(x * x + y * y), np.degrees(np.arctan2(x, y)))
+
+
+def _weigh(edge: np.ndarray, corner: np.ndarray, weights: Weights) -> np.ndarray:
+    weighed: np.ndarray = edge * np.int32(-weights.edge)
+    return weighed + corner * np.int32(-weights.corner) if weights.corner else weighed
+
+
+class Information(NamedTuple):
+    """The paper's three measures, each of shape (K,)."""
+
+    sum: np.ndarray   #: Σ s_i, >= 0
+    sq: np.ndarray    #: Σ s_i², vertices and edges accented
+    norm: np.ndarray  #: Σ s_i² / N, the classifier's I; NaN for an empty pattern
+
+
+def information(taxels: TaxelList, stencil: Stencil) -> Information:
+    """Return the information measures of each of the K patterns of ``taxels``."""
+    weights = WEIGHTS[stencil]
+    sums = taxels.row_sums(weights)
+    squared = taxels.per_pattern(sums * sums) / weights.denominator ** 2
+    with np.errstate(invalid='ignore'):
+        return Information(taxels.per_pattern(sums) / weights.denominator, squared, squared / taxels.counts)
+
+
+class Group(Flag):
+    """Which features to compute besides N, P05, P09; eigenvalues cost most."""
+
+    NONE = 0
+    INFORMATION5 = auto()
+    INFORMATION9 = auto()
+    GRAVITY5 = auto()
+    GRAVITY9 = auto()
+    EIGENVALUES = auto()
+    BORDER = auto()  #: the groups above also for the reduced matrices
+    ROTATED = auto()  #: min, max and dif over the rotations of everything computed
+    INFORMATION = INFORMATION5 | INFORMATION9
+    GRAVITY = GRAVITY5 | GRAVITY9
+    CLASSIFIER = INFORMATION5 | GRAVITY9 | ROTATED  #: what the paper's planes need
+    ALL = INFORMATION | GRAVITY | EIGENVALUES | BORDER | ROTATED
+
 
 TOGETHER = 400_000  #: taxels of rotated patterns described at a time: bounds the memory of large contacts
 

@@ -5,9 +5,11 @@ Outside the pattern Φ = 0, so A of N active taxels is N×N, symmetric and posit
 """
 
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
+from scipy.linalg import lapack
 
 from tactile_node.helmholtz.taxel_list import Weights, taxel_list
 
@@ -53,3 +55,76 @@ def border(mask: np.ndarray, stencil: Stencil) -> np.ndarray:
     """
     mask_of_border: np.ndarray = taxel_list(mask[np.newaxis]).border(WEIGHTS[stencil])[0]
     return mask_of_border
+
+
+class Banded(NamedTuple):
+    """Matrices side by side on one diagonal, as LAPACK's lower band storage, transposed.
+
+    ``band`` has shape (total, bandwidth + 1): row j holds A(j, j), A(j+1, j), ...; matrix k has the rows
+    ``start[k]:start[k + 1]``, ``sizes[k]`` of them. A Cholesky factor is stored in the same way.
+    """
+
+    band: np.ndarray
+    sizes: np.ndarray
+    start: np.ndarray
+
+    @classmethod
+    def of(cls, band: np.ndarray, sizes: np.ndarray) -> 'Banded':
+        return cls(band, sizes, np.concatenate(([0], np.cumsum(sizes))))
+
+    def part(self, chosen: slice) -> 'Banded':
+        return Banded.of(self.band[self.rows(chosen)], self.sizes[chosen])
+
+    def where(self, keep: np.ndarray) -> 'Banded':
+        return self if keep.all() else Banded.of(self.band[np.repeat(keep, self.sizes)], self.sizes[keep])
+
+    def rows(self, chosen: slice) -> slice:
+        """Rows of ``band`` that hold the matrices ``chosen``."""
+        first, last, _ = chosen.indices(len(self.sizes))
+        return slice(self.start[first], self.start[last])
+
+    def factorised(self, shift: np.ndarray, certain: np.ndarray) -> tuple['Banded', np.ndarray]:
+        """Cholesky factors of A - shift, and the shifts: each is certainly below the smallest eigenvalue.
+
+        Where the one given is not, a little less than the lower bound known to be ``certain`` is taken.
+        """
+        while True:
+            band = self.band.copy()
+            band[:, 0] -= np.repeat(shift, self.sizes)
+            factor, failed = lapack.dpbtrf(band.T, lower=1, overwrite_ab=1)
+            if failed == 0:
+                return Banded(factor.T, self.sizes, self.start), shift
+            shift = shift.copy()
+            wrong = np.searchsorted(self.start, failed - 1, 'right') - 1
+            shift[wrong] = min(certain[wrong] * (1 - 1e-9), shift[wrong] / 2)
+
+    def solved(self, right: np.ndarray) -> np.ndarray:
+        """Solution of L Lᵀ x = right, of the factors L held here."""
+        solution: np.ndarray = lapack.dpbtrs(self.band.T, right, lower=1)[0]
+        return solution
+
+    def norms(self, x: np.ndarray) -> np.ndarray:
+        """Euclidean norm of each matrix's share of the vector ``x``."""
+        norms: np.ndarray = np.sqrt(self.sums(x * x))
+        return norms
+
+    def sums(self, x: np.ndarray) -> np.ndarray:
+        """Sum of each matrix's share of the vector ``x``."""
+        return np.add.reduceat(x, self.start[:-1])
+
+    def least(self, x: np.ndarray) -> np.ndarray:
+        """Least element of each matrix's share of the vector ``x``."""
+        return np.minimum.reduceat(x, self.start[:-1])
+
+    def spread(self, each: np.ndarray) -> np.ndarray:
+        """One value a matrix -> one a row."""
+        return np.repeat(each, self.sizes)
+
+    def dense(self, index: int) -> np.ndarray:
+        """Matrix ``index`` in full, its lower triangle only."""
+        rows = self.band[self.start[index]:self.start[index + 1]]
+        full = np.zeros((len(rows), len(rows)))
+        for offset in range(min(rows.shape[1], len(rows))):
+            column = np.arange(len(rows) - offset)
+            full[column + offset, column] = rows[column, offset]
+        return full

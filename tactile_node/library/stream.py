@@ -6,16 +6,24 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tactile_node.calibration.response import SkinResponse
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.contact.press import PressThresholds
 from tactile_node.errors import InputError
-from tactile_node.fusion.recognitions import FusedRecognition, FusionSettings, RecognitionFusion
-from tactile_node.library.arguments import checked_frame, extractor_by, instance, known_response, seconds
-from tactile_node.library.contacts import Recogniser, fit_shape, recognised
+from tactile_node.learning.response import SkinResponse
+from tactile_node.library.contacts import (
+    Recogniser,
+    checked_frame,
+    extractor_by,
+    fit_shape,
+    instance,
+    known_response,
+    recognised,
+    seconds,
+)
 from tactile_node.pose.fit import ShapeFit
-from tactile_node.pose.pitch import check_pitch
+from tactile_node.pose.moments import check_pitch
 from tactile_node.shape.recognition import Recognition
+from tactile_node.shape.recognitions import FusedRecognition, FusionSettings, RecognitionFusion
 
 
 class StreamedContact(NamedTuple):

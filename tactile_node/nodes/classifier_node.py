@@ -9,15 +9,13 @@ from rclpy.node import Node
 
 from tactile_node.contact.pattern import ContactPattern, of_contact
 from tactile_node.contact.visibility import Visibility, visibility_of
-from tactile_node.fusion.recognitions import FusedRecognition, RecognitionFusion
 from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.run import run_node
-from tactile_node.nodes.views import ShapeView
+from tactile_node.nodes.view_topics import ShapeView
 from tactile_node.pose.box import contact_box
-from tactile_node.pose.contact_fit import fit_contact
-from tactile_node.pose.fit import ShapeFit
+from tactile_node.pose.fit import ShapeFit, fit_contact
 from tactile_node.pose.moments import contact_moments
 from tactile_node.ros.contact_messages import layer_of, pattern_of
 from tactile_node.ros.message_age import age_message
@@ -29,6 +27,7 @@ from tactile_node.ros.time_messages import seconds
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.recognition import Recognition, ShapeClass
+from tactile_node.shape.recognitions import FusedRecognition, RecognitionFusion
 from tactile_skin.msg import Contact, ContactShape, ContactShapes, Progress
 
 

@@ -15,11 +15,10 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
-from tactile_node.conditioning.limits import tare_limit
+from tactile_node.assembly.frame_source import FrameSource
+from tactile_node.conditioning.tare import tare_limit
 from tactile_node.conditioning.taxel_faults import FaultyTaxels
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError
-from tactile_node.frames.frame_source import FrameSource
-from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.driver_services import FaultService, TareService, Zeroing
 from tactile_node.nodes.driver_source import driver_pads, make_source, pad_frames
@@ -33,6 +32,7 @@ from tactile_node.ros.parameters import changed, declare, read, table
 from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.ros.status_message import PrimaryState
+from tactile_node.taxel_frame import TaxelFrame
 
 #: All that is not live; autostart and wait_at_start are read once, before that.
 READ_AT_CONFIGURE = frozenset(each.name for each in table(DriverSettings) if not each.properties.live

@@ -10,10 +10,9 @@ from rclpy.node import Node
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from tactile_node.conditioning.fault_file import save_faults
 from tactile_node.conditioning.tare import Tare as Measured
 from tactile_node.conditioning.tare import TaredPad
-from tactile_node.conditioning.taxel_faults import FaultyTaxels
+from tactile_node.conditioning.taxel_faults import FaultyTaxels, save_faults
 from tactile_node.errors import ConfigurationError, TactileError, TareRefusal, TareRefusedError
 from tactile_skin.srv import Tare
 

@@ -2,16 +2,14 @@
 
 from collections.abc import Callable, Sequence
 
-from tactile_node.bus.bus_settings import BusSettings
+from tactile_node.assembly.frame_source import FrameSource, OnFrame
+from tactile_node.bus.bus_network import BusSettings
 from tactile_node.errors import ConfigurationError
-from tactile_node.frames.consumer import OnFrame
-from tactile_node.frames.frame_source import FrameSource
-from tactile_node.recording.log_source import LogSource
-from tactile_node.recording.log_writer import MEGABYTE
+from tactile_node.logs.log_writer import MEGABYTE
 from tactile_node.ros.settings import DriverSettings
-from tactile_node.skin.pad_rules import live_pads
-from tactile_node.skin.pads import PadSettings, make_pads, one_for_each, with_dictionaries
-from tactile_node.supervision.supervisor import Supervisor
+from tactile_node.skin.pads import PadSettings, live_pads, make_pads, one_for_each, with_dictionaries
+from tactile_node.sources.log_source import LogSource
+from tactile_node.sources.supervisor import Supervisor
 
 HEARTBEATS_LOST = 2  #: at least, before a node counts as lost: one may be late
 

@@ -11,14 +11,13 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from tactile_node.delay.source_guard import SourceGuard
-from tactile_node.delay.stamp_guard import StampGuard
+from tactile_node.bus.threads import Reminder
 from tactile_node.ros.message_age import AgedMessage, Arrival, InputAge
 from tactile_node.ros.message_checks import Check, Message, RejectReason
 from tactile_node.ros.message_health import MessageCounts, StreamHealth
 from tactile_node.ros.qos import is_lossless
+from tactile_node.ros.source_guard import SourceGuard, StampGuard
 from tactile_node.ros.time_messages import seconds
-from tactile_node.threads.reminder import Reminder
 
 logger = logging.getLogger(__name__)
 

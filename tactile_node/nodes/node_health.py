@@ -3,15 +3,16 @@
 import logging
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
+from tactile_node.bus.threads import Reminder
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
-from tactile_node.nodes.health_timer import start_health_timer
-from tactile_node.ros.measurement_time import use_stamps
+from tactile_node.ros.message_age import use_stamps
 from tactile_node.ros.message_health import StreamFault, StreamHealth, health_status, several_text, topics_of_several
 from tactile_node.ros.settings import ReceiverSettings
 
@@ -52,3 +53,25 @@ class MessageHealth:
             logger.warning('%s: %s', self._node.get_fully_qualified_name(), several_text(topic, found[topic]),
                            extra={'fact': StreamFault.SEVERAL_PUBLISHERS})
         self._of_several = set(found)
+
+
+PERIOD = 1.0  # s, REP-107
+
+
+def start_health_timer(node: Node, publish: Callable[[], None], period: float = PERIOD) -> None:
+    """Call ``publish`` each ``period`` [s] as long as the node lasts, on the steady clock.
+
+    With use_sim_time and no /clock the node's own clock stands still, and the last OK would stay. An exception of
+    ``publish`` is logged: it would end the executor, and with it every node of the process.
+    """
+    reminder = Reminder()
+
+    def report() -> None:
+        try:
+            publish()
+        except Exception:
+            if not node.context.ok():  # nothing can be published: the process ends
+                raise
+            if reminder.is_due('health', time.monotonic()):
+                logger.exception('%s: its health cannot be reported', node.get_fully_qualified_name())
+    node.create_timer(period, report, clock=Clock(clock_type=ClockType.STEADY_TIME))

@@ -16,12 +16,13 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 
+from tactile_node.bus.threads import Reminder
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.frame_tree import FrameTree
 from tactile_node.grasp.opening import NOT_KNOWN, GapSource, LatestGap, LinearGap, Opening, is_plausible, opening
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
-from tactile_node.nodes.health_timer import start_health_timer
-from tactile_node.ros.measurement_time import MeasurementTime, use_stamps
+from tactile_node.nodes.node_health import start_health_timer
+from tactile_node.ros.message_age import MeasurementTime, use_stamps
 from tactile_node.ros.message_checks import RejectReason
 from tactile_node.ros.opening_messages import (
     check_joint_state,
@@ -37,7 +38,6 @@ from tactile_node.ros.opening_messages import (
 from tactile_node.ros.qos import TF_QOS, TF_STATIC_QOS
 from tactile_node.ros.settings import GraspNodeSettings
 from tactile_node.ros.time_messages import seconds
-from tactile_node.threads.reminder import Reminder
 
 if TYPE_CHECKING:
     from sensor_msgs.msg import JointState

@@ -10,7 +10,7 @@ from rclpy.time import Duration
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.gripper import Gripper
 from tactile_node.grasp.opening import GapSource
-from tactile_node.nodes.health_timer import start_health_timer
+from tactile_node.nodes.node_health import start_health_timer
 from tactile_node.nodes.opening_source import OpeningSource
 from tactile_node.ros.opening_messages import frame_name, pad_transform, tf_message_type
 from tactile_node.ros.qos import TF_QOS, TF_STATIC_QOS

@@ -8,12 +8,12 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from tactile_node.conditioning.conditioned_pad import ConditionedPad, PadCondition
-from tactile_node.frames.taxel_frame import TaxelFrame
 from tactile_node.nodes.guarded_subscription import publisher_names
-from tactile_node.pose.layer import Layer
+from tactile_node.pose.profiles import Layer
+from tactile_node.ros.contact_messages import taxel_array_message
 from tactile_node.ros.message_age import age_message
-from tactile_node.ros.taxel_messages import taxel_array_message
 from tactile_node.skin.pads import PadSettings
+from tactile_node.taxel_frame import TaxelFrame
 from tactile_skin.msg import TaxelArray
 
 LOOK_PERIOD = 1.0  # s between two looks for other publishers

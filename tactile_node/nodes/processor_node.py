@@ -15,19 +15,18 @@ from tactile_node.contact.press import PRESS_BY_UNIT, PressThresholds
 from tactile_node.contact.scale import UnitScale
 from tactile_node.contact.visibility import visibility_of
 from tactile_node.errors import ConfigurationError, TactileError
-from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.run import run_node
-from tactile_node.nodes.views import TaxelViews
-from tactile_node.ros.contact_messages import contact_message, features_message, taxels_of
+from tactile_node.nodes.view_topics import TaxelViews
+from tactile_node.ros.contact_messages import contact_message, features_message, taxel_values, taxels_of
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.message_checks import check_taxel_array
 from tactile_node.ros.parameters import changed, declare, read
 from tactile_node.ros.settings import ProcessorSettings
-from tactile_node.ros.taxel_messages import taxel_values
+from tactile_node.taxel_frame import TaxelStatus
 from tactile_skin.msg import Contact, ContactFeatures, TaxelArray
 
 logger = logging.getLogger(__name__)

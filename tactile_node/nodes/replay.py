@@ -1,15 +1,21 @@
 """What a driver that plays a log adds: the time of the log, and its pace where nothing may be lost."""
 
+import logging
 import threading
+import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
+from threading import Event
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 
+from tactile_node.assembly.frame_source import FrameSource
+from tactile_node.bus.threads import Reminder
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
+from tactile_node.nodes.spinning import Spinner
 from tactile_node.ros.message_checks import RejectReason
 from tactile_node.ros.time_messages import time_message
 from tactile_skin.msg import Progress
@@ -103,3 +109,31 @@ class ReplayGate:
         with self._progress:
             self._pads[pad].answered(message.sequence)
             self._progress.notify_all()
+
+
+logger = logging.getLogger(__name__)
+
+DRAIN_TIMEOUT = 5.0  # s without a new shape: no more will come
+POLL_PERIOD = 0.05  # s
+
+
+def published_frames(source: FrameSource) -> int:
+    """Taxel frames of all pads that the driver has published."""
+    return sum(pad.published for pad in source.statistics().pads.values())
+
+
+def drain(source: FrameSource, shapes: Callable[[], int], spinner: Spinner, stop_requested: Event) -> int:
+    """Wait until ``shapes()`` counts as many as ``source`` has published, or none has come for DRAIN_TIMEOUT.
+
+    Returns the count; raises what a callback has raised.
+    """
+    count, remaining, reminder = shapes(), DRAIN_TIMEOUT, Reminder()
+    while remaining > 0 and not stop_requested.wait(POLL_PERIOD):
+        spinner.check()
+        before, count = count, shapes()
+        if count >= published_frames(source):
+            break
+        if reminder.is_due(drain.__name__, time.monotonic()):
+            logger.info('Waiting for the last shapes: %d of %d taxel frames so far.', count, published_frames(source))
+        remaining = DRAIN_TIMEOUT if count > before else remaining - POLL_PERIOD
+    return count

@@ -9,17 +9,16 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
+from tactile_node.assembly.fault_text import failure_of
+from tactile_node.assembly.frame_source import BusStatistics, FrameSource
+from tactile_node.assembly.health import BusHealth
+from tactile_node.bus.threads import ChangePace
 from tactile_node.conditioning.conditioned_pad import PadCondition
 from tactile_node.errors import TactileError
-from tactile_node.frames.fault_text import failure_of
-from tactile_node.frames.frame_source import FrameSource
-from tactile_node.frames.health import BusHealth
-from tactile_node.frames.losses import BusStatistics
-from tactile_node.nodes.health_timer import start_health_timer
+from tactile_node.nodes.node_health import start_health_timer
 from tactile_node.ros.diagnostics import PERIOD, BusDiagnostics, Finding, diagnostic_array, unconfigured
 from tactile_node.ros.qos import STATUS_QOS
 from tactile_node.ros.status_message import PrimaryState, status_message
-from tactile_node.threads.change_pace import ChangePace
 from tactile_skin.msg import SkinStatus
 
 LOOK_PERIOD = 0.05  # s between two looks at the state: a change is published within it

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from tactile_node.frames.frame_source import FrameSource
+from tactile_node.assembly.frame_source import FrameSource
 from tactile_node.node_graph import NodeDescription, Role
 
 if TYPE_CHECKING:

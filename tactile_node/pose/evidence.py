@@ -7,7 +7,7 @@ from scipy import ndimage
 
 from tactile_node.contact.neighbours import touches_edge
 from tactile_node.errors import InputError
-from tactile_node.geometry.coverage import Window
+from tactile_node.pose.outlines import Window
 
 MARGIN = 2  #: taxels around the contact that are looked at
 

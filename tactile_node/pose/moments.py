@@ -9,7 +9,18 @@ from tactile_node.contact.neighbours import grown
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.contact.visibility import Visibility, visibility_of
 from tactile_node.errors import ConfigurationError, InputError
-from tactile_node.pose.pitch import check_pitch
+
+
+def check_pitch(pitch: float) -> None:
+    """Raise ConfigurationError unless ``pitch`` is a length > 0, finite."""
+    try:
+        is_length = bool(0 < pitch < np.inf)
+    except (TypeError, ValueError):  # no number
+        is_length = False
+    if not is_length:
+        raise ConfigurationError('pitch', expected='a length > 0 in metres', got=repr(pitch),
+                                 remedy='Give the distance of neighbouring taxel centres.')
+
 
 UNITS = ('Pa', 'N', '1')
 ROUND = 0.02  #: relative difference of the two second moments below which no axis is the longer one

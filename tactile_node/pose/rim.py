@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.contact.neighbours import grown, sum_around
-from tactile_node.contact.on_off import are_on_off
 from tactile_node.contact.pattern import ContactPattern
+from tactile_node.contact.press import are_on_off
 from tactile_node.contact.visibility import Visibility, visibility_of
 
 STEPS = np.array(((1, 0), (-1, 0), (0, 1), (0, -1)))  #: to the neighbours, (x, y)

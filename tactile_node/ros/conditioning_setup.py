@@ -3,17 +3,14 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from tactile_node.calibration.response import SkinResponse, load_response
 from tactile_node.conditioning.conditioned_pad import ConditionedPad
-from tactile_node.conditioning.contact_guard import ContactGuard
 from tactile_node.conditioning.drift import DriftFollower
-from tactile_node.conditioning.fault_file import load_faults
 from tactile_node.conditioning.gain import load_gains
-from tactile_node.conditioning.limits import drift_limit, rest_limit
-from tactile_node.conditioning.tare import TaredPad
-from tactile_node.conditioning.taxel_faults import FaultDetector
+from tactile_node.conditioning.tare import ContactGuard, TaredPad, drift_limit, rest_limit
+from tactile_node.conditioning.taxel_faults import FaultDetector, load_faults
 from tactile_node.errors import ConfigurationError
-from tactile_node.pose.layer import check_layer
+from tactile_node.learning.response import SkinResponse, load_response
+from tactile_node.pose.profiles import check_layer
 from tactile_node.press_levels import ON_OFF_UNIT
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.skin.pads import PadSettings, one_for_each

@@ -9,14 +9,13 @@ from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from tactile_node.cia301.nmt import state_name
-from tactile_node.conditioning.condition_text import ZERO_TEXT, faults_text
-from tactile_node.conditioning.conditioned_pad import PadCondition
+from tactile_node.assembly import counters
+from tactile_node.assembly.fault_text import OVERLOAD_PHRASES, command_text, failure_text, node_text, sync_text
+from tactile_node.assembly.frame_source import BusStatistics, PadStatistics
+from tactile_node.assembly.health import BusHealth, NodeHealth, Outages
+from tactile_node.cia301.objects import state_name
+from tactile_node.conditioning.conditioned_pad import ZERO_TEXT, PadCondition, faults_text
 from tactile_node.conditioning.tare import ZeroState
-from tactile_node.frames import counters
-from tactile_node.frames.fault_text import OVERLOAD_PHRASES, command_text, failure_text, node_text, sync_text
-from tactile_node.frames.health import BusHealth, NodeHealth, Outages
-from tactile_node.frames.losses import BusStatistics, PadStatistics
 
 PERIOD = 1.0  #: s over which a level is evaluated
 

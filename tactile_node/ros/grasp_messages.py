@@ -8,7 +8,7 @@ from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Point, Vector3
 
 from tactile_node.errors import RefusedRequirementError, RequirementRefusal
-from tactile_node.grasp.line import Line
+from tactile_node.grasp.gripper import Line
 from tactile_node.grasp.opening import Opening
 from tactile_node.grasp.requirement import MOST_SHAPES, Missing, Requirement
 from tactile_node.grasp.steadiness import OF_FIT, OF_PATTERN, OF_PRESSURE

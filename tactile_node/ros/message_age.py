@@ -1,6 +1,6 @@
 """`age` of the messages of the chain: the time since the acquisition, summed over the stages on steady clocks.
 
-Each stage adds how long the message was held back on its way (`delay/estimator.py`) and the time that it took itself.
+Each stage adds how long the message was held back on its way (`ros/message_age.py`) and the time that it took itself.
 It needs no synchronised clocks. How a node uses it, with one `InputAge` for each subscription:
 
     self._input = InputAge(lossless=settings.lossless)        # in __init__
@@ -22,14 +22,153 @@ that is not known. Compared with any limit it is too old.
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf, isfinite
 from typing import NamedTuple, Protocol
 
 from builtin_interfaces.msg import Duration
+from rclpy.node import Node
 from std_msgs.msg import Header
 
-from tactile_node.delay.estimator import DelayEstimator
+from tactile_node.errors import ConfigurationError, InputError
+from tactile_node.ros.settings import NodeSettings
 from tactile_node.ros.time_messages import duration_message, seconds
+
+BUCKETS = 30  #: parts of the window that are forgotten as a whole
+
+
+@dataclass(frozen=True)
+class DelaySettings:
+    """How long the least difference is remembered, and when it can be trusted."""
+
+    window: float = 30.0     #: a slower path or a clock set back unnoticed is taken as normal after this time [s]
+    settle: float = 0.5      #: for how long messages have to arrive without a fall of the least difference [s]
+    tolerance: float = 0.02  #: while settling, a fall by less is jitter of the path [s]
+    #: once settled, a fall by less is a message that was faster than all before: they were older by that time than they
+    #: seemed, and what follows is right [s]
+    error: float = 0.05
+    drift: float = 1e-3      #: relative: a slower fall is the drift or the slewing of a clock
+    longest_gap: float = 0.1  #: a longer silence counts towards `settle` as this long [s]
+
+    def __post_init__(self) -> None:
+        values = (self.window, self.settle, self.tolerance, self.error, self.drift, self.longest_gap)
+        if not (all(0 < value < inf for value in values) and self.settle < self.window and self.drift < 1
+                and self.tolerance <= self.error):
+            raise ConfigurationError('delay settings', expected='numbers > 0, settle < window, tolerance <= error, '
+                                     'drift < 1', got=str(self), remedy='Leave them out for the defaults.')
+
+
+class Delay(NamedTuple):
+    """Of one message."""
+
+    held_back: float  #: beyond the least of the window, >= 0 [s]
+    settled: bool     #: False: it may have been held back for any time
+
+
+class DelayEstimator:
+    """Takes the messages of one sender as they arrive; pure: time is what it is given.
+
+    After a sender's clock was set forward, or set back by more than a message's period, or after a restart of the
+    sender: not settled for `DelaySettings.settle`. Set back by less, or during a silence of that length: what arrives
+    is taken to be older than it is by that step, for at most `DelaySettings.window`.
+
+    >>> estimator = DelayEstimator()
+    >>> for i in range(50):
+    ...     delay = estimator.update(arrival=100 + 0.02 * i, sent=1.7e9 + 0.02 * i)
+    >>> delay.settled, round(estimator.update(arrival=106.0, sent=1.7e9 + 1.0).held_back, 3)
+    (True, 5.0)
+    """
+
+    def __init__(self, settings: DelaySettings = DelaySettings()):
+        self._settings = settings
+        self._arrival = -inf
+        self._sent = -inf
+        self._restart()
+
+    def _restart(self) -> None:
+        self._least: deque[tuple[int, float]] = deque()  # bucket, least difference from it on; both ascending
+        self._reference = inf  # what the least difference must not fall below by more than the tolerance
+        self._covered = 0.0  # time with messages since it did
+
+    def update(self, arrival: float, sent: float) -> Delay:
+        """Take a message that ``arrival`` brought [s, our steady clock], ``sent`` [s, the sender's clock].
+
+        Where a stage adds its own delay as ``age``: sent = stamp + age. Raises InputError for a time that is not
+        finite.
+        """
+        if not (isfinite(arrival) and isfinite(sent)):
+            raise InputError('times of a message', expected='finite seconds', got=f'{arrival}, {sent}',
+                             remedy='Leave out messages whose age is not known.')
+        gap = arrival - self._arrival
+        if not 0 <= gap <= self._settings.window or sent < self._sent - self._settings.tolerance:
+            self._restart()
+            gap = 0.0
+        self._arrival = arrival
+        self._sent = sent
+        difference = arrival - sent
+        self._follow(self._least_with(arrival, difference), gap)
+        return Delay(difference - self._least[0][1], self._covered >= self._settings.settle)
+
+    def _least_with(self, arrival: float, difference: float) -> float:
+        """Add ``difference`` to the window and return its least."""
+        length = self._settings.window / BUCKETS
+        bucket = int(arrival // length)
+        while self._least and self._least[-1][1] >= difference:
+            self._least.pop()
+        self._least.append((bucket, difference))
+        while self._least[0][0] <= bucket - BUCKETS:
+            self._least.popleft()
+        return self._least[0][1]
+
+    def _follow(self, least: float, gap: float) -> None:
+        """Start settling again after a fall; ``gap`` [s] is the time since the message before."""
+        reference = self._reference - self._settings.drift * gap
+        is_settled = self._covered >= self._settings.settle
+        if least < reference - (self._settings.error if is_settled else self._settings.tolerance):
+            self._covered = 0.0
+            self._reference = least
+            return
+        self._covered += min(gap, self._settings.longest_gap)
+        self._reference = max(least, reference)
+
+
+class MeasurementTime:
+    """Of the messages of one sender, which send a measurement at once or not at all, or again and again.
+
+    ``use_stamps`` False: what is received is taken to be measured then. For simulated time, which runs at its own
+    speed, and replays.
+    """
+
+    def __init__(self, *, use_stamps: bool = True):
+        self._delays = DelayEstimator() if use_stamps else None
+        self._stamp = 0.0
+        self._measured = -math.inf
+
+    def of(self, stamp: float, arrival: float) -> float:
+        """Return when the message that arrives at ``arrival`` was measured [s, steady]; -inf: not known yet.
+
+        ``stamp``: of its measurement [s, the sender's clock]; 0: none. The same stamp again is the same measurement.
+        """
+        if not stamp:
+            return arrival
+        if stamp != self._stamp:
+            self._stamp = stamp
+            self._measured = self._first_sent(stamp, arrival)
+        return self._measured
+
+    def _first_sent(self, stamp: float, arrival: float) -> float:
+        if self._delays is None:
+            return arrival
+        delay = self._delays.update(arrival, stamp)
+        return arrival - delay.held_back if delay.settled else -math.inf
+
+
+def use_stamps(node: Node, settings: NodeSettings) -> bool:
+    """Whether stamps advance as our steady clock does: not in simulated time nor in a replay at another speed."""
+    return not (settings.lossless or node.get_parameter('use_sim_time').value)
+
 
 NOT_KNOWN_SEC = 2**31 - 1  #: `sec` of an age that is not known: 68 years, beyond every limit
 

@@ -14,7 +14,6 @@ from typing import TypeAlias, TypeVar
 import numpy as np
 
 from tactile_node.contact.pattern import MOST_LABELS
-from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.grasp.tracker import GraspContact
 from tactile_node.ros.shape_messages import SHAPE_OF_NUMBER
 from tactile_node.skin.taxel_array import RejectReason as RejectReason
@@ -29,6 +28,7 @@ from tactile_node.skin.taxel_array import (
     check_time,
 )
 from tactile_node.skin.taxel_array import check_taxel_array as check_taxel_array
+from tactile_node.taxel_frame import TaxelStatus
 from tactile_skin.msg import Contact, ContactFeatures, ContactShape, ContactShapes, FeatureRange, Grasp
 
 MAX_FEATURES = 1000  #: of one message; ours have far fewer

@@ -8,13 +8,13 @@ from shape_msgs.msg import Mesh, MeshTriangle, SolidPrimitive
 
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.contact.visibility import Visibility
-from tactile_node.fusion.recognitions import FusedRecognition
 from tactile_node.pose.box import ContactBox
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.moments import ContactMoments
 from tactile_node.pose.solids import pose_covariance, prism, solid
 from tactile_node.ros.time_messages import duration_message
 from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, TaughtShape
+from tactile_node.shape.recognitions import FusedRecognition
 from tactile_skin.msg import Contact, ContactShape, ContactShapes
 
 #: ContactShape.msg numbers of our shapes.

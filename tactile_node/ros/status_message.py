@@ -9,14 +9,14 @@ from types import MappingProxyType
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import State
 
-from tactile_node.cia301.nmt import NmtState, state_name
+from tactile_node.assembly import counters
+from tactile_node.assembly.fault_text import command_text, failure_text, node_text
+from tactile_node.assembly.frame_source import BusStatistics, PadStatistics
+from tactile_node.assembly.health import BusHealth, NodeHealth
+from tactile_node.cia301.objects import NmtState, state_name
 from tactile_node.conditioning.conditioned_pad import PadCondition
 from tactile_node.conditioning.tare import ZeroState
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
-from tactile_node.frames import counters
-from tactile_node.frames.fault_text import command_text, failure_text, node_text
-from tactile_node.frames.health import BusHealth, NodeHealth
-from tactile_node.frames.losses import BusStatistics, PadStatistics
 from tactile_skin.msg import FaultyTaxel, NodeStatus, PadStatus, SkinStatus
 
 #: NodeStatus.msg numbers of the NMT states; None: never heard.

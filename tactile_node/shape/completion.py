@@ -8,9 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import ndimage
 
-from tactile_node.contact.neighbours import grown
+from tactile_node.contact.neighbours import EIGHT_CONNECTED, grown
 from tactile_node.contact.pattern import ContactPattern, in_line, number_contacts
-from tactile_node.contact.seen import EIGHT_CONNECTED
 from tactile_node.contact.visibility import Visibility
 from tactile_node.read_only import read_only
 

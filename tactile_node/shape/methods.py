@@ -4,21 +4,22 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol
 
+from tactile_node.contact.neighbours import SMALLEST_CONTACT
 from tactile_node.contact.pattern import ContactPattern
-from tactile_node.contact.seen import SMALLEST_CONTACT
 from tactile_node.contact.visibility import Visibility, visibility_of
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import Features, Group, compute_features
 from tactile_node.package_files import config_path
 from tactile_node.shape.completion import completions, distinct, hidden_taxels_matter
-from tactile_node.shape.method_names import DEFAULT as DEFAULT
-from tactile_node.shape.method_names import FILES as FILES
-from tactile_node.shape.method_names import LEARNED as LEARNED
-from tactile_node.shape.method_names import VOLF as VOLF
 from tactile_node.shape.recogniser import ShapeRecogniser
 from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, UnknownReason
 from tactile_node.shape.shapeless import is_shapeless
 from tactile_node.shape.volf import GROUPS, VolfClassifier
+
+LEARNED, VOLF = 'learned', 'volf'
+DEFAULT = LEARNED
+FILES = {LEARNED: 'recogniser.npz', VOLF: 'volf_curves.yaml'}  #: what each reads by default, in config/
+
 
 #: of the frame as it is, and of each of its completions: any of these that differs keeps the confidence below 0.9
 WEIGHTS = (1 / 2, 1 / 6, 1 / 6, 1 / 6)

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.contact.neighbours import grown, linked
-from tactile_node.contact.on_off import are_on_off
 from tactile_node.contact.pattern import MOST_LABELS, ContactPattern
+from tactile_node.contact.press import are_on_off
 from tactile_node.read_only import read_only
 
 SIDE = 20        #: rows and columns of a patch

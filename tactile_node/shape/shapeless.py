@@ -10,8 +10,8 @@ from scipy import ndimage
 
 from tactile_node.contact.left_over import LEAST_COMPACTNESS
 from tactile_node.contact.neighbours import grown
-from tactile_node.contact.on_off import are_on_off
 from tactile_node.contact.pattern import ContactPattern, number_contacts
+from tactile_node.contact.press import are_on_off
 from tactile_node.shape.patch import joined
 
 #: Fraction of the taxels beside the contact that are pressed -> taxels of a group that chance does not make there.

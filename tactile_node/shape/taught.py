@@ -2,7 +2,7 @@
 
 A head is a multinomial logistic regression of N taught shapes against all else. It leaves the networks as they are: of
 what it leaves to all else, the five classes and UNKNOWN keep their shares. A taught shape is one object, so it is
-answered only for contacts of about the sizes that were taught. `tactile teach` writes it (tactile_node/teaching).
+answered only for contacts of about the sizes that were taught. `tactile teach` writes it (tactile_node/learning).
 """
 
 import re

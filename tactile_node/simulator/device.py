@@ -9,21 +9,15 @@ import canopen
 import numpy as np
 from canopen import SdoAbortedError
 
-from tactile_node.cia301.cia404 import AUTO_ZERO, ZERO_SIGNATURE
-from tactile_node.cia301.cob_id import DISABLED, ID_MASK
-from tactile_node.cia301.connection_set import NMT
-from tactile_node.cia301.nmt import NmtCommand
-from tactile_node.cia301.node_id import ALL_NODES
-from tactile_node.cia301.objects import COB_ID_SYNC, TPDO_COMMUNICATION, TPDO_MAPPING
-from tactile_node.cia301.pdo import INHIBIT_TIME, MAX_PDO_BITS, MAX_TPDOS, SAM_MPDO
+from tactile_node.bus.threads import StoppableThread
+from tactile_node.cia301 import objects
+from tactile_node.cia301.objects import NMT
 from tactile_node.cia301.sdo import SDO_BYTES, AbortCode
 from tactile_node.errors import BusError
 from tactile_node.simulator.block_upload import BlockUploadServer
-from tactile_node.simulator.event_schedule import SCAN, EventSchedule
-from tactile_node.simulator.tpdo_records import ConfiguredTpdo, Piece, TpdoRecords
+from tactile_node.simulator.tpdo_records import SCAN, ConfiguredTpdo, EventSchedule, Piece, TpdoRecords
 from tactile_node.skin.pads import CanopenNode
 from tactile_node.skin.taxel_codec import TaxelCodec
-from tactile_node.threads.stoppable_thread import StoppableThread
 
 logger = logging.getLogger(__name__)
 
@@ -111,11 +105,11 @@ class SimulatedDevice:
         self._tpdos = self._zero = None
 
     def _subscribe_sync(self) -> None:
-        self._sync_id = self._number(COB_ID_SYNC, 0) & ID_MASK
+        self._sync_id = self._number(objects.COB_ID_SYNC, 0) & objects.ID_MASK
         self._network.subscribe(self._sync_id, self._on_sync)
 
     def _on_nmt(self, _can_id: int, data: bytearray, timestamp: float) -> None:
-        if len(data) < 2 or data[1] not in (ALL_NODES, self._node_id):
+        if len(data) < 2 or data[1] not in (objects.ALL_NODES, self._node_id):
             return
         self._obey(data, timestamp)
         if not self.operational:
@@ -125,14 +119,14 @@ class SimulatedDevice:
 
     def _obey(self, data: bytearray, timestamp: float) -> None:
         with self._lock:
-            if data[0] in (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION):
+            if data[0] in (objects.NmtCommand.RESET_NODE, objects.NmtCommand.RESET_COMMUNICATION):
                 self._node.nmt.stop_heartbeat()
                 self._forget()
                 self._network.unsubscribe(self._sync_id, self._on_sync)
                 self._subscribe_sync()
                 self._announce()
                 return
-            if self.refuses_start and data[0] == NmtCommand.START:
+            if self.refuses_start and data[0] == objects.NmtCommand.START:
                 return
             was_operational = self.operational
             self._node.nmt.on_command(NMT, data, timestamp)
@@ -178,7 +172,7 @@ class SimulatedDevice:
 
     def _zero_channel(self, channel: int, data: bytes) -> None:
         """Channel 1 is taxel (0, 0), row by row."""
-        if data != ZERO_SIGNATURE:
+        if data != objects.ZERO_SIGNATURE:
             raise SdoAbortedError(AbortCode.INVALID_VALUE)
         values = np.asarray(self._source(time.time() - self._started))
         zero = np.zeros(values.shape) if self._zero is None else self._zero.copy()
@@ -246,7 +240,8 @@ class SimulatedDevice:
 
     def _compile(self, now: float) -> list[ConfiguredTpdo]:
         """As their records stand now, and what is due without SYNC from now on."""
-        numbers = [i for i in range(MAX_TPDOS) if TPDO_COMMUNICATION + i in self._node.object_dictionary]
+        known = self._node.object_dictionary
+        numbers = [i for i in range(objects.MAX_TPDOS) if objects.TPDO_COMMUNICATION + i in known]
         compiled = (self._records.compile(number) for number in numbers)
         self._tpdos = [tpdo for tpdo in compiled if tpdo is not None]
         self._schedule = EventSchedule(self._tpdos, now)
@@ -267,29 +262,30 @@ class SimulatedDevice:
 
     def _before_write(self, index: int, subindex: int, data: bytes, **_: object) -> None:
         """CiA 301's rules for PDO records; raises the SDO abort that a strict device sends."""
-        if index == AUTO_ZERO:
+        if index == objects.AUTO_ZERO:
             self._zero_channel(subindex, bytes(data))
             return
-        communication = TPDO_COMMUNICATION + (index & MAX_TPDOS - 1)
-        if TPDO_MAPPING <= index < TPDO_MAPPING + MAX_TPDOS:
-            if not self._number(communication, 1) & DISABLED:
+        communication = objects.TPDO_COMMUNICATION + (index & objects.MAX_TPDOS - 1)
+        if objects.TPDO_MAPPING <= index < objects.TPDO_MAPPING + objects.MAX_TPDOS:
+            if not self._number(communication, 1) & objects.DISABLED:
                 raise SdoAbortedError(AbortCode.WRONG_DEVICE_STATE)
             self._check_mapping(index, subindex, int.from_bytes(data, 'little'))
         elif index == communication and subindex == 1:
             now, new = self._number(index, 1), int.from_bytes(data, 'little')
-            if not now & DISABLED and (now ^ new) & ID_MASK:
+            if not now & objects.DISABLED and (now ^ new) & objects.ID_MASK:
                 raise SdoAbortedError(AbortCode.WRONG_DEVICE_STATE)
-        elif index == communication and subindex == INHIBIT_TIME and not self._number(index, 1) & DISABLED:
+        elif (index == communication and subindex == objects.INHIBIT_TIME
+                and not self._number(index, 1) & objects.DISABLED):
             raise SdoAbortedError(AbortCode.WRONG_DEVICE_STATE)
         self._tpdos = None
 
     def _check_mapping(self, index: int, subindex: int, value: int) -> None:
-        if subindex == 0 and value == SAM_MPDO:
+        if subindex == 0 and value == objects.SAM_MPDO:
             if not any(tpdo.is_mpdo for tpdo in self._layout.tpdos):
                 raise SdoAbortedError(AbortCode.NOT_MAPPABLE)
         elif subindex == 0:
             bits = sum(self._number(index, sub) & 0xFF for sub in range(1, value + 1))
-            if bits > MAX_PDO_BITS:
+            if bits > objects.MAX_PDO_BITS:
                 raise SdoAbortedError(AbortCode.PDO_TOO_LONG)
         elif self._number(index, 0) != 0:
             raise SdoAbortedError(AbortCode.WRONG_DEVICE_STATE)

@@ -1,17 +1,162 @@
 """Simulated pads on one python-can bus."""
 
-from collections.abc import Callable, Sequence
+import random
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
 import can
+from canopen import Network
+from canopen.network import PeriodicMessageTask
 
-from tactile_node.bus.bus_network import BusNetwork, open_bus
-from tactile_node.bus.bus_settings import DEFAULT_BITRATE
+from tactile_node.bus.bus_network import DEFAULT_BITRATE, BusNetwork, open_bus
+from tactile_node.bus.reception import Batch
+from tactile_node.cia301.frame_bits import Frame, Stuffing, bits_of
 from tactile_node.simulator.device import SimulatedDevice, TaxelSource
-from tactile_node.simulator.wire_gateway import WireGateway
-from tactile_node.simulator.wire_network import WireSettings
-from tactile_node.simulator.wire_report import WireReport
-from tactile_node.skin.pad_rules import check_pads
-from tactile_node.skin.pads import CanopenNode, LivePad
+from tactile_node.simulator.segment import LiveSegment, Segment
+from tactile_node.simulator.slcan_pty import SlcanPty
+from tactile_node.simulator.wire import Carried, Wire, WireReport
+from tactile_node.skin.pads import CanopenNode, LivePad, check_pads
+
+
+@dataclass(frozen=True)
+class WireSettings:
+    """How long frames and answers take."""
+
+    bitrate: int = DEFAULT_BITRATE  #: bit/s
+    stuffing: Stuffing = Stuffing.WORST
+    delay: float = 0.0003   #: of a device, from the end of the frame that it answers until its answer is ready [s]
+    jitter: float = 0.0001  #: by which that may be longer, evenly distributed [s]
+    most_sweeps: int = 2    #: that a device has not sent to the end, when it begins no other
+    batch: float = 0.0005   #: that a frame waits, at most, to be handed to the host with those after it [s]
+    seed: int = 0
+
+    def wire(self) -> Wire:
+        return Wire(self.bitrate, bits_of(self.stuffing))
+
+
+class WireNetwork(Network):
+    """A canopen Network over its queue on the segment; ``to_wall_clock`` is added to stamps [s]."""
+
+    def __init__(self, segment: Segment, settings: WireSettings, node_id: int, to_wall_clock: float = 0.0):
+        super().__init__()
+        self._segment = segment
+        self._settings = settings
+        self._to_wall_clock = to_wall_clock
+        self._random = random.Random(settings.seed << 7 | node_id)
+        self._sender = segment.join(self._receive)
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        """From any thread."""
+        frame = Frame(can_id, bytes(data), is_extended=can_id > 0x7FF, is_remote=remote)
+        self._segment.submit(lambda: self._sender.put(self._next_ready(), frame))
+
+    def send_sweep(self, frames: Iterator[tuple[int, bytes]]) -> None:
+        """Queue a whole sweep; it is skipped, and ``frames`` not taken, while too many wait."""
+        self._segment.submit(lambda: self._sender.put_sweep(
+            self._next_ready(), (Frame(can_id, data) for can_id, data in frames), self._settings.most_sweeps))
+
+    def send_periodic(self, can_id: int, data: Iterable[int], period: float, remote: bool = False) -> 'PeriodicFrame':
+        """Send a frame now and every ``period`` [s] of the wire's time."""
+        periodic = PeriodicFrame(self, can_id, bytes(data), period, remote)
+        self._segment.submit(lambda: periodic.send(self._segment))
+        return periodic
+
+    def __delitem__(self, node_id: int) -> None:
+        """A device without supply sends nothing."""
+        super().__delitem__(node_id)
+        self._segment.submit(self._sender.clear)
+
+    def _next_ready(self) -> float:
+        return self._segment.now + self._settings.delay + self._settings.jitter * self._random.random()
+
+    def _receive(self, carried: Carried) -> None:
+        frame = carried.frame
+        callbacks = self.subscribers.get(frame.can_id)
+        if callbacks and not (frame.is_remote or frame.is_extended):
+            for callback in tuple(callbacks):
+                callback(frame.can_id, bytearray(frame.data), carried.end + self._to_wall_clock)
+
+
+class PeriodicFrame(PeriodicMessageTask):
+    """As python-can's cyclic task, in wire time."""
+
+    def __init__(self, network: WireNetwork, can_id: int, data: bytes, period: float, remote: bool):
+        self._network = network
+        self._can_id, self._data, self._remote = can_id, data, remote
+        self._period = period
+        self._is_stopped = False
+
+    def send(self, segment: Segment) -> None:
+        if not self._is_stopped:
+            segment.at(segment.now + self._period, lambda: self.send(segment))
+            self._network.send_message(self._can_id, self._data, self._remote)
+
+    def update(self, data: Iterable[int]) -> None:
+        self._data = bytes(data)
+
+    def stop(self) -> None:
+        self._is_stopped = True
+
+
+MOST_WAIT = 1.0  #: s
+
+
+class WireGateway:
+    """What the host sends on ``bus`` takes its place on the wire; what devices send is handed over as it ends.
+
+    ``on_failure`` is called with the error when the bus takes no frame.
+    """
+
+    def __init__(self, bus: can.BusABC, settings: WireSettings, on_failure: Callable[[Exception], None]):
+        self._bus = bus
+        self._settings = settings
+        self._on_failure = on_failure
+        self._to_wall_clock = time.time() - time.monotonic()
+        self._segment = LiveSegment(settings.wire(), self._hand_over, lambda: getattr(bus, 'lost', 0),
+                                    settings.batch, is_shared=not isinstance(bus, SlcanPty))
+        self._segment.start()
+
+    def network(self, node_id: int) -> WireNetwork:
+        """A device's place on the wire."""
+        return WireNetwork(self._segment, self._settings, node_id, self._to_wall_clock)
+
+    def received(self, batch: Batch) -> None:
+        """The host has sent these frames."""
+        for message in batch.messages:
+            if not message.is_error_frame and not message.is_fd:
+                self._segment.send(frame_of(message))
+
+    def report(self) -> WireReport:
+        """Of the time since the report before."""
+        return self._segment.report()
+
+    def wait_until_idle(self) -> None:
+        """Return when the wire has carried what waits, unless it is kept busy."""
+        self._segment.wait_until_idle(MOST_WAIT)
+
+    def stop(self) -> None:
+        self._segment.stop()
+
+    def _hand_over(self, frames: Sequence[Frame]) -> None:
+        try:
+            if isinstance(self._bus, SlcanPty):
+                self._bus.send_all(frames)
+            else:
+                for frame in frames:
+                    self._bus.send(message_of(frame))
+        except (can.CanError, OSError, ValueError) as error:
+            self._on_failure(error)
+
+
+def frame_of(message: can.Message) -> Frame:
+    return Frame(message.arbitration_id, bytes(message.data or b''), message.is_extended_id, message.is_remote_frame,
+                 message.dlc if message.is_remote_frame else 0)
+
+
+def message_of(frame: Frame) -> can.Message:
+    return can.Message(arbitration_id=frame.can_id, is_extended_id=frame.is_extended,
+                       is_remote_frame=frame.is_remote, dlc=frame.dlc, data=frame.data, is_rx=False)
 
 
 class SkinSimulator:

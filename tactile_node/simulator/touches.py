@@ -1,4 +1,4 @@
-"""A programme of touches: which shape presses a simulated pad when, as taxel values over time."""
+"""A programme of touches, as taxel values over time: which shape presses a simulated pad when, and in a gripper."""
 
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -6,11 +6,13 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 import numpy as np
+from scipy import ndimage
 
+from tactile_node.simulator.device import TaxelSource
+from tactile_node.simulator.figures import Figure, Silhouette, Skin, Touching, pressure_frame, random_figure
+from tactile_node.simulator.world import CLASSES, Contact, random_contact
 from tactile_node.skin.layout import SkinLayout
-from tactile_node.synthetic.figures import Figure, Silhouette, random_figure
-from tactile_node.synthetic.pressure import Skin, Touching, pressure_frame
-from tactile_node.synthetic.world import CLASSES, Contact, random_contact
+from tactile_node.skin.pads import PadSettings
 
 RAMP = 0.1  # s of pressing and of letting go
 MEAN_PRESSURE = 0.6  # of full scale
@@ -85,3 +87,38 @@ def _values(layout: SkinLayout, contact: Contact | Figure, rng: np.random.Genera
     full = abs(float(layout.value.to_value(np.array(layout.value.saturated_count))))
     return pressure_frame(contact, rng, layout.rows, layout.cols, pressure=MEAN_PRESSURE,
                           skin=Skin(full_scale=full))
+
+
+HOLD = 3.0  #: s for which a contact is held: long enough for a grasp to become stable
+NOISE = 0.005  #: standard deviation of a taxel [fraction of full scale]
+SLIDE_WAY = 2.0  #: pitches that a contact slides to either side
+REST = 3.0  #: standard deviations by which a taxel at rest is above the lowest value, which would cut its noise off
+
+
+def gripper_sources(pads: Sequence[PadSettings], shapes: Sequence[str | Silhouette] = CLASSES,
+                    seed: int = 0, areas: tuple[float, ...] = AREAS, *, hold: float = HOLD, slide: float = 0.0,
+                    noise: float = NOISE) -> dict[str, TaxelSource]:
+    """One source a pad, by its name; every second pad sees the touch from behind.
+
+    ``areas`` [taxels], ``hold`` [s] and ``slide`` [m/s] of each touch; ``noise`` of each taxel, as NOISE.
+    """
+    return {pad.name: _felt(pad, touch_program(pad.layout, shapes, areas, seed, hold), -1 if i % 2 else 1, slide, noise,
+                            np.random.default_rng((seed, i))) for i, pad in enumerate(pads)}
+
+
+def _felt(pad: PadSettings, program: TouchProgram, step: int, slide: float, noise: float,
+          rng: np.random.Generator) -> TaxelSource:
+    """Return what the taxels read, with columns in the sense of ``step``; on/off taxels have no noise."""
+    value, is_on_off = pad.layout.value, pad.layout.value.bits == 1
+    lowest, full_scale = sorted(value.to_value(np.array(value.raw_range)).tolist())
+    deviation = 0.0 if is_on_off else noise * full_scale
+    rest = max(0.0, lowest + REST * deviation) if deviation else 0.0
+
+    def source(time: float) -> np.ndarray:
+        values = program(time)[:, ::step]
+        if slide:
+            way = slide * time / pad.layout.pitch + SLIDE_WAY
+            place = SLIDE_WAY - abs(way % (4 * SLIDE_WAY) - 2 * SLIDE_WAY)
+            values = ndimage.shift(values, (place, 0), order=0 if is_on_off else 1)
+        return values + rng.normal(rest, deviation, values.shape) if deviation else values
+    return source

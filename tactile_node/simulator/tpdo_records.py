@@ -1,18 +1,18 @@
-"""The TPDOs of a simulated device, compiled from its communication and mapping records (CiA 301, 7.5.2.37 on)."""
+"""The TPDOs of a simulated device, by its communication and mapping records (CiA 301, 7.5.2.37 on); their events."""
 
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 from canopen import ObjectDictionary
 from canopen.objectdictionary import ODRecord
 
-from tactile_node.cia301.cob_id import DISABLED, ID_MASK
-from tactile_node.cia301.objects import TPDO_COMMUNICATION, TPDO_MAPPING
-from tactile_node.cia301.pdo import (
+from tactile_node.cia301.objects import (
+    DISABLED,
     EVENT_TIMER,
     EVENT_TIMER_UNIT,
     EVERY_SYNC,
+    ID_MASK,
     INHIBIT_TIME,
     INHIBIT_UNIT,
     MANUFACTURER_EVENT,
@@ -21,6 +21,8 @@ from tactile_node.cia301.pdo import (
     MAX_TPDOS,
     PROFILE_EVENT,
     SAM_MPDO,
+    TPDO_COMMUNICATION,
+    TPDO_MAPPING,
     TRANSMISSION_TYPE,
 )
 from tactile_node.skin.layout import SkinLayout
@@ -118,3 +120,44 @@ def _object_places(layout: SkinLayout) -> Places:
             places[mapped.index << 8 | mapped.subindex] = (rank, start, mapped.bits)
             start += mapped.bits
     return places
+
+
+SCAN = 0.005  # s between two looks at the taxels for what has changed
+
+
+class EventSchedule:
+    """Of the ``tpdos`` that have an event timer, from ``now`` on; others are never due.
+
+    Type 254: all that have the same event timer are due together, one scan after another. Type 255: each when its
+    bytes have changed, not sooner than its inhibit time after it was sent, and at the latest after its event timer.
+    """
+
+    def __init__(self, tpdos: Sequence[ConfiguredTpdo], now: float):
+        self._tpdos = [tpdo for tpdo in tpdos if tpdo.event_timer]
+        self._due = {tpdo.can_id: now for tpdo in self._tpdos}
+        self._sent: dict[int, tuple[float, bytes]] = {}  # when and what, by COB-ID
+
+    def due(self, now: float, data: Callable[[ConfiguredTpdo], bytes]) -> list[ConfiguredTpdo]:
+        """Those to send now, in order; ``data``: what each would send."""
+        return [tpdo for tpdo in self._tpdos
+                if (self._is_changed(tpdo, now, data(tpdo)) if tpdo.is_on_change else self._is_timed(tpdo, now))]
+
+    def next(self, now: float) -> float:
+        """When something may be due again."""
+        scans = [now + SCAN for tpdo in self._tpdos if tpdo.is_on_change]
+        return min([*scans, *(self._due[tpdo.can_id] for tpdo in self._tpdos if not tpdo.is_on_change)],
+                   default=now + SCAN)
+
+    def _is_timed(self, tpdo: ConfiguredTpdo, now: float) -> bool:
+        if now < self._due[tpdo.can_id]:
+            return False
+        self._due[tpdo.can_id] = now + tpdo.event_timer  # CiA 301: the timer begins again with each transmission
+        return True
+
+    def _is_changed(self, tpdo: ConfiguredTpdo, now: float, data: bytes) -> bool:
+        sent_at, sent = self._sent.get(tpdo.can_id, (-float('inf'), b''))
+        wait = tpdo.event_timer if data == sent else tpdo.inhibit_time
+        if now - sent_at < wait:
+            return False
+        self._sent[tpdo.can_id] = now, data
+        return True

@@ -1,16 +1,25 @@
 """The rules that a skin layout must obey beyond its syntax; each violation is a ConfigurationError."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from typing import NoReturn
 
-from tactile_node.cia301.connection_set import SYNC, reserved_for
-from tactile_node.cia301.pdo import MAX_PDO_BITS
+from tactile_node.cia301.objects import MAX_PDO_BITS, SYNC, reserved_for
 from tactile_node.errors import ConfigurationError
-from tactile_node.skin.event_driven import EventDriven
-from tactile_node.skin.layout import DomainLayout, SkinLayout, TaxelField, TpdoLayout
-from tactile_node.skin.problems import raised_by
+from tactile_node.skin.layout import DomainLayout, EventDriven, SkinLayout, TaxelField, TpdoLayout
+
+
+def raised_by(checks: Iterable[Callable[[], object]]) -> list[ConfigurationError]:
+    """Make every check and return what they raise."""
+    found = []
+    for check in checks:
+        try:
+            check()
+        except ConfigurationError as error:
+            found.append(error)
+    return found
+
 
 PITCHES = 0.0003, 0.025  #: of skins on the market, with room [m]
 

@@ -3,7 +3,7 @@
 from canopen import ObjectDictionary
 from canopen.objectdictionary import ODVariable, datatypes
 
-from tactile_node.cia301.object_address import ObjectAddress
+from tactile_node.cia301.objects import ObjectAddress
 
 #: data types (CiA 301, 7.4.7) as they are written on a command line; hex: bytes as they are on the wire
 TYPES = {'bool': datatypes.BOOLEAN, 'str': datatypes.VISIBLE_STRING, 'hex': datatypes.DOMAIN,

@@ -7,9 +7,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from tactile_node.frames.taxel_frame import TaxelStatus
 from tactile_node.press_levels import PRESS_BY_UNIT
 from tactile_node.skin.layout import MAX_SIDE
+from tactile_node.taxel_frame import TaxelStatus
 
 LAST_SECOND = 2**31 - 1  #: of Time; rounding must not go beyond it
 NANOSECONDS = 10**9

@@ -11,9 +11,8 @@ from math import pi, sqrt
 
 import numpy as np
 
-from tactile_node.geometry.outlines import OUTLINES
-from tactile_node.geometry.polygon import edges_of
-from tactile_node.synthetic.world import Contact
+from tactile_node.pose.outlines import OUTLINES, edges_of
+from tactile_node.simulator.world import Contact
 
 #: of the grid over the closed form's contact, for what no silhouette bounds
 ROOM = 1.2

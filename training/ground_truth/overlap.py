@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tactile_node.geometry.outlines import outline_of
+from tactile_node.pose.outlines import outline_of
 from tactile_node.read_only import read_only
 from training.ground_truth.raster import as_raster, coarser
 from training.ground_truth.simplex import maximised

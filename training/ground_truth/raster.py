@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tactile_node.geometry.coverage import Window, coverages
+from tactile_node.pose.outlines import Window, coverages
 
 CELLS = 96  #: along the longer side of the figure
 

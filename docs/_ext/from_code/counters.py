@@ -1,9 +1,9 @@
-"""The counters of a driver, from the tables of `tactile_node/frames/counters.py`."""
+"""The counters of a driver, from the tables of `tactile_node/assembly/counters.py`."""
 
 from collections.abc import Iterable, Iterator
 
-from tactile_node.frames import counters
-from tactile_node.frames.losses import LossReason
+from tactile_node.assembly import counters
+from tactile_node.assembly.frame_source import LossReason
 
 from . import markdown as md
 

@@ -1,0 +1,172 @@
+"""Makes the sentences of logs, /diagnostics and status messages from the facts of ``health``; the only place."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from tactile_node.assembly.health import (
+    BusFault,
+    Failure,
+    ForeignCommand,
+    NodeFault,
+    NodeHealth,
+    Overload,
+    SentTpdo,
+    SyncFault,
+    SyncState,
+)
+from tactile_node.cia301.objects import command_name, state_name
+from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError, DeviceError, LogError, TactileError
+
+PHRASES: Mapping[NodeFault | BusFault, str] = MappingProxyType({
+    NodeFault.NOT_KNOWN: 'its state is not known yet',
+    NodeFault.NONE: 'no fault',
+    NodeFault.BOOTED: 'it has started again (power cycle or reset) and is not configured yet',
+    NodeFault.UNCONFIGURED: 'it has not been configured since the bus was opened',
+    NodeFault.SILENT: 'it sends neither heartbeat nor taxels',
+    NodeFault.NO_HEARTBEAT: 'it sends taxels but no heartbeat',
+    NodeFault.NOT_OPERATIONAL: 'it is not OPERATIONAL',
+    NodeFault.NO_SYNC: 'it waits for SYNC, which no other device sends',
+    NodeFault.NO_TAXELS: 'it is OPERATIONAL but sends no usable taxels',
+    NodeFault.AWAITING_TAXELS: 'its taxels are not back yet',
+    NodeFault.RECONFIGURED: 'another CANopen master has changed its TPDOs',
+    NodeFault.TPDO_MISSING: 'some of its TPDOs bring no taxels',
+    NodeFault.TWO_SENDERS: 'two devices send under its node-ID or its COB-IDs',
+    BusFault.NOT_KNOWN: 'the fault is not known',
+    BusFault.NONE: 'no fault',
+    BusFault.NOT_OPENED: 'the CAN bus cannot be opened',
+    BusFault.RECEPTION_FAILED: 'the CAN bus cannot receive',
+    BusFault.SENDING_FAILED: 'the CAN bus cannot send',
+    BusFault.BUS_OFF: 'the CAN controller is bus-off',
+    BusFault.LOG_UNUSABLE: 'the log cannot be used',
+    BusFault.DEVICE_ABSENT: 'a device does not answer',
+    BusFault.DEVICE_UNUSABLE: 'a device cannot be used',
+    BusFault.WRONG_CONFIGURATION: 'the configuration cannot be used',
+    BusFault.INTERNAL_ERROR: 'internal error'})
+
+SYNC_PHRASES: Mapping[SyncFault, str] = MappingProxyType({
+    SyncFault.NOT_KNOWN: 'SYNC is not evaluated yet',
+    SyncFault.NONE: 'no fault',
+    SyncFault.SECOND_PRODUCER: 'another device sends SYNC, too',
+    SyncFault.OTHER_PERIOD: 'SYNC comes with another period than sync_period'})
+
+OVERLOAD_PHRASES: Mapping[Overload, str] = MappingProxyType({
+    Overload.NOT_KNOWN: 'it is not evaluated yet',
+    Overload.NONE: 'it keeps up',
+    Overload.STALLED: 'it did not run for a while',
+    Overload.BEHIND: 'CAN frames wait too long until they are processed',
+    Overload.DROPPED: 'CAN frames are lost because too many wait'})
+
+CONFIGURED = 'It is configured and started again.'
+#: What the driver does about a node's fault, where it does anything else
+REACTIONS: Mapping[NodeFault, str] = MappingProxyType({
+    NodeFault.SILENT: 'It is configured and started as soon as it answers.',
+    NodeFault.NO_SYNC: 'Start that device, or set produce_sync.',
+    NodeFault.TPDO_MISSING: 'Its configuration is checked while it sends.',
+    NodeFault.TWO_SENDERS: 'None of its values is given until one of them is gone.'})
+
+_FAULTS: tuple[tuple[type[TactileError], BusFault], ...] = (
+    (BusError, BusFault.NOT_OPENED), (LogError, BusFault.LOG_UNUSABLE),
+    (DeviceAbsentError, BusFault.DEVICE_ABSENT), (DeviceError, BusFault.DEVICE_UNUSABLE),
+    (ConfigurationError, BusFault.WRONG_CONFIGURATION))
+
+
+def failure_of(error: TactileError) -> Failure:
+    """The fault that kept a driver from being configured, with the error's own text."""
+    return Failure(next((fault for kind, fault in _FAULTS if isinstance(error, kind)), BusFault.NOT_KNOWN), str(error))
+
+
+def failure_text(failure: Failure | NodeFault | None) -> str:
+    """Empty without a failure; without a full stop, so that it fits into a sentence.
+
+    >>> failure_text(Failure(BusFault.SENDING_FAILED, 'Transmit buffer full'))
+    'the CAN bus cannot send: Transmit buffer full'
+    """
+    if failure is None:
+        return ''
+    if isinstance(failure, NodeFault):
+        return PHRASES[failure]
+    return PHRASES[failure.fault] + (f': {failure.detail.removesuffix(".")}' if failure.detail else '')
+
+
+def node_text(pad: str, node: NodeHealth) -> str:
+    """The fault of one of ``pad``'s nodes, empty without one.
+
+    >>> node_text('left', NodeHealth(32, 0x05, False, 0.62, NodeFault.SILENT))
+    "Node 32 (pad 'left'): it sends neither heartbeat nor taxels (last heartbeat 0.6 s ago: OPERATIONAL)."
+    """
+    if not node.fault.is_fault:
+        return ''
+    details = _details(node)
+    if node.fault is NodeFault.AWAITING_TAXELS:
+        reason = f'; the outage: {failure_text(node.outages.current)}' if node.outages.current is not None else ''
+    else:
+        age, state = node.heartbeat_age, state_name(node.state)
+        reason = ' (no heartbeat so far)' if age is None else f' (last heartbeat {age:.1f} s ago: {state})'
+    return f'{node_label(pad, node.node_id)}: {PHRASES[node.fault]}{details}{reason}.'
+
+
+def _details(node: NodeHealth) -> str:
+    """What else is known of the fault."""
+    if node.fault in (NodeFault.TPDO_MISSING, NodeFault.NO_TAXELS) and node.missing_tpdos:
+        return f': {_tpdos(node.missing_tpdos)}'
+    if node.fault is NodeFault.TWO_SENDERS and node.surplus_tpdos:
+        return f': more than SYNC asks for of {_tpdos(node.surplus_tpdos)}'
+    if node.fault is NodeFault.NOT_OPERATIONAL and node.device_errors is not None:
+        return f': {node.device_errors}'
+    return ''
+
+
+def _tpdos(tpdos: tuple[SentTpdo, ...]) -> str:
+    """Name each once; several frames may be one multiplexed TPDO.
+
+    >>> _tpdos((SentTpdo(1, 0x1A0), SentTpdo(1, 0x1A0), SentTpdo(3, 0x3A0)))
+    'TPDO 1 (COB-ID 0x1A0), TPDO 3 (COB-ID 0x3A0)'
+    """
+    return ', '.join(f'TPDO {number} (COB-ID 0x{can_id:03X})' for number, can_id in dict.fromkeys(tpdos))
+
+
+def sync_text(sync: SyncState) -> str:
+    """What is wrong with SYNC, empty where nothing is; without a full stop.
+
+    >>> sync_text(SyncState(SyncFault.OTHER_PERIOD, period=0.04))
+    'SYNC comes with another period than sync_period: 40.0 ms'
+    """
+    if not sync.fault.is_fault:
+        return ''
+    return SYNC_PHRASES[sync.fault] + (
+        f': {sync.foreign} SYNCs so far' if sync.period is None else f': {1e3 * sync.period:.1f} ms')
+
+
+def load_text(load: float, pads: int) -> str:
+    """That ``pads`` take the share ``load`` of a bus's time, and whether it can carry them; without a full stop.
+
+    >>> load_text(1.3015, 3)
+    'the bus would be busy for 130 % of the time with 3 pads, more than it can carry'
+    """
+    beyond = ', more than it can carry' if load > 1 else ''
+    return f'the bus would be busy for {100 * load:.0f} % of the time with {pads} pad{"s" * (pads > 1)}{beyond}'
+
+
+def reaction_text(fault: NodeFault) -> str:
+    """What the driver does about it."""
+    return REACTIONS.get(fault, CONFIGURED)
+
+
+def emergency_text(pad: str, node: NodeHealth) -> str:
+    return f'{node_label(pad, node.node_id)} sends {node.last_emergency}; {node.emergencies} EMCY in all.'
+
+
+def command_text(command: ForeignCommand | None) -> str:
+    """Empty without a command.
+
+    >>> command_text(ForeignCommand(0x81, 32)), command_text(ForeignCommand(0x02, 0))
+    ('reset node to node 32', 'stop to all nodes')
+    """
+    if command is None:
+        return ''
+    nodes = f'node {command.node_id}' if command.node_id else 'all nodes'
+    return f'{command_name(command.command)} to {nodes}'
+
+
+def node_label(pad: str, node_id: int) -> str:
+    return f'Node {node_id} (pad {pad!r})'

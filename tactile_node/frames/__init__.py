@@ -1,1 +1,0 @@
-"""What any source of taxel frames gives and reports: frames, losses, health."""

@@ -1,1 +1,0 @@
-"""Recognitions of successive frames as one."""

@@ -1,1 +1,0 @@
-"""Outlines, distances from them and coverage of taxels: plane geometry, in taxel pitches."""

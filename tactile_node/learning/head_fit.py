@@ -1,0 +1,126 @@
+"""Fits the head of taught shapes: a multinomial logistic regression on the networks' embedding, all else its zero.
+
+Foreign contacts of the background that are the taught shape in all but name (a cross among them when a cross is
+taught) are left out: a first fit shows which.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import minimize
+
+from tactile_node.errors import ConfigurationError
+from tactile_node.package_files import config_path
+from tactile_node.read_only import read_only
+from tactile_node.shape.patch import SIDE, Patch
+from tactile_node.shape.recogniser import KINDS, OUTPUTS, ShapeRecogniser, read_arrays
+from tactile_node.shape.recognition import Shape
+from tactile_node.shape.taught import Head
+
+FILE = 'teach_background.npz'  #: in config/
+STEPS = 10                     #: of a level 1, as training/background.py writes them
+FOREIGN = OUTPUTS.index(Shape.UNKNOWN)
+
+
+class Background(NamedTuple):
+    """``labels`` index OUTPUTS, (K,): FOREIGN is none of the five."""
+
+    patches: list[Patch]
+    labels: np.ndarray
+
+
+def load_background(kind: str, path: str | Path = FILE) -> Background:
+    """Return the patches of one kind of frames, 'graded' or 'on_off'. Raises ConfigurationError for another file."""
+    try:
+        data = read_arrays(config_path(str(path)))
+        packed, unseen, labels = (data[f'{kind}_{name}'] for name in ('levels', 'unseen', 'labels'))
+        levels = np.stack((packed >> 4, packed & 15), -1).reshape(-1, SIDE, SIDE) / np.float32(STEPS)
+        cells = np.unpackbits(unseen, axis=1)[:, :SIDE * SIDE].reshape(-1, SIDE, SIDE).astype(np.float32)
+        patches = [Patch(level, cell, float(scale), graded=kind == 'graded')
+                   for level, cell, scale in zip(levels, cells, data[f'{kind}_scales'], strict=True)]
+        return Background(patches, labels.astype(int))
+    except (OSError, KeyError, ValueError, TypeError) as error:
+        raise ConfigurationError(f'background, {path}', expected='a file written by training/background.py',
+                                 got=' '.join(str(error).split()), remedy='Install the package again.') from None
+
+
+RIDGE = 1e-3            #: of the standard weights; chosen on validation touches, as are the numbers below
+SHARE = 0.25            #: of the background's weight that the examples of one shape have
+FOREIGN_WEIGHT = 0.5    #: of a foreign contact
+SMALLER, LARGER = 0.8, 1.25  #: of the sizes taught, those answered [taxels]
+MOST_STEPS = 200
+AT_A_TIME = 256         #: patches, for describe_all takes much memory
+
+
+class Seen(NamedTuple):
+    """K patches as a head sees them."""
+
+    embedding: np.ndarray   #: (K, F)
+    log_taxels: np.ndarray  #: (K,)
+    known: np.ndarray       #: probabilities of OUTPUTS, (K, 6)
+
+    def chosen(self, which: np.ndarray) -> 'Seen':
+        return Seen(*(array[which] for array in self))
+
+
+def seen_by(recogniser: ShapeRecogniser, patches: Sequence[Patch]) -> Seen:
+    """Return what heads see of patches all graded or all not; of no patch, arrays of width 0."""
+    if not patches:
+        return Seen(np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0)))
+    kind = KINDS[patches[0].graded]
+    parts = []
+    for first in range(0, len(patches), AT_A_TIME):
+        embedding, log_taxels = recogniser.embedding(patches[first:first + AT_A_TIME])
+        parts.append((embedding, log_taxels, recogniser.known(kind, embedding, log_taxels)))
+    return Seen(*(np.concatenate(arrays) for arrays in zip(*parts)))
+
+
+def fit_head(background: Seen, labels: np.ndarray, shapes: Sequence[Seen]) -> Head:
+    """Return the head of ``shapes``, each by its examples; one without any is not answered. ``labels``: (K,)."""
+    middle, spread = background.embedding.mean(0), background.embedding.std(0) + 1e-3
+    head = Head(np.zeros((len(middle), len(shapes))), np.zeros(len(shapes)), middle, spread,
+                np.array([_sizes(each) for each in shapes]))
+    counts = [len(labels), *(len(each.log_taxels) for each in shapes)]
+    inputs = np.concatenate([head.standard(each.embedding) for each in (background, *shapes) if len(each.log_taxels)])
+    targets = np.repeat(np.arange(len(counts)), counts)
+    of_background = np.where(labels == FOREIGN, FOREIGN_WEIGHT, 1.0)
+    weights = np.concatenate([of_background, *(np.full(count, SHARE * of_background.sum() / max(count, 1))
+                                               for count in counts[1:])])
+    head = _fitted(head, inputs, targets, weights)
+    is_alike = (head.standard(background.embedding) @ head.weights + head.biases > 0).any(1) & (labels == FOREIGN)
+    weights[:len(labels)][is_alike] = 0.0
+    found = _fitted(head, inputs, targets, weights)
+    return Head(*(read_only(np.asarray(array, np.float32)) for array in found))
+
+
+def _sizes(seen: Seen) -> tuple[float, float]:
+    if not len(seen.log_taxels):
+        return 1.0, 0.0
+    return float(seen.log_taxels.min() + np.log(SMALLER)), float(seen.log_taxels.max() + np.log(LARGER))
+
+
+def _fitted(head: Head, inputs: np.ndarray, targets: np.ndarray, weights: np.ndarray) -> Head:
+    """From where ``head`` is."""
+    inputs = np.column_stack((inputs, np.ones(len(inputs))))
+    count = head.weights.shape[1]
+    is_target = targets[:, None] == np.arange(1, count + 1)
+    share = weights / weights.sum()
+    rows = np.arange(len(targets))
+
+    def loss(flat: np.ndarray) -> tuple[float, np.ndarray]:
+        matrix = flat.reshape(-1, count)
+        logits = np.column_stack((np.zeros(len(inputs)), inputs @ matrix))
+        logits -= logits.max(1, keepdims=True)
+        odds = np.exp(logits)
+        total = odds.sum(1)
+        ridge = RIDGE * matrix
+        ridge[-1] = 0
+        value = share @ (np.log(total) - logits[rows, targets]) + (ridge * matrix).sum() / 2
+        slope = inputs.T @ ((odds[:, 1:] / total[:, None] - is_target) * share[:, None]) + ridge
+        return float(value), slope.reshape(-1)
+
+    start = np.vstack((head.weights, head.biases)).reshape(-1)
+    found = minimize(loss, start, jac=True, method='L-BFGS-B', options={'maxiter': MOST_STEPS}).x.reshape(-1, count)
+    return head._replace(weights=found[:-1], biases=found[-1])

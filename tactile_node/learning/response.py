@@ -1,0 +1,65 @@
+"""The response of a skin, and its file: what `tactile calibrate` writes, the driver and `tactile classify` read."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import yaml
+
+from tactile_node.conditioning.gain import ResponseCurve, make_curve
+from tactile_node.errors import ConfigurationError
+from tactile_node.output_file import output_file
+from tactile_node.pose.profiles import Layer, check_layer
+from tactile_node.yaml_section import LARGEST, Section, load_mapping, shown
+
+SUFFIX = '.response.yaml'  #: of the file beside a layout
+DIGITS = 6                 #: of what is written
+
+
+class SkinResponse(NamedTuple):
+    """Of all taxels of a skin."""
+
+    unit: str  #: of readings and pressures: 'Pa' or 'N'; '' for an array without a unit
+    layer: Layer
+    curve: ResponseCurve
+
+
+def load_response(path: str | Path) -> SkinResponse:
+    """Read a response file. Raises ConfigurationError naming file and key for anything wrong."""
+    top = load_mapping(Path(path), 'a skin response')
+    unit = top.choice('unit', ('Pa', 'N', ''))
+    section, nodes = top.section('layer'), top.section('curve')
+    layer = Layer(section.number('depth', positive=True), section.number('deviation', positive=True))
+    section.done()
+    lists = [[_number(nodes, key, value) for value in nodes.sequence(key)] for key in ('readings', 'pressures')]
+    nodes.done()
+    top.take('found_from', None)  # for people
+    top.done()
+    try:
+        check_layer(layer)
+        return SkinResponse(unit, layer, make_curve(*lists))
+    except ConfigurationError as error:
+        raise ConfigurationError(f'{path}, {error.where}', expected=error.expected, got=error.got,
+                                 remedy=error.remedy) from None
+
+
+def save_response(path: str | Path, response: SkinResponse, head: str, found_from: dict[str, object]) -> None:
+    """Write a response with a comment ``head`` and what it was ``found_from``. Raises InputError."""
+    content = {
+        'unit': response.unit,
+        'layer': {'depth': _rounded(response.layer.depth), 'deviation': _rounded(response.layer.deviation)},
+        'curve': {'readings': [_rounded(value) for value in response.curve.readings],
+                  'pressures': [_rounded(value) for value in response.curve.pressures]},
+        'found_from': found_from}
+    comment = ''.join(f'# {line}\n' for line in head.splitlines())
+    with output_file(path) as stream:
+        stream.write((comment + yaml.safe_dump(content, default_flow_style=None, sort_keys=False, width=110)).encode())
+
+
+def _number(section: Section, key: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or abs(value) > LARGEST:
+        section.refuse(key, expected='numbers', got=shown(value), remedy='Calibrate the skin again.')
+    return float(value)
+
+
+def _rounded(value: float) -> float:
+    return float(f'{value:.{DIGITS}g}')

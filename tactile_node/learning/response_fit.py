@@ -1,0 +1,169 @@
+"""Finds the response of a skin that makes fits of a known disc as large as it is.
+
+Readings that grow less, or more, than the pressure move the place where a contact's edge is felt: the fitted lengths
+tell how (`bench/bench_calibration.py`). The curve has a local exponent: log pressure rises by ``exponent`` + ``bend``
+log(reading / middle) for each unit of log reading. The depth of the taxels follows from the fits under that curve.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from tactile_node.conditioning.gain import ResponseCurve
+from tactile_node.errors import InputError
+from tactile_node.learning.presses import PressFrame
+from tactile_node.learning.response import SkinResponse
+from tactile_node.pose.fit import ShapeFit, fit_shape
+from tactile_node.pose.profiles import PUNCH, Indenter, Layer, log_depth_from
+from tactile_node.read_only import read_only
+from tactile_node.shape.recognition import Shape
+
+LEAST_PRESSES = 6       #: at as many places: one place shows its own error
+PRESS_ERROR = 0.01      #: of the lengths that one press shows, relative
+PRIOR = 0.5, 0.15       #: standard deviations of exponent - 1 and of bend, beforehand
+EXPONENTS, BENDS = (0.4, 2.5), (-0.4, 0.4)
+NODES = 16              #: of the curve, in equal ratios
+LOWEST = 0.5            #: of the lightest press: below, the curve is a line through 0
+STEP = 0.02             #: for derivatives: fits stop at a finite accuracy
+LARGEST_RADIUS = 0.25   #: of a disc [m]: one of 10 pitches has half of it on the coarsest skins
+MOST_ROUNDED = 0.3      #: more is no flat face
+LAYER_ERROR = 0.08      #: of the logarithm of the depth, common to all presses of one disc
+LARGEST_ERROR = 0.03    #: of the lengths after calibration; beyond, the disc is another one
+AT_BOUND = 0.02         #: an exponent so near to its bound is no answer
+#: A fit makes a flat disc with sharp edges so much larger than it is, and less with rounded ones, per edge radius
+#: over inscribed radius: fits are right on average, and edges differ (bench/bench_calibration.py --edges).
+SHARP_ERROR, OF_ROUNDING = 0.019, -0.125
+
+
+class Disc(NamedTuple):
+    """The flat face of a rigid cylinder. Corners of other shapes carry less pressure than fits expect."""
+
+    radius: float             #: [m]
+    edge_radius: float = 0.0  #: of its rounded edge [m]
+
+    @property
+    def fit_error(self) -> float:
+        """By how much a fit is expected to make it too large, relative, where the response is known."""
+        return SHARP_ERROR + OF_ROUNDING * self.edge_radius / self.radius
+
+
+class Calibration(NamedTuple):
+    """A response, and how well it does."""
+
+    response: SkinResponse
+    exponent: float
+    bend: float
+    before: float    #: median error of the disc's radius without it, relative
+    after: float     #: the same with it
+    left_out: float  #: of each half of the presses, with the response found from the other half
+
+
+def calibrate(presses: Sequence[Sequence[PressFrame]], known: Disc, pitch: float, unit: str,
+              progress: Callable[[int], None] = lambda fits: None) -> Calibration:
+    """Find the response from ``presses`` of ``known``; ``pitch`` [m].
+
+    Raises InputError for too few presses, a radius that is no length > 0, an object without a flat face, and a disc
+    that no response makes as large as it is.
+    """
+    check_disc(known)
+    if len(presses) < LEAST_PRESSES:
+        raise InputError('presses of a known disc', expected=f'at least {LEAST_PRESSES}', got=str(len(presses)),
+                         remedy='Press it more often, at other places, and lift it in between.')
+    search = _Search(presses, known, pitch, progress)
+    if search.dome_share() > 0.5:
+        raise InputError('presses of a known disc', expected='a flat face', got='the pressure of a ball or a cone',
+                         remedy='Press the flat end of a rigid cylinder.')
+    exponent, bend = search.best()
+    halves = [_Search(presses[first::2], known, pitch, progress) for first in (0, 1)]
+    left_out = np.concatenate([other.errors(search.curve(*half.best())) for half, other in zip(halves, halves[::-1])])
+    curve = search.curve(exponent, bend)
+    found = Calibration(SkinResponse(unit, search.layer(curve), curve), exponent, bend,
+                        before=float(np.median(search.errors(None))), after=float(np.median(search.errors(curve))),
+                        left_out=float(np.median(left_out)))
+    largest = max(found.after, found.left_out, key=abs)
+    is_at_bound = not EXPONENTS[0] + AT_BOUND < exponent < EXPONENTS[1] - AT_BOUND
+    if abs(largest) > LARGEST_ERROR or is_at_bound:
+        raise InputError('presses of a known disc',
+                         got=f'fits that are {100 * largest:+.1f} % too large, under an exponent of {exponent:.2f}',
+                         expected=f'a response under which a radius of {1000 * known.radius:g} mm fits',
+                         remedy='Check the radius and the pitch; the face that touches must be flat.')
+    return found
+
+
+class _Search:
+    """The fits of some presses under different curves."""
+
+    def __init__(self, presses: Sequence[Sequence[PressFrame]], known: Disc, pitch: float,
+                 progress: Callable[[int], None]):
+        self._frames = [frame for press in presses for frame in press]
+        self._weights = np.concatenate([np.full(len(press), len(press) ** -0.5) for press in presses]) / PRESS_ERROR
+        self._known, self._pitch, self._progress = known, pitch, progress
+        levels = np.array([np.nanmean(frame.readings[frame.mask]) for frame in self._frames])
+        self._middle = float(np.exp(np.median(np.log(levels))))
+        self._lightest, self._hardest = float(levels.min()), float(levels.max())
+        self._highest = max(float(np.nanmax(frame.readings)) for frame in self._frames)
+
+    def curve(self, exponent: float, bend: float) -> ResponseCurve:
+        """Return the curve; it leaves the level of the lightest press as it is, so that light contacts stay visible.
+
+        Its exponent is known between the lightest and the hardest press, and goes on as there beyond them; far below
+        the lightest one the curve is a line through 0.
+        """
+        readings = np.geomspace(LOWEST * self._lightest, self._highest, NODES)
+        fine = np.linspace(np.log(readings[0] / self._middle), np.log(readings[-1] / self._middle), 40 * NODES)
+        known = np.clip(fine, np.log(self._lightest / self._middle), np.log(self._hardest / self._middle))
+        slope = np.clip(exponent + bend * known, *EXPONENTS)
+        logs = np.concatenate(([0.0], np.cumsum((slope[1:] + slope[:-1]) / 2 * np.diff(fine))))
+        logs += np.log(self._lightest / self._middle) - np.interp(np.log(self._lightest / self._middle), fine, logs)
+        pressures = self._middle * np.exp(np.interp(np.log(readings / self._middle), fine, logs))
+        return ResponseCurve(read_only(np.concatenate(([0.0], readings))),
+                             read_only(np.concatenate(([0.0], pressures))))
+
+    def best(self) -> tuple[float, float]:
+        """Return exponent and bend."""
+        def residuals(parameters: np.ndarray) -> np.ndarray:
+            exponent, bend = parameters
+            found = self.errors(self.curve(exponent, bend)) * self._weights
+            return np.concatenate((np.arctan(found / 3) * 3, ((exponent - 1) / PRIOR[0], bend / PRIOR[1])))
+        low, high = zip(EXPONENTS, BENDS)
+        solution = least_squares(residuals, (1.0, 0.0), bounds=(low, high), diff_step=STEP, x_scale=(1.0, 0.3),
+                                 xtol=1e-3, ftol=1e-4)
+        return float(solution.x[0]), float(solution.x[1])
+
+    def errors(self, curve: ResponseCurve | None) -> np.ndarray:
+        """Return the relative error of the disc's radius in each frame, less what is expected of a fit."""
+        radii = np.array([fit.dimensions[0] for fit in self._fits(curve)])
+        errors: np.ndarray = radii / self._known.radius - 1 - self._known.fit_error
+        return errors
+
+    def dome_share(self) -> float:
+        """Return the share of the frames in which something round presses, by the readings as they are."""
+        return float(np.mean([fit.indenter is not Indenter.FLAT_PUNCH for fit in self._fits(None)]))
+
+    def layer(self, curve: ResponseCurve) -> Layer:
+        """Return the layer from the depths that fits find under ``curve``."""
+        found = []
+        for fit in self._fits(curve):
+            found.append(log_depth_from(fit.depth, PUNCH, fit.dimensions[0], self._pitch))
+        own = np.std(found) / np.sqrt(len(found))
+        return Layer(float(np.exp(np.median(found))), float(np.hypot(own, LAYER_ERROR)))
+
+    def _fits(self, curve: ResponseCurve | None) -> list[ShapeFit]:
+        fits = []
+        for frame in self._frames:
+            values = frame.readings if curve is None else curve(frame.readings)
+            fit = fit_shape(values, frame.mask, Shape.CIRCLE, self._pitch)
+            assert fit is not None  # a circle has an outline
+            fits.append(fit)
+        self._progress(len(fits))
+        return fits
+
+
+def check_disc(known: Disc) -> None:
+    """Raise InputError for a disc that cannot be."""
+    if not (0 < known.radius <= LARGEST_RADIUS and 0 <= known.edge_radius <= MOST_ROUNDED * known.radius):
+        raise InputError('known disc', got=f'radius {known.radius:g} m, edge radius {known.edge_radius:g} m',
+                         expected=f'a radius > 0, at most {LARGEST_RADIUS:g} m, and an edge rounded to at most '
+                         f'{MOST_ROUNDED:g} of it', remedy='Give metres, 12.5 mm as 0.0125.')

@@ -1,0 +1,163 @@
+"""The file of taught shapes: the base's arrays as they are, the heads, and the examples, so that more can be taught.
+
+It is one .npz without pickled objects that `ShapeRecogniser.from_file` loads in place of the base.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import BinaryIO, NamedTuple
+
+import numpy as np
+from scipy import ndimage
+
+from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.contact.press import are_on_off
+from tactile_node.errors import ConfigurationError
+from tactile_node.learning.touches import Touch, TouchFrame
+from tactile_node.shape.patch import HIGHEST_LEVEL, SIDE, Patch, joined, make_patch
+from tactile_node.shape.taught import MOST_TAUGHT, PARTS, VERSION, Head, digest_of, is_name, is_own
+
+VARIANTS = 16           #: of each touch
+SIZE = 0.06             #: largest change of lengths, as a logarithm
+TILT = 0.15             #: largest relative rise of the pressure over the contact's reach
+NOISE = (0.005, 0.03)   #: standard deviation [contact's level]
+DEAD = 0.04             #: largest fraction of taxels without a value
+AROUND = 2              #: taxels around a contact that belong to its frame
+MARGIN = 5              #: taxels beside a contact: the rest of the pad, by which its noise is known
+
+
+class Examples(NamedTuple):
+    """Patches of one shape, K of them."""
+
+    patches: list[Patch]
+    touch: np.ndarray        #: (K,), number of the touch
+    is_recorded: np.ndarray  #: (K,), bool: the middle frame of a touch as it was recorded, by which a head is judged
+
+    @property
+    def touches(self) -> int:
+        return int(self.touch.max(initial=-1)) + 1
+
+
+def examples_of(touches: Sequence[Touch], rng: np.random.Generator) -> Examples:
+    """Return the patches of each touch: those of its frames, and VARIANTS more."""
+    patches: list[Patch] = []
+    numbers: list[int] = []
+    recorded: list[bool] = []
+    for number, touch in enumerate(touches):
+        own = [make_patch(frame.values, frame.mask) for frame in (touch.middle, *touch.frames)]
+        for k in range(VARIANTS):
+            variant = _variant(touch.frames[k % len(touch.frames)], rng)
+            own += [] if variant is None else [variant]
+        patches += own
+        numbers += [number] * len(own)
+        recorded += [True] + [False] * (len(own) - 1)
+    return Examples(patches, np.array(numbers), np.array(recorded))
+
+
+def _variant(frame: TouchFrame, rng: np.random.Generator) -> Patch | None:
+    """The contact of ``frame`` rotated and moved by any part of a taxel; None where it is not found again."""
+    on_off = are_on_off(frame.values)
+    places = np.argwhere(frame.mask)
+    centre = places.mean(0)
+    reach = np.hypot(*(places - centre).T).max() + 1
+    side = int(np.ceil(2 * reach)) + 2 * MARGIN
+    angle, size = rng.uniform(0, 2 * np.pi), np.exp(rng.uniform(-SIZE, SIZE))
+    at = np.indices((side, side), float) - (np.array([side - 1, side - 1]) / 2 + rng.uniform(-0.5, 0.5, 2))[
+        :, None, None]
+    turn = np.array(((np.cos(angle), -np.sin(angle)), (np.sin(angle), np.cos(angle)))) / size
+    order = 1 if on_off else 3
+    values = ndimage.map_coordinates(_contact_alone(frame), np.tensordot(turn, at, 1) + centre[:, None, None],
+                                     order=order)
+    if on_off:
+        return _patch(values >= 0.5 * np.nanmax(frame.values))
+    along = rng.uniform(0, TILT) / reach
+    towards = rng.uniform(0, 2 * np.pi)
+    values *= 1 + along * (np.cos(towards) * at[1] + np.sin(towards) * at[0])
+    known = frame.values[frame.mask & np.isfinite(frame.values)]
+    values += float(np.median(known)) * rng.uniform(*NOISE) * rng.standard_normal(values.shape)
+    values[rng.random(values.shape) < rng.uniform(0, DEAD)] = np.nan
+    return _patch(values)
+
+
+def _contact_alone(frame: TouchFrame) -> np.ndarray:
+    """The values of contact and surroundings, taxels without one as the nearest that has one; 0 elsewhere."""
+    values = frame.values
+    hidden = ~np.isfinite(values)
+    if hidden.any():
+        nearest = ndimage.distance_transform_edt(hidden, return_distances=False, return_indices=True)
+        values = values[tuple(nearest)]
+    near = ndimage.binary_dilation(frame.mask, np.ones((3, 3)), AROUND)
+    return np.where(near, values, 0.0)
+
+
+def _patch(values: np.ndarray) -> Patch | None:
+    pattern = PatternExtractor().extract(values)
+    return make_patch(pattern.values, joined(pattern)) if pattern.mask.any() else None
+
+
+LEVEL_STEPS = 255 / HIGHEST_LEVEL  #: levels are kept as whole numbers of this fraction, as in training
+NO_EXAMPLES = Examples([], np.zeros(0, int), np.zeros(0, bool))
+
+
+def check_name(name: str, known: Sequence[str] = ()) -> None:
+    """Raise ConfigurationError for what cannot name one more taught shape beside those ``known``."""
+    if not is_name(name):
+        raise ConfigurationError('--name', expected='a lower-case name such as my_plug, none of the classes',
+                                 got=repr(name), remedy='Use a-z, 0-9 and _, up to 32 of them.')
+    if name in known:
+        raise ConfigurationError('--name', expected='a name that is not taught yet', got=repr(name),
+                                 remedy='Give another name, or start from a --model without it.')
+    if len(known) >= MOST_TAUGHT:
+        raise ConfigurationError('--name', expected=f'at most {MOST_TAUGHT} taught shapes', got='one more',
+                                 remedy='Start from a --model with fewer.')
+
+
+def write_taught(stream: BinaryIO, base: Mapping[str, np.ndarray], names: Sequence[str], heads: Mapping[str, Head],
+                 examples: Mapping[str, Sequence[Examples]]) -> None:
+    """Write the file. ``base``: arrays of the file that was taught on; ``heads``, ``examples``: by kind of frames."""
+    arrays = {name: array for name, array in base.items() if not is_own(name)}
+    arrays |= {'taught_version': np.array(VERSION), 'taught_names': np.array(names),
+               'taught_base': np.array(digest_of(arrays))}
+    for kind, head in heads.items():
+        arrays |= {f'{kind}_taught_{part}': array for part, array in zip(PARTS, head)}
+        arrays |= {f'{kind}_touch_{name}': array for name, array in _packed(examples[kind]).items()}
+    np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
+
+
+def examples_in(data: Mapping[str, np.ndarray], kind: str, shapes: int) -> list[Examples]:
+    """Return the examples of each of ``shapes`` taught shapes in the arrays of a file that has been loaded.
+
+    Raises ConfigurationError where they are none.
+    """
+    has_head = f'{kind}_taught_{PARTS[0]}' in data
+    if f'{kind}_touch_levels' not in data and not has_head:
+        return [NO_EXAMPLES] * shapes
+    try:  # a head without its examples could not be fitted again: its shapes would be lost
+        return _unpacked(data, kind, shapes)
+    except (KeyError, ValueError, TypeError, IndexError) as error:
+        raise ConfigurationError('examples of taught shapes', expected='those that `tactile teach` writes',
+                                 got=' '.join(str(error).split()), remedy='Start from another --model.') from None
+
+
+def _packed(shapes: Sequence[Examples]) -> dict[str, np.ndarray]:
+    patches = [patch for each in shapes for patch in each.patches]
+    levels = np.clip(np.stack([patch.level for patch in patches]) * LEVEL_STEPS + 0.5, 0, 255).astype(np.uint8)
+    return {'levels': levels,
+            'unseen': np.packbits(np.stack([patch.unseen.reshape(-1) > 0.5 for patch in patches]), axis=1),
+            'scales': np.array([patch.scale for patch in patches], np.float32),
+            'shape': np.repeat(np.arange(len(shapes)), [len(each.patches) for each in shapes]).astype(np.uint8),
+            'number': np.concatenate([each.touch for each in shapes]).astype(np.int32),
+            'recorded': np.concatenate([each.is_recorded for each in shapes])}
+
+
+def _unpacked(data: Mapping[str, np.ndarray], kind: str, shapes: int) -> list[Examples]:
+    levels, unseen, scales, shape, number, recorded = (
+        data[f'{kind}_touch_{name}'] for name in ('levels', 'unseen', 'scales', 'shape', 'number', 'recorded'))
+    count = len(levels)
+    if levels.shape != (count, SIDE, SIDE) or levels.dtype != np.uint8 or not (scales >= 1).all() or not all(
+            array.shape == (count,) for array in (scales, shape, number, recorded)):
+        raise ValueError(f'arrays of {kind} that do not fit together')
+    cells = np.unpackbits(unseen, axis=1)[:, :SIDE * SIDE].reshape(count, SIDE, SIDE).astype(np.float32)
+    patches = [Patch(level / np.float32(LEVEL_STEPS), cell, float(scale), graded=kind == 'graded')
+               for level, cell, scale in zip(levels, cells, scales)]
+    return [Examples([patches[k] for k in np.flatnonzero(shape == each)], number[shape == each].astype(int),
+                     recorded[shape == each].astype(bool)) for each in range(shapes)]

@@ -1,0 +1,165 @@
+"""Examples of taught shapes -> their head, and what it gets right on touches and contacts held out.
+
+Whole touches are held out, never single frames or variants of one. The evidence that a taught shape needs is raised
+until it takes at most MOST_TAKEN of the five shapes' contacts from them, and to half of what nearly all its own
+contacts have: that keeps foreign ones out and costs no touches.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from tactile_node.errors import InputError
+from tactile_node.learning.head_fit import FOREIGN, Background, Seen, fit_head, seen_by
+from tactile_node.learning.taught_file import Examples
+from tactile_node.rate import Rate
+from tactile_node.read_only import read_only
+from tactile_node.shape.recogniser import OUTPUTS, ShapeRecogniser
+from tactile_node.shape.taught import Head, joined
+
+FOLDS = 5
+STAGES = FOLDS + 2      #: of a call of `teach`, for its progress
+LEAST_TOUCHES = 10
+MOST_TAKEN = 0.0015     #: of the five shapes' contacts, by each taught shape, when the evidence it needs is set
+OWN, OF_OWN = 0.02, 0.5  #: of the evidence that all but OWN of a shape's examples have, so much is needed
+LEAST_RIGHT = 0.95      #: of the touches held out, for a shape to be worth using: one of 30 may be wrong
+MOST_LOST = 0.003       #: of the five shapes' contacts
+
+
+class HeldOut(NamedTuple):
+    """What a head answers to what it was not fitted on, of the sizes taught. Counts; outputs: OUTPUTS, then taught."""
+
+    before: np.ndarray     #: (6, 6): of the five shapes and FOREIGN, what they are answered without the head
+    after: np.ndarray      #: (6 + N, 6 + N): of these and of the taught shapes' touches, with it
+
+    @property
+    def taught(self) -> list[Rate]:
+        """Touches of each taught shape that are recognised."""
+        return [Rate(int(self.after[k, k]), int(self.after[k].sum())) for k in range(len(OUTPUTS), len(self.after))]
+
+    @property
+    def five(self) -> tuple[Rate, Rate]:
+        """Contacts of the five shapes that are recognised, without and with the head."""
+        before, after = (Rate(int(np.trace(each[:FOREIGN, :FOREIGN])), int(each[:FOREIGN].sum()))
+                         for each in (self.before, self.after))
+        return before, after
+
+    @property
+    def foreign(self) -> tuple[Rate, Rate]:
+        """Foreign contacts that are called a shape, without and with the head."""
+        before, after = (Rate(int(each[FOREIGN].sum() - each[FOREIGN, FOREIGN]), int(each[FOREIGN].sum()))
+                         for each in (self.before, self.after))
+        return before, after
+
+    @property
+    def is_good(self) -> bool:
+        """Whether it is worth using: LEAST_RIGHT of each shape's touches, and the five lose at most MOST_LOST."""
+        before, after = self.five
+        lost = (before.right - after.right) / max(before.total, 1)
+        return all(rate.value >= LEAST_RIGHT for rate in self.taught if rate.total) and lost <= MOST_LOST
+
+
+class Taught(NamedTuple):
+    """The head for one kind of frames."""
+
+    head: Head
+    held_out: HeldOut
+
+
+def teach(recogniser: ShapeRecogniser, background: Background, shapes: Sequence[Examples],
+          progress: Callable[[], None] = lambda: None) -> Taught:
+    """Return the head of ``shapes``, examples of one kind of frames, and how good it is.
+
+    ``recogniser``: the networks, whose own taught shapes are not used. A shape without any examples of this kind is
+    not answered. ``progress`` is called STAGES times. Raises InputError for a shape of fewer than LEAST_TOUCHES.
+    """
+    for each in shapes:
+        if 0 < each.touches < LEAST_TOUCHES:
+            raise InputError('touches of a shape', expected=f'{LEAST_TOUCHES} or more, 30 as a rule',
+                             got=str(each.touches), remedy='Record more, each at another angle and place.')
+    rest, seen = seen_by(recogniser, background.patches), [seen_by(recogniser, each.patches) for each in shapes]
+    progress()
+    evidence = _held_out_evidence(rest, background.labels, shapes, seen, progress)
+    raised = np.array([max(_raised(rest, background.labels, evidence[0][:, k]), _of_own(own[:, k]))
+                       for k, own in enumerate(evidence[1:])])
+    head = fit_head(rest, background.labels, seen)
+    progress()
+    head = head._replace(biases=read_only((head.biases - raised).astype(np.float32)))
+    return Taught(head, _counted(rest, background.labels, shapes, seen, [each - raised for each in evidence]))
+
+
+def _held_out_evidence(rest: Seen, labels: np.ndarray, shapes: Sequence[Examples], seen: Sequence[Seen],
+                       progress: Callable[[], None]) -> list[np.ndarray]:
+    """Of the background and of each shape's examples, by heads that have not seen their fold or their touch."""
+    folds = [np.arange(len(labels)) % FOLDS, *(each.touch % FOLDS for each in shapes)]
+    evidence = [np.full((len(fold), len(shapes)), -np.inf) for fold in folds]
+    for left_out in range(FOLDS):
+        head = fit_head(rest.chosen(folds[0] != left_out), labels[folds[0] != left_out],
+                        [each.chosen(fold != left_out) for each, fold in zip(seen, folds[1:])])
+        for found, each, fold in zip(evidence, (rest, *seen), folds):
+            if not len(fold):
+                continue
+            of_fold = each.chosen(fold == left_out)
+            found[fold == left_out] = head.evidence(of_fold.embedding, of_fold.log_taxels)
+        progress()
+    return evidence
+
+
+def _raised(rest: Seen, labels: np.ndarray, evidence: np.ndarray) -> float:
+    """By how much more evidence one shape needs, that it takes at most MOST_TAKEN of the five shapes' contacts."""
+    five = (labels != FOREIGN) & np.isfinite(evidence)
+    ahead = np.sort(evidence[five] - np.log(rest.known[five].max(1)))[::-1]
+    if not len(ahead):
+        return 0.0
+    return max(float(ahead[int(MOST_TAKEN * len(ahead))]) + 1e-3, 0.0)
+
+
+def _of_own(evidence: np.ndarray) -> float:
+    """How much more evidence a shape's own examples can do without."""
+    return OF_OWN * max(float(np.quantile(evidence, OWN, method='lower')), 0.0) if len(evidence) else 0.0
+
+
+def _counted(rest: Seen, labels: np.ndarray, shapes: Sequence[Examples], seen: Sequence[Seen],
+             evidence: Sequence[np.ndarray]) -> HeldOut:
+    of_size = np.isfinite(evidence[0]).any(1)
+    outputs = len(OUTPUTS) + len(shapes)
+    before, after = np.zeros((len(OUTPUTS), len(OUTPUTS)), int), np.zeros((outputs, outputs), int)
+    np.add.at(before, (labels[of_size], rest.known[of_size].argmax(1)), 1)
+    np.add.at(after, (labels[of_size], joined(rest.known, evidence[0])[of_size].argmax(1)), 1)
+    for number, (each, of_shape, found) in enumerate(zip(shapes, seen, evidence[1:]), len(OUTPUTS)):
+        judged = each.is_recorded
+        if not judged.any():
+            continue
+        np.add.at(after[number], joined(of_shape.known, found)[judged].argmax(1), 1)
+    return HeldOut(read_only(before), read_only(after))
+
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def confusion_picture(held_out: HeldOut, names: Sequence[str]) -> 'Figure':
+    """Draw each truth as a row, in per cent of its contacts; ``names``: of the taught shapes."""
+    from matplotlib.figure import Figure  # optional, and slow to import
+
+    answers = [shape.value.replace('_', ' ') for shape in OUTPUTS] + [name.replace('_', ' ') for name in names]
+    counts = held_out.after
+    totals = counts.sum(1)
+    shares = 100 * counts / np.maximum(totals, 1)[:, None]
+    side = 0.72 * len(answers)
+    figure = Figure(figsize=(side + 2.6, side + 1.7), layout='constrained')
+    axes = figure.subplots()
+    image = axes.imshow(shares, cmap='Blues', vmin=0, vmax=100)
+    truths = [f'{name if name != "unknown" else "foreign"} ({total})' for name, total in zip(answers, totals)]
+    axes.set_xticks(range(len(answers)), answers, rotation=40, ha='right')
+    axes.set_yticks(range(len(answers)), truths)
+    for row, col in zip(*counts.nonzero()):
+        share = shares[row, col]
+        axes.text(col, row, f'{share:.0f}' if share >= 10 else f'{share:.1f}', ha='center', va='center', fontsize=9,
+                  color='white' if share > 50 else 'black')
+    axes.set_xlabel('recognised as')
+    axes.set_ylabel('is (contacts held out)')
+    figure.colorbar(image, label='% of the row', shrink=0.7)
+    axes.set_title('What is taken for what', fontsize=11)
+    return figure

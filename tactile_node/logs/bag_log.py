@@ -1,0 +1,158 @@
+"""CAN frames in ROS 2 bags, as can_msgs/msg/Frame: .mcap, .db3 (rosbag2), or a bag's folder. Knows no ROS.
+
+MCAP is written in chunks of CHUNK bytes, and of those since the last flush: a file cut short is read up to the cut, and
+damage costs the chunk in which it is. Python's libraries that write bags for others (rosbags) give chunks no checksum.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import can
+import numpy as np
+
+from tactile_node.errors import LogError
+from tactile_node.logs.bag_records import MSG, OnDamage, Recorded, begin_of, decompressed, library, records_of
+from tactile_node.logs.damage import Damage, DamageKind
+from tactile_node.logs.replay_times import SECOND, WHOLE, Window
+
+TYPE, TOPIC = 'can_msgs/msg/Frame', 'from_can_bus'  # the topic is that of ros2_socketcan
+#: As the package can_msgs defines it
+DEFINITION = '''std_msgs/Header header
+uint32 id
+bool is_rtr
+bool is_extended
+bool is_error
+uint8 dlc
+uint8[8] data
+'''
+HEADER = '''================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+'''
+#: bytes, uncompressed: 0.5 s of a full bus of 1 Mbit/s, as much as a killed recording loses. Damage to a larger one
+#: costs more, and smaller ones give larger files.
+CHUNK = 1 << 18
+
+
+class BagCanReader:
+    """Iterates over the CAN messages of a bag in the order in which they were recorded.
+
+    ``on_damage`` gets what cannot be read. Raises LogError for a bag without a topic of can_msgs/msg/Frame.
+    """
+
+    def __init__(self, path: str | Path, on_damage: OnDamage = lambda _: None, window: Window = WHOLE):
+        self._path = Path(path)
+        self._on_damage = on_damage
+        self._window = window
+        self._types = _Types(path)
+        self._seen: dict[str, str] = {}  # {topic: type}
+
+    def __iter__(self) -> Iterator[can.Message]:
+        given = 0
+        bounds = (0, None) if self._window == WHOLE else self._window.of(begin_of(self._path))
+        try:
+            for recorded in records_of(self._path, self._on_damage, *bounds):
+                self._seen.setdefault(recorded.topic, recorded.type)
+                if recorded.type == TYPE:
+                    given += 1
+                    yield from self._decoded(recorded)
+        finally:
+            if not given and self._seen and TYPE not in self._seen.values():
+                topics = ', '.join(f'{topic} ({kind})' for topic, kind in sorted(self._seen.items()))
+                raise LogError(str(self._path), expected=f'a topic of type {TYPE}', got=topics,
+                               remedy='Record the topic of your CAN driver, such as /from_can_bus of ros2_socketcan.')
+
+    def _decoded(self, recorded: Recorded) -> Iterator[can.Message]:
+        try:
+            message = self._types.message(recorded)
+        except Exception as error:  # rosbags raises what struct, numpy and zstandard raise
+            at = recorded.time / SECOND
+            self._on_damage(Damage(DamageKind.UNDECODABLE, self._path.name, begin=at, end=at,
+                                   detail=f'{recorded.topic}: {type(error).__name__}: {error}'))
+            return
+        yield message
+
+    def __enter__(self) -> 'BagCanReader':
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Files are closed as they are read."""
+
+
+class McapCanWriter:
+    """Writes CAN messages as can_msgs/msg/Frame; the surface is that of python-can's writers."""
+
+    def __init__(self, path: str | Path):
+        types = _Types(path)
+        writer = library('mcap.writer', path)
+        if not hasattr(writer.Writer, 'flush'):
+            raise ImportError('an older library mcap than 1.5.0, which cannot end a chunk')
+        self.file = open(path, 'wb')
+        self._types = types
+        self._sequence = 0
+        self._writer = writer.Writer(self.file, chunk_size=CHUNK)
+        self._writer.start(profile='ros2', library='tactile_skin')
+        schema = self._writer.register_schema(TYPE, MSG, (DEFINITION + HEADER).encode())
+        self._channel = self._writer.register_channel(TOPIC, 'cdr', schema)
+        self._repeat_types(schema, library('mcap.records', path), library('mcap.data_stream', path))
+
+    def on_message_received(self, message: can.Message) -> None:
+        """Raises ValueError for a CAN FD message, which can_msgs/msg/Frame cannot hold."""
+        if message.is_fd:
+            raise ValueError('a CAN FD frame does not fit into can_msgs/msg/Frame')
+        seconds, part = divmod(message.timestamp, 1)
+        time = int(seconds) * SECOND + round(part * SECOND)  # as one number a float would round to 256 ns
+        self._sequence += 1
+        self._writer.add_message(channel_id=self._channel, log_time=time, data=self._types.cdr(message, time),
+                                 publish_time=time, sequence=self._sequence)
+
+    def _repeat_types(self, schema: int, records, streams) -> None:
+        """Before the first chunk, which has them, too: damage to it does not take all others their meaning."""
+        builder = streams.RecordBuilder()
+        records.Schema(id=schema, name=TYPE, encoding=MSG, data=(DEFINITION + HEADER).encode()).write(builder)
+        records.Channel(id=self._channel, topic=TOPIC, message_encoding='cdr', metadata={},
+                        schema_id=schema).write(builder)
+        self.file.write(builder.end())
+
+    def flush(self) -> None:
+        """End the chunk, so that a reader gets all that was written so far."""
+        self._writer.flush()
+
+    def stop(self) -> None:
+        self._writer.finish()
+        self.file.close()
+
+
+class _Types:
+    """can_msgs/msg/Frame <-> python-can."""
+
+    def __init__(self, path: str | Path):
+        typesys = library('rosbags.typesys', path)
+        # all types of a ROS distribution take 0.2 s, in which a recording that rotates would stand still
+        self._store = typesys.get_typestore(typesys.Stores.EMPTY)
+        self._store.register(typesys.get_types_from_msg(DEFINITION + HEADER, TYPE))
+        self._frame = self._store.types[TYPE]
+
+    def message(self, recorded: Recorded) -> can.Message:
+        """Stamped as the CAN driver did, or when it was recorded where it did not."""
+        frame = self._store.deserialize_cdr(decompressed(recorded.cdr), TYPE)
+        stamp = frame.header.stamp
+        time = stamp.sec + stamp.nanosec / SECOND if stamp.sec or stamp.nanosec else recorded.time / SECOND
+        data = bytes(frame.data[:min(frame.dlc, 8)])
+        return can.Message(time, frame.id & 0x1FFF_FFFF, is_extended_id=frame.is_extended,
+                           is_remote_frame=frame.is_rtr, is_error_frame=frame.is_error, channel=recorded.topic,
+                           dlc=len(data), data=None if frame.is_rtr else data)
+
+    def cdr(self, message: can.Message, time: int) -> bytes:
+        kinds, data = self._store.types, bytes(message.data).ljust(8, b'\0')
+        stamp = kinds['builtin_interfaces/msg/Time'](time // SECOND, time % SECOND)
+        header = kinds['std_msgs/msg/Header'](stamp, str(message.channel or ''))
+        frame = self._frame(header=header, id=message.arbitration_id, is_rtr=message.is_remote_frame,
+                            is_extended=message.is_extended_id, is_error=message.is_error_frame, dlc=message.dlc,
+                            data=np.frombuffer(data, np.uint8))
+        return bytes(self._store.serialize_cdr(frame, TYPE))

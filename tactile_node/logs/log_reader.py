@@ -1,0 +1,238 @@
+"""Reads CAN logs: candump's by their text, python-can's others by suffix (``.asc``, ``.blf``...), and ROS 2 bags."""
+
+import gzip
+import re
+import zlib
+from collections.abc import Callable, Iterable, Iterator
+from io import BufferedReader
+from pathlib import Path
+from typing import NoReturn
+
+import can
+from can.io import CanutilsLogReader
+from can.io.generic import MessageReader
+
+from tactile_node.errors import LogError
+from tactile_node.logs.bag_log import BagCanReader
+from tactile_node.logs.bag_records import is_bag
+from tactile_node.logs.damage import Damage, DamageKind, damage_text, utc
+from tactile_node.logs.log_lines import READERS, ChosenChannel, LogLines
+from tactile_node.logs.replay_times import WHOLE, Window
+from tactile_node.logs.series import parts_of
+
+CANDUMP = re.compile(rb'\(\d+\.\d+\) \S+ [0-9A-Fa-f]{3,8}#')                #: `candump -L`
+CONSOLE = re.compile(rb'\s*(\([\d. :-]+\)\s+)?\S+\s+[0-9A-Fa-f]{3,8}\s+\[\d+\]')  #: `candump can0`, for people
+GZIP, HEAD = b'\x1f\x8b', 4096
+SET_BACK = 1.0  # s: two frames of one clock are recorded in a wrong order by less
+FAR = 10.0      # s ahead of the frame before: between two frames of a skin at work there is less
+BLF_APPLICATION = 8  # where a .blf has the number of the program that wrote it
+
+
+def _reader(path: str) -> tuple[MessageReader, LogLines | None]:
+    """python-can's, and the lines that it reads of a text; of ASC, which holds its begin, stamps count from it."""
+    suffix = Path(path.lower().removesuffix('.gz')).suffix
+    is_gzip = _is_gzip(path)
+    with gzip.open(path) if is_gzip else open(path, 'rb') as stream:
+        head = _head(stream)
+    if CONSOLE.match(head):
+        raise LogError(path, expected='a log with the stamps of its CAN frames', got='what candump shows on a terminal',
+                       remedy='Record with `tactile record`, or with candump -L.')
+    kind = CanutilsLogReader if CANDUMP.match(head) else READERS.get(suffix)
+    if kind is None:
+        return can.LogReader(path), None
+    opened = gzip.open if is_gzip else open
+    text = opened(path, 'rt', encoding='utf-8', errors='replace')  # a byte that is no text costs its own line alone
+    reader = kind(text, relative_timestamp=False) if kind is can.ASCReader else kind(text)
+    reader.file = lines = LogLines(text, kind)
+    return reader, lines
+
+
+def _is_gzip(path: str | Path) -> bool:
+    with open(path, 'rb') as file:
+        return file.read(len(GZIP)) == GZIP
+
+
+def _head(stream: gzip.GzipFile | BufferedReader) -> bytes:
+    try:
+        return stream.read(HEAD)
+    except (EOFError, OSError, zlib.error):  # damaged: what reads it all says where
+        return b''
+
+
+def _shortfall(reader: MessageReader, path: Path, read: int) -> str:
+    """Why a log that was read without an error, ``read`` messages, lacks some all the same; '' when it does not.
+
+    python-can passes over what it does not know in a .blf. What it wrote itself holds CAN frames alone.
+    """
+    if not isinstance(reader, can.BLFReader) or _is_gzip(path):
+        return ''
+    if path.stat().st_size < reader.file_size:
+        return f'cut short: {path.stat().st_size} of {reader.file_size} bytes'
+    with path.open('rb') as file:
+        is_of_python_can = file.read(BLF_APPLICATION + 1)[BLF_APPLICATION:] == bytes([can.BLFWriter.application_id])
+    return f'{read} of {reader.object_count} CAN frames' if is_of_python_can and read < reader.object_count else ''
+
+
+class CanLogReader:
+    """Iterates over a log's messages; ``unread`` counts lines (or broken rests) left out, ``problem`` is the reason.
+
+    The files of a rotated series are read as one, by the first; ``damages`` has what is missing of a bag or a series,
+    and when it was recorded. Of a log of several buses only ``channel`` is read where it is given: as the log calls it,
+    or a bag's topic. Of the recording ``window`` is read: of a bag without reading what is before it. A frame
+    whose stamp is far from its neighbours' is left out as unread. Of a log cut short, by a full disk or in a download,
+    what is whole is given; ``summary`` has where it ends.
+
+    Raises LogError when the file is missing, of no known format, or holds no CAN frame at all.
+    """
+
+    def __init__(self, path: str | Path, channel: str = '', window: Window = WHOLE):
+        self.path = str(path)
+        self._channel = channel
+        self._window = window
+        self.unread = 0
+        self.problem = ''
+        self.damages: list[Damage] = []
+        self.can_frames = 0
+        self._last = 0.0  # stamp
+        self._read = 0  # messages of a file, also of other channels
+        self._chosen = ChosenChannel(channel)
+        if not Path(path).is_file() and not (Path(path).is_dir() and is_bag(path)):
+            self._refuse('no file' if Path(path).exists() else 'no such file', 'Check the path.')
+
+    def __iter__(self) -> Iterator[can.Message]:
+        self.unread = 0
+        self.damages = []
+        self.can_frames = 0
+        self._chosen = ChosenChannel(self._channel)
+        is_of_bag = is_bag(self.path)
+        messages = self._of_bag() if is_of_bag else self._of_parts()
+        messages = without_strays(filter(self._chosen.takes, messages), self._stray)
+        yield from self._counted(messages if is_of_bag or self._window == WHOLE else self._within(messages))
+        if not self.can_frames and self._chosen.others:
+            self._refuse(f'none of channel {self._channel!r}, but of {", ".join(sorted(self._chosen.others))}',
+                         'Name one of these.')
+        if not self.can_frames:
+            self._refuse(f'none{f" ({self.unread} lines unread: {self.problem})" if self.unread else ""}',
+                         'Record it again, or check that the suffix fits the content.' if self._window == WHOLE
+                         else 'Check --start and --duration.')
+
+    @property
+    def summary(self) -> str:
+        """What was read, as a sentence for the end of the log."""
+        rest = f'; {self.unread} lines or rests unread: {self.problem}' if self.unread else ''
+        return f'{self.can_frames} CAN frames, the last at {utc(self._last)}{rest}.'
+
+    def _stray(self, message: can.Message) -> None:
+        self._unread(f'a stamp of {message.timestamp:.6f} s, far from its neighbours')
+
+    def _counted(self, messages: Iterator[can.Message]) -> Iterator[can.Message]:
+        for message in messages:
+            self.can_frames += 1
+            self._last = message.timestamp
+            yield message
+
+    def _of_bag(self) -> Iterator[can.Message]:
+        try:
+            yield from BagCanReader(self.path, self._damaged, self._window)
+        except OSError as error:
+            self._unread(error)
+
+    def _within(self, messages: Iterator[can.Message]) -> Iterator[can.Message]:
+        """What comes before the window has been read all the same: a text has no index."""
+        begin: float | None = None
+        for message in messages:
+            begin = message.timestamp if begin is None else begin
+            since = message.timestamp - begin
+            if since >= self._window.end:
+                return
+            if since >= self._window.start:
+                yield message
+
+    def _of_parts(self) -> Iterator[can.Message]:
+        last: float | None = None
+        missing: list[Damage] = []
+        for part in parts_of(self.path):
+            if not part.is_there:
+                missing.append(Damage(DamageKind.MISSING_FILE, part.path.name, begin=last))
+                continue
+            for message in self._of_file(part.path):
+                for damage in missing:
+                    self._damaged(damage._replace(end=message.timestamp))
+                missing, last = [], message.timestamp
+                yield message
+        for damage in missing:
+            self._damaged(damage)
+
+    def _of_file(self, path: Path) -> Iterator[can.Message]:
+        self._read, unread = 0, self.unread
+        try:
+            reader, lines = _reader(str(path))
+        except LogError:
+            raise
+        except Exception as error:  # each format's reader raises its own errors over a bad header
+            if path != Path(self.path):  # of a series, whose other files are read
+                self._unread(error)
+                return
+            self._refuse(f'{type(error).__name__}: {error}',
+                         'Give a log in a format and with a suffix python-can reads.')
+        with reader:
+            yield from self._messages(reader, lines)
+        if self.unread == unread and (shortfall := _shortfall(reader, path, self._read)):
+            self._unread(shortfall)
+
+    def _messages(self, reader: MessageReader, lines: LogLines | None) -> Iterator[can.Message]:
+        try:
+            for message in reader if lines is None else lines.read_by(reader, self._unread):
+                self._read += 1
+                yield message
+        except LogError:
+            raise
+        except Exception as error:  # a .gz cut short or damaged; each format's reader raises its own
+            self._unread(error)
+
+    def _damaged(self, damage: Damage) -> None:
+        self.damages.append(damage)
+        self._unread(damage_text(damage))
+
+    def _unread(self, problem: Exception | str) -> None:
+        self.unread += 1
+        self.problem = problem if isinstance(problem, str) else f'{type(problem).__name__}: {problem}'
+
+    def _refuse(self, got: str, remedy: str) -> NoReturn:
+        raise LogError(self.path, expected='a log with CAN frames', got=got, remedy=remedy)
+
+
+def without_strays(messages: Iterable[can.Message], on_stray: Callable[[can.Message], None]) -> Iterator[can.Message]:
+    """Leave out each frame that alone lies FAR ahead of its neighbours, or SET_BACK behind; ``on_stray`` gets it.
+
+    Where a clock was set, or the bus was at rest, the next frame follows the new time.
+
+    >>> def log(*stamps):
+    ...     return [can.Message(stamp) for stamp in stamps]
+    >>> strays = []
+    >>> [m.timestamp for m in without_strays(log(7000, 1, 2, 9000, 3, 4, 5000, 5001, 40, 41), strays.append)]
+    [1, 2, 3, 4, 5000, 5001, 40, 41]
+    >>> [m.timestamp for m in strays]
+    [7000, 9000]
+    """
+    last = message = None
+    for following in messages:
+        if message is not None:
+            if _is_stray(last, message.timestamp, following.timestamp):
+                on_stray(message)
+            else:
+                last = message.timestamp
+                yield message
+        message = following
+    if message is not None:
+        yield message
+
+
+def _is_stray(last: float | None, stamp: float, following: float) -> bool:
+    if last is None:
+        return following < stamp - SET_BACK
+    return not _fits(stamp, last) and _fits(following, last)
+
+
+def _fits(stamp: float, last: float) -> bool:
+    return last - SET_BACK <= stamp <= last + FAR

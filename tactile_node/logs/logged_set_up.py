@@ -1,0 +1,204 @@
+"""Whether the devices of a log were set up as layout and EDS say, by the SDO answers in it (CiA 301, 7.2.4).
+
+What the log does not hold is not judged: of a log that begins later, or of a device that was reset since, the values
+are not known. Values are taken from expedited transfers, as these objects have 4 bytes at most.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+from canopen.sdo.constants import (
+    EXPEDITED,
+    REQUEST_DOWNLOAD,
+    REQUEST_UPLOAD,
+    RESPONSE_DOWNLOAD,
+    RESPONSE_UPLOAD,
+    SIZE_SPECIFIED,
+)
+
+from tactile_node.cia301.objects import (
+    DISABLED,
+    HEARTBEAT,
+    ID_MASK,
+    IDENTITY,
+    MAX_NODE_ID,
+    MAX_TPDOS,
+    MIN_NODE_ID,
+    SAM_MPDO,
+    SDO_REQUEST,
+    SDO_RESPONSE,
+    TPDO_COMMUNICATION,
+    TPDO_MAPPING,
+    NmtState,
+    node_of,
+)
+from tactile_node.cia301.sdo import COMMAND, SDO_BYTES
+from tactile_node.skin.eds_rules import Identity
+from tactile_node.skin.layout import TpdoLayout
+from tactile_node.skin.pads import PadSettings
+
+WATCHED = (range(IDENTITY, IDENTITY + 1), range(TPDO_COMMUNICATION, TPDO_COMMUNICATION + MAX_TPDOS),
+           range(TPDO_MAPPING, TPDO_MAPPING + MAX_TPDOS))
+
+
+class Contradiction(NamedTuple):
+    """What a device of the log was, or was set to, and what layout or EDS say."""
+
+    pad: str
+    node_id: int
+    object_index: int  #: identity, COB-ID or mapping of a TPDO
+    expected: str
+    got: str
+
+
+class LoggedSetUp:
+    """Reads the SDO transfers of the pads' nodes and judges each TPDO by what they have shown so far.
+
+    ``identities``: by the pad's name, what its EDS gives, where it has one.
+    """
+
+    def __init__(self, pads: Sequence[PadSettings], identities: Mapping[str, Identity]):
+        self._takers: dict[int, Callable[[int, bytes], Contradiction | None]] = {}
+        for pad in pads:
+            for position, node_id in enumerate(pad.node_ids):
+                node = _Node(pad, position, identities.get(pad.name))
+                self._takers |= {SDO_REQUEST + node_id: node.request, SDO_RESPONSE + node_id: node.response,
+                                 HEARTBEAT + node_id: node.heartbeat} | dict.fromkeys(node.can_ids, node.tpdo)
+
+    def feed(self, can_id: int, data: bytes) -> Contradiction | None:
+        """Take the next data frame with an 11-bit identifier; return what shows that its taxels are others."""
+        take = self._takers.get(can_id)
+        return None if take is None else take(can_id, data)
+
+
+class _Node:
+    def __init__(self, pad: PadSettings, position: int, identity: Identity | None):
+        self._pad = pad
+        self._node_id = pad.node_ids[position]
+        self._identity = identity
+        self._tpdos = {tpdo.cob_id.of(self._node_id): tpdo for tpdo in pad.layout.tpdos if tpdo.node == position}
+        self._requested: dict[tuple[int, int], int | None] = {}  # values to be written; None: an upload
+        self._values: dict[tuple[int, int], int] = {}
+        self._unjudged: set[int] = set()  # COB-IDs of TPDOs not seen since the last value
+
+    @property
+    def can_ids(self) -> Sequence[int]:
+        return tuple(self._tpdos)
+
+    def request(self, _can_id: int, data: bytes) -> None:
+        key = _object_of(data)
+        if key is None:
+            return
+        command = data[0] & COMMAND
+        if command == REQUEST_DOWNLOAD:
+            self._values.pop(key, None)  # until it is confirmed, either may hold
+            if data[0] & EXPEDITED:
+                self._requested[key] = _value(data)
+        elif command == REQUEST_UPLOAD:
+            self._requested[key] = None
+
+    def response(self, _can_id: int, data: bytes) -> Contradiction | None:
+        key = _object_of(data)
+        if key is None or key not in self._requested:
+            return None
+        command, written = data[0] & COMMAND, self._requested.pop(key)
+        if command == RESPONSE_DOWNLOAD and written is not None:
+            return self._learn(key, written)
+        if command == RESPONSE_UPLOAD and data[0] & EXPEDITED and written is None:
+            return self._learn(key, _value(data))
+        return None
+
+    def heartbeat(self, _can_id: int, data: bytes) -> None:
+        if data[:1] == bytes([NmtState.BOOT_UP]):  # it has what it has saved
+            self._values.clear()
+            self._requested.clear()
+
+    def tpdo(self, can_id: int, _data: bytes) -> Contradiction | None:
+        if can_id not in self._unjudged:
+            return None
+        self._unjudged.discard(can_id)
+        return next(self._contradictions(can_id, self._tpdos[can_id]), None)
+
+    def _learn(self, key: tuple[int, int], value: int) -> Contradiction | None:
+        self._values[key] = value
+        if key[0] == IDENTITY:
+            return self._judge_identity()
+        self._unjudged.update(self._tpdos)
+        return None
+
+    def _judge_identity(self) -> Contradiction | None:
+        """What was not read is taken to be right."""
+        ours = self._identity
+        if ours is None:
+            return None
+        theirs = Identity(*(self._values.get((IDENTITY, sub), wanted) for sub, wanted in enumerate(ours, 1)))
+        if ours.accepts(theirs):
+            return None
+        return self._contradiction(IDENTITY, f'{ours}, as its EDS has it', str(theirs))
+
+    def _contradictions(self, can_id: int, tpdo: TpdoLayout) -> Iterator[Contradiction]:
+        communication, mapping = TPDO_COMMUNICATION + tpdo.number - 1, TPDO_MAPPING + tpdo.number - 1
+        cob_ids = {index: value for (index, sub), value in self._values.items()
+                   if sub == 1 and index < TPDO_MAPPING and not value & DISABLED}
+        for index, cob_id in cob_ids.items():
+            if index != IDENTITY and (cob_id & ID_MASK == can_id) != (index == communication):
+                yield self._contradiction(index, f'0x{can_id:03X} to be TPDO {tpdo.number}, as the layout has it',
+                                          f'0x{cob_id & ID_MASK:03X} as TPDO {index - TPDO_COMMUNICATION + 1}')
+        wanted = [SAM_MPDO] if tpdo.is_mpdo else [len(tpdo.mapping), *(mapped.entry for mapped in tpdo.mapping)]
+        count = self._values.get((mapping, 0), 0)  # 0: it is being changed
+        seen = [self._values.get((mapping, sub)) for sub in range(len(wanted))]
+        if count and any(value not in (None, ours) for value, ours in zip(seen, wanted)):
+            yield self._contradiction(mapping, f'the objects {_text(wanted)} in TPDO {tpdo.number}, as the layout has '
+                                      'it', _text(seen))
+
+    def _contradiction(self, index: int, expected: str, got: str) -> Contradiction:
+        return Contradiction(self._pad.name, self._node_id, index, expected, got)
+
+
+def _object_of(data: bytes) -> tuple[int, int] | None:
+    """Index and sub-index of an SDO frame, where they are watched; a segment has none, but may look like it."""
+    index = int.from_bytes(data[1:3], 'little')
+    if len(data) != SDO_BYTES or not any(index in indices for indices in WATCHED):
+        return None
+    return index, data[3]
+
+
+def _value(data: bytes) -> int:
+    unused = data[0] >> 2 & 3 if data[0] & SIZE_SPECIFIED else 0
+    return int.from_bytes(data[4:SDO_BYTES - unused], 'little')
+
+
+def _text(mapping: Sequence[int | None]) -> str:
+    if mapping[0] == SAM_MPDO:
+        return 'of an MPDO'
+    return ' '.join('?' if entry is None else f'{entry:08X}' for entry in mapping[1:]) + f' ({mapping[0]})'
+
+
+class HeardNodes:
+    """Notes whose heartbeats and boot-ups are in a log, and finds other nodes that send COB-IDs of ``pads``.
+
+    With a wrong node-ID, a pad may be put together from the TPDOs of two others.
+    """
+
+    def __init__(self, pads: Sequence[PadSettings]):
+        self._neighbours = {pad.name: _neighbours(pad) for pad in pads}
+        self._own = {pad.name: set(pad.node_ids) for pad in pads}
+        self._heard: set[int] = set()
+
+    def feed(self, can_id: int) -> None:
+        node_id = node_of(can_id, HEARTBEAT)
+        if node_id is not None:
+            self._heard.add(node_id)
+
+    def strangers(self) -> dict[str, list[int]]:
+        """Return, by pad, the nodes that were heard and would send the pad's COB-IDs, where its own were not heard."""
+        return {name: sorted(found) for name, neighbours in self._neighbours.items()
+                if not self._heard & self._own[name] and (found := self._heard & neighbours)}
+
+
+def _neighbours(pad: PadSettings) -> set[int]:
+    """Node-IDs with which a device of this layout sends some of the pad's COB-IDs."""
+    tpdos = pad.layout.tpdos
+    own = {tpdo.cob_id.of(pad.node_ids[tpdo.node]) for tpdo in tpdos}
+    return {node_id for node_id in range(MIN_NODE_ID, MAX_NODE_ID + 1) if node_id not in pad.node_ids
+            and any(tpdo.cob_id.of(node_id) in own for tpdo in tpdos if tpdo.cob_id.relative)}

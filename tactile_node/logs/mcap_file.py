@@ -1,0 +1,182 @@
+"""The messages of one MCAP file in the order in which they stand there, past what is damaged.
+
+Messages are in chunks, each with a checksum of its content; a chunk that does not fit it is left out whole. An index
+that fits its own checksum says where the chunks are. Without one, as after a kill, record follows record (opcode,
+length, content); where the row is broken, the next chunk is looked for: its head gives its length twice, and names its
+compression. Messages without a chunk have no checksum: what follows damage is then lost to the end of the file.
+
+The library's own readers end at the first damage, and pass over a chunk whose opcode is damaged as over any unknown
+record. This module needs the library mcap: `bag_records` imports it only for a bag.
+"""
+
+import os
+import re
+import struct
+import zlib
+from collections.abc import Iterable, Iterator
+from io import BytesIO
+from typing import NamedTuple
+
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.reader import NonSeekingReader
+from mcap.records import Channel, Chunk, ChunkIndex, McapRecord, Message, Schema
+from mcap.stream_reader import breakup_chunk
+from mcap.summary import Summary
+
+from tactile_node.logs.damage import Damage, DamageKind
+
+MAGIC = b'\x89MCAP0\r\n'
+HEAD = struct.Struct('<BQ')     #: of a record: opcode, length of its content [bytes]
+_FOOTER = struct.Struct('<QQI')  # begin of the summary, of its offsets, checksum of both up to here
+TAIL = HEAD.size + _FOOTER.size + len(MAGIC)  # bytes: the footer and what ends the file
+LENGTHS = {Opcode.FOOTER: _FOOTER.size, Opcode.DATA_END: 4}  #: [bytes]
+OPCODES = frozenset(Opcode)
+APPLICATIONS = 0x80  # opcodes from here on are theirs
+COMPRESSIONS = '', 'lz4', 'zstd'
+CHUNK_SIZE = 40    # bytes of a chunk beside its records and the name of its compression
+LARGEST = 1 << 30  # bytes of a record, uncompressed; a damaged head may claim any number
+WINDOW = 1 << 20   # bytes
+#: where a chunk may begin: opcode, a length below 2**40, and after times, size and checksum the compression's name
+_CHUNK_HEAD = re.compile(rb'(?s)\x06(?=.{5}\0\0\0.{28}(?:\0\0\0\0|\x03\0\0\0lz4|\x04\0\0\0zstd))')
+
+
+class Stored(NamedTuple):
+    """A message of the file."""
+
+    channel: Channel
+    schema: Schema | None
+    time: int  #: when it was recorded [ns]
+    data: bytes
+
+
+class McapFile:
+    """Reads an open file, called ``name``. ``summary`` is what it says of itself at its end, None where it cannot."""
+
+    def __init__(self, file: int, name: str):
+        self._file, self._name, self._size = file, name, os.fstat(file).st_size
+        tail = os.pread(file, TAIL, max(self._size - TAIL, 0))
+        self._has_end = tail.endswith(MAGIC)
+        self.summary = self._read_summary(tail) if self._has_end and len(tail) == TAIL else None
+        self._schemas: dict[int, Schema] = {} if self.summary is None else self.summary.schemas
+        self._channels: dict[int, Channel] = {} if self.summary is None else self.summary.channels
+
+    @property
+    def channels(self) -> list[tuple[Channel, Schema | None]]:
+        """Those known so far, each with its schema."""
+        return [(each, self._schemas.get(each.schema_id)) for each in self._channels.values()]
+
+    def read(self, since: int = 0) -> Iterator[Stored | Damage]:
+        """Give what was recorded at ``since`` [ns] or later."""
+        read, is_damaged = 0, False
+        indexes = () if self.summary is None else self.summary.chunk_indexes
+        for found in self._read_indexed(indexes, since) if indexes else self._walk(since):
+            is_damaged = is_damaged or isinstance(found, Damage)
+            read += isinstance(found, Stored)
+            yield found
+        statistics = None if self.summary is None or since else self.summary.statistics
+        if statistics is not None and read < statistics.message_count and not is_damaged:
+            yield Damage(DamageKind.RECORDS, self._name, detail=f'{read} of {statistics.message_count} messages')
+
+    def _read_summary(self, tail: bytes) -> Summary | None:
+        begin, _, checksum = _FOOTER.unpack_from(tail, HEAD.size)
+        content = os.pread(self._file, max(self._size - TAIL - begin, 0), begin) if begin < self._size else b''
+        if not content or checksum not in (0, zlib.crc32(content + tail[:-len(MAGIC) - 4])):
+            return None
+        try:
+            summary = NonSeekingReader(BytesIO(MAGIC + content + tail)).get_summary()
+        except Exception:  # without a checksum it may be anything
+            return None
+        indexes = () if summary is None else summary.chunk_indexes
+        return summary if all(each.chunk_start_offset + each.chunk_length <= self._size for each in indexes) else None
+
+    def _read_indexed(self, indexes: Iterable[ChunkIndex], since: int) -> Iterator[Stored | Damage]:
+        for index in sorted(indexes, key=lambda index: index.chunk_start_offset):
+            if index.message_end_time < since:
+                continue
+            record = os.pread(self._file, index.chunk_length, index.chunk_start_offset)
+            chunk = _chunk_of(record[HEAD.size:])
+            if chunk is None or HEAD.unpack_from(record)[1] != index.chunk_length - HEAD.size:
+                yield Damage(DamageKind.RECORDS, self._name, 1, index.chunk_length)
+            else:
+                yield from self._read_chunk(chunk, since)
+
+    def _walk(self, since: int) -> Iterator[Stored | Damage]:
+        at: int | None = len(MAGIC)
+        while at is not None:
+            opcode, length = self._head(at) or (None, 0)
+            end = at + HEAD.size + length
+            record = os.pread(self._file, end - at, at)
+            chunk = _chunk_of(record[HEAD.size:])
+            if chunk is not None:
+                if chunk.message_end_time >= since or self.summary is not None or not self._channels:
+                    yield from self._read_chunk(chunk, since)
+            elif opcode in LENGTHS:
+                return
+            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
+                yield from self._read_chunk(Chunk('', record, 0, 0, 0, end - at), since, is_chunk=False)
+            elif opcode in (None, Opcode.CHUNK) or (end < self._size and self._head(end) is None):
+                following = self._next_chunk(at + 1)
+                is_cut = following is None and not self._has_end
+                yield Damage(DamageKind.CUT_SHORT if is_cut else DamageKind.RECORDS, self._name,
+                             size=(following or self._size) - at)
+                at = following
+                continue
+            at = end
+
+    def _head(self, at: int) -> tuple[int, int] | None:
+        """Return opcode and length of the record at ``at``; None where none can be that lies within the file."""
+        head = os.pread(self._file, HEAD.size, at)
+        if len(head) < HEAD.size:
+            return None
+        opcode, length = HEAD.unpack(head)
+        is_known = opcode in OPCODES or opcode >= APPLICATIONS
+        fits = length <= min(LARGEST, self._size - at - HEAD.size) and length == LENGTHS.get(opcode, length)
+        return (opcode, length) if is_known and fits else None
+
+    def _next_chunk(self, at: int) -> int | None:
+        for begin in range(at, self._size, WINDOW):
+            for match in _CHUNK_HEAD.finditer(os.pread(self._file, WINDOW + HEAD.size + CHUNK_SIZE, begin)):
+                found = begin + match.start()
+                head = self._head(found)
+                if head is not None and _chunk_of(os.pread(self._file, head[1], found + HEAD.size)) is not None:
+                    return found
+        return None
+
+    def _read_chunk(self, chunk: Chunk, since: int, is_chunk: bool = True) -> Iterator[Stored | Damage]:
+        size = len(chunk.data)
+        try:
+            if chunk.uncompressed_size > LARGEST:
+                raise ValueError(f'a chunk of {chunk.uncompressed_size} bytes')
+            found = breakup_chunk(chunk, validate_crc=True)
+        except Exception as error:  # the library lets struct's, lz4's and zstandard's through beside its own
+            kind, chunks = (DamageKind.CHUNK, 1) if is_chunk else (DamageKind.RECORDS, None)
+            yield Damage(kind, self._name, chunks, size, detail=f'{type(error).__name__}: {error}')
+            return
+        unknown = 0
+        for record in found:
+            if not isinstance(record, Message):
+                self._learn(record)
+            elif (channel := self._channels.get(record.channel_id)) is None:
+                unknown += 1
+            elif record.log_time >= since:
+                yield Stored(channel, self._schemas.get(channel.schema_id), record.log_time, record.data)
+        if unknown:
+            yield Damage(DamageKind.UNKNOWN_CHANNEL, self._name, 0, size, detail=f'{unknown} messages')
+
+    def _learn(self, record: McapRecord) -> None:
+        if isinstance(record, Schema):
+            self._schemas[record.id] = record
+        elif isinstance(record, Channel):
+            self._channels[record.id] = record
+
+
+def _chunk_of(content: bytes) -> Chunk | None:
+    """Return a record as a chunk, whatever its opcode has become; None where its lengths do not fit."""
+    try:
+        chunk = Chunk.read(ReadDataStream(BytesIO(content)))
+    except Exception:  # another record: of struct, of UTF-8, of its end
+        return None
+    begin = CHUNK_SIZE + len(chunk.compression)
+    announced = int.from_bytes(content[begin - 8:begin], 'little')  # the library takes less, too
+    return chunk if chunk.compression in COMPRESSIONS and begin + announced == len(content) else None

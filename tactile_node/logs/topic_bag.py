@@ -1,0 +1,261 @@
+"""Our topics in a ROS 2 bag: taxel frames by pad, and the other messages, without ROS.
+
+The bag's own definition of a message is preferred, so that bags of other versions of this package are read; where the
+bag has none, or one that cannot be read, that of msg/ counts. Messages are read one by one, never all at once.
+"""
+
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator
+from enum import IntEnum, unique
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from tactile_node.errors import LogError
+from tactile_node.logs.bag_log import TYPE as CAN_TYPE
+from tactile_node.logs.bag_records import (
+    Recorded,
+    begin_of,
+    decompressed,
+    is_bag,
+    library,
+    records_of,
+    topics_of,
+)
+from tactile_node.logs.damage import Damage, DamageKind, damage_text
+from tactile_node.logs.replay_times import SECOND, WHOLE, Window
+from tactile_node.package_files import package_file
+from tactile_node.read_only import read_only
+from tactile_node.skin.taxel_array import check_taxel_array
+from tactile_node.taxel_frame import TaxelFrame, TpdoAges
+
+NANOSECONDS = 10**9
+
+
+class PadGeometry(NamedTuple):
+    """What a TaxelArray says of its pad."""
+
+    rows: int
+    cols: int
+    pitch: float  #: [m]
+    unit: str     #: 'Pa', 'N' or '1'
+    frame_id: str
+    layer_depth: float = 0.0      #: of the taxels below the skin's surface [m]; 0: not known
+    layer_deviation: float = 0.0  #: standard deviation of its logarithm
+
+
+class Stamp(Protocol):
+    """builtin_interfaces/Time."""
+
+    sec: int
+    nanosec: int
+
+
+def seconds(stamp: Stamp) -> float:
+    return stamp.sec + stamp.nanosec / NANOSECONDS
+
+
+def geometry_of(message) -> PadGeometry:
+    """Of a TaxelArray that has passed `check_taxel_array`; fields that the bag's definition lacks are not known."""
+    return PadGeometry(message.rows, message.cols, float(message.pitch), message.unit, message.header.frame_id,
+                       float(getattr(message, 'layer_depth', 0.0)), float(getattr(message, 'layer_deviation', 0.0)))
+
+
+def frame_of(message) -> TaxelFrame:
+    """Of a TaxelArray that has passed `check_taxel_array`."""
+    grid = message.rows, message.cols
+    ages = None
+    if len(getattr(message, 'tpdo_ages', ())):
+        ages = TpdoAges(_array(message.tpdo_ages, np.float32), _array(message.taxel_tpdos, np.uint16).reshape(grid))
+    return TaxelFrame(stamp=seconds(message.header.stamp), sequence=message.sequence,
+                      values=_array(message.values, np.float32).reshape(grid),
+                      status=_array(message.status, np.uint8).reshape(grid),
+                      missing_can_frames=message.missing_can_frames, tpdo_ages=ages)
+
+
+def _array(values, dtype: type) -> np.ndarray:
+    return read_only(np.array(values, dtype))
+
+
+PACKAGE = 'tactile_skin'
+TAXELS, SHAPE, STATUS = (f'{PACKAGE}/msg/{name}' for name in ('TaxelArray', 'ContactShape', 'SkinStatus'))
+DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
+TYPES = TAXELS, SHAPE, STATUS, DIAGNOSTICS
+#: Of msg/, each after those that it contains
+DEFINITIONS = ('TaxelArray', 'ContactShape', 'FaultyTaxel', 'NodeStatus', 'PadStatus', 'SkinStatus')
+
+
+@unique
+class Unread(IntEnum):
+    """Why something of a bag is not given. The codes are stable."""
+
+    CUT_SHORT = 1     #: what follows in this file: it was not ended, or is damaged
+    UNDECODABLE = 2   #: a message that does not fit its definition
+    INCONSISTENT = 3  #: a TaxelArray whose fields do not fit together
+    DAMAGED = 4       #: a place within a file, of one chunk or more
+    MISSING_FILE = 5  #: of a series
+
+
+_REASONS = {DamageKind.CUT_SHORT: Unread.CUT_SHORT, DamageKind.DATABASE: Unread.CUT_SHORT,
+            DamageKind.MISSING_FILE: Unread.MISSING_FILE}
+
+
+class PadFrame(NamedTuple):
+    """A TaxelArray of a bag."""
+
+    pad: str  #: its name: the topic without '/taxels'; with the namespace, if there is one: 'robot/left'
+    frame: TaxelFrame
+    geometry: PadGeometry
+    recorded: float  #: when it was recorded [s, Unix epoch]; ``frame.stamp`` is when it was acquired
+
+
+class BagMessage(NamedTuple):
+    """A message of one of TYPES, with the fields of its definition; arrays of numbers are NumPy's."""
+
+    topic: str
+    type: str
+    recorded: float  #: [s, Unix epoch]
+    #: the same by the clock of the taxel frames' stamps: a replay has those of its log, another computer its own
+    stamp: float
+    content: Any
+
+
+def holds_taxels(path: str | Path) -> bool:
+    """Return whether ``path`` is a bag with our taxel arrays; of a bag that also has CAN frames, both are."""
+    return is_bag(path) and TAXELS in topics_of(path).values()
+
+
+def holds_can_frames(path: str | Path) -> bool:
+    """Return whether ``path`` is a bag with CAN frames, which `CanLogReader` reads."""
+    return is_bag(path) and CAN_TYPE in topics_of(path).values()
+
+
+class TopicBagReader:
+    """Reads a bag as often as it is asked to, each time from its begin.
+
+    ``unread`` counts, by reason, what the last reading left out, ``problem`` describes the last of it, ``damages`` has
+    where files are damaged. Raises LogError for a path that is no bag, a bag without a TaxelArray and without the extra
+    `bag`.
+    """
+
+    def __init__(self, path: str | Path):
+        self.path = str(path)
+        self.topics = topics_of(path)  #: {topic: type}
+        self.unread: Counter[Unread] = Counter()
+        self.problem = ''
+        self.damages: list[Damage] = []
+        self._types = _Types(path)
+        self._behind: float | None = None  # stamp of the last taxel array less its time of recording [s]
+        if TAXELS not in self.topics.values():
+            got = ', '.join(f'{topic} ({kind})' for topic, kind in sorted(self.topics.items())) or (
+                'no topic that can be read')
+            raise LogError(self.path, expected=f'a bag with a topic of type {TAXELS}', got=got,
+                           remedy='Record <pad>/taxels of the driver.')
+
+    @property
+    def pads(self) -> tuple[str, ...]:
+        """Names of the pads of which there are taxel arrays, sorted."""
+        return tuple(sorted(pad_of(topic) for topic, kind in self.topics.items() if kind == TAXELS))
+
+    @property
+    def begin(self) -> float:
+        """When the first message was recorded [s, Unix epoch]."""
+        return begin_of(self.path) / SECOND
+
+    def frames(self, since: float = 0.0) -> Iterator[PadFrame]:
+        """Give the taxel frames of all pads, recorded at ``since`` [s, Unix epoch] or later, as they were recorded."""
+        for message in self.messages((TAXELS,), since):
+            yield PadFrame(pad_of(message.topic), frame_of(message.content), geometry_of(message.content),
+                           message.recorded)
+
+    def messages(self, types: Collection[str] = TYPES, since: float = 0.0, window: Window = WHOLE
+                 ) -> Iterator[BagMessage]:
+        """Give the messages of ``types``, some of TYPES; a TaxelArray only where its fields fit together.
+
+        Those recorded at ``since`` [s, Unix epoch] or later and within ``window``.
+        """
+        self._behind = None
+        self.unread, self.problem, self.damages = Counter(), '', []
+        begin, until = (0, None) if window == WHOLE else window.of(begin_of(self.path))
+        for recorded in records_of(self.path, self._damaged, max(begin, int(since * SECOND)), until):
+            if recorded.type in types:
+                yield from self._read(recorded)
+
+    def _read(self, recorded: Recorded) -> Iterator[BagMessage]:
+        try:
+            content = self._types.content(recorded)
+        except Exception as error:  # rosbags raises what struct, numpy and zstandard raise
+            self._leave_out(Unread.UNDECODABLE, f'{recorded.topic}: {error}')
+            return
+        if recorded.type == TAXELS and (reason := check_taxel_array(content)):
+            self._leave_out(Unread.INCONSISTENT, f'{recorded.topic}: {reason.key}')
+            return
+        at = recorded.time / SECOND
+        if recorded.type == TAXELS:
+            self._behind = seconds(content.header.stamp) - at
+        elif self._behind is None:
+            self._behind = self._first_behind()
+        yield BagMessage(recorded.topic, recorded.type, at, at + self._behind, content)
+
+    def _first_behind(self) -> float:
+        """Of what comes before the first taxel array; 0 where none follows."""
+        first = next((TopicBagReader(self.path).frames()), None)
+        return 0.0 if first is None else first.frame.stamp - first.recorded
+
+    def _damaged(self, damage: Damage) -> None:
+        self.damages.append(damage)
+        self._leave_out(_REASONS.get(damage.kind, Unread.DAMAGED), damage_text(damage))
+
+    def _leave_out(self, reason: Unread, problem: str) -> None:
+        self.unread[reason] += 1
+        self.problem = problem
+
+
+def pad_of(topic: str) -> str:
+    """Return the name of the pad that a topic is of.
+
+    >>> pad_of('/left/taxels'), pad_of('/robot/left/shape')
+    ('left', 'robot/left')
+    """
+    return topic.strip('/').rpartition('/')[0]
+
+
+class _Types:
+    """Decodes messages by the definition in the bag, or by ours."""
+
+    def __init__(self, path: str | Path):
+        self._typesys = library('rosbags.typesys', path)
+        self._stores: dict[tuple[str, str], Any] = {}  # by type and definition
+
+    def content(self, recorded: Recorded) -> Any:
+        key = recorded.type, recorded.definition
+        if key not in self._stores:
+            self._stores[key] = self._store(*key)
+        return self._stores[key].deserialize_cdr(decompressed(recorded.cdr), recorded.type)
+
+    def _store(self, kind: str, definition: str) -> Any:
+        """A store for each: a type that it contains may be defined in another way in the next bag."""
+        if definition:
+            try:
+                store = self._typesys.get_typestore(self._typesys.Stores.EMPTY)
+                store.register(self._typesys.get_types_from_msg(definition, kind))
+                store.get_msgdef(kind)
+                return store
+            except Exception:  # of a damaged text the parser raises its own errors
+                pass
+        return self._ours
+
+    @cached_property
+    def _ours(self) -> Any:
+        return message_types(self._typesys, DEFINITIONS)
+
+
+def message_types(typesys: Any, names: Iterable[str]) -> Any:
+    """Return a store of ROS 2 Jazzy and of our messages of ``names``; ``typesys``: rosbags.typesys."""
+    store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+    for name in names:
+        text = package_file(f'msg/{name}.msg').read_text(encoding='utf-8')
+        store.register(typesys.get_types_from_msg(text, f'{PACKAGE}/msg/{name}'))
+    return store

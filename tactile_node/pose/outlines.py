@@ -1,0 +1,237 @@
+"""The outlines of the five shapes as functions of few parameters: what is fitted, and what contacts are drawn from.
+
+The origin of a shape's own frame is its centre of area; positive angles rotate x towards y. Shapes go by their
+names, which are the values of `shape.recognition.Shape`.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+CIRCLE_CORNERS = 32  #: a circle is a polygon of the same area
+
+
+class Outline(NamedTuple):
+    """Polygons linear in their dimensions: corner i is ``template[i] @ dimensions``, then rotated by the angle."""
+
+    dimensions: tuple[str, ...]  #: their names
+    template: np.ndarray         #: shape (corners, 2, len(dimensions)), in the sense from x to y
+    symmetry: int                #: a rotation by 2π/symmetry changes nothing; 0: by any angle
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of what is fitted: the place, the angle if it has one, the dimensions."""
+        return ('x', 'y', *(('angle',) if self.symmetry else ()), *self.dimensions)
+
+    def split(self, parameters: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
+        """Return centre (2,), angle and dimensions of ``parameters``."""
+        if not self.symmetry:
+            return parameters[:2], 0.0, parameters[2:]
+        return parameters[:2], float(parameters[2]), parameters[3:]
+
+    def corners(self, parameters: np.ndarray) -> np.ndarray:
+        """Return the corners, shape (corners, 2)."""
+        return self.placed(*self.split(parameters))
+
+    def placed(self, centre: np.ndarray, angle: float, dimensions: np.ndarray) -> np.ndarray:
+        """Return the corners, shape (corners, 2), of an outline at ``centre`` (2,)."""
+        corners: np.ndarray = self.template @ dimensions @ _rotation(angle) + centre
+        return corners
+
+    def moving(self, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the corners and d corners / d parameters, shape (parameters, corners, 2)."""
+        corners, motions = self.moving_nested(parameters, np.ones((1, len(self.dimensions))))
+        return corners[0], motions[:, 0]
+
+    def moving_nested(self, parameters: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the same of k outlines within each other, (k, corners, 2) and (parameters, k, corners, 2).
+
+        ``sizes``, (k, dimensions): of each, relative to those of ``parameters``.
+        """
+        centre, angle, dimensions = self.split(parameters)
+        by_dimension = self.template.transpose(2, 0, 1) @ _rotation(angle)
+        motions = np.zeros((len(parameters), len(sizes), len(self.template), 2))
+        motions[0, :, :, 0] = motions[1, :, :, 1] = 1
+        np.multiply(sizes.T[:, :, np.newaxis, np.newaxis], by_dimension[:, np.newaxis], out=motions[-len(dimensions):])
+        arms = (sizes * dimensions) @ by_dimension.reshape(len(dimensions), -1)
+        arms = arms.reshape(motions.shape[1:])
+        if self.symmetry:
+            np.negative(arms[..., 1], out=motions[2, ..., 0])
+            motions[2, ..., 1] = arms[..., 0]
+        return arms + centre, motions
+
+
+def outline_of(shape: str, handedness: int = 1) -> Outline:
+    """Return the outline of one of the five shapes; ``handedness`` (1 or -1, mirrored) is the right triangle's.
+
+    >>> outline_of('rectangle').parameters
+    ('x', 'y', 'angle', 'long', 'short')
+    """
+    if shape == 'right_triangle' and handedness < 0:
+        return _MIRRORED
+    return OUTLINES[shape]
+
+
+def polygon_in_circle(corners: int) -> Outline:
+    """Return a circle's outline as a regular polygon with its corners on the circle: for drawing."""
+    angle = np.arange(corners) * (2 * np.pi / corners)
+    return OUTLINES['circle']._replace(template=np.stack((np.cos(angle), np.sin(angle)), 1)[..., np.newaxis])
+
+
+def _rotation(angle: float) -> np.ndarray:
+    """Rotation matrix for row vectors."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.array(((cos, sin), (-sin, cos)))
+
+
+def _template(*corners: tuple[tuple[float, ...], tuple[float, ...]]) -> np.ndarray:
+    """Of corners given as ((x by dimension), (y by dimension))."""
+    template = np.array(corners, float)
+    template.flags.writeable = False
+    return template
+
+
+def _circle() -> np.ndarray:
+    angle = np.arange(CIRCLE_CORNERS) * (2 * np.pi / CIRCLE_CORNERS)
+    same_area = np.sqrt(2 * np.pi / CIRCLE_CORNERS / np.sin(2 * np.pi / CIRCLE_CORNERS))
+    return _template(*(((same_area * np.cos(a),), (same_area * np.sin(a),)) for a in angle))
+
+
+#: by the shape's name
+OUTLINES: dict[str, Outline] = {
+    'circle': Outline(('radius',), _circle(), 0),
+    'square': Outline(('side',), _template(
+        ((-.5,), (-.5,)), ((.5,), (-.5,)), ((.5,), (.5,)), ((-.5,), (.5,))), 4),
+    'rectangle': Outline(('long', 'short'), _template(
+        ((-.5, 0), (0, -.5)), ((.5, 0), (0, -.5)), ((.5, 0), (0, .5)), ((-.5, 0), (0, .5))), 2),
+    'right_triangle': Outline(('long_leg', 'short_leg'), _template(
+        ((-1 / 3, 0), (0, -1 / 3)), ((2 / 3, 0), (0, -1 / 3)), ((-1 / 3, 0), (0, 2 / 3))), 1),
+    'isosceles_triangle': Outline(('base', 'height'), _template(
+        ((-.5, 0), (0, -1 / 3)), ((.5, 0), (0, -1 / 3)), ((0, 0), (0, 2 / 3))), 1),
+}
+_MIRRORED = OUTLINES['right_triangle']._replace(template=_template(
+    ((-1 / 3, 0), (0, 1 / 3)), ((-1 / 3, 0), (0, -2 / 3)), ((2 / 3, 0), (0, 1 / 3))))
+
+
+class Edges(NamedTuple):
+    """The edges of a convex polygon, edge i from corner i to the next; corners in the sense from x to y."""
+
+    along: np.ndarray    #: unit vectors, (n, 2)
+    outward: np.ndarray  #: unit normals, (n, 2)
+    length: np.ndarray   #: (n, 1)
+    offset: np.ndarray   #: of the edge's line from the origin along its normal, (n, 1)
+
+
+def edges_of(corners: np.ndarray) -> Edges:
+    """Return the edges between ``corners``, (n, 2)."""
+    edge = corners[_following(corners)] - corners
+    length = np.sqrt((edge**2).sum(1, keepdims=True))
+    along = edge / length
+    outward = along[:, ::-1] * (1.0, -1.0)
+    return Edges(along, outward, length, (outward * corners).sum(1, keepdims=True))
+
+
+def depth_inside(corners: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return the signed distance of the points ``x``, ``y`` (any shape, the same) from the polygon's edges.
+
+    >>> square = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]])
+    >>> depth_inside(square, np.array([1.0, 5.0]), np.array([2.0, 2.0])).tolist()
+    [1.0, -1.0]
+    """
+    edges = edges_of(corners)
+    depths = [offset - (outward[0] * x + outward[1] * y) for outward, (offset,) in zip(edges.outward, edges.offset)]
+    nearest: np.ndarray = np.minimum.reduce(depths)
+    return nearest
+
+
+def moving_depth(corners: np.ndarray, motions: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the signed distance of ``places``, (2, m), and its derivatives; shapes (m,) and (p, m).
+
+    ``motions``: (p, n, 2), d corners / d parameter.
+    """
+    edges = edges_of(corners)
+    depth = edges.offset - edges.outward @ places
+    nearest = depth.argmin(0)
+    each = np.arange(len(nearest))
+    start = (edges.along * corners).sum(1, keepdims=True)
+    t = ((edges.along @ places - start) / edges.length)[nearest, each]
+    at_start = (motions * edges.outward).sum(-1)[:, nearest]
+    at_stop = (motions[:, _following(corners)] * edges.outward).sum(-1)[:, nearest]
+    return depth[nearest, each], at_start + (at_stop - at_start) * t
+
+
+def _following(corners: np.ndarray) -> np.ndarray:
+    return np.arange(1, len(corners) + 1) % len(corners)
+
+
+FAR = -1e6    #: left of everything
+TINY = 1e-12  #: an edge along the lattice is tilted by so much
+
+
+class Window(NamedTuple):
+    """A block of taxels; taxel (row, col) is the unit square about x = col, y = row."""
+
+    row: int
+    col: int
+    rows: int
+    cols: int
+
+
+def coverages(corners: np.ndarray, motions: np.ndarray, window: Window, weights: np.ndarray,
+              of_change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return sums of what k polygons cover of each taxel, each with its weight, and the derivatives of one such sum.
+
+    Shapes (m, rows, cols) and (p, rows, cols). ``corners``: (k, n, 2); ``motions``: (p, k, n, 2); ``weights``: (m, k),
+    a row a sum; ``of_change``: (k,), of the sum whose derivatives are wanted.
+    By the divergence theorem: an edge's outward normal N (as long as the edge) and the stretch t0...t1 of it
+    within a taxel give d area = ∫ N · motion dt, and area = ∫ N_x (x - left) dt + the length of the taxel's
+    right side within the polygon; that length is what all edges to the left have let in.
+    """
+    sums, each = len(weights), corners.shape[1]
+    edges = corners.shape[0] * each
+    following = np.arange(1, each + 1) % each
+    start, stop = corners.reshape(-1, 2), corners[:, following].reshape(-1, 2)
+    edge = stop - start
+    normal = edge[:, ::-1] * (1.0, -1.0)
+    rows = np.empty((2 * sums + len(motions), 2 * edges))
+    weight = np.repeat(weights, each, axis=1) * normal[:, 0]
+    rows[sums:2 * sums, :edges] = rows[sums:2 * sums, edges:] = weight
+    rows[:sums, :edges], rows[:sums, edges:] = weight * start[:, 0], weight * stop[:, 0]
+    by_corner = motions * (normal.reshape(corners.shape) * of_change[:, np.newaxis, np.newaxis])
+    rows[2 * sums:, :edges] = (by_corner[..., 0] + by_corner[..., 1]).reshape(-1, edges)
+    by_corner = motions[:, :, following] * (normal.reshape(corners.shape) * of_change[:, np.newaxis, np.newaxis])
+    rows[2 * sums:, edges:] = (by_corner[..., 0] + by_corner[..., 1]).reshape(-1, edges)
+    stretches = _stretches(start, edge, window).reshape(2 * edges, -1)
+    flux = (rows @ stretches).reshape(len(rows), window.rows, window.cols + 1)
+    left = window.col - 0.5 + np.arange(window.cols)
+    right_side = -flux[sums:2 * sums].cumsum(2)[..., 1:]
+    return flux[:sums, :, 1:] - left * flux[sums:2 * sums, :, 1:] + right_side, flux[2 * sums:, :, 1:]
+
+
+def _stretches(start: np.ndarray, edge: np.ndarray, window: Window) -> np.ndarray:
+    """Return ∫ (1 - t) dt and ∫ t dt of each edge within each taxel, shape (2, edges, rows, 1 + cols).
+
+    The first column is all that lies left of the window: a contact may be cut off by the pad's edge.
+    """
+    edge = np.where(np.abs(edge) < TINY, TINY, edge)
+    lines = np.empty((len(start), window.cols + window.rows + 3))
+    x_lines, y_lines = lines[:, :window.cols + 2], lines[:, window.cols + 2:]
+    x_lines[:] = np.arange(window.col - 1.5, window.col + window.cols)
+    x_lines[:, 0] = FAR
+    y_lines[:] = np.arange(window.row - 0.5, window.row + window.rows)
+    x_lines -= start[:, :1]
+    x_lines /= edge[:, :1]
+    y_lines -= start[:, 1:]
+    y_lines /= edge[:, 1:]
+    np.minimum(np.maximum(lines, 0, out=lines), 1, out=lines)
+    enters = np.minimum(lines[:, :-1], lines[:, 1:])  # each strip between two lines
+    leaves = np.maximum(lines[:, :-1], lines[:, 1:])
+    cols, rows = slice(window.cols + 1), slice(window.cols + 2, None)
+    begin = np.maximum(enters[:, None, cols], enters[:, rows, None])
+    length = np.minimum(leaves[:, None, cols], leaves[:, rows, None])
+    length -= begin
+    np.maximum(length, 0, out=length)
+    stretches = np.empty((2, *length.shape))
+    np.multiply(length, begin + 0.5 * length, out=stretches[1])
+    np.subtract(length, stretches[1], out=stretches[0])
+    return stretches

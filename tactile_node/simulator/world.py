@@ -1,0 +1,127 @@
+"""The synthetic world: contacts of five shapes in general position, the ground truth of every figure.
+
+Lengths and places are in taxel pitches, with taxel (row, col) centred at x = col, y = row; positive
+angles rotate x towards y. General position: angle uniform over the whole circle, the centre of area
+anywhere within one taxel in the middle of the pad. The classes of the benchmark: circle; square;
+rectangle, ratio of sides uniform 1.5-3; right triangle, ratio of legs uniform 1.5-2.5, either handedness;
+isosceles triangle, apex angle uniform 40-75 degrees. Size is set by the area in taxels.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from tactile_node.pose.outlines import OUTLINES, Outline, depth_inside, outline_of, polygon_in_circle
+from tactile_node.shape.recognition import SHAPES
+
+
+class Purpose(IntEnum):
+    """Each purpose has its own stream for every seed; numbers are fixed for ever."""
+
+    TRAINING = 1
+    VALIDATION = 2
+    EVALUATION = 3
+    DEMO = 4
+    TEST = 5
+
+
+def generator(purpose: Purpose, seed: int) -> np.random.Generator:
+    """Return the generator of ``purpose`` and ``seed``; two different pairs never share a stream."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(int(purpose),)))
+
+
+CLASSES = tuple(shape.value for shape in SHAPES)  #: what touches
+PAD = 36  #: rows and columns of the benchmark's pad
+
+
+@dataclass(frozen=True)
+class Contact:
+    """One contact: what touches, where, at which angle, how large [pitches, radians].
+
+    ``dimensions`` by shape: circle (radius,); square (side,); rectangle (long, short side);
+    right_triangle (leg along x, leg along y, handedness: +1, or -1 mirrored); isosceles_triangle (base, height).
+    ``x``, ``y``: its centre of area.
+    """
+
+    shape: str
+    dimensions: tuple[float, ...]
+    x: float
+    y: float
+    angle: float = 0.0
+
+    @property
+    def area(self) -> float:
+        """Area [taxels]."""
+        a, b = self.dimensions[0], self.dimensions[min(1, len(self.dimensions) - 1)]
+        return {'circle': np.pi * a * a, 'square': a * a, 'rectangle': a * b}.get(self.shape, a * b / 2)
+
+    @property
+    def reach(self) -> float:
+        """Distance of its farthest point from the centre [pitches]."""
+        if self.shape == 'circle':
+            return self.dimensions[0]
+        corners = self._outline(0).placed(np.zeros(2), 0.0, self._lengths)
+        return float(np.hypot(*corners.T).max())
+
+    @property
+    def handedness(self) -> int:
+        """Of a right triangle 1, or -1 when mirrored; 1 for all others."""
+        return int(self.dimensions[2]) if self.shape == 'right_triangle' else 1
+
+    def outline(self, points: int = 64) -> np.ndarray:
+        """Vertices as (x, y), shape (n, 2), in the sense from x to y; a circle as a polygon of ``points``."""
+        return self._outline(points).placed(np.array((self.x, self.y)), self.angle, self._lengths)
+
+    def depth(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Signed distance of points from the outline, positive inside (exact inside and near an edge)."""
+        if self.shape == 'circle':
+            return self.dimensions[0] - np.hypot(x - self.x, y - self.y)
+        return depth_inside(self.outline(), x, y)
+
+    def pattern(self, rows: int = PAD, cols: int = PAD) -> np.ndarray:
+        """On/off pattern, bool, shape (rows, cols): a taxel is active when its centre is inside."""
+        y, x = np.indices((rows, cols), float)
+        return self.depth(x, y) >= 0
+
+    @property
+    def _lengths(self) -> np.ndarray:
+        return np.array(self.dimensions[:len(OUTLINES[self.shape].dimensions)])
+
+    def _outline(self, points: int) -> Outline:
+        return polygon_in_circle(points) if self.shape == 'circle' else outline_of(self.shape, self.handedness)
+
+
+def random_contact(rng: np.random.Generator, shape: str, area: float,
+                   rows: int = PAD, cols: int = PAD) -> Contact:
+    """Draw a contact of ``shape`` and ``area`` [taxels] in general position, in the middle of a pad.
+
+    >>> random_contact(np.random.default_rng(1), 'square', 49).dimensions
+    (7.0,)
+    """
+    dimensions = _dimensions(rng, shape, area)
+    x, y = rng.uniform(-0.5, 0.5, 2) + ((cols - 1) / 2, (rows - 1) / 2)
+    return Contact(shape, dimensions, x=float(x), y=float(y), angle=float(rng.uniform(0, 2 * np.pi)))
+
+
+def random_pattern(rng: np.random.Generator, shape: str, area: float) -> np.ndarray:
+    """Draw the on/off pattern of a contact in general position, on a pad large enough for it."""
+    room = max(PAD, int(np.ceil(4 * np.sqrt(area))) + 4)
+    return random_contact(rng, shape, area, rows=room, cols=room).pattern(room, room)
+
+
+def _dimensions(rng: np.random.Generator, shape: str, area: float) -> tuple[float, ...]:
+    if shape == 'circle':
+        return (float(np.sqrt(area / np.pi)),)
+    if shape == 'square':
+        return (float(np.sqrt(area)),)
+    if shape == 'rectangle':
+        ratio = rng.uniform(1.5, 3)
+        return (float(np.sqrt(area * ratio)), float(np.sqrt(area / ratio)))
+    if shape == 'right_triangle':
+        ratio, handedness = rng.uniform(1.5, 2.5), float(rng.choice((-1.0, 1.0)))
+        return (float(np.sqrt(2 * area * ratio)), float(np.sqrt(2 * area / ratio)), handedness)
+    if shape == 'isosceles_triangle':
+        slope = 2 * np.tan(np.radians(rng.uniform(40, 75)) / 2)  # base / height
+        return (float(np.sqrt(2 * area * slope)), float(np.sqrt(2 * area / slope)))
+    raise ValueError(f'{shape!r} is not one of {", ".join(CLASSES)}')

@@ -1,0 +1,206 @@
+"""Watches what happens on a bus beside its nodes' own matters, and logs it: other masters, SYNC, overload, load."""
+
+import logging
+from collections.abc import Callable, Sequence
+
+from tactile_node.assembly.fault_text import OVERLOAD_PHRASES, command_text, load_text, sync_text
+from tactile_node.assembly.frame_source import BusStatistics
+from tactile_node.assembly.health import Overload, SyncFault, SyncState
+from tactile_node.bus.bus_monitor import BusMonitor
+from tactile_node.bus.bus_network import BusSettings
+from tactile_node.bus.load import MOST_LOAD, BusLoad, planned_load
+from tactile_node.bus.threads import Reminder
+from tactile_node.skin.pads import LivePad
+from tactile_node.sources.node_traffic import BusSeen
+
+
+class OverloadWatch:
+    """Whether this process is so slow that what seems to be missing may only not be processed yet.
+
+    ``put(call)`` makes a call on the assembler's thread after all that was received before. ``limit`` [s]: a delay
+    beyond it is an overload, which counts as one for 2 ``limit`` after its last sign.
+    """
+
+    def __init__(self, put: Callable[[Callable[[], None]], None], limit: float):
+        self._put = put
+        self.limit = limit
+        self._put_at: float | None = None  # when the call under way was put
+        self._dropped = 0
+        self._kind = Overload.NONE
+        self._seen = 0.0  # the last sign
+        self._excused = -float('inf')  # after a wait for another thread
+        self.ran_again = 0.0  #: when the last stall, or wait for another thread, ended
+        self.stalls = 0  #: times that this process did not run for long
+
+    def restart(self) -> None:
+        """The bus was closed: the call under way is forgotten."""
+        self._put_at = None
+
+    def woke(self, now: float, late: float) -> None:
+        """A wait of this process has ended ``late`` [s] after its time."""
+        if late > self.limit:
+            self.stalls += 1
+            self.ran_again = now
+            self._see(Overload.STALLED, now)
+
+    def waited(self, now: float, since: float) -> None:
+        """It has waited for another thread for so long [s], and may not have run in between: no overload, but no
+        measure either.
+        """
+        if since > self.limit:
+            self._excused = self.ran_again = now
+
+    def is_excused(self, now: float) -> bool:
+        """Whether what seems to be missing may only not be processed yet."""
+        return self._kind.is_overload or now - self._excused <= 2 * self.limit
+
+    def update(self, now: float, dropped: int) -> Overload:
+        """Return the overload now; ``dropped``: CAN frames that were not taken, so far."""
+        if dropped != self._dropped:
+            self._dropped = dropped
+            self._see(Overload.DROPPED, now)
+        put_at = self._put_at  # once: the assembler's thread may set it
+        if put_at is None:
+            self._put_at = now
+            self._put(self._reached)
+        elif now - put_at > self.limit:
+            self._see(Overload.BEHIND, now)
+        if now - self._seen > 2 * self.limit:
+            self._kind = Overload.NONE
+        return self._kind
+
+    def _reached(self) -> None:
+        self._put_at = None
+
+    def _see(self, kind: Overload, now: float) -> None:
+        self._kind, self._seen = kind, now
+
+
+HOLD = 1.0  # s for which a foreign SYNC stays reported
+WINDOW, SYNCS = 1.0, 20  # s and SYNCs over which a period is measured, at least
+TOLERANCE = 0.2  # of the period; a window of SYNCS is right to 5 %
+
+
+class SyncWatch:
+    """Own SYNCs are not received. Where this driver produces SYNC each one received is another producer's; else their
+    period is measured, and is wrong where two windows agree: the first may begin before the producer does.
+    """
+
+    def __init__(self, produce_sync: bool, period: float):
+        self._produce_sync = produce_sync
+        self._period = period
+        self._received = 0
+        self._foreign_at: float | None = None
+        self._begun: tuple[float, int] | None = None  # of the window: when, SYNCs until then
+        self._was_other = False
+        self.state = SyncState()
+
+    def update(self, now: float, is_active: bool, received: int) -> SyncState:
+        """Return the state by the count of SYNCs ``received`` so far."""
+        new, self._received = received - self._received, received
+        if not is_active:
+            self._begun, self._was_other = None, False
+            self.state = self.state._replace(fault=SyncFault.NOT_KNOWN)
+        elif self._produce_sync:
+            self._count(now, new)
+        else:
+            self._measure(now, received)
+        return self.state
+
+    def _count(self, now: float, new: int) -> None:
+        if new:
+            self._foreign_at = now
+        is_foreign = self._foreign_at is not None and now - self._foreign_at <= HOLD
+        self.state = SyncState(SyncFault.SECOND_PRODUCER if is_foreign else SyncFault.NONE, self.state.foreign + new)
+
+    def _measure(self, now: float, received: int) -> None:
+        begun, before = self._begun = self._begun or (now, received)
+        if now - begun < max(WINDOW, SYNCS * self._period):
+            return
+        self._begun = (now, received)
+        if received == before:
+            self._was_other = False
+            return  # the nodes report that it is missing
+        period = (now - begun) / (received - before)
+        is_other = abs(period - self._period) > TOLERANCE * self._period
+        fault = SyncFault.OTHER_PERIOD if is_other and self._was_other else SyncFault.NONE
+        self.state, self._was_other = SyncState(fault, period=period), is_other
+
+
+logger = logging.getLogger(__name__)
+
+
+class BusWatch:
+    """``put`` makes a call on the assembler's thread; ``data_timeout`` [s]: how long a node may be without data."""
+
+    def __init__(self, settings: BusSettings, pads: Sequence[LivePad], monitor: BusMonitor,
+                 put: Callable[[Callable[[], None]], None], data_timeout: float):
+        self._monitor = monitor
+        self._is_producer = settings.produce_sync
+        self._needs_sync = any(pad.layout.needs_sync for pad in pads)
+        self._pads = len(pads)
+        self._planned_load = planned_load((pad.layout for pad in pads), settings.bitrate, settings.sync_period)
+        self._load = BusLoad(settings.bitrate)
+        self._sync = SyncWatch(settings.produce_sync, settings.sync_period)
+        self._overload = OverloadWatch(put, data_timeout / 2)
+        self.overload = Overload.NOT_KNOWN
+        self._commands_reported = 0
+        self._command_reminder = Reminder()
+        self._sync_reminder = Reminder()
+        self._overload_reminder = Reminder()
+
+    @property
+    def load(self) -> float:
+        return self._load.load
+
+    @property
+    def sync(self) -> SyncState:
+        return self._sync.state
+
+    @property
+    def stalls(self) -> int:
+        return self._overload.stalls
+
+    def set_timeout(self, data: float) -> None:
+        """How long a node may be without data [s]."""
+        self._overload.limit = data / 2
+
+    def opened(self) -> None:
+        """The bus was opened for the first time: log what its pads ask of it, where that is much."""
+        if self._planned_load > MOST_LOAD:
+            logger.warning('By layouts and sync_period %s. Raise sync_period, or give some of them another bus.',
+                           load_text(self._planned_load, self._pads), extra={'fact': self._planned_load})
+
+    def closed(self) -> None:
+        """The bus is closed, or does not work."""
+        self._overload.restart()
+
+    def woke(self, now: float, late: float) -> None:
+        """See OverloadWatch."""
+        self._overload.woke(now, late)
+
+    def waited(self, now: float, since: float) -> None:
+        """See OverloadWatch."""
+        self._overload.waited(now, since)
+
+    def look_at_traffic(self, now: float) -> None:
+        """Take what all that is received says of load and of other masters."""
+        self._load.update(now, self._monitor.bits)
+        count, command = self._monitor.foreign_commands, self._monitor.last_command
+        if count != self._commands_reported and self._command_reminder.is_due('NMT', now):
+            self._commands_reported = count
+            logger.error('Another NMT master has sent: %s.', command_text(command), extra={'fact': command})
+
+    def look_at_counts(self, now: float, is_active: bool, statistics: BusStatistics, syncs_sent: int) -> BusSeen:
+        """Take what is counted of SYNC and of frames not processed yet; what it means for the nodes."""
+        received = statistics.can_frames.get('sync', 0)
+        if self._needs_sync:
+            self._sync.update(now, is_active, received)
+        if self.sync.fault.is_fault and self._sync_reminder.is_due(self.sync.fault.name, now):
+            logger.error('%s.', sync_text(self.sync), extra={'fact': self.sync.fault})
+        self.overload = self._overload.update(now, statistics.queue_overruns)
+        if self.overload.is_overload and self._overload_reminder.is_due(self.overload.name, now):
+            logger.error('This process is overloaded: %s.', OVERLOAD_PHRASES[self.overload],
+                         extra={'fact': self.overload})
+        syncs = syncs_sent if self._is_producer else received
+        return BusSeen(syncs, self.sync.foreign, self._overload.is_excused(now), self._overload.ran_again)

@@ -1,0 +1,210 @@
+"""Detects the fault of one CANopen node by what is received of it. Times are of the monotonic clock [s]."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from tactile_node.assembly.frame_source import PadStatistics
+from tactile_node.assembly.health import Failure, NodeFault, NodeHealth
+from tactile_node.bus.bus_monitor import BusMonitor
+from tactile_node.bus.threads import Reminder
+from tactile_node.cia301.emergency import DeviceErrors
+from tactile_node.cia301.objects import NmtState
+from tactile_node.skin.layout import DomainLayout, TpdoLayout
+from tactile_node.skin.pads import CanopenNode
+from tactile_node.sources.node_traffic import BusSeen, NodeTraffic
+from tactile_node.sources.outage import Attempts, OutageClock
+from tactile_node.taxel_frame import TaxelFrame
+
+PAUSES = 5  # of a node without SYNC: so many sweeps or event timers without a TPDO are a fault
+GRACE = 0.3  # s a node has to obey a command and to report it: three heartbeats
+PATIENCE = 10  # times the time that a node may be silent while this process is too slow to hear it
+
+
+class Setup(NamedTuple):
+    """Counts of what changes a node's configuration: while they stay, so does what was written."""
+
+    boots: int           #: boot-up messages
+    foreign_writes: int  #: of another master
+
+
+class NodeMonitor:
+    """One node of a pad: its fault now, its outages and the attempts to end them. Used by one thread at a time.
+
+    ``health`` may be called from any thread.
+    """
+
+    def __init__(self, node: CanopenNode, monitor: BusMonitor, heartbeat_timeout: float, data_timeout: float):
+        self.node = node
+        self._heartbeat_time: float | None = None  # that the device has [s], None: not known
+        self._heartbeat_writes = 0  # of other masters, when it was configured
+        self._monitor = monitor
+        self._heartbeats = monitor.heartbeats
+        self.set_timeouts(heartbeat_timeout, data_timeout)
+        self.outage: OutageClock[Failure | NodeFault] = OutageClock()
+        self.attempts = Attempts()
+        self.fault_reminder = Reminder()
+        self.retry_reminder = Reminder()
+        self._emergency_reminder = Reminder()
+        self.fault = NodeFault.NOT_KNOWN
+        self.distrusted = 0  #: taxel frames given without values, because the node was not configured
+        self._emergencies_reported = 0
+        self._configured: Setup | None = None
+        self.trusted_from = 0.0  #: what it sent before may mean something else
+        self._since = 0.0  # when the bus was opened, or this process ran again
+        self._excuses = 0  # stalls since it was heard
+        self._commanded = 0.0
+        self._sync_at = 0.0
+        self.data_at = 0.0  #: when the last taxels were received
+        self._used = 0  # TPDOs, by the last detection
+        self._used_then = 0  # TPDOs, by the last command
+        self._syncs = 0
+        self._is_overloaded = False
+        self.traffic = NodeTraffic(node, self._heartbeats)
+        self.device_errors: DeviceErrors | None = None  #: that it listed when it refused to become OPERATIONAL
+        self.refuses_while_it_sends = False  #: to be configured
+
+    def set_timeouts(self, heartbeat: float, data: float) -> None:
+        """How long it may be silent [s]."""
+        self._heartbeat_timeout = heartbeat
+        event = self.node.layout.event_driven
+        self._data_timeout = data if event is None else max(data, PAUSES * event.longest_pause)
+
+    @property
+    def boots(self) -> int:
+        return self._heartbeats.boots(self.node.node_id)
+
+    @property
+    def setup(self) -> Setup:
+        """What has changed its configuration so far."""
+        return Setup(self.boots, self._monitor.foreign_writes[self.node.node_id])
+
+    @property
+    def is_trusted(self) -> bool:
+        """Its TPDOs mean what the layout says: since it was configured it has not started again, nor been changed."""
+        return self._configured == self.setup
+
+    def untrusted(self, frame: TaxelFrame, acquired: float) -> Sequence[TpdoLayout | DomainLayout]:
+        """Its TPDOs, or DOMAIN, whose values in ``frame``, acquired then, may mean something else."""
+        carriers, ages = self.node.layout.carriers, frame.tpdo_ages
+        if not self.is_trusted or self.traffic.are_two:
+            return carriers
+        if ages is None:
+            return () if acquired >= self.trusted_from else carriers
+        return [carrier for carrier in carriers
+                if carrier.taxels and acquired - ages.of(*carrier.taxels[0][:2]) < self.trusted_from]
+
+    def expect(self, now: float) -> None:
+        """The bus was opened: from now on the node should send, and has to be configured."""
+        self._since = now
+        self._configured = None
+        self.traffic.restart(now)
+        self.attempts.restart()
+
+    def configured(self, setup: Setup, now: float, heartbeat_time: float | None) -> None:
+        """It was configured, from the state ``setup`` on, and that is done ``now``; it has this heartbeat time [s]."""
+        if not self.is_trusted:
+            self.trusted_from = now
+        self._configured = setup
+        self._heartbeat_time = heartbeat_time
+        self._heartbeat_writes = self._monitor.heartbeat_writes[self.node.node_id]
+        self.refuses_while_it_sends = False
+
+    def commanded(self, now: float, pad: PadStatistics) -> None:
+        """It was started, or its taxels are expected from now on for another reason."""
+        self._commanded = now
+        self.data_at = now
+        self._sync_at = now
+        self.traffic.expect(now)
+        self._used_then = pad.used_by_node[self.node.position]
+
+    def detect(self, now: float, is_active: bool, pad: PadStatistics, bus: BusSeen) -> NodeFault:
+        """The node's fault now, by its heartbeat, its TPDOs and the SYNCs so far."""
+        self._is_overloaded = bus.is_overloaded
+        self._excuse_silence(bus.ran_again)
+        used = pad.used_by_node[self.node.position]
+        if used != self._used:
+            self._used = used
+            self.data_at = now
+        if bus.syncs != self._syncs:
+            self._syncs = bus.syncs
+            self._sync_at = now
+        were_two = self.traffic.are_two
+        is_known = self._heartbeat_writes == self._monitor.heartbeat_writes[self.node.node_id] and (
+            self.is_trusted or were_two)  # a device that has started again may have another one
+        self.traffic.look(now, is_active, pad, bus, self._heartbeat_time if is_known else None, self._data_timeout)
+        if were_two and not self.traffic.are_two:
+            self._configured = None  # which of both has taken what was written is not known
+        self.fault = self._detected(now, is_active)
+        if self.fault.is_fault:
+            self.attempts.fault_is(self.fault)
+        return self.fault
+
+    def recovered(self, now: float) -> None:
+        """The node works."""
+        if self.attempts.has_ended(now):
+            self.device_errors = None
+            self.fault_reminder.reset()
+
+    def has_taxels_again(self, pad: PadStatistics) -> bool:
+        """Taxels were given as valid since the last command."""
+        return pad.used_by_node[self.node.position] > self._used_then
+
+    def is_emergency_due(self, now: float) -> bool:
+        """Whether an EMCY is to be reported now, and note that it is: they are reported ever more rarely."""
+        count = self._monitor.emergencies[self.node.node_id].count
+        if count == self._emergencies_reported or not self._emergency_reminder.is_due('EMCY', now):
+            return False
+        self._emergencies_reported = count
+        return True
+
+    def health(self, now: float) -> NodeHealth:
+        node_id = self.node.node_id
+        state, heard = self._heartbeats.state(node_id), self._heartbeats.heard(node_id)
+        emergencies = self._monitor.emergencies[node_id]
+        fault, outages = self.fault, self.outage.outages(now)
+        if not fault.is_fault and outages.current is not None:
+            fault = NodeFault.AWAITING_TAXELS
+        return NodeHealth(
+            node_id=node_id, state=state,
+            is_operational=state == NmtState.OPERATIONAL and not self._is_silent(now),
+            heartbeat_age=None if heard is None else now - heard, fault=fault, boots=self.boots,
+            emergencies=emergencies.count, last_emergency=emergencies.last, outages=outages,
+            distrusted=self.distrusted, active_emergency=emergencies.active,
+            missing_tpdos=self.traffic.missing, surplus_tpdos=self.traffic.surplus, device_errors=self.device_errors)
+
+    def _excuse_silence(self, ran_again: float) -> None:
+        """What was sent until this process ran again may not have been read; many stalls in a row are no excuse."""
+        if ran_again > self._since:
+            was_heard = (self._heartbeats.heard(self.node.node_id) or 0.0) > self._since
+            self._excuses = 0 if was_heard else self._excuses + 1
+            if self._excuses < PATIENCE:
+                self._since = ran_again
+
+    def _is_silent(self, now: float) -> bool:
+        """A device with a heartbeat time that is not ours may be silent for three of its periods."""
+        own = self._heartbeat_time or self._heartbeats.interval(self.node.node_id) or 0.0
+        allowed = max(self._heartbeat_timeout, 3 * own) * (PATIENCE if self._is_overloaded else 1)
+        return now - max(self._heartbeats.heard(self.node.node_id) or 0.0, self._since) > allowed
+
+    def _detected(self, now: float, is_active: bool) -> NodeFault:
+        is_silent = self._is_silent(now)
+        if self.traffic.are_two:
+            return NodeFault.TWO_SENDERS
+        if not self.is_trusted and is_silent:
+            return NodeFault.SILENT
+        if not self.is_trusted:
+            if self._configured is None:
+                return NodeFault.UNCONFIGURED
+            return NodeFault.RECONFIGURED if self._configured.boots == self.boots else NodeFault.BOOTED
+        has_data = is_active and (now - self.data_at <= self._data_timeout or self._is_overloaded)
+        if is_silent:  # both may have stopped together: half of the time tells
+            has_still = now - self.data_at <= self._data_timeout / 2 or self._is_overloaded
+            return NodeFault.NO_HEARTBEAT if is_active and has_still else NodeFault.SILENT
+        if not is_active or now - self._commanded < max(GRACE, 3 * (self._heartbeat_time or 0.0)):
+            return NodeFault.NONE
+        if self._heartbeats.state(self.node.node_id) != NmtState.OPERATIONAL:
+            return NodeFault.NOT_OPERATIONAL
+        if has_data:
+            return NodeFault.TPDO_MISSING if self.traffic.missing else NodeFault.NONE
+        is_sync_missing = self.node.layout.needs_sync and now - self._sync_at > self._data_timeout
+        return NodeFault.NO_SYNC if is_sync_missing else NodeFault.NO_TAXELS

@@ -1,0 +1,140 @@
+"""Configures the nodes of a bus, logs their faults, and configures and starts again those that need it."""
+
+import logging
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+from tactile_node.assembly.fault_text import emergency_text, failure_text, node_label, node_text, reaction_text
+from tactile_node.assembly.frame_source import BusStatistics, PadStatistics
+from tactile_node.assembly.health import NodeFault
+from tactile_node.bus.skin_bus import SkinBus
+from tactile_node.errors import BusError, DeviceAbsentError, DeviceError, InterruptedSetupError, TwoDevicesError
+from tactile_node.sources.node_monitor import NodeMonitor
+from tactile_node.sources.node_traffic import BusSeen
+
+logger = logging.getLogger(__name__)
+
+Result = TypeVar('Result')
+
+FIRST_TRIES = 3  # configurations of a device that boots again meanwhile
+RETRY_TIMEOUT = 0.3  # s, one SDO request: a device that does not answer now is tried again later
+NOT_TO_BE_CONFIGURED = (NodeFault.NOT_OPERATIONAL, NodeFault.NO_SYNC)
+WAITED_FOR = (NodeFault.NO_SYNC, NodeFault.TWO_SENDERS)  # no request to the node can help
+
+
+class NodeRecovery:
+    """Recovers ``nodes`` of ``bus``; called by one thread at a time. Unless ``is_enabled`` faults are only logged.
+
+    Nodes are configured at the same time: an SDO dialogue mostly waits for its device, and one that is gone must not
+    delay the others.
+    """
+
+    def __init__(self, bus: SkinBus, monitors: Sequence[NodeMonitor], is_enabled: bool):
+        self._bus = bus
+        self._monitors = monitors
+        self._is_enabled = is_enabled
+
+    def configure(self, timeout: float) -> None:
+        """Configure all, each found within ``timeout`` [s]. Raises DeviceError, BusError.
+
+        If recovery is enabled and at least one node answers, those that do not answer are left for ``attend``.
+        """
+        found = _at_once(self._monitors, lambda monitor: self._absence(monitor, timeout))
+        absent = [error for error in found if error is not None]
+        if absent and (not self._is_enabled or len(absent) == len(self._monitors)):
+            raise absent[0]
+        for error in absent:
+            logger.error('%s The others continue without it; it joins when it answers.', error, extra={'fact': error})
+
+    def attend(self, now: float, is_active: bool, statistics: BusStatistics, bus: BusSeen) -> bool:
+        """Detect and log the faults by what was received up to ``now``, and recover; whether there was any to do."""
+        due = [monitor for monitor in self._monitors
+               if self._is_recovery_due(monitor, now, is_active, statistics.pads[monitor.node.pad], bus)]
+        _at_once(due, lambda monitor: self._recover(monitor, is_active))
+        return bool(due)
+
+    def _absence(self, monitor: NodeMonitor, timeout: float) -> DeviceAbsentError | None:
+        """Configure it; the error when it does not answer. Any other is raised."""
+        try:
+            self._configure(monitor, timeout, FIRST_TRIES)
+        except DeviceAbsentError as error:
+            return error
+        return None
+
+    def _is_recovery_due(self, monitor: NodeMonitor, now: float, is_active: bool, pad: PadStatistics,
+                         bus: BusSeen) -> bool:
+        if monitor.is_emergency_due(now):
+            health = monitor.health(now)
+            logger.error('%s', emergency_text(monitor.node.pad, health), extra={'fact': health.last_emergency})
+        fault = monitor.detect(now, is_active, pad, bus)
+        if not fault.is_fault:
+            self._end_outage(monitor, is_active, pad, now)
+            return False
+        if _stops_taxels(fault) and is_active:
+            monitor.outage.begin(monitor.data_at, fault)
+        if monitor.fault_reminder.is_due(fault.name, now):
+            reaction = f' {reaction_text(fault)}' if self._is_enabled else ''
+            logger.error('%s%s', node_text(monitor.node.pad, monitor.health(now)), reaction, extra={'fact': fault})
+        return self._is_enabled and fault not in WAITED_FOR and monitor.attempts.is_due(now)
+
+    def _end_outage(self, monitor: NodeMonitor, is_active: bool, pad: PadStatistics, now: float) -> None:
+        if monitor.outage.is_running:
+            if is_active and not monitor.has_taxels_again(pad):
+                return
+            lasted = monitor.outage.end(now)
+            logger.info('%s %s again after %.2f s; the outage: %s.', node_label(monitor.node.pad, monitor.node.node_id),
+                        'gives taxels' if is_active else 'is ready', lasted, failure_text(monitor.outage.cause))
+        monitor.recovered(now)
+
+    def _recover(self, monitor: NodeMonitor, is_active: bool) -> None:
+        fault = monitor.fault
+        pause = _stops_taxels(fault) or monitor.refuses_while_it_sends
+        try:
+            if fault not in NOT_TO_BE_CONFIGURED:
+                self._configure(monitor, RETRY_TIMEOUT, pause=pause)
+            if is_active and (pause or fault is not NodeFault.TPDO_MISSING):
+                self._bus.start_node(monitor.node, was_silent=pause)
+                monitor.commanded(time.monotonic(), self._bus.statistics().pads[monitor.node.pad])
+            if fault is NodeFault.NOT_OPERATIONAL and monitor.attempts.count:
+                self._ask_for_errors(monitor)
+        except InterruptedSetupError:
+            pass
+        except TwoDevicesError as error:
+            monitor.traffic.see_two(time.monotonic())
+            if monitor.retry_reminder.is_due(type(error).__name__, time.monotonic()):
+                logger.error('%s', error, extra={'fact': error})
+        except (DeviceError, BusError) as error:
+            monitor.refuses_while_it_sends = isinstance(error, DeviceError) and not pause
+            if fault is not NodeFault.SILENT and monitor.retry_reminder.is_due(str(error), time.monotonic()):
+                logger.error('Waiting for node %d: %s', monitor.node.node_id, error, extra={'fact': error})
+        monitor.attempts.made(time.monotonic())
+
+    def _ask_for_errors(self, monitor: NodeMonitor) -> None:
+        """A device that does not obey may say why. Raises BusError."""
+        before, monitor.device_errors = monitor.device_errors, self._bus.read_errors(monitor.node)
+        if monitor.device_errors != before:
+            logger.error('%s', node_text(monitor.node.pad, monitor.health(time.monotonic())),
+                         extra={'fact': monitor.device_errors})
+
+    def _configure(self, monitor: NodeMonitor, timeout: float, tries: int = 1, pause: bool = True) -> None:
+        """Configure a node; when it boots meanwhile, once more, as long as there are tries."""
+        for _ in range(tries):
+            setup = monitor.setup
+            heartbeat_time = self._bus.configure_node(monitor.node, timeout, pause)
+            monitor.configured(setup, time.monotonic(), heartbeat_time)
+            if monitor.is_trusted:
+                return
+
+
+def _stops_taxels(fault: NodeFault) -> bool:
+    return fault not in (NodeFault.NO_HEARTBEAT, NodeFault.TPDO_MISSING)
+
+
+def _at_once(monitors: Sequence[NodeMonitor], act: Callable[[NodeMonitor], Result]) -> list[Result]:
+    """What ``act`` returns of each node, in their order; the first error is raised when all are done."""
+    if len(monitors) < 2:
+        return [act(monitor) for monitor in monitors]
+    with ThreadPoolExecutor(len(monitors), 'configure') as pool:
+        return list(pool.map(act, monitors))

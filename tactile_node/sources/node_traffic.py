@@ -1,0 +1,243 @@
+"""What one node has sent, as counted: TPDOs that are missing, and signs of a second device."""
+
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from tactile_node.assembly.frame_source import PadStatistics
+from tactile_node.assembly.health import SentTpdo
+from tactile_node.cia301.heartbeat import Heartbeats
+from tactile_node.skin.pads import CanopenNode
+
+QUEUED = 3  # TPDOs of one COB-ID that may wait in a device or an adapter when a look begins
+TPDO_LOOKS = 10  # in one ``timeout``
+
+
+class _TpdoLook(NamedTuple):
+    at: float
+    syncs: int
+    received: tuple[int, ...]
+
+
+class MissingTpdos:
+    """Which TPDOs have brought nothing for ``timeout`` [s] while others have.
+
+    >>> watch = MissingTpdos()
+    >>> watch.update(0.0, (1, 1), 0.5), watch.update(0.4, (5, 1), 0.5), watch.update(0.6, (7, 1), 0.5)
+    ((), (), (1,))
+    """
+
+    def __init__(self) -> None:
+        self._counts: tuple[int, ...] = ()
+        self._at: list[float] = []  # when each has brought something
+
+    def expect(self, now: float) -> None:
+        """From now on they are expected."""
+        self._at = [now] * len(self._at)
+
+    def update(self, now: float, counts: Sequence[int], timeout: float) -> tuple[int, ...]:
+        """Return the places of those that are missing, by the ``counts`` of all so far."""
+        if len(counts) != len(self._counts):
+            self._at = [now] * len(counts)
+        elif counts != self._counts:
+            self._at = [now if count != before else at
+                        for count, before, at in zip(counts, self._counts, self._at)]
+        self._counts = tuple(counts)
+        late = tuple(place for place, at in enumerate(self._at) if now - at > timeout)
+        return late if len(late) < len(counts) else ()
+
+
+class SurplusTpdos:
+    """Which TPDOs are received more often than there are SYNCs: not by one device that sends each once a SYNC.
+
+    Of the last 2 ``delay`` [s] more are received than SYNCs of the last 3 ``delay`` can have caused: an adapter may
+    hand over late what it has held back for ``delay``.
+    """
+
+    def __init__(self) -> None:
+        self._looks: deque[_TpdoLook] = deque()  # ascending, a ``delay`` / TPDO_LOOKS apart
+
+    def restart(self) -> None:
+        """Compare with nothing of before."""
+        self._looks.clear()
+
+    def update(self, now: float, syncs: int, received: Sequence[int], delay: float) -> tuple[int, ...]:
+        """Return their places, by the counts of SYNCs and of TPDOs ``received`` so far."""
+        looks = self._looks
+        if not looks or now - looks[-1].at >= delay / TPDO_LOOKS:
+            looks.append(_TpdoLook(now, syncs, tuple(received)))
+        while len(looks) > 1 and now - looks[1].at >= 3 * delay:
+            looks.popleft()
+        then = next(look for look in looks if now - look.at <= 2 * delay or look is looks[-1])
+        allowed = syncs - looks[0].syncs + QUEUED
+        return tuple(place for place, (count, before) in enumerate(zip(received, then.received))
+                     if count - before > allowed)
+
+
+MARGIN = 1.25  # of a producer's clock, and of the time it takes between two heartbeats
+LOOKS = 10  # in one window
+
+
+class _Look(NamedTuple):
+    at: float
+    heartbeats: int
+    guarded: int
+
+
+class HeartbeatWatch:
+    """Whether more heartbeats of one node-ID are received than one producer sends in its heartbeat time."""
+
+    def __init__(self) -> None:
+        self._looks: deque[_Look] = deque()
+
+    def restart(self) -> None:
+        """Compare with nothing of before."""
+        self._looks.clear()
+
+    def is_doubled(self, now: float, heartbeats: int, guarded: int, period: float, delay: float) -> bool:
+        """Whether there are two producers, by the ``heartbeats`` received so far from a ``period`` [s] each.
+
+        ``guarded``: those with a toggle bit; while these come, another master guards the node, which answers it.
+        ``delay`` [s]: an adapter may have held back what it hands over now.
+        """
+        looks, window = self._looks, 3 * (delay + 2 * period)
+        if not looks or now - looks[-1].at >= window / LOOKS:
+            looks.append(_Look(now, heartbeats, guarded))
+        while len(looks) > 1 and now - looks[1].at >= window:
+            looks.popleft()
+        first = looks[0]
+        expected = MARGIN * (now - first.at + delay) / period + 2
+        return now - first.at >= window and guarded == first.guarded and heartbeats - first.heartbeats > expected
+
+
+HOLD = 0.5  # s beyond the time in which what is left of the second device would be seen
+
+
+class SenderWatch:
+    """Two heartbeats in one heartbeat time, or more TPDOs of one COB-ID than SYNCs, are of two devices.
+
+    They count as two until neither has been seen for as long as it takes to see it.
+    """
+
+    def __init__(self) -> None:
+        self._heartbeats = HeartbeatWatch()
+        self._tpdos = SurplusTpdos()
+        self._seen: float | None = None  # when they were seen last
+        self._hold = HOLD
+        self.surplus: tuple[int, ...] = ()  #: places of the TPDOs that are received too often
+
+    @property
+    def are_two(self) -> bool:
+        return self._seen is not None
+
+    def see(self, now: float) -> None:
+        """Both were seen in another way."""
+        self._seen = now
+
+    def restart(self, now: float) -> None:
+        """The bus was opened again: what was seen before is held, but nothing is compared with it."""
+        self.pause()
+        self._seen = None if self._seen is None else now
+
+    def pause(self) -> None:
+        """What comes now is no measure."""
+        self._heartbeats.restart()
+        self.pause_tpdos()
+
+    def pause_tpdos(self) -> None:
+        """There is no SYNC now."""
+        self._tpdos.restart()
+
+    def look_at_heartbeats(self, now: float, heartbeats: int, guarded: int, period: float | None,
+                           delay: float) -> None:
+        """See HeartbeatWatch; ``period`` None or 0: not known, or none."""
+        self._hold = HOLD + 3 * delay + 6 * (period or 0.0)
+        if not period:
+            self._heartbeats.restart()
+        if period and self._heartbeats.is_doubled(now, heartbeats, guarded, period, delay):
+            self._seen = now
+        elif self._seen is not None and now - self._seen > self._hold:
+            self._seen = None
+            self.surplus = ()
+
+    def look_at_tpdos(self, now: float, syncs: int, received: Sequence[int], delay: float) -> None:
+        """See SurplusTpdos."""
+        surplus = self._tpdos.update(now, syncs, received, delay)
+        if surplus:
+            self._seen, self.surplus = now, surplus
+
+
+BACKLOG_TIME = 1.0  # s after a silence in which what was held back comes, faster than one device sends it
+
+
+class BusSeen(NamedTuple):
+    """What a bus has brought so far, beside taxels."""
+
+    syncs: int
+    foreign_syncs: int = 0  #: of other devices, while this driver produces SYNC
+    is_overloaded: bool = False  #: this process is too slow: more has been sent
+    ran_again: float = 0.0  #: when it did after a stall: what was sent until then may not have been read yet [s]
+
+
+class NodeTraffic:
+    """Used by one thread at a time; ``missing``, ``surplus`` and ``are_two`` may be read by any."""
+
+    def __init__(self, node: CanopenNode, heartbeats: Heartbeats):
+        self._node = node
+        self._heartbeats = heartbeats
+        self._tpdos = tuple(SentTpdo(tpdo.number, tpdo.cob_id.of(node.node_id)) for tpdo in node.layout.tpdos)
+        self._missing = MissingTpdos()
+        self._senders = SenderWatch()
+        self._heard = 0  # heartbeats and TPDOs, by the last look
+        self._heard_at = 0.0
+        self._measured_from = 0.0  # what comes earlier may be a backlog
+        self.missing: tuple[SentTpdo, ...] = ()  #: that bring no taxels, while others do
+
+    @property
+    def surplus(self) -> tuple[SentTpdo, ...]:
+        """TPDOs that are received more often than SYNC."""
+        return tuple(self._tpdos[place] for place in self._senders.surplus)
+
+    @property
+    def are_two(self) -> bool:
+        """Whether two devices send as this node."""
+        return self._senders.are_two
+
+    def see_two(self, now: float) -> None:
+        """Two devices have answered as this node."""
+        self._senders.see(now)
+
+    def restart(self, now: float) -> None:
+        """The bus was opened again."""
+        self._senders.restart(now)
+
+    def expect(self, now: float) -> None:
+        """From now on its TPDOs are expected."""
+        self._missing.expect(now)
+
+    def look(self, now: float, is_active: bool, pad: PadStatistics, bus: BusSeen, heartbeat_time: float | None,
+             delay: float) -> None:
+        """Take the counts so far. ``heartbeat_time`` of the device [s], if known; ``delay`` [s] is no fault yet."""
+        sends = is_active and self._node.layout.needs_sync
+        missing = self._missing.update(now, pad.fresh_by_tpdo[self._node.position], delay) if sends else ()
+        received = pad.distinct_by_tpdo[self._node.position] if self._node.layout.needs_sync else ()
+        counts = self._heartbeats.counts(self._node.node_id)
+        is_measure = not bus.is_overloaded and not self._is_backlog(
+            now, counts[0] + sum(received), delay + 2 * (heartbeat_time or 0.0))
+        self.missing = tuple(self._tpdos[place] for place in missing) if is_measure else ()
+        if not is_measure:
+            self._senders.pause()
+            return
+        self._senders.look_at_heartbeats(now, *counts, heartbeat_time, delay)
+        if sends:
+            self._senders.look_at_tpdos(now, pad.syncs + bus.foreign_syncs, received, delay)
+        else:
+            self._senders.pause_tpdos()
+
+    def _is_backlog(self, now: float, heard: int, silence: float) -> bool:
+        """Whether what came up to ``now`` may have waited in device or adapter, after no sign for ``silence`` [s]."""
+        if heard != self._heard:
+            if now - self._heard_at > silence:
+                self._measured_from = now + BACKLOG_TIME
+            self._heard, self._heard_at = heard, now
+        return now < self._measured_from

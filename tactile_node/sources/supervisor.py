@@ -1,0 +1,202 @@
+"""Supervises a skin bus: detects the faults of bus and nodes, recovers from them, and logs what it waits for.
+
+Two levels. A *bus* that fails (adapter gone, network down, bus-off) is closed and opened again, with all that
+belongs to it: BusRecovery. A *node* that has started again, is silent, not OPERATIONAL or without taxels is configured
+and started again, while SYNC and the other pads continue: NodeRecovery. Between two attempts of either kind the pause
+doubles.
+"""
+
+import logging
+import threading
+import time
+
+from tactile_node.assembly.fault_text import failure_text
+from tactile_node.assembly.frame_source import BusStatistics, OnFrame
+from tactile_node.assembly.health import BusHealth, Failure
+from tactile_node.bus.bus_monitor import BusMonitor
+from tactile_node.bus.bus_network import BusSettings
+from tactile_node.bus.skin_bus import SkinBus
+from tactile_node.errors import BusError
+from tactile_node.skin.pads import LivePad
+from tactile_node.skin.taxel_codec import without_values
+from tactile_node.sources.bus_recovery import BusRecovery
+from tactile_node.sources.bus_watch import BusWatch
+from tactile_node.sources.node_monitor import NodeMonitor
+from tactile_node.sources.node_recovery import NodeRecovery
+from tactile_node.taxel_frame import TaxelFrame
+
+logger = logging.getLogger(__name__)
+
+PERIOD = 0.02  # s between two rounds when nothing wakes the supervisor earlier
+
+
+class Supervisor:
+    """A SkinBus that recovers from faults. Implements FrameSource; see there for the order of calls.
+
+    With ``recover=False`` faults are only detected and logged. ``heartbeat_timeout`` [s] applies also to a node that
+    never sent one. ``open``, ``configure`` and ``start`` raise what SkinBus raises: a bus or device that is missing
+    from the beginning is the caller's matter. But while one node of several answers, the absent ones are logged, and
+    join when they answer.
+    """
+
+    def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], on_frame: OnFrame,
+                 recover: bool = True, heartbeat_timeout: float = 0.5):
+        self._settings = settings
+        self._on_frame = on_frame
+        self._recover = recover
+        self._wake = threading.Event()
+        self._closing = threading.Event()
+        self._turn = threading.RLock()
+        self.monitor = BusMonitor([node_id for pad in pads for node_id in pad.node_ids], self._wake.set)
+        self._bus = SkinBus(settings, pads, self._deliver, monitor=self.monitor,
+                            on_failure=self._bus_failed if recover else None)
+        timeouts = self._timeouts(heartbeat_timeout)
+        self._by_pad = {pad.name: [NodeMonitor(node, self.monitor, *timeouts) for node in pad.nodes] for pad in pads}
+        self._monitors = [monitor for monitors in self._by_pad.values() for monitor in monitors]
+        self._node_recovery = NodeRecovery(self._bus, self._monitors, recover)
+        self._bus_recovery = BusRecovery(self._bus, self.monitor, self._monitors, settings.sync_period,
+                                         is_active=lambda: self._is_active)
+        self._watch = BusWatch(settings, pads, self.monitor, self._bus.call_in_turn, data_timeout=timeouts[1])
+        self._is_configured = False
+        self._is_active = False
+        self._thread: threading.Thread | None = None
+
+    @property
+    def failure(self) -> Failure | None:
+        """Why nothing is received, None while the bus works."""
+        return self._bus_recovery.outage.current or self._bus.failure
+
+    def open(self) -> None:
+        with self._turn:
+            self._bus.open()
+            if self._thread is None:
+                self._watch.opened()
+                self._begin()
+                self._closing.clear()
+                self._thread = threading.Thread(target=self._supervise, name='supervisor', daemon=True)
+                self._thread.start()
+
+    def configure(self) -> None:
+        with self._turn:
+            self._node_recovery.configure(self._settings.boot_timeout)
+            self._is_configured = True
+
+    def start(self) -> None:
+        with self._turn:
+            if self._bus_recovery.outage.is_running:
+                raise BusError('CAN bus', expected='one that works', got=failure_text(self.failure),
+                               remedy='It is opened again until it works; start once it does.')
+            self._bus.start(without=[monitor.node.node_id for monitor in self._monitors if not monitor.is_trusted])
+            self._set_active(True)
+
+    def stop(self) -> None:
+        self._is_active = False
+        self._bus.interrupt()
+        with self._turn:
+            self._bus.stop()
+            self._set_active(False)
+
+    def close(self) -> None:
+        self._closing.set()
+        self._bus.interrupt()
+        self._wake.set()
+        with self._turn:
+            self._is_configured = self._is_active = False
+            thread, self._thread = self._thread, None
+        if thread is not None and thread is not threading.current_thread():
+            thread.join()
+        self._bus.close()
+
+    def age(self, stamp: float) -> float:
+        return self._bus.age(stamp)
+
+    def auto_zero(self, pad: str) -> int:
+        return self._bus.auto_zero(pad)
+
+    def boots(self, pad: str) -> int:
+        return sum(monitor.boots for monitor in self._by_pad[pad])
+
+    def adjust(self, drop_incomplete: bool, heartbeat_timeout: float) -> None:
+        self._bus.drop_incomplete(drop_incomplete)
+        timeouts = self._timeouts(heartbeat_timeout)
+        self._watch.set_timeout(timeouts[1])
+        for monitor in self._monitors:
+            monitor.set_timeouts(*timeouts)
+
+    def statistics(self) -> BusStatistics:
+        return self._bus.statistics()
+
+    def health(self) -> BusHealth:
+        """State of the bus and its nodes now."""
+        now, bus_monitor = time.monotonic(), self.monitor
+        return BusHealth(
+            failure=self.failure, is_active=self._is_active,
+            nodes={name: tuple(monitor.health(now) for monitor in monitors)
+                   for name, monitors in self._by_pad.items()},
+            outages=self._bus_recovery.outage.outages(now), load=self._watch.load,
+            is_error_passive=bus_monitor.is_error_passive, error_counters=bus_monitor.error_counters,
+            foreign_commands=bus_monitor.foreign_commands, last_command=bus_monitor.last_command,
+            sync=self._watch.sync, overload=self._watch.overload, stalls=self._watch.stalls)
+
+    def _timeouts(self, heartbeat_timeout: float) -> tuple[float, float]:
+        """Of heartbeat and of taxels [s]."""
+        return heartbeat_timeout, max(heartbeat_timeout, 5 * self._settings.sync_period)
+
+    def _begin(self) -> None:
+        now = time.monotonic()
+        self._bus_recovery.restart(now)
+        self._watch.closed()
+        for monitor in self._monitors:
+            monitor.outage.end(now)
+            monitor.expect(now)
+
+    def _set_active(self, is_active: bool) -> None:
+        now, pads = time.monotonic(), self.statistics().pads
+        for monitor in self._monitors:
+            monitor.commanded(now, pads[monitor.node.pad])
+            if not is_active:
+                monitor.outage.end(now)
+        self._is_active = is_active
+
+    def _supervise(self) -> None:
+        ended = time.monotonic()
+        while not self._closing.is_set():
+            self._wake.wait(PERIOD)
+            woken = time.monotonic()
+            self._wake.clear()
+            with self._turn:
+                self._watch.waited(time.monotonic(), time.monotonic() - woken)
+                ended = time.monotonic() if self._closing.is_set() else self._attend(woken - ended - PERIOD)
+
+    def _attend(self, late: float) -> float:
+        """One round, begun ``late`` [s]; when [s] it looked, or ended what takes time. No exception ends the rounds."""
+        try:
+            self._watch.look_at_traffic(time.monotonic())
+            if not self._is_configured:
+                return time.monotonic()
+            if self._recover and self._bus_recovery.is_needed:
+                self._bus_recovery.attend()
+                self._watch.closed()
+            if self._bus.failure is None:
+                begun, statistics, syncs = time.monotonic(), self.statistics(), self._bus.syncs_sent
+                now = time.monotonic()  # once: what is not processed after a stall is not taken for silence
+                self._watch.woke(now, late + now - begun)
+                seen = self._watch.look_at_counts(now, self._is_active, statistics, syncs)
+                if not self._node_recovery.attend(now, self._is_active, statistics, seen):
+                    return now
+        except Exception:
+            logger.exception('supervision of the bus')
+        return time.monotonic()
+
+    def _bus_failed(self, failure: Failure) -> None:
+        """On any thread: log it once and let the supervisor act."""
+        self._bus_recovery.failed(failure)
+        self._wake.set()
+
+    def _deliver(self, name: str, frame: TaxelFrame) -> None:
+        acquired = time.monotonic() - self._bus.age(frame.stamp)
+        for monitor in self._by_pad[name]:
+            if untrusted := monitor.untrusted(frame, acquired):
+                monitor.distrusted += 1
+                frame = without_values(frame, untrusted)
+        self._on_frame(name, frame)

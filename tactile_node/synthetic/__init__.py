@@ -1,1 +1,0 @@
-"""The synthetic world: contacts of the five shapes in general position."""

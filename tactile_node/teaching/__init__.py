@@ -1,1 +1,0 @@
-"""Labelled touches -> heads of taught shapes, with what they get right on touches held out. Curves of `volf`."""

@@ -1,0 +1,235 @@
+"""Pads of a live bus without ROS: this process is the master that starts them, while somebody looks."""
+
+import math
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Protocol
+
+from tactile_node.bus.bus_network import BusSettings
+from tactile_node.bus.threads import StoppableThread
+from tactile_node.errors import BusError, TactileError
+from tactile_node.library.contacts import Recogniser
+from tactile_node.skin.pads import LivePad
+from tactile_node.sources.supervisor import Supervisor
+from tactile_node.taxel_frame import TaxelFrame
+from tactile_node.viewing.recordings import Moment, Timeline
+from tactile_node.viewing.source import Store
+from tactile_node.viewing.states import PadState, facts_of
+from tactile_node.viewing.touch_finder import PadRecogniser
+
+RATE = 16.0        #: at which the newest frames are recognised [1/s]: an eye needs no more
+FACTS_PERIOD = 0.5  #: s
+RETRY_PERIOD = 2.0  #: s
+LISTENING = 0.25   #: for the SYNC of another master [s]
+
+
+class NewestFrames:
+    """A slot for each pad: a frame that is not taken in time is replaced."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._frames: dict[str, TaxelFrame] = {}
+
+    def put(self, pad: str, frame: TaxelFrame) -> None:
+        with self._changed:
+            self._frames[pad] = frame
+            self._changed.notify()
+
+    def take(self, timeout: float) -> dict[str, TaxelFrame]:
+        """Return the newest frame of each pad since the last call; wait for one up to ``timeout`` [s]."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._frames, timeout)
+            frames, self._frames = self._frames, {}
+        return frames
+
+
+class BusSource:
+    """A `Source`: opens the bus at `start` and closes it at `stop`, so that no bus is busy for nothing."""
+
+    player = None
+
+    def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], recogniser: Recogniser | None = None):
+        self._settings, self._pads = settings, pads
+        self.title = f'{settings.interface} {settings.channel}'
+        self.store = Store([pad.name for pad in pads])
+        self._recogniser = recogniser or Recogniser()
+        self._following = StoppableThread(self._run, 'view_bus')
+
+    def check(self) -> None:
+        """Find the bus and its devices. Raises BusError, DeviceError."""
+        with self._opened(NewestFrames()):
+            pass
+
+    def start(self) -> None:
+        self._following.start()
+
+    def stop(self) -> None:
+        self._following.stop()
+        self.store.clear()
+
+    def close(self) -> None:
+        self.stop()
+
+    def age(self, state: PadState) -> float:
+        return time.monotonic() - state.acquired
+
+    @contextmanager
+    def _opened(self, frames: NewestFrames) -> Iterator[Supervisor]:
+        bus = Supervisor(self._settings, self._pads, frames.put)
+        try:
+            bus.open()
+            self._refuse_other_master(bus)
+            bus.configure()
+            yield bus
+        finally:
+            bus.close()
+
+    def _refuse_other_master(self, bus: Supervisor) -> None:
+        """A second SYNC, and our NMT commands, would disturb the driver that runs already."""
+        time.sleep(LISTENING)
+        if bus.statistics().can_frames.get('sync', 0):
+            raise BusError(f'CAN bus {self.title}', expected='no other master, since this command starts the pads',
+                           got='SYNC of another one', remedy='View the topics of its driver: leave out --interface.')
+
+    def _run(self, stopping: threading.Event) -> None:
+        while not stopping.is_set():
+            frames = NewestFrames()
+            try:
+                with self._opened(frames) as bus:
+                    bus.start()
+                    self.store.put_problem('')
+                    self._follow(bus, frames, stopping)
+            except TactileError as error:
+                self.store.put_problem(str(error))
+                stopping.wait(RETRY_PERIOD)
+
+    def _follow(self, bus: Supervisor, frames: NewestFrames, stopping: threading.Event) -> None:
+        recognisers = {pad.name: PadRecogniser(pad.name, pad.layout.pitch, pad.layout.value.unit, self._recogniser)
+                       for pad in self._pads}
+        looked = 0.0
+        while not stopping.is_set():
+            begun = time.monotonic()
+            for pad, frame in frames.take(FACTS_PERIOD).items():
+                self.store.put(recognisers[pad].state(frame, time.monotonic() - bus.age(frame.stamp)))
+            if time.monotonic() - looked >= FACTS_PERIOD:
+                looked = time.monotonic()
+                self.store.put_bus(facts_of(bus.statistics(), bus.health()))
+            stopping.wait(max(0.0, begun + 1 / RATE - time.monotonic()))
+
+
+RECORDING_RATE = 20.0  #: at which the position moves on [1/s]
+GAP = 0.5    #: between two frames shown, from which on a contact is not followed [s]
+
+
+class Recording(Protocol):
+    """What reads a log or a bag into a timeline."""
+
+    title: str
+    pads: tuple[str, ...]
+
+    def check(self) -> None:
+        """Raise LogError where it cannot be read at all."""
+
+    def read(self, timeline: Timeline, is_stopping: Callable[[], bool]) -> str:
+        """Read all, as fast as possible; return what is wrong with it, '' for nothing."""
+
+
+class RecordingSource:
+    """A `Source` and its own `Player`. It is read once, from the first `start` on; what is read can be seen."""
+
+    def __init__(self, recording: Recording, recogniser: Recogniser | None = None):
+        self._recording = recording
+        self.title = recording.title
+        self.store = Store(recording.pads)
+        self._timeline = Timeline()
+        self._recogniser = recogniser or Recogniser()
+        self._recognisers: dict[str, PadRecogniser] = {}
+        self._shown: dict[str, Moment] = {}
+        self._lock = threading.Lock()  # of position and is_playing, which only this class sets
+        self.position, self.is_playing = 0.0, True
+        self.player = self
+        self._closing = threading.Event()
+        self.is_complete = False
+        self._reader: threading.Thread | None = None
+        self._playing = StoppableThread(self._run, 'view_player')
+
+    @property
+    def length(self) -> float:
+        return max(self._timeline.end - self._timeline.begin, 0.0)
+
+    def play(self, is_playing: bool) -> None:
+        with self._lock:
+            if is_playing and self.is_complete and self.position >= self.length:
+                self.position = 0.0
+            self.is_playing = is_playing
+
+    def seek(self, position: float) -> None:
+        with self._lock:
+            self.position = min(max(position, 0.0), self.length)
+
+    def check(self) -> None:
+        self._recording.check()
+
+    def start(self) -> None:
+        if self._reader is None:
+            self._reader = threading.Thread(target=self._read, name='view_reader', daemon=True)
+            self._reader.start()
+        self._playing.start()
+
+    def stop(self) -> None:
+        self._playing.stop()
+
+    def close(self) -> None:
+        self.stop()
+        self._closing.set()
+        if self._reader is not None:
+            self._reader.join()
+        self._timeline.close()
+
+    def age(self, state: PadState) -> float:
+        return self._timeline.begin + self.position - state.stamp
+
+    def show(self) -> None:
+        """Put what is at the position into the store."""
+        now = self._timeline.begin + self.position
+        if not math.isfinite(now):
+            return
+        for pad in self.store.pads:
+            index, before = self._timeline.index(pad, now), self._shown.get(pad)
+            if index == -1:
+                self._shown.pop(pad, None)
+                self.store.forget(pad)
+            elif before is None or index != before.number:
+                self._shown[pad] = found = self._timeline.moment(pad, index)
+                self.store.put(self._recognised(pad, found, before))
+        self.store.put_bus(*self._timeline.facts(now))
+
+    def _recognised(self, pad: str, found: Moment, before: Moment | None) -> PadState:
+        if pad not in self._recognisers:
+            self._recognisers[pad] = PadRecogniser(pad, found.pitch, found.unit, self._recogniser)
+        elif before is None or not 0 <= found.frame.stamp - before.frame.stamp < GAP:
+            self._recognisers[pad].restart()
+        return self._recognisers[pad].state(found.frame, time.monotonic())
+
+    def _read(self) -> None:
+        try:
+            problem = self._recording.read(self._timeline, self._closing.is_set)
+        except (TactileError, OSError) as error:  # the file has gone, the disk of the timeline is full
+            problem = f'not read to its end: {error}'
+        self.store.put_problem(problem)
+        self.is_complete = True
+
+    def _run(self, stopping: threading.Event) -> None:
+        last = time.monotonic()
+        while not stopping.wait(1 / RECORDING_RATE):
+            now = time.monotonic()
+            with self._lock:
+                if self.is_playing:
+                    self.position = min(self.position + now - last, self.length)
+            last = now
+            is_complete = self.is_complete
+            self.show()
+            with self._lock:  # after its end has been shown
+                self.is_playing &= not (is_complete and self.position >= self.length)

@@ -1,0 +1,94 @@
+"""State of bus and pads as a table (HTML): what is lost, by reason."""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from html import escape
+
+from tactile_node.viewing.page_parts import DrawnPad, said_of
+from tactile_node.viewing.states import BusFacts, NodeFacts, PadFacts
+
+MOST_TAXELS = 8  #: faulty taxels that are listed
+OLD_STATUS = 3.0  #: from which age on a status is marked as old; one comes each second [s]
+RECENT = 60.0  #: what was lost longer ago is not red [s]
+NONE = PadFacts('', 0, 0, 0, 0, {})
+
+
+class HealthHistory:
+    """The facts of a live bus over RECENT seconds: what is lost now differs from what was lost long ago."""
+
+    def __init__(self) -> None:
+        self._facts: deque[tuple[float, int, BusFacts]] = deque()
+
+    def before(self, facts: BusFacts, stamp: float) -> tuple[BusFacts, float]:
+        """Note ``facts`` of ``stamp`` [s]; return those of RECENT before, or the first, and how much older they are."""
+        expected = sum(pad.expected for pad in facts.pads)
+        if self._facts and expected < self._facts[-1][1]:
+            self._facts.clear()  # the driver has been started again: its counters have no past
+        if not self._facts or stamp > self._facts[-1][0]:  # of a driver that has ended it stands still
+            self._facts.append((stamp, expected, facts))
+        while len(self._facts) > 1 and stamp - self._facts[1][0] >= RECENT:
+            self._facts.popleft()
+        return self._facts[0][2], stamp - self._facts[0][0]
+
+
+def health_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFacts, float] | None = None,
+                 pads: Sequence[DrawnPad] = ()) -> str:
+    """Return the table; it says so where nothing is known, or where ``facts`` are old by their ``age`` [s].
+
+    ``before``, of `HealthHistory`: what is lost since then is red, else all; ``pads`` say whether they are live.
+    """
+    if facts is None:
+        return '<div class="tactile-note">no status of a bus comes from this source</div>'
+    load = 'not known (log)' if math.isnan(facts.load) else f'{facts.load:.0%}'
+    if age > OLD_STATUS:  # neither bus nor nodes are known any more
+        load = 'not known'
+        facts = facts._replace(failure=f'OLD: nothing newer for {age:.0f} s',
+                               pads=tuple(pad._replace(nodes=()) for pad in facts.pads))
+    faults = sum(bool(node.fault) for pad in facts.pads for node in pad.nodes)
+    bus = facts.failure or (f'nodes with a fault: {faults}' if faults else 'no failure')
+    rows = [('bus', escape(bus), bus != 'no failure'), ('bus load', load, False)]
+    earlier, span = before or (BusFacts('', 0.0, {}, ()), None)
+    rows += [_counted(_words(name), str(count), count - earlier.counts.get(name, 0), span)
+             for name, count in facts.counts.items()]
+    said = {pad.name: (said_of(pad), not pad.is_live) for pad in pads}
+    before_by_pad = {pad.pad: pad for pad in earlier.pads}
+    for pad in facts.pads:
+        rows.append((f'<b>{escape(pad.pad)}</b>', *said.get(pad.pad, ('', False))))
+        rows += _pad_rows(pad, before_by_pad.get(pad.pad, NONE), span)
+    return f'<table class="tactile-health">{"".join(map(_row, rows))}</table>'
+
+
+def _counted(name: str, text: str, recent: int, span: float | None) -> tuple[str, str, bool]:
+    """Return the row of a counter, of which ``recent`` were counted in ``span`` [s]; None: in all."""
+    return name, text if span is None else f'{text} ({recent} in {span:.0f} s)', recent > 0
+
+
+def _pad_rows(pad: PadFacts, before: PadFacts, span: float | None) -> list[tuple[str, str, bool]]:
+    missing = pad.expected - pad.used
+    rows = [_counted('frames', f'{pad.frames_complete} complete, {pad.frames_incomplete} incomplete',
+                     pad.frames_incomplete - before.frames_incomplete, span),
+            _counted('TPDOs', f'{pad.used} used of {pad.expected} expected, {missing} missing',
+                     missing - before.expected + before.used, span)]
+    rows += [_counted(f'lost: {_words(reason)}', str(count), count - before.losses.get(reason, 0), span)
+             for reason, count in pad.losses.items()]
+    rows += [(f'node {node.node_id}', _node(node), bool(node.fault)) for node in pad.nodes]
+    if pad.faulty_taxels:
+        listed = ', '.join(f'({row}, {col}) {escape(fault)}' for row, col, fault in pad.faulty_taxels[:MOST_TAXELS])
+        rows.append(('faulty taxels', f'{len(pad.faulty_taxels)}: {listed}', True))
+    return rows
+
+
+def _node(node: NodeFacts) -> str:
+    """A fault says itself which state was heard last, and when."""
+    age = 'no heartbeat' if math.isnan(node.heartbeat_age) else f'heartbeat {node.heartbeat_age:.1f} s ago'
+    return '; '.join(escape(part) for part in (node.fault or f'{node.nmt_state}; {age}', node.emergency) if part)
+
+
+def _words(key: str) -> str:
+    return escape(key.replace('_', ' '))
+
+
+def _row(row: tuple[str, str, bool]) -> str:
+    name, text, is_bad = row
+    return f'<tr{" class=bad" * is_bad}><td>{name}</td><td>{text}</td></tr>'

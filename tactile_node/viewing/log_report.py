@@ -1,0 +1,228 @@
+"""The report of a CAN log, or of the CAN frames in a bag."""
+
+import hashlib
+import platform
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from importlib import metadata
+from pathlib import Path
+
+import can
+
+from tactile_node.assembly.frame_source import PadStatistics
+from tactile_node.assembly.router import non_data_kind
+from tactile_node.errors import LogError
+from tactile_node.library.contacts import Recogniser
+from tactile_node.logs.log_reader import CanLogReader
+from tactile_node.logs.logged_set_up import Contradiction, LoggedSetUp
+from tactile_node.logs.replay_times import WHOLE, Window
+from tactile_node.logs.series import files_of
+from tactile_node.logs.topic_bag import (
+    DIAGNOSTICS,
+    STATUS,
+    TAXELS,
+    BagMessage,
+    TopicBagReader,
+    frame_of,
+    geometry_of,
+    holds_can_frames,
+    pad_of,
+)
+from tactile_node.package_files import config_path, package_version
+from tactile_node.skin.pads import PadSettings, identities_of
+from tactile_node.sources.log_source import LogSource
+from tactile_node.taxel_frame import TaxelFrame
+from tactile_node.viewing.model import BusFacts, Kind, NodeFacts, PadFacts, Recording, Report
+from tactile_node.viewing.node_record import BusRecord, NodeRecords, PadRecord
+from tactile_node.viewing.status_record import StatusRecord
+
+LIBRARIES = ('python-can', 'canopen', 'numpy', 'scipy', 'rosbags', 'mcap')
+CHUNK = 1 << 20  # bytes
+
+
+def versions() -> tuple[tuple[str, str], ...]:
+    """Return name and version of what made the report; a library that is not installed is left out."""
+    found = []
+    for name in LIBRARIES:
+        try:
+            found.append((name, metadata.version(name)))
+        except metadata.PackageNotFoundError:
+            continue
+    return (('tactile_skin', package_version()), ('Python', platform.python_version()), *found,
+            ('system', f'{platform.system()} {platform.machine()}'))
+
+
+def recording_of(path: str | Path, kind: Kind, begin: float, end: float) -> Recording:
+    """Return what is known of a file, a series of files or a bag's folder. Raises OSError where it cannot be read."""
+    path = Path(path)
+    files = [file for file in path.rglob('*') if file.is_file()] if path.is_dir() else files_of(path)
+    return Recording(name=path.resolve().name, size=sum(file.stat().st_size for file in files),
+                     sha256='' if path.is_dir() or len(files) > 1 else _sha256(path), kind=kind, begin=begin, end=end)
+
+
+def layout_name(source: str) -> str:
+    return Path(source).name
+
+
+def layout_digest(source: str) -> str:
+    """SHA-256 of the layout file."""
+    return _sha256(config_path(source))
+
+
+def _sha256(path: Path) -> str:
+    digest = hashlib.sha256()
+    with path.open('rb') as file:
+        while chunk := file.read(CHUNK):
+            digest.update(chunk)
+    return digest.hexdigest()
+
+
+POLL = 0.1  # s
+
+
+class LogReporter:
+    """Plays a CAN log once, as fast as possible.
+
+    ``channel`` and ``eds`` as in `LogSource`. Where the set-up in the log contradicts layout or EDS, or other nodes
+    were heard that send a pad's COB-IDs, the pad's taxels are left out, unless with ``any_device``. ``bit_rate``
+    [bit/s], which no log has. ``on_can_frame`` is called for each CAN frame.
+    """
+
+    def __init__(self, path: str, pads: tuple[PadSettings, ...], *, channel: str = '', eds: Sequence[str] = ('',),
+                 any_device: bool = False, bit_rate: int | None = None, recogniser: Recogniser | None = None,
+                 on_can_frame: Callable[[], object] = lambda: None, window: Window = WHOLE):
+        self._path, self._pads, self._any_device = path, pads, any_device
+        self._on_can_frame = on_can_frame
+        recogniser = recogniser or Recogniser()
+        self._records = {pad.name: PadRecord(pad.name, pad.layout.rows, pad.layout.cols, pad.layout.pitch,
+                                             pad.layout.value.unit, recogniser) for pad in pads}
+        self._contradictions: dict[str, Contradiction] = {}
+        self._set_up = None if any_device else LoggedSetUp(pads, identities_of(pads, eds))
+        self._bus = BusRecord(bit_rate)
+        self._nodes = NodeRecords([(pad.name, pad.node_ids) for pad in pads], _taken(pads))
+        self._source = LogSource(path, pads, self._frame, pace=None, channel=channel, any_device=True,
+                                 on_message=self._message, window=window)
+
+    def report(self, stop_requested: threading.Event) -> Report:
+        """Raises LogError for a log that cannot be read, or is of two buses; KeyboardInterrupt where it was stopped."""
+        source = self._source
+        source.open()
+        source.start()
+        while not source.finished.wait(POLL) and not stop_requested.is_set():
+            pass
+        is_done = source.finished.is_set()
+        source.close()
+        if not is_done:
+            raise KeyboardInterrupt
+        statistics = source.statistics()
+        if source.failure or statistics.consumer_errors:
+            got = source.failure.detail.removesuffix('.') if source.failure else 'an error over its taxel frames'
+            raise LogError(self._path, expected='a log to its end', got=got, remedy='No report is written.')
+        recording = recording_of(self._path, Kind.CAN_FRAMES, self._bus.begin or 0.0, self._bus.end)
+        return Report(
+            versions=versions(), pads=tuple(self._pad(pad, statistics.pads[pad.name]) for pad in self._pads),
+            nodes=self._nodes.facts(), bus=self._bus.facts(statistics.can_frames),
+            recording=replace(recording, unread=statistics.unread, problem=source.problem,
+                              damages=tuple(source.damages),
+                              clock_jumps=statistics.clock_jumps))
+
+    def _frame(self, pad: str, frame: TaxelFrame) -> None:
+        if pad not in self._contradictions:
+            self._records[pad].feed(frame)
+
+    def _message(self, message: can.Message) -> None:
+        self._on_can_frame()
+        self._bus.feed(message)
+        self._nodes.feed(message)
+        if self._set_up is not None and non_data_kind(message) is None:
+            found = self._set_up.feed(message.arbitration_id, bytes(message.data))
+            if found is not None:
+                self._contradictions.setdefault(found.pad, found)
+
+    def _pad(self, pad: PadSettings, statistics: PadStatistics) -> PadFacts:
+        facts = self._records[pad.name].facts()
+        losses = tuple((reason.key, count) for reason, count in statistics.losses.items() if count)
+        facts = replace(facts, node_ids=pad.node_ids, layout=layout_name(pad.layout.source), losses=losses,
+                        layout_sha256=layout_digest(pad.layout.source), statistics=statistics,
+                        strangers=tuple(self._source.strangers.get(pad.name, ())))
+        contradiction = self._contradictions.get(pad.name)
+        if self._any_device or contradiction is None and not facts.strangers:
+            return facts
+        return replace(facts, contradiction=contradiction, are_of_others=True, touches=(), touches_left_out=0,
+                       small_frames=0, samples=(), health=None)
+
+
+def _taken(pads: Sequence[PadSettings]) -> frozenset[int]:
+    return frozenset(tpdo.cob_id.of(pad.node_ids[tpdo.node]) for pad in pads for tpdo in pad.layout.tpdos) | {
+        pad.layout.sync_cob_id for pad in pads}
+
+
+class BagReporter:
+    """Reads a bag with taxel arrays. ``channel`` (a topic), ``bit_rate`` [bit/s]: of its CAN frames."""
+
+    def __init__(self, path: str, *, channel: str = '', bit_rate: int | None = None,
+                 recogniser: Recogniser | None = None, on_message: Callable[[], object] = lambda: None,
+                 window: Window = WHOLE):
+        self._path, self._channel, self._bit_rate, self._on_message = path, channel, bit_rate, on_message
+        self._reader, self._window = TopicBagReader(path), window
+        self._recogniser = recogniser or Recogniser()
+        self._pads: dict[str, PadRecord] = {}
+        self._status = StatusRecord()
+        self._begin = float('inf')
+        self._end = -float('inf')
+
+    def report(self, stop_requested: threading.Event) -> Report:
+        """Raises LogError for a bag without a whole taxel array; KeyboardInterrupt where it was stopped."""
+        for message in self._reader.messages((TAXELS, STATUS, DIAGNOSTICS), window=self._window):
+            if stop_requested.is_set():
+                raise KeyboardInterrupt
+            self._on_message()
+            self._feed(message)
+        unread, problem = self._reader.unread.total(), self._reader.problem
+        if not self._pads:
+            raise LogError(self._path, expected='a taxel array', got=problem or 'none', remedy='Record it again.')
+        pads = tuple(self._pad(name) for name in sorted(self._pads))
+        misshapen = sum(record.misshapen for record in self._pads.values())
+        has_can_frames = holds_can_frames(self._path)
+        nodes, bus = self._of_can_frames(stop_requested) if has_can_frames else (self._status.nodes(), self._bus())
+        kind = Kind.BOTH if has_can_frames else Kind.TOPICS
+        return Report(
+            versions=versions(), pads=pads, nodes=nodes, bus=replace(bus, reported=self._status.reported),
+            recording=replace(recording_of(self._path, kind, self._begin, self._end), unread=unread + misshapen,
+                              problem=problem or ('taxel arrays of another size' if misshapen else ''),
+                              damages=tuple(self._reader.damages)))
+
+    def _feed(self, message: BagMessage) -> None:
+        if message.type == TAXELS:
+            self._taxels(message)
+        elif message.type == STATUS:
+            self._status.feed_status(message.stamp, message.content)
+        elif STATUS not in self._reader.topics.values():
+            self._status.feed_diagnostics(message.stamp, message.content)
+
+    def _taxels(self, message: BagMessage) -> None:
+        name, frame = pad_of(message.topic), frame_of(message.content)
+        if name not in self._pads:
+            known = geometry_of(message.content)
+            self._pads[name] = PadRecord(name, known.rows, known.cols, known.pitch, known.unit, self._recogniser)
+        self._begin, self._end = min(self._begin, frame.stamp), max(self._end, frame.stamp)
+        self._pads[name].feed(frame)
+
+    def _pad(self, name: str) -> PadFacts:
+        return replace(self._pads[name].facts(), losses=self._status.losses(name))
+
+    def _bus(self) -> BusFacts:
+        return BusFacts(can_frames=None, load=self._status.load(), gaps=None, gap_count=None, commands=None,
+                        command_count=None, reported=None)
+
+    def _of_can_frames(self, stop_requested: threading.Event) -> tuple[tuple[NodeFacts, ...], BusFacts]:
+        """Services are not counted: which COB-IDs are TPDOs, only a layout says."""
+        bus, nodes = BusRecord(self._bit_rate), NodeRecords(self._status.pads_of_nodes(), frozenset())
+        for message in CanLogReader(self._path, self._channel, self._window):
+            if stop_requested.is_set():
+                raise KeyboardInterrupt
+            self._on_message()
+            bus.feed(message)
+            nodes.feed(message)
+        return nodes.facts(), replace(bus.facts({}), can_frames=None)

@@ -1,0 +1,169 @@
+"""The pads in 3-D: a column for each taxel, pairs of pads facing each other as the fingers of a gripper."""
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from tactile_node.colour_map import PALETTE
+from tactile_node.helmholtz.features import compute_features
+from tactile_node.package_files import config_path
+from tactile_node.shape.methods import FILES, VOLF
+from tactile_node.shape.volf import GROUPS, SMALLEST, Plane, VolfClassifier, axes, plane_feature
+from tactile_node.taxel_frame import TaxelStatus
+from tactile_node.viewing.colours import levels
+from tactile_node.viewing.states import PadState
+
+WIDTH, HEIGHT = 30.0, 17.0
+LEFT, BOTTOM, TOP, RIGHT = 3.2, 2.6, 1.4, 0.4
+POINTS = '#0ea5e9', '#f97316', '#16a34a', '#a855f7'  #: of the pads, in their order
+
+
+class PlanePoint(NamedTuple):
+    """A contact in one plane."""
+
+    pad: int             #: which one, for its colour
+    horizontal: float
+    vertical: float
+
+
+class Planes:
+    """The curves of the classifier, read once."""
+
+    def __init__(self) -> None:
+        self._planes = VolfClassifier.from_file(config_path(FILES[VOLF])).planes
+
+    def pictures(self, masks: dict[int, np.ndarray]) -> str:
+        """Return all planes with a point for each of ``masks``, bool (rows, cols), by the number of the pad."""
+        features = {pad: compute_features(mask, GROUPS) for pad, mask in masks.items()
+                    if np.count_nonzero(mask) >= SMALLEST}
+        pictures = []
+        for name, plane in self._planes.items():
+            points = [PlanePoint(pad, plane_feature(found, plane.horizontal), plane_feature(found, plane.vertical))
+                      for pad, found in features.items()]
+            pictures.append(_picture(name, plane, [point for point in points if np.isfinite(point[1:]).all()]))
+        note = '' if features else f'<div class="tactile-note">no contact of {SMALLEST} taxels or more</div>'
+        return f'{note}<div class="tactile-planes">{"".join(pictures)}</div>'
+
+
+def _picture(name: str, plane: Plane, points: list[PlanePoint]) -> str:
+    low, high = plane.knots[0], plane.knots[-1]
+    horizontal = np.expm1(np.linspace(low, high, 33))
+    u, v = axes(horizontal, plane.curve_at(horizontal))
+    bottom, top = v.min() - 1.5, v.max() + 1.5
+
+    def place(u: float, v: float) -> tuple[float, float]:
+        x, y = (u - low) / (high - low), (v - bottom) / (top - bottom)
+        return (LEFT + np.clip(x, 0, 1) * (WIDTH - LEFT - RIGHT),
+                HEIGHT - BOTTOM - np.clip(y, 0, 1) * (HEIGHT - BOTTOM - TOP))
+
+    curve = ' '.join(f'{x:.2f},{y:.2f}' for x, y in (place(*each) for each in zip(u, v)))
+    right, below = WIDTH - RIGHT, HEIGHT - BOTTOM
+    marks = ''
+    for point in points:
+        x, y = place(*map(float, axes(point.horizontal, point.vertical)))
+        marks += f'<circle class="plane-point" cx="{x:.2f}" cy="{y:.2f}" r=".5" fill="{POINTS[point.pad % 4]}"/>'
+    label = name.replace('_', ' ')
+    return (f'<svg viewBox="0 0 {WIDTH:g} {HEIGHT:g}" font-size="1.05" fill="#5c6672">'
+            f'<polygon points="{LEFT},{TOP} {right},{TOP} {right},{curve.split()[-1].split(",")[1]} '
+            f'{" ".join(reversed(curve.split()))} {LEFT},{TOP}" fill="#0ea5e9" opacity=".12"/>'
+            f'<rect x="{LEFT}" y="{TOP}" width="{right - LEFT}" height="{below - TOP}" fill="none" stroke="#5c6672" '
+            f'stroke-width=".08"/><polyline points="{curve}" fill="none" stroke="#5c6672" stroke-width=".18"/>{marks}'
+            f'<text x="{LEFT + .4}" y="{TOP + 1.3}">{label} above the curve</text>'
+            + _scale(plane, (low, high), (bottom, top), place)
+            + f'<text x="{right}" y="{HEIGHT - .2}" text-anchor="end">{" ".join(plane.horizontal)}</text>'
+            f'<text x=".1" y="{TOP - .3}">{" ".join(plane.vertical)}</text></svg>')
+
+
+def _scale(plane: Plane, horizontal: tuple[float, float], vertical: tuple[float, float], place) -> str:
+    """Numbers at both ends of each axis, in the features' own units."""
+    (left, bottom), (right, top) = place(horizontal[0], vertical[0]), place(horizontal[1], vertical[1])
+    numbers = [(left, bottom + 1.2, 'start', np.expm1(horizontal[0])), (right, bottom + 1.2, 'end',
+               np.expm1(horizontal[1])), (left - .2, bottom, 'end', max(np.exp(vertical[0]) - .01, 0)),
+               (left - .2, top + .9, 'end', np.exp(vertical[1]) - .01)]
+    return ''.join(f'<text x="{x:.2f}" y="{y:.2f}" text-anchor="{anchor}" font-size=".9">{value:.3g}</text>'
+                   for x, y, anchor, value in numbers)
+
+
+if TYPE_CHECKING:
+    from viser import BatchedMeshHandle, ClientHandle, LineSegmentsHandle
+
+SCALE = 100.0       #: scene units a metre: a pad is a few units wide, as viser's camera expects
+TALLEST = 3.0       #: column of the full scale [pitches]
+FLAT = 0.15         #: column of no load [pitches]
+OPENING = 9.0       #: between two pads that face each other [pitches]
+NARROW = 0.7        #: ratio of the pane's sides from which on its width decides how far the camera is
+OUTLINE = (41, 230, 255)
+WITHOUT_VALUE = (138, 143, 152)
+OLD = (190, 190, 190)
+IDENTITY, TURNED = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0)  #: quaternions; turned by 180 degrees about x
+#: of a column with its base at 0
+BOX = np.array([(x, y, z) for z in (0, 1) for y in (-.45, .45) for x in (-.45, .45)], np.float32)
+FACES = np.array([(0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1, 5, 4), (2, 6, 3), (3, 6, 7), (0, 4, 2),
+                  (2, 4, 6), (1, 3, 5), (3, 7, 5)], np.uint32)
+
+
+class Pads3d:
+    """The scene of one browser. Pads are placed by their order, not by the URDF: it is a sketch of a gripper."""
+
+    def __init__(self, client: 'ClientHandle'):
+        self._client = client
+        self._sizes: dict[str, tuple[tuple[int, ...], float]] = {}
+        self._columns: dict[str, BatchedMeshHandle] = {}
+        self._outlines: dict[str, LineSegmentsHandle] = {}
+
+    def look_from(self, state: PadState, pads: int) -> None:
+        """Place the camera for ``pads`` pads like this one."""
+        width = SCALE * state.pitch * max(state.values.shape)
+        middle = 1.3 * width * ((pads - 1) // 2) / 2
+        away = (width + 2 * middle) * max(1.0, NARROW / self._client.camera.aspect)
+        self._client.camera.position = (middle + 0.9 * away, -1.7 * away, 0.25 * width + 0.65 * away)
+        self._client.camera.look_at = (middle, 0.0, 0.25 * width)
+
+    def show(self, number: int, state: PadState, full_scale: float, is_old: bool) -> None:
+        """Show pad ``number``; an old state is flat and pale: no load is known."""
+        if self._sizes.get(state.pad) != (state.values.shape, state.pitch):  # a driver may start with another layout
+            self._add(number, state)
+        values, pitch = state.values.ravel(), SCALE * state.pitch
+        heights = np.nan_to_num(np.clip(values / full_scale, 0, 1)) * TALLEST + FLAT
+        colours = PALETTE[levels(values, full_scale)]
+        colours[np.isnan(values)] = WITHOUT_VALUE
+        if is_old:
+            heights[:], colours[:] = FLAT, OLD
+        scales = np.full((len(values), 3), pitch, np.float32)
+        scales[:, 2] *= heights
+        scales[state.status.ravel() == TaxelStatus.UNMAPPED] = 0
+        columns = self._columns[state.pad]
+        columns.batched_colors, columns.batched_scales = colours, scales
+        outline = None if is_old or state.contact is None else state.contact.outline
+        lines = self._outlines[state.pad]
+        lines.visible = outline is not None
+        if outline is not None:
+            lines.points = self._outline(outline, state)
+
+    def _outline(self, outline: np.ndarray, state: PadState) -> np.ndarray:
+        rows, cols = state.values.shape
+        corners = np.empty((len(outline), 3), np.float32)
+        corners[:, :2] = SCALE * (outline - state.pitch * np.array((cols - 1, rows - 1)) / 2)
+        corners[:, 2] = SCALE * state.pitch * (TALLEST + FLAT)
+        return np.stack((corners, np.roll(corners, -1, axis=0)), axis=1)
+
+    def _add(self, number: int, state: PadState) -> None:
+        self._sizes[state.pad] = state.values.shape, state.pitch
+        rows, cols = state.values.shape
+        pitch = SCALE * state.pitch
+        pair, is_upper = divmod(number, 2)
+        position = (pair * 1.3 * cols * pitch, 0.0, is_upper * OPENING * pitch)
+        name, scene = f'/pad{number}', self._client.scene
+        scene.add_frame(name, show_axes=False, wxyz=TURNED if is_upper else IDENTITY, position=position)
+        y, x = np.indices((rows, cols)).reshape(2, -1)
+        places = np.column_stack((x - (cols - 1) / 2, y - (rows - 1) / 2, np.zeros(x.size))).astype(np.float32) * pitch
+        self._columns[state.pad] = scene.add_batched_meshes_simple(
+            f'{name}/taxels', BOX, FACES, np.tile(np.array(IDENTITY, np.float32), (x.size, 1)), places,
+            batched_scales=np.full((x.size, 3), pitch, np.float32), batched_colors=np.zeros((x.size, 3), np.uint8),
+            flat_shading=True, cast_shadow=False, receive_shadow=False)
+        scene.add_box(f'{name}/base', color=(70, 76, 86), position=(0.0, 0.0, -0.3 * pitch), cast_shadow=False,
+                      dimensions=((cols + .6) * pitch, (rows + .6) * pitch, 0.5 * pitch), receive_shadow=False)
+        self._outlines[state.pad] = scene.add_line_segments(
+            f'{name}/outline', np.zeros((1, 2, 3), np.float32), OUTLINE, thickness=0.3 * pitch, visible=False)
+        scene.add_label(f'{name}/name', state.pad, anchor='bottom-center' if is_upper else 'top-center',
+                        position=(0.0, (.5 if is_upper else -.5) * rows * pitch, 0.0))  # at the edge next to the camera

@@ -1,0 +1,224 @@
+"""The page of one browser: brought up to date as fast as that browser takes it, and no faster."""
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from html import escape
+from typing import TYPE_CHECKING
+
+from tactile_node.viewing.force_chart import force_chart
+from tactile_node.viewing.health_table import HealthHistory, health_table
+from tactile_node.viewing.pads_3d import Pads3d, Planes
+from tactile_node.viewing.page_parts import (
+    LEGEND,
+    STYLE,
+    DrawnPad,
+    PageFacts,
+    Scales,
+    pads_html,
+    receipt_html,
+    status_html,
+)
+from tactile_node.viewing.source import Player, Shown, Source
+
+if TYPE_CHECKING:
+    from viser import ClientHandle, GuiApi
+
+RATE = 17.5         #: updates at most [1/s]
+SLOW_PERIOD = 0.2   #: of chart and tables [s]
+SCENE_PERIOD = 0.15  #: of the 3-D view [s]
+PAUSE_SHARE = 5.0    #: times as long as a browser takes for one of these, it waits for the next: it may be slow
+SILENCE = 0.4       #: after which the page is brought up to date all the same: ages grow [s]
+LOOK = 0.2          #: for a browser that has gone [s]
+MEASURED = 3.0      #: over which rate and delay are measured [s]
+PADS_WIDTH, HEALTH_WIDTH = 720.0, 380.0  #: pixels
+SLIDER_STEP = 0.05  #: [s]
+
+
+class PlayerControls:
+    """Adds them to ``gui``; `update` lets them follow what plays."""
+
+    def __init__(self, gui: 'GuiApi', player: Player):
+        self._player = player
+        self._button = gui.add_button('Pause')
+        self._slider = gui.add_slider('time [s]', min=0.0, max=SLIDER_STEP, step=SLIDER_STEP, initial_value=0.0)
+        self._button.on_click(lambda event: player.play(not player.is_playing))
+        self._slider.on_update(self._moved)
+
+    def update(self) -> None:
+        self._button.label = 'Pause' if self._player.is_playing else 'Play'
+        self._slider.max = max(self._player.length, SLIDER_STEP)
+        if self._player.is_playing:
+            self._slider.value = min(self._player.position, self._slider.max)  # type: ignore[misc]
+
+    def _moved(self, event) -> None:
+        if event.client is not None:  # a person, not `update`
+            self._player.play(False)
+            self._player.seek(self._slider.value)
+
+
+class Page:
+    """Runs from `start` to `stop`. One update at most is under way: the next waits for the browser's answer.
+
+    So nothing queues anywhere between the skin and a slow browser, and what it shows is never older than one update.
+    What may look live travels alone, so that the time it took before says how old it will be; chart, tables and scene
+    follow it in updates without.
+    """
+
+    def __init__(self, client: 'ClientHandle', source: Source, is_connected: Callable[[], bool],
+                 full_scale: float | None = None):
+        self._client, self._source = client, source
+        self._is_connected = is_connected
+        self._scales = Scales(full_scale)
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f'view_page_{client.client_id}', daemon=True)
+        self._taken: deque[tuple[float, float]] = deque()  # when [s], with data of which age [s]
+        self._number = 0
+        self._is_taken = threading.Event()
+        self._transit = 0.0  # of the last update of the pads [s]
+        self._slow_due = self._scene_due = 0.0
+        self._scene_shown, self._aspect = -math.inf, 0.0  # the last that the browser has taken
+        self._history = HealthHistory()
+        self._planes: Planes | None = None
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self) -> None:
+        self._stopping.set()
+
+    def join(self) -> None:
+        if self._thread is not threading.current_thread():
+            self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            self._build()
+            version = -1
+            while not self._stopping.is_set():
+                self._source.store.wait(version, SILENCE)
+                begun = time.monotonic()
+                shown = self._source.store.shown()
+                version = shown.version
+                drawn = [pad._replace(transit=self._transit) for pad in self._scales.drawn_now(self._source, shown)]
+                self._update_pads(shown, drawn, begun)
+                if not self._has_answered():
+                    return
+                now = time.monotonic()
+                self._transit = now - begun
+                self._taken.append((now, min((pad.age for pad in drawn), default=math.inf) + self._transit))
+                if not self._has_taken_rest(shown, drawn):
+                    return
+                self._stopping.wait(max(0.0, begun + 1 / RATE - time.monotonic()))
+        except Exception:
+            if not self._stopping.is_set() and self._is_connected():
+                raise
+
+    def _build(self) -> None:
+        gui = self._client.gui
+        gui.configure_theme(show_logo=False, show_share_button=False, control_width='large')
+        gui.set_panel_label('tactile view')
+        title = escape(f'{", ".join(self._source.store.pads)} - tactile_skin', quote=True)
+        gui.add_html(f'{STYLE}<img hidden src="data:," alt="{title}" onerror="document.title=this.alt">')
+        self._status = gui.add_html('')
+        self._receipt = gui.add_html('')
+        self._controls = None if self._source.player is None else PlayerControls(gui, self._source.player)
+        with gui.add_folder('Bus and taxels'):
+            self._health = gui.add_html('')
+        with gui.add_folder('Planes of Volf, Dvořák and Vlček'):
+            self._planes_wanted = gui.add_checkbox('show (computed only then)', False)
+            self._planes_html = gui.add_html('')
+        self._scene_wanted = gui.add_checkbox('3-D', True)
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(HEALTH_WIDTH)
+        panel = gui.add_panel()
+        with panel.add_tab('Pads'):
+            self._pads = gui.add_html('')
+            self._force = gui.add_html('')
+            gui.add_html(LEGEND)
+        panel.dock_left()
+        pane = self._client.camera
+        panel.set_width(max(PADS_WIDTH, min(0.8 * pane.image_height, 0.45 * pane.image_width)))  # fills its height
+        self._scene = Pads3d(self._client)
+
+    def _update_pads(self, shown: Shown, drawn: list[DrawnPad], now: float) -> None:
+        self._is_taken.clear()
+        self._number += 1
+        self._pads.content = pads_html(drawn, self._number, self._source.player is not None)
+        self._status.content = status_html(self._facts(shown, now), drawn, self._client.client_id, self._number)
+        self._client.flush()
+
+    def _has_taken_rest(self, shown: Shown, drawn: list[DrawnPad]) -> bool:
+        """Send what else is due, and wait for the browser; False when it has gone."""
+        begun = time.monotonic()
+        is_scene_due, is_slow_due = begun >= self._scene_due and self._scene_wanted.value, begun >= self._slow_due
+        if not is_scene_due and not is_slow_due:
+            return True
+        self._is_taken.clear()
+        self._number += 1
+        if is_scene_due:
+            self._update_scene(drawn)
+        else:
+            self._update_slow(shown, drawn)
+        self._receipt.content = receipt_html(self._client.client_id, self._number)
+        self._client.flush()
+        if not self._has_answered():
+            return False
+        pause = PAUSE_SHARE * (time.monotonic() - begun)
+        if is_scene_due:
+            self._scene_due, self._scene_shown = begun + max(SCENE_PERIOD, pause), begun
+        else:
+            self._slow_due = begun + max(SLOW_PERIOD, pause)
+        return True
+
+    def _facts(self, shown: Shown, now: float) -> PageFacts:
+        while self._taken and now - self._taken[0][0] > MEASURED:
+            self._taken.popleft()
+        player = self._source.player
+        ages = [age for _, age in self._taken if math.isfinite(age)]
+        return PageFacts(
+            title=self._source.title, player=player, problem=shown.problem, rate=len(self._taken) / MEASURED,
+            delay=sum(ages) / len(ages) if ages and player is None else math.nan,
+            scene_age=now - self._scene_shown, grasp=shown.grasp)
+
+    def _update_slow(self, shown: Shown, drawn: list[DrawnPad]) -> None:
+        forces = {name: self._source.store.forces(name) for name in shown.pads}
+        ends = [pad.state.stamp + pad.age for pad in drawn if pad.state is not None and math.isfinite(pad.age)]
+        if ends:
+            self._force.content = force_chart(forces, max(ends))
+        age, before = time.monotonic() - shown.bus_acquired, None
+        if shown.bus is not None and self._source.player is None:
+            before = self._history.before(shown.bus, shown.bus_acquired)
+        self._health.content = health_table(shown.bus, age, before, drawn if self._source.player is None else ())
+        if self._controls is not None:
+            self._controls.update()
+        self._planes_html.content = self._planes_picture(drawn) if self._planes_wanted.value else ''
+
+    def _planes_picture(self, drawn: list[DrawnPad]) -> str:
+        self._planes = self._planes or Planes()
+        return self._planes.pictures({
+            number: pad.state.contact.mask for number, pad in enumerate(drawn) if pad.is_live
+            and pad.state is not None and pad.state.contact is not None and pad.state.contact.mask is not None})
+
+    def _update_scene(self, drawn: list[DrawnPad]) -> None:
+        for number, pad in enumerate(drawn):
+            if pad.state is None:
+                continue
+            if self._aspect != self._client.camera.aspect:
+                self._aspect = self._client.camera.aspect
+                self._scene.look_from(pad.state, len(drawn))
+            self._scene.show(number, pad.state, pad.full_scale, not pad.is_live)
+
+    def taken(self, number: int) -> None:
+        """The browser has put update ``number`` on its page; on any thread."""
+        if number == self._number:
+            self._is_taken.set()
+
+    def _has_answered(self) -> bool:
+        """Wait until the browser has taken the update; False when it has gone."""
+        while not self._stopping.is_set() and self._is_connected():
+            if self._is_taken.wait(LOOK):
+                return True
+        return False

@@ -1,0 +1,195 @@
+"""What a view shows again: taxels of a bag as published, or of a CAN log as the driver would assemble them."""
+
+import math
+import os
+import tempfile
+from array import array
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.assembly.fault_text import failure_text
+from tactile_node.errors import ConfigurationError
+from tactile_node.logs.replay_times import WHOLE, Window
+from tactile_node.logs.topic_bag import STATUS, TAXELS, TopicBagReader, frame_of, geometry_of, pad_of
+from tactile_node.read_only import read_only
+from tactile_node.skin.pads import PadSettings
+from tactile_node.sources.log_source import LogSource
+from tactile_node.taxel_frame import TaxelFrame
+from tactile_node.viewing.states import BusFacts, facts_of, facts_of_status
+
+
+class _Track:
+    """Frames of one pad: an index in memory, the taxels in a file."""
+
+    def __init__(self, shape: tuple[int, ...], pitch: float, unit: str):
+        self.shape = shape
+        self.pitch, self.unit = pitch, unit
+        self.stamps, self.sequences, self.missing = array('d'), array('Q'), array('L')
+        self.places = array('d')  # as stamps, but never back
+        self.file = tempfile.TemporaryFile()
+        self.size = math.prod(shape) * (4 + 1)
+
+    def add(self, frame: TaxelFrame) -> None:
+        record = frame.values.astype('<f4').tobytes() + frame.status.astype(np.uint8).tobytes()
+        os.pwrite(self.file.fileno(), record, len(self.places) * self.size)
+        self.stamps.append(frame.stamp)
+        self.sequences.append(frame.sequence)
+        self.missing.append(frame.missing_can_frames)
+        self.places.append(max(frame.stamp, self.places[-1]) if self.places else frame.stamp)  # last: it is complete
+
+    def frame(self, index: int) -> TaxelFrame:
+        record = os.pread(self.file.fileno(), self.size, index * self.size)
+        taxels = math.prod(self.shape)
+        values = np.frombuffer(record, '<f4', taxels).reshape(self.shape)
+        status = np.frombuffer(record, np.uint8, taxels, 4 * taxels).reshape(self.shape)
+        return TaxelFrame(self.stamps[index], self.sequences[index], read_only(values), read_only(status),
+                          self.missing[index])
+
+
+class Moment(NamedTuple):
+    """A pad's newest frame at a time of the recording."""
+
+    number: int  #: of the pad's frames
+    frame: TaxelFrame
+    pitch: float
+    unit: str
+
+
+class Timeline:
+    """One thread adds, another looks up. Times are Unix time [s]."""
+
+    def __init__(self) -> None:
+        self._tracks: dict[str, _Track] = {}
+        self._fact_times: list[float] = []
+        self._facts: list[BusFacts] = []
+        self.begin, self.end = np.inf, -np.inf  #: stamps of the first and the last frame
+
+    def add(self, pad: str, frame: TaxelFrame, pitch: float, unit: str) -> bool:
+        """Add a frame; False where it is left out, since its taxels are others than those of the pad's first one."""
+        track = self._tracks.get(pad)
+        if track is None:
+            track = self._tracks[pad] = _Track(frame.values.shape, pitch, unit)
+        if (track.shape, track.pitch, track.unit) != (frame.values.shape, pitch, unit):
+            return False
+        track.add(frame)
+        self.begin, self.end = min(self.begin, frame.stamp), max(self.end, frame.stamp)
+        return True
+
+    def add_facts(self, stamp: float, facts: BusFacts) -> None:
+        self._facts.append(facts)
+        self._fact_times.append(max(stamp, self._fact_times[-1]) if self._fact_times else stamp)
+
+    def index(self, pad: str, time: float) -> int:
+        """Return which frame of ``pad`` is the newest at ``time``, -1: none."""
+        track = self._tracks.get(pad)
+        return -1 if track is None else bisect_right(track.places, time) - 1
+
+    def moment(self, pad: str, index: int) -> Moment:
+        """Return the frame that `index` has found."""
+        track = self._tracks[pad]
+        return Moment(index, track.frame(index), track.pitch, track.unit)
+
+    def facts(self, time: float) -> tuple[BusFacts | None, float]:
+        """Return the newest facts at ``time`` and their age [s]; with the last frame, also those that came after it."""
+        index = len(self._facts) - 1 if time >= self.end else bisect_right(self._fact_times, time) - 1
+        return (self._facts[index], max(time - self._fact_times[index], 0.0)) if index >= 0 else (None, 0.0)
+
+    def close(self) -> None:
+        for track in self._tracks.values():
+            track.file.close()
+        self._tracks = {}
+
+
+class BagRecording:
+    """A `Recording` of ``pads``, or of all. Raises LogError for a bag without our taxel arrays, ConfigurationError."""
+
+    def __init__(self, path: str, pads: Sequence[str] = (), window: Window = WHOLE):
+        self._reader, self._window = TopicBagReader(path), window
+        self.title = path
+        if missing := [pad for pad in pads if pad not in self._reader.pads]:
+            raise ConfigurationError('--pads', expected=f'some of {", ".join(self._reader.pads)}, as in the bag',
+                                     got=', '.join(missing), remedy='Leave it out for all of them.')
+        self.pads = tuple(pads) or self._reader.pads
+
+    def check(self) -> None:
+        """Nothing more: it has been opened."""
+
+    def read(self, timeline: Timeline, is_stopping: Callable[[], bool]) -> str:
+        others = 0
+        for message in self._reader.messages((TAXELS, STATUS), window=self._window):
+            if is_stopping():
+                return ''
+            if message.type == STATUS:
+                timeline.add_facts(message.stamp, facts_of_status(message.content))
+                continue
+            if pad_of(message.topic) not in self.pads:
+                continue
+            geometry = geometry_of(message.content)
+            others += not timeline.add(pad_of(message.topic), frame_of(message.content), geometry.pitch, geometry.unit)
+        unread = [f'{count} {reason.name.lower()}' for reason, count in self._reader.unread.items()]
+        unread += [f'{others} of another size than the first'] if others else []
+        return f'not shown: {", ".join(unread)} (last: {self._reader.problem})' if unread else ''
+
+
+FACTS_PERIOD = 0.5  #: of the log's time [s]
+LOOK = 0.2          #: for the end of the reading [s]
+
+
+class LogRecording:
+    """A `Recording`; ``channel`` chooses one bus of a log of several."""
+
+    def __init__(self, path: str, pads: tuple[PadSettings, ...], channel: str = '', any_device: bool = False,
+                 window: Window = WHOLE):
+        self._path, self._settings = path, pads
+        self._channel, self._any_device, self._window = channel, any_device, window
+        self._geometry = {pad.name: (pad.layout.pitch, pad.layout.value.unit) for pad in pads}
+        self.title = path
+        self.pads = tuple(pad.name for pad in pads)
+
+    def check(self) -> None:
+        source = self._source(lambda pad, frame: None, lambda stamp: None)
+        source.open()
+        source.close()
+
+    def read(self, timeline: Timeline, is_stopping: Callable[[], bool]) -> str:
+        looked = 0.0
+
+        def on_frame(pad: str, frame: TaxelFrame) -> None:
+            timeline.add(pad, frame, *self._geometry[pad])
+
+        def on_time(stamp: float) -> None:
+            nonlocal looked
+            if not 0 <= stamp - looked < FACTS_PERIOD:
+                looked = stamp
+                timeline.add_facts(stamp, facts_of(source.statistics(), source.health(), load_is_known=False))
+
+        source = self._source(on_frame, on_time)
+        source.open()
+        source.start()
+        while not source.finished.wait(LOOK) and not is_stopping():
+            pass
+        source.close()
+        timeline.add_facts(looked, facts_of(source.statistics(), source.health(), load_is_known=False))
+        return failure_text(source.failure) or _of_others(source) or _without_taxels(timeline) or _unread(source)
+
+    def _source(self, on_frame: Callable[[str, TaxelFrame], None], on_time: Callable[[float], None]) -> LogSource:
+        return LogSource(self._path, self._settings, on_frame, pace=None, channel=self._channel, on_time=on_time,
+                         any_device=self._any_device, window=self._window)
+
+
+def _of_others(source: LogSource) -> str:
+    """Nodes of other node-IDs that send the same COB-IDs: what is shown may be theirs."""
+    return '; '.join(f'pad {pad}: node {", ".join(map(str, nodes))} sends its COB-IDs, not its own: check --node-id'
+                     for pad, nodes in source.strangers.items())
+
+
+def _unread(source: LogSource) -> str:
+    unread = source.statistics().unread
+    return f'not shown: {unread} lines or rests that could not be read (last: {source.problem})' if unread else ''
+
+
+def _without_taxels(timeline: Timeline) -> str:
+    return '' if timeline.begin <= timeline.end else 'no taxel frame of these pads in the log: check --node-id'

@@ -1,0 +1,148 @@
+"""What any source of a view offers, and the newest state of each pad: what is not looked at in time is replaced."""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from tactile_node.viewing.states import BusFacts, GraspFacts, PadState
+
+HISTORY = 20.0  #: of the force [s]
+MOST_POINTS = 600  #: of the force of a pad
+
+
+class Shown(NamedTuple):
+    """All that a page needs, at one moment."""
+
+    version: int                     #: grows with every change
+    pads: Mapping[str, PadState | None]  #: None: nothing has come from it
+    bus: BusFacts | None = None
+    bus_acquired: float = 0.0        #: when these facts were true, by the steady clock [s]
+    grasp: GraspFacts | None = None  #: None: none has come
+    problem: str = ''                #: why the source gives nothing, '' while it does
+
+
+class Store:
+    """Keeps the newest state of each of ``pads``, and the force over the last HISTORY seconds."""
+
+    def __init__(self, pads: Sequence[str]):
+        self._changed = threading.Condition()
+        self._shown = Shown(0, dict.fromkeys(pads))
+        self._forces: dict[str, deque[tuple[float, float]]] = {pad: deque(maxlen=MOST_POINTS) for pad in pads}
+        self._is_closed = False
+
+    @property
+    def pads(self) -> tuple[str, ...]:
+        return tuple(self._forces)
+
+    def put(self, state: PadState) -> None:
+        """Replace the state of its pad; one that is older than that begins the force's history again."""
+        with self._changed:
+            forces = self._forces[state.pad]
+            if forces and not 0 <= state.stamp - forces[-1][0] < HISTORY:
+                forces.clear()
+            forces.append((state.stamp, float('nan') if state.contact is None else state.contact.force))
+            self._change(pads={**self._shown.pads, state.pad: state})
+
+    def put_bus(self, facts: BusFacts | None, age: float = 0.0) -> None:
+        """``age``: of the facts now [s]."""
+        self._change(bus=facts, bus_acquired=time.monotonic() - age)
+
+    def put_grasp(self, grasp: GraspFacts) -> None:
+        self._change(grasp=grasp)
+
+    def put_problem(self, problem: str) -> None:
+        self._change(problem=problem)
+
+    def forget(self, pad: str) -> None:
+        """Nothing is known of a pad, as before its first frame."""
+        with self._changed:
+            if self._shown.pads[pad] is not None:
+                self._forces[pad].clear()
+                self._change(pads={**self._shown.pads, pad: None})
+
+    def clear(self) -> None:
+        """Forget all: what was seen before a source was stopped is not shown as if it were there."""
+        with self._changed:
+            for forces in self._forces.values():
+                forces.clear()
+            self._change(pads=dict.fromkeys(self.pads), bus=None, grasp=None, problem='')
+
+    def close(self) -> None:
+        """Let no one wait any longer."""
+        with self._changed:
+            self._is_closed = True
+            self._changed.notify_all()
+
+    def shown(self) -> Shown:
+        return self._shown
+
+    def wait(self, version: int, timeout: float) -> None:
+        """Return when there is something newer than ``version``, or after ``timeout`` [s]."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._shown.version > version or self._is_closed, timeout)
+
+    def forces(self, pad: str) -> np.ndarray:
+        """Return stamps [s] and forces [N] of the last HISTORY seconds, shape (2, n)."""
+        with self._changed:
+            points = np.array(self._forces[pad], float).reshape(-1, 2)
+        return points[points[:, 0] > points[-1:, 0].sum() - HISTORY].T
+
+    def _change(self, **fields: Any) -> None:
+        with self._changed:
+            self._shown = self._shown._replace(**fields | {'version': self._shown.version + 1})
+            self._changed.notify_all()
+
+
+class Player(Protocol):
+    """The part of a recording's source that a person controls."""
+
+    @property
+    def position(self) -> float:
+        """Time shown [s since the begin of the recording]."""
+
+    @property
+    def length(self) -> float:
+        """Of what is read so far [s]."""
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all of the recording is read."""
+
+    @property
+    def is_playing(self) -> bool: ...
+
+    def play(self, is_playing: bool) -> None:
+        """Continue, from the begin where it is at its end; or pause."""
+
+    def seek(self, position: float) -> None:
+        """Show what was seen at ``position`` [s]."""
+
+
+class Source(Protocol):
+    """Puts what it sees into ``store``, only between `start` and `stop`."""
+
+    title: str
+    store: Store
+
+    @property
+    def player(self) -> Player | None:
+        """None: what is shown is live."""
+
+    def check(self) -> None:
+        """Raise TactileError where it cannot be used; called once, before the first start."""
+
+    def start(self) -> None:
+        """Somebody looks; `check` has passed. What fails now is shown as the store's problem."""
+
+    def stop(self) -> None:
+        """No one looks: compute nothing."""
+
+    def close(self) -> None:
+        """Release everything; allowed in any state."""
+
+    def age(self, state: PadState) -> float:
+        """Time since ``state`` was acquired [s]; in a recording, until the position that is shown."""

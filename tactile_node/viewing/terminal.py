@@ -1,0 +1,157 @@
+"""A source on a terminal, for use over ssh: pictures side by side, redrawn in place, or a line of text each second."""
+
+import shutil
+import sys
+from collections.abc import Sequence
+from threading import Event
+from typing import NamedTuple, TextIO
+
+import numpy as np
+
+from tactile_node.viewing.heat_map import words
+from tactile_node.viewing.page_parts import DrawnPad, Scales, said_of
+from tactile_node.viewing.source import Shown, Source
+
+SHADES = ' .:-=+*#%@'
+COLOURS = (16, 17, 18, 19, 54, 90, 126, 162, 198, 203, 208, 214, 220, 226, 229, 231)  # xterm-256: dark to bright
+CLEAR_LINE = '\x1b[2K'
+CLEAR_BELOW = '\x1b[J'
+GAP = '   '        #: between two pads
+LEAST_WIDTH = 38   #: of a pad [columns]: two fit into 80
+
+
+class PadView(NamedTuple):
+    """What is known of one pad: the latest taxels (rows, cols) as fractions of full scale, and words below."""
+
+    name: str
+    taxels: np.ndarray
+    words: str
+
+
+def picture(taxels: np.ndarray, colour: bool) -> list[str]:
+    """Return the lines of a picture, two characters a taxel; '??' marks a taxel without a value.
+
+    >>> picture(np.array([[0.0, 1.0, np.nan]]), colour=False)
+    ['  @@??']
+    """
+    return [''.join(_cell(value, colour) for value in row) for row in taxels.tolist()]
+
+
+def side_by_side(views: Sequence[PadView], colour: bool) -> list[str]:
+    """Return the lines of several pads next to each other, names above, words (lines of them) below."""
+    if not views:
+        return []
+    columns = []
+    most = max(view.words.count('\n') for view in views) + 1
+    rows = max(len(view.taxels) for view in views)
+    for view in views:
+        width = _width(view)
+        pad = ' ' * (width - 2 * view.taxels.shape[1])
+        words = [line[:width] for line in view.words.split('\n')]
+        drawn = [line + pad for line in picture(view.taxels, colour)]
+        drawn += [' ' * width] * (rows - len(drawn))
+        columns.append([f'{view.name[:width]:<{width}}', *drawn,
+                        *(f'{line:<{width}}' for line in words + [''] * (most - len(words)))])
+    return [GAP.join(lines) for lines in zip(*columns)]
+
+
+def width_of(views: Sequence[PadView]) -> int:
+    """Return how many columns `side_by_side` takes."""
+    return sum(map(_width, views)) + len(GAP) * (len(views) - 1)
+
+
+def _width(view: PadView) -> int:
+    return max(2 * view.taxels.shape[1], LEAST_WIDTH)
+
+
+class LivePictures:
+    """Redraws pictures in place where ``stream`` is a terminal; elsewhere prints only the pictures to keep."""
+
+    def __init__(self, stream: TextIO = sys.stdout):
+        self._stream = stream
+        self._live = stream.isatty()
+        self._height = 0
+
+    def show(self, views: Sequence[PadView], footer: str) -> None:
+        """Draw, over what was drawn before."""
+        if self._live:
+            self._write([*side_by_side(views, True), footer], back=self._height)
+
+    def keep(self, views: Sequence[PadView]) -> None:
+        """Print a picture that stays, where nothing can be redrawn."""
+        if not self._live:
+            self._write([*side_by_side(views, False), ''], back=0)
+
+    def _write(self, lines: list[str], back: int) -> None:
+        up = f'\x1b[{back}A' if back else ''
+        start = CLEAR_LINE if self._live else ''
+        below = CLEAR_BELOW if self._live else ''  # what a taller picture has left
+        self._stream.write(up + ''.join(f'{start}{line}\n' for line in lines) + below)
+        self._stream.flush()
+        self._height = len(lines)
+
+
+def _cell(value: float, colour: bool) -> str:
+    if value != value:
+        return '??'
+    level = min(max(value, 0.0), 1.0)
+    if not colour:
+        return 2 * SHADES[round(level * (len(SHADES) - 1))]
+    return f'\x1b[48;5;{COLOURS[round(level * (len(COLOURS) - 1))]}m  \x1b[0m'
+
+
+PERIOD = 0.1       #: of the pictures [s]
+LINE_PERIOD = 1.0  #: of lines of text [s]
+
+
+def show_in_terminal(source: Source, stop_requested: Event, stream: TextIO | None = None,
+                     full_scale: float | None = None) -> None:
+    """Show ``source`` until the event is set, or until a recording has been played to its end."""
+    stream = sys.stdout if stream is None else stream
+    live, scales, pictures = stream.isatty(), Scales(full_scale), LivePictures(stream)
+    source.start()
+    try:
+        while not stop_requested.wait(PERIOD if live else LINE_PERIOD):
+            shown = source.store.shown()
+            drawn = scales.drawn_now(source, shown)
+            views = [_view(pad) for pad in drawn]
+            if not live:
+                print(line_of(drawn, _footer(source, shown)), file=stream, flush=True)
+            elif width_of(views) > shutil.get_terminal_size().columns:
+                narrow = f'needs {width_of(views)} columns; {line_of(drawn, _footer(source, shown))}'
+                pictures.show([], narrow[:shutil.get_terminal_size().columns - 1])
+            else:
+                pictures.show(views, _footer(source, shown)[:shutil.get_terminal_size().columns - 1])
+            if source.player is not None and source.player.is_complete and not source.player.is_playing:
+                return
+    finally:
+        source.stop()
+
+
+def line_of(drawn: list[DrawnPad], footer: str) -> str:
+    """Return all pads in one line of text."""
+    return '; '.join((*(f'{_printable(pad.name)}: {_said(pad)}' for pad in drawn), footer))
+
+
+def _view(pad: DrawnPad) -> PadView:
+    """Row 0 at the bottom, as on the page; of what is old nothing is drawn."""
+    if pad.state is None:
+        return PadView(_printable(pad.name), np.full((1, 1), np.nan), _said(pad))
+    values = pad.state.values / pad.full_scale if pad.is_live else np.full_like(pad.state.values, np.nan)
+    return PadView(_printable(pad.name), values[::-1], _said(pad).replace(', ', '\n'))
+
+
+def _said(pad: DrawnPad) -> str:
+    return _printable(words(pad.state.contact)) if pad.state is not None and pad.is_live else said_of(pad)
+
+
+def _footer(source: Source, shown: Shown) -> str:
+    player = source.player
+    so_far = '' if player is None or player.is_complete else ' read so far'
+    at = '' if player is None else f' {player.position:.1f} of {player.length:.1f} s{so_far}'
+    return _printable(f'{source.title}{at}' + (f'; {shown.problem}' if shown.problem else ''))
+
+
+def _printable(text: str) -> str:
+    """Names come from topics and bags: an escape in them would be a command to the terminal."""
+    return ''.join(each if each.isprintable() else '\N{REPLACEMENT CHARACTER}' for each in text)
