@@ -122,7 +122,7 @@ def measured(seconds: float) -> float:
 
 
 def driver(port: str, layout: str, rate: float, seconds: float) -> dict:
-    from tactile_node.bus.bus_network import BusSettings
+    from tactile_node.bus.bus_settings import BusSettings
     from tactile_node.skin.pads import make_pad
     from tactile_node.sources.supervisor import Supervisor
     latencies: list[float] = []
@@ -182,7 +182,7 @@ def replay(log: str, layout: str, _rate: float, _seconds: float) -> dict:
 
 def prepared(port: str, layout: str):
     """Let the driver configure the device, as all readers need it; then the device waits for NMT start."""
-    from tactile_node.bus.bus_network import BusSettings
+    from tactile_node.bus.bus_settings import BusSettings
     from tactile_node.skin.pads import make_pad
     from tactile_node.sources.supervisor import Supervisor
     pad = make_pad('pad', NODE, layout)

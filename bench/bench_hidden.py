@@ -22,8 +22,8 @@ from scipy import ndimage
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.contact.press import PressThresholds
 from tactile_node.package_files import config_path
-from tactile_node.shape.methods import FILES, LEARNED, Learned, make_recogniser
-from tactile_node.shape.recognition import Recognition, Shape
+from tactile_node.shape.methods import Learned, make_recogniser
+from tactile_node.shape.recognition import FILES, LEARNED, Recognition, Shape
 from tactile_node.shape.recognitions import RecognitionFusion
 from tactile_node.simulator.figures import Skin, pressure_frame
 from tactile_node.simulator.world import CLASSES, Contact, Purpose, generator, random_contact

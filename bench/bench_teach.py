@@ -29,9 +29,9 @@ from tactile_node.learning.teach import Taught, teach
 from tactile_node.learning.touches import find_touches
 from tactile_node.package_files import config_path
 from tactile_node.rate import Rate
-from tactile_node.shape.methods import FILES, LEARNED, VisibilityGuard, make_recogniser
+from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from tactile_node.shape.recogniser import OUTPUTS, ShapeRecogniser, read_arrays
-from tactile_node.shape.recognition import Shape
+from tactile_node.shape.recognition import FILES, LEARNED, Shape
 from tactile_node.simulator.figures import (
     NAMED,
     Figure,

@@ -34,7 +34,7 @@ import matplotlib
 import numpy as np
 from skin_process import SkinProcess
 
-from tactile_node.bus.bus_network import BusSettings
+from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.simulator.wire import WireReport
 from tactile_node.skin.pads import make_pad
 from tactile_node.sources.log_source import summary

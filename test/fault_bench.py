@@ -13,7 +13,7 @@ from faulty_bus import Adapter
 
 from tactile_node.assembly.health import NodeFault
 from tactile_node.bus import skin_bus
-from tactile_node.bus.bus_network import BusSettings
+from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.cia301.emergency import Emergency
 from tactile_node.simulator.skin_simulator import WireSettings
 from tactile_node.sources.supervisor import Supervisor

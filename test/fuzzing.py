@@ -28,12 +28,13 @@ import numpy as np
 from can_bench import INTERFACE, TINY, Bench, wait_until
 from wire_worlds import HOST, ONE, TWO, TWO_NODES, WIRE, random_world
 
-from tactile_node.bus.bus_network import DEFAULT_BITRATE
+from tactile_node.bus.bus_settings import DEFAULT_BITRATE
 from tactile_node.bus.slcan_bus import LONGEST_LINE, BulkSlcanBus
 from tactile_node.errors import TactileError
 from tactile_node.logs.log_reader import CanLogReader
-from tactile_node.shape.methods import VOLF, make_recogniser
+from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.recogniser import ShapeRecogniser
+from tactile_node.shape.recognition import VOLF
 from tactile_node.simulator.slcan_pty import encode
 from tactile_node.skin.eds import load_eds
 from tactile_node.skin.layout_file import load_layout

@@ -22,7 +22,7 @@ from captured_log import CapturedLog
 from fault_bench import LAYOUT, SIDE, TIMEOUT, WIRE
 
 from tactile_node.assembly.health import NodeFault
-from tactile_node.bus.bus_network import BusSettings
+from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.slcan_pty import SlcanPty
 from tactile_node.skin.pads import make_pads, with_dictionaries

@@ -10,7 +10,7 @@ from faulty_bus import Adapter
 
 from tactile_node.assembly.health import NodeFault
 from tactile_node.bus import skin_bus
-from tactile_node.bus.bus_network import BusSettings
+from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.tpdo_records import ConfiguredTpdo, EventSchedule

@@ -11,7 +11,7 @@ from can_bench import INTERFACE, wait_until
 from captured_log import CapturedLog
 
 from tactile_node.assembly.health import BusFault
-from tactile_node.bus.bus_network import BusSettings
+from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.errors import BusError
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.skin.pads import make_pad, make_pads, with_dictionaries

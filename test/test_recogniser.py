@@ -13,11 +13,11 @@ from tactile_node.package_files import config_path
 from tactile_node.shape import likeness
 from tactile_node.shape.completion import completions
 from tactile_node.shape.invariants import COUNT, ORDERS, describe
-from tactile_node.shape.methods import DEFAULT, LEARNED, METHODS, VOLF, make_recogniser
+from tactile_node.shape.methods import METHODS, make_recogniser
 from tactile_node.shape.network import Network
 from tactile_node.shape.patch import ROOM, SIDE, join_pieces, joined, make_patch
 from tactile_node.shape.recogniser import LOG_SIZES, Calibration, ShapeRecogniser
-from tactile_node.shape.recognition import Shape, UnknownReason
+from tactile_node.shape.recognition import DEFAULT, LEARNED, VOLF, Shape, UnknownReason
 from tactile_node.shape.volf import GROUPS
 from tactile_node.simulator.world import CLASSES, Contact, Purpose, generator, random_contact
 from training.field import NOMINAL_ON_OFF, NOMINAL_PRESSURE, Conditions, field_frame

@@ -10,7 +10,8 @@ import pytest
 import yaml
 
 from tactile_node.errors import TactileError
-from tactile_node.shape.methods import LEARNED, make_recogniser
+from tactile_node.shape.methods import make_recogniser
+from tactile_node.shape.recognition import LEARNED
 
 ROOT = Path(__file__).resolve().parents[1]
 WORKFLOW = ROOT / '.github/workflows/ci.yml'

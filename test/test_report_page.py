@@ -15,9 +15,9 @@ from tactile_node.logs.bag_records import message_count
 from tactile_node.logs.topic_bag import DIAGNOSTICS, SHAPE
 from tactile_node.shape.recognition import Recognition, Shape, TaughtShape
 from tactile_node.taxel_frame import TaxelStatus
+from tactile_node.viewing.charts import ABSENT
 from tactile_node.viewing.findings import Finding, findings
 from tactile_node.viewing.log_report import BagReporter
-from tactile_node.viewing.markup import ABSENT
 from tactile_node.viewing.model import Kind
 from tactile_node.viewing.report_page import page_of
 from tactile_node.viewing.touch_section import TAUGHT

@@ -7,7 +7,7 @@ import pytest
 from can_bench import wait_until
 
 from tactile_node.assembly.health import BusFault
-from tactile_node.bus.bus_network import BusSettings
+from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.slcan_pty import SlcanPty
 from tactile_node.skin.pads import make_pads, with_dictionaries

@@ -9,7 +9,8 @@ import pytest
 from can_bench import wait_until
 from serial.tools import list_ports
 
-from tactile_node.bus.bus_network import BusNetwork, BusSettings, open_bus
+from tactile_node.bus.bus_network import BusNetwork, open_bus
+from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.usb_port import UsbPort
 from tactile_node.errors import BusError
 from tactile_node.simulator.skin_simulator import SkinSimulator

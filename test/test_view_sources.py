@@ -7,7 +7,8 @@ import pytest
 from test_topic_bag import TAXELS, bag, store, taxel_array
 from viewed import NAN
 
-from tactile_node.bus.bus_network import BusSettings, open_bus
+from tactile_node.bus.bus_network import open_bus
+from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.cli.main import main
 from tactile_node.errors import BusError, ConfigurationError
 from tactile_node.simulator.skin_simulator import SkinSimulator

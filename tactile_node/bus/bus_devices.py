@@ -9,7 +9,8 @@ from canopen.objectdictionary import ODVariable
 from canopen.sdo import SdoClient
 
 from tactile_node.bus.bus_monitor import BusMonitor
-from tactile_node.bus.bus_network import BusNetwork, BusSettings
+from tactile_node.bus.bus_network import BusNetwork
+from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.device_setup import DeviceAsSet, DeviceSetup
 from tactile_node.bus.own_sdo import OwnSdoClient
 from tactile_node.cia301.emergency import DeviceErrors

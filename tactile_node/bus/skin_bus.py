@@ -14,7 +14,8 @@ from tactile_node.assembly.health import BusFault, Failure
 from tactile_node.assembly.router import Router
 from tactile_node.bus.bus_devices import BusDevices
 from tactile_node.bus.bus_monitor import BusMonitor
-from tactile_node.bus.bus_network import BusNetwork, BusSettings, open_bus
+from tactile_node.bus.bus_network import BusNetwork, open_bus
+from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.domain_polling import DomainPolling
 from tactile_node.bus.load import refuse_full_bus
 from tactile_node.bus.threads import Pacer

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.assembly.fault_text import load_text
-from tactile_node.bus.bus_network import DEFAULT_BITRATE
+from tactile_node.bus.bus_settings import DEFAULT_BITRATE
 from tactile_node.bus.load import MOST_LOAD, planned_load, sweep_bits, sweep_period, tpdo_bits
 from tactile_node.errors import ConfigurationError
 from tactile_node.package_files import config_path

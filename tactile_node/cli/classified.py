@@ -18,8 +18,7 @@ from tactile_node.library.stream import ContactFollower
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.moments import check_pitch
 from tactile_node.pose.outlines import OUTLINES
-from tactile_node.shape.methods import LEARNED, VOLF
-from tactile_node.shape.recognition import Recognition, ShapeClass
+from tactile_node.shape.recognition import LEARNED, VOLF, Recognition, ShapeClass
 
 POSE = 'x', 'y', 'angle'
 SIDES = 'long', 'short'  #: of the least rectangle

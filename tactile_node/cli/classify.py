@@ -4,7 +4,7 @@ import argparse
 
 from tactile_node.cli.records import add_array_arguments
 from tactile_node.errors import ConfigurationError
-from tactile_node.shape.methods import DEFAULT, FILES, LEARNED, VOLF
+from tactile_node.shape.recognition import DEFAULT, FILES, LEARNED, VOLF
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:

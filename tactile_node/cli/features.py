@@ -4,7 +4,7 @@ import argparse
 
 from tactile_node.cli.records import add_array_arguments
 from tactile_node.errors import InputError
-from tactile_node.helmholtz.features import Group
+from tactile_node.helmholtz.feature_groups import Group
 
 #: as written on the command line, in the order of the help
 GROUPS = {name.lower(): group for name, group in Group.__members__.items()}

@@ -5,14 +5,15 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from tactile_node.bus.bus_network import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE, BusNetwork, open_bus
-from tactile_node.bus.reception import Batch
+from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE
 from tactile_node.cia301.objects import MAX_NODE_ID
 from tactile_node.errors import BusError, ConfigurationError
 from tactile_node.logs.replay_times import Window
-from tactile_node.shape.methods import LEARNED
+from tactile_node.shape.recognition import LEARNED
 
 if TYPE_CHECKING:
+    from tactile_node.bus.bus_network import BusNetwork
+    from tactile_node.bus.reception import Batch
     from tactile_node.library.contacts import Recogniser
 
 DEFAULT_LAYOUT = 'sim16x16.yaml'
@@ -169,8 +170,9 @@ def eds_of(args: argparse.Namespace) -> list[str]:
 
 
 @contextmanager
-def opened_network(args: argparse.Namespace, on_batch: Callable[[Batch], None]) -> Iterator[BusNetwork]:
+def opened_network(args: argparse.Namespace, on_batch: 'Callable[[Batch], None]') -> 'Iterator[BusNetwork]':
     """The bus that the options of `add_bus_options` name. Raises BusError, also where it fails meanwhile."""
+    from tactile_node.bus.bus_network import BusNetwork, open_bus  # python-can, of which completion must not wait
     failures: list[Exception] = []
     network = BusNetwork(open_bus(args.interface, args.channel, args.bitrate, {}), on_batch,
                          lambda fault, error: failures.append(error), name=f'{args.interface} {args.channel}')

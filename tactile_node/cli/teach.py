@@ -34,9 +34,8 @@ from tactile_node.learning.teach import (
 from tactile_node.learning.touches import Touches
 from tactile_node.output_file import check_writable, output_file
 from tactile_node.package_files import config_path
-from tactile_node.shape.methods import FILES, LEARNED
 from tactile_node.shape.recogniser import KINDS, ShapeRecogniser, read_arrays
-from tactile_node.shape.recognition import TaughtShape
+from tactile_node.shape.recognition import FILES, LEARNED, TaughtShape
 
 TOUCHES = 30
 SEED = 0  #: of the variants of touches

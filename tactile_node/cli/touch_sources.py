@@ -10,7 +10,7 @@ import numpy as np
 
 from tactile_node.assembly.fault_text import failure_text
 from tactile_node.assembly.health import Failure
-from tactile_node.bus.bus_network import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE, BusSettings
+from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE, BusSettings
 from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.cli.frame_file import read_frames
 from tactile_node.cli.options import eds_of, layouts_of, node_ids_of

@@ -9,7 +9,7 @@ and open http://localhost:8080.
 import argparse
 from threading import Event
 
-from tactile_node.bus.bus_network import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE, BusSettings
+from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE, BusSettings
 from tactile_node.cli.options import (
     add_any_device_option,
     add_bus_options,

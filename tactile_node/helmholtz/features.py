@@ -14,6 +14,7 @@ import numpy as np
 
 from tactile_node.errors import InputError
 from tactile_node.helmholtz.eigenvalues import Problem, smallest_eigenvalues
+from tactile_node.helmholtz.feature_groups import Group as Group
 from tactile_node.helmholtz.operators import WEIGHTS, Stencil
 from tactile_node.helmholtz.rotation import ANGLES, with_rotated
 from tactile_node.helmholtz.taxel_list import TaxelList, Weights, ringed_taxel_list, taxel_list
@@ -67,23 +68,6 @@ def information(taxels: TaxelList, stencil: Stencil) -> Information:
     squared = taxels.per_pattern(sums * sums) / weights.denominator ** 2
     with np.errstate(invalid='ignore'):
         return Information(taxels.per_pattern(sums) / weights.denominator, squared, squared / taxels.counts)
-
-
-class Group(Flag):
-    """Which features to compute besides N, P05, P09; eigenvalues cost most."""
-
-    NONE = 0
-    INFORMATION5 = auto()
-    INFORMATION9 = auto()
-    GRAVITY5 = auto()
-    GRAVITY9 = auto()
-    EIGENVALUES = auto()
-    BORDER = auto()  #: the groups above also for the reduced matrices
-    ROTATED = auto()  #: min, max and dif over the rotations of everything computed
-    INFORMATION = INFORMATION5 | INFORMATION9
-    GRAVITY = GRAVITY5 | GRAVITY9
-    CLASSIFIER = INFORMATION5 | GRAVITY9 | ROTATED  #: what the paper's planes need
-    ALL = INFORMATION | GRAVITY | EIGENVALUES | BORDER | ROTATED
 
 
 TOGETHER = 400_000  #: taxels of rotated patterns described at a time: bounds the memory of large contacts

@@ -18,9 +18,9 @@ from tactile_node.pose import box
 from tactile_node.pose.box import ContactBox
 from tactile_node.pose.fit import ShapeFit, fit_contact
 from tactile_node.pose.moments import check_pitch
-from tactile_node.shape.methods import DEFAULT, make_recogniser
+from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.patch import join_pieces
-from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, TaughtShape
+from tactile_node.shape.recognition import DEFAULT, Recognition, Shape, ShapeClass, TaughtShape
 
 Kind = TypeVar('Kind')
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 
 from tactile_node.assembly.frame_source import FrameSource, OnFrame
-from tactile_node.bus.bus_network import BusSettings
+from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.errors import ConfigurationError
 from tactile_node.logs.log_writer import MEGABYTE
 from tactile_node.ros.settings import DriverSettings

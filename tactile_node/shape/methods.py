@@ -12,14 +12,9 @@ from tactile_node.helmholtz.features import Features, Group, compute_features
 from tactile_node.package_files import config_path
 from tactile_node.shape.completion import completions, distinct, hidden_taxels_matter
 from tactile_node.shape.recogniser import ShapeRecogniser
-from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, UnknownReason
+from tactile_node.shape.recognition import DEFAULT, FILES, LEARNED, VOLF, Recognition, Shape, ShapeClass, UnknownReason
 from tactile_node.shape.shapeless import is_shapeless
 from tactile_node.shape.volf import GROUPS, VolfClassifier
-
-LEARNED, VOLF = 'learned', 'volf'
-DEFAULT = LEARNED
-FILES = {LEARNED: 'recogniser.npz', VOLF: 'volf_curves.yaml'}  #: what each reads by default, in config/
-
 
 #: of the frame as it is, and of each of its completions: any of these that differs keeps the confidence below 0.9
 WEIGHTS = (1 / 2, 1 / 6, 1 / 6, 1 / 6)

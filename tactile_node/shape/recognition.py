@@ -6,6 +6,11 @@ from enum import Enum, IntEnum
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias, TypeVar
 
+#: The recognition methods by name; here, so that a command line knows them at once.
+LEARNED, VOLF = 'learned', 'volf'
+DEFAULT = LEARNED
+FILES = {LEARNED: 'recogniser.npz', VOLF: 'volf_curves.yaml'}  #: what each reads by default, in config/
+
 
 class Shape(str, Enum):
     """The classes; the values are the names used in files, on topics and on the command line."""

@@ -9,7 +9,8 @@ import can
 from canopen import Network
 from canopen.network import PeriodicMessageTask
 
-from tactile_node.bus.bus_network import DEFAULT_BITRATE, BusNetwork, open_bus
+from tactile_node.bus.bus_network import BusNetwork, open_bus
+from tactile_node.bus.bus_settings import DEFAULT_BITRATE
 from tactile_node.bus.reception import Batch
 from tactile_node.cia301.frame_bits import Frame, Stuffing, bits_of
 from tactile_node.simulator.device import SimulatedDevice, TaxelSource

@@ -7,7 +7,7 @@ from tactile_node.assembly.fault_text import OVERLOAD_PHRASES, command_text, loa
 from tactile_node.assembly.frame_source import BusStatistics
 from tactile_node.assembly.health import Overload, SyncFault, SyncState
 from tactile_node.bus.bus_monitor import BusMonitor
-from tactile_node.bus.bus_network import BusSettings
+from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.load import MOST_LOAD, BusLoad, planned_load
 from tactile_node.bus.threads import Reminder
 from tactile_node.skin.pads import LivePad

@@ -14,7 +14,7 @@ from tactile_node.assembly.fault_text import failure_text
 from tactile_node.assembly.frame_source import BusStatistics, OnFrame
 from tactile_node.assembly.health import BusHealth, Failure
 from tactile_node.bus.bus_monitor import BusMonitor
-from tactile_node.bus.bus_network import BusSettings
+from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.errors import BusError
 from tactile_node.skin.pads import LivePad

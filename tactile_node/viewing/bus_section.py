@@ -14,8 +14,23 @@ from tactile_node.cia301.objects import (
     state_name,
 )
 from tactile_node.taxel_frame import TaxelStatus
-from tactile_node.viewing.charts import Points, cells, chart, colour_bar, grid, heat_cells, thinned
-from tactile_node.viewing.markup import Html, facts, folded, joined, legend_of, paragraph, safe, table
+from tactile_node.viewing.charts import (
+    Html,
+    Points,
+    cells,
+    chart,
+    colour_bar,
+    facts,
+    folded,
+    grid,
+    heat_cells,
+    joined,
+    legend_of,
+    paragraph,
+    safe,
+    table,
+    thinned,
+)
 from tactile_node.viewing.model import BusFacts, BusLoad, Gap, NodeFacts, PadFacts, TaxelHealth
 from tactile_node.viewing.status_record import Mark, marks_of, no_value_share
 from tactile_node.viewing.touch_section import reading, touch_section

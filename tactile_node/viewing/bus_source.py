@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Protocol
 
-from tactile_node.bus.bus_network import BusSettings
+from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.threads import StoppableThread
 from tactile_node.errors import BusError, TactileError
 from tactile_node.library.contacts import Recogniser

@@ -7,7 +7,7 @@ import numpy as np
 from tactile_node.colour_map import PALETTE
 from tactile_node.helmholtz.features import compute_features
 from tactile_node.package_files import config_path
-from tactile_node.shape.methods import FILES, VOLF
+from tactile_node.shape.recognition import FILES, VOLF
 from tactile_node.shape.volf import GROUPS, SMALLEST, Plane, VolfClassifier, axes, plane_feature
 from tactile_node.taxel_frame import TaxelStatus
 from tactile_node.viewing.colours import levels

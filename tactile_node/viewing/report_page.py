@@ -4,8 +4,8 @@ from string import Template
 
 from tactile_node.logs.damage import damage_lines, utc
 from tactile_node.viewing.bus_section import bus_section, nodes_section, pad_section
+from tactile_node.viewing.charts import Html, facts, joined, paragraph, safe
 from tactile_node.viewing.findings import findings, sentence
-from tactile_node.viewing.markup import Html, facts, joined, paragraph, safe
 from tactile_node.viewing.model import Report
 
 STYLE = '''body { font: 14px/1.45 system-ui, sans-serif; max-width: 68em;

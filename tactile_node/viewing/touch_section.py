@@ -6,8 +6,23 @@ import numpy as np
 
 from tactile_node.contact.neighbours import SMALLEST_CONTACT
 from tactile_node.shape.recognition import Shape, ShapeClass
-from tactile_node.viewing.charts import Points, chart, colour_bar, grid, heat_cells, outline, thinned
-from tactile_node.viewing.markup import Html, facts, folded, joined, legend_of, paragraph, safe, table
+from tactile_node.viewing.charts import (
+    Html,
+    Points,
+    chart,
+    colour_bar,
+    facts,
+    folded,
+    grid,
+    heat_cells,
+    joined,
+    legend_of,
+    outline,
+    paragraph,
+    safe,
+    table,
+    thinned,
+)
 from tactile_node.viewing.model import PadFacts
 from tactile_node.viewing.touch import MOST_TOUCHES, PICTURED, Touch
 from tactile_node.viewing.touch_finder import PERIOD
