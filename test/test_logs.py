@@ -20,7 +20,7 @@ from tactile_node.errors import LogError
 from tactile_node.logs.bag_log import McapCanWriter
 from tactile_node.logs.log_reader import CanLogReader
 from tactile_node.logs.log_writer import CanLogWriter
-from tactile_node.simulator.recording import load_recording
+from tactile_node.simulator.touches import load_recording
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings
 from tactile_node.sources.log_source import LogSource

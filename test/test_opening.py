@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.grasp.frame_tree import FrameTree, Transform, rotation_matrix
-from tactile_node.grasp.gripper import Gripper, PadPose, contact_line
+from tactile_node.grasp.gripper import FrameTree, Gripper, PadPose, Transform, contact_line, rotation_matrix
 from tactile_node.grasp.opening import NOT_KNOWN, GapSource, LatestGap, LinearGap, is_plausible
 
 # Two 16x16 pads of 2 mm pitch, skin to skin when closed: the left looks along z, the right one, rotated by pi about x,

@@ -4,8 +4,8 @@ import io
 
 import pytest
 
-from tactile_node.cli import played_log
-from tactile_node.cli.played_log import counted, followed
+from tactile_node.cli import progress
+from tactile_node.cli.progress import counted, followed
 
 
 class Terminal(io.StringIO):
@@ -23,7 +23,7 @@ def work():
 
 @pytest.fixture(autouse=True)
 def at_once(monkeypatch):
-    monkeypatch.setattr(played_log, 'DELAY', 0)
+    monkeypatch.setattr(progress, 'DELAY', 0)
 
 
 def test_it_is_silent_where_stderr_is_no_terminal(capsys):

@@ -20,9 +20,8 @@ import numpy as np
 from tactile_node.bus.skin_bus import BusSettings, SkinBus
 from tactile_node.cia301.objects import HEARTBEAT, SYNC, NmtState
 from tactile_node.simulator.device import TaxelSource
-from tactile_node.simulator.recording import load_recording
 from tactile_node.simulator.skin_simulator import SkinSimulator
-from tactile_node.simulator.touches import touch_program
+from tactile_node.simulator.touches import load_recording, touch_program
 from tactile_node.simulator.world import CLASSES
 from tactile_node.skin.pads import LivePad, make_pad
 

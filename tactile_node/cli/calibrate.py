@@ -13,7 +13,8 @@ import numpy as np
 
 from tactile_node.cli.frame_file import read_frames
 from tactile_node.cli.options import add_log_options, add_output_option, node_ids_of
-from tactile_node.cli.played_log import counted, play_log
+from tactile_node.cli.played_log import play_log
+from tactile_node.cli.progress import counted
 from tactile_node.conditioning.gain import load_gains
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.learning.presses import Presses, find_presses, zeroed

@@ -8,7 +8,7 @@ import numpy as np
 
 from tactile_node.cli.frame_file import TaxelFrames, read_frames
 from tactile_node.cli.frame_png import Greys
-from tactile_node.cli.played_log import followed
+from tactile_node.cli.progress import followed
 from tactile_node.cli.records import KNOWN, Record, flattened, prints, write_records
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.contact.press import PRESS_FRACTION, PressThresholds

@@ -1,13 +1,10 @@
 """A CAN log, played to its end without ROS: what `replay` and `calibrate` share."""
 
 import sys
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
-from tqdm import tqdm
-
+from tactile_node.cli.progress import counted
 from tactile_node.errors import InputError, LogError
 from tactile_node.interruption import interruption
 from tactile_node.logs.damage import damage_lines
@@ -15,26 +12,6 @@ from tactile_node.logs.replay_times import WHOLE, Window
 from tactile_node.skin.pads import PadSettings
 from tactile_node.sources.log_source import LogSource
 from tactile_node.taxel_frame import TaxelFrame
-
-DELAY = 1.0  #: what takes less shows nothing [s]
-
-Item = TypeVar('Item')
-
-
-def followed(items: Iterable[Item], what: str, total: int, *, prints: bool, unit: str = ' frames') -> Iterator[Item]:
-    """Yield ``items`` and show how many of ``total`` are done.
-
-    ``prints``: their results go to standard output. Where that is a terminal they show the progress, and no bar does.
-    """
-    hidden = True if prints and sys.stdout.isatty() else None  # None: shown on a terminal only
-    yield from tqdm(items, what, total, unit=unit, delay=DELAY, disable=hidden, leave=False, dynamic_ncols=True)
-
-
-@contextmanager
-def counted(what: str, unit: str, total: int | None = None) -> Iterator[tqdm]:
-    """A bar whose ``update(n)`` counts ``n`` more; without ``total`` it shows count and rate alone."""
-    with tqdm(desc=what, total=total, unit=unit, delay=DELAY, disable=None, dynamic_ncols=True) as bar:
-        yield bar
 
 
 class PlayedLog(NamedTuple):

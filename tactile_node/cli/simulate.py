@@ -21,10 +21,9 @@ from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.interruption import interruption
 from tactile_node.simulator.device import TaxelSource
 from tactile_node.simulator.figures import MOST_SIDE, NAMED, Silhouette, named_silhouette, silhouette_of
-from tactile_node.simulator.recording import SIDE, load_recording
 from tactile_node.simulator.skin_simulator import SkinSimulator, WireSettings
 from tactile_node.simulator.slcan_pty import SlcanPty
-from tactile_node.simulator.touches import AREAS, HOLD, NOISE, gripper_sources
+from tactile_node.simulator.touches import AREAS, HOLD, NOISE, SIDE, gripper_sources, load_recording
 from tactile_node.simulator.world import CLASSES
 from tactile_node.skin.pads import PadSettings, make_pads, with_dictionaries
 

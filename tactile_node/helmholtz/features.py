@@ -6,7 +6,6 @@ minimum, maximum and difference over the 46 rotations.
 """
 
 from collections.abc import Mapping
-from enum import Flag, auto
 from types import MappingProxyType
 from typing import Any, NamedTuple
 

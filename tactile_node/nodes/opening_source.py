@@ -18,7 +18,7 @@ from rclpy.qos import QoSProfile, qos_profile_sensor_data
 
 from tactile_node.bus.threads import Reminder
 from tactile_node.errors import ConfigurationError
-from tactile_node.grasp.frame_tree import FrameTree
+from tactile_node.grasp.gripper import FrameTree
 from tactile_node.grasp.opening import NOT_KNOWN, GapSource, LatestGap, LinearGap, Opening, is_plausible, opening
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.node_health import start_health_timer

@@ -12,8 +12,7 @@ from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from geometry_msgs.msg import Transform as TransformMessage
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.grasp.frame_tree import Transform, rotation_matrix
-from tactile_node.grasp.gripper import PadPose
+from tactile_node.grasp.gripper import PadPose, Transform, rotation_matrix
 from tactile_node.grasp.opening import GapSource, LinearGap, Opening, is_plausible
 from tactile_node.ros.message_health import MessageCounts
 from tactile_node.skin.taxel_array import RejectReason, check_finite, check_time
