@@ -72,7 +72,7 @@ def _is_device(path: str | Path) -> bool:
 
 
 def _mode(target: Path) -> int:
-    """Of the file that is replaced, or as the umask gives it to a new one."""
+    """Return the mode of the file that is replaced, or the one that the umask gives a new file."""
     try:
         return target.stat().st_mode & 0o777
     except FileNotFoundError:

@@ -15,7 +15,7 @@ class Rate(NamedTuple):
 
     @classmethod
     def of(cls, right: np.ndarray) -> 'Rate':
-        """Of the True ones in ``right``, bool, shape (n,)."""
+        """Return the rate of the True ones in ``right``, bool, shape (n,)."""
         return cls(int(np.count_nonzero(right)), len(right))
 
     @property

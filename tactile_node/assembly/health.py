@@ -132,7 +132,7 @@ class NodeHealth(NamedTuple):
 
 
 class ErrorCounters(NamedTuple):
-    """Of the CAN controller (ISO 11898-1), as in its last error frame: 96 warns, above 127 it is error-passive."""
+    """Counters of the CAN controller (ISO 11898-1) in its last error frame: 96 warns, above 127 it is error-passive."""
 
     tx: int = 0
     rx: int = 0

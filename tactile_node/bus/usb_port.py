@@ -90,6 +90,6 @@ def _usb_ports(needs_place: bool = False) -> dict[str, UsbIdentity]:
 
 
 def _identity(port: Any, needs_place: bool) -> UsbIdentity:
-    """Of pyserial's ListPortInfo, whose location is '1-2', or '1-2:1.0' where the adapter has several interfaces."""
+    """Take pyserial's ListPortInfo, whose location is '1-2', or '1-2:1.0' where an adapter has several interfaces."""
     place, _, interface = (port.location or '').partition(':')
     return UsbIdentity(port.vid, port.pid, port.serial_number or '', interface, place if needs_place else '')

@@ -78,7 +78,7 @@ def bits_of(stuffing: Stuffing) -> Callable[[Frame], int]:
 
 
 def crc15(bits: int, width: int, crc: int = 0) -> int:
-    """Of the last ``width`` bits of the number ``bits``, the highest first."""
+    """Return the CRC of the last ``width`` bits of the number ``bits``, the highest first."""
     for place in reversed(range(width)):
         is_fed_back = bits >> place & 1 ^ crc >> CRC_BITS - 1
         crc = crc << 1 & 0x7FFF ^ CRC_POLYNOMIAL * is_fed_back

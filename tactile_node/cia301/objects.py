@@ -57,7 +57,7 @@ DEVICE_NAME = 0x1008
 HARDWARE_VERSION = 0x1009
 SOFTWARE_VERSION = 0x100A
 STORE_PARAMETERS = 0x1010  #: sub 1 all, 2 communication, 3 application
-RESTORE_PARAMETERS = 0x1011  #: the same
+RESTORE_PARAMETERS = 0x1011  #: sub 1 all, 2 communication, 3 application
 PRODUCER_HEARTBEAT_TIME = 0x1017
 IDENTITY = 0x1018  #: sub 1 vendor, 2 product, 3 revision, 4 serial number
 TPDO_COMMUNICATION = 0x1800  #: of TPDO 1; sub 1 COB-ID, 2 transmission type
@@ -115,7 +115,7 @@ PROFILE_EVENT = 255  #: at an event that the device profile defines
 
 # Times in the communication record (CiA 301, 7.5.2.37)
 INHIBIT_TIME, INHIBIT_UNIT = 3, 1e-4  #: sub-index and unit [s]: least time between two transmissions of one TPDO
-EVENT_TIMER, EVENT_TIMER_UNIT = 5, 1e-3  #: the same of the most time; 0: off
+EVENT_TIMER, EVENT_TIMER_UNIT = 5, 1e-3  #: sub-index and unit [s]: most time between two transmissions; 0: off
 MAX_TIME = 0xFFFF  #: of both, in their units
 
 # Multiplexed PDO in source addressing mode: node-ID, index and sub-index of one object, and its value

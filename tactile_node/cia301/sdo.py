@@ -33,7 +33,7 @@ SDO_BYTES = 8  #: every SDO frame has as many
 SEGMENT_BYTES = 7  #: data in one segment
 MAX_BLOCK_SEGMENTS = 127
 COMMAND = 0xE0  #: mask of the command specifier
-BLOCK_COMMAND = 0xE3  #: the same and the sub-command of a block transfer
+BLOCK_COMMAND = 0xE3  #: mask of the command specifier and the sub-command of a block transfer
 
 # Of the client
 INITIATE_BLOCK_REQUEST = REQUEST_BLOCK_UPLOAD | INITIATE_BLOCK_TRANSFER

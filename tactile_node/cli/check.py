@@ -114,7 +114,7 @@ def _facts(layout: SkinLayout, use: Use) -> dict:
 
 
 def _loads(layout: SkinLayout, use: Use) -> dict[float, float]:
-    """Of the bus, by the time between two sweeps [s]; without SYNC that is the device's own."""
+    """Return the load of the bus by the time between two sweeps [s]; without SYNC that is the device's own."""
     periods = (use.sync_period, *PERIODS) if layout.event_driven is None else (layout.event_driven.period,)
     return {period: planned_load([layout] * use.pads, use.bitrate, period)
             for period in sorted(set(periods), reverse=True)}

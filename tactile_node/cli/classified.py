@@ -81,7 +81,7 @@ def _check_length(option: str, length: float) -> None:
 
 
 def _columns(classes: Sequence[ShapeClass]) -> list[str]:
-    """Of all records, in the order of their names."""
+    """Return the names of all records' columns, in their order."""
     dimensions = list(dict.fromkeys(name for outline in OUTLINES.values() for name in outline.dimensions))
     return [*KNOWN, 'shape', 'reason', 'confidence',
             *(f'probabilities.{shape.value}' for shape in classes), 'N', 'contacts', 'held', 'fused_frames', 'hollow',

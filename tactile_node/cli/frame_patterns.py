@@ -75,5 +75,5 @@ def _records(args: argparse.Namespace) -> Iterator[Record]:
 
 
 def _columns(wanted: Group) -> list[str]:
-    """Of every frame, also of one without a contact."""
+    """Return the columns of every frame, also of one without a contact."""
     return [*KNOWN, *flattened(compute_features(np.ones((2, 2), bool), wanted).as_json())]

@@ -38,7 +38,7 @@ def names(text: str) -> list[str]:
 
 
 def pad_names(text: str) -> list[str]:
-    """As `names`; one with a blank is taken for several that no comma separates."""
+    """Return the names as `names` does; one with a blank is taken for several that no comma separates."""
     if any(len(name.split()) > 1 for name in names(text)):
         raise ConfigurationError('--pads', expected='names separated by commas', got=repr(text),
                                  remedy='For example --pads left,right.')

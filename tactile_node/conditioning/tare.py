@@ -259,7 +259,7 @@ class TaredPad:
         self._ended = ''
 
     def _measure_next(self, frames: int, limit: float, timeout: float) -> Tare:
-        """As ``tare``, but only measure."""
+        """Measure as ``tare`` does, but change nothing."""
         taken = self._take_next(frames, timeout)
         return measure(taken, limit, self._guard, 0.0 if self.offset is None else self.offset)
 

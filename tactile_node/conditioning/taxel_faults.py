@@ -165,7 +165,7 @@ class FaultDetector:
         return kinds
 
     def _stuck(self, pressed: np.ndarray) -> np.ndarray:
-        """Of ``pressed``: what was stuck stays so while it does not move, and is no neighbour to others."""
+        """Find stuck taxels: what was stuck stays so while it does not move, and is no neighbour to others."""
         still = pressed & (self._still >= CONTACTS)
         before = still & np.isin(self.faults.kinds, (TaxelFault.STUCK, TaxelFault.SATURATED))
         groups, count = label(pressed & ~before, structure=np.ones((3, 3)))

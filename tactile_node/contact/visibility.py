@@ -30,7 +30,7 @@ class Visibility(NamedTuple):
     #: a group of hidden taxels in the ring has room for the smallest contact, or for PART of this one: it may continue
     #: there. Fewer (scattered dead taxels) make its outline uncertain.
     outline_hidden: bool
-    inside_hidden: bool        #: the same of a group that the contact encloses: what presses there is not known
+    inside_hidden: bool        #: the contact encloses such a group: what presses there is not known
 
 
 def visibility_of(pattern: ContactPattern, smallest_contact: int = SMALLEST_CONTACT) -> Visibility:

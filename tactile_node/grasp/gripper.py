@@ -11,7 +11,7 @@ from tactile_node.errors import ConfigurationError
 
 
 class Transform(NamedTuple):
-    """Of a frame in another one."""
+    """Pose of a frame in another one."""
 
     rotation: np.ndarray     #: (3, 3), columns are the frame's axes
     translation: np.ndarray  #: (3,), the frame's origin [m]

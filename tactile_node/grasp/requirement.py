@@ -117,7 +117,7 @@ def _wrong_shape(requirement: Requirement, sides: tuple[SideShape, SideShape]) -
 
 
 def _wrong_line(requirement: Requirement, line: Line | None) -> Iterator[Missing]:
-    """Of what is not known neither 'fits' nor 'does not fit' can be said: there are other codes for it."""
+    """Give what does not fit; what is not known neither fits nor does not fit: there are other codes for it."""
     width, offset, misalignment = (line.width, line.offset, line.misalignment) if line else (math.nan,) * 3
     if requirement.min_width or requirement.max_width:
         if not math.isfinite(width):

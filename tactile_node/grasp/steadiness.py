@@ -50,7 +50,7 @@ class SteadinessSettings:
 
 
 class Speed(NamedTuple):
-    """Of a line through the centres."""
+    """Speed of the centres, by a line through them."""
 
     value: float   #: [m/s]
     error: float   #: it may be wrong by this much [m/s]
@@ -60,7 +60,7 @@ class Speed(NamedTuple):
 
 
 class Steadiness:
-    """Of one side; takes its centres in the order of their times.
+    """Steadiness of one side; takes its centres in the order of their times.
 
     >>> rest = Steadiness()
     >>> for i in range(50):

@@ -68,7 +68,7 @@ class GraspContact(IntEnum):
 
 
 class GraspState(NamedTuple):
-    """Of both pads at one time."""
+    """State of both pads at one time."""
 
     side_states: tuple[SideState, SideState]  #: left, right
     contact: GraspContact

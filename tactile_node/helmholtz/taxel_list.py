@@ -30,9 +30,9 @@ class TaxelList(NamedTuple):
     counts: np.ndarray           #: N of each pattern, shape (K,)
     number: np.ndarray           #: of the taxel within its pattern, from 0
     earlier_edge: np.ndarray     #: how many edge neighbours precede the taxel (above, left): 0-2
-    earlier_corner: np.ndarray   #: the same for diagonal neighbours (above)
+    earlier_corner: np.ndarray   #: how many diagonal neighbours precede the taxel (above): 0-2
     later_edge: np.ndarray       #: how many edge neighbours follow the taxel (right, below)
-    later_corner: np.ndarray     #: the same for diagonal neighbours (below)
+    later_corner: np.ndarray     #: how many diagonal neighbours follow the taxel (below)
 
     @property
     def total(self) -> int:
@@ -77,7 +77,7 @@ def taxel_list(masks: np.ndarray) -> TaxelList:
 
 
 def ringed_taxel_list(masks: np.ndarray) -> TaxelList:
-    """The same for ``masks`` (contiguous) each of which is surrounded by a ring of inactive taxels already.
+    """List the active taxels of ``masks`` (contiguous), each surrounded by a ring of inactive taxels already.
 
     The ring lets one flat shift stand for a neighbour: no row runs into the next.
     """

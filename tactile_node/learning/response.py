@@ -16,7 +16,7 @@ DIGITS = 6                 #: of what is written
 
 
 class SkinResponse(NamedTuple):
-    """Of all taxels of a skin."""
+    """Response of all taxels of a skin."""
 
     unit: str  #: of readings and pressures: 'Pa' or 'N'; '' for an array without a unit
     layer: Layer

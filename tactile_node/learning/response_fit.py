@@ -56,7 +56,7 @@ class Calibration(NamedTuple):
     exponent: float
     bend: float
     before: float    #: median error of the disc's radius without it, relative
-    after: float     #: the same with it
+    after: float     #: median error with it
     left_out: float  #: of each half of the presses, with the response found from the other half
 
 

@@ -91,7 +91,7 @@ def teach(recogniser: ShapeRecogniser, background: Background, shapes: Sequence[
 
 def _held_out_evidence(rest: Seen, labels: np.ndarray, shapes: Sequence[Examples], seen: Sequence[Seen],
                        progress: Callable[[], None]) -> list[np.ndarray]:
-    """Of the background and of each shape's examples, by heads that have not seen their fold or their touch."""
+    """Return evidence of the background and each shape's examples by heads that have not seen their fold or touch."""
     folds = [np.arange(len(labels)) % FOLDS, *(each.touch % FOLDS for each in shapes)]
     evidence = [np.full((len(fold), len(shapes)), -np.inf) for fold in folds]
     for left_out in range(FOLDS):

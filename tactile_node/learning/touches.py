@@ -107,7 +107,7 @@ def find_touches(frames: Iterable[np.ndarray], unit: str | None) -> Touches:
 
 
 def _touches(held: list[TouchFrame]) -> list[Touch]:
-    """Those between two frames without a contact: one, or several where the contact jumps without a lift."""
+    """Return the touches between two frames without a contact: one, or several where it jumps without a lift."""
     if not held:
         return []
     strengths = np.array([_strength(frame) for frame in held])

@@ -158,7 +158,7 @@ def _found(path: str | Path, since: int) -> Iterator[Recorded | Damage]:
 
 
 def _one(damages: list[Damage], begin: float | None, end: float | None) -> Damage:
-    """Those between two messages, as one."""
+    """Join the damages between two messages into one."""
     return reduce(Damage.joined, damages)._replace(begin=begin, end=end)
 
 

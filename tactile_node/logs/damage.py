@@ -32,7 +32,7 @@ class Damage(NamedTuple):
 
     @property
     def seconds(self) -> float | None:
-        """Of the recording at most, that are lost; None where it is its begin or its end."""
+        """Seconds of the recording that are lost at most; None where it is its begin or its end."""
         return None if self.begin is None or self.end is None else max(self.end - self.begin, 0.0)
 
     def joined(self, after: 'Damage') -> 'Damage':

@@ -152,7 +152,7 @@ class LogLines:
                 self._before = list(self._restart)
 
     def _judge(self, on_unread: Callable[[str], None]) -> None:
-        """Of the lines given, those of which came no frame."""
+        """Report the lines given of which came no frame, unless they are known to hold none."""
         given, self._given = self._given, []
         for line in given:
             if self._other.fullmatch(line) is None:

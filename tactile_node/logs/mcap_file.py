@@ -63,7 +63,7 @@ class McapFile:
 
     @property
     def channels(self) -> list[tuple[Channel, Schema | None]]:
-        """Those known so far, each with its schema."""
+        """The channels known so far, each with its schema."""
         return [(each, self._schemas.get(each.schema_id)) for each in self._channels.values()]
 
     def read(self, since: int = 0) -> Iterator[Stored | Damage]:

@@ -61,7 +61,7 @@ def following(path: Path) -> Sequence[int]:
 
 
 def suffix_of(path: Path) -> str:
-    """Of log.gz both."""
+    """Return the suffix of ``path``; of log.gz both."""
     return ''.join(path.suffixes[-2:]) if path.suffix == '.gz' else path.suffix
 
 

@@ -58,13 +58,13 @@ def seconds(stamp: Stamp) -> float:
 
 
 def geometry_of(message) -> PadGeometry:
-    """Of a TaxelArray that has passed `check_taxel_array`; fields that the bag's definition lacks are not known."""
+    """Take a TaxelArray that has passed `check_taxel_array`; fields that the bag's definition lacks are not known."""
     return PadGeometry(message.rows, message.cols, float(message.pitch), message.unit, message.header.frame_id,
                        float(getattr(message, 'layer_depth', 0.0)), float(getattr(message, 'layer_deviation', 0.0)))
 
 
 def frame_of(message) -> TaxelFrame:
-    """Of a TaxelArray that has passed `check_taxel_array`."""
+    """Return the frame of a TaxelArray that has passed `check_taxel_array`."""
     grid = message.rows, message.cols
     ages = None
     if len(getattr(message, 'tpdo_ages', ())):
@@ -117,7 +117,7 @@ class BagMessage(NamedTuple):
     topic: str
     type: str
     recorded: float  #: [s, Unix epoch]
-    #: the same by the clock of the taxel frames' stamps: a replay has those of its log, another computer its own
+    #: when, by the clock of the taxel frames' stamps: a replay has those of its log, another computer its own
     stamp: float
     content: Any
 
@@ -200,7 +200,7 @@ class TopicBagReader:
         yield BagMessage(recorded.topic, recorded.type, at, at + self._behind, content)
 
     def _first_behind(self) -> float:
-        """Of what comes before the first taxel array; 0 where none follows."""
+        """Return stamp - recorded of the first taxel array, for what comes before it; 0 where none follows."""
         first = next((TopicBagReader(self.path).frames()), None)
         return 0.0 if first is None else first.frame.stamp - first.recorded
 

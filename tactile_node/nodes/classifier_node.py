@@ -102,7 +102,7 @@ class ClassifierNode(Node):
         return shape
 
     def _age(self) -> Duration:
-        """Of what is made of the present message, when it is sent."""
+        """Return the age of what is made of the present message, when it is sent."""
         return age_message(self._contacts.arrival.age(time.monotonic()))
 
     def _fused(self, stamp: float, frame: Recognition) -> FusedRecognition:

@@ -77,7 +77,7 @@ class GuardedSubscription(Generic[Message]):
 
     @property
     def arrival(self) -> Arrival:
-        """Of the message of the chain that ``callback`` is called with. Raises RuntimeError before the first."""
+        """Arrival of the chain's message that ``callback`` is called with. Raises RuntimeError before the first."""
         if self._arrival is None:
             raise RuntimeError(f'{self.topic}: no message of the chain has arrived')
         return self._arrival

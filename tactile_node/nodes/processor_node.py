@@ -90,7 +90,7 @@ class ProcessorNode(Node):
         self._views.publish(message, contact, pattern)
 
     def _age(self) -> Duration:
-        """Of what is made of the present message, when it is sent."""
+        """Return the age of what is made of the present message, when it is sent."""
         return age_message(self._taxels.arrival.age(time.monotonic()))
 
 

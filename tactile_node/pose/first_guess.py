@@ -22,7 +22,7 @@ class Guess(NamedTuple):
 
 
 class Moments(NamedTuple):
-    """Of weighted taxels; places as complex numbers x + iy."""
+    """Moments of weighted taxels; places as complex numbers x + iy."""
 
     centre: complex
     covariance: np.ndarray

@@ -149,7 +149,7 @@ def _guesses(evidence: Evidence, shape: Shape) -> list[Guess]:
 
 
 def _covariance(evidence: Evidence, shape: Shape, found: Candidate) -> np.ndarray:
-    """Of the outline's parameters, with weights by the last residuals."""
+    """Return the covariance of the outline's parameters, with weights by the last residuals."""
     weights = weights_after(shape, found.solution.prediction, evidence)
     information = reweighted(found, weights).solution.information
     count = len(found.problem.model.outline.parameters)
@@ -229,7 +229,7 @@ def _canonical(shape: Shape, handedness: int, parameters: np.ndarray,
 
 
 def _nearest_zero(angle: float, symmetry: int) -> float:
-    """Of all equivalent angles the one in (-π/symmetry, π/symmetry]."""
+    """Return the one of all equivalent angles that is in (-π/symmetry, π/symmetry]."""
     period = 2 * np.pi / symmetry
     return -((period / 2 - angle) % period - period / 2)
 

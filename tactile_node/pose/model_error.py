@@ -37,7 +37,7 @@ class Loading(NamedTuple):
 
 
 class ModelError(NamedTuple):
-    """Of x, y, angle (but a circle's) and the dimensions."""
+    """Errors of x, y, angle (but a circle's) and the dimensions."""
 
     bias: tuple[float, ...]       #: under a punch or a dome
     of_size: tuple[float, ...]    #: added, per 1 / inscribed radius [pitches]
@@ -146,11 +146,11 @@ PATTERN_NOISE = 0.02    #: least variance of an on/off taxel
 
 
 class Calibration(NamedTuple):
-    """Of one shape."""
+    """Calibration of one shape."""
 
     rim: float       #: of a taxel that feels the whole outline: what the model leaves out [fraction of level]
     pressure: float  #: factor of the covariance
-    on_off: float    #: the same for on/off patterns, whose noise is only a picture of what is not known
+    on_off: float    #: factor for on/off patterns, whose noise is only a picture of what is not known
     at_edge: float   #: a further factor of pressures at the pad's edge: what lies beyond is a guess
 
 

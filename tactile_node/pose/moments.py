@@ -27,7 +27,7 @@ ROUND = 0.02  #: relative difference of the two second moments below which no ax
 
 
 class ContactMoments(NamedTuple):
-    """Of one contact, in the pad's frame; NaN where undefined and where the pad is not seen.
+    """Moments of one contact, in the pad's frame; NaN where undefined and where the pad is not seen.
 
     Standard deviations are those by the noise of the taxels; NaN where that is not known. A contact at the pad's edge
     ends there: its force is whole, though the object may be larger.
@@ -142,7 +142,7 @@ def _deviations(values: np.ndarray, mask: np.ndarray, of_contact: np.ndarray, *,
 
 
 def _centre_sd(deviation: np.ndarray, offset: np.ndarray, total: float) -> float:
-    """Of the weighted mean of places, whose derivative by a weight is ``offset`` from the mean / ``total``."""
+    """Return the sd of the weighted mean of places, whose derivative by a weight is ``offset`` from it / ``total``."""
     weighted = deviation * offset
     return float(np.sqrt(weighted @ weighted) / total) if total > 0 else float('nan')
 

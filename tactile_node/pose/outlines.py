@@ -85,7 +85,7 @@ def _rotation(angle: float) -> np.ndarray:
 
 
 def _template(*corners: tuple[tuple[float, ...], tuple[float, ...]]) -> np.ndarray:
-    """Of corners given as ((x by dimension), (y by dimension))."""
+    """Return the template of corners given as ((x by dimension), (y by dimension))."""
     template = np.array(corners, float)
     template.flags.writeable = False
     return template

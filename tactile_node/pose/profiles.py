@@ -50,7 +50,7 @@ BALL_LARGER, CONE_LARGER, CYLINDER_LARGER = np.sqrt(5 / 4), np.sqrt(3 / 2), np.s
 
 
 def _steps(beyond: np.ndarray, area: np.ndarray) -> np.ndarray:
-    """Of the mean pressure between neighbours, given the force ``beyond`` each outline and its ``area``, (k,)."""
+    """Return steps of the mean pressure between neighbours, by force ``beyond`` each outline and ``area``, (k,)."""
     force, ring = np.diff(beyond, append=1.0), -np.diff(area, append=0.0)
     return np.diff(force / ring, prepend=0.0)
 
@@ -91,7 +91,7 @@ def nested(profile: Profile, outline: Outline, parameters: np.ndarray) -> tuple[
 
 
 class Layer(NamedTuple):
-    """Of a calibrated skin."""
+    """Layer of a calibrated skin."""
 
     depth: float      #: of the taxels below the skin's surface [m]
     deviation: float  #: standard deviation of its logarithm

@@ -100,7 +100,7 @@ class BusDiagnostics:
 
 
 def unconfigured(health: BusHealth) -> tuple[Finding, ...]:
-    """Of a driver without a bus: why, or only that it is not configured."""
+    """Return the finding of a driver without a bus: why, or only that it is not configured."""
     if health.failure is not None:
         return (Finding(DiagnosticStatus.ERROR, failure_text(health.failure)),)
     return (Finding(DiagnosticStatus.STALE, 'not configured'),)
@@ -114,7 +114,7 @@ def diagnostic_array(node: str, finding: Finding, health: BusHealth) -> Diagnost
 
 
 def _nothing_yet(now: BusStatistics) -> BusStatistics:
-    """The same counts at zero: what was lost before the first message counts too."""
+    """Return the same counts at zero: what was lost before the first message counts too."""
     pads = {name: PadStatistics(complete=0, incomplete=0, expected=0, received=0, used=0, pending=0,
                                 losses=dict.fromkeys(pad.losses, 0)) for name, pad in now.pads.items()}
     return BusStatistics(pads, {})
@@ -219,7 +219,7 @@ def _pad_values(pad: PadStatistics) -> dict[str, object]:
 
 
 def _nodes_values(nodes: tuple[NodeHealth, ...]) -> dict[str, object]:
-    """Of several nodes the keys begin with ``node_<node-ID>_``."""
+    """Return the values of all nodes; of several nodes the keys begin with ``node_<node-ID>_``."""
     if len(nodes) == 1:
         return _node_values(nodes[0])
     return {f'node_{node.node_id}_{key.removeprefix("node_")}': value

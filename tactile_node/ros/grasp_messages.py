@@ -60,13 +60,13 @@ def _of_fit(message: ContactShape) -> tuple[Point, float, bool]:
 
 
 def _of_pressure(message: ContactShape) -> tuple[Point, float, bool]:
-    """The same of the centre of pressure, which saturation shifts, and every hidden taxel at the rim."""
+    """Return the centre of pressure like `_of_fit`; saturation shifts it, and so does every hidden taxel at the rim."""
     of_values = OF_PATTERN if math.isnan(message.force) else OF_PRESSURE
     return message.centre_of_pressure, of_values * _pitch(message), message.centre_of_pressure_is_bound
 
 
 def _pitch(message: ContactShape) -> float:
-    """Of the pad [m]; 0 without a contact."""
+    """Return the pitch of the pad [m]; 0 without a contact."""
     return math.sqrt(message.contact_areas[0] / message.taxels) if message.taxels and message.contacts else 0.0
 
 

@@ -61,7 +61,7 @@ class DelaySettings:
 
 
 class Delay(NamedTuple):
-    """Of one message."""
+    """Delay of one message."""
 
     held_back: float  #: beyond the least of the window, >= 0 [s]
     settled: bool     #: False: it may have been held back for any time
@@ -135,7 +135,7 @@ class DelayEstimator:
 
 
 class MeasurementTime:
-    """Of the messages of one sender, which send a measurement at once or not at all, or again and again.
+    """Measurement times of one sender's messages, which send a measurement at once or not at all, or again and again.
 
     ``use_stamps`` False: what is received is taken to be measured then. For simulated time, which runs at its own
     speed, and replays.

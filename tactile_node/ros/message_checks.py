@@ -32,7 +32,7 @@ from tactile_node.taxel_frame import TaxelStatus
 from tactile_skin.msg import Contact, ContactFeatures, ContactShape, ContactShapes, FeatureRange, Grasp
 
 MAX_FEATURES = 1000  #: of one message; ours have far fewer
-MAX_CLASSES = 1000  #: the same
+MAX_CLASSES = 1000  #: of one message; ours have far fewer
 TOLERANCE = 1e-3  #: of probabilities, which are float32
 NAME_OF_NUMBER = {number: shape.value for number, shape in SHAPE_OF_NUMBER.items()}
 SHAPE_NUMBERS_KNOWN = frozenset((*SHAPE_OF_NUMBER, ContactShape.OTHER))

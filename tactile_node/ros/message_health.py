@@ -31,7 +31,7 @@ class StreamFault(IntEnum):
 
 
 class MessageCounts(NamedTuple):
-    """Of one subscription since its node started. received = processed + overtaken + the sum of ``dropped``."""
+    """Counts of one subscription since its node started. received = processed + overtaken + the sum of ``dropped``."""
 
     received: int
     processed: int
@@ -149,13 +149,13 @@ def _level(found: Iterable[StreamFault]) -> bytes:
 
 
 def _age(now: Mapping[str, StreamHealth]) -> str:
-    """Of the topic whose newest data is oldest."""
+    """Return the age of the topic whose newest data is oldest."""
     oldest = max((stream.age for stream in now.values()), default=math.inf)
     return f'{oldest:.3f}' if oldest < math.inf else 'not known'
 
 
 def _stamps_offset(now: Mapping[str, StreamHealth], max_clock_offset: float) -> str:
-    """Of the topic whose stamps are farthest from the clock of this host."""
+    """Return the offset of the topic whose stamps are farthest from the clock of this host."""
     known = [stream.stamps_offset for stream in now.values() if not math.isnan(stream.stamps_offset)]
     return f'{max(known, key=abs):+.3f}' if known and max_clock_offset < math.inf else 'not known'
 

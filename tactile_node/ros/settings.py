@@ -65,7 +65,7 @@ class NodeSettings:
 
 @dataclass(frozen=True)
 class ReceiverSettings(NodeSettings):
-    """Those of a node that receives messages of the chain."""
+    """The parameters of a node that receives messages of the chain."""
 
     best_effort: bool = parameter(False, 'true: what is lost on the way to this node is not sent again but counted as '
                                   'skipped, so that what follows need not wait for it; for a link that loses packets')
@@ -75,7 +75,7 @@ class ReceiverSettings(NodeSettings):
 
     @property
     def input_qos(self) -> 'QoSProfile':
-        """Of the subscriptions; a lossless replay loses nothing, whatever ``best_effort`` says."""
+        """QoS of the subscriptions; a lossless replay loses nothing, whatever ``best_effort`` says."""
         from tactile_node.ros.qos import frames_qos
         return frames_qos(self.queue_depth, self.lossless, self.best_effort)
 

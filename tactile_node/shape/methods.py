@@ -90,7 +90,7 @@ class VisibilityGuard:
 
     def recognise(self, pattern: ContactPattern, features: Features | None = None,
                   visibility: Visibility | None = None) -> Recognition:
-        """As the method does; ``visibility`` of the pattern spares its computation where it is known.
+        """Recognise ``pattern``; its ``visibility``, where it is known, spares the computation of it.
 
         There is a probability of each of ``classes``, whatever the answer.
         """

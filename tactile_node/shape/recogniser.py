@@ -90,7 +90,7 @@ class ShapeRecogniser:
         return self.recognise_all([pattern])[0]
 
     def recognise_all(self, patterns: Sequence[ContactPattern]) -> list[Recognition]:
-        """As `recognise`, in less time than one after another."""
+        """Recognise each pattern as `recognise` does, in less time than one after another."""
         together = [joined(pattern) for pattern in patterns]
         whole = self._recognised([(pattern.values, mask) for pattern, mask in zip(patterns, together)])
         return [self._decided(pattern, mask, found) for pattern, mask, found in zip(patterns, together, whole)]
@@ -108,7 +108,7 @@ class ShapeRecogniser:
         return largest if gain > DOUBT else whole
 
     def _recognised(self, contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Recognition]:
-        """Of values and masks."""
+        """Return the recognition of each contact, given as values and mask."""
         found = [Recognition.certain(Shape.NONE)] * len(contacts)
         patches: dict[bool, list[tuple[int, Patch]]] = {False: [], True: []}
         for k, (values, mask) in enumerate(contacts):

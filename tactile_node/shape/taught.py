@@ -25,7 +25,7 @@ OWN = '_taught_', '_touch_'  #: in the names of arrays that are no part of the b
 
 
 class Head(NamedTuple):
-    """Of one kind of frames, for N shapes and embeddings of F numbers."""
+    """Head for one kind of frames, for N shapes and embeddings of F numbers."""
 
     weights: np.ndarray  #: (F, N)
     biases: np.ndarray   #: (N,)

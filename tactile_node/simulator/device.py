@@ -239,7 +239,7 @@ class SimulatedDevice:
         return int.from_bytes(self._words[piece.rank], 'little') >> piece.start & (1 << piece.bits) - 1
 
     def _compile(self, now: float) -> list[ConfiguredTpdo]:
-        """As their records stand now, and what is due without SYNC from now on."""
+        """Compile the TPDOs as their records stand now, and schedule what is due without SYNC from now on."""
         known = self._node.object_dictionary
         numbers = [i for i in range(objects.MAX_TPDOS) if objects.TPDO_COMMUNICATION + i in known]
         compiled = (self._records.compile(number) for number in numbers)

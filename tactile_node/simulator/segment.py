@@ -144,7 +144,7 @@ class LiveSegment(Segment):
         is_idle.wait(timeout)
 
     def report(self) -> WireReport:
-        """Of the time since the report before."""
+        """Return the report of the time since the one before."""
         answer: SimpleQueue[WireReport] = SimpleQueue()
         if not self._thread.is_alive():
             return self._report()

@@ -80,7 +80,7 @@ class WireNetwork(Network):
 
 
 class PeriodicFrame(PeriodicMessageTask):
-    """As python-can's cyclic task, in wire time."""
+    """A cyclic task like python-can's, in wire time."""
 
     def __init__(self, network: WireNetwork, can_id: int, data: bytes, period: float, remote: bool):
         self._network = network
@@ -129,7 +129,7 @@ class WireGateway:
                 self._segment.send(frame_of(message))
 
     def report(self) -> WireReport:
-        """Of the time since the report before."""
+        """Return the report of the time since the one before."""
         return self._segment.report()
 
     def wait_until_idle(self) -> None:

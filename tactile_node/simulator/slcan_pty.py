@@ -60,7 +60,7 @@ class SlcanPty(can.BusABC):
         self._send_lines([encode(msg)])
 
     def send_all(self, frames: Iterable[Frame]) -> None:
-        """As ``send``, many at once."""
+        """Send many frames at once, each as ``send`` does."""
         self._send_lines([line_of(frame) for frame in frames])
 
     def _send_lines(self, lines: list[bytes]) -> None:

@@ -126,7 +126,7 @@ SCAN = 0.005  # s between two looks at the taxels for what has changed
 
 
 class EventSchedule:
-    """Of the ``tpdos`` that have an event timer, from ``now`` on; others are never due.
+    """Schedule of the ``tpdos`` that have an event timer, from ``now`` on; others are never due.
 
     Type 254: all that have the same event timer are due together, one scan after another. Type 255: each when its
     bytes have changed, not sooner than its inhibit time after it was sent, and at the latest after its event timer.
@@ -138,7 +138,7 @@ class EventSchedule:
         self._sent: dict[int, tuple[float, bytes]] = {}  # when and what, by COB-ID
 
     def due(self, now: float, data: Callable[[ConfiguredTpdo], bytes]) -> list[ConfiguredTpdo]:
-        """Those to send now, in order; ``data``: what each would send."""
+        """Return those to send now, in order; ``data``: what each would send."""
         return [tpdo for tpdo in self._tpdos
                 if (self._is_changed(tpdo, now, data(tpdo)) if tpdo.is_on_change else self._is_timed(tpdo, now))]
 

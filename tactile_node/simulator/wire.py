@@ -75,7 +75,7 @@ class Sender:
         return waiting
 
     def clear(self) -> None:
-        """As when the supply is switched off."""
+        """Empty the queue, as when the supply is switched off."""
         self._queue.clear()
         self.sweeps = 0
         self._look()
@@ -135,7 +135,7 @@ class Wire:
 
     @property
     def next_start(self) -> float:
-        """Of the frame after the one under way [s]; infinite when none waits."""
+        """Start of the frame after the one under way [s]; infinite when none waits."""
         ready = math.inf
         for sender in self.senders:
             if sender.ready < ready:
@@ -171,7 +171,7 @@ STEP = 1e-5      #: s, resolution of the percentiles of lateness
 
 
 class WireReport(NamedTuple):
-    """Of the time since the report before."""
+    """Report of the time since the one before."""
 
     seconds: float     #: of the wire
     frames: int        #: carried, of all participants

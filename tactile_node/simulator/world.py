@@ -66,7 +66,7 @@ class Contact:
 
     @property
     def handedness(self) -> int:
-        """Of a right triangle 1, or -1 when mirrored; 1 for all others."""
+        """Handedness of a right triangle: 1, or -1 when mirrored; 1 for all others."""
         return int(self.dimensions[2]) if self.shape == 'right_triangle' else 1
 
     def outline(self, points: int = 64) -> np.ndarray:

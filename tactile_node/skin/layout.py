@@ -94,7 +94,7 @@ class MappedObject:
 
     @property
     def entry(self) -> int:
-        """As the record holds it: index, sub-index and bits in one UNSIGNED32."""
+        """Entry as the record holds it: index, sub-index and bits in one UNSIGNED32."""
         return self.index << 16 | self.subindex << 8 | self.bits
 
 

@@ -193,7 +193,7 @@ def _entry(tpdo: EdsTpdo, starts: list[int], place: int, cols: int) -> Iterator[
 
 
 def _usual_cob_id(number: int) -> CobId:
-    """Of the first four TPDOs that of CiA 301, 7.5.2.36; beyond, one that these leave free."""
+    """Return the COB-ID by CiA 301, 7.5.2.36, of the first four TPDOs; beyond, one that these leave free."""
     return CobId(0x180 + 0x100 * ((number - 1) % 4) + (number - 1) // 4, True)
 
 

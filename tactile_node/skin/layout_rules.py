@@ -179,7 +179,7 @@ def _fields(layout: SkinLayout) -> Iterator[tuple[int, TaxelField]]:
 
 
 def _distinct_pdos(layout: SkinLayout) -> list[TpdoLayout]:
-    """Of frames that are one multiplexed PDO only the first."""
+    """Return the TPDOs; of frames that are one multiplexed PDO only the first."""
     return [tpdo for i, tpdo in enumerate(layout.tpdos)
             if not tpdo.is_multiplexed or not any(_is_same_pdo(tpdo, one) for one in layout.tpdos[:i])]
 

@@ -154,7 +154,7 @@ def check_pads(pads: tuple[PadSettings, ...]) -> None:
 
 
 def live_pads(pads: tuple[PadSettings, ...]) -> tuple[LivePad, ...]:
-    """The same pads; ConfigurationError when one is without the EDS that a live bus needs."""
+    """Return the same pads; ConfigurationError when one is without the EDS that a live bus needs."""
     return tuple(_live(pad) for pad in pads)
 
 

@@ -139,7 +139,7 @@ class Supervisor:
             sync=self._watch.sync, overload=self._watch.overload, stalls=self._watch.stalls)
 
     def _timeouts(self, heartbeat_timeout: float) -> tuple[float, float]:
-        """Of heartbeat and of taxels [s]."""
+        """Return the timeouts of heartbeat and of taxels [s]."""
         return heartbeat_timeout, max(heartbeat_timeout, 5 * self._settings.sync_period)
 
     def _begin(self) -> None:

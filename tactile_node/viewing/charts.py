@@ -46,7 +46,7 @@ def folded(summary: str, content: Html, *, is_open: bool = False) -> Html:
 
 
 def joined(parts: Iterable[str]) -> Html:
-    """Of Html and of nothing else."""
+    """Join the parts; what is not Html is escaped."""
     return Html(''.join(safe(part) for part in parts))
 
 
@@ -131,7 +131,7 @@ MOST = 900  #: points of one line: more than one a pixel is not seen
 
 
 class Points(NamedTuple):
-    """Of one colour; ``x`` in seconds."""
+    """Points of one colour; ``x`` in seconds."""
 
     colour: str
     x: np.ndarray

@@ -164,7 +164,7 @@ class NodeRecords:
                 self._node(node_id).feed(base, bytes(message.data), message.timestamp)
 
     def facts(self) -> tuple[NodeFacts, ...]:
-        """Of all that were heard, and those of the pads, by node-ID."""
+        """Return the facts of all nodes that were heard, and of those of the pads, by node-ID."""
         for node_id in self._pads:
             self._node(node_id)
         return tuple(node.facts(node_id, self._pads.get(node_id)) for node_id, node in sorted(self._nodes.items()))

@@ -16,7 +16,7 @@ from tactile_node.viewing.source import Player, Shown, Source
 from tactile_node.viewing.states import GraspFacts, PadState
 
 OLD = 0.5          #: age from which on data are marked as old [s]
-OLD_SCENE = 1.0    #: the same of the 3-D view [s]
+OLD_SCENE = 1.0    #: age up to which the 3-D view is marked as current [s]
 PAGE_SILENT = 2.0  #: for which a page may get nothing before it says so [s]
 CLOCKS_APART = 5.0  #: from this difference of stamps and this computer on, the page reports two clocks [s]
 BARS = 4           #: most probable classes that are shown

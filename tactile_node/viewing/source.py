@@ -106,7 +106,7 @@ class Player(Protocol):
 
     @property
     def length(self) -> float:
-        """Of what is read so far [s]."""
+        """Length of what is read so far [s]."""
 
     @property
     def is_complete(self) -> bool:

@@ -37,7 +37,7 @@ class PadState(NamedTuple):
 
     pad: str
     stamp: float         #: of the acquisition [s, Unix epoch]
-    acquired: float      #: the same by the steady clock (time.monotonic) [s]; of a recording, when it was shown
+    acquired: float      #: its time by the steady clock (time.monotonic) [s]; of a recording, when it was shown
     values: np.ndarray   #: float, (rows, cols), NaN = no valid value
     status: np.ndarray   #: uint8 TaxelStatus, (rows, cols)
     pitch: float         #: [m]
@@ -89,14 +89,14 @@ class BusFacts(NamedTuple):
 
 
 def facts_of(statistics: BusStatistics, health: BusHealth, load_is_known: bool = True) -> BusFacts:
-    """Of a live bus or a log; a log knows no load."""
+    """Return the facts of a live bus or a log; a log knows no load."""
     counts = counters.read_counters(counters.BUS_LOSSES, statistics)
     return BusFacts(failure_text(health.failure), health.load if load_is_known else math.nan, _some(counts),
                     tuple(_pad(name, pad, health.nodes.get(name, ())) for name, pad in statistics.pads.items()))
 
 
 def facts_of_status(message: Any) -> BusFacts:
-    """Of a SkinStatus, from a topic or a bag."""
+    """Return the facts of a SkinStatus, from a topic or a bag."""
     counts = {loss.name: int(getattr(message, loss.name)) for loss in counters.BUS_LOSSES if loss.is_field}
     return BusFacts(message.failure, float(message.bus_load), _some(counts), tuple(map(_pad_of_status, message.pads)))
 

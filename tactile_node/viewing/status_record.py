@@ -19,7 +19,7 @@ STATUSES = len(TaxelStatus)
 
 
 class TaxelRecord:
-    """Of one pad, whose frames have one shape (rows, cols)."""
+    """Record of one pad's taxels; its frames have one shape (rows, cols)."""
 
     def __init__(self, rows: int, cols: int, unit: str):
         self._by_status = np.zeros((STATUSES, rows * cols), np.int64)

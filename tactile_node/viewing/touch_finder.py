@@ -162,7 +162,7 @@ class _OpenTouch:
 
 
 def _most_frequent(shapes: Sequence[ShapeClass]) -> ShapeClass:
-    """Of the touch's frames; a shape where there is one: a contact that comes or goes has none yet.
+    """Return the most frequent class of the frames, at a tie a shape: a contact that comes or goes has none yet.
 
     >>> _most_frequent([Shape.UNKNOWN, Shape.UNKNOWN, Shape.UNKNOWN, Shape.SQUARE, Shape.SQUARE]).value
     'unknown'
