@@ -8,8 +8,8 @@ from tactile_node.assembly.sender_run import Payload, SenderRun
 from tactile_node.cia301.frame_bits import Frame, worst_case_bits
 from tactile_node.cia301.objects import MAX_PDO_BYTES
 
-#: s that the bus was free for: more than adapters hold frames back (2 ms), or a device pauses between two TPDOs
-FREE_TIME = 0.0025
+#: s that the bus was free for: more than adapters hold frames back (2 ms), or a busy device pauses between two TPDOs
+FREE_TIME = 0.006
 LONGEST_FRAME_BITS = worst_case_bits(Frame(0, bytes(8), is_extended=True))
 SLOW_BITRATE = 125_000  #: bit/s, of a log, which does not say how long its frames have kept the bus busy
 
