@@ -69,6 +69,16 @@ def _enclosed_along_rows(mask: np.ndarray) -> np.ndarray:
     return between
 
 
+def box_of(mask: np.ndarray) -> tuple[slice, slice]:
+    """Return the rows and columns of the least box around the taxels of ``mask``, bool (rows, cols) with one at least.
+
+    >>> box_of(np.eye(4, dtype=bool)[:, 1:])
+    (slice(1, 4, None), slice(0, 3, None))
+    """
+    rows, cols = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(cols[0]), int(cols[-1]) + 1)
+
+
 def touches_edge(mask: np.ndarray) -> bool:
     """Return whether a taxel of ``mask``, bool (rows, cols), is in the first or last row or column.
 

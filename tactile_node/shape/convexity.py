@@ -3,13 +3,14 @@
 import numpy as np
 from scipy import ndimage
 
+from tactile_node.contact.neighbours import EIGHT_CONNECTED, box_of
+
 LEAST_CONVEXITY = 0.7  #: the five shapes fill more, gaps of speckle closed and rims filled; chosen on validation seeds
 PARTIAL_LEVEL = 0.2     #: of the contact's mean, pressures that belong to it
 #: directions in which the hull is measured, as columns of unit vectors
 ANGLES = np.radians(np.arange(0.0, 180.0, 7.5))
 AXES = np.stack((np.cos(ANGLES), np.sin(ANGLES)))
 ROUNDING = 0.01         #: places within so much of the hull are in it [pitches]
-EIGHT_CONNECTED = np.ones((3, 3), bool)
 
 
 def is_convex(values: np.ndarray, mask: np.ndarray) -> bool:
@@ -25,14 +26,14 @@ def is_convex(values: np.ndarray, mask: np.ndarray) -> bool:
     >>> is_convex(bar, bar > 0), is_convex(hook, hook > 0)
     (True, False)
     """
-    if _fills(mask, _box(mask)):
+    if _fills(mask, box_of(mask)):
         return True
     unseen = np.isnan(values)
     wide = mask | (np.where(unseen, 0.0, values) >= PARTIAL_LEVEL * float(np.nanmean(values[mask])))
     labels = ndimage.label(wide, EIGHT_CONNECTED)[0]
     is_of_contact = np.bincount(labels[mask], minlength=int(labels.max()) + 1) > 0
     wide = is_of_contact[labels]
-    rows, cols = _box(wide)
+    rows, cols = box_of(wide)
     inside, unseen = wide[rows, cols], unseen[rows, cols]
     hull = _hull(inside)
     if _fills(inside, hull & ~(unseen & ~inside)):
@@ -46,11 +47,6 @@ def _fills(taxels: np.ndarray, hull: np.ndarray | tuple[slice, slice]) -> bool:
     """Return whether ``taxels`` are LEAST_CONVEXITY of ``hull``, bool (rows, cols), or of a box of rows and columns."""
     part = taxels[hull]
     return bool(np.count_nonzero(part) >= LEAST_CONVEXITY * part.size)
-
-
-def _box(taxels: np.ndarray) -> tuple[slice, slice]:
-    rows, cols = np.flatnonzero(taxels.any(1)), np.flatnonzero(taxels.any(0))
-    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(cols[0]), int(cols[-1]) + 1)
 
 
 def _holes(rim: np.ndarray, at_edge: tuple[bool, bool, bool, bool]) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import ndimage
 
 from tactile_node.contact.left_over import LEAST_COMPACTNESS
-from tactile_node.contact.neighbours import grown
+from tactile_node.contact.neighbours import box_of, grown
 from tactile_node.contact.pattern import ContactPattern, number_contacts
 from tactile_node.contact.press import are_on_off
 from tactile_node.shape.patch import joined
@@ -114,14 +114,8 @@ def _is_string(mask: np.ndarray, together: np.ndarray) -> bool:
 
 def _extents(taxels: np.ndarray) -> tuple[int, int]:
     """Rows and columns of the least box around them."""
-    rows, cols = _box(taxels)
+    rows, cols = box_of(taxels)
     return rows.stop - rows.start, cols.stop - cols.start
-
-
-def _box(taxels: np.ndarray) -> tuple[slice, slice]:
-    """The least box around ``taxels``, as rows and columns."""
-    rows, cols = np.flatnonzero(taxels.any(1)), np.flatnonzero(taxels.any(0))
-    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(cols[0]), int(cols[-1]) + 1)
 
 
 def _is_rise(pattern: ContactPattern, together: np.ndarray) -> bool:
@@ -171,7 +165,7 @@ def _lines_rise(values: np.ndarray, taxels: np.ndarray, away: np.ndarray, quiet:
 
     ``quiet``: taxels away from it that are not pressed; they show the noise of these rows.
     """
-    rows_of_contact, _ = _box(taxels)
+    rows_of_contact, _ = box_of(taxels)
     used = quiet[rows_of_contact]
     if np.count_nonzero(used) >= LINE and _median(np.abs(values[rows_of_contact][used] - rest)) > SCATTER * most:
         return True
@@ -213,7 +207,7 @@ def _density_beside(pattern: ContactPattern, together: np.ndarray) -> float:
 
 def _box_around(taxels: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     """Return the taxels of the least box around ``taxels`` and MARGIN more."""
-    rows, cols = _box(taxels)
+    rows, cols = box_of(taxels)
     box = np.zeros(shape, bool)
     box[max(rows.start - MARGIN, 0):rows.stop + MARGIN, max(cols.start - MARGIN, 0):cols.stop + MARGIN] = True
     return box
