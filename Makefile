@@ -31,7 +31,7 @@ SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
 .PHONY: help setup demo check test coverage faults misled hosts bench train reproduce soak socketcan fuzz lint types \
-	architecture schema docs commands lowest dist kilted distros lock clean view-test
+	architecture docs commands lowest dist kilted distros lock clean view-test
 
 help:  ## say what there is
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
@@ -190,9 +190,6 @@ types: setup  ## types: mypy, strict for the numerical core and the way from a C
 
 architecture: setup  ## draw docs/architecture.png from the imports
 	@$(BIN)/python tools/draw_architecture.py
-
-schema: setup  ## write config/skin_layout.schema.json, the keys of a layout for editors and other programs
-	@PYTHONPATH=$(CURDIR) $(BIN)/python tools/make_schema.py
 
 commands: setup  ## every command in the documents, and what runs it or what it needs
 	@PYTHONPATH=$(CURDIR) $(BIN)/python tools/documented_commands.py

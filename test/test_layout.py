@@ -7,13 +7,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import jsonschema
-import make_schema
 import numpy as np
 import pytest
 import yaml
 from can_bench import TINY, tiny_layout
 
+from tactile_node.cia301.objects import ID_MASK, MAX_NODE_ID, MAX_TPDOS
 from tactile_node.errors import ConfigurationError
+from tactile_node.skin.layout import MAX_DOMAIN_BYTES, MAX_SIDE
 from tactile_node.skin.layout_file import load_layout, read_layout
 from tactile_node.skin.pads import PadSettings, check_pads, make_pad
 from tactile_node.skin.taxel_codec import TaxelCodec
@@ -161,9 +162,13 @@ VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
 WRONG = (None, 'many', True, -1, 1 << 40, [1], {})
 
 
-def test_the_file_is_what_the_tool_writes():
+def test_the_schema_is_one_and_its_bounds_are_those_of_the_reader():
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
-    assert make_schema.written() == make_schema.FILE.read_text(encoding='utf-8')
+    top = SCHEMA['properties']
+    tpdo, domain = top['tpdos']['items']['properties'], top['domain']['properties']
+    found = [of[key]['maximum'] for of, key in ((top, 'rows'), (top, 'cols'), (top, 'nodes'), (top, 'sync_cob_id'),
+                                                (tpdo, 'number'), (domain, 'bytes'))]
+    assert found == [MAX_SIDE, MAX_SIDE, MAX_NODE_ID, ID_MASK, MAX_TPDOS, MAX_DOMAIN_BYTES]
 
 
 @pytest.mark.parametrize('path', LAYOUTS, ids=lambda path: path.stem)

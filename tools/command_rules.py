@@ -38,7 +38,7 @@ RULES = (
     Rule(r'^sudo (ptp4l|phc2sys)\b', Kind.NETWORK, 'a network card with a PTP clock'),
     Rule(r'^pip install', Kind.NETWORK, 'test/test_installed.py installs the wheel'),
     Rule(r'pre-commit install', Kind.NETWORK, 'only writes a git hook'),
-    Rule(r'^make (setup|demo|docs|test|check|lint|commands|schema)\b', Kind.MINUTES, '.ci/run runs make test'),
+    Rule(r'^make (setup|demo|docs|test|check|lint|commands)\b', Kind.MINUTES, '.ci/run runs make test'),
     Rule(r'^make [\w-]+', Kind.MINUTES, 'by hand, before a release'),
     Rule(r'^python bench/', Kind.MINUTES, 'make bench'),
     Rule(r'^python -m training', Kind.MINUTES, 'make train'),
