@@ -14,14 +14,18 @@ Writes soak.csv and soak.png; ends with 1 when a TPDO that was sent was lost or 
 import argparse
 import csv
 import gc
+import json
 import logging
 import multiprocessing
 import os
+import signal
+import subprocess
 import sys
 import tempfile
 import threading
 import time
 from array import array
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -32,7 +36,6 @@ sys.path.insert(0, str(ROOT))
 
 import matplotlib
 import numpy as np
-from skin_process import SkinProcess
 
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.simulator.wire import WireReport
@@ -49,6 +52,7 @@ FULL_LOAD = 115.0  #: sweeps a second
 PERCENTILES = (50, 99, 99.9, 100)
 SENDER_LATE = ('p50', 'p99', 'max')
 NAP = 1e-3  #: s
+REPORT_TIMEOUT = 10.0  #: s
 NICE = -10  #: of driver and skin
 COLUMNS = ('minutes', 'taxel frames', 'of these incomplete', 'TPDOs not received', 'TPDOs lost', 'bus load %',
            'machine still ms', *(f'latency p{p:g} ms' for p in PERCENTILES), 'memory MB', 'driver CPU %',
@@ -82,6 +86,35 @@ class Row(NamedTuple):
         return [f'{100 * sender.load:.1f}', f'{100 * sender.peak_load:.1f}', f'{sender.skipped}', f'{sender.lost}',
                 *(f'{1e3 * late:.2f}' for late in (sender.late_p50, sender.late_p99, sender.late_max)),
                 f'{100 * sender.cpu / sender.seconds:.0f}']
+
+
+class SkinProcess:
+    """The simulated skin, which runs until ``end``; ``port`` is the adapter's, which it has opened."""
+
+    def __init__(self, folder: Path, layout: str, nodes: Sequence[int]):
+        self.port, self._file = str(folder / 'can'), folder / 'wire.jsonl'
+        command = [sys.executable, '-m', 'tactile_node.cli.main', 'simulate', '--pty', '--link', self.port, '--layout',
+                   layout, '--node-id', ','.join(map(str, nodes)), '--report', str(self._file)]
+        self._process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+        self._reports = 0
+        if not self._process.stdout or not self._process.stdout.readline():
+            sys.exit('the simulated skin has not started')
+
+    def report(self) -> WireReport:
+        """Of the time since the one before."""
+        self._process.send_signal(signal.SIGUSR1)
+        end = time.monotonic() + REPORT_TIMEOUT
+        while time.monotonic() < end:
+            lines = self._file.read_text(encoding='utf-8').split('\n') if self._file.exists() else []
+            if len(lines) - 1 > self._reports:
+                self._reports = len(lines) - 1
+                return WireReport(**json.loads(lines[-2]))
+            time.sleep(0.01)
+        sys.exit('the simulated skin does not report')
+
+    def end(self) -> None:
+        self._process.terminate()
+        self._process.wait()
 
 
 class Latencies:
