@@ -1,15 +1,14 @@
 """Pose, size, their covariance, fusion: how good and how fast, beside simple alternatives, in one run.
 
-Run from the checkout: python bench/bench_pose.py [--patterns 200] [--calibrate] [--picture]
-Writes docs/pose_results.md and docs/pose_failures.png. ``--calibrate`` instead prints the factors of
-tactile_node/pose/model_error.py, found on training seeds; everything else here is measured on evaluation seeds.
+Run from the checkout: python bench/bench_pose.py [--patterns 200] [--calibrate]
+Writes docs/pose_results.md. ``--calibrate`` instead prints the factors of tactile_node/pose/model_error.py, found on
+training seeds; everything else here is measured on evaluation seeds.
 """
 
 import argparse
 import os
 import sys
 import textwrap
-from collections.abc import Iterable
 from pathlib import Path
 from time import process_time
 
@@ -21,13 +20,13 @@ sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
 import numpy as np
 import pose_fusion
 import pose_mechanics
-import pose_pictures
 from pose_world import CONDITIONS, by_moments, by_rectangle, draw, error, same_handedness
-from scipy.stats import binom, binomtest, chi2
+from scipy.stats import binom, chi2
 
 from tactile_node.pose.fit import fit_shape
 from tactile_node.pose.moments import contact_moments
 from tactile_node.pose.outlines import OUTLINES
+from tactile_node.rate import Rate
 from tactile_node.shape.recognition import Shape
 from tactile_node.simulator.world import CLASSES, Purpose, generator
 
@@ -36,7 +35,6 @@ AREAS = (12, 20, 35, 50, 100)
 TARGETS = {'centre': 0.05, 'angle': 1.5, 'length': 2.0}  # medians at N = 50 on clean pressure frames
 SEED = 5
 COLUMNS = 120
-PICTURED = 'clean', 'all four', 'on/off'  #: conditions whose worst fits are drawn
 
 
 class Report:
@@ -95,11 +93,6 @@ def percentile(values, share: float) -> str:
     return f'{np.percentile(values, share):.3g}' if values else '-'
 
 
-def rate(hits: int, count: int) -> str:
-    interval = binomtest(int(hits), count).proportion_ci(method='wilson')
-    return f'{hits / count:.1%} [{interval.low:.1%}, {interval.high:.1%}]'
-
-
 def accuracy(report: Report, fitted: dict) -> None:
     report.say(f'## Errors at N = {AREA}, median [95 % interval]; 95th percentile')
     report.say('Centre in pitches, angle in degrees (by the symmetry that the fit declares), length: the worst '
@@ -147,7 +140,7 @@ def by_area(report: Report, count: int) -> None:
             of = [Fitted(shape, condition, area, count, purpose=Purpose.EVALUATION) for shape in CLASSES]
             inside = np.concatenate([one.distances() < 1 for one in of])
             rows.append([condition, str(area), _medians([each for one in of for each in one.errors]),
-                         rate(inside.sum(), len(inside))])
+                         str(Rate.of(inside))])
     report.table(['frames', 'N', 'centre / angle / length', '95 % region holds the truth'], rows)
 
 
@@ -157,13 +150,12 @@ def regions(report: Report, fitted: dict) -> None:
     report.say()
     inside = {key: of.distances() < 1 for key, of in fitted.items()}
     rows = [[condition, *(f'{inside[condition, shape].mean():.1%}' for shape in CLASSES),
-             rate(sum(inside[condition, shape].sum() for shape in CLASSES),
-                  sum(len(inside[condition, shape]) for shape in CLASSES))] for condition in CONDITIONS]
+             str(Rate.of(np.concatenate([inside[condition, shape] for shape in CLASSES])))] for condition in CONDITIONS]
     report.table(['frames', *CLASSES, 'all'], rows)
     for name, chosen in (('pressure', [c for c in CONDITIONS if c != 'on/off']), ('on/off', ['on/off'])):
         together = np.concatenate([inside[condition, shape] for condition in chosen for shape in CLASSES])
         share = together.mean()
-        report.say(f'- {name} frames together: {rate(together.sum(), len(together))}: '
+        report.say(f'- {name} frames together: {Rate.of(together)}: '
                    f'{"met" if 0.93 <= share <= 0.97 else "NOT MET"}')
     report.say()
 
@@ -179,8 +171,7 @@ def corners(report: Report, fitted: dict) -> None:
         wrong = np.array([each.angle > 60 for each in of.strict])
         said = np.array([fit.symmetry == 3 for fit in of.fits])
         handedness = fitted[condition, 'right_triangle'].handedness
-        rows.append([condition, rate(said.sum(), len(said)), rate(wrong.sum(), len(wrong)),
-                     rate((wrong & ~said).sum(), len(wrong)), rate(sum(handedness), len(handedness))])
+        rows.append([condition, *(str(Rate.of(each)) for each in (said, wrong, wrong & ~said, np.array(handedness)))])
     report.table(['frames', 'symmetry 3', 'wrong apex', 'wrong, unsaid', 'same handedness'], rows)
 
 
@@ -221,42 +212,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--patterns', type=int, default=200, help='of each shape and condition; default 200')
     parser.add_argument('--calibrate', action='store_true')
-    parser.add_argument('--picture', action='store_true', help='only draw pose_failures.png, of the same contacts')
     parser.add_argument('--output', type=Path, default=ROOT / 'docs')
     args = parser.parse_args()
     if args.calibrate:
         return calibrate(args.patterns)
-    if args.picture:
-        return draw_worst(all_fits(PICTURED, args.patterns), args.output)
     report = Report()
     report.say('# Pose, size and fusion, as measured')
     report.say(f'Written by `python bench/bench_pose.py --patterns {args.patterns}`; {args.patterns} fresh contacts a '
                'row, evaluation seeds.')
     report.say()
-    fitted = all_fits(CONDITIONS, args.patterns)
+    fitted = {(condition, shape): Fitted(shape, condition, AREA, args.patterns, purpose=Purpose.EVALUATION)
+              for condition in CONDITIONS for shape in CLASSES}
     for part in (accuracy, alternatives, regions, corners, times):
         part(report, fitted)
     by_area(report, max(args.patterns // 3, 20))
     pose_mechanics.report(report.say, report.table, max(args.patterns // 2, 20))
     pose_fusion.measure(report)
-    draw_worst(fitted, args.output)
-    report.say('## The worst of each shape\n\nBlue, solid: the truth; orange, dashed: the fit.\n\n'
-               '![worst fits](pose_failures.png)')
     (args.output / 'pose_results.md').write_text('\n'.join(report.lines) + '\n', encoding='utf-8')
     return None
-
-
-def all_fits(conditions: Iterable[str], count: int) -> dict[tuple[str, str], Fitted]:
-    return {(condition, shape): Fitted(shape, condition, AREA, count, purpose=Purpose.EVALUATION)
-            for condition in conditions for shape in CLASSES}
-
-
-def draw_worst(fitted: dict, folder: Path) -> None:
-    """Draw the worst fit of each shape; an apex that a fit has chosen wrong counts."""
-    worst = [(condition, max(((of.strict[i].centre + of.strict[i].length / 20, of.samples[i], of.fits[i], of.strict[i])
-                              for i in range(len(of.fits))), key=lambda each: each[0])[1:])
-             for (condition, _), of in fitted.items() if condition in PICTURED]
-    pose_pictures.draw(worst, folder / 'pose_failures.png')
 
 
 if __name__ == '__main__':

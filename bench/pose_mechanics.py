@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from pose_world import Error, error_from
-from scipy.stats import binomtest, chi2
+from scipy.stats import chi2
 
 from bench.recognition import mechanics
 from tactile_node import find_contact
@@ -16,6 +16,7 @@ from tactile_node.learning.response import SkinResponse
 from tactile_node.pose.evidence import gather
 from tactile_node.pose.fit import ShapeFit, fit_evidence, fit_shape
 from tactile_node.pose.outlines import OUTLINES
+from tactile_node.rate import Rate
 from tactile_node.shape.recognition import Shape
 from tactile_node.simulator.world import Purpose, generator
 from training.ground_truth.layer import measured, sample, stress_field
@@ -165,7 +166,6 @@ def report(say: Callable[[str], None], table: Callable[[list[str], list[list[str
 
 def _cells(row: Row) -> list[str]:
     angles = [error.angle for error in row.errors if error.angle == error.angle]
-    interval = binomtest(int(row.inside.sum()), len(row.inside)).proportion_ci(method='wilson')
     return [row.name, f'{row.area:g}', str(len(row.errors)), f'{row.bias:+.2f}', f'{row.spread:.2f}',
             f'{np.median([error.centre for error in row.errors]):.3f}', f'{np.median(angles):.2f}' if angles else '-',
-            f'{row.inside.mean():.0%} [{interval.low:.0%}, {interval.high:.0%}]', f'{np.median(row.residuals):.3f}']
+            str(Rate.of(row.inside)), f'{np.median(row.residuals):.3f}']

@@ -9,7 +9,7 @@ from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PressThresholds
 from tactile_node.pose.first_guess import guesses, moments_of
 from tactile_node.pose.fit import ShapeFit
-from tactile_node.pose.outlines import OUTLINES, outline_of
+from tactile_node.pose.outlines import OUTLINES
 from tactile_node.shape.recognition import Shape
 from tactile_node.simulator.figures import Skin, pressure_frame
 from tactile_node.simulator.world import Contact, random_contact
@@ -110,11 +110,6 @@ def by_rectangle(sample: Sample) -> np.ndarray:
         return np.array((*middle, (width + height) / 4))
     dimensions = ((width + height) / 2,) if len(outline.dimensions) == 1 else (width, height)
     return np.array((*middle, angle, *dimensions))
-
-
-def true_outline(contact: Contact) -> np.ndarray:
-    parameters, handedness = truth(contact)
-    return outline_of(Shape(contact.shape), handedness).corners(parameters)
 
 
 def same_handedness(fit: ShapeFit, contact: Contact) -> bool:
