@@ -2,21 +2,15 @@
 
 import numpy as np
 
-from tactile_node.contact.pattern import PatternExtractor
-from tactile_node.contact.visibility import visibility_of
 from tactile_node.grasp.gripper import Gripper, PadPose
 from tactile_node.grasp.opening import GapSource, Opening
 from tactile_node.grasp.tracker import SIDES, GraspSettings, GraspTracker
-from tactile_node.pose.box import contact_box
-from tactile_node.pose.fit import fit_contact
-from tactile_node.pose.moments import contact_moments
+from tactile_node.pose.pipeline import ContactPipeline, Taxels
 from tactile_node.ros.contact_messages import contact_message, taxel_array_message
 from tactile_node.ros.grasp_messages import grasp_message, side_result
 from tactile_node.ros.message_age import age_message
-from tactile_node.ros.shape_messages import Findings, shape_message
+from tactile_node.ros.shape_messages import shape_message
 from tactile_node.shape.methods import make_recogniser
-from tactile_node.shape.patch import join_pieces
-from tactile_node.shape.recognitions import RecognitionFusion
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_skin.msg import ContactShape, Grasp
 
@@ -27,8 +21,7 @@ EPOCH = 1.7e9  # s
 
 class _Pad:
     def __init__(self, name: str, recogniser):
-        self._name, self._recogniser = name, recogniser
-        self._extractor, self._fusion = PatternExtractor(unit=UNIT), RecognitionFusion()
+        self._name, self._pipeline = name, ContactPipeline(recogniser)
         self._sequence = 0
 
     def shape(self, values: np.ndarray, now: float) -> ContactShape:
@@ -36,18 +29,9 @@ class _Pad:
         self._sequence += 1
         taxels = taxel_array_message(TaxelFrame(EPOCH + now, self._sequence, values.astype(np.float32), status, 0),
                                      PITCH, UNIT, f'{self._name}_pad')
-        pattern = self._extractor.extract(values)
-        seen = visibility_of(pattern)
-        contact = contact_message(taxels, pattern, seen)
-        frame = self._recogniser.recognise(pattern, visibility=seen)
-        if frame.joined:
-            pattern = join_pieces(pattern)
-            seen = visibility_of(pattern)._replace(pad_seen=contact.pad_seen)
-        fused = self._fusion.update(EPOCH + now, frame)
-        fit = fit_contact(pattern, fused.recognition.shape, PITCH, visibility=seen) if pattern.mask.any() else None
-        moments = contact_moments(pattern.values, pattern.mask, PITCH, UNIT, seen, pattern.noise)
-        found = Findings(frame, fused, fit, moments, seen, pattern, contact_box(pattern, PITCH, seen))
-        return shape_message(contact, found, 'learned', 0.0)
+        found = self._pipeline.find(values, Taxels(PITCH, UNIT))
+        result = self._pipeline.recognise(found, EPOCH + now)
+        return shape_message(contact_message(taxels, found), result, 'learned', 0.0)
 
 
 class Chain:

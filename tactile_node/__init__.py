@@ -28,9 +28,10 @@ if TYPE_CHECKING:
         paper_features,
         plot_frame,
     )
-    from tactile_node.library.stream import ContactStream, StreamedContact
+    from tactile_node.library.stream import ContactStream
     from tactile_node.pose.box import ContactBox
     from tactile_node.pose.fit import ShapeFit
+    from tactile_node.pose.pipeline import StreamedContact
     from tactile_node.shape.recognition import Recognition, Shape
     from tactile_node.shape.recognitions import FusedRecognition, FusionSettings
 
@@ -50,9 +51,10 @@ _HOMES = {
     'helmholtz.features': ('Features', 'Group'),
     'library.contacts': ('Recogniser', 'contact_box', 'find_contact', 'fit_shape', 'paper_features',
                          'plot_frame'),
-    'library.stream': ('ContactStream', 'StreamedContact'),
+    'library.stream': ('ContactStream',),
     'pose.box': ('ContactBox',),
     'pose.fit': ('ShapeFit',),
+    'pose.pipeline': ('StreamedContact',),
     'shape.recognition': ('Recognition', 'Shape'),
 }
 

@@ -208,7 +208,8 @@ def test_of_single_arrays_and_of_all_pressed_taxels_nothing_is_left_over():
 def test_what_is_left_over_arrives_in_a_message_that_is_accepted(specks):
     """NOT_SEEN, never EMPTY, with the taxels as FAULTY and without a value, and with the noise of each taxel."""
     pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-    from tactile_node.ros.contact_messages import contact_message, pattern_of, taxel_array_message, taxel_values
+    from tactile_node.pose.pipeline import FoundContact, Taxels
+    from tactile_node.ros.contact_messages import contact_message, contact_of, taxel_array_message, taxel_values
     from tactile_node.ros.message_checks import check_contact, check_taxel_array
     from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
     from tactile_skin.msg import Contact
@@ -222,12 +223,12 @@ def test_what_is_left_over_arrives_in_a_message_that_is_accepted(specks):
                                      0.002, 'Pa', 'pad')
         assert check_taxel_array(taxels) is None
         pattern = extractor.extract(taxel_values(taxels))
-        message = contact_message(taxels, pattern, visibility_of(pattern))
+        message = contact_message(taxels, FoundContact.of(pattern, Taxels(0.002, 'Pa')))
         assert check_contact(message) is None
     assert message.state == Contact.NOT_SEEN and not message.pad_seen and not message.contacts
     codes = np.frombuffer(message.status, np.uint8).reshape(16, 16)
     assert (codes[stays] == TaxelStatus.FAULTY).all() and codes[15, 15] == TaxelStatus.STALE
-    arrived = pattern_of(message)
+    arrived = contact_of(message).pattern
     np.testing.assert_array_equal(arrived.hidden, pattern.hidden)
     np.testing.assert_allclose(arrived.noise, pattern.noise, rtol=1e-6)
     assert 300 < np.median(arrived.noise) < 700

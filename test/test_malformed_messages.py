@@ -21,7 +21,6 @@ from rclpy.type_hash import TypeHash
 from ros_bench import TIMEOUT, RosBench
 
 from tactile_node.contact.pattern import ContactPattern
-from tactile_node.contact.visibility import visibility_of
 from tactile_node.errors import InputError
 from tactile_node.grasp.opening import GapSource, Opening
 from tactile_node.grasp.tracker import GraspTracker, SideResult, SideState
@@ -31,10 +30,15 @@ from tactile_node.nodes.grasp_node import GraspNode
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.processor_node import ProcessorNode
 from tactile_node.nodes.replay import WINDOW, ReplayGate
-from tactile_node.pose.box import contact_box
 from tactile_node.pose.fit import fit_shape
-from tactile_node.pose.moments import contact_moments
-from tactile_node.ros.contact_messages import contact_message, features_message, taxel_array_message, taxel_values
+from tactile_node.pose.pipeline import FoundContact, StreamedContact, Taxels
+from tactile_node.ros.contact_messages import (
+    contact_message,
+    contact_of,
+    features_message,
+    taxel_array_message,
+    taxel_values,
+)
 from tactile_node.ros.grasp_messages import grasp_message, side_result
 from tactile_node.ros.message_checks import (
     RejectReason,
@@ -47,7 +51,7 @@ from tactile_node.ros.message_checks import (
 )
 from tactile_node.ros.message_health import MessageCounts, StreamFault, StreamHealth, health_status
 from tactile_node.ros.qos import frames_qos
-from tactile_node.ros.shape_messages import Findings, shape_message
+from tactile_node.ros.shape_messages import shape_message
 from tactile_node.ros.source_guard import HOLD
 from tactile_node.ros.time_messages import duration_message, time_message
 from tactile_node.shape.recognition import Recognition, Shape
@@ -85,25 +89,23 @@ def good_taxels(sequence=0) -> TaxelArray:
 def good_features(sequence=0) -> ContactFeatures:
     taxels = good_taxels(sequence)
     pattern = ContactPattern.of(taxel_values(taxels) > 0, taxel_values(taxels))
-    return features_message(taxels, pattern, visibility_of(pattern), compute_features(pattern.mask, Group.CLASSIFIER))
+    found = FoundContact.of(pattern, Taxels(PITCH, 'Pa'))
+    return features_message(taxels, found, compute_features(pattern.mask, Group.CLASSIFIER))
 
 
 def good_contact(sequence=0) -> Contact:
     taxels = good_taxels(sequence)
     pattern = ContactPattern.of(taxel_values(taxels) > 0, taxel_values(taxels))
-    return contact_message(taxels, pattern, visibility_of(pattern))
+    return contact_message(taxels, FoundContact.of(pattern, Taxels(PITCH, 'Pa')))
 
 
 def good_shape(sequence=0) -> ContactShape:
     contact = good_contact(sequence)
-    values = taxel_values(contact)
-    mask = values > 0
     frame = Recognition.of({Shape.SQUARE: 0.75, Shape.UNKNOWN: 0.25})
-    pattern = ContactPattern.of(mask, values)
-    found = Findings(frame, FusedRecognition(frame, STAMP, 1.5, 30), fit_shape(values, mask, Shape.SQUARE, PITCH),
-                     contact_moments(values, mask, PITCH, 'Pa'), visibility_of(pattern), pattern,
-                     contact_box(pattern, PITCH))
-    return shape_message(contact, found, 'learned', 0.0)
+    found = contact_of(contact)
+    fit = fit_shape(found.pattern.values, found.pattern.mask, Shape.SQUARE, PITCH)
+    result = StreamedContact(found.pattern, frame, FusedRecognition(frame, STAMP, 1.5, 30), fit, found)
+    return shape_message(contact, result, 'learned', 0.0)
 
 
 def good_shapes(sequence=0) -> ContactShapes:
@@ -325,7 +327,7 @@ def test_an_empty_pad_and_a_pad_without_valid_taxels_are_accepted():
         taxels.status = array('B', [status] * 256)
         assert check_taxel_array(taxels) is None
         pattern = ContactPattern.of(np.zeros((16, 16), bool), taxel_values(taxels))
-        features = features_message(taxels, pattern, visibility_of(pattern),
+        features = features_message(taxels, FoundContact.of(pattern, Taxels(PITCH, 'Pa')),
                                     compute_features(pattern.mask, Group.CLASSIFIER))
         assert check_contact_features(features) is None
 

@@ -10,8 +10,8 @@ from test_logs import DATA
 
 from tactile_node.conditioning.taxel_faults import TaxelFault
 from tactile_node.errors import LogError
-from tactile_node.library.contacts import Recogniser
 from tactile_node.logs.bag_records import message_count
+from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.recognition import Recognition, Shape
 from tactile_node.skin.pads import make_pads
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
@@ -201,7 +201,7 @@ def pressed(taxels, value=50e3, missing=False):
 
 def touches_of(frames, period=0.02):
     """``frames``: pairs of values and status, or None for a time without a frame."""
-    finder = TouchFinder(Recogniser(), 0.004, 'Pa')
+    finder = TouchFinder(make_recogniser(), 0.004, 'Pa')
     for k, pair in enumerate(frames):
         if pair is not None:
             finder.feed(TaxelFrame(BEGIN + k * period, k, *pair, 0))
@@ -239,7 +239,7 @@ def test_a_time_without_frames_ends_one():
 class Joining:
     """Recognises a square of all pieces."""
 
-    def recognise(self, contact):
+    def recognise(self, contact, visibility=None):
         return Recognition.certain(Shape.SQUARE)._replace(joined=True)
 
 

@@ -6,25 +6,22 @@ import numpy as np
 import pytest
 
 from tactile_node.contact.pattern import ContactPattern
-from tactile_node.contact.visibility import visibility_of
 from tactile_node.grasp.opening import NOT_KNOWN, GapSource, Opening
 from tactile_node.grasp.tracker import GraspTracker, SideState
 from tactile_node.helmholtz.features import Group, compute_features
-from tactile_node.pose.box import contact_box
-from tactile_node.pose.fit import fit_contact
-from tactile_node.pose.moments import contact_moments
+from tactile_node.pose.pipeline import FoundContact, StreamedContact, Taxels
 from tactile_node.ros.contact_messages import (
     contact_message,
+    contact_of,
     features_message,
     features_of,
-    pattern_of,
     taxel_array_message,
     taxel_values,
 )
 from tactile_node.ros.grasp_messages import grasp_message, side_result
 from tactile_node.ros.message_age import InputAge, age_seconds
 from tactile_node.ros.message_checks import RejectReason, check_contact_shape, check_grasp, check_taxel_array
-from tactile_node.ros.shape_messages import Findings, pose_message, shape_message
+from tactile_node.ros.shape_messages import pose_message, shape_message
 from tactile_node.ros.time_messages import time_message
 from tactile_node.shape.recognition import Recognition, Shape, TaughtShape, likeliest_known
 from tactile_node.shape.recognitions import FusedRecognition
@@ -34,6 +31,7 @@ from tactile_skin.msg import ContactShape, Grasp
 pytestmark = pytest.mark.ros
 
 PITCH = 0.002
+TAXELS = Taxels(PITCH, 'Pa')
 STAMP = 1_700_000_000.25
 
 
@@ -64,24 +62,22 @@ def block(rows, cols, value=50e3):
 def features(values):
     message = taxels(values)
     pattern = ContactPattern.of(np.asarray(values) > 0, taxel_values(message))
-    return features_message(message, pattern, visibility_of(pattern), compute_features(pattern.mask, Group.ALL))
+    return features_message(message, FoundContact.of(pattern, TAXELS), compute_features(pattern.mask, Group.ALL))
 
 
 def contact(values):
     message = taxels(values)
     pattern = ContactPattern.of(np.asarray(values) > 0, taxel_values(message))
-    return contact_message(message, pattern, visibility_of(pattern))
+    return contact_message(message, FoundContact.of(pattern, TAXELS))
 
 
 def shape(values, kind, solid_height=0.0):
     message = contact(values)
-    pattern = pattern_of(message)
+    found = contact_of(message)
     frame = Recognition.of({kind: 0.75, Shape.UNKNOWN: 0.25})
-    fit = fit_contact(pattern, kind, PITCH)
-    moments = contact_moments(pattern.values, pattern.mask, PITCH, 'Pa')
-    found = Findings(frame, FusedRecognition(frame, STAMP - 1.5, 1.5, 30), fit, moments, visibility_of(pattern),
-                     pattern, contact_box(pattern, PITCH))
-    return shape_message(message, found, 'learned', solid_height)
+    fused = FusedRecognition(frame, STAMP - 1.5, 1.5, 30)
+    result = StreamedContact(found.pattern, frame, fused, found.fit(kind), found)
+    return shape_message(message, result, 'learned', solid_height)
 
 
 def test_taxels_keep_values_nan_status_and_stamp():

@@ -14,7 +14,7 @@ from viewed import NAN, HandSource, contact, state
 from tactile_node.assembly.frame_source import BusStatistics, LossReason, PadStatistics
 from tactile_node.assembly.health import BusFault, BusHealth, Failure, NodeFault, NodeHealth
 from tactile_node.colour_map import PALETTE
-from tactile_node.library.contacts import Recogniser
+from tactile_node.shape.methods import make_recogniser
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.viewing.colours import FullScale, levels
 from tactile_node.viewing.force_chart import force_chart
@@ -129,7 +129,7 @@ def test_a_failure_of_the_bus_is_text_and_not_html():
 def test_a_force_of_saturated_taxels_is_a_lower_bound():
     values, status = np.zeros((16, 16)), np.full((16, 16), TaxelStatus.VALID, np.uint8)
     values[4:11, 4:11], status[4:11, 4:11] = 50e3, TaxelStatus.SATURATED
-    pad = PadRecogniser('left', 0.004, 'Pa', Recogniser())
+    pad = PadRecogniser('left', 0.004, 'Pa', make_recogniser())
     seen = [pad.state(TaxelFrame(k / 50, k, values, status, 0), 0.0) for k in range(3)][-1].contact
     assert seen.force_is_bound and seen.size_is_bound and f'≥ {49 * 50e3 * 0.004 ** 2:.2f} N' in words(seen)
 
@@ -139,7 +139,7 @@ def test_a_skin_of_whole_pascals_that_reads_0_and_1_is_shown():
     values = np.zeros((16, 16))
     values[3, 3] = 1.0
     frame = TaxelFrame(0.0, 0, values, np.full((16, 16), TaxelStatus.VALID, np.uint8), 0)
-    assert PadRecogniser('left', 0.004, 'Pa', Recogniser()).state(frame, 0.0).contact.shape == 'none'
+    assert PadRecogniser('left', 0.004, 'Pa', make_recogniser()).state(frame, 0.0).contact.shape == 'none'
 
 
 def test_the_scale_follows_the_largest_reading_and_forgets_it():

@@ -21,11 +21,11 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from tactile_node.colour_map import NO_VALUE, SATURATED, STEPS, ColourScale, rgb_table
 from tactile_node.contact.pattern import PatternExtractor
-from tactile_node.contact.visibility import visibility_of
 from tactile_node.node_graph import frame_topics
 from tactile_node.nodes import view_topics
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.processor_node import ProcessorNode
+from tactile_node.pose.pipeline import FoundContact, Taxels
 from tactile_node.ros.contact_messages import contact_message
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.view_messages import (
@@ -80,7 +80,7 @@ def contact_of(message: TaxelArray):
     pattern = PatternExtractor(unit=message.unit).extract(
         np.array(message.values).reshape(message.rows, message.cols), saturated=having(TaxelStatus.SATURATED),
         unmapped=having(TaxelStatus.UNMAPPED))
-    return contact_message(message, pattern, visibility_of(pattern)), pattern
+    return contact_message(message, FoundContact.of(pattern, Taxels(message.pitch, message.unit))), pattern
 
 
 # --- Images

@@ -10,15 +10,16 @@ from tactile_node.cli.frame_file import TaxelFrames
 from tactile_node.cli.frame_patterns import files, patterns, taxels_known, thresholds
 from tactile_node.cli.progress import followed
 from tactile_node.cli.records import KNOWN, Record, prints, write_records
-from tactile_node.contact.pattern import ContactPattern, PatternExtractor
+from tactile_node.contact.pattern import ContactPattern
 from tactile_node.errors import InputError
 from tactile_node.learning.response import SkinResponse
-from tactile_node.library.contacts import Recogniser, contact_box, fit_shape, known_response, recognised
-from tactile_node.library.stream import ContactFollower
+from tactile_node.library.contacts import known_response
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.moments import check_pitch
 from tactile_node.pose.outlines import OUTLINES
-from tactile_node.shape.recognition import LEARNED, VOLF, Recognition, ShapeClass
+from tactile_node.pose.pipeline import ContactPipeline, FoundContact, Taxels
+from tactile_node.shape.methods import VisibilityGuard, make_recogniser
+from tactile_node.shape.recognition import LEARNED, VOLF, ShapeClass
 
 POSE = 'x', 'y', 'angle'
 SIDES = 'long', 'short'  #: of the least rectangle
@@ -28,34 +29,41 @@ def write_shapes(args: argparse.Namespace) -> None:
     for option in ('pitch', 'period'):
         if (length := getattr(args, option)) is not None:
             _check_length(option, length)
-    recogniser = Recogniser(args.method, {LEARNED: args.weights, VOLF: args.curves}[args.method] or None)
+    recogniser = make_recogniser(args.method, {LEARNED: args.weights, VOLF: args.curves}[args.method])
     of_file = _fused if args.fuse else _single
     write_records((record for path, found in files(args) for record in of_file(path, found, recogniser, args)),
                   lambda: _columns(recogniser.classes), args)
 
 
-def _single(path: str, found: TaxelFrames, recogniser: Recogniser, args: argparse.Namespace) -> Iterator[Record]:
+def _single(path: str, frames: TaxelFrames, recogniser: VisibilityGuard, args: argparse.Namespace) -> Iterator[Record]:
     """Each frame for itself."""
-    pitch, response = _geometry(found, args)
-    if response is not None and found.values.dtype != bool:
-        found = found._replace(values=response.curve(found.values))
-    for k, pattern in enumerate(patterns(path, found, args, largest=True)):
-        contact, recognition = recognised(recogniser, pattern)
-        yield {'file': path, 'frame': k, **found.known_of(k), **recognition.as_json(), **_counted(pattern),
-               **(_fitted(contact, recognition, pitch, response) if pitch else {}), **_boxed(contact, pitch)}
+    pitch, response = _geometry(frames, args)
+    if response is not None and frames.values.dtype != bool:
+        frames = frames._replace(values=response.curve(frames.values))
+    taxels, pipeline = _taxels(frames, pitch, response), ContactPipeline(recogniser)
+    for k, pattern in enumerate(patterns(path, frames, args, largest=True)):
+        found, recognition = pipeline.recognise_alone(FoundContact.of(pattern, taxels))
+        fit = found.fit(recognition.shape) if pitch else None
+        yield {'file': path, 'frame': k, **frames.known_of(k), **recognition.as_json(), **_counted(pattern),
+               **_fitted(fit), **_boxed(found, pitch)}
 
 
-def _fused(path: str, found: TaxelFrames, recogniser: Recogniser, args: argparse.Namespace) -> Iterator[Record]:
+def _fused(path: str, frames: TaxelFrames, recogniser: VisibilityGuard, args: argparse.Namespace) -> Iterator[Record]:
     """Each frame with those before it."""
-    pitch, response = _geometry(found, args)
-    stamps = _stamps(path, found, args)
-    extractor = PatternExtractor(thresholds(args), unit=found.unit)
-    follower = ContactFollower(recogniser, extractor, pitch or 1.0, response=response)
-    for k, frame in enumerate(followed(found.values, path, len(found.values), prints=prints(args))):
-        contact, _, fused, fit = follower.follow(frame, float(stamps[k]), **taxels_known(found, k))
-        yield {'file': path, 'frame': k, **found.known_of(k), **fused.recognition.as_json(), **_counted(contact),
-               'held': fused.held, 'fused_frames': fused.frames, **(_as_json(fit) if pitch and fit else {}),
-               **_boxed(contact, pitch)}
+    pitch, response = _geometry(frames, args)
+    stamps, taxels = _stamps(path, frames, args), _taxels(frames, pitch, response)
+    pipeline = ContactPipeline(recogniser, thresholds=thresholds(args), fits=bool(pitch),
+                               curve=None if response is None else response.curve)
+    for k, frame in enumerate(followed(frames.values, path, len(frames.values), prints=prints(args))):
+        result = pipeline.follow(frame, taxels, float(stamps[k]), **taxels_known(frames, k))
+        fused = result.fused
+        yield {'file': path, 'frame': k, **frames.known_of(k), **fused.recognition.as_json(),
+               **_counted(result.contact), 'held': fused.held, 'fused_frames': fused.frames, **_fitted(result.fit),
+               **_boxed(result.found, pitch)}
+
+
+def _taxels(frames: TaxelFrames, pitch: float | None, response: SkinResponse | None) -> Taxels:
+    return Taxels(pitch or 1.0, frames.unit, None if response is None else response.layer)
 
 
 def _stamps(path: str, found: TaxelFrames, args: argparse.Namespace) -> np.ndarray:
@@ -94,17 +102,11 @@ def _counted(pattern: ContactPattern) -> Record:
     return {'N': int(pattern.mask.sum()), 'contacts': pattern.contacts}
 
 
-def _fitted(contact: ContactPattern, recognition: Recognition, pitch: float, response: SkinResponse | None) -> Record:
-    """Pose and size of a recognised shape with their standard deviations; nothing for another answer."""
-    fit = fit_shape(contact, recognition.shape, pitch, response) if contact.mask.any() else None
-    return _as_json(fit) if fit else {}
-
-
-def _boxed(contact: ContactPattern, pitch: float | None) -> Record:
+def _boxed(found: FoundContact, pitch: float | None) -> Record:
     """What is known of a contact whatever its shape; with a pitch the least rectangle around it."""
-    if not contact.mask.any():
+    if not found.pattern.mask.any():
         return {}
-    box = contact_box(contact, pitch or 1.0)
+    box = found.box
     if not pitch:
         return {'hollow': box.hollow}
     names = *POSE, *SIDES
@@ -113,8 +115,10 @@ def _boxed(contact: ContactPattern, pitch: float | None) -> Record:
                     'is_bound': dict(zip(SIDES, box.length_is_bound))}}
 
 
-def _as_json(fit: ShapeFit) -> Record:
-    """Numbers that are not known, as the angle of a circle, are None."""
+def _fitted(fit: ShapeFit | None) -> Record:
+    """Pose and size with their standard deviations, if any; numbers not known, as the angle of a circle, are None."""
+    if fit is None:
+        return {}
     found = dict(zip(fit.parameter_names, fit.parameters))
     deviations = dict(zip(fit.parameter_names, np.sqrt(np.diag(fit.covariance))))
     return {**{name: _number(found.get(name)) for name in POSE},

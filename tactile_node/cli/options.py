@@ -14,7 +14,7 @@ from tactile_node.shape.recognition import LEARNED
 if TYPE_CHECKING:
     from tactile_node.bus.bus_network import BusNetwork
     from tactile_node.bus.reception import Batch
-    from tactile_node.library.contacts import Recogniser
+    from tactile_node.shape.methods import VisibilityGuard
 
 DEFAULT_LAYOUT = 'sim16x16.yaml'
 DEFAULT_NODE_ID = 32
@@ -143,9 +143,9 @@ def add_model_option(parser: argparse.ArgumentParser) -> None:
                         '`tactile teach` (default: those of the package)')
 
 
-def recogniser_of(args: argparse.Namespace) -> 'Recogniser':
-    from tactile_node.library.contacts import Recogniser  # scipy: only where it is needed
-    return Recogniser(LEARNED, args.model)
+def recogniser_of(args: argparse.Namespace) -> 'VisibilityGuard':
+    from tactile_node.shape.methods import make_recogniser  # scipy: only where it is needed
+    return make_recogniser(LEARNED, args.model)
 
 
 def add_skin_options(parser: argparse.ArgumentParser) -> None:

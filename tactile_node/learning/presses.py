@@ -8,8 +8,8 @@ import numpy as np
 from scipy import ndimage
 
 from tactile_node.contact.neighbours import touches_edge
-from tactile_node.contact.pattern import ContactPattern, PatternExtractor
-from tactile_node.shape.methods import make_recogniser
+from tactile_node.contact.pattern import ContactPattern
+from tactile_node.pose.pipeline import ContactPipeline, Taxels
 from tactile_node.shape.recognition import Shape
 
 LEAST_TAXELS = 40   #: of a contact: of fewer the fit's own error is larger than a skin's
@@ -66,12 +66,13 @@ def zeroed(frames: np.ndarray) -> np.ndarray:
 
 def find_presses(frames: Iterable[np.ndarray], saturated: Iterable[np.ndarray | None], unit: str | None) -> Presses:
     """Return the presses in successive frames, each (rows, cols), with which of their taxels are saturated."""
-    extractor, recogniser = PatternExtractor(unit=unit), make_recogniser()
+    pipeline = ContactPipeline()
     presses: list[list[PressFrame]] = []
     unused: dict[Unused, int] = {}
     centre: np.ndarray | None = None  # of the contact in the frame before
     for readings, at_end in zip(frames, saturated):
-        pattern = extractor.extract(readings, saturated=at_end)
+        found = pipeline.find(readings, Taxels(unit=unit), saturated=at_end)
+        pattern = found.pattern
         if not pattern.contacts:
             centre = None
             continue
@@ -79,7 +80,7 @@ def find_presses(frames: Iterable[np.ndarray], saturated: Iterable[np.ndarray | 
         if before is None or np.hypot(*(centre - before)) > MOVED:
             presses.append([])
         reason = _unusable(pattern)
-        if reason is None and recogniser.recognise(pattern).shape is not Shape.CIRCLE:
+        if reason is None and pipeline.recognise_alone(found)[1].shape is not Shape.CIRCLE:
             reason = Unused.NO_CIRCLE
         if reason is None:
             presses[-1].append(PressFrame(pattern.values, pattern.mask))

@@ -1,4 +1,8 @@
-"""Taxel frames -> touches: what a pad reads while one object is held on it, from contact to lift."""
+"""Taxel frames -> touches: what a pad reads while one object is held on it, from contact to lift.
+
+Of a touch a few frames at equal steps are used, on purpose, and none is recognised: the nodes answer every frame, but
+the many frames of one hold teach no more than a few.
+"""
 
 from collections.abc import Iterable
 from enum import IntEnum
@@ -7,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.contact.neighbours import touches_edge
-from tactile_node.contact.pattern import ContactPattern, PatternExtractor
-from tactile_node.contact.visibility import visibility_of
+from tactile_node.contact.pattern import ContactPattern
+from tactile_node.pose.pipeline import ContactPipeline, Taxels
 from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.shapeless import is_shapeless
 
@@ -58,7 +62,7 @@ class TouchFinder:
     """Follows the frames of one pad; ``unit`` as in `find_contact`."""
 
     def __init__(self, unit: str | None):
-        self._extractor = PatternExtractor(unit=unit)
+        self._pipeline, self._taxels = ContactPipeline(), Taxels(unit=unit)
         self._held: list[TouchFrame] = []
         self.unused: dict[Unused, int] = {}
         self.reason: Unused | None = None  #: why the latest frame was not used
@@ -73,11 +77,11 @@ class TouchFinder:
 
         A frame in which the pad is not seen ends none: it shows no lift.
         """
-        pattern = self._extractor.extract(values)
+        found = self._pipeline.find(values, self._taxels)
         self.reason = None
-        if not pattern.contacts:
-            return self.end() if visibility_of(pattern).pad_seen else []
-        pattern = join_pieces(pattern)
+        if not found.pattern.contacts:
+            return self.end() if found.visibility.pad_seen else []
+        pattern = join_pieces(found.pattern)
         self.reason = _unusable(pattern)
         if self.reason is None:
             self._held.append(TouchFrame(np.asarray(pattern.values, float), pattern.mask))

@@ -19,7 +19,6 @@ from tactile_node.pose.box import ContactBox
 from tactile_node.pose.fit import ShapeFit, fit_contact
 from tactile_node.pose.moments import check_pitch
 from tactile_node.shape.methods import make_recogniser
-from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.recognition import DEFAULT, Recognition, Shape, ShapeClass, TaughtShape
 
 Kind = TypeVar('Kind')
@@ -32,15 +31,14 @@ def instance(value: object, kind: type[Kind], name: str, remedy: str) -> Kind:
     return value
 
 
-def extractor_by(unit: str | None, thresholds: object) -> tuple[PatternExtractor, UnitScale]:
-    """Return what finds contacts by ``thresholds``, or where they are None by ``unit``, and what doubts the unit."""
+def scale_by(unit: str | None, thresholds: object) -> tuple[PressThresholds | None, UnitScale]:
+    """Return ``thresholds``, and what doubts that the values are in ``unit``, which counts where these are None."""
     if thresholds is None and unit not in (None, '', *PRESS_BY_UNIT):
         raise ConfigurationError('unit of the taxel values', expected=f'one of {", ".join(PRESS_BY_UNIT)}',
                                  got=repr(unit), remedy='Convert the values, or pass thresholds in their unit.')
     if thresholds is None:
-        return PatternExtractor(unit=unit or None), UnitScale(unit)
-    known = instance(thresholds, PressThresholds, 'thresholds', 'Pass PressThresholds(press, release).')
-    return PatternExtractor(known), UnitScale(None)
+        return None, UnitScale(unit)
+    return instance(thresholds, PressThresholds, 'thresholds', 'Pass PressThresholds(press, release).'), UnitScale(None)
 
 
 def known_response(response: object, unit: str | None = None) -> SkinResponse | None:
@@ -126,8 +124,9 @@ def find_contact(values: ArrayLike, unit: str | None = '',
     Raises InputError for another array, for integers without a unit and for a contact that is far too low for its unit,
     as counts are; ConfigurationError for another unit.
     """
-    extractor, scale = extractor_by(unit, thresholds)
-    return extractor.extract(checked_frame(values, scale), saturated=saturated, unmapped=unmapped)
+    known, scale = scale_by(unit, thresholds)
+    frame = checked_frame(values, scale)
+    return PatternExtractor(known, unit=scale.unit or None).extract(frame, saturated=saturated, unmapped=unmapped)
 
 
 def paper_features(contact: ContactPattern, groups: Group = Group.ALL) -> Features:
@@ -158,12 +157,12 @@ class Recogniser:
     """
 
     def __init__(self, method: str = DEFAULT, file: str | Path | None = None):
-        self._method = make_recogniser(method, str(file or ''))
+        self.method = make_recogniser(method, str(file or ''))  #: the same without checks, for a ContactPipeline
 
     @property
     def classes(self) -> tuple[ShapeClass, ...]:
         """Every class that a recognition gives a probability, taught shapes last."""
-        return self._method.classes
+        return self.method.classes
 
     def recognise(self, contact: ContactPattern) -> Recognition:
         """Return the most probable shape and the probability of each. Raises InputError for anything but a contact.
@@ -171,13 +170,7 @@ class Recogniser:
         NONE where the pad was seen and nothing presses it. `reason` says why a shape is UNKNOWN: not seen, unfamiliar
         or too small. Where hidden taxels could change the answer, its confidence stays below 0.9.
         """
-        return self._method.recognise(_contact(contact))
-
-
-def recognised(recogniser: Recogniser, contact: ContactPattern) -> tuple[ContactPattern, Recognition]:
-    """Return the recognition of ``contact``, and the contact that it is of: with the pieces that are torn off it."""
-    found = recogniser.recognise(contact)
-    return (join_pieces(contact) if found.joined else contact), found
+        return self.method.recognise(_contact(contact))
 
 
 def fit_shape(contact: ContactPattern, shape: ShapeClass, pitch: float = 1.0,

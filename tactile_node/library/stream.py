@@ -1,63 +1,16 @@
 """Successive frames of one pad: hysteresis of what is pressed, and a recognition fused over time."""
 
 from pathlib import Path
-from typing import NamedTuple
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.contact.press import PressThresholds
 from tactile_node.errors import InputError
 from tactile_node.learning.response import SkinResponse
-from tactile_node.library.contacts import (
-    Recogniser,
-    checked_frame,
-    extractor_by,
-    fit_shape,
-    instance,
-    known_response,
-    recognised,
-    seconds,
-)
-from tactile_node.pose.fit import ShapeFit
+from tactile_node.library.contacts import Recogniser, checked_frame, instance, known_response, scale_by, seconds
 from tactile_node.pose.moments import check_pitch
-from tactile_node.shape.recognition import Recognition
-from tactile_node.shape.recognitions import FusedRecognition, FusionSettings, RecognitionFusion
-
-
-class StreamedContact(NamedTuple):
-    """The results for one frame, and for all frames of the contact up to it."""
-
-    contact: ContactPattern   #: as recognised: the largest contact with the pieces of it that are torn off
-    recognition: Recognition  #: of this frame alone
-    fused: FusedRecognition   #: of all frames since the contact began
-    fit: ShapeFit | None      #: of the fused shape; None while nothing with an outline touches
-
-
-class ContactFollower:
-    """Frame -> contact -> recognition -> fused shape -> fit, without checks: of a pad whose unit and size are known.
-
-    ``response``: frames are readings that its curve turns into pressures.
-    """
-
-    def __init__(self, recogniser: Recogniser, extractor: PatternExtractor, pitch: float,
-                 fusion: FusionSettings | None = None, response: SkinResponse | None = None):
-        self._recogniser, self._extractor = recogniser, extractor
-        self._pitch, self._response = pitch, response
-        self._fusion = RecognitionFusion() if fusion is None else RecognitionFusion(fusion)
-
-    def follow(self, frame: np.ndarray, stamp: float, *, saturated: ArrayLike | None = None,
-               unmapped: ArrayLike | None = None) -> StreamedContact:
-        """Take ``frame``, (rows, cols), of time ``stamp`` [s]."""
-        if self._response is not None and frame.dtype != bool:
-            frame = self._response.curve(frame.astype(float))
-        contact, recognition = recognised(
-            self._recogniser, self._extractor.extract(frame, saturated=saturated, unmapped=unmapped))
-        fused = self._fusion.update(stamp, recognition)
-        touches = bool(contact.mask.any())
-        fit = fit_shape(contact, fused.recognition.shape, self._pitch, self._response) if touches else None
-        return StreamedContact(contact, recognition, fused, fit)
+from tactile_node.pose.pipeline import ContactPipeline, StreamedContact, Taxels
+from tactile_node.shape.recognitions import FusionSettings
 
 
 class ContactStream:
@@ -84,11 +37,13 @@ class ContactStream:
         check_pitch(pitch)
         recogniser = Recogniser() if recogniser is None else recogniser
         fusion = FusionSettings() if fusion is None else fusion
-        extractor, self._scale = extractor_by(unit, thresholds)
-        self._follower = ContactFollower(
-            instance(recogniser, Recogniser, 'recogniser', 'Pass Recogniser(method), or None.'), extractor, pitch,
-            instance(fusion, FusionSettings, 'fusion', 'Pass FusionSettings(), or None.'),
-            known_response(response, self._scale.unit))
+        known, self._scale = scale_by(unit, thresholds)
+        found = known_response(response, self._scale.unit)
+        self._taxels = Taxels(pitch, self._scale.unit, None if found is None else found.layer)
+        self._pipeline = ContactPipeline(
+            instance(recogniser, Recogniser, 'recogniser', 'Pass Recogniser(method), or None.').method,
+            thresholds=known, curve=None if found is None else found.curve,
+            fusion=instance(fusion, FusionSettings, 'fusion', 'Pass FusionSettings(), or None.'))
         self._shape: tuple[int, ...] | None = None
 
     def update(self, values: ArrayLike, stamp: float, *, saturated: ArrayLike | None = None,
@@ -103,7 +58,7 @@ class ContactStream:
         stamp = seconds(stamp)
         frame = checked_frame(values, self._scale)
         self._check_shape(frame.shape)
-        return self._follower.follow(frame, stamp, saturated=saturated, unmapped=unmapped)
+        return self._pipeline.follow(frame, self._taxels, stamp, saturated=saturated, unmapped=unmapped)
 
     def _check_shape(self, shape: tuple[int, ...]) -> None:
         if self._shape is None:

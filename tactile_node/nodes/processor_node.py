@@ -10,10 +10,8 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PRESS_BY_UNIT, PressThresholds
 from tactile_node.contact.scale import UnitScale
-from tactile_node.contact.visibility import visibility_of
 from tactile_node.errors import ConfigurationError, TactileError
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.node_graph import NODE_NAMES, Role
@@ -21,7 +19,8 @@ from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.run import run_node
 from tactile_node.nodes.view_topics import TaxelViews
-from tactile_node.ros.contact_messages import contact_message, features_message, taxel_values, taxels_of
+from tactile_node.pose.pipeline import ContactPipeline, Taxels
+from tactile_node.ros.contact_messages import contact_message, features_message, layer_of, taxel_values, taxels_of
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.message_checks import check_taxel_array
 from tactile_node.ros.parameters import changed, declare, read
@@ -57,11 +56,10 @@ class ProcessorNode(Node):
         """Apply ``settings`` as a whole or not at all; the contact in progress is then found again."""
         groups = feature_groups(settings.features)
         press, ratio = settings.press_threshold, settings.release_ratio
-        thresholds = {unit: PressThresholds.of_unit(unit, press, ratio) if press else None for unit in PRESS_BY_UNIT}
-        extractors = {unit: PatternExtractor(thresholds[unit], unit=unit) for unit in PRESS_BY_UNIT}
+        thresholds = PressThresholds(press, press * ratio) if press else None
+        self._pipeline = ContactPipeline(thresholds=thresholds, smallest_contact=settings.smallest_contact)
         self._settings = settings
         self._groups = groups
-        self._extractors = extractors
         self._scales = {} if press else {unit: UnitScale(unit, most=1.0) for unit in PRESS_BY_UNIT}
 
     def _on_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
@@ -76,18 +74,17 @@ class ProcessorNode(Node):
         if message.unit in self._scales and (error := self._scales[message.unit].doubt(values)):
             logger.warning('%s: %s', self._taxels.topic, error, extra={'fact': error})
             self._scales = {}  # once
-        pattern = self._extractors[message.unit].extract(
-            values, saturated=taxels_of(message, TaxelStatus.SATURATED),
-            unmapped=taxels_of(message, TaxelStatus.UNMAPPED))
-        visibility = visibility_of(pattern, self._settings.smallest_contact)
-        contact = contact_message(message, pattern, visibility, self._settings.smallest_contact)
+        found = self._pipeline.find(
+            values, Taxels(message.pitch, message.unit, layer_of(message)),
+            saturated=taxels_of(message, TaxelStatus.SATURATED), unmapped=taxels_of(message, TaxelStatus.UNMAPPED))
+        contact = contact_message(message, found)
         contact.age, contact.left_out = self._age(), self._taxels.left_out
         self._contacts.publish(contact)
         if self._settings.lossless or self._features.get_subscription_count():  # a late subscriber gets all
-            features = features_message(message, pattern, visibility, compute_features(pattern.mask, self._groups))
+            features = features_message(message, found, compute_features(found.pattern.mask, self._groups))
             features.age = self._age()
             self._features.publish(features)
-        self._views.publish(message, contact, pattern)
+        self._views.publish(message, contact, found.pattern)
 
     def _age(self) -> Duration:
         """Return the age of what is made of the present message, when it is sent."""

@@ -4,10 +4,10 @@ from array import array
 
 import numpy as np
 
-from tactile_node.contact.neighbours import SMALLEST_CONTACT
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.contact.visibility import Visibility
 from tactile_node.helmholtz.features import UNDEFINED, Extremes, Features
+from tactile_node.pose.pipeline import FoundContact, Taxels
 from tactile_node.pose.profiles import Layer
 from tactile_node.ros.time_messages import time_message
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
@@ -41,9 +41,9 @@ def as_array(code: str, values: np.ndarray, dtype: type) -> array:
     return array(code, np.ascontiguousarray(values, dtype).tobytes())
 
 
-def contact_message(taxels: TaxelArray, pattern: ContactPattern, visibility: Visibility,
-                    smallest_contact: int = SMALLEST_CONTACT) -> Contact:
-    """``pattern``: of ``taxels``, as ``visibility``, which was found for ``smallest_contact`` [taxels]."""
+def contact_message(taxels: TaxelArray, found: FoundContact) -> Contact:
+    """``found``: in ``taxels``."""
+    pattern, visibility, _, smallest_contact = found
     values, status = _without_left_over(taxels, pattern)
     return Contact(
         header=taxels.header, sequence=taxels.sequence, age=taxels.age, state=pad_state(pattern, visibility),
@@ -73,10 +73,16 @@ def pad_state(pattern: ContactPattern, visibility: Visibility) -> int:
     return Contact.EMPTY if visibility.pad_seen else Contact.NOT_SEEN
 
 
-def pattern_of(message: Contact) -> ContactPattern:
-    """Return the contact pattern that ``message`` was made from."""
+def contact_of(message: Contact) -> FoundContact:
+    """Return the contact that ``message`` was made from. Whether the pad was seen is for its sender to say."""
+    taxels = Taxels(message.pitch, message.unit, layer_of(message))
+    found = FoundContact.of(_pattern(message), taxels, message.smallest_contact)
+    return found._replace(visibility=found.visibility._replace(pad_seen=message.pad_seen))
+
+
+def _pattern(message: Contact) -> ContactPattern:
     labels = np.frombuffer(message.labels, np.uint8).reshape(message.rows, message.cols)
-    values = taxel_values(message)
+    values = taxel_values(message).astype(float)
     unmapped = taxels_of(message, TaxelStatus.UNMAPPED)
     return ContactPattern(
         mask=labels == 1, values=values, contacts=message.contacts, labels=labels, sizes=tuple(message.contact_taxels),
@@ -84,7 +90,7 @@ def pattern_of(message: Contact) -> ContactPattern:
         unmapped=unmapped, noise=_noise(message))
 
 
-def layer_of(message: Contact) -> Layer | None:
+def layer_of(message: TaxelArray | Contact) -> Layer | None:
     """Return the layer of a calibrated skin, None where it is not known."""
     return Layer(message.layer_depth, message.layer_deviation) if message.layer_depth else None
 
@@ -92,7 +98,7 @@ def layer_of(message: Contact) -> Layer | None:
 def _noise(message: Contact) -> np.ndarray:
     if not len(message.noise_floor):
         return np.full((message.rows, message.cols), np.nan)
-    return np.frombuffer(message.noise_floor, np.float32).reshape(message.rows, message.cols)
+    return np.frombuffer(message.noise_floor, np.float32).reshape(message.rows, message.cols).astype(float)
 
 
 def taxels_of(message: TaxelArray | Contact, status: TaxelStatus) -> np.ndarray:
@@ -102,9 +108,9 @@ def taxels_of(message: TaxelArray | Contact, status: TaxelStatus) -> np.ndarray:
     return of_status
 
 
-def features_message(taxels: TaxelArray, pattern: ContactPattern, visibility: Visibility,
-                     features: Features) -> ContactFeatures:
-    """An empty pattern has no features: the list stays empty."""
+def features_message(taxels: TaxelArray, found: FoundContact, features: Features) -> ContactFeatures:
+    """Return the ``features`` of what was ``found`` in ``taxels``; without a contact the list stays empty."""
+    pattern, visibility = found.pattern, found.visibility
     return ContactFeatures(
         header=taxels.header, sequence=taxels.sequence, age=taxels.age, state=pad_state(pattern, visibility),
         hidden_taxels=visibility.hidden_in_contact + visibility.hidden_in_ring, contacts=pattern.contacts,

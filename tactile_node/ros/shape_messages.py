@@ -1,20 +1,16 @@
 """Recognised, fused and fitted contacts as messages."""
 
-from typing import NamedTuple
-
 import numpy as np
 from geometry_msgs.msg import Point, Point32, Polygon, PoseWithCovariance, PoseWithCovarianceStamped
 from shape_msgs.msg import Mesh, MeshTriangle, SolidPrimitive
 
-from tactile_node.contact.pattern import ContactPattern
-from tactile_node.contact.visibility import Visibility
 from tactile_node.pose.box import ContactBox
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.moments import ContactMoments
+from tactile_node.pose.pipeline import StreamedContact
 from tactile_node.pose.solids import pose_covariance, prism, solid
 from tactile_node.ros.time_messages import duration_message
-from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, TaughtShape
-from tactile_node.shape.recognitions import FusedRecognition
+from tactile_node.shape.recognition import Shape, ShapeClass, TaughtShape
 from tactile_skin.msg import Contact, ContactShape, ContactShapes
 
 #: ContactShape.msg numbers of our shapes.
@@ -29,45 +25,33 @@ def number_of(shape: ShapeClass) -> int:
     return int(ContactShape.OTHER) if isinstance(shape, TaughtShape) else int(SHAPE_NUMBERS[shape])
 
 
-class Findings(NamedTuple):
-    """All that is known of one frame's contact."""
-
-    frame: Recognition
-    fused: FusedRecognition
-    fit: ShapeFit | None
-    moments: ContactMoments
-    visibility: Visibility
-    pattern: ContactPattern
-    box: ContactBox
-
-
-def shape_message(contact: Contact, found: Findings, method: str, solid_height: float) -> ContactShape:
+def shape_message(contact: Contact, result: StreamedContact, method: str, solid_height: float) -> ContactShape:
     """``solid_height`` [m]: of the solid to add, 0 for none."""
-    fused = found.fused.recognition
-    seen = found.visibility
+    fused, frame, pattern = result.fused.recognition, result.recognition, result.contact
+    seen, box = result.found.visibility, result.found.box
     message = ContactShape(
         header=contact.header, sequence=contact.sequence, age=contact.age,
         shape=number_of(fused.shape), class_name=fused.shape.value,
         unknown_reason=fused.reason,
         confidence=fused.confidence, class_names=[shape.value for shape in fused.probabilities],
         probabilities=list(fused.probabilities.values()),
-        frame_shape=number_of(found.frame.shape), frame_class_name=found.frame.shape.value,
-        frame_probabilities=[found.frame.probabilities.get(shape, 0.0) for shape in fused.probabilities],
-        held=duration_message(found.fused.held),
-        fused_frames=found.fused.frames, method=method, pad_seen=contact.pad_seen,
-        taxels=int(np.count_nonzero(found.pattern.mask)), hidden_taxels=seen.hidden_in_contact,
+        frame_shape=number_of(frame.shape), frame_class_name=frame.shape.value,
+        frame_probabilities=[frame.probabilities.get(shape, 0.0) for shape in fused.probabilities],
+        held=duration_message(result.fused.held),
+        fused_frames=result.fused.frames, method=method, pad_seen=seen.pad_seen,
+        taxels=int(np.count_nonzero(pattern.mask)), hidden_taxels=seen.hidden_in_contact,
         saturated_taxels=seen.saturated_in_contact, ring_taxels=seen.ring, hidden_ring_taxels=seen.hidden_in_ring,
         saturated_ring_taxels=seen.saturated_in_ring, at_edge=seen.at_edge,
         missing_can_frames=contact.missing_can_frames,
-        contacts=found.pattern.contacts, others_present=found.pattern.contacts > 1,
-        contact_areas=[taxels * contact.pitch**2 for taxels in found.pattern.sizes],
-        pose=_nowhere(), residual=float('nan'), hollow=found.box.hollow)
-    _add_moments(message, found.moments)
-    _add_box(message, found.box)
-    if found.fit is not None:
-        _add_fit(message, found.fit)
-        if solid_height > 0 and not found.box.hollow:
-            _add_solid(message, found.fit, solid_height)
+        contacts=pattern.contacts, others_present=pattern.contacts > 1,
+        contact_areas=[taxels * result.found.taxels.pitch**2 for taxels in pattern.sizes],
+        pose=_nowhere(), residual=float('nan'), hollow=box.hollow)
+    _add_moments(message, result.found.moments)
+    _add_box(message, box)
+    if result.fit is not None:
+        _add_fit(message, result.fit)
+        if solid_height > 0 and not box.hollow:
+            _add_solid(message, result.fit, solid_height)
     return message
 
 

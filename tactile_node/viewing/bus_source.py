@@ -10,7 +10,7 @@ from typing import Protocol
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.threads import StoppableThread
 from tactile_node.errors import BusError, TactileError
-from tactile_node.library.contacts import Recogniser
+from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from tactile_node.skin.pads import LivePad
 from tactile_node.sources.supervisor import Supervisor
 from tactile_node.taxel_frame import TaxelFrame
@@ -50,11 +50,11 @@ class BusSource:
 
     player = None
 
-    def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], recogniser: Recogniser | None = None):
+    def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], recogniser: VisibilityGuard | None = None):
         self._settings, self._pads = settings, pads
         self.title = f'{settings.interface} {settings.channel}'
         self.store = Store([pad.name for pad in pads])
-        self._recogniser = recogniser or Recogniser()
+        self._recogniser = recogniser or make_recogniser()
         self._following = StoppableThread(self._run, 'view_bus')
 
     def check(self) -> None:
@@ -139,12 +139,12 @@ class Recording(Protocol):
 class RecordingSource:
     """A `Source` and its own `Player`. It is read once, from the first `start` on; what is read can be seen."""
 
-    def __init__(self, recording: Recording, recogniser: Recogniser | None = None):
+    def __init__(self, recording: Recording, recogniser: VisibilityGuard | None = None):
         self._recording = recording
         self.title = recording.title
         self.store = Store(recording.pads)
         self._timeline = Timeline()
-        self._recogniser = recogniser or Recogniser()
+        self._recogniser = recogniser or make_recogniser()
         self._recognisers: dict[str, PadRecogniser] = {}
         self._shown: dict[str, Moment] = {}
         self._lock = threading.Lock()  # of position and is_playing, which only this class sets

@@ -13,7 +13,6 @@ import can
 from tactile_node.assembly.frame_source import PadStatistics
 from tactile_node.assembly.router import non_data_kind
 from tactile_node.errors import LogError
-from tactile_node.library.contacts import Recogniser
 from tactile_node.logs.log_reader import CanLogReader
 from tactile_node.logs.logged_set_up import Contradiction, LoggedSetUp
 from tactile_node.logs.replay_times import WHOLE, Window
@@ -30,6 +29,7 @@ from tactile_node.logs.topic_bag import (
     pad_of,
 )
 from tactile_node.package_files import config_path, package_version
+from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from tactile_node.skin.pads import PadSettings, identities_of
 from tactile_node.sources.log_source import LogSource
 from tactile_node.taxel_frame import TaxelFrame
@@ -90,11 +90,11 @@ class LogReporter:
     """
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], *, channel: str = '', eds: Sequence[str] = ('',),
-                 any_device: bool = False, bit_rate: int | None = None, recogniser: Recogniser | None = None,
+                 any_device: bool = False, bit_rate: int | None = None, recogniser: VisibilityGuard | None = None,
                  on_can_frame: Callable[[], object] = lambda: None, window: Window = WHOLE):
         self._path, self._pads, self._any_device = path, pads, any_device
         self._on_can_frame = on_can_frame
-        recogniser = recogniser or Recogniser()
+        recogniser = recogniser or make_recogniser()
         self._records = {pad.name: PadRecord(pad.name, pad.layout.rows, pad.layout.cols, pad.layout.pitch,
                                              pad.layout.value.unit, recogniser) for pad in pads}
         self._contradictions: dict[str, Contradiction] = {}
@@ -162,11 +162,11 @@ class BagReporter:
     """Reads a bag with taxel arrays. ``channel`` (a topic), ``bit_rate`` [bit/s]: of its CAN frames."""
 
     def __init__(self, path: str, *, channel: str = '', bit_rate: int | None = None,
-                 recogniser: Recogniser | None = None, on_message: Callable[[], object] = lambda: None,
+                 recogniser: VisibilityGuard | None = None, on_message: Callable[[], object] = lambda: None,
                  window: Window = WHOLE):
         self._path, self._channel, self._bit_rate, self._on_message = path, channel, bit_rate, on_message
         self._reader, self._window = TopicBagReader(path), window
-        self._recogniser = recogniser or Recogniser()
+        self._recogniser = recogniser or make_recogniser()
         self._pads: dict[str, PadRecord] = {}
         self._status = StatusRecord()
         self._begin = float('inf')

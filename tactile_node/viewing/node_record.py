@@ -29,8 +29,8 @@ from tactile_node.cia301.objects import (
     node_of,
 )
 from tactile_node.cia301.sdo import SdoUpload, Step
-from tactile_node.library.contacts import Recogniser
 from tactile_node.read_only import read_only
+from tactile_node.shape.methods import VisibilityGuard
 from tactile_node.taxel_frame import TaxelFrame
 from tactile_node.viewing.model import BusFacts, BusLoad, Ends, LongestGaps, NmtChange, NodeFacts, PadFacts, SeenCommand
 from tactile_node.viewing.status_record import TaxelRecord
@@ -103,7 +103,7 @@ PERIODS = 5000  #: last periods of which the median is taken
 class PadRecord:
     """Takes the frames of one pad; those of another shape (rows, cols) are counted in ``misshapen``."""
 
-    def __init__(self, name: str, rows: int, cols: int, pitch: float, unit: str, recogniser: Recogniser):
+    def __init__(self, name: str, rows: int, cols: int, pitch: float, unit: str, recogniser: VisibilityGuard):
         self._name, self._shape, self._pitch, self._unit = name, (rows, cols), pitch, unit
         self._touches = TouchFinder(recogniser, pitch, unit)
         self._taxels = TaxelRecord(rows, cols, unit)

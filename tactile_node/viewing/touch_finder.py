@@ -3,7 +3,8 @@
 A touch is a run of taxel frames with a contact of SMALLEST_CONTACT taxels or more; frames with less are counted, for
 the noise of single taxels looks like that. What ends it: a frame without such a contact in which the pad is seen, or at
 least RELEASED of the taxels that were pressed before; or a pause of MAX_PAUSE. A frame that hides them neither begins
-nor ends one. Every frame is looked at for a contact; its shape is recognised PERIOD apart.
+nor ends one. Every frame is looked at for a contact. Its shape is recognised RECOGNITION_PERIOD apart, on purpose: the
+nodes recognise every frame that they can, but a report of hours must not take hours.
 """
 
 from collections import Counter
@@ -12,13 +13,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from tactile_node.contact.neighbours import SMALLEST_CONTACT
-from tactile_node.contact.pattern import ContactPattern, PatternExtractor
-from tactile_node.contact.visibility import visibility_of
-from tactile_node.library.contacts import Recogniser, fit_shape, recognised
-from tactile_node.library.stream import ContactFollower, StreamedContact
-from tactile_node.pose.moments import contact_moments
+from tactile_node.pose.pipeline import ContactPipeline, FoundContact, StreamedContact, Taxels
+from tactile_node.shape.methods import VisibilityGuard
 from tactile_node.shape.recognition import Shape, ShapeClass, UnknownReason
-from tactile_node.shape.recognitions import RecognitionFusion
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.viewing.states import PadState, SeenContact
 from tactile_node.viewing.touch import Picture, Sample, Touch, TouchList
@@ -27,37 +24,39 @@ from tactile_node.viewing.touch import Picture, Sample, Touch, TouchList
 class PadRecogniser:
     """Recognises what touches one pad, frame by frame; ``recogniser`` may be shared by several pads."""
 
-    def __init__(self, pad: str, pitch: float, unit: str, recogniser: Recogniser):
-        self._pad, self._pitch, self._unit = pad, pitch, unit
-        self._recogniser = recogniser
+    def __init__(self, pad: str, pitch: float, unit: str, recogniser: VisibilityGuard):
+        self._pad, self._taxels, self._recogniser = pad, Taxels(pitch, unit), recogniser
         self.restart()
 
     def restart(self) -> None:
         """Forget the frames before, as after a jump in a recording."""
-        self._follower = ContactFollower(self._recogniser, PatternExtractor(unit=self._unit), self._pitch)
+        self._pipeline = ContactPipeline(self._recogniser)
 
     def state(self, frame: TaxelFrame, acquired: float) -> PadState:
         """Return what is seen in ``frame``, which was ``acquired`` [s, steady clock]."""
-        found = self._follower.follow(frame.values, frame.stamp, saturated=frame.status == TaxelStatus.SATURATED,
-                                      unmapped=frame.status == TaxelStatus.UNMAPPED)
-        return PadState(self._pad, frame.stamp, acquired, frame.values, frame.status, self._pitch, self._unit,
-                        self._contact(found))
-
-    def _contact(self, found: StreamedContact) -> SeenContact:
-        contact, shape = found.contact, found.fused.recognition
-        moments = contact_moments(contact.values, contact.mask, self._pitch, self._unit, visibility_of(contact))
-        fit = found.fit
-        return SeenContact(
-            shape=shape.shape.value, reason=shape.reason.name.lower() if shape.shape is Shape.UNKNOWN else '',
-            probabilities={each.value: value for each, value in shape.probabilities.items()},
-            outline=None if fit is None else fit.outline,
-            dimensions=() if fit is None else tuple(zip(fit.dimension_names, fit.dimensions)),
-            size_is_bound=fit is not None and moments.size_is_bound,
-            force=moments.force if contact.mask.any() or contact.pad_seen else np.nan, mask=contact.mask,
-            force_is_bound=moments.force_is_bound)
+        result = self._pipeline.follow(frame.values, self._taxels, frame.stamp, **_marks(frame))
+        return PadState(self._pad, frame.stamp, acquired, frame.values, frame.status, self._taxels.pitch,
+                        self._taxels.unit or '', _seen(result))
 
 
-PERIOD = 0.1     #: s between two recognitions of one touch: they cost as much as the rest of a report
+def _marks(frame: TaxelFrame) -> dict[str, np.ndarray]:
+    """Return which taxels of ``frame`` are saturated, and which are none."""
+    return {'saturated': frame.status == TaxelStatus.SATURATED, 'unmapped': frame.status == TaxelStatus.UNMAPPED}
+
+
+def _seen(result: StreamedContact) -> SeenContact:
+    contact, shape, fit, moments = result.contact, result.fused.recognition, result.fit, result.found.moments
+    return SeenContact(
+        shape=shape.shape.value, reason=shape.reason.name.lower() if shape.shape is Shape.UNKNOWN else '',
+        probabilities={each.value: value for each, value in shape.probabilities.items()},
+        outline=None if fit is None else fit.outline,
+        dimensions=() if fit is None else tuple(zip(fit.dimension_names, fit.dimensions)),
+        size_is_bound=fit is not None and moments.size_is_bound,
+        force=moments.force if contact.mask.any() or contact.pad_seen else np.nan, mask=contact.mask,
+        force_is_bound=moments.force_is_bound)
+
+
+RECOGNITION_PERIOD = 0.1  #: s between two recognitions of one touch: they cost as much as the rest of a report
 RELEASED = 0.5   #: of the taxels last pressed: a pad with a row that never comes is never seen as a whole
 MAX_PAUSE = 0.5  #: s without a taxel frame after which a contact may be another one
 
@@ -65,10 +64,9 @@ MAX_PAUSE = 0.5  #: s without a taxel frame after which a contact may be another
 class TouchFinder:
     """``pitch`` [m] and ``unit`` are the pad's; ``recogniser`` may be shared."""
 
-    def __init__(self, recogniser: Recogniser, pitch: float, unit: str):
-        self._recogniser = recogniser
-        self._pitch, self._unit = pitch, unit
-        self._extractor = PatternExtractor(unit=unit)
+    def __init__(self, recogniser: VisibilityGuard, pitch: float, unit: str):
+        self._taxels = Taxels(pitch, unit)
+        self._pipeline = ContactPipeline(recogniser, fits=False)
         self._touch: _OpenTouch | None = None
         self._last: float | None = None  # stamp
         self.found = TouchList()
@@ -78,13 +76,14 @@ class TouchFinder:
         if self._last is not None and not 0 <= frame.stamp - self._last <= MAX_PAUSE:
             self._end(is_open=False)
         self._last = frame.stamp
-        pattern = self._extractor.extract(frame.values, saturated=frame.status == TaxelStatus.SATURATED,
-                                          unmapped=frame.status == TaxelStatus.UNMAPPED)
+        found = self._pipeline.find(frame.values, self._taxels, **_marks(frame))
+        pattern = found.pattern
         taxels = np.count_nonzero(pattern.mask)
         if taxels >= SMALLEST_CONTACT:
             if self._touch is None:
-                self._touch = _OpenTouch(self._recogniser, self._pitch, self._unit)
-            self._touch.feed(frame.stamp, pattern)
+                self._pipeline.restart()
+                self._touch = _OpenTouch(self._pipeline)
+            self._touch.feed(frame.stamp, found)
             return
         self.found.small_frames += bool(taxels)
         if self._touch is not None and (pattern.pad_seen or self._touch.shown(~pattern.hidden) >= RELEASED):
@@ -108,15 +107,14 @@ class TouchFinder:
 class _OpenTouch:
     """The touch under way."""
 
-    def __init__(self, recogniser: Recogniser, pitch: float, unit: str):
-        self._recogniser, self._pitch, self._unit = recogniser, pitch, unit
-        self._fusion = RecognitionFusion()
+    def __init__(self, pipeline: ContactPipeline):
+        self._pipeline = pipeline
         self._begin = self._end = 0.0
         self._frames = 0
         self._most = -np.inf  # sum of the contact's values
         self._stamp = 0.0     # of that frame
         self._last = np.zeros(0, bool)  # taxels pressed in the last one
-        self._pattern: ContactPattern | None = None  # the same
+        self._strongest: FoundContact | None = None  # of that frame
         self._reasons: Counter[UnknownReason] = Counter()
         self.samples: list[Sample] = []
 
@@ -124,7 +122,8 @@ class _OpenTouch:
         """The share of the taxels last pressed that are ``seen``, bool (rows, cols)."""
         return float(seen[self._last].mean())
 
-    def feed(self, stamp: float, pattern: ContactPattern) -> None:
+    def feed(self, stamp: float, found: FoundContact) -> None:
+        pattern = found.pattern
         self._last = pattern.mask
         if not self._frames:
             self._begin = stamp
@@ -132,18 +131,16 @@ class _OpenTouch:
         self._frames += 1
         pressed = float(np.nansum(pattern.values, where=pattern.mask))
         if pressed > self._most:
-            self._most, self._stamp, self._pattern = pressed, stamp, pattern
-        if not self.samples or stamp - self.samples[-1].stamp >= PERIOD:
-            self._recognise(stamp, pattern)
+            self._most, self._stamp, self._strongest = pressed, stamp, found
+        if not self.samples or stamp - self.samples[-1].stamp >= RECOGNITION_PERIOD:
+            self._recognise(stamp, found)
 
     def closed(self, is_open: bool) -> Touch:
-        assert self._pattern is not None
+        assert self._strongest is not None
         shape = _most_frequent([sample.shape for sample in self.samples])
         confidence = float(np.median([sample.confidence for sample in self.samples if sample.shape == shape]))
-        pattern, _ = recognised(self._recogniser, self._pattern)
-        fit = fit_shape(pattern, shape, self._pitch)
-        moments = contact_moments(pattern.values, pattern.mask, self._pitch, self._unit, visibility_of(pattern),
-                                  pattern.noise)
+        found, _ = self._pipeline.recognise_alone(self._strongest)
+        pattern, fit, moments = found.pattern, found.fit(shape), found.moments
         reason = self._reasons.most_common(1)[0][0] if shape is Shape.UNKNOWN else UnknownReason.NOT_UNKNOWN
         return Touch(
             begin=self._begin, end=self._end, frames=self._frames, taxels=int(np.count_nonzero(pattern.mask)),
@@ -152,13 +149,12 @@ class _OpenTouch:
             dimensions=() if fit is None else tuple(zip(fit.dimension_names, fit.dimensions)),
             picture=Picture(self._stamp, pattern.values, pattern.saturated, fit))
 
-    def _recognise(self, stamp: float, pattern: ContactPattern) -> None:
-        pattern, recognition = recognised(self._recogniser, pattern)
-        fused = self._fusion.update(stamp, recognition).recognition
-        moments = contact_moments(pattern.values, pattern.mask, self._pitch, self._unit)
+    def _recognise(self, stamp: float, found: FoundContact) -> None:
+        result = self._pipeline.recognise(found, stamp)
+        fused = result.fused.recognition
         if fused.shape is Shape.UNKNOWN:
             self._reasons[fused.reason] += 1
-        self.samples.append(Sample(stamp, fused.shape, fused.confidence, moments.force))
+        self.samples.append(Sample(stamp, fused.shape, fused.confidence, result.found.moments.force))
 
 
 def _most_frequent(shapes: Sequence[ShapeClass]) -> ShapeClass:

@@ -25,7 +25,7 @@ from tactile_node.viewing.charts import (
 )
 from tactile_node.viewing.model import PadFacts
 from tactile_node.viewing.touch import MOST_TOUCHES, PICTURED, Touch
-from tactile_node.viewing.touch_finder import PERIOD
+from tactile_node.viewing.touch_finder import RECOGNITION_PERIOD
 
 #: Okabe and Ito: distinct with every kind of colour vision
 COLOURS: dict[ShapeClass, str] = {
@@ -125,5 +125,5 @@ def _chart(pad: PadFacts, begin: float, end: float) -> Html:
                    Html(chart([], [Points(FORCE, stamps[known], force[known])], end=end - begin,
                               top=1.1 * float(force[known].max()), unit='N'))]
     return joined([*charts, paragraph(
-        f'Recognised again from the taxel frames by this version, every {PERIOD:g} s of a touch, without tare and '
-        'calibration. Seconds from the begin of the recording.', 'note')])
+        f'Recognised again from the taxel frames by this version, every {RECOGNITION_PERIOD:g} s of a touch, without '
+        'tare and calibration. Seconds from the begin of the recording.', 'note')])

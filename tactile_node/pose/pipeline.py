@@ -1,0 +1,163 @@
+"""Taxel frame -> contact -> what is seen -> shape, fused over time -> fit, moments, box: the one way through the core.
+
+The nodes, `tactile classify`, report, view, teaching, calibration and library follow it. Of the nodes the processor
+does the first half (`ContactPipeline.find`) and the classifier the second (`ContactPipeline.recognise`).
+"""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tactile_node.contact.neighbours import SMALLEST_CONTACT
+from tactile_node.contact.pattern import ContactPattern, PatternExtractor, of_contact
+from tactile_node.contact.press import PressThresholds
+from tactile_node.contact.visibility import Visibility, visibility_of
+from tactile_node.pose.box import ContactBox, contact_box
+from tactile_node.pose.fit import ShapeFit, fit_contact
+from tactile_node.pose.moments import ContactMoments, contact_moments
+from tactile_node.pose.profiles import Layer
+from tactile_node.press_levels import ON_OFF_UNIT
+from tactile_node.shape.methods import VisibilityGuard, make_recogniser
+from tactile_node.shape.patch import join_pieces
+from tactile_node.shape.recognition import Recognition, ShapeClass
+from tactile_node.shape.recognitions import FusedRecognition, FusionSettings, RecognitionFusion
+
+DEFAULT_FUSION = FusionSettings()
+
+
+class Curve(Protocol):
+    """Returns pressures for readings."""
+
+    def __call__(self, values: np.ndarray) -> np.ndarray: ...
+
+
+class Taxels(NamedTuple):
+    """What is known of a pad's taxels, whatever they read."""
+
+    pitch: float = 1.0          #: distance of neighbours; all lengths come in its unit
+    unit: str | None = None     #: of the values: 'Pa', 'N' or '1' (on/off); '' or None: not known
+    layer: Layer | None = None  #: of a calibrated skin
+
+
+class FoundContact(NamedTuple):
+    """What is pressed in one frame, and how much of the pad the frame shows."""
+
+    pattern: ContactPattern
+    visibility: Visibility  #: of ``pattern``
+    taxels: Taxels
+    smallest_contact: int = SMALLEST_CONTACT  #: [taxels]; a pad is not seen while hidden ones could hold it
+
+    @classmethod
+    def of(cls, pattern: ContactPattern, taxels: Taxels, smallest_contact: int = SMALLEST_CONTACT) -> 'FoundContact':
+        """Return the contact of ``pattern`` with what is seen of it."""
+        return cls(pattern, visibility_of(pattern, smallest_contact), taxels, smallest_contact)
+
+    def of_pattern(self, pattern: ContactPattern) -> 'FoundContact':
+        """Return the contact of another ``pattern`` of the same frame; whether the pad is seen was found before."""
+        visibility = visibility_of(pattern, self.smallest_contact)._replace(pad_seen=self.visibility.pad_seen)
+        return self._replace(pattern=pattern, visibility=visibility)
+
+    def fit(self, shape: ShapeClass) -> ShapeFit | None:
+        """Return pose and size as a ``shape``; None where that has no outline, and without a contact."""
+        if not self.pattern.mask.any():
+            return None
+        return fit_contact(self.pattern, shape, self.taxels.pitch, self.taxels.layer, self.visibility)
+
+    @property
+    def moments(self) -> ContactMoments:
+        """Force, centre of pressure, area and axis. The force of values without a unit is not known."""
+        return contact_moments(self.pattern.values, self.pattern.mask, self.taxels.pitch,
+                               self.taxels.unit or ON_OFF_UNIT, self.visibility, self.pattern.noise)
+
+    @property
+    def box(self) -> ContactBox:
+        """The least rectangle around the contact."""
+        return contact_box(self.pattern, self.taxels.pitch, self.visibility)
+
+
+class StreamedContact(NamedTuple):
+    """The results for one frame, and for all frames of the contact up to it."""
+
+    contact: ContactPattern   #: as recognised: the largest contact with the pieces of it that are torn off
+    recognition: Recognition  #: of this frame alone
+    fused: FusedRecognition   #: of all frames since the contact began
+    fit: ShapeFit | None      #: of the fused shape; None while nothing with an outline touches
+    found: FoundContact       #: the same contact with what is seen of it, its moments and its box
+
+
+class ContactPipeline:
+    """Follows the contact on one pad, frame by frame.
+
+    ``recogniser`` may be shared; None: the package's own, read when it is first needed. ``thresholds`` replace what
+    stands out of the noise. ``smallest_contact``: taxels of the smallest contact that is looked for. ``curve`` turns
+    readings into pressures. ``fusion`` None: each frame is answered alone. ``fits`` False: without pose and size.
+    """
+
+    def __init__(self, recogniser: VisibilityGuard | None = None, *, thresholds: PressThresholds | None = None,
+                 smallest_contact: int = SMALLEST_CONTACT, curve: Curve | None = None,
+                 fusion: FusionSettings | None = DEFAULT_FUSION, fits: bool = True):
+        self._recogniser = recogniser
+        self._thresholds, self._smallest_contact, self._curve = thresholds, smallest_contact, curve
+        self._extractors: dict[str | None, PatternExtractor] = {}  # by the unit of the values
+        self._fusion = None if fusion is None else RecognitionFusion(fusion)
+        self._fits = fits
+
+    def find(self, values: np.ndarray, taxels: Taxels, *, saturated: ArrayLike | None = None,
+             unmapped: ArrayLike | None = None) -> FoundContact:
+        """Return what is pressed in the next frame, ``values`` (rows, cols), and what of the pad is seen."""
+        if self._curve is not None and values.dtype != bool:
+            values = self._curve(values.astype(float))
+        unit = taxels.unit or None
+        if unit not in self._extractors:
+            self._extractors[unit] = PatternExtractor(self._thresholds, unit=unit)
+        pattern = self._extractors[unit].extract(values, saturated=saturated, unmapped=unmapped)
+        return FoundContact.of(pattern, taxels, self._smallest_contact)
+
+    def recognise(self, found: FoundContact, stamp: float) -> StreamedContact:
+        """Return the shape of ``found``, which was acquired at ``stamp`` [s], fused with the frames before it."""
+        found, frame = self.recognise_alone(found)
+        fused = _alone(frame, stamp) if self._fusion is None else self._fusion.update(stamp, frame)
+        return self._described(found, frame, fused)
+
+    def follow(self, values: np.ndarray, taxels: Taxels, stamp: float, *, saturated: ArrayLike | None = None,
+               unmapped: ArrayLike | None = None) -> StreamedContact:
+        """Return the results for the next frame: both halves."""
+        return self.recognise(self.find(values, taxels, saturated=saturated, unmapped=unmapped), stamp)
+
+    def recognise_alone(self, found: FoundContact) -> tuple[FoundContact, Recognition]:
+        """Return the recognition of ``found`` by its frame alone, and the contact that it is of, with torn-off pieces.
+
+        What the frames before have shown neither counts nor changes.
+        """
+        frame = self._method.recognise(found.pattern, visibility=found.visibility)
+        return (found.of_pattern(join_pieces(found.pattern)) if frame.joined else found), frame
+
+    def recognise_each(self, largest: StreamedContact, stamp: float, most: int) -> list[StreamedContact]:
+        """Return each of the ``most`` largest contacts by this frame alone; ``largest`` is the result of the first."""
+        results = []
+        for number in range(1, min(largest.contact.contacts, most) + 1):
+            found, frame = largest.found.of_pattern(of_contact(largest.contact, number)), largest.recognition
+            if number > 1:  # others are not joined: their pieces may belong to the largest
+                frame = self._method.recognise(found.pattern._replace(contacts=1), visibility=found.visibility)
+            results.append(self._described(found, frame, _alone(frame, stamp)))
+        return results
+
+    def restart(self) -> None:
+        """Forget what the frames before have shown of the shape, as when another object is known to be touched."""
+        if self._fusion is not None:
+            self._fusion.reset()
+
+    @property
+    def _method(self) -> VisibilityGuard:
+        if self._recogniser is None:
+            self._recogniser = make_recogniser()
+        return self._recogniser
+
+    def _described(self, found: FoundContact, frame: Recognition, fused: FusedRecognition) -> StreamedContact:
+        fit = found.fit(fused.recognition.shape) if self._fits else None
+        return StreamedContact(found.pattern, frame, fused, fit, found)
+
+
+def _alone(frame: Recognition, stamp: float) -> FusedRecognition:
+    return FusedRecognition(frame, stamp, 0.0, 1)
