@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 from bench.reproduce import main
-from bench.reproduction.inside import ACTIVE, INSIDE, areas_around, by_inside, count_inside
-from bench.reproduction.inside_reading import replaced, wanted_inside
-from bench.reproduction.methods import SIZES, confusion, lost_in_plane
-from bench.reproduction.neighbours import NearestNeighbours
-from bench.reproduction.sampling import Wanted, draw, plane_features
+from bench.reproduction.inside import ACTIVE, areas_around, by_inside, replaced, wanted_inside
+from bench.reproduction.methods import SIZES, NearestNeighbours, confusion, lost_in_plane
+from bench.reproduction.sampling import INSIDE, Wanted, count_inside, draw, plane_features
 from bench.reproduction.worlds import EQUILATERAL_TRIANGLES, WORLDS, draw_contact, draw_pattern
 from tactile_node.helmholtz.features import compute_features
 from tactile_node.rate import Rate

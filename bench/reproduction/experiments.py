@@ -4,23 +4,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bench.reproduction.inside_reading import WORLD as INSIDE_WORLD
-from bench.reproduction.inside_reading import InsideReading, measure_inside, wanted_inside
-from bench.reproduction.methods import SIZES, Method, best_fit, confusion, lost_in_plane, measured
-from bench.reproduction.neighbours import NearestNeighbours
+from bench.reproduction.inside import WORLD as INSIDE_WORLD
+from bench.reproduction.inside import InsideReading, measure_inside, wanted_inside
+from bench.reproduction.methods import (
+    SIZES,
+    Method,
+    NearestNeighbours,
+    best_fit,
+    confusion,
+    lost_in_plane,
+    measured,
+)
 from bench.reproduction.sampling import Drawn, Wanted, draw
 from bench.reproduction.worlds import WORLDS, draw_pattern
 from tactile_node.helmholtz.features import Group, features_at_angles
 from tactile_node.rate import Rate
 from tactile_node.shape.volf import ANSWERS, VolfClassifier
 from tactile_node.simulator.world import Purpose, generator
-from training.curve_fitting import (
-    AREAS,
-    READINGS,
-    Samples,
-    answers,
-    fit_classifier,
-)
+from training.curve_fitting import AREAS, READINGS, Samples, answers, fit_classifier
 
 VANISHING = 25  #: area at which the angles that lose taxels are looked for
 WORLDS_BY_AREA = tuple(world for world in WORLDS if world != INSIDE_WORLD)

@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 from bench.reproduction import clouds, sketches
 from bench.reproduction.experiments import Results
 from bench.reproduction.methods import PUBLISHED, SIZES, Method
-from bench.reproduction.wording import findings
-from bench.reproduction.wording_inside import explained
+from bench.reproduction.wording import explained, findings
 from bench.reproduction.worlds import LONG_RECTANGLES
 from tactile_node.rate import Rate
 from tactile_node.shape.volf import ANSWERS

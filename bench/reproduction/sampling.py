@@ -7,15 +7,16 @@ from typing import NamedTuple
 import numpy as np
 from tqdm import tqdm
 
-from bench.reproduction.inside import INSIDE, count_inside
 from bench.reproduction.worlds import draw_pattern
 from tactile_node.helmholtz.features import Group, features_at_angles
+from tactile_node.helmholtz.operators import Stencil, border
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS
 from tactile_node.simulator.world import Purpose, generator
 from training.curve_fitting import COLUMNS, Samples
 
 BATCH = 250  #: patterns a process draws at a time
+INSIDE = ('value', 'inside')  #: the number of inside taxels (the paper's Fig. 1 and section 7)
 
 
 class Wanted(NamedTuple):
@@ -82,6 +83,15 @@ def draw_batch(task: Task) -> np.ndarray:
         if not np.isnan(row).any():  # alpha9 is undefined where no two taxels are neighbours
             rows.append(row)
     return np.array(rows)
+
+
+def count_inside(mask: np.ndarray) -> int:
+    """Return how many active taxels of ``mask``, bool, shape (rows, cols), are inside: N - P05.
+
+    >>> count_inside(np.ones((3, 4), bool))
+    2
+    """
+    return int(mask.sum() - border(mask, Stencil.FIVE).sum())
 
 
 def plane_features(mask: np.ndarray) -> list[float]:
