@@ -31,4 +31,4 @@ setup(cmdclass={'build_py': FreshBuild},
       long_description_content_type='text/markdown',
       packages=[*find_packages(include=['tactile_node', 'tactile_node.*']), *DATA],
       package_dir=DATA,
-      package_data={'tactile_node': ['py.typed'], **{package: ['*'] for package in DATA}})
+      package_data={'tactile_node': ['py.typed', 'viewing/*.html'], **{package: ['*'] for package in DATA}})

@@ -29,6 +29,7 @@ ORIGINS = {
     'argcomplete': Origin('python3-argcomplete', 'argcomplete'),
     'can': Origin('python3-can', 'python-can'),
     'canopen': Origin('canopen-pip', 'canopen'),
+    'jinja2': Origin('python3-jinja2', 'jinja2'),
     'matplotlib': Origin('python3-matplotlib', 'matplotlib'),
     'mcap': Origin('mcap-ros2-support', 'mcap'),
     'numpy': Origin('python3-numpy', 'numpy'),

@@ -18,10 +18,11 @@ from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.viewing.charts import thinned
 from tactile_node.viewing.findings import Finding, findings
 from tactile_node.viewing.log_report import LogReporter
-from tactile_node.viewing.model import KEPT, Ends, LongestGaps, TaxelHealth
+from tactile_node.viewing.model import KEPT_ENTRIES, Ends, LongestGaps
 from tactile_node.viewing.node_record import BusRecord, NodeRecords
-from tactile_node.viewing.status_record import Mark, StatusRecord, marks_of, no_value_share
-from tactile_node.viewing.touch import PICTURED
+from tactile_node.viewing.status_record import StatusRecord
+from tactile_node.viewing.taxel_record import Mark, TaxelHealth, marks_of, no_value_share
+from tactile_node.viewing.touch import MOST_PICTURES
 from tactile_node.viewing.touch_finder import TouchFinder
 
 SESSION = DATA / 'sim16x16_two_pads.log.gz'
@@ -61,7 +62,7 @@ def test_touches_of_a_session_with_their_size(whole):
     """The five shapes in turn, of 60 taxels of 2 mm; areas are the outlines' own."""
     order = [Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE]
     for pad in whole.pads:
-        assert [touch.shape for touch in pad.touches] == order and pad.touches_left_out == 0
+        assert [touch.shape for touch in pad.touches] == order and pad.touches.left_out == 0
         sizes = [dict(touch.dimensions) for touch in pad.touches]
         areas = [np.pi * sizes[0]['radius']**2, sizes[1]['side']**2, sizes[2]['long'] * sizes[2]['short'],
                  sizes[3]['long_leg'] * sizes[3]['short_leg'] / 2, sizes[4]['base'] * sizes[4]['height'] / 2]
@@ -131,7 +132,7 @@ def test_of_another_device_no_taxel_is_given(tmp_path):
     report = report_of(path)
     left, right = report.pads
     assert (left.contradiction.node_id, left.contradiction.object_index) == (32, 0x1018)
-    assert left.touches == () and left.samples == () and left.health is None
+    assert not left.touches and left.samples == () and left.health is None
     assert len(right.touches) == 1 and right.contradiction is None
     assert (Finding.WRONG_DEVICE, 'pad32') in found_in(report)
     assert report.nodes[0].objects[0x1018, 2] == (bytes.fromhex('09001616'),)
@@ -141,12 +142,12 @@ def test_of_another_device_no_taxel_is_given(tmp_path):
 
 def test_an_identity_that_changes_is_two_devices():
     """The revision is read twice; what another node answers does not count."""
-    records = NodeRecords([('left', (32,))], frozenset())
+    records = NodeRecords({32: 'left'}, frozenset())
     for can_id, data in ((0x620, '4018100300000000'), (0x5A0, '4318100300000100'), (0x5A1, '4318100300000300'),
                          (0x620, '4018100300000000'), (0x5A0, '4318100300000200'), (0x620, '4018100300000000'),
                          (0x5A0, '4318100300000200')):
         records.feed(can.Message(1.0, can_id, False, data=bytes.fromhex(data)))
-    node, other = records.facts()
+    node, other = records.reports()
     assert node.objects == {(0x1018, 3): (bytes.fromhex('00000100'), bytes.fromhex('00000200'))}
     assert other.node_id == 33 and other.objects == {}
 
@@ -155,13 +156,13 @@ def test_taxels_of_another_node_are_not_given(tmp_path):
     """With node-ID 33 most TPDOs of node 32 fit."""
     log = logged(tmp_path / 'x.log', session())
     pad, = report_of(log, node_ids=(33,)).pads
-    assert pad.strangers == (32,) and pad.statistics.used > 0 and pad.touches == () and pad.health is None
+    assert pad.strangers == (32,) and pad.statistics.used > 0 and not pad.touches and pad.health is None
     report = report_of(log, node_ids=(9,))
     pad, = report.pads
-    assert pad.statistics.used == 0 and pad.touches == () and pad.strangers == ()
+    assert pad.statistics.used == 0 and not pad.touches and pad.strangers == ()
     assert (Finding.NO_TAXELS, 'pad9') in found_in(report)
     silent = next(node for node in report.nodes if node.node_id == 9)
-    assert silent.heartbeats == 0 and silent.nmt == () and silent.longest_pause is None
+    assert silent.heartbeats == 0 and not silent.nmt and silent.longest_pause is None
 
 
 def test_a_log_cut_short_is_reported_up_to_there(tmp_path):
@@ -188,7 +189,7 @@ def test_two_buses_in_one_load_are_pointed_out():
     bus = BusRecord(None)
     for stamp, channel, is_rx in ((0.0, 'can0', True), (1.0, 'can1', True), (2.0, 'vcan0', False)):
         bus.feed(can.Message(stamp, 0x701, False, data=b'\x05', channel=channel, is_rx=is_rx))
-    assert bus.facts({}).channels == ('can0', 'can1')
+    assert bus.report({}).channels == ('can0', 'can1')
 
 
 def pressed(taxels, value=50e3, missing=False):
@@ -211,7 +212,7 @@ def touches_of(frames, period=0.02):
 
 def test_a_touch_begins_and_ends_with_its_contact():
     found = touches_of([pressed(0)] * 10 + [pressed(4)] * 6 + [pressed(0)] * 5 + [pressed(5, 80e3)] * 3)
-    first, second = found.touches()
+    first, second = found
     assert (first.frames, second.frames, first.is_open, second.is_open) == (6, 3, False, True)
     assert first.begin == pytest.approx(BEGIN + 0.2) and first.end == pytest.approx(BEGIN + 0.3)
     assert first.force == pytest.approx(16 * 50e3 * 0.004**2, rel=1e-3) and second.taxels == 25
@@ -219,7 +220,7 @@ def test_a_touch_begins_and_ends_with_its_contact():
 
 def test_a_frame_in_which_the_pad_is_not_seen_ends_no_touch():
     hidden = touches_of([pressed(4)] * 5 + [pressed(0, missing=True)] * 5 + [pressed(4)] * 5 + [pressed(0)])
-    touch, = hidden.touches()
+    touch, = hidden
     assert touch.frames == 10 and touch.end == pytest.approx(BEGIN + 14 * 0.02)
 
 
@@ -228,12 +229,12 @@ def test_a_row_that_never_comes_joins_no_touches():
     frames = [pressed(4)] * 5 + [pressed(0)] * 5 + [pressed(4)] * 5
     for values, status in frames:
         values[7, :8], status[7, :8] = NAN, TaxelStatus.STALE
-    assert [touch.frames for touch in touches_of(frames).touches()] == [5, 5]
+    assert [touch.frames for touch in touches_of(frames)] == [5, 5]
 
 
 def test_a_time_without_frames_ends_one():
-    assert len(touches_of([pressed(4)] * 5 + [None] * 40 + [pressed(4)] * 5).touches()) == 2
-    assert len(touches_of([pressed(4)] * 5 + [None] * 10 + [pressed(4)] * 5).touches()) == 1
+    assert len(touches_of([pressed(4)] * 5 + [None] * 40 + [pressed(4)] * 5)) == 2
+    assert len(touches_of([pressed(4)] * 5 + [None] * 10 + [pressed(4)] * 5)) == 1
 
 
 class Joining:
@@ -251,7 +252,7 @@ def test_force_over_time_is_that_of_the_whole_contact():
     finder.feed(TaxelFrame(BEGIN, 0, values, status, 0))
     finder.end()
     assert finder.samples[0].force == pytest.approx(56 * 50e3 * 16e-6)
-    assert finder.found.touches()[0].force == pytest.approx(56 * 50e3 * 16e-6)
+    assert finder.found[0].force == pytest.approx(56 * 50e3 * 16e-6)
 
 
 def test_a_contact_too_small_for_a_touch_is_only_counted():
@@ -259,15 +260,15 @@ def test_a_contact_too_small_for_a_touch_is_only_counted():
     noise = pressed(0)
     noise[0][14, 14] = 5e3
     found = touches_of([pressed(4)] * 5 + [noise] * 3 + [pressed(4)] * 5)
-    assert [touch.frames for touch in found.touches()] == [5, 5] and found.small_frames == 3
+    assert [touch.frames for touch in found] == [5, 5] and found.small_frames == 3
 
 
 def test_the_longest_touches_keep_their_pictures():
     frames = []
-    for length in range(PICTURED + 3, 0, -1):
+    for length in range(MOST_PICTURES + 3, 0, -1):
         frames += [pressed(3)] * length + [pressed(0)] * 2
-    touches = touches_of(frames).touches()
-    assert [touch.picture is not None for touch in touches] == [True] * PICTURED + [False] * 3
+    touches = touches_of(frames)
+    assert [touch.picture is not None for touch in touches] == [True] * MOST_PICTURES + [False] * 3
 
 
 def test_marks_of_taxels():
@@ -307,7 +308,7 @@ def test_counts_of_the_driver_are_those_within_the_recording():
     assert dict(record.losses('robot/left')) == {'late': 4, 'short': 7}  # 3, then the driver started again
     assert record.losses('right') is None
     node, = record.nodes()
-    assert node.emergency_count == 1 and [each.text for each in node.emergencies] == ['EMCY 0x4210']
+    assert node.emergencies.count == 1 and [each.text for each in node.emergencies] == ['EMCY 0x4210']
     assert node.objects == {} and node.heartbeats is None
 
 
@@ -315,16 +316,17 @@ def test_what_the_driver_reports_is_given_where_it_changes():
     record = StatusRecord()
     for k, (level, message) in enumerate([(1, ''), (3, 'no frames'), (3, 'no frames'), (1, '')]):
         record.feed_status(BEGIN + k, status(level=level, message=message))
-    assert [(each.stamp, each.is_problem) for each in record.reported] == [(BEGIN + 1, True), (BEGIN + 3, False)]
-    np.testing.assert_allclose(record.load().shares, 0.3)
-    assert StatusRecord().reported is None and StatusRecord().load() is None and StatusRecord().nodes() is None
+    assert [(each.stamp, each.is_problem) for each in record.bus().reported] == [(BEGIN + 1, True), (BEGIN + 3, False)]
+    np.testing.assert_allclose(record.bus().load.shares, 0.3)
+    nothing = StatusRecord()
+    assert nothing.bus().reported is None and nothing.bus().load is None and nothing.nodes() is None
 
 
 def test_a_clock_that_is_set_forward_costs_no_memory():
     bus = BusRecord(None)
     for stamp in (0.0, 0.5, 1.0, 2.0, BEGIN, BEGIN + 0.5, BEGIN + 1.0):
         bus.feed(can.Message(stamp, 0x181, False, data=bytes(8)))
-    load = bus.facts({}).load
+    load = bus.report({}).load
     assert len(load.stamps) < 20 and load.bit_rates.max() == 2 * 135
     assert load.mean == pytest.approx(6 * 135 / BEGIN, rel=0.01)
 
@@ -336,12 +338,13 @@ def test_messages_are_counted_for_the_progress(tmp_path):
 
 def test_memory_is_bounded():
     ends = Ends()
-    for k in range(5 * KEPT):
+    for k in range(5 * KEPT_ENTRIES):
         ends.add(k)
-    assert ends.kept() == (*range(KEPT), *range(4 * KEPT, 5 * KEPT)) and ends.count == 5 * KEPT
+    assert tuple(ends) == (*range(KEPT_ENTRIES), *range(4 * KEPT_ENTRIES, 5 * KEPT_ENTRIES))
+    assert ends.count == 5 * KEPT_ENTRIES
     gaps = LongestGaps(0.5)
     for k in range(200):
         gaps.feed(k * k)
-    assert gaps.count == 199 and [gap.seconds for gap in gaps.gaps()] == [2 * k + 1 for k in range(149, 199)]
+    assert gaps.count == 199 and [gap.seconds for gap in gaps] == [2 * k + 1 for k in range(149, 199)]
     kept = thinned(np.r_[np.zeros(5000), 9, np.zeros(5000)], keep_highest=True)
     assert len(kept) <= 900 and 5000 in kept

@@ -15,13 +15,12 @@ from tactile_node.logs.bag_records import message_count
 from tactile_node.logs.topic_bag import DIAGNOSTICS, SHAPE
 from tactile_node.shape.recognition import Recognition, Shape, TaughtShape
 from tactile_node.taxel_frame import TaxelStatus
-from tactile_node.viewing.charts import ABSENT
 from tactile_node.viewing.findings import Finding, findings
 from tactile_node.viewing.log_report import BagReporter
 from tactile_node.viewing.model import Kind
-from tactile_node.viewing.report_page import page_of
-from tactile_node.viewing.touch_section import TAUGHT
+from tactile_node.viewing.report_page import ABSENT, TAUGHT, page_of
 
+pytest.importorskip('jinja2')
 VOID = {'meta', 'br', 'path', 'rect', 'polygon', 'polyline'}
 NAN = float('nan')
 
@@ -150,7 +149,7 @@ def test_a_bag_cut_short_is_reported_up_to_there(tmp_path):
 class Plug:
     """Recognises a shape that was taught, in every contact."""
 
-    def recognise(self, contact):
+    def recognise(self, contact, visibility=None):
         return Recognition.certain(TaughtShape('my_plug') if contact.mask.any() else Shape.NONE)
 
 

@@ -41,6 +41,7 @@ NEEDED = {'bringup': ('rclpy', 'tactile_skin'), 'view': ('viser',), 'completion'
 _ROS = 'Source a ROS 2 workspace that holds tactile_skin, or run `make setup` once.'
 NEEDS = {'rclpy': _ROS, 'rcl_interfaces': _ROS, 'tactile_skin': _ROS,
          'can': 'Install it: pip install python-can.', 'canopen': 'Install it: pip install canopen (docs/install.md).',
+         'jinja2': 'Install it: pip install jinja2.',
          'matplotlib': "Install it: pip install 'tactile-skin[picture]'.",
          'viser': "Install it: pip install 'tactile-skin[view]'.",
          'PIL': "Install Pillow: pip install 'tactile-skin[picture]'.",

@@ -28,7 +28,7 @@ from tactile_node.logs.topic_bag import CAN_TYPE as CAN_FRAMES
 from tactile_node.logs.topic_bag import DIAGNOSTICS, STATUS, TAXELS, holds_taxels
 from tactile_node.output_file import check_writable, output_file
 from tactile_node.skin.pads import make_pads
-from tactile_node.viewing.findings import findings, sentence
+from tactile_node.viewing.findings import findings
 from tactile_node.viewing.log_report import BagReporter, LogReporter
 from tactile_node.viewing.report_page import page_of
 
@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
             tqdm(total=_total(args.log), unit=' frames', disable=None, file=sys.stderr, leave=False) as bar:
         report = _reporter(args, bar.update).report(stop_requested)
         stream.write(page_of(report).encode())
-    problems = [sentence(found) for found in findings(report) if found.finding.is_problem]
+    problems = [found.sentence for found in findings(report) if found.finding.is_problem]
     print(f'{args.output}: {len(report.pads)} pads, {sum(len(pad.touches) for pad in report.pads)} touches, '
           f'{len(problems)} problems', *problems, sep='\n  ')
     return 0

@@ -1,72 +1,17 @@
-"""Charts over time as inline SVG, with at most MOST points."""
+"""Pictures of a report as inline SVG: pads, and charts over time with at most MOST_POINTS points."""
 
 import math
-from collections.abc import Iterable, Sequence
-from html import escape
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from tactile_node.colour_map import PALETTE, STEPS, rounded_up
 
-ABSENT = 'not in this recording'
-
-
-class Html(str):
-    """HTML that was made here; every other text is escaped."""
-
-
-def safe(value: object) -> Html:
-    """Return ``value`` escaped, None as ABSENT, characters that do not print as U+FFFD.
-
-    >>> safe('<script>' + chr(7)) == '&lt;script&gt;' + chr(0xFFFD)
-    True
-    """
-    if isinstance(value, Html):
-        return value
-    if value is None:
-        return Html(f'<span class="absent">{ABSENT}</span>')
-    text = ''.join(each if each.isprintable() or each == '\n' else '\N{REPLACEMENT CHARACTER}' for each in str(value))
-    return Html(escape(text))
-
-
-def table(header: Sequence[object], rows: Iterable[Sequence[object]]) -> Html:
-    body = ''.join(_row('td', row) for row in rows)
-    return Html(f'<table><thead>{_row("th", header)}</thead><tbody>{body}</tbody></table>')
-
-
-def facts(pairs: Iterable[tuple[str, object]]) -> Html:
-    """A list of names and values."""
-    rows = ''.join(f'<tr><th>{safe(name)}</th><td>{safe(value)}</td></tr>' for name, value in pairs)
-    return Html(f'<table class="facts">{rows}</table>')
-
-
-def folded(summary: str, content: Html, *, is_open: bool = False) -> Html:
-    return Html(f'<details{" open" if is_open else ""}><summary>{safe(summary)}</summary>{content}</details>')
-
-
-def joined(parts: Iterable[str]) -> Html:
-    """Join the parts; what is not Html is escaped."""
-    return Html(''.join(safe(part) for part in parts))
-
-
-def paragraph(text: object, style: str = '') -> Html:
-    return Html(f'<p class="{style}">{safe(text)}</p>')
-
-
-def legend_of(entries: Iterable[tuple[str, str]]) -> Html:
-    """Colours and what they stand for."""
-    spans = ''.join(f'<span><i style="background:{safe(colour)}"></i>{safe(text)}</span>' for colour, text in entries)
-    return Html(f'<div class="legend">{spans}</div>')
-
-
-def _row(kind: str, cells: Iterable[object]) -> str:
-    return f'<tr>{"".join(f"<{kind}>{safe(cell)}</{kind}>" for cell in cells)}</tr>'
-
-
-LEVELS = 48
+HEAT_LEVELS = 48
 NO_VALUE = '#9a9a9a'
 OUTLINE = '#00e5ff'
+PAD_HEIGHT = 200  #: of a picture of a pad [pixels]
 
 
 def colour(share: float) -> str:
@@ -92,15 +37,15 @@ def cells(colours: Sequence[tuple[str, np.ndarray]]) -> str:
 def heat_cells(values: np.ndarray, top: float) -> str:
     """``values`` (rows, cols), NaN: no value; ``top`` has the brightest colour."""
     with np.errstate(invalid='ignore'):
-        levels = np.clip(np.rint(values / top * (LEVELS - 1)) if top > 0 else 0 * values, 0, LEVELS - 1)
-    shades = [(colour(level / (LEVELS - 1)), levels == level) for level in range(LEVELS)]
+        levels = np.clip(np.rint(values / top * (HEAT_LEVELS - 1)) if top > 0 else 0 * values, 0, HEAT_LEVELS - 1)
+    shades = [(colour(level / (HEAT_LEVELS - 1)), levels == level) for level in range(HEAT_LEVELS)]
     return cells([*shades, (NO_VALUE, np.isnan(values))])
 
 
-def grid(rows: int, cols: int, content: str, label: str, *, height: int = 200) -> str:
+def grid(rows: int, cols: int, content: str, label: str) -> str:
     """A picture of a pad: ``content`` in units of taxels."""
-    width = max(40, round(height * cols / rows))
-    return (f'<svg class="pad" role="img" aria-label="{label}" width="{width}" height="{height}" '
+    width = max(40, round(PAD_HEIGHT * cols / rows))
+    return (f'<svg class="pad" role="img" aria-label="{label}" width="{width}" height="{PAD_HEIGHT}" '
             f'viewBox="0 0 {cols} {rows}" shape-rendering="crispEdges">{content}</svg>')
 
 
@@ -127,7 +72,7 @@ def _runs(places: np.ndarray) -> list[tuple[int, int, int]]:
 
 
 WIDTH, HEIGHT, LEFT, BOTTOM = 940, 130, 64, 22
-MOST = 900  #: points of one line: more than one a pixel is not seen
+MOST_POINTS = 900  #: points of one line: more than one a pixel is not seen
 
 
 class Points(NamedTuple):
@@ -157,14 +102,14 @@ def chart(lines: Sequence[Points], dots: Sequence[Points], *, end: float, top: f
 
 
 def thinned(values: np.ndarray, keep_highest: bool) -> np.ndarray:
-    """Return the indices of at most MOST of ``values``: of each part the highest, or the lowest.
+    """Return the indices of at most MOST_POINTS of ``values``: of each part the highest, or the lowest.
 
     >>> thinned(np.array([3.0, 1.0]), True).tolist()
     [0, 1]
     """
-    if len(values) <= MOST:
+    if len(values) <= MOST_POINTS:
         return np.arange(len(values))
-    parts = np.array_split(np.arange(len(values)), MOST)
+    parts = np.array_split(np.arange(len(values)), MOST_POINTS)
     pick = np.nanargmax if keep_highest else np.nanargmin
     return np.array([part[pick(values[part])] if np.isfinite(values[part]).any() else part[0] for part in parts])
 

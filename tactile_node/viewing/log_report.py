@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 import can
 
@@ -33,12 +34,14 @@ from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from tactile_node.skin.pads import PadSettings, identities_of
 from tactile_node.sources.log_source import LogSource
 from tactile_node.taxel_frame import TaxelFrame
-from tactile_node.viewing.model import BusFacts, Kind, NodeFacts, PadFacts, Recording, Report
-from tactile_node.viewing.node_record import BusRecord, NodeRecords, PadRecord
+from tactile_node.viewing.model import BusReport, Kind, NodeReport, PadReport, Report, ReportedFile
+from tactile_node.viewing.node_record import BusRecord, NodeRecords
+from tactile_node.viewing.pad_record import PadRecord
 from tactile_node.viewing.status_record import StatusRecord
+from tactile_node.viewing.touch import TouchList
 
 LIBRARIES = ('python-can', 'canopen', 'numpy', 'scipy', 'rosbags', 'mcap')
-CHUNK = 1 << 20  # bytes
+DIGEST_CHUNK = 1 << 20  #: [bytes]
 
 
 def versions() -> tuple[tuple[str, str], ...]:
@@ -53,32 +56,23 @@ def versions() -> tuple[tuple[str, str], ...]:
             ('system', f'{platform.system()} {platform.machine()}'))
 
 
-def recording_of(path: str | Path, kind: Kind, begin: float, end: float) -> Recording:
+def reported_file(path: str | Path, kind: Kind, begin: float, end: float, **problems: Any) -> ReportedFile:
     """Return what is known of a file, a series of files or a bag's folder. Raises OSError where it cannot be read."""
     path = Path(path)
     files = [file for file in path.rglob('*') if file.is_file()] if path.is_dir() else files_of(path)
-    return Recording(name=path.resolve().name, size=sum(file.stat().st_size for file in files),
-                     sha256='' if path.is_dir() or len(files) > 1 else _sha256(path), kind=kind, begin=begin, end=end)
-
-
-def layout_name(source: str) -> str:
-    return Path(source).name
-
-
-def layout_digest(source: str) -> str:
-    """SHA-256 of the layout file."""
-    return _sha256(config_path(source))
+    return ReportedFile(path.resolve().name, sum(file.stat().st_size for file in files),
+                        '' if path.is_dir() or len(files) > 1 else _sha256(path), kind, begin, end, **problems)
 
 
 def _sha256(path: Path) -> str:
     digest = hashlib.sha256()
     with path.open('rb') as file:
-        while chunk := file.read(CHUNK):
+        while chunk := file.read(DIGEST_CHUNK):
             digest.update(chunk)
     return digest.hexdigest()
 
 
-POLL = 0.1  # s
+END_POLL = 0.1  #: for the end of the log [s]
 
 
 class LogReporter:
@@ -100,7 +94,7 @@ class LogReporter:
         self._contradictions: dict[str, Contradiction] = {}
         self._set_up = None if any_device else LoggedSetUp(pads, identities_of(pads, eds))
         self._bus = BusRecord(bit_rate)
-        self._nodes = NodeRecords([(pad.name, pad.node_ids) for pad in pads], _taken(pads))
+        self._nodes = NodeRecords({node_id: pad.name for pad in pads for node_id in pad.node_ids}, _taken(pads))
         self._source = LogSource(path, pads, self._frame, pace=None, channel=channel, any_device=True,
                                  on_message=self._message, window=window)
 
@@ -109,7 +103,7 @@ class LogReporter:
         source = self._source
         source.open()
         source.start()
-        while not source.finished.wait(POLL) and not stop_requested.is_set():
+        while not source.finished.wait(END_POLL) and not stop_requested.is_set():
             pass
         is_done = source.finished.is_set()
         source.close()
@@ -119,13 +113,11 @@ class LogReporter:
         if source.failure or statistics.consumer_errors:
             got = source.failure.detail.removesuffix('.') if source.failure else 'an error over its taxel frames'
             raise LogError(self._path, expected='a log to its end', got=got, remedy='No report is written.')
-        recording = recording_of(self._path, Kind.CAN_FRAMES, self._bus.begin or 0.0, self._bus.end)
-        return Report(
-            versions=versions(), pads=tuple(self._pad(pad, statistics.pads[pad.name]) for pad in self._pads),
-            nodes=self._nodes.facts(), bus=self._bus.facts(statistics.can_frames),
-            recording=replace(recording, unread=statistics.unread, problem=source.problem,
-                              damages=tuple(source.damages),
-                              clock_jumps=statistics.clock_jumps))
+        recording = reported_file(
+            self._path, Kind.CAN_FRAMES, self._bus.begin or 0.0, self._bus.end, unread=statistics.unread,
+            problem=source.problem, damages=tuple(source.damages), clock_jumps=statistics.clock_jumps)
+        return Report(versions(), recording, tuple(self._pad(pad, statistics.pads[pad.name]) for pad in self._pads),
+                      self._nodes.reports(), self._bus.report(statistics.can_frames))
 
     def _frame(self, pad: str, frame: TaxelFrame) -> None:
         if pad not in self._contradictions:
@@ -140,17 +132,17 @@ class LogReporter:
             if found is not None:
                 self._contradictions.setdefault(found.pad, found)
 
-    def _pad(self, pad: PadSettings, statistics: PadStatistics) -> PadFacts:
-        facts = self._records[pad.name].facts()
-        losses = tuple((reason.key, count) for reason, count in statistics.losses.items() if count)
-        facts = replace(facts, node_ids=pad.node_ids, layout=layout_name(pad.layout.source), losses=losses,
-                        layout_sha256=layout_digest(pad.layout.source), statistics=statistics,
-                        strangers=tuple(self._source.strangers.get(pad.name, ())))
+    def _pad(self, pad: PadSettings, statistics: PadStatistics) -> PadReport:
+        report = replace(
+            self._records[pad.name].report(), node_ids=pad.node_ids, layout=Path(pad.layout.source).name,
+            layout_sha256=_sha256(config_path(pad.layout.source)), statistics=statistics,
+            losses=tuple((reason.key, count) for reason, count in statistics.losses.items() if count),
+            strangers=tuple(self._source.strangers.get(pad.name, ())))
         contradiction = self._contradictions.get(pad.name)
-        if self._any_device or contradiction is None and not facts.strangers:
-            return facts
-        return replace(facts, contradiction=contradiction, are_of_others=True, touches=(), touches_left_out=0,
-                       small_frames=0, samples=(), health=None)
+        if self._any_device or contradiction is None and not report.strangers:
+            return report
+        return replace(report, contradiction=contradiction, are_of_others=True, touches=TouchList(), samples=(),
+                       health=None)
 
 
 def _taken(pads: Sequence[PadSettings]) -> frozenset[int]:
@@ -182,16 +174,18 @@ class BagReporter:
         unread, problem = self._reader.unread.total(), self._reader.problem
         if not self._pads:
             raise LogError(self._path, expected='a taxel array', got=problem or 'none', remedy='Record it again.')
-        pads = tuple(self._pad(name) for name in sorted(self._pads))
+        pads = tuple(replace(record.report(), losses=self._status.losses(name))
+                     for name, record in sorted(self._pads.items()))
         misshapen = sum(record.misshapen for record in self._pads.values())
-        has_can_frames = holds_can_frames(self._path)
-        nodes, bus = self._of_can_frames(stop_requested) if has_can_frames else (self._status.nodes(), self._bus())
-        kind = Kind.BOTH if has_can_frames else Kind.TOPICS
-        return Report(
-            versions=versions(), pads=pads, nodes=nodes, bus=replace(bus, reported=self._status.reported),
-            recording=replace(recording_of(self._path, kind, self._begin, self._end), unread=unread + misshapen,
-                              problem=problem or ('taxel arrays of another size' if misshapen else ''),
-                              damages=tuple(self._reader.damages)))
+        kind, nodes, bus = Kind.TOPICS, self._status.nodes(), self._status.bus()
+        if holds_can_frames(self._path):
+            kind = Kind.BOTH
+            nodes, of_can_frames = self._of_can_frames(stop_requested)
+            bus = replace(of_can_frames, reported=bus.reported)
+        recording = reported_file(
+            self._path, kind, self._begin, self._end, unread=unread + misshapen, damages=tuple(self._reader.damages),
+            problem=problem or ('taxel arrays of another size' if misshapen else ''))
+        return Report(versions(), recording, pads, nodes, bus)
 
     def _feed(self, message: BagMessage) -> None:
         if message.type == TAXELS:
@@ -209,20 +203,14 @@ class BagReporter:
         self._begin, self._end = min(self._begin, frame.stamp), max(self._end, frame.stamp)
         self._pads[name].feed(frame)
 
-    def _pad(self, name: str) -> PadFacts:
-        return replace(self._pads[name].facts(), losses=self._status.losses(name))
-
-    def _bus(self) -> BusFacts:
-        return BusFacts(can_frames=None, load=self._status.load(), gaps=None, gap_count=None, commands=None,
-                        command_count=None, reported=None)
-
-    def _of_can_frames(self, stop_requested: threading.Event) -> tuple[tuple[NodeFacts, ...], BusFacts]:
+    def _of_can_frames(self, stop_requested: threading.Event) -> tuple[tuple[NodeReport, ...], BusReport]:
         """Services are not counted: which COB-IDs are TPDOs, only a layout says."""
-        bus, nodes = BusRecord(self._bit_rate), NodeRecords(self._status.pads_of_nodes(), frozenset())
+        bus = BusRecord(self._bit_rate)
+        nodes = NodeRecords({node.node_id: node.pad for node in self._status.nodes() or ()}, frozenset())
         for message in CanLogReader(self._path, self._channel, self._window):
             if stop_requested.is_set():
                 raise KeyboardInterrupt
             self._on_message()
             bus.feed(message)
             nodes.feed(message)
-        return nodes.facts(), replace(bus.facts({}), can_frames=None)
+        return nodes.reports(), bus.report(None)

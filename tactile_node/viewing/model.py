@@ -1,8 +1,9 @@
-"""The facts of a report; `page` makes HTML of them. None: not in this recording. Stamps are Unix time [s]."""
+"""The facts of a report; `report_page` makes HTML of them. None: not in this recording. Stamps are Unix time [s]."""
 
 import heapq
 from collections import deque
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from enum import Enum, unique
 from typing import Generic, NamedTuple, TypeVar
 
@@ -13,8 +14,64 @@ from tactile_node.cia301.emergency import Emergency
 from tactile_node.cia301.objects import PRODUCER_HEARTBEAT_TIME
 from tactile_node.logs.damage import Damage
 from tactile_node.logs.logged_set_up import Contradiction
-from tactile_node.taxel_frame import TaxelStatus
-from tactile_node.viewing.touch import Sample, Touch
+from tactile_node.viewing.taxel_record import TaxelHealth
+from tactile_node.viewing.touch import Sample, TouchList
+
+KEPT_ENTRIES = 100  #: at each end
+KEPT_GAPS = 50
+
+Entry = TypeVar('Entry')
+
+
+class Ends(Generic[Entry]):
+    """The first and the last of many entries; what lies between is only counted, so that memory is bounded."""
+
+    def __init__(self) -> None:
+        self._first: list[Entry] = []
+        self._last: deque[Entry] = deque(maxlen=KEPT_ENTRIES)
+        self.count = 0
+
+    def add(self, entry: Entry) -> None:
+        self.count += 1
+        (self._first if len(self._first) < KEPT_ENTRIES else self._last).append(entry)
+
+    def __iter__(self) -> Iterator[Entry]:
+        """Yield those that are kept, in their order."""
+        return iter((*self._first, *self._last))
+
+    def __len__(self) -> int:
+        return len(self._first) + len(self._last)
+
+
+class Gap(NamedTuple):
+    """A time without what should have come."""
+
+    seconds: float
+    begin: float    #: stamp of the last one before
+
+
+class LongestGaps:
+    """The longest gaps, in their order in time; ``least``: shorter ones are none [s]."""
+
+    def __init__(self, least: float):
+        self._least = least
+        self._kept: list[Gap] = []
+        self._last: float | None = None
+        self.count = 0
+
+    def feed(self, stamp: float) -> None:
+        """Something came at ``stamp``."""
+        if self._last is not None and stamp - self._last >= self._least:
+            self.count += 1
+            keep = heapq.heappush if len(self._kept) < KEPT_GAPS else heapq.heappushpop
+            keep(self._kept, Gap(stamp - self._last, self._last))
+        self._last = stamp if self._last is None else max(self._last, stamp)
+
+    def __iter__(self) -> Iterator[Gap]:
+        return iter(sorted(self._kept, key=lambda gap: gap.begin))
+
+    def __len__(self) -> int:
+        return len(self._kept)
 
 
 @unique
@@ -26,16 +83,9 @@ class Kind(Enum):
     BOTH = 'ROS topics and CAN frames'
 
 
-class Gap(NamedTuple):
-    """A time without what should have come."""
-
-    begin: float    #: stamp of the last one before
-    seconds: float
-
-
 @dataclass(frozen=True)
-class Recording:
-    """The file, as far as it could be read."""
+class ReportedFile:
+    """The recording, as far as it could be read."""
 
     name: str          #: without its folder
     size: int          #: bytes, of all files of a bag
@@ -50,24 +100,7 @@ class Recording:
 
 
 @dataclass(frozen=True)
-class TaxelHealth:
-    """Counts by taxel over all frames; arrays are read-only, (rows, cols)."""
-
-    frames: int
-    by_status: np.ndarray      #: int, (TaxelStatus, rows, cols): frames in which the taxel had this status
-    lowest: np.ndarray         #: least value; NaN: never had one
-    highest: np.ndarray
-    faults: np.ndarray         #: uint8 TaxelFault, by what it sent
-
-    @property
-    def never_changed(self) -> np.ndarray:
-        """Bool: had a value in two frames or more, and always the same."""
-        valued: np.ndarray = self.by_status[[TaxelStatus.VALID, TaxelStatus.SATURATED]].sum(0) >= 2
-        return valued & (self.lowest == self.highest)
-
-
-@dataclass(frozen=True)
-class PadFacts:
+class PadReport:
     """One pad."""
 
     name: str
@@ -79,11 +112,8 @@ class PadFacts:
     incomplete: int                       #: of these, with missing CAN frames
     lost_frames: int                      #: taxel frames that were lost, by gaps in their sequence
     period: float | None                  #: median time between two frames [s]
-    gaps: tuple[Gap, ...]                 #: between taxel frames, the longest
-    gap_count: int
-    touches: tuple[Touch, ...]
-    touches_left_out: int                 #: beyond the most that are listed
-    small_frames: int                     #: with contacts of too few taxels for a touch alone
+    gaps: LongestGaps                     #: between taxel frames
+    touches: TouchList
     samples: tuple[Sample, ...]
     health: TaxelHealth | None            #: None: no frame
     node_ids: tuple[int, ...] = ()        #: empty: not in this recording
@@ -109,19 +139,18 @@ class Reported(NamedTuple):
     is_problem: bool  #: a warning or an error; else it is over, or a change
 
 
-@dataclass(frozen=True)
-class NodeFacts:
+@dataclass
+class NodeReport:
     """One CANopen node, whether a pad has it or not."""
 
     node_id: int
-    pad: str | None                             #: None: of no pad
-    objects: dict[tuple[int, int], tuple[bytes, ...]]  #: index, sub-index: values read by SDO, each once; read only
-    emergencies: tuple[Emergency | Reported, ...]  #: the first and the last of them
-    emergency_count: int | None                 #: None: not in this recording
-    nmt: tuple[NmtChange, ...]
-    nmt_count: int | None
-    heartbeats: int | None
-    longest_pause: float | None                 #: between two heartbeats [s]
+    pad: str | None                 #: None: of no pad
+    #: index, sub-index: values read by SDO, each once
+    objects: dict[tuple[int, int], tuple[bytes, ...]] = field(default_factory=dict)
+    emergencies: Ends[Emergency | Reported] = field(default_factory=Ends)
+    nmt: Ends[NmtChange] = field(default_factory=Ends)
+    heartbeats: int | None = None
+    longest_pause: float | None = None  #: between two heartbeats [s]
 
     @property
     def identity(self) -> dict[tuple[int, int], tuple[bytes, ...]]:
@@ -149,17 +178,15 @@ class BusLoad:
 
 
 @dataclass(frozen=True)
-class BusFacts:
+class BusReport:
     """The CAN bus. Fields are None where the recording has no CAN frames."""
 
-    can_frames: dict[str, int] | None      #: by service; read only
     load: BusLoad | None
-    gaps: tuple[Gap, ...] | None           #: without any CAN frame, the longest
-    gap_count: int | None
-    commands: tuple[SeenCommand, ...] | None
-    command_count: int | None
-    reported: tuple[Reported, ...] | None  #: changes of what driver and nodes report of themselves
-    channels: tuple[str, ...] = ()         #: names of the buses, as the log has them, or topics of CAN frames
+    reported: Ends[Reported] | None = None  #: changes of what driver and nodes report of themselves
+    can_frames: dict[str, int] | None = None   #: by service; read only
+    gaps: LongestGaps | None = None         #: without any CAN frame
+    commands: Ends[SeenCommand] | None = None
+    channels: tuple[str, ...] = ()          #: names of the buses, as the log has them, or topics of CAN frames
 
 
 @dataclass(frozen=True)
@@ -167,57 +194,7 @@ class Report:
     """Everything on the page."""
 
     versions: tuple[tuple[str, str], ...]
-    recording: Recording
-    pads: tuple[PadFacts, ...]
-    nodes: tuple[NodeFacts, ...] | None
-    bus: BusFacts
-
-
-KEPT = 100  #: at each end
-
-Entry = TypeVar('Entry')
-
-
-class Ends(Generic[Entry]):
-    """Bounds the memory that a device which repeats itself can take; what lies between is only counted."""
-
-    def __init__(self) -> None:
-        self._first: list[Entry] = []
-        self._last: deque[Entry] = deque(maxlen=KEPT)
-        self.count = 0
-
-    def add(self, entry: Entry) -> None:
-        self.count += 1
-        if len(self._first) < KEPT:
-            self._first.append(entry)
-        else:
-            self._last.append(entry)
-
-    def kept(self) -> tuple[Entry, ...]:
-        """In their order."""
-        return (*self._first, *self._last)
-
-
-KEPT_GAPS = 50
-
-
-class LongestGaps:
-    """``least``: shorter ones are none [s]."""
-
-    def __init__(self, least: float):
-        self._least = least
-        self._kept: list[tuple[float, float]] = []  # seconds, begin
-        self._last: float | None = None
-        self.count = 0
-
-    def feed(self, stamp: float) -> None:
-        """Something came at ``stamp``."""
-        if self._last is not None and stamp - self._last >= self._least:
-            self.count += 1
-            entry = stamp - self._last, self._last
-            (heapq.heappush if len(self._kept) < KEPT_GAPS else heapq.heappushpop)(self._kept, entry)
-        self._last = stamp if self._last is None else max(self._last, stamp)
-
-    def gaps(self) -> tuple[Gap, ...]:
-        """In their order in time."""
-        return tuple(sorted(Gap(begin, seconds) for seconds, begin in self._kept))
+    recording: ReportedFile
+    pads: tuple[PadReport, ...]
+    nodes: tuple[NodeReport, ...] | None
+    bus: BusReport

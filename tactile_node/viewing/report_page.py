@@ -1,66 +1,208 @@
-"""The report as one HTML page: no script, and nothing from elsewhere."""
+"""The report as one HTML page, by the template report.html: no script, and nothing from elsewhere."""
 
-from string import Template
+import math
+from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from tactile_node.assembly.fault_text import command_text, node_label
+from tactile_node.cia301.objects import (
+    DEVICE_NAME,
+    HARDWARE_VERSION,
+    PRODUCER_HEARTBEAT_TIME,
+    SOFTWARE_VERSION,
+    state_name,
+)
+from tactile_node.contact.neighbours import SMALLEST_CONTACT
 from tactile_node.logs.damage import damage_lines, utc
-from tactile_node.viewing.bus_section import bus_section, nodes_section, pad_section
-from tactile_node.viewing.charts import Html, facts, joined, paragraph, safe
-from tactile_node.viewing.findings import findings, sentence
-from tactile_node.viewing.model import Report
+from tactile_node.shape.recognition import Shape, ShapeClass
+from tactile_node.taxel_frame import TaxelStatus
+from tactile_node.viewing.charts import Points, cells, chart, colour_bar, grid, heat_cells, outline, thinned
+from tactile_node.viewing.findings import findings
+from tactile_node.viewing.model import BusLoad, Ends, NmtChange, NodeReport, PadReport, Report
+from tactile_node.viewing.node_record import OBJECTS
+from tactile_node.viewing.taxel_record import FAULTS, Mark, TaxelHealth, marks_of, no_value_share
+from tactile_node.viewing.touch import MOST_PICTURES, MOST_TOUCHES, Touch
+from tactile_node.viewing.touch_finder import RECOGNITION_PERIOD
 
-STYLE = '''body { font: 14px/1.45 system-ui, sans-serif; max-width: 68em;
- margin: 1.5em auto; padding: 0 1em; color: #222 }
-h1 { font-size: 22px; margin-bottom: .2em } h2 { margin-top: 1.6em; border-bottom: 2px solid #0072b2; font-size: 19px }
-h3 { font-size: 15px; margin: 1.2em 0 .3em } h4 { font-size: 13px; margin: .8em 0 .2em } small, .note { color: #666 }
-.note { font-size: 12px; margin: .2em 0 } table { border-collapse: collapse; font-size: 13px; margin: .4em 0 }
-td, th { padding: .15em .7em .15em 0; text-align: left; vertical-align: top } thead th { border-bottom: 1px solid #999 }
-tbody tr:nth-child(even) { background: #f6f7f9 } .facts th { color: #666; font-weight: normal; white-space: nowrap }
-.facts td { overflow-wrap: anywhere } .absent { color: #999; font-style: italic }
-.cards { display: flex; flex-wrap: wrap; gap: 14px; margin: .6em 0 } figure { margin: 0; padding: 8px; width: 206px;
-border: 1px solid #dde; border-radius: 6px; background: #fff; break-inside: avoid } figure .facts { font-size: 12px }
-figure tbody tr:nth-child(even) { background: none } svg { display: block; margin: 4px 0 } .share { float: right }
-svg text { font-size: 11px; fill: #555 } .chart { width: 100%; height: auto } .chart .tick { stroke: #e4e6ea }
-.legend span { margin-right: 1.2em; font-size: 12px; white-space: nowrap } .legend i { display: inline-block;
-width: 11px; height: 11px; border-radius: 2px; margin-right: 5px; vertical-align: -1px; border: 1px solid #ccc }
-ul.findings { padding: 0; list-style: none } .findings li, .problem { padding: .35em .7em; margin: .25em 0;
-border-left: 4px solid #7aa7c7; background: #f3f8fc } .findings li.problem, p.problem { border-color: #c1121f;
-background: #fdf1f1 } summary { cursor: pointer; color: #0b5f96 } details { margin: .4em 0 }'''
-PAGE = Template('''<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><title>Tactile report: $name</title>
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'">
-<style>$style</style></head><body>
-<h1>Tactile report: $name</h1>
-$body
-</body></html>
-''')
+ABSENT = 'not in this recording'
+TEXT_OBJECTS = DEVICE_NAME, HARDWARE_VERSION, SOFTWARE_VERSION
+#: Okabe and Ito: distinct with every kind of colour vision
+COLOURS: dict[ShapeClass, str] = {
+    Shape.CIRCLE: '#0072b2', Shape.SQUARE: '#d55e00', Shape.RECTANGLE: '#009e73',
+    Shape.RIGHT_TRIANGLE: '#cc79a7', Shape.ISOSCELES_TRIANGLE: '#e69f00', Shape.UNKNOWN: '#777777'}
+TAUGHT = '#56b4e9'  #: shapes that `tactile teach` has added, all of them
+FORCE_COLOUR, LOAD_COLOUR = '#444444', '#0072b2'
+MARKS = {Mark.GOOD: ('#2e8b57', 'values in every frame, which change'),
+         Mark.NEVER_CHANGED: ('#b9d8c4', 'never changed (nor does an untouched, quiet taxel)'),
+         Mark.SATURATED: ('#f2c14e', 'at the end of its range at times'),
+         Mark.SOME_MISSING: ('#f78154', 'no value in some frames'),
+         Mark.NO_VALUE: ('#8d3b72', 'no value in any frame'), Mark.FLICKERING: ('#5f7fff', 'flickers'),
+         Mark.STUCK: ('#c1121f', 'stuck'), Mark.DEAD: ('#1d1d1d', 'dead'), Mark.UNMAPPED: ('#ececec', 'no taxel')}
+MOST_WORST = 20  #: taxels listed
 
 
 def page_of(report: Report) -> str:
     """Return the page. All that comes from the recording is escaped."""
-    begin, end = report.recording.begin, report.recording.end
-    parts = [_recording(report), _findings(report), *(pad_section(pad, begin, end) for pad in report.pads),
-             bus_section(report.bus, begin, end), nodes_section(report.nodes, begin),
-             Html('<h2>Made by</h2>'), facts(report.versions)]
-    return PAGE.substitute(style=STYLE, name=safe(report.recording.name), body=joined(parts))
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined  # slow to import, and only needed here
+
+    environment = Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True, finalize=printable,
+                              undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    begin = report.recording.begin
+    environment.globals.update(
+        {function.__name__: function for function in (
+            utc, command_text, node_label, event_text, force_of, health_pictures, identity_of, load_chart, load_text,
+            mark_counts, name_of, shown, size_of, touch_charts, touch_picture, worst_taxels)},
+        at=lambda stamp, digits=3: f'{stamp - begin:.{digits}f}', smallest_contact=SMALLEST_CONTACT,
+        absent_text=ABSENT, most_touches=MOST_TOUCHES, most_pictures=MOST_PICTURES,
+        sample_period=f'{RECOGNITION_PERIOD:g}')
+    return environment.get_template('report.html').render(
+        report=report, recording=report.recording, begin=begin, end=report.recording.end, bus=report.bus,
+        found=findings(report), missing=damage_lines(report.recording.damages))
 
 
-def _recording(report: Report) -> Html:
-    recording = report.recording
-    unread = 'all of it'
-    if recording.unread:
-        unread = f'all but {recording.unread} lines, messages or rests, the last: {recording.problem}'
-    return facts([
-        ('begin', utc(recording.begin)), ('end', utc(recording.end)),
-        ('duration', f'{recording.end - recording.begin:.2f} s'), ('holds', recording.kind.value),
-        ('size', f'{recording.size} bytes'), ('SHA-256', recording.sha256 or 'several files have none'),
-        ('read', unread),
-        *(('missing', line) for line in damage_lines(recording.damages))])
+def printable(value: object) -> object:
+    """Return ``value`` with U+FFFD for each character that does not print; what is HTML already stays.
+
+    >>> printable('<b>' + chr(7)) == '<b>' + chr(0xFFFD)
+    True
+    """
+    if not isinstance(value, str) or hasattr(value, '__html__'):
+        return value
+    return ''.join(each if each.isprintable() or each == '\n' else '\N{REPLACEMENT CHARACTER}' for each in value)
 
 
-def _findings(report: Report) -> Html:
-    found = findings(report)
-    if not found:
-        return joined([Html('<h2>What stands out</h2>'), paragraph('Nothing, as far as this recording shows.')])
-    rows = ''.join(f'<li class="{"problem" if each.finding.is_problem else "hint"}">{safe(sentence(each))}</li>'
-                   for each in found)
-    return Html(f'<h2>What stands out</h2><ul class="findings">{rows}</ul>')
+def shown(ends: Ends) -> str:
+    """Return how many there are, and how many are listed."""
+    listed = len(ends)
+    return f'{ends.count}' if ends.count == listed else (
+        f'{ends.count}, of which the first and last {listed} are listed')
+
+
+def name_of(touch: Touch) -> str:
+    """Return the shape, and why it is unknown."""
+    name = touch.shape.value.replace('_', ' ')
+    return f'{name}: {touch.reason.name.lower().replace("_", " ")}' if touch.shape is Shape.UNKNOWN else name
+
+
+def size_of(touch: Touch) -> str:
+    if not touch.dimensions:
+        return 'no outline'
+    bound = ' (a bound: at the edge, partly hidden or saturated)' if touch.size_is_bound else ''
+    lengths = ', '.join(f'{name.replace("_", " ")} {1e3 * length:.1f}' for name, length in touch.dimensions)
+    return f'{lengths} mm{bound}'
+
+
+def force_of(touch: Touch) -> str:
+    """Return the force; on/off taxels give none."""
+    return 'not known' if math.isnan(touch.force) else f'{"≥ " if touch.force_is_bound else ""}{touch.force:.2f} N'
+
+
+def reading(value: float, unit: str) -> str:
+    """
+    >>> reading(81200.0, 'Pa'), reading(0.25, 'N')
+    ('81.2 kPa', '0.25 N')
+    """
+    return f'{value / 1e3:.1f} kPa' if unit == 'Pa' else f'{value:.2f} N' if unit == 'N' else f'{value:g} (on/off)'
+
+
+def touch_picture(touch: Touch, pad: PadReport, number: int) -> str:
+    """Return the frame in which ``touch`` pressed most, with its outline and the colour bar."""
+    picture = touch.picture
+    assert picture is not None
+    top = float(np.nanmax(picture.values, initial=0.0))
+    content = heat_cells(picture.values, top)
+    if picture.fit is not None:
+        content += outline(picture.fit.outline, pad.pitch, pad.rows)
+    return grid(pad.rows, pad.cols, content, f'touch {number}') + colour_bar(reading(top, pad.unit))
+
+
+def touch_charts(pad: PadReport, begin: float, end: float) -> tuple[list[tuple[str, str]], str, str]:
+    """Return the legend of the shapes, and the charts of confidence and force; '' where no force is known."""
+    stamps = np.array([sample.stamp for sample in pad.samples]) - begin
+    confidence = np.array([sample.confidence for sample in pad.samples])
+    force = np.array([sample.force for sample in pad.samples])
+    shapes = np.array([sample.shape.value for sample in pad.samples])
+    keep = thinned(confidence, keep_highest=False)
+    colours = {shape: COLOURS.get(shape, TAUGHT) for shape in (*COLOURS, *(sample.shape for sample in pad.samples))}
+    legend = [(colour, shape.value.replace('_', ' ')) for shape, colour in colours.items()
+              if (shapes == shape.value).any()]
+    dots = [Points(colour, stamps[chosen], confidence[chosen]) for shape, colour in colours.items()
+            if len(chosen := keep[shapes[keep] == shape.value])]
+    known, forces = np.flatnonzero(np.isfinite(force)), ''
+    if len(known):
+        known = known[thinned(force[known], keep_highest=True)]
+        forces = chart([], [Points(FORCE_COLOUR, stamps[known], force[known])], end=end - begin,
+                       top=1.1 * float(force[known].max()), unit='N')
+    return legend, chart([], dots, end=end - begin, top=1.0, unit=''), forces
+
+
+def mark_counts(health: TaxelHealth) -> list[tuple[str, str]]:
+    marks = marks_of(health)
+    return [(colour, f'{text}: {(marks == mark).sum()}') for mark, (colour, text) in MARKS.items()
+            if (marks == mark).any()]
+
+
+def health_pictures(health: TaxelHealth, unit: str) -> list[tuple[str, str]]:
+    """Return the state of each taxel, its highest value, and where it had none how often, by their names."""
+    marks, share = marks_of(health), no_value_share(health)
+    top, worst = float(np.nanmax(health.highest, initial=0.0)), float(np.nanmax(share, initial=0.0))
+    pictures = [('State', cells([(colour, marks == mark) for mark, (colour, _) in MARKS.items()]), ''),
+                ('Highest value', heat_cells(health.highest, top), colour_bar(reading(top, unit)))]
+    if worst > 0:
+        pictures.append(('Frames without a value', heat_cells(share, worst), colour_bar(f'{worst:.1%}')))
+    return [(name, grid(*marks.shape, content, name) + bar) for name, content, bar in pictures]
+
+
+def worst_taxels(health: TaxelHealth) -> tuple[list[tuple[Any, ...]], int]:
+    """Return the taxels that most often had no value, as rows of the table, and how many there are."""
+    share, marks, rows = np.nan_to_num(no_value_share(health)), marks_of(health), []
+    odd = [place for place in np.argsort(-share, axis=None, kind='stable')
+           if share.flat[place] > 0 or marks.flat[place] in FAULTS]
+    for place in odd[:MOST_WORST]:
+        row, col = divmod(int(place), share.shape[1])
+        counts = ', '.join(f'{health.by_status[status, row, col]} {status.name.lower().replace("_", " ")}'
+                           for status in TaxelStatus if health.by_status[status, row, col])
+        rows.append((row, col, MARKS[Mark(int(marks[row, col]))][1], f'{share[row, col]:.1%}', counts))
+    return rows, len(odd)
+
+
+def load_chart(load: BusLoad, begin: float, end: float) -> str:
+    values, unit = _load_values(load)
+    keep = thinned(values, keep_highest=True)
+    line = Points(LOAD_COLOUR, load.stamps[keep] - begin + load.window / 2, values[keep])
+    return chart([line], [], end=end - begin, top=1.1 * float(np.max(values, initial=0.0)), unit=unit)
+
+
+def load_text(load: BusLoad) -> str:
+    if load.shares is not None:
+        return f'mean {load.mean:.1%}, at most {load.shares.max():.1%}'
+    values, _ = _load_values(load)
+    return (f'mean {load.mean / 1e3:.1f} kbit/s, at most {values.max():.1f} kbit/s. The bit rate is not in this '
+            'recording; with --bitrate the load is a share of it')
+
+
+def _load_values(load: BusLoad) -> tuple[np.ndarray, str]:
+    if load.shares is not None:
+        return 100 * load.shares, '%'
+    assert load.bit_rates is not None
+    return load.bit_rates / 1e3, 'kbit/s'
+
+
+def identity_of(node: NodeReport) -> list[tuple[str, str | None]]:
+    """Return what the SDO answers say of the device, by name."""
+    return [(name, ' then '.join(_value(key[0], value) for value in node.objects[key]) if key in node.objects else None)
+            for key, name in OBJECTS.items()]
+
+
+def _value(index: int, data: bytes) -> str:
+    if index in TEXT_OBJECTS:
+        return data.decode('utf-8', 'replace').rstrip('\0')
+    number = int.from_bytes(data, 'little')
+    return str(number) if index == PRODUCER_HEARTBEAT_TIME else f'0x{number:X}'
+
+
+def event_text(event: Any) -> str:
+    """Return a change of the NMT state, an EMCY, or a sentence of the driver in words."""
+    return state_name(event.state) if isinstance(event, NmtChange) else getattr(event, 'text', None) or str(event)

@@ -1,6 +1,7 @@
 """The facts of a touch, and the touches of a pad in bounded memory. Stamps are Unix time [s]."""
 
 import heapq
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -48,12 +49,15 @@ class Touch:
     picture: Picture | None       #: None: too many touches
 
 
-MOST_TOUCHES = 500      #: on the page
-PICTURED = 24   #: a page of 2 pads stays below 1 MB
+MOST_TOUCHES = 500  #: on the page
+MOST_PICTURES = 24  #: a page of 2 pads stays below 1 MB
 
 
-class TouchList:
-    """To add, look at ``is_full`` first and count what is ``left_out``: the outline of a touch costs time."""
+class TouchList(Sequence[Touch]):
+    """Touches in their order in time.
+
+    To add, look at ``is_full`` first and count what is ``left_out``: the outline of a touch costs time.
+    """
 
     def __init__(self) -> None:
         self._touches: list[Touch] = []
@@ -69,10 +73,12 @@ class TouchList:
         index = len(self._touches)
         self._touches.append(touch)
         heapq.heappush(self._longest, (touch.end - touch.begin, index))
-        if len(self._longest) > PICTURED:
+        if len(self._longest) > MOST_PICTURES:
             _, shortest = heapq.heappop(self._longest)
             self._touches[shortest] = replace(self._touches[shortest], picture=None)
 
-    def touches(self) -> tuple[Touch, ...]:
-        """In their order in time."""
-        return tuple(self._touches)
+    def __getitem__(self, index):
+        return self._touches[index]
+
+    def __len__(self) -> int:
+        return len(self._touches)

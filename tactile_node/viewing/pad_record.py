@@ -1,0 +1,50 @@
+"""What a recording has of one pad: its frames, gaps, touches and taxels."""
+
+from collections import deque
+
+import numpy as np
+
+from tactile_node.shape.methods import VisibilityGuard
+from tactile_node.taxel_frame import TaxelFrame
+from tactile_node.viewing.model import LongestGaps, PadReport
+from tactile_node.viewing.taxel_record import TaxelRecord
+from tactile_node.viewing.touch_finder import MAX_PAUSE, TouchFinder
+
+MEDIAN_PERIODS = 5000  #: last periods of which the median is taken
+
+
+class PadRecord:
+    """Takes the frames of one pad; those of another shape (rows, cols) are counted in ``misshapen``."""
+
+    def __init__(self, name: str, rows: int, cols: int, pitch: float, unit: str, recogniser: VisibilityGuard):
+        self._name, self._shape, self._pitch, self._unit = name, (rows, cols), pitch, unit
+        self._touches = TouchFinder(recogniser, pitch, unit)
+        self._taxels = TaxelRecord(rows, cols, unit)
+        self._gaps = LongestGaps(MAX_PAUSE)
+        self._periods: deque[float] = deque(maxlen=MEDIAN_PERIODS)
+        self._last: TaxelFrame | None = None
+        self._frames = self._incomplete = self._lost = 0
+        self.misshapen = 0
+
+    def feed(self, frame: TaxelFrame) -> None:
+        if frame.values.shape != self._shape:
+            self.misshapen += 1
+            return
+        if self._last is not None:
+            self._periods.append(frame.stamp - self._last.stamp)
+            self._lost += max(0, frame.sequence - self._last.sequence - 1)  # a driver that starts again counts from 0
+        self._last = frame
+        self._frames += 1
+        self._incomplete += frame.missing_can_frames > 0
+        self._gaps.feed(frame.stamp)
+        self._taxels.feed(frame)
+        self._touches.feed(frame)
+
+    def report(self) -> PadReport:
+        """Return what was found: the recording has ended."""
+        self._touches.end()
+        return PadReport(
+            self._name, *self._shape, self._pitch, self._unit, self._frames, self._incomplete, self._lost,
+            period=float(np.median(self._periods)) if self._periods else None, gaps=self._gaps,
+            touches=self._touches.found, samples=tuple(self._touches.samples),
+            health=self._taxels.health() if self._frames else None)
