@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from tactile_node.errors import LogError
 from tactile_node.logs.damage import Damage, DamageKind
-from tactile_node.logs.log_lines import READERS
 from tactile_node.logs.series import SUFFIXES, Part, files_of, parts_of
 
 CHUNK = 1 << 20  # bytes
 
 
 def message_count(path: str | Path, types: Collection[str]) -> int | None:
-    """Return the lines of a text log, or the messages of ``types`` in a bag of .mcap files; None where it is not known.
+    """Return the lines of a .log, or the messages of ``types`` in a bag of .mcap files; None where it is not known.
 
     What is wrong with a file is left to who reads it.
     """
@@ -28,7 +27,7 @@ def message_count(path: str | Path, types: Collection[str]) -> int | None:
         if is_bag(path):
             return sum(_count_of_mcap(file, types) for file in files_of(path))
         name = Path(path.name.lower().removesuffix('.gz'))
-        return sum(map(_lines, files_of(path))) if name.suffix in READERS else None
+        return sum(map(_lines, files_of(path))) if name.suffix == '.log' else None
     except (OSError, EOFError, zlib.error, LogError):
         return None
 

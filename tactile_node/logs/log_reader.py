@@ -1,12 +1,12 @@
 """Reads CAN logs: candump's by their text, python-can's others by suffix (``.asc``, ``.blf``...), and ROS 2 bags."""
 
 import gzip
+import logging
 import re
 import zlib
 from collections.abc import Callable, Iterable, Iterator
-from io import BufferedReader
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import can
 from can.io import CanutilsLogReader
@@ -16,61 +16,39 @@ from tactile_node.errors import LogError
 from tactile_node.logs.bag_log import BagCanReader
 from tactile_node.logs.bag_records import is_bag
 from tactile_node.logs.damage import Damage, DamageKind, damage_text, utc
-from tactile_node.logs.log_lines import READERS, ChosenChannel, LogLines
+from tactile_node.logs.log_lines import ChosenChannel, whole_lines
 from tactile_node.logs.replay_times import WHOLE, Window
 from tactile_node.logs.series import parts_of
 
+logger = logging.getLogger(__name__)
+
 CANDUMP = re.compile(rb'\(\d+\.\d+\) \S+ [0-9A-Fa-f]{3,8}#')                #: `candump -L`
 CONSOLE = re.compile(rb'\s*(\([\d. :-]+\)\s+)?\S+\s+[0-9A-Fa-f]{3,8}\s+\[\d+\]')  #: `candump can0`, for people
-GZIP, HEAD = b'\x1f\x8b', 4096
 SET_BACK = 1.0  # s: two frames of one clock are recorded in a wrong order by less
 FAR = 10.0      # s ahead of the frame before: between two frames of a skin at work there is less
-BLF_APPLICATION = 8  # where a .blf has the number of the program that wrote it
 
 
-def _reader(path: str) -> tuple[MessageReader, LogLines | None]:
-    """python-can's, and the lines that it reads of a text; of ASC, which holds its begin, stamps count from it."""
-    suffix = Path(path.lower().removesuffix('.gz')).suffix
-    is_gzip = _is_gzip(path)
-    with gzip.open(path) if is_gzip else open(path, 'rb') as stream:
-        head = _head(stream)
+def _reader(path: str, on_unread: Callable[[str], None]) -> MessageReader:
+    """python-can's; of candump's lines it gets the whole ones. Stamps of an ASC count from the begin that it has."""
+    with open(path, 'rb') as file:
+        opened = gzip.open if file.read(2) == b'\x1f\x8b' else open
+    with opened(path, 'rb') as stream:
+        try:
+            head = stream.read(4096)
+        except (EOFError, OSError, zlib.error):  # damaged: what reads it all says where
+            head = b''
     if CONSOLE.match(head):
         raise LogError(path, expected='a log with the stamps of its CAN frames', got='what candump shows on a terminal',
                        remedy='Record with `tactile record`, or with candump -L.')
-    kind = CanutilsLogReader if CANDUMP.match(head) else READERS.get(suffix)
-    if kind is None:
-        return can.LogReader(path), None
-    opened = gzip.open if is_gzip else open
+    suffix = Path(path.lower().removesuffix('.gz')).suffix
+    if not CANDUMP.match(head) and suffix != '.log':
+        logger.warning('%s is read by python-can, which leaves out what it does not understand, and does not count it.',
+                       path)
+        return can.ASCReader(opened(path, 'rt'), relative_timestamp=False) if suffix == '.asc' else can.LogReader(path)
     text = opened(path, 'rt', encoding='utf-8', errors='replace')  # a byte that is no text costs its own line alone
-    reader = kind(text, relative_timestamp=False) if kind is can.ASCReader else kind(text)
-    reader.file = lines = LogLines(text, kind)
-    return reader, lines
-
-
-def _is_gzip(path: str | Path) -> bool:
-    with open(path, 'rb') as file:
-        return file.read(len(GZIP)) == GZIP
-
-
-def _head(stream: gzip.GzipFile | BufferedReader) -> bytes:
-    try:
-        return stream.read(HEAD)
-    except (EOFError, OSError, zlib.error):  # damaged: what reads it all says where
-        return b''
-
-
-def _shortfall(reader: MessageReader, path: Path, read: int) -> str:
-    """Why a log that was read without an error, ``read`` messages, lacks some all the same; '' when it does not.
-
-    python-can passes over what it does not know in a .blf. What it wrote itself holds CAN frames alone.
-    """
-    if not isinstance(reader, can.BLFReader) or _is_gzip(path):
-        return ''
-    if path.stat().st_size < reader.file_size:
-        return f'cut short: {path.stat().st_size} of {reader.file_size} bytes'
-    with path.open('rb') as file:
-        is_of_python_can = file.read(BLF_APPLICATION + 1)[BLF_APPLICATION:] == bytes([can.BLFWriter.application_id])
-    return f'{read} of {reader.object_count} CAN frames' if is_of_python_can and read < reader.object_count else ''
+    reader: Any = CanutilsLogReader(text)
+    reader.file = whole_lines(text, on_unread)
+    return reader
 
 
 class CanLogReader:
@@ -94,7 +72,6 @@ class CanLogReader:
         self.damages: list[Damage] = []
         self.can_frames = 0
         self._last = 0.0  # stamp
-        self._read = 0  # messages of a file, also of other channels
         self._chosen = ChosenChannel(channel)
         if not Path(path).is_file() and not (Path(path).is_dir() and is_bag(path)):
             self._refuse('no file' if Path(path).exists() else 'no such file', 'Check the path.')
@@ -164,9 +141,8 @@ class CanLogReader:
             self._damaged(damage)
 
     def _of_file(self, path: Path) -> Iterator[can.Message]:
-        self._read, unread = 0, self.unread
         try:
-            reader, lines = _reader(str(path))
+            reader = _reader(str(path), self._unread)
         except LogError:
             raise
         except Exception as error:  # each format's reader raises its own errors over a bad header
@@ -175,18 +151,9 @@ class CanLogReader:
                 return
             self._refuse(f'{type(error).__name__}: {error}',
                          'Give a log in a format and with a suffix python-can reads.')
-        with reader:
-            yield from self._messages(reader, lines)
-        if self.unread == unread and (shortfall := _shortfall(reader, path, self._read)):
-            self._unread(shortfall)
-
-    def _messages(self, reader: MessageReader, lines: LogLines | None) -> Iterator[can.Message]:
         try:
-            for message in reader if lines is None else lines.read_by(reader, self._unread):
-                self._read += 1
-                yield message
-        except LogError:
-            raise
+            with reader:
+                yield from reader
         except Exception as error:  # a .gz cut short or damaged; each format's reader raises its own
             self._unread(error)
 
