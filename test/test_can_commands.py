@@ -143,23 +143,11 @@ def test_replay_without_a_sync_fails(tmp_path, capsys):
     assert '0 taxel frames' in (printed := capsys.readouterr().out) and '1 before_first_sync' in printed
 
 
-def test_simulate_repeats_a_recording(tmp_path):
-    events = tmp_path / 'events.txt'
-    events.write_text('0 1 2 1\n')
-    port = can.Bus('repeat', interface='virtual')
-    assert run(simulate, '--interface', 'virtual', '--channel', 'repeat', '--layout',
-               'nus_sinapse_64x64.yaml',
-               '--recording', events, '--duration', 0.01) == 0
-    assert port.recv(60).arbitration_id == 0x720
-    port.shutdown()
-
-
 @pytest.mark.parametrize(('module', 'words', 'error'), [
     (replay, ('none.log',), LogError), (replay, (DATA / 'README.md',), LogError),
     (replay, (DATA / 'nus_ring_session.log.gz', '--layout', 'none.yaml'), ConfigurationError),
     (simulate, ('--interface', 'virtual', '--eds', DATA / 'README.md'), ConfigurationError),
     (simulate, ('--interface', 'virtual', '--node-id', '200'), ConfigurationError),
-    (simulate, ('--interface', 'virtual', '--recording', DATA / 'README.md'), ConfigurationError),
     (simulate, ('--interface', 'nonsense'), ConfigurationError),
     (record, ('--interface', 'nonsense', 'x.log'), ConfigurationError),
     (record, ('--interface', 'virtual', 'x.pdf'), LogError)])

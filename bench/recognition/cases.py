@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bench.recognition.event_recording import load_recording
 from tactile_node import find_contact
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.contact.press import PressThresholds
 from tactile_node.shape.invariants import describe
 from tactile_node.shape.patch import joined, make_patch
-from tactile_node.simulator.touches import load_recording
 from tactile_node.simulator.world import CLASSES, Purpose, generator
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings

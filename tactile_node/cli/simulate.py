@@ -15,7 +15,6 @@ import can
 import numpy as np
 
 from tactile_node.bus.bus_network import open_bus
-from tactile_node.cia301.frame_bits import Stuffing
 from tactile_node.cli.options import add_bus_options, add_skin_options, eds_of, layouts_of, node_ids_of
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.interruption import interruption
@@ -23,7 +22,7 @@ from tactile_node.simulator.device import TaxelSource
 from tactile_node.simulator.figures import MOST_SIDE, NAMED, Silhouette, named_silhouette, silhouette_of
 from tactile_node.simulator.skin_simulator import SkinSimulator, WireSettings
 from tactile_node.simulator.slcan_pty import SlcanPty
-from tactile_node.simulator.touches import AREAS, HOLD, NOISE, SIDE, gripper_sources, load_recording
+from tactile_node.simulator.touches import AREAS, HOLD, NOISE, gripper_sources
 from tactile_node.simulator.world import CLASSES
 from tactile_node.skin.pads import PadSettings, make_pads, with_dictionaries
 
@@ -75,7 +74,7 @@ MOST_SLIDE = 1.0  #: m/s
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('simulate', help='be a CANopen skin that touches shapes or repeats a recording',
+    parser = subparsers.add_parser('simulate', help='be a CANopen skin that shapes touch',
                                    description=__doc__)
     add_bus_options(parser, channel='vcan0')
     parser.add_argument('--pty', action='store_true', help='offer an slcan adapter on a pseudo-terminal instead')
@@ -96,7 +95,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
                         help='for which each contact is held (default: %(default)s)')
     parser.add_argument('--slide', type=float, default=0.0, metavar='SPEED', help='of a contact, there and back, '
                         'while it is held, in metres a second, as 0.002 (default: it rests)')
-    parser.add_argument('--recording', metavar='FILE', help='repeat this event recording (64x64 layout) instead')
     parser.add_argument('--duration', type=float, help='end after so many seconds (default: at Ctrl-C)')
     parser.set_defaults(run=run)
 
@@ -105,8 +103,6 @@ def _add_wire_options(parser: argparse.ArgumentParser) -> None:
     default = WireSettings()
     parser.add_argument('--wire', action=argparse.BooleanOptionalAction, default=None,
                         help='keep the time of a wire (default: with --pty), or send a sweep at once')
-    parser.add_argument('--stuffing', choices=[kind.value for kind in Stuffing], default=default.stuffing.value,
-                        help='stuff bits: the most that a frame can have, or those that it has (default: %(default)s)')
     parser.add_argument('--delay', type=float, default=default.delay, metavar='S',
                         help="from a SYNC's end until the device has its TPDOs ready (default: %(default)s)")
     parser.add_argument('--jitter', type=float, default=default.jitter, metavar='S',
@@ -127,8 +123,7 @@ def _wire(args: argparse.Namespace) -> WireSettings | None:
                                      remedy='Give a shorter time.')
     if args.bitrate <= 0:
         raise ConfigurationError('--bitrate', expected='bit/s', got=f'{args.bitrate}', remedy='For example 500000.')
-    return WireSettings(args.bitrate, Stuffing(args.stuffing), args.delay, args.jitter, batch=args.batch,
-                        seed=args.seed)
+    return WireSettings(args.bitrate, args.delay, args.jitter, batch=args.batch, seed=args.seed)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -176,17 +171,11 @@ def _opened(args: argparse.Namespace) -> tuple[can.BusABC, str]:
 
 
 def _sources(args: argparse.Namespace, pads: tuple[PadSettings, ...]) -> dict[str, TaxelSource]:
-    if not args.recording:
-        if not (args.rounds >= 1 and all(0 < number < float('inf') for number in (*args.areas, args.hold))
-                and 0 <= args.noise <= 1 and 0 <= args.slide <= MOST_SLIDE):
-            raise ConfigurationError(
-                '--areas, --rounds, --hold, --noise, --slide', remedy='For example --areas 50 --hold 3 --slide 0.002.',
-                expected=f'areas, hold > 0, rounds >= 1, noise 0 to 1 (all the scale), slide 0 to {MOST_SLIDE:g} m/s',
-                got=f'{args.areas}, {args.rounds}, {args.hold}, {args.noise}, {args.slide}')
-        return gripper_sources(pads, [touching(shape) for shape in args.shapes], args.seed,
-                               tuple(args.areas) * args.rounds, hold=args.hold, slide=args.slide, noise=args.noise)
-    for pad in pads:
-        if (pad.layout.rows, pad.layout.cols) != (SIDE, SIDE):
-            raise ConfigurationError('--recording', expected=f'a layout of {SIDE}x{SIDE} taxels',
-                                     got=pad.layout.source, remedy='Add --layout nus_sinapse_64x64.yaml.')
-    return dict.fromkeys((pad.name for pad in pads), load_recording(args.recording).at)
+    if not (args.rounds >= 1 and all(0 < number < float('inf') for number in (*args.areas, args.hold))
+            and 0 <= args.noise <= 1 and 0 <= args.slide <= MOST_SLIDE):
+        raise ConfigurationError(
+            '--areas, --rounds, --hold, --noise, --slide', remedy='For example --areas 50 --hold 3 --slide 0.002.',
+            expected=f'areas, hold > 0, rounds >= 1, noise 0 to 1 (all the scale), slide 0 to {MOST_SLIDE:g} m/s',
+            got=f'{args.areas}, {args.rounds}, {args.hold}, {args.noise}, {args.slide}')
+    return gripper_sources(pads, [touching(shape) for shape in args.shapes], args.seed,
+                           tuple(args.areas) * args.rounds, hold=args.hold, slide=args.slide, noise=args.noise)
