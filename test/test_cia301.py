@@ -6,7 +6,7 @@ import pytest
 
 from tactile_node.bus.bus_monitor import FRAME_BITS
 from tactile_node.cia301 import objects, sdo
-from tactile_node.cia301.frame_bits import Frame, arbitration, crc15, true_bits, worst_case_bits
+from tactile_node.cia301.frame_bits import Frame, arbitration, worst_case_bits
 from tactile_node.cia301.objects import reserved_for, service_of
 
 
@@ -98,28 +98,10 @@ def drawn(rng: random.Random) -> Frame:
                  is_extended, is_remote, len(data) if is_remote else 0)
 
 
-def test_crc_of_the_catalogue_of_parametrised_algorithms():
-    """CRC-15/CAN: the check value of '123456789' is 0x059E."""
-    assert crc15(int.from_bytes(b'123456789', 'big'), 72) == 0x059E
-
-
-def test_true_bits_are_those_of_a_frame_written_out():
-    rng = random.Random(3)
-    for frame in (drawn(rng) for _ in range(5000)):
-        assert true_bits(frame) == len(on_the_wire(frame)), frame
-
-
-@pytest.mark.parametrize(('frame', 'bits'), [
-    (Frame(0x2AA, bytes([0x55] * 8)), 47 + 64),  # nowhere five equal bits
-    (Frame(0x000), 47 + 6)])                     # 34 zeros, for so is their CRC: a stuff bit after each five
-def test_frames_counted_by_hand(frame, bits):
-    assert true_bits(frame) == bits
-
-
 def test_no_frame_is_longer_than_the_worst_case():
     """Bosch CAN 2.0: after the first five equal bits a stuff bit may come every four."""
     rng = random.Random(4)
-    assert all(true_bits(frame) <= worst_case_bits(frame) for frame in (drawn(rng) for _ in range(5000)))
+    assert all(len(on_the_wire(frame)) <= worst_case_bits(frame) for frame in (drawn(rng) for _ in range(5000)))
     assert [worst_case_bits(Frame(1, bytes(n))) for n in range(9)] == list(FRAME_BITS)
     assert worst_case_bits(Frame(1, bytes(8), is_extended=True)) == 160
 

@@ -7,7 +7,7 @@ import pytest
 from wire import SYNC_ID, Node, carried, frame_seconds
 
 from tactile_node.assembly.assembler import FrameAssembler
-from tactile_node.cia301.frame_bits import Frame, Stuffing, true_bits
+from tactile_node.cia301.frame_bits import Frame
 from tactile_node.simulator.device import SimulatedDevice
 from tactile_node.simulator.segment import Segment
 from tactile_node.simulator.skin_simulator import WireNetwork, WireSettings
@@ -77,7 +77,7 @@ class Skin:
 
     def __init__(self, node_ids, **settings):
         self.settings = WireSettings(**{'jitter': 0.0} | settings)
-        self.segment = Segment(self.settings.wire())
+        self.segment = Segment(Wire(self.settings.bitrate))
         self.segment.now = 0.0
         self.frames = []
         self.segment.on_carried = self.frames.append
@@ -130,10 +130,9 @@ def test_simulated_devices_keep_the_time_of_the_other_model(node_ids, load):
     assert (load > 1) == any(len(node.answered) < 60 for node in nodes)
 
 
-@pytest.mark.parametrize('stuffing', Stuffing)
-def test_what_the_wire_carries_is_assembled_in_virtual_time(stuffing):
+def test_what_the_wire_carries_is_assembled_in_virtual_time():
     """Two pads at 98 % of a wire with the most stuff bits: each sweep arrives whole, with the bytes of its SYNC."""
-    skin = Skin((32, 64), stuffing=stuffing)
+    skin = Skin((32, 64))
     period = (64 * frame_seconds(8) + frame_seconds(0)) / 0.98
     skin.play((skin.segment.now + np.arange(100) * period).tolist())
     for pad, own in zip(skin.pads, skin.can_ids()):
@@ -151,14 +150,6 @@ def test_what_the_wire_carries_is_assembled_in_virtual_time(stuffing):
         for frame in whole:
             counts = np.round(frame.values / pad.layout.value.scale)
             assert (counts == syncs.index(frame.stamp) + 2).all()
-
-
-def test_true_stuffing_takes_the_bits_of_each_frame():
-    skin = Skin((32,), stuffing=Stuffing.TRUE, bitrate=125_000)
-    skin.play([skin.segment.now])
-    assert len(skin.frames) == 33
-    for frame in skin.frames:
-        assert frame.end - frame.start == pytest.approx(true_bits(frame.frame) * 8e-6, abs=1e-9)
 
 
 def test_heartbeats_take_part_in_wire_time():

@@ -12,7 +12,7 @@ from canopen.network import PeriodicMessageTask
 from tactile_node.bus.bus_network import BusNetwork, open_bus
 from tactile_node.bus.bus_settings import DEFAULT_BITRATE
 from tactile_node.bus.reception import Batch
-from tactile_node.cia301.frame_bits import Frame, Stuffing, bits_of
+from tactile_node.cia301.frame_bits import Frame
 from tactile_node.simulator.device import SimulatedDevice, TaxelSource
 from tactile_node.simulator.segment import LiveSegment, Segment
 from tactile_node.simulator.slcan_pty import SlcanPty
@@ -25,15 +25,11 @@ class WireSettings:
     """How long frames and answers take."""
 
     bitrate: int = DEFAULT_BITRATE  #: bit/s
-    stuffing: Stuffing = Stuffing.WORST
     delay: float = 0.0003   #: of a device, from the end of the frame that it answers until its answer is ready [s]
     jitter: float = 0.0001  #: by which that may be longer, evenly distributed [s]
     most_sweeps: int = 2    #: that a device has not sent to the end, when it begins no other
     batch: float = 0.0005   #: that a frame waits, at most, to be handed to the host with those after it [s]
     seed: int = 0
-
-    def wire(self) -> Wire:
-        return Wire(self.bitrate, bits_of(self.stuffing))
 
 
 class WireNetwork(Network):
@@ -114,7 +110,7 @@ class WireGateway:
         self._settings = settings
         self._on_failure = on_failure
         self._to_wall_clock = time.time() - time.monotonic()
-        self._segment = LiveSegment(settings.wire(), self._hand_over, lambda: getattr(bus, 'lost', 0),
+        self._segment = LiveSegment(Wire(settings.bitrate), self._hand_over, lambda: getattr(bus, 'lost', 0),
                                     settings.batch, is_shared=not isinstance(bus, SlcanPty))
         self._segment.start()
 

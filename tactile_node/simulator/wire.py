@@ -3,7 +3,7 @@
 import math
 from bisect import insort
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -28,8 +28,8 @@ class Sender:
     ``by_priority``: a gateway to several participants, of whose frames the lowest identifier goes first.
     """
 
-    def __init__(self, seconds: Callable[[Frame], float], limit: int, by_priority: bool):
-        self._seconds = seconds
+    def __init__(self, bit: float, limit: int, by_priority: bool):
+        self._bit = bit  # [s]
         self._limit = limit
         self._by_priority = by_priority
         self._queue: deque[Waiting] = deque()
@@ -48,7 +48,7 @@ class Sender:
         if len(self._queue) >= self._limit:
             self.refused += 1
             return
-        waiting = Waiting(ready, arbitration(frame), self._seconds(frame), frame, ends_sweep)
+        waiting = Waiting(ready, arbitration(frame), worst_case_bits(frame) * self._bit, frame, ends_sweep)
         if self._by_priority:
             insort(self._queue, waiting, key=itemgetter(1))
         else:
@@ -106,16 +106,15 @@ class Wire:
     [('0x300', 5.5e-05), ('0x100', 0.00011), ('0x200', 0.000165)]
     """
 
-    def __init__(self, bitrate: int = 1_000_000, bits: Callable[[Frame], int] = worst_case_bits):
+    def __init__(self, bitrate: int = 1_000_000):
         self._bit = 1 / bitrate
-        self._bits = bits
         self.senders: list[Sender] = []  #: in the order in which they joined
         self._current: Carried | None = None  # began, its end has not been reported
         self._free = -math.inf
 
     def join(self, limit: int = 1 << 14, by_priority: bool = False) -> Sender:
         """A further participant, whose queue holds ``limit`` frames at most."""
-        sender = Sender(lambda frame: self._bits(frame) * self._bit, limit, by_priority)
+        sender = Sender(self._bit, limit, by_priority)
         self.senders.append(sender)
         return sender
 
