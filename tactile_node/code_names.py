@@ -1,8 +1,27 @@
-"""Names of the codes in our messages: the constants that stand before a field in its definition. Needs no ROS."""
+"""Codes in words: enumerations whose members have a phrase, and the names of codes in our messages. Needs no ROS."""
 
 import re
+from enum import Enum
 
 from tactile_node.package_files import package_file
+
+
+class PhrasedCode(Enum):
+    """A stable number with what it means in words: a part of a sentence, without a full stop."""
+
+    phrase: str
+
+    def __new__(cls, code: int, phrase: str) -> 'PhrasedCode':
+        member = object.__new__(cls)
+        member._value_ = code
+        member.phrase = phrase
+        return member
+
+    @property
+    def key(self) -> str:
+        """Its name in diagnostics, files and summaries: 'out_of_order'."""
+        return self.name.lower()
+
 
 ENTRY = re.compile(r'^[\w/]+\S* +(\w+) *(?:= *(\d+))?', re.MULTILINE)
 

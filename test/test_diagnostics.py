@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from tactile_node.assembly.fault_text import PHRASES, failure_text
+from tactile_node.assembly.fault_text import failure_text
 from tactile_node.assembly.frame_source import LossReason, PadStatistics
 from tactile_node.assembly.health import (
     BusFault,
@@ -23,7 +23,7 @@ from tactile_node.assembly.health import (
 from tactile_node.assembly.router import BusStatistics
 from tactile_node.cia301.emergency import decode_emergency
 from tactile_node.cia301.objects import NmtState
-from tactile_node.conditioning.conditioned_pad import ZERO_TEXT, PadCondition
+from tactile_node.conditioning.conditioned_pad import PadCondition
 from tactile_node.conditioning.tare import ZeroState
 from tactile_node.conditioning.taxel_faults import FaultyTaxels
 from tactile_node.errors import HalfZeroedError
@@ -95,9 +95,9 @@ def test_a_dead_bus_is_an_error_with_its_reason():
 
 @pytest.mark.parametrize('changes, level, text', [
     ({}, OK, '20 taxel frames'),
-    ({'fault': NodeFault.SILENT}, ERROR, PHRASES[NodeFault.SILENT]),
+    ({'fault': NodeFault.SILENT}, ERROR, NodeFault.SILENT.phrase),
     ({'state': NmtState.STOPPED, 'is_operational': False}, ERROR, 'STOPPED'),
-    ({'outages': Outages(1, 0.3, NodeFault.BOOTED)}, WARN, PHRASES[NodeFault.BOOTED]),
+    ({'outages': Outages(1, 0.3, NodeFault.BOOTED)}, WARN, NodeFault.BOOTED.phrase),
     ({'emergencies': 1, 'last_emergency': decode_emergency(bytes.fromhex('1042090000000000'), 0.0)}, WARN, '0x4210'),
     ({'distrusted': 3}, WARN, '3 taxel frames'),
 ])
@@ -147,7 +147,7 @@ def test_a_pad_whose_zero_is_not_valid_is_an_error_with_its_reason(zero):
     diagnostics, no_faults = each_second(), FaultyTaxels(np.zeros((1, 1), np.uint8))
     conditions = {'left': PadCondition(no_faults, zero=zero)}
     status = diagnostics.message(statistics(), healthy_but(), conditions).status[1]
-    assert status.level == ERROR and ZERO_TEXT[zero] in status.message
+    assert status.level == ERROR and zero.phrase in status.message
     conditions = {'left': PadCondition(no_faults)}
     assert diagnostics.message(statistics(frames=20), healthy_but(), conditions).status[1].level == OK
 

@@ -5,9 +5,6 @@ from functools import partial
 import pytest
 
 from tactile_node.assembly.fault_text import (
-    OVERLOAD_PHRASES,
-    PHRASES,
-    SYNC_PHRASES,
     command_text,
     emergency_text,
     failure_of,
@@ -39,12 +36,9 @@ from tactile_node.errors import (
 )
 
 
-def test_every_fault_has_a_phrase_of_its_own():
-    assert set(PHRASES) == {*NodeFault, *BusFault}
-    for faults in (NodeFault, BusFault):
-        assert len({PHRASES[fault] for fault in faults}) == len(faults)
-    for phrases, faults in ((SYNC_PHRASES, SyncFault), (OVERLOAD_PHRASES, Overload)):
-        assert set(phrases) == set(faults) and len(set(phrases.values())) == len(faults)
+@pytest.mark.parametrize('faults', [NodeFault, BusFault, SyncFault, Overload])
+def test_every_fault_has_a_phrase_of_its_own(faults):
+    assert all(fault.phrase for fault in faults) and len({fault.phrase for fault in faults}) == len(faults)
 
 
 @pytest.mark.parametrize('faults', [NodeFault, BusFault, SyncFault, Overload])
@@ -59,7 +53,7 @@ def test_a_nodes_sentence_names_node_pad_and_fault(fault):
     if fault in (NodeFault.NOT_KNOWN, NodeFault.NONE):
         assert text == ''
     else:
-        assert text.startswith(f"Node 32 (pad 'left'): {PHRASES[fault]}") and text.endswith('.')
+        assert text.startswith(f"Node 32 (pad 'left'): {fault.phrase}") and text.endswith('.')
 
 
 def test_a_nodes_sentence_tells_the_last_heartbeat():
@@ -88,7 +82,7 @@ def test_a_nodes_sentence_names_the_tpdos_and_errors_that_are_known():
 
 def test_a_failure_is_its_phrase_and_detail():
     assert failure_text(None) == ''
-    assert failure_text(NodeFault.BOOTED) == PHRASES[NodeFault.BOOTED]
+    assert failure_text(NodeFault.BOOTED) == NodeFault.BOOTED.phrase
     assert failure_text(Failure(BusFault.BUS_OFF, 'x.')) == failure_text(Failure(BusFault.BUS_OFF, 'x'))
     assert failure_text(Failure(BusFault.BUS_OFF, 'x')) == 'the CAN controller is bus-off: x'
 

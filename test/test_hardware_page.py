@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tactile_node.assembly.fault_text import OVERLOAD_PHRASES, PHRASES, SYNC_PHRASES
 from tactile_node.assembly.frame_source import BusStatistics, LossReason, PadStatistics
-from tactile_node.assembly.health import BusHealth, NodeHealth
+from tactile_node.assembly.health import BusFault, BusHealth, NodeFault, NodeHealth, Overload, SyncFault
 from tactile_node.cia301.objects import SERVICES, NmtState
 from tactile_node.conditioning.conditioned_pad import PadCondition
 from tactile_node.conditioning.taxel_faults import FaultDetector
@@ -46,9 +45,6 @@ def test_every_value_is_explained_and_no_other():
     assert explained() == reported()
 
 
-SENTENCES = {**PHRASES, **SYNC_PHRASES, **OVERLOAD_PHRASES}
-
-
-@pytest.mark.parametrize('fault', [fault for fault in SENTENCES if fault.name not in ('NOT_KNOWN', 'NONE')])
+@pytest.mark.parametrize('fault', [fault for fault in (*NodeFault, *BusFault, *SyncFault, *Overload) if fault.is_fault])
 def test_every_fault_is_explained_with_its_name_and_sentence(fault):
-    assert f'| `{fault.name}` | {SENTENCES[fault]} |' in PAGE
+    assert f'| `{fault.name}` | {fault.phrase} |' in PAGE

@@ -24,7 +24,7 @@ from tactile_node.logs.log_reader import CanLogReader
 from tactile_node.logs.log_writer import CanLogWriter, LogFile
 from tactile_node.logs.replay_times import Window
 from tactile_node.logs.series import following
-from tactile_node.logs.topic_bag import TopicBagReader, Unread
+from tactile_node.logs.topic_bag import TopicBagReader
 from tactile_node.package_files import package_file
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings
@@ -144,7 +144,7 @@ def test_damage_costs_the_taxel_frames_of_its_chunk_alone(tmp_path, compression)
     path.write_bytes(flipped(path.read_bytes(), 3))
     reader = TopicBagReader(path)
     assert [each.frame.sequence for each in reader.frames()] == without(3, count=60, each=10)
-    assert dict(reader.unread) == {Unread.DAMAGED: 1}
+    assert dict(reader.unread) == {DamageKind.CHUNK: 1}
     damage, = reader.damages
     assert (damage.kind, damage.chunks, damage.begin, damage.end) == (DamageKind.CHUNK, 1, BEGIN + 29, BEGIN + 40)
     report = reported(path)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rclpy.qos import DurabilityPolicy
 
-from tactile_node.assembly.fault_text import PHRASES, failure_text
+from tactile_node.assembly.fault_text import failure_text
 from tactile_node.assembly.frame_source import BusStatistics, LossReason, PadStatistics
 from tactile_node.assembly.health import (
     BusFault,
@@ -55,8 +55,8 @@ def test_counts_and_state_are_in_their_fields():
     assert (pad.frames_complete, pad.frames_incomplete, pad.tpdos_expected, pad.tpdos_used) == (9, 1, 320, 318)
     assert dict(zip(pad.loss_reasons, pad.loss_counts)) == {'late': 5, 'short': 1}
     assert dict(zip(pad.loss_codes, pad.loss_counts)) == {PadStatus.LOSS_LATE: 5, PadStatus.LOSS_SHORT: 1}
-    assert math.isnan(node.heartbeat_age) and node.outage_last_reason == PHRASES[NodeFault.BOOTED]
-    assert node.fault == NodeStatus.FAULT_NO_SYNC and PHRASES[NodeFault.NO_SYNC] in node.fault_text
+    assert math.isnan(node.heartbeat_age) and node.outage_last_reason == NodeFault.BOOTED.phrase
+    assert node.fault == NodeStatus.FAULT_NO_SYNC and NodeFault.NO_SYNC.phrase in node.fault_text
 
 
 def test_sync_overload_and_an_active_error_are_in_their_fields():

@@ -10,12 +10,12 @@ import pytest
 
 from tactile_node.errors import LogError
 from tactile_node.logs.bag_log import TYPE as CAN_TYPE
+from tactile_node.logs.damage import DamageKind
 from tactile_node.logs.topic_bag import (
     DIAGNOSTICS,
     SHAPE,
     TAXELS,
     TopicBagReader,
-    Unread,
     holds_can_frames,
     holds_taxels,
 )
@@ -163,7 +163,7 @@ def test_a_bag_cut_short_gives_what_is_whole_and_says_so(tmp_path):
     path.write_bytes(path.read_bytes()[:size - 10])
     reader = TopicBagReader(path)
     assert [each.frame.sequence for each in reader.frames()] == [0, 1, 2]
-    assert reader.pads == ('robot/left',) and dict(reader.unread) == {Unread.CUT_SHORT: 1} and reader.problem
+    assert reader.pads == ('robot/left',) and dict(reader.unread) == {DamageKind.CUT_SHORT: 1} and reader.problem
 
 
 @pytest.mark.parametrize('changed', [
@@ -174,7 +174,7 @@ def test_a_bag_cut_short_gives_what_is_whole_and_says_so(tmp_path):
     {'layer_deviation': 0.0}, {'values': np.array([1, 2, np.inf, 4, 5, 6], np.float32)}])
 def test_a_frame_whose_fields_do_not_fit_is_counted_not_given(tmp_path, changed):
     reader = TopicBagReader(bag(tmp_path / 'bag', arrays(1, **changed) + arrays(1)))
-    assert len(list(reader.frames())) == 1 and dict(reader.unread) == {Unread.INCONSISTENT: 1}
+    assert len(list(reader.frames())) == 1 and dict(reader.unread) == {DamageKind.INCONSISTENT: 1}
 
 
 def test_a_message_that_is_none_is_counted_not_given(tmp_path):
@@ -184,7 +184,7 @@ def test_a_message_that_is_none_is_counted_not_given(tmp_path):
     assert huge != whole
     broken = [('/left/taxels', data) for data in (b'', whole[:40], huge, b'\x28\xB5\x2F\xFDxx')]
     reader = TopicBagReader(bag(tmp_path / 'bag', broken + arrays(1)))
-    assert len(list(reader.frames())) == 1 and dict(reader.unread) == {Unread.UNDECODABLE: 4}
+    assert len(list(reader.frames())) == 1 and dict(reader.unread) == {DamageKind.UNDECODABLE: 4}
 
 
 def test_what_a_bag_holds_is_known_without_reading_it(tmp_path):

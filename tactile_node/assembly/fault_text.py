@@ -1,7 +1,4 @@
-"""Makes the sentences of logs, /diagnostics and status messages from the facts of ``health``; the only place."""
-
-from collections.abc import Mapping
-from types import MappingProxyType
+"""Makes the sentences of logs, /diagnostics and status messages from the facts of ``health``."""
 
 from tactile_node.assembly.health import (
     BusFault,
@@ -9,60 +6,17 @@ from tactile_node.assembly.health import (
     ForeignCommand,
     NodeFault,
     NodeHealth,
-    Overload,
     SentTpdo,
-    SyncFault,
     SyncState,
 )
 from tactile_node.cia301.objects import command_name, state_name
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError, DeviceError, LogError, TactileError
 
-PHRASES: Mapping[NodeFault | BusFault, str] = MappingProxyType({
-    NodeFault.NOT_KNOWN: 'its state is not known yet',
-    NodeFault.NONE: 'no fault',
-    NodeFault.BOOTED: 'it has started again (power cycle or reset) and is not configured yet',
-    NodeFault.UNCONFIGURED: 'it has not been configured since the bus was opened',
-    NodeFault.SILENT: 'it sends neither heartbeat nor taxels',
-    NodeFault.NO_HEARTBEAT: 'it sends taxels but no heartbeat',
-    NodeFault.NOT_OPERATIONAL: 'it is not OPERATIONAL',
-    NodeFault.NO_SYNC: 'it waits for SYNC, which no other device sends',
-    NodeFault.NO_TAXELS: 'it is OPERATIONAL but sends no usable taxels',
-    NodeFault.AWAITING_TAXELS: 'its taxels are not back yet',
-    NodeFault.RECONFIGURED: 'another CANopen master has changed its TPDOs',
-    NodeFault.TPDO_MISSING: 'some of its TPDOs bring no taxels',
-    NodeFault.TWO_SENDERS: 'two devices send under its node-ID or its COB-IDs',
-    BusFault.NOT_KNOWN: 'the fault is not known',
-    BusFault.NONE: 'no fault',
-    BusFault.NOT_OPENED: 'the CAN bus cannot be opened',
-    BusFault.RECEPTION_FAILED: 'the CAN bus cannot receive',
-    BusFault.SENDING_FAILED: 'the CAN bus cannot send',
-    BusFault.BUS_OFF: 'the CAN controller is bus-off',
-    BusFault.LOG_UNUSABLE: 'the log cannot be used',
-    BusFault.DEVICE_ABSENT: 'a device does not answer',
-    BusFault.DEVICE_UNUSABLE: 'a device cannot be used',
-    BusFault.WRONG_CONFIGURATION: 'the configuration cannot be used',
-    BusFault.INTERNAL_ERROR: 'internal error'})
-
-SYNC_PHRASES: Mapping[SyncFault, str] = MappingProxyType({
-    SyncFault.NOT_KNOWN: 'SYNC is not evaluated yet',
-    SyncFault.NONE: 'no fault',
-    SyncFault.SECOND_PRODUCER: 'another device sends SYNC, too',
-    SyncFault.OTHER_PERIOD: 'SYNC comes with another period than sync_period'})
-
-OVERLOAD_PHRASES: Mapping[Overload, str] = MappingProxyType({
-    Overload.NOT_KNOWN: 'it is not evaluated yet',
-    Overload.NONE: 'it keeps up',
-    Overload.STALLED: 'it did not run for a while',
-    Overload.BEHIND: 'CAN frames wait too long until they are processed',
-    Overload.DROPPED: 'CAN frames are lost because too many wait'})
-
-CONFIGURED = 'It is configured and started again.'
-#: What the driver does about a node's fault, where it does anything else
-REACTIONS: Mapping[NodeFault, str] = MappingProxyType({
+_REACTIONS = {
     NodeFault.SILENT: 'It is configured and started as soon as it answers.',
     NodeFault.NO_SYNC: 'Start that device, or set produce_sync.',
     NodeFault.TPDO_MISSING: 'Its configuration is checked while it sends.',
-    NodeFault.TWO_SENDERS: 'None of its values is given until one of them is gone.'})
+    NodeFault.TWO_SENDERS: 'None of its values is given until one of them is gone.'}
 
 _FAULTS: tuple[tuple[type[TactileError], BusFault], ...] = (
     (BusError, BusFault.NOT_OPENED), (LogError, BusFault.LOG_UNUSABLE),
@@ -84,8 +38,8 @@ def failure_text(failure: Failure | NodeFault | None) -> str:
     if failure is None:
         return ''
     if isinstance(failure, NodeFault):
-        return PHRASES[failure]
-    return PHRASES[failure.fault] + (f': {failure.detail.removesuffix(".")}' if failure.detail else '')
+        return failure.phrase
+    return failure.fault.phrase + (f': {failure.detail.removesuffix(".")}' if failure.detail else '')
 
 
 def node_text(pad: str, node: NodeHealth) -> str:
@@ -102,7 +56,7 @@ def node_text(pad: str, node: NodeHealth) -> str:
     else:
         age, state = node.heartbeat_age, state_name(node.state)
         reason = ' (no heartbeat so far)' if age is None else f' (last heartbeat {age:.1f} s ago: {state})'
-    return f'{node_label(pad, node.node_id)}: {PHRASES[node.fault]}{details}{reason}.'
+    return f'{node_label(pad, node.node_id)}: {node.fault.phrase}{details}{reason}.'
 
 
 def _details(node: NodeHealth) -> str:
@@ -133,7 +87,7 @@ def sync_text(sync: SyncState) -> str:
     """
     if not sync.fault.is_fault:
         return ''
-    return SYNC_PHRASES[sync.fault] + (
+    return sync.fault.phrase + (
         f': {sync.foreign} SYNCs so far' if sync.period is None else f': {1e3 * sync.period:.1f} ms')
 
 
@@ -149,7 +103,7 @@ def load_text(load: float, pads: int) -> str:
 
 def reaction_text(fault: NodeFault) -> str:
     """What the driver does about it."""
-    return REACTIONS.get(fault, CONFIGURED)
+    return _REACTIONS.get(fault, 'It is configured and started again.')
 
 
 def emergency_text(pad: str, node: NodeHealth) -> str:

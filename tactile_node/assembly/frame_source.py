@@ -2,15 +2,15 @@
 
 import logging
 from collections.abc import Callable
-from enum import IntEnum
 from typing import NamedTuple, Protocol
 
 from tactile_node.assembly.health import BusHealth
+from tactile_node.code_names import PhrasedCode
 from tactile_node.taxel_frame import TaxelFrame
 
 
-class LossReason(IntEnum):
-    """Why a CAN frame of a pad is in no taxel frame: its code, which is stable, and its meaning."""
+class LossReason(PhrasedCode):
+    """Why a CAN frame of a pad is in no taxel frame."""
 
     BEFORE_FIRST_SYNC = 1, 'received before the first SYNC'
     OUT_OF_ORDER = 2, 'received after a TPDO that follows it in a sweep'
@@ -23,19 +23,6 @@ class LossReason(IntEnum):
     BROKEN = 9, 'an SDO upload that was aborted, lacks frames or has a wrong CRC'
     INCOMPLETE = 10, 'good, but of an incomplete taxel frame, which is withheld (drop_incomplete)'
     UNFINISHED = 11, 'the driver stopped within the period'
-
-    meaning: str
-
-    def __new__(cls, code: int, meaning: str) -> 'LossReason':
-        reason = int.__new__(cls, code)
-        reason._value_ = code
-        reason.meaning = meaning
-        return reason
-
-    @property
-    def key(self) -> str:
-        """Its name in messages, diagnostics and summaries: 'out_of_order'."""
-        return self.name.lower()
 
 
 class Loss(NamedTuple):

@@ -1,80 +1,74 @@
 """The state of a bus and its nodes at one moment, as facts; ``fault_text`` makes sentences of them."""
 
 from dataclasses import dataclass
-from enum import Enum, unique
+from enum import unique
 from typing import Generic, NamedTuple, TypeVar
 
 from tactile_node.cia301.emergency import DeviceErrors, Emergency
+from tactile_node.code_names import PhrasedCode
+
+
+class Fault(PhrasedCode):
+    """A fault; the first two codes are not known and none."""
+
+    @property
+    def is_fault(self) -> bool:
+        return self.value not in (0, 1)
 
 
 @unique
-class NodeFault(Enum):
+class NodeFault(Fault):
     """The fault of a CANopen node; the codes are those of NodeStatus.msg."""
 
-    NOT_KNOWN = 0        #: not evaluated yet
-    NONE = 1
-    BOOTED = 2           #: it has started again since it was configured
-    UNCONFIGURED = 3     #: it has not been configured since the bus was opened
-    SILENT = 4           #: neither heartbeat nor taxels
-    NO_HEARTBEAT = 5     #: taxels without heartbeat
-    NOT_OPERATIONAL = 6  #: its NMT state is another
-    NO_SYNC = 7          #: the device that produces SYNC sends none
-    NO_TAXELS = 8        #: OPERATIONAL without usable taxels
-    AWAITING_TAXELS = 9  #: its outage has not ended yet, though nothing else is wrong with it
-    RECONFIGURED = 10    #: another master has written to its TPDO configuration
-    TPDO_MISSING = 11    #: some of its TPDOs bring no taxels, others do
-    TWO_SENDERS = 12     #: a second device sends under its node-ID or its COB-IDs
-
-    @property
-    def is_fault(self) -> bool:
-        return self not in (NodeFault.NOT_KNOWN, NodeFault.NONE)
-
+    NOT_KNOWN = 0, 'its state is not known yet'
+    NONE = 1, 'no fault'
+    BOOTED = 2, 'it has started again (power cycle or reset) and is not configured yet'
+    UNCONFIGURED = 3, 'it has not been configured since the bus was opened'
+    SILENT = 4, 'it sends neither heartbeat nor taxels'
+    NO_HEARTBEAT = 5, 'it sends taxels but no heartbeat'
+    NOT_OPERATIONAL = 6, 'it is not OPERATIONAL'
+    NO_SYNC = 7, 'it waits for SYNC, which no other device sends'
+    NO_TAXELS = 8, 'it is OPERATIONAL but sends no usable taxels'
+    AWAITING_TAXELS = 9, 'its taxels are not back yet'
+    RECONFIGURED = 10, 'another CANopen master has changed its TPDOs'
+    TPDO_MISSING = 11, 'some of its TPDOs bring no taxels'
+    TWO_SENDERS = 12, 'two devices send under its node-ID or its COB-IDs'
 
 @unique
-class BusFault(Enum):
+class BusFault(Fault):
     """Why a bus or a log gives no taxels; the codes are those of SkinStatus.msg."""
 
-    NOT_KNOWN = 0
-    NONE = 1
-    NOT_OPENED = 2           #: the CAN bus cannot be opened
-    RECEPTION_FAILED = 3     #: the adapter is gone, the network is down
-    SENDING_FAILED = 4       #: the adapter takes no more CAN frames
-    BUS_OFF = 5              #: the CAN controller has switched itself off (ISO 11898-1)
-    LOG_UNUSABLE = 6         #: a replayed log is missing, damaged, of two buses or of other devices
-    DEVICE_ABSENT = 7        #: a device did not answer when it was to be configured
-    DEVICE_UNUSABLE = 8      #: a device is another one or refuses its configuration
-    WRONG_CONFIGURATION = 9  #: a parameter, layout or EDS cannot be used
-    INTERNAL_ERROR = 10      #: a defect of this software; the log has its traceback
+    NOT_KNOWN = 0, 'the fault is not known'
+    NONE = 1, 'no fault'
+    NOT_OPENED = 2, 'the CAN bus cannot be opened'
+    RECEPTION_FAILED = 3, 'the CAN bus cannot receive'
+    SENDING_FAILED = 4, 'the CAN bus cannot send'
+    BUS_OFF = 5, 'the CAN controller is bus-off'
+    LOG_UNUSABLE = 6, 'the log cannot be used'
+    DEVICE_ABSENT = 7, 'a device does not answer'
+    DEVICE_UNUSABLE = 8, 'a device cannot be used'
+    WRONG_CONFIGURATION = 9, 'the configuration cannot be used'
+    INTERNAL_ERROR = 10, 'internal error'
 
 
 @unique
-class SyncFault(Enum):
+class SyncFault(Fault):
     """What is wrong with SYNC on the bus; the codes are those of SkinStatus.msg."""
 
-    NOT_KNOWN = 0        #: not evaluated yet, or a log
-    NONE = 1
-    SECOND_PRODUCER = 2  #: another device sends SYNC, too, while this driver does
-    OTHER_PERIOD = 3     #: the device that produces SYNC has another period than ``sync_period``
-
-    @property
-    def is_fault(self) -> bool:
-        return self not in (SyncFault.NOT_KNOWN, SyncFault.NONE)
-
+    NOT_KNOWN = 0, 'SYNC is not evaluated yet'
+    NONE = 1, 'no fault'
+    SECOND_PRODUCER = 2, 'another device sends SYNC, too'
+    OTHER_PERIOD = 3, 'SYNC comes with another period than sync_period'
 
 @unique
-class Overload(Enum):
+class Overload(Fault):
     """Why this process is too slow; the codes are those of SkinStatus.msg."""
 
-    NOT_KNOWN = 0  #: not evaluated yet, or a log
-    NONE = 1
-    STALLED = 2    #: it did not run for a while
-    BEHIND = 3     #: CAN frames wait for long until they are assembled
-    DROPPED = 4    #: so many wait that CAN frames were dropped
-
-    @property
-    def is_overload(self) -> bool:
-        return self not in (Overload.NOT_KNOWN, Overload.NONE)
-
+    NOT_KNOWN = 0, 'it is not evaluated yet'
+    NONE = 1, 'it keeps up'
+    STALLED = 2, 'it did not run for a while'
+    BEHIND = 3, 'CAN frames wait too long until they are processed'
+    DROPPED = 4, 'CAN frames are lost because too many wait'
 
 class SyncState(NamedTuple):
     """SYNC as it is received."""

@@ -12,13 +12,6 @@ from tactile_node.read_only import read_only
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, without_any_value
 
 MOST_NAMED = 20  #: taxels of a kind in the text
-#: why the zero of a pad is not valid
-ZERO_TEXT = {
-    ZeroState.NOT_KNOWN: 'the state of its zero is not known',
-    ZeroState.DEVICE_IS_ZEROING: 'its device is zeroing itself',
-    ZeroState.DEVICE_PARTLY_ZEROED: 'its device has zeroed itself in part',
-    ZeroState.DEVICE_HAS_RESTARTED: 'its device has restarted since it zeroed itself',
-    ZeroState.DEVICE_NOT_CHECKED: 'its device has zeroed itself, and the tare that checks it has failed'}
 
 
 def faults_text(faults: FaultyTaxels) -> str:

@@ -2,12 +2,12 @@
 
 import threading
 from collections.abc import Callable
-from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import label
 
+from tactile_node.code_names import PhrasedCode
 from tactile_node.conditioning.drift import DriftFollower
 from tactile_node.errors import ConfigurationError, HalfZeroedError, TareRefusal, TareRefusedError
 from tactile_node.press_levels import ON_OFF_UNIT, PRESS_BY_UNIT, RELEASE_RATIO
@@ -95,15 +95,15 @@ FAULTY = (TaxelStatus.DEAD, TaxelStatus.FAULTY)
 SETTLING = 3  #: frames ignored after a device has zeroed itself: some were under way
 
 
-class ZeroState(IntEnum):
-    """Whether the zero of a pad is valid; if not, why. The numbers are stable."""
+class ZeroState(PhrasedCode):
+    """Whether the zero of a pad is valid: subtracted here, or as the device sends it; if not, why."""
 
-    NOT_KNOWN = 0
-    VALID = 1                   #: subtracted here, or as the device sends it
-    DEVICE_IS_ZEROING = 2       #: the device is zeroing itself
-    DEVICE_PARTLY_ZEROED = 3    #: the device has zeroed some of its channels only
-    DEVICE_HAS_RESTARTED = 4    #: the device has restarted since it zeroed itself
-    DEVICE_NOT_CHECKED = 5      #: the device has zeroed itself, and the tare that checks it has failed
+    NOT_KNOWN = 0, 'the state of its zero is not known'
+    VALID = 1, 'its zero is valid'
+    DEVICE_IS_ZEROING = 2, 'its device is zeroing itself'
+    DEVICE_PARTLY_ZEROED = 3, 'its device has zeroed itself in part'
+    DEVICE_HAS_RESTARTED = 4, 'its device has restarted since it zeroed itself'
+    DEVICE_NOT_CHECKED = 5, 'its device has zeroed itself, and the tare that checks it has failed'
 
 
 class Tare(NamedTuple):

@@ -2,21 +2,22 @@
 
 from collections.abc import Sequence
 from datetime import datetime, timezone
-from enum import IntEnum, unique
 from typing import NamedTuple
 
+from tactile_node.code_names import PhrasedCode
 
-@unique
-class DamageKind(IntEnum):
-    """Why something of a bag or a series of files is not given. The codes are stable."""
 
-    CHUNK = 1            #: the content of a chunk does not fit its checksum, or cannot be decompressed
-    RECORDS = 2          #: bytes between two chunks are no records
-    CUT_SHORT = 3        #: the file was not ended: a killed recording, a full disk, a part of a download
-    MISSING_FILE = 4     #: of a series
-    UNKNOWN_CHANNEL = 5  #: messages of a channel whose record is lost
-    UNDECODABLE = 6      #: a message that does not fit its definition
-    DATABASE = 7         #: what follows in a .db3
+class DamageKind(PhrasedCode):
+    """Why something of a bag or a series of files is not given."""
+
+    CHUNK = 1, 'a damaged chunk'  #: its content does not fit its checksum, or cannot be decompressed
+    RECORDS = 2, 'damaged records'  #: bytes between two chunks are no records
+    CUT_SHORT = 3, 'cut short: it was not ended'  #: a killed recording, a full disk, a part of a download
+    MISSING_FILE = 4, 'no such file, of a series'
+    UNKNOWN_CHANNEL = 5, 'messages of an unknown channel'  #: whose record is lost
+    UNDECODABLE = 6, 'a message that does not fit its definition'
+    DATABASE = 7, 'cut short or damaged'  #: what follows in a .db3
+    INCONSISTENT = 8, 'a TaxelArray whose fields do not fit together'
 
 
 class Damage(NamedTuple):
@@ -42,11 +43,6 @@ class Damage(NamedTuple):
 
 
 MOST_LINES = 20
-_TEXTS = {DamageKind.CHUNK: 'a damaged chunk', DamageKind.RECORDS: 'damaged records',
-          DamageKind.CUT_SHORT: 'cut short: it was not ended', DamageKind.MISSING_FILE: 'no such file, of a series',
-          DamageKind.UNKNOWN_CHANNEL: 'messages of an unknown channel',
-          DamageKind.UNDECODABLE: 'a message that does not fit its definition',
-          DamageKind.DATABASE: 'cut short or damaged'}
 
 
 def damage_text(damage: Damage) -> str:
@@ -60,7 +56,7 @@ def damage_text(damage: Damage) -> str:
     facts += [_span(damage)] if _span(damage) else []
     details = [', '.join(facts)] if facts else []
     details += [damage.detail] if damage.detail else []
-    return f'{damage.file}: {_TEXTS[damage.kind]}' + (f' ({"; ".join(details)})' if details else '')
+    return f'{damage.file}: {damage.kind.phrase}' + (f' ({"; ".join(details)})' if details else '')
 
 
 def damage_lines(damages: Sequence[Damage]) -> list[str]:

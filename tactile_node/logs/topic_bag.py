@@ -6,7 +6,6 @@ bag has none, or one that cannot be read, that of msg/ counts. Messages are read
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
-from enum import IntEnum, unique
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -87,21 +86,6 @@ TYPES = TAXELS, SHAPE, STATUS, DIAGNOSTICS
 DEFINITIONS = ('TaxelArray', 'ContactShape', 'FaultyTaxel', 'NodeStatus', 'PadStatus', 'SkinStatus')
 
 
-@unique
-class Unread(IntEnum):
-    """Why something of a bag is not given. The codes are stable."""
-
-    CUT_SHORT = 1     #: what follows in this file: it was not ended, or is damaged
-    UNDECODABLE = 2   #: a message that does not fit its definition
-    INCONSISTENT = 3  #: a TaxelArray whose fields do not fit together
-    DAMAGED = 4       #: a place within a file, of one chunk or more
-    MISSING_FILE = 5  #: of a series
-
-
-_REASONS = {DamageKind.CUT_SHORT: Unread.CUT_SHORT, DamageKind.DATABASE: Unread.CUT_SHORT,
-            DamageKind.MISSING_FILE: Unread.MISSING_FILE}
-
-
 class PadFrame(NamedTuple):
     """A TaxelArray of a bag."""
 
@@ -143,7 +127,7 @@ class TopicBagReader:
     def __init__(self, path: str | Path):
         self.path = str(path)
         self.topics = topics_of(path)  #: {topic: type}
-        self.unread: Counter[Unread] = Counter()
+        self.unread: Counter[DamageKind] = Counter()
         self.problem = ''
         self.damages: list[Damage] = []
         self._types = _Types(path)
@@ -187,10 +171,10 @@ class TopicBagReader:
         try:
             content = self._types.content(recorded)
         except Exception as error:  # rosbags raises what struct, numpy and zstandard raise
-            self._leave_out(Unread.UNDECODABLE, f'{recorded.topic}: {error}')
+            self._leave_out(DamageKind.UNDECODABLE, f'{recorded.topic}: {error}')
             return
         if recorded.type == TAXELS and (reason := check_taxel_array(content)):
-            self._leave_out(Unread.INCONSISTENT, f'{recorded.topic}: {reason.key}')
+            self._leave_out(DamageKind.INCONSISTENT, f'{recorded.topic}: {reason.key}')
             return
         at = recorded.time / SECOND
         if recorded.type == TAXELS:
@@ -206,9 +190,9 @@ class TopicBagReader:
 
     def _damaged(self, damage: Damage) -> None:
         self.damages.append(damage)
-        self._leave_out(_REASONS.get(damage.kind, Unread.DAMAGED), damage_text(damage))
+        self._leave_out(damage.kind, damage_text(damage))
 
-    def _leave_out(self, reason: Unread, problem: str) -> None:
+    def _leave_out(self, reason: DamageKind, problem: str) -> None:
         self.unread[reason] += 1
         self.problem = problem
 

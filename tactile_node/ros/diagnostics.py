@@ -10,11 +10,11 @@ from typing import NamedTuple
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from tactile_node.assembly import counters
-from tactile_node.assembly.fault_text import OVERLOAD_PHRASES, command_text, failure_text, node_text, sync_text
+from tactile_node.assembly.fault_text import command_text, failure_text, node_text, sync_text
 from tactile_node.assembly.frame_source import BusStatistics, PadStatistics
 from tactile_node.assembly.health import BusHealth, NodeHealth, Outages
 from tactile_node.cia301.objects import state_name
-from tactile_node.conditioning.conditioned_pad import ZERO_TEXT, PadCondition, faults_text
+from tactile_node.conditioning.conditioned_pad import PadCondition, faults_text
 from tactile_node.conditioning.tare import ZeroState
 
 PERIOD = 1.0  #: s over which a level is evaluated
@@ -144,8 +144,8 @@ def _bus_findings(now: BusStatistics, before: BusStatistics, health: BusHealth,
         texts.append(f'another NMT master has sent: {command_text(health.last_command)}')
     if health.sync.fault.is_fault:
         texts.append(sync_text(health.sync))
-    if health.overload.is_overload:
-        texts.append(f'this process is overloaded: {OVERLOAD_PHRASES[health.overload]}')
+    if health.overload.is_fault:
+        texts.append(f'this process is overloaded: {health.overload.phrase}')
     return [Finding(DiagnosticStatus.WARN, one) for one in texts] or [Finding(DiagnosticStatus.OK, 'nothing lost')]
 
 
@@ -193,7 +193,7 @@ def _condition_findings(condition: PadCondition) -> list[Finding]:
     findings = [Finding(DiagnosticStatus.WARN, one) for one in texts]
     if condition.zero is not ZeroState.VALID:
         detail = f': {condition.zero_error}' if condition.zero_error else ''
-        sentence = f'no value is valid until the next tare: {ZERO_TEXT[condition.zero]}{detail}'
+        sentence = f'no value is valid until the next tare: {condition.zero.phrase}{detail}'
         findings.append(Finding(DiagnosticStatus.ERROR, sentence))
     return findings
 

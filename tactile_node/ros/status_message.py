@@ -67,10 +67,10 @@ def _pad(name: str, status: DiagnosticStatus, pad: PadStatistics, nodes: tuple[N
     return PadStatus(
         pad=name, level=_level(status.level), message=status.message, nodes=[_node(name, node) for node in nodes],
         **counters.read_fields(counters.PAD_COUNTERS, pad), loss_reasons=[reason.key for reason in pad.losses],
-        loss_codes=array('B', pad.losses), loss_counts=array('Q', pad.losses.values()),
+        loss_codes=array('B', [reason.value for reason in pad.losses]), loss_counts=array('Q', pad.losses.values()),
         faulty_taxels=_faulty(condition.faults) if condition else [],
         unchanged=condition.unchanged if condition else math.nan,
-        zero_state=condition.zero if condition else ZeroState.NOT_KNOWN)
+        zero_state=(condition.zero if condition else ZeroState.NOT_KNOWN).value)
 
 
 def _faulty(faults: FaultyTaxels) -> list[FaultyTaxel]:

@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Callable, Sequence
 
-from tactile_node.assembly.fault_text import OVERLOAD_PHRASES, command_text, load_text, sync_text
+from tactile_node.assembly.fault_text import command_text, load_text, sync_text
 from tactile_node.assembly.frame_source import BusStatistics
 from tactile_node.assembly.health import Overload, SyncFault, SyncState
 from tactile_node.bus.bus_monitor import BusMonitor
@@ -52,7 +52,7 @@ class OverloadWatch:
 
     def is_excused(self, now: float) -> bool:
         """Whether what seems to be missing may only not be processed yet."""
-        return self._kind.is_overload or now - self._excused <= 2 * self.limit
+        return self._kind.is_fault or now - self._excused <= 2 * self.limit
 
     def update(self, now: float, dropped: int) -> Overload:
         """Return the overload now; ``dropped``: CAN frames that were not taken, so far."""
@@ -199,8 +199,7 @@ class BusWatch:
         if self.sync.fault.is_fault and self._sync_reminder.is_due(self.sync.fault.name, now):
             logger.error('%s.', sync_text(self.sync), extra={'fact': self.sync.fault})
         self.overload = self._overload.update(now, statistics.queue_overruns)
-        if self.overload.is_overload and self._overload_reminder.is_due(self.overload.name, now):
-            logger.error('This process is overloaded: %s.', OVERLOAD_PHRASES[self.overload],
-                         extra={'fact': self.overload})
+        if self.overload.is_fault and self._overload_reminder.is_due(self.overload.name, now):
+            logger.error('This process is overloaded: %s.', self.overload.phrase, extra={'fact': self.overload})
         syncs = syncs_sent if self._is_producer else received
         return BusSeen(syncs, self.sync.foreign, self._overload.is_excused(now), self._overload.ran_again)

@@ -9,7 +9,7 @@ from . import markdown as md
 
 
 def markdown() -> str:
-    losses = ((f'tpdos_lost_{reason.key}', reason.meaning) for reason in LossReason)
+    losses = ((f'tpdos_lost_{reason.key}', reason.phrase) for reason in LossReason)
     parts = {'Bus': listed((*counters.BUS_LOSSES, *counters.BUS_EVENTS)),
              'Pad': (*listed(counters.PAD_COUNTERS), *losses), 'Node': listed(counters.NODE_COUNTERS)}
     return '\n\n'.join(f'## {part}\n\n{_table(rows)}' for part, rows in parts.items())
