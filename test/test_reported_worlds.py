@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from bench.recognition import beside, blemish, foreign, spots
-from bench.recognition.figures import p_value_behind
+from bench.recognition import beside, blemish, foreign, nothing, several, spots
+from bench.recognition.figures import Rate, p_value_behind
 from bench.recognition.idle import IDLE
 from bench.recognition.stamp import Stamp, pressed
+from tactile_node.shape.recognition import Shape
 from tactile_node.simulator.world import CLASSES, Contact, Purpose, generator, random_contact
 from training.ground_truth.overlap import best_overlap
 
@@ -102,6 +103,12 @@ def test_leftover_is_a_part_of_the_contact_that_was_released():
             assert idle.begin == 50
             assert not (left & ~held).any()
             assert 0.0 < left.sum() / held.sum() < 0.4
+
+
+def test_tables_say_how_many_were_counted():
+    seen = nothing.Seen('drift', Rate(1, 50), {Shape.CIRCLE: 1}, 0.1, Rate(0, 1))
+    punches = several.Several(2, 25, 4.0, *3 * [Rate(9, 10)])
+    assert nothing.table([seen]).rows[0][:2] == ['drift', '50'] and several.table([punches]).rows[0][3] == '10'
 
 
 def test_cells_keep_what_they_say():

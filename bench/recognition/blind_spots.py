@@ -71,7 +71,7 @@ def _of(cell: Cell, result: Result) -> Measured:
 
 def table(found: list[Measured]) -> Table:
     behind = [one for one in found if is_behind(one, len(found))]
-    made = Table('Blind spots', f'{len(found)} cells of {found[0].rates[OURS].count} patterns each; {len(behind)} of '
+    made = Table('Blind spots', f'{len(found)} cells of {found[0].rates[OURS].total} patterns each; {len(behind)} of '
                  f'them significantly (p < {LEVEL:g}, corrected for their number) more than {100 * BEHIND:g} points '
                  f'below the better anchor (required: none). The {SHOWN} cells that are farthest behind it; all are in '
                  'blind_spots.csv',
@@ -98,7 +98,7 @@ def write_spots(path: Path, found: list[Measured]) -> None:
                          'better_anchor', 'p_value', 'p_corrected'])
         for one in found:
             by_shape = [f'{one.by_shape[shape].value:.5f}' if shape in one.by_shape else '' for shape in LABELS[:-1]]
-            writer.writerow([one.cell.curve, one.cell.words, KIND[one.cell.on_off], one.rates[OURS].count,
+            writer.writerow([one.cell.curve, one.cell.words, KIND[one.cell.on_off], one.rates[OURS].total,
                              *(f'{one.rates[name].value:.5f}' for name in names), *by_shape, one.better,
                              f'{one.p_value:.3g}', f'{min(1.0, one.p_value * len(found)):.3g}'])
 

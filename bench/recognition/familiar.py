@@ -80,7 +80,7 @@ def foreign_table(known: list[Result], results: list[Result]) -> Table:
         for name, chosen in [*((r.case.condition, [r]) for r in same), ('all', same)]:
             right = _together(chosen, lambda r: r.right(OURS))
             sure = _together(chosen, lambda r: r.answers[OURS][:, :UNKNOWN].max(1) > 0.9)
-            table.add(name, KIND[on_off], area, right.count, right, f'{100 * sure.value:.1f}',
+            table.add(name, KIND[on_off], area, right.total, right, f'{100 * sure.value:.1f}',
                       *(rejection_at_loss(limit, chosen, contestant) for contestant in same[0].answers),
                       _verdict(right, REJECTED) if area >= FROM_AREA else '')
     return table
@@ -94,7 +94,7 @@ def blemish_table(results: list[Result]) -> Table:
     for on_off, area, same in _by_size(results, BLEMISH_AREAS):
         for name, chosen in [*((r.case.condition, [r]) for r in same), ('all', same)]:
             rates = [_together(chosen, lambda r, name=contestant: r.right(name)) for contestant in same[0].answers]
-            table.add(name, KIND[on_off], area, rates[0].count, *rates, f'{100 * _unknown(chosen).value:.1f}',
+            table.add(name, KIND[on_off], area, rates[0].total, *rates, f'{100 * _unknown(chosen).value:.1f}',
                       _verdict(rates[0], RECOGNISED) if area >= BLEMISHED_FROM else '')
     return table
 

@@ -87,7 +87,7 @@ def table(found: list[Seen]) -> Table:
                                     f'sequences over {LONGEST:g} s, %', 'required'])
     for seen in found:
         often = max(seen.by_shape, key=lambda shape: seen.by_shape[shape])
-        made.add(seen.kind, seen.called.count, seen.called, often.value if seen.called.right else '',
+        made.add(seen.kind, seen.called.total, seen.called, often.value if seen.called.right else '',
                  f'{seen.longest:.2f}', f'{100 * seen.streams.value:.1f}', 'met' if seen.is_met else 'NOT MET')
     return made
 

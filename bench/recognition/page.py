@@ -57,7 +57,7 @@ def write_csv(path: Path, results: list[Result]) -> None:
             for name in result.answers:
                 rate = result.rate(name)
                 writer.writerow([result.case.condition, KIND[result.case.on_off], result.case.area, name, rate.right,
-                                 rate.count, f'{rate.value:.5f}', *(f'{bound:.5f}' for bound in rate.interval)])
+                                 rate.total, f'{rate.value:.5f}', *(f'{bound:.5f}' for bound in rate.interval)])
 
 
 def write_page(path: Path, title: str, tables: list[Table], pictures: list[tuple[str, str]],

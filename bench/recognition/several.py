@@ -43,7 +43,7 @@ def table(found: list[Several]) -> Table:
                    'their own, and that are recognised [%], beside the same punches alone on the pad',
                    ['punches', 'area', 'pitches between', 'punches in all', 'apart, %', 'recognised, %', 'alone, %'])
     for one in found:
-        of_all.add(one.number, one.area, f'{one.gap:g}', one.apart.count, one.apart, one.together, one.alone)
+        of_all.add(one.number, one.area, f'{one.gap:g}', one.apart.total, one.apart, one.together, one.alone)
     return of_all
 
 

@@ -28,7 +28,7 @@ def rates(heading: str, text: str, results: list[Result]) -> Table:
         best = max((result.rate(name) for name in names if name != OURS), key=lambda rate: rate.value)
         ours, (low, high) = result.rate(OURS), best.interval
         verdict = 'above' if ours.value > high else 'within' if ours.value >= low else 'BELOW'
-        table.add(result.case.condition, KIND[result.case.on_off], f'{result.case.area:g}', ours.count,
+        table.add(result.case.condition, KIND[result.case.on_off], f'{result.case.area:g}', ours.total,
                   *(result.rate(name) for name in names), f'{100 * unknown(result).value:.2f}', verdict)
     return table
 
@@ -47,7 +47,7 @@ def lost(clean: list[Result]) -> Table:
         most = MOST_LOST.get(int(result.case.area))
         if most is not None:
             rate = unknown(result)
-            table.add(KIND[result.case.on_off], f'{result.case.area:g}', rate.count, rate, f'{100 * most:g}',
+            table.add(KIND[result.case.on_off], f'{result.case.area:g}', rate.total, rate, f'{100 * most:g}',
                       'met' if rate.value <= most else 'NOT MET')
     return table
 
@@ -60,7 +60,7 @@ def against_bars(computed: list[Result]) -> Table:
         least = BARS.get(int(result.case.area))
         if result.case.condition == PUNCHES and least is not None:
             rate = result.rate(OURS)
-            table.add(result.case.area, rate.count, rate, f'{100 * least:g}',
+            table.add(result.case.area, rate.total, rate, f'{100 * least:g}',
                       'met' if rate.value >= least else 'NOT MET')
     return table
 
@@ -112,7 +112,7 @@ def three_worlds(results: list[Result], contest: Contest, recogniser: Recogniser
     for world, condition in (('own generator', CLEAN), ('contact mechanics', PUNCHES)):
         for result in shown:
             if result.case.condition == condition:
-                table.add(world, KIND[result.case.on_off], f'{result.case.area:g}', result.rate(OURS).count,
+                table.add(world, KIND[result.case.on_off], f'{result.case.area:g}', result.rate(OURS).total,
                           *(result.rate(name) for name in names))
     for name, shape in RECORDED.items():
         answers = _recorded_answers(contest, recogniser, name, HELD)
