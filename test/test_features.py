@@ -152,6 +152,15 @@ def test_empty_pattern():
     assert [line[name] for name in ('N', 'P05', 'info_sum5', 'lambda5', 'info_norm5')] == [0, 0, 0, None, None]
 
 
+def test_large_patterns_have_all_features_but_eigenvalues():
+    mask = np.ones((81, 100), bool)
+    values = compute_features(mask, Group.ALL & ~Group.ROTATED).values
+    assert {name for name, value in values.items() if math.isnan(value)} == {
+        f'lambda{k}{suffix}' for k in (5, 9) for suffix in ('', '_border5', '_border9')}
+    assert compute_features(mask[:80], Group.EIGENVALUES).values['lambda5'] == pytest.approx(
+        4 - 2 * math.cos(math.pi / 81) - 2 * math.cos(math.pi / 101))
+
+
 def test_groups_select():
     assert list(compute_features(L_OF_THREE, Group.NONE).values) == ['N', 'P05', 'P09']
     classifier = compute_features(L_OF_THREE, Group.CLASSIFIER)

@@ -6,6 +6,7 @@ import numpy as np
 
 from bench.reproduction.inside import WORLD as INSIDE_WORLD
 from bench.reproduction.inside import InsideReading, measure_inside, wanted_inside
+from bench.reproduction.matrices import features_at_angles
 from bench.reproduction.methods import (
     SIZES,
     Method,
@@ -17,7 +18,7 @@ from bench.reproduction.methods import (
 )
 from bench.reproduction.sampling import Drawn, Wanted, draw
 from bench.reproduction.worlds import WORLDS, draw_pattern
-from tactile_node.helmholtz.features import Group, features_at_angles
+from tactile_node.helmholtz.features import Group
 from tactile_node.rate import Rate
 from tactile_node.shape.volf import ANSWERS, VolfClassifier
 from tactile_node.simulator.world import Purpose, generator

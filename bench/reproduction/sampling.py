@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from tqdm import tqdm
 
+from bench.reproduction.matrices import border, features_at_angles
 from bench.reproduction.worlds import draw_pattern
-from tactile_node.helmholtz.features import Group, features_at_angles
-from tactile_node.helmholtz.operators import Stencil, border
+from tactile_node.helmholtz.features import Group
+from tactile_node.helmholtz.taxel_list import Stencil
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS
 from tactile_node.simulator.world import Purpose, generator

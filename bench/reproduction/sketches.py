@@ -5,9 +5,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
+from bench.reproduction.matrices import border, matrix
 from tactile_node.helmholtz.features import Group, compute_features
-from tactile_node.helmholtz.operators import Stencil, border, matrix
 from tactile_node.helmholtz.rotation import FINE, fill_holes, fine_lattice
+from tactile_node.helmholtz.taxel_list import Stencil
 from tactile_node.simulator.world import Contact
 
 CIRCLE = Contact('circle', (5.3,), x=6.5, y=6.5)

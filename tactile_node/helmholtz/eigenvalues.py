@@ -12,61 +12,49 @@ An iterate x, ‖x‖ = 1, has an eigenvalue within ‖A x - θ x‖ of θ; it i
 next round shifts to just below θ. Where only the extremes over the rotations are requested, what cannot be extreme
 by these bounds is left out, most of it after the first round. What does not converge in time (nearly equal
 eigenvalues of weakly joined parts) goes to a dense solver.
-
-A part of more than LARGE taxels is solved alone with a sparse factor (`large_part`): its band
-would take N^1.5 numbers, 2.4 GB at 200,000 taxels.
 """
 
 from typing import NamedTuple
 
 import numpy as np
-from scipy import ndimage, sparse
+from scipy import ndimage
 
-from tactile_node.helmholtz.operators import WEIGHTS, Banded, Stencil
-from tactile_node.helmholtz.taxel_list import TaxelList, large_part
+from tactile_node.helmholtz.banded import Banded
+from tactile_node.helmholtz.taxel_list import WEIGHTS, Stencil, TaxelList
 
-TOLERANCE = 2e-10  #: of the residual, relative to the eigenvalue
+RESIDUAL_TOLERANCE = 2e-10  #: relative to the eigenvalue
 SOLVES = (3, 4, 4, 3, 2, 2, 2)  #: inverse iterations of each round
-MARGIN = 1.2  #: of the shift below the Rayleigh quotient, in residuals
-GUESS = 0.7 * np.pi * 2.404825557695773 ** 2  #: first shift times area; a disc has the least (Faber-Krahn)
-BELOW = 0.02  #: how far the first shift stays below the least row sum, which is a lower bound itself
-LARGE = 8_000  #: taxels of a part from which on a sparse factor is faster, too
-COLUMNS = 5_000  #: taxels treated together, to stay within the processor's cache
+SHIFT_MARGIN = 1.2  #: of the shift below the Rayleigh quotient, in residuals
+FIRST_SHIFT = 0.7 * np.pi * 2.404825557695773 ** 2  #: times area; a disc has the least (Faber-Krahn)
+SHIFT_BELOW = 0.02  #: how far the first shift stays below the least row sum, which is a lower bound itself
+CHUNK_COLUMNS = 5_000  #: taxels treated together, to stay within the processor's cache
 
 _NEIGHBOURS = {Stencil.FIVE: ndimage.generate_binary_structure(2, 1),
                Stencil.NINE: ndimage.generate_binary_structure(2, 2)}
 
 
-class Problem(NamedTuple):
-    """The matrices A of all patterns of a list by one stencil."""
-
-    taxels: TaxelList
-    stencil: Stencil
-
-
-def smallest_eigenvalues(problems: list[Problem], extremes_from: int | None = None) -> list[np.ndarray]:
-    """Return Λ of each of the patterns of each problem, shape (K,); NaN for an empty one.
+def smallest_eigenvalues(problems: list[tuple[TaxelList, Stencil]],
+                         extremes_from: int | None = None) -> list[np.ndarray]:
+    """Return Λ of each of the patterns of each list, by the stencil beside it, shape (K,); NaN for an empty one.
 
     With ``extremes_from`` f, the patterns from f on are there for their least and greatest Λ only: NaN
     for those that are neither.
     """
-    parts = [_connected(problem) for problem in problems]
-    counts = [len(problem.taxels.counts) for problem in problems]
+    parts = [_connected(taxels, stencil) for taxels, stencil in problems]
+    counts = [len(taxels.counts) for taxels, _ in problems]
     first = np.cumsum([0, *counts])
     owner = np.concatenate([part.pattern + offset for part, offset in zip(parts, first)])
     contest = np.concatenate([_contest(count, i, extremes_from) for i, count in enumerate(counts)])
     some, owner = np.unique(owner, return_inverse=True)
-    known = np.concatenate([part.known for part in parts])
     found = np.full(first[-1], np.nan)
-    found[some] = _solve(_banded(parts), np.concatenate([part.least for part in parts]), known, owner, contest[some])
+    found[some] = _solve(_banded(parts), np.concatenate([part.least for part in parts]), owner, contest[some])
     return np.split(found, first[1:-1])
 
 
 class Parts(NamedTuple):
-    """The connected parts of all patterns of a problem: A falls into one block for each of them."""
+    """The connected parts of all patterns of a list: A falls into one block for each of them."""
 
-    sizes: np.ndarray     #: taxels of each part; the entries below are of those that are not known
-    known: np.ndarray     #: Λ of each large part, NaN of the others
+    sizes: np.ndarray     #: taxels of each part
     pattern: np.ndarray   #: which pattern each part belongs to, rising
     least: np.ndarray     #: least row sum of each part, a lower bound of its Λ
     column: np.ndarray    #: of each entry of A below the diagonal, taxels numbered part by part
@@ -75,13 +63,13 @@ class Parts(NamedTuple):
     diagonal: float
 
 
-def _connected(problem: Problem) -> Parts:
-    taxels, weights = problem.taxels, WEIGHTS[problem.stencil]
+def _connected(taxels: TaxelList, stencil: Stencil) -> Parts:
+    weights = WEIGHTS[stencil]
     active = np.zeros(taxels.shape, bool)
     active.reshape(-1)[taxels.site] = True
     # One below the other: the ring around each keeps the patterns apart.
     stacked = active.reshape(-1, taxels.shape[2])
-    label = ndimage.label(stacked, _NEIGHBOURS[problem.stencil])[0].reshape(-1)[taxels.site]
+    label = ndimage.label(stacked, _NEIGHBOURS[stencil])[0].reshape(-1)[taxels.site]
     order = np.argsort(label, kind='stable')
     sizes = np.bincount(label, minlength=1)[1:]
     start = np.cumsum(sizes) - sizes
@@ -97,25 +85,8 @@ def _connected(problem: Problem) -> Parts:
     pattern = np.searchsorted(taxels.start, order[start], 'right') - 1
     sums = taxels.row_sums(weights)[order] / weights.denominator
     least = np.minimum.reduceat(sums, start) if len(sizes) else sums
-    found = Parts(sizes=sizes, known=np.full(len(sizes), np.nan), pattern=pattern, least=least, column=column,
-                  distance=place[later] - column, values=values, diagonal=weights.centre / weights.denominator)
-    return _with_large_known(found) if (sizes > LARGE).any() else found
-
-
-def _with_large_known(parts: Parts) -> Parts:
-    """Solve the large parts and leave out their entries."""
-    part_of = np.repeat(np.arange(len(parts.sizes)), parts.sizes)  # of each taxel
-    is_large, start = parts.sizes > LARGE, np.cumsum(parts.sizes) - parts.sizes
-    known, of_entry = parts.known.copy(), part_of[parts.column]
-    for number in np.flatnonzero(is_large):
-        own = of_entry == number
-        column, size = parts.column[own] - start[number], int(parts.sizes[number])
-        lower = sparse.coo_array((parts.values[own], (column + parts.distance[own], column)), shape=(size, size))
-        known[number] = large_part(sparse.csc_array(lower + lower.T + parts.diagonal * sparse.eye_array(size)))
-    left = ~is_large[of_entry]
-    new_place = np.cumsum(~is_large[part_of]) - 1
-    return parts._replace(known=known, column=new_place[parts.column[left]], distance=parts.distance[left],
-                          values=parts.values[left])
+    return Parts(sizes=sizes, pattern=pattern, least=least, column=column, distance=place[later] - column,
+                 values=values, diagonal=weights.centre / weights.denominator)
 
 
 def _contest(count: int, problem: int, extremes_from: int | None) -> np.ndarray:
@@ -124,45 +95,40 @@ def _contest(count: int, problem: int, extremes_from: int | None) -> np.ndarray:
 
 
 def _banded(parts: list[Parts]) -> Banded:
-    of_each = [part.sizes[np.isnan(part.known)] for part in parts]
-    sizes = np.concatenate(of_each)
+    sizes = np.concatenate([part.sizes for part in parts])
     width = max(int(part.distance.max(initial=0)) for part in parts) + 1
     band, first = np.zeros((int(sizes.sum()), width)), 0
-    for part, own in zip(parts, of_each):
-        rows = band[first:first + int(own.sum())]
+    for part in parts:
+        rows = band[first:first + int(part.sizes.sum())]
         rows[:, 0] = part.diagonal
         rows.reshape(-1)[part.column * width + part.distance] = part.values
         first += len(rows)
     return Banded.of(band, sizes)
 
 
-def _solve(matrices: Banded, least: np.ndarray, known: np.ndarray, owner: np.ndarray,
-           contest: np.ndarray) -> np.ndarray:
-    """Λ of each pattern (of len(contest)); ``matrices``: of the parts that are not ``known``.
-
-    ``owner``: which pattern each part belongs to.
-    """
-    left, unknown = matrices, np.flatnonzero(np.isnan(known))
-    pending = unknown
+def _solve(matrices: Banded, least: np.ndarray, owner: np.ndarray, contest: np.ndarray) -> np.ndarray:
+    """Λ of each pattern (of len(contest)); ``owner``: which pattern each part, one of ``matrices``, belongs to."""
+    left, pending = matrices, np.arange(len(least))
     x = np.ones(len(matrices.band))
-    low, high = np.nan_to_num(known, nan=0.0), np.nan_to_num(known, nan=np.inf)
-    shift = np.maximum(least[unknown] - BELOW, np.where(left.sizes < 9, 0, GUESS / (np.sqrt(left.sizes) + 1) ** 2))
+    low, high = np.zeros(len(least)), np.full(len(least), np.inf)
+    first = np.where(left.sizes < 9, 0, FIRST_SHIFT / (np.sqrt(left.sizes) + 1) ** 2)
+    shift = np.maximum(least - SHIFT_BELOW, first)
     for solves in SOLVES:
         if not len(pending):
             break
         below, value, residual, x = _round(left, shift, low[pending], x=x, solves=solves)
-        done = residual <= TOLERANCE * value
+        done = residual <= RESIDUAL_TOLERANCE * value
         low[pending] = np.where(done, value, np.maximum(low[pending], below))
         high[pending] = value
         keep = ~done & _needed(low, high, owner, contest)[pending]
         x = x[left.spread(keep)]
         left = left.where(keep)
         pending = pending[keep]
-        shift = np.maximum(low[pending], (value - MARGIN * residual)[keep])
-    for hard in pending:
-        matrix = matrices.dense(int(np.searchsorted(unknown, hard)))
-        low[hard] = high[hard] = np.linalg.eigvalsh(matrix, UPLO='L')[0]
-    return _decided(low, high, owner, contest)
+        shift = np.maximum(low[pending], (value - SHIFT_MARGIN * residual)[keep])
+    for hard in pending.tolist():
+        low[hard] = high[hard] = np.linalg.eigvalsh(matrices.dense(hard), UPLO='L')[0]
+    least, most = _of_patterns(low, high, owner, contest)
+    return np.where(_may_win(least, most, contest), most, np.nan)
 
 
 def _round(matrices: Banded, shift: np.ndarray, low: np.ndarray, x: np.ndarray, solves: int) -> list[np.ndarray]:
@@ -173,8 +139,8 @@ def _round(matrices: Banded, shift: np.ndarray, low: np.ndarray, x: np.ndarray, 
 
 
 def _chunks(sizes: np.ndarray) -> list[slice]:
-    """Cut a row of matrices into slices of about COLUMNS columns each."""
-    cuts = np.flatnonzero(np.diff(np.cumsum(sizes) // COLUMNS, prepend=-1))
+    """Cut a row of matrices into slices of about CHUNK_COLUMNS columns each."""
+    cuts = np.flatnonzero(np.diff(np.cumsum(sizes) // CHUNK_COLUMNS, prepend=-1))
     return [slice(a, b) for a, b in zip(cuts, [*cuts[1:], len(sizes)])]
 
 
@@ -217,8 +183,3 @@ def _may_win(least: np.ndarray, most: np.ndarray, contest: np.ndarray) -> np.nda
     np.minimum.at(greatest, inside, -least[~may])
     may[~may] = (least[~may] <= smallest[inside]) | (most[~may] >= -greatest[inside])
     return may
-
-
-def _decided(low: np.ndarray, high: np.ndarray, owner: np.ndarray, contest: np.ndarray) -> np.ndarray:
-    least, most = _of_patterns(low, high, owner, contest)
-    return np.where(_may_win(least, most, contest), most, np.nan)

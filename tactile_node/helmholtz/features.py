@@ -12,27 +12,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tactile_node.errors import InputError
-from tactile_node.helmholtz.eigenvalues import Problem, smallest_eigenvalues
+from tactile_node.helmholtz.eigenvalues import smallest_eigenvalues
 from tactile_node.helmholtz.feature_groups import Group as Group
-from tactile_node.helmholtz.operators import WEIGHTS, Stencil
 from tactile_node.helmholtz.rotation import ANGLES, with_rotated
-from tactile_node.helmholtz.taxel_list import TaxelList, Weights, ringed_taxel_list, taxel_list
+from tactile_node.helmholtz.taxel_list import WEIGHTS, Stencil, TaxelList, Weights, ringed_taxel_list, taxel_list
 
 
-class Gravity(NamedTuple):
-    """The centre of gravity T in both coordinate systems, each of shape (K,).
+def gravity(taxels: TaxelList, stencil: Stencil) -> dict[str, np.ndarray]:
+    """Return the centre of gravity T of each of the K patterns of ``taxels`` in both coordinate systems, (K,) each.
 
-    NaN where no two active taxels are neighbours by the stencil: there is nothing to weigh.
-    """
-
-    x: np.ndarray
-    y: np.ndarray
-    V: np.ndarray      #: distance from the origin, sqrt(x² + y²)
-    alpha: np.ndarray  #: arctan2(x, y) [degrees]
-
-
-def gravity(taxels: TaxelList, stencil: Stencil) -> Gravity:
-    """Return the centre of gravity of each of the K patterns of ``taxels``.
+    x and y; V, its distance from the origin; alpha, arctan2(x, y) [degrees]. NaN where no two active taxels are
+    neighbours by the stencil: there is nothing to weigh.
 
     A pair of neighbours i > j weighs A(i,j) at (i-1)/(N-1), (j-1)/(N-1); summed over i the weights are
     those of the neighbours before each taxel, summed over j those of the neighbours after it.
@@ -44,7 +34,7 @@ def gravity(taxels: TaxelList, stencil: Stencil) -> Gravity:
         scale = taxels.per_pattern(before) * (taxels.counts - 1)
         x = taxels.per_pattern(before * taxels.number) / scale
         y = taxels.per_pattern(after * taxels.number) / scale
-    return Gravity(x, y, np.sqrt(x * x + y * y), np.degrees(np.arctan2(x, y)))
+    return {'x': x, 'y': y, 'V': np.sqrt(x * x + y * y), 'alpha': np.degrees(np.arctan2(x, y))}
 
 
 def _weigh(edge: np.ndarray, corner: np.ndarray, weights: Weights) -> np.ndarray:
@@ -52,26 +42,21 @@ def _weigh(edge: np.ndarray, corner: np.ndarray, weights: Weights) -> np.ndarray
     return weighed + corner * np.int32(-weights.corner) if weights.corner else weighed
 
 
-class Information(NamedTuple):
-    """The paper's three measures, each of shape (K,)."""
+def information(taxels: TaxelList, stencil: Stencil) -> dict[str, np.ndarray]:
+    """Return the paper's three measures of each of the K patterns of ``taxels``, (K,) each.
 
-    sum: np.ndarray   #: Σ s_i, >= 0
-    sq: np.ndarray    #: Σ s_i², vertices and edges accented
-    norm: np.ndarray  #: Σ s_i² / N, the classifier's I; NaN for an empty pattern
-
-
-def information(taxels: TaxelList, stencil: Stencil) -> Information:
-    """Return the information measures of each of the K patterns of ``taxels``."""
+    Σ s_i, >= 0; Σ s_i², vertices and edges accented; Σ s_i² / N, the classifier's I, NaN for an empty pattern.
+    """
     weights = WEIGHTS[stencil]
     sums = taxels.row_sums(weights)
     squared = taxels.per_pattern(sums * sums) / weights.denominator ** 2
     with np.errstate(invalid='ignore'):
-        return Information(taxels.per_pattern(sums) / weights.denominator, squared, squared / taxels.counts)
+        return {'info_sum': taxels.per_pattern(sums) / weights.denominator, 'info_sq': squared,
+                'info_norm': squared / taxels.counts}
 
 
-TOGETHER = 400_000  #: taxels of rotated patterns described at a time: bounds the memory of large contacts
-
-
+CHUNK_TAXELS = 400_000  #: of rotated patterns described at a time: bounds the memory of large contacts
+MOST_TAXELS = 8_000     #: of a pattern whose eigenvalues are computed: more than any pad on a CAN bus shows
 INFORMATION = {Stencil.FIVE: Group.INFORMATION5, Stencil.NINE: Group.INFORMATION9}
 GRAVITY = {Stencil.FIVE: Group.GRAVITY5, Stencil.NINE: Group.GRAVITY9}
 
@@ -90,7 +75,7 @@ UNDEFINED = Extremes(min=np.nan, max=np.nan, dif=np.nan, min_angle=None, max_ang
 
 
 class Features(NamedTuple):
-    """Features by name; NaN where one is undefined."""
+    """Features by name; NaN where one is undefined, as eigenvalues of more than MOST_TAXELS taxels are here."""
 
     values: Mapping[str, float]     #: of the pattern as it is
     rotated: Mapping[str, Extremes]  #: over its rotations; empty unless computed
@@ -114,25 +99,21 @@ def compute_features(mask: np.ndarray, groups: Group = Group.ALL) -> Features:
     """
     _check(mask)
     is_rotated = groups & Group.ROTATED and mask.any()
-    stack = _of_rotated(mask, groups) if is_rotated else _described(taxel_list(mask[np.newaxis]), groups)
+    is_solved = int(np.count_nonzero(mask)) <= MOST_TAXELS
+    stack = (_describe_rotated(mask, groups, is_solved) if is_rotated
+             else describe(taxel_list(mask[np.newaxis]), groups, is_solved))
     values = {name: value[0].item() for name, value in stack.items()}
     rotated = _extremes(stack, 1 if is_rotated else 0) if groups & Group.ROTATED else {}
     return Features(MappingProxyType(values), MappingProxyType(rotated))
 
 
-def _of_rotated(mask: np.ndarray, groups: Group) -> dict[str, np.ndarray]:
-    """Features of the pattern and of its rotations, (47,); as many at a time as TOGETHER allows."""
+def _describe_rotated(mask: np.ndarray, groups: Group, is_solved: bool) -> dict[str, np.ndarray]:
+    """Return the features of the pattern and of its rotations, (47,); as many at a time as CHUNK_TAXELS allows."""
     patterns = with_rotated(mask)
-    step = max(1, TOGETHER // int(np.count_nonzero(mask)))
-    parts = [_described(ringed_taxel_list(patterns[first:first + step]), groups, extremes_from=0 if first else 1)
+    step = max(1, CHUNK_TAXELS // int(np.count_nonzero(mask)))
+    parts = [describe(ringed_taxel_list(patterns[first:first + step]), groups, is_solved, extremes_from=1)
              for first in range(0, len(patterns), step)]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-
-
-def features_at_angles(mask: np.ndarray, groups: Group = Group.ALL) -> dict[str, np.ndarray]:
-    """Return every feature at each of ANGLES, shape (46,); ``mask`` must have an active taxel."""
-    _check(mask)
-    return _described(ringed_taxel_list(with_rotated(mask)[1:]), groups)
 
 
 def _check(mask: np.ndarray) -> None:
@@ -142,38 +123,30 @@ def _check(mask: np.ndarray) -> None:
                          remedy='Extract the contact pattern first (tactile_node.contact).')
 
 
-def _described(taxels: TaxelList, groups: Group, extremes_from: int | None = None) -> dict[str, np.ndarray]:
-    """Features of each of the K patterns of ``taxels``, as arrays of shape (K,).
+def describe(taxels: TaxelList, groups: Group, is_solved: bool,
+             extremes_from: int | None = None) -> dict[str, np.ndarray]:
+    """Return the features of each of the K patterns of ``taxels`` by name, (K,) each.
 
-    Eigenvalues from pattern ``extremes_from`` on are NaN where they are neither smallest nor greatest.
+    Eigenvalues are NaN unless ``is_solved``, and from pattern ``extremes_from`` on where neither smallest nor greatest.
     """
     found = {'N': taxels.counts}
     for k in Stencil:
         found[f'P0{k}'] = taxels.per_pattern(taxels.row_sums(WEIGHTS[k]) != 0)
-    whole, reduced = {'': taxels}, {}
+    lists = {'': taxels}
     if groups & Group.BORDER:
-        reduced = {f'_border{k}': taxel_list(taxels.border(WEIGHTS[k])) for k in Stencil}
-    eigenvalues = {}
-    if groups & Group.EIGENVALUES:
-        eigenvalues = _eigenvalues(whole | reduced, extremes_from)
-    for suffix, chosen in (whole | reduced).items():
-        for k in Stencil:
-            if groups & Group.EIGENVALUES:
-                found[f'lambda{k}{suffix}'] = eigenvalues[suffix, k]
-            if groups & INFORMATION[k]:
-                found |= _named('info_{}{}{}', information(chosen, k), k, suffix)
-            if groups & GRAVITY[k]:
-                found |= _named('{}{}{}', gravity(chosen, k), k, suffix)
+        lists |= {f'_border{k}': taxel_list(taxels.border(WEIGHTS[k])) for k in Stencil}
+    problems = {(suffix, k): (chosen, k) for suffix, chosen in lists.items() for k in Stencil}
+    eigenvalues = [np.full(len(taxels.counts), np.nan)] * len(problems)
+    if groups & Group.EIGENVALUES and is_solved:
+        eigenvalues = smallest_eigenvalues(list(problems.values()), extremes_from)
+    for (suffix, k), smallest in zip(problems, eigenvalues):
+        named = {'lambda': smallest} if groups & Group.EIGENVALUES else {}
+        if groups & INFORMATION[k]:
+            named |= information(lists[suffix], k)
+        if groups & GRAVITY[k]:
+            named |= gravity(lists[suffix], k)
+        found |= {f'{name}{k}{suffix}': value for name, value in named.items()}
     return found
-
-
-def _eigenvalues(lists: dict[str, TaxelList], extremes_from: int | None) -> dict[tuple[str, Stencil], np.ndarray]:
-    problems = {(suffix, k): Problem(taxels, k) for suffix, taxels in lists.items() for k in Stencil}
-    return dict(zip(problems, smallest_eigenvalues(list(problems.values()), extremes_from)))
-
-
-def _named(pattern: str, found: Information | Gravity, k: Stencil, suffix: str) -> dict[str, np.ndarray]:
-    return {pattern.format(name, int(k), suffix): value for name, value in zip(found._fields, found)}
 
 
 def _extremes(over: dict[str, np.ndarray], first: int) -> dict[str, Extremes]:

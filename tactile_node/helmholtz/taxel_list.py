@@ -1,14 +1,23 @@
-"""The active taxels of a stack of patterns as one list: what every feature is summed from, all at once.
+"""Section 2: the taxels of patterns as one list, and by it the five- and nine-point Laplacian A = -h² Δ_h of each.
+
+A pattern is a bool mask, shape (rows, cols); its active taxels are numbered row by row, left to right. Outside the
+pattern Φ = 0, so A of N active taxels is N×N, symmetric and positive definite. Every feature is summed from the list.
 
 The 46 rotated patterns of one contact (section 6) are processed together. Everything here is a whole
 number, so sums are exact: they depend neither on the order of summation nor on where the pattern lies.
 """
 
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.linalg import LinearOperator, eigsh, splu
+
+
+class Stencil(IntEnum):
+    """The discrete Laplacian, called by its number of points as in the paper's indices."""
+
+    FIVE = 5
+    NINE = 9
 
 
 class Weights(NamedTuple):
@@ -18,6 +27,9 @@ class Weights(NamedTuple):
     edge: int      #: for each active edge neighbour
     corner: int    #: for each active diagonal neighbour
     denominator: int
+
+
+WEIGHTS = {Stencil.FIVE: Weights(4, -1, 0, 1), Stencil.NINE: Weights(20, -4, -1, 6)}
 
 
 class TaxelList(NamedTuple):
@@ -45,7 +57,7 @@ class TaxelList(NamedTuple):
         return sums
 
     def row_sums(self, weights: Weights) -> np.ndarray:
-        """Σ_j A(i,j) times the denominator of ``weights``."""
+        """Σ_j A(i,j) of each taxel, times the denominator of ``weights``."""
         sums: np.ndarray = (self.earlier_edge + self.later_edge) * np.int16(weights.edge)
         if weights.corner:
             sums += (self.earlier_corner + self.later_corner) * np.int16(weights.corner)
@@ -53,7 +65,8 @@ class TaxelList(NamedTuple):
         return sums
 
     def border(self, weights: Weights) -> np.ndarray:
-        """Masks of the taxels whose row sum is not zero, without the padding; shape (K, rows, cols)."""
+        """Masks of the taxels whose row sum is not zero (the paper's C_hr5, C_hr9), without padding; (K, rows, cols).
+        """
         stack = np.zeros(self.shape, bool)
         stack.reshape(-1)[self.site] = self.row_sums(weights) != 0
         return stack[:, 1:-1, 1:-1]
@@ -109,15 +122,3 @@ def _pairs(place: np.ndarray, site: np.ndarray, step: int) -> tuple[np.ndarray, 
     earlier = place[site - step]
     later = np.flatnonzero(earlier >= 0)
     return later, earlier[later]
-
-
-def large_part(matrix: sparse.csc_array) -> float:
-    """Return the smallest eigenvalue of ``matrix``, symmetric and positive definite, of 3 rows or more.
-
-    The start is positive, as the ground state is, so that the result is the same in each run.
-    """
-    # Without an ordering for symmetric matrices the factor would hold some ten times as many numbers.
-    factor = splu(matrix, permc_spec='MMD_AT_PLUS_A', diag_pivot_thresh=0.0, options={'SymmetricMode': True})
-    inverse = LinearOperator(matrix.shape, factor.solve, dtype=float)
-    value, = eigsh(matrix, k=1, sigma=0.0, OPinv=inverse, v0=np.ones(matrix.shape[0]), return_eigenvectors=False)
-    return float(value)
