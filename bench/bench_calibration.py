@@ -19,8 +19,9 @@ import numpy as np
 from pose_mechanics import AREAS, Outlined, Row, Skin, error_of, measure, outlined, pressed
 
 from bench.recognition import mechanics
-from tactile_node.learning.presses import LEAST_TAXELS, PressFrame
-from tactile_node.learning.response_fit import Calibration, Disc, calibrate
+from tactile_node.learning.presses import PressFinder
+from tactile_node.learning.response_fit import Disc, FoundResponse, calibrate
+from tactile_node.learning.touches import Touch, TouchFrame
 from tactile_node.pose.fit import fit_shape
 from tactile_node.simulator.world import Contact, Purpose, generator
 from training.ground_truth.indenters import flat_punch
@@ -56,15 +57,16 @@ def other_objects(rng: np.random.Generator) -> Objects:
     return found
 
 
-def calibrated(rng: np.random.Generator, skin: Skin) -> Calibration:
+def calibrated(rng: np.random.Generator, skin: Skin) -> FoundResponse:
     """Press the known disc, lightly and firmly."""
     solution, outline = known_disc(SHARP)
     presses = []
     while len(presses) < PRESSES:
         frames = [pressed(rng, solution, outline, KNOWN_AREA, skin) for _ in range(LEVELS)]
-        usable = [PressFrame(frame.values, frame.mask) for frame in frames if frame.mask.sum() >= LEAST_TAXELS]
+        usable = [TouchFrame(frame.values, frame.mask) for frame in frames
+                  if frame.mask.sum() >= PressFinder.least_taxels]
         if usable:
-            presses.append(usable)
+            presses.append(Touch(tuple(usable)))
     radius = float(np.sqrt(KNOWN_AREA / np.pi))
     return calibrate(presses, Disc(radius, SHARP * radius), 1.0, '')
 

@@ -4,8 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-Z = 1.959964  #: 95 %
-
 
 class Rate(NamedTuple):
     """``right`` ones of ``total``."""
@@ -25,19 +23,17 @@ class Rate(NamedTuple):
 
     @property
     def interval(self) -> tuple[float, float]:
-        """95 % interval: E. B. Wilson, J. Am. Stat. Assoc. 22 (1927).
+        """The 95 % interval by E. B. Wilson, J. Am. Stat. Assoc. 22 (1927).
 
         >>> [round(end, 3) for end in Rate(29, 30).interval]
         [0.833, 0.994]
         """
+        from scipy.stats import binomtest  # slow to import
+
         if not self.total:
             return 0.0, 1.0
-        n, p = self.total, self.value
-        middle = (p + Z * Z / (2 * n)) / (1 + Z * Z / n)
-        half = Z / (1 + Z * Z / n) * np.sqrt(p * (1 - p) / n + Z * Z / (4 * n * n))
-        low, high = max(middle - half, 0.0), min(middle + half, 1.0)
-        # Exact at the ends, where rounding is not.
-        return 0.0 if self.right == 0 else float(low), 1.0 if self.right == n else float(high)
+        low, high = binomtest(self.right, self.total).proportion_ci(method='wilson')
+        return float(low), float(high)
 
     @property
     def low(self) -> float:

@@ -11,9 +11,10 @@ import tactile_node as tn
 from tactile_node.cli.main import main
 from tactile_node.conditioning.gain import make_curve
 from tactile_node.errors import ConfigurationError, InputError
-from tactile_node.learning.presses import LEAST_TAXELS, OF_EACH, PressFrame, Unused, find_presses, zeroed
+from tactile_node.learning.presses import PRESS_FRAMES, PressFinder, find_presses, subtract_zero
 from tactile_node.learning.response import SkinResponse, load_response, save_response
 from tactile_node.learning.response_fit import LEAST_PRESSES, Disc, calibrate
+from tactile_node.learning.touches import Touch, TouchFrame, Unused
 from tactile_node.pose.fit import fit_shape
 from tactile_node.pose.profiles import Layer
 from tactile_node.shape.recognition import Shape
@@ -113,7 +114,7 @@ def test_a_ball_is_no_flat_disc(rng):
     for _ in range(6):
         x, y = (SIDE - 1) / 2 + rng.uniform(-1, 1, 2)
         stress = counts(0.4 * sample(field, x, y, 0.0, SIDE, SIDE)) + rng.normal(0, 1, (SIDE, SIDE))
-        frames.append([PressFrame(stress, stress > 20)])
+        frames.append(Touch((TouchFrame(stress, stress > 20),)))
     with pytest.raises(InputError) as error:
         calibrate(frames, Disc(0.98 * RADIUS), PITCH, 'Pa')
     assert error.value.expected == 'a flat face'
@@ -143,7 +144,7 @@ def test_slow_presses_with_short_rests_are_zeroed_by_the_rests():
                              for _ in range(8)]) + 3e3 + rng.normal(0, 200, (800, 24, 24))
     frames[5] = np.nan
     frames[107, :12] = np.nan
-    assert abs(np.median(zeroed(frames)[:5])) < 300 and np.median(zeroed(frames)[20:90, 12, 12]) > 45e3
+    assert abs(np.median(subtract_zero(frames)[:5])) < 300 and np.median(subtract_zero(frames)[20:90, 12, 12]) > 45e3
 
 
 def test_a_response_file_is_what_was_saved(tmp_path):
@@ -189,7 +190,7 @@ def test_presses_are_separated_by_rest_and_by_place():
     empty = np.zeros((24, 24))
     frames = [empty] * 3 + [disc(8, 8)] * 9 + [empty] * 2 + [disc(8, 8)] * 2 + [disc(14, 12)] * 2
     found = find_presses(frames, [None] * len(frames), 'Pa')
-    assert [len(press) for press in found.presses] == [OF_EACH, 2, 2] and not found.unused
+    assert [len(press.frames) for press in found.touches] == [PRESS_FRAMES, 2, 2] and not found.unused
 
 
 def test_frames_of_no_use_are_counted_by_reason():
@@ -199,25 +200,25 @@ def test_frames_of_no_use_are_counted_by_reason():
     full = disc(12, 12)
     cases = {Unused.SEVERAL_CONTACTS: two, Unused.AT_EDGE: disc(2, 12), Unused.TOO_SMALL: disc(12, 12, 2),
              Unused.HIDDEN: hidden, Unused.SATURATED: full}
-    assert np.pi * 5 ** 2 > LEAST_TAXELS > np.pi * 2 ** 2
+    assert np.pi * 5 ** 2 > PressFinder.least_taxels > np.pi * 2 ** 2
     for reason, frame in cases.items():
         saturated = frame > 49e3 if reason is Unused.SATURATED else None
         found = find_presses([frame], [saturated], 'Pa')
-        assert found.unused == {reason: 1} and not found.presses, reason
+        assert found.unused == {reason: 1} and not found.touches, reason
 
 
 def test_the_zero_is_that_of_the_least_loaded_frames():
     zero = np.random.default_rng(0).normal(0, 3e3, (24, 24))
     frames = np.array([zero] * 20 + [zero + disc(12, 12)] * 30)
-    np.testing.assert_allclose(zeroed(frames)[0], 0, atol=1e-6)
-    np.testing.assert_allclose(zeroed(frames)[-1], disc(12, 12), atol=1e-6)
+    np.testing.assert_allclose(subtract_zero(frames)[0], 0, atol=1e-6)
+    np.testing.assert_allclose(subtract_zero(frames)[-1], disc(12, 12), atol=1e-6)
     few = frames[:8]
-    assert zeroed(few) is few
+    assert subtract_zero(few) is few
 
 
 def presses(count, radius=5.0):
     found = [disc(12 + 0.1 * k, 12 - 0.07 * k, radius) for k in range(count)]
-    return [[PressFrame(frame, frame > 25e3)] for frame in found]
+    return [Touch((TouchFrame(frame, frame > 25e3),)) for frame in found]
 
 
 @pytest.mark.parametrize('given, known, says', [

@@ -17,9 +17,10 @@ from tactile_node.cli.played_log import play_log
 from tactile_node.cli.progress import counted
 from tactile_node.conditioning.gain import load_gains
 from tactile_node.errors import ConfigurationError, InputError
-from tactile_node.learning.presses import Presses, find_presses, zeroed
+from tactile_node.learning.presses import find_presses, subtract_zero
 from tactile_node.learning.response import SUFFIX, save_response
-from tactile_node.learning.response_fit import Calibration, Disc, calibrate, check_disc
+from tactile_node.learning.response_fit import Disc, FoundResponse, calibrate, check_disc
+from tactile_node.learning.touches import Touches
 from tactile_node.output_file import check_writable
 from tactile_node.pose.moments import check_pitch
 from tactile_node.press_levels import ON_OFF_UNIT
@@ -59,10 +60,10 @@ def run(args: argparse.Namespace) -> int:
     check_writable(output, [args.recording], force=args.force)
     readings = _readings(args)
     found = find_presses(readings.frames, readings.saturated, readings.unit or None)
-    frames = sum(map(len, found.presses))
-    print(f'{len(found.presses)} presses, {frames} of their frames used{_unused(found)}')
+    frames = sum(len(press.frames) for press in found.touches)
+    print(f'{len(found.touches)} presses, {frames} of their frames used{_unused(found)}')
     with counted('fitting', ' fits') as bar:
-        calibration = calibrate(found.presses, known, readings.pitch, readings.unit, progress=bar.update)
+        calibration = calibrate(found.touches, known, readings.pitch, readings.unit, progress=bar.update)
     save_response(output, calibration.response, _head(args), _found_from(known, found, calibration))
     print(_summary(calibration))
     if abs(calibration.before) > SUSPICIOUS:
@@ -113,7 +114,8 @@ def _of_log(args: argparse.Namespace) -> Readings:
     played = play_log(args.recording, pads, channel=args.channel, any_device=args.any_device, must_be_used=True)
     frames = played.frames[pads[0].name]
     saturated = np.array([frame.status == TaxelStatus.SATURATED for frame in frames])
-    return Readings(zeroed(np.array([frame.values for frame in frames])), saturated, layout.pitch, layout.value.unit)
+    values = subtract_zero(np.array([frame.values for frame in frames]))
+    return Readings(values, saturated, layout.pitch, layout.value.unit)
 
 
 def _on_off(where: str) -> InputError:
@@ -121,14 +123,14 @@ def _on_off(where: str) -> InputError:
                       remedy='On/off taxels have no response to calibrate.')
 
 
-def _unused(found: Presses) -> str:
+def _unused(found: Touches) -> str:
     if not found.unused:
         return ''
     counts = (f'{count} {reason.name.lower()}' for reason, count in sorted(found.unused.items()))
     return '; not used: ' + ', '.join(counts)
 
 
-def _summary(found: Calibration) -> str:
+def _summary(found: FoundResponse) -> str:
     layer = found.response.layer
     return (f'Radius of the disc: {100 * found.before:+.1f} % without the calibration, {100 * found.after:+.1f} % '
             f'with it ({100 * found.left_out:+.1f} % in presses left out).\n'
@@ -142,8 +144,8 @@ def _head(args: argparse.Namespace) -> str:
             'curve: pressures for readings, straight lines between.')
 
 
-def _found_from(known: Disc, found: Presses, calibration: Calibration) -> dict:
+def _found_from(known: Disc, found: Touches, calibration: FoundResponse) -> dict:
     errors = {'before': calibration.before, 'after': calibration.after, 'left_out': calibration.left_out}
-    return {'disc': {'radius': known.radius, 'edge_radius': known.edge_radius}, 'presses': len(found.presses),
+    return {'disc': {'radius': known.radius, 'edge_radius': known.edge_radius}, 'presses': len(found.touches),
             'exponent': round(calibration.exponent, 3), 'bend': round(calibration.bend, 3),
             'radius_error': {name: round(error, 4) for name, error in errors.items()}}

@@ -17,7 +17,7 @@ from tactile_node.cli.options import eds_of, layouts_of, node_ids_of
 from tactile_node.cli.played_log import play_log
 from tactile_node.errors import BusError, ConfigurationError
 from tactile_node.interruption import interruption
-from tactile_node.learning.presses import zeroed
+from tactile_node.learning.presses import subtract_zero
 from tactile_node.learning.touches import Touch, Touches, TouchFinder, find_touches
 from tactile_node.press_levels import ON_OFF_UNIT
 from tactile_node.skin.layout import SkinLayout
@@ -45,7 +45,8 @@ def _joined(found: list[Touches]) -> Touches:
 
 def _in_array(path: str) -> Touches:
     frames = read_frames(path)
-    return find_touches(frames.values if frames.unit in (None, ON_OFF_UNIT) else zeroed(frames.values), frames.unit)
+    values = frames.values if frames.unit in (None, ON_OFF_UNIT) else subtract_zero(frames.values)
+    return find_touches(values, frames.unit)
 
 
 def _in_log(path: str, args: argparse.Namespace) -> Touches:
@@ -55,7 +56,7 @@ def _in_log(path: str, args: argparse.Namespace) -> Touches:
     for pad in pads:
         frames = np.array([frame.values for frame in played.frames[pad.name]])
         unit = pad.layout.value.unit
-        found.append(find_touches(frames if unit == ON_OFF_UNIT else zeroed(frames), unit))
+        found.append(find_touches(frames if unit == ON_OFF_UNIT else subtract_zero(frames), unit))
     return _joined(found)
 
 

@@ -13,8 +13,8 @@ from scipy.optimize import least_squares
 
 from tactile_node.conditioning.gain import ResponseCurve
 from tactile_node.errors import InputError
-from tactile_node.learning.presses import PressFrame
 from tactile_node.learning.response import SkinResponse
+from tactile_node.learning.touches import Touch
 from tactile_node.pose.fit import ShapeFit, fit_shape
 from tactile_node.pose.profiles import PUNCH, Indenter, Layer, log_depth_from
 from tactile_node.read_only import read_only
@@ -49,7 +49,7 @@ class Disc(NamedTuple):
         return SHARP_ERROR + OF_ROUNDING * self.edge_radius / self.radius
 
 
-class Calibration(NamedTuple):
+class FoundResponse(NamedTuple):
     """A response, and how well it does."""
 
     response: SkinResponse
@@ -60,8 +60,8 @@ class Calibration(NamedTuple):
     left_out: float  #: of each half of the presses, with the response found from the other half
 
 
-def calibrate(presses: Sequence[Sequence[PressFrame]], known: Disc, pitch: float, unit: str,
-              progress: Callable[[int], None] = lambda fits: None) -> Calibration:
+def calibrate(presses: Sequence[Touch], known: Disc, pitch: float, unit: str,
+              progress: Callable[[int], None] = lambda fits: None) -> FoundResponse:
     """Find the response from ``presses`` of ``known``; ``pitch`` [m].
 
     Raises InputError for too few presses, a radius that is no length > 0, an object without a flat face, and a disc
@@ -79,7 +79,7 @@ def calibrate(presses: Sequence[Sequence[PressFrame]], known: Disc, pitch: float
     halves = [_Search(presses[first::2], known, pitch, progress) for first in (0, 1)]
     left_out = np.concatenate([other.errors(search.curve(*half.best())) for half, other in zip(halves, halves[::-1])])
     curve = search.curve(exponent, bend)
-    found = Calibration(SkinResponse(unit, search.layer(curve), curve), exponent, bend,
+    found = FoundResponse(SkinResponse(unit, search.layer(curve), curve), exponent, bend,
                         before=float(np.median(search.errors(None))), after=float(np.median(search.errors(curve))),
                         left_out=float(np.median(left_out)))
     largest = max(found.after, found.left_out, key=abs)
@@ -95,15 +95,16 @@ def calibrate(presses: Sequence[Sequence[PressFrame]], known: Disc, pitch: float
 class _Search:
     """The fits of some presses under different curves."""
 
-    def __init__(self, presses: Sequence[Sequence[PressFrame]], known: Disc, pitch: float,
+    def __init__(self, presses: Sequence[Touch], known: Disc, pitch: float,
                  progress: Callable[[int], None]):
-        self._frames = [frame for press in presses for frame in press]
-        self._weights = np.concatenate([np.full(len(press), len(press) ** -0.5) for press in presses]) / PRESS_ERROR
+        self._frames = [frame for press in presses for frame in press.frames]
+        counts = np.array([len(press.frames) for press in presses])
+        self._weights = np.repeat(counts ** -0.5, counts) / PRESS_ERROR
         self._known, self._pitch, self._progress = known, pitch, progress
-        levels = np.array([np.nanmean(frame.readings[frame.mask]) for frame in self._frames])
+        levels = np.array([np.nanmean(frame.values[frame.mask]) for frame in self._frames])
         self._middle = float(np.exp(np.median(np.log(levels))))
         self._lightest, self._hardest = float(levels.min()), float(levels.max())
-        self._highest = max(float(np.nanmax(frame.readings)) for frame in self._frames)
+        self._highest = max(float(np.nanmax(frame.values)) for frame in self._frames)
 
     def curve(self, exponent: float, bend: float) -> ResponseCurve:
         """Return the curve; it leaves the level of the lightest press as it is, so that light contacts stay visible.
@@ -153,7 +154,7 @@ class _Search:
     def _fits(self, curve: ResponseCurve | None) -> list[ShapeFit]:
         fits = []
         for frame in self._frames:
-            values = frame.readings if curve is None else curve(frame.readings)
+            values = frame.values if curve is None else curve(frame.values)
             fit = fit_shape(values, frame.mask, Shape.CIRCLE, self._pitch)
             assert fit is not None  # a circle has an outline
             fits.append(fit)

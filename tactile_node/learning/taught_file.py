@@ -9,6 +9,7 @@ from typing import BinaryIO, NamedTuple
 import numpy as np
 from scipy import ndimage
 
+from tactile_node.contact.neighbours import grown
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import are_on_off
 from tactile_node.errors import ConfigurationError
@@ -21,8 +22,7 @@ SIZE = 0.06             #: largest change of lengths, as a logarithm
 TILT = 0.15             #: largest relative rise of the pressure over the contact's reach
 NOISE = (0.005, 0.03)   #: standard deviation [contact's level]
 DEAD = 0.04             #: largest fraction of taxels without a value
-AROUND = 2              #: taxels around a contact that belong to its frame
-MARGIN = 5              #: taxels beside a contact: the rest of the pad, by which its noise is known
+REST_MARGIN = 5              #: taxels beside a contact: the rest of the pad, by which its noise is known
 
 
 class Examples(NamedTuple):
@@ -59,7 +59,7 @@ def _variant(frame: TouchFrame, rng: np.random.Generator) -> Patch | None:
     places = np.argwhere(frame.mask)
     centre = places.mean(0)
     reach = np.hypot(*(places - centre).T).max() + 1
-    side = int(np.ceil(2 * reach)) + 2 * MARGIN
+    side = int(np.ceil(2 * reach)) + 2 * REST_MARGIN
     angle, size = rng.uniform(0, 2 * np.pi), np.exp(rng.uniform(-SIZE, SIZE))
     at = np.indices((side, side), float) - (np.array([side - 1, side - 1]) / 2 + rng.uniform(-0.5, 0.5, 2))[
         :, None, None]
@@ -79,14 +79,13 @@ def _variant(frame: TouchFrame, rng: np.random.Generator) -> Patch | None:
 
 
 def _contact_alone(frame: TouchFrame) -> np.ndarray:
-    """The values of contact and surroundings, taxels without one as the nearest that has one; 0 elsewhere."""
+    """The values of contact and two taxels around it, taxels without one as the nearest that has one; 0 elsewhere."""
     values = frame.values
     hidden = ~np.isfinite(values)
     if hidden.any():
         nearest = ndimage.distance_transform_edt(hidden, return_distances=False, return_indices=True)
         values = values[tuple(nearest)]
-    near = ndimage.binary_dilation(frame.mask, np.ones((3, 3)), AROUND)
-    return np.where(near, values, 0.0)
+    return np.where(grown(grown(frame.mask)), values, 0.0)
 
 
 def _patch(values: np.ndarray) -> Patch | None:

@@ -4,34 +4,34 @@ Of a touch a few frames at equal steps are used, on purpose, and none is recogni
 the many frames of one hold teach no more than a few.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from enum import IntEnum
+from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
 
 from tactile_node.contact.neighbours import touches_edge
-from tactile_node.contact.pattern import ContactPattern
-from tactile_node.pose.pipeline import ContactPipeline, Taxels
+from tactile_node.pose.pipeline import ContactPipeline, FoundContact, Taxels
 from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.shapeless import is_shapeless
 
-OF_EACH = 5        #: frames of a touch that are used
-LIGHTEST = 0.5     #: of the strongest frame of a touch: lighter, the object is still being set down or lifted
-MOVED = 1.0        #: centres so far apart are of two touches [pitches]
-LEAST_TAXELS = 12  #: of a contact that shows a shape
+TOUCH_FRAMES = 5   #: of a touch that are used
+CENTRE_MOVED = 1.0  #: centres so far apart are of two touches [pitches]
 MOST_HIDDEN = 0.1  #: of its taxels without a value
 
 
 class Unused(IntEnum):
-    """Why a frame with a contact, or a touch, is of no use. The codes are stable."""
+    """Why a frame with a contact is of no use."""
 
     NOT_KNOWN = 0
     SEVERAL_CONTACTS = 1
     AT_EDGE = 2
     TOO_SMALL = 3
-    HIDDEN = 4     #: dead or missing taxels
+    HIDDEN = 4     #: dead, missing or stuck taxels
     SHAPELESS = 5  #: ragged, a line, or from edge to edge: answered UNKNOWN whatever is taught
+    SATURATED = 6  #: readings at the end of their range
+    NO_CIRCLE = 7  #: recognised as another shape, or as none
 
 
 class TouchFrame(NamedTuple):
@@ -40,9 +40,20 @@ class TouchFrame(NamedTuple):
     values: np.ndarray  #: (rows, cols), float, NaN = no valid value
     mask: np.ndarray    #: bool, the contact with the pieces near it
 
+    @property
+    def strength(self) -> float:
+        """The sum of the contact's values."""
+        return float(np.nansum(self.values[self.mask]))
+
+    @property
+    def centre(self) -> np.ndarray:
+        """The mean place of the contact's taxels: row, column."""
+        centre: np.ndarray = np.argwhere(self.mask).mean(0)
+        return centre
+
 
 class Touch(NamedTuple):
-    """One object held on the pad; ``frames``: at equal steps through it, 1 to OF_EACH."""
+    """One object held on the pad; ``frames``: at equal steps through it, one at least."""
 
     frames: tuple[TouchFrame, ...]
 
@@ -61,30 +72,28 @@ class Touches(NamedTuple):
 class TouchFinder:
     """Follows the frames of one pad; ``unit`` as in `find_contact`."""
 
+    lightest = 0.5     #: of the strongest frame of a touch: lighter, the object is still being set down or lifted
+    least_taxels = 12  #: of a contact that shows a shape
+
     def __init__(self, unit: str | None):
         self._pipeline, self._taxels = ContactPipeline(), Taxels(unit=unit)
         self._held: list[TouchFrame] = []
         self.unused: dict[Unused, int] = {}
         self.reason: Unused | None = None  #: why the latest frame was not used
 
-    @property
-    def held(self) -> int:
-        """Frames of the touch under way that can be used."""
-        return len(self._held)
-
-    def feed(self, values: np.ndarray) -> list[Touch]:
+    def feed(self, values: np.ndarray, saturated: np.ndarray | None = None) -> list[Touch]:
         """Take a frame, (rows, cols); return the touches that have ended with it, as a rule none or one.
 
         A frame in which the pad is not seen ends none: it shows no lift.
         """
-        found = self._pipeline.find(values, self._taxels)
+        found = self._pipeline.find(values, self._taxels, saturated=saturated)
         self.reason = None
         if not found.pattern.contacts:
             return self.end() if found.visibility.pad_seen else []
-        pattern = join_pieces(found.pattern)
-        self.reason = _unusable(pattern)
+        found = found.of_pattern(join_pieces(found.pattern))
+        self.reason = self._why_unusable(found)
         if self.reason is None:
-            self._held.append(TouchFrame(np.asarray(pattern.values, float), pattern.mask))
+            self._held.append(TouchFrame(found.pattern.values, found.pattern.mask))
         else:
             self.unused[self.reason] = self.unused.get(self.reason, 0) + 1
         return []
@@ -94,54 +103,48 @@ class TouchFinder:
         last = self._held[-frames:]
         if len(last) < frames or self.reason is not None:
             return False
-        centres, strengths = np.array([_centre(each) for each in last]), np.array([_strength(each) for each in last])
-        return bool(np.ptp(centres, axis=0).max() < MOVED / 2 and np.ptp(strengths) < 0.15 * strengths.max())
+        centres, strengths = np.array([each.centre for each in last]), np.array([each.strength for each in last])
+        return bool(np.ptp(centres, axis=0).max() < CENTRE_MOVED / 2 and np.ptp(strengths) < 0.15 * strengths.max())
 
     def end(self) -> list[Touch]:
-        """End the touch under way."""
+        """End the touch under way: one, or several where the contact jumps without a lift."""
         held, self._held = self._held, []
-        return _touches(held)
+        if not held:
+            return []
+        least = self.lightest * max(frame.strength for frame in held)
+        firm = [frame for frame in held if frame.strength >= least]
+        centres = np.array([frame.centre for frame in firm])
+        jumps = np.flatnonzero(np.hypot(*np.diff(centres, axis=0).T) > CENTRE_MOVED) + 1
+        return [self._choose(firm[first:last]) for first, last in zip((0, *jumps), (*jumps, len(firm)))]
+
+    def find(self, frames: Iterable[np.ndarray], saturated: Iterable[np.ndarray | None] = repeat(None)) -> Touches:
+        """Return the touches in successive ``frames``, with which of their taxels are saturated."""
+        touches = [touch for values, at_end in zip(frames, saturated) for touch in self.feed(values, at_end)]
+        return Touches(touches + self.end(), self.unused)
+
+    def _why_unusable(self, found: FoundContact) -> Unused | None:
+        pattern = found.pattern
+        if pattern.contacts > 1:
+            return Unused.SEVERAL_CONTACTS
+        if touches_edge(pattern.mask):
+            return Unused.AT_EDGE
+        return Unused.TOO_SMALL if pattern.sizes[0] < self.least_taxels else self._why_unclear(found)
+
+    def _why_unclear(self, found: FoundContact) -> Unused | None:
+        if found.pattern.hidden[found.pattern.mask].mean() > MOST_HIDDEN:
+            return Unused.HIDDEN
+        return Unused.SHAPELESS if is_shapeless(found.pattern) else None
+
+    def _choose(self, frames: list[TouchFrame]) -> Touch:
+        return choose_frames(frames, TOUCH_FRAMES)
+
+
+def choose_frames(frames: Sequence[TouchFrame], most: int) -> Touch:
+    """Return up to ``most`` of ``frames``, at equal steps."""
+    which = np.unique(np.linspace(0, len(frames) - 1, most).round().astype(int))
+    return Touch(tuple(frames[k] for k in which))
 
 
 def find_touches(frames: Iterable[np.ndarray], unit: str | None) -> Touches:
     """Return the touches in successive frames of one pad."""
-    finder = TouchFinder(unit)
-    touches = [touch for values in frames for touch in finder.feed(values)]
-    return Touches(touches + finder.end(), finder.unused)
-
-
-def _touches(held: list[TouchFrame]) -> list[Touch]:
-    """Return the touches between two frames without a contact: one, or several where it jumps without a lift."""
-    if not held:
-        return []
-    strengths = np.array([_strength(frame) for frame in held])
-    firm = [frame for frame, strength in zip(held, strengths) if strength >= LIGHTEST * strengths.max()]
-    centres = np.array([_centre(frame) for frame in firm])
-    jumps = np.flatnonzero(np.hypot(*np.diff(centres, axis=0).T) > MOVED) + 1
-    return [_chosen(firm[first:last]) for first, last in zip((0, *jumps), (*jumps, len(firm)))]
-
-
-def _chosen(frames: list[TouchFrame]) -> Touch:
-    which = np.unique(np.linspace(0, len(frames) - 1, OF_EACH).round().astype(int))
-    return Touch(tuple(frames[k] for k in which))
-
-
-def _unusable(pattern: ContactPattern) -> Unused | None:
-    if pattern.contacts > 1:
-        return Unused.SEVERAL_CONTACTS
-    if touches_edge(pattern.mask):
-        return Unused.AT_EDGE
-    if np.count_nonzero(pattern.mask) < LEAST_TAXELS:
-        return Unused.TOO_SMALL
-    if pattern.hidden[pattern.mask].mean() > MOST_HIDDEN:
-        return Unused.HIDDEN
-    return Unused.SHAPELESS if is_shapeless(pattern) else None
-
-
-def _centre(frame: TouchFrame) -> np.ndarray:
-    centre: np.ndarray = np.argwhere(frame.mask).mean(0)
-    return centre
-
-
-def _strength(frame: TouchFrame) -> float:
-    return float(np.nansum(frame.values[frame.mask]))
+    return TouchFinder(unit).find(frames)
