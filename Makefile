@@ -144,7 +144,7 @@ misled: setup  ## what a consumer is led to believe when the skin, the bus or a 
 	@$(if $(SHORT),,TACTILE_LONG=1 $(BIN)/python -m pytest $(LONG_TESTS) -q)
 
 # Tests are skipped, with the reason, where this machine makes no network namespaces. In the end, pytest's summary.
-HOSTS_TESTS := test/test_hosts.py test/test_other_version.py test/test_link.py test/test_clocks_apart.py
+HOSTS_TESTS := test/test_hosts.py test/test_other_version.py test/test_link.py
 hosts: setup  ## driver and planner on two hosts, lossy links too: an hour (TESTS=test/test_link.py: only these)
 	@TACTILE_LONG=1 timeout -s INT 3h $(BIN)/python -m pytest $(or $(TESTS),$(HOSTS_TESTS)) -v -s -rfEs --durations=0 \
 		-p no:cacheprovider

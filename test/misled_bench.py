@@ -93,14 +93,6 @@ class SkinProcess:
         """Take the adapter away."""
         self._send(unplug=True)
 
-    def scans(self, pad: str) -> list[float]:
-        """When the pad was scanned, once for each SYNC [s, monotonic]."""
-        self._process.stdin.write(json.dumps({'scans': pad}) + '\n')
-        self._process.stdin.flush()
-        times: list[float] = json.loads(self._process.stdout.readline())
-        assert self._process.stdout.readline() == 'done\n'
-        return times
-
     def _send(self, **command: Any) -> None:
         self._process.stdin.write(json.dumps(command) + '\n')
         self._process.stdin.flush()

@@ -52,12 +52,9 @@ def main() -> None:
 
 
 def report(topic, facts, ages, message) -> None:
-    now, here = time.monotonic(), {}
-    if hasattr(message, 'age'):
-        arrival = ages.arrived(message)
-        now, here = arrival.steady, {'age_here': arrival.age_on_arrival}
+    now = ages.arrived(message).steady if hasattr(message, 'age') else time.monotonic()
     numbers = {name: value if not isinstance(value, float) or math.isfinite(value) else None
-               for name, value in (facts(message) | here).items()}
+               for name, value in facts(message).items()}
     print(json.dumps({'topic': topic, 'time': now, **numbers}), flush=True)
     if topic == 'slow':
         time.sleep(SLOW)

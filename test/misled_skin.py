@@ -3,8 +3,7 @@
     python test/misled_skin.py /tmp/port '{"side": 7.0}'
 
 Lines of JSON on stdin change it while it runs: {"set": {"is_frozen": true}}, {"lose": [417, 418]} (CAN identifiers that
-the adapter loses from then on), {"power_off": 48}, {"unplug": true}. {"scans": "left"} prints when that pad
-was scanned, once for each SYNC, by the monotonic clock.
+the adapter loses from then on), {"power_off": 48}, {"unplug": true}.
 """
 
 import fcntl
@@ -47,7 +46,6 @@ class Object:
         self._began = time.monotonic()
         self._random = np.random.default_rng(5)
         self._last = {pad: np.zeros((16, 16)) for pad in PADS}
-        self.scans: dict[str, list[float]] = {pad: [] for pad in PADS}  #: when [s, monotonic]
         self.set(attributes)
 
     def set(self, attributes: dict[str, Any]) -> None:
@@ -57,7 +55,6 @@ class Object:
 
     def source(self, pad: str) -> Callable[[float], np.ndarray]:
         def sample(_time: float) -> np.ndarray:
-            self.scans[pad].append(time.monotonic())
             if not self.is_frozen:
                 self._last[pad] = self._frame()
             return self._last[pad]
@@ -102,8 +99,6 @@ def main() -> None:
             held.set(value)
         elif command == 'lose':
             port.lose(frozenset(value))
-        elif command == 'scans':
-            print(json.dumps(held.scans[value]), flush=True)
         elif command == 'power_off':
             simulator.devices[value].power_off()
         else:

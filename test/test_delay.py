@@ -158,6 +158,16 @@ def test_a_clock_set_back_during_a_silence_costs_at_most_the_window():
     assert result.fresh[after > SETTINGS.window].all()
 
 
+@pytest.mark.parametrize('step', [0.2, -0.2])
+def test_a_clock_slewed_as_fast_as_chrony_does_makes_nothing_old_look_current(step):
+    """83,333 ppm, its maxslewrate; slewed back, ages are too high until the least difference is forgotten."""
+    sent = times(duration=60.0)
+    delay = 0.001 + held_until(sent, 17.0, 12.0, 10)
+    result = run(sent, delay, lambda t: t + np.clip((t - 11.0) / 12 * np.sign(step), *sorted((0.0, step))))
+    assert (result.true > 1.0).sum() == 10 and not result.misled.any()
+    assert result.fresh[result.arrival > 11.0 + abs(step) * 12 + SETTINGS.window + 1.0].all()
+
+
 def test_one_stamp_from_the_future_does_not_last():
     sent = times(duration=10.0)
     result = run(sent, 0.001, lambda t: t + 50.0 * (abs(t - 5.0) < 0.001))
