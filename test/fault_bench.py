@@ -63,13 +63,14 @@ class FaultBench(Bench):
         self.coded = Coded() if source is None else None
         self.is_clock_true = True  #: False: stamps cannot be compared with the wall clock
         self.sampled_within = 0.7  #: the longest from a SYNC to the devices' samples [s]; a cycle of Coded has 2 s
-        super().__init__(channel, layout, nodes, source=source or self.coded, wire=WIRE)
+        self.source = source or self.coded
+        super().__init__(channel, layout, nodes, source=self.source, wire=WIRE)
         self.adapter = Adapter()
         self.kept: list[tuple[str, TaxelFrame]] = []
         self.hold = threading.Event()
         self.hold.set()  #: cleared: the consumer hangs
         self.settings = BusSettings('virtual', channel, **{'sync_period': 0.02} | settings)
-        self.driver = Supervisor(self.settings, self.pads, self._keep, recover)
+        self.driver = Supervisor(self.settings, self.pads, self.keep, recover)
         self.detected = self.publishing_again = None
         self._begun = self._ended = 0.0
 
@@ -108,8 +109,9 @@ class FaultBench(Bench):
     def cause(self) -> None:
         self._begun = self._ended = time.monotonic()
 
-    def end_of_cause(self) -> None:
+    def end_of_cause(self) -> 'FaultBench':
         self._ended = time.monotonic()
+        return self
 
     @property
     def emergencies(self) -> list[Emergency]:
@@ -138,7 +140,7 @@ class FaultBench(Bench):
                        for name, frame in self.kept[-20:])
         self.wait(has_come, f'no whole frames of {pad}')
 
-    def _keep(self, name: str, frame) -> None:
+    def keep(self, name: str, frame) -> None:
         self.hold.wait(TIMEOUT)
         self.kept.append((name, frame))
 

@@ -6,6 +6,7 @@ as it ends, that all taxels published as valid were right and that no sequence n
 
 import ctypes
 import errno
+import functools
 import itertools
 import os
 import sys
@@ -13,6 +14,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import can
@@ -29,11 +31,34 @@ from tactile_node.conditioning.tare import ContactGuard, TaredPad
 from tactile_node.errors import BusError, DeviceAbsentError, DeviceError, TareRefusedError, TwoDevicesError
 from tactile_node.simulator.device import SimulatedDevice
 from tactile_node.simulator.skin_simulator import SkinSimulator
+from tactile_node.sources.supervisor import Supervisor
 from tactile_node.taxel_frame import TaxelFrame
 
 ALLOWED = 1.0  # s from the end of a cause until taxels come again
 ALL_TPDOS = range(1, 17)  # of the pad of 8x8 taxels
 COB_IDS = [0x1A0 + 0x100 * (i // 4) + i % 4 for i in range(16)]
+FAULTS: list[Callable[[str], FaultBench | StallBench]] = []
+
+
+def fault(*nodes: tuple[int, ...], is_running: bool = True, **settings: Any) -> Callable:
+    """Make a fault of the catalogue of what injects it into a bench, whose driver runs; the channel is the test's."""
+    def listed(inject: Callable[[FaultBench], None]) -> Callable[[str], FaultBench]:
+        @functools.wraps(inject)
+        def injected(channel: str) -> FaultBench:
+            with FaultBench(channel, *nodes, **settings) as bench:
+                if is_running:
+                    bench.run().cause()
+                inject(bench)
+            return bench
+        FAULTS.append(injected)
+        return injected
+    return listed
+
+
+def uniform(seed: int, low: float, high: float, rows: int, cols: int) -> Callable[[float], np.ndarray]:
+    """Return a source of taxels that stay as they are."""
+    values = np.random.default_rng(seed).uniform(low, high, (rows, cols))
+    return lambda _time: values
 
 
 def _switch_off(bench: FaultBench, device: SimulatedDevice, missing: int, *faults: object, **kind: Any) -> TaxelFrame:
@@ -54,127 +79,109 @@ def _waits_for(bench: FaultBench, node: str) -> bool:
 
 def _switch_on(bench: FaultBench, device: SimulatedDevice) -> None:
     device.boot()
-    bench.end_of_cause()
+    bench.end_of_cause().recover()
+
+
+@fault()
+def power_cycled_in_mid_stream(bench: FaultBench) -> None:
+    """The device is configured and started again; a sentence names it, the outage is counted."""
+    bench.device.power_off()
+    bench.device.boot()
+    bench.end_of_cause().detect(NodeFault.BOOTED)
+    bench.recover()
+    bench.wait(lambda: bench.node().outages.count == 1 and bench.node().boots == 1, 'outage not counted')
+
+
+@fault()
+def absent_then_back(bench: FaultBench) -> None:
+    """The device is reported as silent, its taxels are NaN; it is used again as soon as it boots."""
+    _switch_off(bench, bench.device, 16, NodeFault.SILENT)
+    _switch_on(bench, bench.device)
+
+
+@fault(is_running=False)
+def absent_at_configure_then_late(bench: FaultBench) -> None:
+    """configure logs what it waits for, and continues when the device answers."""
+    bench.device.power_off()
+    starter = threading.Thread(target=bench.run)
+    bench.cause()
+    starter.start()
+    bench.wait(lambda: _waits_for(bench, 'node 32'), 'waits in silence')
+    bench.device.boot()
+    bench.end_of_cause().recover()
+    starter.join()
+
+
+@fault((32, 64))
+def one_of_two_pads_lost(bench: FaultBench) -> None:
+    """Only that pad is reported as silent; the other continues, frame by frame."""
+    bench.wait_for_whole('pad64')
+    bench.cause()
+    bench.device.power_off()
+    bench.detect(NodeFault.SILENT)
+    assert bench.node().fault is NodeFault.SILENT
+    assert bench.node('pad64').fault is NodeFault.NONE and bench.node('pad64').outages.count == 0
+    bench.wait_for_whole('pad64', bench.kept[-1][1].stamp)
+    bench.device.boot()
+    bench.end_of_cause().recover('pad32', 'pad64')
+    assert bench.node('pad64').outages.count == 0
+
+
+@fault()
+def boot_up_message_lost(bench: FaultBench) -> None:
+    """A device that booted unheard sends nothing by itself: it is found by a request, and configured."""
+    bench.adapter.lost_ids = {0x720}
+    bench.device.power_off()
+    bench.device.boot()
+    bench.wait(lambda: bytes(1) in bench.adapter.lost, 'boot-up not lost')
+    bench.adapter.lost_ids = set()
+    bench.end_of_cause().detect(NodeFault.NO_HEARTBEAT, NodeFault.SILENT)  # by chance taxels are missing too
     bench.recover()
 
 
-def power_cycled_in_mid_stream(channel: str) -> FaultBench:
-    """The device is configured and started again; a sentence names it, the outage is counted."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        bench.device.power_off()
-        bench.device.boot()
-        bench.end_of_cause()
-        bench.detect(NodeFault.BOOTED)
-        bench.recover()
-        bench.wait(lambda: bench.node().outages.count == 1 and bench.node().boots == 1, 'outage not counted')
-    return bench
-
-
-def absent_then_back(channel: str) -> FaultBench:
-    """The device is reported as silent, its taxels are NaN; it is used again as soon as it boots."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        _switch_off(bench, bench.device, 16, NodeFault.SILENT)
-        _switch_on(bench, bench.device)
-    return bench
-
-
-def absent_at_configure_then_late(channel: str) -> FaultBench:
-    """configure logs what it waits for, and continues when the device answers."""
-    with FaultBench(channel) as bench:
-        bench.device.power_off()
-        starter = threading.Thread(target=bench.run)
-        bench.cause()
-        starter.start()
-        bench.wait(lambda: _waits_for(bench, 'node 32'), 'waits in silence')
-        bench.device.boot()
-        bench.end_of_cause()
-        bench.recover()
-        starter.join()
-    return bench
-
-
-def one_of_two_pads_lost(channel: str) -> FaultBench:
-    """Only that pad is reported as silent; the other continues, frame by frame."""
-    with FaultBench(channel, (32, 64)) as bench:
-        bench.run()
-        bench.wait_for_whole('pad64')
-        bench.cause()
-        bench.device.power_off()
-        bench.detect(NodeFault.SILENT)
-        assert bench.node().fault is NodeFault.SILENT
-        assert bench.node('pad64').fault is NodeFault.NONE and bench.node('pad64').outages.count == 0
-        bench.wait_for_whole('pad64', bench.kept[-1][1].stamp)
-        bench.device.boot()
-        bench.end_of_cause()
-        bench.recover('pad32', 'pad64')
-        assert bench.node('pad64').outages.count == 0
-    return bench
-
-
-def boot_up_message_lost(channel: str) -> FaultBench:
-    """A device that booted unheard sends nothing by itself: it is found by a request, and configured."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        bench.adapter.lost_ids = {0x720}
-        bench.device.power_off()
-        bench.device.boot()
-        bench.wait(lambda: bytes(1) in bench.adapter.lost, 'boot-up not lost')
-        bench.adapter.lost_ids = set()
-        bench.end_of_cause()
-        bench.detect(NodeFault.NO_HEARTBEAT, NodeFault.SILENT)  # by chance taxels are missing too
-        bench.recover()
-    return bench
-
-
-def another_device_comes_back(channel: str) -> FaultBench:
+@fault()
+def another_device_comes_back(bench: FaultBench) -> None:
     """A device of another vendor is refused, reported by its identity; what it sends is published as NaN."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        bench.device.power_off()
-        bench.device.lie(0x1018, 1, (0x99).to_bytes(4, 'little'))
-        bench.device.boot()
-        bench.detect(kind=lambda fact: isinstance(fact, DeviceError) and '0x1018' in fact.where and '0x99' in fact.got)
-        used, seen = bench.driver.statistics().pads['pad32'].used, len(bench.kept)
-        bench.send(0x620, '23001801A0010000')  # another master lets it send TPDO 1
-        bench.wait(lambda: bench.send(0x000, '0120') or bench.driver.statistics().pads['pad32'].used > used,
-                   'it does not send')
-        bench.wait(lambda: len(bench.kept) > seen + 2, 'no frames')
-        assert all(np.isnan(frame.values).all() for _, frame in bench.kept[seen:])
-        assert bench.node().fault.is_fault and bench.node().distrusted > 0
-        bench.device.power_off()
-        _switch_on(bench, bench.device)
-    return bench
+    bench.device.power_off()
+    bench.device.lie(0x1018, 1, (0x99).to_bytes(4, 'little'))
+    bench.device.boot()
+    bench.detect(kind=lambda fact: isinstance(fact, DeviceError) and '0x1018' in fact.where and '0x99' in fact.got)
+    used, seen = bench.driver.statistics().pads['pad32'].used, len(bench.kept)
+    bench.send(0x620, '23001801A0010000')  # another master lets it send TPDO 1
+    bench.wait(lambda: bench.send(0x000, '0120') or bench.driver.statistics().pads['pad32'].used > used,
+               'it does not send')
+    bench.wait(lambda: len(bench.kept) > seen + 2, 'no frames')
+    assert all(np.isnan(frame.values).all() for _, frame in bench.kept[seen:])
+    assert bench.node().fault.is_fault and bench.node().distrusted > 0
+    bench.device.power_off()
+    _switch_on(bench, bench.device)
 
 
-def _commanded_by_another_master(channel: str, command: ForeignCommand) -> FaultBench:
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        bench.send(0x000, bytes(command).hex())
-        bench.end_of_cause()
-        bench.detect(command)
-        bench.recover()
-        health = bench.driver.health()
-        assert (health.foreign_commands, health.last_command) == (1, command) and bench.node().outages.count <= 1
-    return bench
+def _command(bench: FaultBench, command: ForeignCommand) -> None:
+    bench.send(0x000, bytes(command).hex())
+    bench.end_of_cause().detect(command)
+    bench.recover()
+    health = bench.driver.health()
+    assert (health.foreign_commands, health.last_command) == (1, command) and bench.node().outages.count <= 1
 
 
-def reset_by_another_master(channel: str) -> FaultBench:
+@fault()
+def reset_by_another_master(bench: FaultBench) -> None:
     """The other master's command is reported; the device is configured and started again."""
-    return _commanded_by_another_master(channel, ForeignCommand(0x81, 32))
+    _command(bench, ForeignCommand(0x81, 32))
 
 
-def all_reset_by_another_master(channel: str) -> FaultBench:
+@fault()
+def all_reset_by_another_master(bench: FaultBench) -> None:
     """A reset of all nodes is reported and recovered from like one of a single node."""
-    return _commanded_by_another_master(channel, ForeignCommand(0x82, 0))
+    _command(bench, ForeignCommand(0x82, 0))
 
 
-def stopped_by_another_master(channel: str) -> FaultBench:
+@fault()
+def stopped_by_another_master(bench: FaultBench) -> None:
     """The command and the state STOPPED are reported; the device is started again."""
-    bench = _commanded_by_another_master(channel, ForeignCommand(0x02, 32))
+    _command(bench, ForeignCommand(0x02, 32))
     assert NodeFault.NOT_OPERATIONAL in bench.log.facts
-    return bench
 
 
 def _lists_errors(message: can.Message) -> list[can.Message]:
@@ -184,514 +191,445 @@ def _lists_errors(message: can.Message) -> list[can.Message]:
     return [message if answer is None else _with_data(message, bytes.fromhex(answer))]
 
 
-def refuses_operational(channel: str) -> FaultBench:
+@fault()
+def refuses_operational(bench: FaultBench) -> None:
     """A device that stays PRE-OPERATIONAL is an error on /diagnostics for as long as it does, with its own errors."""
-    with FaultBench(channel) as bench:
-        bench.run()
-        bench.device.refuses_start = True
-        bench.cause()
-        bench.send(0x000, '8020')
-        bench.detect(NodeFault.NOT_OPERATIONAL)
-        bench.wait(lambda: (bench.node().state, bench.node().fault) == (
-                       NmtState.PRE_OPERATIONAL, NodeFault.NOT_OPERATIONAL),
-                   'not reported')
-        bench.adapter.tamper = _lists_errors
-        bench.detect(DeviceErrors(0x09, (0x0005_4210,)))
-        assert bench.node().device_errors == DeviceErrors(0x09, (0x0005_4210,))
-        bench.adapter.tamper = None
-        bench.device.refuses_start = False
-        bench.end_of_cause()
-        bench.recover()
-    return bench
+    bench.device.refuses_start = True
+    bench.cause()
+    bench.send(0x000, '8020')
+    bench.detect(NodeFault.NOT_OPERATIONAL)
+    bench.wait(lambda: (bench.node().state, bench.node().fault) == (
+                   NmtState.PRE_OPERATIONAL, NodeFault.NOT_OPERATIONAL),
+               'not reported')
+    bench.adapter.tamper = _lists_errors
+    bench.detect(DeviceErrors(0x09, (0x0005_4210,)))
+    assert bench.node().device_errors == DeviceErrors(0x09, (0x0005_4210,))
+    bench.adapter.tamper = None
+    bench.device.refuses_start = False
+    bench.end_of_cause().recover()
 
 
-def adapter_unplugged(channel: str) -> FaultBench:
+@fault()
+def adapter_unplugged(bench: FaultBench) -> None:
     """The bus is reported as failed with the reason, opened again until it works; the outage is counted."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        bench.adapter.is_plugged = False
-        bench.detect(BusFault.RECEPTION_FAILED, BusFault.SENDING_FAILED)
-        bench.wait(lambda: any(isinstance(fact, BusError) and fact.got == 'no such device' for fact in bench.log.facts),
-                   'does not log what it waits for')
-        assert bench.driver.failure.fault in (BusFault.RECEPTION_FAILED, BusFault.SENDING_FAILED)
-        bench.adapter.is_plugged = True
-        bench.end_of_cause()
-        bench.recover()
-        bench.wait(lambda: bench.driver.failure is None, 'failure stays')
-        assert bench.driver.health().outages.count == bench.node().outages.count == 1
-    return bench
+    bench.adapter.is_plugged = False
+    bench.detect(BusFault.RECEPTION_FAILED, BusFault.SENDING_FAILED)
+    bench.wait(lambda: any(isinstance(fact, BusError) and fact.got == 'no such device' for fact in bench.log.facts),
+               'does not log what it waits for')
+    assert bench.driver.failure.fault in (BusFault.RECEPTION_FAILED, BusFault.SENDING_FAILED)
+    bench.adapter.is_plugged = True
+    bench.end_of_cause().recover()
+    bench.wait(lambda: bench.driver.failure is None, 'failure stays')
+    assert bench.driver.health().outages.count == bench.node().outages.count == 1
 
 
-def sending_fails(channel: str) -> FaultBench:
+@fault()
+def sending_fails(bench: FaultBench) -> None:
     """A bus on which nothing can be sent is opened again until it works."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        bench.adapter.can_send = False
-        bench.detect(BusFault.SENDING_FAILED)
-        assert 'Transmit buffer full' in bench.driver.failure.detail
-        bench.wait(lambda: bench.adapter.opened > 3, 'the bus is not tried again')
-        bench.adapter.can_send = True
-        bench.end_of_cause()
-        bench.recover()
-    return bench
+    bench.adapter.can_send = False
+    bench.detect(BusFault.SENDING_FAILED)
+    assert 'Transmit buffer full' in bench.driver.failure.detail
+    bench.wait(lambda: bench.adapter.opened > 3, 'the bus is not tried again')
+    bench.adapter.can_send = True
+    bench.end_of_cause().recover()
 
 
-def bus_off(channel: str) -> FaultBench:
+@fault()
+def bus_off(bench: FaultBench) -> None:
     """The controller's error frame is reported as bus-off, the bus opened again."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        bench.other.send(can.Message(is_error_frame=True, arbitration_id=0x040, is_extended_id=False, data=bytes(8)))
-        bench.end_of_cause()
-        bench.detect(BusFault.BUS_OFF)
-        bench.recover()
-        assert bench.adapter.opened == 2
-    return bench
+    bench.other.send(can.Message(is_error_frame=True, arbitration_id=0x040, is_extended_id=False, data=bytes(8)))
+    bench.end_of_cause().detect(BusFault.BUS_OFF)
+    bench.recover()
+    assert bench.adapter.opened == 2
 
 
-def error_frames(channel: str) -> FaultBench:
+@fault()
+def error_frames(bench: FaultBench) -> None:
     """Error frames are counted; error-passive is reported until it ends; the taxels continue."""
-    with FaultBench(channel) as bench:
-        bench.run()
-        for flags in (0x30, 0x10):
-            bench.other.send(can.Message(is_error_frame=True, arbitration_id=0x004, is_extended_id=False,
-                                         data=bytes([0, flags, 0, 0, 0, 0, 9, 130])))
-        bench.wait(lambda: bench.driver.health().is_error_passive, 'not reported')
-        bench.wait(lambda: bench.driver.health().error_counters == (9, 130), 'counters not reported')
-        bench.wait(lambda: bench.driver.statistics().can_frames['error'] == 2, 'not counted')
+    for flags in (0x30, 0x10):
         bench.other.send(can.Message(is_error_frame=True, arbitration_id=0x004, is_extended_id=False,
-                                     data=bytes([0, 0x40, 0, 0, 0, 0, 0, 0])))
-        bench.wait(lambda: not bench.driver.health().is_error_passive, 'it stays')
-        bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
-        assert bench.driver.failure is None and bench.node().outages.count == 0
-    return bench
+                                     data=bytes([0, flags, 0, 0, 0, 0, 9, 130])))
+    bench.wait(lambda: bench.driver.health().is_error_passive, 'not reported')
+    bench.wait(lambda: bench.driver.health().error_counters == (9, 130), 'counters not reported')
+    bench.wait(lambda: bench.driver.statistics().can_frames['error'] == 2, 'not counted')
+    bench.other.send(can.Message(is_error_frame=True, arbitration_id=0x004, is_extended_id=False,
+                                 data=bytes([0, 0x40, 0, 0, 0, 0, 0, 0])))
+    bench.wait(lambda: not bench.driver.health().is_error_passive, 'it stays')
+    bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
+    assert bench.driver.failure is None and bench.node().outages.count == 0
 
 
-def heartbeat_lost_while_taxels_flow(channel: str) -> FaultBench:
+@fault()
+def heartbeat_lost_while_taxels_flow(bench: FaultBench) -> None:
     """It is reported; no taxel is lost by it, and it counts as no outage."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        bench.adapter.lost_ids = {0x720}
-        bench.detect(NodeFault.NO_HEARTBEAT)
-        bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
-        bench.adapter.lost_ids = set()
-        bench.end_of_cause()
-        bench.recover()
-        assert bench.node().outages.count == 0
-    return bench
+    bench.adapter.lost_ids = {0x720}
+    bench.detect(NodeFault.NO_HEARTBEAT)
+    bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
+    bench.adapter.lost_ids = set()
+    bench.end_of_cause().recover()
+    assert bench.node().outages.count == 0
 
 
-def heartbeat_switched_off_by_another_master(channel: str) -> FaultBench:
+@fault()
+def heartbeat_switched_off_by_another_master(bench: FaultBench) -> None:
     """It is reported, and switched on again while the taxels flow."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        bench.send(0x620, '2B17100000000000')  # 0x1017 = 0
-        bench.end_of_cause()
-        bench.detect(NodeFault.NO_HEARTBEAT)
-        bench.recover()
-        assert bench.node().outages.count == 0
-    return bench
+    bench.send(0x620, '2B17100000000000')  # 0x1017 = 0
+    bench.end_of_cause().detect(NodeFault.NO_HEARTBEAT)
+    bench.recover()
+    assert bench.node().outages.count == 0
 
 
-def taxels_lost_while_heartbeat_flows(channel: str) -> FaultBench:
+@fault()
+def taxels_lost_while_heartbeat_flows(bench: FaultBench) -> None:
     """A node that is OPERATIONAL without taxels is reported as such."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        bench.adapter.lost_ids = set(COB_IDS)
-        bench.detect(NodeFault.NO_TAXELS)
-        bench.adapter.lost_ids = set()
-        bench.end_of_cause()
-        bench.recover()
-        bench.wait(lambda: bench.node().outages.count == 1, 'outage not counted')
-    return bench
+    bench.adapter.lost_ids = set(COB_IDS)
+    bench.detect(NodeFault.NO_TAXELS)
+    bench.adapter.lost_ids = set()
+    bench.end_of_cause().recover()
+    bench.wait(lambda: bench.node().outages.count == 1, 'outage not counted')
 
 
-def tpdos_switched_off_by_another_master(channel: str) -> FaultBench:
-    """The missing taxels are reported, and the configuration is written again."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        for number, can_id in zip(ALL_TPDOS, COB_IDS):
-            bench.send(0x620, f'23{number - 1:02X}1801{can_id & 0xFF:02X}{can_id >> 8:02X}0080')
-        bench.end_of_cause()
-        bench.detect(NodeFault.RECONFIGURED)
-        bench.recover()
-    return bench
-
-
-def tpdo_remapped_by_another_master(channel: str) -> FaultBench:
-    """Another master exchanges the taxels of TPDO 1: none of its values is given, and the mapping is written again."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        for request in ('23001801A0010080',                                      # TPDO 1 off
-                        '2F001A0000000000', '23001A0110043071', '23001A0210033071',  # sub 4 and 3 in place of 1 and 2
-                        '23001A0310023071', '23001A0410013071', '2F001A0004000000', '23001801A0010000'):
-            bench.send(0x620, request)
-            time.sleep(0.005)
-        bench.end_of_cause()
-        bench.detect(NodeFault.RECONFIGURED)
-        bench.recover()
-        assert bench.node().distrusted > 0
-    return bench
-
-
-def _written_by_another_master(channel: str, request: str) -> FaultBench:
-    with FaultBench(channel) as bench:
-        bench.run().cause()
+def _write(bench: FaultBench, *requests: str) -> None:
+    for request in requests:
         bench.send(0x620, request)
-        bench.end_of_cause()
-        bench.detect(NodeFault.RECONFIGURED)
-        bench.recover()
-    return bench
+        time.sleep(0.005)
+    bench.end_of_cause().detect(NodeFault.RECONFIGURED)
+    bench.recover()
 
 
-def tpdo_slowed_down_by_another_master(channel: str) -> FaultBench:
+@fault()
+def tpdos_switched_off_by_another_master(bench: FaultBench) -> None:
+    """The missing taxels are reported, and the configuration is written again."""
+    _write(bench, *(f'23{number - 1:02X}1801{can_id & 0xFF:02X}{can_id >> 8:02X}0080'
+                    for number, can_id in zip(ALL_TPDOS, COB_IDS)))
+
+
+@fault()
+def tpdo_remapped_by_another_master(bench: FaultBench) -> None:
+    """Another master exchanges the taxels of TPDO 1: none of its values is given, and the mapping is written again."""
+    _write(bench, '23001801A0010080',                                      # TPDO 1 off
+           '2F001A0000000000', '23001A0110043071', '23001A0210033071',     # sub 4 and 3 in place of 1 and 2
+           '23001A0310023071', '23001A0410013071', '2F001A0004000000', '23001801A0010000')
+    assert bench.node().distrusted > 0
+
+
+@fault()
+def tpdo_slowed_down_by_another_master(bench: FaultBench) -> None:
     """Another master lets TPDO 1 answer every second SYNC: it is reported, and written again."""
-    return _written_by_another_master(channel, '2F00180202000000')
+    _write(bench, '2F00180202000000')
 
 
-def one_tpdo_switched_off_by_another_master(channel: str) -> FaultBench:
+@fault()
+def one_tpdo_switched_off_by_another_master(bench: FaultBench) -> None:
     """One of sixteen TPDOs is off: the others flow, it is reported, and switched on again."""
-    return _written_by_another_master(channel, '23021801A2010080')
+    _write(bench, '23021801A2010080')
 
 
-def one_tpdo_switched_off_unseen(channel: str) -> FaultBench:
+@fault()
+def one_tpdo_switched_off_unseen(bench: FaultBench) -> None:
     """One of sixteen TPDOs is off and no write was seen: it is named, and switched on while the others flow."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        bench.adapter.lost_ids = {0x620}
-        bench.send(0x620, '23021801A2010080')
-        bench.end_of_cause()
-        bench.detect(NodeFault.TPDO_MISSING)
-        bench.recover()
-        assert bench.node().outages.count == 0 and NodeFault.RECONFIGURED not in bench.log.facts
-    return bench
+    bench.adapter.lost_ids = {0x620}
+    bench.send(0x620, '23021801A2010080')
+    bench.end_of_cause().detect(NodeFault.TPDO_MISSING)
+    bench.recover()
+    assert bench.node().outages.count == 0 and NodeFault.RECONFIGURED not in bench.log.facts
 
 
-def one_tpdo_never_arrives(channel: str) -> FaultBench:
+@fault()
+def one_tpdo_never_arrives(bench: FaultBench) -> None:
     """One TPDO stays away though it is configured: it is named by number and COB-ID; asking does not fill the bus."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        bench.adapter.lost_ids = {0x1A2}
-        bench.detect(NodeFault.TPDO_MISSING)
-        assert bench.node().missing_tpdos == (SentTpdo(3, 0x1A2),)
-        bench.heard()
-        time.sleep(4.0)
-        checks = sum(message.arbitration_id == 0x620 and message.data[:4] == bytes.fromhex('40181003')
-                     for message in bench.heard())
-        assert 2 <= checks <= 7, checks  # 0, 0.1, 0.3, 0.7, 1.5, 3.1 s after the first
-        assert bench.node().fault is NodeFault.TPDO_MISSING and bench.node().outages.count == 0
-        bench.adapter.lost_ids = set()
-        bench.end_of_cause()
-        bench.recover()
-    return bench
+    bench.adapter.lost_ids = {0x1A2}
+    bench.detect(NodeFault.TPDO_MISSING)
+    assert bench.node().missing_tpdos == (SentTpdo(3, 0x1A2),)
+    bench.heard()
+    time.sleep(4.0)
+    checks = sum(message.arbitration_id == 0x620 and message.data[:4] == bytes.fromhex('40181003')
+                 for message in bench.heard())
+    assert 2 <= checks <= 7, checks  # 0, 0.1, 0.3, 0.7, 1.5, 3.1 s after the first
+    assert bench.node().fault is NodeFault.TPDO_MISSING and bench.node().outages.count == 0
+    bench.adapter.lost_ids = set()
+    bench.end_of_cause().recover()
 
 
 def _one_of_two_devices(bench: FaultBench, since: int) -> None:
-    """Of what was published from ``since`` on, nothing is valid."""
+    """Nothing is valid of what was published from ``since`` on."""
     bench.wait(lambda: len(bench.kept) > since + 20, 'no frames')
     assert all(np.isnan(frame.values).all() for _, frame in bench.kept[since:])
 
 
-def two_devices_with_one_node_id(channel: str) -> FaultBench:
+def _second_device(bench: FaultBench) -> SkinSimulator:
+    second = SkinSimulator(bench.pads, {'pad32': lambda t: np.full((8, 8), 3.0)})
+    second.start('virtual', bench.channel)
+    return second
+
+
+def _alone_again(bench: FaultBench) -> None:
+    bench.wait(lambda: bench.node().fault is not NodeFault.TWO_SENDERS, 'fault stays')
+    bench.end_of_cause().recover()
+
+
+@fault()
+def two_devices_with_one_node_id(bench: FaultBench) -> None:
     """A second device of our node-ID is switched on: no value is given while both send, both are left alone."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        second = SkinSimulator(bench.pads, {'pad32': lambda t: np.full((8, 8), 3.0)})
-        second.start('virtual', bench.channel)
-        bench.detect(NodeFault.TWO_SENDERS)
-        seen = len(bench.kept)
-        bench.send(0x000, '0120')  # another master starts both
-        bench.wait(lambda: all(one.devices[32].operational for one in (bench.simulator, second)), 'not started')
-        bench.heard()
-        time.sleep(3.0)
-        assert bench.node().fault is NodeFault.TWO_SENDERS
-        assert not [message for message in bench.heard() if message.arbitration_id in (0x000, 0x620)]
-        assert all(one.devices[32].operational for one in (bench.simulator, second))
-        _one_of_two_devices(bench, seen)
-        second.stop()
-        bench.wait(lambda: bench.node().fault is not NodeFault.TWO_SENDERS, 'fault stays')
-        bench.end_of_cause()
-        bench.recover()
-        assert all(np.isnan(frame.values).all() or np.allclose(frame.values, bench.coded.place, atol=0.2)
-                   for _, frame in bench.kept)
-    return bench
+    second = _second_device(bench)
+    bench.detect(NodeFault.TWO_SENDERS)
+    seen = len(bench.kept)
+    bench.send(0x000, '0120')  # another master starts both
+    bench.wait(lambda: all(one.devices[32].operational for one in (bench.simulator, second)), 'not started')
+    bench.heard()
+    time.sleep(3.0)
+    assert bench.node().fault is NodeFault.TWO_SENDERS
+    assert not [message for message in bench.heard() if message.arbitration_id in (0x000, 0x620)]
+    assert all(one.devices[32].operational for one in (bench.simulator, second))
+    _one_of_two_devices(bench, seen)
+    second.stop()
+    _alone_again(bench)
+    assert all(np.isnan(frame.values).all() or np.allclose(frame.values, bench.coded.place, atol=0.2)
+               for _, frame in bench.kept)
 
 
-def two_devices_from_the_start(channel: str) -> FaultBench:
+@fault(is_running=False)
+def two_devices_from_the_start(bench: FaultBench) -> None:
     """Two devices answer when the driver configures: it refuses, with both named, before any value is given."""
-    with FaultBench(channel) as bench:
-        second = SkinSimulator(bench.pads, {'pad32': lambda t: np.full((8, 8), 3.0)})
-        second.start('virtual', bench.channel)
-        bench.cause()
-        bench.driver.open()
-        try:
-            bench.driver.configure()
-            raise AssertionError('configure() is content')
-        except TwoDevicesError as error:
-            assert 'node 32' in error.where
-        bench.detected = time.monotonic() - bench._begun
-        second.stop()
-        bench.end_of_cause()
+    second = _second_device(bench)
+    bench.cause()
+    bench.driver.open()
+    try:
         bench.driver.configure()
-        bench.driver.start()
-        bench.recover()
-    return bench
+        raise AssertionError('configure() is content')
+    except TwoDevicesError as error:
+        assert 'node 32' in error.where
+    bench.detected = time.monotonic() - bench._begun
+    second.stop()
+    bench.end_of_cause()
+    bench.driver.configure()
+    bench.driver.start()
+    bench.recover()
 
 
-def second_sender_of_a_tpdo(channel: str) -> FaultBench:
+@fault()
+def second_sender_of_a_tpdo(bench: FaultBench) -> None:
     """Another node sends on one of our COB-IDs: it is named, and no value is given until it stops."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        theirs = can.Message(arbitration_id=0x1A2, is_extended_id=False, data=bytes(8))
-        sender = bench.other.send_periodic(theirs, 0.017)
-        bench.detect(NodeFault.TWO_SENDERS)
-        assert bench.node().surplus_tpdos == (SentTpdo(3, 0x1A2),)
-        recognised = len(bench.kept)
-        _one_of_two_devices(bench, recognised + 1)
-        sender.stop()
-        del bench.kept[:recognised + 1]  # what came before it was recognised may hold the other's values
-        bench.wait(lambda: bench.node().fault is not NodeFault.TWO_SENDERS, 'fault stays')
-        bench.end_of_cause()
-        bench.recover()
-    return bench
+    theirs = can.Message(arbitration_id=0x1A2, is_extended_id=False, data=bytes(8))
+    sender = bench.other.send_periodic(theirs, 0.017)
+    bench.detect(NodeFault.TWO_SENDERS)
+    assert bench.node().surplus_tpdos == (SentTpdo(3, 0x1A2),)
+    recognised = len(bench.kept)
+    _one_of_two_devices(bench, recognised + 1)
+    sender.stop()
+    del bench.kept[:recognised + 1]  # what came before it was recognised may hold the other's values
+    _alone_again(bench)
 
 
-def replaced_by_two_devices(channel: str) -> FaultBench:
+@fault()
+def replaced_by_two_devices(bench: FaultBench) -> None:
     """Two devices of our node-ID come after a silence: no backlog of one, so no value is given while both send."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        bench.device.power_off()
-        bench.detect(NodeFault.SILENT)
-        silent = len(bench.kept)
-        time.sleep(1.0)
-        second = SkinSimulator(bench.pads, {'pad32': lambda t: np.full((8, 8), 3.0)})
-        second.start('virtual', bench.channel)
-        bench.device.boot()
-        bench.wait(lambda: bench.node().fault is NodeFault.TWO_SENDERS, 'not recognised')
-        _one_of_two_devices(bench, silent)
-        second.stop()
-        bench.wait(lambda: bench.node().fault is not NodeFault.TWO_SENDERS, 'fault stays')
-        bench.end_of_cause()
-        bench.recover()
-    return bench
+    bench.device.power_off()
+    bench.detect(NodeFault.SILENT)
+    silent = len(bench.kept)
+    time.sleep(1.0)
+    second = _second_device(bench)
+    bench.device.boot()
+    bench.wait(lambda: bench.node().fault is NodeFault.TWO_SENDERS, 'not recognised')
+    _one_of_two_devices(bench, silent)
+    second.stop()
+    _alone_again(bench)
 
 
-def second_heartbeat_of_a_node_id(channel: str) -> FaultBench:
+@fault()
+def second_heartbeat_of_a_node_id(bench: FaultBench) -> None:
     """Another device, which sends no taxels, has our node-ID: its heartbeats betray it; no value is given."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        theirs = can.Message(arbitration_id=0x720, is_extended_id=False, data=b'\x05')
-        sender = bench.other.send_periodic(theirs, 0.1)
-        bench.detect(NodeFault.TWO_SENDERS)
-        assert bench.node().surplus_tpdos == ()
-        _one_of_two_devices(bench, len(bench.kept) + 1)
-        sender.stop()
-        bench.wait(lambda: bench.node().fault is not NodeFault.TWO_SENDERS, 'fault stays')
-        bench.end_of_cause()
-        bench.recover()
-    return bench
+    theirs = can.Message(arbitration_id=0x720, is_extended_id=False, data=b'\x05')
+    sender = bench.other.send_periodic(theirs, 0.1)
+    bench.detect(NodeFault.TWO_SENDERS)
+    assert bench.node().surplus_tpdos == ()
+    _one_of_two_devices(bench, len(bench.kept) + 1)
+    sender.stop()
+    _alone_again(bench)
 
 
-def two_masters_fight(channel: str) -> FaultBench:
+@fault()
+def two_masters_fight(bench: FaultBench) -> None:
     """Another master switches a TPDO off again and again: it is reported rarely, and answered ever more rarely."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
+    bench.send(0x620, '23021801A2010080')
+    bench.detect(NodeFault.RECONFIGURED)
+    for _ in range(40):
         bench.send(0x620, '23021801A2010080')
-        bench.detect(NodeFault.RECONFIGURED)
-        for _ in range(40):
-            bench.send(0x620, '23021801A2010080')
-            time.sleep(0.1)
-        outages = bench.node().outages
-        assert outages.count < 10 and sum(fact is NodeFault.RECONFIGURED for fact in bench.log.error_facts) < 4
-        bench.wait(lambda: bench.node().fault is NodeFault.NONE, 'given up')
-        bench.end_of_cause()
-        bench.recover()
-    return bench
+        time.sleep(0.1)
+    outages = bench.node().outages
+    assert outages.count < 10 and sum(fact is NodeFault.RECONFIGURED for fact in bench.log.error_facts) < 4
+    bench.wait(lambda: bench.node().fault is NodeFault.NONE, 'given up')
+    bench.end_of_cause().recover()
 
 
-def second_sync_producer(channel: str) -> FaultBench:
+@fault()
+def second_sync_producer(bench: FaultBench) -> None:
     """SYNC of another device while the driver produces it: it is reported by name until it ends."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        bench.is_clock_true = False  # taxels sampled at its SYNC have the stamp of ours
-        producer = bench.other.send_periodic(can.Message(arbitration_id=0x080, is_extended_id=False), 0.05)
-        bench.detect(SyncFault.SECOND_PRODUCER)
-        assert bench.driver.health().sync.fault is SyncFault.SECOND_PRODUCER and bench.driver.health().sync.foreign > 0
-        time.sleep(2.0)
-        assert bench.node().fault is NodeFault.NONE  # TPDOs for its SYNC are no second sender's
-        producer.stop()
-        bench.end_of_cause()
-        bench.recover()
-        bench.wait(lambda: bench.driver.health().sync.fault is SyncFault.NONE, 'fault stays')
-    return bench
+    bench.is_clock_true = False  # taxels sampled at its SYNC have the stamp of ours
+    producer = bench.other.send_periodic(can.Message(arbitration_id=0x080, is_extended_id=False), 0.05)
+    bench.detect(SyncFault.SECOND_PRODUCER)
+    assert bench.driver.health().sync.fault is SyncFault.SECOND_PRODUCER and bench.driver.health().sync.foreign > 0
+    time.sleep(2.0)
+    assert bench.node().fault is NodeFault.NONE  # TPDOs for its SYNC are no second sender's
+    producer.stop()
+    bench.end_of_cause().recover()
+    bench.wait(lambda: bench.driver.health().sync.fault is SyncFault.NONE, 'fault stays')
 
 
-def sync_producer_of_another_period(channel: str) -> FaultBench:
+@fault(produce_sync=False, sync_period=0.02, is_running=False)
+def sync_producer_of_another_period(bench: FaultBench) -> None:
     """The device that produces SYNC has another period than sync_period: both are reported; the taxels flow."""
-    with FaultBench(channel, produce_sync=False, sync_period=0.02) as bench:
-        producer = bench.other.send_periodic(can.Message(arbitration_id=0x080, is_extended_id=False), 0.04)
-        bench.run().cause()
-        bench.detect(SyncFault.OTHER_PERIOD)
-        assert abs(bench.driver.health().sync.period - 0.04) < 0.01
-        producer.stop()
-        bench.other.send_periodic(can.Message(arbitration_id=0x080, is_extended_id=False), 0.02)
-        bench.end_of_cause()
-        bench.recover()
-        bench.wait(lambda: bench.driver.health().sync.fault is SyncFault.NONE, 'fault stays')
-    return bench
+    producer = bench.other.send_periodic(can.Message(arbitration_id=0x080, is_extended_id=False), 0.04)
+    bench.run().cause()
+    bench.detect(SyncFault.OTHER_PERIOD)
+    assert abs(bench.driver.health().sync.period - 0.04) < 0.01
+    producer.stop()
+    bench.other.send_periodic(can.Message(arbitration_id=0x080, is_extended_id=False), 0.02)
+    bench.end_of_cause().recover()
+    bench.wait(lambda: bench.driver.health().sync.fault is SyncFault.NONE, 'fault stays')
 
 
-def transmission_type_ignored(channel: str) -> FaultBench:
+@fault()
+def transmission_type_ignored(bench: FaultBench) -> None:
     """A device confirms the transmission type and keeps another: it is refused, not run with half of its frames."""
-    return _configuration_disturbed(channel, _reads('4F001802', '02000000'), '0x1800 sub 2', '0x02')
+    _disturb_configuration(bench, _reads('4F001802', '02000000'), '0x1800 sub 2', '0x02')
 
 
-def sync_of_another_producer_stops(channel: str) -> FaultBench:
+@fault(produce_sync=False, is_running=False)
+def sync_of_another_producer_stops(bench: FaultBench) -> None:
     """It is reported that SYNC is missing; the device is left alone."""
-    with FaultBench(channel, produce_sync=False) as bench:
-        sync = can.Message(arbitration_id=0x080, is_extended_id=False)
-        producer = bench.other.send_periodic(sync, 0.02)
-        bench.run().cause()
-        producer.stop()
-        bench.detect(NodeFault.NO_SYNC)
-        assert bench.node().is_operational
-        bench.other.send_periodic(sync, 0.02)
-        bench.end_of_cause()
-        bench.recover()
-    return bench
+    sync = can.Message(arbitration_id=0x080, is_extended_id=False)
+    producer = bench.other.send_periodic(sync, 0.02)
+    bench.run().cause()
+    producer.stop()
+    bench.detect(NodeFault.NO_SYNC)
+    assert bench.node().is_operational
+    bench.other.send_periodic(sync, 0.02)
+    bench.end_of_cause().recover()
 
 
-def emcy_storm(channel: str) -> FaultBench:
+@fault()
+def emcy_storm(bench: FaultBench) -> None:
     """The first EMCY is reported decoded, all are counted, few are reported, sixteen are kept; the taxels continue."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        for i in range(2000):
-            bench.send(0x0A0, f'1042 09 {i:010X}')
-        bench.detect(kind=lambda fact: isinstance(fact, Emergency) and (fact.code, fact.register) == (0x4210, 0x09))
-        bench.wait(lambda: bench.node().emergencies == 2000, 'not all counted')
-        bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
-        assert [one.manufacturer[-1] for one in bench.emergencies] == [i & 0xFF for i in range(1984, 2000)]
-        assert len(bench.log.errors) < 10
-    return bench
+    for i in range(2000):
+        bench.send(0x0A0, f'1042 09 {i:010X}')
+    bench.detect(kind=lambda fact: isinstance(fact, Emergency) and (fact.code, fact.register) == (0x4210, 0x09))
+    bench.wait(lambda: bench.node().emergencies == 2000, 'not all counted')
+    bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
+    assert [one.manufacturer[-1] for one in bench.emergencies] == [i & 0xFF for i in range(1984, 2000)]
+    assert len(bench.log.errors) < 10
 
 
-def short_emcy(channel: str) -> FaultBench:
+@fault()
+def short_emcy(bench: FaultBench) -> None:
     """An EMCY without all of its bytes is reported with what it holds."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        for data in ('', '10', '1042', '104209'):
-            bench.send(0x0A0, data)
-        bench.wait(lambda: bench.node().emergencies == 4, 'not counted')
-        bench.detect(kind=lambda fact: isinstance(fact, Emergency))
-        assert [(one.code, one.register) for one in bench.emergencies] == [
-            (None, None), (None, None), (0x4210, None), (0x4210, 9)]
-        bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
-    return bench
+    for data in ('', '10', '1042', '104209'):
+        bench.send(0x0A0, data)
+    bench.wait(lambda: bench.node().emergencies == 4, 'not counted')
+    bench.detect(kind=lambda fact: isinstance(fact, Emergency))
+    assert [(one.code, one.register) for one in bench.emergencies] == [
+        (None, None), (None, None), (0x4210, None), (0x4210, 9)]
+    bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
 
 
-def emcy_until_it_is_reset(channel: str) -> FaultBench:
+@fault()
+def emcy_until_it_is_reset(bench: FaultBench) -> None:
     """An error stays a warning until the device resets it, all of its errors, or starts again."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
 
-        def has(code: int | None, count: int) -> None:
-            bench.wait(lambda: bench.node().emergencies == count, 'not counted')
-            active = bench.node().active_emergency
-            assert (active.code if active else None) == code
-        for count, (data, code) in enumerate((('1042090000000000', 0x4210), ('0000080000000000', 0x4210),
-                                              ('0000000000000000', None), ('3081110000000000', 0x8130)), 1):
-            bench.send(0x0A0, data)
-            has(code, count)
-        bench.device.power_off()
-        bench.device.boot()
-        bench.end_of_cause()
-        bench.recover()
-        has(None, 4)
-    return bench
+    def has(code: int | None, count: int) -> None:
+        bench.wait(lambda: bench.node().emergencies == count, 'not counted')
+        active = bench.node().active_emergency
+        assert (active.code if active else None) == code
+    for count, (data, code) in enumerate((('1042090000000000', 0x4210), ('0000080000000000', 0x4210),
+                                          ('0000000000000000', None), ('3081110000000000', 0x8130)), 1):
+        bench.send(0x0A0, data)
+        has(code, count)
+    bench.device.power_off()
+    bench.device.boot()
+    bench.end_of_cause().recover()
+    has(None, 4)
 
 
-def foreign_frames(channel: str) -> FaultBench:
+@fault()
+def foreign_frames(bench: FaultBench) -> None:
     """Devices of other makers, node guarding with its toggle bit and empty heartbeats disturb nothing."""
-    with FaultBench(channel) as bench:
-        bench.run()
-        for can_id, data in ((0x555, '01'), (0x720, '85'), (0x720, ''), (0x733, '00'), (0x0B3, '10'), (0x000, '01'),
-                             (0x000, '0133'), (0x000, '')):
-            bench.send(can_id, data)
-        bench.other.send(can.Message(arbitration_id=0x720, is_extended_id=False, is_remote_frame=True))
-        bench.other.send(can.Message(arbitration_id=0x1A0, is_extended_id=True, data=bytes(8)))
-        bench.wait(lambda: bench.driver.statistics().can_frames.get('foreign') == 2, 'not counted')
-        bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
-        assert not bench.log.errors and (bench.node().state, bench.node().fault) == (
-            NmtState.OPERATIONAL, NodeFault.NONE)
-    return bench
+    for can_id, data in ((0x555, '01'), (0x720, '85'), (0x720, ''), (0x733, '00'), (0x0B3, '10'), (0x000, '01'),
+                         (0x000, '0133'), (0x000, '')):
+        bench.send(can_id, data)
+    bench.other.send(can.Message(arbitration_id=0x720, is_extended_id=False, is_remote_frame=True))
+    bench.other.send(can.Message(arbitration_id=0x1A0, is_extended_id=True, data=bytes(8)))
+    bench.wait(lambda: bench.driver.statistics().can_frames.get('foreign') == 2, 'not counted')
+    bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
+    assert not bench.log.errors and (bench.node().state, bench.node().fault) == (
+        NmtState.OPERATIONAL, NodeFault.NONE)
 
 
-def absent_pad_of_two(channel: str) -> FaultBench:
+@fault((32, 64), boot_timeout=0.3, is_running=False)
+def absent_pad_of_two(bench: FaultBench) -> None:
     """The pad that is there works; the other is reported as not answering, and joins as soon as it boots."""
-    with FaultBench(channel, (32, 64), boot_timeout=0.3) as bench:
-        bench.simulator.devices[64].power_off()
-        bench.cause()
-        bench.run()
-        bench.detect(kind=lambda fact: isinstance(fact, DeviceAbsentError) and 'node 64' in fact.where)
-        bench.wait(lambda: bench.node('pad64').fault.is_fault, 'fault not reported')
-        assert all(np.isnan(frame.values).all() for name, frame in bench.kept if name == 'pad64')
-        bench.simulator.devices[64].boot()
-        bench.end_of_cause()
-        bench.recover('pad64')
-    return bench
+    bench.simulator.devices[64].power_off()
+    bench.cause()
+    bench.run()
+    bench.detect(kind=lambda fact: isinstance(fact, DeviceAbsentError) and 'node 64' in fact.where)
+    bench.wait(lambda: bench.node('pad64').fault.is_fault, 'fault not reported')
+    assert all(np.isnan(frame.values).all() for name, frame in bench.kept if name == 'pad64')
+    bench.simulator.devices[64].boot()
+    bench.end_of_cause().recover('pad64')
 
 
-def _tampered(channel: str, tamper: Callable, seen: Callable[[FaultBench], int]) -> FaultBench:
-    """TPDOs pass ``tamper`` until ``seen`` has counted a few."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        bench.adapter.tamper = lambda message: tamper(message) if message.arbitration_id in COB_IDS else [message]
-        bench.wait(lambda: seen(bench) >= 20, 'not counted')
-        bench.detected = time.monotonic() - bench._begun
-        bench.adapter.tamper = None
-        bench.end_of_cause()
-        bench.recover()
-        assert bench.node().outages.count == 0
-    return bench
+def _tamper(bench: FaultBench, tamper: Callable, seen: Callable[[FaultBench], int]) -> None:
+    """Let TPDOs pass ``tamper`` until ``seen`` has counted a few."""
+    bench.adapter.tamper = lambda message: tamper(message) if message.arbitration_id in COB_IDS else [message]
+    bench.wait(lambda: seen(bench) >= 20, 'not counted')
+    bench.detected = time.monotonic() - bench._begun
+    bench.adapter.tamper = None
+    bench.end_of_cause().recover()
+    assert bench.node().outages.count == 0
 
 
 def _pad(bench: FaultBench):
     return bench.driver.statistics().pads['pad32']
 
 
-def tpdos_lost(channel: str) -> FaultBench:
+@fault()
+def tpdos_lost(bench: FaultBench) -> None:
     """Every seventh TPDO lost: its taxels are NaN and STALE, the TPDOs missing are counted and reported as WARN."""
     numbers = itertools.count()
-    return _tampered(channel, lambda message: [message] if next(numbers) % 7 else [], lambda bench: _pad(bench).missing)
+    _tamper(bench, lambda message: [message] if next(numbers) % 7 else [], lambda bench: _pad(bench).missing)
 
 
-def tpdos_duplicated(channel: str) -> FaultBench:
+@fault()
+def tpdos_duplicated(bench: FaultBench) -> None:
     """Each TPDO twice: the second is lost and counted as duplicate, the taxels continue."""
-    return _tampered(channel, lambda message: [message, message],
-                     lambda bench: _pad(bench).losses[LossReason.DUPLICATE])
+    _tamper(bench, lambda message: [message, message],
+            lambda bench: _pad(bench).losses[LossReason.DUPLICATE])
 
 
-def tpdos_reordered(channel: str) -> FaultBench:
+@fault()
+def tpdos_reordered(bench: FaultBench) -> None:
     """Pairs of TPDOs exchanged: the earlier one is lost as out of order, never mixed in."""
     held: list[can.Message] = []
 
     def exchange(message: can.Message) -> list[can.Message]:
         held.append(message)
         return [held.pop(), held.pop()] if len(held) == 2 else []
-    return _tampered(channel, exchange, lambda bench: _pad(bench).losses[LossReason.OUT_OF_ORDER])
+    _tamper(bench, exchange, lambda bench: _pad(bench).losses[LossReason.OUT_OF_ORDER])
 
 
-def short_tpdos(channel: str) -> FaultBench:
+@fault()
+def short_tpdos(bench: FaultBench) -> None:
     """A byte less than mapped: the TPDO is lost as short, its taxels are NaN."""
     def cut(message: can.Message) -> list[can.Message]:
         return [_with_data(message, message.data[:-1])] if message.arbitration_id == COB_IDS[3] else [message]
-    return _tampered(channel, cut, lambda bench: _pad(bench).losses[LossReason.SHORT])
+    _tamper(bench, cut, lambda bench: _pad(bench).losses[LossReason.SHORT])
 
 
-def over_long_tpdos(channel: str) -> FaultBench:
+@fault()
+def over_long_tpdos(bench: FaultBench) -> None:
     """A byte more than mapped (here: than CAN allows): lost as over-long, the bus continues."""
     def lengthen(message: can.Message) -> list[can.Message]:
         return [_with_data(message, message.data + b'1')] if message.arbitration_id == COB_IDS[3] else [message]
-    return _tampered(channel, lengthen, lambda bench: _pad(bench).losses[LossReason.OVER_LONG])
+    _tamper(bench, lengthen, lambda bench: _pad(bench).losses[LossReason.OVER_LONG])
 
 
 def _with_data(message: can.Message, data: bytes) -> can.Message:
@@ -699,22 +637,17 @@ def _with_data(message: can.Message, data: bytes) -> can.Message:
                        data=data, dlc=len(data), check=False)
 
 
-def _configuration_disturbed(channel: str, tamper: Callable[[can.Message], list], where: str,
-                             got: str) -> FaultBench:
-    """The device starts again while its SDO answers pass ``tamper``; until that ends its taxels are NaN."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        bench.adapter.tamper = lambda message: tamper(message) if message.arbitration_id == 0x5A0 else [message]
-        bench.device.power_off()
-        bench.device.boot()
-        bench.detect(kind=lambda fact: isinstance(fact, DeviceError) and where in fact.where and got in fact.got)
-        seen = len(bench.kept)
-        bench.wait(lambda: len(bench.kept) > seen + 2, 'no frames')
-        assert all(np.isnan(frame.values).all() for _, frame in bench.kept[seen:])
-        bench.adapter.tamper = None
-        bench.end_of_cause()
-        bench.recover()
-    return bench
+def _disturb_configuration(bench: FaultBench, tamper: Callable[[can.Message], list], where: str, got: str) -> None:
+    """Start the device again while its SDO answers pass ``tamper``; until that ends its taxels are NaN."""
+    bench.adapter.tamper = lambda message: tamper(message) if message.arbitration_id == 0x5A0 else [message]
+    bench.device.power_off()
+    bench.device.boot()
+    bench.detect(kind=lambda fact: isinstance(fact, DeviceError) and where in fact.where and got in fact.got)
+    seen = len(bench.kept)
+    bench.wait(lambda: len(bench.kept) > seen + 2, 'no frames')
+    assert all(np.isnan(frame.values).all() for _, frame in bench.kept[seen:])
+    bench.adapter.tamper = None
+    bench.end_of_cause().recover()
 
 
 def _reads(answer: str, value: str) -> Callable[[can.Message], list[can.Message]]:
@@ -725,95 +658,95 @@ def _reads(answer: str, value: str) -> Callable[[can.Message], list[can.Message]
     return tamper
 
 
-def sdo_aborted_in_configuration(channel: str) -> FaultBench:
+@fault()
+def sdo_aborted_in_configuration(bench: FaultBench) -> None:
     """The device refuses its TPDO: object and abort code are reported, it is tried again until it agrees."""
     def abort(message: can.Message) -> list[can.Message]:  # CiA 301: 0x60 confirms a download; 0x80 aborts it
         is_tpdo = bytes(message.data[1:3]) == bytes.fromhex('0018')
         if message.data[0] == 0x60 and is_tpdo:
             message = _with_data(message, b'\x80' + bytes(message.data[1:4]) + bytes.fromhex('22000008'))
         return [message]
-    return _configuration_disturbed(channel, abort, 'object 0x1800', '0x08000022')
+    _disturb_configuration(bench, abort, 'object 0x1800', '0x08000022')
 
 
-def sdo_timeout_in_mid_configuration(channel: str) -> FaultBench:
+@fault()
+def sdo_timeout_in_mid_configuration(bench: FaultBench) -> None:
     """The device falls silent amid its configuration: the object without an answer is reported, it is tried again."""
-    return _configuration_disturbed(
-        channel, lambda message: [] if bytes(message.data[1:3]) == bytes.fromhex('001A') else [message],
+    _disturb_configuration(
+        bench, lambda message: [] if bytes(message.data[1:3]) == bytes.fromhex('001A') else [message],
         'object 0x1A00 sub', 'No SDO response')
 
 
-def device_that_lies_about_its_mapping(channel: str) -> FaultBench:
+@fault()
+def device_that_lies_about_its_mapping(bench: FaultBench) -> None:
     """It confirms each write and keeps another mapping: what was written and what is read back are reported."""
-    return _configuration_disturbed(channel, _reads('43001A01', '10020020'), '0x1A00', '20000210')
+    _disturb_configuration(bench, _reads('43001A01', '10020020'), '0x1A00', '20000210')
 
 
-def queue_overrun(channel: str) -> FaultBench:
+@fault(queue_limit=100)
+def queue_overrun(bench: FaultBench) -> None:
     """A consumer that hangs is reported as overload: frames are lost and counted, the device is left alone."""
-    with FaultBench(channel, queue_limit=100) as bench:
-        bench.run().cause()
-        bench.heard()
-        bench.hold.clear()
-        bench.wait(lambda: bench.driver.statistics().queue_overruns > 50, 'not counted')
-        bench.detect(Overload.BEHIND, Overload.DROPPED)
-        bench.wait(lambda: bench.driver.statistics().queue_overruns > 1500, 'not counted')
-        bench.end_of_cause()
-        bench.hold.set()
-        bench.recover()
-        assert not [message for message in bench.heard() if message.arbitration_id in (0x000, 0x620)]
-        assert not any(isinstance(fact, NodeFault) for fact in bench.log.facts)
-        bench.wait(lambda: bench.driver.health().overload is Overload.NONE, 'it stays')
-    return bench
+    bench.heard()
+    bench.hold.clear()
+    bench.wait(lambda: bench.driver.statistics().queue_overruns > 50, 'not counted')
+    bench.detect(Overload.BEHIND, Overload.DROPPED)
+    bench.wait(lambda: bench.driver.statistics().queue_overruns > 1500, 'not counted')
+    bench.end_of_cause()
+    bench.hold.set()
+    bench.recover()
+    assert not [message for message in bench.heard() if message.arbitration_id in (0x000, 0x620)]
+    assert not any(isinstance(fact, NodeFault) for fact in bench.log.facts)
+    bench.wait(lambda: bench.driver.health().overload is Overload.NONE, 'it stays')
 
 
-def process_stalled(channel: str) -> FaultBench:
+@fault()
+def process_stalled(bench: FaultBench) -> None:
     """This process does not run for 1.2 s: that is reported, and the device, which was well, is left alone."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        time.sleep(0.1)
-        bench.heard()
-        bench.sampled_within += 1.2  # the simulated device stalls, too: between a SYNC and its sample, if it so happens
-        for _ in range(2):
-            ctypes.PyDLL(None).usleep(1_200_000)  # keeps the interpreter's lock: no thread runs
-            bench.end_of_cause()
-            bench.detect(Overload.STALLED)
-            bench.recover()
-        assert not [message for message in bench.heard() if message.arbitration_id in (0x000, 0x620)]
-        assert not any(isinstance(fact, NodeFault) for fact in bench.log.facts) and bench.node().outages.count == 0
-        assert bench.driver.health().stalls >= 2
-    return bench
+    time.sleep(0.1)
+    bench.heard()
+    bench.sampled_within += 1.2  # the simulated device stalls, too: between a SYNC and its sample, if it so happens
+    for _ in range(2):
+        ctypes.PyDLL(None).usleep(1_200_000)  # keeps the interpreter's lock: no thread runs
+        bench.end_of_cause()
+        bench.detect(Overload.STALLED)
+        bench.recover()
+    assert not [message for message in bench.heard() if message.arbitration_id in (0x000, 0x620)]
+    assert not any(isinstance(fact, NodeFault) for fact in bench.log.facts) and bench.node().outages.count == 0
+    assert bench.driver.health().stalls >= 2
 
 
-def wall_clock_set_back(channel: str) -> FaultBench:
+@fault()
+def wall_clock_set_back(bench: FaultBench) -> None:
     """An hour back: the jump is counted and reported as WARN, stamps never go back, no TPDO is late for it."""
-    return _clock_jump(channel, -3600.0)
+    _set_clock(bench, -3600.0)
 
 
-def wall_clock_set_forward(channel: str) -> FaultBench:
+@fault()
+def wall_clock_set_forward(bench: FaultBench) -> None:
     """An hour on: the jump is counted and reported as WARN, stamps follow at once."""
-    return _clock_jump(channel, 3600.0)
+    _set_clock(bench, 3600.0)
 
 
-def _clock_jump(channel: str, seconds: float) -> FaultBench:
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        bench.is_clock_true = False
-        real, time.time = time.time, lambda: real() + seconds
-        try:
-            bench.wait(lambda: bench.driver.statistics().clock_jumps == 1, 'not counted')
-            bench.detected = time.monotonic() - bench._begun
-            stamp = bench.kept[-1][1].stamp
-            bench.wait(lambda: sum(frame.stamp > stamp and not frame.missing_can_frames
-                                   for _, frame in bench.kept[-20:]) > 5, 'no whole frames')
-            ahead = bench.kept[-1][1].stamp - time.time()
-            assert abs(ahead - max(-seconds, 0)) < 5
-        finally:
-            time.time = real
-    return bench
+def _set_clock(bench: FaultBench, seconds: float) -> None:
+    bench.is_clock_true = False
+    real, time.time = time.time, lambda: real() + seconds
+    try:
+        bench.wait(lambda: bench.driver.statistics().clock_jumps == 1, 'not counted')
+        bench.detected = time.monotonic() - bench._begun
+        stamp = bench.kept[-1][1].stamp
+        bench.wait(lambda: sum(frame.stamp > stamp and not frame.missing_can_frames
+                               for _, frame in bench.kept[-20:]) > 5, 'no whole frames')
+        ahead = bench.kept[-1][1].stamp - time.time()
+        assert abs(ahead - max(-seconds, 0)) < 5
+    finally:
+        time.time = real
 
 
-def disk_full_while_recording(channel: str) -> FaultBench:
+@fault(is_running=False)
+def disk_full_while_recording(bench: FaultBench) -> None:
     """The recording ends with its reason logged, what it lacks is counted; the taxels continue."""
-    with tempfile.TemporaryDirectory() as folder, FaultBench(channel, record=f'{folder}/x.log') as bench:
+    with tempfile.TemporaryDirectory() as folder:
+        bench.driver = Supervisor(replace(bench.settings, record=f'{folder}/x.log'), bench.pads, bench.keep)
         bench.run().cause()
         with open('/dev/full', 'wb') as full:
             os.dup2(full.fileno(), bench.driver._bus._record._file.writer.file.fileno())
@@ -823,138 +756,124 @@ def disk_full_while_recording(channel: str) -> FaultBench:
         bench.wait(lambda: bench.driver.statistics().unrecorded > before, 'not counted')
         assert sum(isinstance(fact, OSError) for fact in bench.log.facts) == 1
         assert bench.driver.failure is None and bench.adapter.opened == 1
-    return bench
 
 
-def fails_while_inactive(channel: str) -> FaultBench:
+@fault(is_running=False)
+def fails_while_inactive(bench: FaultBench) -> None:
     """Bus and device are made ready again; activate then works as ever."""
-    with FaultBench(channel) as bench:
-        bench.driver.open()
-        bench.driver.configure()
-        bench.cause()
-        bench.adapter.is_plugged = False
-        bench.detect(BusFault.RECEPTION_FAILED, BusFault.SENDING_FAILED)
-        bench.device.power_off()
-        bench.device.boot()
-        bench.adapter.is_plugged = True
-        bench.end_of_cause()
-        bench.wait(lambda: bench.driver.failure is None and bench.node().fault is NodeFault.NONE, 'not ready')
-        assert not bench.kept
-        bench.driver.start()
-        bench.recover()
-        assert bench.kept[0][1].sequence == 0
-    return bench
+    bench.driver.open()
+    bench.driver.configure()
+    bench.cause()
+    bench.adapter.is_plugged = False
+    bench.detect(BusFault.RECEPTION_FAILED, BusFault.SENDING_FAILED)
+    bench.device.power_off()
+    bench.device.boot()
+    bench.adapter.is_plugged = True
+    bench.end_of_cause()
+    bench.wait(lambda: bench.driver.failure is None and bench.node().fault is NodeFault.NONE, 'not ready')
+    assert not bench.kept
+    bench.driver.start()
+    bench.recover()
+    assert bench.kept[0][1].sequence == 0
 
 
-def guarded_by_another_master(channel: str) -> FaultBench:
+@fault()
+def guarded_by_another_master(bench: FaultBench) -> None:
     """Node guarding: requests and answers with the toggle bit change no state, count as no boot, lose no taxel."""
-    with FaultBench(channel) as bench:
-        bench.run()
-        for answer in ('05', '85') * 50:
-            bench.other.send(can.Message(arbitration_id=0x720, is_extended_id=False, is_remote_frame=True, dlc=1))
-            bench.send(0x720, answer)
-        bench.wait(lambda: bench.driver.statistics().can_frames.get('remote') == 100, 'not counted')
-        bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
-        assert not bench.log.errors and (bench.node().state, bench.node().boots) == (NmtState.OPERATIONAL, 0)
-    return bench
+    for answer in ('05', '85') * 50:
+        bench.other.send(can.Message(arbitration_id=0x720, is_extended_id=False, is_remote_frame=True, dlc=1))
+        bench.send(0x720, answer)
+    bench.wait(lambda: bench.driver.statistics().can_frames.get('remote') == 100, 'not counted')
+    bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
+    assert not bench.log.errors and (bench.node().state, bench.node().boots) == (NmtState.OPERATIONAL, 0)
 
 
-def other_makers_device_at_work(channel: str) -> FaultBench:
+@fault()
+def other_makers_device_at_work(bench: FaultBench) -> None:
     """A busy device of another maker: its PDOs, SDOs, EMCY, boot-ups, its own SYNC and TIME disturb nothing."""
     theirs = ((0x185, '0102030405060708'), (0x285, 'FF'), (0x605, '4018100100000000'), (0x585, '4318100100000001'),
               (0x085, '0010010000000000'), (0x705, '00'), (0x705, '7F'), (0x090, ''), (0x100, '000000000000'),
               (0x205, '00'), (0x7E5, '0400000000000000'))
-    with FaultBench(channel) as bench:
-        bench.run()
-        before = bench.driver.statistics().pads['pad32']
-        for can_id, data in theirs * 100:
-            bench.send(can_id, data)
-        bench.wait(lambda: bench.driver.statistics().can_frames.get('foreign', 0) == 400, 'not counted')
-        bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
-        counts = bench.driver.statistics()
-        assert (counts.can_frames['emcy'], counts.can_frames['time']) == (200, 100)  # 0x090 is in the range of EMCY
-        assert not bench.log.errors and bench.node().emergencies == 0
-        assert counts.pads['pad32'].losses[LossReason.UNKNOWN_ROW] == before.losses[LossReason.UNKNOWN_ROW] == 0
-    return bench
+    before = bench.driver.statistics().pads['pad32']
+    for can_id, data in theirs * 100:
+        bench.send(can_id, data)
+    bench.wait(lambda: bench.driver.statistics().can_frames.get('foreign', 0) == 400, 'not counted')
+    bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
+    counts = bench.driver.statistics()
+    assert (counts.can_frames['emcy'], counts.can_frames['time']) == (200, 100)  # 0x090 is in the range of EMCY
+    assert not bench.log.errors and bench.node().emergencies == 0
+    assert counts.pads['pad32'].losses[LossReason.UNKNOWN_ROW] == before.losses[LossReason.UNKNOWN_ROW] == 0
 
 
-def refuses_operational_from_the_start(channel: str) -> FaultBench:
+@fault(is_running=False)
+def refuses_operational_from_the_start(bench: FaultBench) -> None:
     """activate fails with an error that names which state the device is in; the bus stays open for another try."""
-    with FaultBench(channel) as bench:
-        bench.device.refuses_start = True
-        bench.driver.open()
-        bench.driver.configure()
-        bench.adapter.tamper = _lists_errors
-        bench.cause()
-        try:
-            bench.driver.start()
-            raise AssertionError('start() is content')
-        except DeviceError as error:
-            assert error.expected == 'OPERATIONAL after NMT start' and 'PRE-OPERATIONAL' in error.got, error
-            assert str(DeviceErrors(0x09, (0x0005_4210,))) in error.got, error
-        bench.detected = time.monotonic() - bench._begun
-        bench.device.refuses_start = False
-        bench.end_of_cause()
+    bench.device.refuses_start = True
+    bench.driver.open()
+    bench.driver.configure()
+    bench.adapter.tamper = _lists_errors
+    bench.cause()
+    try:
         bench.driver.start()
-        bench.recover()
-        second = max(i for i, (_, frame) in enumerate(bench.kept) if frame.sequence == 0)
-        assert all(np.isnan(frame.values).all() for _, frame in bench.kept[:second])
-        del bench.kept[:second]  # with each start sequence numbers begin again
-    return bench
+        raise AssertionError('start() is content')
+    except DeviceError as error:
+        assert error.expected == 'OPERATIONAL after NMT start' and 'PRE-OPERATIONAL' in error.got, error
+        assert str(DeviceErrors(0x09, (0x0005_4210,))) in error.got, error
+    bench.detected = time.monotonic() - bench._begun
+    bench.device.refuses_start = False
+    bench.end_of_cause()
+    bench.driver.start()
+    bench.recover()
+    second = max(i for i, (_, frame) in enumerate(bench.kept) if frame.sequence == 0)
+    assert all(np.isnan(frame.values).all() for _, frame in bench.kept[:second])
+    del bench.kept[:second]  # with each start sequence numbers begin again
 
 
-def tare_under_load(channel: str) -> FaultBench:
+@fault()
+def tare_under_load(bench: FaultBench) -> None:
     """A tare while something presses is refused with the taxel that is pressed most; the zero stays as it was."""
-    with FaultBench(channel) as bench:
-        bench.run().cause()
-        pad, seen, outcome = TaredPad(ContactGuard.of_unit('N')), len(bench.kept), []
+    pad, seen, outcome = TaredPad(ContactGuard.of_unit('N')), len(bench.kept), []
 
-        def tare() -> None:
-            try:
-                pad.tare(10, 0.5, TIMEOUT)
-            except TareRefusedError as error:
-                outcome.append(str(error))
-        asking = threading.Thread(target=tare)
-        asking.start()
-        while asking.is_alive():
-            for _, frame in bench.kept[seen:]:
-                pad.feed(frame)
-                seen += 1
-            asking.join(0.01)
-        bench.detected = time.monotonic() - bench._begun
-        last = 63  # Coded: the last taxel reads most
-        assert f'row {last // 8}, column {last % 8}' in outcome[0] and pad.offset is None
-    return bench
+    def tare() -> None:
+        try:
+            pad.tare(10, 0.5, TIMEOUT)
+        except TareRefusedError as error:
+            outcome.append(str(error))
+    asking = threading.Thread(target=tare)
+    asking.start()
+    while asking.is_alive():
+        for _, frame in bench.kept[seen:]:
+            pad.feed(frame)
+            seen += 1
+        asking.join(0.01)
+    bench.detected = time.monotonic() - bench._begun
+    last = 63  # Coded: the last taxel reads most
+    assert f'row {last // 8}, column {last % 8}' in outcome[0] and pad.offset is None
 
 
-def one_of_a_pads_nodes_lost(channel: str) -> FaultBench:
+@fault((32, 35), source=uniform(1, 100, 1000, 12, 8), layout='nodes2_12x8_12bit.yaml')
+def one_of_a_pads_nodes_lost(bench: FaultBench) -> None:
     """Of a pad made of two nodes, only the lost one's taxels are NaN; it is reported, and used again when it boots."""
-    source = np.random.default_rng(1).uniform(100, 1000, (12, 8))
-    with FaultBench(channel, (32, 35), source=lambda t: source, layout='nodes2_12x8_12bit.yaml') as bench:
-        bench.run().cause()
-        second = bench.simulator.devices[35]
-        values = _switch_off(bench, second, 12, NodeFault.SILENT).values
-        first, lost = bench.driver.health().nodes['pad32']
-        assert (lost.node_id, lost.fault, first.fault) == (35, NodeFault.SILENT, NodeFault.NONE)
-        assert np.isfinite(values[:6]).all() and np.isnan(values[6:]).all()
-        _switch_on(bench, second)
-    return bench
+    second = bench.simulator.devices[35]
+    values = _switch_off(bench, second, 12, NodeFault.SILENT).values
+    first, lost = bench.driver.health().nodes['pad32']
+    assert (lost.node_id, lost.fault, first.fault) == (35, NodeFault.SILENT, NodeFault.NONE)
+    assert np.isfinite(values[:6]).all() and np.isnan(values[6:]).all()
+    _switch_on(bench, second)
 
 
-def polled_pad_power_cycled(channel: str) -> FaultBench:
+@fault(source=uniform(2, 100, 1000, 16, 10), layout='domain16x10_16bit.yaml')
+def polled_pad_power_cycled(bench: FaultBench) -> None:
     """A pad read by SDO block upload: its polls fail, are counted and reported; it is configured again as it boots."""
-    source = np.random.default_rng(2).uniform(100, 1000, (16, 10))
-    with FaultBench(channel, source=lambda t: source, layout='domain16x10_16bit.yaml') as bench:
-        bench.run().cause()
-        _switch_off(bench, bench.device, 1,
-                    kind=lambda fact: isinstance(fact, (SdoAbortedError, SdoCommunicationError)))
-        _switch_on(bench, bench.device)
-    return bench
+    _switch_off(bench, bench.device, 1,
+                kind=lambda fact: isinstance(fact, (SdoAbortedError, SdoCommunicationError)))
+    _switch_on(bench, bench.device)
 
 
-def polled_uploads_damaged(channel: str) -> FaultBench:
+@fault(source=uniform(3, 100, 1000, 16, 10), layout='domain16x10_16bit.yaml')
+def polled_uploads_damaged(bench: FaultBench) -> None:
     """Segments of the uploads are damaged on the bus: the CRC reveals it, those frames are NaN, no value is wrong."""
-    source, count = np.random.default_rng(3).uniform(100, 1000, (16, 10)), itertools.count()
+    count = itertools.count()
 
     def damage(message: can.Message) -> list[can.Message]:
         if message.arbitration_id == 0x5A0 and message.data[0] < 0x80 and next(count) % 100 == 0:
@@ -962,84 +881,52 @@ def polled_uploads_damaged(channel: str) -> FaultBench:
             data[5] ^= 1
             message = _with_data(message, bytes(data))
         return [message]
-    with FaultBench(channel, source=lambda t: source, layout='domain16x10_16bit.yaml') as bench:
-        bench.run().cause()
-        bench.adapter.tamper = damage
-        bench.detect(kind=lambda fact: isinstance(fact, SdoCommunicationError) and 'CRC' in str(fact))
-        bench.wait(lambda: bench.driver.statistics().pads['pad32'].losses[LossReason.BROKEN] > 5, 'not counted')
-        bench.adapter.tamper = None
-        bench.end_of_cause()
-        bench.recover()
-        scale = bench.pads[0].layout.value.scale
-        for _, frame in bench.kept:
-            assert np.isnan(frame.values).all() or np.abs(frame.values - source).max() <= 0.5 * scale + 1e-3
-    return bench
+    bench.adapter.tamper = damage
+    bench.detect(kind=lambda fact: isinstance(fact, SdoCommunicationError) and 'CRC' in str(fact))
+    bench.wait(lambda: bench.driver.statistics().pads['pad32'].losses[LossReason.BROKEN] > 5, 'not counted')
+    bench.adapter.tamper = None
+    bench.end_of_cause().recover()
+    scale, values = bench.pads[0].layout.value.scale, bench.source(0.0)
+    for _, frame in bench.kept:
+        assert np.isnan(frame.values).all() or np.abs(frame.values - values).max() <= 0.5 * scale + 1e-3
 
 
-def _two_large_pads(channel: str, disturb: Callable[[FaultBench], None]) -> FaultBench:
-    source = np.random.default_rng(4).uniform(1e3, 9e4, (16, 16))
-    with FaultBench(channel, (32, 64), source=lambda t: source, layout='sim16x16.yaml') as bench:
-        bench.run()
-        bench.wait_for_whole('pad64')
-        bench.cause()
-        disturb(bench)
-        bench.recover('pad32', 'pad64')
-    return bench
-
-
-def adapter_of_two_large_pads_unplugged(channel: str) -> FaultBench:
+@fault((32, 64), source=uniform(4, 1e3, 9e4, 16, 16), layout='sim16x16.yaml')
+def adapter_of_two_large_pads_unplugged(bench: FaultBench) -> None:
     """Two pads of 16x16 taxels, 64 TPDOs to be checked again: both are back."""
-    def disturb(bench: FaultBench) -> None:
-        bench.adapter.is_plugged = False
-        bench.detect(BusFault.RECEPTION_FAILED, BusFault.SENDING_FAILED)
-        bench.adapter.is_plugged = True
-        bench.end_of_cause()
-    return _two_large_pads(channel, disturb)
+    bench.wait_for_whole('pad64')
+    bench.adapter.is_plugged = False
+    bench.detect(BusFault.RECEPTION_FAILED, BusFault.SENDING_FAILED)
+    bench.adapter.is_plugged = True
+    bench.end_of_cause().recover('pad32', 'pad64')
 
 
-def two_large_pads_power_cycled(channel: str) -> FaultBench:
+@fault((32, 64), source=uniform(4, 1e3, 9e4, 16, 16), layout='sim16x16.yaml')
+def two_large_pads_power_cycled(bench: FaultBench) -> None:
     """Two pads of 16x16 taxels lose their supply together: 64 TPDOs are written again."""
-    def disturb(bench: FaultBench) -> None:
-        for device in bench.simulator.devices.values():
-            device.power_off()
-        for device in bench.simulator.devices.values():
-            device.boot()
-        bench.end_of_cause()
-        bench.detect(NodeFault.BOOTED)
-    return _two_large_pads(channel, disturb)
+    bench.wait_for_whole('pad64')
+    for device in bench.simulator.devices.values():
+        device.power_off()
+    for device in bench.simulator.devices.values():
+        device.boot()
+    bench.end_of_cause().detect(NodeFault.BOOTED)
+    bench.recover('pad32', 'pad64')
 
 
-FAULTS: tuple[Callable[[str], FaultBench | StallBench], ...] = (
-    power_cycled_in_mid_stream, absent_then_back, absent_at_configure_then_late, one_of_two_pads_lost,
-    boot_up_message_lost, another_device_comes_back, reset_by_another_master, all_reset_by_another_master,
-    stopped_by_another_master, refuses_operational, adapter_unplugged, sending_fails, bus_off, error_frames,
-    heartbeat_lost_while_taxels_flow, heartbeat_switched_off_by_another_master, taxels_lost_while_heartbeat_flows,
-    tpdos_switched_off_by_another_master, tpdo_remapped_by_another_master, tpdo_slowed_down_by_another_master,
-    one_tpdo_switched_off_by_another_master, one_tpdo_switched_off_unseen, one_tpdo_never_arrives,
-    two_devices_with_one_node_id, two_devices_from_the_start, replaced_by_two_devices, second_sender_of_a_tpdo,
-    second_heartbeat_of_a_node_id, two_masters_fight, second_sync_producer, sync_producer_of_another_period,
-    transmission_type_ignored, sync_of_another_producer_stops, emcy_storm, short_emcy, emcy_until_it_is_reset,
-    foreign_frames,
-    absent_pad_of_two, tpdos_lost, tpdos_duplicated, tpdos_reordered, short_tpdos, over_long_tpdos,
-    sdo_aborted_in_configuration, sdo_timeout_in_mid_configuration, device_that_lies_about_its_mapping, queue_overrun,
-    process_stalled, wall_clock_set_back, wall_clock_set_forward, disk_full_while_recording, fails_while_inactive,
-    guarded_by_another_master,
-    other_makers_device_at_work, refuses_operational_from_the_start, tare_under_load, one_of_a_pads_nodes_lost,
-    polled_pad_power_cycled, polled_uploads_damaged, adapter_of_two_large_pads_unplugged, two_large_pads_power_cycled,
-    *(stall(part, seconds) for seconds in (0.3, 2.0) for part in STALLING))
+FAULTS += [stall(part, seconds) for seconds in (0.3, 2.0) for part in STALLING]
 #: those that `make faults` alone injects
-LONG_FAULTS = tuple(stall(part, seconds) for seconds in (1.0, 5.0, 10.0, 30.0) for part in STALLING)
+LONG_FAULTS = [stall(part, seconds) for seconds in (1.0, 5.0, 10.0, 30.0) for part in STALLING]
 
 
 def main() -> int:
     """Print the catalogue, each fault injected now; 1 when taxels came again later than ALLOWED."""
     print(f'{"fault":42} {"logged [s]":>10} {"again [s]":>9}  what the user sees')
     slow = []
-    for fault in FAULTS + LONG_FAULTS:
-        bench = fault(f'catalogue {fault.__name__}')
+    for each in FAULTS + LONG_FAULTS:
+        bench = each(f"catalogue {each.__name__}")
         times = [f'{time:.2f}' if time is not None else '-' for time in (bench.detected, bench.publishing_again)]
-        print(f'{fault.__name__.replace("_", " "):42} {times[0]:>10} {times[1]:>9}  {fault.__doc__}', flush=True)
-        slow += [fault.__name__] if (bench.publishing_again or 0) > ALLOWED else []
+        print(f'{each.__name__.replace("_", " "):42} {times[0]:>10} {times[1]:>9}  {each.__doc__}', flush=True)
+        slow += [each.__name__] if (bench.publishing_again or 0) > ALLOWED else []
     print(f'{len(FAULTS + LONG_FAULTS)} faults, taxels again within {ALLOWED:g} s'
           + (f', but for {", ".join(slow)}' if slow else ''))
     return int(bool(slow))

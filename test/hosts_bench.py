@@ -22,25 +22,42 @@ DRIVER = 'skin_driver'
 TOPICS = ('grasp=grasp', 'left=left/shape', 'right=right/shape', 'health=/diagnostics', 'status=skin_driver/status')
 SIDES = {'bus': 'bus', 'thinking': 'perception'}  #: host -> side of `tactile bringup`
 DISCOVERY_PORT = 11811  # Fast DDS's default of a discovery server
+SENDING = 'sock_alloc_send'  # function of the kernel in which a thread waits for room in a socket
+
+
+def missing(shapes: list[Record]) -> int:
+    """Return how many frames between these neither came nor were left out on purpose."""
+    return sum(max(0, after['sequence'] - before['sequence'] - 1 - after['left_out'])
+               for before, after in zip(shapes, shapes[1:]))
+
+
+def _text(file: Path) -> str:
+    """Return a file of /proc; '' where its thread has ended."""
+    try:
+        return file.read_text(encoding='ascii')
+    except OSError:
+        return ''
 
 
 class HostsWorld(World):
     """A gripper that holds an object, its nodes on both of ``hosts``; the consumer is on the second.
 
     ``topics``: of the consumer. ``here``: topics of another consumer on the first host, whose records are
-    `here_records`. ``discovery_server``: on the first host, in place of the addresses of peers.
+    `here_records`. ``discovery_server``: on the first host, in place of the addresses of peers. ``given``: ROS
+    parameters of all nodes.
     """
 
     has_sides = True  #: False: all nodes are on the first host
 
     def __init__(self, hosts: Hosts, held: dict[str, Any] | None = None, *,
                  topics: tuple[str, ...] = TOPICS, here: tuple[str, ...] = (), period: float = PERIOD,
-                 discovery_server: bool = False, environment: dict[str, str] | None = None):
+                 discovery_server: bool = False, environment: dict[str, str] | None = None,
+                 given: tuple[str, ...] = ()):
         super().__init__(held, topics=topics, period=period)
         self.hosts, self._here = hosts, here
         self._environment = {'ROS_DOMAIN_ID': str(1 + os.getpid() % 100), 'PYTHONUNBUFFERED': '1',
                              **(environment or {})}
-        self._has_server = discovery_server
+        self._has_server, self._given = discovery_server, given
         if discovery_server:
             self._environment |= {'ROS_DISCOVERY_SERVER': f'{hosts.first.address}:{DISCOVERY_PORT}',
                                   'ROS_STATIC_PEERS': ''}
@@ -51,7 +68,7 @@ class HostsWorld(World):
         first, second = self.hosts.both
         folder = Path(stack.enter_context(TemporaryDirectory()))
         self._port = str(folder / 'skin')
-        self._log = stack.enter_context(open(folder / 'log', 'w+', encoding='utf-8'))
+        self._log = stack.enter_context(open(folder / 'log', 'w', encoding='utf-8'))
         if self._has_server:
             self._serve(stack, first)
         self._consume(stack, self._topics, self.records, self._on(second))
@@ -72,10 +89,11 @@ class HostsWorld(World):
         host = self.hosts.first if side == 'bus' else self.hosts.second
         words = ['--interface', 'slcan', '--channel', self._port, '--node-id', ','.join(map(str, NODE_IDS)),
                  '--layout', LAYOUT] if side == 'bus' else []
-        period = ['--ros-args', '-p', f'{DRIVER}:sync_period:={self._period}'] if side == 'bus' else []
+        given = [*self._given, *([f'{DRIVER}:sync_period:={self._period}'] if side == 'bus' else [])]
         self.bringups[side] = self._on(host)(
             [sys.executable, '-m', 'tactile_node.cli.main', 'bringup', '--pads', ','.join(PADS),
-             *(['--side', SIDES[side]] if self.has_sides else []), *words, *period], stdout=self._log, stderr=self._log)
+             *(['--side', SIDES[side]] if self.has_sides else []), *words, '--ros-args',
+             *(word for one in given for word in ('-p', one))], stdout=self._log, stderr=self._log)
 
     def end(self, side: str, is_killed: bool = False) -> None:
         process = self.bringups.pop(side)
@@ -86,20 +104,14 @@ class HostsWorld(World):
         """Start another process on the second host."""
         return self._on(self.hosts.second)(command, **keywords)
 
-    def memory(self, side: str) -> float:
-        """Resident memory of the nodes of one side [MB]."""
-        pages = int(Path(f'/proc/{self.bringups[side].pid}/statm').read_text(encoding='ascii').split()[1])
-        return pages * os.sysconf('SC_PAGE_SIZE') / 1e6
-
-    def another_consumer(self, *topics: str) -> tuple[subprocess.Popen, list[Record]]:
-        """Start one more on the second host; it ends with the world."""
-        records: list[Record] = []
-        return self._consume(self._stack, topics, records, self._on(self.hosts.second)), records
-
-    def log(self) -> str:
-        """All that the nodes have printed."""
-        self._log.seek(0)
-        return self._log.read()
+    def driver_waits(self, seconds: float) -> int:
+        """Return in how many of ten looks a second a thread of the bus host's nodes waited for the link."""
+        ends, found = time.monotonic() + seconds, 0
+        while time.monotonic() < ends:
+            time.sleep(0.1)
+            tasks = Path(f'/proc/{self.bringups["bus"].pid}/task').glob('*/wchan')
+            found += any(SENDING in _text(task) for task in tasks)
+        return found
 
     def skipped(self, node: str) -> int:
         """Messages that ``node`` has reported as skipped or dropped."""

@@ -1,9 +1,9 @@
-"""A link between two network namespaces that loses, delays and cuts: relays IP packets between two tun interfaces.
+"""A link between two network namespaces that loses and delays: relays IP packets between two tun interfaces.
 
     python lossy_link.py PID_OF_THE_OTHER_NAMESPACE ADDRESS_HERE ADDRESS_THERE
 
 Started in the first namespace by two_hosts.py. Each line on standard input is a command, answered by a line. What a
-link of Ethernet has and this has not: ARP, multicast, a rate. A packet that waits for its delay is not counted as lost.
+link of Ethernet has and this has not: ARP, multicast, a rate.
 """
 
 import ctypes
@@ -32,29 +32,8 @@ class Link(NamedTuple):
     """As two_hosts.LossyHosts.set documents it."""
 
     loss: float = 0.0
-    burst: float = 1.0
     delay: float = 0.0
     jitter: float = 0.0
-    is_cut: bool = False
-
-
-class Losses:
-    """Which packets are lost: Gilbert's two states, of which the bad one loses every packet."""
-
-    def __init__(self) -> None:
-        self._random = random.Random(SEED)
-        self._is_bad = False
-
-    def loses(self, link: Link) -> bool:
-        if not link.loss:
-            return False
-        leave = 1 / link.burst
-        enter = link.loss * leave / (1 - link.loss)
-        self._is_bad = self._random.random() < (1 - leave if self._is_bad else enter)
-        return self._is_bad
-
-    def wait(self, link: Link) -> float:
-        return max(0.0, link.delay + self._random.uniform(-link.jitter, link.jitter))
 
 
 class Relay:
@@ -62,11 +41,10 @@ class Relay:
 
     def __init__(self, ends: tuple[int, int]):
         self._other = {ends[0]: ends[1], ends[1]: ends[0]}
-        self._losses = {end: Losses() for end in ends}
+        self._random = random.Random(SEED)
         self._link = Link()
         self._waiting: list[tuple[float, int, int, bytes]] = []  # when it goes out, order, where, what
         self._order = itertools.count()
-        self._counts = {'carried': 0, 'lost': 0, 'cut': 0, 'octets': 0}
 
     def run(self) -> None:
         """Until standard input ends."""
@@ -83,36 +61,22 @@ class Relay:
         return max(0.0, self._waiting[0][0] - time.monotonic()) if self._waiting else None
 
     def _obey(self, line: str) -> bool:
-        if not line:
-            return False
-        command = json.loads(line)
-        if 'counts' in command:
-            answer(self._counts)
-            return True
-        self._link = Link(**command)
-        if self._link.is_cut:  # what is on its way is lost, too
-            self._counts['cut'] += len(self._waiting)
-            self._waiting.clear()
-        answer({'done': True})
-        return True
+        if line:
+            self._link = Link(**json.loads(line))
+            answer({'done': True})
+        return bool(line)
 
     def _take(self, end: int) -> None:
-        packet = os.read(end, MTU + 100)
-        if self._link.is_cut:
-            self._counts['cut'] += 1
-        elif self._losses[end].loses(self._link) or len(self._waiting) >= MOST_WAITING:
-            self._counts['lost'] += 1
-        else:
-            due = time.monotonic() + self._losses[end].wait(self._link)
-            heapq.heappush(self._waiting, (due, next(self._order), self._other[end], packet))
+        packet, link = os.read(end, MTU + 100), self._link
+        if self._random.random() < link.loss or len(self._waiting) >= MOST_WAITING:
+            return
+        wait = max(0.0, link.delay + self._random.uniform(-link.jitter, link.jitter))
+        heapq.heappush(self._waiting, (time.monotonic() + wait, next(self._order), self._other[end], packet))
 
     def _send_due(self) -> None:
-        now = time.monotonic()
-        while self._waiting and self._waiting[0][0] <= now:
+        while self._waiting and self._waiting[0][0] <= time.monotonic():
             _, _, end, packet = heapq.heappop(self._waiting)
             os.write(end, packet)
-            self._counts['carried'] += 1
-            self._counts['octets'] += len(packet)
 
 
 def tun(here: str, there: str) -> int:

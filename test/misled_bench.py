@@ -180,11 +180,6 @@ class Watch:
                 self.stalls.append((before, now - before - PAUSE))
             before = now
 
-    def read(self, consumer: subprocess.Popen) -> None:
-        """Take what ``consumer`` prints, until it ends."""
-        for line in consumer.stdout:
-            self.records.append(json.loads(line))
-
     def wait(self, condition: Callable[[], Any], what: str, timeout: float = TIMEOUT) -> None:
         end = time.monotonic() + timeout
         while not condition():

@@ -139,13 +139,6 @@ def test_broken_bags_are_errors(tmp_path, name, content):
         list(CanLogReader(tmp_path / name))
 
 
-def test_can_fd_has_no_place_and_is_counted(tmp_path):
-    writer = CanLogWriter(tmp_path / 'x.mcap')
-    writer.write(can.Message(1.0, 0x181, False, is_fd=True, data=bytes(12)))
-    writer.close()
-    assert (writer.can_frames, writer.unwritten) == (0, 1)
-
-
 def test_a_session_replays_from_a_bag_as_from_the_log(tmp_path):
     layout = load_layout('sim16x16.yaml')
     pads = (PadSettings('left', (32,), layout), PadSettings('right', (64,), layout))

@@ -194,10 +194,3 @@ def test_a_full_disk_ends_the_recording_and_is_reported_once(tmp_path, suffix, c
     message, = caplog.messages
     assert message == log.failure and log.unwritten
     assert 'No space left' in message and 'Free the disk' in message
-
-
-@pytest.mark.parametrize('name', ['.', '/', 'no/such/folder/x.log', 'x.nonsense'])
-def test_what_cannot_be_recorded_to_is_reported(tmp_path, monkeypatch, name):
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(LogError, match='a log file that can be written'):
-        CanLogWriter(name)

@@ -4,7 +4,6 @@ import json
 from pathlib import Path
 
 import pytest
-from long_layouts import written_out
 
 from tactile_node.cli.main import main
 from tactile_node.skin.layout_file import read_layout
@@ -12,7 +11,13 @@ from tactile_node.skin.layout_file import read_layout
 CONFIG = Path(__file__).parents[1] / 'config'
 LAYOUTS = sorted(path.name for path in CONFIG.glob('*.yaml') if path.with_suffix('.eds').exists())
 SIM = (CONFIG / 'sim16x16.yaml').read_text(encoding='utf-8')
-LONG = written_out(SIM, 'sim16x16')
+#: its first two TPDOs, without ``repeat``
+TWO = SIM[:SIM.index('tpdos:\n')] + '''tpdos:
+- {number: 1, cob_id: $NODEID+0x180, map: {object: 0x2100, sub: 1, bits: 8, count: 8},
+   taxels: {first: [0, 0], step: [0, 1], count: 8, bit_step: 8}}
+- {number: 2, cob_id: $NODEID+0x181, map: {object: 0x2100, sub: 9, bits: 8, count: 8},
+   taxels: {first: [0, 8], step: [0, 1], count: 8, bit_step: 8}}
+'''
 
 
 def check(capsys, *words):
@@ -39,7 +44,7 @@ def test_the_shipped_layouts_have_no_problem(layout, capsys):
 
 
 def test_every_problem_is_reported_with_its_line(tmp_path, capsys):
-    text = (LONG.replace('first: [0, 0]', 'first: [0, 12]').replace('number: 2,', 'number: 1,')
+    text = (TWO.replace('first: [0, 0]', 'first: [0, 12]').replace('number: 2,', 'number: 1,')
             .replace('sync_cob_id: 0x080', 'sync_cob_id: 0x701').replace('dead_taxels: []', 'dead_taxels: [[99, 0]]'))
     code, out = check(capsys, written(tmp_path, text), CONFIG / 'sim16x16.eds', '--json')
     errors = json.loads(out)['errors']

@@ -5,16 +5,12 @@ CRC-16/XMODEM of b'123456789' is 0x31C3, the check value of every table of CRCs 
 
 from random import Random
 
-import can
 import numpy as np
 import pytest
-from can_bench import Bench, only, tiny_layout, wait_until
-from faulty_bus import Adapter
+from can_bench import Bench, only, tiny_layout
 
 from tactile_node.assembly.domain_assembler import DomainAssembler
 from tactile_node.assembly.frame_source import Loss, LossReason
-from tactile_node.assembly.health import NodeFault
-from tactile_node.bus import skin_bus
 from tactile_node.cia301.sdo import SdoUpload, Step
 from tactile_node.errors import ConfigurationError, DeviceError
 from tactile_node.logs.log_reader import CanLogReader
@@ -221,47 +217,6 @@ def test_our_own_requests_take_their_part_of_the_bus(tmp_path):
         messages = list(CanLogReader(log))
     assert bench.driver.monitor.bits == sum(bits[len(message.data)] for message in messages)
     assert sum(message.arbitration_id == 0x620 for message in messages) > 100
-
-
-@pytest.mark.bus
-def test_a_polled_pad_goes_and_comes_again():
-    with Bench('domain_goes', LAYOUT, source=moving()) as bench:
-        bench.supervise()
-        bench.run()
-        bench.take_whole(2)
-        bench.simulator.devices[32].power_off()
-        assert wait_until(lambda: NodeFault.SILENT in bench.log.facts)
-        bench.forget()
-        assert all(np.isnan(frame.values).all() for _, frame in bench.take(2))
-        bench.simulator.devices[32].boot()
-        bench.take_whole(2)
-        assert wait_until(lambda: bench.driver.health().nodes['pad32'][0].fault is NodeFault.NONE)
-        counts = bench.driver.statistics().pads['pad32']
-        assert counts.missing > 0
-
-
-@pytest.mark.bus
-def test_a_bad_bus_breaks_uploads_and_no_values(monkeypatch):
-    """Frames lost, doubled, damaged, swapped: every whole frame is still of one sample."""
-    adapter, random = Adapter(), Random(5)
-
-    def tamper(message):
-        chance = random.random()
-        if message.arbitration_id != 0x5A0 or chance > 0.02:
-            return [message]
-        damaged = can.Message(message.timestamp, 0x5A0, False, data=bytes(message.data[:-1]) + b'\x55')
-        return ([], [message, message], [damaged], [damaged, message])[int(chance * 200)]
-    with Bench('domain_bad', LAYOUT, source=moving()) as bench:
-        monkeypatch.setattr(skin_bus, 'open_bus', adapter.open)
-        bench.supervise()
-        bench.run()
-        adapter.tamper = tamper
-        frames = bench.take_whole(30)
-        assert wait_until(lambda: bench.driver.statistics().pads['pad32'].losses[LossReason.BROKEN] > 3)
-        for _, frame in frames:
-            assert len(set((frame.values / 10 - np.arange(160).reshape(16, 10)).ravel())) == 1
-        adapter.tamper = None
-        bench.take_whole(3)
 
 
 @pytest.mark.bus

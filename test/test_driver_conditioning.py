@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from fault_bench import LAYOUT, PRESSED, SIDE, FaultBench
+from driver_bench import WARN, DriverBench
+from fault_bench import PRESSED, SIDE, FaultBench
 from rclpy.parameter import Parameter
-from ros_bench import RosBench
 from std_srvs.srv import Trigger
 
 from tactile_node.conditioning.gain import make_curve
@@ -20,7 +19,6 @@ from tactile_node.nodes.driver_source import driver_pads
 from tactile_node.pose.profiles import Layer
 from tactile_node.ros.conditioning_setup import conditioned_pads, skin_responses
 from tactile_node.ros.parameters import table
-from tactile_node.ros.qos import STATUS_QOS, frames_qos
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.taxel_frame import TaxelFrame
 from tactile_skin.msg import FaultyTaxel, NodeStatus, SkinStatus, TaxelArray
@@ -31,22 +29,8 @@ LIVE = {'drop_incomplete', 'heartbeat_timeout', 'faulty_taxels', 'tare_limit', '
 FILE = 'pads: {pad32: {dead: [[2, 3]]}}'
 
 
-class Driver(RosBench):
-    """The driver node on a simulated pad that reads PRESSED everywhere, and a listener."""
-
-    def __init__(self, stack, channel, **given):
-        super().__init__(stack)
-        given = {'interface': 'virtual', 'channel': channel, 'pads': ['pad32'], 'node_ids': [32],
-                 'layouts': [LAYOUT]} | given
-        self.node = self.add(DriverNode(
-            parameter_overrides=[Parameter(name, value=value) for name, value in given.items()]))
-        self.listener = self.add('listener')
-        self.taxels = []
-        self.diagnostics = []
-        self.status = []
-        self.listener.create_subscription(TaxelArray, '/pad32/taxels', self.taxels.append, frames_qos(50, False))
-        self.listener.create_subscription(DiagnosticArray, '/diagnostics', self.diagnostics.append, 10)
-        self.listener.create_subscription(SkinStatus, '/skin_driver/status', self.status.append, STATUS_QOS)
+class Driver(DriverBench):
+    """On a simulated pad that reads PRESSED everywhere."""
 
     def values(self):
         """Of the next frame that was not yet on its way."""
@@ -57,17 +41,13 @@ class Driver(RosBench):
         message = next(message for message in self.taxels if not message.missing_can_frames)
         return np.array(message.values).reshape(SIDE, SIDE)
 
-    def set(self, name, value):
-        return self.node.set_parameters([Parameter(name, value=value)])[0]
-
 
 @pytest.fixture
 def make(ros):
     bench = ros.enter_context(FaultBench('conditioning', source=lambda t: np.full((SIDE, SIDE), PRESSED)))
 
     def driver(**given):
-        made = Driver(ros, bench.channel, **given)
-        made.bench = bench
+        made = Driver(ros, bench, **given)
         made.node.autostart()
         return made
     return driver
@@ -92,8 +72,8 @@ def test_files_act_from_the_first_frame_and_are_reported(make, tmp_path):
     driver.until(lambda: any(status.pads and status.pads[0].faulty_taxels for status in driver.status))
     faulty, = driver.status[-1].pads[0].faulty_taxels
     assert (faulty.row, faulty.col, faulty.code, faulty.fault) == (2, 3, FaultyTaxel.DEAD, 'dead')
-    driver.until(lambda: any(status.level == DiagnosticStatus.WARN and 'dead: (2, 3)' in status.message
-                            for message in driver.diagnostics for status in message.status))
+    driver.until(lambda: any(levels[1] == WARN and 'dead: (2, 3)' in report
+                             for levels, report in zip(driver.levels, driver.reports) if len(levels) > 1))
 
 
 def test_a_calibrated_skin_publishes_pressures_and_its_layer(make, tmp_path):
@@ -119,21 +99,14 @@ def test_faults_are_saved_on_request(make, tmp_path):
     faults.write_text(FILE.replace('[2, 3]', '[4, 5]'))
     driver = make(faulty_taxels_file=str(faults))
     faults.unlink()
-    client = driver.listener.create_client(Trigger, '/skin_driver/save_faulty_taxels')
-    driver.until(client.service_is_ready)
-    answer = client.call_async(Trigger.Request())
-    driver.until(answer.done)
-    assert answer.result().success and '1 faulty' in answer.result().message
+    answer = driver.answer(Trigger, 'save_faulty_taxels', Trigger.Request())
+    assert answer.success and '1 faulty' in answer.message
     assert load_faults(faults, {'pad32': (SIDE, SIDE)})['pad32'].places(TaxelFault.DEAD) == [(4, 5)]
 
 
 def test_without_a_file_saving_names_what_to_set(make):
-    driver = make()
-    client = driver.listener.create_client(Trigger, '/skin_driver/save_faulty_taxels')
-    driver.until(client.service_is_ready)
-    answer = client.call_async(Trigger.Request())
-    driver.until(answer.done)
-    assert not answer.result().success and 'faulty_taxels_file' in answer.result().message
+    answer = make().answer(Trigger, 'save_faulty_taxels', Trigger.Request())
+    assert not answer.success and 'faulty_taxels_file' in answer.message
 
 
 def test_changes_take_effect_live_or_are_refused_with_a_reason(make, tmp_path):

@@ -17,7 +17,6 @@ from tactile_node.simulator.tpdo_records import ConfiguredTpdo, EventSchedule
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings, make_pad
 from tactile_node.sources.log_source import LogSource
-from tactile_node.taxel_frame import TaxelStatus
 
 SWEEPS, SNAPSHOTS = 'event12x8_8bit.yaml', 'event8x8_16bit.yaml'
 SHAPES = {SWEEPS: (12, 8), SNAPSHOTS: (8, 8)}
@@ -153,36 +152,6 @@ def test_driver_and_log(tmp_path, layout, written):
         np.testing.assert_array_equal(same.values, frame.values)
     pad = counts.pads['pad32']
     assert pad.received == pad.used + sum(pad.losses.values()) and pad.used >= 10 * 12
-
-
-@pytest.mark.bus
-def test_no_frame_of_a_live_bus_mixes_two_sweeps(monkeypatch):
-    """One frame in ten is lost; the values of each frame are of one scan."""
-    adapter, random = Adapter(), np.random.default_rng(3)
-    with Bench('event_lost', SWEEPS, source=counting(SWEEPS)) as bench:
-        monkeypatch.setattr(skin_bus, 'open_bus', adapter.open)
-        bench.run()
-        adapter.tamper = lambda message: [] if message.arbitration_id < 0x580 and random.random() < 0.1 else [message]
-        frames = [frame for _, frame in bench.take(40)]
-    for frame in frames:
-        assert len(set(frame.values[~np.isnan(frame.values)])) <= 1
-    assert sum(frame.missing_can_frames > 0 for frame in frames) > 10
-
-
-@pytest.mark.bus
-def test_a_tpdo_that_is_lost_for_ever_is_stale_and_the_others_are_given(monkeypatch):
-    adapter = Adapter()
-    with Bench('event_dead', SNAPSHOTS, source=still(SNAPSHOTS)) as bench:
-        monkeypatch.setattr(skin_bus, 'open_bus', adapter.open)
-        bench.supervise()
-        bench.run()
-        bench.take_whole(3)
-        adapter.tamper = lambda message: [] if message.arbitration_id == 0x1A1 else [message]
-        frame = bench.take_until(lambda frame: frame.status[0, 4] == TaxelStatus.STALE)
-        assert np.isnan(frame.values[0, 4:]).all() and frame.missing_can_frames == 1
-        assert frame.tpdo_ages.ages[1] > 0.15 and not np.isnan(frame.values[1:]).any()
-        adapter.tamper = None
-        bench.take_whole(2)
 
 
 @pytest.mark.bus

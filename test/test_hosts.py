@@ -6,6 +6,7 @@ and each side is started again. Link and hosts are those of two_hosts.py.
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -14,7 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from hosts_bench import HostsWorld
+from hosts_bench import HostsWorld, missing
 from misled_bench import WITHDRAWN, FalseClaim, current, empty
 from two_hosts import Hosts, NoHostsError
 
@@ -56,12 +57,6 @@ def test_a_machine_without_namespaces_is_recognised(monkeypatch):
         pass
 
 
-def missing(shapes) -> int:
-    """Frames between these that neither came nor were left out on purpose."""
-    return sum(max(0, after['sequence'] - before['sequence'] - 1 - after['left_out'])
-               for before, after in zip(shapes, shapes[1:]))
-
-
 @each_way
 def test_every_frame_arrives_as_the_shape_or_is_counted(world):
     world.hold(0.0)
@@ -76,30 +71,66 @@ def test_every_frame_arrives_as_the_shape_or_is_counted(world):
     assert world.hosts.octets() - octets > 2 * TAXELS * VALUE_BYTES * (len(shapes) - 3)
 
 
+def held(record) -> bool:
+    """Whether it says that something is held now."""
+    return current(record) and record['contact'] in ('ONE_SIDED', 'TWO_SIDED')
+
+
+def wait_for_no_contact(world) -> None:
+    world.wait(lambda: world.latest('grasp')['contact'] == 'NO_CONTACT' and current(world.latest('grasp')),
+               'an empty gripper')
+
+
 @first_way
 def test_a_pulled_cable_misleads_no_consumer(world):
+    """Nor does what was under way when it was pulled, once it is back: the object is taken away meanwhile."""
     world.hold()
     world.hosts.plug(False)
     try:
         findings = world.watch(time.monotonic(), 1.0, FalseClaim('empty', empty),
                                FalseClaim('current', current, WITHDRAWN + PERIOD))
+        world.skin.set(is_there=False)
+        time.sleep(1.0)
     finally:
+        back = time.monotonic()
         world.hosts.plug(True)
     lasting = next(finding for finding in findings if finding.claim == 'current')
     assert findings[0].seconds == 0
     assert lasting.has_ended and lasting.holds, lasting
+    try:
+        wait_for_no_contact(world)
+        assert world.false(FalseClaim('held', held), back).seconds == 0
+        assert {world.latest(side)['shape'] for side in ('left', 'right')} == {'NONE'}
+    finally:
+        world.skin.set(is_there=True)
     world.hold_again(time.monotonic())
 
 
 @first_way
-def test_an_object_that_is_taken_away_is_gone(world):
+def test_a_reader_that_stops_holds_up_no_driver(world):
+    """All nodes of the other host stand still while the object is taken away.
+
+    One message may stand between its decision and its sending, so what is old may be claimed for as long as any.
+    """
     world.hold()
-    world.skin.set(is_there=False)
+    thinking, since = world.bringups['thinking'].pid, time.monotonic()
+    os.kill(thinking, signal.SIGSTOP)
     try:
-        world.wait(lambda: world.latest('grasp')['contact'] == 'NO_CONTACT', 'an empty gripper')
-        assert {world.latest(side)['shape'] for side in ('left', 'right')} == {'NONE'}
+        waits = world.driver_waits(2.0)
+        world.skin.set(is_there=False)
+        waits += world.driver_waits(1.0)
+    finally:
+        back = time.monotonic()
+        os.kill(thinking, signal.SIGCONT)
+    sent = [record['time'] for record in world.here_records if since < record['time'] < back]
+    try:
+        wait_for_no_contact(world)
+        finding = world.false(FalseClaim('held', held, WITHDRAWN + PERIOD), back)
+        assert finding.holds and finding.messages <= 1, finding
     finally:
         world.skin.set(is_there=True)
+    assert not waits and max(b - a for a, b in zip(sent, sent[1:])) < 1.0
+    world.hold_again(time.monotonic())
 
 
 @each_way

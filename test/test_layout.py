@@ -140,11 +140,6 @@ def test_node_id_may_move_a_cob_id_to_a_kept_one(tmp_path):
         check_pads((PadSettings('a', (0x20,), layout),))
 
 
-def test_two_pads_of_the_demo_share_a_bus():
-    layout = load_layout('sim16x16.yaml')
-    check_pads(tuple(PadSettings(name, (node,), layout) for name, node in (('left', 32), ('right', 64))))
-
-
 def test_sync_must_be_no_tpdo(tmp_path):
     layout = tiny_layout(tmp_path, TINY + 'sync_cob_id: 0x185\n')
     with pytest.raises(ConfigurationError, match='as pad .*SYNC'):

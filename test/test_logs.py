@@ -143,14 +143,6 @@ def test_bad_lines_are_counted_and_the_rest_is_read(tmp_path):
     assert source.statistics().unread == 3 and source.statistics().pads['pad'].complete == len(frames) == 1
 
 
-def test_truncated_gzip_is_read_up_to_its_end(tmp_path):
-    whole = RING.read_bytes()
-    cut = tmp_path / 'cut.log.gz'
-    cut.write_bytes(whole[:len(whole) // 2])
-    frames, source = play(cut, nus_pad())
-    assert 10 < len(frames) < 77 and source.statistics().unread == 1
-
-
 @pytest.mark.parametrize('suffix', ['.log', '.log.gz', '.mcap'])
 def test_a_log_cut_short_is_read_up_to_the_cut_and_reported(tmp_path, suffix):
     whole, cut, random = tmp_path / f'x{suffix}', tmp_path / f'cut{suffix}', np.random.default_rng(3)
@@ -232,13 +224,6 @@ def test_what_a_format_cannot_hold_is_counted(tmp_path, suffix, kept):
         writer.write(can.Message(1.7e9, 0x181, False, channel=1, **kind))
     writer.close()
     assert (writer.can_frames, writer.unwritten) == (kept, 4 - kept) and len(list(CanLogReader(path))) == kept
-
-
-def test_log_that_cannot_be_written(tmp_path):
-    with pytest.raises(LogError, match='pdf'):
-        CanLogWriter(tmp_path / 'x.pdf')
-    with pytest.raises(LogError, match='nowhere'):
-        CanLogWriter(tmp_path / 'nowhere' / 'x.log')
 
 
 def test_pace_stop_and_start_lose_nothing(tmp_path):
@@ -432,10 +417,11 @@ def test_what_candump_shows_on_a_terminal_is_refused_with_the_remedy(tmp_path, l
         list(CanLogReader(tmp_path / 'x.log'))
 
 
-@pytest.mark.parametrize('name', ['x.txt', 'x', 'x.log.zip'])
-def test_a_recording_that_could_not_be_replayed_is_refused(tmp_path, name):
-    with pytest.raises(LogError):
-        CanLogWriter(tmp_path / name)
+@pytest.mark.parametrize('name', ['x.txt', 'x', 'x.log.zip', 'x.pdf', '.', '/', 'nowhere/x.log'])
+def test_a_recording_that_could_not_be_replayed_is_refused(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(LogError, match='a log file that can be written'):
+        CanLogWriter(name)
     assert not list(tmp_path.iterdir())
 
 
@@ -462,10 +448,3 @@ def test_recordings_that_begin_together_have_a_file_each(tmp_path, suffix):
     for writer in writers:
         writer.close()
     assert len({writer.path for writer in writers}) == 8
-
-
-@pytest.mark.parametrize('name', ['x.log', 'x.txt', 'x'])
-def test_a_candump_log_cut_within_a_line_lacks_that_line_under_any_name(tmp_path, name):
-    (tmp_path / name).write_bytes(b'(1.000000) can0 080#\n(1.100000) can0 181#0A0B\n(1.200000) can0 281#01020304')
-    reader = CanLogReader(tmp_path / name)
-    assert [message.arbitration_id for message in reader] == [0x080, 0x181] and reader.unread == 1

@@ -11,7 +11,7 @@ from fault_bench import TIMEOUT, FaultBench
 
 from tactile_node.bus import bus_devices
 from tactile_node.bus.skin_bus import SkinBus
-from tactile_node.errors import DeviceAbsentError, DeviceError, HalfZeroedError
+from tactile_node.errors import DeviceError, HalfZeroedError
 from tactile_node.package_files import config_path
 from tactile_node.skin.pads import make_pad
 from tactile_node.sources.log_source import LogSource
@@ -29,15 +29,6 @@ def test_nodes_are_configured_at_once(monkeypatch):
         monkeypatch.setattr(SkinBus, 'configure_node', configure_when_both_are)
         bench.run()
         bench.wait_for_whole('pad64')
-
-
-def test_of_absent_nodes_that_are_not_waited_for_one_is_named():
-    with FaultBench('both absent', nodes=(32, 64), boot_timeout=0.3) as bench:
-        for device in bench.simulator.devices.values():
-            device.power_off()
-        bench.driver.open()
-        with pytest.raises(DeviceAbsentError, match='node 32'):
-            bench.driver.configure()
 
 
 def test_an_eds_without_it_is_reported():

@@ -4,11 +4,10 @@ import itertools
 
 import numpy as np
 import pytest
-from can_bench import Bench, only, tiny_layout, wait_until
+from can_bench import Bench, only, tiny_layout
 
 from tactile_node.assembly.assembler import FrameAssembler
 from tactile_node.assembly.frame_source import Loss, LossReason
-from tactile_node.assembly.health import NodeFault
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.pads import PadSettings, check_pads, make_pads
 from tactile_node.taxel_frame import TaxelStatus
@@ -176,23 +175,3 @@ def test_simulated_skin_end_to_end():
         for name, frame in bench.take_whole(3):
             assert name == 'pad32'
             np.testing.assert_allclose(frame.values, wanted, atol=1e-3)
-
-
-@pytest.mark.bus
-def test_one_node_goes_and_comes_again():
-    wanted = wanted_of(*make_pads([LAYOUT], (32, 35)))
-    with Bench('one_goes', LAYOUT, (32, 35), source=lambda t: wanted) as bench:
-        bench.supervise()
-        bench.run()
-        bench.take_whole(1)
-        bench.simulator.devices[35].power_off()
-        frame = bench.take_until(lambda frame: frame.missing_can_frames == 12 and np.isnan(frame.values[6:]).all())
-        np.testing.assert_allclose(frame.values[:6], wanted[:6], atol=1e-3)
-        assert wait_until(lambda: NodeFault.SILENT in bench.log.facts)
-        first, second = bench.driver.health().nodes['pad32']
-        assert first.is_operational and first.fault is NodeFault.NONE and second.fault is NodeFault.SILENT
-        bench.simulator.devices[35].boot()
-        bench.forget()
-        frame, = (frame for _, frame in bench.take_whole(1))
-        np.testing.assert_allclose(frame.values, wanted, atol=1e-3)
-        assert wait_until(lambda: all(node.fault is NodeFault.NONE for node in bench.driver.health().nodes['pad32']))

@@ -9,30 +9,18 @@ import json
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import NamedTuple
 
 ADDRESSES = '10.99.0.1', '10.99.0.2'
 RELAY = Path(__file__).with_name('lossy_link.py')
 SETUP = 'mount -t tmpfs tmpfs /dev/shm && ip link set lo up && echo ready && exec sleep infinity'
-TIMEOUT = 10.0  # s
 ENTER = 'nsenter', '--preserve-credentials', '--user', '--net', '--ipc', '--mount'
 
 
 class NoHostsError(RuntimeError):
     """This machine makes no network namespaces, or no such link between them."""
-
-
-class LinkCounts(NamedTuple):
-    """What the lossy link has done since it was made; packets of both directions."""
-
-    carried: int  #: packets
-    lost: int     #: by chance
-    cut: int      #: while it was cut
-    octets: int   #: of the packets carried
 
 
 class Host:
@@ -145,40 +133,18 @@ class LossyHosts(Hosts):
         self._relay.kill()
         self._relay.wait()
 
-    def set(self, *, loss: float = 0.0, burst: float = 1.0, delay: float = 0.0, jitter: float = 0.0,
-            is_cut: bool = False) -> None:
+    def set(self, *, loss: float = 0.0, delay: float = 0.0, jitter: float = 0.0) -> None:
         """Change the link, both directions alike.
 
-        ``loss``: part of the packets, 0 to 1, in runs of ``burst`` packets on average (1: each alone).
-        ``delay`` [s] for each packet, and up to ``jitter`` [s] more or less, evenly spread: packets overtake.
+        ``loss``: part of the packets, 0 to 1. ``delay`` [s] for each packet, and up to ``jitter`` [s] more or less,
+        evenly spread: packets overtake.
         """
-        self._send({'loss': loss, 'burst': burst, 'delay': delay, 'jitter': jitter, 'is_cut': is_cut})
-
-    def plug(self, is_in: bool) -> None:
-        self.set(is_cut=not is_in)
-
-    def counts(self) -> LinkCounts:
-        return LinkCounts(**self._send({'counts': True}))
-
-    def octets(self) -> int:
-        return self.counts().octets
-
-    def _send(self, command: dict) -> dict:
         assert self._relay.stdin
-        self._relay.stdin.write(json.dumps(command) + '\n')
+        self._relay.stdin.write(json.dumps({'loss': loss, 'delay': delay, 'jitter': jitter}) + '\n')
         self._relay.stdin.flush()
-        return self._answer()
+        assert self._answer()
 
     def _answer(self) -> dict:
         assert self._relay.stdout
         line = self._relay.stdout.readline()
         return json.loads(line) if line else {}
-
-
-def wait_for(condition, what: str, timeout: float = TIMEOUT) -> float:
-    """Poll until ``condition()``; return after how long [s]. AssertionError after ``timeout``."""
-    since = time.monotonic()
-    while not condition():
-        assert time.monotonic() < since + timeout, f'expected {what} within {timeout} s'
-        time.sleep(0.01)
-    return time.monotonic() - since
