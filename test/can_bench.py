@@ -1,10 +1,13 @@
 """What the CAN tests share: a pad small enough to compute by hand, a driver and a skin on one bus."""
 
 import os
+import pty
 import queue
 import threading
 import time
-from collections.abc import Callable
+import tty
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +19,7 @@ from tactile_node.assembly.frame_source import Loss, Results
 from tactile_node.bus.skin_bus import BusSettings, SkinBus
 from tactile_node.simulator.skin_simulator import SkinSimulator, WireSettings
 from tactile_node.skin.layout_file import load_layout
-from tactile_node.skin.pads import make_pads, with_dictionaries
+from tactile_node.skin.pads import make_pad, make_pads, with_dictionaries
 from tactile_node.sources.supervisor import Supervisor
 from tactile_node.taxel_frame import TaxelFrame
 
@@ -67,6 +70,22 @@ class Master:
         return answer.data.hex().upper()
 
 
+class SkinMaster(Master):
+    """A master beside one simulated pad, node 32; use with ``with``."""
+
+    def __init__(self, name: str, layout: str, source: Callable[[float], np.ndarray]):
+        super().__init__(name)
+        self.simulator = SkinSimulator([make_pad('pad', 32, layout)], {'pad': source})
+        self.simulator.start(INTERFACE, channel_of(name))
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.simulator.stop()
+        self.bus.shutdown()
+
+
 def other_bus(name: str) -> can.BusABC:
     """Another participant on the bus ``name``."""
     return can.Bus(channel_of(name), interface=INTERFACE)
@@ -102,6 +121,29 @@ def only(outcome: Results) -> TaxelFrame | Loss | None:
     """What alone has come of a CAN frame or a SYNC; None where nothing has."""
     assert len(outcome) <= 1, outcome
     return outcome[0] if outcome else None
+
+
+def is_balanced(assembler) -> bool:
+    """Whether each CAN frame that an assembler has received is used, pending or lost."""
+    counts = assembler.statistics()
+    return (counts.received == counts.used + counts.pending + sum(counts.losses.values())
+            and counts.used == sum(counts.used_by_node))
+
+
+def taxel_frames(results: Results) -> list[TaxelFrame]:
+    return [result for result in results if isinstance(result, TaxelFrame)]
+
+
+@contextmanager
+def serial_line() -> Iterator[tuple[int, str]]:
+    """A pseudo-terminal: the descriptor of the adapter's end, and the port that a client opens."""
+    adapter, client = pty.openpty()
+    tty.setraw(client)
+    try:
+        yield adapter, os.ttyname(client)
+    finally:
+        os.close(adapter)
+        os.close(client)
 
 
 class Bench:

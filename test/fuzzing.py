@@ -10,7 +10,6 @@ import gzip
 import itertools
 import logging
 import os
-import pty
 import random
 import signal
 import sys
@@ -18,14 +17,14 @@ import tempfile
 import threading
 import time
 import traceback
-import tty
 from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import can
 import numpy as np
-from can_bench import INTERFACE, TINY, Bench, wait_until
+from can_bench import INTERFACE, TINY, Bench, serial_line, wait_until
 from wire_worlds import HOST, ONE, TWO, TWO_NODES, WIRE, random_world
 
 from tactile_node.bus.bus_settings import DEFAULT_BITRATE
@@ -233,10 +232,6 @@ class FrameFuzz:
         self._stamp = frame.stamp
         self._still = getattr(self, '_still', 0) + 1 if valid.all() and (frame.values == 0).all() else 0
 
-    def logged_errors(self) -> Counter[str]:
-        """By kind: without the digits that differ."""
-        return Counter(''.join(c for c in message if not c.isdigit())[:60] for message in self.bench.log.errors)
-
 
 class Tracebacks(logging.Handler):
     """Counts exceptions that were caught and logged, by logger and type: nothing else reports those of callbacks."""
@@ -260,26 +255,25 @@ class SerialFuzz:
     """An slcan adapter on a line that damages what passes; use with ``with``."""
 
     def __init__(self, seed: int):
-        self._rng, self._master = random.Random(seed), -1
+        self._rng, self._stack = random.Random(seed), ExitStack()
         self.sent, self.outcome = 0, Counter()
 
     def __enter__(self) -> 'SerialFuzz':
-        self._master, port = pty.openpty()
-        tty.setraw(port)
-        os.set_blocking(self._master, False)
-        self.bus = BulkSlcanBus(os.ttyname(port), bitrate=DEFAULT_BITRATE, sleep_after_open=0.0)
+        self._adapter, port = self._stack.enter_context(serial_line())
+        os.set_blocking(self._adapter, False)
+        self.bus = BulkSlcanBus(port, bitrate=DEFAULT_BITRATE, sleep_after_open=0.0)
+        self._stack.callback(self.bus.shutdown)
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.bus.shutdown()
-        os.close(self._master)
+        self._stack.close()
 
     def send(self, count: int) -> None:
         """Broken lines, each followed by a sound one that must come as it was sent."""
         for _ in range(count):
             self.sent += 1
             mark = self.sent.to_bytes(8, 'big')
-            os.write(self._master, self._broken() + b'\r' + encode(can.Message(arbitration_id=0x7FF, data=mark,
+            os.write(self._adapter, self._broken() + b'\r' + encode(can.Message(arbitration_id=0x7FF, data=mark,
                                                                               is_extended_id=False)))
             while True:
                 message = self.bus.recv(TIMEOUT)
@@ -289,7 +283,7 @@ class SerialFuzz:
                 self.outcome['reported as damaged' if message.is_error_frame else 'a frame by chance'] += 1
             assert len(self.bus._buffer) <= LONGEST_LINE
             try:
-                os.read(self._master, 1 << 16)  # what the driver's side has sent to the adapter
+                os.read(self._adapter, 1 << 16)  # what the driver's side has sent to the adapter
             except BlockingIOError:
                 pass
 
@@ -305,76 +299,77 @@ def resident() -> float:
     return int(Path('/proc/self/statm').read_text().split()[1]) * os.sysconf('SC_PAGE_SIZE') / 1e6
 
 
+class Growth:
+    """How much memory grows after the first tenth of ``count``."""
+
+    def __init__(self, count: int):
+        self._tenth, self._warm = count // 10, 0.0
+
+    def look(self, number: int) -> None:
+        if number == self._tenth:
+            self._warm = resident()
+
+    def report(self) -> bool:
+        """Print it; return whether it is too much."""
+        grown = resident() - self._warm
+        print(f'memory {grown:+.1f} MB after the first tenth', flush=True)
+        return grown > GROWTH
+
+
 def fuzz_files(count: int, seed: int) -> int:
     """Print the outcome of ``count`` files; return how many broke the rule."""
-    outcome, broken, kept = Counter(), 0, ROOT / 'build/fuzz'
+    outcome, broken, kept, growth = Counter(), 0, ROOT / 'build/fuzz', Growth(count)
     kept.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         for number, (kind, path) in zip(range(count), mutated_files(seed, Path(folder))):
-            if number == count // 10:
-                warm = resident()
+            growth.look(number)
             try:
                 outcome[f'{kind} {survives(kind, path)}'] += 1
-            except Exception as error:
+            except Exception:
                 broken += 1
-                at = traceback.extract_tb(error.__traceback__)[-1]
                 saved = kept / f'{kind}_{seed}_{number}{"".join(path.suffixes)}'
                 saved.write_bytes(path.read_bytes())
-                where = f'{Path(at.filename).name}:{at.lineno}'
-                print(f'  {saved.name}: {type(error).__name__}: {error} ({where})', flush=True)
-            if (number + 1) % 1000 == 0:
-                print(f'  {number + 1} files: {dict(sorted(outcome.items()))}', flush=True)
-    print(f'files: {count}, seed {seed}, broke the rule: {broken}; memory {resident() - warm:+.1f} MB after the first '
-          'tenth')
-    return broken + (resident() - warm > GROWTH)
+                print(f'  {saved.name}: {traceback.format_exc(limit=-1)}', flush=True)
+    print(f'files: {count}, seed {seed}, {dict(sorted(outcome.items()))}; broke the rule: {broken}')
+    return broken + growth.report()
 
 
 def fuzz_frames(count: int, seed: int) -> int:
     """Print the outcome of ``count`` CAN messages; return how many rules were broken."""
+    bursts = count // BURST
     with FrameFuzz('fuzz', seed) as fuzz:
-        begin = time.monotonic()
-        for burst in range(count // BURST):
+        growth = Growth(bursts)
+        for burst in range(bursts):
+            growth.look(burst)
             fuzz.send(BURST)
-            if burst == count // BURST // 10:
-                warm = resident()
-            if (burst + 1) % 50 == 0:
-                print(f'  {fuzz.sent} messages, {fuzz.sent / (time.monotonic() - begin):.0f}/s, '
-                      f'{fuzz.frames} taxel frames, memory {resident():.0f} MB', flush=True)
-        grown, right = resident() - warm, fuzz.right_again()
-        statistics = fuzz.bench.driver.statistics()
+        has_grown, right = growth.report(), fuzz.right_again()
+        statistics, errors = fuzz.bench.driver.statistics(), fuzz.bench.log.errors
     print(f'CAN messages: {fuzz.sent}, seed {seed}; {dict(sorted(statistics.can_frames.items()))}; '
-          f'{statistics.queue_overruns} lost and counted')
-    print(f'{statistics.pads["pad32"]}')
-    logged = fuzz.logged_errors()
-    print(f'errors logged: {sum(logged.values())} of {len(logged)} kinds')
-    print(f'taxel frames with a wrong mark or stamp: {len(fuzz.bad)}; right again after a reset: {right}; '
-          f'memory {grown:+.1f} MB after the first tenth')
-    return len(fuzz.bad) + (not right) + (grown > GROWTH)
+          f'{statistics.queue_overruns} lost and counted; {statistics.pads["pad32"]}; errors logged: {len(errors)}; '
+          f'taxel frames with a wrong mark or stamp: {len(fuzz.bad)}; right again after a reset: {right}')
+    return len(fuzz.bad) + (not right) + has_grown
 
 
 def fuzz_lines(count: int, seed: int) -> int:
     """Print the outcome of ``count`` broken slcan lines; return how many rules were broken."""
+    growth = Growth(10)
     with SerialFuzz(seed) as fuzz:
-        fuzz.send(count // 10)
-        warm = resident()
-        fuzz.send(count - count // 10)
-    print(f'slcan lines: {fuzz.sent} broken, {dict(fuzz.outcome)}; every sound line after them came; '
-          f'memory {resident() - warm:+.1f} MB after the first tenth')
-    return int(resident() - warm > GROWTH)
+        for tenth in range(10):
+            growth.look(tenth)
+            fuzz.send(count // 10)
+    print(f'slcan lines: {fuzz.sent} broken, {dict(fuzz.outcome)}; every sound line after them came')
+    return growth.report()
 
 
 def fuzz_timings(count: int, seed: int) -> int:
     """Print the outcome of ``count`` sweeps with random timings; return how many taxel frames were wrong."""
-    begun, worlds = time.monotonic(), list(itertools.product((ONE, TWO, TWO_NODES), (HOST, WIRE)))
+    worlds = itertools.cycle(itertools.product((ONE, TWO, TWO_NODES), (HOST, WIRE)))
     sent = whole = wrong = 0
-    for world in itertools.count():
+    for number, (pads, clock) in enumerate(worlds):
         if sent >= count:
             break
-        pads, clock = worlds[world % len(worlds)]
-        for seen in random_world(pads, clock, 1000 * seed + world):
+        for seen in random_world(pads, clock, 1000 * seed + number):
             sent, whole, wrong = sent + len(seen.answered), whole + len(seen.whole), wrong + seen.wrong
-        if world % 100 == 99:
-            print(f'  {sent} sweeps, {wrong} wrong, {time.monotonic() - begun:.0f} s', flush=True)
     print(f'sweeps with random timings: {sent} sent by all nodes, {100 * whole / sent:.2f} % whole; taxel frames of '
           f'two sweeps or with the stamp of another SYNC: {wrong}')
     return wrong

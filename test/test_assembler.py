@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from can_bench import only, tiny_layout
+from can_bench import is_balanced, only, taxel_frames, tiny_layout
 
 from tactile_node.assembly.assembler import ORDER_MEMORY, FrameAssembler
 from tactile_node.assembly.frame_source import Loss, LossReason
@@ -32,11 +32,6 @@ def check(frame, values, sequence=0, missing=0):
     assert not frame.values.flags.writeable and not frame.status.flags.writeable
 
 
-def balanced(assembler):
-    s = assembler.statistics()
-    return s.received == s.used + s.pending + sum(s.losses.values())
-
-
 def test_whole_period_is_given_with_its_last_tpdo(assembler):
     assert only(assembler.sync(7.25)) is None
     assert send(assembler, (ROW_1, '0A0B'), at=7.3) is None
@@ -45,7 +40,7 @@ def test_whole_period_is_given_with_its_last_tpdo(assembler):
     check(frame, [[0, 2], [4, 6], [-20, 488]])
     assert frame.stamp == 7.25 and (frame.status == VALID).all()
     assert only(assembler.sync(8.25)) is None  # nothing is given twice
-    assert assembler.statistics()[:5] == (1, 0, 3, 3, 3) and balanced(assembler)
+    assert assembler.statistics()[:5] == (1, 0, 3, 3, 3) and is_balanced(assembler)
 
 
 def test_full_scale_is_saturated_and_still_given(assembler):
@@ -68,7 +63,7 @@ def test_missing_tpdo_gives_nan_as_soon_as_it_cannot_come(assembler, lost, value
     check(frame, values, missing=1)
     assert (frame.status == np.where(np.isnan(values), STALE, VALID)).all()
     check(send(assembler, *period[1:], at=1.5), [[0, 0], [2, 2], [4, 4]], sequence=1)  # the next period is whole again
-    assert assembler.statistics().missing == 1 and balanced(assembler)
+    assert assembler.statistics().missing == 1 and is_balanced(assembler)
 
 
 def test_silent_periods_are_all_stale(assembler):
@@ -98,7 +93,7 @@ def test_sweeps_after_silence_are_given_up_until_a_free_bus_proves_that_none_is_
     assert not assembler.is_in_doubt and send(assembler, *sweep, at=51.5) is None
     check(only(assembler.sync(52)), np.full((3, 2), 2), sequence=51)
     check(send(assembler, *sweep, at=52.5), np.full((3, 2), 2), sequence=52)
-    assert balanced(assembler)
+    assert is_balanced(assembler)
 
 
 def test_a_sweep_that_is_late_as_a_whole_goes_back_to_its_period(assembler):
@@ -109,7 +104,7 @@ def test_a_sweep_that_is_late_as_a_whole_goes_back_to_its_period(assembler):
     assert rest == [(), ()]
     check(last[0], np.full((3, 2), 2))
     check(last[1], np.full((3, 2), 4), sequence=1)
-    assert last[0].stamp == 0 and assembler.statistics()[:5] == (2, 0, 6, 6, 6) and balanced(assembler)
+    assert last[0].stamp == 0 and assembler.statistics()[:5] == (2, 0, 6, 6, 6) and is_balanced(assembler)
 
 
 def test_a_node_that_was_started_owes_nothing(assembler):
@@ -120,7 +115,7 @@ def test_a_node_that_was_started_owes_nothing(assembler):
     assembler.start(1)
     assembler.sync(50)
     check(send(assembler, *sweep, at=50.5), np.full((3, 2), 2), sequence=50)
-    assert assembler.statistics().missing == 50 * 3 and balanced(assembler)
+    assert assembler.statistics().missing == 50 * 3 and is_balanced(assembler)
 
 
 @pytest.mark.parametrize('silent', [2, 3])
@@ -134,7 +129,7 @@ def test_after_several_silent_periods_only_a_sweep_that_can_be_no_other_is_given
             assert lost == (Loss(LossReason.LATE, 3) if late and row == ROW_1 else None)
     assert send(assembler, (ROW_1, '0F0F'), at=silent + 0.2) == Loss(LossReason.LATE, 3)
     check(send(assembler, (ROW_2, '0F0F'), (ROW_3, '0F0F'), at=silent + 0.2), np.full((3, 2), 10), sequence=silent)
-    assert assembler.statistics().incomplete == silent and balanced(assembler)
+    assert assembler.statistics().incomplete == silent and is_balanced(assembler)
 
 
 def test_lost_first_tpdo_for_good_leaves_the_others(assembler):
@@ -155,7 +150,7 @@ def test_a_late_tail_goes_back_to_its_period_once_the_next_sweep_begins(assemble
     assert send(assembler, (ROW_2, '0B0B'), at=1.2) is None
     second = only(assembler.feed(ROW_3, b'\x0B\x0B', 1.3))
     check(second, [[2, 2], [2, 2], [2, 2]], sequence=1)
-    assert (first.stamp, second.stamp) == (0, 1) and balanced(assembler)
+    assert (first.stamp, second.stamp) == (0, 1) and is_balanced(assembler)
     assert assembler.statistics().losses[LossReason.LATE] == 0
 
 
@@ -175,7 +170,7 @@ def test_once_the_order_was_changed_a_late_tail_needs_a_whole_sweep_after_it(ass
         assembler.feed(row, bytes([11 + i] * 2), 1.2)
     assembler.end_period()
     statistics = assembler.statistics()
-    assert statistics.missing >= 1 and statistics.losses[LossReason.LATE] >= 1 and balanced(assembler)
+    assert statistics.missing >= 1 and statistics.losses[LossReason.LATE] >= 1 and is_balanced(assembler)
     assert statistics.complete <= 1
 
 
@@ -187,7 +182,7 @@ def test_lone_possible_tail_is_not_published_as_fresh(assembler):
     first, late, second = assembler.sync(2)
     check(first, [[0, 0], [NAN, NAN], [NAN, NAN]], missing=2)
     check(second, np.full((3, 2), NAN), sequence=1, missing=3)
-    assert late == Loss(LossReason.LATE, 2) and balanced(assembler)
+    assert late == Loss(LossReason.LATE, 2) and is_balanced(assembler)
 
 
 def test_an_order_that_was_changed_once_is_forgotten(assembler):
@@ -201,7 +196,7 @@ def test_an_order_that_was_changed_once_is_forgotten(assembler):
         for row in (ROW_1, ROW_2):
             given += assembler.feed(row, bytes([10 + period % 200] * 2), period + 0.2)
         whole += sum(isinstance(result, TaxelFrame) and not result.missing_can_frames for result in given)
-    assert ORDER_MEMORY - 5 < whole < ORDER_MEMORY + 5 and balanced(assembler)
+    assert ORDER_MEMORY - 5 < whole < ORDER_MEMORY + 5 and is_balanced(assembler)
 
 
 def test_every_period_crossing_the_sync_is_whole_and_never_mixed(assembler):
@@ -213,10 +208,10 @@ def test_every_period_crossing_the_sync_is_whole_and_never_mixed(assembler):
             given += assembler.feed(ROW_3, bytes([9 + period] * 2), period + 0.1)
         for row in (ROW_1, ROW_2):
             given += assembler.feed(row, bytes([10 + period] * 2), period + 0.2)
-    frames = [result for result in given if isinstance(result, TaxelFrame)]
+    frames = taxel_frames(given)
     for sequence, frame in enumerate(frames):
         check(frame, [[2 * sequence] * 2] * 3, sequence)
-    assert len(frames) == 4 and balanced(assembler)
+    assert len(frames) == 4 and is_balanced(assembler)
 
 
 def test_tpdos_stamped_before_their_sync_are_of_the_period_before(assembler):
@@ -226,7 +221,7 @@ def test_tpdos_stamped_before_their_sync_are_of_the_period_before(assembler):
     check(send(assembler, (ROW_1, '0F0F'), (ROW_2, '0F0F'), (ROW_3, '0F0F'), at=10.2), np.full((3, 2), 10))
     check(send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=11.2), np.zeros((3, 2)),
           sequence=1)
-    assert balanced(assembler)
+    assert is_balanced(assembler)
 
 
 def test_part_of_them_too_and_what_is_older_still_is_late(assembler):
@@ -236,7 +231,7 @@ def test_part_of_them_too_and_what_is_older_still_is_late(assembler):
     check(send(assembler, (ROW_2, '0F0F'), (ROW_3, '0F0F'), at=10.2), np.full((3, 2), 10))
     assert send(assembler, (ROW_1, '0E0E'), at=10.3) == Loss(LossReason.LATE)  # that period is given
     check(send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=11.2), np.zeros((3, 2)), sequence=1)
-    assert balanced(assembler)
+    assert is_balanced(assembler)
 
 
 @pytest.mark.parametrize('older', [1, 2, 3])
@@ -249,11 +244,11 @@ def test_what_was_sent_before_the_sync_before_is_of_neither_period(assembler, ol
     given = [*assembler.sync(11.0), *assembler.sync(12.0)]
     for sent in sweeps[3 - older:]:
         given += assembler.feed(*sent)
-    frames = [result for result in given if isinstance(result, TaxelFrame)]
+    frames = taxel_frames(given)
     check(frames[0], [[2, 2]] * (3 - older) + [[NAN, NAN]] * older, missing=older)
     check(frames[1], np.full((3, 2), NAN), sequence=1, missing=3)
     check(frames[2], np.full((3, 2), 6), sequence=2)
-    assert len(frames) == 3 and assembler.statistics().losses[LossReason.LATE] == older + 3 and balanced(assembler)
+    assert len(frames) == 3 and assembler.statistics().losses[LossReason.LATE] == older + 3 and is_balanced(assembler)
 
 
 def played(assembler, script):
@@ -271,7 +266,7 @@ def played(assembler, script):
         else:
             given += assembler.feed(rows[name[0]], bytes([10 + int(name[1:])] * 2), float(stamp or now + 0.5))
     given += assembler.end_period()
-    assert balanced(assembler)
+    assert is_balanced(assembler)
     return {frame.sequence: set(frame.values[~np.isnan(frame.values)] / 2) for frame in given
             if isinstance(frame, TaxelFrame)}
 
@@ -323,7 +318,7 @@ def test_a_bus_that_seemed_free_because_the_adapter_was_held_up_gives_no_wrong_s
             results += assembler.feed(row, data, 1.021)
     check(results[0], np.zeros((3, 2)), sequence=1)
     check(results[1], np.full((3, 2), 2), sequence=2)
-    assert len(results) == 2 and assembler.sync(1.04) == () and balanced(assembler)
+    assert len(results) == 2 and assembler.sync(1.04) == () and is_balanced(assembler)
 
 
 def test_stamps_of_two_clocks_are_not_compared(tmp_path):
@@ -336,7 +331,7 @@ def test_repeated_frame_is_a_duplicate(assembler):
     assembler.sync(0)
     assert send(assembler, (ROW_1, '0A0B'), (ROW_1, '0A0B')) == Loss(LossReason.DUPLICATE)
     check(send(assembler, (ROW_2, '0A0A'), (ROW_3, '0A0A')), [[0, 2], [0, 0], [0, 0]])
-    assert assembler.statistics().losses[LossReason.DUPLICATE] == 1 and balanced(assembler)
+    assert assembler.statistics().losses[LossReason.DUPLICATE] == 1 and is_balanced(assembler)
 
 
 def test_same_cob_id_with_other_bytes_begins_a_new_run(assembler):
@@ -345,7 +340,7 @@ def test_same_cob_id_with_other_bytes_begins_a_new_run(assembler):
     assert send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_2, '0B0B')) == Loss(LossReason.LATE, 2)
     send(assembler, (ROW_3, '0B0B'))
     check(only(assembler.sync(1)), [[NAN, NAN], [2, 2], [2, 2]], missing=1)
-    assert balanced(assembler)
+    assert is_balanced(assembler)
 
 
 def test_frames_after_a_complete_one_are_surplus(assembler):
@@ -357,7 +352,7 @@ def test_frames_after_a_complete_one_are_surplus(assembler):
     send(assembler, (ROW_1, '0B0B'), (ROW_2, '0B0B'), at=1.5)
     late, frame = assembler.feed(ROW_3, b'\x0B\x0B', 1.5)
     check(frame, np.full((3, 2), 2), sequence=1)
-    assert late == Loss(LossReason.LATE, 2) and balanced(assembler)
+    assert late == Loss(LossReason.LATE, 2) and is_balanced(assembler)
 
 
 @pytest.mark.parametrize(('data', 'reason'), [('', LossReason.SHORT), ('0A', LossReason.SHORT),
@@ -368,12 +363,12 @@ def test_wrong_length_makes_its_taxels_stale(assembler, data, reason):
     frame = send(assembler, (ROW_3, '0A0A'))
     check(frame, [[0, 0], [NAN, NAN], [0, 0]], missing=1)
     assert frame.status[1].tolist() == [STALE, STALE]
-    assert assembler.statistics().incomplete == 1 and balanced(assembler)
+    assert assembler.statistics().incomplete == 1 and is_balanced(assembler)
 
 
 def test_before_the_first_sync_nothing_is_taken(assembler):
     assert send(assembler, (ROW_1, '0A0A')) == Loss(LossReason.BEFORE_FIRST_SYNC)
-    assert assembler.statistics().losses[LossReason.BEFORE_FIRST_SYNC] == 1 and balanced(assembler)
+    assert assembler.statistics().losses[LossReason.BEFORE_FIRST_SYNC] == 1 and is_balanced(assembler)
 
 
 def test_restart_counts_the_unfinished_and_begins_at_zero(assembler):
@@ -381,7 +376,7 @@ def test_restart_counts_the_unfinished_and_begins_at_zero(assembler):
     assembler.sync(1)
     send(assembler, (ROW_1, '0A0A'), at=1.5)
     assembler.restart()
-    assert assembler.statistics().losses[LossReason.UNFINISHED] == 1 and balanced(assembler)
+    assert assembler.statistics().losses[LossReason.UNFINISHED] == 1 and is_balanced(assembler)
     assert only(assembler.sync(5)) is None
     check(send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=5.5), np.zeros((3, 2)))
 
@@ -401,8 +396,8 @@ def random_periods(assembler, loss, most_delayed, periods=3000):
         now, backlog = backlog[:ready], backlog[ready:]
         for can_id, data in now:
             given += assembler.feed(can_id, data, period + 0.5)
-    frames = [result for result in given + [*assembler.end_period()] if isinstance(result, TaxelFrame)]
-    assert [frame.sequence for frame in frames] == list(range(periods)) and balanced(assembler)
+    frames = taxel_frames([*given, *assembler.end_period()])
+    assert [frame.sequence for frame in frames] == list(range(periods)) and is_balanced(assembler)
     return [(frame.sequence, set(frame.values[~np.isnan(frame.values)] / 2 + 5)) for frame in frames]
 
 
@@ -432,7 +427,7 @@ def test_reordered_tpdos_are_counted_apart_and_never_joined(assembler):
     assert send(assembler, (ROW_1, '0A0A'), (ROW_3, '0A0A'), (ROW_2, '0B0B')) == Loss(LossReason.OUT_OF_ORDER, 2)
     check(only(assembler.end_period()), [[NAN, NAN], [2, 2], [NAN, NAN]], missing=2)
     losses = assembler.statistics().losses
-    assert (losses[LossReason.OUT_OF_ORDER], losses[LossReason.LATE]) == (2, 0) and balanced(assembler)
+    assert (losses[LossReason.OUT_OF_ORDER], losses[LossReason.LATE]) == (2, 0) and is_balanced(assembler)
 
 
 def test_incomplete_sweeps_can_be_dropped(tmp_path):
@@ -444,7 +439,7 @@ def test_incomplete_sweeps_can_be_dropped(tmp_path):
     check(send(assembler, (ROW_2, '0B0B'), (ROW_3, '0B0B'), at=1.5), np.full((3, 2), 2), sequence=1)
     statistics = assembler.statistics()
     assert (statistics.complete, statistics.incomplete, statistics.withheld) == (1, 0, 1)
-    assert statistics.losses[LossReason.INCOMPLETE] == 2 and statistics.expected == 6 and balanced(assembler)
+    assert statistics.losses[LossReason.INCOMPLETE] == 2 and statistics.expected == 6 and is_balanced(assembler)
 
 
 PERIODS = 3  # in which something happens to the TPDOs; then all is well
@@ -475,9 +470,9 @@ def test_whatever_is_lost_or_late_by_a_period_no_frame_is_wrong(tmp_path):
                 assembler.settle()
             for row, count in sent:
                 frames += assembler.feed((ROW_1, ROW_2, ROW_3)[row], bytes([10 + count] * 2), period + 0.5)
-        frames = [frame for frame in (*frames, *assembler.end_period()) if isinstance(frame, TaxelFrame)]
+        frames = taxel_frames([*frames, *assembler.end_period()])
         assert [frame.sequence for frame in frames] == list(range(PERIODS + 6))
-        assert balanced(assembler)
+        assert is_balanced(assembler)
         for frame in frames:
             counts = frame.values[:, 0] / 2
             assert (np.isnan(counts) | (counts == frame.sequence)).all(), (fate, frame)
@@ -502,8 +497,8 @@ def test_what_an_adapter_has_held_back_is_given_no_present_stamp(tmp_path, lost,
         for can_id, data in waiting[:taken]:
             results += assembler.feed(can_id, data, period + 0.5)
         del waiting[:taken]
-        frames += [result for result in results if isinstance(result, TaxelFrame)]
+        frames += taxel_frames(results)
     for frame in frames:
         values = frame.values[np.isfinite(frame.values)]
         assert (values == 2 * (frame.sequence // 2)).all(), (frame.sequence, values)
-    assert np.isfinite(frames[-1].values).all() and balanced(assembler)
+    assert np.isfinite(frames[-1].values).all() and is_balanced(assembler)

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
+from eds_text import record
 
 from tactile_node.cli.main import main
 from tactile_node.skin.layout_file import read_layout
@@ -137,17 +138,6 @@ def test_several_pads_on_one_bus_share_its_time(pads, period, load, warns, capsy
 @pytest.mark.parametrize('words', [('--pads', '0'), ('--sync-period', '0'), ('--sync-period', 'nan')])
 def test_a_use_that_is_none_is_refused(words):
     assert main(['check', 'sim16x16.yaml', *words]) == 2
-
-
-PART = '[{index:X}{sub}]\nParameterName=x{index:X}{sub}\nDataType={kind}\nAccessType=rw\n{default}'
-
-
-def record(index, subs):
-    """Sections of a record; ``subs``: sub-index -> (data type, default or None)."""
-    lines = f'[{index:X}]\nParameterName=x{index:X}\nObjectType=9\nSubNumber={len(subs)}\n'
-    return lines + ''.join(PART.format(index=index, sub=f'sub{sub:X}', kind=kind,
-                                       default='' if default is None else f'DefaultValue={default}\n')
-                           for sub, (kind, default) in subs.items())
 
 
 def tpdo(number, cob_id, entries, count=None):

@@ -8,6 +8,7 @@ from random import Random
 import numpy as np
 import pytest
 from can_bench import Bench, only, tiny_layout
+from test_logs import play
 
 from tactile_node.assembly.domain_assembler import DomainAssembler
 from tactile_node.assembly.frame_source import Loss, LossReason
@@ -17,7 +18,6 @@ from tactile_node.logs.log_reader import CanLogReader
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings
 from tactile_node.skin.taxel_codec import TaxelCodec
-from tactile_node.sources.log_source import LogSource
 from tactile_node.taxel_frame import TaxelStatus
 
 TINY = '''
@@ -193,13 +193,7 @@ def test_simulated_skin_end_to_end_and_its_log_again(tmp_path, refuses_blocks):
     for (_, frame), first in zip(live, firsts):
         np.testing.assert_allclose(frame.values, 10 * (first + np.arange(160).reshape(16, 10)))
     assert np.all(np.diff(firsts) >= 7) and {first % 7 for first in firsts} == {0}
-    replayed = []
-    pads = (PadSettings('pad32', (32,), load_layout(LAYOUT)),)
-    source = LogSource(str(log), pads, lambda *given: replayed.append(given), None)
-    source.open()
-    source.start()
-    assert source.finished.wait(60)
-    source.close()
+    replayed, _ = play(log, (PadSettings('pad32', (32,), load_layout(LAYOUT)),))
     values = [frame.values.tolist() for _, frame in replayed]
     assert all(frame.values.tolist() in values for _, frame in live)
 

@@ -9,14 +9,15 @@ import re
 
 import numpy as np
 import pytest
-from can_bench import TINY, only, tiny_layout
+from can_bench import TINY, is_balanced, only, tiny_layout
+from can_bench import taxel_frames as frames
 
 from tactile_node.assembly.frame_source import Loss, LossReason
 from tactile_node.assembly.snapshot_assembler import SNAPSHOT_WAIT, SnapshotAssembler
 from tactile_node.assembly.sweep_assembler import SweepAssembler
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.taxel_codec import without_values
-from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, without_any_value
+from tactile_node.taxel_frame import TaxelStatus, without_any_value
 
 T = 0.02
 MAX_AGE = 0.05
@@ -62,22 +63,12 @@ def sweep(assembler, at, counts=10, ranks=range(3)):
     return sum((send(assembler, rank, at + 0.001 * i, counts) for i, rank in enumerate(ranks)), ())
 
 
-def frames(results):
-    return [result for result in results if isinstance(result, TaxelFrame)]
-
-
 def rows(frame):
     """The counts of each row, None where it has no value; both taxels of a row agree."""
     assert ((frame.status == TaxelStatus.VALID) == ~np.isnan(frame.values)).all()
     assert (frame.status[np.isnan(frame.values)] == TaxelStatus.STALE).all()
     np.testing.assert_array_equal(frame.values[:, 0], frame.values[:, 1])
     return [None if np.isnan(value) else int(value / 2 + 10) for value in frame.values[:, 0]]
-
-
-def is_balanced(assembler):
-    counts = assembler.statistics()
-    return (counts.received == counts.used + counts.pending + sum(counts.losses.values())
-            and counts.used == sum(counts.used_by_node))
 
 
 def test_a_sweep_is_given_with_its_last_tpdo_and_stamped_with_its_first(sweeps):

@@ -5,8 +5,9 @@ import time
 import can
 import numpy as np
 import pytest
-from can_bench import INTERFACE, Bench, Master, channel_of, other_bus, wait_until
+from can_bench import INTERFACE, Bench, SkinMaster, channel_of, other_bus, wait_until
 from faulty_bus import Adapter
+from test_logs import play
 
 from tactile_node.assembly.health import NodeFault
 from tactile_node.bus import skin_bus
@@ -16,7 +17,6 @@ from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.tpdo_records import ConfiguredTpdo, EventSchedule
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings, make_pad
-from tactile_node.sources.log_source import LogSource
 
 SWEEPS, SNAPSHOTS = 'event12x8_8bit.yaml', 'event8x8_16bit.yaml'
 SHAPES = {SWEEPS: (12, 8), SNAPSHOTS: (8, 8)}
@@ -32,17 +32,6 @@ def still(layout):
     rows, cols = SHAPES[layout]
     values = load_layout(layout).value.scale * np.arange(rows * cols).reshape(rows, cols)
     return lambda t: values
-
-
-def given_by_log(path, layout):
-    frames = []
-    pads = (PadSettings('pad32', (32,), load_layout(layout)),)
-    source = LogSource(str(path), pads, lambda _, frame: frames.append(frame), None)
-    source.open()
-    source.start()
-    assert source.finished.wait(60)
-    source.close()
-    return frames, source.statistics()
 
 
 def schedule(**times):
@@ -65,13 +54,8 @@ def test_changes_are_sent_after_the_inhibit_time_and_what_is_unchanged_after_the
     assert sent_at(plan, [11.25, 11.375, 11.5, 11.625], data=str) == [11.25, 11.5]
 
 
-class Device(Master):
+class Device(SkinMaster):
     """One simulated pad, node 32, and its master."""
-
-    def __init__(self, layout):
-        super().__init__('event_wire')
-        self.simulator = SkinSimulator([make_pad('pad', 32, layout)], {'pad': still(layout)})
-        self.simulator.start(INTERFACE, channel_of('event_wire'))
 
     def take(self, can_id, count):
         found = []
@@ -89,10 +73,8 @@ class Device(Master):
 
 @pytest.fixture
 def device():
-    device = Device(SNAPSHOTS)
-    yield device
-    device.simulator.stop()
-    device.bus.shutdown()
+    with Device('event_wire', SNAPSHOTS, still(SNAPSHOTS)) as device:
+        yield device
 
 
 @pytest.mark.bus
@@ -144,13 +126,13 @@ def test_driver_and_log(tmp_path, layout, written):
         np.testing.assert_allclose(frame.values, still(layout)(0), rtol=1e-6)
         assert (frame.tpdo_ages is None) == (layout == SWEEPS)
     assert (np.diff([frame.stamp for frame in live]) > 0).all()
-    again, counts = given_by_log(log, layout)
-    stamps = np.array([frame.stamp for frame in again])
+    again, source = play(log, (PadSettings('pad32', (32,), load_layout(layout)),))
+    stamps = np.array([frame.stamp for _, frame in again])
     for frame in live:
-        same = again[np.abs(stamps - frame.stamp).argmin()]
+        _, same = again[np.abs(stamps - frame.stamp).argmin()]
         assert abs(same.stamp - frame.stamp) < 2e-5  # candump writes microseconds
         np.testing.assert_array_equal(same.values, frame.values)
-    pad = counts.pads['pad32']
+    pad = source.statistics().pads['pad32']
     assert pad.received == pad.used + sum(pad.losses.values()) and pad.used >= 10 * 12
 
 

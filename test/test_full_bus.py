@@ -10,16 +10,6 @@ SWEEPS, EVENT = 600, 200  #: in a world; the number of the one to which somethin
 
 
 @pytest.mark.parametrize('clock', [HOST, WIRE])
-@pytest.mark.parametrize('pads', [ONE, TWO, TWO_NODES], ids=['one pad', 'two pads', 'a pad of two nodes'])
-@pytest.mark.parametrize('load', LOADS)
-def test_what_the_device_sent_whole_arrives_whole(load, pads, clock):
-    """Above 94 % (90 % with slcan) the end of each sweep crosses the next SYNC: 1 frame in 1,000 was whole."""
-    for seen in played(pads, np.arange(SWEEPS) * period_at(load, pads), clock):
-        assert not seen.wrong and len(seen.answered) == SWEEPS
-        assert len(seen.whole) >= SWEEPS - 1  # the end of the last one comes when nothing proves it
-
-
-@pytest.mark.parametrize('clock', [HOST, WIRE])
 @pytest.mark.parametrize('load', LOADS)
 def test_a_sync_late_by_half_a_period_or_jitter_costs_nothing(load, clock):
     period = period_at(load, ONE)
@@ -81,13 +71,16 @@ def test_on_a_bus_that_is_never_idle_for_long_a_sweep_left_out_costs_not_all():
 @pytest.mark.parametrize('foreign', [0.0, 0.05, 0.08, 0.15])
 @pytest.mark.parametrize('load', LOADS)
 def test_foreign_frames_that_go_first_give_no_frame_a_wrong_stamp(load, foreign, pads, clock):
-    """Beyond a full bus the nodes fall behind, and leave out sweeps."""
+    """Beyond a full bus the nodes fall behind, and leave out sweeps. Without foreign frames all arrives whole: above
+    94 % (90 % with slcan) the end of each sweep crosses the next SYNC, and 1 frame in 1,000 was whole.
+    """
     period = period_at(load, pads)
     others = Node([0x081], skips=lambda number: True)
     if foreign:
         others.chatter(np.arange(0.0, SWEEPS * period, frame_seconds(8) / foreign))
     for seen in played(pads, np.arange(SWEEPS) * period, clock, chatter=[others]):
-        assert not seen.wrong
+        assert not seen.wrong and (foreign or len(seen.answered) == SWEEPS)
+        # the end of the last one comes when nothing proves it
         assert len(seen.whole) >= (0.3 * len(seen.answered) if foreign else SWEEPS - 1)
 
 

@@ -32,7 +32,7 @@ def test_random_can_messages_leave_a_driver_that_still_works():
         with FrameFuzz('fuzzed', 3) as fuzz:
             fuzz.send(4000)
             assert fuzz.right_again()
-            assert not fuzz.bad and fuzz.logged_errors()
+            assert not fuzz.bad and fuzz.bench.log.errors
     finally:
         logging.getLogger().removeHandler(tracebacks)
     assert not tracebacks.ours, tracebacks.counts

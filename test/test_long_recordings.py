@@ -264,13 +264,6 @@ def test_what_lies_before_a_window_is_not_read(tmp_path, is_ended):
         list(CanLogReader(path, window=Window(10.0)))
 
 
-def test_taxel_frames_of_a_window(tmp_path):
-    reader = TopicBagReader(topic_bag(tmp_path / 'x.mcap'))
-    messages = reader.messages((TAXELS,), window=Window(17.0, 25.0))
-    assert [message.content.sequence for message in messages] == list(range(17, 42))
-    assert reader.begin == BEGIN
-
-
 def test_replay_reports_what_is_missing_and_begins_where_it_is_asked_to(tmp_path, capsys):
     """A SYNC and 32 TPDOs of a pad 100 times a second; of 3 s the chunk of a tenth is damaged."""
     path = tmp_path / 'x.mcap'

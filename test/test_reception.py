@@ -1,16 +1,14 @@
 """Batches: how a bus is read, when their frames came, and which SYNC is left out."""
 
 import os
-import pty
 import threading
 import time
-import tty
 from math import inf
 from types import SimpleNamespace
 
 import can
 import pytest
-from can_bench import wait_until
+from can_bench import serial_line, wait_until
 
 from tactile_node.bus import traffic as traffic_module
 from tactile_node.bus.bus_network import open_bus
@@ -56,27 +54,24 @@ def test_an_exception_over_a_batch_does_not_end_the_reception():
 
 
 def test_slcan_frames_came_between_the_last_look_at_an_empty_port_and_their_reading():
-    master, port = pty.openpty()
-    tty.setraw(port)
-    bus = open_bus('slcan', os.ttyname(port), 500_000, {'sleep_after_open': 0.0})
-    bus.recv_all(0.05)
-    before = time.monotonic()
-    os.write(master, b't1A02AABB\rt1A02')
-    time.sleep(0.05)  # a pseudo-terminal passes it on by a thread of the kernel
-    after, until = (batch := bus.recv_all(60)).came
-    assert after < before < until and len(batch.messages) == 1
-    os.write(master, b'CCDD\r')  # the line began before the last look
-    time.sleep(0.05)
-    second = bus.recv_all(60)
-    assert second.came[0] < until and bytes(second.messages[0].data) == b'\xCC\xDD'
-    asked = time.monotonic()
-    assert not bus.recv_all(0.1).messages
-    os.write(master, b't1A01EE\r')
-    idle = bus.recv_all(60)
-    assert idle.came[0] > asked  # nothing waited then: proved by a look, not by the length of the wait
-    bus.shutdown()
-    os.close(master)
-    os.close(port)
+    with serial_line() as (adapter, port):
+        bus = open_bus('slcan', port, 500_000, {'sleep_after_open': 0.0})
+        bus.recv_all(0.05)
+        before = time.monotonic()
+        os.write(adapter, b't1A02AABB\rt1A02')
+        time.sleep(0.05)  # a pseudo-terminal passes it on by a thread of the kernel
+        after, until = (batch := bus.recv_all(60)).came
+        assert after < before < until and len(batch.messages) == 1
+        os.write(adapter, b'CCDD\r')  # the line began before the last look
+        time.sleep(0.05)
+        second = bus.recv_all(60)
+        assert second.came[0] < until and bytes(second.messages[0].data) == b'\xCC\xDD'
+        asked = time.monotonic()
+        assert not bus.recv_all(0.1).messages
+        os.write(adapter, b't1A01EE\r')
+        idle = bus.recv_all(60)
+        assert idle.came[0] > asked  # nothing waited then: proved by a look, not by the length of the wait
+        bus.shutdown()
 
 
 def test_syncs_are_left_out_while_it_is_not_known_how_far_a_node_is():

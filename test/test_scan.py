@@ -6,6 +6,7 @@ import time
 import can
 import pytest
 from can_bench import INTERFACE, Served, channel_of
+from eds_text import record
 
 from tactile_node.cli.main import main
 
@@ -107,10 +108,8 @@ def test_a_silent_bus_is_reported(words, capsys):
 
 
 def test_a_folder_of_eds_files_is_compared_too(tmp_path, capsys):
-    eds = (tmp_path / 'other.eds')
-    eds.write_text('[DeviceInfo]\nVendorName=x\n[1018]\nParameterName=Identity\nObjectType=9\nSubNumber=3\n'
-                   + ''.join(f'[1018sub{sub}]\nParameterName=x\nDataType=7\nAccessType=ro\nDefaultValue={value}\n'
-                             for sub, value in ((1, 0x77), (2, 0x88))))
+    eds = tmp_path / 'other.eds'
+    eds.write_text('[DeviceInfo]\nVendorName=x\n' + record(0x1018, {1: (7, 0x77), 2: (7, 0x88)}))
     (tmp_path / 'broken.eds').write_text('nothing')
     channel = channel_of('other maker')
     with Device(channel, 5, {(0x1000, 0): u32(0), (0x1018, 1): u32(0x77), (0x1018, 2): u32(0x88)}):

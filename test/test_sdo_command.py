@@ -5,6 +5,7 @@ import json
 import can
 import pytest
 from can_bench import INTERFACE, Served, channel_of
+from eds_text import record
 
 from tactile_node.cia301.objects import ObjectAddress, parse_address
 from tactile_node.cli.main import main
@@ -25,45 +26,10 @@ STORE = [('2310100173617665', '6010100100000000')]
 RESTORE = [('231110016C6F6164', '6011100100000000')]
 MAPPING = [('2F001A0000000000', '80001A0000000106')]  # refused while the TPDO is valid
 
-EDS = '''[DeviceInfo]
-VendorName=x
-[2120]
-ParameterName=Demo record
-ObjectType=9
-SubNumber=3
-[2120sub0]
-ParameterName=Highest sub-index supported
-DataType=5
-AccessType=ro
-[2120sub3]
-ParameterName=R32
-DataType=8
-AccessType=rw
-[1800]
-ParameterName=TPDO communication parameter
-ObjectType=9
-SubNumber=2
-[1800sub0]
-ParameterName=Highest sub-index supported
-DataType=5
-AccessType=ro
-[1800sub1]
-ParameterName=COB-ID used by TPDO
-DataType=7
-AccessType=rw
-[1801]
-ParameterName=TPDO communication parameter
-ObjectType=9
-SubNumber=2
-[1801sub0]
-ParameterName=Highest sub-index supported
-DataType=5
-AccessType=ro
-[1801sub1]
-ParameterName=COB-ID used by TPDO
-DataType=7
-AccessType=rw
-'''
+EDS = '[DeviceInfo]\nVendorName=x\n' + record(
+    0x2120, {0: (5, None), 3: (8, None, 'R32')}, 'Demo record') + ''.join(
+    record(index, {0: (5, None), 1: (7, None, 'COB-ID used by TPDO')}, 'TPDO communication parameter')
+    for index in (0x1800, 0x1801))
 
 
 class Recorded(Served):

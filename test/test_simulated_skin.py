@@ -1,19 +1,17 @@
 """The simulated skin as a device: what it sends byte by byte, what it refuses, and its slcan adapter."""
 
 import os
-import pty
 import re
 import select
 import struct
 import time
-import tty
 from contextlib import ExitStack
 from types import SimpleNamespace
 
 import can
 import numpy as np
 import pytest
-from can_bench import INTERFACE, Master, channel_of, wait_until
+from can_bench import SkinMaster, serial_line, wait_until
 from faulty_bus import Adapter
 
 from tactile_node.bus import slcan_bus
@@ -32,15 +30,11 @@ pytestmark = pytest.mark.bus
 START, SYNC = (0x000, '0120'), (0x080, '')
 
 
-class Wire(Master):
+class Wire(SkinMaster):
     """A bare CAN bus beside one 16x16 pad, node 32, whose taxel (r, c) reads 16 r + c counts."""
 
     def __init__(self):
-        counts = np.arange(256).reshape(16, 16)
-        pad = make_pad('pad', 32, 'sim16x16.yaml')
-        super().__init__('wire')
-        self.simulator = SkinSimulator([pad], {'pad': lambda t: counts * 392.156862745})
-        self.simulator.start(INTERFACE, channel_of('wire'))
+        super().__init__('wire', 'sim16x16.yaml', lambda t: 392.156862745 * np.arange(256).reshape(16, 16))
 
     def enable(self, number, flags='00'):
         cob_id = 0x1A0 + number - 1
@@ -55,10 +49,8 @@ class Wire(Master):
 
 @pytest.fixture
 def wire():
-    wire = Wire()
-    yield wire
-    wire.simulator.stop()
-    wire.bus.shutdown()
+    with Wire() as wire:
+        yield wire
 
 
 def test_boots_and_keeps_silent_until_configured(wire):
@@ -270,21 +262,18 @@ def test_client_that_does_not_read_costs_frames_not_memory():
 
 
 def test_slcan_client_reads_through_noise_on_the_line():
-    master, port = pty.openpty()
-    tty.setraw(port)
-    client = open_bus('slcan', os.ttyname(port), 500_000, {'sleep_after_open': 0.0})
-    opening = rb'C\rS6\r\r?O\rO\r'  # what python-can writes; from 4.5 on with an empty line after the bit rate
-    assert re.fullmatch(opening, read_until(master, opening))
-    os.write(master, b'\r\at1A02AABB\rz\rt1A0\rtXYZ0\r\xff\xfe\rV1013\rt1A01')
-    os.write(master, b'CC\r')
-    received = [client.recv(60) for _ in range(5)]
-    came = [(m.is_error_frame, bytes(m.data)) for m in received]
-    damaged = (True, bytes(8))
-    assert came == [(False, b'\xAA\xBB'), damaged, damaged, damaged, (False, b'\xCC')]  # t1A0, tXYZ0, \xff\xfe
-    assert client.recv(0.1) is None
-    client.shutdown()
-    os.close(master)
-    os.close(port)
+    with serial_line() as (adapter, port):
+        client = open_bus('slcan', port, 500_000, {'sleep_after_open': 0.0})
+        opening = rb'C\rS6\r\r?O\rO\r'  # what python-can writes; from 4.5 on with an empty line after the bit rate
+        assert re.fullmatch(opening, read_until(adapter, opening))
+        os.write(adapter, b'\r\at1A02AABB\rz\rt1A0\rtXYZ0\r\xff\xfe\rV1013\rt1A01')
+        os.write(adapter, b'CC\r')
+        received = [client.recv(60) for _ in range(5)]
+        came = [(m.is_error_frame, bytes(m.data)) for m in received]
+        damaged = (True, bytes(8))
+        assert came == [(False, b'\xAA\xBB'), damaged, damaged, damaged, (False, b'\xCC')]  # t1A0, tXYZ0, \xff\xfe
+        assert client.recv(0.1) is None
+        client.shutdown()
 
 
 def test_an_slcan_port_is_for_one_process_and_can_be_opened_again():
@@ -298,15 +287,12 @@ def test_an_slcan_port_is_for_one_process_and_can_be_opened_again():
 
 
 def test_an_slcan_adapter_that_does_not_answer_is_opened_again_when_it_has_had_time_to_start(monkeypatch):
-    master, port = pty.openpty()
-    tty.setraw(port)
     slept = []
     clock = SimpleNamespace(sleep=slept.append, monotonic=time.monotonic, time=time.time)
     monkeypatch.setattr(slcan_bus, 'time', clock)
-    client = open_bus('slcan', os.ttyname(port), 500_000, {})
-    assert sum(slept) == pytest.approx(slcan_bus.RESET - slcan_bus.ANSWER)
-    twice = rb'C\r.*S6\r.*O\r.*V\r.*S6\r.*O\r'
-    assert re.fullmatch(twice, read_until(master, twice), re.DOTALL)
-    client.shutdown()
-    os.close(master)
-    os.close(port)
+    with serial_line() as (adapter, port):
+        client = open_bus('slcan', port, 500_000, {})
+        assert sum(slept) == pytest.approx(slcan_bus.RESET - slcan_bus.ANSWER)
+        twice = rb'C\r.*S6\r.*O\r.*V\r.*S6\r.*O\r'
+        assert re.fullmatch(twice, read_until(adapter, twice), re.DOTALL)
+        client.shutdown()

@@ -7,12 +7,12 @@ import can
 import numpy as np
 import pytest
 from can_bench import INTERFACE, Bench, other_bus, wait_until
+from test_logs import play
 
 from tactile_node.bus.skin_bus import BusSettings, SkinBus
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError, DeviceError, LogError
 from tactile_node.package_files import config_path
 from tactile_node.skin.pads import PadSettings, make_pad
-from tactile_node.sources.log_source import LogSource
 from tactile_node.taxel_frame import TaxelStatus
 
 pytestmark = pytest.mark.bus
@@ -68,7 +68,7 @@ def test_another_makers_skin_is_only_another_file(layout, high):
 
 
 def test_recorded_session_plays_back_the_same_frames(tmp_path):
-    record, played = tmp_path / 'live.log', []
+    record = tmp_path / 'live.log'
     with Bench('record', source=lambda t: np.full((16, 16), 392.156862745 * int(t * 100 % 200)),
                sync_period=0.01,
                record=str(record)) as bench:
@@ -76,12 +76,8 @@ def test_recorded_session_plays_back_the_same_frames(tmp_path):
         live = [frame for _, frame in bench.take(20)]
         assert wait_until(lambda: bench.driver.statistics().pads['pad32'].received >= 20 * 32)
     assert {line.split()[1] for line in record.read_text().splitlines()} == {bench.channel}  # own SYNC, too
-    source = LogSource(str(record), bench.pads, lambda _n, f: played.append(f), pace=None)
-    source.open()
-    source.start()
-    assert source.finished.wait(60)
-    source.close()
-    for one, other in zip(live, played):
+    played, source = play(record, bench.pads)
+    for one, (_, other) in zip(live, played):
         np.testing.assert_array_equal(one.values, other.values)
         assert one.sequence == other.sequence and abs(one.stamp - other.stamp) < 2e-6
     assert source.statistics().can_frames['tpdo'] == source.statistics().pads['pad32'].received >= 20 * 32

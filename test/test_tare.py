@@ -136,10 +136,14 @@ def test_of_a_device_that_zeroes_itself_in_part_no_value_is_valid_until_the_next
     assert pad.feed(frame([[4.0]])).values.tolist() == [[3.0]] and pad.zero_state is ZeroState.VALID
 
 
-def test_a_device_that_has_lost_its_zero_gives_no_valid_value_until_the_next_tare():
+@pytest.mark.parametrize('later', [[], [1.0]], ids=['', 'after a plain tare'])
+def test_a_device_that_has_lost_its_zero_gives_no_valid_value_until_the_next_tare(later):
+    """Also after a plain tare: it has measured what the device's zero had left, and is wrong without that zero."""
     pad, boots = TaredPad(GUARD), []
     tared(pad, [frame([[0.5]])], 3, zero_device=lambda: 1, boots=lambda: len(boots))
-    assert pad.feed(frame([[4.0]])).values.tolist() == [[3.5]]
+    for value in later:
+        tared(pad, [frame([[value]])], 3)
+    assert pad.feed(frame([[4.0]])).values.tolist() == [[3.0 if later else 3.5]]
     boots.append('power cycle')
     assert np.isnan(pad.feed(frame([[8.0]])).values).all()
     assert pad.zero_state is ZeroState.DEVICE_HAS_RESTARTED
@@ -195,17 +199,13 @@ def test_a_contact_is_never_tared_away_whatever_the_limit(what, given):
     assert refused.value.refusal is TareRefusal.CONTACT, what
 
 
-def test_a_contact_that_comes_and_goes_during_the_tare_is_one():
-    values = frames(np.zeros((SIDE, SIDE)), 100.0, 50)
-    values[20:22, OBJECT] += 50e3
-    with pytest.raises(TareRefusedError) as refused:
-        measure(values, ANY_LIMIT, GUARD)
-    assert refused.value.refusal is TareRefusal.CONTACT
-
-
-def test_a_contact_that_is_partly_hidden_is_one():
-    values = frames(50e3 * SMALL, 100.0, 50)
-    values[::2, SMALL] = np.nan
+@pytest.mark.parametrize('how', ['comes and goes', 'partly hidden'])
+def test_a_contact_that_is_seen_in_a_part_of_the_frames_is_one(how):
+    values = frames(50e3 * SMALL if how == 'partly hidden' else np.zeros((SIDE, SIDE)), 100.0, 50)
+    if how == 'partly hidden':
+        values[::2, SMALL] = np.nan
+    else:
+        values[20:22, OBJECT] += 50e3
     with pytest.raises(TareRefusedError) as refused:
         measure(values, ANY_LIMIT, GUARD)
     assert refused.value.refusal is TareRefusal.CONTACT
@@ -244,13 +244,3 @@ def test_after_the_devices_zero_a_tare_that_fails_leaves_no_valid_value():
     assert pad.zero_state is ZeroState.DEVICE_NOT_CHECKED
     tared(pad, [frame([[0.25, 0.25]])], 3)
     assert pad.feed(frame([[1.25, 0.25]])).values.tolist() == [[1, 0]] and pad.zero_state is ZeroState.VALID
-
-
-def test_the_devices_zero_is_watched_also_after_the_next_plain_tare():
-    """The plain tare has measured what the device's zero had left; without that zero it is wrong."""
-    pad, boots = TaredPad(GUARD), []
-    tared(pad, [frame([[0.5]])], 3, zero_device=lambda: 1, boots=lambda: len(boots))
-    tared(pad, [frame([[1.0]])], 3)
-    assert pad.feed(frame([[4.0]])).values.tolist() == [[3.0]]
-    boots.append('power cycle')
-    assert np.isnan(pad.feed(frame([[8.0]])).values).all() and pad.zero_state is ZeroState.DEVICE_HAS_RESTARTED
