@@ -118,27 +118,6 @@ def test_a_node_that_was_started_owes_nothing(assembler):
     assert assembler.statistics().missing == 50 * 3 and is_balanced(assembler)
 
 
-@pytest.mark.parametrize('silent', [2, 3])
-def test_after_several_silent_periods_only_a_sweep_that_can_be_no_other_is_given(assembler, silent):
-    """As many sweeps come late as were missing, then the one of this period."""
-    for stamp in range(silent + 1):
-        assembler.sync(stamp)
-    for late in range(silent):
-        for row in (ROW_1, ROW_2, ROW_3):
-            lost = only(assembler.feed(row, bytes([11 + late] * 2), silent + 0.1))
-            assert lost == (Loss(LossReason.LATE, 3) if late and row == ROW_1 else None)
-    assert send(assembler, (ROW_1, '0F0F'), at=silent + 0.2) == Loss(LossReason.LATE, 3)
-    check(send(assembler, (ROW_2, '0F0F'), (ROW_3, '0F0F'), at=silent + 0.2), np.full((3, 2), 10), sequence=silent)
-    assert assembler.statistics().incomplete == silent and is_balanced(assembler)
-
-
-def test_lost_first_tpdo_for_good_leaves_the_others(assembler):
-    assembler.sync(0)
-    for period in range(1, 4):
-        send(assembler, (ROW_2, '0B0B'), (ROW_3, '0B0B'), at=period - 0.5)
-        check(only(assembler.sync(period)), [[NAN, NAN], [2, 2], [2, 2]], sequence=period - 1, missing=1)
-
-
 def test_a_late_tail_goes_back_to_its_period_once_the_next_sweep_begins(assembler):
     """The sender keeps its order: what it sent before a sweep of this period is of an earlier one."""
     assembler.sync(0)
@@ -197,31 +176,6 @@ def test_an_order_that_was_changed_once_is_forgotten(assembler):
             given += assembler.feed(row, bytes([10 + period % 200] * 2), period + 0.2)
         whole += sum(isinstance(result, TaxelFrame) and not result.missing_can_frames for result in given)
     assert ORDER_MEMORY - 5 < whole < ORDER_MEMORY + 5 and is_balanced(assembler)
-
-
-def test_every_period_crossing_the_sync_is_whole_and_never_mixed(assembler):
-    """A bus so full that row 3 always comes after the next SYNC: every frame lacked it."""
-    given = []
-    for period in range(5):
-        given += assembler.sync(period)
-        if period:
-            given += assembler.feed(ROW_3, bytes([9 + period] * 2), period + 0.1)
-        for row in (ROW_1, ROW_2):
-            given += assembler.feed(row, bytes([10 + period] * 2), period + 0.2)
-    frames = taxel_frames(given)
-    for sequence, frame in enumerate(frames):
-        check(frame, [[2 * sequence] * 2] * 3, sequence)
-    assert len(frames) == 4 and is_balanced(assembler)
-
-
-def test_tpdos_stamped_before_their_sync_are_of_the_period_before(assembler):
-    """The driver lags: SYNC 1 is seen, then all of period 0, then all of period 1."""
-    assembler.sync(10.0)
-    assert assembler.sync(11.0) == ()
-    check(send(assembler, (ROW_1, '0F0F'), (ROW_2, '0F0F'), (ROW_3, '0F0F'), at=10.2), np.full((3, 2), 10))
-    check(send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=11.2), np.zeros((3, 2)),
-          sequence=1)
-    assert is_balanced(assembler)
 
 
 def test_part_of_them_too_and_what_is_older_still_is_late(assembler):

@@ -8,7 +8,6 @@ from contextlib import contextmanager
 import can
 import pytest
 
-from tactile_node.bus.bus_network import open_bus
 from tactile_node.bus.node_scan import find_bit_rate
 from tactile_node.cli.main import main
 from tactile_node.simulator.slcan_pty import SlcanPty
@@ -111,15 +110,3 @@ def test_an_interface_that_cannot_find_it_says_what_can(words, capsys):
     assert main(['scan', *words]) == 2
     out = capsys.readouterr()
     assert not out.out and '--bitrate' in out.err and ('socketcan' not in words or 'ip link set can0' in out.err)
-
-
-def test_the_simulated_bus_has_one_bit_rate():
-    with bus_of(Adapter(500_000)) as adapter:
-        wrong = open_bus('slcan', adapter.port, 250_000, {})
-        wrong.send(HEARTBEAT)
-        assert wrong.recv(0.2) is None and not adapter.received
-        wrong.shutdown()
-        silent = open_bus('slcan', adapter.port, 500_000, {'listen_only': True})
-        silent.send(HEARTBEAT)
-        assert silent.recv(60).arbitration_id == 0x705 and not adapter.received
-        silent.shutdown()

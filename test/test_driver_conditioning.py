@@ -7,25 +7,21 @@ import pytest
 import rclpy
 from driver_bench import WARN, DriverBench
 from fault_bench import PRESSED, SIDE, FaultBench
-from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from tactile_node.conditioning.gain import make_curve
 from tactile_node.conditioning.taxel_faults import TaxelFault, load_faults
 from tactile_node.errors import ConfigurationError
 from tactile_node.learning.response import SkinResponse, save_response
-from tactile_node.nodes.driver_node import DriverNode
 from tactile_node.nodes.driver_source import driver_pads
 from tactile_node.pose.profiles import Layer
 from tactile_node.ros.conditioning_setup import conditioned_pads, skin_responses
-from tactile_node.ros.parameters import table
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.taxel_frame import TaxelFrame
 from tactile_skin.msg import FaultyTaxel, NodeStatus, SkinStatus, TaxelArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
-LIVE = {'drop_incomplete', 'heartbeat_timeout', 'faulty_taxels', 'tare_limit', 'follow_drift', 'frozen_after'}
 FILE = 'pads: {pad32: {dead: [[2, 3]]}}'
 
 
@@ -51,14 +47,6 @@ def make(ros):
         made.node.autostart()
         return made
     return driver
-
-
-@pytest.fixture(scope='module')
-def node():
-    with rclpy.context.Context() as context:
-        node = DriverNode(context=context)
-        yield node
-        node.destroy_node()
 
 
 def test_files_act_from_the_first_frame_and_are_reported(make, tmp_path):
@@ -178,16 +166,3 @@ def test_no_tare_limit_lets_the_zero_follow_a_grasp(tmp_path, gain, reading):
         values = np.full((16, 16), reading if n > 250 else 0.0, np.float32)
         last = pad.feed(TaxelFrame(0.02 * n, n, values, np.zeros((16, 16), np.uint8), missing_can_frames=0))
     np.testing.assert_allclose(last.values, 40e3, rtol=0.01)
-
-
-@pytest.mark.parametrize('parameter', table(DriverSettings), ids=lambda parameter: parameter.name)
-def test_every_parameter_is_described_and_says_whether_it_can_be_changed(node, parameter):
-    declared = node.describe_parameter(parameter.name)
-    assert len(declared.description) > 10
-    assert declared.read_only == (parameter.name in ('autostart', 'wait_at_start'))
-    assert bool(declared.additional_constraints) == (parameter.name not in {*LIVE, 'autostart', 'wait_at_start'})
-    if type(parameter.default) in (int, float):
-        assert declared.integer_range or declared.floating_point_range
-    if declared.read_only:
-        refused, = node.set_parameters([Parameter(parameter.name, value=parameter.default)])
-        assert not refused.successful and 'read-only' in refused.reason

@@ -89,13 +89,6 @@ def test_a_lost_tpdo_leaves_its_taxels_stale(sweeps, lost, stamp):
     assert is_balanced(sweeps) and sweeps.statistics().missing == 1
 
 
-def test_the_end_of_one_sweep_and_the_beginning_of_the_next_lost_are_not_one_sweep(sweeps):
-    """0 1 | 2: ascending, and complete by rank alone. Who takes ranks only is misled."""
-    send(sweeps, 0, 5.0, 11)
-    results = sweep(sweeps, 5.001, 11, [1]) + sweep(sweeps, 5 + T + 0.002, 12, [2])
-    assert [rows(frame) for frame in frames(results)] == [[11, 11, None], [None, None, 12]]
-
-
 def test_no_frame_of_any_loss_pattern_mixes_two_sweeps(tmp_path):
     """Three sweeps of three TPDOs, each of which is lost or not: all 512 cases."""
     for kept in itertools.product((False, True), repeat=9):

@@ -234,23 +234,3 @@ def test_schema_and_reader_refuse_the_same(path, tmp_path):
             missed.append(change)
         counts[by_schema] += 1
     assert not accepted and not missed and counts[True] > 100, (accepted, missed, counts)
-
-
-KEYS = {
-    (): 'sim16x16', ('value',): 'sim16x16', ('tpdos', 0): 'sim16x16', ('tpdos', 0, 'map'): 'sim16x16',
-    ('tpdos', 0, 'taxels'): 'sim16x16', ('tpdos', 0, 'repeat', 0): 'sim16x16', ('tpdos', 0, 'rows'): 'rows12x5_10bit',
-    ('tpdos', 0, 'mpdo'): 'mpdo8x8_16bit', ('domain',): 'domain16x10_16bit', ('event_driven',): 'event8x8_16bit'}
-
-
-@pytest.mark.parametrize('place', KEYS, ids=str)
-def test_the_keys_are_those_of_the_reader(place, tmp_path):
-    layout = yaml.safe_load((ROOT / f'config/{KEYS[place]}.yaml').read_text(encoding='utf-8'))
-    error = refusal(tmp_path / 'skin.yaml', replaced(layout, (*place, 'no such key'), 1))
-    known = set(error.expected.removeprefix('one of the keys ').split(', '))
-    kind = SCHEMA
-    for key in place:
-        kind = kind['properties'][key] if isinstance(key, str) else kind.get('items') or kind['anyOf'][1]['items']
-        kind = kind['anyOf'][0] if 'anyOf' in kind and 'properties' in kind['anyOf'][0] and key != 'repeat' else kind
-    left_out = {'mpdo': {'map', 'rows'}}  # the reader asks for these only without an mpdo
-    assert known <= set(kind['properties'])
-    assert set(kind['properties']) - known <= {'period', 'max_age'} | left_out.get(KEYS[place][:4], set())

@@ -85,20 +85,6 @@ def test_log_equals_the_recording_it_was_made_from(tmp_path):
     assert [np.argwhere(frame).tolist() for frame in recording.frames] == [[], [[1, 2], [63, 63]], [[63, 63]]]
 
 
-def test_two_pads_in_one_log():
-    layout = load_layout('sim16x16.yaml')
-    frames, source = play(DATA / 'sim16x16_two_pads.log.gz',
-                          (PadSettings('left', (32,), layout), PadSettings('right', (64,), layout)))
-    left, right = ([f for n, f in frames if n == name] for name in ('left', 'right'))
-    assert len(left) == len(right) > 100 and not any(f.missing_can_frames for f in left + right)
-    for one, other in zip(left, right):
-        np.testing.assert_array_equal(one.values, other.values[:, ::-1])
-    assert max(np.nanmax(frame.values) for frame in left) > 50_000
-    assert sum(source.statistics().can_frames.values()) == sum(
-        p.received for p in source.statistics().pads.values()) + sum(
-        source.statistics().can_frames[k] for k in ('nmt', 'sdo', 'sync', 'heartbeat'))
-
-
 def test_unasked_pad_is_counted_as_foreign():
     layout = load_layout('sim16x16.yaml')
     frames, source = play(DATA / 'sim16x16_two_pads.log.gz', (PadSettings('left', (32,), layout),))
@@ -130,11 +116,6 @@ def test_oddities_of_a_log_are_counted_by_service(tmp_path):
                                               'emcy': 1,
                                               'time': 1}
     assert source.statistics().pads['pad'].losses[LossReason.BEFORE_FIRST_SYNC] == 1
-
-
-def test_period_cut_off_by_the_end_is_given_with_nan(tmp_path):
-    frames, source = play(tiny_log(tmp_path, SYNC, ROWS[0], ROWS[1]), tiny_pads(tmp_path))
-    assert [f.missing_can_frames for _, f in frames] == [1] and np.isnan(frames[0][1].values[2]).all()
 
 
 def test_bad_lines_are_counted_and_the_rest_is_read(tmp_path):
@@ -323,12 +304,6 @@ def test_a_frame_sent_without_the_name_of_its_bus_belongs_to_the_log_s_first(tmp
     assert not frame.missing_can_frames
 
 
-def test_other_traffic_of_a_second_bus_disturbs_nothing(tmp_path):
-    lines = ['(0.9) can1 3FF#01 R', *of_buses(*4 * ['can0 R']), '(1.9) can1 101#02 R']
-    (_, frame), = play(tiny_log(tmp_path, *lines), tiny_pads(tmp_path))[0]
-    assert not frame.missing_can_frames
-
-
 @pytest.mark.parametrize(('channel', 'name'), [('can0', 'can0'), ('/dev/serial/by-id/my adapter', 'my_adapter')])
 def test_what_has_no_name_of_its_bus_is_recorded_with_it(tmp_path, channel, name):
     writer = CanLogWriter(tmp_path / 'x.log', channel)
@@ -366,16 +341,6 @@ def test_consumer_that_fails_is_counted(tmp_path, caplog):
     assert source.finished.wait(60)
     source.close()
     assert source.statistics().consumer_errors == 1 and 'division by zero' in caplog.text
-
-
-def test_a_recording_is_never_overwritten(tmp_path):
-    for name in ('a.log', 'a.log.gz'):
-        paths = []
-        for _ in range(3):
-            writer = CanLogWriter(tmp_path / name)
-            writer.close()
-            paths.append(writer.path.name)
-        assert paths == [name, name.replace('a.', 'a-2.'), name.replace('a.', 'a-3.')]
 
 
 def two_skins(tmp_path, heartbeat):

@@ -289,21 +289,6 @@ def test_replay_reports_what_is_missing_and_begins_where_it_is_asked_to(tmp_path
         run(replay, path, '--start', 'nan')
 
 
-def test_each_file_of_a_series_is_a_bag_for_others(tmp_path):
-    """By rosbags' reader and MCAP's own, which know nothing of the other files."""
-    writer = CanLogWriter(tmp_path / 'x.mcap', largest=4_000)
-    for message in numbered(1500):
-        writer.write(message)
-    writer.close()
-    files, counts = sorted(tmp_path.iterdir()), []
-    for file in files:
-        with rosbags.Reader(file) as reader:
-            counts.append(reader.message_count)
-            connection, = reader.connections
-            assert connection.msgtype == 'can_msgs/msg/Frame' and len(list(reader.messages())) == counts[-1]
-    assert len(files) > 2 and sum(counts) == 1500
-
-
 def test_bytes_beside_the_chunks_may_be_anything(tmp_path):
     """A bit of any byte outside of chunks' content costs no frame, or is reported; never is one changed."""
     path, copy = can_log(tmp_path / 'x.mcap'), tmp_path / 'y.mcap'

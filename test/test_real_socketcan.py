@@ -151,16 +151,6 @@ def test_bus_off_reported_by_the_stack():
         bench.check()
 
 
-def test_error_passive_is_reported():
-    with Driven('vcan0', 'vcan0') as bench, can.Bus('vcan0', interface='socketcan') as other:
-        data = bytes([0, RX_PASSIVE, 0, 0, 0, 0, 0, 0])
-        other.send(can.Message(arbitration_id=CONTROLLER, is_error_frame=True, is_extended_id=False, data=data))
-        bench.wait(lambda: bench.driver.health().is_error_passive, 'not reported')
-        stamp = time.time()
-        bench.wait(lambda: bench.whole_after(stamp), 'taxels continue')
-        bench.check()
-
-
 def test_interface_that_is_down_or_absent_is_an_error_with_a_name():
     for channel in ('can1', 'can7'):
         driver = Supervisor(BusSettings('socketcan', channel), (make_pad('pad32', 32, 'sim8x8_16bit.yaml'),),

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from can_bench import Bench, only, tiny_layout
+from can_bench import only, tiny_layout
 
 from tactile_node.assembly.assembler import FrameAssembler
 from tactile_node.assembly.frame_source import Loss, LossReason
@@ -160,18 +160,3 @@ def test_nodes_that_cannot_share_a_bus(tmp_path):
     for node_ids, says in (((1, 1), 'a different node_id'), ((1,), '2 node-IDs'), ((1, 128), 'node-ID 1..127')):
         with pytest.raises(ConfigurationError, match=says):
             check_pads((PadSettings('pad', node_ids, layout),))
-
-
-def wanted_of(pad):
-    rows, cols = pad.layout.rows, pad.layout.cols
-    return pad.layout.value.scale * np.arange(rows * cols).reshape(rows, cols)
-
-
-@pytest.mark.bus
-def test_simulated_skin_end_to_end():
-    wanted = wanted_of(*make_pads([LAYOUT], (32, 35)))
-    with Bench('several', LAYOUT, (32, 35), source=lambda t: wanted) as bench:
-        bench.run()
-        for name, frame in bench.take_whole(3):
-            assert name == 'pad32'
-            np.testing.assert_allclose(frame.values, wanted, atol=1e-3)

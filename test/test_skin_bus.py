@@ -1,7 +1,6 @@
 """The driver's bus against the simulated skin: boot-up, configuration, streaming, refusals."""
 
 import re
-import threading
 
 import can
 import numpy as np
@@ -42,29 +41,6 @@ def test_boot_up_configuration_and_values(tmp_path):
         '000#0120', '080#')]  # NMT start, SYNC
     assert order == sorted(order)
     assert sent[-1].startswith('000#8020') or '000#8020' in sent[order[-1]:]  # stopped at the end
-
-
-def test_two_pads_on_one_bus():
-    with Bench('two', nodes=(32, 64), sync_period=0.01) as bench:
-        bench.run()
-        frames = bench.take(20)
-    statistics = bench.driver.statistics()  # closed: no CAN frame is under way
-    for name in ('pad32', 'pad64'):
-        assert [f.sequence for n, f in frames if n == name][:8] == list(range(8))
-        pad = statistics.pads[name]
-        assert pad.received == pad.used + pad.pending + sum(pad.losses.values()) > 0
-    assert statistics.queue_overruns == statistics.consumer_errors == 0
-
-
-@pytest.mark.parametrize(('layout', 'high'), [('sim8x8_16bit.yaml', 12.5), ('nus_sinapse_64x64.yaml', 1.0)])
-def test_another_makers_skin_is_only_another_file(layout, high):
-    side = {'sim8x8_16bit.yaml': 8, 'nus_sinapse_64x64.yaml': 64}[layout]
-    wanted = np.zeros((side, side))
-    wanted[1, 2] = wanted[side - 1, 0] = high
-    with Bench(layout, layout, source=lambda t: wanted, sync_period=0.02) as bench:
-        bench.run()
-        (_, frame), = bench.take_whole(1)
-    np.testing.assert_allclose(frame.values, wanted, atol=1e-6)
 
 
 def test_recorded_session_plays_back_the_same_frames(tmp_path):
@@ -111,14 +87,6 @@ def test_all_calls_are_allowed_in_any_state():
                 call()
         bench.driver.open()
         bench.driver.open()
-
-
-def test_threads_end_with_the_bus():
-    before = set(threading.enumerate())
-    with Bench('threads', sync_period=0.01) as bench:
-        bench.run()
-        bench.take(2)
-    assert wait_until(lambda: set(threading.enumerate()) <= before)
 
 
 def test_absent_tpdo_is_missing_not_zero():
