@@ -7,7 +7,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import can
 import numpy as np
 import pytest
 from can_bench import Bench, wait_until
