@@ -14,7 +14,7 @@ from test_can_commands import run
 from test_logs import play
 from test_recording_files import numbered, numbers
 from test_report_page import check_alone, reported
-from test_topic_bag import TAXELS, _with_header, store, taxel_array
+from test_topic_bag import TAXELS, mcap_file, store, taxel_array
 
 from tactile_node.cli import replay
 from tactile_node.errors import ConfigurationError, LogError
@@ -25,7 +25,6 @@ from tactile_node.logs.log_writer import CanLogWriter, LogFile
 from tactile_node.logs.replay_times import Window
 from tactile_node.logs.series import following
 from tactile_node.logs.topic_bag import TopicBagReader
-from tactile_node.package_files import package_file
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings
 from tactile_node.taxel_frame import TaxelStatus
@@ -51,19 +50,8 @@ def can_log(path, frames=range(FRAMES)):
 
 
 def topic_bag(path, count=60, each=10, compression=mcap.CompressionType.LZ4):
-    """As rosbag2's MCAP plugin writes it: taxel arrays a second apart, in chunks of ``each``, with checksums."""
-    text = _with_header(package_file('msg/TaxelArray.msg').read_text(encoding='utf-8'))
-    with path.open('wb') as file:
-        writer = mcap.Writer(file, compression=compression)
-        writer.start(profile='ros2')
-        channel = writer.register_channel('/left/taxels', 'cdr', writer.register_schema(TAXELS, 'ros2msg',
-                                                                                        text.encode()))
-        for n in range(count):
-            data = bytes(store().serialize_cdr(taxel_array(store(), n), TAXELS))
-            writer.add_message(channel, round((BEGIN + n) * 1e9), data, round((BEGIN + n) * 1e9))
-            if n % each == each - 1:
-                writer.flush()
-        writer.finish()
+    """Taxel arrays a second apart, with checksums."""
+    mcap_file(path, [taxel_array(store(), n) for n in range(count)], each=each, compression=compression)
     return path
 
 

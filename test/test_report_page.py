@@ -7,7 +7,7 @@ from threading import Event
 import numpy as np
 import pytest
 from test_report import BEGIN, NAME_UPLOAD, SESSION, logged, report_of, session
-from test_topic_bag import TAXELS, bag, store, taxel_array, unchunked
+from test_topic_bag import TAXELS, bag, mcap_file, store, taxel_array
 
 from tactile_node.cli.main import main
 from tactile_node.errors import LogError
@@ -136,7 +136,7 @@ def test_diagnostics_of_any_program_are_escaped(tmp_path):
 
 def test_a_bag_cut_short_is_reported_up_to_there(tmp_path):
     file = tmp_path / 'cut.mcap'
-    size = unchunked(file, frames())
+    size = mcap_file(file, frames())
     file.write_bytes(file.read_bytes()[:size * 2 // 3])
     report = reported(file)
     assert report.pads[0].frames in (19, 20) and report.recording.unread == 1 and report.recording.problem

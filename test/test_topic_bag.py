@@ -52,8 +52,16 @@ def taxel_array(types, sequence, **changed):
     return kind(**{name: fields[name] for name in signature(kind).parameters if name in fields})
 
 
-def bag(folder, messages, plugin='MCAP', types=None, topics=(('/left/taxels', TAXELS),), compressed=False):
-    """``messages``: (topic, message); recorded a second apart."""
+def _with_header(text):
+    line = '=' * 80
+    return (f'{text}\n{line}\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n{line}\n'
+            f'MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n{line}\n'
+            'MSG: builtin_interfaces/Duration\nint32 sec\nuint32 nanosec\n')
+
+
+def bag(folder, messages, plugin='MCAP', types=None, topics=(('/left/taxels', TAXELS),), compressed=False,
+        times=lambda k: EPOCH + 100 + k):
+    """``messages``: (topic, message); ``times``: when the k-th was recorded [s]."""
     types = types or store()
     writer = rosbags.Writer(folder, version=9, storage_plugin=rosbags.StoragePlugin[plugin])
     if compressed:
@@ -62,21 +70,24 @@ def bag(folder, messages, plugin='MCAP', types=None, topics=(('/left/taxels', TA
         connections = {topic: writer.add_connection(topic, kind, typestore=types) for topic, kind in topics}
         for k, (topic, message) in enumerate(messages):
             content = message if isinstance(message, bytes) else types.serialize_cdr(message, dict(topics)[topic])
-            writer.write(connections[topic], (EPOCH + 100 + k) * 10**9, content)
+            writer.write(connections[topic], round(times(k) * 4) * 10**9 // 4, content)
     return folder
 
 
-def unchunked(path, messages, topic='/left/taxels'):
-    """An MCAP without chunks; return where its last message ends: what a recording that was killed has."""
-    text = package_file('msg/TaxelArray.msg').read_text(encoding='utf-8')
+def mcap_file(path, messages, topic='/left/taxels', each=None, **options):
+    """As rosbag2's MCAP plugin writes it: messages a second apart, in chunks of ``each`` or without chunks; return
+    where its last message ends: what a recording that was killed has.
+    """
+    text = _with_header(package_file('msg/TaxelArray.msg').read_text(encoding='utf-8'))
     with path.open('wb') as file:
-        writer = mcap.Writer(file, use_chunking=False)
+        writer = mcap.Writer(file, use_chunking=each is not None, **options)
         writer.start(profile='ros2')
-        schema = writer.register_schema(TAXELS, 'ros2msg', _with_header(text).encode())
-        channel = writer.register_channel(topic, 'cdr', schema)
+        channel = writer.register_channel(topic, 'cdr', writer.register_schema(TAXELS, 'ros2msg', text.encode()))
         for k, message in enumerate(messages):
-            data = bytes(store().serialize_cdr(message, TAXELS))
-            writer.add_message(channel_id=channel, log_time=k, publish_time=k, data=data)
+            time = (EPOCH + k) * 10**9
+            writer.add_message(channel, time, bytes(store().serialize_cdr(message, TAXELS)), time)
+            if each is not None and k % each == each - 1:
+                writer.flush()
         size = file.tell()
         writer.finish()
     return size
@@ -159,7 +170,7 @@ def test_a_bag_without_definitions_is_read_by_ours(tmp_path):
 
 def test_a_bag_cut_short_gives_what_is_whole_and_says_so(tmp_path):
     path = tmp_path / 'x.mcap'
-    size = unchunked(path, [taxel_array(store(), k) for k in range(4)], '/robot/left/taxels')
+    size = mcap_file(path, [taxel_array(store(), k) for k in range(4)], '/robot/left/taxels')
     path.write_bytes(path.read_bytes()[:size - 10])
     reader = TopicBagReader(path)
     assert [each.frame.sequence for each in reader.frames()] == [0, 1, 2]
@@ -223,10 +234,3 @@ def test_other_messages_are_given_in_order_of_recording(tmp_path):
     found = list(TopicBagReader(folder).messages())
     assert [message.topic for message in found] == ['/left/taxels', '/diagnostics', '/left/taxels']
     assert found[1].content.status[0].values[0].value == '<b>0.4</b>' and found[1].recorded == EPOCH + 101
-
-
-def _with_header(text):
-    line = '=' * 80
-    return (f'{text}\n{line}\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n{line}\n'
-            f'MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n{line}\n'
-            'MSG: builtin_interfaces/Duration\nint32 sec\nuint32 nanosec\n')
