@@ -7,9 +7,10 @@ import time
 import numpy as np
 import pytest
 import rclpy
+from can_bench import wait_until
 from hidden_skin import NODE_ID, write_log
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
+from ros_bench import RosBench
 
 from tactile_node.nodes import replay
 from tactile_node.nodes.classifier_node import ClassifierNode
@@ -34,24 +35,12 @@ def taxels(sequence):
     return taxel_array_message(TaxelFrame(time.time(), sequence, values, status, 0), 0.002, 'Pa', 'pad')
 
 
-@pytest.fixture
-def context():
-    rclpy.init()
-    yield
-    rclpy.shutdown()
-
-
-def spin_until(executor, condition):
-    end = time.monotonic() + TIMEOUT
-    while not condition():
-        assert time.monotonic() < end
-        executor.spin_once(timeout_sec=0.05)
-
-
-def followed_at_half_speed(lossless):
+def followed_at_half_speed(ros, lossless):
     """Send SENT messages to a stage that takes two periods for each; return its subscription and what it worked on."""
-    sender, receiver = rclpy.create_node('sender'), rclpy.create_node('receiver')
-    worked_on = []
+    bench = RosBench(ros)
+    sender, receiver = rclpy.create_node('sender'), bench.add('receiver')
+    ros.callback(sender.destroy_node)
+    worked_on, sent = [], {}
 
     def work(message):
         time.sleep(2 * PERIOD)
@@ -60,10 +49,7 @@ def followed_at_half_speed(lossless):
     subscription = GuardedSubscription(receiver, TaxelArray, 'taxels', work, qos, check=check_taxel_array,
                                        newest_only=True)
     publisher = sender.create_publisher(TaxelArray, 'taxels', qos)
-    executor = SingleThreadedExecutor()
-    executor.add_node(receiver)
-    spin_until(executor, publisher.get_subscription_count)
-    sent = {}
+    bench.until(publisher.get_subscription_count)
 
     def send():
         for sequence in range(SENT):
@@ -72,16 +58,13 @@ def followed_at_half_speed(lossless):
             time.sleep(PERIOD)
     thread = threading.Thread(target=send)
     thread.start()
-    spin_until(executor, lambda: worked_on and worked_on[-1][0] == SENT - 1)
+    bench.until(lambda: worked_on and worked_on[-1][0] == SENT - 1)
     thread.join()
-    executor.shutdown()
-    for node in (sender, receiver):
-        node.destroy_node()
     return subscription.counts, [number for number, _ in worked_on], [end - sent[number] for number, end in worked_on]
 
 
-def test_a_stage_of_half_the_speed_works_on_the_newest_and_counts_the_others(context):
-    counts, numbers, ages = followed_at_half_speed(lossless=False)
+def test_a_stage_of_half_the_speed_works_on_the_newest_and_counts_the_others(ros):
+    counts, numbers, ages = followed_at_half_speed(ros, lossless=False)
     assert counts.received == SENT and counts.processed == len(numbers) < SENT
     assert counts.overtaken == SENT - len(numbers) and not counts.dropped and not counts.skipped
     assert numbers == sorted(numbers)
@@ -89,42 +72,34 @@ def test_a_stage_of_half_the_speed_works_on_the_newest_and_counts_the_others(con
     assert np.median(ages) < SENT * PERIOD / 4
 
 
-def test_what_a_stage_before_has_left_out_is_no_loss(context):
+def test_what_a_stage_before_has_left_out_is_no_loss(ros):
     """The processing node was within its 5 %, and the classifier warned of frames that never arrived."""
-    sender, receiver = rclpy.create_node('sender'), rclpy.create_node('receiver')
-    left_out, qos = [], frames_qos(SENT)
+    bench = RosBench(ros)
+    receiver, left_out, qos = bench.add('receiver'), [], frames_qos(SENT)
     subscription = GuardedSubscription(receiver, Contact, 'contact', check=lambda message: None, qos=qos,
                                        callback=lambda message: left_out.append(subscription.left_out))
-    publisher = sender.create_publisher(Contact, 'contact', qos)
-    executor = SingleThreadedExecutor()
-    executor.add_node(receiver)
-    spin_until(executor, publisher.get_subscription_count)
-    for sequence, before in ((1, 0), (2, 0), (5, 2), (9, 2)):  # of the last gap, one frame is lost
+    publisher = bench.add('sender').create_publisher(Contact, 'contact', qos)
+    bench.until(publisher.get_subscription_count)
+    for received, (sequence, before) in enumerate(((1, 0), (2, 0), (5, 2), (9, 2)), 1):  # of the last gap, one is lost
         message = Contact(sequence=sequence, left_out=before)
         message.header.stamp = receiver.get_clock().now().to_msg()
         publisher.publish(message)
-        spin_until(executor, lambda: subscription.counts.received)
-        executor.spin_once(timeout_sec=0.2)
-    spin_until(executor, lambda: subscription.counts.received == 4)
+        bench.until(lambda received=received: subscription.counts.received == received)
     assert subscription.counts.skipped == 1 and left_out == [0, 0, 2, 2]
-    for node in (sender, receiver):
-        node.destroy_node()
 
 
-def test_a_lossless_stage_of_half_the_speed_works_on_all(context):
-    counts, numbers, _ = followed_at_half_speed(lossless=True)
+def test_a_lossless_stage_of_half_the_speed_works_on_all(ros):
+    counts, numbers, _ = followed_at_half_speed(ros, lossless=True)
     assert numbers == list(range(SENT)) and counts.overtaken == 0
 
 
 @pytest.fixture
-def gate(context, monkeypatch):
+def gate(ros, monkeypatch):
     """A gate of two pads that gives up at once, and what a classifier reports to it."""
     monkeypatch.setattr(replay, 'TIMEOUT', 0.2)
-    node = rclpy.create_node('driver')
-    found = ReplayGate(node, ['left', 'right'], frames_qos(10, lossless=True))
-    yield found
-    found.destroy()
-    node.destroy_node()
+    found = ReplayGate(RosBench(ros).add('driver'), ['left', 'right'], frames_qos(10, lossless=True))
+    ros.callback(found.destroy)
+    return found
 
 
 def waits(gate, pad, sequence):
@@ -168,47 +143,38 @@ def test_a_released_gate_lets_a_waiting_log_go_at_once(gate, monkeypatch):
     assert waits(gate, 'left', WINDOW + 1)
 
 
-def test_a_replay_that_waits_can_be_deactivated_at_once(context, tmp_path):
+def replaying(bench, path, frames):
+    """A driver that plays a log of these frames as fast as it can, without loss."""
+    write_log(path, frames)
+    given = {'replay': str(path), 'replay_pace': 0.0, 'pads': ['pad'], 'node_ids': [NODE_ID], 'lossless': True}
+    return bench.add(DriverNode(parameter_overrides=parameters(given)))
+
+
+def parameters(values):
+    return [Parameter(name, value=value) for name, value in values.items()]
+
+
+def test_a_replay_that_waits_can_be_deactivated_at_once(ros, tmp_path):
     """Its thread waited for progress that the same executor would have brought: 10 s, and frames were lost."""
-    write_log(tmp_path / 'long.log', [np.zeros((16, 16), np.uint8)] * (2 * WINDOW))
-    given = {'replay': str(tmp_path / 'long.log'), 'replay_pace': 0.0, 'pads': ['pad'], 'node_ids': [NODE_ID],
-             'lossless': True}
-    driver = DriverNode(parameter_overrides=[Parameter(name, value=value) for name, value in given.items()])
+    driver = replaying(RosBench(ros), tmp_path / 'long.log', [np.zeros((16, 16), np.uint8)] * (2 * WINDOW))
     driver.autostart()
-    end = time.monotonic() + TIMEOUT
-    while driver.source.statistics().pads['pad'].published < WINDOW and time.monotonic() < end:
-        time.sleep(0.02)
+    assert wait_until(lambda: driver.source.statistics().pads['pad'].published >= WINDOW)
     begin = time.monotonic()
     driver.trigger_deactivate()
     assert time.monotonic() - begin < replay.TIMEOUT / 4
-    driver.destroy_node()
 
 
-def test_a_replay_as_fast_as_possible_answers_every_frame(context, tmp_path):
+def test_a_replay_as_fast_as_possible_answers_every_frame(ros, tmp_path):
     """More frames than may be under way at once: the driver waits for the progress of the last stage."""
-    press = np.zeros((16, 16), np.uint8)
+    press, bench, shapes = np.zeros((16, 16), np.uint8), RosBench(ros), []
     press[4:11, 5:12] = 120
-    write_log(tmp_path / 'long.log', [press * (number // 50 % 2) for number in range(REPLAYED)])
-    options = {'lossless': True}
-    given = {'replay': str(tmp_path / 'long.log'), 'replay_pace': 0.0, 'pads': ['pad'], 'node_ids': [NODE_ID],
-             **options}
-
-    def parameters(values):
-        return [Parameter(name, value=value) for name, value in values.items()]
-    nodes = [ProcessorNode(namespace='/pad', parameter_overrides=parameters(options)),
-             ClassifierNode(namespace='/pad', parameter_overrides=parameters(options | {'fit': False}))]
-    driver = DriverNode(parameter_overrides=parameters(given))
-    listener, shapes = rclpy.create_node('listener'), []
-    listener.create_subscription(ContactShape, '/pad/shape', lambda message: shapes.append(message.sequence),
-                                 frames_qos(50, lossless=True))
-    executor = SingleThreadedExecutor()
-    for node in (*nodes, driver, listener):
-        executor.add_node(node)
+    bench.add(ProcessorNode(namespace='/pad', parameter_overrides=parameters({'lossless': True})))
+    bench.add(ClassifierNode(namespace='/pad', parameter_overrides=parameters({'lossless': True, 'fit': False})))
+    driver = replaying(bench, tmp_path / 'long.log', [press * (number // 50 % 2) for number in range(REPLAYED)])
+    bench.add('listener').create_subscription(ContactShape, '/pad/shape', lambda shape: shapes.append(shape.sequence),
+                                              frames_qos(50, lossless=True))
     driver.autostart()
     end = time.monotonic() + max(TIMEOUT, REPLAYED / 20)
     while len(shapes) < REPLAYED and time.monotonic() < end:
-        executor.spin_once(timeout_sec=0.1)
-    executor.shutdown()
-    for node in (*nodes, driver, listener):
-        node.destroy_node()
+        bench.executor.spin_once(timeout_sec=0.1)
     assert shapes == list(range(REPLAYED))
