@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from typing import Any, NamedTuple
 
-from tactile_node.cli.options import eds_of, layouts_of, names, node_ids, node_ids_of, process_id, switch
+from tactile_node.cli.options import add_number, eds_of, layouts_of, names, node_ids, node_ids_of, switch
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption, stop_with
 from tactile_node.node_graph import NodeDescription, ParameterValue, Role, Side, bus_nodes, roles_of
@@ -139,7 +139,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
         (source if name in ('simulate', 'replay') else parser).add_argument(
             *words, type=option.read, help=option.description.replace('%', '%%'), **more)
     parser.add_argument('--namespace', default='', help='namespace of all nodes and topics')
-    parser.add_argument('--end-with', type=process_id, metavar='PID', help='end when this process ends')
+    add_number(parser, '--end-with', int, limits={'least': 1}, metavar='PID', help='end when this process ends')
     parser.add_argument('--ros-args', nargs=argparse.REMAINDER, default=[], help='ROS arguments, for all nodes')
     parser.set_defaults(run=run)
 

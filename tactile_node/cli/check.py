@@ -11,6 +11,7 @@ import numpy as np
 from tactile_node.assembly.fault_text import load_text
 from tactile_node.bus.bus_settings import DEFAULT_BITRATE
 from tactile_node.bus.load import MOST_LOAD, planned_load, sweep_bits, sweep_period, tpdo_bits
+from tactile_node.cli.options import add_number
 from tactile_node.errors import ConfigurationError
 from tactile_node.package_files import config_path
 from tactile_node.skin.eds import load_eds
@@ -48,35 +49,26 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser = subparsers.add_parser('check', description=__doc__)
     parser.add_argument('layout', help='skin layout: a file, or a name in config/')
     parser.add_argument('eds', nargs='?', default='', help="EDS (default: the layout's name with .eds)")
-    parser.add_argument('--bitrate', type=int, default=DEFAULT_BITRATE, help='of the bus [bit/s], default %(default)s')
-    parser.add_argument('--pads', type=int, default=1, help='of this layout on the bus, default %(default)s')
-    parser.add_argument('--sync-period', type=float, default=PERIODS[0], metavar='S',
-                        help='between two SYNCs, at which the bus has to carry the pads, default %(default)s')
+    add_number(parser, '--bitrate', int, limits={'least': 1, 'unit': 'bit/s'}, default=DEFAULT_BITRATE,
+               help='of the bus [bit/s], default %(default)s')
+    add_number(parser, '--pads', int, limits={'least': 1}, default=1,
+               help='of this layout on the bus, default %(default)s')
+    add_number(parser, '--sync-period', limits={'above': 0, 'unit': 's', 'remedy': '0.01 is 100 Hz.'}, metavar='S',
+               default=PERIODS[0],
+               help='between two SYNCs, at which the bus has to carry the pads, default %(default)s')
     parser.add_argument('--json', action='store_true', help='one JSON object')
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print what was found; 2 for a layout that the driver would refuse, 1 for warnings."""
-    use = _use(args)
+    use = Use(args.bitrate, args.pads, args.sync_period)
     found = checked(args.layout, args.eds, use)
     if args.json:
         print(json.dumps(as_json(found, use)))
     else:
         print('\n'.join(_text(found, use)))
     return 2 if found.errors else 1 if found.warnings else 0
-
-
-def _use(args: argparse.Namespace) -> Use:
-    """Raises ConfigurationError."""
-    if args.bitrate < 1:
-        raise ConfigurationError('--bitrate', expected='a number > 0', got=str(args.bitrate), remedy='In bit/s.')
-    if args.pads < 1:
-        raise ConfigurationError('--pads', expected='a number > 0', got=str(args.pads), remedy='Those on one bus.')
-    if not 0 < args.sync_period < float('inf'):
-        raise ConfigurationError('--sync-period', expected='a time > 0 s', got=f'{args.sync_period:g}',
-                                 remedy='In seconds: 0.01 for 100 Hz.')
-    return Use(args.bitrate, args.pads, args.sync_period)
 
 
 def checked(layout_name: str, eds: str, use: Use) -> Found:

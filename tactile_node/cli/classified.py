@@ -26,9 +26,8 @@ SIDES = 'long', 'short'  #: of the least rectangle
 
 
 def write_shapes(args: argparse.Namespace) -> None:
-    for option in ('pitch', 'period'):
-        if (length := getattr(args, option)) is not None:
-            _check_length(option, length)
+    if args.pitch is not None:
+        check_pitch(args.pitch)
     recogniser = make_recogniser(args.method, {LEARNED: args.weights, VOLF: args.curves}[args.method])
     of_file = _fused if args.fuse else _single
     write_records((record for path, found in files(args) for record in of_file(path, found, recogniser, args)),
@@ -79,13 +78,6 @@ def _stamps(path: str, found: TaxelFrames, args: argparse.Namespace) -> np.ndarr
 def _geometry(found: TaxelFrames, args: argparse.Namespace) -> tuple[float | None, SkinResponse | None]:
     pitch = found.pitch if args.pitch is None else args.pitch
     return pitch, known_response(args.response or None, found.unit)
-
-
-def _check_length(option: str, length: float) -> None:
-    if option == 'pitch':
-        check_pitch(length)
-    elif not 0 < length < math.inf:
-        raise InputError(f'--{option}', expected='a time > 0 in seconds', got=str(length), remedy='Correct the number.')
 
 
 def _columns(classes: Sequence[ShapeClass]) -> list[str]:

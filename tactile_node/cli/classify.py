@@ -2,6 +2,7 @@
 
 import argparse
 
+from tactile_node.cli.options import add_number
 from tactile_node.cli.records import add_array_arguments
 from tactile_node.errors import ConfigurationError
 from tactile_node.shape.recognition import DEFAULT, FILES, LEARNED, VOLF
@@ -26,8 +27,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--fuse', action='store_true',
                         help='one belief over the frames of a contact, as the classifier node has it; needs the stamps '
                              'of an .npz, or --period')
-    parser.add_argument('--period', type=float, metavar='SECONDS',
-                        help='between two frames of a file without stamps')
+    add_number(parser, '--period', limits={'above': 0, 'unit': 's'}, metavar='SECONDS',
+               help='between two frames of a file without stamps')
     parser.epilog = ('Prints {"file": ..., "frame": k, "shape": ..., "confidence": ..., "probabilities": {name: ...}, '
                      '"N": ..., "contacts": ...}: N taxels in the largest of so many contacts. An unknown shape has '
                      'a "reason": not_seen (too many NaN), unfamiliar or too_small. With a pitch, one of the five '

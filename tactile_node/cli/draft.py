@@ -3,8 +3,7 @@
 import argparse
 
 from tactile_node.cli.check import NODE_ID
-from tactile_node.cli.options import add_output_option
-from tactile_node.errors import ConfigurationError
+from tactile_node.cli.options import add_number, add_output_option
 from tactile_node.output_file import check_writable, output_file
 from tactile_node.skin.eds import load_eds
 from tactile_node.skin.layout import MAX_SIDE
@@ -15,20 +14,16 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser = subparsers.add_parser('draft', description=__doc__)
     parser.add_argument('eds', help='EDS: a file, or a name in config/')
     for side in ('rows', 'cols'):
-        parser.add_argument(f'--{side}', type=int, help=f'{side} of the pad (default: guessed)')
-    parser.add_argument('--bits', type=int, help='width of a taxel, where mapped objects hold several or a part of one '
-                        '(default: the commonest width of a mapped object)')
+        add_number(parser, f'--{side}', int, limits={'least': 1, 'most': MAX_SIDE},
+                   help=f'{side} of the pad (default: guessed)')
+    add_number(parser, '--bits', int, limits={'least': 1, 'most': MAX_BITS}, help='width of a taxel, where mapped '
+               'objects hold several or a part of one (default: the commonest width of a mapped object)')
     add_output_option(parser, metavar='FILE', help='default: print it')
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print or write the layout."""
-    for option, most in (('rows', MAX_SIDE), ('cols', MAX_SIDE), ('bits', MAX_BITS)):
-        value = getattr(args, option)
-        if value is not None and not 1 <= value <= most:
-            raise ConfigurationError(f'--{option}', expected=f'a whole number 1..{most}', got=str(value),
-                                     remedy='Correct the number.')
     if args.output:
         check_writable(args.output, [args.eds], force=args.force)
     text = draft(load_eds(args.eds, NODE_ID), NODE_ID, args.eds, Known(args.rows, args.cols, args.bits))

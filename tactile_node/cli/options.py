@@ -1,8 +1,10 @@
 """Options that several sub-commands share; their types raise ConfigurationError for what they cannot read."""
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
+from math import inf, nan
 from typing import TYPE_CHECKING, Any
 
 from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE
@@ -45,35 +47,40 @@ def pad_names(text: str) -> list[str]:
     return names(text)
 
 
-def pace(text: str) -> float:
-    """Speed of a replay: 1 = as recorded, 0 = as fast as possible."""
-    return _from_0(text, '--pace', 'a number >= 0', '1 is the recorded pace, 0 as fast as possible.')
+def number(text: str, option: str, kind: type = float, *, least: float = 0, above: float = -inf, most: float = inf,
+           unit: str = '', remedy: str = 'Correct the number.') -> Any:
+    """Return the number of ``kind`` in ``text``. Raises ConfigurationError where it is none, or out of its range.
 
-
-def seconds(text: str) -> float:
-    """A time >= 0 [s]."""
-    return _from_0(text, '--start, --duration', 'a number >= 0 [s]', 'For example --start 1800 --duration 60.')
-
-
-def _from_0(text: str, option: str, expected: str, remedy: str) -> float:
+    >>> number('0.5', '--pace'), number('0x20', '--node-id', int, least=1, most=127)
+    (0.5, 32)
+    """
     try:
-        value = float(text)
+        value = int(text, 0) if kind is int else float(text)
     except ValueError:
-        value = -1.0
-    if not 0 <= value < float('inf'):
-        raise ConfigurationError(option, expected=expected, got=repr(text), remedy=remedy)
-    return value
+        value = nan
+    if least <= value <= most and above < value < inf:
+        return value
+    limits = [f'> {above:g}' if above >= least else f'>= {least:g}', *([f'up to {most:g}'] if most < inf else [])]
+    raise ConfigurationError(option, expected=f'a {"whole " * (kind is int)}number {", ".join(limits)}'
+                             + (f' [{unit}]' if unit else ''), got=repr(text), remedy=remedy)
+
+
+def add_number(parser: argparse._ActionsContainer, option: str, kind: type = float, *, limits: Mapping[str, Any] = {},
+               **properties: Any) -> None:
+    """Add ``option`` with ``properties`` as of argparse, and its ``limits`` as of `number`."""
+    parser.add_argument(option, type=partial(number, option=option, kind=kind, **limits), **properties)
 
 
 def add_window_options(parser: argparse.ArgumentParser) -> None:
     """Add --start and --duration; `window_of` reads them."""
-    parser.add_argument('--start', type=seconds, default=0.0, metavar='S', help='leave out the first S s of the '
-                        'recording; of a bag (.mcap, .db3) they are not read')
-    parser.add_argument('--duration', type=seconds, metavar='S', help='length of what is read [s] (default: all)')
+    limits = {'unit': 's', 'remedy': 'For example --start 1800 --duration 60.'}
+    add_number(parser, '--start', limits=limits, default=0.0, metavar='S', help='leave out the first S s of the '
+               'recording; of a bag (.mcap, .db3) they are not read')
+    add_number(parser, '--duration', limits=limits, metavar='S', help='length of what is read [s] (default: all)')
 
 
 def window_of(args: argparse.Namespace) -> Window:
-    return Window(args.start, float('inf') if args.duration is None else args.duration)
+    return Window(args.start, inf if args.duration is None else args.duration)
 
 
 def switch(text: str) -> bool:
@@ -83,20 +90,10 @@ def switch(text: str) -> bool:
     return text.lower() in ('true', '1')
 
 
-def process_id(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise ConfigurationError('--end-with', expected='a process id', got=repr(text), remedy='Give a number.')
-    return int(text)
-
-
 def bit_rate(text: str) -> int | None:
     """'500000' -> 500000; 'auto' -> None."""
-    if text == 'auto':
-        return None
-    if not text.isdecimal() or int(text) < 1:
-        raise ConfigurationError('--bitrate', expected='a number > 0 [bit/s], or auto', got=repr(text),
-                                 remedy='For example --bitrate 500000.')
-    return int(text)
+    return None if text == 'auto' else number(text, '--bitrate', int, least=1, unit='bit/s, or auto',
+                                              remedy='For example --bitrate 500000.')
 
 
 def add_bus_options(parser: argparse.ArgumentParser, *, channel: str = DEFAULT_CHANNEL, is_set: bool = True,
@@ -105,7 +102,8 @@ def add_bus_options(parser: argparse.ArgumentParser, *, channel: str = DEFAULT_C
 
     A command that ``finds_bit_rate`` gets None for --bitrate auto.
     """
-    rate = (bit_rate if finds_bit_rate else int, 'bit rate of the bus [bit/s]' + ', or auto' * finds_bit_rate)
+    read = bit_rate if finds_bit_rate else partial(number, option='--bitrate', kind=int, least=1, unit='bit/s')
+    rate = (read, 'bit rate of the bus [bit/s]' + ', or auto' * finds_bit_rate)
     for option, default, kind, text in (('--interface', DEFAULT_INTERFACE, str, 'python-can interface'),
                                         ('--channel', channel, str, 'channel of the interface'),
                                         ('--bitrate', DEFAULT_BITRATE, *rate)):

@@ -7,8 +7,8 @@ import time
 import can
 
 from tactile_node.bus.bus_network import open_bus
-from tactile_node.cli.options import add_bus_options, add_output_option
-from tactile_node.errors import BusError, ConfigurationError, LogError
+from tactile_node.cli.options import add_bus_options, add_number, add_output_option
+from tactile_node.errors import BusError, LogError
 from tactile_node.interruption import interruption
 from tactile_node.logs.log_writer import MEGABYTE, CanLogWriter
 from tactile_node.logs.series import files_of
@@ -26,16 +26,13 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     add_bus_options(parser)
     parser.add_argument('--duration', type=float, default=float('inf'),
                         help='length of the recording [s] (default: until Ctrl-C)')
-    parser.add_argument('--rotate-mb', type=float, default=0.0, metavar='N',
-                        help='begin the next file, FILE_part2 and so on, when one has N MB (default: one file)')
+    add_number(parser, '--rotate-mb', limits={'remedy': '0 makes one file.'}, default=0.0, metavar='N',
+               help='begin the next file, FILE_part2 and so on, when one has N MB (default: one file)')
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Record until interrupted; 1 when there was nothing to record."""
-    if not 0 <= args.rotate_mb < float('inf'):
-        raise ConfigurationError('--rotate-mb', expected='a number >= 0', got=str(args.rotate_mb),
-                                 remedy='0 makes one file.')
     check_writable(args.file, force=args.force)
     for path in files_of(args.file):
         check_new(path, force=args.force)

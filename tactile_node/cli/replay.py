@@ -12,10 +12,10 @@ import numpy as np
 from tactile_node.cli.frame_file import write_archive
 from tactile_node.cli.options import (
     add_log_options,
+    add_number,
     add_output_option,
     add_window_options,
     node_ids_of,
-    pace,
     window_of,
 )
 from tactile_node.cli.played_log import play_log
@@ -32,8 +32,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('log', help='CAN log: .log (candump), .log.gz, .asc, .blf, .trc, or a ROS 2 bag of '
                         'can_msgs/msg/Frame: .mcap, .db3, its folder; of a rotated series, its first file')
     add_log_options(parser)
-    parser.add_argument('--pace', type=pace, default=0.0,
-                        help='1: as recorded, 2: twice as fast, 0: as fast as possible (default: %(default)s)')
+    add_number(parser, '--pace', limits={'remedy': '1 is the recorded pace, 0 as fast as possible.'}, default=0.0,
+               help='1: as recorded, 2: twice as fast, 0: as fast as possible (default: %(default)s)')
     add_window_options(parser)
     add_output_option(parser, metavar='FILE', help='.npz: values of shape (K, rows, cols), NaN = invalid, '
                         'with stamps, sequence, status, pad, pitch and unit; .npy: the values alone; - is standard '

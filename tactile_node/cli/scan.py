@@ -11,15 +11,15 @@ from pathlib import Path
 
 from tactile_node.bus.node_scan import FoundNode, NodeScan, find_bit_rate
 from tactile_node.cia301.objects import MAX_NODE_ID, MIN_NODE_ID, state_name
-from tactile_node.cli.options import add_bus_options, node_ids, opened_network
+from tactile_node.cli.options import add_bus_options, add_number, node_ids, opened_network
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption
 from tactile_node.package_files import config_path
 from tactile_node.skin.eds import load_eds
 from tactile_node.skin.eds_rules import Identity, identity_of
 
-LONGEST = 86_400.0  #: s to listen
-LISTEN = 1.5  #: s: most heartbeats are sent once a second or more often
+LONGEST_LISTENING = 86_400.0  #: [s]
+LISTENING = 1.5  #: s: most heartbeats are sent once a second or more often
 SILENT = 'Nothing was received, and no node has answered. Check power, termination, bit rate and cable.'
 SILENT_PASSIVE = 'Nothing was received. Nodes without a heartbeat are found only without --passive.'
 UNHEARD = 'CAN frames were received, but no node was heard: check the bit rate, or the node-IDs that were asked.'
@@ -31,8 +31,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     add_bus_options(parser, finds_bit_rate=True)
     parser.add_argument('--node-id', type=node_ids, action='extend', metavar='ID,...',
                         help='ask only these (default: all)')
-    parser.add_argument('--listen', type=float, default=LISTEN, metavar='SECONDS',
-                        help='time to listen first, default %(default)s')
+    add_number(parser, '--listen', limits={'above': 0, 'most': LONGEST_LISTENING, 'unit': 's'}, default=LISTENING,
+               metavar='SECONDS', help='time to listen first, default %(default)s')
     parser.add_argument('--passive', action='store_true', help='send nothing: listen to heartbeats only')
     parser.add_argument('--eds', action='append', default=[], metavar='FOLDER',
                         help='compare with the EDS files in it, beside those of config/')
@@ -42,9 +42,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the nodes; 1 where none was found."""
-    if not 0 < args.listen <= LONGEST:
-        raise ConfigurationError('--listen', expected=f'a time > 0 and up to {LONGEST:g} [s]', got=str(args.listen),
-                                 remedy='Give seconds.')
     for folder in args.eds:
         if not Path(folder).is_dir():
             raise ConfigurationError('--eds', expected='a folder', got=repr(folder), remedy='Check the path.')

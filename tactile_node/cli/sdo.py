@@ -23,13 +23,13 @@ from tactile_node.bus.own_sdo import (
     write_object,
 )
 from tactile_node.cia301.objects import MAX_NODE_ID, MAX_SUBINDEX, MIN_NODE_ID, ObjectAddress, parse_address
-from tactile_node.cli.options import add_bus_options, opened_network
+from tactile_node.cli.options import add_bus_options, add_number, opened_network
 from tactile_node.errors import ConfigurationError, DeviceError
 from tactile_node.skin.eds import load_eds
 from tactile_node.skin.object_value import TYPES, WrongValueError, declared, decoded, encoded, named, type_name
 
 ANSWER, STORED = 1.0, 10.0  #: s for an answer; flash memory is slow
-LONGEST = 3600.0            #: s
+LONGEST_TIMEOUT = 3600.0    #: s
 RECONFIGURES = ('this object decides which TPDOs the node sends: a driver that runs gives none of its values until it '
                 'has configured it again')
 
@@ -50,20 +50,14 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     _action(actions, 'restore', _restore, STORED,
             "restore the maker's parameters: write \"load\" to 0x1011; they are in force after the next reset")
     for name in ('store', 'restore'):
-        actions.choices[name].add_argument('--sub', type=int, default=ALL_PARAMETERS, metavar='SUB',
-                                           help='1 all (default), 2 communication, 3 application, 4... as the maker '
-                                           'says')
+        add_number(actions.choices[name], '--sub', int, limits={'least': 1, 'most': MAX_SUBINDEX}, metavar='SUB',
+                   default=ALL_PARAMETERS, help='1 all (default), 2 communication, 3 application, 4... as the maker '
+                   'says')
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Do what was asked. Raises DeviceError where the device refuses it."""
-    if not 0 < args.timeout <= LONGEST:
-        raise ConfigurationError('--timeout', expected=f'a time > 0 and up to {LONGEST:g} [s]',
-                                 got=str(args.timeout), remedy='Give seconds.')
-    if not MIN_NODE_ID <= args.node_id <= MAX_NODE_ID:
-        raise ConfigurationError('--node-id', expected=f'a whole number {MIN_NODE_ID}..{MAX_NODE_ID}',
-                                 got=str(args.node_id), remedy='`tactile scan` lists the nodes of a bus.')
     args.act(args)
     return 0
 
@@ -71,9 +65,11 @@ def run(args: argparse.Namespace) -> int:
 def _action(actions: argparse._SubParsersAction, name: str, act, timeout: float, text: str) -> argparse.ArgumentParser:
     parser = actions.add_parser(name, help=text, description=text)
     add_bus_options(parser)
-    parser.add_argument('--node-id', type=int, required=True, metavar='ID', help='CANopen node-ID of the device')
-    parser.add_argument('--timeout', type=float, default=timeout, metavar='SECONDS',
-                        help='for each answer, default %(default)s')
+    add_number(parser, '--node-id', int, limits={'least': MIN_NODE_ID, 'most': MAX_NODE_ID,
+               'remedy': '`tactile scan` lists the nodes of a bus.'}, required=True, metavar='ID',
+               help='CANopen node-ID of the device')
+    add_number(parser, '--timeout', limits={'above': 0, 'most': LONGEST_TIMEOUT, 'unit': 's'}, default=timeout,
+               metavar='SECONDS', help='for each answer, default %(default)s')
     parser.add_argument('--json', action='store_true', help='one JSON object')
     parser.set_defaults(act=act)
     return parser
@@ -121,9 +117,6 @@ def _restore(args: argparse.Namespace) -> None:
 
 
 def _parameters(args: argparse.Namespace, act, done: str) -> None:
-    if not 1 <= args.sub <= MAX_SUBINDEX:
-        raise ConfigurationError('--sub', expected=f'a whole number 1..{MAX_SUBINDEX}', got=str(args.sub),
-                                 remedy='1 stands for all parameters.')
     with opened_network(args, lambda batch: None) as network, \
             network.sdo_client(args.node_id, ObjectDictionary(), args.timeout) as sdo:
         act(sdo, args.sub)

@@ -15,8 +15,8 @@ import can
 import numpy as np
 
 from tactile_node.bus.bus_network import open_bus
-from tactile_node.cli.options import add_bus_options, add_skin_options, eds_of, layouts_of, node_ids_of
-from tactile_node.errors import ConfigurationError, InputError
+from tactile_node.cli.options import add_bus_options, add_number, add_skin_options, eds_of, layouts_of, node_ids_of
+from tactile_node.errors import InputError
 from tactile_node.interruption import interruption
 from tactile_node.simulator.device import TaxelSource
 from tactile_node.simulator.figures import MOST_SIDE, NAMED, Silhouette, named_silhouette, silhouette_of
@@ -84,17 +84,17 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--shapes', nargs='+', default=CLASSES, metavar='SHAPE', help='what touches: '
                         f'{", ".join((*CLASSES, *NAMED))}, or the file of a picture, dark on white (default: the first '
                         'five)')
-    parser.add_argument('--areas', nargs='+', type=float, default=AREAS, metavar='TAXELS',
-                        help='of the contacts (default: 40 60 80)')
-    parser.add_argument('--rounds', type=int, default=1, metavar='N', help='N touches of each shape and area, each at '
-                        'another place and angle, before the programme repeats (default: %(default)s)')
+    add_number(parser, '--areas', limits={'above': 0}, nargs='+', default=AREAS, metavar='TAXELS',
+               help='of the contacts (default: 40 60 80)')
+    add_number(parser, '--rounds', int, limits={'least': 1}, default=1, metavar='N', help='N touches of each shape and '
+               'area, each at another place and angle, before the programme repeats (default: %(default)s)')
     parser.add_argument('--seed', type=int, default=0, help='of the touches (default: %(default)s)')
-    parser.add_argument('--noise', type=float, default=NOISE, metavar='SD', help='standard deviation of each taxel, '
-                        'as a share of the full scale (default: %(default)s)')
-    parser.add_argument('--hold', type=float, default=HOLD, metavar='SECONDS',
-                        help='for which each contact is held (default: %(default)s)')
-    parser.add_argument('--slide', type=float, default=0.0, metavar='SPEED', help='of a contact, there and back, '
-                        'while it is held, in metres a second, as 0.002 (default: it rests)')
+    add_number(parser, '--noise', limits={'most': 1}, default=NOISE, metavar='SD', help='standard deviation of each '
+               'taxel, as a share of the full scale (default: %(default)s)')
+    add_number(parser, '--hold', limits={'above': 0, 'unit': 's'}, default=HOLD, metavar='SECONDS',
+               help='for which each contact is held (default: %(default)s)')
+    add_number(parser, '--slide', limits={'most': MOST_SLIDE, 'unit': 'm/s'}, default=0.0, metavar='SPEED', help='of a '
+               'contact, there and back, while it is held, in metres a second, as 0.002 (default: it rests)')
     parser.add_argument('--duration', type=float, help='end after so many seconds (default: at Ctrl-C)')
     parser.set_defaults(run=run)
 
@@ -103,13 +103,13 @@ def _add_wire_options(parser: argparse.ArgumentParser) -> None:
     default = WireSettings()
     parser.add_argument('--wire', action=argparse.BooleanOptionalAction, default=None,
                         help='keep the time of a wire (default: with --pty), or send a sweep at once')
-    parser.add_argument('--delay', type=float, default=default.delay, metavar='S',
-                        help="from a SYNC's end until the device has its TPDOs ready (default: %(default)s)")
-    parser.add_argument('--jitter', type=float, default=default.jitter, metavar='S',
-                        help='by which that is longer at most (default: %(default)s)')
-    parser.add_argument('--batch', type=float, default=default.batch, metavar='S',
-                        help='that a frame waits for those after it, to be handed over with them, as in a USB adapter '
-                             '(default: %(default)s)')
+    limits = {'most': MOST_DELAY, 'unit': 's'}
+    add_number(parser, '--delay', limits=limits, default=default.delay, metavar='S',
+               help="from a SYNC's end until the device has its TPDOs ready (default: %(default)s)")
+    add_number(parser, '--jitter', limits=limits, default=default.jitter, metavar='S',
+               help='by which that is longer at most (default: %(default)s)')
+    add_number(parser, '--batch', limits=limits, default=default.batch, metavar='S', help='that a frame waits for '
+               'those after it, to be handed over with them, as in a USB adapter (default: %(default)s)')
     parser.add_argument('--report', metavar='FILE',
                         help='append each report to this file, as a line of JSON, instead of printing it')
 
@@ -117,12 +117,6 @@ def _add_wire_options(parser: argparse.ArgumentParser) -> None:
 def _wire(args: argparse.Namespace) -> WireSettings | None:
     if not (args.pty if args.wire is None else args.wire):
         return None
-    for name, value in (('--delay', args.delay), ('--jitter', args.jitter), ('--batch', args.batch)):
-        if not 0 <= value < MOST_DELAY:
-            raise ConfigurationError(name, expected=f'0 to {MOST_DELAY:g} s', got=f'{value:g}',
-                                     remedy='Give a shorter time.')
-    if args.bitrate <= 0:
-        raise ConfigurationError('--bitrate', expected='bit/s', got=f'{args.bitrate}', remedy='For example 500000.')
     return WireSettings(args.bitrate, args.delay, args.jitter, batch=args.batch, seed=args.seed)
 
 
@@ -171,11 +165,5 @@ def _opened(args: argparse.Namespace) -> tuple[can.BusABC, str]:
 
 
 def _sources(args: argparse.Namespace, pads: tuple[PadSettings, ...]) -> dict[str, TaxelSource]:
-    if not (args.rounds >= 1 and all(0 < number < float('inf') for number in (*args.areas, args.hold))
-            and 0 <= args.noise <= 1 and 0 <= args.slide <= MOST_SLIDE):
-        raise ConfigurationError(
-            '--areas, --rounds, --hold, --noise, --slide', remedy='For example --areas 50 --hold 3 --slide 0.002.',
-            expected=f'areas, hold > 0, rounds >= 1, noise 0 to 1 (all the scale), slide 0 to {MOST_SLIDE:g} m/s',
-            got=f'{args.areas}, {args.rounds}, {args.hold}, {args.noise}, {args.slide}')
     return gripper_sources(pads, [touching(shape) for shape in args.shapes], args.seed,
                            tuple(args.areas) * args.rounds, hold=args.hold, slide=args.slide, noise=args.noise)

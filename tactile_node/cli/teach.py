@@ -16,9 +16,15 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from tactile_node.cli.options import add_any_device_option, add_bus_options, add_output_option, add_skin_options
+from tactile_node.cli.options import (
+    add_any_device_option,
+    add_bus_options,
+    add_number,
+    add_output_option,
+    add_skin_options,
+)
 from tactile_node.cli.touch_sources import live_touches, touches_in
-from tactile_node.errors import ConfigurationError, InputError
+from tactile_node.errors import InputError
 from tactile_node.learning.head_fit import load_background
 from tactile_node.learning.taught_file import NO_EXAMPLES, Examples, check_name, examples_in, examples_of, write_taught
 from tactile_node.learning.teach import (
@@ -62,8 +68,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     add_output_option(parser, required=True, metavar='FILE', help='.npz to write')
     parser.add_argument('--model', default=FILES[LEARNED], metavar='FILE',
                         help='to teach; a file of this command keeps its shapes (default: config/%(default)s)')
-    parser.add_argument('--touches', type=int, default=TOUCHES, metavar='N',
-                        help='to record of each shape, live (default: %(default)s)')
+    add_number(parser, '--touches', int, limits={'least': LEAST_TOUCHES, 'remedy': f'{TOUCHES} as a rule.'},
+               default=TOUCHES, metavar='N', help='to record of each shape, live (default: %(default)s)')
     parser.add_argument('--picture', metavar='FILE', help='draw what is taken for what on held-out contacts')
     parser.add_argument('--accept-poor', action='store_true', help='write the file even where the held-out figures are '
                         'bad')
@@ -82,9 +88,6 @@ def run(args: argparse.Namespace) -> int:
     for name in args.name:
         check_name(name, names)
         names.append(name)
-    if args.touches < LEAST_TOUCHES:
-        raise ConfigurationError('--touches', expected=f'{LEAST_TOUCHES} or more', got=str(args.touches),
-                                 remedy=f'{TOUCHES} as a rule.')
     if args.picture:
         import_module('matplotlib')  # before the touches are recorded, not after it
     inputs = [model, *sum(args.sources.values(), [])]

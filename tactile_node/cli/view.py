@@ -14,6 +14,7 @@ from tactile_node.cli.options import (
     add_any_device_option,
     add_bus_options,
     add_model_option,
+    add_number,
     add_skin_options,
     add_window_options,
     eds_of,
@@ -45,22 +46,11 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     add_model_option(parser)
     parser.add_argument('--namespace', default='', help='of the topics')
     parser.add_argument('--terminal', action='store_true', help='pictures on the terminal in place of the page')
-    parser.add_argument('--full-scale', type=full_scale, metavar='READING', help='reading of the brightest colour, in '
-                        "the pad's unit (default: the largest of the last 10 s)")
+    add_number(parser, '--full-scale', limits={'above': 0, 'remedy': 'For example 100e3.'}, metavar='READING',
+               help="reading of the brightest colour, in the pad's unit (default: the largest of the last 10 s)")
     parser.add_argument('--port', type=int, default=DEFAULT_PORT, help='of the page; 0: a free one (default: '
                         '%(default)s)')
     parser.set_defaults(run=run)
-
-
-def full_scale(text: str) -> float:
-    """A number > 0."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0 < value < float('inf'):
-        raise ConfigurationError('--full-scale', expected='a number > 0', got=repr(text), remedy='For example 100e3.')
-    return value
 
 
 def run(args: argparse.Namespace) -> int:
