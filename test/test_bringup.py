@@ -73,7 +73,7 @@ def short_timeout(tmp_path):
     (['--use-sim-time', 'maybe'], 'true or false'),
     (['--interface', 'virtual', '--publish-clock', 'true'], 'publish_clock'),
     (['--end-with', 'launch'], 'a process id'),
-    (['--interface', 'virtual', '--node-id', 'one'], 'whole numbers'),
+    (['--interface', 'virtual', '--node-id', 'one'], 'whole number'),
 ])
 def test_what_cannot_work_ends_with_a_sentence_and_code_2(words, expected, short_timeout, capsys):
     assert main(['bringup', *short_timeout, *words]) == 2

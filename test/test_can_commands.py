@@ -26,8 +26,8 @@ TACTILE = 'import sys; from tactile_node.cli.main import main; sys.exit(main())'
 
 def run(module, *words):
     parser = argparse.ArgumentParser()
-    module.add_parser(parser.add_subparsers())
-    args = parser.parse_args([module.__name__.rsplit('.', 1)[1], *map(str, words)])
+    module.add_options(parser)
+    args = parser.parse_args([*map(str, words)])
     return module.run(args)
 
 

@@ -128,6 +128,7 @@ def problem(command: Command) -> str | None:
 
 def _problem_of_tactile(words: list[str], in_sentence: bool) -> str | None:
     from tactile_node.cli.main import COMMANDS, _parser
+    from tactile_node.errors import ConfigurationError
     if words[0] in ('COMMAND', '--version', '--help'):
         return None
     if words[0] not in [name for name, *_ in COMMANDS]:
@@ -137,7 +138,7 @@ def _problem_of_tactile(words: list[str], in_sentence: bool) -> str | None:
     if not in_sentence:
         try:
             parser.parse_args(words)
-        except (argparse.ArgumentError, SystemExit, ValueError) as error:
+        except (argparse.ArgumentError, ConfigurationError, SystemExit, ValueError) as error:
             return f'{error}'
         return None
     known = {option for below in _all_parsers(parser) for option in below._option_string_actions}

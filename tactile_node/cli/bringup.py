@@ -125,9 +125,7 @@ def _parameters(args: argparse.Namespace, options: Mapping[str, str]) -> dict[st
     return {parameter: value for option, parameter in options.items() if (value := getattr(args, option)) is not None}
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('bringup', help='run all ROS 2 nodes of one bus in this process',
-                                   description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
     source = parser.add_mutually_exclusive_group()
     for name, option in OPTIONS.items():
         words = [f'--{name.replace("_", "-")}', *(['--pace'] if name == 'replay_pace' else [])]
@@ -141,7 +139,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--namespace', default='', help='namespace of all nodes and topics')
     add_number(parser, '--end-with', int, limits={'least': 1}, metavar='PID', help='end when this process ends')
     parser.add_argument('--ros-args', nargs=argparse.REMAINDER, default=[], help='ROS arguments, for all nodes')
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

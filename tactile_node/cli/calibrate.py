@@ -39,9 +39,7 @@ class Readings(NamedTuple):
     unit: str              #: '' for an array
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('calibrate', description=__doc__,
-                                   formatter_class=argparse.RawDescriptionHelpFormatter)
+def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('recording', help='CAN log as of `tactile record`, or a .npy array (K, rows, cols), zeroed')
     parser.add_argument('--radius', type=float, required=True, metavar='METRES', help='of the face that touches')
     parser.add_argument('--edge-radius', type=float, default=0.0, metavar='METRES',
@@ -50,7 +48,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--gains', default='', metavar='FILE', help='per-taxel gains, as in gain_files of the driver')
     parser.add_argument('--pitch', type=float, metavar='METRES', help='distance of neighbouring taxels of an array')
     add_output_option(parser, metavar='FILE', help=f'default: beside the layout, suffix {SUFFIX}')
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -45,8 +45,7 @@ class Found(NamedTuple):
     lines: dict[int, int | None]      #: of the layout file, by the place of its error
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('check', description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('layout', help='skin layout: a file, or a name in config/')
     parser.add_argument('eds', nargs='?', default='', help="EDS (default: the layout's name with .eds)")
     add_number(parser, '--bitrate', int, limits={'least': 1, 'unit': 'bit/s'}, default=DEFAULT_BITRATE,
@@ -57,7 +56,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
                default=PERIODS[0],
                help='between two SYNCs, at which the bus has to carry the pads, default %(default)s')
     parser.add_argument('--json', action='store_true', help='one JSON object')
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -8,9 +8,7 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.shape.recognition import DEFAULT, FILES, LEARNED, VOLF
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('classify', description=__doc__)
-    parser.set_defaults(run=run)
+def add_options(parser: argparse.ArgumentParser) -> None:
     add_array_arguments(parser)
     parser.add_argument('--method', choices=list(FILES), default=DEFAULT,
                         help='learned: network on pattern and pressures; volf: the paper; default %(default)s')

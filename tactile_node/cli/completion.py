@@ -13,11 +13,8 @@ import argcomplete
 SHELLS = 'bash', 'zsh', 'fish'
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('completion', description=__doc__,
-                                   formatter_class=argparse.RawDescriptionHelpFormatter)
+def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('shell', choices=SHELLS, help='the lines are for this one')
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -10,8 +10,7 @@ from tactile_node.skin.layout import MAX_SIDE
 from tactile_node.skin.layout_draft import FILL_IN, GUESS, MAX_BITS, Known, draft
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('draft', description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('eds', help='EDS: a file, or a name in config/')
     for side in ('rows', 'cols'):
         add_number(parser, f'--{side}', int, limits={'least': 1, 'most': MAX_SIDE},
@@ -19,7 +18,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     add_number(parser, '--bits', int, limits={'least': 1, 'most': MAX_BITS}, help='width of a taxel, where mapped '
                'objects hold several or a part of one (default: the commonest width of a mapped object)')
     add_output_option(parser, metavar='FILE', help='default: print it')
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -10,9 +10,7 @@ from tactile_node.helmholtz.feature_groups import Group
 GROUPS = {name.lower(): group for name, group in Group.__members__.items()}
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('features', description=__doc__)
-    parser.set_defaults(run=run)
+def add_options(parser: argparse.ArgumentParser) -> None:
     add_array_arguments(parser)
     parser.add_argument('--groups', type=groups, default=Group.ALL, metavar='GROUP,...',
                         help=f'compute only these, besides N, P05 and P09: {", ".join(GROUPS)}. classifier: what the '

@@ -14,23 +14,23 @@ import tactile_node
 from tactile_node.errors import TactileError
 from tactile_node.interruption import ignore_interruptions
 
-#: name, module (imported only when it is chosen; its add_parser(subparsers) sets ``run``), help
+#: name and help; the module of that name, with ``add_options`` and ``run``, is imported only when it is chosen
 COMMANDS = (
-    ('features', 'tactile_node.cli.features', 'every quantity of the paper, of frames in files: JSON lines or CSV'),
-    ('classify', 'tactile_node.cli.classify', 'the recognised shape, of frames in files: JSON lines or CSV'),
-    ('bringup', 'tactile_node.cli.bringup', 'run all ROS 2 nodes of one bus in this process'),
-    ('view', 'tactile_node.cli.view', 'show the pads in a browser or on a terminal'),
-    ('simulate', 'tactile_node.cli.simulate', 'be a CANopen skin that touches shapes or repeats a recording'),
-    ('calibrate', 'tactile_node.cli.calibrate', "learn a skin's response from presses of a known disc"),
-    ('teach', 'tactile_node.cli.teach', 'teach the recogniser your own shapes'),
-    ('scan', 'tactile_node.cli.scan', 'find the CANopen nodes of a bus'),
-    ('sdo', 'tactile_node.cli.sdo', 'read or write one object of a device'),
-    ('check', 'tactile_node.cli.check', 'check a skin layout and its EDS, and show the pad'),
-    ('draft', 'tactile_node.cli.draft', 'begin a skin layout from an EDS'),
-    ('record', 'tactile_node.cli.record', 'record a CAN log from a live bus'),
-    ('replay', 'tactile_node.cli.replay', 'play a CAN log without ROS: taxel frames to a file'),
-    ('report', 'tactile_node.cli.report', 'write a page on a log or bag, for a support ticket'),
-    ('completion', 'tactile_node.cli.completion', 'print what makes your shell complete `tactile`'),
+    ('features', 'every quantity of the paper, of frames in files: JSON lines or CSV'),
+    ('classify', 'the recognised shape, of frames in files: JSON lines or CSV'),
+    ('bringup', 'run all ROS 2 nodes of one bus in this process'),
+    ('view', 'show the pads in a browser or on a terminal'),
+    ('simulate', 'be a CANopen skin that touches shapes or repeats a recording'),
+    ('calibrate', "learn a skin's response from presses of a known disc"),
+    ('teach', 'teach the recogniser your own shapes'),
+    ('scan', 'find the CANopen nodes of a bus'),
+    ('sdo', 'read or write one object of a device'),
+    ('check', 'check a skin layout and its EDS, and show the pad'),
+    ('draft', 'begin a skin layout from an EDS'),
+    ('record', 'record a CAN log from a live bus'),
+    ('replay', 'play a CAN log without ROS: taxel frames to a file'),
+    ('report', 'write a page on a log or bag, for a support ticket'),
+    ('completion', 'print what makes your shell complete `tactile`'),
 )
 
 #: It runs nodes, whose handler forwards the log to /rosout and stderr.
@@ -113,11 +113,15 @@ def _parser(chosen: str) -> argparse.ArgumentParser:
     version = f'tactile_skin {tactile_node.__version__}' if chosen == '--version' else ''
     parser.add_argument('--version', action='version', version=version)
     commands = parser.add_subparsers(required=True, metavar='COMMAND')
-    for name, module, text in COMMANDS:
+    for name, text in COMMANDS:
+        command = commands.add_parser(name, help=text + _lack(name))
         if name == chosen:
-            import_module(module).add_parser(commands)
-        else:
-            commands.add_parser(name, help=text + _lack(name))
+            module = import_module(f'tactile_node.cli.{name}')
+            command.description = module.__doc__
+            if '\n' in str(module.__doc__):  # it has its own lines
+                command.formatter_class = argparse.RawDescriptionHelpFormatter
+            command.set_defaults(run=module.run)
+            module.add_options(command)
     return parser
 
 

@@ -24,14 +24,8 @@ DEFAULT_NODE_ID = 32
 
 def node_ids(text: str) -> list[int]:
     """'32,0x40' -> [32, 64]; with ``action='extend'`` the option may also be repeated."""
-    try:
-        numbers = [int(part, 0) for part in text.split(',')]
-    except ValueError:
-        numbers = []
-    if not numbers or not all(1 <= number <= MAX_NODE_ID for number in numbers):
-        raise ConfigurationError('--node-id', expected=f'whole numbers 1..{MAX_NODE_ID}, comma-separated',
-                                 got=repr(text), remedy='For example --node-id 32,64.')
-    return numbers
+    return [number(part, '--node-id', int, least=1, most=MAX_NODE_ID, remedy='For example --node-id 32,64.')
+            for part in text.split(',')]
 
 
 def names(text: str) -> list[str]:

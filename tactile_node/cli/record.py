@@ -19,8 +19,7 @@ SILENCE = ('Nothing on the bus so far. A CANopen skin is silent until a master s
            'bus, or let it record: tactile bringup --record FILE.')
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('record', description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
     add_output_option(parser, 'file', help='log to write, format by suffix: .log (candump), .log.gz, '
                       '.mcap (ROS 2 bag)')
     add_bus_options(parser)
@@ -28,7 +27,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
                         help='length of the recording [s] (default: until Ctrl-C)')
     add_number(parser, '--rotate-mb', limits={'remedy': '0 makes one file.'}, default=0.0, metavar='N',
                help='begin the next file, FILE_part2 and so on, when one has N MB (default: one file)')
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

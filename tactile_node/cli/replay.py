@@ -27,8 +27,7 @@ from tactile_node.sources.log_source import summary
 from tactile_node.taxel_frame import TaxelFrame
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('replay', description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('log', help='CAN log: .log (candump), .log.gz, .asc, .blf, .trc, or a ROS 2 bag of '
                         'can_msgs/msg/Frame: .mcap, .db3, its folder; of a rotated series, its first file')
     add_log_options(parser)
@@ -38,7 +37,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     add_output_option(parser, metavar='FILE', help='.npz: values of shape (K, rows, cols), NaN = invalid, '
                         'with stamps, sequence, status, pad, pitch and unit; .npy: the values alone; - is standard '
                         'output (.npy), for one pad; with more pads the name gets _pad32 and so on')
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -33,9 +33,7 @@ from tactile_node.viewing.log_report import BagReporter, LogReporter
 from tactile_node.viewing.report_page import page_of
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('report', description=__doc__)
-    parser.set_defaults(run=run)
+def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('log', metavar='LOG|BAG', help='CAN log as of `tactile replay`, or a ROS 2 bag with '
                         '<pad>/taxels: .mcap, .db3, its folder; of a rotated series, its first file')
     add_output_option(parser, metavar='FILE', default='report.html', help='default: %(default)s')

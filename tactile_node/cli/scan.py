@@ -25,9 +25,7 @@ SILENT_PASSIVE = 'Nothing was received. Nodes without a heartbeat are found only
 UNHEARD = 'CAN frames were received, but no node was heard: check the bit rate, or the node-IDs that were asked.'
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('scan', description=__doc__,
-                                   formatter_class=argparse.RawDescriptionHelpFormatter)
+def add_options(parser: argparse.ArgumentParser) -> None:
     add_bus_options(parser, finds_bit_rate=True)
     parser.add_argument('--node-id', type=node_ids, action='extend', metavar='ID,...',
                         help='ask only these (default: all)')
@@ -37,7 +35,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument('--eds', action='append', default=[], metavar='FOLDER',
                         help='compare with the EDS files in it, beside those of config/')
     parser.add_argument('--json', action='store_true', help='a JSON line a node')
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -34,9 +34,7 @@ RECONFIGURES = ('this object decides which TPDOs the node sends: a driver that r
                 'has configured it again')
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('sdo', description=__doc__,
-                                   formatter_class=argparse.RawDescriptionHelpFormatter)
+def add_options(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(required=True, metavar='read|write|store|restore')
     read = _action(actions, 'read', _read, ANSWER, 'print the value of an object')
     write = _action(actions, 'write', _write, ANSWER, 'write the value of an object')
@@ -53,7 +51,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
         add_number(actions.choices[name], '--sub', int, limits={'least': 1, 'most': MAX_SUBINDEX}, metavar='SUB',
                    default=ALL_PARAMETERS, help='1 all (default), 2 communication, 3 application, 4... as the maker '
                    'says')
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -73,9 +73,7 @@ MOST_DELAY = 1.0  #: s
 MOST_SLIDE = 1.0  #: m/s
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('simulate', help='be a CANopen skin that shapes touch',
-                                   description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
     add_bus_options(parser, channel='vcan0')
     parser.add_argument('--pty', action='store_true', help='offer an slcan adapter on a pseudo-terminal instead')
     parser.add_argument('--link', default='', metavar='PATH', help='with --pty: a symbolic link to the port')
@@ -96,7 +94,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     add_number(parser, '--slide', limits={'most': MOST_SLIDE, 'unit': 'm/s'}, default=0.0, metavar='SPEED', help='of a '
                'contact, there and back, while it is held, in metres a second, as 0.002 (default: it rests)')
     parser.add_argument('--duration', type=float, help='end after so many seconds (default: at Ctrl-C)')
-    parser.set_defaults(run=run)
 
 
 def _add_wire_options(parser: argparse.ArgumentParser) -> None:

@@ -57,9 +57,7 @@ class _OfLastName(argparse.Action):
         namespace.sources.setdefault(namespace.name[-1], []).extend(values)
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('teach', description=__doc__,
-                                   formatter_class=argparse.RawDescriptionHelpFormatter)
+def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--name', action='append', required=True, help='of the shape; repeat it, with its own --from, '
                         'for several shapes in one file')
     parser.add_argument('--from', nargs='+', action=_OfLastName, dest='from_', metavar='FILE',
@@ -76,7 +74,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     add_skin_options(parser)
     add_bus_options(parser, is_set=False)
     add_any_device_option(parser)
-    parser.set_defaults(run=run, sources={})
+    parser.set_defaults(sources={})
 
 
 def run(args: argparse.Namespace) -> int:

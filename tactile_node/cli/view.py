@@ -33,9 +33,7 @@ from tactile_node.viewing.source import Source
 DEFAULT_PORT = 8080
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    parser = subparsers.add_parser('view', help='show the pads in a browser or on a terminal', description=__doc__,
-                                   formatter_class=argparse.RawDescriptionHelpFormatter)
+def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('recording', nargs='?', help='CAN log as of `tactile record`, or a ROS 2 bag')
     add_bus_options(parser, is_set=False)
     parser.add_argument('--pads', type=pad_names, metavar='NAME,...', help='names of the pads (default: of topics all '
@@ -50,7 +48,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
                help="reading of the brightest colour, in the pad's unit (default: the largest of the last 10 s)")
     parser.add_argument('--port', type=int, default=DEFAULT_PORT, help='of the page; 0: a free one (default: '
                         '%(default)s)')
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
