@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.errors import ConfigurationError
+from tactile_node.read_only import read_only
 
 
 class Transform(NamedTuple):
@@ -109,8 +110,7 @@ class PadPose:
         rotation = (np.array(((cy, -sy, 0), (sy, cy, 0), (0, 0, 1)))
                     @ np.array(((cp, 0, sp), (0, 1, 0), (-sp, 0, cp)))
                     @ np.array(((1, 0, 0), (0, cr, -sr), (0, sr, cr))))
-        rotation.flags.writeable = False
-        object.__setattr__(self, 'rotation', rotation)
+        object.__setattr__(self, 'rotation', read_only(rotation))
 
     @property
     def normal(self) -> np.ndarray:
@@ -140,9 +140,7 @@ class Gripper:
     def closing(self) -> np.ndarray:
         """Unit vector from the left pad towards the right one."""
         direction = self.left.normal - self.right.normal
-        unit: np.ndarray = direction / np.linalg.norm(direction)
-        unit.flags.writeable = False
-        return unit
+        return read_only(direction / np.linalg.norm(direction))
 
 
 Point = tuple[float, float]  # of a pad, in its own frame [m]

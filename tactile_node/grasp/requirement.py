@@ -119,21 +119,16 @@ def _wrong_shape(requirement: Requirement, sides: tuple[SideShape, SideShape]) -
 def _wrong_line(requirement: Requirement, line: Line | None) -> Iterator[Missing]:
     """Give what does not fit; what is not known neither fits nor does not fit: there are other codes for it."""
     width, offset, misalignment = (line.width, line.offset, line.misalignment) if line else (math.nan,) * 3
-    if requirement.min_width or requirement.max_width:
-        if not math.isfinite(width):
-            yield Missing.WIDTH_NOT_KNOWN
-        elif not requirement.min_width <= width <= (requirement.max_width or math.inf):
-            yield Missing.OTHER_WIDTH
-    if requirement.max_offset:
-        if not math.isfinite(offset):
-            yield Missing.OFFSET_NOT_KNOWN
-        elif offset > requirement.max_offset:
-            yield Missing.OFFSET
-    if requirement.max_misalignment:
-        if not math.isfinite(misalignment):
-            yield Missing.MISALIGNMENT_NOT_KNOWN
-        elif misalignment > requirement.max_misalignment:
-            yield Missing.MISALIGNED
+    for value, least, most, not_known, wrong in (
+            (width, requirement.min_width, requirement.max_width, Missing.WIDTH_NOT_KNOWN, Missing.OTHER_WIDTH),
+            (offset, 0.0, requirement.max_offset, Missing.OFFSET_NOT_KNOWN, Missing.OFFSET),
+            (misalignment, 0.0, requirement.max_misalignment, Missing.MISALIGNMENT_NOT_KNOWN, Missing.MISALIGNED)):
+        if not least and not most:
+            continue
+        if not math.isfinite(value):
+            yield not_known
+        elif not least <= value <= (most or math.inf):
+            yield wrong
 
 
 def _refused(refusal: RequirementRefusal, expected: str, got: str, remedy: str) -> RefusedRequirementError:

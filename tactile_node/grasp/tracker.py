@@ -12,15 +12,15 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.errors import ConfigurationError, InputError
-from tactile_node.grasp.gripper import Gripper, Line, contact_line
+from tactile_node.grasp.gripper import Gripper, Line, Point, contact_line
 from tactile_node.grasp.steadiness import Steadiness, SteadinessSettings
 from tactile_node.shape.recognition import Shape
 
 SIDES = ('left', 'right')
 SHORTEST_SILENCE = 0.1  #: s, and
 SILENT_PERIODS = 3      #: of a side: results have stopped; a reader is to know by then, so
-NOTICE = 0.75           #: after this fraction they are taken to have stopped
-PERIODS = 15            #: of which the median is the period of a side
+NOTICE_SHARE = 0.75     #: after this fraction they are taken to have stopped
+PERIODS_KEPT = 15       #: of which the median is the period of a side
 
 
 class SideState(IntEnum):
@@ -130,28 +130,27 @@ class GraspTracker:
         states = left.state(now), right.state(now)
         contact = GraspContact.of(states)
         fresh = (left.is_current(now) and right.is_current(now)
-                 and abs(left.time - right.time) <= self._settings.max_skew)
+                 and abs(left.latest.time - right.latest.time) <= self._settings.max_skew)
         state = GraspState(
             side_states=states, contact=contact, fresh=fresh, same_shape=_is_same_shape(states, left, right), line=None,
             line_is_bound=False, held=0.0, stable=False, creep=np.nan)
         if contact is not GraspContact.TWO_SIDED or not fresh:
             return state
         held = min(left.held, right.held)
-        is_bound = left.is_bound or right.is_bound
+        is_bound = left.latest.is_bound or right.latest.is_bound
         return state._replace(
-            line=self._line(left, right, gap), line_is_bound=is_bound, held=held,
+            line=self._line(left.latest.centre, right.latest.centre, gap), line_is_bound=is_bound, held=held,
             creep=float(np.maximum(left.creep, right.creep)),
             stable=left.rests and right.rests and held >= self._settings.min_hold)
 
-    def _line(self, left: '_Side', right: '_Side', gap: float) -> Line | None:
-        if left.centre is None or right.centre is None:
-            return None
-        return contact_line(self._settings.gripper, left.centre, right.centre, gap)
+    def _line(self, left: Point | None, right: Point | None, gap: float) -> Line | None:
+        return None if left is None or right is None else contact_line(self._settings.gripper, left, right, gap)
 
 
 def _is_same_shape(states: tuple[SideState, SideState], left: '_Side', right: '_Side') -> bool:
-    is_known = left.class_name not in (Shape.NONE.value, Shape.UNKNOWN.value)
-    return states == (SideState.TOUCHED, SideState.TOUCHED) and is_known and left.class_name == right.class_name
+    name = left.latest.class_name
+    is_known = name not in (Shape.NONE.value, Shape.UNKNOWN.value)
+    return states == (SideState.TOUCHED, SideState.TOUCHED) and is_known and name == right.latest.class_name
 
 
 class _Side:
@@ -159,49 +158,28 @@ class _Side:
 
     def __init__(self, settings: GraspSettings):
         self._settings = settings
-        self._latest: SideResult | None = None
+        self.latest = SideResult(-np.inf, SideState.NOT_KNOWN)
         self._received = -np.inf
-        self._gaps: deque[float] = deque(maxlen=PERIODS)
+        self._gaps: deque[float] = deque(maxlen=PERIODS_KEPT)
         self._steadiness = Steadiness(settings.steadiness)
         self._touch: SideResult | None = None  # the latest with a centre, of this contact
-        self._rests = False
+        self.rests = False  #: whether the latest result shows that the centre rests
 
     @property
     def silence_limit(self) -> float:
-        return NOTICE * self._longest_gap()
+        return NOTICE_SHARE * self._longest_gap()
 
     def _longest_gap(self) -> float:
         return max(SHORTEST_SILENCE, SILENT_PERIODS * median(self._gaps)) if self._gaps else SHORTEST_SILENCE
 
     @property
-    def time(self) -> float:
-        return self._latest.time if self._latest else -np.inf
-
-    @property
-    def class_name(self) -> str:
-        return self._latest.class_name if self._latest else Shape.NONE.value
-
-    @property
-    def centre(self) -> tuple[float, float] | None:
-        return self._latest.centre if self._latest else None
-
-    @property
-    def is_bound(self) -> bool:
-        return self._latest is not None and self._latest.is_bound
-
-    @property
-    def rests(self) -> bool:
-        """Whether the latest result shows that the centre rests."""
-        return self._rests
-
-    @property
     def _is_followed(self) -> bool:
-        return self._touch is not None and self._touch is self._latest
+        return self._touch is self.latest
 
     @property
     def held(self) -> float:
         """For how long shape and centre have held [s]; 0 while nothing does."""
-        return max(0.0, self.time - self._steadiness.since) if self._is_followed else 0.0
+        return max(0.0, self.latest.time - self._steadiness.since) if self._is_followed else 0.0
 
     @property
     def creep(self) -> float:
@@ -210,20 +188,20 @@ class _Side:
         return speed.value if speed and self._is_followed else np.nan
 
     def is_current(self, now: float) -> bool:
-        return now - self.time <= self._settings.max_age and now - self._received < self.silence_limit
+        return now - self.latest.time <= self._settings.max_age and now - self._received < self.silence_limit
 
     def state(self, now: float) -> SideState:
-        if self._latest is None:
+        if self._received == -np.inf:
             return SideState.NOT_KNOWN
-        return self._latest.state if self.is_current(now) else SideState.UNSEEN
+        return self.latest.state if self.is_current(now) else SideState.UNSEEN
 
     def update(self, result: SideResult, now: float) -> None:
-        gap = result.time - self.time
+        gap = result.time - self.latest.time
         if np.isfinite(gap) and gap > 0:
             self._gaps.append(gap)
-        self._latest = result
+        self.latest = result
         self._received = now
-        self._rests = False
+        self.rests = False
         if result.state is SideState.EMPTY:
             self._touch = None
         elif result.state is SideState.TOUCHED and np.isfinite(result.time) and not result.hides_creep:
@@ -241,4 +219,4 @@ class _Side:
                 or abs(result.time - before.time) > self._longest_gap()):
             self._steadiness.restart()
         self._touch = result
-        self._rests = self._steadiness.update(result.time, result.centre, result.resolution)
+        self.rests = self._steadiness.update(result.time, result.centre, result.resolution)
