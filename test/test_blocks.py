@@ -6,7 +6,7 @@ from scipy.integrate import dblquad
 
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.pose.fit import fit_shape
-from tactile_node.pose.least_squares import AROUND, WIDEST, in_blocks, size_of
+from tactile_node.pose.least_squares import BLOCKS_AROUND, WIDEST, in_blocks, size_of
 from tactile_node.pose.skin_model import DEPTHS, REACH, kernel, taps_at
 from tactile_node.shape.recognition import Shape
 from tactile_node.simulator.figures import Skin, pressure_frame
@@ -46,7 +46,7 @@ def test_what_a_fit_looks_at_has_a_bound(pad):
     y, x = np.indices((pad, pad))
     mask = np.hypot(x - pad / 2, y - pad / 2) < 0.45 * pad
     blocks = in_blocks(mask.astype(float), mask, size_of(mask))
-    assert max(blocks.values.shape) <= WIDEST + 2 * AROUND + 1
+    assert max(blocks.values.shape) <= WIDEST + 2 * BLOCKS_AROUND + 1
 
 
 @pytest.mark.parametrize('shape', CLASSES)
@@ -111,7 +111,7 @@ def test_a_wide_pressure_passes_through():
 
 @pytest.mark.parametrize('depth', np.geomspace(DEPTHS[0] * 1.05, DEPTHS[1] * 0.95, 9))
 def test_two_products_are_the_kernel(depth):
-    taps = taps_at(np.log(depth))
+    signs, taps, _ = taps_at(np.log(depth))
     apart = np.abs(np.arange(-REACH, REACH + 1))
-    found = sum(sign * np.outer(tap[apart], tap[apart]) for sign, tap in zip(taps.signs[:, 0], taps.taps))
+    found = sum(sign * np.outer(tap[apart], tap[apart]) for sign, tap in zip(signs[:, 0], taps))
     assert found == pytest.approx(kernel(depth), abs=0.004)

@@ -9,7 +9,7 @@ from tactile_node.errors import InputError
 from tactile_node.pose.first_guess import guesses, moments_of
 from tactile_node.pose.fit import fit_shape
 from tactile_node.pose.outlines import OUTLINES, Window, depth_inside, moving_depth, outline_of
-from tactile_node.pose.skin_model import PatternModel, PressureModel
+from tactile_node.pose.skin_model import Model, PressureModel
 from tactile_node.pose.solids import pose_covariance, prism, solid
 from tactile_node.shape.recognition import SHAPES, Shape
 from tactile_node.simulator.figures import Skin, pressure_frame
@@ -96,7 +96,7 @@ def test_what_lies_left_of_the_window_is_cut_off_right():
 def test_jacobians_are_the_derivatives(contact, kind):
     outline = outline_of(Shape(contact.shape), contact.handedness)
     model = (PressureModel(outline, WINDOW, np.array([9.0, 9.5])) if kind == 'pressure'
-             else PatternModel(outline, WINDOW))
+             else Model(outline, WINDOW))
     extras = [1.1, 0.02, -0.03, 0.6, -0.4] if kind == 'pressure' else []
     parameters = np.concatenate((parameters_of(contact), extras))
     expected = numerical(lambda p: model.predict(p).values, parameters)

@@ -10,7 +10,7 @@ from tactile_node.pose.least_squares import Problem, Solution, evaluate, minimis
 from tactile_node.pose.model_error import Loading, area_and_radius
 from tactile_node.pose.outlines import Outline, outline_of
 from tactile_node.pose.profiles import DOMES, PUNCH, Layer, Profile, expected_log_depth
-from tactile_node.pose.skin_model import Model, PatternModel, PressureModel
+from tactile_node.pose.skin_model import Model, PressureModel
 from tactile_node.shape.recognition import Shape
 
 COARSE = 0.3         #: when the first pass stops [pitches]
@@ -32,15 +32,15 @@ def coarse(evidence: Evidence, shape: Shape, guess: Guess, profile: Profile = PU
     """Fit from ``guess`` with equal weights, until steps are short compared with a taxel; ``layer`` in pitches."""
     outline = outline_of(shape, guess.handedness)
     if evidence.on_off:
-        model: Model = PatternModel(outline, evidence.window)
+        model = Model(outline, evidence.window)
     else:
         model = PressureModel(outline, evidence.window, guess.parameters[:2], profile)
     expected = np.concatenate((guess.parameters, model.expected))
     precision = np.concatenate((_vague(outline, guess.parameters), model.precision))
     if isinstance(model, PressureModel) and layer is not None:
         _, radius = area_and_radius(outline.corners(model.starts(guess.parameters)[0][:len(guess.parameters)]))
-        depth = expected_log_depth(layer, profile, radius)
-        expected[-1], precision[-1] = depth.mean, depth.deviation ** -2
+        expected[-1], deviation = expected_log_depth(layer, profile, radius)
+        precision[-1] = deviation ** -2
     problem = Problem(model, values=evidence.values, weights=evidence.used / FIRST_NOISE**2, expected=expected,
                       precision=precision)
     likely, *others = (evaluate(problem, start, model.predict(start)) for start in model.starts(guess.parameters))

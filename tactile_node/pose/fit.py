@@ -23,7 +23,7 @@ from tactile_node.pose.first_guess import Guess, guesses, moments_of
 from tactile_node.pose.least_squares import Solution, in_blocks, size_of
 from tactile_node.pose.model_error import corrected, covariance_scale, weights_after
 from tactile_node.pose.moments import check_pitch
-from tactile_node.pose.outlines import OUTLINES, Outline, outline_of
+from tactile_node.pose.outlines import OUTLINES, Outline, outline_of, rotation
 from tactile_node.pose.profiles import DOMES, Indenter, Layer, check_layer
 from tactile_node.pose.rim import Rim, is_cut, reach, rim_of
 from tactile_node.read_only import read_only
@@ -260,7 +260,7 @@ def _bounded(fit: ShapeFit, rim: Rim, pitch: float) -> ShapeFit:
         is_bound[:] = is_bound.any()
     if not is_bound.any():
         return fit
-    axes = np.array(((np.cos(fit.angle), np.sin(fit.angle)), (-np.sin(fit.angle), np.cos(fit.angle))))
+    axes = rotation(fit.angle)
     per_dimension = 2.0 if fit.shape is Shape.CIRCLE else 1.0
     middle, half = axes @ fit.centre, per_dimension * np.resize(fit.dimensions, 2) / 2
     ends = reach(rim, np.array([fit.angle]))[..., 0] * pitch

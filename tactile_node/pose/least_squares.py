@@ -5,10 +5,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg.lapack import dposv
 
+from tactile_node.contact.neighbours import box_of
 from tactile_node.pose.skin_model import Model, Prediction
 
-MAX_STEP = 1.0  #: of any parameter in one step [pitches, radians, relative]
-SMALLEST = 0.3  #: no dimension gets smaller [pitches]
+LONGEST_STEP = 1.0  #: of any parameter in one step [pitches, radians, relative]
+LEAST_DIMENSION = 0.3  #: no dimension gets smaller [pitches]
 
 
 class Problem(NamedTuple):
@@ -66,24 +67,22 @@ def _step(problem: Problem, at: Solution, damping: float) -> np.ndarray:
     diagonal = damped.reshape(-1)[::len(slope) + 1]
     diagonal *= 1 + damping
     step: np.ndarray = dposv(damped, slope)[1]
-    step *= min(1.0, MAX_STEP / max(np.abs(step).max(), 1e-12))
+    step *= min(1.0, LONGEST_STEP / max(np.abs(step).max(), 1e-12))
     return step
 
 
 def _bounded(model: Model, parameters: np.ndarray) -> np.ndarray:
     """Dimensions stay positive, extras where the model knows them."""
-    extras = model.expected.size
-    first = len(parameters) - extras - len(model.outline.dimensions)
-    dimensions = slice(first, len(parameters) - extras)
-    parameters[dimensions] = np.maximum(parameters[dimensions], SMALLEST)
-    if extras:
-        parameters[-extras:] = model.bounded(parameters[-extras:])
+    extras = len(model.outline.parameters)
+    dimensions = slice(extras - len(model.outline.dimensions), extras)
+    parameters[dimensions] = np.maximum(parameters[dimensions], LEAST_DIMENSION)
+    model.bound(parameters[extras:])
     return parameters
 
 
-WIDEST = 32   #: blocks across a contact at most [taxels of a fit]
-AROUND = 3    #: blocks around the contact
-VISIBLE = 0.5  #: of a block's taxels: with fewer valid ones it has no value
+WIDEST = 32    #: blocks across a contact at most [taxels of a fit]
+BLOCKS_AROUND = 3  #: the contact
+LEAST_SEEN = 0.5   #: of a block's taxels: with fewer valid ones it has no value
 
 
 class Blocks(NamedTuple):
@@ -101,33 +100,27 @@ def size_of(mask: np.ndarray) -> int:
     >>> size_of(np.ones((8, 8), bool)), size_of(np.ones((64, 10), bool))
     (1, 2)
     """
-    extents = [np.ptp(np.flatnonzero(mask.any(axis))) + 1 for axis in (0, 1)]
-    return int(-(-max(extents) // WIDEST))
+    rows, cols = box_of(mask)
+    return int(-(-max(rows.stop - rows.start, cols.stop - cols.start) // WIDEST))
 
 
 def in_blocks(values: np.ndarray, mask: np.ndarray, size: int) -> Blocks:
     """Return what surrounds the contact as means of ``size`` x ``size`` taxels; those that the pad's edge cuts are NaN.
     """
-    corner, counts = [], []
-    for length, axis in zip(mask.shape, (1, 0)):
-        used = np.flatnonzero(mask.any(axis))
-        first = max(int(used[0]) - AROUND * size, 0)
-        last = min(int(used[-1]) + 1 + AROUND * size, length)
-        corner.append(first)
-        counts.append(-(-(last - first) // size))
-    (row, col), (rows, cols) = corner, counts
-    window = np.full((rows * size, cols * size), np.nan)
-    taxels = np.zeros(window.shape, bool)
-    inside = slice(row, row + rows * size), slice(col, col + cols * size)
-    part = values[inside]
-    window[:part.shape[0], :part.shape[1]] = part
-    taxels[:part.shape[0], :part.shape[1]] = mask[inside]
+    part, missing, corner = [], [], []
+    for used, length in zip(box_of(mask), mask.shape):
+        first, last = max(used.start - BLOCKS_AROUND * size, 0), min(used.stop + BLOCKS_AROUND * size, length)
+        stop = first - (first - last) // size * size
+        part.append(slice(first, stop))
+        missing.append((0, max(stop - length, 0)))
+        corner.append(first + (size - 1) / 2)
+
+    def blocks(taxels: np.ndarray, beyond: float) -> np.ndarray:
+        padded = np.pad(taxels[tuple(part)], missing, constant_values=beyond)
+        return padded.reshape(padded.shape[0] // size, size, -1, size)
+    window, is_cut = blocks(values, np.nan), blocks(np.zeros(mask.shape, bool), True).any((1, 3))
     valid = np.isfinite(window)
-    shape, axes = (rows, size, cols, size), (1, 3)
-    seen = valid.reshape(shape).sum(axes)
-    whole = np.zeros((rows, cols), bool)
-    whole[:part.shape[0] // size, :part.shape[1] // size] = True
-    means = np.where(valid, window, 0).reshape(shape).sum(axes) / np.maximum(seen, 1)
-    means[~whole | (seen < VISIBLE * size ** 2)] = np.nan
-    half = (size - 1) / 2
-    return Blocks(means, taxels.reshape(shape).mean(axes) >= 0.5, x=col + half, y=row + half)
+    seen = valid.sum((1, 3))
+    means = np.where(valid, window, 0).sum((1, 3)) / np.maximum(seen, 1)
+    means[is_cut | (seen < LEAST_SEEN * size ** 2)] = np.nan
+    return Blocks(means, blocks(mask, False).mean((1, 3)) >= 0.5, x=corner[1], y=corner[0])

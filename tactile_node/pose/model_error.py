@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.pose.evidence import Evidence
-from tactile_node.pose.least_squares import SMALLEST
-from tactile_node.pose.outlines import Outline, outline_of
+from tactile_node.pose.evidence import Evidence, upper_median
+from tactile_node.pose.least_squares import LEAST_DIMENSION
+from tactile_node.pose.outlines import Outline, outline_of, rotation
 from tactile_node.pose.profiles import Indenter
 from tactile_node.pose.skin_model import Prediction
 from tactile_node.shape.recognition import Shape
@@ -91,7 +91,7 @@ def corrected(shape: Shape, handedness: int, parameters: np.ndarray, covariance:
     systematic = to_pad @ np.diag(deviation ** 2) @ to_pad.T + np.diag(least ** 2)
     found = parameters - to_pad @ bias
     count = len(outline.dimensions)
-    found[-count:] = np.maximum(found[-count:], SMALLEST)
+    found[-count:] = np.maximum(found[-count:], LEAST_DIMENSION)
     return found, covariance + systematic
 
 
@@ -124,8 +124,7 @@ def scales_of(outline: Outline, handedness: int, parameters: np.ndarray, radius:
     _, angle, dimensions = outline.split(parameters)
     turned = [float(handedness)] if outline.symmetry else []  # a mirrored one turns the other way
     scales = np.diag((radius, radius, *turned, *dimensions))
-    cos, sin = np.cos(angle), np.sin(angle)
-    scales[:2, :2] = radius * np.array(((cos, -sin), (sin, cos)))
+    scales[:2, :2] = radius * rotation(angle).T
     scales[:2, 1] *= handedness
     return scales
 
@@ -145,8 +144,8 @@ TO_DEVIATION = 1.4826   #: from the median of absolute normal values
 PATTERN_NOISE = 0.02    #: least variance of an on/off taxel
 
 
-class Calibration(NamedTuple):
-    """Calibration of one shape."""
+class NoiseScale(NamedTuple):
+    """What the noise of one shape's taxels and the covariance of its fits are scaled by."""
 
     rim: float       #: of a taxel that feels the whole outline: what the model leaves out [fraction of level]
     pressure: float  #: factor of the covariance
@@ -157,12 +156,12 @@ class Calibration(NamedTuple):
 #: Factors found by `bench/bench_pose.py --calibrate --patterns 50` on training seeds (1200 fits each); rim
 #: noise chosen there, so that clean frames and noisy ones ask for nearly the same factor. At the edge: by computed
 #: punches of training seeds with up to a third beyond it (bench/pose_mechanics.py).
-CALIBRATION = {
-    Shape.CIRCLE: Calibration(0.018, 1.00, 0.25, 1.5),
-    Shape.SQUARE: Calibration(0.020, 1.01, 0.49, 1.5),
-    Shape.RECTANGLE: Calibration(0.021, 1.06, 0.46, 70),
-    Shape.RIGHT_TRIANGLE: Calibration(0.030, 0.96, 0.45, 60),
-    Shape.ISOSCELES_TRIANGLE: Calibration(0.024, 1.16, 0.47, 100),
+NOISE_SCALES = {
+    Shape.CIRCLE: NoiseScale(0.018, 1.00, 0.25, 1.5),
+    Shape.SQUARE: NoiseScale(0.020, 1.01, 0.49, 1.5),
+    Shape.RECTANGLE: NoiseScale(0.021, 1.06, 0.46, 70),
+    Shape.RIGHT_TRIANGLE: NoiseScale(0.030, 0.96, 0.45, 60),
+    Shape.ISOSCELES_TRIANGLE: NoiseScale(0.024, 1.16, 0.47, 100),
 }
 
 
@@ -173,11 +172,10 @@ def weights_after(shape: Shape, prediction: Prediction, evidence: Evidence) -> n
         return of_pattern
     residual, at_rim = np.abs(evidence.values - prediction.values), prediction.rim > FELT
     flat = residual[evidence.used & ~at_rim]
-    noise = max(SMALLEST_NOISE, TO_DEVIATION * float(np.partition(flat, flat.size // 2)[flat.size // 2])
-                if flat.size else 0.0) ** 2
+    noise = max(SMALLEST_NOISE, TO_DEVIATION * upper_median(flat)) ** 2
     rim = residual[evidence.used & at_rim]
     own = max(rim @ rim - noise * rim.size, 0.0)
-    rim_noise = (RIM_COUNT * CALIBRATION[shape].rim**2 + own) / (RIM_COUNT + rim.size)
+    rim_noise = (RIM_COUNT * NOISE_SCALES[shape].rim**2 + own) / (RIM_COUNT + rim.size)
     variance = noise + rim_noise * np.minimum(prediction.rim, 1)
     trusted = np.minimum(1, OUTLIER * np.sqrt(variance) / np.maximum(residual, 1e-12))
     weights: np.ndarray = evidence.used / variance * trusted
@@ -186,6 +184,6 @@ def weights_after(shape: Shape, prediction: Prediction, evidence: Evidence) -> n
 
 def covariance_scale(shape: Shape, evidence: Evidence) -> float:
     """Return the factor with which 95 % regions held 95 % of the training contacts."""
-    calibration = CALIBRATION[shape]
-    scale = calibration.on_off if evidence.on_off else calibration.pressure
-    return scale * (calibration.at_edge if evidence.at_edge and not evidence.on_off else 1.0)
+    of_shape = NOISE_SCALES[shape]
+    scale = of_shape.on_off if evidence.on_off else of_shape.pressure
+    return scale * (of_shape.at_edge if evidence.at_edge and not evidence.on_off else 1.0)

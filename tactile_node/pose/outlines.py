@@ -35,7 +35,7 @@ class Outline(NamedTuple):
 
     def placed(self, centre: np.ndarray, angle: float, dimensions: np.ndarray) -> np.ndarray:
         """Return the corners, shape (corners, 2), of an outline at ``centre`` (2,)."""
-        corners: np.ndarray = self.template @ dimensions @ _rotation(angle) + centre
+        corners: np.ndarray = self.template @ dimensions @ rotation(angle) + centre
         return corners
 
     def moving(self, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -49,7 +49,7 @@ class Outline(NamedTuple):
         ``sizes``, (k, dimensions): of each, relative to those of ``parameters``.
         """
         centre, angle, dimensions = self.split(parameters)
-        by_dimension = self.template.transpose(2, 0, 1) @ _rotation(angle)
+        by_dimension = self.template.transpose(2, 0, 1) @ rotation(angle)
         motions = np.zeros((len(parameters), len(sizes), len(self.template), 2))
         motions[0, :, :, 0] = motions[1, :, :, 1] = 1
         np.multiply(sizes.T[:, :, np.newaxis, np.newaxis], by_dimension[:, np.newaxis], out=motions[-len(dimensions):])
@@ -72,14 +72,8 @@ def outline_of(shape: str, handedness: int = 1) -> Outline:
     return OUTLINES[shape]
 
 
-def polygon_in_circle(corners: int) -> Outline:
-    """Return a circle's outline as a regular polygon with its corners on the circle: for drawing."""
-    angle = np.arange(corners) * (2 * np.pi / corners)
-    return OUTLINES['circle']._replace(template=np.stack((np.cos(angle), np.sin(angle)), 1)[..., np.newaxis])
-
-
-def _rotation(angle: float) -> np.ndarray:
-    """Rotation matrix for row vectors."""
+def rotation(angle: float) -> np.ndarray:
+    """Return the rotation matrix for row vectors, (2, 2): its rows are the rotated axes."""
     cos, sin = np.cos(angle), np.sin(angle)
     return np.array(((cos, sin), (-sin, cos)))
 

@@ -97,13 +97,6 @@ class Layer(NamedTuple):
     deviation: float  #: standard deviation of its logarithm
 
 
-class Expected(NamedTuple):
-    """What a fit finds for the logarithm of the depth, beforehand."""
-
-    mean: float
-    deviation: float
-
-
 class _Found(NamedTuple):
     """Logarithm of the depth that fits find over the true one."""
 
@@ -120,11 +113,10 @@ LEAST_RADIUS = 1.4  #: [pitches]: not known below
 SHALLOWEST, DEEPEST = 0.02, 5.0  #: [pitches]: beyond, lengths are in other units
 
 
-def expected_log_depth(layer: Layer, profile: Profile, radius: float) -> Expected:
-    """Return what a fit of a contact of inscribed ``radius`` will find; it and the layer in units of pitches."""
+def expected_log_depth(layer: Layer, profile: Profile, radius: float) -> tuple[float, float]:
+    """Return what a fit of a contact of inscribed ``radius`` will find, and its standard deviation; all in pitches."""
     found = _FOUND[profile.indenter]
-    return Expected(float(np.log(layer.depth) + _shift(found, radius)),
-                    float(np.hypot(found.deviation, layer.deviation)))
+    return float(np.log(layer.depth) + _shift(found, radius)), float(np.hypot(found.deviation, layer.deviation))
 
 
 def log_depth_from(found_depth: float, profile: Profile, radius: float, pitch: float) -> float:

@@ -6,7 +6,7 @@ inside.
 """
 
 from functools import cache
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import expit
@@ -23,23 +23,19 @@ TERMS = 2
 LOG_DEPTHS = float(np.log(DEPTHS[0])), float(np.log(DEPTHS[1]))
 
 
-class Taps(NamedTuple):
-    """Kernel = sum of sign * taps along rows * taps along columns, by distance."""
+def taps_at(log_depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the kernel at a depth, by its natural logarithm [pitches], within the limits of DEPTHS.
 
-    signs: np.ndarray        #: (TERMS, 1)
-    taps: np.ndarray         #: (TERMS, REACH + 2), 0 beyond REACH
-    by_log_depth: np.ndarray  #: their derivatives
-
-
-def taps_at(log_depth: float) -> Taps:
-    """Return the kernel at a depth, by its natural logarithm [pitches], within the limits of DEPTHS."""
+    It is the sum of sign * taps along rows * taps along columns, by distance. Signs, (TERMS, 1); taps, (TERMS,
+    REACH + 2), 0 beyond REACH; their derivatives by the logarithm.
+    """
     signs, table = _table()
     low, high = LOG_DEPTHS
     step = (high - low) / (NODES - 1)
     place = min(max((log_depth - low) / step, 0.0), NODES - 1.001)
     node = int(place)
     share, change = place - node, table[node + 1] - table[node]
-    return Taps(signs, table[node] + share * change, change / step)
+    return signs, table[node] + share * change, change / step
 
 
 @cache
@@ -93,48 +89,37 @@ class Prediction(NamedTuple):
     rim: np.ndarray       #: (rows * cols,), how much its value changes with the place of the contact [1 / pitch]
 
 
-class Model(Protocol):
-    """Parameters are the outline's, then the model's own ``extras``."""
+class Model:
+    """On/off values: a logistic step across the outline, for where a taxel's centre is inside.
 
-    outline: Outline
-    expected: np.ndarray   #: of the extras, beforehand
-    precision: np.ndarray  #: 1 / variance of that
+    Parameters are the outline's, then a model's own extras, of which this one has none.
+    """
 
-    def starts(self, guess: np.ndarray) -> list[np.ndarray]:
-        """Where a fit may start, the likeliest first, given a guess of the outline's parameters from moments."""
-
-    def predict(self, parameters: np.ndarray) -> Prediction: ...
-
-    def bounded(self, extras: np.ndarray) -> np.ndarray: ...
-
-
-class PatternModel:
-    """On/off values: a logistic step across the outline, for where a taxel's centre is inside."""
-
-    EDGE = 0.1  #: its width [pitches]
-    expected = precision = np.empty(0)
+    EDGE = 0.1  #: width of the step [pitches]
+    expected = np.empty(0)   #: of the extras, beforehand
+    precision = np.empty(0)  #: 1 / variance of that
 
     def __init__(self, outline: Outline, window: Window):
-        self.outline = outline
+        self.outline, self._window = outline, window
         rows, cols = np.indices((window.rows, window.cols)).reshape(2, -1)
         self._places = np.stack((cols + window.col, rows + window.row)).astype(float)
 
     def predict(self, parameters: np.ndarray) -> Prediction:
+        """Return what the taxels of the window show."""
         depth, change = moving_depth(*self.outline.moving(parameters), self._places)
         inside = expit(depth / self.EDGE)
         rim = inside * (1 - inside)
         return Prediction(inside, change * (rim / self.EDGE), rim)
 
     def starts(self, guess: np.ndarray) -> list[np.ndarray]:
-        """The guess itself."""
+        """Return where a fit may start, the likeliest first, by a guess of the outline's parameters from moments."""
         return [guess]
 
-    def bounded(self, extras: np.ndarray) -> np.ndarray:
-        """There are none."""
-        return extras
+    def bound(self, extras: np.ndarray) -> None:
+        """Keep ``extras`` within what the model knows, in place."""
 
 
-class PressureModel:
+class PressureModel(Model):
     """Values in units of a typical pressure, so that ``level`` is about 1.
 
     ``peak``: 0 for a uniform pressure, 1 for the profile's. ``log_depth``: of the taxels below
@@ -152,7 +137,8 @@ class PressureModel:
     precision = read_only(np.array((1.0, TILT_SPREAD, TILT_SPREAD, PEAK_SPREAD, DEPTH_SPREAD)) ** -2)
 
     def __init__(self, outline: Outline, window: Window, centre: np.ndarray, profile: Profile = PUNCH):
-        self.outline, self.profile, self._window = outline, profile, window
+        super().__init__(outline, window)
+        self.profile = profile
         if profile is not PUNCH:
             peak, deviation = self.PEAK_OF_DOME
             self.expected, self.precision = self.expected.copy(), self.precision.copy()
@@ -216,10 +202,9 @@ class PressureModel:
             return None
         return nearest, PEAK_KNOWN ** -2
 
-    def bounded(self, extras: np.ndarray) -> np.ndarray:
-        """The extras, the depth within what the kernel is known for."""
+    def bound(self, extras: np.ndarray) -> None:
+        """Keep the depth within what the kernel is known for."""
         extras[-1] = min(max(extras[-1], LOG_DEPTHS[0]), LOG_DEPTHS[1])
-        return extras
 
 
 def _distances(count: int) -> np.ndarray:

@@ -1,26 +1,21 @@
 """A fitted contact as a solid that planners take: a primitive, or a triangle mesh."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.shape.recognition import Shape
 
 
-class Solid(NamedTuple):
-    """In the frame of the fit's pose; dimensions in the order of shape_msgs/SolidPrimitive [m]."""
+def solid(fit: ShapeFit, height: float) -> tuple[str, tuple[float, ...]] | None:
+    """Return the primitive that stands ``height`` [m] high; None for triangles (use `prism`).
 
-    kind: str                      #: 'box' (x, y, z) or 'cylinder' (height, radius)
-    dimensions: tuple[float, ...]
-
-
-def solid(fit: ShapeFit, height: float) -> Solid | None:
-    """Return the primitive that stands ``height`` [m] high; None for triangles (use `prism`)."""
+    'box' (x, y, z) or 'cylinder' (height, radius), in the frame of the fit's pose; lengths in the order of
+    shape_msgs/SolidPrimitive [m].
+    """
     if fit.shape is Shape.CIRCLE:
-        return Solid('cylinder', (height, fit.dimensions[0]))
+        return 'cylinder', (height, fit.dimensions[0])
     if fit.shape in (Shape.SQUARE, Shape.RECTANGLE):
-        return Solid('box', (fit.dimensions[0], fit.dimensions[-1], height))
+        return 'box', (fit.dimensions[0], fit.dimensions[-1], height)
     return None
 
 

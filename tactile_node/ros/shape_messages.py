@@ -112,7 +112,8 @@ def _pose(fit: ShapeFit) -> PoseWithCovariance:
 def _add_solid(message: ContactShape, fit: ShapeFit, height: float) -> None:
     primitive = solid(fit, height)
     if primitive is not None:
-        message.solid = SolidPrimitive(type=SOLIDS[primitive.kind], dimensions=primitive.dimensions)
+        kind, dimensions = primitive
+        message.solid = SolidPrimitive(type=SOLIDS[kind], dimensions=dimensions)
         return
     vertices, triangles = prism(fit, height)
     message.mesh = Mesh(vertices=[Point(x=x, y=y, z=z) for x, y, z in vertices.tolist()],

@@ -12,7 +12,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from tactile_node.pose.outlines import OUTLINES, Outline, depth_inside, outline_of, polygon_in_circle
+from tactile_node.pose.outlines import OUTLINES, Outline, depth_inside, outline_of
 from tactile_node.shape.recognition import SHAPES
 
 
@@ -89,7 +89,10 @@ class Contact:
         return np.array(self.dimensions[:len(OUTLINES[self.shape].dimensions)])
 
     def _outline(self, points: int) -> Outline:
-        return polygon_in_circle(points) if self.shape == 'circle' else outline_of(self.shape, self.handedness)
+        if self.shape != 'circle':
+            return outline_of(self.shape, self.handedness)
+        angle = np.arange(points) * (2 * np.pi / points)
+        return OUTLINES['circle']._replace(template=np.stack((np.cos(angle), np.sin(angle)), 1)[..., np.newaxis])
 
 
 def random_contact(rng: np.random.Generator, shape: str, area: float,
