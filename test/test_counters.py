@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
+pytest.importorskip('jinja2')
 
 from diagnostic_msgs.msg import DiagnosticStatus  # noqa: E402
 

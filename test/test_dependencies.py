@@ -30,6 +30,7 @@ ORIGINS = {
     'can': Origin('python3-can', 'python-can'),
     'canopen': Origin('canopen-pip', 'canopen'),
     'jinja2': Origin('python3-jinja2', 'jinja2'),
+    'markupsafe': Origin('python3-jinja2', 'jinja2'),  # jinja2 requires it
     'matplotlib': Origin('python3-matplotlib', 'matplotlib'),
     'mcap': Origin('mcap-ros2-support', 'mcap'),
     'numpy': Origin('python3-numpy', 'numpy'),

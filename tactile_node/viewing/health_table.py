@@ -3,9 +3,10 @@
 import math
 from collections import deque
 from collections.abc import Sequence
-from html import escape
 
-from tactile_node.viewing.page_parts import DrawnPad, said_of
+from markupsafe import Markup
+
+from tactile_node.viewing.page_parts import DrawnPad, macros, said_of
 from tactile_node.viewing.states import BusFacts, NodeFacts, PadFacts
 
 MOST_TAXELS = 8  #: faulty taxels that are listed
@@ -47,16 +48,16 @@ def health_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFact
                                pads=tuple(pad._replace(nodes=()) for pad in facts.pads))
     faults = sum(bool(node.fault) for pad in facts.pads for node in pad.nodes)
     bus = facts.failure or (f'nodes with a fault: {faults}' if faults else 'no failure')
-    rows = [('bus', escape(bus), bus != 'no failure'), ('bus load', load, False)]
+    rows = [('bus', bus, bus != 'no failure'), ('bus load', load, False)]
     earlier, span = before or (BusFacts('', 0.0, {}, ()), None)
     rows += [_counted(_words(name), str(count), count - earlier.counts.get(name, 0), span)
              for name, count in facts.counts.items()]
     said = {pad.name: (said_of(pad), not pad.is_live) for pad in pads}
     before_by_pad = {pad.pad: pad for pad in earlier.pads}
     for pad in facts.pads:
-        rows.append((f'<b>{escape(pad.pad)}</b>', *said.get(pad.pad, ('', False))))
+        rows.append((Markup('<b>{}</b>').format(pad.pad), *said.get(pad.pad, ('', False))))
         rows += _pad_rows(pad, before_by_pad.get(pad.pad, NONE), span)
-    return f'<table class="tactile-health">{"".join(map(_row, rows))}</table>'
+    return str(macros().health(rows))
 
 
 def _counted(name: str, text: str, recent: int, span: float | None) -> tuple[str, str, bool]:
@@ -74,7 +75,7 @@ def _pad_rows(pad: PadFacts, before: PadFacts, span: float | None) -> list[tuple
              for reason, count in pad.losses.items()]
     rows += [(f'node {node.node_id}', _node(node), bool(node.fault)) for node in pad.nodes]
     if pad.faulty_taxels:
-        listed = ', '.join(f'({row}, {col}) {escape(fault)}' for row, col, fault in pad.faulty_taxels[:MOST_TAXELS])
+        listed = ', '.join(f'({row}, {col}) {fault}' for row, col, fault in pad.faulty_taxels[:MOST_TAXELS])
         rows.append(('faulty taxels', f'{len(pad.faulty_taxels)}: {listed}', True))
     return rows
 
@@ -82,13 +83,8 @@ def _pad_rows(pad: PadFacts, before: PadFacts, span: float | None) -> list[tuple
 def _node(node: NodeFacts) -> str:
     """A fault says itself which state was heard last, and when."""
     age = 'no heartbeat' if math.isnan(node.heartbeat_age) else f'heartbeat {node.heartbeat_age:.1f} s ago'
-    return '; '.join(escape(part) for part in (node.fault or f'{node.nmt_state}; {age}', node.emergency) if part)
+    return '; '.join(filter(None, (node.fault or f'{node.nmt_state}; {age}', node.emergency)))
 
 
 def _words(key: str) -> str:
-    return escape(key.replace('_', ' '))
-
-
-def _row(row: tuple[str, str, bool]) -> str:
-    name, text, is_bad = row
-    return f'<tr{" class=bad" * is_bad}><td>{name}</td><td>{text}</td></tr>'
+    return key.replace('_', ' ')

@@ -12,13 +12,11 @@ from tactile_node.viewing.force_chart import force_chart
 from tactile_node.viewing.health_table import HealthHistory, health_table
 from tactile_node.viewing.pads_3d import Pads3d, Planes
 from tactile_node.viewing.page_parts import (
-    LEGEND,
-    STYLE,
     DrawnPad,
     PageFacts,
     Scales,
+    macros,
     pads_html,
-    receipt_html,
     status_html,
 )
 from tactile_node.viewing.source import Player, Shown, Source
@@ -121,7 +119,7 @@ class Page:
         gui.configure_theme(show_logo=False, show_share_button=False, control_width='large')
         gui.set_panel_label('tactile view')
         title = escape(f'{", ".join(self._source.store.pads)} - tactile_skin', quote=True)
-        gui.add_html(f'{STYLE}<img hidden src="data:," alt="{title}" onerror="document.title=this.alt">')
+        gui.add_html(f'{macros().style()}<img hidden src="data:," alt="{title}" onerror="document.title=this.alt">')
         self._status = gui.add_html('')
         self._receipt = gui.add_html('')
         self._controls = None if self._source.player is None else PlayerControls(gui, self._source.player)
@@ -137,7 +135,7 @@ class Page:
         with panel.add_tab('Pads'):
             self._pads = gui.add_html('')
             self._force = gui.add_html('')
-            gui.add_html(LEGEND)
+            gui.add_html(str(macros().legend()))
         panel.dock_left()
         pane = self._client.camera
         panel.set_width(max(PADS_WIDTH, min(0.8 * pane.image_height, 0.45 * pane.image_width)))  # fills its height
@@ -162,7 +160,7 @@ class Page:
             self._update_scene(drawn)
         else:
             self._update_slow(shown, drawn)
-        self._receipt.content = receipt_html(self._client.client_id, self._number)
+        self._receipt.content = str(macros().receipt(self._client.client_id, self._number))
         self._client.flush()
         if not self._has_answered():
             return False

@@ -1,7 +1,6 @@
 """The report as one HTML page, by the template report.html: no script, and nothing from elsewhere."""
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,6 +22,7 @@ from tactile_node.viewing.findings import findings
 from tactile_node.viewing.model import BusLoad, Ends, NmtChange, NodeReport, PadReport, Report
 from tactile_node.viewing.node_record import OBJECTS
 from tactile_node.viewing.taxel_record import FAULTS, Mark, TaxelHealth, marks_of, no_value_share
+from tactile_node.viewing.templates import environment
 from tactile_node.viewing.touch import MOST_PICTURES, MOST_TOUCHES, Touch
 from tactile_node.viewing.touch_finder import RECOGNITION_PERIOD
 
@@ -45,32 +45,15 @@ MOST_WORST = 20  #: taxels listed
 
 def page_of(report: Report) -> str:
     """Return the page. All that comes from the recording is escaped."""
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined  # slow to import, and only needed here
-
-    environment = Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True, finalize=printable,
-                              undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     begin = report.recording.begin
-    environment.globals.update(
-        {function.__name__: function for function in (
-            utc, command_text, node_label, event_text, force_of, health_pictures, identity_of, load_chart, load_text,
-            mark_counts, name_of, shown, size_of, touch_charts, touch_picture, worst_taxels)},
-        at=lambda stamp, digits=3: f'{stamp - begin:.{digits}f}', smallest_contact=SMALLEST_CONTACT,
-        absent_text=ABSENT, most_touches=MOST_TOUCHES, most_pictures=MOST_PICTURES,
-        sample_period=f'{RECOGNITION_PERIOD:g}')
-    return environment.get_template('report.html').render(
-        report=report, recording=report.recording, begin=begin, end=report.recording.end, bus=report.bus,
-        found=findings(report), missing=damage_lines(report.recording.damages))
-
-
-def printable(value: object) -> object:
-    """Return ``value`` with U+FFFD for each character that does not print; what is HTML already stays.
-
-    >>> printable('<b>' + chr(7)) == '<b>' + chr(0xFFFD)
-    True
-    """
-    if not isinstance(value, str) or hasattr(value, '__html__'):
-        return value
-    return ''.join(each if each.isprintable() or each == '\n' else '\N{REPLACEMENT CHARACTER}' for each in value)
+    functions = {function.__name__: function for function in (
+        utc, command_text, node_label, event_text, force_of, health_pictures, identity_of, load_chart, load_text,
+        mark_counts, name_of, shown, size_of, touch_charts, touch_picture, worst_taxels)}
+    return environment().get_template('report.html').render(
+        functions, report=report, recording=report.recording, begin=begin, end=report.recording.end, bus=report.bus,
+        at=lambda stamp, digits=3: f'{stamp - begin:.{digits}f}', found=findings(report),
+        missing=damage_lines(report.recording.damages), smallest_contact=SMALLEST_CONTACT, absent_text=ABSENT,
+        most_touches=MOST_TOUCHES, most_pictures=MOST_PICTURES, sample_period=f'{RECOGNITION_PERIOD:g}')
 
 
 def shown(ends: Ends) -> str:

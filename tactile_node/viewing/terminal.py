@@ -11,6 +11,7 @@ import numpy as np
 from tactile_node.viewing.heat_map import words
 from tactile_node.viewing.page_parts import DrawnPad, Scales, said_of
 from tactile_node.viewing.source import Shown, Source
+from tactile_node.viewing.templates import printable_text
 
 SHADES = ' .:-=+*#%@'
 COLOURS = (16, 17, 18, 19, 54, 90, 126, 162, 198, 203, 208, 214, 220, 226, 229, 231)  # xterm-256: dark to bright
@@ -130,28 +131,23 @@ def show_in_terminal(source: Source, stop_requested: Event, stream: TextIO | Non
 
 def line_of(drawn: list[DrawnPad], footer: str) -> str:
     """Return all pads in one line of text."""
-    return '; '.join((*(f'{_printable(pad.name)}: {_said(pad)}' for pad in drawn), footer))
+    return '; '.join((*(f'{printable_text(pad.name)}: {_said(pad)}' for pad in drawn), footer))
 
 
 def _view(pad: DrawnPad) -> PadView:
     """Row 0 at the bottom, as on the page; of what is old nothing is drawn."""
     if pad.state is None:
-        return PadView(_printable(pad.name), np.full((1, 1), np.nan), _said(pad))
+        return PadView(printable_text(pad.name), np.full((1, 1), np.nan), _said(pad))
     values = pad.state.values / pad.full_scale if pad.is_live else np.full_like(pad.state.values, np.nan)
-    return PadView(_printable(pad.name), values[::-1], _said(pad).replace(', ', '\n'))
+    return PadView(printable_text(pad.name), values[::-1], _said(pad).replace(', ', '\n'))
 
 
 def _said(pad: DrawnPad) -> str:
-    return _printable(words(pad.state.contact)) if pad.state is not None and pad.is_live else said_of(pad)
+    return printable_text(words(pad.state.contact)) if pad.state is not None and pad.is_live else said_of(pad)
 
 
 def _footer(source: Source, shown: Shown) -> str:
     player = source.player
     so_far = '' if player is None or player.is_complete else ' read so far'
     at = '' if player is None else f' {player.position:.1f} of {player.length:.1f} s{so_far}'
-    return _printable(f'{source.title}{at}' + (f'; {shown.problem}' if shown.problem else ''))
-
-
-def _printable(text: str) -> str:
-    """Names come from topics and bags: an escape in them would be a command to the terminal."""
-    return ''.join(each if each.isprintable() else '\N{REPLACEMENT CHARACTER}' for each in text)
+    return printable_text(f'{source.title}{at}' + (f'; {shown.problem}' if shown.problem else ''))

@@ -1,0 +1,33 @@
+"""The templates of the pages: HTML by Jinja2, in which every text is escaped."""
+
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+
+@cache
+def environment() -> 'Environment':
+    """Return where the templates of this folder are found."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined  # slow to import, and not for every command
+
+    return Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True, finalize=printable,
+                       undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+
+
+def printable(value: object) -> object:
+    """Return ``value`` with U+FFFD for each character that does not print; what is HTML already stays.
+
+    >>> printable('<b>' + chr(7)) == '<b>' + chr(0xFFFD)
+    True
+    """
+    if not isinstance(value, str) or hasattr(value, '__html__'):
+        return value
+    return printable_text(value, keep='\n')
+
+
+def printable_text(text: str, keep: str = '') -> str:
+    """Return ``text`` with U+FFFD in place of what does not print: an escape would be a command to a terminal."""
+    return ''.join(each if each.isprintable() or each in keep else '\N{REPLACEMENT CHARACTER}' for each in text)
