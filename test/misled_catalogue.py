@@ -19,7 +19,6 @@ from misled_bench import (
     PERIOD,
     QOS,
     WITHDRAWN,
-    Claim,
     FalseClaim,
     Finding,
     Record,
@@ -30,7 +29,6 @@ from misled_bench import (
     stable,
 )
 from misled_skin import NODE_IDS, PADS, gripper_pads
-from sensor_msgs.msg import JointState
 
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.processor_node import ProcessorNode
@@ -65,21 +63,11 @@ def bus_fails(period: float = PERIOD) -> list[Finding]:
         return _after(world, 1.0, WITHDRAWN + PERIOD)
 
 
-def skin_loses_power() -> list[Finding]:
-    """Both pads go silent; the driver publishes frames without values, or none."""
-    return _power_off(*NODE_IDS)
-
-
 def one_pad_loses_power() -> list[Finding]:
     """The right pad goes silent, the left one continues."""
-    return _power_off(NODE_IDS[1])
-
-
-def _power_off(*node_ids: int) -> list[Finding]:
     with World() as world:
         world.hold()
-        for node_id in node_ids:
-            world.skin.power_off(node_id)
+        world.skin.power_off(NODE_IDS[1])
         since = time.monotonic()
         return world.watch(since, 1.5, EMPTY, FalseClaim('stable', stable, WITHDRAWN + 2 * PERIOD))
 
@@ -92,21 +80,12 @@ def driver_ends() -> list[Finding]:
         return _after(world, 1.0, WITHDRAWN + PERIOD)
 
 
-def processor_ends() -> list[Finding]:
-    """One of the two processing nodes is gone without a message."""
-    return _without('processor_left')
-
-
 def classifier_ends() -> list[Finding]:
     """One of the two classifiers is gone without a message."""
-    return _without('classifier_right')
-
-
-def _without(node: str) -> list[Finding]:
     with World() as world:
         world.hold()
         since = time.monotonic()
-        world.remove(node)
+        world.remove('classifier_right')
         return _after(world, 1.0, WITHDRAWN + PERIOD, since)
 
 
@@ -120,15 +99,6 @@ def nodes_start_while_held() -> list[Finding]:
             world.add(name, kind, 'left', {})
         world.hold()
         return world.watch(since, 0.0, EMPTY, LEFT_EMPTY)
-
-
-def one_pad_never_answers() -> list[Finding]:
-    """No result of the right pad has come yet."""
-    with World(without=['classifier_right']) as world:
-        since = time.monotonic()
-        world.wait(lambda: world.latest('grasp'), 'a grasp')
-        time.sleep(1.0)
-        return world.watch(since, 0.0, EMPTY, FalseClaim('current', current))
 
 
 def rows_are_hidden(period: float = PERIOD) -> list[Finding]:
@@ -231,33 +201,6 @@ def tare_is_requested() -> list[Finding]:
         return [*world.watch(since, 0.0, EMPTY), answered]
 
 
-def joint_states_end() -> list[Finding]:
-    """The opening comes from joint states, which end: an old width would be taken for the present one."""
-    limit = 0.3
-    with World(grasp={'gap_source': 'joint_states', 'gap_joints': ['finger'], 'max_gap_age': limit}) as world:
-        controller = world.peer()
-        publisher = controller.create_publisher(JointState, '/joint_states', QOS)
-        world.hold(0.0)
-        before = time.monotonic()
-        while time.monotonic() < before + 1.0:
-            message = JointState(name=['finger'], position=[0.04])
-            message.header.stamp = controller.get_clock().now().to_msg()  # as every controller does
-            publisher.publish(message)
-            time.sleep(PERIOD)
-        since = time.monotonic()
-        assert any(record.get('width') for record in world.records), 'no width was published while the joint was known'
-        return world.watch(since, 1.0, FalseClaim('a width', _has('width'), limit + PERIOD),
-                           FalseClaim('a gap', _has('gap'), limit + PERIOD))
-
-
-def opening_is_not_known() -> list[Finding]:
-    """No source gives the opening: there is no width, not that of a closed gripper."""
-    since = time.monotonic()
-    with World() as world:
-        world.hold()
-        return world.watch(since, 0.0, FalseClaim('a width', _has('width')))
-
-
 def taxels_are_dead() -> list[Finding]:
     """Of each pad eight scattered taxels (3 %) are dead: this must not cost the grasp, nor an empty pad."""
     places = {pad: np.random.default_rng(number).permutation(256)[:8] for number, pad in enumerate(PADS)}
@@ -296,10 +239,6 @@ def _has_size(record: Record) -> bool:
     return record['fit_valid'] and not record['size_is_bound']
 
 
-def _has(name: str) -> Claim:
-    return lambda record: record[name] is not None
-
-
 def named(name: str, function: Callable[..., list[Finding]]) -> Case:
     function.__name__ = name  # type: ignore[attr-defined]
     return function
@@ -310,8 +249,7 @@ SHORT: Sequence[Case] = (
     skin_freezes, bus_fails, rows_are_hidden, a_part_is_hidden, taxels_saturate, object_creeps, malformed_messages,
     tare_is_requested)
 LONG: Sequence[Case] = (
-    skin_loses_power, one_pad_loses_power, driver_ends, processor_ends, classifier_ends, nodes_start_while_held,
-    one_pad_never_answers, taxels_are_dead, joint_states_end, opening_is_not_known, object_is_taken_away,
+    one_pad_loses_power, driver_ends, classifier_ends, nodes_start_while_held, taxels_are_dead, object_is_taken_away,
     messages_held_back,
     *(named(f'{link}_held_back', partial(messages_held_back, link=link)) for link in ('contact', 'taxels')),
     object_creeps_slowly)

@@ -13,7 +13,7 @@ from patterns import assorted
 from tactile_node.cli.main import main
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PressThresholds
-from tactile_node.simulator.figures import Skin, named_silhouette, pressure_frame, random_figure
+from tactile_node.simulator.figures import Skin, pressure_frame
 from tactile_node.simulator.world import Purpose, generator, random_contact
 
 
@@ -61,13 +61,6 @@ def test_classify_gives_the_reason_of_an_unknown_shape(tactile):
     assert [each.get('reason') for each in found] == ['not_seen', 'too_small', None, None]
 
 
-@pytest.mark.parametrize('kind', [float, np.float32, np.uint8, int])
-def test_numbers_0_and_1_are_as_good_as_bool(tactile, kind):
-    mask = assorted()['shape 2']
-    assert tactile('classify', mask.astype(kind)) == tactile('classify', mask)
-    assert tactile('features', mask.astype(kind)) == tactile('features', mask)
-
-
 def test_pressures_in_any_unit_go_through_the_nodes_extraction(tactile):
     rng = generator(Purpose.TEST, 9)
     contact = random_contact(rng, 'square', 60)
@@ -88,13 +81,6 @@ def test_frames_of_a_file_follow_each_other(tactile):
     fixed = '--full-scale', '1'
     assert [line['N'] for line in tactile('features', frames, *fixed)] == [16, 16, 0]
     assert [line['N'] for line in tactile('features', frames, *fixed, '--release', '0.3')] == [16, 0, 0]
-
-
-def test_a_light_and_a_heavy_grip_of_one_file_are_both_found(tactile):
-    rng = generator(Purpose.TEST, 10)
-    contact = random_contact(rng, 'circle', 50)
-    grips = [pressure_frame(contact, rng, pressure=pressure, skin=Skin(noise=0.005)) for pressure in (0.06, 0.9)]
-    assert [line['shape'] for line in tactile('classify', np.array(grips))] == ['circle', 'circle']
 
 
 @pytest.mark.parametrize(('shape', 'names', 'turn'), [
@@ -122,17 +108,6 @@ def test_classify_fits_pose_and_size_with_the_pitch(tactile, shape, names, turn)
     assert not {'x', 'box'} & set(tactile('classify', frame)[0])
 
 
-def test_classify_gives_the_place_of_an_unknown_contact_and_no_dimensions_of_a_shape(tactile):
-    rng, pitch = generator(Purpose.TEST, 12), 0.004
-    frame = pressure_frame(random_figure(rng, named_silhouette('l'), 80.0, 20, 20), rng, 20, 20, skin=Skin(noise=0.01))
-    whole, cut = tactile('classify', np.array([frame, np.roll(frame, -8, 1)]), '--pitch', str(pitch))
-    assert whole['shape'] == 'unknown' and not {'x', 'dimensions', 'is_bound'} & set(whole)
-    box = whole['box']
-    assert 0.03 < box['short'] <= box['long'] < 0.06 and set(box['sd']) == {'x', 'y', 'angle', 'long', 'short'}
-    assert not any(box['is_bound'].values()) and all(0.015 < box[name] < 0.06 for name in ('x', 'y'))
-    assert any(cut['box']['is_bound'].values()) and whole['hollow'] is False
-
-
 @pytest.mark.parametrize('pitch', ['0', '-0.004', 'nan'])
 def test_a_pitch_that_is_no_length_is_refused(tmp_path, capsys, pitch):
     np.save(tmp_path / 'frames.npy', np.zeros((2, 2)))
@@ -145,13 +120,6 @@ def test_fractions_need_the_full_scale(tmp_path, capsys, option):
     np.save(tmp_path / 'frames.npy', np.zeros((2, 2)))
     assert main(['classify', str(tmp_path / 'frames.npy'), option, '0.3']) == 2
     assert '--full-scale' in capsys.readouterr().err
-
-
-@pytest.mark.parametrize('values, expected', [
-    (np.zeros((2, 3, 3)), 'none'), (-np.ones((2, 3, 3)), 'none'),
-    (np.full((2, 3, 3), np.nan), 'unknown'), (np.full((2, 3, 3), np.inf), 'unknown')])
-def test_frames_without_a_contact(tactile, values, expected):
-    assert [line['shape'] for line in tactile('classify', values)] == [expected, expected]
 
 
 @pytest.mark.bus

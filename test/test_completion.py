@@ -28,10 +28,6 @@ def test_the_command_is_the_first_word_that_is_complete(line, chosen):
     assert chosen_command(asked(line)) == chosen
 
 
-def test_words_after_the_cursor_do_not_count():
-    assert chosen_command(asked('tactile classify x') | {'COMP_POINT': '8'}) == ''
-
-
 @pytest.mark.bus
 @pytest.mark.parametrize(('line', 'expected', 'others'), [
     ('tactile ', {name for name, *_ in COMMANDS} | {'--version'}, {'--pitch'}),

@@ -37,20 +37,6 @@ def test_a_bar_that_leaves_the_pad_has_a_bound_for_its_length_and_its_width(angl
     assert abs(box.lengths[1] - width) < 2 * box.lengths_sd[1]
 
 
-def test_a_bar_across_the_pad_and_one_that_ends_on_it():
-    across = contact_of(Contact('rectangle', (60, 3), x=7.5, y=7.6))
-    assert tn.fit_shape(across, tn.Shape.RECTANGLE).is_bound == (True, False)
-    whole = contact_of(Contact('rectangle', (11, 3), x=7.5, y=7.6))
-    assert tn.fit_shape(whole, tn.Shape.RECTANGLE).is_bound == tn.contact_box(whole).length_is_bound == (False, False)
-    assert tn.fit_shape(whole, tn.Shape.RECTANGLE).dimensions[0] == pytest.approx(11, rel=0.02)
-
-
-def test_a_bar_along_the_edge_has_a_bound_for_its_width():
-    contact = contact_of(Contact('rectangle', (9, 5), x=7.5, y=0.0))
-    assert tn.fit_shape(contact, tn.Shape.RECTANGLE).is_bound == (False, True)
-    assert tn.contact_box(contact).length_is_bound == (False, True)
-
-
 @pytest.mark.parametrize(('shape', 'dimensions'), [('circle', (5.0,)), ('square', (8.0,))])
 @pytest.mark.parametrize('x', np.arange(-1.5, 3.1, 0.5))
 def test_a_bound_of_a_shape_that_the_edge_cuts_is_never_above_its_true_size(shape, dimensions, x):
@@ -65,37 +51,6 @@ def test_hidden_taxels_cut_a_bar_as_the_edge_does_and_a_dead_one_does_not():
     frame[4:12, 11:] = np.nan
     assert tn.contact_box(tn.find_contact(frame)).length_is_bound == (True, False)
     assert tn.fit_shape(tn.find_contact(frame), tn.Shape.RECTANGLE).is_bound == (True, False)
-
-
-@pytest.mark.parametrize('name', ('l', 't'))
-def test_an_unknown_contact_has_a_box_and_no_fit(name):
-    rng = generator(Purpose.VALIDATION, 3)
-    figure = random_figure(rng, named_silhouette(name), 60.0, 24, 24)
-    contact = contact_of(figure, 24, 24)
-    box = tn.contact_box(contact, PITCH)
-    assert tn.fit_shape(contact, tn.Shape.UNKNOWN) is None and box.length_is_bound == (False, False)
-    side = 1.8 * figure.silhouette.cells ** -0.5 * 96 * np.sqrt(60) * PITCH  # of the square that it fills
-    assert np.all(np.abs(np.array(box.lengths) - side) < 1.96 * np.array(box.lengths_sd))
-    turned = (box.angle - figure.angle + np.pi / 4) % (np.pi / 2) - np.pi / 4
-    assert abs(turned) < 2 * box.angle_sd
-
-
-@pytest.mark.parametrize('angle', np.radians((-80, -30, 0, 20, 90)))
-def test_a_box_has_the_bars_angle_and_a_round_contact_any(angle):
-    box = tn.contact_box(contact_of(Contact('rectangle', (10, 3), x=7.4, y=7.6, angle=float(angle))), PITCH)
-    away = (box.angle - angle + np.pi / 2) % np.pi - np.pi / 2
-    assert abs(away) < 2 * box.angle_sd < 0.2 and -np.pi / 2 < box.angle <= np.pi / 2
-    assert box.centre == pytest.approx((7.4 * PITCH, 7.6 * PITCH), abs=2 * box.centre_sd)
-    assert tn.contact_box(contact_of(Contact('circle', (4.0,), x=7.4, y=7.6))).angle_sd > 0.35
-
-
-def test_saturated_and_on_off_taxels_have_boxes():
-    frame = np.pad(np.full((3, 9), 50e3), 3)
-    on_off, pressures = tn.contact_box(tn.find_contact(frame > 0)), tn.contact_box(tn.find_contact(frame))
-    assert on_off.lengths == pressures.lengths == (9, 3)
-    one = np.zeros((5, 5), bool)
-    one[2, 2] = True
-    assert tn.contact_box(tn.find_contact(one)).lengths == pytest.approx((1, 1), abs=0.3)
 
 
 def test_no_contact_has_no_box_and_wrong_arguments_are_refused():

@@ -10,8 +10,6 @@ from tactile_node.contact.press import PressThresholds
 from tactile_node.contact.visibility import visibility_of
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.pose.moments import contact_moments
-from tactile_node.simulator.figures import Skin, pressure_frame
-from tactile_node.simulator.world import CLASSES, Purpose, generator, random_contact
 
 PITCH = 0.002
 VALUES = np.array([[0, 1000.0, 0], [0, 3000.0, 0], [0, 0, 500.0]])
@@ -26,12 +24,6 @@ def test_force_is_pressure_times_area_and_its_centre_its_mean():
     assert found.principal_axis == pytest.approx(pi / 2)
 
 
-def test_newtons_are_summed_and_on_off_has_no_force():
-    assert contact_moments(VALUES, MASK, PITCH, 'N').force == pytest.approx(4000)
-    assert np.isnan(contact_moments(MASK, MASK, PITCH, '1').force)
-    assert contact_moments(MASK, MASK, PITCH, '1').centre_of_pressure == pytest.approx((PITCH, 0.5 * PITCH))
-
-
 def test_a_dead_taxel_counts_as_its_neighbours():
     values = np.full((5, 5), 100.0)
     values[2, 2] = values[0, 0] = np.nan
@@ -43,18 +35,6 @@ def test_a_dead_taxel_counts_as_its_neighbours():
 def test_only_dead_taxels_have_no_centre():
     found = contact_moments(np.full((2, 2), np.nan), np.ones((2, 2), bool), PITCH, 'N')
     assert np.isnan(found.force) and np.isnan(found.centre_of_pressure).all() and found.filled == 4
-
-
-@pytest.mark.parametrize(('shape', 'expected'), [((3, 9), 0.0), ((9, 3), pi / 2)])
-def test_the_axis_lies_along_the_long_side(shape, expected):
-    mask = np.ones(shape, bool)
-    assert contact_moments(mask, mask, PITCH, '1').principal_axis == pytest.approx(expected)
-
-
-def test_the_axis_of_a_diagonal_and_none_of_a_square():
-    diagonal = np.eye(5, dtype=bool)
-    assert contact_moments(diagonal, diagonal, PITCH, '1').principal_axis == pytest.approx(pi / 4)
-    assert np.isnan(contact_moments(np.ones((4, 4)), np.ones((4, 4), bool), PITCH, '1').principal_axis)
 
 
 def test_an_empty_pad_has_no_force_and_no_centre():
@@ -119,17 +99,6 @@ def test_a_contact_that_may_continue_in_hidden_taxels_is_a_bound():
     assert not (found.force_is_bound or found.size_is_bound) and found.filled == 1, 'enclosed: as its neighbours'
 
 
-@pytest.mark.parametrize('place', [(4, 4), (4, 7), (11, 11), (8, 4)])
-def test_a_dead_taxel_at_the_rim_makes_the_force_uncertain_and_no_bound(place):
-    """The object covers it; without its value the force is that of the other taxels."""
-    frame = block(level=50e3) + np.random.default_rng(3).normal(0, 100, (16, 16))
-    whole = moments(frame).force
-    frame[place] = np.nan
-    found = moments(frame)
-    assert not (found.force_is_bound or found.centre_of_pressure_is_bound or found.size_is_bound)
-    assert 0 < whole - found.force <= 2.5 * found.force_sd < 0.05 * whole
-
-
 def test_what_presses_under_a_hidden_group_within_a_contact_is_not_made_up():
     """A hollow object: filled from its rim the force read 1.8 times the true one."""
     frame = np.zeros((16, 16))
@@ -137,16 +106,6 @@ def test_what_presses_under_a_hidden_group_within_a_contact_is_not_made_up():
     frame[5:9, 5:9] = np.nan
     found = moments(frame, pitch=0.002)
     assert found.force == pytest.approx(20 * 100e3 * 0.002**2) and found.force_is_bound and found.size_is_bound
-
-
-def test_places_without_a_taxel_within_a_contact_add_no_force():
-    frame = np.zeros((16, 16))
-    frame[4:10, 4:10] = 100e3
-    unmapped = np.zeros((16, 16), bool)
-    unmapped[6:8, 6:8] = True
-    found = moments(np.where(unmapped, np.nan, frame), pitch=0.002, unmapped=unmapped)
-    assert found.force == pytest.approx(32 * 100e3 * 0.002**2) and found.area == pytest.approx(32 * 0.002**2)
-    assert not found.force_is_bound
 
 
 def test_at_the_pads_edge_the_size_is_a_bound_and_the_force_is_whole():
@@ -176,39 +135,3 @@ def test_standard_deviations_are_those_of_repeated_frames(side, noise, dead):
     truth = np.where(block(1.0, side) > 0, ramp, 0.0).sum() * PITCH**2
     assert abs(force.mean() - truth) < 2 * stated, 'also a filled taxel is within what is stated'
     assert stated >= 0.5 * force.std()
-
-
-@pytest.mark.parametrize('noise', [0.005, 0.01, 0.03])
-def test_standard_deviations_of_contacts_with_a_rim(noise):
-    """Taxels of the rim enter and leave the contact, of which one frame shows little: in the median a factor of 2."""
-    ratios = np.array([ratios_of(generator(Purpose.TEST, 400 + k), CLASSES[k % 5], noise) for k in range(20)])
-    assert (np.median(ratios, axis=0) > 0.5).all() and (np.median(ratios, axis=0) < 2).all()
-    assert (np.mean(ratios > 0.5, axis=0) >= 0.8).all(), 'to state too little would mislead'
-
-
-def ratios_of(rng, kind, noise):
-    """Stated standard deviation of force and centre by that of 150 frames."""
-    contact = random_contact(rng, kind, float(rng.uniform(15, 100)), 24, 24)
-    touch = pressure_frame(contact, rng, 24, 24, pressure=0.6, skin=Skin(blur=0.5))
-    extractor, found = PatternExtractor(THRESHOLDS), []
-    for _ in range(150):
-        pattern = extractor.extract(touch + 1e5 * noise * rng.standard_normal(touch.shape))
-        one = contact_moments(pattern.values, pattern.mask, PITCH, 'Pa', visibility_of(pattern),
-                              pattern.noise)
-        found.append((one.force, one.centre_of_pressure[0], one.force_sd, one.centre_of_pressure_sd[0]))
-    found = np.array(found)
-    return np.sqrt(np.mean(found[:, 2:]**2, axis=0)) / found[:, :2].std(0)
-
-
-def test_without_visible_noise_deviations_are_not_known():
-    found = moments(block())
-    assert np.isnan(found.force_sd) and np.isnan(found.centre_of_pressure_sd).all()
-    on_off = np.array(block() > 0)
-    assert np.isnan(moments(on_off, unit='1').centre_of_pressure_sd).all()
-
-
-def test_a_noise_of_each_taxel():
-    noise = np.where(MASK, [[0, 30.0, 0], [0, 40.0, 0], [0, 0, 0]], 1.0)
-    found = contact_moments(VALUES, MASK, PITCH, 'Pa', noise=noise)
-    assert found.force_sd == pytest.approx(50 * PITCH**2)
-    assert found.centre_of_pressure_sd == (0.0, pytest.approx(np.hypot(30 * 0.75, 40 * 0.25) / 4000 * PITCH))

@@ -51,27 +51,12 @@ def test_a_rim_that_one_edge_of_the_pad_cuts_encloses_what_it_did():
     assert not convex(np.roll(half, 6, axis=0)), 'the same arc away from the edge is a bow'
 
 
-def test_pressures_below_the_mask_close_a_rim():
-    whole = ring(9, 7)
-    values = np.where(whole, np.where(COLS > 20, 1.0, 0.35), 0.0)
-    mask = whole & (COLS > 20)
-    assert is_convex(values, mask)
-    assert not is_convex(np.where(mask, values, 0.0), mask)
-
-
 def test_taxels_that_are_not_seen_are_no_notch():
     values = bar(5, 5, 12, 12).astype(float)
     values[5:14, 9:17] = np.nan
     assert is_convex(values, values > 0)
     values[5:14, 9:17] = 0
     assert not is_convex(values, values > 0)
-
-
-def test_a_hook_under_pressure_has_no_name():
-    rng = np.random.default_rng(1)
-    frame = HOOK * 3e4 * np.exp(rng.normal(0, 0.2, HOOK.shape)) + rng.normal(0, 50, HOOK.shape)
-    found = make_recogniser().recognise(PatternExtractor(unit='Pa').extract(frame))
-    assert found.shape is Shape.UNKNOWN
 
 
 def test_several_parts_alike_are_one_contact_and_a_large_one_beside_a_small_is_itself():

@@ -1,15 +1,12 @@
 """What the demo writes of its touches: table, CSV and picture, from what the shape topic reported."""
 
 import csv
-import re
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from examples.demo.observation import Seen, SeenFit, verdicts_of
-from examples.demo.picture import draw_pad
-from examples.demo.report import table, write_csv
+from examples.demo.report import write_csv
 from tactile_node.simulator.touches import Touch
 from tactile_node.simulator.world import Contact
 
@@ -43,17 +40,3 @@ def test_the_csv_has_pose_and_size_with_their_deviations_as_numbers(verdicts, tm
     assert list(found.values()) == pytest.approx([10, 5, 0.04, 15, 12.5, 0.02, 30, 0.5])
     assert circle['size1_mm'] == '4.000' and circle['size2_mm'] == circle['found_angle_deg'] == ''
     assert unfitted['x_mm'] == '' and unfitted['recognised'] == 'circle'
-
-
-def test_the_table_marks_what_is_wrong_and_has_the_true_size(verdicts):
-    lines = table(verdicts, PITCH).splitlines()
-    assert ['wrong: circle' in line for line in lines] == [False, False, False, True]
-    assert re.search(r'10\.0 x 5\.0 +10\.0 x 5\.0 ±', lines[1]) and re.search(r'4\.0 +radius 4\.0 ±', lines[2])
-    assert ' 8.0 ' in lines[3], 'a side of 4 pitches'
-
-
-def test_the_picture_has_a_row_a_size_and_also_touches_without_an_outline(verdicts, tmp_path):
-    for number in (1, 3):
-        draw_pad(verdicts[:number], PITCH, tmp_path / f'{number}.png')
-    heights = [Image.open(tmp_path / f'{number}.png').height for number in (1, 3)]
-    assert heights[1] > heights[0] > 200

@@ -126,10 +126,3 @@ def test_a_released_package_depends_on_no_pip_key():
         released = {depend.name for depend in package.exec_depends if depend.evaluated_condition}
         assert not released & PIP_KEYS and not any(name.endswith('-pip') for name in released)
         assert {'python3-numpy', 'python3-can', 'rclpy'} <= released
-
-
-def test_a_workspace_gets_the_pip_keys_by_the_documented_variable():
-    package = pytest.importorskip('catkin_pkg.package').parse_package(str(ROOT / 'package.xml'))
-    package.evaluate_conditions({'PIP_BREAK_SYSTEM_PACKAGES': '1', 'ROS_DISTRO': 'jazzy'})
-    assert {depend.name for depend in package.exec_depends if depend.evaluated_condition} >= PIP_KEYS
-    assert 'export PIP_BREAK_SYSTEM_PACKAGES=1\n' in (ROOT / 'docs/install.md').read_text(encoding='utf-8')

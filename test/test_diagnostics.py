@@ -26,7 +26,6 @@ from tactile_node.cia301.objects import NmtState
 from tactile_node.conditioning.conditioned_pad import PadCondition
 from tactile_node.conditioning.tare import ZeroState
 from tactile_node.conditioning.taxel_faults import FaultyTaxels
-from tactile_node.errors import HalfZeroedError
 from tactile_node.ros.diagnostics import BusDiagnostics
 
 pytestmark = pytest.mark.ros
@@ -79,11 +78,6 @@ def test_a_loss_stays_reported_for_a_second_however_often_the_state_is_evaluated
     diagnostics = BusDiagnostics('driver', 'can0', steady=clock.__next__)
     seen = [levels(diagnostics, statistics(frames=10 + i, late=int(i >= 30)))[1] for i in range(60)]
     assert seen == [OK] * 30 + [WARN] * 16 + [OK] * 14
-
-
-def test_statuses_have_the_nodes_full_name():
-    names = [status.name for status in each_second().message(statistics(), BusHealth()).status]
-    assert names == ['/gripper/driver: bus', '/gripper/driver: left']
 
 
 def test_a_dead_bus_is_an_error_with_its_reason():
@@ -150,11 +144,3 @@ def test_a_pad_whose_zero_is_not_valid_is_an_error_with_its_reason(zero):
     assert status.level == ERROR and zero.phrase in status.message
     conditions = {'left': PadCondition(no_faults)}
     assert diagnostics.message(statistics(frames=20), healthy_but(), conditions).status[1].level == OK
-
-
-def test_what_the_device_reported_of_a_zero_in_part_is_named():
-    error = HalfZeroedError('node 5', expected='that it zeroes itself', got='an abort', remedy='See its manual.')
-    condition = PadCondition(FaultyTaxels(np.zeros((1, 1), np.uint8)), zero=ZeroState.DEVICE_PARTLY_ZEROED,
-                             zero_error=error)
-    status = each_second().message(statistics(), healthy_but(), {'left': condition}).status[1]
-    assert str(error) in status.message

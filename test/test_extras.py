@@ -20,24 +20,6 @@ def extras():
     return {name: value.split() for name, value in config['options.extras_require'].items()}
 
 
-def named(*folders):
-    """Extra -> files that name it."""
-    found = {}
-    for folder in folders:
-        paths = [folder] if folder.is_file() else [path for path in folder.rglob('*') if path.suffix in ('.py', '.md')]
-        for path in paths:
-            for names in NAMED.findall(path.read_text(encoding='utf-8')):
-                for name in names.replace(' ', '').split(','):
-                    found.setdefault(name, []).append(path)
-    return found
-
-
-def test_every_extra_that_is_named_exists():
-    found = named(ROOT / 'tactile_node', ROOT / 'examples', ROOT / 'docs', ROOT / 'README.md')
-    assert {'picture', 'bag', 'completion'} <= set(found), 'the pattern finds what is there'
-    assert set(found) <= set(extras())
-
-
 def test_a_module_that_an_error_sends_to_an_extra_comes_with_it():
     libraries = {'matplotlib': 'matplotlib', 'PIL': 'pillow', 'argcomplete': 'argcomplete', 'viser': 'viser'}
     for module, remedy in NEEDS.items():

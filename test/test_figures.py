@@ -5,7 +5,7 @@ import pytest
 
 from tactile_node.cli.simulate import touching
 from tactile_node.errors import InputError
-from tactile_node.simulator.figures import NAMED, Figure, coverage, named_silhouette, silhouette_of
+from tactile_node.simulator.figures import NAMED, Figure, coverage, named_silhouette
 from tactile_node.simulator.touches import touch_program
 from tactile_node.skin.layout_file import load_layout
 
@@ -18,17 +18,6 @@ def test_a_figure_covers_its_area_about_its_centre(name):
     rows, cols = np.indices(covered.shape)
     assert (covered * cols).sum() / covered.sum() == pytest.approx(9.3, abs=0.06)
     assert (covered * rows).sum() / covered.sum() == pytest.approx(10.1, abs=0.06)
-
-
-def test_depth_is_the_distance_from_the_outline_of_a_box():
-    box = Figure(silhouette_of('box', np.ones((60, 120), bool)), 72.0, x=0.0, y=0.0)  # 12 long, 6 high
-    x, y = np.array([0.0, 5.0, 6.0, 7.0]), np.array([0.0, 0.0, 0.0, 0.0])
-    assert box.depth(x, y) == pytest.approx([3.0, 1.0, 0.0, -1.0], abs=0.06)
-
-
-def test_a_turn_is_from_x_towards_y():
-    bar = Figure(silhouette_of('bar', np.ones((20, 100), bool)), 20.0, x=0.0, y=0.0, angle=np.pi / 4)
-    assert bar.depth(np.array([3.0]), np.array([3.0])) > 0 > bar.depth(np.array([3.0]), np.array([-3.0]))
 
 
 def test_a_picture_is_pressed_where_it_is_dark(tmp_path):

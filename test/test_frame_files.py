@@ -121,13 +121,6 @@ def test_a_picture_that_has_no_value_a_pixel_is_refused(tmp_path, make):
         read_frames(make(tmp_path / 'x.png'))
 
 
-def test_dark_on_white_is_the_same_contact_once_the_greys_say_so(tmp_path, tactile):
-    """As it is, the white around the contact would be what presses."""
-    path = png(tmp_path / 'x.png', np.where(SQUARE > 0, 0, 255).astype(np.uint8))
-    line = json.loads(tactile('classify', path, '--black', 1, '--white', 0)[0])
-    assert (line['shape'], line['N']) == ('square', 36)
-
-
 @pytest.fixture(scope='module')
 def replayed(tmp_path_factory):
     path = tmp_path_factory.mktemp('replayed') / 'frames.npz'
@@ -190,13 +183,6 @@ def test_archives_of_others(tmp_path):
         read_frames(str(tmp_path / 'two.npz'))
 
 
-def test_unit_pitch_and_pad_count_also_as_arrays_of_one(tmp_path):
-    """Without its unit a file would be judged by another rule, without its pitch have no sizes."""
-    np.savez(tmp_path / 'x.npz', values=[SQUARE], unit=['Pa'], pitch=[0.004], pad=['left'])
-    found = read_frames(str(tmp_path / 'x.npz'))
-    assert (found.unit, found.pitch, found.pad) == ('Pa', 0.004, 'left')
-
-
 def other_member(path):
     with ZipFile(path, 'w') as archive:
         archive.writestr('values.txt', '1,2')
@@ -242,13 +228,6 @@ def test_standard_input_is_known_by_its_first_bytes(make, tactile, monkeypatch):
     make(stream)
     monkeypatch.setattr('sys.stdin', io.TextIOWrapper(io.BytesIO(stream.getvalue())))
     assert json.loads(tactile('classify')[0])['shape'] == 'square'
-
-
-def test_each_file_is_a_sequence_of_its_own(tmp_path, tactile):
-    """A held contact leaves something over in the next frame of the same file, not in another file's."""
-    paths = [text(tmp_path / name, '\n'.join(','.join(map(str, row)) for row in SQUARE)) for name in ('a.csv', 'b.csv')]
-    lines = list(map(json.loads, tactile('classify', *paths)))
-    assert [(line['file'], line['frame'], line['shape']) for line in lines] == [(path, 0, 'square') for path in paths]
 
 
 def test_a_unit_that_contradicts_the_file_or_its_values_is_refused(tmp_path, replayed, capsys):

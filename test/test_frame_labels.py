@@ -13,10 +13,6 @@ def test_labels_cover_all_frames_of_the_log(recording):
     assert len(frame_labels(recording)) == len(stamps)
 
 
-def test_labels_of_the_excerpt_are_those_of_the_recording_it_is_from():
-    assert (frame_labels('nus_square_excerpt') == frame_labels('nus_square_moving')[1:201]).all()
-
-
 @pytest.mark.parametrize('rows', ['1,4,object', '0,4,object\n4,5,not', '0,4,object\n6,7,not', '0,4,held', '3,2,not'])
 def test_ranges_with_a_hole_an_overlap_or_an_unknown_label_are_refused(rows, tmp_path, monkeypatch):
     (tmp_path / 'log.csv').write_text(f'# by hand\nfirst_frame,last_frame,label\n{rows}\n', encoding='utf-8')

@@ -1,14 +1,11 @@
 """Fusion: surer with time, bounded latency, tempered by correlation, reset by NONE."""
 
-import math
 
-import numpy as np
 import pytest
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.shape.recognition import Recognition, Shape, TaughtShape, UnknownReason
+from tactile_node.shape.recognition import Recognition, Shape, UnknownReason
 from tactile_node.shape.recognitions import FusionSettings, RecognitionFusion
-from tactile_node.simulator.world import Purpose, generator
 
 PERIOD = 0.01
 SQUARE = {Shape.SQUARE: 0.6, Shape.CIRCLE: 0.3, Shape.UNKNOWN: 0.1}
@@ -30,20 +27,6 @@ def test_frames_a_correlation_time_apart_multiply_by_bayes_rule():
     settings = FusionSettings(correlation_time=0.1, memory=1e9, floor=1e-9, lead=50.0, max_gap=1.0)
     first, second = feed(RecognitionFusion(settings), [SQUARE, SQUARE], period=0.1)
     assert second.recognition.confidence == pytest.approx(0.36 / (0.36 + 0.09 + 0.01))
-
-
-def test_frames_half_a_correlation_time_apart_count_half():
-    settings = FusionSettings(correlation_time=0.2, memory=1e9, floor=1e-9, lead=50.0, max_gap=1.0)
-    second = feed(RecognitionFusion(settings), [SQUARE, SQUARE], period=0.1)[1]
-    weights = [p**1.5 for p in (0.6, 0.3, 0.1)]
-    assert second.recognition.confidence == pytest.approx(weights[0] / sum(weights), rel=1e-6)
-
-
-def test_a_hundred_milliseconds_are_surer_than_one_frame():
-    fused = feed(RecognitionFusion(), [SQUARE] * 11)
-    confidence = [each.recognition.confidence for each in fused]
-    assert confidence == sorted(confidence) and confidence[-1] > 0.75
-    assert fused[-1].held == pytest.approx(0.1) and fused[-1].frames == 11
 
 
 @pytest.mark.parametrize('period', [0.005, 0.01, 0.02, 0.1])
@@ -73,26 +56,6 @@ def test_a_stamp_that_jumps_starts_again(stamp):
     assert fusion.update(stamp, Recognition.of(CIRCLE)).recognition.shape is Shape.CIRCLE
 
 
-def test_flicker_between_two_classes_is_quietened():
-    rng = generator(Purpose.TEST, 4)
-    share = rng.uniform(0.25, 0.8, 400)  # right three times out of four, roughly
-    frames = [{Shape.SQUARE: p, Shape.CIRCLE: 1 - p} for p in share]
-    fused = [each.recognition.shape for each in feed(RecognitionFusion(), frames)]
-    single = [max(frame, key=frame.get) for frame in frames]
-
-    def changes(shapes):
-        return sum(a is not b for a, b in zip(shapes, shapes[1:]))
-
-    assert changes(single) > 100 and changes(fused) <= 2
-
-
-def test_probabilities_sum_to_one_and_survive_certain_frames():
-    fused = feed(RecognitionFusion(), [{Shape.SQUARE: 1.0}, {Shape.CIRCLE: 1.0}, {Shape.UNKNOWN: 1.0}] * 20)
-    for each in fused:
-        total = math.fsum(each.recognition.probabilities.values())
-        assert total == pytest.approx(1) and np.isfinite(total)
-
-
 @pytest.mark.parametrize('wrong', [{'memory': 0.0}, {'floor': 0.5}, {'switch': 9.0}, {'lead': float('nan')}])
 def test_settings_that_cannot_work_are_refused(wrong):
     with pytest.raises(ConfigurationError):
@@ -117,23 +80,6 @@ def test_a_frame_that_is_not_seen_is_reported_at_once_and_is_no_evidence():
     assert (after.since, after.held, after.frames) == (0.7, 0.0, 1), 'what was not seen was not held'
 
 
-def test_after_a_long_time_unseen_it_starts_again():
-    fusion, settings = RecognitionFusion(), FusionSettings()
-    feed(fusion, [SQUARE] * 50)
-    for k in range(60):
-        fusion.update(0.5 + k * PERIOD, Recognition.unknown(UnknownReason.NOT_SEEN))
-    assert 1.1 - 0.49 > settings.max_gap
-    assert fusion.update(1.1, Recognition.of(CIRCLE)).recognition.shape is Shape.CIRCLE
-
-
-def test_unseen_between_two_contacts_joins_none_of_their_evidence():
-    fusion = RecognitionFusion()
-    feed(fusion, [SQUARE] * 50)
-    fusion.update(0.5, Recognition.certain(Shape.NONE))
-    fusion.update(0.51, Recognition.unknown(UnknownReason.NOT_SEEN))
-    assert fusion.update(0.52, Recognition.of(CIRCLE)).recognition.shape is Shape.CIRCLE
-
-
 def test_repetition_does_not_show_what_is_hidden():
     """Each frame says 75 % square; fused as independent frames, they would soon say 100 %."""
     frame = Recognition.of_alternatives((0.75, 0.25), [Recognition.certain(Shape.SQUARE),
@@ -146,15 +92,6 @@ def test_repetition_does_not_show_what_is_hidden():
     for k in range(200):
         single = apart.update(k * PERIOD, Recognition.of(frame.probabilities))
     assert single.recognition.confidence > 0.95
-
-
-def test_evidence_of_before_counts_for_every_way_to_read_what_is_hidden_now():
-    fusion = RecognitionFusion()
-    feed(fusion, [SQUARE] * 50)
-    hidden = fusion.update(0.5, of(square=0.6, rectangle=0.6))
-    assert hidden.recognition.shape is Shape.SQUARE and hidden.recognition.confidence > 0.75
-    seen = fusion.update(0.51, Recognition.of(SQUARE))
-    assert seen.recognition.confidence > 0.75 and seen.frames == 52
 
 
 def test_the_reason_of_unknown_is_that_of_the_frames():
@@ -177,20 +114,3 @@ def test_a_contact_that_has_become_too_small_ends_at_once():
     assert (small.recognition.shape, small.recognition.reason) == (Shape.UNKNOWN, UnknownReason.TOO_SMALL)
     again = fusion.update(1.02, Recognition.of({Shape.SQUARE: 0.9, Shape.CIRCLE: 0.1}))
     assert (again.recognition.shape, again.frames) == (Shape.SQUARE, 1)
-
-
-def test_a_taught_shape_is_fused_as_the_others_are():
-    cross = TaughtShape('cross')
-    frames = [{cross: 0.6, Shape.UNKNOWN: 0.4}] * 11
-    fused = feed(RecognitionFusion(), frames)
-    assert [each.recognition.shape for each in fused] == [cross] * 11
-    assert fused[-1].recognition.confidence > 0.7 and fused[-1].frames == 11
-    assert list(fused[-1].recognition.probabilities) == [*Shape, cross]
-
-
-def test_evidence_of_other_classes_starts_again():
-    fusion = RecognitionFusion()
-    feed(fusion, [{TaughtShape('cross'): 0.9, Shape.UNKNOWN: 0.1}] * 50)
-    after = fusion.update(50 * PERIOD, Recognition.of({TaughtShape('plug'): 0.6, Shape.UNKNOWN: 0.4}))
-    assert after.recognition.shape == TaughtShape('plug') and after.frames == 1
-    assert TaughtShape('cross') not in after.recognition.probabilities

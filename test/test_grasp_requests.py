@@ -183,20 +183,6 @@ def test_a_goal_with_wrong_limits_is_refused_with_the_reason_and_so_is_one_too_m
     assert planner.result(last)[1].outcome == Result.TIMED_OUT
 
 
-def test_every_answer_names_its_codes_for_people(planner):
-    handle, feedback = planner.send(timeout=0.3)
-    result = planner.result(handle)[1]
-    assert (result.message, result.refusal) == ('TIMED_OUT: NO_RESULT', CheckGrasp.Response.NOT_REFUSED)
-    assert planner.check().message == 'NOT_HELD: NO_RESULT'
-    assert {each.message for each in feedback} == {'NO_RESULT'}
-    planner.until(lambda: planner.gripper.grasps and planner.gripper.latest.stable, BOTH)
-    assert planner.gripper.latest.message == 'TWO_SIDED, fresh, stable'
-    handle, _ = planner.send(sides=BOTH)
-    assert planner.result(handle, BOTH)[1].message == 'HELD'
-    planner.until(lambda: planner.gripper.latest.contact == Grasp.UNSEEN)
-    assert planner.gripper.latest.message == 'UNSEEN, not fresh, not stable'
-
-
 def test_a_goal_that_waits_does_not_keep_the_executor_busy(planner):
     """A coroutine that awaits would be polled without a pause."""
     planner.send()

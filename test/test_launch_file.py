@@ -5,7 +5,6 @@ these are skipped, and a stand-in shows what the file would start.
 """
 
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -84,15 +83,6 @@ def test_the_opening_of_the_gripper_is_given_to_the_grasp_alone():
         node.label: node.parameters for node in nodes_of(process)}['grasp'].items()
 
 
-def test_taught_shapes_are_given_to_the_classifiers_alone():
-    process = process_of(FILE, **GRIPPER, model='/home/me/my shapes.npz', method='learned')
-    found = {node.label: node.parameters for node in nodes_of(process)}
-    assert {label for label, parameters in found.items() if 'model' in parameters} == {
-        'left/classifier', 'right/classifier'}
-    assert found['left/classifier']['model'] == '/home/me/my shapes.npz'
-    assert found['left/classifier']['method'] == 'learned'
-
-
 def test_a_replay_gives_the_time_on_request():
     process = process_of(FILE, **GRIPPER, replay='session.log', publish_clock='true')
     driver = {node.label: node.parameters for node in nodes_of(process)}['skin_driver']
@@ -147,17 +137,6 @@ def test_shutdown_fails_with_a_failed_process_and_not_with_one_that_ended():
     assert [type(action).__name__ for action in ended(event, SimpleNamespace(is_shutdown=True))] == ['Shutdown']
     event.returncode = 0
     assert [type(action).__name__ for action in ended(event, SimpleNamespace(is_shutdown=False))] == ['Shutdown']
-
-
-@pytest.mark.parametrize('page', ['README.md', 'docs/launch.md', 'docs/hardware.md', 'examples/tactile_skin.service'])
-def test_every_argument_that_a_page_names_exists(page):
-    words = set(re.findall(r'\b([a-z]\w+):=', (ROOT / page).read_text(encoding='utf-8')))
-    parameters = {row.name for settings in NODES for row in table(settings)}
-    assert words and words <= {*ARGUMENTS, *parameters}
-
-
-def test_the_service_ends_with_a_failed_process():
-    assert 'on_exit:=shutdown' in (ROOT / 'examples/tactile_skin.service').read_text(encoding='utf-8')
 
 
 # From here on with the real launch.

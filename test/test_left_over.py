@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_node import ContactStream
-from tactile_node.contact.left_over import FORGOTTEN, RELEASE, LeftOver
+from tactile_node.contact.left_over import FORGOTTEN, LeftOver
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.visibility import visibility_of
 from tactile_node.shape.recognition import Shape, UnknownReason
@@ -71,13 +71,6 @@ def test_a_pad_that_nothing_is_left_on_is_empty_at_once():
     assert pattern.pad_seen and not pattern.is_left_over and not pattern.hidden.any()
 
 
-def test_a_compact_contact_that_shrinks_is_followed_down_to_its_last_square():
-    found = LeftOver()
-    for side in (9, 8, 7, 6, 5, 4, 3):
-        for _ in range(8):
-            assert not found.update(box(3, 3, side, side)).any(), side
-
-
 CLUMPS = {'square': box(6, 6, 3, 3), 'bar': box(5, 5, 2, 6), 'disc': disc(2.2), 'corner': TRIANGLE & disc(3.5, 4, 4)}
 
 
@@ -121,13 +114,6 @@ def test_a_light_object_that_rests_where_one_was_let_go_is_a_contact(resting):
     assert pattern.contacts and pattern.mask[resting].all()
 
 
-def test_a_light_object_laid_down_a_moment_after_a_release_is_a_contact():
-    extractor = PatternExtractor()
-    for mask in [disc(5.2)] * 20 + [disc(1) & False] * RELEASE + [box(6, 6, 4, 4)]:
-        pattern = extractor.extract(mask)
-    assert pattern.contacts == 1 and pattern.mask.sum() == 16
-
-
 @pytest.mark.parametrize('seen', [1, 2])
 def test_a_contact_of_which_most_rows_are_lost_is_not_left_over(seen):
     extractor, held = PatternExtractor(unit='Pa'), box(3, 3, 8, 8)
@@ -138,28 +124,6 @@ def test_a_contact_of_which_most_rows_are_lost_is_not_left_over(seen):
     np.testing.assert_array_equal(pattern.mask, held & (ROWS >= 11 - seen))
 
 
-@pytest.mark.parametrize('gap', [3, 6])
-def test_an_object_of_two_stays_when_the_other_leaves(gap):
-    """It was never a part of the other contact."""
-    found, stays = LeftOver(), box(4 + gap, 3, 1, 5)
-    for mask in (box(0, 0, 4, 10) | stays, stays):
-        assert not found.update(mask).any()
-
-
-def test_another_contact_does_not_clear_what_is_left_over_elsewhere():
-    found, specks = LeftOver(), np.isin(16 * ROWS + COLS, [2 * 16 + 2, 3 * 16 + 4, 4 * 16 + 2])
-    found.update(disc(3, 3, 3))
-    np.testing.assert_array_equal(found.update(specks), specks)
-    np.testing.assert_array_equal(found.update(specks | box(10, 9, 6, 6)), specks)
-    assert not found.update(disc(3, 3, 3)).any(), 'a contact that reaches it again clears it'
-
-
-def test_specks_that_were_never_in_a_contact_are_not_left_over():
-    found, specks = LeftOver(), np.isin(16 * ROWS + COLS, [34, 52, 66])
-    for _ in range(100):
-        assert not found.update(specks).any()
-
-
 def test_a_taxel_begins_again_after_it_was_off_for_long_enough():
     free, specks = np.zeros((16, 16), bool), np.isin(16 * ROWS + COLS, [34, 52, 66])
     for idle, is_left in ((FORGOTTEN, True), (FORGOTTEN + 1, False)):
@@ -168,30 +132,6 @@ def test_a_taxel_begins_again_after_it_was_off_for_long_enough():
         for _ in range(idle):
             assert not found.update(free).any()
         assert found.update(specks).any() == is_left
-
-
-def test_what_is_left_over_is_pressed_read_only_and_independent_of_the_input():
-    rng, found = np.random.default_rng(2), LeftOver()
-    for _ in range(300):
-        pressed = rng.random((8, 8)) < rng.random()
-        kept = pressed.copy()
-        left = found.update(pressed)
-        assert not (left & ~pressed).any() and not left.flags.writeable
-        np.testing.assert_array_equal(pressed, kept)
-
-
-@pytest.mark.parametrize('turn', [np.transpose, np.flipud, np.fliplr])
-def test_a_turned_pad_has_the_same_taxels_left_over(turn):
-    rng, plain, turned = np.random.default_rng(3), LeftOver(), LeftOver()
-    for _ in range(200):
-        pressed = rng.random((8, 12)) < rng.choice([0.02, 0.3, 0.9])
-        np.testing.assert_array_equal(turn(plain.update(pressed)), turned.update(turn(pressed)))
-
-
-def test_a_frame_of_another_shape_starts_again():
-    found = LeftOver()
-    found.update(disc(4))
-    assert not found.update(np.eye(5, dtype=bool)).any()
 
 
 def test_of_single_arrays_and_of_all_pressed_taxels_nothing_is_left_over():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_node.contact.noise_floor import LEARNED_AFTER, NoiseFloor, resting_of
+from tactile_node.contact.noise_floor import NoiseFloor, resting_of
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PressThresholds
 
@@ -34,17 +34,16 @@ def check_held(heights, unit, mask, *, from_height):
 
 
 @UNITS
-@pytest.mark.parametrize('seconds', [1, 10, pytest.param(60, marks=pytest.mark.slow),
-                                     pytest.param(120, marks=pytest.mark.slow)])
+@pytest.mark.parametrize('seconds', [1, 10, pytest.param(60, marks=pytest.mark.slow)])
 def test_a_contact_that_grows_slowly_is_never_noise(seconds, unit):
     heights = np.concatenate((np.zeros(50), np.linspace(0, 30, 50 * seconds), np.full(100, 30.0)))
     check_held(heights, unit, SQUARE, from_height=10)
 
 
 @UNITS
-@pytest.mark.parametrize('frames', [500, pytest.param(6000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize('frames', [500, pytest.param(2000, marks=pytest.mark.slow)])
 def test_an_object_held_from_the_first_frame_is_never_noise(frames, unit):
-    """6,000 frames are 12 times as many as are remembered; then it is let go, and the pad is free at once."""
+    """2,000 frames are 4 times as many as are remembered; then it is let go, and the pad is free at once."""
     heights = np.concatenate((np.full(frames, 20.0), np.zeros(5)))
     *held, a, b, c, d, free = patterns(heights, unit)
     assert all((pattern.mask == SQUARE).all() for pattern in held)
@@ -60,19 +59,10 @@ def test_an_object_that_covers_the_pad_after_rest_is_held(mask, unit):
 
 @pytest.mark.parametrize('unit', ['Pa', 'N'])
 @pytest.mark.parametrize('mask', [WHOLE, HALF, MOST], ids=['whole', 'half', '11 of 12'])
-@pytest.mark.parametrize('seconds', [0, 5, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize('seconds', [0, 5, pytest.param(20, marks=pytest.mark.slow)])
 def test_with_a_unit_the_pad_may_be_covered_from_the_start_or_slowly(seconds, mask, unit):
     heights = np.concatenate((np.linspace(0, 20, 50 * seconds), np.full(300, 20.0)))
     check_held(heights, unit, mask, from_height=12)
-
-
-@UNITS
-def test_a_pad_that_is_covered_in_steps(unit):
-    rng, extractor = np.random.default_rng(2), PatternExtractor(unit=unit)
-    for cols in range(13):
-        for _ in range(60):
-            pattern = extractor.extract(NOISE[unit] * (20 * (COLS < cols) + rng.standard_normal(SHAPE)))
-            np.testing.assert_array_equal(pattern.mask, COLS < cols)
 
 
 @pytest.mark.parametrize('unit', ['Pa', 'N'])
@@ -98,23 +88,6 @@ def test_the_noise_of_each_taxel_is_found(unit):
     assert (pattern.noise > 0.7 * NOISE[unit]).all()
 
 
-def test_a_loud_taxel_presses_nothing_once_its_noise_is_known():
-    rng, extractor = np.random.default_rng(4), PatternExtractor()
-    loud = np.ones(SHAPE)
-    loud[[1, 5, 9], [2, 8, 4]] = 3.5
-    contacts = [extractor.extract(loud * rng.standard_normal(SHAPE)).contacts for _ in range(600)]
-    assert sum(contacts[200:]) <= 4 < sum(PatternExtractor().extract(loud * rng.standard_normal(SHAPE)).contacts
-                                          for _ in range(400))
-
-
-def test_an_offset_that_was_not_tared_presses_nothing_and_a_contact_on_it_is_found():
-    rng, extractor = np.random.default_rng(5), PatternExtractor()
-    offset = 500 + 3 * rng.standard_normal(SHAPE)
-    for _ in range(300):
-        assert not extractor.extract(offset + rng.standard_normal(SHAPE)).contacts
-    np.testing.assert_array_equal(extractor.extract(offset + 40 * SQUARE).mask, SQUARE)
-
-
 @pytest.mark.parametrize('sense', [-1, 1])
 def test_a_slow_drift_is_followed_up_and_down(sense):
     """By one standard deviation a second; a contact on it is found to the taxel."""
@@ -122,20 +95,6 @@ def test_a_slow_drift_is_followed_up_and_down(sense):
     for k in range(500):
         assert not extractor.extract(sense * k / 50 + rng.standard_normal(SHAPE)).contacts
     np.testing.assert_array_equal(extractor.extract(sense * 10 + 25 * SQUARE + rng.standard_normal(SHAPE)).mask, SQUARE)
-
-
-def test_noise_that_rises_at_once_is_no_contact_of_the_size_of_a_shape():
-    rng, extractor = np.random.default_rng(7), PatternExtractor()
-    for k in range(300):
-        pattern = extractor.extract((1 if k < 100 else 5) * rng.standard_normal(SHAPE))
-        assert pattern.mask.sum() < 4
-
-
-def test_a_release_is_seen_in_its_frame():
-    rng, extractor = np.random.default_rng(8), PatternExtractor()
-    for height, mask in [(0, WHOLE)] * 30 + [(50, WHOLE)] * 200:
-        extractor.extract(height * mask + rng.standard_normal(SHAPE))
-    assert not extractor.extract(rng.standard_normal(SHAPE)).contacts
 
 
 def test_taxels_without_a_value_learn_nothing_and_spoil_nothing():
@@ -164,19 +123,6 @@ def test_the_floor_stays_while_the_pad_is_not_seen():
         floor.learn(values, known[1], WHOLE)
     level, noise = floor.measure(np.full(SHAPE, np.nan), ~WHOLE)
     assert abs(level - 100) < 0.5 and (noise > 0.5).all()
-
-
-def test_a_taxel_counts_by_its_own_noise_only_after_it_rested_long_enough():
-    rng, floor = np.random.default_rng(11), NoiseFloor()
-    loud = np.where((ROWS == 5) & (COLS == 5), 3.0, 1.0)
-    seen = []
-    for _ in range(4 * LEARNED_AFTER):
-        values = loud * rng.standard_normal(SHAPE)
-        _, noise = floor.measure(values, WHOLE)
-        floor.learn(values, noise, WHOLE)
-        seen.append(noise)
-    assert all(np.ptp(noise) == 0 for noise in seen[:LEARNED_AFTER])
-    assert seen[-1][5, 5] > 1.5 * np.median(seen[-1])
 
 
 def test_values_that_were_tared_have_a_level_that_no_pad_at_rest_reaches():
@@ -209,30 +155,6 @@ def test_level_and_noise_are_those_of_the_resting_taxels():
     assert resting_of(values).deviation == pytest.approx(2.0, rel=0.1)
 
 
-@pytest.mark.parametrize('covered', [0.0, 0.3, 0.5, 0.7])
-@pytest.mark.parametrize('height', [8.0, 30.0, 1000.0])
-def test_a_contact_of_whatever_height_may_cover_three_quarters_less_a_little(covered, height):
-    rng = np.random.default_rng(7)
-    found = []
-    for _ in range(50):
-        values = rng.standard_normal(256)
-        values[:int(covered * 256)] += height
-        found.append(resting_of(values))
-    levels, deviations = np.array(found).T
-    assert abs(np.median(levels)) < 0.2 and np.abs(levels).max() < 1
-    assert 0.8 < np.median(deviations) < 1.2 and (0.5 < deviations).all() and (deviations < 2).all()
-
-
-def test_noise_below_the_resolution_is_not_seen():
-    counts = np.zeros(256)
-    counts[::10] = 4.0
-    assert resting_of(counts) == resting_of(np.zeros(256)) == (0.0, 0.0)
-
-
-def test_a_few_taxels_show_nothing():
-    assert not resting_of(np.arange(7.0)).is_known and resting_of(np.arange(8.0)).is_known
-
-
 @pytest.mark.parametrize('taxels', [1, 5, 20, 31])
 @pytest.mark.parametrize('below', [30.0, 1e3, 1e6])
 def test_a_few_taxels_far_below_the_others_hide_no_contact(taxels, below):
@@ -247,16 +169,3 @@ def test_a_few_taxels_far_below_the_others_hide_no_contact(taxels, below):
     counts = np.full(256, 1000)
     counts[:taxels] = 0
     assert resting_of(counts.astype(float)) == (1000, 0)
-
-
-@pytest.mark.parametrize('size', [64, 256, 4096])
-@pytest.mark.parametrize('step', [0.0, 0.25, 0.5, 1.0, 1.5])
-def test_noise_in_whole_steps_and_on_small_pads_is_found(size, step):
-    """Rounding adds a twelfth of the square of the step to the variance (Sheppard)."""
-    rng, found = np.random.default_rng(9), []
-    for _ in range(200):
-        values = rng.standard_normal(size)
-        found.append(resting_of(np.rint(values / step) * step if step else values))
-    levels, deviations = np.array(found).T
-    assert np.median(deviations) == pytest.approx((1 + step ** 2 / 12) ** 0.5, rel=0.12)
-    assert abs(np.median(levels)) < 0.15

@@ -7,7 +7,7 @@ import pytest
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.gripper import FrameTree, Gripper, PadPose, Transform, contact_line, rotation_matrix
-from tactile_node.grasp.opening import NOT_KNOWN, GapSource, LatestGap, LinearGap, is_plausible
+from tactile_node.grasp.opening import GapSource, LatestGap, is_plausible
 
 # Two 16x16 pads of 2 mm pitch, skin to skin when closed: the left looks along z, the right one, rotated by pi about x,
 # along -z; so the right pad's y runs against the gripper's.
@@ -31,27 +31,12 @@ def test_a_wedge_touched_3_mm_higher_on_the_right():
     assert line.misalignment == pytest.approx(atan2(3, 4))
 
 
-def test_pads_tilted_towards_each_other():
-    # Both normals lean 10 degrees to +x; fingers moved back along them by 10 mm each.
-    left, right = PadPose((0, 0, 0), (0, pi / 18, 0)), PadPose((0, 0, 0), (0, pi - pi / 18, 0))
-    line = contact_line(Gripper(left, right), (0.0, 0.0), (0.0, 0.0), 0.020)
-    assert line.left == pytest.approx([-0.010 * sin(pi / 18), 0, -0.010 * cos(pi / 18)])
-    assert line.right == pytest.approx([-0.010 * sin(pi / 18), 0, 0.010 * cos(pi / 18)])
-    assert line.width == pytest.approx(0.020 * cos(pi / 18)) and line.offset == pytest.approx(0, abs=1e-12)
-
-
 def test_without_an_opening_all_that_depends_on_it_is_nan_and_the_offset_is_not():
     line = contact_line(PADS, (0.015, 0.015), (0.019, 0.012), nan)
     assert line.offset == pytest.approx(sqrt(3**2 + 4**2) * 1e-3)
     assert isnan(line.width) and isnan(line.misalignment)
     for vector in (line.left, line.right, line.midpoint, line.axis):
         assert np.isnan(vector).all()
-
-
-def test_no_source_is_not_an_opening_of_zero():
-    assert NOT_KNOWN.source is GapSource.NOT_KNOWN and isnan(NOT_KNOWN.gap)
-    latest = LatestGap(GapSource.JOINT_STATES, max_age=0.3)
-    assert latest.current(5.0) is NOT_KNOWN
 
 
 def test_an_opening_is_withdrawn_when_its_source_stops():
@@ -64,31 +49,6 @@ def test_an_opening_is_withdrawn_when_its_source_stops():
     assert latest.current(4000.0).age == pytest.approx(3900)
     latest.set(0.02, 4000.0)
     assert latest.current(4000.0) == (0.02, GapSource.JOINT_STATES, 0.0)
-
-
-def test_a_jump_of_the_opening_shows_at_once():
-    latest = LatestGap(GapSource.TF, max_age=0.3)
-    latest.set(0.08, 1.0)
-    latest.set(0.02, 1.01)
-    assert latest.current(1.01) == (0.02, GapSource.TF, 0.0)
-
-
-def test_a_withdrawn_value_leaves_no_source():
-    latest = LatestGap(GapSource.PARAMETER)
-    latest.set(0.04, 1.0)
-    assert latest.current(1e6).gap == 0.04  # set by a user: it holds until it is set again
-    latest.set(nan, 2.0)
-    assert latest.current(2.0) is NOT_KNOWN
-
-
-@pytest.mark.parametrize('law, reading, gap', [
-    (LinearGap(), 0.04 + 0.04, 0.08),                    # two prismatic fingers, 40 mm each: their sum
-    (LinearGap(scale=2.0), 0.04, 0.08),                  # one joint and its mimic
-    (LinearGap(offset=0.085, scale=-0.085 / 0.8), 0.8, 0.0),   # a knuckle that closes as it turns by 0.8 rad
-    (LinearGap(offset=0.085, scale=-0.085 / 0.8), 0.0, 0.085),
-    (LinearGap(offset=-0.012), 0.052, 0.040)])           # finger frames 12 mm apart when closed
-def test_grippers_of_several_makes(law, reading, gap):
-    assert law.gap(reading) == pytest.approx(gap, abs=1e-12)
 
 
 @pytest.mark.parametrize('gap, plausible', [
@@ -150,12 +110,6 @@ def test_frames_that_nothing_joins_are_nowhere():
     tree = gripper()
     assert tree.find('left', 'tool') is None and tree.find('tool', 'left') is None
     assert FrameTree().find('left', 'right') is None
-
-
-def test_a_frame_may_get_another_parent():
-    tree = gripper()
-    tree.set('left', 'base', at(5, 0, 0), 8.0)
-    assert tree.find('left', 'base').transform.translation == pytest.approx([5, 0, 0])
 
 
 def test_frames_in_a_circle_are_nowhere():

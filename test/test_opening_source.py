@@ -80,13 +80,6 @@ def test_two_fingers_add_to_the_opening_wherever_they_stand_in_the_message(gripp
     assert 0 <= opening.age < LIMIT
 
 
-def test_a_knuckle_that_closes_as_it_turns_and_jumps(gripper):
-    gripper.make(**KNUCKLE)
-    assert gripper.send(['knuckle'], [0.0]).gap == pytest.approx(0.085)
-    assert gripper.send(['knuckle'], [0.8]).gap == pytest.approx(0.005)
-    assert gripper.send(['knuckle'], [0.2]).gap == pytest.approx(0.065)
-
-
 def test_joint_states_that_stop_leave_no_opening(gripper):
     gripper.make(**TWO_FINGERS)
     assert not isnan(gripper.send(['finger_left', 'finger_right'], [0.01, 0.01]).gap)
@@ -94,15 +87,6 @@ def test_joint_states_that_stop_leave_no_opening(gripper):
     late = gripper.current()
     assert isnan(late.gap) and late.age > LIMIT
     assert gripper.send(['finger_left', 'finger_right'], [0.02, 0.02]).gap == pytest.approx(0.04)
-
-
-def test_a_renamed_joint_leaves_no_opening_and_is_counted(gripper):
-    gripper.make(**KNUCKLE)
-    assert not isnan(gripper.send(['knuckle'], [0.5]).gap)
-    gripper.wait(LIMIT)
-    for _ in range(3):
-        assert isnan(gripper.send(['knuckle_joint'], [0.5]).gap)
-    assert gripper.counts.dropped == {R.MISSING_JOINT: 3}
 
 
 def test_joint_states_of_an_arm_on_the_same_topic_are_neither_an_opening_nor_a_fault(gripper):

@@ -27,13 +27,6 @@ def test_the_lowest_versions_that_are_tested_are_those_that_setup_cfg_allows():
                                                                             'py-trees', 'jsonschema'}
 
 
-def test_every_lowest_version_is_a_library_of_the_lock_too():
-    lock = (ROOT / 'requirements/lock.txt').read_text(encoding='utf-8')
-    locked = {name.lower() for name in re.findall(r'^([\w-]+)==', lock, re.MULTILINE)}
-    for name in re.findall(r'^([\w-]+)==', (ROOT / 'requirements/lowest.txt').read_text(), re.MULTILINE):
-        assert name in locked
-
-
 LOCKS = 'lock.txt', 'lock_kilted.txt'
 
 
@@ -46,33 +39,6 @@ def test_every_package_of_the_lock_has_the_hashes_of_its_files(name):
     for package in packages:
         assert re.search(r' \\\n    --hash=sha256:[0-9a-f]{64}\b', package), package
     assert 'http' not in lock and 'index-url' not in lock
-
-
-def libraries(lock: str) -> set[str]:
-    """What a lock pins beside ROS, with the conditions."""
-    text = (ROOT / 'requirements' / lock).read_text(encoding='utf-8')
-    return {line for line in re.findall(r'^[\w-]+==[^\\]*', text, re.MULTILINE) if not line.startswith('ros-')}
-
-
-def test_jazzy_and_kilted_are_tested_with_the_same_libraries():
-    """Else a difference between the two could be that of a library."""
-    jazzy, kilted = map(libraries, LOCKS)
-    assert jazzy == kilted and len(jazzy) > 80
-
-
-def test_jazzy_and_kilted_have_the_same_packages_of_ros():
-    jazzy, kilted = (set(re.findall(r'^ros-[\w-]+', (ROOT / 'requirements' / name).read_text(), re.MULTILINE))
-                     for name in ('ros.in', 'ros_kilted.in'))
-    assert kilted - jazzy == {'ros-ament-cmake-ros-core'}  # split off ament_cmake_ros in Kilted
-    assert jazzy <= kilted
-
-
-PACKAGE_XML = Path(__file__).resolve().parents[1] / 'package.xml'
-
-
-def test_a_checkout_has_the_version_of_package_xml():
-    written = re.search(r'<version>(.+)</version>', PACKAGE_XML.read_text(encoding='utf-8'))[1]
-    assert package_files.package_version() == written
 
 
 @pytest.mark.parametrize('distribution', ['tactile_skin', 'tactile_node'])  # pip's name, ament's name

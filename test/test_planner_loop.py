@@ -78,15 +78,6 @@ def test_the_world_is_what_statics_says():
     assert (truth.offset, truth.misalignment) == pytest.approx((0.04 * np.sin(0.1), 0.1))
 
 
-def test_the_pads_see_a_shift_from_both_sides_and_a_move_takes_it_back():
-    left, right = close(placed(shift=0.004)).values
-    columns = np.arange(16) * PITCH
-    for values in (left, right[::-1]):
-        assert (values.sum(0) @ columns) / values.sum() == pytest.approx(AIM[0] + 0.004, abs=1e-4)
-    assert placed(0.1, 0.004).moved((0.004, 0.0)).truth.off_aim == pytest.approx(placed(0.1).truth.off_aim)
-    assert placed(0.1).moved(about=(*AIM, 0.0), by=Rotation.from_euler('y', 0.1)).truth.misalignment == pytest.approx(0)
-
-
 @pytest.mark.slow
 @pytest.mark.ros
 def test_from_random_starts_the_contacts_come_to_oppose():

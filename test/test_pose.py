@@ -6,14 +6,13 @@ import pytest
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PressThresholds
 from tactile_node.errors import InputError
-from tactile_node.pose.first_guess import guesses, moments_of
 from tactile_node.pose.fit import fit_shape
 from tactile_node.pose.outlines import OUTLINES, Window, depth_inside, moving_depth, outline_of
 from tactile_node.pose.skin_model import Model, PressureModel
 from tactile_node.pose.solids import pose_covariance, prism, solid
-from tactile_node.shape.recognition import SHAPES, Shape
+from tactile_node.shape.recognition import Shape
 from tactile_node.simulator.figures import Skin, pressure_frame
-from tactile_node.simulator.world import CLASSES, Contact, Purpose, generator, random_contact
+from tactile_node.simulator.world import CLASSES, Purpose, generator, random_contact
 from training.ground_truth.raster import coverage
 
 WINDOW = Window(0, 0, 20, 20)
@@ -47,28 +46,6 @@ def numerical(function, parameters, step=1e-5):
 
 # Outlines, coverage and models
 
-def test_every_shape_has_an_outline():
-    assert set(OUTLINES) == {shape.value for shape in SHAPES}
-
-
-@pytest.mark.parametrize('contact', contacts(2), ids=lambda c: c.shape)
-def test_outlines_are_those_of_the_synthetic_world(contact):
-    corners = outline_of(Shape(contact.shape), contact.handedness).corners(parameters_of(contact))
-    if contact.shape == 'circle':
-        following = np.roll(corners, -1, axis=0)
-        area = (corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]).sum() / 2
-        assert area == pytest.approx(contact.area)
-        return
-    apart = np.linalg.norm(corners[:, None] - contact.outline()[None], axis=-1)
-    assert apart.min(1).max() < 1e-12  # the same corners, wherever the list begins
-
-
-def test_coverage_of_a_rectangle_along_the_lattice_by_hand():
-    corners = np.array([[0.75, 0.0], [2.0, 0.0], [2.0, 1.0], [0.75, 1.0]])
-    covered, _ = coverage(corners, np.zeros((1, 4, 2)), Window(0, 0, 3, 4))
-    # taxel 1 is covered from x = 0.75 to 1.5, taxel 2 from 1.5 to 2; rows 0 and 1 by half each
-    assert covered == pytest.approx(np.array([[0, .375, .25, 0], [0, .375, .25, 0], [0, 0, 0, 0]]))
-
 
 @pytest.mark.parametrize('contact', contacts(2), ids=lambda c: c.shape)
 def test_coverage_agrees_with_counting_points(contact):
@@ -81,14 +58,6 @@ def test_coverage_agrees_with_counting_points(contact):
     counted = (contact.depth(x, y) >= 0).reshape(WINDOW.rows, 40, WINDOW.cols, 40).mean((1, 3))
     assert np.abs(covered - counted).max() < 0.01
     assert covered.sum() == pytest.approx(contact.area)
-
-
-def test_what_lies_left_of_the_window_is_cut_off_right():
-    outline, window = OUTLINES[Shape.SQUARE], Window(0, 10, 20, 10)
-    parameters = np.array([9.8, 9.3, 0.3, 7.0])
-    whole, _ = coverage(*outline.moving(parameters), Window(0, 0, 20, 20))
-    part, _ = coverage(*outline.moving(parameters), window)
-    assert part == pytest.approx(whole[:, 10:])
 
 
 @pytest.mark.parametrize('contact', contacts(1), ids=lambda c: c.shape)
@@ -107,18 +76,6 @@ def test_depth_inside_of_a_square_by_hand():
     corners, places = np.array([[0., 0], [4, 0], [4, 4], [0, 4]]), np.array([[1., 2, 5], [2, 3.5, 2]])
     assert depth_inside(corners, *places) == pytest.approx([1, 0.5, -1])
     assert moving_depth(corners, np.zeros((1, 4, 2)), places)[0] == pytest.approx([1, 0.5, -1])
-
-
-@pytest.mark.parametrize('contact', contacts(2), ids=lambda c: c.shape)
-def test_the_first_guess_is_near_without_any_fit(contact):
-    shape = Shape(contact.shape)
-    outline = outline_of(shape, contact.handedness)
-    covered, _ = coverage(*outline.moving(parameters_of(contact)), Window(0, 0, 20, 20))
-    y, x = np.indices(covered.shape).reshape(2, -1)
-    guess = guesses(shape, moments_of(x, y, covered.ravel()), 0.0)[0]
-    corners = outline_of(shape, guess.handedness).corners(guess.parameters)
-    apart = np.linalg.norm(corners[:, None] - outline.corners(parameters_of(contact))[None], axis=-1)
-    assert apart.min(1).max() < 0.4  # not exact: a taxel's value has no place within the taxel
 
 
 # Fits
@@ -145,75 +102,6 @@ def test_field_conditions_leave_the_fit_near(contact):
     fit = fit_shape(values, pressed(values), Shape(contact.shape))
     assert np.hypot(fit.centre[0] - contact.x, fit.centre[1] - contact.y) < 0.15
     assert fit.dimensions == pytest.approx(contact.dimensions[:len(fit.dimensions)], rel=0.05)
-
-
-@pytest.mark.parametrize('contact', contacts(1), ids=lambda c: c.shape)
-def test_on_off_patterns_are_fitted_too(contact):
-    fit = fit_shape(contact.pattern(20, 20), contact.pattern(20, 20), Shape(contact.shape))
-    assert np.hypot(fit.centre[0] - contact.x, fit.centre[1] - contact.y) < 0.5
-    assert fit.dimensions == pytest.approx(contact.dimensions[:len(fit.dimensions)], rel=0.15)
-
-
-def test_the_fit_moves_and_turns_with_the_frame():
-    contact = contacts(1)[2]
-    values = pressure_frame(contact, generator(Purpose.TEST, 1), 20, 20)
-    mask = values > 15e3
-    here = fit_shape(values, mask, Shape.RECTANGLE)
-    moved = fit_shape(np.roll(values, (2, -1), (0, 1)), np.roll(mask, (2, -1), (0, 1)), Shape.RECTANGLE)
-    assert np.subtract(moved.centre, here.centre) == pytest.approx([-1, 2], abs=1e-6)
-    mirrored = fit_shape(values.T, mask.T, Shape.RECTANGLE)  # x and y change places
-    assert mirrored.centre == pytest.approx(here.centre[::-1], abs=1e-3)
-    assert angle_apart(mirrored.angle, np.pi / 2 - here.angle, 2) < 1e-3
-    assert mirrored.dimensions == pytest.approx(here.dimensions, rel=1e-3)
-
-
-def test_the_unit_does_not_matter_and_the_pitch_scales():
-    contact = contacts(1)[4]
-    values = pressure_frame(contact, generator(Purpose.TEST, 1), 20, 20, skin=Skin(noise=0.01))
-    a = fit_shape(values, values > 15e3, Shape.ISOSCELES_TRIANGLE, 1.0)
-    b = fit_shape(values / 1e5, values > 15e3, Shape.ISOSCELES_TRIANGLE, PITCH)
-    assert np.multiply(a.dimensions, PITCH) == pytest.approx(b.dimensions)
-    assert b.covariance[0, 0] == pytest.approx(a.covariance[0, 0] * PITCH**2, rel=1e-3)
-    assert b.covariance[2, 2] == pytest.approx(a.covariance[2, 2], rel=1e-3)
-    assert b.outline == pytest.approx(a.outline * PITCH)
-
-
-def test_noise_makes_the_region_larger():
-    contact, traces = contacts(1)[1], []
-    for noise in (0.005, 0.02, 0.08):
-        values = pressure_frame(contact, generator(Purpose.TEST, 3), 20, 20, skin=Skin(noise=noise))
-        traces.append(np.trace(fit_shape(values, contact.pattern(20, 20), Shape.SQUARE).covariance[:2, :2]))
-    assert traces[0] < traces[1] < traces[2]
-
-
-def test_a_frame_with_a_hole_is_a_square_by_its_outline():
-    outer = Contact('square', (9.0,), 10.2, 9.8, angle=0.4)
-    inner = Contact('square', (4.0,), 10.2, 9.8, angle=0.4)
-    rng = generator(Purpose.TEST, 4)
-    values = pressure_frame(outer, rng, 20, 20) - pressure_frame(inner, rng, 20, 20)
-    fit = fit_shape(values, values > 15e3, Shape.SQUARE)
-    assert fit.dimensions[0] == pytest.approx(9.0, abs=0.1)
-    assert fit.centre == pytest.approx((10.2, 9.8), abs=0.1)
-
-
-def test_a_contact_over_the_pads_edge_is_completed():
-    contact = Contact('rectangle', (10.0, 5.0), 3.0, 9.6, angle=0.3)  # two pitches of its length lie outside
-    values = pressure_frame(contact, generator(Purpose.TEST, 4), 20, 20, skin=Skin(noise=0.005))
-    fit = fit_shape(values, values > 15e3, Shape.RECTANGLE)
-    assert fit.dimensions[1] == pytest.approx(5.0, abs=0.15)
-    assert np.degrees(angle_apart(fit.angle, 0.3, 2)) < 2
-
-
-def test_an_equilateral_triangle_has_no_certain_apex():
-    contact = Contact('isosceles_triangle', (10.0, 5 * 3**0.5), 9.7, 10.1, angle=0.5)
-    mask = contact.pattern(20, 20)
-    fit = fit_shape(mask, mask, Shape.ISOSCELES_TRIANGLE)
-    assert fit.symmetry == 3 and angle_apart(fit.angle, 0.5, 3) < np.radians(6)
-    slim = Contact('isosceles_triangle', (7.0, 13.0), 9.7, 10.1, angle=0.5)
-    values = pressure_frame(slim, generator(Purpose.TEST, 5), 20, 20)
-    fit = fit_shape(values, values > 15e3, Shape.ISOSCELES_TRIANGLE)
-    base, height = fit.dimensions
-    assert fit.symmetry == 1 and 2 * np.arctan(base / 2 / height) == pytest.approx(2 * np.arctan(3.5 / 13), rel=0.02)
 
 
 def test_shapes_without_an_outline_have_no_fit_and_wrong_input_is_refused():

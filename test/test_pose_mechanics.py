@@ -79,18 +79,6 @@ def test_a_cone_is_as_large_as_its_contact(tip):
     assert inside.mean() >= 0.8
 
 
-@pytest.mark.parametrize('ratio', [1.002, 1.01, 1.05])
-def test_the_long_side_is_the_longer_one(ratio):
-    """The corrections of the two sides differ; they come after the fit."""
-    length = np.sqrt(AREA)
-    contact = Contact('rectangle', (np.sqrt(ratio), 1 / np.sqrt(ratio)), 0.0, 0.0)
-    stress = stress_field(solve(flat_punch(contact, 0.03, 0.12)), length ** 2, 0.6)
-    for angle in (0.0, 0.3, 1.2):
-        frame = sample(stress, 13.3, 13.6, angle, 28, 28)
-        fit = fit_shape(frame, find_contact(frame, unit=None).mask, Shape.RECTANGLE)
-        assert fit.dimensions[0] >= fit.dimensions[1] and -np.pi / 2 < fit.angle <= np.pi / 2
-
-
 def test_a_large_contact_at_the_pads_edge_knows_less_than_one_beside_it():
     """Also where the last block of taxels is not whole."""
     for rows in range(97, 103):

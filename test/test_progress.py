@@ -37,12 +37,3 @@ def test_a_terminal_shows_how_much_is_done(monkeypatch, capsys):
     shown = terminal.getvalue()
     assert 'frames of a log' in shown and '2/4' in shown and 'x.npy' in shown
     assert capsys.readouterr().out == ''
-
-
-def test_results_that_scroll_over_the_terminal_have_no_bar_between_them(monkeypatch):
-    monkeypatch.setattr('sys.stderr', terminal := Terminal())
-    monkeypatch.setattr('sys.stdout', Terminal())
-    list(followed('abc', 'x.npy', 3, prints=True))
-    assert terminal.getvalue() == ''
-    list(followed('abc', 'x.npy', 3, prints=False))
-    assert 'x.npy' in terminal.getvalue()

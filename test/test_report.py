@@ -255,14 +255,6 @@ def test_force_over_time_is_that_of_the_whole_contact():
     assert finder.found[0].force == pytest.approx(56 * 50e3 * 16e-6)
 
 
-def test_a_contact_too_small_for_a_touch_is_only_counted():
-    """Between two touches it joins them not: noise is always there."""
-    noise = pressed(0)
-    noise[0][14, 14] = 5e3
-    found = touches_of([pressed(4)] * 5 + [noise] * 3 + [pressed(4)] * 5)
-    assert [touch.frames for touch in found] == [5, 5] and found.small_frames == 3
-
-
 def test_the_longest_touches_keep_their_pictures():
     frames = []
     for length in range(MOST_PICTURES + 3, 0, -1):

@@ -40,18 +40,6 @@ def test_each_limit_is_seen(required, expected):
     assert short_of(**required) == (expected,)
 
 
-@pytest.mark.parametrize('other', [0, 1])
-def test_both_sides_have_to_be_of_the_shape_and_sure(other):
-    sides = {('left', 'right')[other]: SideShape('circle', 0.5)}
-    assert short_of(**sides, shapes=frozenset({'square'}), min_confidence=0.8) == (M.OTHER_SHAPE, M.UNSURE)
-
-
-def test_a_certain_unknown_is_no_known_shape():
-    unknown = SideShape('unknown', 1.0)
-    assert short_of(left=unknown, min_confidence=0.1) == (M.UNSURE,)
-    assert short_of(left=unknown) == ()
-
-
 @pytest.mark.parametrize(('contact', 'expected'), [
     (GraspContact.NOT_KNOWN, M.NO_RESULT), (GraspContact.UNSEEN, M.UNSEEN), (GraspContact.NO_CONTACT, M.NO_CONTACT),
     (GraspContact.ONE_SIDED, M.ONE_SIDED)])

@@ -23,7 +23,7 @@ from tactile_node.ros.message_age import InputAge, age_seconds
 from tactile_node.ros.message_checks import RejectReason, check_contact_shape, check_grasp, check_taxel_array
 from tactile_node.ros.shape_messages import pose_message, shape_message
 from tactile_node.ros.time_messages import time_message
-from tactile_node.shape.recognition import Recognition, Shape, TaughtShape, likeliest_known
+from tactile_node.shape.recognition import Recognition, Shape, TaughtShape
 from tactile_node.shape.recognitions import FusedRecognition
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, TpdoAges
 from tactile_skin.msg import ContactShape, Grasp
@@ -129,11 +129,6 @@ def test_no_solid_is_published_for_a_frame():
     values[5:10, 5:12] = 0
     message = shape(values, Shape.RECTANGLE, 0.02)
     assert message.hollow and message.fit_valid and not message.solid.dimensions and not message.mesh.vertices
-
-
-def test_the_likeliest_class_of_an_unknown_contact_is_in_the_message():
-    message = shape(block(4, 9), Shape.SQUARE)
-    assert likeliest_known(dict(zip(message.class_names, message.probabilities))) == ('square', pytest.approx(0.75))
 
 
 def test_shape_message_tells_a_rectangle_in_metres():

@@ -18,7 +18,6 @@ from tactile_node.ros.rosout_handler import RosoutHandler
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
-TIMEOUT = 60.0  # s, for a busy machine
 LEVELS = {logging.INFO: Log.INFO, logging.WARNING: Log.WARN, logging.ERROR: Log.ERROR, logging.CRITICAL: Log.FATAL}
 CAN_SIDE = logging.getLogger('tactile_node.bus.skin_bus')
 

@@ -12,9 +12,7 @@ from tactile_node import Recogniser, find_contact, fit_shape
 from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.cli.main import main
 from tactile_node.cli.touch_sources import _guided
-from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.errors import ConfigurationError, InputError
-from tactile_node.learning.head_fit import FOREIGN, load_background
 from tactile_node.learning.taught_file import examples_in
 from tactile_node.learning.teach import LEAST_RIGHT, teach
 from tactile_node.learning.touches import Unused, find_touches
@@ -23,8 +21,6 @@ from tactile_node.rate import Rate
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.recogniser import ShapeRecogniser, read_arrays
 from tactile_node.shape.recognition import Shape, TaughtShape, UnknownReason
-from tactile_node.simulator.figures import Skin, pressure_frame
-from tactile_node.simulator.world import CLASSES, random_contact
 from tactile_node.skin.layout_file import load_layout
 
 pytestmark = pytest.mark.slow
@@ -75,22 +71,6 @@ def test_a_cross_is_recognised_where_no_frame_of_the_touch_was_taught(file):
     assert Recogniser().recognise(find_contact(50e3 * cross(rng))).shape is Shape.UNKNOWN
 
 
-def test_the_five_are_recognised_as_before(file):
-    plain, own, rng = make_recogniser(), make_recogniser(file=str(file)), rng_of(11)
-    changed = 0
-    for k in range(200):
-        contact = random_contact(rng, CLASSES[k % 5], rng.uniform(40, 60), PAD, PAD)
-        pattern = PatternExtractor().extract(pressure_frame(contact, rng, PAD, PAD, skin=Skin(noise=0.01, blur=0.5)))
-        changed += plain.recognise(pattern).shape is not own.recognise(pattern).shape
-    assert changed == 0
-
-
-def test_a_cross_of_another_size_is_not_the_one_that_was_taught(file):
-    recogniser = make_recogniser(file=str(file))
-    small = recogniser.recognise(find_contact(50e3 * cross(rng_of(12), arm=2.6, half=0.9)))
-    assert small.probabilities[TaughtShape('cross')] == 0
-
-
 @pytest.mark.parametrize('values', [np.zeros((PAD, PAD)), np.full((PAD, PAD), np.nan), np.pad([[9e4]], 7)])
 def test_every_answer_has_a_probability_of_every_class(file, values):
     found = make_recogniser(file=str(file)).recognise(find_contact(values))
@@ -103,19 +83,6 @@ def test_discs_under_another_name_are_not_good_enough(base, background):
     assert not held_out.is_good and held_out.taught[0].value < LEAST_RIGHT
     before, after = held_out.five
     assert before.right - after.right <= 0.003 * before.total
-
-
-def test_frames_of_one_touch_do_not_vouch_for_each_other(base, background):
-    """Each touch is of another figure: only the touch itself could tell."""
-    figures = [rng_of(30 + k) for k in range(15)]
-
-    def another(_):
-        rng = figures.pop()
-        blobs = sum(np.roll(disc(rng, rng.uniform(1.8, 2.8)), rng.integers(-3, 4, 2), (0, 1)) for _ in range(3))
-        return np.clip(blobs, 0, 1)
-    own = examples(29, another)
-    assert own.touches >= 10
-    assert teach(base, background, [own]).held_out.taught[0].value < LEAST_RIGHT
 
 
 def test_too_few_touches_are_refused(base, background):
@@ -159,14 +126,6 @@ def test_the_interval_is_wilsons():
                 (1, 29): (0.0061, 0.1718)}
     for (right, total), interval in expected.items():
         assert Rate(right, total).interval == pytest.approx(interval, abs=1e-4)
-
-
-def test_the_background_has_the_five_and_foreign_contacts():
-    for kind in ('graded', 'on_off'):
-        found = load_background(kind)
-        counts = np.bincount(found.labels)
-        assert len(counts) == FOREIGN + 1 and counts.min() > 500
-        assert all(patch.graded == (kind == 'graded') for patch in found.patches)
 
 
 def changed(name, value):

@@ -9,19 +9,17 @@ from tactile_node.contact.press import PressThresholds
 from tactile_node.errors import ConfigurationError
 from tactile_node.shape.invariants import describe
 from tactile_node.shape.patch import joined, make_patch
-from tactile_node.shape.recogniser import SIZES
-from tactile_node.simulator.world import Contact, Purpose, generator, random_contact
-from training.batch import aligned, draw_forms, draw_many
+from tactile_node.simulator.world import Purpose, generator, random_contact
+from training.batch import draw_forms
 from training.blemishes import BLEMISHES
 from training.drawn_by import claim
 from training.families import FAMILIES
 from training.forms import labels_of, make_forms
 from training.held_out import HELD_OUT
-from training.hidden import LINES, draw_hidden, hidden_taxels
+from training.hidden import draw_hidden
 from training.noise import draw_noise
 from training.patches import samples_of
 from training.samples import LEVEL_STEPS, UNKNOWN
-from training.segmentation import own_level
 
 CIRCLE, SQUARE, RECTANGLE, RIGHT, ISOSCELES = range(UNKNOWN)
 
@@ -62,58 +60,10 @@ def test_every_family_draws_figures_of_the_area_that_is_asked_for(families):
     np.testing.assert_allclose(np.exp(found.geometry[:, 0]), 150, rtol=0.15)
 
 
-def test_blemishes_are_known_or_foreign_by_their_size():
-    forms = make_forms(generator(Purpose.TEST, 9), BLEMISHES, 28)
-    best = forms.overlaps.max(1)
-    assert (forms.labels[best < 0.85] == UNKNOWN).all() and (forms.labels[best >= 0.85] != UNKNOWN).all()
-    assert (forms.labels[best < 0.92] < 0).sum() + (forms.labels == UNKNOWN).sum() == (best < 0.92).sum()
-    assert ((forms.labels >= 0) & (forms.labels < UNKNOWN)).any()
-
-
-def test_aligned_contacts_lie_exactly_along_the_lattice():
-    rng = generator(Purpose.TEST, 10)
-    found = [aligned(rng, random_contact(rng, 'square', 60)) for _ in range(60)]
-    turns = np.array([contact.angle for contact in found]) / (np.pi / 4)
-    np.testing.assert_allclose(turns, turns.round(), atol=1e-9)
-    on_borders = [contact for contact in found if contact.dimensions[0] == 8
-                  and round(contact.angle / np.pi * 4) % 2 == 0 and contact.x % 1 == contact.y % 1 == 0.5]
-    assert on_borders
-    assert all(contact.pattern().sum() == 64 for contact in on_borders)
-
-
-def test_contacts_wider_than_a_patch_are_drawn_too():
-    found = draw_many(generator(Purpose.TEST, 11), 40, True, (2000, 4000), pad=76)
-    assert np.exp(found.geometry[:, 0]).max() > 2500 and set(found.labels) > {CIRCLE, SQUARE}
-
-
 @pytest.mark.parametrize('on_off', [True, False])
 def test_noise_has_no_label_but_unknown(on_off):
     found = draw_noise(generator(Purpose.TEST, 12), 60, on_off)
     assert len(found.labels) > 20 and (found.labels == UNKNOWN).all()
-
-
-def test_own_level_is_what_most_of_the_contact_reads():
-    frame = 0.07 * Contact('circle', (5.0,), x=12, y=12).pattern(25, 25)
-    frame[3, 3] = np.nan
-    assert own_level(frame) == pytest.approx(0.07)
-
-
-def test_sizes_of_the_calibration_rise():
-    assert (np.diff(SIZES) > 0).all()
-
-
-def test_hidden_taxels_are_whole_tpdos_or_adjacent_lines():
-    rng, shares = np.random.default_rng(5), []
-    for _ in range(300):
-        hidden = hidden_taxels(rng, 16, 16)
-        shares.append(hidden.mean())
-        lines = [axis for axis in (0, 1) if (hidden.all(axis) == hidden.any(axis)).all()]
-        if lines and 0 < hidden.all(lines[0]).sum() <= LINES:
-            continue
-        along_rows, along_cols = ((turned.reshape(16, 8, 2).any(2) == turned.reshape(16, 8, 2).all(2)).all()
-                                  for turned in (hidden, hidden.T))
-        assert along_rows or along_cols, 'neither pairs along rows nor along columns are hidden together'
-    assert 0 < min(shares) < 0.02 and 0.4 < max(shares) <= 0.5 and 0.1 < np.mean(shares) < 0.25
 
 
 @pytest.mark.parametrize('on_off', [True, False])

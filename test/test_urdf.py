@@ -1,11 +1,9 @@
 """The macro of the pads' frames, used by a gripper: where they are, by hand, and that the grasp node agrees."""
 
-import re
 from math import pi
 
 import numpy as np
 import pytest
-import yaml
 from urdf_frames import URDF, expand, joints, place
 
 from tactile_node.grasp.gripper import Gripper, PadPose, contact_line
@@ -45,27 +43,6 @@ def test_a_grasp_has_the_places_of_the_urdf(robot):
         right = place(robot, 'right_pad', opened(gap)) @ (0.017, 0.021, 0.0, 1.0)
         assert line.left == pytest.approx(left[:3]) and line.right == pytest.approx(right[:3])
         assert line.width == pytest.approx(np.linalg.norm((right - left)[:3]))
-
-
-def test_the_parameters_in_the_documentation_are_those_of_the_gripper(robot):
-    page = (URDF.parent / 'docs/gripper.md').read_text(encoding='utf-8')
-    given = yaml.safe_load(re.search(r'```yaml\n(.*?)```', page, re.DOTALL)[1])['/**/grasp']['ros__parameters']
-    for side in ('left', 'right'):
-        closed = place(robot, f'{side}_pad', opened(0.0))
-        pose = PadPose(tuple(given[f'{side}_xyz']), tuple(given[f'{side}_rpy']))
-        assert pose.xyz == pytest.approx(tuple(closed[:3, 3]))
-        assert pose.rotation == pytest.approx(closed[:3, :3], abs=1e-6)
-    assert set(given['gap_joints']) == {joint.name for joint in joints(robot) if joint.kind == 'prismatic'}
-    macro = (URDF / 'example_gripper.urdf.xacro').read_text(encoding='utf-8')
-    for line in re.search(r'```xml\n(.*?)```', page, re.DOTALL)[1].splitlines()[1:]:
-        assert line.strip() in macro
-
-
-def test_every_link_but_the_root_has_one_parent(robot):
-    children = [joint.child for joint in joints(robot)]
-    links = {link.get('name') for link in robot.findall('link')}
-    assert len(children) == len(set(children)) and links - set(children) == {'gripper'}
-    assert {joint.parent for joint in joints(robot)} <= links
 
 
 def test_pads_of_two_grippers_have_names_of_their_own(tmp_path):

@@ -9,7 +9,7 @@ from xml.etree.ElementTree import fromstring
 
 import numpy as np
 import pytest
-from viewed import NAN, HandSource, contact, state
+from viewed import NAN, HandSource, contact, state, until
 
 from tactile_node.assembly.frame_source import BusStatistics, LossReason, PadStatistics
 from tactile_node.assembly.health import BusFault, BusHealth, Failure, NodeFault, NodeHealth
@@ -20,7 +20,6 @@ from tactile_node.viewing.colours import FullScale, levels
 from tactile_node.viewing.force_chart import force_chart
 from tactile_node.viewing.health_table import HealthHistory, health_table
 from tactile_node.viewing.heat_map import heat_map, words
-from tactile_node.viewing.pads_3d import Pads3d
 from tactile_node.viewing.page_parts import (
     PageFacts,
     Scales,
@@ -33,7 +32,7 @@ from tactile_node.viewing.page_parts import (
 from tactile_node.viewing.recordings import Timeline
 from tactile_node.viewing.source import MOST_POINTS, Store
 from tactile_node.viewing.states import BusFacts, GraspFacts, NodeFacts, PadFacts, facts_of
-from tactile_node.viewing.terminal import line_of, show_in_terminal
+from tactile_node.viewing.terminal import show_in_terminal
 from tactile_node.viewing.touch_finder import PadRecogniser
 
 pytest.importorskip('jinja2')
@@ -89,15 +88,6 @@ def test_a_taxel_without_a_value_is_marked_and_not_the_colour_of_no_load():
     assert squares.get('d').count('M') == 8
     assert squares.get('fill') not in [f'#{r:02x}{g:02x}{b:02x}' for r, g, b in PALETTE.tolist()]
     assert '8 of 16 taxels without a value' in pads_html([drawn(0.1, values=values)], 1)
-
-
-def test_a_place_without_a_taxel_is_no_fault():
-    values = np.full((4, 4), 50e3)
-    values[0, 0] = NAN
-    status = np.full((4, 4), TaxelStatus.VALID, np.uint8)
-    status[0, 0] = TaxelStatus.UNMAPPED
-    svg = heat_map(state(values=values, status=status), 100e3)
-    assert next(path for path in parts(svg, 'path') if path.get('class') == 'no-value').get('d') == ''
 
 
 def test_the_outline_lies_on_the_taxels_that_it_encloses():
@@ -273,25 +263,6 @@ def test_the_sketch_is_covered_unless_it_is_current_by_its_own_receipt(age, is_c
     assert ('tactile-scene-current' in shown) is is_current
 
 
-@pytest.mark.parametrize('aspect, pads', [(0.37, 1), (0.37, 2), (0.76, 2), (1.8, 2), (0.76, 4)])
-def test_the_camera_sees_all_pads_with_their_names(aspect, pads):
-    """Every corner is projected by hand, with a tenth of the pane to spare for the names."""
-    client, seen = MagicMock(), state(values=np.zeros((16, 16)))
-    client.camera.fov, client.camera.aspect = np.radians(75), aspect
-    Pads3d(client).look_from(seen, pads)
-    eye, target = np.array(client.camera.position), np.array(client.camera.look_at)
-    forward = (target - eye) / np.linalg.norm(target - eye)
-    right = np.cross(forward, (0, 0, 1))
-    right /= np.linalg.norm(right)
-    width = 100 * 16 * 0.004
-    corners = np.array([(1.3 * width * pair + x * width / 2, y * width / 2, z * 9 / 16 * width)
-                        for pair in range((pads + 1) // 2) for x in (-1, 1) for y in (-1, 1) for z in (0, 1)]) - eye
-    depth = corners @ forward * np.tan(np.radians(75) / 2)
-    assert (depth > 0).all()
-    assert np.abs(corners @ right / depth).max() < 0.9 * aspect
-    assert np.abs(corners @ np.cross(right, forward) / depth).max() < 0.9
-
-
 def test_stamps_of_another_time_are_said_to_be_a_replay():
     """A replay publishes the stamps of its log, just now."""
     behind = clock_difference([drawn(0.1, stamp=1000.0)], 8200.1)
@@ -318,17 +289,6 @@ def test_the_age_of_a_status_in_a_recording_is_that_at_its_time():
     timeline.add_facts(2.0, well)
     assert timeline.facts(1.5) == (None, 0.0) and timeline.facts(8.5) == (well, 6.5)
     timeline.close()
-
-
-def test_a_driver_that_starts_again_with_another_layout_gets_another_sketch_and_scale():
-    client, scales = MagicMock(), Scales()
-    scene = Pads3d(client)
-    for side in (4, 4, 6):
-        scene.show(0, state(values=np.full((side, side), 50e3)), 100e3, False)
-    sizes = [len(call.args[4]) for call in client.scene.add_batched_meshes_simple.call_args_list]
-    assert sizes == [16, 36]
-    assert scales.drawn('left', state(), 0.1).full_scale == 50e3
-    assert scales.drawn('left', state(values=np.full((4, 4), 0.5), unit='1'), 0.1).full_scale == 1
 
 
 # --- health
@@ -429,23 +389,11 @@ def test_a_name_is_no_command_to_the_terminal(monkeypatch):
         assert 'left' in shown and '\x1bc' not in shown
 
 
-def test_a_terminal_says_that_no_taxel_is_valid():
-    assert line_of([drawn(0.05, values=np.full((4, 4), NAN))], 'by hand') == 'left: no valid taxels; by hand'
-
-
 def test_a_narrow_terminal_gets_one_line(monkeypatch):
     monkeypatch.setenv('COLUMNS', '40')
     source = HandSource()
     shown = shown_on(Terminal(), source)
     assert max(map(len, shown.replace('\x1b[2K', '').replace('\x1b[1A', '').replace('\x1b[J', '').split('\n'))) < 40
-
-
-def test_a_pipe_gets_lines_without_escapes():
-    source = HandSource(['left'])
-    source.store.put(state())
-    shown = shown_on(io.StringIO(), source, 1.2)
-    assert shown == 'left: square 97 %, side 8.0 mm, 1.50 N; by hand\n' or 'no data for' in shown
-    assert '\x1b' not in shown
 
 
 # --- the page
@@ -467,20 +415,13 @@ def page_of(source, browser):
     return Page(browser.client, source, lambda: True)
 
 
-def until(is_reached, seconds=5.0):
-    end = time.monotonic() + seconds
-    while not is_reached() and time.monotonic() < end:
-        time.sleep(0.01)
-    return is_reached()
-
-
 def test_a_browser_that_does_not_answer_gets_nothing_more_and_then_the_newest():
     source, browser = HandSource(['left']), Sent()
     source.store.put(state(stamp=0.0))
     page = page_of(source, browser)
     page.start()
     flush = browser.client.flush
-    assert until(lambda: flush.call_count == 1)
+    until(lambda: flush.call_count == 1)
     for k in range(500):
         source.store.put(state(stamp=0.01 * k))
     time.sleep(0.3)
@@ -489,7 +430,7 @@ def test_a_browser_that_does_not_answer_gets_nothing_more_and_then_the_newest():
     time.sleep(0.1)
     assert flush.call_count == 1
     page.taken(1)
-    assert until(lambda: flush.call_count == 2)
+    until(lambda: flush.call_count == 2)
     page.stop()
     page.join()
 
@@ -503,7 +444,7 @@ def test_planes_are_computed_only_while_they_are_open(monkeypatch):
     source.store.put(state(contact=contact(mask=mask)))
     page = page_of(source, browser)
     page.start()
-    assert until(lambda: browser.client.flush.call_count == 1)
+    until(lambda: browser.client.flush.call_count == 1)
     assert computed == []
     page._planes_wanted.value = True
     for number in range(1, 9):

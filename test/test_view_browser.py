@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
-from viewed import NAN, HandSource, contact, state
+from viewed import NAN, HandSource, contact, state, until
 
 pytestmark = [pytest.mark.bus, pytest.mark.slow]
 CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser') or ''
@@ -93,13 +93,6 @@ def opened(browser, server, requests=None, port=None):
 
 def number(page, name):
     return float(page.locator('.tactile-status').get_attribute(f'data-{name}'))
-
-
-def until(is_reached, seconds=20.0):
-    end = time.monotonic() + seconds
-    while not is_reached() and time.monotonic() < end:
-        time.sleep(0.1)
-    assert is_reached()
 
 
 def test_the_page_loads_follows_and_asks_only_this_machine(browser, server):

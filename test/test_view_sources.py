@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 from test_topic_bag import TAXELS, bag, store, taxel_array
-from viewed import NAN
+from viewed import NAN, until
 
 from tactile_node.bus.bus_network import open_bus
 from tactile_node.bus.bus_settings import BusSettings
@@ -18,13 +18,6 @@ from tactile_node.viewing.recordings import BagRecording, LogRecording
 
 pytestmark = pytest.mark.bus
 LAYOUT = 'sim16x16.yaml'
-
-
-def until(is_reached, seconds=15.0):
-    end = time.monotonic() + seconds
-    while not is_reached() and time.monotonic() < end:
-        time.sleep(0.02)
-    assert is_reached()
 
 
 def received(bus):

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 import rclpy
-from viewed import NAN
+from viewed import NAN, until
 
 pytestmark = pytest.mark.ros
 
@@ -22,13 +22,6 @@ def nodes():
     spinner.stop()
     node.destroy_node()
     source.close()
-
-
-def until(is_reached, seconds=10.0):
-    end = time.monotonic() + seconds
-    while not is_reached() and time.monotonic() < end:
-        time.sleep(0.02)
-    assert is_reached()
 
 
 def taxels(node, sequence, value):
@@ -83,20 +76,6 @@ def test_a_shape_of_a_driver_before_is_not_shown_on_the_taxels_of_this_one(nodes
     assert source.store.shown().pads['left'].contact is None
     of_taxels.publish(taxels(node, 2, 30e3))
     until(lambda: source.store.shown().pads['left'].values[0, 0] == 30e3)
-
-
-def test_a_taught_shape_has_its_name(nodes):
-    from tactile_skin.msg import ContactShape
-    source, node = nodes
-    of_taxels, of_shapes = publishers(source, node)
-    message = taxels(node, 1, 10e3)
-    of_taxels.publish(message)
-    until(lambda: source.store.shown().pads['left'] is not None)
-    time.sleep(0.1)
-    of_shapes.publish(shape(message, 'plug', ContactShape.OTHER))
-    until(lambda: source.store.shown().pads['left'].contact is not None)
-    seen = source.store.shown().pads['left'].contact
-    assert seen.shape == 'plug' and seen.confidence == pytest.approx(0.9)
 
 
 def test_a_shape_is_shown_on_the_taxels_that_it_was_recognised_from(nodes):

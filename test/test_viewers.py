@@ -6,7 +6,6 @@ import math
 import re
 import struct
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ from ros_bench import RosBench
 from sensor_msgs.msg import Image
 from visualization_msgs.msg import Marker, MarkerArray
 
-from tactile_node.colour_map import NO_VALUE, SATURATED, STEPS, ColourScale, rgb_table
+from tactile_node.colour_map import NO_VALUE, SATURATED, ColourScale, rgb_table
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.node_graph import frame_topics
 from tactile_node.nodes import view_topics
@@ -102,16 +101,6 @@ def test_a_coloured_image_has_three_bytes_a_pixel_from_nothing_to_full_scale():
     nothing, full, grey, green = [0, 0, 4], [252, 255, 164], [128, 128, 128], [60, 210, 80]
     assert np.array(image.data).reshape(2, 3, 3).tolist() == [[nothing, full, grey], [full, nothing, green]]
     assert image.header == message.header
-
-
-def test_colours_rise_in_lightness_and_are_those_of_matplotlib():
-    matplotlib = pytest.importorskip('matplotlib')
-    found = rgb_table()[:STEPS].astype(float)
-    assert np.abs(found - 255 * np.array(matplotlib.colormaps['inferno'].colors)).max() < 7
-    # sRGB to luminance, IEC 61966-2-1
-    linear = np.where(found <= 0.04045 * 255, found / 255 / 12.92, ((found / 255 + 0.055) / 1.055)**2.4)
-    luminance = linear @ (0.2126, 0.7152, 0.0722)
-    assert (np.diff(luminance) > 0).all()
 
 
 @pytest.mark.parametrize('number', [NO_VALUE, SATURATED])
@@ -255,7 +244,8 @@ def test_every_taxel_is_where_it_is_in_the_colour_of_its_value():
     assert rgb == [[0, 0, 4]] * 4 + [[128, 128, 128]]
 
 
-def test_a_square_has_outline_axes_centre_and_name():
+def test_a_square_has_outline_axes_centre_and_name_and_a_circle_no_axes():
+    assert 'axes' not in drawn(*square(symmetry=0))
     found = drawn(*square())
     assert list(found) == NAMESPACES
     assert flat(found['outline'].points) == [(0.013, 0.005), (0.021, 0.005), (0.021, 0.013), (0.013, 0.013),
@@ -274,10 +264,6 @@ def test_a_bound_is_not_drawn_as_the_whole():
     whole, bound = drawn(*square()), drawn(*square(size_is_bound=True, centre_of_pressure_is_bound=True))
     for name in ('outline', 'centre_of_pressure'):
         assert whole[name].color.g > whole[name].color.r and bound[name].color.r > bound[name].color.g
-
-
-def test_a_circle_has_no_axes():
-    assert 'axes' not in drawn(*square(symmetry=0))
 
 
 @pytest.mark.parametrize(('fields', 'text'), [
@@ -299,24 +285,17 @@ def test_without_a_shape_only_taxels_and_name_are_left_of_one_drawn_before(field
     assert {name for name, _ in screen} == {'taxels', 'name'} and screen['name', 0].text == text
 
 
-def test_markers_of_a_silent_skin_expire():
+@pytest.mark.parametrize(('stamps', 'arrivals', 'lifetimes'), [
+    ((0.0, 0.02, 0.04), (0.0, 0.02, 0.04), [0.5, 0.5, 0.5]),
+    ((0.0, 2.0, 4.0, 1e6, 2e6), (0.0, 2.0, 4.0, 1e6, 2e6), [0.5, 6.0, 6.0, 6.0, 30.0]),  # a slow skin, then slower
+    ((0.0, 1.0, 2.0), (0.0, 0.02, 0.04), [0.5, 3.0, 3.0]),   # of 50 Hz at a 50th of its pace
+    ((0.0, 0.02, 0.04), (0.0, 1.0, 2.0), [0.5, 3.0, 3.0]),   # of 1 Hz at 50 times its pace
+    ((0.0, 0.02, 10.0, 10.02), (0.0, 0.02, 10.0, 10.02), [0.5, 0.5, 0.5, 0.5])])  # an outage
+def test_markers_last_from_one_frame_to_the_next_and_expire_when_a_skin_is_silent(stamps, arrivals, lifetimes):
     lifetime = MarkerLifetime()
-    assert [lifetime.after(now, now) for now in (0.0, 0.02, 0.04)] == [0.5] * 3
+    assert [lifetime.after(*times) for times in zip(stamps, arrivals)] == lifetimes
     duration = drawn(*square(), lifetime=0.5)['outline'].lifetime
     assert (duration.sec, duration.nanosec) == (0, 500_000_000)
-
-
-def test_markers_last_from_one_frame_of_a_slow_skin_to_the_next():
-    slow, replay, clock = MarkerLifetime(), MarkerLifetime(), MarkerLifetime()
-    assert [slow.after(2.0 * i, 2.0 * i) for i in range(3)] == [0.5, 6.0, 6.0]
-    assert [replay.after(1.0 * i, 0.02 * i) for i in range(3)] == [0.5, 3.0, 3.0]  # of 50 Hz at a 50th of its pace
-    assert [clock.after(0.02 * i, 1.0 * i) for i in range(3)] == [0.5, 3.0, 3.0]  # of 1 Hz at 50 times its pace
-    assert [MarkerLifetime().after(0.0, 0.0), slow.after(1e6, 1e6), slow.after(2e6, 2e6)] == [0.5, 6.0, 30.0]
-
-
-def test_what_follows_an_outage_is_shown_no_longer_than_before():
-    lifetime = MarkerLifetime()
-    assert [lifetime.after(now, now) for now in (0.0, 0.02, 10.0, 10.02)] == [0.5] * 4
 
 
 # --- On topics
@@ -436,20 +415,3 @@ def test_the_foxglove_layout_shows_topics_and_fields_that_exist():
             assert panel['followTf'] == f'{topic.split("/")[1]}_pad'
         else:
             assert kind == 'DiagnosticSummary' and panel['topicToRender'] == '/diagnostics'
-
-
-def test_the_plotjuggler_layout_plots_fields_of_topics_that_it_selects():
-    root = ElementTree.parse(CONFIG / 'two_pads_plotjuggler.xml').getroot()
-    curves = [curve.get('name') for curve in root.iter('curve')]
-    assert len(curves) >= 10
-    used = set()
-    for curve in curves:
-        topic = next(topic for topic in TOPICS if curve.startswith(f'{topic}/'))
-        kind = field_type(TOPICS[topic], curve.removeprefix(f'{topic}/').split('/'))
-        assert kind in ('double', 'float', 'uint32'), curve
-        used.add(topic)
-    for plugin in ('DataLoad ROS2 bags', 'ROS2 Topic Subscriber'):
-        selected = root.find(f'Plugins/plugin[@ID="{plugin}"]/selected_topics').get('value').split(';')
-        assert set(selected) == used and len(selected) == len(used)
-    for splitter in root.iter('DockSplitter'):
-        assert int(splitter.get('count')) == len(splitter) == len(splitter.get('sizes').split(';'))

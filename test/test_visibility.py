@@ -16,12 +16,6 @@ def visibility(frame, smallest=4, **masks):
     return visibility_of(pattern, smallest)
 
 
-def by_definition(hidden, unmapped, side):
-    rows, cols = hidden.shape
-    blocks = (hidden[r:r + side, c:c + side].all() for r in range(rows - side + 1) for c in range(cols - side + 1))
-    return bool((~hidden & ~unmapped).any()) and not any(blocks)
-
-
 @pytest.mark.parametrize(('hidden', 'least'), [
     ([(2, 2), (2, 3), (3, 2), (3, 3)], 4), ([(2, 0), (2, 1), (2, 2), (2, 3)], 4),  # a square, a bar
     ([(0, 0), (1, 1), (2, 2), (3, 3)], 4), ([(0, 0), (0, 1), (0, 2), (4, 4)], 3),  # oblique; three and one
@@ -44,14 +38,6 @@ def test_places_without_a_taxel_hide_nothing():
     found = visibility(frame, unmapped=unmapped)
     assert found.pad_seen and not found.hidden and not found.largest_hidden
     assert not visibility(np.full((3, 3), NAN), unmapped=np.ones((3, 3), bool)).pad_seen, 'no taxel at all'
-
-
-def test_seven_hidden_rows_of_sixteen_are_not_seen():
-    frame = np.zeros((16, 16))
-    assert visibility(frame).pad_seen
-    frame[3:10] = NAN
-    found = visibility(frame)
-    assert not found.pad_seen and found.hidden == found.largest_hidden == 112
 
 
 def test_hidden_taxels_in_a_contact_and_around_it():
@@ -78,37 +64,6 @@ def test_a_contact_may_continue_where_a_group_of_hidden_taxels_has_room_for_one(
     assert visibility(frame).outline_hidden is expected
 
 
-def test_four_hidden_taxels_beside_a_large_contact_are_room_enough():
-    frame = np.zeros((16, 16))
-    frame[2:10, 2:10] = 9
-    frame[2:5, 10] = NAN
-    assert not visibility(frame).outline_hidden, 'three of 64'
-    frame[5, 10] = NAN
-    assert visibility(frame).outline_hidden
-
-
-def test_a_group_of_hidden_taxels_within_a_contact_is_not_known():
-    frame = np.zeros((12, 12))
-    frame[2:10, 2:10] = 9
-    frame[5, 5] = NAN
-    assert not visibility(frame).inside_hidden
-    frame[4:6, 4:6] = NAN
-    assert visibility(frame).inside_hidden and not visibility(frame).outline_hidden
-
-
-def test_the_ring_ends_at_the_pads_edge_and_at_places_without_a_taxel():
-    frame = np.zeros((4, 4))
-    frame[:2, :2] = 9
-    assert visibility(frame).at_edge and visibility(frame).ring == 5
-    frame = np.zeros((6, 6))
-    frame[2:4, 2:4] = 9
-    unmapped = np.zeros((6, 6), bool)
-    unmapped[4, 4] = True
-    found = visibility(np.where(unmapped, NAN, frame), unmapped=unmapped)
-    assert found.at_edge and (found.ring, found.hidden_in_ring) == (11, 0)
-    assert not visibility(frame).at_edge
-
-
 def test_saturated_taxels_in_a_contact_and_around_it():
     frame = np.zeros((6, 6))
     frame[2:4, 2:4] = 9
@@ -116,9 +71,3 @@ def test_saturated_taxels_in_a_contact_and_around_it():
     saturated[2, 2:5] = saturated[0, 0] = True
     found = visibility(frame, saturated=saturated)
     assert (found.saturated_in_contact, found.saturated_in_ring) == (2, 1)
-
-
-@pytest.mark.parametrize('frame', [np.zeros((3, 4)), np.full((3, 4), NAN)])
-def test_without_a_contact_there_is_no_ring(frame):
-    found = visibility(frame)
-    assert (found.ring, found.hidden_in_contact, found.hidden_in_ring, found.at_edge) == (0, 0, 0, False)

@@ -3,19 +3,16 @@
 import numpy as np
 import pytest
 import yaml
-from patterns import ring
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import compute_features
 from tactile_node.package_files import config_path
 from tactile_node.shape.recognition import Shape
-from tactile_node.shape.volf import GROUPS, Plane, VolfClassifier, by_curves
-from tactile_node.simulator.world import CLASSES, Purpose, generator, random_pattern
+from tactile_node.shape.volf import GROUPS, Plane, VolfClassifier
 from training.curve_fitting import (
     READINGS,
     Samples,
     count_shares,
-    draw_samples,
     fit_classifier,
     fit_curve,
     recognised,
@@ -45,15 +42,6 @@ def test_a_known_curve_is_found_again():
     np.testing.assert_allclose(np.log(plane.curve_at(np.exp(at) - 1) + 0.01), 2 - 0.5 * at, atol=0.12)
 
 
-def test_no_straight_line_wins_more_than_the_fitted_curve():
-    rng = np.random.default_rng(3)
-    u, v = rng.uniform(1, 4, 3000), rng.normal(0, 1, 3000)
-    gain = np.where(v + rng.normal(0, 0.7, 3000) > np.sin(u), 1.0, -1.0)
-    won = gain[v > np.interp(u, *fit_curve(u, v, gain))].sum()
-    lines = [gain[v > a + b * (u - 2.5)].sum() for a in np.linspace(-1, 1, 41) for b in np.linspace(-1, 1, 41)]
-    assert won > max(lines)
-
-
 def test_curve_continues_straight_beyond_its_ends():
     plane = Plane(*AXES, (1.0, 2.0, 4.0), (3.0, 2.0, 3.0))
     at = np.array([0.0, 0.5, 1.5, 3.0, 5.0])
@@ -68,11 +56,6 @@ def test_shares_are_counted_by_answer_and_band():
     np.testing.assert_allclose(shares.sum(2), 1)
     assert shares[0, 0].tolist() == pytest.approx([3.1 / 4.5, 1.1 / 4.5, *[0.1 / 4.5] * 3])
     assert shares[1, 4, 4] == pytest.approx(2.1 / 2.5) and shares[7, 2, 2] == pytest.approx(1.1 / 1.5)
-
-
-def test_curves_alone_take_the_first_that_is_exceeded():
-    logits = np.array([[1, -1, -1, -1, -1], [1, 1, -1, -1, -1], [1, 1, 1, -1, -1], [1, 1, 1, 1, -1]])
-    assert by_curves(logits).tolist() == [0, 1, 2, 3, 4]
 
 
 def test_fitting_wins_where_the_planes_part_the_classes():
@@ -97,36 +80,6 @@ def test_nothing_is_none_and_little_is_unknown(classifier):
     scattered = np.zeros((40, 40), bool)
     scattered[::10, ::10] = True
     assert recognise(classifier, scattered).shape == Shape.UNKNOWN, 'no two taxels are neighbours'
-
-
-@pytest.mark.parametrize('mask', [np.ones((5, 20), bool), ring(), np.ones((60, 60), bool),
-                                  np.ones((1, 30), bool)])
-def test_probabilities_of_all_seven_sum_to_one(classifier, mask):
-    recognition = recognise(classifier, mask)
-    assert set(recognition.probabilities) == set(Shape)
-    assert sum(recognition.probabilities.values()) == pytest.approx(1)
-    assert recognition.confidence == max(recognition.probabilities.values())
-    assert recognition.as_json()['probabilities'][recognition.shape.value] == recognition.confidence
-
-
-def test_recognition_is_far_above_chance(classifier):
-    """Five classes: chance is 20 %. A bound against breakage, not the figure we claim."""
-    rng = generator(Purpose.TEST, 7)
-    right = [recognise(classifier, random_pattern(rng, shape, 75)).shape.value == shape
-             for _ in range(40) for shape in CLASSES]
-    assert np.mean(right) > 0.55
-
-
-def test_vectorised_figures_agree_with_single_recognitions(classifier):
-    samples = draw_samples(generator(Purpose.TEST, 8), 25)
-    rng = generator(Purpose.TEST, 8)
-    singles = []
-    while len(singles) < 25:
-        shape = CLASSES[len(singles) % 5]
-        mask = random_pattern(rng, shape, float(np.exp(rng.uniform(*np.log((13.0, 300.0))))))
-        if mask.sum() >= 15:
-            singles.append(recognise(classifier, mask).shape.value == shape)
-    assert recognised(classifier, samples)['most_probable'].tolist() == singles
 
 
 @pytest.mark.parametrize('content, message', [

@@ -52,3 +52,11 @@ class HandSource:
 
     def age(self, seen):
         return time.monotonic() - seen.acquired
+
+
+def until(is_reached, seconds=20.0):
+    """Wait for what another thread, node or process does."""
+    end = time.monotonic() + seconds
+    while not is_reached() and time.monotonic() < end:
+        time.sleep(0.02)
+    assert is_reached()
