@@ -42,6 +42,11 @@ def rounded_up(value: float) -> float:
     return float(next(step * decade for step in ROUND_STEPS if value <= step * decade * (1 + 1e-9)))
 
 
+def levels(values: np.ndarray, full_scale: float) -> np.ndarray:
+    """Return the index into PALETTE of each of ``values``, intp; of NaN it is 0, to be marked by the caller."""
+    return np.rint(np.clip(np.nan_to_num(values) / full_scale, 0.0, 1.0) * (STEPS - 1)).astype(np.intp)
+
+
 class ColourScale:
     """Numbers of colours for the values of one pad.
 
@@ -61,8 +66,7 @@ class ColourScale:
         [0, 128, 255, 256]
         """
         scale = self._fixed or self._following(values, unit)
-        of_values = np.rint(np.clip(np.nan_to_num(values) / scale, 0.0, 1.0) * (STEPS - 1)).astype(np.intp)
-        return np.where(np.isnan(values), NO_VALUE, np.where(saturated, SATURATED, of_values))
+        return np.where(np.isnan(values), NO_VALUE, np.where(saturated, SATURATED, levels(values, scale)))
 
     def _following(self, values: np.ndarray, unit: str) -> float:
         highest = float(np.fmax.reduce(values, axis=None, initial=0.0))

@@ -13,14 +13,14 @@ from viewed import NAN, HandSource, contact, state, until
 
 from tactile_node.assembly.frame_source import BusStatistics, LossReason, PadStatistics
 from tactile_node.assembly.health import BusFault, BusHealth, Failure, NodeFault, NodeHealth
-from tactile_node.colour_map import PALETTE
+from tactile_node.colour_map import PALETTE, levels
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
-from tactile_node.viewing.colours import FullScale, levels
 from tactile_node.viewing.force_chart import force_chart
 from tactile_node.viewing.health_table import HealthHistory, health_table
 from tactile_node.viewing.heat_map import heat_map, words
 from tactile_node.viewing.page_parts import (
+    FullScale,
     PageFacts,
     Scales,
     clock_difference,

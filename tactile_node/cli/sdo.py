@@ -10,6 +10,9 @@ of this node until it has configured it again (RECONFIGURED).
 import argparse
 import json
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
 from math import isfinite
 
 from canopen import ObjectDictionary
@@ -17,6 +20,7 @@ from canopen import ObjectDictionary
 from tactile_node.bus.bus_monitor import DECIDES_TPDOS
 from tactile_node.bus.own_sdo import (
     ALL_PARAMETERS,
+    OwnSdoClient,
     read_object,
     restore_parameters,
     store_parameters,
@@ -44,11 +48,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         action.add_argument('--type', choices=TYPES, help="type of the value (default: the EDS's; "
                             "hex: bytes as they are on the wire)")
     write.add_argument('value', metavar='VALUE', help='100, 0x64, 1.5, a text, or bytes such as 6400')
-    _action(actions, 'store', _store, STORED, 'store parameters: write "save" to 0x1010')
-    _action(actions, 'restore', _restore, STORED,
-            "restore the maker's parameters: write \"load\" to 0x1011; they are in force after the next reset")
-    for name in ('store', 'restore'):
-        add_number(actions.choices[name], '--sub', int, limits={'least': 1, 'most': MAX_SUBINDEX}, metavar='SUB',
+    store = partial(_parameters, act=store_parameters, done='stored its parameters')
+    restore = partial(_parameters, act=restore_parameters, done="takes its maker's parameters after its next reset "
+                      '(power cycle or NMT reset), not before')
+    for action in (_action(actions, 'store', store, STORED, 'store parameters: write "save" to 0x1010'),
+                   _action(actions, 'restore', restore, STORED, "restore the maker's parameters: write \"load\" to "
+                           '0x1011; they are in force after the next reset')):
+        add_number(action, '--sub', int, limits={'least': 1, 'most': MAX_SUBINDEX}, metavar='SUB',
                    default=ALL_PARAMETERS, help='1 all (default), 2 communication, 3 application, 4... as the maker '
                    'says')
 
@@ -72,10 +78,16 @@ def _action(actions: argparse._SubParsersAction, name: str, act, timeout: float,
     return parser
 
 
-def _read(args: argparse.Namespace) -> None:
-    address, kind = _target(args)
+@contextmanager
+def _client(args: argparse.Namespace) -> Iterator[OwnSdoClient]:
     with opened_network(args, lambda batch: None) as network, \
             network.sdo_client(args.node_id, ObjectDictionary(), args.timeout) as sdo:
+        yield sdo
+
+
+def _read(args: argparse.Namespace) -> None:
+    address, kind = _target(args)
+    with _client(args) as sdo:
         data = read_object(sdo, address)
     try:
         value = decoded(kind or 'hex', data)
@@ -98,24 +110,13 @@ def _write(args: argparse.Namespace) -> None:
                                  remedy='Correct it, or --type.') from error
     if address.index in DECIDES_TPDOS:
         print(f'tactile: warning: {RECONFIGURES}.', file=sys.stderr)
-    with opened_network(args, lambda batch: None) as network, \
-            network.sdo_client(args.node_id, ObjectDictionary(), args.timeout) as sdo:
+    with _client(args) as sdo:
         write_object(sdo, address, data)
     _report(args, address, kind, data, 'set to', decoded(kind, data))
 
 
-def _store(args: argparse.Namespace) -> None:
-    _parameters(args, store_parameters, 'stored its parameters')
-
-
-def _restore(args: argparse.Namespace) -> None:
-    _parameters(args, restore_parameters, "takes its maker's parameters after its next reset (power cycle or NMT "
-                'reset), not before')
-
-
 def _parameters(args: argparse.Namespace, act, done: str) -> None:
-    with opened_network(args, lambda batch: None) as network, \
-            network.sdo_client(args.node_id, ObjectDictionary(), args.timeout) as sdo:
+    with _client(args) as sdo:
         act(sdo, args.sub)
     facts = {'node_id': args.node_id, 'sub': args.sub}
     print(json.dumps(facts) if args.json else f'node {args.node_id} {done} (sub {args.sub}).')

@@ -30,7 +30,7 @@ from tactile_node.ros.qos import STATUS_QOS, frames_qos
 from tactile_node.ros.time_messages import seconds
 from tactile_node.ros.view_messages import ContactMarkers, MarkerLifetime, colour_image, value_image, wrench_message
 from tactile_node.shape.recognition import UnknownReason
-from tactile_node.viewing.source import Store
+from tactile_node.viewing.source import Source, Store
 from tactile_node.viewing.states import GraspFacts, PadState, SeenContact, facts_of_status
 from tactile_skin.msg import Contact, ContactShape, Grasp, SkinStatus, TaxelArray
 
@@ -96,10 +96,8 @@ NAME = 'tactile_view'
 TYPE = 'tactile_skin/msg/TaxelArray'
 
 
-class TopicSource:
+class TopicSource(Source):
     """A `Source`. ``pads``: names relative to ``namespace``; none: all whose taxels are published there."""
-
-    player = None
 
     def __init__(self, pads: Sequence[str] = (), namespace: str = ''):
         self._root = f'/{namespace.strip("/")}/' if namespace.strip('/') else '/'
@@ -110,9 +108,6 @@ class TopicSource:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         self._is_open = True
         self.store = Store(pads or self._found_pads())
-
-    def check(self) -> None:
-        """Nothing more: pads that come later are shown when they come."""
 
     def start(self) -> None:
         with self._lock:
@@ -139,9 +134,6 @@ class TopicSource:
         if self._is_open:
             self._is_open = False
             rclpy.try_shutdown()
-
-    def age(self, state: PadState) -> float:
-        return time.monotonic() - state.acquired
 
     def _status(self, message: SkinStatus) -> None:
         self.store.put_bus(facts_of_status(message))

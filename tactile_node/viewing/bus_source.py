@@ -3,9 +3,8 @@
 import math
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Protocol
 
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.threads import StoppableThread
@@ -14,41 +13,37 @@ from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from tactile_node.skin.pads import LivePad
 from tactile_node.sources.supervisor import Supervisor
 from tactile_node.taxel_frame import TaxelFrame
-from tactile_node.viewing.recordings import Moment, Timeline
-from tactile_node.viewing.source import Store
+from tactile_node.viewing.recordings import BagRecording, LogRecording, Moment, Timeline
+from tactile_node.viewing.source import Source, Store
 from tactile_node.viewing.states import PadState, facts_of
 from tactile_node.viewing.touch_finder import PadRecogniser
 
-RATE = 16.0        #: at which the newest frames are recognised [1/s]: an eye needs no more
+RECOGNITION_RATE = 16.0  #: at which the newest frames are recognised [1/s]: an eye needs no more
 FACTS_PERIOD = 0.5  #: s
 RETRY_PERIOD = 2.0  #: s
-LISTENING = 0.25   #: for the SYNC of another master [s]
+LISTENING = 0.25    #: for the SYNC of another master [s]
 
 
 class NewestFrames:
     """A slot for each pad: a frame that is not taken in time is replaced."""
 
     def __init__(self) -> None:
-        self._changed = threading.Condition()
+        self._has_come = threading.Event()
         self._frames: dict[str, TaxelFrame] = {}
 
     def put(self, pad: str, frame: TaxelFrame) -> None:
-        with self._changed:
-            self._frames[pad] = frame
-            self._changed.notify()
+        self._frames[pad] = frame
+        self._has_come.set()
 
     def take(self, timeout: float) -> dict[str, TaxelFrame]:
         """Return the newest frame of each pad since the last call; wait for one up to ``timeout`` [s]."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._frames, timeout)
-            frames, self._frames = self._frames, {}
-        return frames
+        self._has_come.wait(timeout)
+        self._has_come.clear()
+        return {pad: self._frames.pop(pad) for pad in list(self._frames)}
 
 
-class BusSource:
+class BusSource(Source):
     """A `Source`: opens the bus at `start` and closes it at `stop`, so that no bus is busy for nothing."""
-
-    player = None
 
     def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], recogniser: VisibilityGuard | None = None):
         self._settings, self._pads = settings, pads
@@ -68,12 +63,6 @@ class BusSource:
     def stop(self) -> None:
         self._following.stop()
         self.store.clear()
-
-    def close(self) -> None:
-        self.stop()
-
-    def age(self, state: PadState) -> float:
-        return time.monotonic() - state.acquired
 
     @contextmanager
     def _opened(self, frames: NewestFrames) -> Iterator[Supervisor]:
@@ -116,30 +105,17 @@ class BusSource:
             if time.monotonic() - looked >= FACTS_PERIOD:
                 looked = time.monotonic()
                 self.store.put_bus(facts_of(bus.statistics(), bus.health()))
-            stopping.wait(max(0.0, begun + 1 / RATE - time.monotonic()))
+            stopping.wait(max(0.0, begun + 1 / RECOGNITION_RATE - time.monotonic()))
 
 
 RECORDING_RATE = 20.0  #: at which the position moves on [1/s]
-GAP = 0.5    #: between two frames shown, from which on a contact is not followed [s]
+FRAME_GAP = 0.5  #: between two frames shown, from which on a contact is not followed [s]
 
 
-class Recording(Protocol):
-    """What reads a log or a bag into a timeline."""
+class RecordingSource(Source):
+    """A `Source` and its own player. It is read once, from the first `start` on; what is read can be seen."""
 
-    title: str
-    pads: tuple[str, ...]
-
-    def check(self) -> None:
-        """Raise LogError where it cannot be read at all."""
-
-    def read(self, timeline: Timeline, is_stopping: Callable[[], bool]) -> str:
-        """Read all, as fast as possible; return what is wrong with it, '' for nothing."""
-
-
-class RecordingSource:
-    """A `Source` and its own `Player`. It is read once, from the first `start` on; what is read can be seen."""
-
-    def __init__(self, recording: Recording, recogniser: VisibilityGuard | None = None):
+    def __init__(self, recording: BagRecording | LogRecording, recogniser: VisibilityGuard | None = None):
         self._recording = recording
         self.title = recording.title
         self.store = Store(recording.pads)
@@ -148,24 +124,27 @@ class RecordingSource:
         self._recognisers: dict[str, PadRecogniser] = {}
         self._shown: dict[str, Moment] = {}
         self._lock = threading.Lock()  # of position and is_playing, which only this class sets
-        self.position, self.is_playing = 0.0, True
+        self.position, self.is_playing = 0.0, True  #: time shown [s since the begin of the recording]
         self.player = self
         self._closing = threading.Event()
-        self.is_complete = False
+        self.is_complete = False  #: whether all of the recording is read
         self._reader: threading.Thread | None = None
         self._playing = StoppableThread(self._run, 'view_player')
 
     @property
     def length(self) -> float:
+        """Length of what is read so far [s]."""
         return max(self._timeline.end - self._timeline.begin, 0.0)
 
     def play(self, is_playing: bool) -> None:
+        """Continue, from the begin where it is at its end; or pause."""
         with self._lock:
             if is_playing and self.is_complete and self.position >= self.length:
                 self.position = 0.0
             self.is_playing = is_playing
 
     def seek(self, position: float) -> None:
+        """Show what was seen at ``position`` [s]."""
         with self._lock:
             self.position = min(max(position, 0.0), self.length)
 
@@ -209,7 +188,7 @@ class RecordingSource:
     def _recognised(self, pad: str, found: Moment, before: Moment | None) -> PadState:
         if pad not in self._recognisers:
             self._recognisers[pad] = PadRecogniser(pad, found.pitch, found.unit, self._recogniser)
-        elif before is None or not 0 <= found.frame.stamp - before.frame.stamp < GAP:
+        elif before is None or not 0 <= found.frame.stamp - before.frame.stamp < FRAME_GAP:
             self._recognisers[pad].restart()
         return self._recognisers[pad].state(found.frame, time.monotonic())
 

@@ -58,7 +58,8 @@ class Found(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        return self.finding.value[1].format(where=self.where, number=self.number)
+        text: str = self.finding.value[1]
+        return text.format(where=self.where, number=self.number)
 
 
 def findings(report: Report) -> tuple[Found, ...]:

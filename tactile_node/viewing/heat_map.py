@@ -7,16 +7,17 @@ from html import escape
 import numpy as np
 from PIL import Image
 
-from tactile_node.colour_map import PALETTE, rounded_up
+from tactile_node.colour_map import PALETTE, STEPS, levels, rounded_up
+from tactile_node.press_levels import ON_OFF_UNIT
 from tactile_node.taxel_frame import TaxelStatus
-from tactile_node.viewing.colours import LEVELS, SHOWN_AS, levels
 from tactile_node.viewing.states import PadState, SeenContact
 
 WITHOUT_VALUE = '#8a8f98'
 OUTLINE, FAINT = '#29e6ff', '#5c6672'
 LEFT, RIGHT, TOP, BOTTOM = 1.4, 2.9, 0.2, 1.5  #: margins around the taxels [of a side of 16 units]
 SIDE = 16.0  #: of the taxels' longer side [units of the picture]
-_PNG_PALETTE = PALETTE.tobytes()
+#: what a person reads: factor and name, by unit
+SHOWN_AS = {'Pa': (1e-3, 'kPa'), 'N': (1.0, 'N'), ON_OFF_UNIT: (1.0, '')}
 
 
 def heat_map(state: PadState, full_scale: float, is_old: bool = False) -> str:
@@ -41,11 +42,11 @@ def heat_map(state: PadState, full_scale: float, is_old: bool = False) -> str:
 def _png(state: PadState, full_scale: float) -> str:
     """One pixel a taxel, row 0 at the bottom; a place without a value is transparent: what lies below marks it."""
     values = state.values[::-1]
-    indices = np.where(np.isnan(values), LEVELS - 1, np.minimum(levels(values, full_scale), LEVELS - 2))
+    indices = np.where(np.isnan(values), STEPS - 1, np.minimum(levels(values, full_scale), STEPS - 2))
     picture = Image.frombytes('P', values.shape[::-1], indices.astype(np.uint8).tobytes())
-    picture.putpalette(_PNG_PALETTE)
+    picture.putpalette(PALETTE.tobytes())
     data = io.BytesIO()
-    picture.save(data, 'PNG', compress_level=1, **({'transparency': LEVELS - 1} if np.isnan(values).any() else {}))
+    picture.save(data, 'PNG', compress_level=1, **({'transparency': STEPS - 1} if np.isnan(values).any() else {}))
     return 'data:image/png;base64,' + base64.b64encode(data.getvalue()).decode()
 
 
@@ -96,7 +97,7 @@ def _ticks(length: float) -> list[float]:
 def _colour_bar(unit_name: str, full_scale: float, width: float, height: float) -> str:
     factor, name = SHOWN_AS[unit_name]
     stops = ''.join(f'<stop offset="{k / 8:g}" stop-color="rgb({r},{g},{b})"/>'
-                    for k, (r, g, b) in enumerate(PALETTE[::-1][np.linspace(0, LEVELS - 1, 9).astype(int)].tolist()))
+                    for k, (r, g, b) in enumerate(PALETTE[::-1][np.linspace(0, STEPS - 1, 9).astype(int)].tolist()))
     return (f'<defs><linearGradient id="bar" x2="0" y2="1">{stops}</linearGradient></defs>'
             f'<rect x="{width + .5:g}" width=".55" height="{height:g}" fill="url(#bar)"/>'
             + _text(width + 1.2, .6, f'{factor * full_scale:g}', 'start') + _text(width + 1.2, height, '0', 'start')

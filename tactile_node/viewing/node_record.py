@@ -65,8 +65,8 @@ class BusRecord:
         if message.arbitration_id == NMT and not message.is_extended_id and len(message.data) == NMT_BYTES:
             self._commands.add(SeenCommand(stamp, message.data[0], message.data[1]))
 
-    def report(self, can_frames: Mapping[str, int] | None) -> BusReport:
-        return BusReport(self._load(), None, can_frames and dict(can_frames), self._gaps, self._commands,
+    def report(self, can_frames: dict[str, int] | None) -> BusReport:
+        return BusReport(self._load(), None, can_frames, self._gaps, self._commands,
                          tuple(sorted(self._channels)))
 
     def _load(self) -> BusLoad | None:

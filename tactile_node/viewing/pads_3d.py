@@ -4,13 +4,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from tactile_node.colour_map import PALETTE
+from tactile_node.colour_map import PALETTE, levels
 from tactile_node.helmholtz.features import compute_features
 from tactile_node.package_files import config_path
 from tactile_node.shape.recognition import FILES, VOLF
 from tactile_node.shape.volf import GROUPS, SMALLEST, Plane, VolfClassifier, axes, plane_feature
 from tactile_node.taxel_frame import TaxelStatus
-from tactile_node.viewing.colours import levels
 from tactile_node.viewing.states import PadState
 
 WIDTH, HEIGHT = 30.0, 17.0

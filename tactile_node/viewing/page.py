@@ -19,18 +19,20 @@ from tactile_node.viewing.page_parts import (
     pads_html,
     status_html,
 )
-from tactile_node.viewing.source import Player, Shown, Source
+from tactile_node.viewing.source import Shown, Source
 
 if TYPE_CHECKING:
     from viser import ClientHandle, GuiApi
 
-RATE = 17.5         #: updates at most [1/s]
+    from tactile_node.viewing.bus_source import RecordingSource
+
+UPDATE_RATE = 17.5  #: updates at most [1/s]
 SLOW_PERIOD = 0.2   #: of chart and tables [s]
 SCENE_PERIOD = 0.15  #: of the 3-D view [s]
 PAUSE_SHARE = 5.0    #: times as long as a browser takes for one of these, it waits for the next: it may be slow
-SILENCE = 0.4       #: after which the page is brought up to date all the same: ages grow [s]
-LOOK = 0.2          #: for a browser that has gone [s]
-MEASURED = 3.0      #: over which rate and delay are measured [s]
+LONGEST_SILENCE = 0.4  #: after which the page is brought up to date all the same: ages grow [s]
+CONNECTION_PERIOD = 0.2  #: of the look for a browser that has gone [s]
+MEASURED_TIME = 3.0  #: over which rate and delay are measured [s]
 PADS_WIDTH, HEALTH_WIDTH = 720.0, 380.0  #: pixels
 SLIDER_STEP = 0.05  #: [s]
 
@@ -38,7 +40,7 @@ SLIDER_STEP = 0.05  #: [s]
 class PlayerControls:
     """Adds them to ``gui``; `update` lets them follow what plays."""
 
-    def __init__(self, gui: 'GuiApi', player: Player):
+    def __init__(self, gui: 'GuiApi', player: 'RecordingSource'):
         self._player = player
         self._button = gui.add_button('Pause')
         self._slider = gui.add_slider('time [s]', min=0.0, max=SLIDER_STEP, step=SLIDER_STEP, initial_value=0.0)
@@ -96,7 +98,7 @@ class Page:
             self._build()
             version = -1
             while not self._stopping.is_set():
-                self._source.store.wait(version, SILENCE)
+                self._source.store.wait(version, LONGEST_SILENCE)
                 begun = time.monotonic()
                 shown = self._source.store.shown()
                 version = shown.version
@@ -109,7 +111,7 @@ class Page:
                 self._taken.append((now, min((pad.age for pad in drawn), default=math.inf) + self._transit))
                 if not self._has_taken_rest(shown, drawn):
                     return
-                self._stopping.wait(max(0.0, begun + 1 / RATE - time.monotonic()))
+                self._stopping.wait(max(0.0, begun + 1 / UPDATE_RATE - time.monotonic()))
         except Exception:
             if not self._stopping.is_set() and self._is_connected():
                 raise
@@ -172,12 +174,12 @@ class Page:
         return True
 
     def _facts(self, shown: Shown, now: float) -> PageFacts:
-        while self._taken and now - self._taken[0][0] > MEASURED:
+        while self._taken and now - self._taken[0][0] > MEASURED_TIME:
             self._taken.popleft()
         player = self._source.player
         ages = [age for _, age in self._taken if math.isfinite(age)]
         return PageFacts(
-            title=self._source.title, player=player, problem=shown.problem, rate=len(self._taken) / MEASURED,
+            title=self._source.title, player=player, problem=shown.problem, rate=len(self._taken) / MEASURED_TIME,
             delay=sum(ages) / len(ages) if ages and player is None else math.nan,
             scene_age=now - self._scene_shown, grasp=shown.grasp)
 
@@ -217,6 +219,6 @@ class Page:
     def _has_answered(self) -> bool:
         """Wait until the browser has taken the update; False when it has gone."""
         while not self._stopping.is_set() and self._is_connected():
-            if self._is_taken.wait(LOOK):
+            if self._is_taken.wait(CONNECTION_PERIOD):
                 return True
         return False

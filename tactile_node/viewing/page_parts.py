@@ -2,24 +2,30 @@
 
 import math
 import time
+from collections import deque
 from functools import cache
 from html import escape
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from tactile_node.colour_map import rounded_up
+from tactile_node.press_levels import ON_OFF_UNIT, PRESS_BY_UNIT
 from tactile_node.taxel_frame import TaxelStatus
-from tactile_node.viewing.colours import FullScale
 from tactile_node.viewing.gate import TAKEN
 from tactile_node.viewing.heat_map import heat_map, words
 from tactile_node.viewing.pads_3d import POINTS
-from tactile_node.viewing.source import Player, Shown, Source
+from tactile_node.viewing.source import Shown, Source
 from tactile_node.viewing.states import GraspFacts, PadState
 from tactile_node.viewing.templates import environment
+
+if TYPE_CHECKING:
+    from tactile_node.viewing.bus_source import RecordingSource
 
 OLD = 0.5          #: age from which on data are marked as old [s]
 OLD_SCENE = 1.0    #: age up to which the 3-D view is marked as current [s]
 PAGE_SILENT = 2.0  #: for which a page may get nothing before it says so [s]
+HELD_SCALE = 10.0  #: for which the largest reading sets the scale [s]
 CLOCKS_APART = 5.0  #: from this difference of stamps and this computer on, the page reports two clocks [s]
 
 
@@ -45,6 +51,30 @@ class DrawnPad(NamedTuple):
 def fresh_for(pads: list[DrawnPad]) -> float:
     """Return for how long what is sent now may look live once the browser has it [s]: the browser counts alone."""
     return min((max(OLD - pad.age - pad.transit, 0.0) for pad in pads if pad.is_live), default=PAGE_SILENT)
+
+
+class FullScale:
+    """The reading that has the brightest colour: the largest of the last HELD_SCALE seconds, rounded up.
+
+    ``fixed``: that reading instead. It is never less than from which on a taxel is pressed, so that noise stays dark.
+    """
+
+    def __init__(self, unit: str, fixed: float | None = None):
+        self._least = 1.0 if unit == ON_OFF_UNIT else PRESS_BY_UNIT[unit]
+        self._fixed = fixed
+        self._peaks: deque[tuple[float, float]] = deque()
+
+    def update(self, values: np.ndarray, now: float) -> float:
+        """Take a frame, shown at ``now`` [s], and return the scale."""
+        if self._fixed:
+            return self._fixed
+        peak = float(np.fmax.reduce(values, axis=None, initial=self._least))  # fmax leaves NaN out
+        while self._peaks and (self._peaks[-1][1] <= peak or self._peaks[-1][0] > now):
+            self._peaks.pop()  # it can never be the largest again
+        self._peaks.append((now, peak))
+        while now - self._peaks[0][0] > HELD_SCALE:
+            self._peaks.popleft()
+        return rounded_up(self._peaks[0][1])
 
 
 class Scales:
@@ -105,7 +135,7 @@ class PageFacts(NamedTuple):
     """What the page reports of its source and of its pace."""
 
     title: str
-    player: Player | None  #: of a recording; None: live
+    player: 'RecordingSource | None'  #: of a recording; None: live
     problem: str
     rate: float       #: updates that this browser has taken [1/s]
     delay: float      #: age of the newest data when the browser had them [s]; NaN: not measured yet

@@ -1,6 +1,5 @@
 """What a view shows again: taxels of a bag as published, or of a CAN log as the driver would assemble them."""
 
-import math
 import os
 import tempfile
 from array import array
@@ -25,28 +24,23 @@ class _Track:
     """Frames of one pad: an index in memory, the taxels in a file."""
 
     def __init__(self, shape: tuple[int, ...], pitch: float, unit: str):
-        self.shape = shape
-        self.pitch, self.unit = pitch, unit
-        self.stamps, self.sequences, self.missing = array('d'), array('Q'), array('L')
+        self.geometry = shape, pitch, unit
         self.places = array('d')  # as stamps, but never back
         self.file = tempfile.TemporaryFile()
-        self.size = math.prod(shape) * (4 + 1)
+        self._record = np.dtype([('stamp', 'f8'), ('sequence', 'u8'), ('values', 'f4', shape),
+                                 ('status', 'u1', shape), ('missing', 'u4')])
 
     def add(self, frame: TaxelFrame) -> None:
-        record = frame.values.astype('<f4').tobytes() + frame.status.astype(np.uint8).tobytes()
-        os.pwrite(self.file.fileno(), record, len(self.places) * self.size)
-        self.stamps.append(frame.stamp)
-        self.sequences.append(frame.sequence)
-        self.missing.append(frame.missing_can_frames)
+        record = np.array((frame.stamp, frame.sequence, frame.values, frame.status, frame.missing_can_frames),
+                          self._record)
+        os.pwrite(self.file.fileno(), record.tobytes(), len(self.places) * self._record.itemsize)
         self.places.append(max(frame.stamp, self.places[-1]) if self.places else frame.stamp)  # last: it is complete
 
     def frame(self, index: int) -> TaxelFrame:
-        record = os.pread(self.file.fileno(), self.size, index * self.size)
-        taxels = math.prod(self.shape)
-        values = np.frombuffer(record, '<f4', taxels).reshape(self.shape)
-        status = np.frombuffer(record, np.uint8, taxels, 4 * taxels).reshape(self.shape)
-        return TaxelFrame(self.stamps[index], self.sequences[index], read_only(values), read_only(status),
-                          self.missing[index])
+        size = self._record.itemsize
+        found = np.frombuffer(os.pread(self.file.fileno(), size, index * size), self._record)[0]
+        return TaxelFrame(float(found['stamp']), int(found['sequence']), read_only(found['values']),
+                          read_only(found['status']), int(found['missing']))
 
 
 class Moment(NamedTuple):
@@ -69,10 +63,11 @@ class Timeline:
 
     def add(self, pad: str, frame: TaxelFrame, pitch: float, unit: str) -> bool:
         """Add a frame; False where it is left out, since its taxels are others than those of the pad's first one."""
-        track = self._tracks.get(pad)
-        if track is None:
-            track = self._tracks[pad] = _Track(frame.values.shape, pitch, unit)
-        if (track.shape, track.pitch, track.unit) != (frame.values.shape, pitch, unit):
+        geometry = frame.values.shape, pitch, unit
+        if pad not in self._tracks:
+            self._tracks[pad] = _Track(*geometry)
+        track = self._tracks[pad]
+        if track.geometry != geometry:
             return False
         track.add(frame)
         self.begin, self.end = min(self.begin, frame.stamp), max(self.end, frame.stamp)
@@ -90,7 +85,8 @@ class Timeline:
     def moment(self, pad: str, index: int) -> Moment:
         """Return the frame that `index` has found."""
         track = self._tracks[pad]
-        return Moment(index, track.frame(index), track.pitch, track.unit)
+        _, pitch, unit = track.geometry
+        return Moment(index, track.frame(index), pitch, unit)
 
     def facts(self, time: float) -> tuple[BusFacts | None, float]:
         """Return the newest facts at ``time`` and their age [s]; with the last frame, also those that came after it."""
@@ -104,7 +100,7 @@ class Timeline:
 
 
 class BagRecording:
-    """A `Recording` of ``pads``, or of all. Raises LogError for a bag without our taxel arrays, ConfigurationError."""
+    """A bag, of ``pads`` or of all. Raises LogError for a bag without our taxel arrays, ConfigurationError."""
 
     def __init__(self, path: str, pads: Sequence[str] = (), window: Window = WHOLE):
         self._reader, self._window = TopicBagReader(path), window
@@ -115,9 +111,10 @@ class BagRecording:
         self.pads = tuple(pads) or self._reader.pads
 
     def check(self) -> None:
-        """Nothing more: it has been opened."""
+        """Do nothing more: it has been opened."""
 
     def read(self, timeline: Timeline, is_stopping: Callable[[], bool]) -> str:
+        """Read all, as fast as possible; return what is wrong with it, '' for nothing."""
         others = 0
         for message in self._reader.messages((TAXELS, STATUS), window=self._window):
             if is_stopping():
@@ -135,11 +132,11 @@ class BagRecording:
 
 
 FACTS_PERIOD = 0.5  #: of the log's time [s]
-LOOK = 0.2          #: for the end of the reading [s]
+END_POLL = 0.2      #: for the end of the reading [s]
 
 
 class LogRecording:
-    """A `Recording`; ``channel`` chooses one bus of a log of several."""
+    """A CAN log; ``channel`` chooses one bus of a log of several."""
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], channel: str = '', any_device: bool = False,
                  window: Window = WHOLE):
@@ -150,6 +147,7 @@ class LogRecording:
         self.pads = tuple(pad.name for pad in pads)
 
     def check(self) -> None:
+        """Raise LogError where it cannot be read at all."""
         source = self._source(lambda pad, frame: None, lambda stamp: None)
         source.open()
         source.close()
@@ -169,7 +167,7 @@ class LogRecording:
         source = self._source(on_frame, on_time)
         source.open()
         source.start()
-        while not source.finished.wait(LOOK) and not is_stopping():
+        while not source.finished.wait(END_POLL) and not is_stopping():
             pass
         source.close()
         timeline.add_facts(looked, facts_of(source.statistics(), source.health(), load_is_known=False))

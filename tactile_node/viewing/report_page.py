@@ -135,7 +135,7 @@ def health_pictures(health: TaxelHealth, unit: str) -> list[tuple[str, str]]:
                 ('Highest value', heat_cells(health.highest, top), colour_bar(reading(top, unit)))]
     if worst > 0:
         pictures.append(('Frames without a value', heat_cells(share, worst), colour_bar(f'{worst:.1%}')))
-    return [(name, grid(*marks.shape, content, name) + bar) for name, content, bar in pictures]
+    return [(name, grid(len(marks), marks.shape[1], content, name) + bar) for name, content, bar in pictures]
 
 
 def worst_taxels(health: TaxelHealth) -> tuple[list[tuple[Any, ...]], int]:

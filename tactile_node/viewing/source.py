@@ -4,11 +4,14 @@ import threading
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from tactile_node.viewing.states import BusFacts, GraspFacts, PadState
+
+if TYPE_CHECKING:
+    from tactile_node.viewing.bus_source import RecordingSource
 
 HISTORY = 20.0  #: of the force [s]
 MOST_POINTS = 600  #: of the force of a pad
@@ -97,52 +100,28 @@ class Store:
             self._changed.notify_all()
 
 
-class Player(Protocol):
-    """The part of a recording's source that a person controls."""
-
-    @property
-    def position(self) -> float:
-        """Time shown [s since the begin of the recording]."""
-
-    @property
-    def length(self) -> float:
-        """Length of what is read so far [s]."""
-
-    @property
-    def is_complete(self) -> bool:
-        """Whether all of the recording is read."""
-
-    @property
-    def is_playing(self) -> bool: ...
-
-    def play(self, is_playing: bool) -> None:
-        """Continue, from the begin where it is at its end; or pause."""
-
-    def seek(self, position: float) -> None:
-        """Show what was seen at ``position`` [s]."""
-
-
-class Source(Protocol):
+class Source:
     """Puts what it sees into ``store``, only between `start` and `stop`."""
 
     title: str
     store: Store
-
-    @property
-    def player(self) -> Player | None:
-        """None: what is shown is live."""
+    player: 'RecordingSource | None' = None  #: None: what is shown is live
 
     def check(self) -> None:
         """Raise TactileError where it cannot be used; called once, before the first start."""
 
     def start(self) -> None:
-        """Somebody looks; `check` has passed. What fails now is shown as the store's problem."""
+        """Begin: somebody looks, `check` has passed. What fails now is shown as the store's problem."""
+        raise NotImplementedError
 
     def stop(self) -> None:
-        """No one looks: compute nothing."""
+        """Compute nothing: no one looks."""
+        raise NotImplementedError
 
     def close(self) -> None:
         """Release everything; allowed in any state."""
+        self.stop()
 
     def age(self, state: PadState) -> float:
-        """Time since ``state`` was acquired [s]; in a recording, until the position that is shown."""
+        """Return the time since ``state`` was acquired [s]; in a recording, until the position that is shown."""
+        return time.monotonic() - state.acquired
