@@ -6,7 +6,7 @@ from tactile_node.grasp.gripper import Gripper, PadPose
 from tactile_node.grasp.opening import GapSource, Opening
 from tactile_node.grasp.tracker import SIDES, GraspSettings, GraspTracker
 from tactile_node.pose.pipeline import ContactPipeline, Taxels
-from tactile_node.ros.contact_messages import contact_message, taxel_array_message
+from tactile_node.ros.contact_messages import PadFrame, find_in
 from tactile_node.ros.grasp_messages import grasp_message, side_result
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.shape_messages import shape_message
@@ -27,11 +27,10 @@ class _Pad:
     def shape(self, values: np.ndarray, now: float) -> ContactShape:
         status = np.where(np.isnan(values), TaxelStatus.STALE, TaxelStatus.VALID).astype(np.uint8)
         self._sequence += 1
-        taxels = taxel_array_message(TaxelFrame(EPOCH + now, self._sequence, values.astype(np.float32), status, 0),
-                                     PITCH, UNIT, f'{self._name}_pad')
-        found = self._pipeline.find(values, Taxels(PITCH, UNIT))
-        result = self._pipeline.recognise(found, EPOCH + now)
-        return shape_message(contact_message(taxels, found), result, 'learned', 0.0)
+        frame = PadFrame.of(TaxelFrame(EPOCH + now, self._sequence, values, status, 0), Taxels(PITCH, UNIT),
+                            f'{self._name}_pad')
+        result = self._pipeline.recognise(find_in(frame, self._pipeline), EPOCH + now)
+        return shape_message(frame, result, 'learned', 0.0)
 
 
 class Chain:

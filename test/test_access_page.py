@@ -52,8 +52,12 @@ def graph() -> dict:
         watcher = rclpy.create_node('watcher')
         stack.callback(watcher.destroy_node)
         stack.enter_context(spinning(system.nodes))
+        before = settled(watcher, system.nodes).subscribed  # as apart: what is handed over is not subscribed to later
         system.autostart(Event())
-        return settled(watcher, system.nodes)
+        found = settled(watcher, system.nodes)
+        assert all(found.subscribed[key].items() <= before[key].items() for key in before)
+        found.subscribed = before
+        return found
 
 
 def settled(watcher, nodes) -> dict:

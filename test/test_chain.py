@@ -1,15 +1,16 @@
-"""A recorded log of real touches through driver, processor and classifier: three processes, real DDS."""
+"""A recorded log of real touches through driver, processor and classifier of one process, to a listener by DDS."""
 
-import subprocess
-import sys
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
+from threading import Event
 
 import pytest
 import rclpy
 from candump import DATA, read_candump
 
+from tactile_node.node_graph import Parameters, bus_nodes
+from tactile_node.nodes.spinning import spinning
+from tactile_node.nodes.system import System
 from tactile_node.ros.qos import frames_qos
 from tactile_skin.msg import ContactFeatures, ContactShape, TaxelArray
 
@@ -17,21 +18,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
 LOG, LAYOUT, NODE_ID, TPDOS = 'nus_ring_session.log.gz', 'nus_sinapse_64x64.yaml', 32, 64
 SYNC = 0x080
-TIMEOUT = 240.0  # s: three processes start on a machine that may be busy
-
-
-@contextmanager
-def running(*parameters: str, role: str, namespace: str) -> Iterator[subprocess.Popen]:
-    """One of our nodes as its own process; it must not have ended by itself when the block does."""
-    words = [word for parameter in parameters for word in ('-p', parameter)]
-    process = subprocess.Popen(
-        [sys.executable, '-m', f'tactile_node.nodes.{role}_node', '--ros-args', '-r', f'__ns:={namespace}', *words])
-    try:
-        yield process
-        assert process.poll() is None, f'{role} ended with {process.returncode}'
-    finally:
-        process.terminate()
-        assert process.wait(60) == 0
+TIMEOUT = 240.0  # s: the machine may be busy
 
 
 class Listener:
@@ -55,16 +42,16 @@ class Listener:
 def heard() -> dict:
     """The three topics' messages of a replay of LOG as fast as possible."""
     periods = sum(line.can_id == SYNC for line in read_candump(LOG))
-    driver = (f'replay:={DATA / LOG}', 'replay_pace:=0.0', "pads:=['finger']", f'node_ids:=[{NODE_ID}]',
-              f"layouts:=['{LAYOUT}']", 'lossless:=true')
+    driver: Parameters = {'replay': str(DATA / LOG), 'replay_pace': 0.0, 'node_ids': [NODE_ID], 'layouts': [LAYOUT]}
     with ExitStack() as stack:
         rclpy.init()
         stack.callback(rclpy.shutdown)
+        system = System(bus_nodes(['finger'], driver=driver, every={'lossless': True}, namespace='hand'))
         listener = Listener()
         stack.callback(listener.node.destroy_node)
-        for role in ('classifier', 'processor'):
-            stack.enter_context(running('lossless:=true', role=role, namespace='/hand/finger'))
-        stack.enter_context(running(*driver, role='driver', namespace='/hand'))
+        stack.callback(system.destroy)
+        stack.enter_context(spinning(system.nodes))
+        system.autostart(Event())
         listener.wait_for(periods)
     return listener.heard
 

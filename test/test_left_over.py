@@ -149,7 +149,14 @@ def test_what_is_left_over_arrives_in_a_message_that_is_accepted(specks):
     """NOT_SEEN, never EMPTY, with the taxels as FAULTY and without a value, and with the noise of each taxel."""
     pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
     from tactile_node.pose.pipeline import FoundContact, Taxels
-    from tactile_node.ros.contact_messages import contact_message, contact_of, taxel_array_message, taxel_values
+    from tactile_node.ros.contact_messages import (
+        PadContact,
+        PadFrame,
+        contact_message,
+        pad_contact_of,
+        taxel_array_message,
+        taxel_values,
+    )
     from tactile_node.ros.message_checks import check_contact, check_taxel_array
     from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
     from tactile_skin.msg import Contact
@@ -159,16 +166,17 @@ def test_what_is_left_over_arrives_in_a_message_that_is_accepted(specks):
     for number, mask in enumerate([np.zeros((16, 16), bool)] * 40 + [box(1, 1, 8, 12)] * 5 + [stays] * 3):
         values = (40e3 * mask + 500 * rng.standard_normal(mask.shape)).astype(np.float32)
         values[15, 15] = np.nan
-        taxels = taxel_array_message(TaxelFrame(1.7e9 + number / 50, number, values, status, missing_can_frames=0),
-                                     0.002, 'Pa', 'pad')
+        frame = PadFrame.of(TaxelFrame(1.7e9 + number / 50, number, values, status, missing_can_frames=0),
+                            Taxels(0.002, 'Pa'), 'pad')
+        taxels = taxel_array_message(frame)
         assert check_taxel_array(taxels) is None
         pattern = extractor.extract(taxel_values(taxels))
-        message = contact_message(taxels, FoundContact.of(pattern, Taxels(0.002, 'Pa')))
+        message = contact_message(PadContact(frame, FoundContact.of(pattern, frame.taxels)))
         assert check_contact(message) is None
     assert message.state == Contact.NOT_SEEN and not message.pad_seen and not message.contacts
     codes = np.frombuffer(message.status, np.uint8).reshape(16, 16)
     assert (codes[stays] == TaxelStatus.FAULTY).all() and codes[15, 15] == TaxelStatus.STALE
-    arrived = contact_of(message).pattern
+    arrived = pad_contact_of(message).found.pattern
     np.testing.assert_array_equal(arrived.hidden, pattern.hidden)
     np.testing.assert_allclose(arrived.noise, pattern.noise, rtol=1e-6)
     assert 300 < np.median(arrived.noise) < 700

@@ -29,13 +29,15 @@ from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.grasp_node import GraspNode
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.processor_node import ProcessorNode
-from tactile_node.nodes.replay import WINDOW, ReplayGate
 from tactile_node.pose.fit import fit_shape
 from tactile_node.pose.pipeline import FoundContact, StreamedContact, Taxels
 from tactile_node.ros.contact_messages import (
+    PadContact,
+    PadFrame,
     contact_message,
-    contact_of,
     features_message,
+    pad_contact_of,
+    pad_frame_of,
     taxel_array_message,
     taxel_values,
 )
@@ -64,7 +66,6 @@ from tactile_skin.msg import (
     ContactShapes,
     FeatureRange,
     Grasp,
-    Progress,
     TaxelArray,
 )
 
@@ -72,6 +73,7 @@ pytestmark = pytest.mark.ros
 
 ROOT = Path(__file__).resolve().parents[1]
 STAMP, PITCH = 1_700_000_000.25, 0.002
+PAD = Taxels(PITCH, 'Pa')
 DEPTH = 500
 NAN, INF, HUGE = math.nan, math.inf, 4_000_000_000
 WARN, STALE, OK = DiagnosticStatus.WARN, DiagnosticStatus.STALE, DiagnosticStatus.OK
@@ -83,29 +85,32 @@ def good_taxels(sequence=0) -> TaxelArray:
     values[0, 0] = np.nan
     status = np.where(np.isnan(values), TaxelStatus.STALE, TaxelStatus.VALID).astype(np.uint8)
     frame = TaxelFrame(STAMP + 0.02 * sequence, sequence, values, status, missing_can_frames=0)
-    return taxel_array_message(frame, PITCH, 'Pa', 'left_pad')
+    return taxel_array_message(PadFrame.of(frame, PAD, 'left_pad'))
 
 
 def good_features(sequence=0) -> ContactFeatures:
     taxels = good_taxels(sequence)
     pattern = ContactPattern.of(taxel_values(taxels) > 0, taxel_values(taxels))
-    found = FoundContact.of(pattern, Taxels(PITCH, 'Pa'))
-    return features_message(taxels, found, compute_features(pattern.mask, Group.CLASSIFIER))
+    return features_message(pad_contact(taxels, pattern), compute_features(pattern.mask, Group.CLASSIFIER))
+
+
+def pad_contact(taxels, pattern) -> PadContact:
+    return PadContact(pad_frame_of(taxels), FoundContact.of(pattern, PAD))
 
 
 def good_contact(sequence=0) -> Contact:
     taxels = good_taxels(sequence)
     pattern = ContactPattern.of(taxel_values(taxels) > 0, taxel_values(taxels))
-    return contact_message(taxels, FoundContact.of(pattern, Taxels(PITCH, 'Pa')))
+    return contact_message(pad_contact(taxels, pattern))
 
 
 def good_shape(sequence=0) -> ContactShape:
     contact = good_contact(sequence)
     frame = Recognition.of({Shape.SQUARE: 0.75, Shape.UNKNOWN: 0.25})
-    found = contact_of(contact)
+    found = pad_contact_of(contact).found
     fit = fit_shape(found.pattern.values, found.pattern.mask, Shape.SQUARE, PITCH)
     result = StreamedContact(found.pattern, frame, FusedRecognition(frame, STAMP, 1.5, 30), fit, found)
-    return shape_message(contact, result, 'learned', 0.0)
+    return shape_message(pad_frame_of(contact), result, 'learned', 0.0)
 
 
 def good_shapes(sequence=0) -> ContactShapes:
@@ -252,8 +257,7 @@ def test_an_empty_pad_and_a_pad_without_valid_taxels_are_accepted():
         taxels.status = array('B', [status] * 256)
         assert check_taxel_array(taxels) is None
         pattern = ContactPattern.of(np.zeros((16, 16), bool), taxel_values(taxels))
-        features = features_message(taxels, FoundContact.of(pattern, Taxels(PITCH, 'Pa')),
-                                    compute_features(pattern.mask, Group.CLASSIFIER))
+        features = features_message(pad_contact(taxels, pattern), compute_features(pattern.mask, Group.CLASSIFIER))
         assert check_contact_features(features) is None
 
 
@@ -415,25 +419,6 @@ def test_no_contact_shape_stops_a_grasp_nor_breaks_its_hold(chain, bad_side):
     assert last.held.sec + last.held.nanosec * 1e-9 == pytest.approx(0.02 * (len(cases) - 1), abs=1e-3)
     assert all(check_grasp(grasp) is None for grasp in grasps)
     assert sum(chain.dropped('/grasp', len(cases)).values()) == len(cases)
-
-
-def test_progress_of_a_frame_that_was_not_played_does_not_open_a_replay_gate(chain):
-    """The log would run ahead of its consumers, who would lose frames of a lossless replay."""
-    gate = ReplayGate(chain.peer, ['left'], frames_qos(DEPTH))
-    publisher = chain.publisher(Progress, '/left/progress')
-    for sequence in range(WINDOW):
-        gate.wait('left', sequence)
-    for sequence in (2**64 - 1, WINDOW):
-        publisher.publish(Progress(sequence=sequence))
-    subscription, = gate._subscriptions
-    chain.until(lambda: subscription.counts.received == 2)
-    assert subscription.counts.dropped == {R.WRONG_SEQUENCE: 2}
-    waiting = threading.Thread(target=gate.wait, args=('left', WINDOW))
-    waiting.start()
-    waiting.join(0.2)
-    assert waiting.is_alive()
-    gate.destroy()
-    waiting.join(TIMEOUT)
 
 
 def test_a_stamp_far_in_the_future_reaches_neither_fusion_nor_hold(chain):

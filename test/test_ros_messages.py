@@ -11,10 +11,13 @@ from tactile_node.grasp.tracker import GraspTracker, SideState
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.pose.pipeline import FoundContact, StreamedContact, Taxels
 from tactile_node.ros.contact_messages import (
+    PadContact,
+    PadFrame,
     contact_message,
-    contact_of,
     features_message,
     features_of,
+    pad_contact_of,
+    pad_frame_of,
     taxel_array_message,
     taxel_values,
 )
@@ -39,14 +42,14 @@ def taxels(values, missing=0):
     values = np.asarray(values, np.float32)
     status = np.where(np.isnan(values), TaxelStatus.STALE, TaxelStatus.VALID).astype(np.uint8)
     frame = TaxelFrame(STAMP, 7, values, status, missing_can_frames=missing)
-    return taxel_array_message(frame, PITCH, 'Pa', 'left_pad')
+    return taxel_array_message(PadFrame.of(frame, TAXELS, 'left_pad'))
 
 
 def test_ages_of_a_snapshot_arrive_in_the_order_of_its_tpdos():
     status = np.array([[1, 1], [2, 3]], np.uint8)
     ages = TpdoAges(np.array([0.25, 0.0, 1.5], np.float32), np.array([[1, 0], [2, 0]], np.uint16))
     frame = TaxelFrame(STAMP, 7, np.array([[1, 2], [np.nan, np.nan]], np.float32), status, 1, ages)
-    message = taxel_array_message(frame, PITCH, 'Pa', 'left_pad')
+    message = taxel_array_message(PadFrame.of(frame, TAXELS, 'left_pad'))
     assert list(message.tpdo_ages) == [0.25, 0.0, 1.5] and list(message.taxel_tpdos) == [1, 0, 2, 0]
     assert check_taxel_array(message) is None
     assert list(taxels([[1.0]]).tpdo_ages) == list(taxels([[1.0]]).taxel_tpdos) == []
@@ -62,22 +65,23 @@ def block(rows, cols, value=50e3):
 def features(values):
     message = taxels(values)
     pattern = ContactPattern.of(np.asarray(values) > 0, taxel_values(message))
-    return features_message(message, FoundContact.of(pattern, TAXELS), compute_features(pattern.mask, Group.ALL))
+    return features_message(PadContact(pad_frame_of(message), FoundContact.of(pattern, TAXELS)),
+                            compute_features(pattern.mask, Group.ALL))
 
 
 def contact(values):
     message = taxels(values)
     pattern = ContactPattern.of(np.asarray(values) > 0, taxel_values(message))
-    return contact_message(message, FoundContact.of(pattern, TAXELS))
+    return contact_message(PadContact(pad_frame_of(message), FoundContact.of(pattern, TAXELS)))
 
 
 def shape(values, kind, solid_height=0.0):
     message = contact(values)
-    found = contact_of(message)
+    found = pad_contact_of(message).found
     frame = Recognition.of({kind: 0.75, Shape.UNKNOWN: 0.25})
     fused = FusedRecognition(frame, STAMP - 1.5, 1.5, 30)
     result = StreamedContact(found.pattern, frame, fused, found.fit(kind), found)
-    return shape_message(message, result, 'learned', solid_height)
+    return shape_message(pad_frame_of(message), result, 'learned', solid_height)
 
 
 def test_taxels_keep_values_nan_status_and_stamp():

@@ -14,8 +14,9 @@ from taught_cross import cross, rng_of, write_taught_cross
 from tactile_node.errors import InputError
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.processor_node import ProcessorNode
+from tactile_node.pose.pipeline import Taxels
 from tactile_node.pose.profiles import Layer
-from tactile_node.ros.contact_messages import taxel_array_message
+from tactile_node.ros.contact_messages import PadFrame, taxel_array_message
 from tactile_node.ros.message_age import age_seconds
 from tactile_node.ros.message_checks import (
     check_contact,
@@ -67,8 +68,8 @@ class Pad(RosBench):
         status = np.where(np.isnan(values), TaxelStatus.STALE, TaxelStatus.VALID).astype(np.uint8)
         status[np.broadcast_to(saturated, status.shape)] = TaxelStatus.SATURATED
         status[np.broadcast_to(unmapped, status.shape)] = TaxelStatus.UNMAPPED
-        taxels = taxel_array_message(TaxelFrame(time.time(), self._sequence, values, status, 0),
-                                     PITCH, 'Pa', 'left_pad', layer)
+        frame = TaxelFrame(time.time(), self._sequence, values, status, 0)
+        taxels = taxel_array_message(PadFrame.of(frame, Taxels(PITCH, 'Pa', layer), 'left_pad'))
         self._taxels.publish(taxels)
         self.until(lambda: all(heard and heard[-1].sequence == taxels.sequence
                                      for topic, heard in self.heard.items() if topic in self._subscriptions))

@@ -16,7 +16,8 @@ from rclpy.parameter import Parameter  # noqa: E402
 
 from tactile_node.nodes.processor_node import ProcessorNode  # noqa: E402
 from tactile_node.nodes.spinning import spinning  # noqa: E402
-from tactile_node.ros.contact_messages import taxel_array_message  # noqa: E402
+from tactile_node.pose.pipeline import Taxels  # noqa: E402
+from tactile_node.ros.contact_messages import PadFrame, taxel_array_message  # noqa: E402
 from tactile_node.ros.message_health import MessageCounts, StreamHealth, health_status  # noqa: E402
 from tactile_node.ros.qos import frames_qos  # noqa: E402
 from tactile_node.ros.time_messages import duration_message  # noqa: E402
@@ -41,7 +42,7 @@ def send(publisher, lead, stop):
     for sequence in range(10**6):
         values = np.zeros((4, 4), np.float32)
         frame = TaxelFrame(time.time() + lead - AGE, sequence, values, np.full((4, 4), TaxelStatus.VALID, np.uint8), 0)
-        message = taxel_array_message(frame, 0.002, 'Pa', 'left_pad')
+        message = taxel_array_message(PadFrame.of(frame, Taxels(0.002, 'Pa'), 'left_pad'))
         message.age = duration_message(AGE)
         publisher.publish(message)
         if stop.wait(FRAME_PERIOD):

@@ -10,7 +10,8 @@ import tactile_state_bridge as bridge
 from rclpy.parameter import Parameter
 from ros_bench import RosBench
 
-from tactile_node.ros.contact_messages import taxel_array_message
+from tactile_node.pose.pipeline import Taxels
+from tactile_node.ros.contact_messages import PadFrame, taxel_array_message
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_skin.msg import TaxelArray
 
@@ -24,7 +25,8 @@ def taxels(hidden=None, code=TaxelStatus.STALE):
     values, status = np.array(VALUES, np.float32), np.full((2, 3), TaxelStatus.VALID, np.uint8)
     if hidden is not None:
         values[hidden], status[hidden] = np.nan, code
-    return taxel_array_message(TaxelFrame(1.7e9 + 0.25, 7, values, status, 0), 0.002, 'Pa', 'left_pad')
+    return taxel_array_message(PadFrame.of(TaxelFrame(1.7e9 + 0.25, 7, values, status, 0), Taxels(0.002, 'Pa'),
+                                           'left_pad'))
 
 
 def test_a_pad_is_a_sensor_row_by_row_with_its_stamp(tactile_state_message):

@@ -25,7 +25,7 @@ from tactile_node.nodes import view_topics
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.processor_node import ProcessorNode
 from tactile_node.pose.pipeline import FoundContact, Taxels
-from tactile_node.ros.contact_messages import contact_message
+from tactile_node.ros.contact_messages import PadContact, contact_message, pad_frame_of
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.view_messages import (
     ContactMarkers,
@@ -79,7 +79,8 @@ def contact_of(message: TaxelArray):
     pattern = PatternExtractor(unit=message.unit).extract(
         np.array(message.values).reshape(message.rows, message.cols), saturated=having(TaxelStatus.SATURATED),
         unmapped=having(TaxelStatus.UNMAPPED))
-    return contact_message(message, FoundContact.of(pattern, Taxels(message.pitch, message.unit))), pattern
+    found = FoundContact.of(pattern, Taxels(message.pitch, message.unit))
+    return contact_message(PadContact(pad_frame_of(message), found)), pattern
 
 
 # --- Images

@@ -77,7 +77,7 @@ def _conclude(folder: Path, session: DemoSession, verdicts: list) -> int:
     if len(verdicts) < session.touches:
         missing.append(f'{session.touches - len(verdicts)} of {session.touches} touches on the shape topic')
     if missing:
-        print(f'Missing: {", ".join(missing)}. On a busy machine shapes are left out: try it again when it is idle.')
+        print(f'Missing: {", ".join(missing)}. Try it again when the machine is idle.')
         return 1
     print(f'In {folder}/: ' + ', '.join(MADE) + f' ({session.bag.messages} messages in the bag).')
     return 0

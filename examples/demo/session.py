@@ -15,7 +15,6 @@ from examples.demo.touches import GAP, TouchedPad, scripted_touches
 from examples.demo.watcher import Watcher
 from tactile_node.interruption import interruption
 from tactile_node.node_graph import Parameters, bus_nodes, frame_topics
-from tactile_node.nodes.replay import drain
 from tactile_node.nodes.spinning import Spinner
 from tactile_node.nodes.system import System
 from tactile_node.ros.qos import frames_qos
@@ -53,7 +52,8 @@ class DemoSession:
         driver: Parameters = {
             'interface': 'virtual', 'channel': CHANNEL, 'node_ids': list(NODE_IDS), 'layouts': [LAYOUT],
             'sync_period': SYNC_PERIOD, 'record': str(self._folder / 'can.log')}
-        self._system = System(bus_nodes(PADS, driver=driver, every={'queue_depth': DEPTH}))
+        # Lossless: a frame waits for the answer to the one before; without, an overloaded machine leaves frames out
+        self._system = System(bus_nodes(PADS, driver=driver, every={'queue_depth': DEPTH, 'lossless': True}))
         self.watcher = Watcher(PADS, lambda stamp: stamp - (self._origin or stamp), FULL_SCALE)
         self.bag = BagRecorder(self.watcher, self._folder / 'bag', frame_topics(PADS), frames_qos(DEPTH))
         self._spinner = Spinner((*self._system.nodes, self.watcher))
@@ -69,12 +69,11 @@ class DemoSession:
         self._stack.close()
 
     def play(self) -> None:
-        """Run the script of touches to its end, drawing what the pads see."""
+        """Run the script of touches until both pads have answered its end, drawing what they see."""
         self._system.driver.autostart()
         end = max(touches[-1].end for touches in self._touches.values()) + GAP
         middles = [(touch.begin + touch.end) / 2 for touch in self._touches[PADS[0]]]
-        begun = time.monotonic()
-        while (now := time.monotonic() - begun) < end:
+        while (now := self.watcher.reached) < end:
             self._spinner.check()
             if self._stop_requested.is_set():
                 raise KeyboardInterrupt
@@ -86,9 +85,6 @@ class DemoSession:
                     self._pictures.keep(views)
             time.sleep(DRAW_PERIOD)
         self._system.driver.trigger_deactivate()
-        drain(self._system.source, lambda: len(self.watcher.latency), self._spinner, self._stop_requested)
-        if self._stop_requested.is_set():
-            raise KeyboardInterrupt
 
     def verdicts(self) -> list[Verdict]:
         """What was made of each touch."""

@@ -46,6 +46,11 @@ class Watcher(Node):
         return [PadView(pad, seen[-1].taxels / self._full_scale, _words(seen[-1]))
                 for pad, seen in self.seen.items() if seen]
 
+    @property
+    def reached(self) -> float:
+        """The script's time up to which the shapes of every pad have come [s]."""
+        return min(seen[-1].time if seen else 0.0 for seen in self.seen.values())
+
     def _taxels(self, pad: str, message: TaxelArray) -> None:
         waiting = self._waiting[pad]
         waiting[message.sequence] = taxel_values(message)

@@ -22,9 +22,10 @@ from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError
 from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.driver_services import FaultService, TareService, Zeroing
 from tactile_node.nodes.driver_source import driver_pads, make_source, pad_frames
+from tactile_node.nodes.hand_over import HandOver
 from tactile_node.nodes.lifecycle_steps import LifecycleSteps, reject_invalid_transitions
 from tactile_node.nodes.pad_output import PadOutput
-from tactile_node.nodes.replay import ClockOutput, ReplayGate
+from tactile_node.nodes.replay import ClockOutput
 from tactile_node.nodes.run import run_node
 from tactile_node.nodes.state_publisher import DriverState, StatePublisher
 from tactile_node.ros.conditioning_setup import adjust, conditioned_pads, skin_responses
@@ -45,11 +46,14 @@ RETRY_PERIOD = 0.5  # s between two attempts to configure while the driver waits
 
 
 class DriverNode(LifecycleNode):
-    """Publishes `<pad>/taxels` for each pad while active, /diagnostics and `~/status` always."""
+    """Publishes `<pad>/taxels` for each pad while active, /diagnostics and `~/status` always.
+
+    ``hand_over``: to the nodes of this process.
+    """
 
     _is_made = False  # True after the constructor
 
-    def __init__(self, **options: Any):
+    def __init__(self, hand_over: HandOver | None = None, **options: Any):
         super().__init__(NODE_NAMES[Role.DRIVER], **options)
         reject_invalid_transitions(self)
         declare(self, DriverSettings, READ_AT_CONFIGURE)
@@ -58,7 +62,7 @@ class DriverNode(LifecycleNode):
         self._source: FrameSource | None = None
         self._age: Callable[[float], float] = lambda stamp: math.inf  # of a frame; the last source's
         self._pads: dict[str, PadOutput] = {}
-        self._gate: ReplayGate | None = None
+        self._hand_over = hand_over or HandOver()
         self._owned: list[Callable[[], object]] = []  # releases all that configure has made, last first
         self._steps = LifecycleSteps(self)
         self._stop_requested: threading.Event | None = None
@@ -112,8 +116,7 @@ class DriverNode(LifecycleNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         self._tare.give_up('one that was deactivated')
-        if self._gate is not None:
-            self._gate.release()
+        self._hand_over.release()
         return self._publish_after(self._steps.attempt(self._configured_source().stop), PrimaryState.INACTIVE)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -147,29 +150,27 @@ class DriverNode(LifecycleNode):
         outputs = {}
         for pad, frame_id in zip(pads, pad_frames(settings, pads)):
             outputs[pad.name] = output = PadOutput(
-                self, pad, frame_id, conditioned[pad.name], qos=settings.qos,
+                self, pad, frame_id, conditioned[pad.name], settings, self._hand_over,
                 layer=responses[pad.name].layer if pad.name in responses else None)
             self._owned.append(output.destroy)
+            if settings.replay and settings.lossless and not output.is_answered:
+                raise _not_answered(pad.name)
         self._pads = outputs  # all at once: at start the executor publishes the state of these meanwhile
         saving = FaultService(self, settings.faulty_taxels_file, self._faults)
         frame_period = max(pad.layout.frame_period(settings.sync_period) for pad in pads)
         self._state.begin(f'{settings.interface} {settings.channel}', frame_period)
-        self._gate = self._make_gate(settings)
         source = make_source(settings, pads, self._publish, self._make_clock(settings))
         self._age = source.age
         self._tare.begin(Zeroing(pads={name: pad.tared for name, pad in conditioned.items()},
                                  limit=self._tare_limit({pad.name: pad.layout.value.unit for pad in pads}),
                                  frame_period=frame_period, auto_zero=source.auto_zero, boots=source.boots))
-        self._owned += [saving.destroy, self._tare.end, source.close]
-        if self._gate is not None:
-            self._owned.append(self._gate.release)
+        self._owned += [saving.destroy, self._tare.end, source.close, self._hand_over.release]
         source.open()
         self._source = source
         source.configure()
 
     def _start(self) -> None:
-        if self._gate is not None:
-            self._gate.hold()
+        self._hand_over.hold()
         self._configured_source().start()
         self._tare.expect()
 
@@ -177,14 +178,6 @@ class DriverNode(LifecycleNode):
         if self._source is None:
             raise RuntimeError('the driver is not configured')
         return self._source
-
-    def _make_gate(self, settings: DriverSettings) -> ReplayGate | None:
-        """Only a log needs one, and only where nothing may be lost."""
-        if not settings.replay or not settings.lossless:
-            return None
-        gate = ReplayGate(self, settings.pads, settings.qos)
-        self._owned.append(gate.destroy)
-        return gate
 
     def _make_clock(self, settings: DriverSettings) -> Callable[[float], None] | None:
         """Return what shows the time of a log on /clock, where that is wanted. Raises ConfigurationError for a bus."""
@@ -214,12 +207,7 @@ class DriverNode(LifecycleNode):
         return SetParametersResult(successful=True)
 
     def _publish(self, pad: str, frame: TaxelFrame) -> None:
-        if self._gate is None:
-            self._pads[pad].publish(frame, self._age)
-            return
-        age = self._age(frame.stamp)  # the time at the gate is not in it: the frame is played after it
-        self._gate.wait(pad, frame.sequence)
-        self._pads[pad].publish(frame, lambda _stamp: age)
+        self._pads[pad].publish(frame, self._age)
 
     def _tare_limit(self, units: Mapping[str, str]) -> Callable[[str], float]:
         """Return what gives the limit of a pad, by its name, at the time of the call."""
@@ -248,8 +236,14 @@ class DriverNode(LifecycleNode):
         self._source = None
         while self._owned:
             self._owned.pop()()
-        self._gate = None
         self._pads = {}
+
+
+def _not_answered(pad: str) -> ConfigurationError:
+    return ConfigurationError(
+        'parameters replay and lossless', expected='the processor and the classifier of each pad in the process of the '
+        'driver: the log waits for their answers', got=f'none of pad {pad!r}, or a topic between them that is remapped',
+        remedy='Start all with `tactile bringup --replay`, or set lossless false.')
 
 
 def main() -> int:

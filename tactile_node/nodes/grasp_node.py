@@ -4,6 +4,7 @@ import math
 import sys
 import time
 from functools import partial
+from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -14,7 +15,7 @@ from tactile_node.grasp.steadiness import SteadinessSettings
 from tactile_node.grasp.tracker import SIDES, GraspSettings, GraspState, GraspTracker
 from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.grasp_requests import CurrentGrasp, GraspRequests
-from tactile_node.nodes.guarded_subscription import GuardedSubscription
+from tactile_node.nodes.hand_over import HandOver, StageInput
 from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.opening_source import make_opening_source
 from tactile_node.nodes.pad_frames import publish_pad_frames
@@ -35,10 +36,10 @@ class GraspNode(Node):
 
     Serves `~/wait_for_grasp` and `~/check_grasp`: whether a grasp is what a client requires.
 
-    Raises ConfigurationError for a wrong parameter.
+    ``hand_over``: from the nodes of this process. Raises ConfigurationError for a wrong parameter.
     """
 
-    def __init__(self, **options):
+    def __init__(self, hand_over: HandOver | None = None, **options: Any):
         # First: Kilted destroys also a node whose constructor has failed
         self._arrivals: dict[str, Arrival] = {}
         self._requests: GraspRequests | None = None
@@ -61,19 +62,21 @@ class GraspNode(Node):
                                                   clock=Clock(clock_type=ClockType.STEADY_TIME)) for side in SIDES}
         for silence in self._silences.values():
             silence.cancel()
-        self._shapes = {
-            side: GuardedSubscription(self, ContactShape, f'{pad}/shape', partial(self._on_shape, side),
-                                      settings.input_qos, check=check_contact_shape)
+        hand_over = hand_over or HandOver()
+        self._shapes: dict[str, StageInput[ContactShape, ContactShape]] = {
+            side: StageInput(self, ContactShape, f'{pad}/shape', partial(self.accept, side), settings,
+                             check=check_contact_shape, parse=lambda message: message, hand_over=hand_over)
             for side, pad in zip(SIDES, (settings.left_pad, settings.right_pad))}
         MessageHealth(self, tuple(self._shapes.values()), settings)
 
-    def _on_shape(self, side: str, message: ContactShape) -> None:
+    def accept(self, side: str, message: ContactShape) -> None:
+        """Take the shape on the pad of ``side`` and publish the grasp."""
         arrival = self._shapes[side].arrival
         self._arrivals[side] = arrival
         self._latest[side] = message
         stamp = seconds(message.header.stamp)
         self._stamp = max(stamp, self._stamp) if self._stamp - stamp < ANOTHER_LOG else stamp
-        acquired = stamp if self._settings.lossless else arrival.steady - arrival.age_on_arrival
+        acquired = stamp if self._settings.lossless else arrival.acquired
         opening = self._opening.current(time.monotonic())
         state = self._tracker.update(side, side_result(message, acquired), self._now(), opening.gap)
         self._publish(state, opening)

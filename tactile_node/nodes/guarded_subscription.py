@@ -4,11 +4,13 @@ import logging
 import math
 import time
 from collections import Counter, defaultdict
-from collections.abc import Callable
-from typing import Generic, Protocol, TypeGuard
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, Generic, Protocol, TypeGuard
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from tactile_node.bus.threads import Reminder
@@ -68,7 +70,8 @@ class GuardedSubscription(Generic[Message]):
         self._overtaken = 0
         self._left_out = 0  # frames before the message under work, by this node and those before it
         self._newest_only = newest_only and not is_lossless(qos)
-        self._subscription = node.create_subscription(kind, topic, self._on_message, qos)
+        self._subscribe = partial(node.create_subscription, kind, topic, self._on_message, qos)
+        self._subscription: Subscription | None = self._subscribe()
         self.topic: str = self._subscription.topic_name  #: its full name
 
     @property
@@ -99,16 +102,21 @@ class GuardedSubscription(Generic[Message]):
                             stamps_offset)
 
     def destroy(self) -> None:
-        self._node.destroy_subscription(self._subscription)
+        if self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
+            self._subscription = None
 
     def _on_message(self, message: Message) -> None:
-        usable = [each for each in (message, *self._waiting()) if self._is_usable(each)]
+        self._work_on([each for each in (message, *self._waiting()) if self._is_usable(each)], self._callback)
+
+    def _work_on(self, usable: Sequence[Any], callback: Callable[[Any], None]) -> None:
+        """Call ``callback`` with the last of what can be used; the others are left out for it."""
         if not usable:
             return
         self._overtaken += len(usable) - 1
         self._left_out = len(usable) - 1 + sum(map(_left_out_before, usable))
         try:
-            self._callback(usable[-1])
+            callback(usable[-1])
             self._processed += 1
         except Exception as error:
             self._failed(error)
@@ -116,7 +124,7 @@ class GuardedSubscription(Generic[Message]):
     def _waiting(self) -> list[Message]:
         """Take what has come since the executor took its message."""
         found: list[Message] = []
-        while self._newest_only:
+        while self._newest_only and self._subscription is not None:
             with self._subscription.handle:
                 taken = self._subscription.handle.take_message(self._subscription.msg_type, self._subscription.raw)
             if taken is None:
@@ -124,14 +132,17 @@ class GuardedSubscription(Generic[Message]):
             found.append(taken[0])
         return found
 
-    def _is_usable(self, message: Message) -> bool:
-        """Check and note a message; count one that cannot be used."""
+    def _is_usable(self, message: Any, acquired: float | None = None) -> bool:
+        """Check and note a message; count one that cannot be used.
+
+        ``acquired`` [s, steady clock]: it was handed over in this process, where its content needs no check.
+        """
         self._received += 1
         try:
-            reason = (self._check_type(message) or self._check(message) or self._check_stamp(message)
-                      or self._check_source(message))
+            reason = (self._check_type(message) or (self._check(message) if acquired is None else None)
+                      or self._check_stamp(message) or self._check_source(message))
             if reason is None:
-                self._note(message)
+                self._note(message, acquired)
                 return True
             self._drop(reason)
         except Exception as error:
@@ -169,11 +180,12 @@ class GuardedSubscription(Generic[Message]):
                                             _left_out_before(message))
         return None if is_accepted else RejectReason.OTHER_SOURCE
 
-    def _note(self, message: Message) -> None:
+    def _note(self, message: Message, acquired: float | None) -> None:
         """Note age and sequence of a message that is used."""
         if not self._is_of_chain(message):
             return
-        self._arrival = self._age.arrived(message)
+        now = time.monotonic()
+        self._arrival = self._age.arrived(message) if acquired is None else Arrival(now, now - acquired)
         stamp = seconds(message.header.stamp)
         if self._sequence is not None:
             gap = message.sequence - self._sequence - 1

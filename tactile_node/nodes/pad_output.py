@@ -5,13 +5,14 @@ import time
 from collections.abc import Callable
 
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 
 from tactile_node.conditioning.conditioned_pad import ConditionedPad, PadCondition
 from tactile_node.nodes.guarded_subscription import publisher_names
+from tactile_node.nodes.hand_over import HandOver, StageOutput
+from tactile_node.pose.pipeline import Taxels
 from tactile_node.pose.profiles import Layer
-from tactile_node.ros.contact_messages import taxel_array_message
-from tactile_node.ros.message_age import age_message
+from tactile_node.ros.contact_messages import PadFrame, taxel_array_message
+from tactile_node.ros.settings import DriverSettings
 from tactile_node.skin.pads import PadSettings
 from tactile_node.taxel_frame import TaxelFrame
 from tactile_skin.msg import TaxelArray
@@ -20,18 +21,22 @@ LOOK_PERIOD = 1.0  # s between two looks for other publishers
 
 
 class PadOutput:
-    """Conditions the frames of ``pad`` and publishes them; ``layer``: of a calibrated skin."""
+    """Conditions the frames of ``pad`` and sends them on; ``layer``: of a calibrated skin.
 
-    def __init__(self, node: Node, pad: PadSettings, frame_id: str, conditioned: ConditionedPad, *, qos: QoSProfile,
-                 layer: Layer | None = None):
+    A lossless one waits until each is answered, where all stages up to the shape are of this process.
+    """
+
+    def __init__(self, node: Node, pad: PadSettings, frame_id: str, conditioned: ConditionedPad,
+                 settings: DriverSettings, hand_over: HandOver, layer: Layer | None = None):
         self.conditioned = conditioned
         self.unit = pad.layout.value.unit
-        self._pitch = pad.layout.pitch
+        self._taxels = Taxels(pad.layout.pitch, self.unit, layer)
         self._frame_id = frame_id
-        self._layer = layer
         self._node = node
-        self._publisher = node.create_publisher(TaxelArray, f'{pad.name}/taxels', qos)
-        self._topic = self._publisher.topic_name  # its publisher may be destroyed while the state is looked at
+        self._output = StageOutput(node, TaxelArray, f'{pad.name}/taxels', settings, taxel_array_message, hand_over)
+        self._hand_over = hand_over
+        self.is_answered = hand_over.is_complete(self._output.topic)  #: its frames come out as shapes in this process
+        self._waits = settings.lossless and self.is_answered
         self._others: tuple[str, ...] = ()
         self._looked = -math.inf
 
@@ -41,17 +46,17 @@ class PadOutput:
 
     def publish(self, frame: TaxelFrame, age: Callable[[float], float]) -> None:
         """``age``: the stamp of a frame -> the time since its acquisition [s], by the steady clock."""
-        message = taxel_array_message(self.conditioned.feed(frame), self._pitch, self.unit, self._frame_id,
-                                      self._layer)
-        message.age = age_message(age(frame.stamp))
-        self._publisher.publish(message)
+        conditioned = PadFrame.of(self.conditioned.feed(frame), self._taxels, self._frame_id)
+        self._output.send(conditioned, acquired=time.monotonic() - age(frame.stamp))
+        if self._waits:
+            self._hand_over.wait_until_answered()
 
     def _other_publishers(self) -> tuple[str, ...]:
         """Full names of the other nodes that publish on our topic, looked up once a second; also one of our name."""
         now = time.monotonic()
         if now - self._looked >= LOOK_PERIOD:
             self._looked = now
-            names = publisher_names(self._node, self._topic)
+            names = publisher_names(self._node, self._output.topic)
             own = self._node.get_fully_qualified_name()
             if names:  # one of them is ours, whose name may not be discovered yet
                 names.remove(own if own in names else names[0])
@@ -59,4 +64,4 @@ class PadOutput:
         return self._others
 
     def destroy(self) -> None:
-        self._node.destroy_publisher(self._publisher)
+        self._output.destroy()

@@ -4,8 +4,8 @@ import logging
 import sys
 import time
 from collections.abc import Sequence
+from typing import Any
 
-from builtin_interfaces.msg import Duration
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -15,40 +15,47 @@ from tactile_node.contact.scale import UnitScale
 from tactile_node.errors import ConfigurationError, TactileError
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.node_graph import NODE_NAMES, Role
-from tactile_node.nodes.guarded_subscription import GuardedSubscription
+from tactile_node.nodes.hand_over import HandOver, StageInput, StageOutput
 from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.run import run_node
 from tactile_node.nodes.view_topics import TaxelViews
-from tactile_node.pose.pipeline import ContactPipeline, Taxels
-from tactile_node.ros.contact_messages import contact_message, features_message, layer_of, taxel_values, taxels_of
+from tactile_node.pose.pipeline import ContactPipeline
+from tactile_node.ros.contact_messages import (
+    PadContact,
+    PadFrame,
+    contact_message,
+    features_message,
+    find_in,
+    pad_frame_of,
+)
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.message_checks import check_taxel_array
 from tactile_node.ros.parameters import changed, declare, read
 from tactile_node.ros.settings import ProcessorSettings
-from tactile_node.taxel_frame import TaxelStatus
 from tactile_skin.msg import Contact, ContactFeatures, TaxelArray
 
 logger = logging.getLogger(__name__)
 
 
 class ProcessorNode(Node):
-    """Publishes `contact` for the newest usable message on `taxels`, and `features` while something subscribes to it.
+    """Publishes `contact` for every usable frame on `taxels`, and `features` while something subscribes to it.
 
-    A lossless one answers every message and always publishes both, since it keeps them for late subscribers. What
-    viewers draw of the taxels it publishes only while something subscribes to it. Raises ConfigurationError for a wrong
-    parameter.
+    A lossless one always publishes both, since it keeps them for late subscribers. What viewers draw of the taxels it
+    publishes only while something subscribes to it. ``hand_over``: from and to the nodes of this process. Raises
+    ConfigurationError for a wrong parameter.
     """
 
-    def __init__(self, **options):
+    def __init__(self, hand_over: HandOver | None = None, **options: Any):
         super().__init__(NODE_NAMES[Role.PROCESSOR], **options)
         declare(self, ProcessorSettings)
         self._apply(read(self, ProcessorSettings))
-        qos = self._settings.qos
-        self._contacts = self.create_publisher(Contact, 'contact', qos)
-        self._features = self.create_publisher(ContactFeatures, 'features', qos)
+        hand_over = hand_over or HandOver()
+        self._contacts = StageOutput(self, Contact, 'contact', self._settings, contact_message, hand_over)
+        self._features = self.create_publisher(ContactFeatures, 'features', self._settings.qos)
         self._views = TaxelViews(self, self._settings.queue_depth, self._settings.full_scale)
-        self._taxels = GuardedSubscription(self, TaxelArray, 'taxels', self._on_taxels, self._settings.input_qos,
-                                           check=check_taxel_array, newest_only=True)
+        self._taxels = StageInput(self, TaxelArray, 'taxels', self.accept, self._settings, check=check_taxel_array,
+                                  parse=pad_frame_of, hand_over=hand_over)
+        self._taxels.sends_on = self._contacts.topic
         MessageHealth(self, [self._taxels], self._settings)
         self.add_on_set_parameters_callback(self._on_parameters)
 
@@ -69,26 +76,19 @@ class ProcessorNode(Node):
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
-    def _on_taxels(self, message: TaxelArray) -> None:
-        values = taxel_values(message)
-        if message.unit in self._scales and (error := self._scales[message.unit].doubt(values)):
+    def accept(self, frame: PadFrame) -> None:
+        """Find the contact in ``frame`` and send it on."""
+        unit, values = frame.taxels.unit or '', frame.values
+        if unit in self._scales and (error := self._scales[unit].doubt(values)):
             logger.warning('%s: %s', self._taxels.topic, error, extra={'fact': error})
             self._scales = {}  # once
-        found = self._pipeline.find(
-            values, Taxels(message.pitch, message.unit, layer_of(message)),
-            saturated=taxels_of(message, TaxelStatus.SATURATED), unmapped=taxels_of(message, TaxelStatus.UNMAPPED))
-        contact = contact_message(message, found)
-        contact.age, contact.left_out = self._age(), self._taxels.left_out
-        self._contacts.publish(contact)
+        contact = PadContact(frame, find_in(frame, self._pipeline), self._taxels.left_out)
+        self._contacts.send(contact, self._taxels.arrival.acquired)
         if self._settings.lossless or self._features.get_subscription_count():  # a late subscriber gets all
-            features = features_message(message, found, compute_features(found.pattern.mask, self._groups))
-            features.age = self._age()
+            features = features_message(contact, compute_features(contact.found.pattern.mask, self._groups))
+            features.age = age_message(self._taxels.arrival.age(time.monotonic()))
             self._features.publish(features)
-        self._views.publish(message, contact, found.pattern)
-
-    def _age(self) -> Duration:
-        """Return the age of what is made of the present message, when it is sent."""
-        return age_message(self._taxels.arrival.age(time.monotonic()))
+        self._views.publish(contact)
 
 
 def feature_groups(names: Sequence[str]) -> Group:

@@ -20,7 +20,6 @@ from rclpy.signals import SignalHandlerOptions
 from tactile_node.errors import ConfigurationError, TactileError
 from tactile_node.interruption import ignore_interruptions, interruption
 from tactile_node.node_graph import NodeDescription
-from tactile_node.nodes.replay import drain, published_frames
 from tactile_node.nodes.spinning import Spinner, spinning
 from tactile_node.nodes.system import System
 from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
@@ -112,20 +111,3 @@ def running(nodes: Sequence[NodeDescription], ros_arguments: Sequence[str]) -> I
             forward_logs_to(node)
             stack.callback(stop_forwarding_to, node)
         yield Running(system, stack.enter_context(spinning(system.nodes)))
-
-
-def play(system: System, spinner: Spinner, stop_requested: Event) -> int:
-    """Wait for the log's end and for the last of its frames to come out as a shape; print the outcome.
-
-    Returns the exit code: 1 when frames did not come out as shapes.
-    """
-    # only here: nodes without the driver need no CAN library
-    from tactile_node.sources.log_source import LogSource, summary
-    source = system.source
-    if not isinstance(source, LogSource):
-        raise RuntimeError(f'expected a log to play, got {type(source).__name__}')
-    while not source.finished.wait(0.1) and not stop_requested.is_set():
-        spinner.check()
-    recognised, published = drain(source, lambda: system.recognised, spinner, stop_requested), published_frames(source)
-    print(f'{summary(source.statistics())}\nShapes: {recognised} of {published} taxel frames')
-    return 0 if recognised == published and not stop_requested.is_set() else 1

@@ -9,6 +9,7 @@ from rclpy.parameter import Parameter
 
 from tactile_node.assembly.frame_source import FrameSource
 from tactile_node.node_graph import NodeDescription, Role
+from tactile_node.nodes.hand_over import HandOver
 
 if TYPE_CHECKING:
     from tactile_node.nodes.classifier_node import ClassifierNode
@@ -16,10 +17,14 @@ if TYPE_CHECKING:
 
 
 class System:
-    """Makes the described nodes. Raises ConfigurationError for a wrong parameter of processor, classifier or grasp."""
+    """Makes the described nodes, which hand their results over by calls.
+
+    Raises ConfigurationError for a wrong parameter of processor, classifier or grasp.
+    """
 
     def __init__(self, descriptions: Sequence[NodeDescription]):
         self._driver: DriverNode | None = None
+        self._hand_over = HandOver()
         self._classifiers: list[ClassifierNode] = []
         self.nodes = tuple(self._make(each.role, _options(each)) for each in descriptions)
 
@@ -59,17 +64,17 @@ class System:
         """Imports the node's module here: a process loads only what its own nodes need."""
         if role is Role.DRIVER:
             from tactile_node.nodes.driver_node import DriverNode
-            self._driver = DriverNode(**options)
+            self._driver = DriverNode(self._hand_over, **options)
             return self._driver
         if role is Role.CLASSIFIER:
             from tactile_node.nodes.classifier_node import ClassifierNode
-            self._classifiers.append(ClassifierNode(**options))
+            self._classifiers.append(ClassifierNode(self._hand_over, **options))
             return self._classifiers[-1]
         if role is Role.PROCESSOR:
             from tactile_node.nodes.processor_node import ProcessorNode
-            return ProcessorNode(**options)
+            return ProcessorNode(self._hand_over, **options)
         from tactile_node.nodes.grasp_node import GraspNode
-        return GraspNode(**options)
+        return GraspNode(self._hand_over, **options)
 
 
 def _options(description: NodeDescription) -> dict[str, Any]:

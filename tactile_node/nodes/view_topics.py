@@ -17,13 +17,12 @@ from sensor_msgs.msg import Image
 from visualization_msgs.msg import MarkerArray
 
 from tactile_node.colour_map import ColourScale, rgb_table
-from tactile_node.contact.pattern import ContactPattern
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.tracker import GraspContact
 from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.spinning import Spinner
-from tactile_node.ros.contact_messages import taxel_values
+from tactile_node.ros.contact_messages import PadContact, contact_message, taxel_array_message, taxel_values
 from tactile_node.ros.message_age import InputAge
 from tactile_node.ros.message_checks import check_contact, check_contact_shape, check_grasp, check_taxel_array
 from tactile_node.ros.qos import STATUS_QOS, frames_qos
@@ -61,11 +60,11 @@ class TaxelViews:
         self._wrench = OnDemandPublisher(node, WrenchStamped, 'wrench', depth)
         self._scale, self._table = ColourScale(full_scale), rgb_table()
 
-    def publish(self, taxels: TaxelArray, contact: Contact, pattern: ContactPattern) -> None:
-        """Publish what is subscribed to of ``taxels``; ``contact`` and ``pattern`` are of them."""
-        self._wrench.publish(lambda: wrench_message(contact, pattern))
-        self._values.publish(lambda: value_image(taxels))
-        self._colours.publish(lambda: colour_image(taxels, self._scale, self._table))
+    def publish(self, contact: PadContact) -> None:
+        """Publish what is subscribed to of ``contact`` and its taxels."""
+        self._wrench.publish(lambda: wrench_message(contact_message(contact), contact.found.pattern))
+        self._values.publish(lambda: value_image(taxel_array_message(contact.frame)))
+        self._colours.publish(lambda: colour_image(taxel_array_message(contact.frame), self._scale, self._table))
 
 
 class ShapeView:
@@ -76,9 +75,9 @@ class ShapeView:
         self._markers = ContactMarkers(ColourScale(full_scale))
         self._lifetime = MarkerLifetime()
 
-    def publish(self, contact: Contact, shape: ContactShape) -> None:
+    def publish(self, contact: PadContact, shape: ContactShape) -> None:
         """Publish the markers of ``shape``, which is of ``contact``, if they are subscribed to."""
-        self._publisher.publish(lambda: self._drawn(contact, shape))
+        self._publisher.publish(lambda: self._drawn(contact_message(contact), shape))
 
     def _drawn(self, contact: Contact, shape: ContactShape) -> MarkerArray:
         lifetime = self._lifetime.after(time.monotonic(), seconds(contact.header.stamp))

@@ -1,34 +1,75 @@
 """Contact patterns and their features as messages, and back."""
 
 from array import array
+from typing import NamedTuple
 
 import numpy as np
+from std_msgs.msg import Header
 
 from tactile_node.contact.pattern import ContactPattern
-from tactile_node.contact.visibility import Visibility
 from tactile_node.helmholtz.features import UNDEFINED, Extremes, Features
-from tactile_node.pose.pipeline import FoundContact, Taxels
+from tactile_node.pose.pipeline import ContactPipeline, FoundContact, Taxels
 from tactile_node.pose.profiles import Layer
 from tactile_node.ros.time_messages import time_message
-from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, TpdoAges
 from tactile_skin.msg import Contact, ContactFeatures, FeatureRange, TaxelArray
 
 
-def taxel_array_message(frame: TaxelFrame, pitch: float, unit: str, frame_id: str,
-                        layer: Layer | None = None) -> TaxelArray:
-    """``pitch`` [m], ``unit``, ``frame_id`` and ``layer``, if it is known, are the pad's."""
+class PadFrame(NamedTuple):
+    """A taxel frame with what is known of its pad: what `TaxelArray` carries, and stages of one process hand over."""
+
+    header: Header          #: stamp and the frame of the pad
+    sequence: int
+    values: np.ndarray      #: float32, (rows, cols), NaN = no valid value
+    status: np.ndarray      #: uint8, (rows, cols), `TaxelStatus`
+    taxels: Taxels
+    missing_can_frames: int
+    tpdo_ages: TpdoAges | None = None
+
+    @classmethod
+    def of(cls, frame: TaxelFrame, taxels: Taxels, frame_id: str) -> 'PadFrame':
+        """Return ``frame`` with numbers as the message carries them, so that both ways give the same."""
+        layer = None if taxels.layer is None else Layer(*map(_single, taxels.layer))
+        return cls(Header(stamp=time_message(frame.stamp), frame_id=frame_id), frame.sequence,
+                   np.ascontiguousarray(frame.values, np.float32), np.ascontiguousarray(frame.status, np.uint8),
+                   taxels._replace(pitch=_single(taxels.pitch), layer=layer), frame.missing_can_frames, frame.tpdo_ages)
+
+
+class PadContact(NamedTuple):
+    """What was found in the frame of a pad: what `Contact` carries, and stages of one process hand over."""
+
+    frame: PadFrame
+    found: FoundContact
+    left_out: int = 0  #: frames before it that were left out on purpose
+
+    @property
+    def header(self) -> Header:
+        return self.frame.header
+
+    @property
+    def sequence(self) -> int:
+        return self.frame.sequence
+
+
+def taxel_array_message(frame: PadFrame) -> TaxelArray:
     message = TaxelArray(
-        sequence=frame.sequence, rows=frame.values.shape[0], cols=frame.values.shape[1], pitch=pitch, unit=unit,
-        values=as_array('f', frame.values, np.float32), status=as_array('B', frame.status, np.uint8),
-        missing_can_frames=frame.missing_can_frames)
-    message.header.stamp = time_message(frame.stamp)
-    message.header.frame_id = frame_id
-    if layer is not None:
-        message.layer_depth, message.layer_deviation = layer
+        header=frame.header, sequence=frame.sequence, rows=frame.values.shape[0], cols=frame.values.shape[1],
+        pitch=frame.taxels.pitch, unit=frame.taxels.unit, values=as_array('f', frame.values, np.float32),
+        status=as_array('B', frame.status, np.uint8), missing_can_frames=frame.missing_can_frames)
+    if frame.taxels.layer is not None:
+        message.layer_depth, message.layer_deviation = frame.taxels.layer
     if frame.tpdo_ages is not None:
         message.tpdo_ages = as_array('f', frame.tpdo_ages.ages, np.float32)
         message.taxel_tpdos = as_array('H', frame.tpdo_ages.taxel_tpdos, np.uint16)
     return message
+
+
+def pad_frame_of(message: TaxelArray | Contact) -> PadFrame:
+    """Return the frame that ``message`` was made from, without the ages of its TPDOs."""
+    layer = Layer(message.layer_depth, message.layer_deviation) if message.layer_depth else None
+    return PadFrame(message.header, message.sequence, taxel_values(message),
+                    np.frombuffer(message.status, np.uint8).reshape(message.rows, message.cols),
+                    Taxels(message.pitch, message.unit, layer), message.missing_can_frames)
 
 
 def taxel_values(message: TaxelArray | Contact) -> np.ndarray:
@@ -41,43 +82,46 @@ def as_array(code: str, values: np.ndarray, dtype: type) -> array:
     return array(code, np.ascontiguousarray(values, dtype).tobytes())
 
 
-def contact_message(taxels: TaxelArray, found: FoundContact) -> Contact:
-    """``found``: in ``taxels``."""
-    pattern, visibility, _, smallest_contact = found
-    values, status = _without_left_over(taxels, pattern)
-    return Contact(
-        header=taxels.header, sequence=taxels.sequence, age=taxels.age, state=pad_state(pattern, visibility),
-        smallest_contact=smallest_contact,
-        pad_seen=visibility.pad_seen, rows=taxels.rows, cols=taxels.cols, pitch=taxels.pitch, unit=taxels.unit,
-        values=values, status=status, labels=as_array('B', pattern.labels, np.uint8),
+def find_in(frame: PadFrame, pipeline: ContactPipeline) -> FoundContact:
+    """Return what ``pipeline`` finds in ``frame``, with numbers as the message carries them."""
+    found = pipeline.find(frame.values, frame.taxels, saturated=frame.status == TaxelStatus.SATURATED,
+                          unmapped=frame.status == TaxelStatus.UNMAPPED)
+    noise = found.pattern.noise.astype(np.float32).astype(float)
+    known = noise if np.isfinite(noise).all() else np.full(noise.shape, np.nan)
+    return found._replace(pattern=found.pattern._replace(noise=known))
+
+
+def contact_message(contact: PadContact) -> Contact:
+    frame, (pattern, visibility, taxels, smallest_contact) = contact.frame, contact.found
+    left = pattern.hidden & np.isfinite(frame.values)  # left over by a contact: FAULTY, without a value
+    status = np.where(left, TaxelStatus.FAULTY, frame.status) if left.any() else frame.status
+    message = Contact(
+        header=frame.header, sequence=frame.sequence, state=pad_state(contact.found), left_out=contact.left_out,
+        smallest_contact=smallest_contact, pad_seen=visibility.pad_seen, rows=frame.values.shape[0],
+        cols=frame.values.shape[1], pitch=taxels.pitch, unit=taxels.unit,
+        values=as_array('f', np.where(left, np.nan, frame.values) if left.any() else frame.values, np.float32),
+        status=as_array('B', status, np.uint8), labels=as_array('B', pattern.labels, np.uint8),
         contacts=pattern.contacts, contact_taxels=array('I', pattern.sizes),
         noise_floor=as_array('f', pattern.noise, np.float32) if np.isfinite(pattern.noise).all() else array('f'),
-        layer_depth=taxels.layer_depth, layer_deviation=taxels.layer_deviation,
-        missing_can_frames=taxels.missing_can_frames)
+        missing_can_frames=frame.missing_can_frames)
+    if taxels.layer is not None:
+        message.layer_depth, message.layer_deviation = taxels.layer
+    return message
 
 
-def _without_left_over(taxels: TaxelArray, pattern: ContactPattern) -> tuple[array, array]:
-    """Return values and status of the taxels; those left over by a contact are FAULTY, without a value."""
-    left = pattern.hidden & np.isfinite(taxel_values(taxels))
-    if not left.any():
-        return taxels.values, taxels.status
-    status = np.frombuffer(taxels.status, np.uint8).reshape(left.shape)
-    return (as_array('f', pattern.values, np.float32),
-            as_array('B', np.where(left, TaxelStatus.FAULTY, status), np.uint8))
-
-
-def pad_state(pattern: ContactPattern, visibility: Visibility) -> int:
+def pad_state(found: FoundContact) -> int:
     """Return the `state` of a Contact: without a contact, a pad that is not seen is not EMPTY."""
-    if pattern.contacts:
-        return Contact.TOUCHED
-    return Contact.EMPTY if visibility.pad_seen else Contact.NOT_SEEN
+    if found.pattern.contacts:
+        return int(Contact.TOUCHED)
+    return int(Contact.EMPTY if found.visibility.pad_seen else Contact.NOT_SEEN)
 
 
-def contact_of(message: Contact) -> FoundContact:
+def pad_contact_of(message: Contact) -> PadContact:
     """Return the contact that ``message`` was made from. Whether the pad was seen is for its sender to say."""
-    taxels = Taxels(message.pitch, message.unit, layer_of(message))
-    found = FoundContact.of(_pattern(message), taxels, message.smallest_contact)
-    return found._replace(visibility=found.visibility._replace(pad_seen=message.pad_seen))
+    frame = pad_frame_of(message)
+    found = FoundContact.of(_pattern(message), frame.taxels, message.smallest_contact)
+    seen = found.visibility._replace(pad_seen=message.pad_seen)
+    return PadContact(frame, found._replace(visibility=seen), message.left_out)
 
 
 def _pattern(message: Contact) -> ContactPattern:
@@ -88,11 +132,6 @@ def _pattern(message: Contact) -> ContactPattern:
         mask=labels == 1, values=values, contacts=message.contacts, labels=labels, sizes=tuple(message.contact_taxels),
         hidden=~(np.isfinite(values) | unmapped), saturated=taxels_of(message, TaxelStatus.SATURATED),
         unmapped=unmapped, noise=_noise(message))
-
-
-def layer_of(message: TaxelArray | Contact) -> Layer | None:
-    """Return the layer of a calibrated skin, None where it is not known."""
-    return Layer(message.layer_depth, message.layer_deviation) if message.layer_depth else None
 
 
 def _noise(message: Contact) -> np.ndarray:
@@ -108,14 +147,14 @@ def taxels_of(message: TaxelArray | Contact, status: TaxelStatus) -> np.ndarray:
     return of_status
 
 
-def features_message(taxels: TaxelArray, found: FoundContact, features: Features) -> ContactFeatures:
-    """Return the ``features`` of what was ``found`` in ``taxels``; without a contact the list stays empty."""
-    pattern, visibility = found.pattern, found.visibility
+def features_message(contact: PadContact, features: Features) -> ContactFeatures:
+    """Return the ``features`` of ``contact``; without a contact the list stays empty."""
+    frame, (pattern, visibility, taxels, _) = contact.frame, contact.found
     return ContactFeatures(
-        header=taxels.header, sequence=taxels.sequence, age=taxels.age, state=pad_state(pattern, visibility),
+        header=frame.header, sequence=frame.sequence, state=pad_state(contact.found),
         hidden_taxels=visibility.hidden_in_contact + visibility.hidden_in_ring, contacts=pattern.contacts,
-        rows=taxels.rows, cols=taxels.cols, pitch=taxels.pitch, pattern=as_array('B', pattern.mask, np.uint8),
-        features=_feature_ranges(features) if pattern.contacts else [])
+        rows=pattern.mask.shape[0], cols=pattern.mask.shape[1], pitch=taxels.pitch,
+        pattern=as_array('B', pattern.mask, np.uint8), features=_feature_ranges(features) if pattern.contacts else [])
 
 
 def features_of(message: ContactFeatures) -> Features:
@@ -144,3 +183,8 @@ def _degrees(angle: int | None) -> float:
 
 def _angle(degrees: float) -> int | None:
     return None if degrees != degrees else int(degrees)
+
+
+def _single(value: float) -> float:
+    """Return ``value`` rounded to single precision, as messages carry it."""
+    return float(np.float32(value))

@@ -186,6 +186,11 @@ class Arrival(NamedTuple):
     steady: float          #: of our steady clock [s]
     age_on_arrival: float  #: [s]; inf: not known
 
+    @property
+    def acquired(self) -> float:
+        """When its taxels were acquired [s, the same clock]; -inf when that is not known."""
+        return self.steady - self.age_on_arrival
+
     def age(self, now: float) -> float:
         """Return its age at ``now`` [s, the same clock]; inf when it is not known."""
         return self.age_on_arrival + now - self.steady

@@ -55,7 +55,8 @@ class NodeSettings:
 
     queue_depth: int = parameter(10, 'number of messages a publisher or subscription keeps; the oldest is discarded '
                                  'first', 1, 100_000)
-    lossless: bool = parameter(False, 'for replays: publishers keep 5000 messages, also for late subscribers')
+    lossless: bool = parameter(False, 'for replays: publishers keep 5000 messages, also for late subscribers, and the '
+                               'driver waits until each frame is answered; all nodes share its process')
 
     @property
     def qos(self) -> 'QoSProfile':

@@ -9,9 +9,10 @@ from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.moments import ContactMoments
 from tactile_node.pose.pipeline import StreamedContact
 from tactile_node.pose.solids import pose_covariance, prism, solid
+from tactile_node.ros.contact_messages import PadContact, PadFrame, pad_state
 from tactile_node.ros.time_messages import duration_message
 from tactile_node.shape.recognition import Shape, ShapeClass, TaughtShape
-from tactile_skin.msg import Contact, ContactShape, ContactShapes
+from tactile_skin.msg import ContactShape, ContactShapes
 
 #: ContactShape.msg numbers of our shapes.
 SHAPE_NUMBERS: dict[Shape, int] = {shape: getattr(ContactShape, shape.name) for shape in Shape}
@@ -25,24 +26,23 @@ def number_of(shape: ShapeClass) -> int:
     return int(ContactShape.OTHER) if isinstance(shape, TaughtShape) else int(SHAPE_NUMBERS[shape])
 
 
-def shape_message(contact: Contact, result: StreamedContact, method: str, solid_height: float) -> ContactShape:
+def shape_message(frame: PadFrame, result: StreamedContact, method: str, solid_height: float) -> ContactShape:
     """``solid_height`` [m]: of the solid to add, 0 for none."""
-    fused, frame, pattern = result.fused.recognition, result.recognition, result.contact
+    fused, alone, pattern = result.fused.recognition, result.recognition, result.contact
     seen, box = result.found.visibility, result.found.box
     message = ContactShape(
-        header=contact.header, sequence=contact.sequence, age=contact.age,
-        shape=number_of(fused.shape), class_name=fused.shape.value,
+        header=frame.header, sequence=frame.sequence, shape=number_of(fused.shape), class_name=fused.shape.value,
         unknown_reason=fused.reason,
         confidence=fused.confidence, class_names=[shape.value for shape in fused.probabilities],
         probabilities=list(fused.probabilities.values()),
-        frame_shape=number_of(frame.shape), frame_class_name=frame.shape.value,
-        frame_probabilities=[frame.probabilities.get(shape, 0.0) for shape in fused.probabilities],
+        frame_shape=number_of(alone.shape), frame_class_name=alone.shape.value,
+        frame_probabilities=[alone.probabilities.get(shape, 0.0) for shape in fused.probabilities],
         held=duration_message(result.fused.held),
         fused_frames=result.fused.frames, method=method, pad_seen=seen.pad_seen,
         taxels=int(np.count_nonzero(pattern.mask)), hidden_taxels=seen.hidden_in_contact,
         saturated_taxels=seen.saturated_in_contact, ring_taxels=seen.ring, hidden_ring_taxels=seen.hidden_in_ring,
         saturated_ring_taxels=seen.saturated_in_ring, at_edge=seen.at_edge,
-        missing_can_frames=contact.missing_can_frames,
+        missing_can_frames=frame.missing_can_frames,
         contacts=pattern.contacts, others_present=pattern.contacts > 1,
         contact_areas=[taxels * result.found.taxels.pitch**2 for taxels in pattern.sizes],
         pose=_nowhere(), residual=float('nan'), hollow=box.hollow)
@@ -55,10 +55,10 @@ def shape_message(contact: Contact, result: StreamedContact, method: str, solid_
     return message
 
 
-def shapes_message(contact: Contact, contacts: int, shapes: list[ContactShape]) -> ContactShapes:
+def shapes_message(contact: PadContact, contacts: int, shapes: list[ContactShape]) -> ContactShapes:
     """``shapes``: of the largest of so many ``contacts``, at most MOST_SHAPES."""
-    return ContactShapes(header=contact.header, sequence=contact.sequence, age=contact.age, state=contact.state,
-                         contacts=contacts, pad_seen=contact.pad_seen, shapes=shapes)
+    return ContactShapes(header=contact.header, sequence=contact.sequence, state=pad_state(contact.found),
+                         contacts=contacts, pad_seen=contact.found.visibility.pad_seen, shapes=shapes)
 
 
 def pose_message(shape: ContactShape) -> PoseWithCovarianceStamped:

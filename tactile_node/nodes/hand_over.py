@@ -1,0 +1,228 @@
+"""How a stage gives its results to the next: by a call where both share a process, on a topic for everyone else.
+
+The driver's thread puts a taxel frame in a bounded slot of the processor and wakes the executor. There the processor
+takes every frame; when none waits, the classifier of one pad takes its newest contact, in turn, and grasp each shape.
+Results arrive in one way, whichever way they came: counted, and refused beside those of a second source.
+"""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, Generic, Protocol, TypeVar
+
+from rclpy.exceptions import InvalidHandle
+from rclpy.node import Node
+from std_msgs.msg import Header
+
+from tactile_node.nodes.guarded_subscription import GuardedSubscription
+from tactile_node.ros.message_age import age_message
+from tactile_node.ros.message_checks import Check, Message
+from tactile_node.ros.message_health import StreamHealth
+from tactile_node.ros.settings import NodeSettings, ReceiverSettings
+
+WAKING_PERIOD = 0.2  # s after which one who waits for answers wakes the executor again: it may have begun since
+
+
+class StageResult(Protocol):
+    """What a stage hands over: of one taxel frame, as a message of the chain."""
+
+    @property
+    def header(self) -> Header: ...
+
+    @property
+    def sequence(self) -> int: ...
+
+
+Result = TypeVar('Result', bound=StageResult)
+
+
+class HandOver:
+    """The stages of one process, by the topics between them; their work is done by the executor of their nodes."""
+
+    def __init__(self) -> None:
+        self._inputs: dict[str, StageInput] = {}
+        self._changed = threading.Condition()
+        self._is_awake = False  # a task of the executor is pending
+        self._is_working = False
+        self._is_released = False
+        self._last_turn = 0
+
+    def add(self, stage: 'StageInput') -> None:
+        """Let ``stage`` be handed what is sent on its topic."""
+        self._inputs[stage.topic] = stage
+
+    def input_of(self, topic: str) -> 'StageInput | None':
+        """Return the stage of this process that reads ``topic``."""
+        return self._inputs.get(topic)
+
+    def is_complete(self, topic: str) -> bool:
+        """Return whether what is sent on ``topic`` comes out as a shape in this process."""
+        stage = self._inputs.get(topic)
+        return stage is not None and (stage.sends_on is None or self.is_complete(stage.sends_on))
+
+    def wake(self) -> None:
+        """Have the executor do what waits: one task, however much waits."""
+        with self._changed:
+            executor = next((stage.node.executor for stage in self._inputs.values() if stage.node.executor), None)
+            if self._is_awake or executor is None:
+                return
+            self._is_awake = True
+        with suppress(AttributeError, InvalidHandle):  # which rclpy raises where the executor has just been shut down
+            executor.create_task(self._work)
+
+    def wait_until_answered(self) -> None:
+        """Return when nothing waits and nothing is worked on: a log goes no faster than its consumers.
+
+        After `release` at once, until `hold`: its thread must not wait for one that waits for it.
+        """
+        with self._changed:
+            while not (self._is_released or self._is_idle()):
+                if not self._changed.wait(WAKING_PERIOD):
+                    self._is_awake = False
+                    self.wake()
+
+    def release(self) -> None:
+        with self._changed:
+            self._is_released = True
+            self._changed.notify_all()
+
+    def hold(self) -> None:
+        with self._changed:
+            self._is_released = False
+
+    def _is_idle(self) -> bool:
+        return not self._is_working and not any(stage.waits for stage in self._inputs.values())
+
+    def _work(self) -> None:
+        """Take every frame that waits, then one newest contact; the rest in another task, after other callbacks."""
+        with self._changed:
+            self._is_awake, self._is_working = False, True
+        try:
+            self._work_on_all()
+            stages = [stage for stage in self._inputs.values() if stage.takes_newest]
+            for place in range(len(stages)):
+                turn = (self._last_turn + 1 + place) % len(stages)
+                if stages[turn].work():
+                    self._last_turn = turn
+                    break
+            self._work_on_all()
+        finally:
+            with self._changed:
+                self._is_working = False
+                self._changed.notify_all()
+        if not self._is_idle():
+            self.wake()
+
+    def _work_on_all(self) -> None:
+        """Once: frames that never end must not keep the classifiers waiting."""
+        for stage in self._inputs.values():
+            if not stage.takes_newest:
+                stage.work()
+
+
+class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
+    """What a stage takes from ``topic``: ``accept`` is called with each result, or with the newest of those that wait.
+
+    A result is handed over by a stage of this process, or ``parse`` makes it of a message. The topic is subscribed to
+    unless the only one that publishes it is a stage of this process. While another one publishes it too, no result is
+    used once that one sends; the own messages that come back are known by sequence and stamp.
+    """
+
+    def __init__(self, node: Node, kind: type[Message], topic: str, accept: Callable[[Result], None],
+                 settings: ReceiverSettings, *, check: Check[Message], parse: Callable[[Message], Result],
+                 hand_over: HandOver, newest_only: bool = False):
+        self.node, self._accept, self._parse, self._hand_over = node, accept, parse, hand_over
+        self._slot: deque[tuple[Result, float]] = deque(maxlen=settings.queue_depth)  # the oldest gives way
+        self._own: deque[tuple[int, int, int]] = deque(maxlen=2 * settings.input_qos.depth)  # what may come back
+        self._is_fed = False
+        self.sends_on: str | None = None  #: topic of the results of this stage; None: of the last one of a pad
+        super().__init__(node, kind, topic, lambda message: accept(parse(message)), settings.input_qos, check=check,
+                         newest_only=newest_only)
+        hand_over.add(self)
+
+    @property
+    def waits(self) -> bool:
+        """Whether a result waits."""
+        return bool(self._slot)
+
+    @property
+    def takes_newest(self) -> bool:
+        return self._newest_only
+
+    def announce(self, result: Result) -> None:
+        """Note that ``result`` is about to be published and handed over: its message, if it arrives, is no news."""
+        self._is_fed = True
+        self._own.append(_key(result))
+
+    def put(self, result: Result, acquired: float) -> None:
+        """Hand ``result`` over, whose taxels were ``acquired`` [s, steady clock; -inf: not known]; from any thread."""
+        self._slot.append((result, acquired))
+        self._hand_over.wake()
+
+    def end_feeding(self) -> None:
+        """Note that the stage before is gone: whoever publishes the topic now is its source."""
+        self._is_fed = False
+
+    def work(self) -> bool:
+        """Take what waits; return whether anything did. On the executor's thread."""
+        if not self._slot:
+            return False
+        self._listen()
+        waiting = [self._slot.popleft() for _ in range(len(self._slot))]
+        for results in [waiting] if self._newest_only else [[each] for each in waiting]:
+            usable = [result for result, acquired in results if self._is_usable(result, acquired)]
+            self._work_on(usable, self._accept)
+        return True
+
+    @property
+    def health(self) -> StreamHealth:
+        self._listen()
+        return super().health
+
+    def _on_message(self, message: Message) -> None:
+        news = [each for each in (message, *self._waiting()) if _key(each) not in self._own]
+        self._work_on([each for each in news if self._is_usable(each)], self._callback)
+
+    def _listen(self) -> None:
+        """Subscribe to the topic while anyone publishes it but the stage of this process that hands over."""
+        others = self.node.count_publishers(self.topic) - self._is_fed
+        if self._is_fed and others <= 0:
+            self.destroy()
+        elif others > 0 and self._subscription is None:
+            self._subscription = self._subscribe()
+
+
+class StageOutput(Generic[Result]):
+    """The topic of a stage's results; ``make`` makes the message of one while anyone subscribes, in a replay always."""
+
+    def __init__(self, node: Node, kind: type, topic: str, settings: NodeSettings, make: Callable[[Result], Any],
+                 hand_over: HandOver):
+        self._node, self._make, self._hand_over = node, make, hand_over
+        self._keeps = settings.lossless
+        self._publisher: Any = node.create_publisher(kind, topic, settings.qos)
+        self.topic: str = self._publisher.topic_name  #: its full name
+
+    def send(self, result: Result, acquired: float) -> None:
+        """Publish ``result``, whose taxels were ``acquired`` [s, steady clock], and hand it over."""
+        reader = self._hand_over.input_of(self.topic)
+        if reader is not None:
+            reader.announce(result)
+        if self._keeps or self._publisher.get_subscription_count():
+            message = self._make(result)
+            message.age = age_message(time.monotonic() - acquired)
+            self._publisher.publish(message)
+        if reader is not None:
+            reader.put(result, acquired)
+
+    def destroy(self) -> None:
+        reader = self._hand_over.input_of(self.topic)
+        if reader is not None:
+            reader.end_feeding()
+        self._node.destroy_publisher(self._publisher)
+
+
+def _key(result: Any) -> tuple[int, int, int]:
+    """Return what tells one frame of a source from another."""
+    return result.sequence, result.header.stamp.sec, result.header.stamp.nanosec

@@ -1,0 +1,262 @@
+"""Nodes of one process hand their results over by calls; what comes out is as if messages had brought them."""
+
+import os
+import threading
+import time
+
+import numpy as np
+import pytest
+import rclpy
+from hidden_skin import NODE_ID, write_log
+from rclpy.parameter import Parameter
+
+from tactile_node.errors import ConfigurationError
+from tactile_node.node_graph import bus_nodes
+from tactile_node.nodes.classifier_node import ClassifierNode
+from tactile_node.nodes.driver_node import DriverNode
+from tactile_node.nodes.processor_node import ProcessorNode
+from tactile_node.nodes.spinning import spinning
+from tactile_node.nodes.system import System
+from tactile_node.pose.pipeline import Taxels
+from tactile_node.ros.contact_messages import PadFrame, taxel_array_message
+from tactile_node.ros.message_checks import RejectReason
+from tactile_node.ros.qos import frames_qos
+from tactile_node.taxel_frame import TaxelFrame
+from tactile_skin.msg import Contact, ContactShape, Grasp, TaxelArray
+
+pytestmark = [pytest.mark.ros, pytest.mark.bus]
+
+TIMEOUT, PERIOD = 60.0, 0.02
+REPLAYED = 10_000 if os.environ.get('TACTILE_LONG') else 700
+PRESS = np.zeros((16, 16), np.uint8)
+PRESS[4:11, 5:12] = 120
+
+
+@pytest.fixture(autouse=True)
+def context():
+    rclpy.init()
+    yield
+    rclpy.try_shutdown()
+
+
+def until(condition, timeout=TIMEOUT):
+    end = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+class Process:
+    """The nodes of two pads in one process and a listener in another context of it; frames come from the test."""
+
+    def __init__(self, stack_nodes=(), **every):
+        self.system = System(bus_nodes(['left', 'right'], driver={'autostart': False}, every=every)[:-1])
+        self.nodes = {node.get_fully_qualified_name(): node for node in self.system.nodes}
+        self.peer = rclpy.create_node('peer')
+        self.outputs = {}
+        self.sequence = 0
+
+    def __enter__(self):
+        self._spinning = spinning((*self.system.nodes, self.peer))
+        self._spinning.__enter__()
+        return self
+
+    def __exit__(self, *error):
+        self._spinning.__exit__(None, None, None)
+        self.system.destroy()
+        self.peer.destroy_node()
+
+    def input(self, name):
+        """Return what the node of that name takes."""
+        node = self.nodes[name]
+        return node._taxels if name.endswith('processor') else node._contacts
+
+    def send(self, pads=('left', 'right'), press=True):
+        """Hand a frame of each pad over, as the driver's thread does."""
+        self.sequence += 1
+        for pad in pads:
+            frame = pad_frame(self.sequence, press)
+            taxels = self.input(f'/{pad}/processor')
+            taxels.announce(frame)
+            taxels.put(frame, time.monotonic())
+
+
+def pad_frame(sequence, press=True):
+    values = 50e3 * (PRESS > 0) * press + np.random.default_rng(sequence).normal(0, 200, PRESS.shape)
+    frame = TaxelFrame(1.7e9 + PERIOD * sequence, sequence, values, np.ones(PRESS.shape, np.uint8), 0)
+    return PadFrame.of(frame, Taxels(0.004, 'Pa'), 'pad')
+
+
+def heard_by(node, kind, topic):
+    heard = []
+    node.create_subscription(kind, topic, heard.append, frames_qos(500))
+    return heard
+
+
+def facts(message):
+    """All fields but the age."""
+    return {name: str(getattr(message, name)) for name in message.get_fields_and_field_types() if name != 'age'}
+
+
+def test_both_ways_give_the_same_results():
+    """Frames handed over, and the same as messages to nodes that know of no one: shapes are equal to the last bit."""
+    with Process() as process:
+        shapes, contacts = (heard_by(process.peer, kind, f'/left/{topic}')
+                            for kind, topic in ((ContactShape, 'shape'), (Contact, 'contact')))
+        until(lambda: all(process.peer.count_publishers(f'/left/{topic}') and any(
+            publisher.topic_name == f'/left/{topic}' and publisher.get_subscription_count() > 0
+            for node in process.system.nodes for publisher in node.publishers) for topic in ('shape', 'contact')))
+        for number in range(1, 21):
+            process.send(['left'], press=number > 5)
+            until(lambda number=number: len(shapes) == number == len(contacts))
+    nodes = [ProcessorNode(namespace='/left'), ClassifierNode(namespace='/left')]
+    peer = rclpy.create_node('peer')
+    by_message = heard_by(peer, ContactShape, '/left/shape')
+    publisher = peer.create_publisher(TaxelArray, '/left/taxels', frames_qos(10))
+    with spinning((*nodes, peer)):
+        until(lambda: publisher.get_subscription_count() and peer.count_subscribers('/left/contact')
+              and nodes[1]._shapes._publisher.get_subscription_count())
+        time.sleep(0.5)  # until the processor's publisher and the classifier have found each other
+        for number in range(1, 21):
+            publisher.publish(taxel_array_message(pad_frame(number, press=number > 5)))
+            until(lambda number=number: len(by_message) == number)
+    for node in (*nodes, peer):
+        node.destroy_node()
+    assert [facts(shape) for shape in shapes] == [facts(shape) for shape in by_message]
+    assert {shape.class_name for shape in shapes} == {'none', 'square'}
+
+
+def test_nothing_is_published_between_nodes_that_share_a_process():
+    with Process() as process:
+        grasps = heard_by(process.peer, Grasp, '/grasp')
+        for _ in range(30):
+            process.send()
+            time.sleep(PERIOD)
+        until(lambda: process.input('/right/classifier').counts.processed)
+        for pad in ('left', 'right'):
+            stages = [process.input(f'/{pad}/{role}') for role in ('processor', 'classifier')]
+            assert all(stage._subscription is None for stage in stages)
+            until(lambda stages=stages: sum((stages[1].counts.processed, stages[1].counts.overtaken)) == 30)
+            assert stages[0].counts == (30, 30, {}, 0, 0), 'the processor sees every frame'
+            assert not stages[1].counts.dropped and not stages[1].counts.skipped
+        assert grasps and {side.class_name for side in grasps[-1].sides} == {'square'}
+        assert max(side.age.sec + side.age.nanosec * 1e-9 for side in grasps[-1].sides) < 1.0
+
+
+def test_an_exception_of_a_stage_is_counted_and_the_others_go_on(monkeypatch):
+    with Process() as process:
+        failing, good = process.input('/left/classifier'), process.input('/right/classifier')
+
+        def fail(contact):
+            raise ValueError('a stage that raises')
+        monkeypatch.setattr(failing, '_accept', fail)
+        for _ in range(10):
+            process.send()
+            time.sleep(PERIOD)
+        until(lambda: good.counts.processed + good.counts.overtaken == 10)
+        until(lambda: failing.counts.dropped.get(RejectReason.PROCESSING_FAILED, 0) + failing.counts.overtaken == 10)
+        assert good.counts.processed > 0 and not good.counts.dropped and failing.counts.processed == 0
+
+
+def test_a_blocked_stage_costs_frames_and_each_is_counted(monkeypatch):
+    """The slot keeps queue_depth frames, as a subscription does; what gave way is missing in the sequence."""
+    blocked = 5.0 if os.environ.get('TACTILE_LONG') else 1.0
+    with Process(queue_depth=10) as process:
+        stage, taxels = process.input('/left/classifier'), process.input('/left/processor')
+        accept, begun = stage._accept, threading.Event()
+
+        def block(contact):
+            begun.set()
+            time.sleep(blocked)
+            accept(contact)
+        monkeypatch.setattr(stage, '_accept', block)
+        process.send()
+        assert begun.wait(TIMEOUT)
+        monkeypatch.setattr(stage, '_accept', accept)
+        for _ in range(40):
+            process.send()
+            time.sleep(0.5 * blocked / 40)
+        until(lambda: taxels.counts.processed + taxels.counts.skipped == 41)
+        until(lambda: stage.counts.processed + stage.counts.overtaken + stage.counts.skipped == 41)
+        assert taxels.counts.skipped == 30 and stage.counts.overtaken > 0
+
+
+def test_an_outsider_in_the_middle_of_the_chain_is_not_used_and_nor_is_our_own(monkeypatch):
+    with Process() as process:
+        stage = process.input('/left/classifier')
+        for _ in range(30):
+            process.send()
+            time.sleep(PERIOD)
+        until(lambda: stage.counts.processed > 5)
+        contacts = heard_by(process.peer, Contact, '/left/contact')
+        outsider = rclpy.create_node('outsider')
+        publisher = outsider.create_publisher(Contact, '/left/contact', frames_qos(10))
+        until(lambda: (process.send(), time.sleep(PERIOD), publisher.get_subscription_count() > 1)[-1])
+        until(lambda: (process.send(), time.sleep(PERIOD), len(contacts) > 5)[-1])
+        assert not stage.counts.dropped, 'our own messages, which come back, are no second source'
+        foreign = contacts[-1]
+        foreign.sequence += 1_000_000
+        malformed = Contact(sequence=7, rows=3, cols=3)
+        before = stage.counts.processed
+        for _ in range(30):
+            foreign.sequence += 1
+            publisher.publish(foreign)
+            publisher.publish(malformed)
+            process.send()
+            time.sleep(PERIOD)
+        until(lambda: stage.counts.dropped.get(RejectReason.OTHER_SOURCE, 0) > 30)
+        assert stage.counts.processed < before + 15
+        assert stage.counts.dropped[RejectReason.WRONG_LENGTH] > 10
+        outsider.destroy_node()
+        before = stage.counts.processed
+        until(lambda: (process.send(), time.sleep(PERIOD), stage.counts.processed > before + 10)[-1])
+        until(lambda: (process.send(), time.sleep(PERIOD), stage._subscription is None)[-1])
+
+
+def replaying(path, **more):
+    parameters = {'replay': str(path), 'replay_pace': 0.0, 'node_ids': [NODE_ID], **more}
+    return System(bus_nodes(['pad'], driver=parameters, every={'lossless': True}, classifier={'fit': False}))
+
+
+def test_a_replay_as_fast_as_possible_answers_every_frame(tmp_path):
+    write_log(tmp_path / 'long.log', [PRESS * (number // 50 % 2) for number in range(REPLAYED)])
+    system, listener, shapes = replaying(tmp_path / 'long.log'), rclpy.create_node('listener'), []
+    listener.create_subscription(ContactShape, '/pad/shape', lambda message: shapes.append(message.sequence),
+                                 frames_qos(50, lossless=True))
+    with spinning((*system.nodes, listener)):
+        system.autostart(threading.Event())
+        assert system.source.finished.wait(max(TIMEOUT, REPLAYED / 20))
+        assert system.recognised == REPLAYED, 'when the log has ended, every frame has been answered'
+        until(lambda: len(shapes) == REPLAYED)
+        system.driver.trigger_deactivate()
+    system.destroy()
+    listener.destroy_node()
+    assert shapes == list(range(REPLAYED))
+
+
+def test_a_replay_that_waits_can_be_deactivated_at_once(tmp_path, monkeypatch):
+    write_log(tmp_path / 'long.log', [PRESS] * 50)
+    system, begun, go = replaying(tmp_path / 'long.log'), threading.Event(), threading.Event()
+    stage = next(node for node in system.nodes if node.get_name() == 'classifier')._contacts
+
+    def block(contact):
+        begun.set()
+        go.wait(TIMEOUT)
+    monkeypatch.setattr(stage, '_accept', block)
+    with spinning(system.nodes):
+        system.autostart(threading.Event())
+        assert begun.wait(TIMEOUT)
+        begin = time.monotonic()
+        system.driver.trigger_deactivate()
+        assert time.monotonic() - begin < 2.0
+        go.set()
+    system.destroy()
+
+
+def test_a_lossless_replay_over_several_processes_is_refused_with_the_remedy(tmp_path):
+    write_log(tmp_path / 'long.log', [PRESS] * 5)
+    given = {'replay': str(tmp_path / 'long.log'), 'pads': ['pad'], 'node_ids': [NODE_ID], 'lossless': True}
+    driver = DriverNode(parameter_overrides=[Parameter(name, value=value) for name, value in given.items()])
+    with pytest.raises(ConfigurationError, match='tactile bringup --replay'):
+        driver.autostart()
+    driver.destroy_node()
