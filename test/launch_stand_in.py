@@ -4,7 +4,7 @@ import sys
 from importlib.util import module_from_spec, spec_from_file_location
 from types import ModuleType
 
-from tactile_node.cli.bringup import described
+from tactile_node.cli.bringup import describe_nodes
 from tactile_node.cli.main import _parser
 
 
@@ -63,4 +63,4 @@ def process_of(path, **given):
 
 def nodes_of(process, namespace=''):
     """The nodes that a process makes, by the real command's own reading of its arguments."""
-    return described(_parser('bringup').parse_args(process['arguments']), namespace)
+    return describe_nodes(_parser('bringup').parse_args(process['arguments']), namespace)

@@ -83,7 +83,7 @@ def test_what_cannot_work_ends_with_a_sentence_and_code_2(words, expected, short
 @pytest.mark.parametrize('rule', ['-r', '--remap'])
 def test_a_namespace_for_the_whole_process_keeps_the_names_of_its_nodes(rule):
     """What launch_ros passes inside PushRosNamespace; rcl alone would make both processors /robot/hand/processor."""
-    from tactile_node.cli.bringup import described
+    from tactile_node.cli.bringup import describe_nodes
     from tactile_node.cli.main import _parser
     from tactile_node.nodes.run import running
     from tactile_node.ros.global_names import without_global_names
@@ -91,7 +91,7 @@ def test_a_namespace_for_the_whole_process_keeps_the_names_of_its_nodes(rule):
         ['bringup', '--pads', 'left,right', '--node-id', '32,64', '--namespace', 'elsewhere', '--ros-args', rule,
          '__node:=one', '--ros-args', rule, '__ns:=/robot/hand', rule, 'grasp:=held', '-p', 'queue_depth:=7'])
     given = without_global_names(args.ros_args)
-    with running(described(args, given.namespace), given.arguments) as (system, _):
+    with running(describe_nodes(args, given.namespace), given.arguments) as (system, _):
         assert [node.get_fully_qualified_name() for node in system.nodes] == [
             '/robot/hand/' + name for name in ('left/processor', 'left/classifier', 'right/processor',
                                                'right/classifier', 'grasp', 'skin_driver')]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_node.cli.simulate import touching
+from tactile_node.cli.simulate import read_shape
 from tactile_node.errors import InputError
 from tactile_node.simulator.figures import NAMED, Figure, coverage, named_silhouette
 from tactile_node.simulator.touches import touch_program
@@ -26,7 +26,7 @@ def test_a_picture_is_pressed_where_it_is_dark(tmp_path):
     grey = np.full((80, 80), 255, np.uint8)
     grey[20:60, 30:50] = 0
     image.fromarray(grey).save(path)
-    found = touching(str(path))
+    found = read_shape(str(path))
     assert (found.name, found.cells) == ('plug', 800)
     program = touch_program(load_layout('sim16x16.yaml'), (found,), (40.0,), hold=1.0, pause=0.5)
     values = program(1.0)
@@ -38,12 +38,12 @@ def test_what_is_no_picture_is_refused(tmp_path, content):
     path = tmp_path / 'plug.png'
     path.write_bytes(content)
     with pytest.raises(InputError):
-        touching(str(path))
+        read_shape(str(path))
 
 
 def test_an_empty_picture_and_an_unknown_name_are_refused(tmp_path):
     np.save(tmp_path / 'empty.npy', np.zeros((50, 50), bool))
     with pytest.raises(InputError):
-        touching(str(tmp_path / 'empty.npy'))
+        read_shape(str(tmp_path / 'empty.npy'))
     with pytest.raises(InputError):
-        touching('dodecahedron')
+        read_shape('dodecahedron')

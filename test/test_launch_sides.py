@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from launch_stand_in import nodes_of, process_of, put_stand_ins
 
-from tactile_node.cli.bringup import described
+from tactile_node.cli.bringup import describe_nodes
 from tactile_node.cli.main import _parser
 from tactile_node.errors import ConfigurationError
 from tactile_node.node_graph import Role
@@ -38,7 +38,7 @@ def side(name, **given):
 
 
 def command(*words):
-    return described(_parser('bringup').parse_args(['bringup', *words]), '')
+    return describe_nodes(_parser('bringup').parse_args(['bringup', *words]), '')
 
 
 def test_each_node_runs_on_one_of_the_two_sides():

@@ -5,7 +5,7 @@ import io
 import pytest
 
 from tactile_node.cli import progress
-from tactile_node.cli.progress import counted, followed
+from tactile_node.cli.progress import count_progress, show_progress
 
 
 class Terminal(io.StringIO):
@@ -16,14 +16,14 @@ class Terminal(io.StringIO):
 
 
 def work():
-    with counted('frames of a log', ' frames', total=4) as bar:
+    with count_progress('frames of a log', ' frames', total=4) as bar:
         bar.update(2)
-    return list(followed('abc', 'x.npy', 3, prints=True))
+    return list(show_progress('abc', 'x.npy', 3, prints=True))
 
 
 @pytest.fixture(autouse=True)
 def at_once(monkeypatch):
-    monkeypatch.setattr(progress, 'DELAY', 0)
+    monkeypatch.setattr(progress, 'BAR_DELAY', 0)
 
 
 def test_it_is_silent_where_stderr_is_no_terminal(capsys):

@@ -18,7 +18,7 @@ from tactile_node.taxel_frame import TaxelStatus
 from tactile_node.viewing.findings import Finding, findings
 from tactile_node.viewing.log_report import BagReporter
 from tactile_node.viewing.model import Kind
-from tactile_node.viewing.report_page import ABSENT, TAUGHT, page_of
+from tactile_node.viewing.report_page import ABSENT_TEXT, TAUGHT_COLOUR, page_of
 
 pytest.importorskip('jinja2')
 VOID = {'meta', 'br', 'path', 'rect', 'polygon', 'polyline'}
@@ -98,7 +98,7 @@ def test_the_page_of_nothing_says_so(tmp_path):
     """Neither 0 nor all is well, where a log could not show otherwise."""
     lines = [line for line in session(1.0) if ' 080#' not in line]
     page = check_alone(page_of(report_of(logged(tmp_path / 'x.log', lines))))
-    assert page.texts.count(ABSENT) >= 8
+    assert page.texts.count(ABSENT_TEXT) >= 8
     assert not any('Every taxel had a value' in text for text in page.texts)
 
 
@@ -119,7 +119,7 @@ def test_a_bag_of_taxel_arrays(tmp_path):
     found = {each.finding: each.number for each in findings(report)}
     assert found == {Finding.LOST_FRAMES: 1, Finding.INCOMPLETE: 15, Finding.FAULTY_TAXELS: 1}
     texts = check_alone(page_of(report)).texts
-    assert texts.count(ABSENT) >= 8
+    assert texts.count(ABSENT_TEXT) >= 8
 
 
 def test_diagnostics_of_any_program_are_escaped(tmp_path):
@@ -157,7 +157,7 @@ def test_shapes_that_were_taught_are_named_and_drawn(tmp_path):
     path = tmp_path / 'session.log'
     path.write_text('\n'.join(session()) + '\n')
     page = page_of(report_of(path, node_ids=(32,), recogniser=Plug()))
-    assert '<b>1. my plug</b>' in page and f'<path stroke="{TAUGHT}"' in page and '</i>my plug<' in page
+    assert '<b>1. my plug</b>' in page and f'<path stroke="{TAUGHT_COLOUR}"' in page and '</i>my plug<' in page
 
 
 def test_a_model_that_is_missing_is_an_error(tmp_path, capsys):

@@ -11,7 +11,7 @@ from taught_cross import LOADS, PAD, cross, disc, examples, held, rng_of, third_
 from tactile_node import Recogniser, find_contact, fit_shape
 from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.cli.main import main
-from tactile_node.cli.touch_sources import _guided
+from tactile_node.cli.touch_sources import _guide
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.learning.taught_file import examples_in
 from tactile_node.learning.teach import LEAST_RIGHT, teach
@@ -115,7 +115,7 @@ def test_live_a_touch_counts_when_it_was_steady_and_lifted():
             frames.put(1e3 + 50e3 * covered + 100 * rng.standard_normal((PAD, PAD)))
         for _ in range(3):
             frames.put(1e3 + 100 * rng.standard_normal((PAD, PAD)))
-    found = _guided('cross', 2, load_layout('sim16x16.yaml'), frames, [])
+    found = _guide('cross', 2, load_layout('sim16x16.yaml'), frames, [])
     assert len(found.touches) == 2 and frames.qsize() == 2  # at the lift after the third
     assert all(abs(np.median(frame.values)) < 200 for touch in found.touches for frame in touch.frames)
 
@@ -212,7 +212,7 @@ def test_live_the_recording_that_is_reported_is_the_one_that_was_written(tmp_pat
 
     def interrupted(*given):
         raise KeyboardInterrupt
-    monkeypatch.setattr('tactile_node.cli.touch_sources._guided', interrupted)
+    monkeypatch.setattr('tactile_node.cli.touch_sources._guide', interrupted)
     monkeypatch.setattr('tactile_node.cli.touch_sources._say', said.append)
     monkeypatch.setattr(SkinBus, 'configure', lambda bus: None)
     monkeypatch.setattr(SkinBus, 'start', lambda bus: None)

@@ -30,7 +30,7 @@ from tactile_node.viewing.page_parts import (
     status_html,
 )
 from tactile_node.viewing.recordings import Timeline
-from tactile_node.viewing.source import MOST_POINTS, Store
+from tactile_node.viewing.source import MOST_FORCE_POINTS, Store
 from tactile_node.viewing.states import BusFacts, GraspFacts, NodeFacts, PadFacts, facts_of
 from tactile_node.viewing.terminal import show_in_terminal
 from tactile_node.viewing.touch_finder import PadRecogniser
@@ -57,10 +57,10 @@ class Terminal(io.StringIO):
 
 def test_what_is_not_looked_at_is_replaced_and_the_history_is_bounded():
     store = Store(['left'])
-    for k in range(5 * MOST_POINTS):
+    for k in range(5 * MOST_FORCE_POINTS):
         store.put(state(stamp=0.001 * k))
-    assert store.shown().pads['left'].stamp == pytest.approx(0.001 * (5 * MOST_POINTS - 1))
-    assert store.forces('left').shape == (2, MOST_POINTS)
+    assert store.shown().pads['left'].stamp == pytest.approx(0.001 * (5 * MOST_FORCE_POINTS - 1))
+    assert store.forces('left').shape == (2, MOST_FORCE_POINTS)
 
 
 def test_a_pad_that_a_recording_has_not_reached_is_not_shown():

@@ -277,7 +277,7 @@ AGES = """begin => new Promise(resolve => {
 
 
 def test_over_a_slow_tunnel_nothing_old_looks_live(browser, server):
-    from tactile_node.viewing.page_parts import OLD
+    from tactile_node.viewing.page_parts import OLD_AGE
     begin = time.time()
     server._source.side_at = lambda now: now - begin
     tunnel = Tunnel(server.port)
@@ -287,6 +287,6 @@ def test_over_a_slow_tunnel_nothing_old_looks_live(browser, server):
     page.wait_for_timeout(1000)
     ages = page.evaluate(AGES, begin)
     print(f'\n{TUNNEL_RATE / 1e3:.0f} kB/s: live in {len(ages)} looks, {max(ages):.2f} s old at most')
-    assert len(ages) > 100 and max(ages) <= OLD
+    assert len(ages) > 100 and max(ages) <= OLD_AGE
     page.close()
     tunnel.close()

@@ -7,7 +7,7 @@ import pytest
 from viewed import HandSource
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.viewing.gate import Gate, Request, refused
+from tactile_node.viewing.gate import Gate, Request, check_request
 from tactile_node.viewing.server import ViewServer
 
 pytest.importorskip('viser')
@@ -50,10 +50,10 @@ def test_a_page_of_another_site_gets_no_websocket(open_server):
 
 
 def test_every_loopback_address_is_this_machine():
-    assert refused(Request('GET', '/', {'host': '127.0.0.2:8080'})) is None
-    assert refused(Request('GET', '/', {'host': '[::1]:8080'})) is None
+    assert check_request(Request('GET', '/', {'host': '127.0.0.2:8080'})) is None
+    assert check_request(Request('GET', '/', {'host': '[::1]:8080'})) is None
     for host in ('', '192.168.1.2', '127.0.0.1.evil.example', '[', 'localhost.evil.example:8080'):
-        assert refused(Request('GET', '/', {'host': host})) == 403
+        assert check_request(Request('GET', '/', {'host': host})) == 403
 
 
 def test_web_pages_do_not_find_the_server_behind_the_gate(open_server):

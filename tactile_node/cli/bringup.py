@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from typing import Any, NamedTuple
 
-from tactile_node.cli.options import add_number, eds_of, layouts_of, names, node_ids, node_ids_of, switch
+from tactile_node.cli.options import add_number, live_pads_of, names, node_ids, switch
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption, stop_with
 from tactile_node.node_graph import NodeDescription, ParameterValue, Role, Side, bus_nodes, roles_of
@@ -84,7 +84,7 @@ ARGUMENTS = {
                       choices=('keep', 'respawn', 'shutdown'))}
 
 
-def described(args: argparse.Namespace, namespace: str) -> tuple[NodeDescription, ...]:
+def describe_nodes(args: argparse.Namespace, namespace: str) -> tuple[NodeDescription, ...]:
     """The nodes of this process, with the parameters that were given. Raises ConfigurationError."""
     if args.replay and args.side:
         raise ConfigurationError('--replay', expected='all nodes of the bus in one process',
@@ -93,12 +93,12 @@ def described(args: argparse.Namespace, namespace: str) -> tuple[NodeDescription
         _check_side(args)
     given = {role: _parameters(args, options) for role, options in PARAMETERS.items()}
     every = _parameters(args, {'use_sim_time': 'use_sim_time'}) | ({'lossless': True} if args.replay else {})
-    nodes = bus_nodes(pads_of(args), driver=given[Role.DRIVER] | _source_parameters(args), every=every,
+    nodes = bus_nodes(pad_names_of(args), driver=given[Role.DRIVER] | _source_parameters(args), every=every,
                       classifier=given[Role.CLASSIFIER], grasp=given[Role.GRASP], namespace=namespace)
     return tuple(node for node in nodes if node.role in roles_of(Side(args.side))) if args.side else nodes
 
 
-def pads_of(args: argparse.Namespace) -> list[str]:
+def pad_names_of(args: argparse.Namespace) -> list[str]:
     return list(DriverSettings.pads) if args.pads is None else args.pads
 
 
@@ -148,7 +148,7 @@ def run(args: argparse.Namespace) -> int:
         if args.end_with:
             stop_with(args.end_with, stop_requested)
         given = without_global_names(args.ros_args)
-        nodes = described(args, given.namespace or args.namespace)
+        nodes = describe_nodes(args, given.namespace or args.namespace)
         ros_arguments = [*given.arguments, *_params_file(args)]
         if args.simulate and any(node.role is Role.DRIVER for node in nodes):
             _simulate(args, stack)
@@ -176,8 +176,7 @@ def _simulate(args: argparse.Namespace, stack: ExitStack) -> None:
     """Put a simulated skin on a bus of this process."""
     from tactile_node.simulator.skin_simulator import SkinSimulator
     from tactile_node.simulator.touches import gripper_sources
-    from tactile_node.skin.pads import make_pads, with_dictionaries
-    pads = with_dictionaries(make_pads(layouts_of(args), node_ids_of(args), pads_of(args)), eds_of(args))
+    pads = live_pads_of(args, pad_names_of(args))
     simulator = SkinSimulator(pads, gripper_sources(pads))
     simulator.start('virtual', SIMULATED_CHANNEL)
     stack.callback(simulator.stop)

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.cli.frame_file import read_frames
-from tactile_node.cli.options import add_log_options, add_output_option, node_ids_of
+from tactile_node.cli.options import add_log_options, add_output_option, pads_of, single_pad_of
 from tactile_node.cli.played_log import play_log
-from tactile_node.cli.progress import counted
+from tactile_node.cli.progress import count_progress
 from tactile_node.conditioning.gain import load_gains
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.learning.presses import find_presses, subtract_zero
@@ -24,10 +24,9 @@ from tactile_node.learning.touches import Touches
 from tactile_node.output_file import check_writable
 from tactile_node.pose.moments import check_pitch
 from tactile_node.press_levels import ON_OFF_UNIT
-from tactile_node.skin.pads import make_pads
 from tactile_node.taxel_frame import TaxelStatus
 
-SUSPICIOUS = 0.06  #: of the radius
+SUSPICIOUS_ERROR = 0.06  #: of the radius
 
 
 class Readings(NamedTuple):
@@ -59,11 +58,11 @@ def run(args: argparse.Namespace) -> int:
     found = find_presses(readings.frames, readings.saturated, readings.unit or None)
     frames = sum(len(press.frames) for press in found.touches)
     print(f'{len(found.touches)} presses, {frames} of their frames used{_unused(found)}')
-    with counted('fitting', ' fits') as bar:
+    with count_progress('fitting', ' fits') as bar:
         calibration = calibrate(found.touches, known, readings.pitch, readings.unit, progress=bar.update)
     save_response(output, calibration.response, _head(args), _found_from(known, found, calibration))
     print(_summary(calibration))
-    if abs(calibration.before) > SUSPICIOUS:
+    if abs(calibration.before) > SUSPICIOUS_ERROR:
         print(f'tactile: without calibration the radius would be {100 * calibration.before:+.1f} % off, more than with '
               'most skins. A wrong --radius looks the same: measure the face again.', file=sys.stderr)
     users = 'to the driver (response_files) or ' if readings.unit else ''
@@ -76,8 +75,7 @@ def _output(args: argparse.Namespace) -> str:
         return str(args.output)
     if _is_array(args):
         raise ConfigurationError('--output', expected='a file to write', got='none', remedy='Name one.')
-    pads = make_pads([args.layout], node_ids_of(args))
-    return str(Path(pads[0].layout.source).with_suffix(SUFFIX))
+    return str(Path(pads_of(args)[0].layout.source).with_suffix(SUFFIX))
 
 
 def _is_array(args: argparse.Namespace) -> bool:
@@ -101,15 +99,12 @@ def _of_array(args: argparse.Namespace) -> Readings:
 
 
 def _of_log(args: argparse.Namespace) -> Readings:
-    pads = make_pads([args.layout], node_ids_of(args))
-    layout = pads[0].layout
-    if len(pads) > 1:
-        raise ConfigurationError('--node-id', expected='the nodes of one pad', got=f'{len(pads)} pads',
-                                 remedy='Calibrate each pad from its own presses.')
+    pad = single_pad_of(args, 'Calibrate each pad from its own presses.')
+    layout = pad.layout
     if layout.value.unit == ON_OFF_UNIT:
         raise _on_off(layout.source)
-    played = play_log(args.recording, pads, channel=args.channel, any_device=args.any_device, must_be_used=True)
-    frames = played.frames[pads[0].name]
+    played = play_log(args.recording, (pad,), channel=args.channel, any_device=args.any_device, must_be_used=True)
+    frames = played.frames[pad.name]
     saturated = np.array([frame.status == TaxelStatus.SATURATED for frame in frames])
     values = subtract_zero(np.array([frame.values for frame in frames]))
     return Readings(values, saturated, layout.pitch, layout.value.unit)

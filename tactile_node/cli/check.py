@@ -22,10 +22,10 @@ from tactile_node.skin.layout_file import read_layout
 from tactile_node.skin.layout_rules import layout_problems
 from tactile_node.yaml_section import line_of
 
-NODE_ID = 32               #: that the EDS is read for
-PERIODS = (0.02, 0.01, 0.005)  #: between two SYNCs, of which the load is given [s]
+EDS_NODE_ID = 32           #: that the EDS is read for
+SYNC_PERIODS = (0.02, 0.01, 0.005)  #: between two SYNCs, of which the load is given [s]
 WIDEST_MAP = 120           #: columns of a map that a terminal shows
-MAPPED, UNMAPPED, DEAD = '#', '.', 'x'
+MAPPED_SIGN, UNMAPPED_SIGN, DEAD_SIGN = '#', '.', 'x'
 
 
 class Use(NamedTuple):
@@ -33,16 +33,15 @@ class Use(NamedTuple):
 
     bitrate: int = DEFAULT_BITRATE
     pads: int = 1
-    sync_period: float = PERIODS[0]  #: [s]
+    sync_period: float = SYNC_PERIODS[0]  #: [s]
 
 
-class Found(NamedTuple):
+class CheckedLayout(NamedTuple):
     """What is known of a layout."""
 
     layout: SkinLayout | None
-    errors: list[ConfigurationError]  #: the driver would refuse it
+    errors: list[tuple[ConfigurationError, int | None]]  #: the driver would refuse it; line of the layout file
     warnings: list[str]
-    lines: dict[int, int | None]      #: of the layout file, by the place of its error
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -53,7 +52,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_number(parser, '--pads', int, limits={'least': 1}, default=1,
                help='of this layout on the bus, default %(default)s')
     add_number(parser, '--sync-period', limits={'above': 0, 'unit': 's', 'remedy': '0.01 is 100 Hz.'}, metavar='S',
-               default=PERIODS[0],
+               default=SYNC_PERIODS[0],
                help='between two SYNCs, at which the bus has to carry the pads, default %(default)s')
     parser.add_argument('--json', action='store_true', help='one JSON object')
 
@@ -61,7 +60,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print what was found; 2 for a layout that the driver would refuse, 1 for warnings."""
     use = Use(args.bitrate, args.pads, args.sync_period)
-    found = checked(args.layout, args.eds, use)
+    found = check_layout(args.layout, args.eds, use)
     if args.json:
         print(json.dumps(as_json(found, use)))
     else:
@@ -69,26 +68,25 @@ def run(args: argparse.Namespace) -> int:
     return 2 if found.errors else 1 if found.warnings else 0
 
 
-def checked(layout_name: str, eds: str, use: Use) -> Found:
+def check_layout(layout_name: str, eds: str, use: Use) -> CheckedLayout:
     """Check a layout and its EDS, all rules of both."""
     try:
         layout = read_layout(layout_name)
     except ConfigurationError as error:
-        return Found(None, [error], [], {0: _line(layout_name, error)})
+        return CheckedLayout(None, [(error, _line(layout_name, error))], [])
     errors = layout_problems(layout)
     eds = eds or layout.source.rsplit('.', 1)[0] + '.eds'
     try:
-        errors += eds_problems(load_eds(eds, NODE_ID), layout, eds)
+        errors += eds_problems(load_eds(eds, EDS_NODE_ID), layout, eds)
     except ConfigurationError as error:
         errors.append(error)
-    lines = {number: _line(layout_name, error) for number, error in enumerate(errors)}
-    return Found(layout, errors, _warnings(layout, use), lines)
+    return CheckedLayout(layout, [(error, _line(layout_name, error)) for error in errors], _warnings(layout, use))
 
 
-def as_json(found: Found, use: Use) -> dict:
+def as_json(found: CheckedLayout, use: Use) -> dict:
     """Return all facts by name; null for what is not known."""
-    errors = [{'where': error.where, 'line': found.lines[number], 'expected': error.expected, 'got': error.got,
-               'remedy': error.remedy} for number, error in enumerate(found.errors)]
+    errors = [{'where': error.where, 'line': line, 'expected': error.expected, 'got': error.got,
+               'remedy': error.remedy} for error, line in found.errors]
     return {'errors': errors, 'warnings': found.warnings, **(_facts(found.layout, use) if found.layout else {})}
 
 
@@ -96,7 +94,7 @@ def _facts(layout: SkinLayout, use: Use) -> dict:
     bits, kinds, loads = sweep_bits(layout), _map(layout), _loads(layout, use)
     return {'rows': layout.rows, 'cols': layout.cols, 'pitch': layout.pitch, 'unit': layout.value.unit,
             'nodes': layout.nodes, 'tpdos': len(layout.tpdos), 'polled': layout.domain is not None,
-            'unmapped_taxels': int((kinds == UNMAPPED).sum()), 'dead_taxels': int((kinds == DEAD).sum()),
+            'unmapped_taxels': int((kinds == UNMAPPED_SIGN).sum()), 'dead_taxels': int((kinds == DEAD_SIGN).sum()),
             'sweep_bits': bits or None, 'pads': use.pads,
             'highest_sweep_rate': use.bitrate / (bits + (use.pads - 1) * tpdo_bits(layout)) if bits else None,
             'event_driven': layout.event_driven is not None,
@@ -105,17 +103,17 @@ def _facts(layout: SkinLayout, use: Use) -> dict:
 
 def _loads(layout: SkinLayout, use: Use) -> dict[float, float]:
     """Return the load of the bus by the time between two sweeps [s]; without SYNC that is the device's own."""
-    periods = (use.sync_period, *PERIODS) if layout.event_driven is None else (layout.event_driven.period,)
+    periods = (use.sync_period, *SYNC_PERIODS) if layout.event_driven is None else (layout.event_driven.period,)
     return {period: planned_load([layout] * use.pads, use.bitrate, period)
             for period in sorted(set(periods), reverse=True)}
 
 
 def _warnings(layout: SkinLayout, use: Use) -> list[str]:
-    found, unmapped = [], np.argwhere(_map(layout) == UNMAPPED)
+    found, unmapped = [], np.argwhere(_map(layout) == UNMAPPED_SIGN)
     if len(unmapped):
         row, col = unmapped[0]
         found.append(f'{len(unmapped)} of {layout.rows * layout.cols} taxels are in no TPDO, the first is row {row}, '
-                     f'column {col}: they are UNMAPPED, and no part of the pad')
+                     f'column {col}: they are UNMAPPED_SIGN, and no part of the pad')
     written = Path(layout.source).read_text(encoding='utf-8').splitlines()
     if unfilled := [number for number, line in enumerate(written, 1) if f'# {FILL_IN}' in line]:
         found.append(f'marked {FILL_IN} are the lines {", ".join(map(str, unfilled))}')
@@ -131,28 +129,24 @@ def _warnings(layout: SkinLayout, use: Use) -> list[str]:
 
 def _map(layout: SkinLayout) -> np.ndarray:
     """Return what each place is, one character each, (rows, cols)."""
-    kinds = np.full((layout.rows, layout.cols), UNMAPPED)
+    kinds = np.full((layout.rows, layout.cols), UNMAPPED_SIGN)
     inside = [(field.row, field.col) for carrier in layout.carriers for field in carrier.taxels
               if 0 <= field.row < layout.rows and 0 <= field.col < layout.cols]
-    for places, kind in ((inside, MAPPED), (layout.dead, DEAD)):
+    for places, kind in ((inside, MAPPED_SIGN), (layout.dead, DEAD_SIGN)):
         for row, col in places:
             if row < layout.rows and col < layout.cols:
                 kinds[row, col] = kind
     return kinds
 
 
-def _text(found: Found, use: Use) -> list[str]:
-    lines = []
-    if found.layout is not None:
-        lines += _described(found.layout, use)
-    for number, error in enumerate(found.errors):
-        line = found.lines[number]
-        lines.append(f'ERROR{f" in line {line}" if line else ""}: {error}')
+def _text(found: CheckedLayout, use: Use) -> list[str]:
+    lines = [] if found.layout is None else _description(found.layout, use)
+    lines += [f'ERROR{f" in line {line}" if line else ""}: {error}' for error, line in found.errors]
     lines += [f'WARNING: {text}.' for text in found.warnings]
     return [*lines, f'errors: {len(found.errors)}, warnings: {len(found.warnings)}']
 
 
-def _described(layout: SkinLayout, use: Use) -> list[str]:
+def _description(layout: SkinLayout, use: Use) -> list[str]:
     facts, kinds = _facts(layout, use), _map(layout)
     carrier = 'one DOMAIN, polled by SDO' if layout.domain else f'{len(layout.tpdos)} CAN frames a sweep'
     lines = [f'{layout.source}: {layout.rows} x {layout.cols} taxels, pitch {1000 * layout.pitch:g} mm, in '
@@ -165,7 +159,8 @@ def _described(layout: SkinLayout, use: Use) -> list[str]:
         lines.append(f'load of the bus at {use.bitrate / 1e6:g} Mbit/s{pads}: {loads}; highest rate '
                      f'{facts["highest_sweep_rate"]:.0f} sweeps a second')
     if layout.cols <= WIDEST_MAP:
-        lines += [f'map ({MAPPED} taxel, {UNMAPPED} none, {DEAD} dead), row 0 first:', *map(''.join, kinds)]
+        signs = f'{MAPPED_SIGN} taxel, {UNMAPPED_SIGN} none, {DEAD_SIGN} dead'
+        lines += [f'map ({signs}), row 0 first:', *map(''.join, kinds)]
     return lines
 
 

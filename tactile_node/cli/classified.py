@@ -8,8 +8,8 @@ import numpy as np
 
 from tactile_node.cli.frame_file import TaxelFrames
 from tactile_node.cli.frame_patterns import files, patterns, taxels_known, thresholds
-from tactile_node.cli.progress import followed
-from tactile_node.cli.records import KNOWN, Record, prints, write_records
+from tactile_node.cli.progress import show_progress
+from tactile_node.cli.records import KNOWN_COLUMNS, Record, prints, write_records
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.errors import InputError
 from tactile_node.learning.response import SkinResponse
@@ -21,8 +21,9 @@ from tactile_node.pose.pipeline import ContactPipeline, FoundContact, Taxels
 from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from tactile_node.shape.recognition import LEARNED, VOLF, ShapeClass
 
-POSE = 'x', 'y', 'angle'
-SIDES = 'long', 'short'  #: of the least rectangle
+POSE_NAMES = 'x', 'y', 'angle'
+SIDE_NAMES = 'long', 'short'  #: of the least rectangle
+BOX_NAMES = *POSE_NAMES, *SIDE_NAMES
 
 
 def write_shapes(args: argparse.Namespace) -> None:
@@ -53,7 +54,7 @@ def _fused(path: str, frames: TaxelFrames, recogniser: VisibilityGuard, args: ar
     stamps, taxels = _stamps(path, frames, args), _taxels(frames, pitch, response)
     pipeline = ContactPipeline(recogniser, thresholds=thresholds(args), fits=bool(pitch),
                                curve=None if response is None else response.curve)
-    for k, frame in enumerate(followed(frames.values, path, len(frames.values), prints=prints(args))):
+    for k, frame in enumerate(show_progress(frames.values, path, len(frames.values), prints=prints(args))):
         result = pipeline.follow(frame, taxels, float(stamps[k]), **taxels_known(frames, k))
         fused = result.fused
         yield {'file': path, 'frame': k, **frames.known_of(k), **fused.recognition.as_json(),
@@ -83,11 +84,12 @@ def _geometry(found: TaxelFrames, args: argparse.Namespace) -> tuple[float | Non
 def _columns(classes: Sequence[ShapeClass]) -> list[str]:
     """Return the names of all records' columns, in their order."""
     dimensions = list(dict.fromkeys(name for outline in OUTLINES.values() for name in outline.dimensions))
-    return [*KNOWN, 'shape', 'reason', 'confidence',
+    return [*KNOWN_COLUMNS, 'shape', 'reason', 'confidence',
             *(f'probabilities.{shape.value}' for shape in classes), 'N', 'contacts', 'held', 'fused_frames', 'hollow',
-            *POSE, *(f'dimensions.{name}' for name in dimensions), *(f'sd.{name}' for name in (*POSE, *dimensions)),
-            *(f'is_bound.{name}' for name in dimensions), *(f'box.{name}' for name in (*POSE, *SIDES)),
-            *(f'box.sd.{name}' for name in (*POSE, *SIDES)), *(f'box.is_bound.{name}' for name in SIDES)]
+            *POSE_NAMES, *(f'dimensions.{name}' for name in dimensions),
+            *(f'sd.{name}' for name in (*POSE_NAMES, *dimensions)), *(f'is_bound.{name}' for name in dimensions),
+            *(f'box.{name}' for name in BOX_NAMES), *(f'box.sd.{name}' for name in BOX_NAMES),
+            *(f'box.is_bound.{name}' for name in SIDE_NAMES)]
 
 
 def _counted(pattern: ContactPattern) -> Record:
@@ -101,10 +103,9 @@ def _boxed(found: FoundContact, pitch: float | None) -> Record:
     box = found.box
     if not pitch:
         return {'hollow': box.hollow}
-    names = *POSE, *SIDES
-    return {'hollow': box.hollow, 'box': {**dict(zip(names, (*box.centre, box.angle, *box.lengths))),
-                    'sd': dict(zip(names, (box.centre_sd, box.centre_sd, box.angle_sd, *box.lengths_sd))),
-                    'is_bound': dict(zip(SIDES, box.length_is_bound))}}
+    return {'hollow': box.hollow, 'box': {**dict(zip(BOX_NAMES, (*box.centre, box.angle, *box.lengths))),
+                    'sd': dict(zip(BOX_NAMES, (box.centre_sd, box.centre_sd, box.angle_sd, *box.lengths_sd))),
+                    'is_bound': dict(zip(SIDE_NAMES, box.length_is_bound))}}
 
 
 def _fitted(fit: ShapeFit | None) -> Record:
@@ -113,9 +114,9 @@ def _fitted(fit: ShapeFit | None) -> Record:
         return {}
     found = dict(zip(fit.parameter_names, fit.parameters))
     deviations = dict(zip(fit.parameter_names, np.sqrt(np.diag(fit.covariance))))
-    return {**{name: _number(found.get(name)) for name in POSE},
+    return {**{name: _number(found.get(name)) for name in POSE_NAMES},
             'dimensions': {name: _number(found[name]) for name in fit.dimension_names},
-            'sd': {name: _number(deviations.get(name)) for name in (*POSE, *fit.dimension_names)},
+            'sd': {name: _number(deviations.get(name)) for name in (*POSE_NAMES, *fit.dimension_names)},
             'is_bound': dict(zip(fit.dimension_names, fit.is_bound))}
 
 

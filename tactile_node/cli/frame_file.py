@@ -74,11 +74,11 @@ FORMATS = {'.npy': 'npy', '.npz': 'npz', '.csv': 'csv', '.png': 'png'}
 MAGIC_OF_ARCHIVE = b'PK'
 #: of what has another suffix; the rest is text
 MAGIC = {b'\x93NUMPY': 'npy', MAGIC_OF_ARCHIVE: 'npz', b'\x89PNG': 'png'}
-VALUES = 'values'  #: the array of an .npz that holds the frames
+VALUES_NAME = 'values'  #: the array of an .npz that holds the frames
 MOST_BYTES = 2 << 30  #: of an archive, unpacked: 16 x 16 taxels at 50 Hz for 9 hours; a small file can claim any size
-ENCRYPTED = 1  #: bit of the flags of a member (PKWARE APPNOTE 4.4.4)
-WITH_VALUE = TaxelStatus.VALID, TaxelStatus.SATURATED
-REMEDY = 'Give a .npy, .npz, .csv or .png file; `tactile classify --help` says what each holds.'
+ENCRYPTED_FLAG = 1  #: bit of the flags of a member (PKWARE APPNOTE 4.4.4)
+VALUED_STATUSES = TaxelStatus.VALID, TaxelStatus.SATURATED
+FILE_REMEDY = 'Give a .npy, .npz, .csv or .png file; `tactile classify --help` says what each holds.'
 
 
 class TaxelFrames(NamedTuple):
@@ -117,7 +117,7 @@ def read_frames(path: str, greys: Greys = DEFAULT_GREYS) -> TaxelFrames:
         return TaxelFrames(read_text(content, _name(path)))
     if kind == 'png':
         return TaxelFrames(read_png(content, _name(path), greys)[np.newaxis])
-    loaded = _loaded(path, content)
+    loaded = _load(path, content)
     if isinstance(loaded, np.ndarray) != (kind == 'npy'):
         raise _unusable(path, 'an archive (.npz)' if kind == 'npy' else 'a single array (.npy)')
     return TaxelFrames(_frames(path, loaded)) if isinstance(loaded, np.ndarray) else _of_archive(path, loaded)
@@ -143,7 +143,7 @@ def _content(path: str) -> bytes:
         raise _unusable(path, 'more than fits into memory') from None
 
 
-def _loaded(path: str, content: bytes) -> np.ndarray | dict[str, np.ndarray]:
+def _load(path: str, content: bytes) -> np.ndarray | dict[str, np.ndarray]:
     try:
         if content.startswith(MAGIC_OF_ARCHIVE):
             _check_members(path, content)
@@ -177,15 +177,15 @@ def _check_members(path: str, content: bytes) -> None:
 
 def _is_of_numpy(member: ZipInfo) -> bool:
     return (member.filename.endswith('.npy') and member.compress_type in (ZIP_STORED, ZIP_DEFLATED)
-            and not member.flag_bits & ENCRYPTED)
+            and not member.flag_bits & ENCRYPTED_FLAG)
 
 
 def _of_archive(path: str, arrays: dict[str, np.ndarray]) -> TaxelFrames:
-    if VALUES not in arrays and len(arrays) != 1:
+    if VALUES_NAME not in arrays and len(arrays) != 1:
         raise _unusable(path, f'an archive of {", ".join(map(repr, sorted(arrays))) or "no array"}, none of them '
-                        f'{VALUES!r}')
-    values = _frames(path, arrays.get(VALUES, next(iter(arrays.values()))))
-    if VALUES not in arrays:
+                        f'{VALUES_NAME!r}')
+    values = _frames(path, arrays.get(VALUES_NAME, next(iter(arrays.values()))))
+    if VALUES_NAME not in arrays:
         return TaxelFrames(values)
     unit, pitch, pad = (_single(path, arrays, name) for name in ('unit', 'pitch', 'pad'))
     if unit is not None and unit not in PRESS_BY_UNIT:
@@ -214,7 +214,7 @@ def _check_status(path: str, values: np.ndarray, status: np.ndarray) -> None:
     """Raise InputError for numbers that are no TaxelStatus, and for a value where the status says there is none."""
     if not np.isin(status, list(TaxelStatus)).all():
         raise _unusable(path, f'a status that is none of {min(TaxelStatus)} to {max(TaxelStatus)}')
-    if (np.isfinite(values) & ~np.isin(status, WITH_VALUE)).any():
+    if (np.isfinite(values) & ~np.isin(status, VALUED_STATUSES)).any():
         raise _unusable(path, 'values of taxels whose status says that they have none')
 
 
@@ -246,4 +246,4 @@ def _name(path: str) -> str:
 
 def _unusable(path: str, got: str) -> InputError:
     return InputError(_name(path), expected='taxel frames (K, rows, cols) or (rows, cols), bool, integer or float',
-                      got=got, remedy=REMEDY)
+                      got=got, remedy=FILE_REMEDY)

@@ -8,8 +8,8 @@ import numpy as np
 
 from tactile_node.cli.frame_file import TaxelFrames, read_frames
 from tactile_node.cli.frame_png import Greys
-from tactile_node.cli.progress import followed
-from tactile_node.cli.records import KNOWN, Record, flattened, prints, write_records
+from tactile_node.cli.progress import show_progress
+from tactile_node.cli.records import KNOWN_COLUMNS, Record, flatten, prints, write_records
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.contact.press import PRESS_FRACTION, PressThresholds
 from tactile_node.contact.scale import UnitScale
@@ -41,7 +41,7 @@ def files(args: argparse.Namespace) -> Iterator[tuple[str, TaxelFrames]]:
 def patterns(path: str, found: TaxelFrames, args: argparse.Namespace, *, largest: bool) -> Iterator[ContactPattern]:
     """Yield the contact pattern of each frame; of a bool frame, all active taxels unless ``largest``."""
     extractor = PatternExtractor(thresholds(args), unit=found.unit, largest=largest)
-    for k, frame in enumerate(followed(found.values, path, len(found.values), prints=prints(args))):
+    for k, frame in enumerate(show_progress(found.values, path, len(found.values), prints=prints(args))):
         yield extractor.extract(frame, **taxels_known(found, k))
 
 
@@ -76,4 +76,4 @@ def _records(args: argparse.Namespace) -> Iterator[Record]:
 
 def _columns(wanted: Group) -> list[str]:
     """Return the columns of every frame, also of one without a contact."""
-    return [*KNOWN, *flattened(compute_features(np.ones((2, 2), bool), wanted).as_json())]
+    return [*KNOWN_COLUMNS, *flatten(compute_features(np.ones((2, 2), bool), wanted).as_json())]

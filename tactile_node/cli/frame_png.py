@@ -8,7 +8,8 @@ import numpy as np
 from tactile_node.errors import InputError
 from tactile_node.skin.layout import MAX_SIDE
 
-REMEDY = f'Save one pixel a taxel, grey, at most {MAX_SIDE} x {MAX_SIDE}; transparent where there is no valid value.'
+PICTURE_REMEDY = (f'Save one pixel a taxel, grey, at most {MAX_SIDE} x {MAX_SIDE}; transparent where there is no '
+                  'valid value.')
 
 
 class Greys(NamedTuple):
@@ -18,7 +19,7 @@ class Greys(NamedTuple):
     white: float
 
 
-DEPTH = 24  #: place of the bit depth in the file (PNG specification 11.2.2: IHDR comes first)
+DEPTH_OFFSET = 24  #: place of the bit depth in the file (PNG specification 11.2.2: IHDR comes first)
 DEFAULT_GREYS = Greys(0.0, 1.0)  #: fractions of full scale, bright is pressed
 
 
@@ -36,8 +37,8 @@ def read_png(content: bytes, where: str, greys: Greys = DEFAULT_GREYS) -> np.nda
                            'pictures')
             is_deep = picture.mode.startswith('I')
             clear = picture.info.get('transparency')  # the grey that is transparent, where there is one
-            if clear is not None and picture.mode == 'L' and content[DEPTH] < 8:  # Pillow compares it unscaled
-                raise _bad(where, f'a transparent grey of {content[DEPTH]} bits')
+            if clear is not None and picture.mode == 'L' and content[DEPTH_OFFSET] < 8:  # Pillow compares it unscaled
+                raise _bad(where, f'a transparent grey of {content[DEPTH_OFFSET]} bits')
             pixels = np.asarray(picture if is_deep else picture.convert('RGBA'))
     except InputError:
         raise
@@ -46,18 +47,18 @@ def read_png(content: bytes, where: str, greys: Greys = DEFAULT_GREYS) -> np.nda
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         raise _bad(where, ' '.join(str(error).split())[:80]) from None
     if is_deep:  # 16 bits
-        return np.where(pixels == clear, np.nan, _scaled(pixels / 65535, greys))
+        return np.where(pixels == clear, np.nan, _scale(pixels / 65535, greys))
     if (pixels[..., :3] != pixels[..., :1]).any():
         raise _bad(where, 'colours, which have no order of pressure')
     opaque = pixels[..., 3] == 255
     if not (opaque | (pixels[..., 3] == 0)).all():
         raise _bad(where, 'pixels that are half transparent')
-    return np.where(opaque, _scaled(pixels[..., 0] / 255, greys), np.nan)
+    return np.where(opaque, _scale(pixels[..., 0] / 255, greys), np.nan)
 
 
-def _scaled(share: np.ndarray, greys: Greys) -> np.ndarray:
+def _scale(share: np.ndarray, greys: Greys) -> np.ndarray:
     return greys.black + share * (greys.white - greys.black)
 
 
 def _bad(where: str, got: str) -> InputError:
-    return InputError(where, expected='a grey picture of one frame', got=got, remedy=REMEDY)
+    return InputError(where, expected='a grey picture of one frame', got=got, remedy=PICTURE_REMEDY)

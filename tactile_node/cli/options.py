@@ -1,13 +1,13 @@
 """Options that several sub-commands share; their types raise ConfigurationError for what they cannot read."""
 
 import argparse
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from math import inf, nan
 from typing import TYPE_CHECKING, Any
 
-from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE
+from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE, BusSettings
 from tactile_node.cia301.objects import MAX_NODE_ID
 from tactile_node.errors import BusError, ConfigurationError
 from tactile_node.logs.replay_times import Window
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from tactile_node.bus.bus_network import BusNetwork
     from tactile_node.bus.reception import Batch
     from tactile_node.shape.methods import VisibilityGuard
+    from tactile_node.skin.pads import LivePad, PadSettings
 
 DEFAULT_LAYOUT = 'sim16x16.yaml'
 DEFAULT_NODE_ID = 32
@@ -105,7 +106,7 @@ def add_bus_options(parser: argparse.ArgumentParser, *, channel: str = DEFAULT_C
 
 
 def add_node_id_option(parser: argparse.ArgumentParser) -> None:
-    """Add --node-id; None where not given: `node_ids_of` has the default."""
+    """Add --node-id; None where not given: `pads_of` has the default."""
     parser.add_argument('--node-id', type=node_ids, action='extend', metavar='ID,...',
                         help=f'CANopen node-ID of each pad (default: {DEFAULT_NODE_ID})')
 
@@ -141,7 +142,7 @@ def recogniser_of(args: argparse.Namespace) -> 'VisibilityGuard':
 
 
 def add_skin_options(parser: argparse.ArgumentParser) -> None:
-    """Add --node-id, --layout and --eds; None where not given: `node_ids_of`, `layouts_of`, `eds_of` have defaults."""
+    """Add --node-id, --layout and --eds; None where not given: `pads_of` and `eds_of` have defaults."""
     add_node_id_option(parser)
     parser.add_argument('--layout', type=names, metavar='LAYOUT,...',
                         help=f'skin layout of each pad, or one for all (default: {DEFAULT_LAYOUT})')
@@ -149,12 +150,31 @@ def add_skin_options(parser: argparse.ArgumentParser) -> None:
                         help="EDS of each pad, or one for all (default: the layout's name with .eds)")
 
 
-def node_ids_of(args: argparse.Namespace) -> list[int]:
-    return args.node_id or [DEFAULT_NODE_ID]
+def pads_of(args: argparse.Namespace, names: Sequence[str] = ()) -> 'tuple[PadSettings, ...]':
+    """Return the pads of the options --node-id and --layout. Raises ConfigurationError."""
+    from tactile_node.skin.pads import make_pads  # canopen, of which completion must not wait
+    layouts = [args.layout] if isinstance(args.layout, str) else args.layout or [DEFAULT_LAYOUT]
+    return make_pads(layouts, args.node_id or [DEFAULT_NODE_ID], names)
 
 
-def layouts_of(args: argparse.Namespace) -> list[str]:
-    return args.layout or [DEFAULT_LAYOUT]
+def live_pads_of(args: argparse.Namespace, names: Sequence[str] = ()) -> 'tuple[LivePad, ...]':
+    """Return the pads with the EDS of --eds, as a live bus needs them. Raises ConfigurationError."""
+    from tactile_node.skin.pads import with_dictionaries
+    return with_dictionaries(pads_of(args, names), eds_of(args))
+
+
+def single_pad_of(args: argparse.Namespace, remedy: str) -> 'PadSettings':
+    """Return the only pad of the options. Raises ConfigurationError, with ``remedy``, where they name several."""
+    pads = pads_of(args)
+    if len(pads) > 1:
+        raise ConfigurationError('--node-id', expected='the nodes of one pad', got=f'{len(pads)} pads', remedy=remedy)
+    return pads[0]
+
+
+def bus_settings_of(args: argparse.Namespace, record: str = '') -> BusSettings:
+    """Return the settings of a bus whose options may not be given."""
+    return BusSettings(args.interface or DEFAULT_INTERFACE, args.channel or DEFAULT_CHANNEL,
+                       args.bitrate or DEFAULT_BITRATE, record=record)
 
 
 def eds_of(args: argparse.Namespace) -> list[str]:
@@ -162,7 +182,7 @@ def eds_of(args: argparse.Namespace) -> list[str]:
 
 
 @contextmanager
-def opened_network(args: argparse.Namespace, on_batch: 'Callable[[Batch], None]') -> 'Iterator[BusNetwork]':
+def open_network(args: argparse.Namespace, on_batch: 'Callable[[Batch], None]') -> 'Iterator[BusNetwork]':
     """The bus that the options of `add_bus_options` name. Raises BusError, also where it fails meanwhile."""
     from tactile_node.bus.bus_network import BusNetwork, open_bus  # python-can, of which completion must not wait
     failures: list[Exception] = []

@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
-from tactile_node.cli.progress import counted
+from tactile_node.cli.progress import count_progress
 from tactile_node.errors import InputError, LogError
 from tactile_node.interruption import interruption
 from tactile_node.logs.damage import damage_lines
@@ -45,7 +45,7 @@ def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = N
             frames[name].append(frame)
 
     source = LogSource(path, pads, on_frame, pace=pace, channel=channel, any_device=any_device, window=window)
-    with interruption() as stop_requested, counted(Path(path).name, ' frames') as bar:
+    with interruption() as stop_requested, count_progress(Path(path).name, ' frames') as bar:
         source.open()
         source.start()
         while not source.finished.wait(0.1) and not stop_requested.is_set():

@@ -7,22 +7,23 @@ from typing import TypeVar
 
 from tqdm import tqdm
 
-DELAY = 1.0  #: what takes less shows nothing [s]
+BAR_DELAY = 1.0  #: what takes less shows nothing [s]
 
 Item = TypeVar('Item')
 
 
-def followed(items: Iterable[Item], what: str, total: int, *, prints: bool, unit: str = ' frames') -> Iterator[Item]:
+def show_progress(items: Iterable[Item], what: str, total: int, *, prints: bool,
+                  unit: str = ' frames') -> Iterator[Item]:
     """Yield ``items`` and show how many of ``total`` are done.
 
     ``prints``: their results go to standard output. Where that is a terminal they show the progress, and no bar does.
     """
     hidden = True if prints and sys.stdout.isatty() else None  # None: shown on a terminal only
-    yield from tqdm(items, what, total, unit=unit, delay=DELAY, disable=hidden, leave=False, dynamic_ncols=True)
+    yield from tqdm(items, what, total, unit=unit, delay=BAR_DELAY, disable=hidden, leave=False, dynamic_ncols=True)
 
 
 @contextmanager
-def counted(what: str, unit: str, total: int | None = None) -> Iterator[tqdm]:
+def count_progress(what: str, unit: str, total: int | None = None) -> Iterator[tqdm]:
     """A bar whose ``update(n)`` counts ``n`` more; without ``total`` it shows count and rate alone."""
-    with tqdm(desc=what, total=total, unit=unit, delay=DELAY, disable=None, dynamic_ncols=True) as bar:
+    with tqdm(desc=what, total=total, unit=unit, delay=BAR_DELAY, disable=None, dynamic_ncols=True) as bar:
         yield bar

@@ -14,9 +14,9 @@ from tactile_node.logs.log_writer import MEGABYTE, CanLogWriter
 from tactile_node.logs.series import files_of
 from tactile_node.output_file import check_new, check_writable
 
-HINT_AFTER = 3.0  # s
-SILENCE = ('Nothing on the bus so far. A CANopen skin is silent until a master starts it: run the driver on the same '
-           'bus, or let it record: tactile bringup --record FILE.')
+HINT_DELAY = 3.0  # s
+SILENCE_HINT = ('Nothing on the bus so far. A CANopen skin is silent until a master starts it: run the driver on the '
+                'same bus, or let it record: tactile bringup --record FILE.')
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _record(bus: can.BusABC, log: CanLogWriter, duration: float) -> None:
     end = time.monotonic() + duration
-    hint_at: float | None = time.monotonic() + HINT_AFTER
+    hint_at: float | None = time.monotonic() + HINT_DELAY
     with interruption() as stop_requested:
         while not stop_requested.is_set() and not log.failure and time.monotonic() < end:
             try:
@@ -66,5 +66,5 @@ def _record(bus: can.BusABC, log: CanLogWriter, duration: float) -> None:
             if message is not None:
                 log.write(message)
             elif hint_at is not None and time.monotonic() > hint_at and not log.can_frames:
-                print(SILENCE, file=sys.stderr)
+                print(SILENCE_HINT, file=sys.stderr)
                 hint_at = None

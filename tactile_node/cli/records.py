@@ -2,10 +2,10 @@
 
 import argparse
 import csv
-import io
 import json
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any
 
 from tactile_node.cli.frame_png import DEFAULT_GREYS
 from tactile_node.cli.options import add_output_option
@@ -15,7 +15,7 @@ from tactile_node.press_levels import PRESS_BY_UNIT
 
 Record = dict
 JSON, CSV = 'json', 'csv'
-KNOWN = 'file', 'frame', 'pad', 'stamp', 'sequence'  #: columns before those of the results
+KNOWN_COLUMNS = 'file', 'frame', 'pad', 'stamp', 'sequence'  #: columns before those of the results
 
 
 def add_output_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,15 +43,15 @@ def write_records(records: Iterable[Record], columns: Callable[[], Sequence[str]
         stream.writelines(map(str.encode, lines))
 
 
-def flattened(record: Record, above: str = '') -> Record:
+def flatten(record: Record, above: str = '') -> Record:
     """Return the record without levels.
 
-    >>> flattened({'x': 1, 'sd': {'x': 0.1}})
+    >>> flatten({'x': 1, 'sd': {'x': 0.1}})
     {'x': 1, 'sd.x': 0.1}
     """
     flat: Record = {}
     for name, value in record.items():
-        flat |= flattened(value, f'{above}{name}.') if isinstance(value, dict) else {above + name: value}
+        flat |= flatten(value, f'{above}{name}.') if isinstance(value, dict) else {above + name: value}
     return flat
 
 
@@ -61,33 +61,30 @@ def _json_lines(records: Iterable[Record]) -> Iterator[str]:
 
 def _csv_lines(records: Iterable[Record], columns: Sequence[str]) -> Iterator[str]:
     """A record with a name that is no column is an error of ours: it must not lose it."""
-    buffer = io.StringIO()
-    writer = csv.DictWriter(buffer, columns, lineterminator='\n')
-    writer.writeheader()
+    writer: Any = csv.DictWriter(_Line(), columns, lineterminator='\n')  # it returns what its file's write returns
+    header = writer.writeheader()
     for record in records:
-        writer.writerow(flattened(record))
-        yield _taken(buffer)
-    yield _taken(buffer)
+        yield header + writer.writerow(flatten(record))
+        header = ''
+    yield header
 
 
-def _taken(buffer: io.StringIO) -> str:
-    text = buffer.getvalue()
-    buffer.seek(0)
-    buffer.truncate()
-    return text
+class _Line:
+    def write(self, text: str) -> str:
+        return text
 
 
-FORMATS = ('.npy: (K, rows, cols) or (rows, cols), bool, integer or float. .npz: as `tactile replay` writes it, with '
-           'stamps, pitch and unit; or of one array. .csv: a line a row of taxels, an empty line between frames, an '
-           'empty cell has no valid value. .png: a grey pixel a taxel, top line first. NaN, infinite, transparent: no '
-           'valid value')
+FORMATS_HELP = (
+    '.npy: (K, rows, cols) or (rows, cols), bool, integer or float. .npz: as `tactile replay` writes it, with stamps, '
+    'pitch and unit; or of one array. .csv: a line a row of taxels, an empty line between frames, an empty cell has no '
+    'valid value. .png: a grey pixel a taxel, top line first. NaN, infinite, transparent: no valid value')
 
 
 def add_array_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the input, the output and the thresholds."""
     parser.add_argument('frames', nargs='*', default=['-'], metavar='FILE',
-                        help=f'{FORMATS}. "-" or nothing: standard input. Each file is of one pad, its frames in the '
-                             'order of time')
+                        help=f'{FORMATS_HELP}. "-" or nothing: standard input. Each file is of one pad, its frames in '
+                             'the order of time')
     add_output_arguments(parser)
     parser.add_argument('--unit', choices=list(PRESS_BY_UNIT),
                         help='of the values (1: on/off); an .npz has its own. Without a unit, pressed is relative to '

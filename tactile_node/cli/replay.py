@@ -15,14 +15,14 @@ from tactile_node.cli.options import (
     add_number,
     add_output_option,
     add_window_options,
-    node_ids_of,
+    pads_of,
     window_of,
 )
 from tactile_node.cli.played_log import play_log
 from tactile_node.errors import ConfigurationError
 from tactile_node.output_file import check_writable, output_file
 from tactile_node.skin.layout import SkinLayout
-from tactile_node.skin.pads import PadSettings, make_pads
+from tactile_node.skin.pads import PadSettings
 from tactile_node.sources.log_source import summary
 from tactile_node.taxel_frame import TaxelFrame
 
@@ -41,7 +41,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Play the log to its end; 1 when it held no taxels of these pads, or those of others, or was interrupted."""
-    pads = make_pads([args.layout], node_ids_of(args))
+    pads = pads_of(args)
     paths = _outputs(args.output, pads)
     for path in filter(None, paths.values()):
         check_writable(path, [args.log], force=args.force)

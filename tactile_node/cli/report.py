@@ -15,9 +15,8 @@ from tactile_node.cli.options import (
     add_window_options,
     bit_rate,
     eds_of,
-    layouts_of,
-    node_ids_of,
     pad_names,
+    pads_of,
     recogniser_of,
     window_of,
 )
@@ -27,7 +26,6 @@ from tactile_node.logs.series import files_of
 from tactile_node.logs.topic_bag import CAN_TYPE as CAN_FRAMES
 from tactile_node.logs.topic_bag import DIAGNOSTICS, STATUS, TAXELS, holds_taxels
 from tactile_node.output_file import check_writable, output_file
-from tactile_node.skin.pads import make_pads
 from tactile_node.viewing.findings import findings
 from tactile_node.viewing.log_report import BagReporter, LogReporter
 from tactile_node.viewing.report_page import page_of
@@ -73,7 +71,7 @@ def _reporter(args: argparse.Namespace, on_message: Callable[[], object]) -> Bag
     if holds_taxels(args.log):
         return BagReporter(args.log, channel=args.channel, bit_rate=args.bitrate, recogniser=recogniser_of(args),
                            on_message=on_message, window=window_of(args))
-    pads = make_pads(layouts_of(args), node_ids_of(args), args.pads)
+    pads = pads_of(args, args.pads)
     return LogReporter(args.log, pads, channel=args.channel, eds=eds_of(args), any_device=args.any_device,
                        bit_rate=args.bitrate, recogniser=recogniser_of(args), on_can_frame=on_message,
                        window=window_of(args))

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from tactile_node.bus.node_scan import FoundNode, NodeScan, find_bit_rate
 from tactile_node.cia301.objects import MAX_NODE_ID, MIN_NODE_ID, state_name
-from tactile_node.cli.options import add_bus_options, add_number, node_ids, opened_network
+from tactile_node.cli.options import add_bus_options, add_number, node_ids, open_network
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption
 from tactile_node.package_files import config_path
@@ -19,17 +19,17 @@ from tactile_node.skin.eds import load_eds
 from tactile_node.skin.eds_rules import Identity, identity_of
 
 LONGEST_LISTENING = 86_400.0  #: [s]
-LISTENING = 1.5  #: s: most heartbeats are sent once a second or more often
-SILENT = 'Nothing was received, and no node has answered. Check power, termination, bit rate and cable.'
-SILENT_PASSIVE = 'Nothing was received. Nodes without a heartbeat are found only without --passive.'
-UNHEARD = 'CAN frames were received, but no node was heard: check the bit rate, or the node-IDs that were asked.'
+LISTENING_TIME = 1.5  #: s: most heartbeats are sent once a second or more often
+SILENT_HINT = 'Nothing was received, and no node has answered. Check power, termination, bit rate and cable.'
+SILENT_PASSIVE_HINT = 'Nothing was received. Nodes without a heartbeat are found only without --passive.'
+UNHEARD_HINT = 'CAN frames were received, but no node was heard: check the bit rate, or the node-IDs that were asked.'
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     add_bus_options(parser, finds_bit_rate=True)
     parser.add_argument('--node-id', type=node_ids, action='extend', metavar='ID,...',
                         help='ask only these (default: all)')
-    add_number(parser, '--listen', limits={'above': 0, 'most': LONGEST_LISTENING, 'unit': 's'}, default=LISTENING,
+    add_number(parser, '--listen', limits={'above': 0, 'most': LONGEST_LISTENING, 'unit': 's'}, default=LISTENING_TIME,
                metavar='SECONDS', help='time to listen first, default %(default)s')
     parser.add_argument('--passive', action='store_true', help='send nothing: listen to heartbeats only')
     parser.add_argument('--eds', action='append', default=[], metavar='FOLDER',
@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
             print(f'bit rate: {args.bitrate} bit/s')
     known = _known([config_path('sim16x16.eds').parent, *map(Path, args.eds)])
     scan = NodeScan()
-    with opened_network(args, scan.received) as network, interruption() as stop_requested:
+    with open_network(args, scan.received) as network, interruption() as stop_requested:
         stop_requested.wait(args.listen)
         if not args.passive:
             scan.ask(network, args.node_id or range(MIN_NODE_ID, MAX_NODE_ID + 1))
@@ -59,7 +59,8 @@ def run(args: argparse.Namespace) -> int:
         facts = {'bitrate': args.bitrate, **as_json(node, matching)}
         print(json.dumps(facts) if args.json else _text(node, matching, is_asked))
     if not found:
-        print(UNHEARD if scan.can_frames else SILENT_PASSIVE if args.passive else SILENT, file=sys.stderr)
+        silent = SILENT_PASSIVE_HINT if args.passive else SILENT_HINT
+        print(UNHEARD_HINT if scan.can_frames else silent, file=sys.stderr)
     return 0 if found else 1
 
 

@@ -27,12 +27,12 @@ from tactile_node.bus.own_sdo import (
     write_object,
 )
 from tactile_node.cia301.objects import MAX_NODE_ID, MAX_SUBINDEX, MIN_NODE_ID, ObjectAddress, parse_address
-from tactile_node.cli.options import add_bus_options, add_number, opened_network
+from tactile_node.cli.options import add_bus_options, add_number, open_network
 from tactile_node.errors import ConfigurationError, DeviceError
 from tactile_node.skin.eds import load_eds
 from tactile_node.skin.object_value import TYPES, WrongValueError, declared, decoded, encoded, named, type_name
 
-ANSWER, STORED = 1.0, 10.0  #: s for an answer; flash memory is slow
+ANSWER_TIMEOUT, STORE_TIMEOUT = 1.0, 10.0  #: s for an answer; flash memory is slow
 LONGEST_TIMEOUT = 3600.0    #: s
 RECONFIGURES = ('this object decides which TPDOs the node sends: a driver that runs gives none of its values until it '
                 'has configured it again')
@@ -40,8 +40,8 @@ RECONFIGURES = ('this object decides which TPDOs the node sends: a driver that r
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(required=True, metavar='read|write|store|restore')
-    read = _action(actions, 'read', _read, ANSWER, 'print the value of an object')
-    write = _action(actions, 'write', _write, ANSWER, 'write the value of an object')
+    read = _action(actions, 'read', _read, ANSWER_TIMEOUT, 'print the value of an object')
+    write = _action(actions, 'write', _write, ANSWER_TIMEOUT, 'write the value of an object')
     for action in (read, write):
         action.add_argument('object', metavar='OBJECT', help='0x1018:1, or a name of the EDS')
         action.add_argument('--eds', default='', help='names and types of objects: a file, or a name in config/')
@@ -51,9 +51,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     store = partial(_parameters, act=store_parameters, done='stored its parameters')
     restore = partial(_parameters, act=restore_parameters, done="takes its maker's parameters after its next reset "
                       '(power cycle or NMT reset), not before')
-    for action in (_action(actions, 'store', store, STORED, 'store parameters: write "save" to 0x1010'),
-                   _action(actions, 'restore', restore, STORED, "restore the maker's parameters: write \"load\" to "
-                           '0x1011; they are in force after the next reset')):
+    for action in (_action(actions, 'store', store, STORE_TIMEOUT, 'store parameters: write "save" to 0x1010'),
+                   _action(actions, 'restore', restore, STORE_TIMEOUT, "restore the maker's parameters: write \"load\" "
+                           'to 0x1011; they are in force after the next reset')):
         add_number(action, '--sub', int, limits={'least': 1, 'most': MAX_SUBINDEX}, metavar='SUB',
                    default=ALL_PARAMETERS, help='1 all (default), 2 communication, 3 application, 4... as the maker '
                    'says')
@@ -80,7 +80,7 @@ def _action(actions: argparse._SubParsersAction, name: str, act, timeout: float,
 
 @contextmanager
 def _client(args: argparse.Namespace) -> Iterator[OwnSdoClient]:
-    with opened_network(args, lambda batch: None) as network, \
+    with open_network(args, lambda batch: None) as network, \
             network.sdo_client(args.node_id, ObjectDictionary(), args.timeout) as sdo:
         yield sdo
 

@@ -15,7 +15,7 @@ import can
 import numpy as np
 
 from tactile_node.bus.bus_network import open_bus
-from tactile_node.cli.options import add_bus_options, add_number, add_skin_options, eds_of, layouts_of, node_ids_of
+from tactile_node.cli.options import add_bus_options, add_number, add_skin_options, live_pads_of
 from tactile_node.errors import InputError
 from tactile_node.interruption import interruption
 from tactile_node.simulator.device import TaxelSource
@@ -24,12 +24,12 @@ from tactile_node.simulator.skin_simulator import SkinSimulator, WireSettings
 from tactile_node.simulator.slcan_pty import SlcanPty
 from tactile_node.simulator.touches import AREAS, HOLD, NOISE, gripper_sources
 from tactile_node.simulator.world import CLASSES
-from tactile_node.skin.pads import PadSettings, make_pads, with_dictionaries
+from tactile_node.skin.pads import PadSettings
 
-DARK = 128  #: grey values below belong to the figure
+DARK_GREY = 128  #: grey values below belong to the figure
 
 
-def touching(text: str) -> str | Silhouette:
+def read_shape(text: str) -> str | Silhouette:
     """Return the class of that name, or the silhouette of a name or of a picture. Raises InputError for another."""
     if text in CLASSES:
         return text
@@ -59,7 +59,7 @@ def _picture(path: Path) -> np.ndarray:
         with Image.open(path) as picture:
             if max(picture.size) > MOST_SIDE:
                 raise _unusable(path, f'{picture.width} x {picture.height}')
-            return np.asarray(picture.convert('L')) < DARK
+            return np.asarray(picture.convert('L')) < DARK_GREY
     except (OSError, UnidentifiedImageError, ValueError, SyntaxError) as error:
         raise _unusable(path, ' '.join(str(error).split())) from None
 
@@ -119,8 +119,8 @@ def _wire(args: argparse.Namespace) -> WireSettings | None:
 
 def run(args: argparse.Namespace) -> int:
     """Run until interrupted; 1 when the bus fails meanwhile."""
-    nodes = node_ids_of(args)
-    pads = with_dictionaries(make_pads(layouts_of(args), nodes), eds_of(args))
+    pads = live_pads_of(args)
+    nodes = [str(node_id) for pad in pads for node_id in pad.node_ids]
     failures: list[Exception] = []
     with interruption() as stop_requested:
         def on_failure(error: Exception) -> None:
@@ -128,9 +128,9 @@ def run(args: argparse.Namespace) -> int:
             stop_requested.set()
         simulator = SkinSimulator(pads, _sources(args, pads), on_failure, _wire(args))
         before = signal.signal(signal.SIGUSR1, lambda *_: _report(simulator, args.report))
-        bus, place = _opened(args)
+        bus, place = _open(args)
         simulator.start_on(bus)
-        print(f'Simulated skin, node {", ".join(map(str, nodes))}, at {place}', flush=True)
+        print(f'Simulated skin, node {", ".join(nodes)}, at {place}', flush=True)
         gc.freeze()  # a full collection would delay a sweep by some 40 ms
         stop_requested.wait(args.duration)
         signal.signal(signal.SIGUSR1, signal.SIG_IGN)
@@ -153,7 +153,7 @@ def _report(simulator: SkinSimulator, file: str | None) -> None:
         stream.write(json.dumps(report._asdict()) + '\n')
 
 
-def _opened(args: argparse.Namespace) -> tuple[can.BusABC, str]:
+def _open(args: argparse.Namespace) -> tuple[can.BusABC, str]:
     """Return the bus, and where a driver finds it."""
     if args.pty:
         adapter = SlcanPty(args.link)
@@ -162,5 +162,5 @@ def _opened(args: argparse.Namespace) -> tuple[can.BusABC, str]:
 
 
 def _sources(args: argparse.Namespace, pads: tuple[PadSettings, ...]) -> dict[str, TaxelSource]:
-    return gripper_sources(pads, [touching(shape) for shape in args.shapes], args.seed,
+    return gripper_sources(pads, [read_shape(shape) for shape in args.shapes], args.seed,
                            tuple(args.areas) * args.rounds, hold=args.hold, slide=args.slide, noise=args.noise)

@@ -43,9 +43,9 @@ from tactile_node.package_files import config_path
 from tactile_node.shape.recogniser import KINDS, ShapeRecogniser, read_arrays
 from tactile_node.shape.recognition import FILES, LEARNED, TaughtShape
 
-TOUCHES = 30
-SEED = 0  #: of the variants of touches
-REFUSED = 1
+DEFAULT_TOUCHES = 30
+VARIANT_SEED = 0  #: of the variants of touches
+REFUSED_CODE = 1
 
 
 class _OfLastName(argparse.Action):
@@ -66,8 +66,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_output_option(parser, required=True, metavar='FILE', help='.npz to write')
     parser.add_argument('--model', default=FILES[LEARNED], metavar='FILE',
                         help='to teach; a file of this command keeps its shapes (default: config/%(default)s)')
-    add_number(parser, '--touches', int, limits={'least': LEAST_TOUCHES, 'remedy': f'{TOUCHES} as a rule.'},
-               default=TOUCHES, metavar='N', help='to record of each shape, live (default: %(default)s)')
+    add_number(parser, '--touches', int, limits={'least': LEAST_TOUCHES, 'remedy': f'{DEFAULT_TOUCHES} as a rule.'},
+               default=DEFAULT_TOUCHES, metavar='N', help='to record of each shape, live (default: %(default)s)')
     parser.add_argument('--picture', metavar='FILE', help='draw what is taken for what on held-out contacts')
     parser.add_argument('--accept-poor', action='store_true', help='write the file even where the held-out figures are '
                         'bad')
@@ -93,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
         check_writable(path, inputs, force=args.force)
     examples = {kind: examples_in(base, kind, len(before)) for kind in KINDS}
     for name in args.name:
-        kind, found = _recorded(name, args)
+        kind, found = _record(name, args)
         for shapes in examples.values():
             shapes.append(found if shapes is examples[kind] else NO_EXAMPLES)
     taught = {kind: _taught(recogniser, kind, shapes) for kind, shapes in examples.items()
@@ -105,14 +105,14 @@ def run(args: argparse.Namespace) -> int:
         print(f'tactile: not written: it needs {LEAST_RIGHT:.0%} of the touches of each shape, and may cost the five '
               f'shapes {MOST_LOST:.1%}. The shape may be too like another one at this size, or the touches differ too '
               'much: record more, or a larger contact. --accept-poor writes it all the same.', file=sys.stderr)
-        return REFUSED
+        return REFUSED_CODE
     with output_file(args.output, inputs=inputs) as stream:
         write_taught(stream, base, names, {kind: result.head for kind, result in taught.items()}, examples)
     print(f'written to {args.output}. Give it to the classifier node (model:=) or to tactile classify (--model).')
     return 0
 
 
-def _recorded(name: str, args: argparse.Namespace) -> tuple[str, Examples]:
+def _record(name: str, args: argparse.Namespace) -> tuple[str, Examples]:
     """The kind of frames, and the examples of one shape."""
     files = args.sources.get(name)
     if files:
@@ -122,9 +122,9 @@ def _recorded(name: str, args: argparse.Namespace) -> tuple[str, Examples]:
         touches = live_touches(name, args.touches, args, log)
     print(f'{name}: {len(touches.touches)} touches{_unused(touches)}')
     if len(touches.touches) < LEAST_TOUCHES:
-        raise InputError(f'touches of {name}', expected=f'{LEAST_TOUCHES} or more, {TOUCHES} as a rule',
+        raise InputError(f'touches of {name}', expected=f'{LEAST_TOUCHES} or more, {DEFAULT_TOUCHES} as a rule',
                          got=str(len(touches.touches)), remedy='Record more; lift the object in between.')
-    examples = examples_of(touches.touches, np.random.default_rng(SEED))
+    examples = examples_of(touches.touches, np.random.default_rng(VARIANT_SEED))
     graded = {patch.graded for patch in examples.patches}
     if len(graded) > 1:
         raise InputError(f'touches of {name}', expected='pressures, or on/off taxels', got='both',

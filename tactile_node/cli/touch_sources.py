@@ -10,33 +10,32 @@ import numpy as np
 
 from tactile_node.assembly.fault_text import failure_text
 from tactile_node.assembly.health import Failure
-from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE, BusSettings
 from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.cli.frame_file import read_frames
-from tactile_node.cli.options import eds_of, layouts_of, node_ids_of
+from tactile_node.cli.options import bus_settings_of, eds_of, pads_of, single_pad_of
 from tactile_node.cli.played_log import play_log
-from tactile_node.errors import BusError, ConfigurationError
+from tactile_node.errors import BusError
 from tactile_node.interruption import interruption
 from tactile_node.learning.presses import subtract_zero
 from tactile_node.learning.touches import Touch, Touches, TouchFinder, find_touches
 from tactile_node.press_levels import ON_OFF_UNIT
 from tactile_node.skin.layout import SkinLayout
-from tactile_node.skin.pads import make_pads, with_dictionaries
+from tactile_node.skin.pads import with_dictionaries
 
-ARRAYS = ('.npy', '.npz')
-AT_REST = 25        #: frames that the zero of a live skin is found from
-STEADY = 10         #: frames
-HINT_AFTER = 10.0   #: s without a frame
+ARRAY_SUFFIXES = ('.npy', '.npz')
+REST_FRAMES = 25        #: frames that the zero of a live skin is found from
+STEADY_FRAMES = 10         #: frames
+FRAME_TIMEOUT = 10.0   #: s without a frame
 WHAT_TO_DO = ('Touch the skin with {name} {count} times: hold it still until it counts, lift it, rotate it, touch at '
               'another place. Keep it off the edges of the pad.')
 
 
 def touches_in(files: list[str], args: argparse.Namespace) -> Touches:
     """Return the touches in arrays and logs, each file in its order."""
-    return _joined([_in_array(path) if Path(path).suffix in ARRAYS else _in_log(path, args) for path in files])
+    return _join([_in_array(path) if Path(path).suffix in ARRAY_SUFFIXES else _in_log(path, args) for path in files])
 
 
-def _joined(found: list[Touches]) -> Touches:
+def _join(found: list[Touches]) -> Touches:
     unused: Counter = Counter()
     for each in found:
         unused.update(each.unused)
@@ -50,14 +49,14 @@ def _in_array(path: str) -> Touches:
 
 
 def _in_log(path: str, args: argparse.Namespace) -> Touches:
-    pads = make_pads(layouts_of(args), node_ids_of(args))
+    pads = pads_of(args)
     played = play_log(path, pads, channel=args.channel or '', any_device=args.any_device, must_be_used=True)
     found = []
     for pad in pads:
         frames = np.array([frame.values for frame in played.frames[pad.name]])
         unit = pad.layout.value.unit
         found.append(find_touches(frames if unit == ON_OFF_UNIT else subtract_zero(frames), unit))
-    return _joined(found)
+    return _join(found)
 
 
 def live_touches(name: str, count: int, args: argparse.Namespace, record: str) -> Touches:
@@ -66,20 +65,17 @@ def live_touches(name: str, count: int, args: argparse.Namespace, record: str) -
     Where that log exists, the recording is a file beside it; its path is reported, however the touches end.
     Raises KeyboardInterrupt where the user ends it, and what a bus and its devices raise.
     """
-    pads = with_dictionaries(make_pads(layouts_of(args), node_ids_of(args)), eds_of(args))
-    if len(pads) > 1:
-        raise ConfigurationError('--node-id', expected='the nodes of one pad', got=f'{len(pads)} pads',
-                                 remedy='Teach on one pad; the other one recognises the shape, too.')
+    pad = single_pad_of(args, 'Teach on one pad; the other one recognises the shape, too.')
     frames: SimpleQueue[np.ndarray] = SimpleQueue()
     failures: list[Failure] = []
-    settings = BusSettings(args.interface or DEFAULT_INTERFACE, args.channel or DEFAULT_CHANNEL,
-                           args.bitrate or DEFAULT_BITRATE, record=record)
-    bus = SkinBus(settings, pads, lambda _, frame: frames.put(frame.values), on_failure=failures.append)
+    pads = with_dictionaries((pad,), eds_of(args))
+    bus = SkinBus(bus_settings_of(args, record), pads, lambda _, frame: frames.put(frame.values),
+                  on_failure=failures.append)
     try:
         bus.open()
         bus.configure()
         bus.start()
-        return _guided(name, count, pads[0].layout, frames, failures)
+        return _guide(name, count, pad.layout, frames, failures)
     finally:
         recorded = bus.recorded_to
         bus.close()
@@ -87,14 +83,14 @@ def live_touches(name: str, count: int, args: argparse.Namespace, record: str) -
             _say(f'The bus was recorded to {recorded}: --from {recorded} teaches from it again.')
 
 
-def _guided(name: str, count: int, layout: SkinLayout, frames: SimpleQueue, failures: list[Failure]) -> Touches:
+def _guide(name: str, count: int, layout: SkinLayout, frames: SimpleQueue, failures: list[Failure]) -> Touches:
     finder, zero = TouchFinder(layout.value.unit), np.zeros((layout.rows, layout.cols))
     touches: list[Touch] = []
     was_steady, last = False, None
     with interruption() as stop_requested:
         if layout.value.unit != ON_OFF_UNIT:
             _say('Leave the skin untouched ...')
-            rest = [_next(frames, failures, stop_requested) for _ in range(AT_REST)]
+            rest = [_next(frames, failures, stop_requested) for _ in range(REST_FRAMES)]
             zero = np.nan_to_num(np.nanmedian(rest, axis=0))
         _say(WHAT_TO_DO.format(name=name, count=count))
         while len(touches) < count:
@@ -103,7 +99,7 @@ def _guided(name: str, count: int, layout: SkinLayout, frames: SimpleQueue, fail
                 touches += ended if was_steady else []
                 _say(f'touch {len(touches)} of {count}' if was_steady else 'That was too short: hold it still.')
                 was_steady = False
-            elif finder.is_steady(STEADY) and not was_steady:
+            elif finder.is_steady(STEADY_FRAMES) and not was_steady:
                 was_steady = True
                 _say('  steady: lift it and rotate it')
             elif finder.reason is not None and finder.reason is not last:
@@ -125,8 +121,8 @@ def _next(frames: SimpleQueue, failures: list[Failure], stop_requested) -> np.nd
             return found
         except Empty:
             waited += 0.1
-        if waited > HINT_AFTER:
-            raise BusError('CAN bus', expected='taxel frames', got=f'none for {HINT_AFTER:.0f} s',
+        if waited > FRAME_TIMEOUT:
+            raise BusError('CAN bus', expected='taxel frames', got=f'none for {FRAME_TIMEOUT:.0f} s',
                            remedy='Check the device with `tactile scan`.')
 
 

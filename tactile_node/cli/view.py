@@ -9,7 +9,6 @@ and open http://localhost:8080.
 import argparse
 from threading import Event
 
-from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE, BusSettings
 from tactile_node.cli.options import (
     add_any_device_option,
     add_bus_options,
@@ -17,17 +16,16 @@ from tactile_node.cli.options import (
     add_number,
     add_skin_options,
     add_window_options,
-    eds_of,
-    layouts_of,
-    node_ids_of,
+    bus_settings_of,
+    live_pads_of,
     pad_names,
+    pads_of,
     recogniser_of,
     window_of,
 )
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption
 from tactile_node.logs.topic_bag import holds_taxels
-from tactile_node.skin.pads import make_pads, with_dictionaries
 from tactile_node.viewing.source import Source
 
 DEFAULT_PORT = 8080
@@ -76,9 +74,7 @@ def source_of(args: argparse.Namespace) -> Source:
         return _recording_source(args)
     if is_bus:
         from tactile_node.viewing.bus_source import BusSource
-        pads = with_dictionaries(make_pads(layouts_of(args), node_ids_of(args), args.pads or ()), eds_of(args))
-        return BusSource(BusSettings(args.interface or DEFAULT_INTERFACE, args.channel or DEFAULT_CHANNEL,
-                                     args.bitrate or DEFAULT_BITRATE), pads, recogniser_of(args))
+        return BusSource(bus_settings_of(args), live_pads_of(args, args.pads or ()), recogniser_of(args))
     if args.model:
         raise ConfigurationError('--model', expected='a bus or a recording', got='topics', remedy='What is shown of '
                                  'topics, the classifier node recognises: give it the parameter model.')
@@ -92,7 +88,7 @@ def _recording_source(args: argparse.Namespace) -> Source:
         from tactile_node.viewing.recordings import BagRecording
         return RecordingSource(BagRecording(args.recording, args.pads or (), window_of(args)), recogniser_of(args))
     from tactile_node.viewing.recordings import LogRecording
-    pads = make_pads(layouts_of(args), node_ids_of(args), args.pads or ())
+    pads = pads_of(args, args.pads or ())
     return RecordingSource(LogRecording(args.recording, pads, args.channel or '', args.any_device,
                                         window_of(args)),
                            recogniser_of(args))

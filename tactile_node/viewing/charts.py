@@ -9,8 +9,8 @@ import numpy as np
 from tactile_node.colour_map import PALETTE, STEPS, rounded_up
 
 HEAT_LEVELS = 48
-NO_VALUE = '#9a9a9a'
-OUTLINE = '#00e5ff'
+NO_VALUE_COLOUR = '#9a9a9a'
+OUTLINE_COLOUR = '#00e5ff'
 PAD_HEIGHT = 200  #: of a picture of a pad [pixels]
 
 
@@ -39,7 +39,7 @@ def heat_cells(values: np.ndarray, top: float) -> str:
     with np.errstate(invalid='ignore'):
         levels = np.clip(np.rint(values / top * (HEAT_LEVELS - 1)) if top > 0 else 0 * values, 0, HEAT_LEVELS - 1)
     shades = [(colour(level / (HEAT_LEVELS - 1)), levels == level) for level in range(HEAT_LEVELS)]
-    return cells([*shades, (NO_VALUE, np.isnan(values))])
+    return cells([*shades, (NO_VALUE_COLOUR, np.isnan(values))])
 
 
 def grid(rows: int, cols: int, content: str, label: str) -> str:
@@ -52,7 +52,7 @@ def grid(rows: int, cols: int, content: str, label: str) -> str:
 def outline(corners: np.ndarray, pitch: float, rows: int) -> str:
     """``corners`` (n, 2) in the pad's frame [m]: x along columns, y along rows, taxel (0, 0) at the origin."""
     points = ' '.join(f'{x / pitch + 0.5:.3f},{rows - 0.5 - y / pitch:.3f}' for x, y in corners)
-    return (f'<polygon points="{points}" fill="none" stroke="{OUTLINE}" stroke-width="{rows / 90:.3f}" '
+    return (f'<polygon points="{points}" fill="none" stroke="{OUTLINE_COLOUR}" stroke-width="{rows / 90:.3f}" '
             'shape-rendering="geometricPrecision"/>')
 
 
@@ -71,7 +71,7 @@ def _runs(places: np.ndarray) -> list[tuple[int, int, int]]:
     return [(int(row), int(first), int(last - first)) for (row, first), (_, last) in zip(begins, ends)]
 
 
-WIDTH, HEIGHT, LEFT, BOTTOM = 940, 130, 64, 22
+CHART_WIDTH, CHART_HEIGHT, CHART_LEFT, CHART_BOTTOM = 940, 130, 64, 22
 MOST_POINTS = 900  #: points of one line: more than one a pixel is not seen
 
 
@@ -89,7 +89,8 @@ def chart(lines: Sequence[Points], dots: Sequence[Points], *, end: float, top: f
     end = end if end > 0 else 1.0
 
     def place(x: float, y: float) -> tuple[float, float]:
-        return LEFT + x / end * (WIDTH - LEFT - 8), (HEIGHT - BOTTOM) - min(y / top, 1.0) * (HEIGHT - BOTTOM - 8)
+        return (CHART_LEFT + x / end * (CHART_WIDTH - CHART_LEFT - 8),
+                CHART_HEIGHT - CHART_BOTTOM - min(y / top, 1.0) * (CHART_HEIGHT - CHART_BOTTOM - 8))
 
     drawn = [_axes(place, end, top, unit)]
     for colour, x, y in lines:
@@ -98,13 +99,13 @@ def chart(lines: Sequence[Points], dots: Sequence[Points], *, end: float, top: f
     for colour, x, y in dots:
         data = ''.join('M{:.1f} {:.1f}h0'.format(*place(float(a), float(b))) for a, b in zip(x, y))
         drawn.append(f'<path stroke="{colour}" stroke-width="4" stroke-linecap="round" d="{data}"/>')
-    return f'<svg class="chart" viewBox="0 0 {WIDTH} {HEIGHT}" role="img">{"".join(drawn)}</svg>'
+    return f'<svg class="chart" viewBox="0 0 {CHART_WIDTH} {CHART_HEIGHT}" role="img">{"".join(drawn)}</svg>'
 
 
-def thinned(values: np.ndarray, keep_highest: bool) -> np.ndarray:
+def thin(values: np.ndarray, keep_highest: bool) -> np.ndarray:
     """Return the indices of at most MOST_POINTS of ``values``: of each part the highest, or the lowest.
 
-    >>> thinned(np.array([3.0, 1.0]), True).tolist()
+    >>> thin(np.array([3.0, 1.0]), True).tolist()
     [0, 1]
     """
     if len(values) <= MOST_POINTS:
@@ -124,6 +125,6 @@ def _axes(place, end: float, top: float, unit: str) -> str:
     for k in range(int(top / rounded_up(top / 3) + 1e-9) + 1):
         value = k * rounded_up(top / 3)
         x, y = place(0, value)
-        parts.append(f'<path class="tick" d="M{x} {y:.1f}H{WIDTH - 8}"/><text x="{x - 5}" y="{y + 4:.1f}" '
+        parts.append(f'<path class="tick" d="M{x} {y:.1f}H{CHART_WIDTH - 8}"/><text x="{x - 5}" y="{y + 4:.1f}" '
                      f'text-anchor="end">{value:g}{" " + unit if unit else ""}</text>')
     return ''.join(parts)

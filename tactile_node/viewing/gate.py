@@ -1,6 +1,6 @@
 """Who may look: stands before the page's server, which refuses no one, and passes on what may pass.
 
-It also takes the browsers' receipts: an update of a page holds an empty picture of the address TAKEN, for which a
+It also takes the browsers' receipts: an update of a page holds an empty picture of the address TAKEN_PATH, for which a
 browser asks when it has put the update on its page.
 
 It listens on this machine alone; from elsewhere the port is forwarded by ssh. A browser must have asked for this
@@ -22,12 +22,12 @@ from tactile_node.errors import ConfigurationError
 LOOPBACK = '127.0.0.1'
 LARGEST_HEAD = 16_384  #: of a request [bytes]
 HEAD_TIMEOUT = 10.0    #: s
-CHUNK = 65_536         #: passed on at once [bytes]
+PASSED_CHUNK = 65_536         #: passed on at once [bytes]
 SEND_BUFFER = 131_072  #: of a connection to a browser [bytes]: what waits in it becomes old
 
 #: Called with the number of a page and of the update that it has taken
 OnTaken = Callable[[int, int], None]
-TAKEN = '/taken'
+TAKEN_PATH = '/taken'
 
 
 class Request(NamedTuple):
@@ -40,7 +40,7 @@ class Request(NamedTuple):
     @property
     def receipt(self) -> tuple[int, int] | None:
         """Page and update of which this is the receipt; None for another request."""
-        found = re.fullmatch(rf'{TAKEN}/(\d{{1,9}})/(\d{{1,12}})', self.target)
+        found = re.fullmatch(rf'{TAKEN_PATH}/(\d{{1,9}})/(\d{{1,12}})', self.target)
         return None if found is None else (int(found[1]), int(found[2]))
 
     @property
@@ -49,7 +49,7 @@ class Request(NamedTuple):
 
 
 #: An answer after which the connection stays: a receipt comes with each update
-RECEIVED = b'HTTP/1.1 204 No Content\r\nCache-Control: no-store\r\n\r\n'
+RECEIPT_ANSWER = b'HTTP/1.1 204 No Content\r\nCache-Control: no-store\r\n\r\n'
 
 
 def refusal(status: HTTPStatus) -> bytes:
@@ -71,7 +71,7 @@ def is_loopback(host: str) -> bool:
         return False
 
 
-def parsed(head: bytes) -> Request | None:
+def parse_request(head: bytes) -> Request | None:
     """Return the request of ``head``; None where it is none."""
     lines = head.decode('latin-1').split('\r\n')
     first = lines[0].split(' ')
@@ -85,7 +85,7 @@ def parsed(head: bytes) -> Request | None:
     return request if _is_url(request.target) and _is_url(request.headers.get('origin', '')) else None
 
 
-def refused(request: Request) -> HTTPStatus | None:
+def check_request(request: Request) -> HTTPStatus | None:
     """Return why ``request`` is refused; None: pass it on."""
     if request.method != 'GET':
         return HTTPStatus.METHOD_NOT_ALLOWED
@@ -139,13 +139,13 @@ class Gate:
     async def _answered(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> bool:
         """Take one request; True where another one may follow."""
         head = await asyncio.wait_for(reader.readuntil(b'\r\n\r\n'), HEAD_TIMEOUT)
-        request = parsed(head)
-        status = HTTPStatus.BAD_REQUEST if request is None else refused(request)
+        request = parse_request(head)
+        status = HTTPStatus.BAD_REQUEST if request is None else check_request(request)
         if request is None or status is not None:
             writer.write(refusal(status or HTTPStatus.BAD_REQUEST))
         elif request.receipt is not None:
             self._on_taken(*request.receipt)
-            writer.write(RECEIVED)
+            writer.write(RECEIPT_ANSWER)
         else:
             await self._pass_on(head, request.is_websocket, reader, writer)
         await writer.drain()
@@ -155,7 +155,7 @@ class Gate:
                        writer: asyncio.StreamWriter) -> None:
         """Only a WebSocket goes on both ways: a second request on the same connection has not been checked."""
         writer.get_extra_info('socket').setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
-        inner_reader, inner_writer = await asyncio.open_connection(*self._inner, limit=CHUNK)
+        inner_reader, inner_writer = await asyncio.open_connection(*self._inner, limit=PASSED_CHUNK)
         try:
             inner_writer.write(head)
             ways = [asyncio.create_task(_copy(inner_reader, writer))]
@@ -171,7 +171,7 @@ class Gate:
 
 async def _copy(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
     """Wait for the one who takes: what is not taken stays where it came from."""
-    while data := await reader.read(CHUNK):
+    while data := await reader.read(PASSED_CHUNK):
         writer.write(data)
         await writer.drain()
 

@@ -10,25 +10,25 @@ from tactile_node.viewing.page_parts import DrawnPad, macros, said_of
 from tactile_node.viewing.states import BusFacts, NodeFacts, PadFacts
 
 MOST_TAXELS = 8  #: faulty taxels that are listed
-OLD_STATUS = 3.0  #: from which age on a status is marked as old; one comes each second [s]
-RECENT = 60.0  #: what was lost longer ago is not red [s]
-NONE = PadFacts('', 0, 0, 0, 0, {})
+OLD_STATUS_AGE = 3.0  #: from which age on a status is marked as old; one comes each second [s]
+RECENT_TIME = 60.0  #: what was lost longer ago is not red [s]
+NO_PAD = PadFacts('', 0, 0, 0, 0, {})
 
 
 class HealthHistory:
-    """The facts of a live bus over RECENT seconds: what is lost now differs from what was lost long ago."""
+    """The facts of a live bus over RECENT_TIME seconds: what is lost now differs from what was lost long ago."""
 
     def __init__(self) -> None:
         self._facts: deque[tuple[float, int, BusFacts]] = deque()
 
     def before(self, facts: BusFacts, stamp: float) -> tuple[BusFacts, float]:
-        """Note ``facts`` of ``stamp`` [s]; return those of RECENT before, or the first, and how much older they are."""
+        """Note ``facts`` of ``stamp`` [s]; return those of RECENT_TIME before, or the first, and their age then."""
         expected = sum(pad.expected for pad in facts.pads)
         if self._facts and expected < self._facts[-1][1]:
             self._facts.clear()  # the driver has been started again: its counters have no past
         if not self._facts or stamp > self._facts[-1][0]:  # of a driver that has ended it stands still
             self._facts.append((stamp, expected, facts))
-        while len(self._facts) > 1 and stamp - self._facts[1][0] >= RECENT:
+        while len(self._facts) > 1 and stamp - self._facts[1][0] >= RECENT_TIME:
             self._facts.popleft()
         return self._facts[0][2], stamp - self._facts[0][0]
 
@@ -42,7 +42,7 @@ def health_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFact
     if facts is None:
         return '<div class="tactile-note">no status of a bus comes from this source</div>'
     load = 'not known (log)' if math.isnan(facts.load) else f'{facts.load:.0%}'
-    if age > OLD_STATUS:  # neither bus nor nodes are known any more
+    if age > OLD_STATUS_AGE:  # neither bus nor nodes are known any more
         load = 'not known'
         facts = facts._replace(failure=f'OLD: nothing newer for {age:.0f} s',
                                pads=tuple(pad._replace(nodes=()) for pad in facts.pads))
@@ -56,7 +56,7 @@ def health_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFact
     before_by_pad = {pad.pad: pad for pad in earlier.pads}
     for pad in facts.pads:
         rows.append((Markup('<b>{}</b>').format(pad.pad), *said.get(pad.pad, ('', False))))
-        rows += _pad_rows(pad, before_by_pad.get(pad.pad, NONE), span)
+        rows += _pad_rows(pad, before_by_pad.get(pad.pad, NO_PAD), span)
     return str(macros().health(rows))
 
 

@@ -12,10 +12,10 @@ from tactile_node.press_levels import ON_OFF_UNIT
 from tactile_node.taxel_frame import TaxelStatus
 from tactile_node.viewing.states import PadState, SeenContact
 
-WITHOUT_VALUE = '#8a8f98'
-OUTLINE, FAINT = '#29e6ff', '#5c6672'
-LEFT, RIGHT, TOP, BOTTOM = 1.4, 2.9, 0.2, 1.5  #: margins around the taxels [of a side of 16 units]
-SIDE = 16.0  #: of the taxels' longer side [units of the picture]
+NO_VALUE_COLOUR = '#8a8f98'
+OUTLINE_COLOUR, FAINT_COLOUR = '#29e6ff', '#5c6672'
+LEFT_MARGIN, RIGHT_MARGIN, TOP_MARGIN, BOTTOM_MARGIN = 1.4, 2.9, 0.2, 1.5  #: [units of the picture]
+LONGER_SIDE = 16.0  #: of the taxels [units of the picture]
 #: what a person reads: factor and name, by unit
 SHOWN_AS = {'Pa': (1e-3, 'kPa'), 'N': (1.0, 'N'), ON_OFF_UNIT: (1.0, '')}
 
@@ -25,9 +25,10 @@ def heat_map(state: PadState, full_scale: float, is_old: bool = False) -> str:
     what the pad reads now.
     """
     rows, cols = state.values.shape
-    unit = SIDE / max(rows, cols)  # of the picture, a taxel
+    unit = LONGER_SIDE / max(rows, cols)  # of the picture, a taxel
     width, height = cols * unit, rows * unit
-    view = f'{-LEFT:g} {-TOP:g} {width + LEFT + RIGHT:g} {height + TOP + BOTTOM:g}'
+    view = (f'{-LEFT_MARGIN:g} {-TOP_MARGIN:g} {width + LEFT_MARGIN + RIGHT_MARGIN:g} '
+            f'{height + TOP_MARGIN + BOTTOM_MARGIN:g}')
     opacity = 0.25 if is_old else 1
     parts = [f'<svg class="tactile-map" data-pad="{escape(state.pad, quote=True)}" viewBox="{view}" '
              'xmlns="http://www.w3.org/2000/svg">',
@@ -62,21 +63,21 @@ def _marks(state: PadState, unit: float) -> str:
                        f'l{-.6 * unit:g} {.6 * unit:g}')
     bounds = ''.join(f'<circle cx="{(col + .5) * unit:g}" cy="{(rows - row - .5) * unit:g}" r="{.25 * unit:g}"/>'
                      for row, col in np.argwhere(state.status == TaxelStatus.SATURATED).tolist())
-    return (f'<path class="no-value" d="{"".join(squares)}" fill="{WITHOUT_VALUE}"/>'
+    return (f'<path class="no-value" d="{"".join(squares)}" fill="{NO_VALUE_COLOUR}"/>'
             f'<path d="{"".join(crosses)}" stroke="#2b2f36" stroke-width="{.1 * unit:g}" fill="none"/>'
             f'<g fill="none" stroke="#17a34a" stroke-width="{.1 * unit:g}">{bounds}</g>')
 
 
 def _outline(outline: np.ndarray, pitch: float, rows: int, unit: float) -> str:
     points = ' '.join(f'{(x / pitch + .5) * unit:.3f},{(rows - .5 - y / pitch) * unit:.3f}' for x, y in outline)
-    return (f'<polygon class="outline" points="{points}" fill="none" stroke="{OUTLINE}" stroke-width="0.22" '
+    return (f'<polygon class="outline" points="{points}" fill="none" stroke="{OUTLINE_COLOUR}" stroke-width="0.22" '
             'stroke-linejoin="round"/>')
 
 
 def _axes(state: PadState, unit: float) -> str:
     """Millimetres from the centre of taxel (0, 0)."""
     rows, cols = state.values.shape
-    parts = [f'<rect width="{cols * unit:g}" height="{rows * unit:g}" fill="none" stroke="{FAINT}" '
+    parts = [f'<rect width="{cols * unit:g}" height="{rows * unit:g}" fill="none" stroke="{FAINT_COLOUR}" '
              'stroke-width="0.06"/>']
     for length in _ticks(1e3 * state.pitch * (cols - 1)):
         x = (length / (1e3 * state.pitch) + .5) * unit
@@ -105,7 +106,7 @@ def _colour_bar(unit_name: str, full_scale: float, width: float, height: float) 
 
 
 def _text(x: float, y: float, text: str, anchor: str) -> str:
-    return f'<text x="{x:.3g}" y="{y:.3g}" font-size="0.65" fill="{FAINT}" text-anchor="{anchor}">{text}</text>'
+    return f'<text x="{x:.3g}" y="{y:.3g}" font-size="0.65" fill="{FAINT_COLOUR}" text-anchor="{anchor}">{text}</text>'
 
 
 def words(contact: SeenContact | None) -> str:

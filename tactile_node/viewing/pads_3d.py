@@ -12,9 +12,9 @@ from tactile_node.shape.volf import GROUPS, SMALLEST, Plane, VolfClassifier, axe
 from tactile_node.taxel_frame import TaxelStatus
 from tactile_node.viewing.states import PadState
 
-WIDTH, HEIGHT = 30.0, 17.0
-LEFT, BOTTOM, TOP, RIGHT = 3.2, 2.6, 1.4, 0.4
-POINTS = '#0ea5e9', '#f97316', '#16a34a', '#a855f7'  #: of the pads, in their order
+PLANE_WIDTH, PLANE_HEIGHT = 30.0, 17.0
+PLANE_LEFT, PLANE_BOTTOM, PLANE_TOP, PLANE_RIGHT = 3.2, 2.6, 1.4, 0.4
+POINT_COLOURS = '#0ea5e9', '#f97316', '#16a34a', '#a855f7'  #: of the pads, in their order
 
 
 class PlanePoint(NamedTuple):
@@ -52,25 +52,26 @@ def _picture(name: str, plane: Plane, points: list[PlanePoint]) -> str:
 
     def place(u: float, v: float) -> tuple[float, float]:
         x, y = (u - low) / (high - low), (v - bottom) / (top - bottom)
-        return (LEFT + np.clip(x, 0, 1) * (WIDTH - LEFT - RIGHT),
-                HEIGHT - BOTTOM - np.clip(y, 0, 1) * (HEIGHT - BOTTOM - TOP))
+        return (PLANE_LEFT + np.clip(x, 0, 1) * (PLANE_WIDTH - PLANE_LEFT - PLANE_RIGHT),
+                PLANE_HEIGHT - PLANE_BOTTOM - np.clip(y, 0, 1) * (PLANE_HEIGHT - PLANE_BOTTOM - PLANE_TOP))
 
     curve = ' '.join(f'{x:.2f},{y:.2f}' for x, y in (place(*each) for each in zip(u, v)))
-    right, below = WIDTH - RIGHT, HEIGHT - BOTTOM
+    right, below = PLANE_WIDTH - PLANE_RIGHT, PLANE_HEIGHT - PLANE_BOTTOM
     marks = ''
     for point in points:
         x, y = place(*map(float, axes(point.horizontal, point.vertical)))
-        marks += f'<circle class="plane-point" cx="{x:.2f}" cy="{y:.2f}" r=".5" fill="{POINTS[point.pad % 4]}"/>'
+        marks += f'<circle class="plane-point" cx="{x:.2f}" cy="{y:.2f}" r=".5" fill="{POINT_COLOURS[point.pad % 4]}"/>'
     label = name.replace('_', ' ')
-    return (f'<svg viewBox="0 0 {WIDTH:g} {HEIGHT:g}" font-size="1.05" fill="#5c6672">'
-            f'<polygon points="{LEFT},{TOP} {right},{TOP} {right},{curve.split()[-1].split(",")[1]} '
-            f'{" ".join(reversed(curve.split()))} {LEFT},{TOP}" fill="#0ea5e9" opacity=".12"/>'
-            f'<rect x="{LEFT}" y="{TOP}" width="{right - LEFT}" height="{below - TOP}" fill="none" stroke="#5c6672" '
-            f'stroke-width=".08"/><polyline points="{curve}" fill="none" stroke="#5c6672" stroke-width=".18"/>{marks}'
-            f'<text x="{LEFT + .4}" y="{TOP + 1.3}">{label} above the curve</text>'
+    return (f'<svg viewBox="0 0 {PLANE_WIDTH:g} {PLANE_HEIGHT:g}" font-size="1.05" fill="#5c6672">'
+            f'<polygon points="{PLANE_LEFT},{PLANE_TOP} {right},{PLANE_TOP} {right},{curve.split()[-1].split(",")[1]} '
+            f'{" ".join(reversed(curve.split()))} {PLANE_LEFT},{PLANE_TOP}" fill="#0ea5e9" opacity=".12"/>'
+            f'<rect x="{PLANE_LEFT}" y="{PLANE_TOP}" width="{right - PLANE_LEFT}" height="{below - PLANE_TOP}" '
+            f'fill="none" stroke="#5c6672" stroke-width=".08"/><polyline points="{curve}" fill="none" '
+            f'stroke="#5c6672" stroke-width=".18"/>{marks}'
+            f'<text x="{PLANE_LEFT + .4}" y="{PLANE_TOP + 1.3}">{label} above the curve</text>'
             + _scale(plane, (low, high), (bottom, top), place)
-            + f'<text x="{right}" y="{HEIGHT - .2}" text-anchor="end">{" ".join(plane.horizontal)}</text>'
-            f'<text x=".1" y="{TOP - .3}">{" ".join(plane.vertical)}</text></svg>')
+            + f'<text x="{right}" y="{PLANE_HEIGHT - .2}" text-anchor="end">{" ".join(plane.horizontal)}</text>'
+            f'<text x=".1" y="{PLANE_TOP - .3}">{" ".join(plane.vertical)}</text></svg>')
 
 
 def _scale(plane: Plane, horizontal: tuple[float, float], vertical: tuple[float, float], place) -> str:
@@ -86,18 +87,19 @@ def _scale(plane: Plane, horizontal: tuple[float, float], vertical: tuple[float,
 if TYPE_CHECKING:
     from viser import BatchedMeshHandle, ClientHandle, LineSegmentsHandle
 
-SCALE = 100.0       #: scene units a metre: a pad is a few units wide, as viser's camera expects
-TALLEST = 3.0       #: column of the full scale [pitches]
-FLAT = 0.15         #: column of no load [pitches]
-OPENING = 9.0       #: between two pads that face each other [pitches]
-NARROW = 0.7        #: ratio of the pane's sides from which on its width decides how far the camera is
-OUTLINE = (41, 230, 255)
-WITHOUT_VALUE = (138, 143, 152)
-OLD = (190, 190, 190)
-IDENTITY, TURNED = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0)  #: quaternions; turned by 180 degrees about x
+UNITS_PER_METRE = 100.0       #: scene units a metre: a pad is a few units wide, as viser's camera expects
+TALLEST_COLUMN = 3.0       #: column of the full scale [pitches]
+FLAT_COLUMN = 0.15         #: column of no load [pitches]
+GRIPPER_OPENING = 9.0       #: between two pads that face each other [pitches]
+NARROW_ASPECT = 0.7        #: ratio of the pane's sides from which on its width decides how far the camera is
+OUTLINE_RGB = (41, 230, 255)
+NO_VALUE_RGB = (138, 143, 152)
+OLD_RGB = (190, 190, 190)
+IDENTITY_QUATERNION = np.array((1.0, 0.0, 0.0, 0.0), np.float32)
+TURNED_QUATERNION = np.array((0.0, 1.0, 0.0, 0.0), np.float32)  #: by 180 degrees about x
 #: of a column with its base at 0
-BOX = np.array([(x, y, z) for z in (0, 1) for y in (-.45, .45) for x in (-.45, .45)], np.float32)
-FACES = np.array([(0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1, 5, 4), (2, 6, 3), (3, 6, 7), (0, 4, 2),
+BOX_CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (-.45, .45) for x in (-.45, .45)], np.float32)
+BOX_FACES = np.array([(0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1, 5, 4), (2, 6, 3), (3, 6, 7), (0, 4, 2),
                   (2, 4, 6), (1, 3, 5), (3, 7, 5)], np.uint32)
 
 
@@ -112,9 +114,9 @@ class Pads3d:
 
     def look_from(self, state: PadState, pads: int) -> None:
         """Place the camera for ``pads`` pads like this one."""
-        width = SCALE * state.pitch * max(state.values.shape)
+        width = UNITS_PER_METRE * state.pitch * max(state.values.shape)
         middle = 1.3 * width * ((pads - 1) // 2) / 2
-        away = (width + 2 * middle) * max(1.0, NARROW / self._client.camera.aspect)
+        away = (width + 2 * middle) * max(1.0, NARROW_ASPECT / self._client.camera.aspect)
         self._client.camera.position = (middle + 0.9 * away, -1.7 * away, 0.25 * width + 0.65 * away)
         self._client.camera.look_at = (middle, 0.0, 0.25 * width)
 
@@ -122,12 +124,12 @@ class Pads3d:
         """Show pad ``number``; an old state is flat and pale: no load is known."""
         if self._sizes.get(state.pad) != (state.values.shape, state.pitch):  # a driver may start with another layout
             self._add(number, state)
-        values, pitch = state.values.ravel(), SCALE * state.pitch
-        heights = np.nan_to_num(np.clip(values / full_scale, 0, 1)) * TALLEST + FLAT
+        values, pitch = state.values.ravel(), UNITS_PER_METRE * state.pitch
+        heights = np.nan_to_num(np.clip(values / full_scale, 0, 1)) * TALLEST_COLUMN + FLAT_COLUMN
         colours = PALETTE[levels(values, full_scale)]
-        colours[np.isnan(values)] = WITHOUT_VALUE
+        colours[np.isnan(values)] = NO_VALUE_RGB
         if is_old:
-            heights[:], colours[:] = FLAT, OLD
+            heights[:], colours[:] = FLAT_COLUMN, OLD_RGB
         scales = np.full((len(values), 3), pitch, np.float32)
         scales[:, 2] *= heights
         scales[state.status.ravel() == TaxelStatus.UNMAPPED] = 0
@@ -142,27 +144,28 @@ class Pads3d:
     def _outline(self, outline: np.ndarray, state: PadState) -> np.ndarray:
         rows, cols = state.values.shape
         corners = np.empty((len(outline), 3), np.float32)
-        corners[:, :2] = SCALE * (outline - state.pitch * np.array((cols - 1, rows - 1)) / 2)
-        corners[:, 2] = SCALE * state.pitch * (TALLEST + FLAT)
+        corners[:, :2] = UNITS_PER_METRE * (outline - state.pitch * np.array((cols - 1, rows - 1)) / 2)
+        corners[:, 2] = UNITS_PER_METRE * state.pitch * (TALLEST_COLUMN + FLAT_COLUMN)
         return np.stack((corners, np.roll(corners, -1, axis=0)), axis=1)
 
     def _add(self, number: int, state: PadState) -> None:
         self._sizes[state.pad] = state.values.shape, state.pitch
         rows, cols = state.values.shape
-        pitch = SCALE * state.pitch
+        pitch = UNITS_PER_METRE * state.pitch
         pair, is_upper = divmod(number, 2)
-        position = (pair * 1.3 * cols * pitch, 0.0, is_upper * OPENING * pitch)
+        position = (pair * 1.3 * cols * pitch, 0.0, is_upper * GRIPPER_OPENING * pitch)
         name, scene = f'/pad{number}', self._client.scene
-        scene.add_frame(name, show_axes=False, wxyz=TURNED if is_upper else IDENTITY, position=position)
+        scene.add_frame(name, show_axes=False, position=position,
+                        wxyz=TURNED_QUATERNION if is_upper else IDENTITY_QUATERNION)
         y, x = np.indices((rows, cols)).reshape(2, -1)
         places = np.column_stack((x - (cols - 1) / 2, y - (rows - 1) / 2, np.zeros(x.size))).astype(np.float32) * pitch
         self._columns[state.pad] = scene.add_batched_meshes_simple(
-            f'{name}/taxels', BOX, FACES, np.tile(np.array(IDENTITY, np.float32), (x.size, 1)), places,
+            f'{name}/taxels', BOX_CORNERS, BOX_FACES, np.tile(IDENTITY_QUATERNION, (x.size, 1)), places,
             batched_scales=np.full((x.size, 3), pitch, np.float32), batched_colors=np.zeros((x.size, 3), np.uint8),
             flat_shading=True, cast_shadow=False, receive_shadow=False)
         scene.add_box(f'{name}/base', color=(70, 76, 86), position=(0.0, 0.0, -0.3 * pitch), cast_shadow=False,
                       dimensions=((cols + .6) * pitch, (rows + .6) * pitch, 0.5 * pitch), receive_shadow=False)
         self._outlines[state.pad] = scene.add_line_segments(
-            f'{name}/outline', np.zeros((1, 2, 3), np.float32), OUTLINE, thickness=0.3 * pitch, visible=False)
+            f'{name}/outline', np.zeros((1, 2, 3), np.float32), OUTLINE_RGB, thickness=0.3 * pitch, visible=False)
         scene.add_label(f'{name}/name', state.pad, anchor='bottom-center' if is_upper else 'top-center',
                         position=(0.0, (.5 if is_upper else -.5) * rows * pitch, 0.0))  # at the edge next to the camera

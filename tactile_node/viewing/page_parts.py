@@ -12,9 +12,9 @@ import numpy as np
 from tactile_node.colour_map import rounded_up
 from tactile_node.press_levels import ON_OFF_UNIT, PRESS_BY_UNIT
 from tactile_node.taxel_frame import TaxelStatus
-from tactile_node.viewing.gate import TAKEN
+from tactile_node.viewing.gate import TAKEN_PATH
 from tactile_node.viewing.heat_map import heat_map, words
-from tactile_node.viewing.pads_3d import POINTS
+from tactile_node.viewing.pads_3d import POINT_COLOURS
 from tactile_node.viewing.source import Shown, Source
 from tactile_node.viewing.states import GraspFacts, PadState
 from tactile_node.viewing.templates import environment
@@ -22,11 +22,11 @@ from tactile_node.viewing.templates import environment
 if TYPE_CHECKING:
     from tactile_node.viewing.bus_source import RecordingSource
 
-OLD = 0.5          #: age from which on data are marked as old [s]
-OLD_SCENE = 1.0    #: age up to which the 3-D view is marked as current [s]
-PAGE_SILENT = 2.0  #: for which a page may get nothing before it says so [s]
+OLD_AGE = 0.5          #: age from which on data are marked as old [s]
+OLD_SCENE_AGE = 1.0    #: age up to which the 3-D view is marked as current [s]
+PAGE_SILENCE = 2.0  #: for which a page may get nothing before it says so [s]
 HELD_SCALE = 10.0  #: for which the largest reading sets the scale [s]
-CLOCKS_APART = 5.0  #: from this difference of stamps and this computer on, the page reports two clocks [s]
+CLOCK_DIFFERENCE_LIMIT = 5.0  #: from this difference of stamps and this computer on, the page reports two clocks [s]
 
 
 class DrawnPad(NamedTuple):
@@ -40,7 +40,7 @@ class DrawnPad(NamedTuple):
 
     @property
     def is_old(self) -> bool:
-        return not self.age <= OLD
+        return not self.age <= OLD_AGE
 
     @property
     def is_live(self) -> bool:
@@ -50,7 +50,7 @@ class DrawnPad(NamedTuple):
 
 def fresh_for(pads: list[DrawnPad]) -> float:
     """Return for how long what is sent now may look live once the browser has it [s]: the browser counts alone."""
-    return min((max(OLD - pad.age - pad.transit, 0.0) for pad in pads if pad.is_live), default=PAGE_SILENT)
+    return min((max(OLD_AGE - pad.age - pad.transit, 0.0) for pad in pads if pad.is_live), default=PAGE_SILENCE)
 
 
 class FullScale:
@@ -99,9 +99,9 @@ class Scales:
 def macros() -> Any:
     """Return the macros of page.html."""
     return environment().get_template('page.html', globals={
-        'page_silent': PAGE_SILENT, 'old': OLD, 'old_scene': OLD_SCENE, 'taken': TAKEN, 'point_colours': POINTS,
-        'said_of': said_of, 'hidden_text': hidden_text, 'words': words, 'heat_map': heat_map, 'fresh_for': fresh_for,
-        'grasp_html': grasp_html}).module
+        'page_silence': PAGE_SILENCE, 'old': OLD_AGE, 'old_scene': OLD_SCENE_AGE, 'taken': TAKEN_PATH,
+        'point_colours': POINT_COLOURS, 'said_of': said_of, 'hidden_text': hidden_text, 'words': words,
+        'heat_map': heat_map, 'fresh_for': fresh_for, 'grasp_html': grasp_html}).module
 
 
 def pads_html(pads: list[DrawnPad], number: int, is_recording: bool = False) -> str:
@@ -151,7 +151,7 @@ def clock_difference(pads: list[DrawnPad], wall: float) -> float:
 
 def _other_clock(behind: float) -> str:
     """What comes now may have been recorded long ago: a replay publishes the stamps of its log."""
-    if not abs(behind) > CLOCKS_APART:
+    if not abs(behind) > CLOCK_DIFFERENCE_LIMIT:
         return ''
     return (f'; by its stamps {abs(behind):.0f} s {"before" if behind > 0 else "after"} the time of this computer: a '
             'replay, or the clocks differ')
@@ -162,7 +162,7 @@ def grasp_html(grasp: GraspFacts | None) -> str:
     if grasp is None:
         return 'grasp: none comes from this source'
     age, contact = time.monotonic() - grasp.acquired, escape(grasp.contact.replace('_', ' '))
-    if not age <= OLD:
+    if not age <= OLD_AGE:
         reason = silence(age)
     elif not grasp.is_fresh or grasp.contact in ('not_known', 'unseen'):
         reason = contact if grasp.is_fresh else 'not fresh'
@@ -174,5 +174,5 @@ def grasp_html(grasp: GraspFacts | None) -> str:
 
 def status_html(facts: PageFacts, pads: list[DrawnPad], page: int, number: int) -> str:
     """Return the line that says whether this is live, and the receipt of update ``number`` of ``page``."""
-    fresh = PAGE_SILENT if facts.player is not None else fresh_for(pads)
+    fresh = PAGE_SILENCE if facts.player is not None else fresh_for(pads)
     return str(macros().status(facts, pads, page, number, fresh, _other_clock(clock_difference(pads, time.time()))))

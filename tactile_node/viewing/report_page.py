@@ -1,6 +1,7 @@
 """The report as one HTML page, by the template report.html: no script, and nothing from elsewhere."""
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from tactile_node.contact.neighbours import SMALLEST_CONTACT
 from tactile_node.logs.damage import damage_lines, utc
 from tactile_node.shape.recognition import Shape, ShapeClass
 from tactile_node.taxel_frame import TaxelStatus
-from tactile_node.viewing.charts import Points, cells, chart, colour_bar, grid, heat_cells, outline, thinned
+from tactile_node.viewing.charts import Points, cells, chart, colour_bar, grid, heat_cells, outline, thin
 from tactile_node.viewing.findings import findings
 from tactile_node.viewing.model import BusLoad, Ends, NmtChange, NodeReport, PadReport, Report
 from tactile_node.viewing.node_record import OBJECTS
@@ -26,21 +27,21 @@ from tactile_node.viewing.templates import environment
 from tactile_node.viewing.touch import MOST_PICTURES, MOST_TOUCHES, Touch
 from tactile_node.viewing.touch_finder import RECOGNITION_PERIOD
 
-ABSENT = 'not in this recording'
+ABSENT_TEXT = 'not in this recording'
 TEXT_OBJECTS = DEVICE_NAME, HARDWARE_VERSION, SOFTWARE_VERSION
 #: Okabe and Ito: distinct with every kind of colour vision
-COLOURS: dict[ShapeClass, str] = {
+SHAPE_COLOURS: dict[ShapeClass, str] = {
     Shape.CIRCLE: '#0072b2', Shape.SQUARE: '#d55e00', Shape.RECTANGLE: '#009e73',
     Shape.RIGHT_TRIANGLE: '#cc79a7', Shape.ISOSCELES_TRIANGLE: '#e69f00', Shape.UNKNOWN: '#777777'}
-TAUGHT = '#56b4e9'  #: shapes that `tactile teach` has added, all of them
+TAUGHT_COLOUR = '#56b4e9'  #: shapes that `tactile teach` has added, all of them
 FORCE_COLOUR, LOAD_COLOUR = '#444444', '#0072b2'
-MARKS = {Mark.GOOD: ('#2e8b57', 'values in every frame, which change'),
+MARK_LEGEND = {Mark.GOOD: ('#2e8b57', 'values in every frame, which change'),
          Mark.NEVER_CHANGED: ('#b9d8c4', 'never changed (nor does an untouched, quiet taxel)'),
          Mark.SATURATED: ('#f2c14e', 'at the end of its range at times'),
          Mark.SOME_MISSING: ('#f78154', 'no value in some frames'),
          Mark.NO_VALUE: ('#8d3b72', 'no value in any frame'), Mark.FLICKERING: ('#5f7fff', 'flickers'),
          Mark.STUCK: ('#c1121f', 'stuck'), Mark.DEAD: ('#1d1d1d', 'dead'), Mark.UNMAPPED: ('#ececec', 'no taxel')}
-MOST_WORST = 20  #: taxels listed
+MOST_LISTED_TAXELS = 20  #: taxels listed
 
 
 def page_of(report: Report) -> str:
@@ -48,15 +49,15 @@ def page_of(report: Report) -> str:
     begin = report.recording.begin
     functions = {function.__name__: function for function in (
         utc, command_text, node_label, event_text, force_of, health_pictures, identity_of, load_chart, load_text,
-        mark_counts, name_of, shown, size_of, touch_charts, touch_picture, worst_taxels)}
+        mark_counts, name_of, count_text, size_of, touch_charts, touch_picture, worst_taxels)}
     return environment().get_template('report.html').render(
         functions, report=report, recording=report.recording, begin=begin, end=report.recording.end, bus=report.bus,
         at=lambda stamp, digits=3: f'{stamp - begin:.{digits}f}', found=findings(report),
-        missing=damage_lines(report.recording.damages), smallest_contact=SMALLEST_CONTACT, absent_text=ABSENT,
+        missing=damage_lines(report.recording.damages), smallest_contact=SMALLEST_CONTACT, absent_text=ABSENT_TEXT,
         most_touches=MOST_TOUCHES, most_pictures=MOST_PICTURES, sample_period=f'{RECOGNITION_PERIOD:g}')
 
 
-def shown(ends: Ends) -> str:
+def count_text(ends: Ends) -> str:
     """Return how many there are, and how many are listed."""
     listed = len(ends)
     return f'{ends.count}' if ends.count == listed else (
@@ -82,9 +83,9 @@ def force_of(touch: Touch) -> str:
     return 'not known' if math.isnan(touch.force) else f'{"≥ " if touch.force_is_bound else ""}{touch.force:.2f} N'
 
 
-def reading(value: float, unit: str) -> str:
+def reading_text(value: float, unit: str) -> str:
     """
-    >>> reading(81200.0, 'Pa'), reading(0.25, 'N')
+    >>> reading_text(81200.0, 'Pa'), reading_text(0.25, 'N')
     ('81.2 kPa', '0.25 N')
     """
     return f'{value / 1e3:.1f} kPa' if unit == 'Pa' else f'{value:.2f} N' if unit == 'N' else f'{value:g} (on/off)'
@@ -98,7 +99,7 @@ def touch_picture(touch: Touch, pad: PadReport, number: int) -> str:
     content = heat_cells(picture.values, top)
     if picture.fit is not None:
         content += outline(picture.fit.outline, pad.pitch, pad.rows)
-    return grid(pad.rows, pad.cols, content, f'touch {number}') + colour_bar(reading(top, pad.unit))
+    return grid(pad.rows, pad.cols, content, f'touch {number}') + colour_bar(reading_text(top, pad.unit))
 
 
 def touch_charts(pad: PadReport, begin: float, end: float) -> tuple[list[tuple[str, str]], str, str]:
@@ -107,15 +108,16 @@ def touch_charts(pad: PadReport, begin: float, end: float) -> tuple[list[tuple[s
     confidence = np.array([sample.confidence for sample in pad.samples])
     force = np.array([sample.force for sample in pad.samples])
     shapes = np.array([sample.shape.value for sample in pad.samples])
-    keep = thinned(confidence, keep_highest=False)
-    colours = {shape: COLOURS.get(shape, TAUGHT) for shape in (*COLOURS, *(sample.shape for sample in pad.samples))}
+    keep = thin(confidence, keep_highest=False)
+    found: Iterator[ShapeClass] = (sample.shape for sample in pad.samples)
+    colours = dict.fromkeys((*SHAPE_COLOURS, *found), TAUGHT_COLOUR) | SHAPE_COLOURS
     legend = [(colour, shape.value.replace('_', ' ')) for shape, colour in colours.items()
               if (shapes == shape.value).any()]
     dots = [Points(colour, stamps[chosen], confidence[chosen]) for shape, colour in colours.items()
             if len(chosen := keep[shapes[keep] == shape.value])]
     known, forces = np.flatnonzero(np.isfinite(force)), ''
     if len(known):
-        known = known[thinned(force[known], keep_highest=True)]
+        known = known[thin(force[known], keep_highest=True)]
         forces = chart([], [Points(FORCE_COLOUR, stamps[known], force[known])], end=end - begin,
                        top=1.1 * float(force[known].max()), unit='N')
     return legend, chart([], dots, end=end - begin, top=1.0, unit=''), forces
@@ -123,7 +125,7 @@ def touch_charts(pad: PadReport, begin: float, end: float) -> tuple[list[tuple[s
 
 def mark_counts(health: TaxelHealth) -> list[tuple[str, str]]:
     marks = marks_of(health)
-    return [(colour, f'{text}: {(marks == mark).sum()}') for mark, (colour, text) in MARKS.items()
+    return [(colour, f'{text}: {(marks == mark).sum()}') for mark, (colour, text) in MARK_LEGEND.items()
             if (marks == mark).any()]
 
 
@@ -131,8 +133,8 @@ def health_pictures(health: TaxelHealth, unit: str) -> list[tuple[str, str]]:
     """Return the state of each taxel, its highest value, and where it had none how often, by their names."""
     marks, share = marks_of(health), no_value_share(health)
     top, worst = float(np.nanmax(health.highest, initial=0.0)), float(np.nanmax(share, initial=0.0))
-    pictures = [('State', cells([(colour, marks == mark) for mark, (colour, _) in MARKS.items()]), ''),
-                ('Highest value', heat_cells(health.highest, top), colour_bar(reading(top, unit)))]
+    pictures = [('State', cells([(colour, marks == mark) for mark, (colour, _) in MARK_LEGEND.items()]), ''),
+                ('Highest value', heat_cells(health.highest, top), colour_bar(reading_text(top, unit)))]
     if worst > 0:
         pictures.append(('Frames without a value', heat_cells(share, worst), colour_bar(f'{worst:.1%}')))
     return [(name, grid(len(marks), marks.shape[1], content, name) + bar) for name, content, bar in pictures]
@@ -143,17 +145,17 @@ def worst_taxels(health: TaxelHealth) -> tuple[list[tuple[Any, ...]], int]:
     share, marks, rows = np.nan_to_num(no_value_share(health)), marks_of(health), []
     odd = [place for place in np.argsort(-share, axis=None, kind='stable')
            if share.flat[place] > 0 or marks.flat[place] in FAULTS]
-    for place in odd[:MOST_WORST]:
+    for place in odd[:MOST_LISTED_TAXELS]:
         row, col = divmod(int(place), share.shape[1])
         counts = ', '.join(f'{health.by_status[status, row, col]} {status.name.lower().replace("_", " ")}'
                            for status in TaxelStatus if health.by_status[status, row, col])
-        rows.append((row, col, MARKS[Mark(int(marks[row, col]))][1], f'{share[row, col]:.1%}', counts))
+        rows.append((row, col, MARK_LEGEND[Mark(int(marks[row, col]))][1], f'{share[row, col]:.1%}', counts))
     return rows, len(odd)
 
 
 def load_chart(load: BusLoad, begin: float, end: float) -> str:
     values, unit = _load_values(load)
-    keep = thinned(values, keep_highest=True)
+    keep = thin(values, keep_highest=True)
     line = Points(LOAD_COLOUR, load.stamps[keep] - begin + load.window / 2, values[keep])
     return chart([line], [], end=end - begin, top=1.1 * float(np.max(values, initial=0.0)), unit=unit)
 

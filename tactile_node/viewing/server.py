@@ -14,7 +14,7 @@ from tactile_node.viewing.source import Source
 if TYPE_CHECKING:
     from viser import ClientHandle
 
-LINGER = 2.0  #: for which the source stays on without a browser: a page is loaded again [s]
+LINGER_TIME = 2.0  #: for which the source stays on without a browser: a page is loaded again [s]
 
 
 class ViewServer:
@@ -87,7 +87,7 @@ class ViewServer:
             with self._changed:
                 self._changed.wait_for(lambda: self._is_closing or bool(self._pages) != self.is_source_on)
                 if self.is_source_on:
-                    self._changed.wait_for(lambda: self._is_closing or bool(self._pages), LINGER)
+                    self._changed.wait_for(lambda: self._is_closing or bool(self._pages), LINGER_TIME)
                 is_wanted = bool(self._pages) and not self._is_closing
             if is_wanted != self.is_source_on:
                 (self._source.start if is_wanted else self._source.stop)()

@@ -13,8 +13,8 @@ from tactile_node.viewing.states import BusFacts, GraspFacts, PadState
 if TYPE_CHECKING:
     from tactile_node.viewing.bus_source import RecordingSource
 
-HISTORY = 20.0  #: of the force [s]
-MOST_POINTS = 600  #: of the force of a pad
+FORCE_HISTORY = 20.0  #: of the force [s]
+MOST_FORCE_POINTS = 600  #: of the force of a pad
 
 
 class Shown(NamedTuple):
@@ -29,12 +29,12 @@ class Shown(NamedTuple):
 
 
 class Store:
-    """Keeps the newest state of each of ``pads``, and the force over the last HISTORY seconds."""
+    """Keeps the newest state of each of ``pads``, and the force over the last FORCE_HISTORY seconds."""
 
     def __init__(self, pads: Sequence[str]):
         self._changed = threading.Condition()
         self._shown = Shown(0, dict.fromkeys(pads))
-        self._forces: dict[str, deque[tuple[float, float]]] = {pad: deque(maxlen=MOST_POINTS) for pad in pads}
+        self._forces: dict[str, deque[tuple[float, float]]] = {pad: deque(maxlen=MOST_FORCE_POINTS) for pad in pads}
         self._is_closed = False
 
     @property
@@ -45,7 +45,7 @@ class Store:
         """Replace the state of its pad; one that is older than that begins the force's history again."""
         with self._changed:
             forces = self._forces[state.pad]
-            if forces and not 0 <= state.stamp - forces[-1][0] < HISTORY:
+            if forces and not 0 <= state.stamp - forces[-1][0] < FORCE_HISTORY:
                 forces.clear()
             forces.append((state.stamp, float('nan') if state.contact is None else state.contact.force))
             self._change(pads={**self._shown.pads, state.pad: state})
@@ -89,10 +89,10 @@ class Store:
             self._changed.wait_for(lambda: self._shown.version > version or self._is_closed, timeout)
 
     def forces(self, pad: str) -> np.ndarray:
-        """Return stamps [s] and forces [N] of the last HISTORY seconds, shape (2, n)."""
+        """Return stamps [s] and forces [N] of the last FORCE_HISTORY seconds, shape (2, n)."""
         with self._changed:
             points = np.array(self._forces[pad], float).reshape(-1, 2)
-        return points[points[:, 0] > points[-1:, 0].sum() - HISTORY].T
+        return points[points[:, 0] > points[-1:, 0].sum() - FORCE_HISTORY].T
 
     def _change(self, **fields: Any) -> None:
         with self._changed:

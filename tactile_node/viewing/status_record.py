@@ -13,7 +13,7 @@ from tactile_node.cia301.objects import NmtState
 from tactile_node.read_only import read_only
 from tactile_node.viewing.model import BusLoad, BusReport, Ends, NmtChange, NodeReport, Reported
 
-OK = 1                            #: SkinStatus, PadStatus; NOT_KNOWN is 0
+OK_LEVEL = 1                            #: SkinStatus, PadStatus; NOT_KNOWN is 0
 NMT_NOT_KNOWN, NMT_BOOT_UP = 0, 1  #: NodeStatus
 STATUS_PERIOD = 1.0               #: s between two SkinStatus
 
@@ -33,9 +33,9 @@ class StatusRecord:
         """A SkinStatus."""
         self._has_message = True
         self._loads.append((stamp, float(status.bus_load)))
-        self._report(stamp, 'bus', status.level - OK, status.failure or status.message)
+        self._report(stamp, 'bus', status.level - OK_LEVEL, status.failure or status.message)
         for pad in status.pads:
-            self._report(stamp, f'pad {pad.pad}', pad.level - OK, pad.message)
+            self._report(stamp, f'pad {pad.pad}', pad.level - OK_LEVEL, pad.message)
             counts = dict(zip(pad.loss_reasons, map(int, pad.loss_counts)))
             self._losses.setdefault(pad.pad, _Counts()).feed(counts)
             for node in pad.nodes:

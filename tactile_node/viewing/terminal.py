@@ -14,10 +14,10 @@ from tactile_node.viewing.source import Shown, Source
 from tactile_node.viewing.templates import printable_text
 
 SHADES = ' .:-=+*#%@'
-COLOURS = (16, 17, 18, 19, 54, 90, 126, 162, 198, 203, 208, 214, 220, 226, 229, 231)  # xterm-256: dark to bright
+XTERM_COLOURS = (16, 17, 18, 19, 54, 90, 126, 162, 198, 203, 208, 214, 220, 226, 229, 231)  # xterm-256: dark to bright
 CLEAR_LINE = '\x1b[2K'
 CLEAR_BELOW = '\x1b[J'
-GAP = '   '        #: between two pads
+PAD_GAP = '   '        #: between two pads
 LEAST_WIDTH = 38   #: of a pad [columns]: two fit into 80
 
 
@@ -53,12 +53,12 @@ def side_by_side(views: Sequence[PadView], colour: bool) -> list[str]:
         drawn += [' ' * width] * (rows - len(drawn))
         columns.append([f'{view.name[:width]:<{width}}', *drawn,
                         *(f'{line:<{width}}' for line in words + [''] * (most - len(words)))])
-    return [GAP.join(lines) for lines in zip(*columns)]
+    return [PAD_GAP.join(lines) for lines in zip(*columns)]
 
 
 def width_of(views: Sequence[PadView]) -> int:
     """Return how many columns `side_by_side` takes."""
-    return sum(map(_width, views)) + len(GAP) * (len(views) - 1)
+    return sum(map(_width, views)) + len(PAD_GAP) * (len(views) - 1)
 
 
 def _width(view: PadView) -> int:
@@ -98,10 +98,10 @@ def _cell(value: float, colour: bool) -> str:
     level = min(max(value, 0.0), 1.0)
     if not colour:
         return 2 * SHADES[round(level * (len(SHADES) - 1))]
-    return f'\x1b[48;5;{COLOURS[round(level * (len(COLOURS) - 1))]}m  \x1b[0m'
+    return f'\x1b[48;5;{XTERM_COLOURS[round(level * (len(XTERM_COLOURS) - 1))]}m  \x1b[0m'
 
 
-PERIOD = 0.1       #: of the pictures [s]
+PICTURE_PERIOD = 0.1       #: of the pictures [s]
 LINE_PERIOD = 1.0  #: of lines of text [s]
 
 
@@ -112,7 +112,7 @@ def show_in_terminal(source: Source, stop_requested: Event, stream: TextIO | Non
     live, scales, pictures = stream.isatty(), Scales(full_scale), LivePictures(stream)
     source.start()
     try:
-        while not stop_requested.wait(PERIOD if live else LINE_PERIOD):
+        while not stop_requested.wait(PICTURE_PERIOD if live else LINE_PERIOD):
             shown = source.store.shown()
             drawn = scales.drawn_now(source, shown)
             views = [_view(pad) for pad in drawn]
