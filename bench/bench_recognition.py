@@ -2,7 +2,7 @@
 
 Run by `make bench`, or: .venv-bench/bin/python bench/bench_recognition.py [--quick] [--only SECTION ...]. Both anchors
 are trained in this run, on the samples of `make train`. Writes recognition.csv, blind_spots.csv, the page and its
-pictures. With --validation the patterns come from seeds that are never reported: for a look while something is changed.
+picture. With --validation the patterns come from seeds that are never reported: for a look while something is changed.
 """
 
 import argparse

@@ -23,7 +23,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from bench.recognition.array_measures import Group, measure, measure_over_time
-from bench.recognition.page import COLOURS, Table, write_page
+from bench.recognition.page import Table, write_page
 from bench.recognition.real_frames import PADS, TEKSCAN, VITAC, VITAC_PAD, WEISS, read_frames, read_hand, read_labels
 from tactile_node.shape.recognition import Shape
 from training.real_arrays import random_touch, read_by
@@ -97,7 +97,7 @@ def draw(path: Path, groups: list[Group]) -> None:
     """Draw frames of the generator, a pad a column."""
     figure, axes = plt.subplots(ROWS, COLS, figsize=(12, 4.5), layout='constrained')
     for k, axis in enumerate(axes.flat):
-        axis.imshow(groups[k % len(groups)].frames[k // len(groups)], cmap=COLOURS, origin='lower')
+        axis.imshow(groups[k % len(groups)].frames[k // len(groups)], cmap='viridis', origin='lower')
         axis.axis('off')
     figure.savefig(path, dpi=80)
 

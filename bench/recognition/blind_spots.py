@@ -1,7 +1,6 @@
 """Where ours falls behind an anchor: accuracy by cell, a test of each, curves."""
 
 import csv
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -48,9 +47,9 @@ class Measured(NamedTuple):
         return self.rates[self.better].value - self.rates[OURS].value
 
 
-def measured(contest: Contest, count: int, purpose: Purpose, every: int = 1) -> Iterator[Measured]:
-    """Yield all cells, ``count`` patterns each; only one of ``every``, for a look."""
-    for number, cell in list(enumerate(cells()))[::every]:
+def measured(contest: Contest, count: int, purpose: Purpose) -> Iterator[Measured]:
+    """Yield all cells, ``count`` patterns each."""
+    for number, cell in enumerate(cells()):
         yield _of(cell, contest.run(_case(cell, count, seeded(SEEDS + number, purpose))))
 
 
@@ -103,20 +102,6 @@ def write_spots(path: Path, found: list[Measured]) -> None:
                              f'{one.p_value:.3g}', f'{min(1.0, one.p_value * len(found)):.3g}'])
 
 
-def read_spots(path: Path) -> list[Measured]:
-    """Return what `write_spots` wrote, to draw it again without measuring it again."""
-    known = {(cell.curve, cell.words, KIND[cell.on_off]): cell for cell in cells()}
-    with path.open(encoding='utf-8', newline='') as stream:
-        return [_from_row(known[row['varied'], row['value'], row['frames']], row) for row in csv.DictReader(stream)]
-
-
-def _from_row(cell: Cell, row: dict[str, str]) -> Measured:
-    count, names = int(row['count']), list(row)
-    contestants = names[names.index('count') + 1:names.index(f'ours_{LABELS[0]}')]
-    rates = {name: Rate(round(float(row[name]) * count), count) for name in contestants}
-    return Measured(cell, rates, {}, row['better_anchor'], float(row['p_value']))
-
-
 def draw_curves(path: Path, found: list[Measured], columns: int = 3) -> None:
     """One panel a curve and kind of frame; a ring marks a cell that is significantly behind."""
     curves: dict[tuple[str, bool], list[Measured]] = {}
@@ -156,8 +141,3 @@ def _draw(axis, of_curve: list[Measured], number: int) -> None:
     axis.ticklabel_format(axis='y', useOffset=False)
     axis.tick_params(axis='y', labelsize=8)
     axis.grid(alpha=0.3)
-
-
-if __name__ == '__main__':  # draws the picture of a stored blind_spots.csv again, in its folder
-    folder = Path(sys.argv[1])
-    draw_curves(folder / 'recognition_blind_spots.png', read_spots(folder / 'blind_spots.csv'))

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bench.recognition import mechanics
 from bench.recognition.event_recording import load_recording
 from tactile_node import find_contact
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
@@ -27,6 +28,9 @@ PRESS, RELEASE = 0.3, 0.24  #: a fixed threshold for pressures, of which driftin
 CLEAN = 'clean'
 #: Evaluation seeds serve one report: the next one counts this up, for what a report showed has prompted changes.
 ROUND = 6
+PUNCHES, PUNCH_AREAS = 'flat punches', (12, 25, 50, 100)
+FEWER = 10           #: times as many flat punches as other indenters
+DEVELOPMENT = 500    #: a round that is never reported: the seeds while something is changed
 #: changes to the nominal conditions of either kind of frame
 FIELD: dict[str, dict] = {
     'dead taxels, 10 % (NaN)': {'dead': 0.10},
@@ -112,6 +116,17 @@ def field_cases(areas, count: int, purpose=Purpose.EVALUATION) -> Iterator[Case]
             for area in areas:
                 yield make_case(10_000 * (number + 1) + 1000 * on_off + int(area), condition, on_off, area, count=count,
                                 purpose=purpose)
+
+
+def mechanics_cases(count: int, purpose: Purpose) -> Iterator[Case]:
+    """Computed contacts: what the library sees of them without options."""
+    rounds = ROUND if purpose is Purpose.EVALUATION else DEVELOPMENT
+    for number, (name, draw) in enumerate(mechanics.ROWS.items()):
+        for area in PUNCH_AREAS:
+            drawn = draw(area, count if name == PUNCHES else max(count // FEWER, 1),
+                         1_000_000 * rounds + 1000 * number + area)
+            patterns = [find_contact(frame, unit=None) for frame in drawn.frames]
+            yield Case(name, False, area, patterns, patches(patterns, np.asarray(drawn.labels)))
 
 
 def seeded(seed: int, purpose: Purpose) -> np.random.Generator:

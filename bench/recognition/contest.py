@@ -112,7 +112,7 @@ def _time(function: Callable, argument: object) -> float:
 
 
 def _single(samples: Samples, k: int) -> 'Single':
-    import torch  # of the anchors alone: pictures are drawn again without it
+    import torch  # of the anchors alone
 
     from bench.recognition.anchors import Single
     image = torch.as_tensor(samples.inputs([k])[0])

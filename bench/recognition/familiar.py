@@ -39,24 +39,22 @@ def _cases(name: str, seed: int, stamps: list[Stamp], labels: list[int], areas: 
             yield pressed_case(rng, name, stamps, labels, on_off=on_off, area=area, count=count)
 
 
-def foreign_cases(figures: int, count: int, purpose: Purpose,
-                  areas: tuple[int, ...] = FOREIGN_AREAS) -> Iterator[Case]:
+def foreign_cases(figures: int, count: int, purpose: Purpose) -> Iterator[Case]:
     """``figures`` of each family, pressed ``count`` times for each size and kind of frame."""
     for number, family in enumerate(foreign.FAMILIES):
         seed = SEEDS['foreign'] + 10_000 * number
         stamps = foreign.bank(seeded(seed, purpose), family, figures)
-        yield from _cases(family, seed, stamps, [UNKNOWN] * figures, areas, count, purpose)
+        yield from _cases(family, seed, stamps, [UNKNOWN] * figures, FOREIGN_AREAS, count, purpose)
 
 
-def blemish_cases(figures: int, count: int, purpose: Purpose,
-                  areas: tuple[int, ...] = BLEMISH_AREAS) -> Iterator[Case]:
+def blemish_cases(figures: int, count: int, purpose: Purpose) -> Iterator[Case]:
     """``figures`` of each kind and shape, pressed ``count`` times for each size and kind of frame."""
     for number, kind in enumerate(blemish.BLEMISHES):
         seed = SEEDS['blemish'] + 10_000 * number
         rng = seeded(seed, purpose)
         banks = [blemish.bank(rng, kind, shape, figures) for shape in CLASSES]
         stamps = [stamp for of_all in zip(*banks) for stamp in of_all]
-        yield from _cases(kind, seed, stamps, [LABEL[stamp.shape] for stamp in stamps], areas, count, purpose)
+        yield from _cases(kind, seed, stamps, [LABEL[stamp.shape] for stamp in stamps], BLEMISH_AREAS, count, purpose)
 
 
 def whole_cases(figures: int, count: int, purpose: Purpose) -> Iterator[Case]:

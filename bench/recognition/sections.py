@@ -5,17 +5,15 @@ from pathlib import Path
 from typing import NamedTuple, Protocol
 
 from bench.recognition import blind_spots, familiar, nothing, several, tables
-from bench.recognition.cases import Case, clean_cases, field_cases, seeded
+from bench.recognition.cases import Case, clean_cases, field_cases, mechanics_cases, seeded
 from bench.recognition.contest import OURS, Contest, Result
 from bench.recognition.idle import IDLE
-from bench.recognition.page import KIND, Table, draw_failures
-from bench.recognition.punches import mechanics_cases
+from bench.recognition.page import KIND, Table
 from tactile_node import Recogniser
 from tactile_node.simulator.world import Purpose
 
 AREAS, FIELD_AREAS = (9, 12, 15, 20, 25, 35, 50, 75, 100), (20, 50, 100)
 NOTHING_SEEDS = 900_000
-SHOWN = 100  #: taxels of the foreign and blemished contacts in the pictures
 
 
 class Amount(NamedTuple):
@@ -62,11 +60,6 @@ class Run(NamedTuple):
                        f'ours {found[-1].rate(OURS)} %')
         return found
 
-    def failures(self, name: str, caption: str, results: list[Result]) -> tuple[str, str]:
-        """Draw failures; return the file's name and its caption."""
-        file = f'recognition_failures_{name}.png'
-        return file, f'{caption} ({draw_failures(self.output / file, results)} in all)'
-
 
 class Section(NamedTuple):
     """``pictures``: name of the file in the run's folder, and caption."""
@@ -80,16 +73,14 @@ def clean(run: Run) -> Section:
     results = run.results(clean_cases(AREAS, run.amount.clean, run.purpose), 'clean frames')
     rates = tables.rates('Clean frames', 'recognised [%], 95 % Wilson intervals; the verdict compares ours with the '
                          'interval of the better anchor', results)
-    return Section([rates, tables.lost(results), tables.probabilities(results)], results,
-                   [run.failures('clean', 'Clean frames that ours gets wrong', results)])
+    return Section([rates, tables.lost(results), tables.probabilities(results)], results)
 
 
 def mechanics(run: Run) -> Section:
     results = run.results(mechanics_cases(run.amount.mechanics, run.purpose), 'contact mechanics')
     rates = tables.rates('Contact mechanics', 'frames computed for indenters on an elastic half-space, as the library '
                          'sees them without options: recognised [%]', results)
-    return Section([tables.against_bars(results), rates], results,
-                   [run.failures('mechanics', 'Computed frames that ours gets wrong', results)])
+    return Section([tables.against_bars(results), rates], results)
 
 
 def several_contacts(run: Run) -> Section:
@@ -108,18 +99,14 @@ def foreign(run: Run) -> Section:
     known = run.results(familiar.whole_cases(5 * run.amount.figures, run.amount.clean, Purpose.VALIDATION),
                         'known shapes for the limits')
     results = run.results(familiar.foreign_cases(run.amount.figures, run.amount.pressed, run.purpose), 'foreign')
-    return Section([familiar.foreign_table(known, results)], results,
-                   [run.failures('foreign', f'Foreign shapes of {SHOWN} taxels that ours takes for a known one',
-                                 _of_area(results))])
+    return Section([familiar.foreign_table(known, results)], results)
 
 
 def blemish(run: Run) -> Section:
     figures = max(2, run.amount.figures // 4)
     results = run.results(familiar.blemish_cases(figures, run.amount.pressed, run.purpose), 'blemish')
     whole = run.results(familiar.whole_cases(run.amount.figures, run.amount.clean, run.purpose), 'without a blemish')
-    return Section([familiar.blemish_table(results), familiar.whole_table(whole)], [*results, *whole],
-                   [run.failures('blemish', f'Blemished shapes of {SHOWN} taxels that ours gets wrong',
-                                 _of_area(results))])
+    return Section([familiar.blemish_table(results), familiar.whole_table(whole)], [*results, *whole])
 
 
 def idle(run: Run) -> Section:
@@ -147,16 +134,11 @@ def field(run: Run) -> Section:
     results = run.results(field_cases(FIELD_AREAS, run.amount.field, run.purpose), 'field conditions')
     rates = tables.rates('Field conditions', 'one condition changed, the rest nominal; UNKNOWN, which the anchors '
                          'cannot say, counts as not recognised', results)
-    return Section([rates], results,
-                   [run.failures('field', 'Frames under field conditions that ours gets wrong', results)])
+    return Section([rates], results)
 
 
 def recordings(run: Run) -> Section:
     return Section([tables.recordings(run.contest, run.recogniser)])
-
-
-def _of_area(results: list[Result]) -> list[Result]:
-    return [result for result in results if result.case.area == SHOWN]
 
 
 SECTIONS: dict[str, Callable[[Run], Section]] = {

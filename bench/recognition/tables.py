@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from bench.recognition.cases import CLEAN, make_case, patches, recorded
+from bench.recognition.cases import CLEAN, PUNCHES, make_case, patches, recorded
 from bench.recognition.contest import ORDER, OURS, Contest, Result, answers_of, calibration, streamed
 from bench.recognition.figures import Rate
 from bench.recognition.frame_labels import LABELS, frame_labels
 from bench.recognition.page import KIND, Table
-from bench.recognition.punches import PUNCHES
 from tactile_node import Recogniser
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.shape.recognition import Shape
