@@ -1,5 +1,6 @@
 """Labels by hand: one for each frame of a recording, none without."""
 
+import numpy as np
 import pytest
 
 from bench.recognition import frame_labels as module
@@ -11,6 +12,13 @@ from bench.recognition.frame_labels import frame_labels
 def test_labels_cover_all_frames_of_the_log(recording):
     stamps, _ = recorded(recording)
     assert len(frame_labels(recording)) == len(stamps)
+
+
+def test_labels_and_frames_of_the_excerpt_are_those_of_the_recording_it_is_from():
+    assert (frame_labels('nus_square_excerpt') == frame_labels('nus_square_moving')[1:201]).all()
+    (stamps, log), (polls, events) = recorded('nus_square_excerpt'), recorded('nus_square_moving')
+    np.testing.assert_array_equal(log, events[1:201])
+    np.testing.assert_allclose(stamps - stamps[0], polls[1:201] - polls[1], atol=1e-5)
 
 
 @pytest.mark.parametrize('rows', ['1,4,object', '0,4,object\n4,5,not', '0,4,object\n6,7,not', '0,4,held', '3,2,not'])

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from can_bench import tiny_layout
 
-from bench.recognition.event_recording import load_recording
 from tactile_node.assembly.frame_source import LossReason
 from tactile_node.assembly.health import BusFault
 from tactile_node.cli.main import main
@@ -71,18 +70,6 @@ def test_ring_session_shows_the_ring():
     assert held[round(centre[0]), round(centre[1])] == 0 and np.median(radius) > 4  # hollow
     assert values[0].sum() == 0 and values[-1].sum() < 30
     assert (np.diff(stamps) > 0).all() and abs(stamps[-1] - stamps[0] - (24.755 - 4.313)) < 1e-5
-
-
-def test_log_equals_the_recording_it_was_made_from(tmp_path):
-    """Events written by hand: pressed, pressed again, released; noise lines counted."""
-    events = tmp_path / 'events.txt'
-    events.write_bytes(b'5 0 0 0\r\n\r\n70 1 2 1\r\n70 63 63 1\r\n\r\n134 1 2 0\r\nnoise\r\n'
-                       b'134 64 0 1\r\n130 1 1 1\r\n134 1 1 7\r\n')
-    recording = load_recording(events)
-    assert recording.skipped == {'not_four_numbers': 1, 'outside_the_array': 1, 'stamp_fell': 1,
-                                 'unknown_polarity': 1}
-    np.testing.assert_allclose(recording.stamps, [0.005, 0.070, 0.134])
-    assert [np.argwhere(frame).tolist() for frame in recording.frames] == [[], [[1, 2], [63, 63]], [[63, 63]]]
 
 
 def test_unasked_pad_is_counted_as_foreign():
