@@ -7,6 +7,7 @@ import pytest
 
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PressThresholds
+from tactile_node.contact.visibility import visibility_of
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.package_files import config_path
@@ -17,7 +18,7 @@ from tactile_node.shape.network import Network
 from tactile_node.shape.patch import SIDE, join_pieces, joined, make_patch
 from tactile_node.shape.recogniser import LOG_SIZES, Calibration, ShapeRecogniser
 from tactile_node.shape.recognition import DEFAULT, LEARNED, VOLF, Shape, UnknownReason
-from tactile_node.shape.volf import GROUPS
+from tactile_node.shape.volf import VolfClassifier
 from tactile_node.simulator.world import CLASSES, Contact, Purpose, generator, random_contact
 from training.field import NOMINAL_ON_OFF, NOMINAL_PRESSURE, field_frame
 
@@ -127,11 +128,10 @@ def test_methods_have_one_interface():
     mask = random_contact(generator(Purpose.TEST, 42), 'circle', 100).pattern()
     pattern = pattern_of(mask)
     assert set(METHODS) == {LEARNED, VOLF} and DEFAULT == LEARNED
-    learned, volf = make_recogniser(LEARNED), make_recogniser(VOLF)
-    assert learned.groups is Group.NONE and volf.groups is GROUPS
-    assert learned.recognise(pattern).shape is Shape.CIRCLE
-    given = volf.recognise(pattern, compute_features(pattern.mask, GROUPS))
-    assert given == volf.recognise(pattern)
+    assert make_recogniser(LEARNED).recognise(pattern).shape is Shape.CIRCLE
+    classifier = VolfClassifier.from_file(config_path('volf_curves.yaml'))
+    assert make_recogniser(VOLF).recognise(pattern) == classifier.classify(
+        compute_features(pattern.mask, Group.CLASSIFIER))
     with pytest.raises(ConfigurationError, match="one of learned, volf, got 'magic'"):
         make_recogniser('magic')
 
@@ -180,8 +180,9 @@ def test_a_pad_that_cannot_be_seen_is_not_called_untouched(method):
 def test_the_smallest_contact_decides_how_much_of_a_pad_must_be_seen():
     frame = np.zeros((8, 8))
     frame[2:4, 2:4] = np.nan
-    assert make_recogniser().recognise(pattern_of(frame)).shape is Shape.UNKNOWN
-    assert make_recogniser(smallest_contact=5).recognise(pattern_of(frame)).shape is Shape.NONE
+    pattern, recogniser = pattern_of(frame), make_recogniser()
+    assert recogniser.recognise(pattern).shape is Shape.UNKNOWN
+    assert recogniser.recognise(pattern, visibility_of(pattern, smallest_contact=5)).shape is Shape.NONE
 
 
 @pytest.mark.parametrize('method', ['learned', 'volf'])

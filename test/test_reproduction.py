@@ -10,8 +10,8 @@ import pytest
 from bench.reproduce import main
 from bench.reproduction.methods import confusion, lost_in_plane
 from bench.reproduction.sampling import Wanted, count_inside, draw, plane_features
-from tactile_node.helmholtz.features import compute_features
-from tactile_node.shape.volf import GROUPS, plane_feature
+from tactile_node.helmholtz.features import Group, compute_features
+from tactile_node.shape.volf import plane_feature
 from tactile_node.simulator.world import CLASSES, Purpose, generator, random_pattern
 from training.curve_fitting import COLUMNS
 
@@ -26,7 +26,7 @@ def test_the_first_wrong_decision_bears_the_loss():
 
 def test_features_over_all_angles_are_those_of_the_classifier():
     mask = random_pattern(generator(Purpose.TEST, 20), 'square', 60)
-    features = compute_features(mask, GROUPS)
+    features = compute_features(mask, Group.CLASSIFIER)
     assert plane_features(mask)[:6] == [plane_feature(features, column) for column in COLUMNS]
 
 

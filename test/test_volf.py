@@ -5,10 +5,10 @@ import pytest
 import yaml
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.helmholtz.features import compute_features
+from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.package_files import config_path
 from tactile_node.shape.recognition import Shape
-from tactile_node.shape.volf import GROUPS, Plane, VolfClassifier
+from tactile_node.shape.volf import Plane, VolfClassifier
 from training.curve_fitting import (
     READINGS,
     Samples,
@@ -28,7 +28,7 @@ def classifier():
 
 
 def recognise(classifier, mask):
-    return classifier.recognise(compute_features(mask, GROUPS))
+    return classifier.classify(compute_features(mask, Group.CLASSIFIER))
 
 
 def test_a_known_curve_is_found_again():

@@ -5,11 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.helmholtz.features import compute_features
+from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.shape.volf import (
     ANSWERS,
     BANDS,
-    GROUPS,
     SMALLEST,
     Plane,
     VolfClassifier,
@@ -51,7 +50,7 @@ def draw_samples(rng: np.random.Generator, patterns: int, areas: tuple[float, fl
         mask = random_pattern(rng, shape, float(np.exp(rng.uniform(*np.log(areas)))))
         if mask.sum() < SMALLEST:
             continue
-        features = compute_features(mask, GROUPS)
+        features = compute_features(mask, Group.CLASSIFIER)
         rows.append([plane_feature(features, column) for column in COLUMNS])
         labels.append(names.index(shape))
         progress(len(rows))

@@ -67,15 +67,6 @@ def _continued(pattern: ContactPattern) -> np.ndarray:
     reached = pattern.mask.copy()
     for direction in in_line(pattern.mask & ~pattern.hidden, pattern.hidden):
         reached |= direction
-    continued: np.ndarray = (_without_lines(reached) | pattern.mask) & pattern.hidden
+    wide = ndimage.binary_opening(reached, np.ones((2, 2)))  # thin spikes are in no square of four
+    continued: np.ndarray = (wide | pattern.mask) & pattern.hidden
     return continued
-
-
-def _without_lines(mask: np.ndarray) -> np.ndarray:
-    """Return the taxels of ``mask`` that are in a square of four of it."""
-    square = mask[1:, 1:] & mask[1:, :-1] & mask[:-1, 1:] & mask[:-1, :-1]
-    kept = np.zeros_like(mask)
-    for rows in (slice(1, None), slice(-1)):
-        for cols in (slice(1, None), slice(-1)):
-            kept[rows, cols] |= square
-    return kept

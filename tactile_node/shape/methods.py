@@ -4,73 +4,31 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol
 
-from tactile_node.contact.neighbours import SMALLEST_CONTACT
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.contact.visibility import Visibility, visibility_of
 from tactile_node.errors import ConfigurationError
-from tactile_node.helmholtz.features import Features, Group, compute_features
 from tactile_node.package_files import config_path
 from tactile_node.shape.completion import completions, distinct, hidden_taxels_matter
 from tactile_node.shape.recogniser import ShapeRecogniser
-from tactile_node.shape.recognition import DEFAULT, FILES, LEARNED, VOLF, Recognition, Shape, ShapeClass, UnknownReason
+from tactile_node.shape.recognition import DEFAULT, FILES, LEARNED, VOLF, Recognition, ShapeClass, UnknownReason
 from tactile_node.shape.shapeless import is_shapeless
-from tactile_node.shape.volf import GROUPS, VolfClassifier
+from tactile_node.shape.volf import VolfClassifier
 
 #: of the frame as it is, and of each of its completions: any of these that differs keeps the confidence below 0.9
 WEIGHTS = (1 / 2, 1 / 6, 1 / 6, 1 / 6)
-#: The same where less than FEW_HIDDEN of the ring is hidden, as the network was trained with: two or three that
-#: differ keep it below 0.9, one does not. Chosen on validation contacts.
+#: Less than FEW_HIDDEN of the ring is hidden, as the network was trained with: two or three that differ keep it below
+#: 0.9, one does not. Chosen on validation contacts.
 FEW_HIDDEN, WEIGHTS_OF_FEW = 0.25, (0.79, 0.07, 0.07, 0.07)
 
 
 class RecognitionMethod(Protocol):
-    """What every method offers.
+    """What every method offers; ``classes``: all that it can answer, in order."""
 
-    ``groups``: the features it reads, Group.NONE where it reads none. ``classes``: all that it can answer, in order.
-    """
-
-    groups: Group
     classes: tuple[ShapeClass, ...]
-
-    def recognise(self, pattern: ContactPattern, features: Features | None = None) -> Recognition:
-        """Recognise ``pattern``; ``features`` of its mask spare their computation where they are known."""
-        ...
 
     def recognise_all(self, patterns: Sequence[ContactPattern]) -> list[Recognition]:
         """Recognise each of ``patterns``."""
         ...
-
-
-class Learned:
-    """tactile_node.shape.recogniser behind the common interface."""
-
-    groups = Group.NONE
-
-    def __init__(self, path: str | Path):
-        self._recogniser = ShapeRecogniser.from_file(path)
-        self.classes = self._recogniser.classes
-
-    def recognise(self, pattern: ContactPattern, features: Features | None = None) -> Recognition:
-        return self._recogniser.recognise(pattern)
-
-    def recognise_all(self, patterns: Sequence[ContactPattern]) -> list[Recognition]:
-        return self._recogniser.recognise_all(patterns)
-
-
-class Volf:
-    """The paper's three planes behind the common interface."""
-
-    groups = GROUPS
-    classes: tuple[ShapeClass, ...] = tuple(Shape)
-
-    def __init__(self, path: str | Path):
-        self._classifier = VolfClassifier.from_file(path)
-
-    def recognise(self, pattern: ContactPattern, features: Features | None = None) -> Recognition:
-        return self._classifier.recognise(compute_features(pattern.mask, GROUPS) if features is None else features)
-
-    def recognise_all(self, patterns: Sequence[ContactPattern]) -> list[Recognition]:
-        return [self.recognise(pattern) for pattern in patterns]
 
 
 class VisibilityGuard:
@@ -83,30 +41,25 @@ class VisibilityGuard:
     A contact that specks or lines make by chance is UNKNOWN: NOT_SEEN where hidden taxels matter, else UNFAMILIAR.
     """
 
-    def __init__(self, method: RecognitionMethod, smallest_contact: int = SMALLEST_CONTACT):
+    def __init__(self, method: RecognitionMethod):
         self._method = method
-        self._smallest_contact = smallest_contact
-        self.groups, self.classes = method.groups, method.classes
+        self.classes = method.classes
 
-    def recognise(self, pattern: ContactPattern, features: Features | None = None,
-                  visibility: Visibility | None = None) -> Recognition:
+    def recognise(self, pattern: ContactPattern, visibility: Visibility | None = None) -> Recognition:
         """Recognise ``pattern``; its ``visibility``, where it is known, spares the computation of it.
 
         There is a probability of each of ``classes``, whatever the answer.
         """
-        return self._recognised(pattern, features, visibility).over(self.classes)
+        return self._recognise(pattern, visibility or visibility_of(pattern)).over(self.classes)
 
-    def _recognised(self, pattern: ContactPattern, features: Features | None,
-                    visibility: Visibility | None) -> Recognition:
-        if visibility is None:
-            visibility = visibility_of(pattern, self._smallest_contact)
+    def _recognise(self, pattern: ContactPattern, visibility: Visibility) -> Recognition:
         if not pattern.contacts and not visibility.pad_seen:
             return Recognition.unknown(UnknownReason.NOT_SEEN)
         if is_shapeless(pattern):
             return Recognition.unknown(UnknownReason.NOT_SEEN if hidden_taxels_matter(pattern, visibility)
                                        else UnknownReason.UNFAMILIAR)
         if not hidden_taxels_matter(pattern, visibility):
-            return self._method.recognise(pattern, features)
+            return self._method.recognise_all([pattern])[0]
         readings, which = distinct([pattern, *completions(pattern)])
         found = self._method.recognise_all(readings)
         if found[0].reason is UnknownReason.TOO_SMALL:
@@ -115,17 +68,16 @@ class VisibilityGuard:
         return Recognition.of_alternatives(WEIGHTS_OF_FEW if is_little else WEIGHTS, [found[k] for k in which])
 
 
-METHODS: dict[str, Callable[[Path], RecognitionMethod]] = {LEARNED: Learned, VOLF: Volf}
+METHODS: dict[str, Callable[[Path], RecognitionMethod]] = {LEARNED: ShapeRecogniser.from_file,
+                                                           VOLF: VolfClassifier.from_file}
 
 
-def make_recogniser(method: str = DEFAULT, file: str = '',
-                    smallest_contact: int = SMALLEST_CONTACT) -> VisibilityGuard:
+def make_recogniser(method: str = DEFAULT, file: str = '') -> VisibilityGuard:
     """Return the recogniser called ``method``; ``file``: its weights or curves, '' for those of config/.
 
-    ``smallest_contact``: taxels of the smallest contact that a hidden part of the pad may hold. Raises
-    ConfigurationError for a name that is none, or a file that cannot be used.
+    Raises ConfigurationError for a name that is none, or a file that cannot be used.
     """
     if method not in METHODS:
         raise ConfigurationError('recognition method', expected='one of ' + ', '.join(METHODS), got=repr(method),
                                  remedy=f'Use {DEFAULT!r} unless you want the paper as published.')
-    return VisibilityGuard(METHODS[method](config_path(file or FILES[method])), smallest_contact)
+    return VisibilityGuard(METHODS[method](config_path(file or FILES[method])))

@@ -9,7 +9,7 @@ ours are how often each class was the truth among the training patterns with the
 in the same band of N.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tactile_node.contact.pattern import ContactPattern
 from tactile_node.errors import ConfigurationError
-from tactile_node.helmholtz.features import Features, Group
-from tactile_node.shape.recognition import Recognition, Shape, UnknownReason
+from tactile_node.helmholtz.features import Features, Group, compute_features
+from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, UnknownReason
 from tactile_node.yaml_section import load_mapping
 
 
@@ -56,7 +57,6 @@ def axes(horizontal: ArrayLike, vertical: ArrayLike) -> tuple[np.ndarray, np.nda
     return np.log(1 + np.asarray(horizontal, float)), np.log(0.01 + np.asarray(vertical, float))
 
 
-GROUPS = Group.CLASSIFIER  #: the features the classifier reads
 SMALLEST = 15  #: a pattern of fewer taxels is UNKNOWN
 PLANES = ('rectangle', 'right_triangle', 'isosceles_triangle', 'square')
 BANDS = (15, 20, 25, 35, 50, 75, 100, 150)  #: of N, by their least taxel
@@ -74,8 +74,11 @@ def plane_feature(features: Features, name: tuple[str, str]) -> float:
 class VolfClassifier:
     """Recognises shapes by ``planes``: the curve below each shape of PLANES, in this order of decision.
 
-    ``shares``, shape (bands, 5, 5): by band of N and the curves' answer, the probability of each of ANSWERS.
+    ``classes``: all that it can answer. ``shares``, shape (bands, 5, 5): by band of N and the curves' answer, the
+    probability of each of ANSWERS.
     """
+
+    classes: tuple[ShapeClass, ...] = tuple(Shape)
 
     def __init__(self, planes: Mapping[str, Plane], shares: np.ndarray):
         self.planes, self.shares = dict(planes), shares
@@ -92,10 +95,14 @@ class VolfClassifier:
         except (TypeError, ValueError) as error:
             raise _unusable(path, str(error)) from None
 
-    def recognise(self, features: Features) -> Recognition:
+    def recognise_all(self, patterns: Sequence[ContactPattern]) -> list[Recognition]:
+        """Recognise each of ``patterns``."""
+        return [self.classify(compute_features(pattern.mask, Group.CLASSIFIER)) for pattern in patterns]
+
+    def classify(self, features: Features) -> Recognition:
         """Return the most probable shape; NONE for an empty pattern, UNKNOWN below SMALLEST taxels.
 
-        ``features`` need the groups of GROUPS. UNKNOWN also where a plane's feature is undefined.
+        ``features`` need those of Group.CLASSIFIER. UNKNOWN also where a plane's feature is undefined.
         """
         count = features.values['N']
         if count == 0:

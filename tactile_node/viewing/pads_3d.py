@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tactile_node.colour_map import PALETTE, levels
-from tactile_node.helmholtz.features import compute_features
+from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.package_files import config_path
 from tactile_node.shape.recognition import FILES, VOLF
-from tactile_node.shape.volf import GROUPS, SMALLEST, Plane, VolfClassifier, axes, plane_feature
+from tactile_node.shape.volf import SMALLEST, Plane, VolfClassifier, axes, plane_feature
 from tactile_node.taxel_frame import TaxelStatus
 from tactile_node.viewing.states import PadState
 
@@ -33,7 +33,7 @@ class Planes:
 
     def pictures(self, masks: dict[int, np.ndarray]) -> str:
         """Return all planes with a point for each of ``masks``, bool (rows, cols), by the number of the pad."""
-        features = {pad: compute_features(mask, GROUPS) for pad, mask in masks.items()
+        features = {pad: compute_features(mask, Group.CLASSIFIER) for pad, mask in masks.items()
                     if np.count_nonzero(mask) >= SMALLEST}
         pictures = []
         for name, plane in self._planes.items():
