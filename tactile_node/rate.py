@@ -35,16 +35,6 @@ class Rate(NamedTuple):
         low, high = binomtest(self.right, self.total).proportion_ci(method='wilson')
         return float(low), float(high)
 
-    @property
-    def low(self) -> float:
-        """Lower end of the interval."""
-        return self.interval[0]
-
-    @property
-    def high(self) -> float:
-        """Upper end of the interval."""
-        return self.interval[1]
-
     def __str__(self) -> str:
         low, high = self.interval
         return f'{100 * self.value:.1f} % ({100 * low:.1f}-{100 * high:.1f})'

@@ -12,7 +12,7 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.package_files import config_path
 from tactile_node.shape.completion import completions
-from tactile_node.shape.invariants import describe
+from tactile_node.shape.invariants import describe_all
 from tactile_node.shape.methods import METHODS, make_recogniser
 from tactile_node.shape.network import Network
 from tactile_node.shape.patch import SIDE, join_pieces, joined, make_patch
@@ -21,6 +21,10 @@ from tactile_node.shape.recognition import DEFAULT, LEARNED, VOLF, Shape, Unknow
 from tactile_node.shape.volf import VolfClassifier
 from tactile_node.simulator.world import CLASSES, Contact, Purpose, generator, random_contact
 from training.field import NOMINAL_ON_OFF, NOMINAL_PRESSURE, field_frame
+
+
+def describe(patch):
+    return describe_all(patch.level[None], patch.unseen[None], np.array([patch.scale]))[0]
 
 
 @pytest.fixture(scope='module')

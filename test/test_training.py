@@ -7,7 +7,7 @@ from scipy import ndimage
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PressThresholds
 from tactile_node.errors import ConfigurationError
-from tactile_node.shape.invariants import describe
+from tactile_node.shape.invariants import describe_all
 from tactile_node.shape.patch import joined, make_patch
 from tactile_node.simulator.world import Purpose, generator, random_contact
 from training.batch import draw_forms
@@ -35,7 +35,8 @@ def test_samples_in_bulk_are_those_of_the_library(kind, area, graded):
     found = samples_of(rng, frame[None], np.full((1, 1, 1), 0.5), dead[None], np.array([2]), graded)
     pattern = PatternExtractor(PressThresholds(0.5, 0.4)).extract(frame)
     patch = make_patch(pattern.values, joined(pattern))
-    np.testing.assert_allclose(found.geometry[0], describe(patch), rtol=1e-3, atol=1e-4)
+    numbers = describe_all(patch.level[None], patch.unseen[None], np.array([patch.scale]))
+    np.testing.assert_allclose(found.geometry[:1], numbers, rtol=1e-3, atol=1e-4)
     np.testing.assert_allclose(found.levels[0] / LEVEL_STEPS, patch.level.clip(0, 255 / LEVEL_STEPS), atol=0.01)
     np.testing.assert_allclose(found.unseen[0] / 255, patch.unseen, atol=0.01)
 

@@ -11,7 +11,7 @@ from bench.recognition import mechanics
 from tactile_node import find_contact
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.contact.press import PressThresholds
-from tactile_node.shape.invariants import describe
+from tactile_node.shape.invariants import describe_all
 from tactile_node.shape.patch import joined, make_patch
 from tactile_node.simulator.world import CLASSES, Purpose, generator
 from tactile_node.skin.layout_file import load_layout
@@ -97,7 +97,9 @@ def patches(patterns: list[ContactPattern], labels: np.ndarray, largest: bool = 
         made.append(make_patch(pattern.values, mask))
     levels = np.array([np.clip(patch.level * LEVEL_STEPS + 0.5, 0, 255) for patch in made]).astype(np.uint8)
     unseen = np.array([patch.unseen * 255 + 0.5 for patch in made]).astype(np.uint8)
-    return Samples(levels, unseen, np.array([describe(patch) for patch in made]), labels)
+    numbers = describe_all(np.array([patch.level for patch in made]), np.array([patch.unseen for patch in made]),
+                           np.array([patch.scale for patch in made]))
+    return Samples(levels, unseen, numbers, labels)
 
 
 def clean_cases(areas, count: int, purpose=Purpose.EVALUATION) -> Iterator[Case]:

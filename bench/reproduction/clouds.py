@@ -66,7 +66,7 @@ def rates_by_size(methods: Sequence[Method], size: str) -> Figure:
     """Recognition of every method against ``size``, with 95 % intervals, and the published points."""
     figure = Figure(figsize=(9.6, 5.6), layout='constrained')
     axes = figure.add_subplot(xlabel=size, ylabel='recognised', xscale='log')
-    lowest = min(rate.low for method in methods for rate in method.rates.values())
+    lowest = min(rate.interval[0] for method in methods for rate in method.rates.values())
     axes.set_ylim(min(0.3, lowest - 0.02), 1.05)
     for number, (method, style) in enumerate(zip(methods, STYLES)):
         _line(axes, method, style, beside=BESIDE ** (number - (len(methods) - 1) / 2), width=1.3 if number else 2.4)
@@ -84,7 +84,7 @@ def rates_by_size(methods: Sequence[Method], size: str) -> Figure:
 
 def _line(axes: Axes, method: Method, style: tuple, beside: float, width: float) -> None:
     rates, (colour, mark, line) = method.rates.values(), style
-    spread = [[rate.value - rate.low for rate in rates], [rate.high - rate.value for rate in rates]]
+    spread = [[rate.value - rate.interval[0] for rate in rates], [rate.interval[1] - rate.value for rate in rates]]
     places = [beside * size for size in method.rates]
     axes.errorbar(places, [rate.value for rate in rates], spread, marker=mark, ms=4.5, lw=width, linestyle=line,
                   elinewidth=0.8, capsize=2, color=colour, label=method.name)

@@ -76,7 +76,7 @@ def write_page(folder: Path, results: Results, command: str) -> list[Path]:
 def _rate_rows(methods: Sequence[Method], size_is: str) -> list[Row]:
     rows: list[Row] = [['method', size_is, 'recognised', 'low95', 'high95', 'patterns']]
     for method in methods:
-        rows += [[method.name, size, rate.value, rate.low, rate.high, rate.total]
+        rows += [[method.name, size, rate.value, *rate.interval, rate.total]
                  for size, rate in method.rates.items()]
     return rows
 
@@ -100,7 +100,8 @@ def _rate_table(methods: Sequence[Method]) -> str:
 
 def _method_row(method: Method) -> str:
     def cell(rate: Rate) -> str:
-        return f'{rate.value:.1%}<br><small>{100 * rate.low:.1f}-{100 * rate.high:.1f}</small>'
+        low, high = rate.interval
+        return f'{rate.value:.1%}<br><small>{100 * low:.1f}-{100 * high:.1f}</small>'
 
     count = next(iter(method.rates.values())).total
     cells = ''.join(f'<td>{cell(rate)}</td>' for rate in method.rates.values())

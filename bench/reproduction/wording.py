@@ -122,7 +122,7 @@ def _what_remains(reading: InsideReading) -> str:
 
 def _half_width(size: int, *methods: Method) -> float:
     """Half the 95 % interval of the difference of two methods measured on different patterns, in points."""
-    return 50 * math.hypot(*(method.rates[size].high - method.rates[size].low for method in methods))
+    return 50 * math.hypot(*(high - low for low, high in (method.rates[size].interval for method in methods)))
 
 
 def _share(method: Method, size: int) -> float:

@@ -78,7 +78,9 @@ def contact_box(pattern: ContactPattern, pitch: float = 1.0, visibility: Visibil
     away = ANGLES - ANGLES[best]
     is_over = np.abs(away) > QUARTER / 2  # a quarter turn on, the axes are the other ones
     sides = np.empty((5, len(ANGLES)))  # along and across, x and y of the centre, angle
-    sides[:2], sides[2:4] = high - low, _turned((high + low) / 2)
+    at_along, at_across = (high + low) / 2
+    sides[:2] = high - low
+    sides[2], sides[3] = at_along * COS - at_across * SIN, at_along * SIN + at_across * COS
     sides[:2, is_over] = sides[1::-1, is_over]
     sides[4] = away - is_over * np.copysign(QUARTER, away)
     middle = sides[:, best]
@@ -101,12 +103,6 @@ def _likelihood(lengths: np.ndarray, side_sd: float) -> np.ndarray:
     likely: np.ndarray = np.exp(-((area - area.min()) / deviation)**2 / 2)
     likely /= likely.sum()
     return likely
-
-
-def _turned(middles: np.ndarray) -> np.ndarray:
-    """Return x and y, (2, k), of places along and across the axes at ANGLES."""
-    along, across = middles
-    return np.stack((along * COS - across * SIN, along * SIN + across * COS))
 
 
 def _pair(values: np.ndarray) -> tuple[Any, Any]:

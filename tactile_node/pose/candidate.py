@@ -108,7 +108,8 @@ def may_be_dome(evidence: Evidence, shape: Shape, punch: Candidate) -> bool:
     if loading is None or shape not in DOMES or shape is Shape.CIRCLE and loading.peak > CIRCLE_PEAK:
         return False
     if shape is Shape.CIRCLE and (
-            loading.peak < BALL_PEAK or loading.depth > DEEP and _is_bad(punch.solution, evidence)):
+            loading.peak < BALL_PEAK
+            or loading.depth > DEEP and punch.solution.misfit > BAD_FIT * np.count_nonzero(evidence.used)):
         return True
     return _curvature(evidence, shape, punch.solution) < DOME_CURVATURE
 
@@ -117,10 +118,6 @@ def is_no_punch(shape: Shape, punch: Candidate) -> bool:
     """Return whether a fit as a ``punch`` has found a pressure that is none of a punch's."""
     loading = loading_of(punch)
     return loading is not None and shape is Shape.CIRCLE and loading.peak < NO_PUNCH_PEAK
-
-
-def _is_bad(solution: Solution, evidence: Evidence) -> bool:
-    return bool(solution.misfit > BAD_FIT * np.count_nonzero(evidence.used))
 
 
 def _curvature(evidence: Evidence, shape: Shape, solution: Solution) -> float:

@@ -76,28 +76,21 @@ def _triangle(moments: Moments) -> np.ndarray:
 
 def _right(corners: np.ndarray, margin: float) -> list[Guess]:
     following, preceding = np.roll(corners, -1) - corners, np.roll(corners, 1) - corners
-    angles = np.abs(np.angle(preceding / following))
-    return [_right_at(corners.mean(), following[i], preceding[i])
-            for i in _best(np.abs(angles - np.pi / 2), margin)]
-
-
-def _right_at(centre: complex, following: complex, preceding: complex) -> Guess:
-    handedness = 1 if abs(following) >= abs(preceding) else -1
-    long, short = (following, preceding) if handedness > 0 else (preceding, following)
-    return Guess(np.array((centre.real, centre.imag, np.angle(long), abs(long), abs(short))), handedness)
+    centre, found = corners.mean(), []
+    for i in _best(np.abs(np.abs(np.angle(preceding / following)) - np.pi / 2), margin):
+        handedness = 1 if abs(following[i]) >= abs(preceding[i]) else -1
+        long, short = (following[i], preceding[i]) if handedness > 0 else (preceding[i], following[i])
+        found.append(Guess(np.array((centre.real, centre.imag, np.angle(long), abs(long), abs(short))), handedness))
+    return found
 
 
 def _isosceles(corners: np.ndarray, margin: float) -> list[Guess]:
     following, preceding = np.roll(corners, -1) - corners, np.roll(corners, 1) - corners
-    unequal = np.abs(np.log(np.abs(following) / np.abs(preceding)))
-    return [_isosceles_at(corners, i) for i in _best(unequal, margin)]
-
-
-def _isosceles_at(corners: np.ndarray, apex: int) -> Guess:
-    centre = corners.mean()
-    up = corners[apex] - centre
-    base = abs(corners[(apex + 2) % 3] - corners[(apex + 1) % 3])
-    return Guess(np.array((centre.real, centre.imag, np.angle(up) - np.pi / 2, base, 1.5 * abs(up))))
+    centre, found = corners.mean(), []
+    for apex in _best(np.abs(np.log(np.abs(following) / np.abs(preceding))), margin):
+        up, base = corners[apex] - centre, abs(corners[(apex + 2) % 3] - corners[(apex + 1) % 3])
+        found.append(Guess(np.array((centre.real, centre.imag, np.angle(up) - np.pi / 2, base, 1.5 * abs(up)))))
+    return found
 
 
 def _best(misfit: np.ndarray, margin: float) -> list[int]:

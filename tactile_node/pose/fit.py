@@ -19,8 +19,8 @@ from tactile_node.pose.candidate import (
     with_likely_peak,
 )
 from tactile_node.pose.evidence import Evidence, checked, gather
-from tactile_node.pose.first_guess import Guess, guesses, moments_of
-from tactile_node.pose.least_squares import Solution, in_blocks, size_of
+from tactile_node.pose.first_guess import guesses, moments_of
+from tactile_node.pose.least_squares import in_blocks, size_of
 from tactile_node.pose.model_error import corrected, covariance_scale, weights_after
 from tactile_node.pose.moments import check_pitch
 from tactile_node.pose.outlines import OUTLINES, Outline, outline_of, rotation
@@ -29,8 +29,8 @@ from tactile_node.pose.rim import Rim, is_cut, reach, rim_of
 from tactile_node.read_only import read_only
 from tactile_node.shape.recognition import Shape, ShapeClass, TaughtShape
 
-MARGIN = 0.15         #: corners of a triangle are tried when their angles, or log lengths, are so close
-MARGIN_ON_OFF = 0.35
+CORNER_MARGIN = 0.15  #: corners of a triangle are tried when their angles, or log lengths, are so close
+CORNER_MARGIN_ON_OFF = 0.35
 AMBIGUOUS = 6.0       #: two fits whose sums of squares differ by less cannot be distinguished
 AT_EDGE = 20.0        #: factor of that at the pad's edge: what lies beyond is a guess
 PUNCH_TOO = 1.4       #: a punch is not refined beside a dome whose sum of squares is lower by this factor
@@ -93,7 +93,8 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: ShapeClass, pitch: fl
     if blocks is None or not blocks.mask.any():  # of a line no block is half full
         return fit_evidence(gather(values, mask), Shape(shape), pitch, layer)
     fit = fit_evidence(gather(blocks.values, blocks.mask, touches_edge(mask)), Shape(shape), pitch * size, layer)
-    return _moved(fit, blocks.x * pitch, blocks.y * pitch)
+    x, y = blocks.x * pitch, blocks.y * pitch
+    return fit._replace(centre=(fit.centre[0] + x, fit.centre[1] + y), outline=read_only(fit.outline + (x, y)))
 
 
 def fit_evidence(evidence: Evidence, shape: Shape, pitch: float, layer: Layer | None = None) -> ShapeFit:
@@ -110,7 +111,10 @@ def fit_evidence(evidence: Evidence, shape: Shape, pitch: float, layer: Layer | 
 
 def _coarse_fits(evidence: Evidence, shape: Shape, layer: Layer | None) -> list[Candidate]:
     """From every start, and as a dome where it may be one; ``layer`` in pitches."""
-    starts = _guesses(evidence, shape)
+    y, x = np.indices(evidence.solid.shape).reshape(2, -1)
+    moments = moments_of(x + evidence.window.col, y + evidence.window.row, evidence.solid.reshape(-1))
+    margin = np.inf if evidence.at_edge else CORNER_MARGIN_ON_OFF if evidence.on_off else CORNER_MARGIN
+    starts = guesses(shape, moments, margin)
     punches = [coarse(evidence, shape, guess, layer=layer) for guess in starts]
     if not may_be_dome(evidence, shape, punches[0]):
         return punches
@@ -127,11 +131,6 @@ def _misfit(candidate: Candidate) -> float:
     return candidate.solution.misfit
 
 
-def _moved(fit: ShapeFit, x: float, y: float) -> ShapeFit:
-    """``fit`` in a frame whose origin is at -``x``, -``y`` [m]."""
-    return fit._replace(centre=(fit.centre[0] + x, fit.centre[1] + y), outline=read_only(fit.outline + (x, y)))
-
-
 class _Estimate(NamedTuple):
     """In pitches, canonical."""
 
@@ -139,26 +138,6 @@ class _Estimate(NamedTuple):
     covariance: np.ndarray
     handedness: int
     symmetry: int
-
-
-def _guesses(evidence: Evidence, shape: Shape) -> list[Guess]:
-    y, x = np.indices(evidence.solid.shape).reshape(2, -1)
-    moments = moments_of(x + evidence.window.col, y + evidence.window.row, evidence.solid.reshape(-1))
-    margin = np.inf if evidence.at_edge else MARGIN_ON_OFF if evidence.on_off else MARGIN
-    return guesses(shape, moments, margin)
-
-
-def _covariance(evidence: Evidence, shape: Shape, found: Candidate) -> np.ndarray:
-    """Return the covariance of the outline's parameters, with weights by the last residuals."""
-    weights = weights_after(shape, found.solution.prediction, evidence)
-    information = reweighted(found, weights).solution.information
-    count = len(found.problem.model.outline.parameters)
-    return np.linalg.inv(information)[:count, :count] * covariance_scale(shape, evidence)
-
-
-def _residual(evidence: Evidence, solution: Solution) -> float:
-    residual = (evidence.values - solution.prediction.values)[evidence.used]
-    return float(np.sqrt(residual @ residual / max(len(residual), 1)))
 
 
 def _together(shape: Shape, evidence: Evidence, candidates: list[Candidate]) -> _Estimate:
@@ -182,8 +161,10 @@ def _together(shape: Shape, evidence: Evidence, candidates: list[Candidate]) -> 
 
 
 def _estimate(shape: Shape, evidence: Evidence, found: Candidate) -> _Estimate:
-    covariance = _covariance(evidence, shape, found)
-    fitted = found.solution.parameters[:len(covariance)]
+    last = reweighted(found, weights_after(shape, found.solution.prediction, evidence)).solution
+    count = len(found.problem.model.outline.parameters)
+    covariance = np.linalg.inv(last.information)[:count, :count] * covariance_scale(shape, evidence)
+    fitted = found.solution.parameters[:count]
     loading = loading_of(found)
     if loading is not None and not loading.is_punch:  # a dome's first length is along its axis
         fitted, covariance = corrected(shape, found.handedness, fitted, covariance, loading, evidence.at_edge)
@@ -204,10 +185,11 @@ def _in_metres(shape: Shape, pitch: float, evidence: Evidence, found: Candidate,
     centre, angle, dimensions = outline.split(estimate.parameters * scale)
     handedness = estimate.handedness if shape is Shape.RIGHT_TRIANGLE else 0
     loading = loading_of(found)
+    residual = (evidence.values - found.solution.prediction.values)[evidence.used]
     return ShapeFit(shape=shape, centre=tuple(centre.tolist()), angle=angle, symmetry=estimate.symmetry,
                     handedness=handedness, dimension_names=outline.dimensions, dimensions=tuple(dimensions.tolist()),
                     is_bound=(False,) * len(dimensions), covariance=covariance,
-                    residual=_residual(evidence, found.solution), outline=corners,
+                    residual=float(np.sqrt(residual @ residual / max(len(residual), 1))), outline=corners,
                     indenter=loading.indenter if loading else None, peak=loading.peak if loading else np.nan,
                     depth=loading.depth * pitch if loading else np.nan)
 

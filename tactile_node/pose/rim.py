@@ -36,11 +36,11 @@ def rim_of(pattern: ContactPattern, visibility: Visibility | None = None) -> Rim
     the rim less certain.
     """
     graded = not are_on_off(pattern.values)
-    mask, seen = _framed(pattern.mask), _framed(~(pattern.hidden | pattern.unmapped))
+    mask, seen = np.pad(pattern.mask, 1), np.pad(~(pattern.hidden | pattern.unmapped), 1)
     ends = seen
     if pattern.hidden.any() and not (visibility or visibility_of(pattern)).outline_hidden:
-        ends = _framed(~pattern.unmapped)
-    values = _framed(np.fmax(pattern.values, 0.0) if graded else pattern.mask.astype(float))
+        ends = np.pad(~pattern.unmapped, 1)
+    values = np.pad(np.fmax(pattern.values, 0.0) if graded else pattern.mask.astype(float), 1)
     half = 0.5 * _level(values * mask)
     if graded:
         half *= _steepness(values, mask & seen)
@@ -89,13 +89,6 @@ def _along(rim: Rim, angles: np.ndarray) -> np.ndarray:
     axes = np.array(((cos, -sin), (sin, cos)))
     along: np.ndarray = rim.places @ axes.reshape(2, -1)
     return along.reshape(-1, 2, len(angles))
-
-
-def _framed(taxels: np.ndarray) -> np.ndarray:
-    """Return ``taxels`` with a border of False or 0 around them."""
-    framed = np.zeros((taxels.shape[0] + 2, taxels.shape[1] + 2), taxels.dtype)
-    framed[1:-1, 1:-1] = taxels
-    return framed
 
 
 def _are_near(taxels: np.ndarray, others: np.ndarray, cols: int) -> np.ndarray:

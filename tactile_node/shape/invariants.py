@@ -13,7 +13,7 @@ from math import comb
 import numpy as np
 
 from tactile_node.shape import likeness
-from tactile_node.shape.patch import SIDE, Patch
+from tactile_node.shape.patch import SIDE
 
 DIRECTIONS = 48
 ANGLE = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
@@ -38,12 +38,6 @@ def _expansion(p: int, q: int) -> np.ndarray:
 EXPANSIONS = np.array([_expansion(p, q) for p, q in ORDERS]).T
 POWERS = np.arange(HIGHEST + 1)[:, None]
 BEFORE = np.arange(-1, DIRECTIONS - 1)
-
-
-def describe(patch: Patch) -> np.ndarray:
-    """Return the numbers of ``patch``, float32, shape (COUNT,)."""
-    numbers: np.ndarray = describe_all(patch.level[None], patch.unseen[None], np.array([patch.scale]))[0]
-    return numbers
 
 
 def describe_all(levels: np.ndarray, unseen: np.ndarray, scales: np.ndarray) -> np.ndarray:
