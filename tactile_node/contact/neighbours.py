@@ -3,7 +3,7 @@
 import numpy as np
 from scipy import ndimage
 
-from tactile_node.contact.press import SMALLEST_CONTACT as SMALLEST_CONTACT
+from tactile_node.contact.press import SMALLEST_CONTACT
 from tactile_node.read_only import read_only
 
 EIGHT_CONNECTED = read_only(np.ones((3, 3), bool))
@@ -69,14 +69,17 @@ def _enclosed_along_rows(mask: np.ndarray) -> np.ndarray:
     return between
 
 
-def box_of(mask: np.ndarray) -> tuple[slice, slice]:
+def box_of(mask: np.ndarray, margin: int = 0) -> tuple[slice, slice]:
     """Return the rows and columns of the least box around the taxels of ``mask``, bool (rows, cols) with one at least.
+
+    With ``margin`` more rows and columns on each side, as far as there are any before the first.
 
     >>> box_of(np.eye(4, dtype=bool)[:, 1:])
     (slice(1, 4, None), slice(0, 3, None))
     """
     rows, cols = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(cols[0]), int(cols[-1]) + 1)
+    return (slice(max(int(rows[0]) - margin, 0), int(rows[-1]) + margin + 1),
+            slice(max(int(cols[0]) - margin, 0), int(cols[-1]) + margin + 1))
 
 
 def touches_edge(mask: np.ndarray) -> bool:
@@ -101,24 +104,6 @@ def sum_around(values: np.ndarray) -> np.ndarray:
     around[:, 1:] += tall[:, :-1]
     around[:, :-1] += tall[:, 1:]
     return around
-
-
-def highest_near(values: np.ndarray, reach: int) -> np.ndarray:
-    """Return the highest of ``values``, float (rows, cols), and 0, up to ``reach`` rows and columns away.
-
-    >>> highest_near(np.array([[1.0, 2.0, 4.0, -1.0]]), 1).tolist()
-    [[2.0, 4.0, 4.0, 4.0]]
-    """
-    rows, cols = values.shape
-    highest = np.zeros((rows + 2 * reach, cols + 2 * reach))
-    highest[reach:reach + rows, reach:reach + cols] = values
-    width = 1  # of the window behind each place
-    while width <= 2 * reach:
-        step = min(width, 2 * reach + 1 - width)
-        highest = np.maximum(highest[step:], highest[:-step])
-        highest = np.maximum(highest[:, step:], highest[:, :-step])
-        width += step
-    return highest
 
 
 def linked(taxels: np.ndarray, between: int) -> np.ndarray:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from tactile_node.contact.neighbours import EIGHT_CONNECTED, enclosed, grown, highest_near
+from tactile_node.contact.neighbours import EIGHT_CONNECTED, box_of, enclosed, grown
 
 OUTLINE = 0.5      #: of the local level
 NOISE = 3.0        #: standard deviations that a taxel of a contact is above the level at rest
@@ -44,20 +44,13 @@ def standing_out(values: np.ndarray, valid: np.ndarray, threshold: Threshold, be
     candidates = valid & (raised > 0) & (raised >= np.maximum(NOISE * threshold.noise, threshold.least) * ease)
     pressed = np.zeros(values.shape, bool)
     if np.count_nonzero(candidates):
-        box = _box(candidates)
+        box = box_of(candidates, REACH)  # the time then depends on the contacts alone
         pressed[box] = _pressed(raised[box], candidates[box], ease[box], ALONE * threshold.noise[box])
     return pressed
 
 
-def _box(taxels: np.ndarray) -> tuple[slice, slice]:
-    """Return the rows and columns of ``taxels`` and REACH more: the time then depends on the contacts alone."""
-    rows, cols = np.flatnonzero(taxels.any(1)), np.flatnonzero(taxels.any(0))
-    return (slice(max(int(rows[0]) - REACH, 0), int(rows[-1]) + REACH + 1),
-            slice(max(int(cols[0]) - REACH, 0), int(cols[-1]) + REACH + 1))
-
-
 def _pressed(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray, strong: np.ndarray) -> np.ndarray:
-    near = candidates & (raised >= HALO * highest_near(raised, REACH))
+    near = candidates & (raised >= HALO * _highest_near(raised))
     level = _outlined(raised, near, ease)
     rest = near & ~grown(level > 0)
     if np.count_nonzero(rest) >= GROUP:  # beside a stronger contact, joined to it by the skin's response
@@ -65,9 +58,15 @@ def _pressed(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray, stron
     pressed = level > 0
     weak = candidates & ~pressed & enclosed(pressed)
     if np.count_nonzero(weak):
-        whole = pressed | weak & (raised >= BETWEEN * ease * highest_near(level, REACH))
+        whole = pressed | weak & (raised >= BETWEEN * ease * _highest_near(level))
         pressed = pressed if _are_specks(whole, raised) else whole
     return _significant(pressed, raised >= strong)
+
+
+def _highest_near(values: np.ndarray) -> np.ndarray:
+    """Return the highest of ``values`` up to REACH rows and columns away; what lies beyond the edge is 0."""
+    highest: np.ndarray = ndimage.maximum_filter(values, 2 * REACH + 1, mode='constant')
+    return highest
 
 
 def _outlined(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray) -> np.ndarray:

@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.contact.neighbours import SMALLEST_CONTACT, grown, largest_group, pad_seen, touches_edge
+from tactile_node.contact.neighbours import grown, largest_group, pad_seen, touches_edge
 from tactile_node.contact.pattern import ContactPattern
+from tactile_node.contact.press import SMALLEST_CONTACT
 
 PART = 0.1  #: of a contact's taxels: so many hidden ones together beside it may change its size by as much
 

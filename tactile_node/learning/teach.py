@@ -16,7 +16,7 @@ from tactile_node.learning.taught_file import Examples
 from tactile_node.rate import Rate
 from tactile_node.read_only import read_only
 from tactile_node.shape.recogniser import OUTPUTS, ShapeRecogniser
-from tactile_node.shape.taught import Head, joined
+from tactile_node.shape.taught import Head, join
 
 FOLDS = 5
 STAGES = FOLDS + 2      #: of a call of `teach`, for its progress
@@ -126,12 +126,12 @@ def _counted(rest: Seen, labels: np.ndarray, shapes: Sequence[Examples], seen: S
     outputs = len(OUTPUTS) + len(shapes)
     before, after = np.zeros((len(OUTPUTS), len(OUTPUTS)), int), np.zeros((outputs, outputs), int)
     np.add.at(before, (labels[of_size], rest.known[of_size].argmax(1)), 1)
-    np.add.at(after, (labels[of_size], joined(rest.known, evidence[0])[of_size].argmax(1)), 1)
+    np.add.at(after, (labels[of_size], join(rest.known, evidence[0])[of_size].argmax(1)), 1)
     for number, (each, of_shape, found) in enumerate(zip(shapes, seen, evidence[1:]), len(OUTPUTS)):
         judged = each.is_recorded
         if not judged.any():
             continue
-        np.add.at(after[number], joined(of_shape.known, found)[judged].argmax(1), 1)
+        np.add.at(after[number], join(of_shape.known, found)[judged].argmax(1), 1)
     return HeldOut(read_only(before), read_only(after))
 
 

@@ -9,9 +9,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tactile_node.contact.neighbours import SMALLEST_CONTACT
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor, of_contact
-from tactile_node.contact.press import PressThresholds
+from tactile_node.contact.press import SMALLEST_CONTACT, PressThresholds
 from tactile_node.contact.visibility import Visibility, visibility_of
 from tactile_node.pose.box import ContactBox, contact_box
 from tactile_node.pose.fit import ShapeFit, fit_contact

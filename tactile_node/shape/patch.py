@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.contact.neighbours import grown, linked
+from tactile_node.contact.neighbours import box_of, grown, linked
 from tactile_node.contact.pattern import MOST_LABELS, ContactPattern
 from tactile_node.contact.press import are_on_off
 from tactile_node.read_only import read_only
@@ -68,11 +68,9 @@ def join_pieces(pattern: ContactPattern) -> ContactPattern:
 
 def make_patch(values: np.ndarray, mask: np.ndarray) -> Patch:
     """Return the patch of the contact ``mask``, bool with a taxel in it, of a frame ``values``."""
-    rows, cols = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-    low, high = np.array((rows[0], cols[0])), np.array((rows[-1], cols[-1])) + 1
-    first, last = np.maximum(low - RIM, 0), np.minimum(high + RIM, mask.shape)
-    around = slice(first[0], last[0]), slice(first[1], last[1])
+    (low, high), around = np.array([(used.start, used.stop) for used in box_of(mask)]).T, box_of(mask, RIM)
     level, dead, graded = _levels(values[around], mask[around])
+    first = np.array([shown.start for shown in around])
     level, dead, shown, extent = _standing(level, dead, low - first, high - low)
     scale = max(extent) / ROOM
     if scale <= 1:
@@ -116,10 +114,7 @@ def _levels(values: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarra
     inside = known * mask
     graded = bool(inside.any()) and not are_on_off(values)
     if graded:
-        near = mask
-        for _ in range(RIM):
-            near = grown(near)
-        known = known * near
+        known = known * grown(grown(mask))  # RIM taxels
         level = np.minimum(known * (inside.sum() / np.square(inside).sum()), HIGHEST_LEVEL)
     else:
         level = mask.astype(float)

@@ -22,7 +22,7 @@ from tactile_node.shape.invariants import COUNT, describe_all
 from tactile_node.shape.network import TAPS, Network
 from tactile_node.shape.patch import Patch, joined, make_patch
 from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, TaughtShape, UnknownReason
-from tactile_node.shape.taught import Head, read_taught
+from tactile_node.shape.taught import Head, join, read_taught
 
 #: what each output of the networks in the weights' file stands for; its order is part of the file's format
 OUTPUTS = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE, Shape.UNKNOWN)
@@ -92,10 +92,10 @@ class ShapeRecogniser:
     def recognise_all(self, patterns: Sequence[ContactPattern]) -> list[Recognition]:
         """Recognise each pattern as `recognise` does, in less time than one after another."""
         together = [joined(pattern) for pattern in patterns]
-        whole = self._recognised([(pattern.values, mask) for pattern, mask in zip(patterns, together)])
-        return [self._decided(pattern, mask, found) for pattern, mask, found in zip(patterns, together, whole)]
+        whole = self._recognise_contacts([(pattern.values, mask) for pattern, mask in zip(patterns, together)])
+        return [self._decide(pattern, mask, found) for pattern, mask, found in zip(patterns, together, whole)]
 
-    def _decided(self, pattern: ContactPattern, together: np.ndarray, whole: Recognition) -> Recognition:
+    def _decide(self, pattern: ContactPattern, together: np.ndarray, whole: Recognition) -> Recognition:
         """Choose between the pieces together and the largest alone, where that is most of them."""
         if np.count_nonzero(together) == np.count_nonzero(pattern.mask):
             return whole
@@ -103,11 +103,11 @@ class ShapeRecogniser:
         if (whole.probabilities[Shape.UNKNOWN] <= DOUBT
                 or np.count_nonzero(pattern.mask) < MOST_OF_PIECES * np.count_nonzero(together)):
             return whole
-        largest = self._recognised([(pattern.values, pattern.mask)])[0]
+        largest = self._recognise_contacts([(pattern.values, pattern.mask)])[0]
         gain = whole.probabilities[Shape.UNKNOWN] - largest.probabilities[Shape.UNKNOWN]
         return largest if gain > DOUBT else whole
 
-    def _recognised(self, contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Recognition]:
+    def _recognise_contacts(self, contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Recognition]:
         """Return the recognition of each contact, given as values and mask."""
         found = [Recognition.certain(Shape.NONE)] * len(contacts)
         patches: dict[bool, list[tuple[int, Patch]]] = {False: [], True: []}
@@ -142,7 +142,7 @@ class ShapeRecogniser:
             return known
         if kind not in self._heads:
             return np.pad(known, ((0, 0), (0, len(self.outputs) - len(OUTPUTS))))
-        return self._heads[kind].joined(known, embedding, log_taxels)
+        return join(known, self._heads[kind].evidence(embedding, log_taxels))
 
     def embedding(self, patches: Sequence[Patch]) -> tuple[np.ndarray, np.ndarray]:
         """Return what the heads of taught shapes see of patches all graded or all not, and the log of their taxels."""

@@ -45,15 +45,11 @@ class Head(NamedTuple):
         standard: np.ndarray = np.clip((embedding - self.middle) / self.spread, -LIMIT, LIMIT)
         return standard
 
-    def joined(self, known: np.ndarray, embedding: np.ndarray, log_taxels: np.ndarray) -> np.ndarray:
-        """Return the probabilities of known classes and taught shapes, (K, 6 + N), of the ``known``, (K, 6)."""
-        return joined(known, self.evidence(embedding, log_taxels))
 
+def join(known: np.ndarray, evidence: np.ndarray) -> np.ndarray:
+    """Join probabilities of the known classes (K, 6) and log-odds of N taught shapes (K, N) to (K, 6 + N).
 
-def joined(known: np.ndarray, evidence: np.ndarray) -> np.ndarray:
-    """Join probabilities (K, 6) and log-odds (K, N).
-
-    >>> joined(np.array([[0.75, 0.25]]), np.array([[np.log(3)]])).tolist()
+    >>> join(np.array([[0.75, 0.25]]), np.array([[np.log(3)]])).tolist()
     [[0.1875, 0.0625, 0.75]]
     """
     most = np.maximum(evidence.max(1, keepdims=True), 0)

@@ -14,7 +14,7 @@ from tactile_node.cia301.objects import (
     SOFTWARE_VERSION,
     state_name,
 )
-from tactile_node.contact.neighbours import SMALLEST_CONTACT
+from tactile_node.contact.press import SMALLEST_CONTACT
 from tactile_node.logs.damage import damage_lines, utc
 from tactile_node.shape.recognition import Shape, ShapeClass
 from tactile_node.taxel_frame import TaxelStatus

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tactile_node.contact.neighbours import SMALLEST_CONTACT
+from tactile_node.contact.press import SMALLEST_CONTACT
 from tactile_node.pose.pipeline import ContactPipeline, FoundContact, StreamedContact, Taxels
 from tactile_node.shape.methods import VisibilityGuard
 from tactile_node.shape.recognition import Shape, ShapeClass, UnknownReason
