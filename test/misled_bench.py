@@ -149,11 +149,6 @@ class Relay:
         for message in self._kept:
             self._publisher.publish(message)
 
-    def pass_on(self) -> None:
-        """From now on nothing is held back; all that was held back has been released."""
-        self._room = None
-        self._kept.clear()
-
     def _pass(self, message: Any) -> None:
         if self._room is None:
             self._publisher.publish(message)

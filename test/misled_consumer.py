@@ -2,8 +2,7 @@
 
     python test/misled_consumer.py grasp=grasp left=left/shape taxels=left/taxels status=skin_driver/status
 
-It knows the message types and `InputAge` only, as a planner on another machine would. A topic given as
-`slow=left/taxels` is read by a callback that blocks for SLOW; of its messages, too, the newest DEPTH are kept.
+It knows the message types and `InputAge` only, as a planner on another machine would.
 """
 
 import json
@@ -23,7 +22,6 @@ from tactile_skin.msg import ContactShape, Grasp, SkinStatus, TaxelArray
 
 BEST_EFFORT = '--best-effort'
 DEPTH = 100  # messages
-SLOW = 1.0  # s
 SHAPES = ('NOT_KNOWN', 'NONE', 'UNKNOWN', 'CIRCLE', 'SQUARE', 'RECTANGLE', 'RIGHT_TRIANGLE', 'ISOSCELES_TRIANGLE')
 CONTACTS = ('NOT_KNOWN', 'UNSEEN', 'NO_CONTACT', 'ONE_SIDED', 'TWO_SIDED')
 SIDES = ('SIDE_NOT_KNOWN', 'SIDE_UNSEEN', 'SIDE_EMPTY', 'SIDE_TOUCHED')
@@ -56,8 +54,6 @@ def report(topic, facts, ages, message) -> None:
     numbers = {name: value if not isinstance(value, float) or math.isfinite(value) else None
                for name, value in facts(message).items()}
     print(json.dumps({'topic': topic, 'time': now, **numbers}), flush=True)
-    if topic == 'slow':
-        time.sleep(SLOW)
 
 
 def taxel_facts(message: TaxelArray) -> dict:

@@ -51,6 +51,14 @@ def test_a_rim_that_one_edge_of_the_pad_cuts_encloses_what_it_did():
     assert not convex(np.roll(half, 6, axis=0)), 'the same arc away from the edge is a bow'
 
 
+def test_pressures_below_the_mask_close_a_rim():
+    whole = ring(9, 7)
+    values = np.where(whole, np.where(COLS > 20, 1.0, 0.35), 0.0)
+    mask = whole & (COLS > 20)
+    assert is_convex(values, mask)
+    assert not is_convex(np.where(mask, values, 0.0), mask)
+
+
 def test_taxels_that_are_not_seen_are_no_notch():
     values = bar(5, 5, 12, 12).astype(float)
     values[5:14, 9:17] = np.nan

@@ -80,6 +80,11 @@ def test_a_loss_stays_reported_for_a_second_however_often_the_state_is_evaluated
     assert seen == [OK] * 30 + [WARN] * 16 + [OK] * 14
 
 
+def test_statuses_have_the_nodes_full_name():
+    names = [status.name for status in each_second().message(statistics(), BusHealth()).status]
+    assert names == ['/gripper/driver: bus', '/gripper/driver: left']
+
+
 def test_a_dead_bus_is_an_error_with_its_reason():
     failure = Failure(BusFault.RECEPTION_FAILED, 'unplugged')
     status = each_second().message(statistics(), BusHealth(failure)).status[0]

@@ -14,8 +14,7 @@ from training.ground_truth.half_space import displacement_influence, stress_infl
 from training.ground_truth.indenters import ball, cone, cylinder, flat_punch
 from training.ground_truth.layer import measured, sample, stress_field
 from training.ground_truth.mechanics import solve
-from training.mechanics import PRESSURE, draw_mechanics, random_solution, solution_pool
-from training.samples import LABELS
+from training.mechanics import random_solution, solution_pool
 
 
 def centred(count, cell):
@@ -121,14 +120,6 @@ def test_the_taxels_carry_the_whole_load_and_balance_its_moment(name, area, dept
         y + np.sin(angle) * along + np.cos(angle) * across, abs=0.03)
 
 
-@pytest.mark.parametrize('name', ['right_triangle', 'isosceles_triangle, rounded', 'cylinder'])
-def test_a_quarter_turn_of_the_contact_turns_the_frame(name):
-    field = stress_field(solve(INDENTERS[name], (0.4, 0.1)), 40, 0.5)
-    frame = sample(field, 11.0, 11.0, 0.3, rows=23, cols=23)
-    turned = sample(field, 11.0, 11.0, 0.3 + np.pi / 2, rows=23, cols=23)
-    assert turned == pytest.approx(np.rot90(frame, -1), abs=1e-9)
-
-
 def test_a_skin_saturates_and_has_dead_taxels_without_a_value():
     stress = np.full((200, 200), 0.5)
     stress[:100] = 3.0
@@ -159,21 +150,3 @@ def test_a_pool_is_solved_once_and_read_again(pool):
                                                                           drawn.origin)
         assert second.pressure == pytest.approx(drawn.pressure, rel=1e-6)
         assert (second.outline == drawn.outline).all() and (first.pressure == second.pressure).all()
-
-
-@pytest.mark.parametrize('on_off', [False, True])
-def test_training_frames_show_their_contact(pool, on_off):
-    drawn = draw_mechanics(generator(Purpose.TEST, 6), 202, on_off, pool[1], areas=(20, 60))
-    assert len(drawn.frames) == len(drawn.labels) == len(drawn.areas) == 202
-    assert set(drawn.labels) <= {LABELS.index(name) for name in CLASSES} and len(set(drawn.labels)) == 5
-    if on_off:
-        assert 0.6 < np.median([np.nansum(frame) / area for frame, area in zip(drawn.frames, drawn.areas)]) < 1.3
-    for frame, area, pressure in zip(drawn.frames, drawn.areas, drawn.pressures):
-        assert 20 <= area <= 60
-        known = frame[~np.isnan(frame)]
-        assert 0.85 < known.size / frame.size
-        if on_off:
-            assert set(known) <= {0, 1} and known.sum() < 2.5 * area
-        else:
-            assert known.max() <= 1 and PRESSURE[0] <= pressure <= PRESSURE[1]
-            assert known.sum() < (1.02 * area + 0.1 * np.sqrt(frame.size)) * pressure + 0.1 * np.sqrt(frame.size)

@@ -64,26 +64,10 @@ def test_a_small_run_writes_page_and_numbers(tmp_path, capsys):
     for row in rows:
         assert float(row['low95']) <= float(row['recognised']) <= float(row['high95'])
         assert f'{float(row["recognised"]):.1%}' in page and row['method'] in page
-    _check_inside_reading(folder, page)
     assert rows[0]['method'].startswith('as published') and rows[0]['patterns'] == '15'
     assert capsys.readouterr().err == '', 'a bar is for a terminal'
     assert main(arguments) == 2
     assert '--force' in capsys.readouterr().err
-
-
-def _check_inside_reading(folder, page):
-    with open(folder / 'inside.csv', encoding='utf-8', newline='') as stream:
-        share = {(row['method'], row['N']): float(row['recognised']) for row in csv.DictReader(stream)}
-    with open(folder / 'rates.csv', encoding='utf-8', newline='') as stream:
-        published = {row['area']: float(row['recognised']) for row in csv.DictReader(stream)
-                     if row['method'].startswith('as published')}
-    for size, goal in (('20', 70), ('35', 90), ('100', 99.9)):
-        both, before = (100 * value for value in (share['N inside taxels, equilateral triangles', size],
-                                                  published[size]))
-        said = re.search(rf'N = {size}: .*? so that ([-.0-9]+) points .*? both ([-+.0-9]+) ± .*?; ([-.0-9]+) remain',
-                         page)
-        assert [float(number) for number in said.groups()] == pytest.approx(
-            [goal - before, both - before, goal - both], abs=0.051)
 
 
 @pytest.mark.parametrize('wrong', [['--patterns', '3'], ['--training', '10'], ['--jobs', '0'], ['--seed', '-1']])

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rclpy.qos import DurabilityPolicy
 
 from tactile_node.assembly.fault_text import failure_text
 from tactile_node.assembly.frame_source import BusStatistics, LossReason, PadStatistics
@@ -26,6 +27,7 @@ from tactile_node.conditioning.tare import ZeroState
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
 from tactile_node.errors import TareRefusal
 from tactile_node.ros.diagnostics import BusDiagnostics
+from tactile_node.ros.qos import STATUS_QOS
 from tactile_node.ros.status_message import PrimaryState, status_message
 from tactile_skin.msg import FaultyTaxel, NodeStatus, PadStatus, SkinStatus
 from tactile_skin.srv import Tare
@@ -135,3 +137,7 @@ def test_a_pad_has_the_state_of_its_zero():
     assert status_message(diagnostics, counts, health, conditions).pads[0].zero_state \
         == PadStatus.ZERO_DEVICE_HAS_RESTARTED
     assert status_message(diagnostics, counts, health).pads[0].zero_state == PadStatus.ZERO_NOT_KNOWN
+
+
+def test_late_subscribers_get_it():
+    assert STATUS_QOS.durability == DurabilityPolicy.TRANSIENT_LOCAL

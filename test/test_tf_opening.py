@@ -1,7 +1,7 @@
 """The opening of the gripper from tf, in a running node with real messages: when it must not be known."""
 
 import time
-from math import inf, isnan, nan
+from math import cos, inf, isnan, nan, pi, sin
 
 import numpy as np
 import pytest
@@ -82,6 +82,14 @@ def test_the_distance_of_the_fingers_along_the_closing_direction(robot):
     assert opening.gap == pytest.approx(0.040 - 0.012)
 
 
+def test_a_hand_that_is_mounted_askew_and_fingers_that_are_turned(robot):
+    eighth = (0.0, 0.0, sin(pi / 8), cos(pi / 8))
+    robot.send(transform('hand', 'flange', 0.1, 0.2, 0.3, eighth), static=True)
+    robot.send(transform('left_knuckle', 'hand', y=-0.01, rotation=(0.0, 0.0, 1.0, 0.0)))  # half a turn
+    robot.send(transform('left_finger', 'left_knuckle', y=0.005))
+    assert robot.send(transform('right_finger', 'hand', y=0.025)).gap == pytest.approx(0.015 + 0.025 - 0.012)
+
+
 def test_transforms_that_stop_leave_no_opening_though_others_continue(robot):
     assert not isnan(robot.send(*fingers(0.02, 0.02)).gap)
     end = time.monotonic() + 2 * LIMIT
@@ -96,6 +104,10 @@ def test_frames_that_no_joint_moves_are_no_opening(robot):
     for each in fingers(0.02, 0.02):
         robot.send(each, static=True)
     assert robot.current() is NOT_KNOWN
+
+
+def test_a_finger_on_the_wrong_side_is_no_opening(robot):
+    assert robot.send(*fingers(-0.05, -0.05)) is NOT_KNOWN
 
 
 def test_transforms_that_were_held_back_are_no_opening(robot):

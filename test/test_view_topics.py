@@ -78,7 +78,8 @@ def test_a_shape_of_a_driver_before_is_not_shown_on_the_taxels_of_this_one(nodes
     until(lambda: source.store.shown().pads['left'].values[0, 0] == 30e3)
 
 
-def test_a_shape_is_shown_on_the_taxels_that_it_was_recognised_from(nodes):
+@pytest.mark.parametrize(('name', 'number'), [('square', 4), ('plug', 8)], ids=['square', 'taught'])
+def test_a_shape_is_shown_on_the_taxels_that_it_was_recognised_from(nodes, name, number):
     source, node = nodes
     of_taxels, of_shapes = publishers(source, node)
     first, second = taxels(node, 1, 10e3), taxels(node, 2, 99e3)
@@ -87,11 +88,12 @@ def test_a_shape_is_shown_on_the_taxels_that_it_was_recognised_from(nodes):
     assert source.store.shown().pads['left'].contact is None  # nothing has recognised it yet
     of_taxels.publish(second)
     time.sleep(0.1)
-    of_shapes.publish(shape(first))  # late: the second frame is here already
+    of_shapes.publish(shape(first, name, number))  # late: the second frame is here already
     until(lambda: source.store.shown().pads['left'].contact is not None)
     seen = source.store.shown().pads['left']
     np.testing.assert_array_equal(seen.values, [[10e3, 10e3], [NAN, 10e3]])
-    assert seen.contact.shape == 'square' and seen.contact.outline is None  # fit_valid is false
+    assert (seen.contact.shape, seen.contact.confidence) == (name, pytest.approx(0.9))
+    assert seen.contact.outline is None  # fit_valid is false
 
 
 def grasp(sides, **changed):
