@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from bench.recognition import frame_labels as module
-from bench.recognition.cases import recorded
-from bench.recognition.frame_labels import frame_labels
+from bench.recognition import cases
+from bench.recognition.cases import frame_labels, recorded
 
 
 @pytest.mark.parametrize('recording', ['nus_ring_session', 'nus_square_excerpt', 'nus_square_moving'])
@@ -24,6 +23,6 @@ def test_labels_and_frames_of_the_excerpt_are_those_of_the_recording_it_is_from(
 @pytest.mark.parametrize('rows', ['1,4,object', '0,4,object\n4,5,not', '0,4,object\n6,7,not', '0,4,held', '3,2,not'])
 def test_ranges_with_a_hole_an_overlap_or_an_unknown_label_are_refused(rows, tmp_path, monkeypatch):
     (tmp_path / 'log.csv').write_text(f'# by hand\nfirst_frame,last_frame,label\n{rows}\n', encoding='utf-8')
-    monkeypatch.setattr(module, 'FOLDER', tmp_path)
+    monkeypatch.setattr(cases, 'BY_HAND', tmp_path)
     with pytest.raises(ValueError, match='log'):
         frame_labels('log')

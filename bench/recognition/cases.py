@@ -1,5 +1,6 @@
 """What is evaluated: patterns that no method was trained on, by condition, kind of frame and size."""
 
+import csv
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +22,7 @@ from training.field import NOMINAL_ON_OFF, NOMINAL_PRESSURE, Conditions, field_f
 from training.samples import LABELS, LEVEL_STEPS, UNKNOWN, Samples
 
 DATA = Path(__file__).resolve().parents[2] / 'test/data'
+BY_HAND, FRAME_LABELS = Path(__file__).parent / 'labels', ('object', 'not', 'unclear')
 PRESS, RELEASE = 0.3, 0.24  #: a fixed threshold for pressures, of which drifting ones are so much more or less
 CLEAN = 'clean'
 #: Evaluation seeds serve one report: the next one counts this up, for what a report showed has prompted changes.
@@ -159,3 +161,18 @@ def _log(path: Path) -> tuple[np.ndarray, list[np.ndarray]]:
     if source.failure:
         raise RuntimeError(source.failure.detail)
     return np.array([frame.stamp for frame in frames]), [frame.values for frame in frames]
+
+
+def frame_labels(recording: str) -> np.ndarray:
+    """Return which frames of ``recording`` (a name without ending) hold the object, by hand, str, shape (frames,).
+
+    Raises ValueError where the ranges leave a frame out, overlap, or a label is none of FRAME_LABELS.
+    """
+    lines = (BY_HAND / f'{recording}.csv').read_text(encoding='utf-8').splitlines()
+    found: list[str] = []
+    for row in csv.DictReader(line for line in lines if not line.startswith('#')):
+        first, last, label = int(row['first_frame']), int(row['last_frame']), row['label']
+        if first != len(found) or last < first or label not in FRAME_LABELS:
+            raise ValueError(f'{recording}: expected frames from {len(found)} on with one of {FRAME_LABELS}, got {row}')
+        found += [label] * (last - first + 1)
+    return np.array(found)

@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from bench.recognition.cases import CLEAN, PUNCHES, make_case, patches, recorded
+from bench.recognition.cases import CLEAN, FRAME_LABELS, PUNCHES, frame_labels, make_case, patches, recorded
 from bench.recognition.contest import ORDER, OURS, Contest, Result, answers_of, calibration, streamed
 from bench.recognition.figures import Rate
-from bench.recognition.frame_labels import LABELS, frame_labels
 from bench.recognition.page import KIND, Table
 from tactile_node import Recogniser
 from tactile_node.contact.pattern import PatternExtractor
@@ -92,7 +91,7 @@ def recordings(contest: Contest, recogniser: Recogniser) -> Table:
                   'and over the others, where any shape is wrong [%]: frame by frame, and ours as a stream reports it',
                   ['recording', 'labelled', 'frames', 'contestant', *(shape.value for shape in ORDER)])
     for name in RECORDED:
-        for label in LABELS:
+        for label in FRAME_LABELS:
             for contestant, answer in _recorded_answers(contest, recogniser, name, label).items():
                 share = np.bincount(answer.argmax(1), minlength=len(ORDER)) / len(answer)
                 table.add(name, label, len(answer), contestant, *(f'{100 * s:.0f}' for s in share))
