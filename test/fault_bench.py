@@ -3,7 +3,7 @@
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import can
@@ -98,6 +98,14 @@ class FaultBench(Bench):
 
     def send(self, can_id: int, data: str = '') -> None:
         self.other.send(can.Message(arbitration_id=can_id, is_extended_id=False, data=bytes.fromhex(data)))
+
+    def send_error(self, can_id: int, data: Iterable[int]) -> None:
+        """Send the error frame of a controller."""
+        self.other.send(can.Message(arbitration_id=can_id, is_extended_id=False, is_error_frame=True, data=bytes(data)))
+
+    def repeat(self, can_id: int, period: float, data: bytes = b'') -> can.broadcastmanager.CyclicSendTaskABC:
+        """Send a frame each ``period`` [s], until what is returned is stopped."""
+        return self.other.send_periodic(can.Message(arbitration_id=can_id, is_extended_id=False, data=data), period)
 
     def heard(self) -> list[can.Message]:
         """What the other participant has received since the last call."""

@@ -237,7 +237,7 @@ def sending_fails(bench: FaultBench) -> None:
 @fault()
 def bus_off(bench: FaultBench) -> None:
     """The controller's error frame is reported as bus-off, the bus opened again."""
-    bench.other.send(can.Message(is_error_frame=True, arbitration_id=0x040, is_extended_id=False, data=bytes(8)))
+    bench.send_error(0x040, bytes(8))
     bench.end_of_cause().detect(BusFault.BUS_OFF)
     bench.recover()
     assert bench.adapter.opened == 2
@@ -247,13 +247,11 @@ def bus_off(bench: FaultBench) -> None:
 def error_frames(bench: FaultBench) -> None:
     """Error frames are counted; error-passive is reported until it ends; the taxels continue."""
     for flags in (0x30, 0x10):
-        bench.other.send(can.Message(is_error_frame=True, arbitration_id=0x004, is_extended_id=False,
-                                     data=bytes([0, flags, 0, 0, 0, 0, 9, 130])))
+        bench.send_error(0x004, [0, flags, 0, 0, 0, 0, 9, 130])
     bench.wait(lambda: bench.driver.health().is_error_passive, 'not reported')
     bench.wait(lambda: bench.driver.health().error_counters == (9, 130), 'counters not reported')
     bench.wait(lambda: bench.driver.statistics().can_frames['error'] == 2, 'not counted')
-    bench.other.send(can.Message(is_error_frame=True, arbitration_id=0x004, is_extended_id=False,
-                                 data=bytes([0, 0x40, 0, 0, 0, 0, 0, 0])))
+    bench.send_error(0x004, [0, 0x40, 0, 0, 0, 0, 0, 0])
     bench.wait(lambda: not bench.driver.health().is_error_passive, 'it stays')
     bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
     assert bench.driver.failure is None and bench.node().outages.count == 0
@@ -410,8 +408,7 @@ def two_devices_from_the_start(bench: FaultBench) -> None:
 @fault()
 def second_sender_of_a_tpdo(bench: FaultBench) -> None:
     """Another node sends on one of our COB-IDs: it is named, and no value is given until it stops."""
-    theirs = can.Message(arbitration_id=0x1A2, is_extended_id=False, data=bytes(8))
-    sender = bench.other.send_periodic(theirs, 0.017)
+    sender = bench.repeat(0x1A2, 0.017, bytes(8))
     bench.detect(NodeFault.TWO_SENDERS)
     assert bench.node().surplus_tpdos == (SentTpdo(3, 0x1A2),)
     recognised = len(bench.kept)
@@ -439,8 +436,7 @@ def replaced_by_two_devices(bench: FaultBench) -> None:
 @fault()
 def second_heartbeat_of_a_node_id(bench: FaultBench) -> None:
     """Another device, which sends no taxels, has our node-ID: its heartbeats betray it; no value is given."""
-    theirs = can.Message(arbitration_id=0x720, is_extended_id=False, data=b'\x05')
-    sender = bench.other.send_periodic(theirs, 0.1)
+    sender = bench.repeat(0x720, 0.1, b'\x05')
     bench.detect(NodeFault.TWO_SENDERS)
     assert bench.node().surplus_tpdos == ()
     _one_of_two_devices(bench, len(bench.kept) + 1)
@@ -466,7 +462,7 @@ def two_masters_fight(bench: FaultBench) -> None:
 def second_sync_producer(bench: FaultBench) -> None:
     """SYNC of another device while the driver produces it: it is reported by name until it ends."""
     bench.is_clock_true = False  # taxels sampled at its SYNC have the stamp of ours
-    producer = bench.other.send_periodic(can.Message(arbitration_id=0x080, is_extended_id=False), 0.05)
+    producer = bench.repeat(0x080, 0.05)
     bench.detect(SyncFault.SECOND_PRODUCER)
     assert bench.driver.health().sync.fault is SyncFault.SECOND_PRODUCER and bench.driver.health().sync.foreign > 0
     time.sleep(2.0)
@@ -479,12 +475,12 @@ def second_sync_producer(bench: FaultBench) -> None:
 @fault(produce_sync=False, sync_period=0.02, is_running=False)
 def sync_producer_of_another_period(bench: FaultBench) -> None:
     """The device that produces SYNC has another period than sync_period: both are reported; the taxels flow."""
-    producer = bench.other.send_periodic(can.Message(arbitration_id=0x080, is_extended_id=False), 0.04)
+    producer = bench.repeat(0x080, 0.04)
     bench.run().cause()
     bench.detect(SyncFault.OTHER_PERIOD)
     assert abs(bench.driver.health().sync.period - 0.04) < 0.01
     producer.stop()
-    bench.other.send_periodic(can.Message(arbitration_id=0x080, is_extended_id=False), 0.02)
+    bench.repeat(0x080, 0.02)
     bench.end_of_cause().recover()
     bench.wait(lambda: bench.driver.health().sync.fault is SyncFault.NONE, 'fault stays')
 
@@ -498,13 +494,12 @@ def transmission_type_ignored(bench: FaultBench) -> None:
 @fault(produce_sync=False, is_running=False)
 def sync_of_another_producer_stops(bench: FaultBench) -> None:
     """It is reported that SYNC is missing; the device is left alone."""
-    sync = can.Message(arbitration_id=0x080, is_extended_id=False)
-    producer = bench.other.send_periodic(sync, 0.02)
+    producer = bench.repeat(0x080, 0.02)
     bench.run().cause()
     producer.stop()
     bench.detect(NodeFault.NO_SYNC)
     assert bench.node().is_operational
-    bench.other.send_periodic(sync, 0.02)
+    bench.repeat(0x080, 0.02)
     bench.end_of_cause().recover()
 
 

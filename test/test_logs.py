@@ -72,13 +72,6 @@ def test_ring_session_shows_the_ring():
     assert (np.diff(stamps) > 0).all() and abs(stamps[-1] - stamps[0] - (24.755 - 4.313)) < 1e-5
 
 
-def test_unasked_pad_is_counted_as_foreign():
-    layout = load_layout('sim16x16.yaml')
-    frames, source = play(DATA / 'sim16x16_two_pads.log.gz', (PadSettings('left', (32,), layout),))
-    counted = source.statistics().can_frames
-    assert counted['foreign'] == counted['tpdo'] == 32 * len(frames)
-
-
 SYNC, ROWS = '(1.0) can0 080#', ('(1.1) can0 181#0A0B', '(1.2) can0 281#0A0A', '(1.3) can0 381#0A0A')
 
 

@@ -18,10 +18,3 @@ def test_summary_names_every_loss():
         'left: 4 taxel frames, 3 complete, 1 incomplete; TPDOs: 8 expected, 2 brought no taxels; 9 received: 6 used, '
         '2 late, 1 over_long',
         'CAN frames: 13 (4 sync, 9 tpdo); lines unread: 0']
-
-
-def test_summary_counts_tpdos_that_did_not_come():
-    pad = PadStatistics(664, 1, expected=21280, received=21248, used=21248, pending=0,
-                        losses=dict.fromkeys(LossReason, 0))
-    assert summary(BusStatistics({'left': pad}, {})).splitlines()[0].endswith(
-        'TPDOs: 21280 expected, 32 brought no taxels; 21248 received: 21248 used')

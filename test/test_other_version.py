@@ -64,21 +64,6 @@ def spin(executor, until, seconds=30.0):
     assert until()
 
 
-def test_without_our_check_rows_are_read_as_columns(reader):
-    """Why it is needed: 2 rows of 3 taxels come out as 3 rows of 2, and nothing reports it."""
-    node, executor = reader
-    received: list[TaxelArray] = []
-    node.create_subscription(TaxelArray, 'left/taxels', received.append, frames_qos(10))
-    publisher = old_publisher()
-    try:
-        spin(executor, lambda: received)
-    finally:
-        publisher.kill()
-        publisher.wait()
-    assert (received[0].rows, received[0].cols) == (3, 2)
-    assert check_taxel_array(received[0]) is None
-
-
 def test_no_message_of_another_version_is_used(reader):
     node, executor = reader
     received: list[TaxelArray] = []

@@ -98,11 +98,6 @@ def test_a_dead_column_is_found_where_it_was_touched():
     assert reached <= set(found.places(DEAD)) <= {(row, 6) for row in range(SIDE)}
 
 
-def test_flickering_is_found_without_a_touch():
-    pad = Pad(setting((2, 3), lambda n: 80.0 * (n // 3 % 2)))
-    assert pad.frames(np.zeros((SIDE, SIDE)), 250).places(FLICKERING) == [(2, 3)]
-
-
 def test_flickering_is_taken_back_when_it_ends():
     pad = Pad(setting((2, 3), lambda n: 80.0 * (n % 2 and n < 100)))
     still = np.zeros((SIDE, SIDE))
