@@ -2,31 +2,24 @@
 
 import math
 import time
-from contextlib import ExitStack
 from threading import Event, Thread
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.parameter import Parameter
+from ros_bench import RosBench
 
-rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
-
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-
-from tactile_node.nodes.processor_node import ProcessorNode  # noqa: E402
-from tactile_node.nodes.spinning import spinning  # noqa: E402
-from tactile_node.pose.pipeline import Taxels  # noqa: E402
-from tactile_node.ros.contact_messages import PadFrame, taxel_array_message  # noqa: E402
-from tactile_node.ros.message_health import MessageCounts, StreamHealth, health_status  # noqa: E402
-from tactile_node.ros.qos import frames_qos  # noqa: E402
-from tactile_node.ros.time_messages import duration_message  # noqa: E402
-from tactile_node.taxel_frame import TaxelFrame, TaxelStatus  # noqa: E402
-from tactile_skin.msg import TaxelArray  # noqa: E402
+from tactile_node.nodes.processor_node import ProcessorNode
+from tactile_node.pose.pipeline import Taxels
+from tactile_node.ros.contact_messages import PadFrame, taxel_array_message
+from tactile_node.ros.message_health import MessageCounts, StreamHealth, health_status
+from tactile_node.ros.time_messages import duration_message
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_skin.msg import TaxelArray
 
 pytestmark = pytest.mark.ros
 
-TIMEOUT = 60.0  # s, for a busy machine
 FRAME_PERIOD = 0.05  # s
 AGE = 1.5  # s that each frame is old when it is sent: no part of what the clocks are apart
 LIMIT = 0.05  # s, of max_clock_offset by default
@@ -49,50 +42,40 @@ def send(publisher, lead, stop):
             return
 
 
-def reported(lead, **parameters):
+@pytest.fixture
+def reported(ros):
     """The first status of a processor that knows the age of what a driver sends whose clock is ``lead`` [s] ahead."""
-    with ExitStack() as stack:
-        rclpy.init()
-        stack.callback(rclpy.shutdown)
-        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-        processor = ProcessorNode(namespace='/left', parameter_overrides=overrides)
-        driver = rclpy.create_node('driver')
-        found, known = [], Event()
-
-        def note(message):
-            for status in message.status:
-                if values_of(status)['age_s'] != 'not known':
-                    found.append(status)
-                    known.set()
-        driver.create_subscription(DiagnosticArray, '/diagnostics', note, 10)
-        publisher = driver.create_publisher(TaxelArray, '/left/taxels', frames_qos(10))
-        for node in (processor, driver):
-            stack.callback(node.destroy_node)
-        stack.enter_context(spinning([processor, driver]))
-        stop = Event()
-        sender = Thread(target=send, args=(publisher, lead, stop))
+    def report(lead, **parameters):
+        bench, found, stop = RosBench(ros), [], Event()
+        bench.add(ProcessorNode(namespace='/left', parameter_overrides=[
+            Parameter(name, value=value) for name, value in parameters.items()]))
+        driver = bench.add('driver')
+        driver.create_subscription(DiagnosticArray, '/diagnostics', lambda message: found.extend(
+            status for status in message.status if values_of(status)['age_s'] != 'not known'), 10)
+        sender = Thread(target=send, args=(driver.create_publisher(TaxelArray, '/left/taxels', 10), lead, stop))
         sender.start()
-        stack.callback(sender.join)
-        stack.callback(stop.set)
-        assert known.wait(TIMEOUT)
+        ros.callback(sender.join)
+        ros.callback(stop.set)
+        bench.until(lambda: found, 'age not known')
         return found[0]
+    return report
 
 
 @pytest.mark.parametrize(('lead', 'is_apart'), [
     (3600.0, True), (0.3, True), (0.0, False), (-0.3, False), (-3600.0, True)])  # 0.3 s may be a slow link
-def test_stamps_of_another_clock_are_reported(lead, is_apart):
+def test_stamps_of_another_clock_are_reported(reported, lead, is_apart):
     status = reported(lead)
     values = values_of(status)
     assert ('CLOCKS_APART' in values['faults']) is is_apart, status
     assert lead - 0.3 < float(values['stamps_offset_s']) < lead + 0.01  # a busy machine takes its time on the way
 
 
-def test_simulated_time_is_compared_with_no_clock():
+def test_simulated_time_is_compared_with_no_clock(reported):
     values = values_of(reported(3600.0, use_sim_time=True))
     assert (values['stamps_offset_s'], 'CLOCKS_APART' in values['faults']) == ('not known', False)
 
 
-def test_a_limit_of_the_user_silences_the_warning():
+def test_a_limit_of_the_user_silences_the_warning(reported):
     values = values_of(reported(-3600.0, max_clock_offset=1e9))
     assert 'CLOCKS_APART' not in values['faults'] and float(values['stamps_offset_s']) < -3599
 
