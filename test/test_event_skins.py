@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from can_bench import INTERFACE, Bench, SkinMaster, channel_of, other_bus, wait_until
 from faulty_bus import Adapter
-from test_logs import play
 
 from tactile_node.assembly.health import NodeFault
 from tactile_node.bus import skin_bus
@@ -16,7 +15,7 @@ from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.tpdo_records import ConfiguredTpdo, EventSchedule
 from tactile_node.skin.layout_file import load_layout
-from tactile_node.skin.pads import PadSettings, make_pad
+from tactile_node.skin.pads import make_pad
 
 SWEEPS, SNAPSHOTS = 'event12x8_8bit.yaml', 'event8x8_16bit.yaml'
 SHAPES = {SWEEPS: (12, 8), SNAPSHOTS: (8, 8)}
@@ -106,34 +105,6 @@ def test_the_inhibit_time_is_refused_while_the_tpdo_exists(device):
     assert device.sdo('2B00180364000000').startswith('60')
     assert device.sdo('23001801A0010000').startswith('60')
     assert device.sdo('2B00180332000000') == '8000180322000008'
-
-
-@pytest.mark.bus
-@pytest.mark.parametrize(('layout', 'written'), [
-    # by SDO to 0x1800: type 254, 20 ms; type 255, 10 ms in units of 0.1 ms, 50 ms
-    (SWEEPS, ['2F001802FE000000', '2B00180514000000']),
-    (SNAPSHOTS, ['2F001802FF000000', '2B00180364000000', '2B00180532000000'])])
-def test_driver_and_log(tmp_path, layout, written):
-    log = tmp_path / 'session.log'
-    with Bench(f'event_{layout}', layout, source=still(layout), record=str(log)) as bench:
-        bench.run()
-        live = [frame for _, frame in bench.take_whole(10)]
-    sent = [line.split()[2] for line in log.read_text().splitlines()]
-    order = [sent.index('620#23001801A0010080'), *(sent.index(f'620#{data}') for data in written),
-             sent.index('620#23001801A0010000')]
-    assert order == sorted(order) and not any(frame.startswith('080#') for frame in sent)
-    for frame in live:
-        np.testing.assert_allclose(frame.values, still(layout)(0), rtol=1e-6)
-        assert (frame.tpdo_ages is None) == (layout == SWEEPS)
-    assert (np.diff([frame.stamp for frame in live]) > 0).all()
-    again, source = play(log, (PadSettings('pad32', (32,), load_layout(layout)),))
-    stamps = np.array([frame.stamp for _, frame in again])
-    for frame in live:
-        _, same = again[np.abs(stamps - frame.stamp).argmin()]
-        assert abs(same.stamp - frame.stamp) < 2e-5  # candump writes microseconds
-        np.testing.assert_array_equal(same.values, frame.values)
-    pad = source.statistics().pads['pad32']
-    assert pad.received == pad.used + sum(pad.losses.values()) and pad.used >= 10 * 12
 
 
 @pytest.mark.bus

@@ -73,10 +73,6 @@ def with_bytes(data, at, new):
     return data[:at] + new + data[at + len(new):]
 
 
-def index_after(data, chunk):
-    return next(record for record in records(data) if record.begin == chunk.end)
-
-
 #: what happens to the bytes of a file with ten chunks, and which of them that may cost
 DAMAGES = {
     'a bit of the content': (lambda data, at: flipped(data, 4), {4}),

@@ -4,13 +4,12 @@ import re
 
 import numpy as np
 import pytest
-from can_bench import Bench, only, tiny_layout
+from can_bench import only, tiny_layout
 
 from tactile_node.assembly.assembler import FrameAssembler
 from tactile_node.assembly.frame_source import Loss, LossReason
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.layout_file import load_layout
-from tactile_node.skin.pads import check_pads, make_pad
 from tactile_node.taxel_frame import TaxelStatus
 
 ROWS = '''
@@ -111,26 +110,3 @@ BAD = {
 def test_bad_layouts(tmp_path, text, says):
     with pytest.raises(ConfigurationError, match=re.escape(says)):
         tiny_layout(tmp_path, text)
-
-
-@pytest.mark.bus
-@pytest.mark.parametrize(('layout', 'written', 'sent'), [
-    # row 0: five taxels of 1023 counts; the last row is number 11
-    ('rows12x5_10bit.yaml', '1A0#00FFFFFFFFFFFF03', '1A0#0B'),
-    # SDO: type 254 to 0x1800 sub 2; the last object is 0x2107 sub 4 of node 0x20
-    ('mpdo8x8_16bit.yaml', '620#2F001802FE000000', '1A0#20072104')])
-def test_simulated_skin_end_to_end(tmp_path, layout, written, sent):
-    pad = make_pad('pad', 32, layout)
-    check_pads((pad,))
-    rows, cols = pad.layout.rows, pad.layout.cols
-    wanted = pad.layout.value.scale * (np.arange(rows * cols).reshape(rows, cols) % 50)
-    wanted[0] = 0
-    log = tmp_path / 'session.log'
-    with Bench(layout, layout, source=lambda t: wanted, sync_period=0.02, record=str(log)) as bench:
-        bench.run()
-        frames = [frame for _, frame in bench.take_whole(3)]
-    for frame in frames:
-        np.testing.assert_allclose(frame.values, wanted, atol=1e-6 * pad.layout.value.scale, rtol=1e-6)
-        assert (frame.status == TaxelStatus.VALID).all()
-    text = log.read_text()
-    assert written in text and sent in text

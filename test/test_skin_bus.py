@@ -11,52 +11,53 @@ from test_logs import play
 from tactile_node.bus.skin_bus import BusSettings, SkinBus
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError, DeviceError, LogError
 from tactile_node.package_files import config_path
+from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings, make_pad
 from tactile_node.taxel_frame import TaxelStatus
 
 pytestmark = pytest.mark.bus
 
 
-def test_boot_up_configuration_and_values(tmp_path):
-    """The values are multiples of the layout's count: row r, column c sends r + c counts."""
-    counts = np.add.outer(np.arange(16), np.arange(16))
-    record = tmp_path / 'session.log'
-    with Bench('boot', source=lambda t: counts * 392.156862745, sync_period=0.01,
-               record=str(record)) as bench:
+@pytest.mark.parametrize(('layout', 'sent'), [  # frames of the log, in this order, by CiA 301
+    ('sim16x16.yaml', [
+        '000#8020',                # NMT: pre-operational
+        '620#4018100100000000',    # SDO: upload 0x1018 sub 1
+        '620#23001801A0010080',    # download 0x1800 sub 1: 0x800001A0, disabled
+        '620#23001801A0010000',    # download 0x1800 sub 1: 0x000001A0
+        '000#0120', '080#',        # NMT start, SYNC
+        '000#8020']),              # stopped at the end
+    ('rows12x5_10bit.yaml', ['1A0#00FFFFFFFFFFFF03', '1A0#0B']),    # row 0: five taxels of 1023 counts; row 11
+    ('mpdo8x8_16bit.yaml', ['620#2F001802FE000000', '1A0#20072104']),  # type 254; 0x2107 sub 4 of node 0x20
+    ('event12x8_8bit.yaml', ['620#23001801A0010080', '620#2F001802FE000000', '620#2B00180514000000',  # 254, 20 ms
+                             '620#23001801A0010000']),
+    ('event8x8_16bit.yaml', ['620#23001801A0010080', '620#2F001802FF000000', '620#2B00180364000000',  # 255, 10 ms
+                             '620#2B00180532000000', '620#23001801A0010000'])])                       # 50 ms
+def test_every_kind_of_skin_end_to_end_and_its_log_again(tmp_path, layout, sent):
+    skin, record = load_layout(layout), tmp_path / 'session.log'
+    wanted = skin.value.scale * (np.arange(skin.rows * skin.cols).reshape(skin.rows, skin.cols) % 50)
+    wanted[0] = 0
+    with Bench(layout, layout, source=lambda t: wanted, sync_period=0.02, record=str(record)) as bench:
         bench.run()
-        frames = [frame for _, frame in bench.take(10)]
-        frames += [frame for _, frame in bench.take_whole(3)]
-    assert [frame.sequence for frame in frames[:10]] == list(range(10))
-    for frame in frames:
-        valid = frame.status == TaxelStatus.VALID
-        assert valid.all() == (frame.missing_can_frames == 0)
-        np.testing.assert_allclose(frame.values, np.where(valid, counts * 392.156862745, np.nan), rtol=1e-6)
-    assert (np.diff([frame.stamp for frame in frames]) > 0).all()
-    sent = [line.split()[2] for line in record.read_text().splitlines()]
-    order = [sent.index(step) for step in (
-        '000#8020',  # NMT: pre-operational
-        '620#4018100100000000',  # SDO: upload 0x1018 sub 1
-        '620#23001801A0010080',  # download 0x1800 sub 1: 0x800001A0, disabled
-        '620#23001801A0010000',  # download 0x1800 sub 1: 0x000001A0
-        '000#0120', '080#')]  # NMT start, SYNC
-    assert order == sorted(order)
-    assert sent[-1].startswith('000#8020') or '000#8020' in sent[order[-1]:]  # stopped at the end
-
-
-def test_recorded_session_plays_back_the_same_frames(tmp_path):
-    record = tmp_path / 'live.log'
-    with Bench('record', source=lambda t: np.full((16, 16), 392.156862745 * int(t * 100 % 200)),
-               sync_period=0.01,
-               record=str(record)) as bench:
-        bench.run()
-        live = [frame for _, frame in bench.take(20)]
-        assert wait_until(lambda: bench.driver.statistics().pads['pad32'].received >= 20 * 32)
-    assert {line.split()[1] for line in record.read_text().splitlines()} == {bench.channel}  # own SYNC, too
+        (_, first), = bench.take(1)
+        live = [frame for _, frame in bench.take_whole(10)]
+    for frame in live:
+        np.testing.assert_allclose(frame.values, wanted, atol=1e-6 * skin.value.scale, rtol=1e-6)
+        assert (frame.status == TaxelStatus.VALID).all()
+        assert (frame.tpdo_ages is not None) == (layout == 'event8x8_16bit.yaml')
+    assert first.sequence == 0 and (np.diff([frame.stamp for frame in live]) > 0).all()
+    lines = [line.split() for line in record.read_text().splitlines()]
+    assert {line[1] for line in lines} == {bench.channel}  # own frames, too
+    assert any(line[2].startswith('080#') for line in lines) == skin.needs_sync
+    rest = iter(lines)
+    assert all(any(line[2].startswith(frame) for line in rest) for frame in sent)
     played, source = play(record, bench.pads)
-    for one, (_, other) in zip(live, played):
-        np.testing.assert_array_equal(one.values, other.values)
-        assert one.sequence == other.sequence and abs(one.stamp - other.stamp) < 2e-6
-    assert source.statistics().can_frames['tpdo'] == source.statistics().pads['pad32'].received >= 20 * 32
+    stamps = np.array([frame.stamp for _, frame in played])
+    for frame in live:
+        _, same = played[np.abs(stamps - frame.stamp).argmin()]
+        assert abs(same.stamp - frame.stamp) < 2e-5  # candump writes microseconds
+        np.testing.assert_array_equal(same.values, frame.values)
+    pad = source.statistics().pads['pad32']
+    assert pad.received == pad.used + pad.pending + sum(pad.losses.values()) and pad.used >= 10 * len(skin.tpdos)
 
 
 def test_stop_and_start_again():
