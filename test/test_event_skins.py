@@ -6,10 +6,9 @@ import can
 import numpy as np
 import pytest
 from can_bench import INTERFACE, Bench, SkinMaster, channel_of, other_bus, wait_until
-from faulty_bus import Adapter
+from fault_bench import FaultBench
 
 from tactile_node.assembly.health import NodeFault
-from tactile_node.bus import skin_bus
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.simulator.skin_simulator import SkinSimulator
@@ -109,51 +108,39 @@ def test_the_inhibit_time_is_refused_while_the_tpdo_exists(device):
 
 @pytest.mark.bus
 @pytest.mark.parametrize('layout', [SWEEPS, SNAPSHOTS])
-def test_a_node_that_goes_quiet_has_no_taxels_and_is_never_without_sync(monkeypatch, layout):
-    adapter = Adapter()
-    with Bench(f'event_quiet{layout}', layout, source=still(layout)) as bench:
-        monkeypatch.setattr(skin_bus, 'open_bus', adapter.open)
-        bench.supervise()
+def test_a_node_that_goes_quiet_has_no_taxels_and_is_never_without_sync(layout):
+    with FaultBench(f'event_quiet{layout}', layout=layout, source=still(layout)) as bench:
         bench.run()
-        bench.take_whole(2)
-        adapter.tamper = lambda message: [] if 0x180 <= message.arbitration_id < 0x580 else [message]
-        assert wait_until(lambda: NodeFault.NO_TAXELS in bench.log.facts)
-        adapter.tamper = None
-        bench.forget()
-        bench.take_whole(2)
-        bench.simulator.devices[32].power_off()
-        assert wait_until(lambda: NodeFault.SILENT in bench.log.facts)
-        bench.simulator.devices[32].boot()
-        bench.forget()
-        bench.take_whole(2)
-        assert wait_until(lambda: bench.driver.health().nodes['pad32'][0].fault is NodeFault.NONE)
+        bench.adapter.tamper = lambda message: [] if 0x180 <= message.arbitration_id < 0x580 else [message]
+        bench.detect(NodeFault.NO_TAXELS)
+        bench.adapter.tamper = None
+        bench.end_of_cause().recover()
+        bench.device.power_off()
+        bench.detect(NodeFault.SILENT)
+        bench.device.boot()
+        bench.end_of_cause().recover()
         assert NodeFault.NO_SYNC not in bench.log.facts
 
 
 @pytest.mark.bus
-def test_values_from_before_a_node_was_configured_again_are_not_given(tmp_path, monkeypatch):
+def test_values_from_before_a_node_was_configured_again_are_not_given(tmp_path):
     """Another master may have changed the range: a TPDO that has not come since is STALE, at whatever max_age."""
     path = load_layout(SNAPSHOTS).source
     (tmp_path / 'old.yaml').write_text(open(path).read().replace('max_age: 0.15', 'max_age: 60'))
     (tmp_path / 'old.eds').write_text(open(path.replace('.yaml', '.eds')).read())
-    adapter = Adapter()
-    with Bench('event_again', str(tmp_path / 'old.yaml'), source=still(SNAPSHOTS)) as bench:
-        monkeypatch.setattr(skin_bus, 'open_bus', adapter.open)
-        bench.supervise()
+    with FaultBench('event_again', layout=str(tmp_path / 'old.yaml'), source=still(SNAPSHOTS)) as bench:
         bench.run()
-        bench.take_whole(2)
-        adapter.lost_ids = {0x1A1}
-        bus = other_bus('event_again')
-        bus.send(can.Message(arbitration_id=0x620, is_extended_id=False, data=bytes.fromhex('2B00180533000000')))
-        assert wait_until(lambda: NodeFault.RECONFIGURED in bench.log.facts)
-        assert wait_until(lambda: bench.driver.health().nodes['pad32'][0].fault is NodeFault.NONE)
-        bench.forget()
-        frames = [frame for _, frame in bench.take(10)]
+        bench.adapter.lost_ids = {0x1A1}
+        bench.send(0x620, '2B00180533000000')
+        bench.detect(NodeFault.RECONFIGURED)
+        bench.wait(lambda: bench.node().fault is NodeFault.NONE, 'fault stays')
+        since = len(bench.kept)
+        bench.wait(lambda: len(bench.kept) >= since + 10, 'no frames')
+        frames = [frame for _, frame in bench.kept[since:]]
         assert all(np.isnan(frame.values[0, 4:]).all() for frame in frames)
         assert not np.isnan(frames[-1].values[0, :4]).any() and not np.isnan(frames[-1].values[1:]).any()
-        adapter.lost_ids = set()
-        bench.take_whole(1)
-        bus.shutdown()
+        bench.adapter.lost_ids = set()
+        bench.end_of_cause().recover()
 
 
 @pytest.mark.bus
