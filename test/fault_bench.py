@@ -134,6 +134,11 @@ class FaultBench(Bench):
         self.wait(lambda: any(fact in facts or kind(fact) for fact in self.log.error_facts), f'{facts} not logged')
         self.detected = time.monotonic() - self._begun
 
+    def repair(self, *pads: str) -> None:
+        """Take all faults off the adapter; wait until whole frames come again."""
+        self.adapter.mend()
+        self.end_of_cause().recover(*pads)
+
     def recover(self, *pads: str) -> None:
         """Wait until whole frames come again that were acquired after the cause had ended."""
         for pad in pads or ('pad32',):

@@ -217,8 +217,7 @@ def adapter_unplugged(bench: FaultBench) -> None:
     bench.wait(lambda: any(isinstance(fact, BusError) and fact.got == 'no such device' for fact in bench.log.facts),
                'does not log what it waits for')
     assert bench.driver.failure.fault in (BusFault.RECEPTION_FAILED, BusFault.SENDING_FAILED)
-    bench.adapter.is_plugged = True
-    bench.end_of_cause().recover()
+    bench.repair()
     bench.wait(lambda: bench.driver.failure is None, 'failure stays')
     assert bench.driver.health().outages.count == bench.node().outages.count == 1
 
@@ -230,8 +229,7 @@ def sending_fails(bench: FaultBench) -> None:
     bench.detect(BusFault.SENDING_FAILED)
     assert 'Transmit buffer full' in bench.driver.failure.detail
     bench.wait(lambda: bench.adapter.opened > 3, 'the bus is not tried again')
-    bench.adapter.can_send = True
-    bench.end_of_cause().recover()
+    bench.repair()
 
 
 @fault()
@@ -263,8 +261,7 @@ def heartbeat_lost_while_taxels_flow(bench: FaultBench) -> None:
     bench.adapter.lost_ids = {0x720}
     bench.detect(NodeFault.NO_HEARTBEAT)
     bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
-    bench.adapter.lost_ids = set()
-    bench.end_of_cause().recover()
+    bench.repair()
     assert bench.node().outages.count == 0
 
 
@@ -282,8 +279,7 @@ def taxels_lost_while_heartbeat_flows(bench: FaultBench) -> None:
     """A node that is OPERATIONAL without taxels is reported as such."""
     bench.adapter.lost_ids = set(COB_IDS)
     bench.detect(NodeFault.NO_TAXELS)
-    bench.adapter.lost_ids = set()
-    bench.end_of_cause().recover()
+    bench.repair()
     bench.wait(lambda: bench.node().outages.count == 1, 'outage not counted')
 
 
@@ -345,8 +341,7 @@ def one_tpdo_never_arrives(bench: FaultBench) -> None:
                  for message in bench.heard())
     assert 2 <= checks <= 7, checks  # 0, 0.1, 0.3, 0.7, 1.5, 3.1 s after the first
     assert bench.node().fault is NodeFault.TPDO_MISSING and bench.node().outages.count == 0
-    bench.adapter.lost_ids = set()
-    bench.end_of_cause().recover()
+    bench.repair()
 
 
 def _one_of_two_devices(bench: FaultBench, since: int) -> None:
@@ -577,8 +572,7 @@ def _tamper(bench: FaultBench, tamper: Callable, seen: Callable[[FaultBench], in
     bench.adapter.tamper = lambda message: tamper(message) if message.arbitration_id in COB_IDS else [message]
     bench.wait(lambda: seen(bench) >= 20, 'not counted')
     bench.detected = time.monotonic() - bench._begun
-    bench.adapter.tamper = None
-    bench.end_of_cause().recover()
+    bench.repair()
     assert bench.node().outages.count == 0
 
 
@@ -641,8 +635,7 @@ def _disturb_configuration(bench: FaultBench, tamper: Callable[[can.Message], li
     seen = len(bench.kept)
     bench.wait(lambda: len(bench.kept) > seen + 2, 'no frames')
     assert all(np.isnan(frame.values).all() for _, frame in bench.kept[seen:])
-    bench.adapter.tamper = None
-    bench.end_of_cause().recover()
+    bench.repair()
 
 
 def _reads(answer: str, value: str) -> Callable[[can.Message], list[can.Message]]:
@@ -879,8 +872,7 @@ def polled_uploads_damaged(bench: FaultBench) -> None:
     bench.adapter.tamper = damage
     bench.detect(kind=lambda fact: isinstance(fact, SdoCommunicationError) and 'CRC' in str(fact))
     bench.wait(lambda: bench.driver.statistics().pads['pad32'].losses[LossReason.BROKEN] > 5, 'not counted')
-    bench.adapter.tamper = None
-    bench.end_of_cause().recover()
+    bench.repair()
     scale, values = bench.pads[0].layout.value.scale, bench.source(0.0)
     for _, frame in bench.kept:
         assert np.isnan(frame.values).all() or np.abs(frame.values - values).max() <= 0.5 * scale + 1e-3
@@ -892,8 +884,7 @@ def adapter_of_two_large_pads_unplugged(bench: FaultBench) -> None:
     bench.wait_for_whole('pad64')
     bench.adapter.is_plugged = False
     bench.detect(BusFault.RECEPTION_FAILED, BusFault.SENDING_FAILED)
-    bench.adapter.is_plugged = True
-    bench.end_of_cause().recover('pad32', 'pad64')
+    bench.repair('pad32', 'pad64')
 
 
 @fault((32, 64), source=uniform(4, 1e3, 9e4, 16, 16), layout='sim16x16.yaml')

@@ -13,10 +13,14 @@ class Adapter:
     """Opens buses in place of ``open_bus``; every fault acts on the ones open now and on those to come."""
 
     def __init__(self):
-        self.is_plugged = self.can_send = True
-        self.lost_ids: set[int] = set()  #: CAN identifiers that the adapter does not hand over
         self.lost: list[bytes] = []  #: what was not handed over
         self.opened = 0
+        self.mend()
+
+    def mend(self) -> None:
+        """Take all faults off."""
+        self.is_plugged = self.can_send = True
+        self.lost_ids: set[int] = set()  #: CAN identifiers that the adapter does not hand over
         self.tamper: Callable[[can.Message], Iterable[can.Message]] | None = None  #: what is handed over instead
 
     def open(self, interface: str, channel: str, bitrate: int, options: object) -> can.BusABC:

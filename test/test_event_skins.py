@@ -113,8 +113,7 @@ def test_a_node_that_goes_quiet_has_no_taxels_and_is_never_without_sync(layout):
         bench.run()
         bench.adapter.tamper = lambda message: [] if 0x180 <= message.arbitration_id < 0x580 else [message]
         bench.detect(NodeFault.NO_TAXELS)
-        bench.adapter.tamper = None
-        bench.end_of_cause().recover()
+        bench.repair()
         bench.device.power_off()
         bench.detect(NodeFault.SILENT)
         bench.device.boot()
@@ -139,8 +138,7 @@ def test_values_from_before_a_node_was_configured_again_are_not_given(tmp_path):
         frames = [frame for _, frame in bench.kept[since:]]
         assert all(np.isnan(frame.values[0, 4:]).all() for frame in frames)
         assert not np.isnan(frames[-1].values[0, :4]).any() and not np.isnan(frames[-1].values[1:]).any()
-        bench.adapter.lost_ids = set()
-        bench.end_of_cause().recover()
+        bench.repair()
 
 
 @pytest.mark.bus

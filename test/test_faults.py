@@ -40,8 +40,7 @@ def test_sequence_numbers_of_an_outage_of_the_bus_are_left_out():
         bench.adapter.is_plugged = False
         bench.wait(lambda: bench.adapter.opened == 1 and bench.driver.failure is not None, 'not failed')
         bench.wait(lambda: bench.driver.health().outages.seconds > 1.0, 'the outage ends by itself')
-        bench.adapter.is_plugged = True
-        bench.recover()
+        bench.repair()
         frames = [frame for _, frame in bench.kept]
     periods = (frames[-1].stamp - frames[0].stamp) / 0.02
     assert frames[-1].sequence - frames[0].sequence == pytest.approx(periods, abs=0.35 * periods)
@@ -54,9 +53,7 @@ def test_one_recording_holds_both_sides_of_an_outage(tmp_path):
         bench.run().cause()
         bench.adapter.is_plugged = False
         bench.wait(lambda: bench.driver.health().outages.seconds > 0.3, 'the outage ends by itself')
-        bench.adapter.is_plugged = True
-        bench.end_of_cause()
-        bench.recover()
+        bench.repair()
     assert [path.name for path in tmp_path.iterdir()] == ['session.log']
     syncs = np.array([float(line.split()[0][1:-1]) for line in record.read_text().splitlines() if ' 080#' in line])
     gap = np.flatnonzero(np.diff(syncs) > 0.25)
