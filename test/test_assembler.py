@@ -335,12 +335,15 @@ def test_restart_counts_the_unfinished_and_begins_at_zero(assembler):
     check(send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=5.5), np.zeros((3, 2)))
 
 
-def random_periods(assembler, loss, most_delayed, periods=3000):
-    """Each period sends its number in all taxels; frames are lost, or delayed across SYNCs in order."""
+@pytest.mark.parametrize(('loss', 'most_delayed', 'given'), [(0.1, 2, 1000), (0.0, 2, 2850), (0.0, 8, 2500)])
+def test_random_loss_and_delay_never_mixes_periods(assembler, loss, most_delayed, given):
+    """Each period sends its number in all taxels; frames are lost, or delayed across SYNCs in order. Without loss most
+    of what is late is used.
+    """
     rng = np.random.default_rng(5)
-    backlog, given = [], []
-    for period in range(periods):
-        given += assembler.sync(period)
+    backlog, results = [], []
+    for period in range(3000):
+        results += assembler.sync(period)
         if not backlog:
             assembler.settle()
         backlog += [(can_id, bytes([period % 250 + 5] * 2))
@@ -349,31 +352,13 @@ def random_periods(assembler, loss, most_delayed, periods=3000):
         ready = max(0, len(backlog) - delayed)
         now, backlog = backlog[:ready], backlog[ready:]
         for can_id, data in now:
-            given += assembler.feed(can_id, data, period + 0.5)
-    frames = taxel_frames([*given, *assembler.end_period()])
-    assert [frame.sequence for frame in frames] == list(range(periods)) and is_balanced(assembler)
-    return [(frame.sequence, set(frame.values[~np.isnan(frame.values)] / 2 + 5)) for frame in frames]
-
-
-def test_random_loss_and_delay_never_mixes_periods(assembler):
-    for sequence, periods in random_periods(assembler, loss=0.1, most_delayed=2):
-        assert periods <= {sequence % 250}
-    assert assembler.statistics().complete > 1000 and assembler.statistics().losses[LossReason.LATE] > 100
-
-
-def test_without_loss_most_of_what_is_late_is_used(assembler):
-    """Where less than a sweep is delayed, every period is whole unless the next one ends too late as well."""
-    random_periods(assembler, loss=0.0, most_delayed=2)
-    statistics = assembler.statistics()
-    assert statistics.complete > 0.95 * 3000 and statistics.missing < 0.03 * 9000
-
-
-def test_delays_of_several_periods_neither_mix_nor_stamp_late(assembler):
-    ages = []
-    for sequence, periods in random_periods(assembler, loss=0.0, most_delayed=8):
-        assert len(periods) <= 1
-        ages += [(sequence - period) % 250 for period in periods]
-    assert len(ages) > 2500 and not any(ages)
+            results += assembler.feed(can_id, data, period + 0.5)
+    frames = taxel_frames([*results, *assembler.end_period()])
+    assert [frame.sequence for frame in frames] == list(range(3000)) and is_balanced(assembler)
+    for frame in frames:
+        assert set(frame.values[~np.isnan(frame.values)] / 2 + 5) <= {frame.sequence % 250}
+    assert sum(np.isfinite(frame.values).any() for frame in frames) > given
+    assert assembler.statistics().complete > (given if most_delayed == 2 else 0)
 
 
 def test_reordered_tpdos_are_counted_apart_and_never_joined(assembler):
