@@ -66,14 +66,47 @@ def test_a_bar_wider_than_a_taxel_is_a_contact_also_from_edge_to_edge(mask):
     assert not is_shapeless(of_taxels(mask))
 
 
+LEVELS = {  # of rows beside which two read 10; noise 0.5
+    'many others move': [0, 1, 0, 0, 2, 0, 1, 10, 10, 0, 0, 4, 1, 0, 3, 0],
+    'one other moves': [0, 0, 0, 5, 0, 0, 0, 10, 10, 0, 0, 0, 0, 0, 0, 0],
+    'one moves the other way': [0, 0, 0, 0, 0, 0, 0, 10, 10, 0, -4, 0, 0, 0, 0, 0],
+    'one within the band does not move': [0, 0, 0, 0, 0, 10, 1, 10, 10, 0, 0, 0, 0, 0, 0, 0],
+}
+
+
 @pytest.mark.parametrize('turn', [np.asarray, np.transpose])
-def test_a_band_on_a_pad_that_hums_is_no_bar(turn):
+@pytest.mark.parametrize('levels', LEVELS.values(), ids=LEVELS)
+def test_a_band_on_a_pad_that_hums_is_no_bar(levels, turn):
     rng = np.random.default_rng(6)
-    rows = np.array([0, 1, 0, 0, 2, 0, 1, 10, 10, 0, 0, 4, 1, 0, 3, 0.0])[:, None]
-    still, hums = box(7, 0, 2, 16) * 10.0, np.broadcast_to(rows, (16, 16))
-    answers = [is_shapeless(PatternExtractor().extract(turn(values + 0.05 * rng.standard_normal((16, 16)))))
-               for values in (still, hums)]
-    assert answers == [False, True]
+    mask = np.broadcast_to(np.array(levels)[:, None] == 10, (16, 16))
+    for k in range(20):
+        values = np.array(levels, float)[:, None] + 0.5 * rng.standard_normal((16, 16))
+        assert is_shapeless(ContactPattern.of(turn(mask), turn(values)))
+
+
+@pytest.mark.parametrize('turn', [np.asarray, np.transpose])
+@pytest.mark.parametrize('other', [None, 5, -4])
+def test_a_bar_across_a_pad_is_a_contact(other, turn):
+    """On a pad at rest, however even it is; beside a row that moves, where its taxels differ in gain."""
+    rng, passed = np.random.default_rng(7), 0
+    for k in range(100):
+        values = box(7, 0, 2, 16) * 10.0 * np.exp(0.2 * (other is not None) * rng.standard_normal((16, 16)))
+        values[3] += other or 0
+        values += 0.5 * rng.standard_normal((16, 16))
+        passed += not is_shapeless(ContactPattern.of(turn(box(7, 0, 2, 16)), turn(values)))
+    assert passed >= 98
+
+
+@pytest.mark.parametrize('turn', [np.asarray, np.transpose])
+def test_what_stands_out_of_noisy_lines_is_no_contact(turn):
+    rng, found, passed = np.random.default_rng(8), 0, 0
+    for k in range(200):
+        values = 0.02 * rng.standard_normal((16, 16))
+        values[6:9] *= 50
+        pattern = PatternExtractor().extract(turn(values))
+        found += pattern.mask.sum() >= 4
+        passed += bool(pattern.mask.sum() >= 4 and not is_shapeless(pattern))
+    assert found > 50 and passed <= 2
 
 
 @pytest.mark.parametrize('density', [0.01, 0.03, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5])

@@ -26,12 +26,13 @@ AWAY = 0.25        #: of the pad: so much beyond the box around the contact show
 MARGIN = 1         #: taxels around that box
 LOOSE = 1.7        #: large groups are more compact: 1 - LOOSE / sqrt(taxels)
 LINE_TAXELS = 1.2  #: taxels of a line at most, for each of the rows or columns along which it lies
-HUM, ROW_NOISE = 0.03, 6.0  #: of a band's level, and deviations of a row's median: rows that read another level move
-MOVING = 0.3       #: of the rows away from a band: where so many move, the pad hums
+BAND = 0.4         #: of the pad's width, the least that hum shows of a row
+EVEN = 1.6         #: times the deviation along other rows: less along a band's is their noise, no bar
+MOVING, ROW_NOISE = 0.15, 7.0  #: of the highest row's level, and deviations of a row's median: other rows rise by more
 STRING, LONG = 4, 0.6  #: rows of a string of pieces at most, and its length at least [of the pad's side]
 FALL, SLOPE = 2, 0.1   #: so many taxels beside a contact, and by this part of its width more, its pressure has fallen
 STEEP = 0.35       #: to this part of it, or less
-SCATTER = 0.8      #: of that part, the median deviation along lines that are too noisy to show a contact
+BELOW = 0.15       #: of the taxels on a contact's lines: where more read as far below the rest, the lines are noisy
 LINE = 3           #: taxels of a row away from the contact, on average: fewer do not show whether it hums
 SPECKLED = 0.08    #: where so many taxels beside a contact are pressed,
 AMONG_SPECKS = 0.55  #: it is none below this compactness
@@ -132,48 +133,47 @@ def _is_rise(pattern: ContactPattern, together: np.ndarray) -> bool:
         return False
     rest = _median(pattern.values[away]) if away.any() else 0.0
     most = STEEP * (float(pattern.values[together & visible].mean()) - rest)
-    quiet = away & (pattern.labels == 0)
-    return _median(pattern.values[beside]) - rest > most or any(
-        _lines_rise(*turned, rest, most) for turned in (
-            (pattern.values, together, away, quiet), (pattern.values.T, together.T, away.T, quiet.T)))
+    return bool(_median(pattern.values[beside]) - rest > most
+                or _lines_rise(pattern.values, together, away, rest, most)
+                or _lines_rise(pattern.values.T, together.T, away.T, rest, most))
 
 
 def _is_hum(pattern: ContactPattern) -> bool:
-    """Return whether the contact is a band of rows or columns from edge to edge, and others move, too."""
-    along = [bool(mask[:, 0].any() and mask[:, -1].any()) for mask in (pattern.mask, pattern.mask.T)]
-    if not any(along):
-        return False
-    values = np.where(pattern.hidden | pattern.unmapped, np.nan, pattern.values)
-    return along[0] and _others_move(values, pattern.mask) or along[1] and _others_move(values.T, pattern.mask.T)
+    """Return whether the contact is a band of whole rows or columns on a pad whose other rows or columns move, too."""
+    turned = (pattern.values, pattern.mask), (pattern.values.T, pattern.mask.T)
+    return any(mask.any(0).mean() >= BAND and _is_band_of_hum(values, mask) for values, mask in turned)
 
 
-def _others_move(values: np.ndarray, band: np.ndarray) -> bool:
-    """Return whether many rows away from those of ``band`` read another level than the rest, beyond their noise."""
-    away = ~ndimage.binary_dilation(band.any(1)) & np.isfinite(values).any(1)
-    if np.count_nonzero(away) < LINE:
-        return False
-    medians = np.nanmedian(values[away], axis=1)
-    noise = np.nanmedian(np.abs(values[away] - medians[:, None]), axis=1) / values.shape[1] ** 0.5
-    rest = float(np.median(medians))
-    least = HUM * (float(np.nanmean(values[band])) - rest)
-    return bool(np.mean(np.abs(medians - rest) > np.maximum(least, ROW_NOISE * noise)) > MOVING)
+def _is_band_of_hum(values: np.ndarray, mask: np.ndarray) -> bool:
+    """Return whether the rows of ``mask`` are as even as the others, and levels rise again away from the highest row.
 
-
-def _lines_rise(values: np.ndarray, taxels: np.ndarray, away: np.ndarray, quiet: np.ndarray, rest: float,
-                most: float) -> bool:
-    """Return whether the rows of the contact read more than ``most`` above ``rest`` away from it, too, or scatter.
-
-    ``quiet``: taxels away from it that are not pressed; they show the noise of these rows.
+    Along a bar the readings vary by the gain of its taxels and by its ends, and beyond its flanks the pad rests.
     """
+    seen = np.isfinite(values).any(1)
+    values, band = values[seen], mask.any(1)[seen]
+    if band.all() or not band.any():
+        return False
+    spread = np.nanstd(values, axis=1)
+    noise = float(np.median(spread[~band]))
+    if not (spread[band] ** 2).mean() < (EVEN * noise) ** 2:
+        return False
+    levels = np.nanmedian(values, axis=1)
+    peak = int(levels.argmax())
+    least = max(MOVING * float(np.ptp(levels)), ROW_NOISE * noise / values.shape[1] ** 0.5)
+    return any(bool((side - np.minimum.accumulate(side) > least).any()) for side in (levels[peak:], levels[peak::-1]))
+
+
+def _lines_rise(values: np.ndarray, taxels: np.ndarray, away: np.ndarray, rest: float, most: float) -> bool:
+    """Return whether the rows of the contact read more than ``most`` above ``rest`` away from it, too, or below it."""
     rows_of_contact, _ = box_of(taxels)
-    used = quiet[rows_of_contact]
-    if np.count_nonzero(used) >= LINE and _median(np.abs(values[rows_of_contact][used] - rest)) > SCATTER * most:
+    lines = values[rows_of_contact]
+    if np.count_nonzero(lines < rest - most) > BELOW * lines.size:
         return True
     used = away[rows_of_contact]
     count = np.count_nonzero(used)
     if count < LINE * len(used):
         return False
-    along = values[rows_of_contact][used] - rest
+    along = lines[used] - rest
     return bool(along.sum() > most * count and _median(along) > most)  # the sum is the quicker
 
 
