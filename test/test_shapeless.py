@@ -79,7 +79,7 @@ LEVELS = {  # of rows beside which two read 10; noise 0.5
 def test_a_band_on_a_pad_that_hums_is_no_bar(levels, turn):
     rng = np.random.default_rng(6)
     mask = np.broadcast_to(np.array(levels)[:, None] == 10, (16, 16))
-    for k in range(20):
+    for _ in range(20):
         values = np.array(levels, float)[:, None] + 0.5 * rng.standard_normal((16, 16))
         assert is_shapeless(ContactPattern.of(turn(mask), turn(values)))
 
@@ -89,7 +89,7 @@ def test_a_band_on_a_pad_that_hums_is_no_bar(levels, turn):
 def test_a_bar_across_a_pad_is_a_contact(other, turn):
     """On a pad at rest, however even it is; beside a row that moves, where its taxels differ in gain."""
     rng, passed = np.random.default_rng(7), 0
-    for k in range(100):
+    for _ in range(100):
         values = box(7, 0, 2, 16) * 10.0 * np.exp(0.2 * (other is not None) * rng.standard_normal((16, 16)))
         values[3] += other or 0
         values += 0.5 * rng.standard_normal((16, 16))
@@ -100,7 +100,7 @@ def test_a_bar_across_a_pad_is_a_contact(other, turn):
 @pytest.mark.parametrize('turn', [np.asarray, np.transpose])
 def test_what_stands_out_of_noisy_lines_is_no_contact(turn):
     rng, found, passed = np.random.default_rng(8), 0, 0
-    for k in range(200):
+    for _ in range(200):
         values = 0.02 * rng.standard_normal((16, 16))
         values[6:9] *= 50
         pattern = PatternExtractor().extract(turn(values))

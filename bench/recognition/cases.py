@@ -26,7 +26,7 @@ BY_HAND, FRAME_LABELS = Path(__file__).parent / 'labels', ('object', 'not', 'unc
 PRESS, RELEASE = 0.3, 0.24  #: a fixed threshold for pressures, of which drifting ones are so much more or less
 CLEAN = 'clean'
 #: Evaluation seeds serve one report: the next one counts this up, for what a report showed has prompted changes.
-ROUND = 6
+ROUND = 7
 PUNCHES, PUNCH_AREAS = 'flat punches', (12, 25, 50, 100)
 FEWER = 10           #: times as many flat punches as other indenters
 DEVELOPMENT = 500    #: a round that is never reported: the seeds while something is changed

@@ -6,7 +6,6 @@ taxels and 200 of 64x64 for each density. Contacts are compact: their taxels hav
 """
 
 import numpy as np
-from scipy import ndimage
 
 from tactile_node.contact.left_over import LEAST_COMPACTNESS
 from tactile_node.contact.neighbours import box_of, grown
