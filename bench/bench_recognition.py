@@ -3,6 +3,7 @@
 Run by `make bench`, or: .venv-bench/bin/python bench/bench_recognition.py [--quick] [--only SECTION ...]. Both anchors
 are trained in this run, on the samples of `make train`. Writes recognition.csv, blind_spots.csv, the page and its
 picture. With --validation the patterns come from seeds that are never reported: for a look while something is changed.
+With --alone there are no anchors, and neither torch nor OpenCV is needed: .venv/bin/python does.
 """
 
 import argparse
@@ -18,14 +19,21 @@ os.environ |= {name: '1' for name in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS',
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-import cv2
-import torch
-
 from bench.recognition import tables
-from bench.recognition.anchor_training import train_anchors
 from bench.recognition.contest import Contest
 from bench.recognition.page import write_csv, write_page
-from bench.recognition.sections import ALONE, FULL, LONGEST, QUICK, SECTIONS, WITHOUT_ANCHORS, Run, Section
+from bench.recognition.sections import (
+    AGAINST_ANCHORS,
+    ALONE,
+    FULL,
+    LONGEST,
+    QUICK,
+    SECTIONS,
+    WITHOUT_ANCHORS,
+    Amount,
+    Run,
+    Section,
+)
 from tactile_node import Recogniser
 from tactile_node.package_files import config_path
 from tactile_node.simulator.world import Purpose
@@ -44,12 +52,10 @@ class Clock:
 def main() -> int:
     args = _arguments()
     clock = Clock()
-    torch.set_num_threads(1)
-    cv2.setNumThreads(1)
     args.output.mkdir(parents=True, exist_ok=True)
     amount = QUICK if args.quick else FULL
-    anchors = {True: [], False: []} if set(args.only) <= WITHOUT_ANCHORS else train_anchors(
-        args.samples, amount.share, amount.epochs, args.jobs, clock)
+    anchors = {True: [], False: []} if args.alone or set(args.only) <= WITHOUT_ANCHORS else trained_anchors(
+        args, amount, clock)
     recogniser = Recogniser(file=config_path(args.weights))
     run = Run(Contest(recogniser, anchors), recogniser, amount, output=args.output, clock=clock,
               purpose=Purpose.VALIDATION if args.validation else Purpose.EVALUATION)
@@ -64,6 +70,17 @@ def main() -> int:
     return 0
 
 
+def trained_anchors(args: argparse.Namespace, amount: Amount, clock: Clock) -> dict[bool, list]:
+    """Return the CNN and the trees by kind of frame, trained now."""
+    import cv2  # with torch in .venv-bench alone
+    import torch
+
+    from bench.recognition.anchor_training import train_anchors
+    torch.set_num_threads(1)
+    cv2.setNumThreads(1)
+    return train_anchors(args.samples, amount.share, amount.epochs, args.jobs, clock)
+
+
 def write_report(names: Sequence[str], found: dict[str, Section], run: Run, args: argparse.Namespace) -> None:
     """Write the CSV and the page of the sections that are done."""
     sections = [found[name] for name in names]
@@ -71,6 +88,7 @@ def write_report(names: Sequence[str], found: dict[str, Section], run: Run, args
     worlds = [tables.three_worlds(results, run.contest, run.recogniser)] if {'clean', 'mechanics'} <= set(names) else []
     missing = [name for name in args.only if name not in found]
     mode = ('a quick run: anchors half trained' if args.quick else 'the full run') + (
+        ', ours alone' if args.alone else '') + (
         ', on validation seeds' if args.validation else '') + (
         f'; not done: {", ".join(missing)}' if missing else '')
     write_csv(args.output / 'recognition.csv', results)
@@ -114,7 +132,11 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument('--samples', type=Path, default=ROOT / 'build/samples', help="folder of training's samples")
     parser.add_argument('--jobs', type=int, default=2, help='processes, default %(default)s')
     parser.add_argument('--weights', default='recogniser.npz')
-    return parser.parse_args()
+    parser.add_argument('--alone', action='store_true', help='without anchors, and the sections that are about them')
+    args = parser.parse_args()
+    if args.alone:
+        args.only = [name for name in args.only if name not in AGAINST_ANCHORS]
+    return args
 
 
 if __name__ == '__main__':

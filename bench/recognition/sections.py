@@ -145,5 +145,6 @@ SECTIONS: dict[str, Callable[[Run], Section]] = {
     'clean': clean, 'mechanics': mechanics, 'recordings': recordings, 'nothing': idle, 'foreign': foreign,
     'blemish': blemish, 'several': several_contacts, 'blind-spots': spots, 'speed': speed, 'field': field}
 WITHOUT_ANCHORS = frozenset({'nothing', 'several'})
+AGAINST_ANCHORS = frozenset({'blind-spots', 'speed'})  #: they say how far ours is behind, or ahead
 ALONE = frozenset({'speed'})
 LONGEST = 'blind-spots'  #: begun first, so that no process waits for it alone

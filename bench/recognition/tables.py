@@ -23,12 +23,18 @@ def rates(heading: str, text: str, results: list[Result]) -> Table:
     table = Table(heading, text, ['condition', 'frames', 'area', 'patterns', *(f'{name}, %' for name in names),
                                   'ours unknown, %', 'ours against the better'])
     for result in results:
-        best = max((result.rate(name) for name in names if name != OURS), key=lambda rate: rate.value)
-        ours, (low, high) = result.rate(OURS), best.interval
-        verdict = 'above' if ours.value > high else 'within' if ours.value >= low else 'BELOW'
-        table.add(result.case.condition, KIND[result.case.on_off], f'{result.case.area:g}', ours.total,
-                  *(result.rate(name) for name in names), f'{100 * unknown(result).value:.2f}', verdict)
+        table.add(result.case.condition, KIND[result.case.on_off], f'{result.case.area:g}', result.rate(OURS).total,
+                  *(result.rate(name) for name in names), f'{100 * unknown(result).value:.2f}', _verdict(result))
     return table
+
+
+def _verdict(result: Result) -> str:
+    anchors = [result.rate(name) for name in result.answers if name != OURS]
+    if not anchors:
+        return ''
+    low, high = max(anchors, key=lambda rate: rate.value).interval
+    ours = result.rate(OURS).value
+    return 'above' if ours > high else 'within' if ours >= low else 'BELOW'
 
 
 def unknown(result: Result) -> Rate:
