@@ -6,9 +6,11 @@ Two pads of 16x16 taxels at --rate frames a second; the simulated skin is its ow
 
     python bench/bench_launch.py [--repeat 5] [--seconds 20] [--rate 50] [--against OTHER/.venv] [FORM ...]
 
---against measures another installation by turns with this one, on the same machine in the same minutes. Figures of a
-machine that does other work are too high: each run waits until it is idle (at most --patience seconds), what other
-processes used meanwhile is printed, and so is the run in which that was least.
+What is subscribed to is made: --grasp measures what a planner pays and gets, which reads `grasp` alone, by SYNCs of
+which both pads arrive in one grasp. --against measures another installation by turns with this one, on the same
+machine in the same minutes. Figures of a machine that does other work are too high: each run waits until it is idle
+(at most --patience seconds), what other processes used meanwhile is printed, and so is the run in which that was
+least.
 """
 
 import argparse
@@ -39,11 +41,13 @@ ROWS = {'first_shapes': 's from start to a shape of both pads',
         'carried_taxels_p99': '..., p99', 'carried_shape_p50': '... to <pad>/shape, median',
         'carried_shape_p99': '..., p99',
         'shape_p50': 'ms from SYNC to <pad>/shape at the consumer, median', 'shape_p99': '..., p99',
-        'rate': 'shapes a second of each pad',
+        'rate': 'shapes a second of each pad', 'per_frame': 'ms of CPU a pad frame, all processes',
+        'both': '% of the SYNCs of which both pads arrived in one grasp',
+        'both_p50': 'ms from SYNC to the first such grasp, median', 'both_p99': '..., p99',
         'others': '% of one core that all other processes used meanwhile, without skin and consumer'}
 START_TIMEOUT, SETTLE = 60.0, 3.0  # s
 IDLE = 0.15  # of one core
-TOPICS = ('taxels', 'shape', 'carried_taxels', 'carried_shape')
+TOPICS = ('taxels', 'shape', 'carried_taxels', 'carried_shape', 'both')
 ANSWER, SWEEP = 55e-6 + 300e-6, 32 * 135e-6  # s: SYNC and the delay of the simulated skin; TPDOs of a pad on the wire
 TICKS = os.sysconf('SC_CLK_TCK')
 
@@ -56,10 +60,11 @@ def main() -> int:
     parser.add_argument('--rate', type=float, default=50.0, help='SYNCs a second (default: %(default)s)')
     parser.add_argument('--patience', type=float, default=60.0, help='longest wait for an idle machine')
     parser.add_argument('--against', type=Path, help='virtual environment of another installation')
+    parser.add_argument('--grasp', action='store_true', help='subscribe to grasp alone')
     parser.add_argument('--single', action='store_true', help='one run of one form, as JSON')
     args = parser.parse_args()
     if args.single:
-        print(json.dumps(measured(args.forms[0], args.seconds, args.rate)))
+        print(json.dumps(measured(args.forms[0], args.seconds, args.rate, args.grasp)))
         return 0
     environments = {'here': Path(sys.prefix)} | ({'there': args.against} if args.against else {})
     runs: dict[tuple[str, str], list[dict[str, float]]] = {}
@@ -67,34 +72,34 @@ def main() -> int:
         for form in args.forms:
             for label, prefix in environments.items():
                 wait_until_idle(args.patience)
-                runs.setdefault((form, label), []).append(run_once(prefix, form, args.seconds, args.rate))
+                runs.setdefault((form, label), []).append(run_once(prefix, form, args))
                 print('.', end='', file=sys.stderr, flush=True)
     print(file=sys.stderr)
     for (form, label), found in runs.items():
         print(f'\n{f"{form} ({label}, {len(found)} runs)":26} median  quietest run')
         quietest = min(found, key=lambda each: each['others'])
-        for row, text in ROWS.items():
+        for row, text in ((row, text) for row, text in ROWS.items() if row in quietest):
             print(f'  {row:24} {statistics.median(each[row] for each in found):6.2f} {quietest[row]:8.2f}   {text}')
     return 0
 
 
-def run_once(prefix: Path, form: str, seconds: float, rate: float) -> dict[str, float]:
+def run_once(prefix: Path, form: str, args: argparse.Namespace) -> dict[str, float]:
     """One run in a separate process, with the interpreter and the messages of the installation at ``prefix``."""
     environment = {name: value for name, value in os.environ.items()
                    if name not in ('LD_LIBRARY_PATH', '_ROS_WHEELS_BOOTSTRAP_COMPLETE')}
     environment |= {'AMENT_PREFIX_PATH': str(prefix), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
-    words = [prefix / 'bin/python', Path(__file__).resolve(), form, '--single', '--seconds', str(seconds),
-             '--rate', str(rate)]
+    words = [prefix / 'bin/python', Path(__file__).resolve(), form, '--single', '--seconds', str(args.seconds),
+             '--rate', str(args.rate), *(['--grasp'] if args.grasp else [])]
     output = subprocess.run(words, env=environment, cwd='/', check=True, stdout=subprocess.PIPE, text=True).stdout
     return json.loads(output.splitlines()[-1])
 
 
-def measured(form: str, seconds: float, rate: float) -> dict[str, float]:
+def measured(form: str, seconds: float, rate: float, of_grasp: bool) -> dict[str, float]:
     """Start skin and nodes, measure for ``seconds`` and end them."""
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
         channel = f'{folder}/skin'
-        consumer = stack.enter_context(Consumer())
+        consumer = stack.enter_context(GraspConsumer() if of_grasp else Consumer())
         skin = started(['simulate', '--pty', '--link', channel, '--node-id', NODE_IDS], stdout=subprocess.PIPE)
         stack.callback(ended, [skin])
         while b'Simulated skin' not in (line := skin.stdout.readline()):
@@ -107,7 +112,7 @@ def measured(form: str, seconds: float, rate: float) -> dict[str, float]:
             words[-1] += [*OF_BUS, channel, *period]
         processes = [started(each) for each in words] or executables(channel, rate)
         stack.callback(ended, processes)
-        while len(consumer.shapes) < len(PADS):
+        while len(consumer.pads) < len(PADS):
             consumer.spin(0.01)
             if time.monotonic() > begun + START_TIMEOUT or any(process.poll() is not None for process in processes):
                 raise SystemExit(f'{form}: expected shapes of both pads within {START_TIMEOUT} s, got none')
@@ -122,10 +127,10 @@ def measured(form: str, seconds: float, rate: float) -> dict[str, float]:
         others = busy_seconds() - busy - cpu - (cpu_seconds([skin]) + time.process_time() - own)
         memory = [pss(process) for process in processes]
         return {'first_shapes': first, 'start_cpu': start_cpu, 'pss': sum(memory), 'largest': max(memory),
-                'cpu': 100 * cpu / elapsed,
-                **{f'{topic}_p{share}': percentile(late, share) for topic, late in consumer.late.items()
+                'cpu': 100 * cpu / elapsed, 'per_frame': 1e3 * cpu / (elapsed * rate * len(PADS)),
+                **{f'{topic}_p{share}': percentile(late, share) for topic, late in consumer.late.items() if late
                    for share in (50, 99)},
-                'rate': len(consumer.late['shape']) / len(PADS) / elapsed, 'others': 100 * others / elapsed}
+                **consumer.counted(elapsed, rate), 'others': 100 * others / elapsed}
 
 
 class Consumer:
@@ -135,19 +140,26 @@ class Consumer:
         import rclpy
         from rclpy.executors import SingleThreadedExecutor
 
-        from tactile_skin.msg import ContactShape, TaxelArray
         rclpy.init()
         self.node = rclpy.create_node('consumer')
         self.late: dict[str, list[float]] = {topic: [] for topic in TOPICS}
-        self.shapes: set[str] = set()
+        self.pads: set[str] = set()  # of which a shape has arrived
+        self.subscribe()
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        return self
+
+    def subscribe(self) -> None:
+        from tactile_skin.msg import ContactShape, TaxelArray
         for pad in PADS:
             self.node.create_subscription(TaxelArray, f'{pad}/taxels',
                                           lambda message, pad=pad: self._note('taxels', pad, message), 50)
             self.node.create_subscription(ContactShape, f'{pad}/shape',
                                           lambda message, pad=pad: self._on_shape(pad, message), 50)
-        self.executor = SingleThreadedExecutor()
-        self.executor.add_node(self.node)
-        return self
+
+    def counted(self, elapsed: float, rate: float) -> dict[str, float]:
+        """Return what was counted in ``elapsed`` [s] at ``rate`` SYNCs a second."""
+        return {'rate': len(self.late['shape']) / len(PADS) / elapsed}
 
     def __exit__(self, *exception) -> None:
         import rclpy
@@ -165,13 +177,37 @@ class Consumer:
             late.clear()
 
     def _on_shape(self, pad: str, message) -> None:
-        self.shapes.add(pad)
+        self.pads.add(pad)
         self._note('shape', pad, message)
 
     def _note(self, topic: str, pad: str, message) -> None:
-        late = time.time() - message.header.stamp.sec - message.header.stamp.nanosec * 1e-9
+        late = lateness(message)
         self.late[topic].append(late)
         self.late[f'carried_{topic}'].append(late - ANSWER - SWEEP * (1 + PADS.index(pad)))
+
+
+class GraspConsumer(Consumer):
+    """Subscribes to `grasp` alone, as a planner does."""
+
+    def subscribe(self) -> None:
+        from tactile_skin.msg import Grasp
+        self._last: object = None  # stamp of the newest SYNC of which both pads have arrived
+        self.node.create_subscription(Grasp, 'grasp', self._on_grasp, 50)
+
+    def counted(self, elapsed: float, rate: float) -> dict[str, float]:
+        return {'both': 100 * len(self.late['both']) / (elapsed * rate)}
+
+    def _on_grasp(self, message) -> None:
+        left, right = message.sides
+        self.pads |= {pad for pad, side in zip(PADS, message.sides) if side.sequence or side.class_names}
+        if left.header.stamp == right.header.stamp != self._last and left.class_names:
+            self._last = left.header.stamp
+            self.late['both'].append(lateness(left))
+
+
+def lateness(message) -> float:
+    """Return the time from the acquisition stamp until now [s]."""
+    return time.time() - message.header.stamp.sec - message.header.stamp.nanosec * 1e-9
 
 
 def started(words: list[str], **options) -> subprocess.Popen:

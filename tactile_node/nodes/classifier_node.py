@@ -18,6 +18,7 @@ from tactile_node.ros.contact_messages import PadContact, pad_contact_of
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.message_checks import check_contact
 from tactile_node.ros.parameters import declare, read
+from tactile_node.ros.qos import is_wanted
 from tactile_node.ros.settings import ClassifierSettings
 from tactile_node.ros.shape_messages import MOST_SHAPES, pose_message, shape_message, shapes_message
 from tactile_node.ros.time_messages import seconds
@@ -57,10 +58,10 @@ class ClassifierNode(Node):
         shape = self._message(contact, result)
         shape.left_out = self._contacts.left_out
         self._shapes.send(shape, self._contacts.arrival.acquired)
-        if shape.fit_valid:
+        if shape.fit_valid and is_wanted(self._poses, self._settings.lossless):
             self._poses.publish(pose_message(shape))
         self.recognised += 1
-        if self._settings.lossless or self._all_shapes.get_subscription_count():  # a late subscriber gets all
+        if is_wanted(self._all_shapes, self._settings.lossless):
             self._publish_all(contact, result)
         self._view.publish(contact, shape)
 

@@ -24,6 +24,7 @@ from tactile_node.ros.grasp_messages import grasp_message, side_result
 from tactile_node.ros.message_age import Arrival
 from tactile_node.ros.message_checks import check_contact_shape
 from tactile_node.ros.parameters import declare, read
+from tactile_node.ros.qos import is_wanted
 from tactile_node.ros.settings import GraspNodeSettings
 from tactile_node.ros.time_messages import seconds
 from tactile_skin.msg import ContactShape, Grasp
@@ -112,7 +113,8 @@ class GraspNode(Node):
 
     def _publish(self, state: GraspState, opening: Opening) -> None:
         current = self._described(state, opening)
-        self._publisher.publish(current.message())
+        if is_wanted(self._publisher, self._settings.lossless):
+            self._publisher.publish(current.message())
         if self._requests is not None:
             self._requests.look(current)
 

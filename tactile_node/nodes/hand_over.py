@@ -1,7 +1,8 @@
 """How a stage gives its results to the next: by a call where both share a process, on a topic for everyone else.
 
 The driver's thread puts a taxel frame in a bounded slot of the processor and wakes the executor. There the processor
-takes every frame; when none waits, the classifier of one pad takes its newest contact, in turn, and grasp each shape.
+takes every frame; when none waits, a classifier takes its newest contact, and grasp each shape. The classifiers go in
+rounds: what waits when a round begins is of one SYNC as a rule, so that both pads of it come out in one grasp.
 Results arrive in one way, whichever way they came: counted, and refused beside those of a second source.
 """
 
@@ -10,7 +11,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeAlias, TypeVar
 
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
@@ -20,6 +21,7 @@ from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.message_checks import Check, Message
 from tactile_node.ros.message_health import StreamHealth
+from tactile_node.ros.qos import is_wanted
 from tactile_node.ros.settings import NodeSettings, ReceiverSettings
 
 WAKING_PERIOD = 0.2  # s after which one who waits for answers wakes the executor again: it may have begun since
@@ -36,6 +38,7 @@ class StageResult(Protocol):
 
 
 Result = TypeVar('Result', bound=StageResult)
+Waiting: TypeAlias = list[tuple[Any, float]]  # results, and when their taxels were acquired
 
 
 class HandOver:
@@ -47,7 +50,7 @@ class HandOver:
         self._is_awake = False  # a task of the executor is pending
         self._is_working = False
         self._is_released = False
-        self._last_turn = 0
+        self._round: deque[tuple[StageInput, Waiting]] = deque()  # classifiers, with what waited when it began
 
     def add(self, stage: 'StageInput') -> None:
         """Let ``stage`` be handed what is sent on its topic."""
@@ -93,7 +96,7 @@ class HandOver:
             self._is_released = False
 
     def _is_idle(self) -> bool:
-        return not self._is_working and not any(stage.waits for stage in self._inputs.values())
+        return not (self._is_working or self._round or any(stage.waits for stage in self._inputs.values()))
 
     def _work(self) -> None:
         """Take every frame that waits, then one newest contact; the rest in another task, after other callbacks."""
@@ -101,13 +104,13 @@ class HandOver:
             self._is_awake, self._is_working = False, True
         try:
             self._work_on_all()
-            stages = [stage for stage in self._inputs.values() if stage.takes_newest]
-            for place in range(len(stages)):
-                turn = (self._last_turn + 1 + place) % len(stages)
-                if stages[turn].work():
-                    self._last_turn = turn
-                    break
-            self._work_on_all()
+            if not self._round:
+                self._round.extend((stage, stage.take()) for stage in self._inputs.values()
+                                   if stage.takes_newest and stage.waits)
+            if self._round:
+                stage, waiting = self._round.popleft()
+                stage.work(waiting)
+                self._work_on_all()
         finally:
             with self._changed:
                 self._is_working = False
@@ -118,8 +121,8 @@ class HandOver:
     def _work_on_all(self) -> None:
         """Once: frames that never end must not keep the classifiers waiting."""
         for stage in self._inputs.values():
-            if not stage.takes_newest:
-                stage.work()
+            if not stage.takes_newest and stage.waits:
+                stage.work(stage.take())
 
 
 class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
@@ -165,16 +168,16 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
         """Note that the stage before is gone: whoever publishes the topic now is its source."""
         self._is_fed = False
 
-    def work(self) -> bool:
-        """Take what waits; return whether anything did. On the executor's thread."""
-        if not self._slot:
-            return False
+    def take(self) -> Waiting:
+        """Return what waits: the next that comes waits alone."""
+        return [self._slot.popleft() for _ in range(len(self._slot))]
+
+    def work(self, waiting: Waiting) -> None:
+        """Work on all of ``waiting``, or on the newest of it. On the executor's thread."""
         self._listen()
-        waiting = [self._slot.popleft() for _ in range(len(self._slot))]
         for results in [waiting] if self._newest_only else [[each] for each in waiting]:
             usable = [result for result, acquired in results if self._is_usable(result, acquired)]
             self._work_on(usable, self._accept)
-        return True
 
     @property
     def health(self) -> StreamHealth:
@@ -200,7 +203,7 @@ class StageOutput(Generic[Result]):
     def __init__(self, node: Node, kind: type, topic: str, settings: NodeSettings, make: Callable[[Result], Any],
                  hand_over: HandOver):
         self._node, self._make, self._hand_over = node, make, hand_over
-        self._keeps = settings.lossless
+        self._is_lossless = settings.lossless
         self._publisher: Any = node.create_publisher(kind, topic, settings.qos)
         self.topic: str = self._publisher.topic_name  #: its full name
 
@@ -209,7 +212,7 @@ class StageOutput(Generic[Result]):
         reader = self._hand_over.input_of(self.topic)
         if reader is not None:
             reader.announce(result)
-        if self._keeps or self._publisher.get_subscription_count():
+        if is_wanted(self._publisher, self._is_lossless):
             message = self._make(result)
             message.age = age_message(time.monotonic() - acquired)
             self._publisher.publish(message)

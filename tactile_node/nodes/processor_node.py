@@ -31,6 +31,7 @@ from tactile_node.ros.contact_messages import (
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.message_checks import check_taxel_array
 from tactile_node.ros.parameters import changed, declare, read
+from tactile_node.ros.qos import is_wanted
 from tactile_node.ros.settings import ProcessorSettings
 from tactile_skin.msg import Contact, ContactFeatures, TaxelArray
 
@@ -84,7 +85,7 @@ class ProcessorNode(Node):
             self._scales = {}  # once
         contact = PadContact(frame, find_in(frame, self._pipeline), self._taxels.left_out)
         self._contacts.send(contact, self._taxels.arrival.acquired)
-        if self._settings.lossless or self._features.get_subscription_count():  # a late subscriber gets all
+        if is_wanted(self._features, self._settings.lossless):
             features = features_message(contact, compute_features(contact.found.pattern.mask, self._groups))
             features.age = age_message(self._taxels.arrival.age(time.monotonic()))
             self._features.publish(features)

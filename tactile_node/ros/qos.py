@@ -1,5 +1,6 @@
 """QoS of our topics: reliable, so that RViz and any other subscriber can read them."""
 
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 REPLAY_DEPTH = 5000  # messages, also for subscribers that come late
@@ -23,6 +24,11 @@ def frames_qos(depth: int, lossless: bool = False, best_effort: bool = False) ->
                           durability=DurabilityPolicy.TRANSIENT_LOCAL)
     return QoSProfile(reliability=ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE,
                       depth=depth)
+
+
+def is_wanted(publisher: Publisher, lossless: bool) -> bool:
+    """Return whether anyone gets what ``publisher`` sends: of a lossless one also who subscribes later."""
+    return lossless or publisher.get_subscription_count() > 0
 
 
 def is_lossless(profile: QoSProfile) -> bool:
