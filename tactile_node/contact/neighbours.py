@@ -65,8 +65,7 @@ def _enclosed_along_rows(mask: np.ndarray) -> np.ndarray:
     rows, cols = mask.shape
     wide = np.zeros((rows, cols + 4), bool)
     wide[:, 2:-2] = mask
-    between: np.ndarray = (wide[:, :-4] | wide[:, 1:-3]) & (wide[:, 3:-1] | wide[:, 4:])
-    return between
+    return (wide[:, :-4] | wide[:, 1:-3]) & (wide[:, 3:-1] | wide[:, 4:])
 
 
 def box_of(mask: np.ndarray, margin: int = 0) -> tuple[slice, slice]:

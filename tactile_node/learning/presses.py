@@ -50,5 +50,4 @@ def subtract_zero(frames: np.ndarray) -> np.ndarray:
     seen = np.isfinite(at_rest).any(0)
     zero = np.zeros(frames.shape[1:], frames.dtype)
     zero[seen] = np.nanmedian(at_rest[:, seen], axis=0)
-    less: np.ndarray = frames - zero
-    return less
+    return frames - zero

@@ -136,8 +136,7 @@ class _Search:
     def errors(self, curve: ResponseCurve | None) -> np.ndarray:
         """Return the relative error of the disc's radius in each frame, less what is expected of a fit."""
         radii = np.array([fit.dimensions[0] for fit in self._fits(curve)])
-        errors: np.ndarray = radii / self._known.radius - 1 - self._known.fit_error
-        return errors
+        return radii / self._known.radius - 1 - self._known.fit_error
 
     def dome_share(self) -> float:
         """Return the share of the frames in which something round presses, by the readings as they are."""

@@ -168,8 +168,7 @@ NOISE_SCALES = {
 def weights_after(shape: Shape, prediction: Prediction, evidence: Evidence) -> np.ndarray:
     """Return 1 / variance of each value given a first fit, 0 where not used, less for outliers."""
     if evidence.on_off:
-        of_pattern: np.ndarray = evidence.used / (prediction.rim + PATTERN_NOISE)
-        return of_pattern
+        return evidence.used / (prediction.rim + PATTERN_NOISE)
     residual, at_rim = np.abs(evidence.values - prediction.values), prediction.rim > FELT
     flat = residual[evidence.used & ~at_rim]
     noise = max(SMALLEST_NOISE, TO_DEVIATION * upper_median(flat)) ** 2

@@ -103,8 +103,7 @@ def _are_near(taxels: np.ndarray, others: np.ndarray, cols: int) -> np.ndarray:
 def _level(inside: np.ndarray) -> np.ndarray:
     """Return the level of a contact around each taxel: a mean of its values in which high ones count more."""
     total = sum_around(inside)
-    level: np.ndarray = sum_around(inside * inside) / np.where(total > 0, total, 1.0)
-    return level
+    return sum_around(inside * inside) / np.where(total > 0, total, 1.0)
 
 
 def _steepness(values: np.ndarray, contact: np.ndarray) -> float:

@@ -32,8 +32,7 @@ class Network(NamedTuple):
         flow = np.concatenate((images.reshape(len(images), -1), standard), 1, dtype=np.float32)
         for weight, bias in list(zip(self.kernels, self.biases))[len(TAPS):-1]:
             flow = np.maximum(flow @ weight + bias, 0)
-        embedding: np.ndarray = np.concatenate((flow, standard), 1, dtype=np.float32)
-        return embedding
+        return np.concatenate((flow, standard), 1, dtype=np.float32)
 
     def logits(self, embedding: np.ndarray) -> np.ndarray:
         """Return the logits, (K, outputs), of an embedding."""

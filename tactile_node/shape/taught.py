@@ -37,8 +37,7 @@ class Head(NamedTuple):
         """Return the log of the odds of each shape to all else, (K, N); -inf beyond its sizes."""
         found = self.standard(embedding) @ self.weights + self.biases
         sizes = log_taxels[:, None]
-        odds: np.ndarray = np.where((self.sizes[:, 0] <= sizes) & (sizes <= self.sizes[:, 1]), found, -np.inf)
-        return odds
+        return np.where((self.sizes[:, 0] <= sizes) & (sizes <= self.sizes[:, 1]), found, -np.inf)
 
     def standard(self, embedding: np.ndarray) -> np.ndarray:
         """Return (embedding - middle) / spread, (K, F), outliers within LIMIT."""
