@@ -24,7 +24,7 @@ from tactile_node.contact.press import PressThresholds
 from tactile_node.package_files import config_path
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.recogniser import ShapeRecogniser
-from tactile_node.shape.recognition import FILES, LEARNED, Recognition, Shape
+from tactile_node.shape.recognition import LEARNED, METHOD_FILES, Recognition, Shape
 from tactile_node.shape.recognitions import RecognitionFusion
 from tactile_node.simulator.figures import Skin, pressure_frame
 from tactile_node.simulator.world import CLASSES, Contact, Purpose, generator, random_contact
@@ -40,7 +40,8 @@ CASES = (('nothing', 0), ('TPDOs', 2), ('TPDOs', 4), ('adjacent rows', 2), ('adj
 
 
 def main() -> None:
-    methods = {'alone': ShapeRecogniser.from_file(config_path(FILES[LEARNED])), 'with readings': make_recogniser()}
+    alone = ShapeRecogniser.from_file(config_path(METHOD_FILES[LEARNED]))
+    methods = {'alone': alone, 'with readings': make_recogniser()}
     print('| hidden | frames | ' + ' | '.join(f'right, {name} | wrong and > {SURE}' for name in methods) + ' | ms |')
     print('| --- ' * (2 * len(methods) + 3) + '|')
     for kind, amount in CASES:

@@ -31,7 +31,7 @@ from tactile_node.package_files import config_path
 from tactile_node.rate import Rate
 from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from tactile_node.shape.recogniser import OUTPUTS, ShapeRecogniser, read_arrays
-from tactile_node.shape.recognition import FILES, LEARNED, Shape
+from tactile_node.shape.recognition import LEARNED, METHOD_FILES, Shape
 from tactile_node.simulator.figures import (
     NAMED,
     Figure,
@@ -89,7 +89,7 @@ def main() -> None:
 def taught_by(world, rng: np.random.Generator, silhouette: Silhouette, background) -> tuple[Taught, VisibilityGuard]:
     touches = find_touches(world(rng, silhouette, TOUCHES), None).touches
     examples = examples_of(touches, rng)
-    model = config_path(FILES[LEARNED])
+    model = config_path(METHOD_FILES[LEARNED])
     taught = teach(ShapeRecogniser.from_file(model), background, [examples])
     written = io.BytesIO()
     write_taught(written, read_arrays(model), [silhouette.name], {'graded': taught.head}, {'graded': [examples]})

@@ -6,8 +6,8 @@ from scipy.integrate import dblquad
 
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.pose.fit import fit_shape
-from tactile_node.pose.least_squares import BLOCKS_AROUND, WIDEST, in_blocks, size_of
-from tactile_node.pose.skin_model import DEPTHS, REACH, kernel, taps_at
+from tactile_node.pose.least_squares import BLOCKS_AROUND, MOST_BLOCKS, in_blocks, size_of
+from tactile_node.pose.skin_model import KERNEL_DEPTHS, KERNEL_REACH, kernel, taps_at
 from tactile_node.shape.recognition import Shape
 from tactile_node.simulator.figures import Skin, pressure_frame
 from tactile_node.simulator.world import CLASSES, Purpose, generator, random_contact
@@ -46,7 +46,7 @@ def test_what_a_fit_looks_at_has_a_bound(pad):
     y, x = np.indices((pad, pad))
     mask = np.hypot(x - pad / 2, y - pad / 2) < 0.45 * pad
     blocks = in_blocks(mask.astype(float), mask, size_of(mask))
-    assert max(blocks.values.shape) <= WIDEST + 2 * BLOCKS_AROUND + 1
+    assert max(blocks.values.shape) <= MOST_BLOCKS + 2 * BLOCKS_AROUND + 1
 
 
 @pytest.mark.parametrize('shape', CLASSES)
@@ -90,7 +90,7 @@ def test_a_line_that_no_block_is_half_full_of_is_fitted_in_taxels():
 def test_far_away_a_pressed_taxel_is_a_point_force(depth):
     """Boussinesq: 3 z^3 / (2 pi (r^2 + z^2)^(5/2)), where a taxel is small: averages over two are 6 % larger."""
     far, z = 6.0, depth
-    assert kernel(depth)[REACH, REACH + 6] == pytest.approx(
+    assert kernel(depth)[KERNEL_REACH, KERNEL_REACH + 6] == pytest.approx(
         3 * z ** 3 / (2 * np.pi * (far ** 2 + z ** 2) ** 2.5), rel=0.07)
 
 
@@ -100,7 +100,8 @@ def test_a_taxel_under_itself_feels_the_integral_over_both_squares():
         return dblquad(lambda v, u: 3 * 0.5 ** 3 / (2 * np.pi * ((u - x) ** 2 + (v - y) ** 2 + 0.25) ** 2.5),
                        -0.5, 0.5, -0.5, 0.5, epsabs=1e-6)[0]
     points = (np.arange(6) + 0.5) / 6 - 0.5
-    assert kernel(0.5)[REACH, REACH] == pytest.approx(np.mean([under(y, x) for x in points for y in points]), abs=1e-4)
+    mean = np.mean([under(y, x) for x in points for y in points])
+    assert kernel(0.5)[KERNEL_REACH, KERNEL_REACH] == pytest.approx(mean, abs=1e-4)
 
 
 def test_a_wide_pressure_passes_through():
@@ -109,9 +110,9 @@ def test_a_wide_pressure_passes_through():
     assert kernel(1.0).sum() == pytest.approx(1, abs=0.04)
 
 
-@pytest.mark.parametrize('depth', np.geomspace(DEPTHS[0] * 1.05, DEPTHS[1] * 0.95, 9))
+@pytest.mark.parametrize('depth', np.geomspace(KERNEL_DEPTHS[0] * 1.05, KERNEL_DEPTHS[1] * 0.95, 9))
 def test_two_products_are_the_kernel(depth):
     signs, taps, _ = taps_at(np.log(depth))
-    apart = np.abs(np.arange(-REACH, REACH + 1))
+    apart = np.abs(np.arange(-KERNEL_REACH, KERNEL_REACH + 1))
     found = sum(sign * np.outer(tap[apart], tap[apart]) for sign, tap in zip(signs[:, 0], taps))
     assert found == pytest.approx(kernel(depth), abs=0.004)

@@ -8,7 +8,7 @@ import pytest
 from py_trees.common import Status
 from test_malformed_messages import good_shape
 
-from tactile_node.grasp.opening import NOT_KNOWN
+from tactile_node.grasp.opening import UNKNOWN_OPENING
 from tactile_node.grasp.tracker import GraspTracker, SideResult, SideState
 from tactile_node.ros.grasp_messages import grasp_message
 from tactile_node.ros.message_age import age_message
@@ -41,7 +41,7 @@ class World:
         sides = [good_shape(), good_shape()]
         for side in sides:
             side.header.stamp = time_message(1.7e9 + self.now - AGE)
-        message = grasp_message(state, sides, NOT_KNOWN, 'gripper', (AGE, AGE))
+        message = grasp_message(state, sides, UNKNOWN_OPENING, 'gripper', (AGE, AGE))
         message.age = age_message(AGE)
         assert check_grasp(message) is None
         return message

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_node import ContactStream
-from tactile_node.contact.left_over import FORGOTTEN, LeftOver
+from tactile_node.contact.left_over import IDLE_FRAMES, LeftOver
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.visibility import visibility_of
 from tactile_node.shape.recognition import Shape, UnknownReason
@@ -126,7 +126,7 @@ def test_a_contact_of_which_most_rows_are_lost_is_not_left_over(seen):
 
 def test_a_taxel_begins_again_after_it_was_off_for_long_enough():
     free, specks = np.zeros((16, 16), bool), np.isin(16 * ROWS + COLS, [34, 52, 66])
-    for idle, is_left in ((FORGOTTEN, True), (FORGOTTEN + 1, False)):
+    for idle, is_left in ((IDLE_FRAMES, True), (IDLE_FRAMES + 1, False)):
         found = LeftOver()
         found.update(disc(3, 3, 3))
         for _ in range(idle):

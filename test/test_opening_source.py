@@ -19,7 +19,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.grasp.opening import NOT_KNOWN, GapSource, Opening
+from tactile_node.grasp.opening import UNKNOWN_OPENING, GapSource, Opening
 from tactile_node.nodes.opening_source import make_opening_source
 from tactile_node.ros.message_checks import RejectReason as R
 from tactile_node.ros.opening_messages import opening_status
@@ -74,7 +74,7 @@ def gripper(ros):
 
 def test_two_fingers_add_to_the_opening_wherever_they_stand_in_the_message(gripper):
     gripper.make(**TWO_FINGERS)
-    assert gripper.current() is NOT_KNOWN
+    assert gripper.current() is UNKNOWN_OPENING
     opening = gripper.send(['elbow', 'finger_right', 'finger_left'], [1.5, 0.010, 0.012])
     assert opening.gap == pytest.approx(0.022) and opening.source is GapSource.JOINT_STATES
     assert 0 <= opening.age < LIMIT
@@ -142,7 +142,7 @@ def test_diagnostics_report_the_opening_and_what_was_dropped(gripper):
 
 
 @pytest.mark.parametrize('opening, words', [
-    (NOT_KNOWN, 'no joint'), (Opening(nan, GapSource.TF, 2.0), '2.0 s old'),
+    (UNKNOWN_OPENING, 'no joint'), (Opening(nan, GapSource.TF, 2.0), '2.0 s old'),
     (Opening(nan, GapSource.TF, inf), 'stamps')])
 def test_the_diagnostic_has_the_reason(opening, words):
     status = opening_status('/grasp', opening, Counter(), Counter(), 'no joint')
@@ -237,7 +237,7 @@ def test_a_measurement_that_is_sent_again_and_again_grows_old(gripper, more):
 @pytest.mark.parametrize('speed', [0.2, 3.0])
 def test_simulated_time_may_run_at_another_speed(gripper, speed):
     gripper.make(**KNUCKLE, use_sim_time=True)
-    begun, opening = time.monotonic(), NOT_KNOWN
+    begun, opening = time.monotonic(), UNKNOWN_OPENING
     while isnan(opening.gap):
         passed = time.monotonic() - begun
         assert passed < TIMEOUT, 'not known'
@@ -248,7 +248,7 @@ def test_simulated_time_may_run_at_another_speed(gripper, speed):
 
 def test_a_parameter_is_live_and_holds_until_it_is_set_again(gripper):
     gripper.make()
-    assert gripper.current() is NOT_KNOWN
+    assert gripper.current() is UNKNOWN_OPENING
 
     def set_gap(value):
         return gripper.node.set_parameters([Parameter('gap', value=value)])[0].successful

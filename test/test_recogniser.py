@@ -17,7 +17,7 @@ from tactile_node.shape.methods import METHODS, make_recogniser
 from tactile_node.shape.network import Network
 from tactile_node.shape.patch import SIDE, join_pieces, joined, make_patch
 from tactile_node.shape.recogniser import LOG_SIZES, Calibration, ShapeRecogniser
-from tactile_node.shape.recognition import DEFAULT, LEARNED, VOLF, Shape, UnknownReason
+from tactile_node.shape.recognition import DEFAULT_METHOD, LEARNED, VOLF, Shape, UnknownReason
 from tactile_node.shape.volf import VolfClassifier
 from tactile_node.simulator.world import CLASSES, Contact, Purpose, generator, random_contact
 from training.field import NOMINAL_ON_OFF, NOMINAL_PRESSURE, field_frame
@@ -131,7 +131,7 @@ def test_large_clean_contacts_are_recognised(recogniser, shape):
 def test_methods_have_one_interface():
     mask = random_contact(generator(Purpose.TEST, 42), 'circle', 100).pattern()
     pattern = pattern_of(mask)
-    assert set(METHODS) == {LEARNED, VOLF} and DEFAULT == LEARNED
+    assert set(METHODS) == {LEARNED, VOLF} and DEFAULT_METHOD == LEARNED
     assert make_recogniser(LEARNED).recognise(pattern).shape is Shape.CIRCLE
     classifier = VolfClassifier.from_file(config_path('volf_curves.yaml'))
     assert make_recogniser(VOLF).recognise(pattern) == classifier.classify(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_node.contact.pattern import ContactPattern
-from tactile_node.grasp.opening import NOT_KNOWN, GapSource, Opening
+from tactile_node.grasp.opening import UNKNOWN_OPENING, GapSource, Opening
 from tactile_node.grasp.tracker import GraspTracker, SideState
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.pose.pipeline import FoundContact, StreamedContact, Taxels
@@ -233,7 +233,7 @@ def test_a_receiver_of_grasps_knows_their_age_whatever_the_period(period):
             arrivals[id(pad)] = k * period
             if len(arrivals) == 2:
                 since = [now - 50.0 - arrivals[id(side)] for side in (left, right)]
-                found = ages.arrived(grasp_message(state, [left, right], NOT_KNOWN, 'gripper', since))
+                found = ages.arrived(grasp_message(state, [left, right], UNKNOWN_OPENING, 'gripper', since))
     assert found.age_on_arrival == pytest.approx(0.023, abs=0.005)
 
 
@@ -241,7 +241,7 @@ def test_without_an_opening_a_grasp_has_no_width_and_says_so():
     message, tracker = shape(block(6, 6), Shape.SQUARE), GraspTracker()
     tracker.update('left', side_result(message, 5.0), now=5.0)
     state = tracker.update('right', side_result(message, 5.0), now=5.0)
-    grasp = grasp_message(state, [message, message], NOT_KNOWN, 'gripper', (math.inf, math.inf))
+    grasp = grasp_message(state, [message, message], UNKNOWN_OPENING, 'gripper', (math.inf, math.inf))
     assert math.isinf(age_seconds(grasp.age))
     assert grasp.contact == Grasp.TWO_SIDED and grasp.fresh
     assert grasp.gap_source == Grasp.GAP_NOT_KNOWN and math.isinf(age_seconds(grasp.gap_age))
@@ -261,7 +261,7 @@ def test_one_touched_pad_is_no_line():
     empty = shape(np.zeros((16, 16), np.float32), Shape.NONE)
     tracker.update('left', side_result(message, 5.0), now=5.0)
     state = tracker.update('right', side_result(empty, 5.0), now=5.0)
-    grasp = grasp_message(state, [message, empty], NOT_KNOWN, 'gripper', (0.0, 0.0))
+    grasp = grasp_message(state, [message, empty], UNKNOWN_OPENING, 'gripper', (0.0, 0.0))
     assert grasp.contact == Grasp.ONE_SIDED and math.isnan(grasp.width) and math.isnan(grasp.midpoint.x)
 
 

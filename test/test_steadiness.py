@@ -11,7 +11,13 @@ import pytest
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PressThresholds
 from tactile_node.errors import ConfigurationError
-from tactile_node.grasp.steadiness import OF_FIT, OF_PATTERN, OF_PRESSURE, Steadiness, SteadinessSettings
+from tactile_node.grasp.steadiness import (
+    FIT_RESOLUTION,
+    PATTERN_RESOLUTION,
+    PRESSURE_RESOLUTION,
+    Steadiness,
+    SteadinessSettings,
+)
 from tactile_node.pose.fit import fit_shape
 from tactile_node.pose.moments import contact_moments
 from tactile_node.shape.recognition import Shape
@@ -112,8 +118,8 @@ def centres_of(kind, shape, direction, travelled, seed=0):
     return np.array([measured(kind, place, rng, extractor) for place in places])
 
 
-CASES = [('fit', OF_FIT, 1.5), ('pressure', OF_PRESSURE, 6.0),
-         ('pattern', OF_PATTERN, 6.0)]
+CASES = [('fit', FIT_RESOLUTION, 1.5), ('pressure', PRESSURE_RESOLUTION, 6.0),
+         ('pattern', PATTERN_RESOLUTION, 6.0)]
 RATE = 20  # Hz
 
 

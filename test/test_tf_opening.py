@@ -11,7 +11,7 @@ from rclpy.parameter import Parameter
 from ros_bench import TIMEOUT, RosBench
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.grasp.opening import NOT_KNOWN, GapSource
+from tactile_node.grasp.opening import UNKNOWN_OPENING, GapSource
 from tactile_node.nodes.opening_source import make_opening_source
 from tactile_node.ros.message_checks import RejectReason as R
 from tactile_node.ros.parameters import declare, read
@@ -75,7 +75,7 @@ def robot(ros, tf_message):
 
 
 def test_the_distance_of_the_fingers_along_the_closing_direction(robot):
-    assert robot.current() is NOT_KNOWN
+    assert robot.current() is UNKNOWN_OPENING
     opening = robot.send(*fingers(0.020, 0.030))
     assert opening.gap == pytest.approx(0.050 - 0.012) and opening.source is GapSource.TF and opening.age < LIMIT
     opening = robot.send(transform('left_finger', 'hand', x=0.004, y=-0.010, z=0.03))  # across does not count
@@ -103,16 +103,16 @@ def test_transforms_that_stop_leave_no_opening_though_others_continue(robot):
 def test_frames_that_no_joint_moves_are_no_opening(robot):
     for each in fingers(0.02, 0.02):
         robot.send(each, static=True)
-    assert robot.current() is NOT_KNOWN
+    assert robot.current() is UNKNOWN_OPENING
 
 
 def test_a_finger_on_the_wrong_side_is_no_opening(robot):
-    assert robot.send(*fingers(-0.05, -0.05)) is NOT_KNOWN
+    assert robot.send(*fingers(-0.05, -0.05)) is UNKNOWN_OPENING
 
 
 def test_transforms_that_were_held_back_are_no_opening(robot):
     shift = 1.7e9 - time.monotonic()
-    opening, end = NOT_KNOWN, time.monotonic() + TIMEOUT
+    opening, end = UNKNOWN_OPENING, time.monotonic() + TIMEOUT
     while isnan(opening.gap):  # until the least delay of the way is settled
         assert time.monotonic() < end, 'not known'
         opening = robot.send(*fingers(0.02, 0.02, stamp=time.monotonic() + shift))

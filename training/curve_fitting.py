@@ -8,8 +8,8 @@ import numpy as np
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.shape.volf import (
     ANSWERS,
-    BANDS,
     SMALLEST,
+    TAXEL_BANDS,
     Plane,
     VolfClassifier,
     axes,
@@ -97,8 +97,8 @@ def answers(planes: Mapping[str, Plane], samples: Samples) -> np.ndarray:
 
 
 def count_shares(answer: np.ndarray, samples: Samples) -> np.ndarray:
-    """Share of each true class where the curves give each answer, by BANDS; shape (bands, 5, 5)."""
-    counts = np.full((len(BANDS), len(ANSWERS), len(ANSWERS)), 0.1)  # no class is ever quite impossible
+    """Share of each true class where the curves give each answer, by TAXEL_BANDS; shape (bands, 5, 5)."""
+    counts = np.full((len(TAXEL_BANDS), len(ANSWERS), len(ANSWERS)), 0.1)  # no class is ever quite impossible
     counts += np.eye(len(ANSWERS))  # and an answer never given in training stands for itself
     np.add.at(counts, (band_of(samples.of(COLUMNS[0])), answer, samples.labels), 1)
     shares: np.ndarray = counts / counts.sum(2, keepdims=True)

@@ -12,7 +12,7 @@ import yaml
 from tqdm import tqdm
 
 from tactile_node.output_file import output_file
-from tactile_node.shape.volf import ANSWERS, BANDS, VolfClassifier
+from tactile_node.shape.volf import ANSWERS, TAXEL_BANDS, VolfClassifier
 from tactile_node.simulator.world import Purpose, generator
 from training.curve_fitting import AREAS, COLUMNS, READINGS, Samples, draw_samples, fit_classifier, recognised
 
@@ -77,7 +77,7 @@ def _write(args, kept: str, readings: dict, training: Samples, validation: Sampl
 def _by_band(classifier: VolfClassifier, samples: Samples) -> dict[str, float]:
     """Share recognised by the curves in each band of N."""
     right, count = recognised(classifier, samples)['by_curves'], samples.of(COLUMNS[0])
-    bands = zip(BANDS, (*BANDS[1:], np.inf))
+    bands = zip(TAXEL_BANDS, (*TAXEL_BANDS[1:], np.inf))
     return {f'from {low}': _mean(right[(count >= low) & (count < high)]) for low, high in bands}
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from scipy import ndimage
 
 from tactile_node.shape.invariants import COUNT
-from tactile_node.shape.patch import BRIDGED, RIM, ROOM, SIDE, make_patch
+from tactile_node.shape.patch import BRIDGED_TAXELS, PATCH_ROOM, RIM_REACH, SIDE, make_patch
 from training.samples import SMALLEST, Samples, joined_samples, packed
 
 CELLS = np.arange(SIDE)
@@ -30,13 +30,13 @@ def samples_of(rng: np.random.Generator, values: np.ndarray, press: np.ndarray, 
     sizes[0] = 0
     largest = parts.reshape(len(labels), -1)
     main = largest[np.arange(len(labels)), sizes[largest].argmax(1)]
-    wide = ndimage.maximum_filter(pressed.view(np.uint8), (1, BRIDGED + 1, BRIDGED + 1), mode='constant')
+    wide = ndimage.maximum_filter(pressed.view(np.uint8), (1, BRIDGED_TAXELS + 1, BRIDGED_TAXELS + 1), mode='constant')
     groups, _ = ndimage.label(wide, FLAT)
     which = np.where(parts == main[:, None, None], groups, 0).reshape(len(labels), -1).max(1)
     mask = pressed & (groups == which[:, None, None])
     low, extent = _bounds(mask)
     good = (sizes[main] >= SMALLEST) & (main > 0) & (low > 0).all(1) & (low + extent < mask.shape[1:]).all(1)
-    narrow, large = good & (extent.max(1) <= ROOM), good & (extent.max(1) > ROOM)
+    narrow, large = good & (extent.max(1) <= PATCH_ROOM), good & (extent.max(1) > PATCH_ROOM)
     made = []
     if narrow.any():
         made.append(_placed(values[narrow], mask[narrow], dead[narrow], low=low[narrow], extent=extent[narrow],
@@ -75,7 +75,7 @@ def _placed(values, mask, dead, low, extent, labels, graded) -> Samples:
     if graded:
         inside = known * mask
         scale = inside.sum((1, 2)) / np.square(inside).sum((1, 2))
-        near = ndimage.maximum_filter(mask.view(np.uint8), (1, 2 * RIM + 1, 2 * RIM + 1), mode='constant')
+        near = ndimage.maximum_filter(mask.view(np.uint8), (1, 2 * RIM_REACH + 1, 2 * RIM_REACH + 1), mode='constant')
         level = known * near * scale[:, None, None]
     else:
         level = mask.astype(float)
@@ -86,8 +86,8 @@ def _placed(values, mask, dead, low, extent, labels, graded) -> Samples:
     row, col = (start[:, axis, None] + np.arange(SIDE) for axis in (0, 1))
     at = np.arange(len(labels))[:, None, None], row[:, :, None] + SIDE, col[:, None, :] + SIDE
     room = ((0, 0), (SIDE, SIDE), (SIDE, SIDE))
-    # A patch shows RIM taxels around the contact's box, as make_patch crops it; the rest is as a pad without contact.
-    around = [(a >= first[:, None] - RIM) & (a < first[:, None] + size[:, None] + RIM)
+    # A patch shows RIM_REACH taxels around the contact's box, as make_patch crops it; the rest is a free pad.
+    around = [(a >= first[:, None] - RIM_REACH) & (a < first[:, None] + size[:, None] + RIM_REACH)
               for a, first, size in ((row, low[:, 0], extent[:, 0]), (col, low[:, 1], extent[:, 1]))]
     shown = around[0][:, :, None] & around[1][:, None, :]
     levels = np.where(shown, np.pad(level, room)[at], 0)

@@ -18,7 +18,7 @@ from tactile_node.cli.progress import count_progress
 from tactile_node.conditioning.gain import load_gains
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.learning.presses import find_presses, subtract_zero
-from tactile_node.learning.response import SUFFIX, save_response
+from tactile_node.learning.response import RESPONSE_SUFFIX, save_response
 from tactile_node.learning.response_fit import Disc, FoundResponse, calibrate, check_disc
 from tactile_node.learning.touches import Touches
 from tactile_node.output_file import check_writable
@@ -46,7 +46,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_log_options(parser)
     parser.add_argument('--gains', default='', metavar='FILE', help='per-taxel gains, as in gain_files of the driver')
     parser.add_argument('--pitch', type=float, metavar='METRES', help='distance of neighbouring taxels of an array')
-    add_output_option(parser, metavar='FILE', help=f'default: beside the layout, suffix {SUFFIX}')
+    add_output_option(parser, metavar='FILE', help=f'default: beside the layout, suffix {RESPONSE_SUFFIX}')
 
 
 def run(args: argparse.Namespace) -> int:
@@ -75,7 +75,7 @@ def _output(args: argparse.Namespace) -> str:
         return str(args.output)
     if _is_array(args):
         raise ConfigurationError('--output', expected='a file to write', got='none', remedy='Name one.')
-    return str(Path(pads_of(args)[0].layout.source).with_suffix(SUFFIX))
+    return str(Path(pads_of(args)[0].layout.source).with_suffix(RESPONSE_SUFFIX))
 
 
 def _is_array(args: argparse.Namespace) -> bool:

@@ -5,17 +5,18 @@ import argparse
 from tactile_node.cli.options import add_number
 from tactile_node.cli.records import add_array_arguments
 from tactile_node.errors import ConfigurationError
-from tactile_node.shape.recognition import DEFAULT, FILES, LEARNED, VOLF
+from tactile_node.shape.recognition import DEFAULT_METHOD, LEARNED, METHOD_FILES, VOLF
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     add_array_arguments(parser)
-    parser.add_argument('--method', choices=list(FILES), default=DEFAULT,
+    parser.add_argument('--method', choices=list(METHOD_FILES), default=DEFAULT_METHOD,
                         help='learned: network on pattern and pressures; volf: the paper; default %(default)s')
     parser.add_argument('--model', '--weights', dest='weights', default='', metavar='FILE',
-                        help=f'of --method learned, such as one of `tactile teach`, default config/{FILES[LEARNED]}')
+                        help='of --method learned, such as one of `tactile teach`, '
+                        f'default config/{METHOD_FILES[LEARNED]}')
     parser.add_argument('--curves', default='', metavar='FILE',
-                        help=f'of --method volf, default config/{FILES[VOLF]}')
+                        help=f'of --method volf, default config/{METHOD_FILES[VOLF]}')
     parser.add_argument('--pitch', type=float, metavar='METRES',
                         help='distance of neighbouring taxels: fit pose and size of what is recognised; an .npz has '
                              'its own')

@@ -41,7 +41,7 @@ from tactile_node.learning.touches import Touches
 from tactile_node.output_file import check_writable, output_file
 from tactile_node.package_files import config_path
 from tactile_node.shape.recogniser import KINDS, ShapeRecogniser, read_arrays
-from tactile_node.shape.recognition import FILES, LEARNED, TaughtShape
+from tactile_node.shape.recognition import LEARNED, METHOD_FILES, TaughtShape
 
 DEFAULT_TOUCHES = 30
 VARIANT_SEED = 0  #: of the variants of touches
@@ -64,7 +64,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
                         help='touches of the shape named before: CAN logs, or .npz and .npy files of frames in time '
                         '(docs/command_line.md); the object is lifted between two touches. Without: live from the bus')
     add_output_option(parser, required=True, metavar='FILE', help='.npz to write')
-    parser.add_argument('--model', default=FILES[LEARNED], metavar='FILE',
+    parser.add_argument('--model', default=METHOD_FILES[LEARNED], metavar='FILE',
                         help='to teach; a file of this command keeps its shapes (default: config/%(default)s)')
     add_number(parser, '--touches', int, limits={'least': LEAST_TOUCHES, 'remedy': f'{DEFAULT_TOUCHES} as a rule.'},
                default=DEFAULT_TOUCHES, metavar='N', help='to record of each shape, live (default: %(default)s)')

@@ -5,12 +5,12 @@ import numpy as np
 from tactile_node.contact.neighbours import linked
 from tactile_node.read_only import read_only
 
-REMAINS = 1 / 3    #: of the contact that a taxel belonged to: less is what is left over
-RELEASE = 15       #: frames in which a contact that falls to REMAINS of its size is let go; 0.3 s at 50 Hz
-AGAIN = 2          #: times what was left over: a contact again
-APART = 2          #: taxels between pieces of one contact, at most: silent lines tear it
+REMAINING_SHARE = 1 / 3    #: of the contact that a taxel belonged to: less is what is left over
+RELEASE_FRAMES = 15  #: frames in which a contact that falls to REMAINING_SHARE of its size is let go; 0.3 s at 50 Hz
+RETURN_GROWTH = 2          #: times what was left over: a contact again
+PIECES_APART = 2          #: taxels between pieces of one contact, at most: silent lines tear it
 LEAST_COMPACTNESS = 0.62  #: fraction of a contact's sides in common; what is left over, or by chance, is ragged
-FORGOTTEN = 25     #: frames without being pressed after which a taxel begins again: some flicker
+IDLE_FRAMES = 25     #: frames without being pressed after which a taxel begins again: some flicker
 
 
 class LeftOver:
@@ -18,7 +18,7 @@ class LeftOver:
 
     A taxel is left over while it is pressed in a group of at most a third of the taxels of the largest contact that it
     belonged to, pieces close to each other taken as one, if the group is ragged, or if all of it fell so low within
-    RELEASE frames: an object that leaves more slowly is followed. A contact that reaches it again clears it, and so
+    RELEASE_FRAMES: an object that leaves more slowly is followed. A contact that reaches it again clears it, and so
     does a fallen group that grows. Nothing is known of a taxel that was on from the first frame.
     """
 
@@ -34,17 +34,18 @@ class LeftOver:
             self._largest, self._recent, self._idle, self._since = np.zeros((4, *pressed.shape))
         self._idle = np.where(pressed, 0, self._idle + 1)
         self._since += 1
-        self._largest *= self._idle <= FORGOTTEN
-        self._recent *= self._since <= RELEASE
+        self._largest *= self._idle <= IDLE_FRAMES
+        self._recent *= self._since <= RELEASE_FRAMES
         if not np.count_nonzero(pressed):
             return read_only(np.zeros(pressed.shape, bool))
-        groups = pressed.astype(int) if is_one else linked(pressed, APART) * pressed
+        groups = pressed.astype(int) if is_one else linked(pressed, PIECES_APART) * pressed
         sizes, ragged = _sizes(pressed, groups)
         size = sizes[groups]
-        fallen = np.bincount(groups[pressed & (size <= REMAINS * self._recent)], minlength=len(sizes)) == sizes
-        left = pressed & (fallen[groups] | ragged[groups] & (size <= REMAINS * self._largest))
+        fallen = np.bincount(groups[pressed & (size <= REMAINING_SHARE * self._recent)], minlength=len(sizes)) == sizes
+        left = pressed & (fallen[groups] | ragged[groups] & (size <= REMAINING_SHARE * self._largest))
         self._largest = np.maximum(self._largest, size)
-        self._recent = np.maximum(np.where(left, np.minimum(self._recent, AGAIN / REMAINS * size), self._recent), size)
+        most = np.where(left, RETURN_GROWTH / REMAINING_SHARE * size, np.inf)
+        self._recent = np.maximum(np.minimum(self._recent, most), size)
         self._since[left | (self._recent == size)] = 0
         return read_only(left)
 

@@ -15,9 +15,9 @@ from tactile_node.errors import InputError
 from tactile_node.press_levels import LEAST_BY_UNIT, ON_OFF_UNIT
 from tactile_node.read_only import read_only
 
-BASELINE = 0.1     #: of what a contact rises above it: less is noise, or the skin's response around a contact
+BASELINE_SHARE = 0.1     #: of what a contact rises above it: less is noise, or the skin's response around a contact
 LEAST_COUNTS = 3.0  #: of readings in whole counts: idle ones differ by two
-HIGHEST = 1e150    #: magnitude from which on a number is no value, as if infinite: its square has no float
+HIGHEST_VALUE = 1e150    #: magnitude from which on a number is no value, as if infinite: its square has no float
 MOST_LABELS = 255  #: contacts beyond so many have no label
 
 
@@ -102,13 +102,14 @@ class PatternExtractor:
         """
         frame = as_frame(values)
         numbers = frame.astype(float, copy=False)
-        valid = np.abs(numbers) < HIGHEST
+        valid = np.abs(numbers) < HIGHEST_VALUE
         missing = _taxels(unmapped, frame.shape, 'unmapped')
         hidden = ~(valid | missing)
         pressed, noise, rest = self._found(frame, numbers, valid)
         pressed &= valid
-        if rest and np.count_nonzero(pressed) and abs(rest) > BASELINE * abs(float(np.median(numbers[pressed])) - rest):
-            numbers = numbers - rest
+        if rest and np.count_nonzero(pressed):
+            rise = abs(float(np.median(numbers[pressed])) - rest)
+            numbers = numbers - rest if abs(rest) > BASELINE_SHARE * rise else numbers
         labels, contacts = number_contacts(pressed, hidden)
         is_one = contacts == 1 and not np.count_nonzero(hidden)
         left = np.zeros(frame.shape, bool)

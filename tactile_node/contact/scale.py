@@ -7,15 +7,16 @@ from tactile_node.contact.press import are_on_off
 from tactile_node.errors import InputError
 from tactile_node.press_levels import LEAST_BY_UNIT
 
-FAR_BELOW = 0.2   #: of the least reading of a unit that counts: no skin shows a contact there in steps of 1 Pa
-NO_SKIN = 1e-3    #: of the same: no skin shows a contact there in any steps
-ALIKE = 0.45      #: correlation of neighbours on a pad with a contact; without one, in 20,000 frames, at most 0.4
+LOW_SHARE = 0.2   #: of the least reading of a unit that counts: no skin shows a contact there in steps of 1 Pa
+NO_SKIN_SHARE = 1e-3    #: of the same: no skin shows a contact there in any steps
+#: correlation of neighbours on a pad with a contact; without one, in 20,000 frames, at most 0.4
+ALIKE_CORRELATION = 0.45
 
 
 class UnitScale:
     """Follows one pad until a reading is high enough for ``unit``; below ``most`` of that a contact is an error."""
 
-    def __init__(self, unit: str | None, most: float = FAR_BELOW):
+    def __init__(self, unit: str | None, most: float = LOW_SHARE):
         self.unit, self._most = unit, most
         self._least = LEAST_BY_UNIT.get(unit or '', 0.0)
 
@@ -25,7 +26,9 @@ class UnitScale:
         largest = np.max(readings, initial=0.0)
         if frame.dtype == bool or largest >= self._least:
             self._least = 0.0
-        if not 0 < largest < self._most * self._least or largest > NO_SKIN * self._least and not _are_counts(readings):
+        if not 0 < largest < self._most * self._least:
+            return None
+        if largest > NO_SKIN_SHARE * self._least and not _have_step_1(readings):
             return None
         found = PatternExtractor().extract(frame)
         if not found.contacts or not _are_alike(found.values):
@@ -40,10 +43,10 @@ def _are_alike(values: np.ndarray) -> bool:
     pairs = np.hstack([(values[:, :-1].ravel(), values[:, 1:].ravel()), (values[:-1].ravel(), values[1:].ravel())])
     pairs = pairs[:, np.isfinite(pairs).all(0)]
     one, other = pairs - pairs.mean(1, keepdims=True)
-    return bool(one @ other > ALIKE * np.sqrt(one @ one * (other @ other)))
+    return bool(one @ other > ALIKE_CORRELATION * np.sqrt(one @ one * (other @ other)))
 
 
-def _are_counts(readings: np.ndarray) -> bool:
+def _have_step_1(readings: np.ndarray) -> bool:
     """Return whether ``readings`` are whole numbers with no common step but 1, or on/off."""
     whole = np.rint(readings).clip(-1e6, 1e6)
     return bool((whole == readings).all() and (np.gcd.reduce(whole.astype(int)) == 1 or are_on_off(readings)))

@@ -13,17 +13,17 @@ from scipy import ndimage
 
 from tactile_node.contact.neighbours import EIGHT_CONNECTED, box_of, enclosed, grown
 
-OUTLINE = 0.5      #: of the local level
-NOISE = 3.0        #: standard deviations that a taxel of a contact is above the level at rest
-KEPT = 0.85        #: of both: what is pressed stays so down to here
-ALONE = 6.0        #: standard deviations of a group of fewer than GROUP taxels: noise makes groups, too
-GROUP = 4          #: taxels at NOISE that noise does not make (once in 20,000 frames of 256 taxels)
-HALO = 0.25        #: of the highest reading within REACH taxels: less is the skin's response beside a contact
-REACH = 3
-BETWEEN = 0.2      #: of the highest level within REACH taxels: less between pressed ones parts two contacts
-SPECKS = 2         #: groups of fewer than GROUP taxels that a contact whose taxels differ in gain sheds
-PLANE_FROM = 12    #: taxels that show a tilt
-STEEPEST = 0.5     #: the plane of the local level changes by at most so much of its mean
+OUTLINE_SHARE = 0.5      #: of the local level
+NOISE_SPREADS = 3.0        #: standard deviations that a taxel of a contact is above the level at rest
+KEPT_SHARE = 0.85        #: of both: what is pressed stays so down to here
+ALONE_SPREADS = 6.0        #: standard deviations of a group of fewer than GROUP_TAXELS taxels: noise makes groups, too
+GROUP_TAXELS = 4          #: taxels at NOISE_SPREADS that noise does not make (once in 20,000 frames of 256 taxels)
+HALO_SHARE = 0.25  #: of the highest reading within HALO_REACH taxels: less is the skin's response beside a contact
+HALO_REACH = 3
+BETWEEN_SHARE = 0.2      #: of the highest level within HALO_REACH taxels: less between pressed ones parts two contacts
+MOST_SPECKS = 2         #: groups of fewer than GROUP_TAXELS taxels that a contact whose taxels differ in gain sheds
+PLANE_TAXELS = 12    #: taxels that show a tilt
+STEEPEST_TILT = 0.5     #: the plane of the local level changes by at most so much of its mean
 
 
 class Threshold(NamedTuple):
@@ -40,32 +40,32 @@ def standing_out(values: np.ndarray, valid: np.ndarray, threshold: Threshold, be
     ``valid``: bool, the taxels with a value.
     """
     raised = np.where(valid, values - threshold.level, 0.0)
-    ease = np.where(before, KEPT, 1.0)
-    candidates = valid & (raised > 0) & (raised >= np.maximum(NOISE * threshold.noise, threshold.least) * ease)
+    ease = np.where(before, KEPT_SHARE, 1.0)
+    candidates = valid & (raised > 0) & (raised >= np.maximum(NOISE_SPREADS * threshold.noise, threshold.least) * ease)
     pressed = np.zeros(values.shape, bool)
     if np.count_nonzero(candidates):
-        box = box_of(candidates, REACH)  # the time then depends on the contacts alone
-        pressed[box] = _pressed(raised[box], candidates[box], ease[box], ALONE * threshold.noise[box])
+        box = box_of(candidates, HALO_REACH)  # the time then depends on the contacts alone
+        pressed[box] = _pressed(raised[box], candidates[box], ease[box], ALONE_SPREADS * threshold.noise[box])
     return pressed
 
 
 def _pressed(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray, strong: np.ndarray) -> np.ndarray:
-    near = candidates & (raised >= HALO * _highest_near(raised))
+    near = candidates & (raised >= HALO_SHARE * _highest_near(raised))
     level = _outlined(raised, near, ease)
     rest = near & ~grown(level > 0)
-    if np.count_nonzero(rest) >= GROUP:  # beside a stronger contact, joined to it by the skin's response
+    if np.count_nonzero(rest) >= GROUP_TAXELS:  # beside a stronger contact, joined to it by the skin's response
         level = np.maximum(level, _outlined(raised, rest, ease))
     pressed = level > 0
     weak = candidates & ~pressed & enclosed(pressed)
     if np.count_nonzero(weak):
-        whole = pressed | weak & (raised >= BETWEEN * ease * _highest_near(level))
+        whole = pressed | weak & (raised >= BETWEEN_SHARE * ease * _highest_near(level))
         pressed = pressed if _are_specks(whole, raised) else whole
     return _significant(pressed, raised >= strong)
 
 
 def _highest_near(values: np.ndarray) -> np.ndarray:
-    """Return the highest of ``values`` up to REACH rows and columns away; what lies beyond the edge is 0."""
-    highest: np.ndarray = ndimage.maximum_filter(values, 2 * REACH + 1, mode='constant')
+    """Return the highest of ``values`` up to HALO_REACH rows and columns away; what lies beyond the edge is 0."""
+    highest: np.ndarray = ndimage.maximum_filter(values, 2 * HALO_REACH + 1, mode='constant')
     return highest
 
 
@@ -77,11 +77,11 @@ def _outlined(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray) -> n
     sums[0] = 1.0  # of no group, of any sign
     levels = np.bincount(flat, weight * weight, count + 1) / sums
     local = levels[groups]
-    inside = candidates & (raised >= OUTLINE * local)
+    inside = candidates & (raised >= OUTLINE_SHARE * local)
     sizes = np.bincount(groups[inside], minlength=count + 1)
-    for number in (sizes[1:] >= PLANE_FROM).nonzero()[0] + 1:
+    for number in (sizes[1:] >= PLANE_TAXELS).nonzero()[0] + 1:
         _tilted(local, raised, groups == number, inside)
-    return np.where(candidates & (raised >= OUTLINE * ease * local), local, 0.0)
+    return np.where(candidates & (raised >= OUTLINE_SHARE * ease * local), local, 0.0)
 
 
 def _tilted(local: np.ndarray, raised: np.ndarray, group: np.ndarray, inside: np.ndarray) -> None:
@@ -99,16 +99,17 @@ def _tilted(local: np.ndarray, raised: np.ndarray, group: np.ndarray, inside: np
     vy, vx = dy @ reading, dx @ reading
     along_y, along_x = (vy * xx - vx * xy) / determinant, (vx * yy - vy * xy) / determinant
     plane = mean + along_y * (row - middle[0]) + along_x * (col - middle[1])
-    local[row, col] = np.minimum(np.maximum(plane, (1 - STEEPEST) * mean), (1 + STEEPEST) * mean)
+    local[row, col] = np.minimum(np.maximum(plane, (1 - STEEPEST_TILT) * mean), (1 + STEEPEST_TILT) * mean)
 
 
 def _are_specks(pressed: np.ndarray, raised: np.ndarray) -> bool:
-    """Return whether more than SPECKS small groups read as much as the largest one: noise, which must not be joined."""
+    """Return whether more than MOST_SPECKS small groups read as much as the largest: noise, not to be joined."""
     groups, count = ndimage.label(pressed, EIGHT_CONNECTED)
     groups = groups[pressed]
     sizes = np.bincount(groups, minlength=count + 1)[1:]
     means = np.bincount(groups, raised[pressed], count + 1)[1:] / sizes
-    return bool(np.count_nonzero((sizes < GROUP) & (means >= OUTLINE * means[sizes.argmax()])) > SPECKS)
+    are_specks = (sizes < GROUP_TAXELS) & (means >= OUTLINE_SHARE * means[sizes.argmax()])
+    return bool(np.count_nonzero(are_specks) > MOST_SPECKS)
 
 
 def _significant(pressed: np.ndarray, strong: np.ndarray) -> np.ndarray:
@@ -116,7 +117,7 @@ def _significant(pressed: np.ndarray, strong: np.ndarray) -> np.ndarray:
     if not np.count_nonzero(pressed & ~strong):
         return pressed
     groups, count = ndimage.label(pressed, EIGHT_CONNECTED)
-    keeps = np.bincount(groups.reshape(-1), minlength=count + 1) >= GROUP
+    keeps = np.bincount(groups.reshape(-1), minlength=count + 1) >= GROUP_TAXELS
     keeps[groups[pressed & strong]] = True
     keeps[0] = False
     significant: np.ndarray = keeps[groups]

@@ -13,7 +13,7 @@ from tactile_node.contact.neighbours import grown, largest_group, pad_seen, touc
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.contact.press import SMALLEST_CONTACT
 
-PART = 0.1  #: of a contact's taxels: so many hidden ones together beside it may change its size by as much
+CONTACT_PART = 0.1  #: of a contact's taxels: so many hidden ones together beside it may change its size by as much
 
 
 class Visibility(NamedTuple):
@@ -28,8 +28,8 @@ class Visibility(NamedTuple):
     saturated_in_contact: int
     saturated_in_ring: int
     at_edge: bool              #: the contact reaches the pad's edge, or a place without a taxel
-    #: a group of hidden taxels in the ring has room for the smallest contact, or for PART of this one: it may continue
-    #: there. Fewer (scattered dead taxels) make its outline uncertain.
+    #: a group of hidden taxels in the ring has room for the smallest contact, or for CONTACT_PART of this one: it may
+    #: continue there. Fewer (scattered dead taxels) make its outline uncertain.
     outline_hidden: bool
     inside_hidden: bool        #: the contact encloses such a group: what presses there is not known
 
@@ -45,7 +45,7 @@ def visibility_of(pattern: ContactPattern, smallest_contact: int = SMALLEST_CONT
     is_seen = not pattern.is_left_over and pad_seen(pattern.hidden, pattern.unmapped, smallest_contact)
     mask = pattern.mask
     ring, at_edge = _around(pattern)
-    room = min(smallest_contact, ceil(PART * np.count_nonzero(mask)))
+    room = min(smallest_contact, ceil(CONTACT_PART * np.count_nonzero(mask)))
     return Visibility(
         pad_seen=is_seen, hidden=hidden,
         largest_hidden=largest_group(pattern.hidden),

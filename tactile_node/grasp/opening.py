@@ -26,7 +26,7 @@ class Opening(NamedTuple):
 
 
 #: Of a gripper without a source, or of a source without a value.
-NOT_KNOWN = Opening()
+UNKNOWN_OPENING = Opening()
 
 #: What a reading may give [m]: two skins pressed into each other are a little less than closed; no gripper opens wider.
 LOWEST_GAP, HIGHEST_GAP = -0.01, 1.0
@@ -81,7 +81,7 @@ class LatestGap:
     def current(self, now: float) -> Opening:
         """Return the opening at ``now``; its gap is NaN once the last value is too old."""
         if math.isnan(self._gap):
-            return NOT_KNOWN
+            return UNKNOWN_OPENING
         return opening(self._gap, self._source, max(0.0, now - self._measured), self._max_age)
 
 

@@ -39,7 +39,7 @@ class Missing(IntEnum):
 
 
 #: What each state of contact is short of; TWO_SIDED of nothing.
-OF_CONTACT = {GraspContact.NOT_KNOWN: Missing.NO_RESULT, GraspContact.UNSEEN: Missing.UNSEEN,
+CONTACT_MISSING = {GraspContact.NOT_KNOWN: Missing.NO_RESULT, GraspContact.UNSEEN: Missing.UNSEEN,
               GraspContact.NO_CONTACT: Missing.NO_CONTACT, GraspContact.ONE_SIDED: Missing.ONE_SIDED}
 
 
@@ -92,8 +92,8 @@ def missing(requirement: Requirement, state: GraspState, sides: tuple[SideShape,
     >>> [each.name for each in missing(Requirement(), GraspTracker().state(0.0), (nothing, nothing))]
     ['NO_RESULT']
     """
-    if state.contact in OF_CONTACT:
-        return (OF_CONTACT[state.contact],)
+    if state.contact in CONTACT_MISSING:
+        return (CONTACT_MISSING[state.contact],)
     if not state.fresh:
         return (Missing.NOT_FRESH,)
     return (*_not_held(requirement, state), *_wrong_shape(requirement, sides), *_wrong_line(requirement, state.line))

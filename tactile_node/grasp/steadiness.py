@@ -1,12 +1,12 @@
 """Whether the centre of a contact rests, though its measurement is noisy and follows the contact in steps.
 
-A straight line is fitted to the centres since the hold began, at most to the last `WINDOW` resolution times (the time
-in which a creep of ``max_creep`` moves by the resolution). Its slope is the speed; its error is at most
-`CERTAINTY` standard deviations of the noise, which the scatter around the line shows, plus 1.5 resolution / length:
-no error within ± resolution / 2 tilts a line by more. So a speed is a range, and two speeds decide:
+A straight line is fitted to the centres since the hold began, at most to the last `WINDOW_TIMES` resolution times (the
+time in which a creep of ``max_creep`` moves by the resolution). Its slope is the speed; its error is at most
+`SPEED_CERTAINTY` standard deviations of the noise, which the scatter around the line shows, plus 1.5 resolution /
+length: no error within ± resolution / 2 tilts a line by more. So a speed is a range, and two speeds decide:
 
 - A centre rests once the whole range is below ``max_creep``: a steady creep of ``max_creep`` never does.
-- It rests no longer once the whole range is above `KEEP` x ``max_creep``: a creep of a tenth never gets there.
+- It rests no longer once the whole range is above `KEPT_CREEP` x ``max_creep``: a creep of a tenth never gets there.
 - A sudden move ends the rest at once: farther from the line than the tolerance, or than noise and resolution explain.
 
 What it costs is time: 1.5 resolution / max_creep at least. A fit rests after 0.7 s on pads of 2 mm pitch and 1.7 s on
@@ -21,19 +21,20 @@ import numpy as np
 
 from tactile_node.errors import ConfigurationError
 
-CERTAINTY = 5.0    #: standard deviations, of a speed
+SPEED_CERTAINTY = 5.0    #: standard deviations, of a speed
 SLIP_CERTAINTY = 6.0  #: of one centre: there are thousands
-SYSTEMATIC = 1.5   #: largest slope x length of an error within ±1/2: half of the window low, half of it high
-KEEP = 0.4         #: of max_creep
-WINDOW = 9.0       #: resolution times; then a creep of max_creep exceeds `KEEP` whatever the error within resolution
-SHORTEST = 3.0     #: s, window for centres of any resolution: noise needs time too
-FEWEST = 8         #: centres that show their noise
-BACK = 0.02        #: s by which a time may go back: the least delay of a path was found to be smaller
+SYSTEMATIC_SLOPE = 1.5   #: largest slope x length of an error within ±1/2: half of the window low, half of it high
+KEPT_CREEP = 0.4         #: of max_creep
+#: resolution times; then a creep of max_creep exceeds `KEPT_CREEP` whatever the error within resolution
+WINDOW_TIMES = 9.0
+SHORTEST_WINDOW = 3.0     #: s, window for centres of any resolution: noise needs time too
+FEWEST_CENTRES = 8         #: centres that show their noise
+BACK_STEP = 0.02        #: s by which a time may go back: the least delay of a path was found to be smaller
 
 #: Resolutions: what a moving contact's centre is wrong by beside its noise, peak to peak [pitches]. Measured on
 #: synthetic contacts of all classes (test/test_steadiness.py): a fit is wrong by up to 0.1, the centre of pressure by
 #: 0.5 as taxels join and leave the contact, the centre of on/off taxels along the lattice by a whole pitch.
-OF_FIT, OF_PRESSURE, OF_PATTERN = 0.1, 0.5, 1.0
+FIT_RESOLUTION, PRESSURE_RESOLUTION, PATTERN_RESOLUTION = 0.1, 0.5, 1.0
 
 
 @dataclass(frozen=True)
@@ -87,14 +88,14 @@ class Steadiness:
 
         ``resolution`` [m]: peak to peak, what a moving contact's centre is wrong by beside its noise.
         """
-        if self._end and (time < self._samples[self._end - 1, 0] - BACK or self._has_slipped(centre)):
+        if self._end and (time < self._samples[self._end - 1, 0] - BACK_STEP or self._has_slipped(centre)):
             self.restart()
         self._append(time, centre, resolution)
         self.speed = self._fitted()
         if self.speed is None:
             return False
         value, error, limit = self.speed.value, self.speed.error, self._settings.max_creep
-        if self._resting and value - error > KEEP * limit:
+        if self._resting and value - error > KEPT_CREEP * limit:
             self.restart()
             self._append(time, centre, resolution)
             return False
@@ -123,8 +124,8 @@ class Steadiness:
         self._samples[self._end] = time, *centre, resolution
         self._end += 1
         resolution = self.speed.resolution if self.speed else self._samples[self._end - 1, 3]
-        length = max(SHORTEST, WINDOW * resolution / self._settings.max_creep)
-        old = self._samples[self._begin:max(self._begin, self._end - FEWEST), 0]
+        length = max(SHORTEST_WINDOW, WINDOW_TIMES * resolution / self._settings.max_creep)
+        old = self._samples[self._begin:max(self._begin, self._end - FEWEST_CENTRES), 0]
         self._begin += int(np.searchsorted(old, time - length))
 
     def _fitted(self) -> Speed | None:
@@ -132,7 +133,7 @@ class Steadiness:
         samples = self._samples[self._begin:self._end]
         count = len(samples)
         length = float(samples[-1, 0] - samples[0, 0])
-        if count < FEWEST or length <= 0:
+        if count < FEWEST_CENTRES or length <= 0:
             return None
         means = samples.sum(0) / count
         middle, resolution = means[1:3], float(means[3])
@@ -142,5 +143,5 @@ class Steadiness:
         slope = times @ places / spread
         scatter = (places - times[:, None] * slope).ravel()
         noise = math.sqrt(float(scatter @ scatter) / (2 * (count - 2)))
-        error = CERTAINTY * noise / math.sqrt(spread) + SYSTEMATIC * resolution / length
+        error = SPEED_CERTAINTY * noise / math.sqrt(spread) + SYSTEMATIC_SLOPE * resolution / length
         return Speed(math.hypot(*slope.tolist()), error, noise, resolution, middle + times[-1] * slope)

@@ -23,7 +23,7 @@ from tactile_node.helmholtz.banded import Banded
 from tactile_node.helmholtz.taxel_list import WEIGHTS, Stencil, TaxelList
 
 RESIDUAL_TOLERANCE = 2e-10  #: relative to the eigenvalue
-SOLVES = (3, 4, 4, 3, 2, 2, 2)  #: inverse iterations of each round
+ROUND_SOLVES = (3, 4, 4, 3, 2, 2, 2)  #: inverse iterations of each round
 SHIFT_MARGIN = 1.2  #: of the shift below the Rayleigh quotient, in residuals
 FIRST_SHIFT = 0.7 * np.pi * 2.404825557695773 ** 2  #: times area; a disc has the least (Faber-Krahn)
 SHIFT_BELOW = 0.02  #: how far the first shift stays below the least row sum, which is a lower bound itself
@@ -113,7 +113,7 @@ def _solve(matrices: Banded, least: np.ndarray, owner: np.ndarray, contest: np.n
     low, high = np.zeros(len(least)), np.full(len(least), np.inf)
     first = np.where(left.sizes < 9, 0, FIRST_SHIFT / (np.sqrt(left.sizes) + 1) ** 2)
     shift = np.maximum(least - SHIFT_BELOW, first)
-    for solves in SOLVES:
+    for solves in ROUND_SOLVES:
         if not len(pending):
             break
         below, value, residual, x = _round(left, shift, low[pending], x=x, solves=solves)

@@ -14,8 +14,8 @@ import numpy as np
 FINE = 5  #: fine steps to a pitch
 ANGLES = np.arange(0, 181, 4)  #: [degrees], 46 of them
 ANGLES.flags.writeable = False
-TIE = 1e-9  #: [fine steps]
-SITES = 200_000  #: of all angles, traced together: bounds the memory of large patterns
+TIE_TOLERANCE = 1e-9  #: [fine steps]
+CHUNK_SITES = 200_000  #: of all angles, traced together: bounds the memory of large patterns
 
 
 def with_rotated(mask: np.ndarray) -> np.ndarray:
@@ -69,7 +69,7 @@ def decimated(mask: np.ndarray) -> tuple[np.ndarray, tuple[int, int]]:
     stack = np.zeros((len(ANGLES) + 1, high, wide), bool)
     number, place = np.arange(1, len(ANGLES) + 1)[:, np.newaxis] * (high * wide), row * wide + col
     fine, low = _corner_bits(fine_lattice(mask), centre, radius)
-    step = max(1, SITES // sites.shape[1])
+    step = max(1, CHUNK_SITES // sites.shape[1])
     for begin in range(0, len(ANGLES), step):
         angles = slice(begin, begin + step)
         reached = _reached(fine, sites - centre[:, np.newaxis], centre - low, angles)
@@ -174,8 +174,8 @@ def _corner_bits(fine: np.ndarray, centre: np.ndarray, radius: float) -> tuple[n
 
 def _rounds_onto(bits: np.ndarray, x: np.ndarray, y: np.ndarray, cos: np.ndarray, sin: np.ndarray) -> np.ndarray:
     """Whether an active corner (``bits``) of a fine cell, rotated, rounds onto the site from (x, y) in it."""
-    u = sin * y - cos * x + TIE  # where corner (0, 0) lands, relative to the site
-    v = TIE - sin * x - cos * y
+    u = sin * y - cos * x + TIE_TOLERANCE  # where corner (0, 0) lands, relative to the site
+    v = TIE_TOLERANCE - sin * x - cos * y
     arriving = np.zeros(len(bits), np.uint8)
     for bit, du, dv in ((1, 0, 0), (2, cos, sin), (4, -sin, cos), (8, cos - sin, cos + sin)):
         lands = np.maximum(np.abs(u + du), np.abs(v + dv)) < 0.5

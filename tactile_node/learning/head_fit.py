@@ -19,8 +19,8 @@ from tactile_node.shape.recogniser import KINDS, OUTPUTS, ShapeRecogniser, read_
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.taught import Head
 
-FILE = 'teach_background.npz'  #: in config/
-STEPS = 10                     #: of a level 1, as training/background.py writes them
+BACKGROUND_FILE = 'teach_background.npz'  #: in config/
+LEVEL_FRACTIONS = 10                     #: of a level 1, as training/background.py writes them
 FOREIGN = OUTPUTS.index(Shape.UNKNOWN)
 
 
@@ -31,12 +31,12 @@ class Background(NamedTuple):
     labels: np.ndarray
 
 
-def load_background(kind: str, path: str | Path = FILE) -> Background:
+def load_background(kind: str, path: str | Path = BACKGROUND_FILE) -> Background:
     """Return the patches of one kind of frames, 'graded' or 'on_off'. Raises ConfigurationError for another file."""
     try:
         data = read_arrays(config_path(str(path)))
         packed, unseen, labels = (data[f'{kind}_{name}'] for name in ('levels', 'unseen', 'labels'))
-        levels = np.stack((packed >> 4, packed & 15), -1).reshape(-1, SIDE, SIDE) / np.float32(STEPS)
+        levels = np.stack((packed >> 4, packed & 15), -1).reshape(-1, SIDE, SIDE) / np.float32(LEVEL_FRACTIONS)
         cells = np.unpackbits(unseen, axis=1)[:, :SIDE * SIDE].reshape(-1, SIDE, SIDE).astype(np.float32)
         patches = [Patch(level, cell, float(scale), graded=kind == 'graded')
                    for level, cell, scale in zip(levels, cells, data[f'{kind}_scales'], strict=True)]
@@ -46,12 +46,12 @@ def load_background(kind: str, path: str | Path = FILE) -> Background:
                                  got=' '.join(str(error).split()), remedy='Install the package again.') from None
 
 
-RIDGE = 1e-3            #: of the standard weights; chosen on validation touches, as are the numbers below
-SHARE = 0.25            #: of the background's weight that the examples of one shape have
+RIDGE_WEIGHT = 1e-3            #: of the standard weights; chosen on validation touches, as are the numbers below
+EXAMPLE_SHARE = 0.25            #: of the background's weight that the examples of one shape have
 FOREIGN_WEIGHT = 0.5    #: of a foreign contact
-SMALLER, LARGER = 0.8, 1.25  #: of the sizes taught, those answered [taxels]
-MOST_STEPS = 200
-AT_A_TIME = 256         #: patches, for describe_all takes much memory
+SMALLER_SIZE, LARGER_SIZE = 0.8, 1.25  #: of the sizes taught, those answered [taxels]
+MOST_ITERATIONS = 200
+CHUNK_PATCHES = 256         #: patches, for describe_all takes much memory
 
 
 class Seen(NamedTuple):
@@ -71,8 +71,8 @@ def seen_by(recogniser: ShapeRecogniser, patches: Sequence[Patch]) -> Seen:
         return Seen(np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0)))
     kind = KINDS[patches[0].graded]
     parts = []
-    for first in range(0, len(patches), AT_A_TIME):
-        embedding, log_taxels = recogniser.embedding(patches[first:first + AT_A_TIME])
+    for first in range(0, len(patches), CHUNK_PATCHES):
+        embedding, log_taxels = recogniser.embedding(patches[first:first + CHUNK_PATCHES])
         parts.append((embedding, log_taxels, recogniser.known(kind, embedding, log_taxels)))
     return Seen(*(np.concatenate(arrays) for arrays in zip(*parts)))
 
@@ -86,7 +86,7 @@ def fit_head(background: Seen, labels: np.ndarray, shapes: Sequence[Seen]) -> He
     inputs = np.concatenate([head.standard(each.embedding) for each in (background, *shapes) if len(each.log_taxels)])
     targets = np.repeat(np.arange(len(counts)), counts)
     of_background = np.where(labels == FOREIGN, FOREIGN_WEIGHT, 1.0)
-    weights = np.concatenate([of_background, *(np.full(count, SHARE * of_background.sum() / max(count, 1))
+    weights = np.concatenate([of_background, *(np.full(count, EXAMPLE_SHARE * of_background.sum() / max(count, 1))
                                                for count in counts[1:])])
     head = _fitted(head, inputs, targets, weights)
     is_alike = (head.standard(background.embedding) @ head.weights + head.biases > 0).any(1) & (labels == FOREIGN)
@@ -98,7 +98,7 @@ def fit_head(background: Seen, labels: np.ndarray, shapes: Sequence[Seen]) -> He
 def _sizes(seen: Seen) -> tuple[float, float]:
     if not len(seen.log_taxels):
         return 1.0, 0.0
-    return float(seen.log_taxels.min() + np.log(SMALLER)), float(seen.log_taxels.max() + np.log(LARGER))
+    return float(seen.log_taxels.min() + np.log(SMALLER_SIZE)), float(seen.log_taxels.max() + np.log(LARGER_SIZE))
 
 
 def _fitted(head: Head, inputs: np.ndarray, targets: np.ndarray, weights: np.ndarray) -> Head:
@@ -115,12 +115,13 @@ def _fitted(head: Head, inputs: np.ndarray, targets: np.ndarray, weights: np.nda
         logits -= logits.max(1, keepdims=True)
         odds = np.exp(logits)
         total = odds.sum(1)
-        ridge = RIDGE * matrix
+        ridge = RIDGE_WEIGHT * matrix
         ridge[-1] = 0
         value = share @ (np.log(total) - logits[rows, targets]) + (ridge * matrix).sum() / 2
         slope = inputs.T @ ((odds[:, 1:] / total[:, None] - is_target) * share[:, None]) + ridge
         return float(value), slope.reshape(-1)
 
     start = np.vstack((head.weights, head.biases)).reshape(-1)
-    found = minimize(loss, start, jac=True, method='L-BFGS-B', options={'maxiter': MOST_STEPS}).x.reshape(-1, count)
+    found = minimize(loss, start, jac=True, method='L-BFGS-B', options={'maxiter': MOST_ITERATIONS}).x
+    found = found.reshape(-1, count)
     return head._replace(weights=found[:-1], biases=found[-1])

@@ -11,8 +11,8 @@ from tactile_node.output_file import output_file
 from tactile_node.pose.profiles import Layer, check_layer
 from tactile_node.yaml_section import LARGEST, Section, load_mapping, shown
 
-SUFFIX = '.response.yaml'  #: of the file beside a layout
-DIGITS = 6                 #: of what is written
+RESPONSE_SUFFIX = '.response.yaml'  #: of the file beside a layout
+WRITTEN_DIGITS = 6                 #: of what is written
 
 
 class SkinResponse(NamedTuple):
@@ -62,4 +62,4 @@ def _number(section: Section, key: str, value: object) -> float:
 
 
 def _rounded(value: float) -> float:
-    return float(f'{value:.{DIGITS}g}')
+    return float(f'{value:.{WRITTEN_DIGITS}g}')

@@ -22,16 +22,16 @@ from tactile_node.shape.recognition import Shape
 
 LEAST_PRESSES = 6       #: at as many places: one place shows its own error
 PRESS_ERROR = 0.01      #: of the lengths that one press shows, relative
-PRIOR = 0.5, 0.15       #: standard deviations of exponent - 1 and of bend, beforehand
+PRIOR_SPREADS = 0.5, 0.15       #: standard deviations of exponent - 1 and of bend, beforehand
 EXPONENTS, BENDS = (0.4, 2.5), (-0.4, 0.4)
-NODES = 16              #: of the curve, in equal ratios
-LOWEST = 0.5            #: of the lightest press: below, the curve is a line through 0
-STEP = 0.02             #: for derivatives: fits stop at a finite accuracy
+CURVE_NODES = 16              #: of the curve, in equal ratios
+LOWEST_SHARE = 0.5            #: of the lightest press: below, the curve is a line through 0
+DERIVATIVE_STEP = 0.02             #: for derivatives: fits stop at a finite accuracy
 LARGEST_RADIUS = 0.25   #: of a disc [m]: one of 10 pitches has half of it on the coarsest skins
 MOST_ROUNDED = 0.3      #: more is no flat face
 LAYER_ERROR = 0.08      #: of the logarithm of the depth, common to all presses of one disc
 LARGEST_ERROR = 0.03    #: of the lengths after calibration; beyond, the disc is another one
-AT_BOUND = 0.02         #: an exponent so near to its bound is no answer
+BOUND_MARGIN = 0.02         #: an exponent so near to its bound is no answer
 #: A fit makes a flat disc with sharp edges so much larger than it is, and less with rounded ones, per edge radius
 #: over inscribed radius: fits are right on average, and edges differ (bench/bench_calibration.py --edges).
 SHARP_ERROR, OF_ROUNDING = 0.019, -0.125
@@ -83,7 +83,7 @@ def calibrate(presses: Sequence[Touch], known: Disc, pitch: float, unit: str,
                         before=float(np.median(search.errors(None))), after=float(np.median(search.errors(curve))),
                         left_out=float(np.median(left_out)))
     largest = max(found.after, found.left_out, key=abs)
-    is_at_bound = not EXPONENTS[0] + AT_BOUND < exponent < EXPONENTS[1] - AT_BOUND
+    is_at_bound = not EXPONENTS[0] + BOUND_MARGIN < exponent < EXPONENTS[1] - BOUND_MARGIN
     if abs(largest) > LARGEST_ERROR or is_at_bound:
         raise InputError('presses of a known disc',
                          got=f'fits that are {100 * largest:+.1f} % too large, under an exponent of {exponent:.2f}',
@@ -112,8 +112,8 @@ class _Search:
         Its exponent is known between the lightest and the hardest press, and goes on as there beyond them; far below
         the lightest one the curve is a line through 0.
         """
-        readings = np.geomspace(LOWEST * self._lightest, self._highest, NODES)
-        fine = np.linspace(np.log(readings[0] / self._middle), np.log(readings[-1] / self._middle), 40 * NODES)
+        readings = np.geomspace(LOWEST_SHARE * self._lightest, self._highest, CURVE_NODES)
+        fine = np.linspace(np.log(readings[0] / self._middle), np.log(readings[-1] / self._middle), 40 * CURVE_NODES)
         known = np.clip(fine, np.log(self._lightest / self._middle), np.log(self._hardest / self._middle))
         slope = np.clip(exponent + bend * known, *EXPONENTS)
         logs = np.concatenate(([0.0], np.cumsum((slope[1:] + slope[:-1]) / 2 * np.diff(fine))))
@@ -127,10 +127,11 @@ class _Search:
         def residuals(parameters: np.ndarray) -> np.ndarray:
             exponent, bend = parameters
             found = self.errors(self.curve(exponent, bend)) * self._weights
-            return np.concatenate((np.arctan(found / 3) * 3, ((exponent - 1) / PRIOR[0], bend / PRIOR[1])))
+            prior = np.array((exponent - 1, bend)) / PRIOR_SPREADS
+            return np.concatenate((np.arctan(found / 3) * 3, prior))
         low, high = zip(EXPONENTS, BENDS)
-        solution = least_squares(residuals, (1.0, 0.0), bounds=(low, high), diff_step=STEP, x_scale=(1.0, 0.3),
-                                 xtol=1e-3, ftol=1e-4)
+        solution = least_squares(residuals, (1.0, 0.0), bounds=(low, high), diff_step=DERIVATIVE_STEP,
+                                 x_scale=(1.0, 0.3), xtol=1e-3, ftol=1e-4)
         return float(solution.x[0]), float(solution.x[1])
 
     def errors(self, curve: ResponseCurve | None) -> np.ndarray:

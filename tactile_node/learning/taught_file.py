@@ -15,13 +15,13 @@ from tactile_node.contact.press import are_on_off
 from tactile_node.errors import ConfigurationError
 from tactile_node.learning.touches import Touch, TouchFrame
 from tactile_node.shape.patch import HIGHEST_LEVEL, SIDE, Patch, joined, make_patch
-from tactile_node.shape.taught import MOST_TAUGHT, PARTS, VERSION, Head, digest_of, is_name, is_own
+from tactile_node.shape.taught import HEAD_PARTS, HEAD_VERSION, MOST_TAUGHT, Head, digest_of, is_name, is_own
 
-VARIANTS = 16           #: of each touch
-SIZE = 0.06             #: largest change of lengths, as a logarithm
-TILT = 0.15             #: largest relative rise of the pressure over the contact's reach
-NOISE = (0.005, 0.03)   #: standard deviation [contact's level]
-DEAD = 0.04             #: largest fraction of taxels without a value
+TOUCH_VARIANTS = 16           #: of each touch
+SIZE_CHANGE = 0.06             #: largest change of lengths, as a logarithm
+MOST_TILT = 0.15             #: largest relative rise of the pressure over the contact's reach
+NOISE_RANGE = (0.005, 0.03)   #: standard deviation [contact's level]
+MOST_DEAD = 0.04             #: largest fraction of taxels without a value
 REST_MARGIN = 5              #: taxels beside a contact: the rest of the pad, by which its noise is known
 
 
@@ -38,13 +38,13 @@ class Examples(NamedTuple):
 
 
 def examples_of(touches: Sequence[Touch], rng: np.random.Generator) -> Examples:
-    """Return the patches of each touch: those of its frames, and VARIANTS more."""
+    """Return the patches of each touch: those of its frames, and TOUCH_VARIANTS more."""
     patches: list[Patch] = []
     numbers: list[int] = []
     recorded: list[bool] = []
     for number, touch in enumerate(touches):
         own = [make_patch(frame.values, frame.mask) for frame in (touch.middle, *touch.frames)]
-        for k in range(VARIANTS):
+        for k in range(TOUCH_VARIANTS):
             variant = _variant(touch.frames[k % len(touch.frames)], rng)
             own += [] if variant is None else [variant]
         patches += own
@@ -60,7 +60,7 @@ def _variant(frame: TouchFrame, rng: np.random.Generator) -> Patch | None:
     centre = places.mean(0)
     reach = np.hypot(*(places - centre).T).max() + 1
     side = int(np.ceil(2 * reach)) + 2 * REST_MARGIN
-    angle, size = rng.uniform(0, 2 * np.pi), np.exp(rng.uniform(-SIZE, SIZE))
+    angle, size = rng.uniform(0, 2 * np.pi), np.exp(rng.uniform(-SIZE_CHANGE, SIZE_CHANGE))
     at = np.indices((side, side), float) - (np.array([side - 1, side - 1]) / 2 + rng.uniform(-0.5, 0.5, 2))[
         :, None, None]
     turn = np.array(((np.cos(angle), -np.sin(angle)), (np.sin(angle), np.cos(angle)))) / size
@@ -69,12 +69,12 @@ def _variant(frame: TouchFrame, rng: np.random.Generator) -> Patch | None:
                                      order=order)
     if on_off:
         return _patch(values >= 0.5 * np.nanmax(frame.values))
-    along = rng.uniform(0, TILT) / reach
+    along = rng.uniform(0, MOST_TILT) / reach
     towards = rng.uniform(0, 2 * np.pi)
     values *= 1 + along * (np.cos(towards) * at[1] + np.sin(towards) * at[0])
     known = frame.values[frame.mask & np.isfinite(frame.values)]
-    values += float(np.median(known)) * rng.uniform(*NOISE) * rng.standard_normal(values.shape)
-    values[rng.random(values.shape) < rng.uniform(0, DEAD)] = np.nan
+    values += float(np.median(known)) * rng.uniform(*NOISE_RANGE) * rng.standard_normal(values.shape)
+    values[rng.random(values.shape) < rng.uniform(0, MOST_DEAD)] = np.nan
     return _patch(values)
 
 
@@ -114,10 +114,10 @@ def write_taught(stream: BinaryIO, base: Mapping[str, np.ndarray], names: Sequen
                  examples: Mapping[str, Sequence[Examples]]) -> None:
     """Write the file. ``base``: arrays of the file that was taught on; ``heads``, ``examples``: by kind of frames."""
     arrays = {name: array for name, array in base.items() if not is_own(name)}
-    arrays |= {'taught_version': np.array(VERSION), 'taught_names': np.array(names),
+    arrays |= {'taught_version': np.array(HEAD_VERSION), 'taught_names': np.array(names),
                'taught_base': np.array(digest_of(arrays))}
     for kind, head in heads.items():
-        arrays |= {f'{kind}_taught_{part}': array for part, array in zip(PARTS, head)}
+        arrays |= {f'{kind}_taught_{part}': array for part, array in zip(HEAD_PARTS, head)}
         arrays |= {f'{kind}_touch_{name}': array for name, array in _packed(examples[kind]).items()}
     np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
 
@@ -127,7 +127,7 @@ def examples_in(data: Mapping[str, np.ndarray], kind: str, shapes: int) -> list[
 
     Raises ConfigurationError where they are none.
     """
-    has_head = f'{kind}_taught_{PARTS[0]}' in data
+    has_head = f'{kind}_taught_{HEAD_PARTS[0]}' in data
     if f'{kind}_touch_levels' not in data and not has_head:
         return [NO_EXAMPLES] * shapes
     try:  # a head without its examples could not be fitted again: its shapes would be lost

@@ -22,7 +22,8 @@ FOLDS = 5
 STAGES = FOLDS + 2      #: of a call of `teach`, for its progress
 LEAST_TOUCHES = 10
 MOST_TAKEN = 0.0015     #: of the five shapes' contacts, by each taught shape, when the evidence it needs is set
-OWN, OF_OWN = 0.02, 0.5  #: of the evidence that all but OWN of a shape's examples have, so much is needed
+#: of the evidence that all but OWN_QUANTILE of a shape's examples have, so much is needed
+OWN_QUANTILE, OWN_SHARE = 0.02, 0.5
 LEAST_RIGHT = 0.95      #: of the touches held out, for a shape to be worth using: one of 30 may be wrong
 MOST_LOST = 0.003       #: of the five shapes' contacts
 
@@ -117,7 +118,7 @@ def _raised(rest: Seen, labels: np.ndarray, evidence: np.ndarray) -> float:
 
 def _of_own(evidence: np.ndarray) -> float:
     """How much more evidence a shape's own examples can do without."""
-    return OF_OWN * max(float(np.quantile(evidence, OWN, method='lower')), 0.0) if len(evidence) else 0.0
+    return OWN_SHARE * max(float(np.quantile(evidence, OWN_QUANTILE, method='lower')), 0.0) if len(evidence) else 0.0
 
 
 def _counted(rest: Seen, labels: np.ndarray, shapes: Sequence[Examples], seen: Sequence[Seen],

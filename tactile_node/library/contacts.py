@@ -19,7 +19,7 @@ from tactile_node.pose.box import ContactBox
 from tactile_node.pose.fit import ShapeFit, fit_contact
 from tactile_node.pose.moments import check_pitch
 from tactile_node.shape.methods import make_recogniser
-from tactile_node.shape.recognition import DEFAULT, Recognition, Shape, ShapeClass, TaughtShape
+from tactile_node.shape.recognition import DEFAULT_METHOD, Recognition, Shape, ShapeClass, TaughtShape
 
 Kind = TypeVar('Kind')
 
@@ -156,7 +156,7 @@ class Recogniser:
     'square'
     """
 
-    def __init__(self, method: str = DEFAULT, file: str | Path | None = None):
+    def __init__(self, method: str = DEFAULT_METHOD, file: str | Path | None = None):
         self.method = make_recogniser(method, str(file or ''))  #: the same without checks, for a ContactPipeline
 
     @property

@@ -19,7 +19,7 @@ from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from tactile_node.bus.threads import Reminder
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.gripper import FrameTree
-from tactile_node.grasp.opening import NOT_KNOWN, GapSource, LatestGap, LinearGap, Opening, is_plausible, opening
+from tactile_node.grasp.opening import UNKNOWN_OPENING, GapSource, LatestGap, LinearGap, Opening, is_plausible, opening
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.node_health import start_health_timer
 from tactile_node.ros.message_age import MeasurementTime, use_stamps
@@ -144,12 +144,12 @@ class TfOpening:
     def current(self, now: float) -> Opening:
         left, right = (self._tree.find(frame, self._reference) for frame in (self._left, self._right))
         if left is None or right is None:
-            return NOT_KNOWN
+            return UNKNOWN_OPENING
         measured = min(left.measured, right.measured)
         distance = float(self._closing @ (right.transform.translation - left.transform.translation))
         gap = self._law.gap(distance)
         if measured == math.inf or not is_plausible(gap):  # static: these frames do not move with the fingers
-            return NOT_KNOWN
+            return UNKNOWN_OPENING
         return opening(gap, GapSource.TF, max(0.0, now - measured), self._max_age)
 
     def _check(self, message: Any) -> RejectReason | None:

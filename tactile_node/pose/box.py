@@ -12,8 +12,8 @@ from tactile_node.pose.evidence import holes
 from tactile_node.pose.moments import check_pitch
 from tactile_node.pose.rim import is_cut, reach, rim_of
 
-LEAST_HOLE, OF_CONTACT = 3, 0.06  #: a smaller hole may be speckle [taxels, fraction of contact and hole]
-IDLE = 0.3  #: a hole reads less, relative to the contact's median
+LEAST_HOLE, LEAST_HOLE_SHARE = 3, 0.06  #: a smaller hole may be speckle [taxels, fraction of contact and hole]
+IDLE_SHARE = 0.3  #: a hole reads less, relative to the contact's median
 
 
 def is_hollow(pattern: ContactPattern) -> bool:
@@ -28,16 +28,16 @@ def is_hollow(pattern: ContactPattern) -> bool:
     sizes = np.bincount(labels.reshape(-1))
     sizes[0] = 0
     largest = int(sizes.argmax())
-    if sizes[largest] < max(LEAST_HOLE, OF_CONTACT * np.count_nonzero(pattern.mask | inside)):
+    if sizes[largest] < max(LEAST_HOLE, LEAST_HOLE_SHARE * np.count_nonzero(pattern.mask | inside)):
         return False
     hole = pattern.values[labels == largest]
-    return are_on_off(pattern.values) or bool(hole.mean() < IDLE * np.nanmedian(pattern.values[pattern.mask]))
+    return are_on_off(pattern.values) or bool(hole.mean() < IDLE_SHARE * np.nanmedian(pattern.values[pattern.mask]))
 
 
 #: at which a rectangle is laid around the contact [rad]
-ANGLES = np.radians(np.arange(90.0))
-COS, SIN = np.cos(ANGLES), np.sin(ANGLES)
-QUARTER = np.pi / 2
+BOX_ANGLES = np.radians(np.arange(90.0))
+BOX_COSINES, BOX_SINES = np.cos(BOX_ANGLES), np.sin(BOX_ANGLES)
+QUARTER_TURN = np.pi / 2
 #: Standard deviations [pitches] of an angle's lengths, of the centre and of what a side of the rectangle varies by from
 #: angle to angle: pressures, on/off or saturated taxels. On contacts of training seeds (bench/bench_box.py).
 LENGTH_SD, CENTRE_SD, SIDE_SD = (0.7, 0.45), (0.2, 0.2), (0.2, 0.3)
@@ -72,25 +72,25 @@ def contact_box(pattern: ContactPattern, pitch: float = 1.0, visibility: Visibil
         return NOWHERE
     rim = rim_of(pattern, visibility)
     kind = 0 if rim.graded else 1
-    low, high = reach(rim, ANGLES).transpose(1, 0, 2)
+    low, high = reach(rim, BOX_ANGLES).transpose(1, 0, 2)
     likely = _likelihood(high - low, SIDE_SD[kind])
     best = int(likely.argmax())
-    away = ANGLES - ANGLES[best]
-    is_over = np.abs(away) > QUARTER / 2  # a quarter turn on, the axes are the other ones
-    sides = np.empty((5, len(ANGLES)))  # along and across, x and y of the centre, angle
+    away = BOX_ANGLES - BOX_ANGLES[best]
+    is_over = np.abs(away) > QUARTER_TURN / 2  # a quarter turn on, the axes are the other ones
+    sides = np.empty((5, len(BOX_ANGLES)))  # along and across, x and y of the centre, angle
     at_along, at_across = (high + low) / 2
     sides[:2] = high - low
-    sides[2], sides[3] = at_along * COS - at_across * SIN, at_along * SIN + at_across * COS
+    sides[2], sides[3] = at_along * BOX_COSINES - at_across * BOX_SINES, at_along * BOX_SINES + at_across * BOX_COSINES
     sides[:2, is_over] = sides[1::-1, is_over]
-    sides[4] = away - is_over * np.copysign(QUARTER, away)
+    sides[4] = away - is_over * np.copysign(QUARTER_TURN, away)
     middle = sides[:, best]
     along, across, x, y, turned = (sides - middle[:, np.newaxis])**2 @ likely  # variances
     lengths, lengths_sd = middle[:2], np.sqrt((LENGTH_SD[kind]**2 + along, LENGTH_SD[kind]**2 + across))
-    is_bound, angle = is_cut(rim, ANGLES[best]), float(ANGLES[best])
+    is_bound, angle = is_cut(rim, BOX_ANGLES[best]), float(BOX_ANGLES[best])
     if lengths[1] > lengths[0]:
-        lengths, lengths_sd, is_bound, angle = lengths[::-1], lengths_sd[::-1], is_bound[::-1], angle + QUARTER
+        lengths, lengths_sd, is_bound, angle = lengths[::-1], lengths_sd[::-1], is_bound[::-1], angle + QUARTER_TURN
     return ContactBox(
-        centre=_pair(middle[2:4] * pitch), angle=angle if angle <= QUARTER else angle - np.pi,
+        centre=_pair(middle[2:4] * pitch), angle=angle if angle <= QUARTER_TURN else angle - np.pi,
         lengths=_pair(lengths * pitch), centre_sd=float(np.sqrt(CENTRE_SD[kind]**2 + max(x, y)) * pitch),
         angle_sd=float(np.sqrt(ANGLE_SD**2 + turned)), lengths_sd=_pair(lengths_sd * pitch),
         length_is_bound=_pair(is_bound), hollow=is_hollow(pattern))

@@ -13,9 +13,9 @@ from tactile_node.pose.profiles import DOMES, PUNCH, Layer, Profile, expected_lo
 from tactile_node.pose.skin_model import Model, PressureModel
 from tactile_node.shape.recognition import Shape
 
-COARSE = 0.3         #: when the first pass stops [pitches]
-FINE = 0.05          #: and the second
-CLEARLY = 0.25       #: a less likely start is taken where its cost is lower by this factor
+COARSE_TOLERANCE = 0.3         #: when the first pass stops [pitches]
+FINE_TOLERANCE = 0.05          #: and the second
+CLEAR_RATIO = 0.25       #: a less likely start is taken where its cost is lower by this factor
 FIRST_NOISE = 0.05   #: of a value in the first pass [fraction of level]
 
 
@@ -44,9 +44,9 @@ def coarse(evidence: Evidence, shape: Shape, guess: Guess, profile: Profile = PU
     problem = Problem(model, values=evidence.values, weights=evidence.used / FIRST_NOISE**2, expected=expected,
                       precision=precision)
     likely, *others = (evaluate(problem, start, model.predict(start)) for start in model.starts(guess.parameters))
-    at = min((other for other in others if other.cost < CLEARLY * likely.cost), key=lambda start: start.cost,
+    at = min((other for other in others if other.cost < CLEAR_RATIO * likely.cost), key=lambda start: start.cost,
              default=likely)
-    return Candidate(problem, minimise(problem, at, tolerance=COARSE, max_steps=10), guess.handedness)
+    return Candidate(problem, minimise(problem, at, tolerance=COARSE_TOLERANCE, max_steps=10), guess.handedness)
 
 
 def _vague(outline: Outline, guess: np.ndarray) -> np.ndarray:
@@ -80,7 +80,7 @@ def reweighted(candidate: Candidate, weights: np.ndarray) -> Candidate:
 
 def fine(candidate: Candidate) -> Candidate:
     """Go on to the end."""
-    solution = minimise(candidate.problem, candidate.solution, tolerance=FINE, max_steps=6)
+    solution = minimise(candidate.problem, candidate.solution, tolerance=FINE_TOLERANCE, max_steps=6)
     return candidate._replace(solution=solution)
 
 
@@ -95,7 +95,8 @@ def loading_of(found: Candidate) -> Loading | None:
 
 #: Thresholds: few punches of training seeds and even pressures pass them.
 CIRCLE_PEAK, BALL_PEAK, DOME_CURVATURE = 0.3, -0.05, -0.005
-BAD_FIT, DEEP = 2.0, 0.5  #: sum of squares a taxel; depth [pitches]: a dome looks like an even pressure, deep below
+#: sum of squares a taxel; depth [pitches]: a dome looks like an even pressure, deep below
+BAD_MISFIT, DEEP_LAYER = 2.0, 0.5
 NO_PUNCH_PEAK = -0.3  #: no punch, sharp or rounded, is so much higher in its middle
 
 
@@ -109,7 +110,7 @@ def may_be_dome(evidence: Evidence, shape: Shape, punch: Candidate) -> bool:
         return False
     if shape is Shape.CIRCLE and (
             loading.peak < BALL_PEAK
-            or loading.depth > DEEP and punch.solution.misfit > BAD_FIT * np.count_nonzero(evidence.used)):
+            or loading.depth > DEEP_LAYER and punch.solution.misfit > BAD_MISFIT * np.count_nonzero(evidence.used)):
         return True
     return _curvature(evidence, shape, punch.solution) < DOME_CURVATURE
 

@@ -31,10 +31,10 @@ from tactile_node.shape.recognition import Shape, ShapeClass, TaughtShape
 
 CORNER_MARGIN = 0.15  #: corners of a triangle are tried when their angles, or log lengths, are so close
 CORNER_MARGIN_ON_OFF = 0.35
-AMBIGUOUS = 6.0       #: two fits whose sums of squares differ by less cannot be distinguished
-AT_EDGE = 20.0        #: factor of that at the pad's edge: what lies beyond is a guess
-PUNCH_TOO = 1.4       #: a punch is not refined beside a dome whose sum of squares is lower by this factor
-HOPELESS = 500.0      #: a fit that is worse by more after the first pass is not refined
+AMBIGUOUS_MISFIT = 6.0       #: two fits whose sums of squares differ by less cannot be distinguished
+EDGE_AMBIGUITY = 20.0        #: factor of that at the pad's edge: what lies beyond is a guess
+PUNCH_RATIO = 1.4       #: a punch is not refined beside a dome whose sum of squares is lower by this factor
+HOPELESS_MISFIT = 500.0      #: a fit that is worse by more after the first pass is not refined
 
 
 class ShapeFit(NamedTuple):
@@ -103,7 +103,7 @@ def fit_evidence(evidence: Evidence, shape: Shape, pitch: float, layer: Layer | 
     best = min(candidates, key=_misfit)
     weights = weights_after(shape, best.solution.prediction, evidence)
     candidates = [with_likely_peak(reweighted(candidate, weights)) for candidate in candidates]
-    within = min(map(_misfit, candidates)) + HOPELESS
+    within = min(map(_misfit, candidates)) + HOPELESS_MISFIT
     candidates = sorted((fine(candidate) for candidate in candidates if _misfit(candidate) < within), key=_misfit)
     estimate = _together(shape, evidence, candidates)
     return _in_metres(shape, pitch, evidence, found=candidates[0], estimate=estimate)
@@ -123,7 +123,7 @@ def _coarse_fits(evidence: Evidence, shape: Shape, layer: Layer | None) -> list[
         return domes
     # Weights would take a tip for outliers; what is left looks like an even pressure on too small an outline
     least = min(map(_misfit, domes))
-    return [punch for punch in punches if _misfit(punch) < PUNCH_TOO * least] + domes
+    return [punch for punch in punches if _misfit(punch) < PUNCH_RATIO * least] + domes
 
 
 def _misfit(candidate: Candidate) -> float:
@@ -145,9 +145,9 @@ def _together(shape: Shape, evidence: Evidence, candidates: list[Candidate]) -> 
     estimates = [_estimate(shape, evidence, candidate) for candidate in candidates]
     best, costs = estimates[0], np.array([_misfit(candidate) for candidate in candidates])
     if evidence.at_edge and not evidence.on_off:
-        costs /= AT_EDGE
+        costs /= EDGE_AMBIGUITY
     if shape is Shape.ISOSCELES_TRIANGLE and any(
-            cost - costs[0] < AMBIGUOUS and abs(_nearest_zero(other.parameters[2] - best.parameters[2], 1)) > 1
+            cost - costs[0] < AMBIGUOUS_MISFIT and abs(_nearest_zero(other.parameters[2] - best.parameters[2], 1)) > 1
             for cost, other in zip(costs[1:], estimates[1:])):
         best = best._replace(symmetry=3)
     shares = np.exp((costs[0] - costs) / 2)
@@ -217,7 +217,7 @@ def _nearest_zero(angle: float, symmetry: int) -> float:
 
 
 #: Their own axes run from side to side of them; what a triangle is completed by, its deviations say
-UPRIGHT = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE)
+UPRIGHT_SHAPES = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE)
 
 
 def fit_contact(pattern: ContactPattern, shape: ShapeClass, pitch: float = 1.0, layer: Layer | None = None,
@@ -229,7 +229,7 @@ def fit_contact(pattern: ContactPattern, shape: ShapeClass, pitch: float = 1.0, 
     """
     taxels = pattern.mask if are_on_off(pattern.values) else pattern.values
     fit = fit_shape(taxels, pattern.mask, shape, pitch, layer)
-    if fit is None or fit.shape not in UPRIGHT:
+    if fit is None or fit.shape not in UPRIGHT_SHAPES:
         return fit
     visibility = visibility or visibility_of(pattern)
     is_whole = not (visibility.at_edge or visibility.outline_hidden)

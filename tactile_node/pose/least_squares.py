@@ -80,7 +80,7 @@ def _bounded(model: Model, parameters: np.ndarray) -> np.ndarray:
     return parameters
 
 
-WIDEST = 32    #: blocks across a contact at most [taxels of a fit]
+MOST_BLOCKS = 32    #: blocks across a contact at most [taxels of a fit]
 BLOCKS_AROUND = 3  #: the contact
 LEAST_SEEN = 0.5   #: of a block's taxels: with fewer valid ones it has no value
 
@@ -101,7 +101,7 @@ def size_of(mask: np.ndarray) -> int:
     (1, 2)
     """
     rows, cols = box_of(mask)
-    return int(-(-max(rows.stop - rows.start, cols.stop - cols.start) // WIDEST))
+    return int(-(-max(rows.stop - rows.start, cols.stop - cols.start) // MOST_BLOCKS))
 
 
 def in_blocks(values: np.ndarray, mask: np.ndarray, size: int) -> Blocks:

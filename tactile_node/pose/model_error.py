@@ -15,13 +15,13 @@ from tactile_node.pose.profiles import Indenter
 from tactile_node.pose.skin_model import Prediction
 from tactile_node.shape.recognition import Shape
 
-MOST = 1.2  #: of a punch's peak
-MOST_PEAKED = 2.0  #: of a dome's above 1
+MOST_PEAK = 1.2  #: of a punch's peak
+MOST_DOME_PEAK = 2.0  #: of a dome's above 1
 #: Standard deviations that no fit goes below: taxels differ from the model's, and a layer from a half-space.
 LEAST_PLACE, LEAST_ANGLE, LEAST_LENGTH = 0.003, 0.001, 0.02  #: [pitches, radians]
 LEAST_AREA, LEAST_RADIUS, MOST_DEPTH = 12.0, 1.4, 1.3  #: [taxels, pitches]: the errors are not known beyond
-AT_EDGE = 1.4  #: of the deviation
-FEW = 26.0  #: area [taxels] at which the deviation is twice that of large contacts
+EDGE_FACTOR = 1.4  #: of the deviation
+FEW_TAXELS = 26.0  #: area [taxels] at which the deviation is twice that of large contacts
 
 
 class Loading(NamedTuple):
@@ -85,7 +85,7 @@ def corrected(shape: Shape, handedness: int, parameters: np.ndarray, covariance:
     causes = causes_of(outline, parameters, radius, loading)
     to_pad = scales_of(outline, handedness, parameters, radius)
     bias = share * (causes @ np.array(error[:-1]))
-    deviation = share * spread_at(area) * (AT_EDGE if at_edge else 1.0) * np.array(error.deviation)
+    deviation = share * spread_at(area) * (EDGE_FACTOR if at_edge else 1.0) * np.array(error.deviation)
     least = np.concatenate(([LEAST_PLACE] * 2, [LEAST_ANGLE] * bool(outline.symmetry),
                             [LEAST_LENGTH] * len(outline.dimensions)))
     systematic = to_pad @ np.diag(deviation ** 2) @ to_pad.T + np.diag(least ** 2)
@@ -102,13 +102,13 @@ def errors_of(shape: Shape, loading: Loading) -> ModelError:
 
 def share_of(loading: Loading) -> float:
     """Return how much of it: none under a punch's pressure that is even."""
-    return min(max(loading.peak, 0.0), MOST) if loading.is_punch else 1.0
+    return min(max(loading.peak, 0.0), MOST_PEAK) if loading.is_punch else 1.0
 
 
 def causes_of(outline: Outline, parameters: np.ndarray, radius: float, loading: Loading) -> np.ndarray:
     """Return what the terms of a ModelError are multiplied by, (5,)."""
     _, _, dimensions = outline.split(parameters)
-    peak = min(max(loading.peak - 1, -1.0), MOST_PEAKED)
+    peak = min(max(loading.peak - 1, -1.0), MOST_DOME_PEAK)
     radius = max(radius, LEAST_RADIUS)
     depth = min(loading.depth, MOST_DEPTH)
     return np.array((1, 1 / radius, np.log(dimensions[0] / dimensions[-1]), depth / radius, peak))
@@ -116,7 +116,7 @@ def causes_of(outline: Outline, parameters: np.ndarray, radius: float, loading: 
 
 def spread_at(area: float) -> float:
     """Return the factor of the deviation by size."""
-    return 1 + (FEW / max(area, LEAST_AREA)) ** 2
+    return 1 + (FEW_TAXELS / max(area, LEAST_AREA)) ** 2
 
 
 def scales_of(outline: Outline, handedness: int, parameters: np.ndarray, radius: float) -> np.ndarray:
@@ -137,9 +137,9 @@ def area_and_radius(corners: np.ndarray) -> tuple[float, float]:
 
 
 SMALLEST_NOISE = 0.002  #: of a value [fraction of level]: no skin is better
-FELT = 0.05             #: taxels that feel less of the outline show the noise
+FELT_RIM = 0.05             #: taxels that feel less of the outline show the noise
 RIM_COUNT = 20          #: weight of that assumption [taxels]
-OUTLIER = 3.0           #: beyond so many standard deviations a taxel loses weight (Huber)
+OUTLIER_SPREADS = 3.0           #: beyond so many standard deviations a taxel loses weight (Huber)
 TO_DEVIATION = 1.4826   #: from the median of absolute normal values
 PATTERN_NOISE = 0.02    #: least variance of an on/off taxel
 
@@ -169,14 +169,14 @@ def weights_after(shape: Shape, prediction: Prediction, evidence: Evidence) -> n
     """Return 1 / variance of each value given a first fit, 0 where not used, less for outliers."""
     if evidence.on_off:
         return evidence.used / (prediction.rim + PATTERN_NOISE)
-    residual, at_rim = np.abs(evidence.values - prediction.values), prediction.rim > FELT
+    residual, at_rim = np.abs(evidence.values - prediction.values), prediction.rim > FELT_RIM
     flat = residual[evidence.used & ~at_rim]
     noise = max(SMALLEST_NOISE, TO_DEVIATION * upper_median(flat)) ** 2
     rim = residual[evidence.used & at_rim]
     own = max(rim @ rim - noise * rim.size, 0.0)
     rim_noise = (RIM_COUNT * NOISE_SCALES[shape].rim**2 + own) / (RIM_COUNT + rim.size)
     variance = noise + rim_noise * np.minimum(prediction.rim, 1)
-    trusted = np.minimum(1, OUTLIER * np.sqrt(variance) / np.maximum(residual, 1e-12))
+    trusted = np.minimum(1, OUTLIER_SPREADS * np.sqrt(variance) / np.maximum(residual, 1e-12))
     weights: np.ndarray = evidence.used / variance * trusted
     return weights
 

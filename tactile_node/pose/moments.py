@@ -22,8 +22,8 @@ def check_pitch(pitch: float) -> None:
                                  remedy='Give the distance of neighbouring taxel centres.')
 
 
-UNITS = ('Pa', 'N', '1')
-ROUND = 0.02  #: relative difference of the two second moments below which no axis is the longer one
+VALUE_UNITS = ('Pa', 'N', '1')
+ROUND_DIFFERENCE = 0.02  #: relative difference of the two second moments below which no axis is the longer one
 
 
 class ContactMoments(NamedTuple):
@@ -97,8 +97,8 @@ def _check(values: np.ndarray, mask: np.ndarray, pitch: float, unit: str) -> Non
     if values.shape != mask.shape or values.ndim != 2:
         raise InputError('frame and contact mask', expected='one shape (rows, cols)',
                          got=f'{values.shape} and {mask.shape}', remedy='Pass both of one frame.')
-    if unit not in UNITS:
-        raise ConfigurationError('unit of the taxel values', expected=f'one of {", ".join(UNITS)}',
+    if unit not in VALUE_UNITS:
+        raise ConfigurationError('unit of the taxel values', expected=f'one of {", ".join(VALUE_UNITS)}',
                                  got=repr(unit), remedy='Give the unit that the skin layout gives.')
     check_pitch(pitch)
 
@@ -150,7 +150,7 @@ def _centre_sd(deviation: np.ndarray, offset: np.ndarray, total: float) -> float
 def _principal_axis(x: np.ndarray, y: np.ndarray) -> float:
     dx, dy = x - x.mean(), y - y.mean()
     difference, mixed, total = dx @ dx - dy @ dy, 2 * (dx @ dy), dx @ dx + dy @ dy
-    if np.hypot(difference, mixed) <= ROUND * total:
+    if np.hypot(difference, mixed) <= ROUND_DIFFERENCE * total:
         return float('nan')
     axis = np.arctan2(mixed, difference) / 2
     return float(axis if axis > -np.pi / 2 else np.pi / 2)

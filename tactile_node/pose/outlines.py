@@ -158,8 +158,8 @@ def _following(corners: np.ndarray) -> np.ndarray:
     return np.arange(1, len(corners) + 1) % len(corners)
 
 
-FAR = -1e6    #: left of everything
-TINY = 1e-12  #: an edge along the lattice is tilted by so much
+FAR_LEFT = -1e6    #: left of everything
+TINY_TILT = 1e-12  #: an edge along the lattice is tilted by so much
 
 
 class Window(NamedTuple):
@@ -207,11 +207,11 @@ def _stretches(start: np.ndarray, edge: np.ndarray, window: Window) -> np.ndarra
 
     The first column is all that lies left of the window: a contact may be cut off by the pad's edge.
     """
-    edge = np.where(np.abs(edge) < TINY, TINY, edge)
+    edge = np.where(np.abs(edge) < TINY_TILT, TINY_TILT, edge)
     lines = np.empty((len(start), window.cols + window.rows + 3))
     x_lines, y_lines = lines[:, :window.cols + 2], lines[:, window.cols + 2:]
     x_lines[:] = np.arange(window.col - 1.5, window.col + window.cols)
-    x_lines[:, 0] = FAR
+    x_lines[:, 0] = FAR_LEFT
     y_lines[:] = np.arange(window.row - 0.5, window.row + window.rows)
     x_lines -= start[:, :1]
     x_lines /= edge[:, :1]

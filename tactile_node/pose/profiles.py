@@ -41,10 +41,11 @@ def _profile(indenter: Indenter, sizes: np.ndarray, steps: np.ndarray, length_ra
 
 
 #: of a dome's outlines: more of them where its pressure falls
-WITHIN = np.array((1.0, 0.94, 0.84, 0.68, 0.42))
-SHORTER, END = 0.85, 0.75  #: a cylinder's pressure at its ends: the closest to computed ones of training seeds
+DOME_SIZES = np.array((1.0, 0.94, 0.84, 0.68, 0.42))
+#: a cylinder's pressure at its ends: the closest to computed ones of training seeds
+END_LENGTH, END_PRESSURE = 0.85, 0.75
 #: of a cone's: more of them where its pressure rises
-WITHIN_CONE = np.array((1.0, 0.88, 0.70, 0.48, 0.24))
+CONE_SIZES = np.array((1.0, 0.88, 0.70, 0.48, 0.24))
 #: of the second moments 2 / 5, 1 / 3 and 1 / 4
 BALL_LARGER, CONE_LARGER, CYLINDER_LARGER = np.sqrt(5 / 4), np.sqrt(3 / 2), np.sqrt(4 / 3)
 
@@ -57,24 +58,25 @@ def _steps(beyond: np.ndarray, area: np.ndarray) -> np.ndarray:
 
 def _ball() -> Profile:
     """Hertz: p = 1.5 sqrt(1 - r^2); beyond r is a share (1 - r^2)^1.5 of the force."""
-    return _profile(Indenter.BALL, np.column_stack((WITHIN, WITHIN)), _steps((1 - WITHIN ** 2) ** 1.5, WITHIN ** 2),
-                    (BALL_LARGER, BALL_LARGER))
+    steps = _steps((1 - DOME_SIZES ** 2) ** 1.5, DOME_SIZES ** 2)
+    return _profile(Indenter.BALL, np.column_stack((DOME_SIZES, DOME_SIZES)), steps, (BALL_LARGER, BALL_LARGER))
 
 
 def _cone() -> Profile:
     """Sneddon (1948): p = arccosh(1 / r); beyond r is a share sqrt(1 - r^2) - r^2 arccosh(1 / r) of the force."""
-    beyond = np.sqrt(1 - WITHIN_CONE ** 2) - WITHIN_CONE ** 2 * np.arccosh(1 / WITHIN_CONE)
-    return _profile(Indenter.CONE, np.column_stack((WITHIN_CONE, WITHIN_CONE)), _steps(beyond, WITHIN_CONE ** 2),
+    beyond = np.sqrt(1 - CONE_SIZES ** 2) - CONE_SIZES ** 2 * np.arccosh(1 / CONE_SIZES)
+    return _profile(Indenter.CONE, np.column_stack((CONE_SIZES, CONE_SIZES)), _steps(beyond, CONE_SIZES ** 2),
                     (CONE_LARGER, CONE_LARGER))
 
 
 def _lying_cylinder() -> Profile:
     """Hertz across the axis: p = 4 / pi sqrt(1 - y^2). Along it the ends carry more, as a punch's rim does."""
-    within = 2 / np.pi * (np.arcsin(WITHIN) + WITHIN * np.sqrt(1 - WITHIN ** 2))
-    across, whole = _steps(1 - within, WITHIN), np.ones_like(WITHIN)
-    sizes = np.concatenate((np.column_stack((whole, WITHIN)), np.column_stack((whole * SHORTER, WITHIN))))
+    within = 2 / np.pi * (np.arcsin(DOME_SIZES) + DOME_SIZES * np.sqrt(1 - DOME_SIZES ** 2))
+    across, whole = _steps(1 - within, DOME_SIZES), np.ones_like(DOME_SIZES)
+    sizes = np.concatenate((np.column_stack((whole, DOME_SIZES)), np.column_stack((whole * END_LENGTH, DOME_SIZES))))
     return _profile(Indenter.LYING_CYLINDER, sizes,
-                    np.concatenate((across * (1 + END * SHORTER), across * -END)), (1.0, CYLINDER_LARGER))
+                    np.concatenate((across * (1 + END_PRESSURE * END_LENGTH), across * -END_PRESSURE)),
+                    (1.0, CYLINDER_LARGER))
 
 
 #: Two outlines whose sizes and pressures are the closest to what contact mechanics computes for the five shapes with

@@ -14,11 +14,11 @@ from tactile_node.contact.pattern import ContactPattern
 from tactile_node.contact.press import are_on_off
 from tactile_node.contact.visibility import Visibility, visibility_of
 
-STEPS = np.array(((1, 0), (-1, 0), (0, 1), (0, -1)))  #: to the neighbours, (x, y)
-APART = 1.5      #: farther from what is not seen, along rows and columns, the rim is an end of the contact
-EVEN = 0.75      #: of what deeper taxels read, the outermost under an even pressure: it covers them in part
-STEEPNESS = (0.4, 1.8)  #: least and most, see `_steepness`
-AS_FAR = 0.35    #: less than the farthest place, others reach as far: what a straight rim varies by
+NEIGHBOUR_STEPS = np.array(((1, 0), (-1, 0), (0, 1), (0, -1)))  #: to the neighbours, (x, y)
+UNSEEN_REACH = 1.5      #: farther from what is not seen, along rows and columns, the rim is an end of the contact
+EVEN_SHARE = 0.75      #: of what deeper taxels read, the outermost under an even pressure: it covers them in part
+STEEPNESS_RANGE = (0.4, 1.8)  #: least and most, see `_steepness`
+STRAIGHT_TOLERANCE = 0.35    #: less than the farthest place, others reach as far: what a straight rim varies by
 
 
 class Rim(NamedTuple):
@@ -55,7 +55,7 @@ def rim_of(pattern: ContactPattern, visibility: Visibility | None = None) -> Rim
     is_known = seen[outer] & seen[inner] & (fall > 0)
     share = np.where(is_known, (values[inner] - half[inner]) / np.where(is_known, fall, 1.0), 0.5)
     row, col = np.divmod(inner, cols)
-    places = np.stack((col - 1, row - 1), 1) + np.clip(share, -0.5, 1.0)[:, np.newaxis] * STEPS[step]
+    places = np.stack((col - 1, row - 1), 1) + np.clip(share, -0.5, 1.0)[:, np.newaxis] * NEIGHBOUR_STEPS[step]
     return Rim(places, ends & ~_are_near(outer, outer[~ends], cols),
                graded and not (pattern.saturated & pattern.mask).any())
 
@@ -79,7 +79,8 @@ def is_cut(rim: Rim, angle: float) -> np.ndarray:
         return np.zeros(2, bool)
     along = _along(rim, np.array([angle]))[..., 0]
     ends = along[rim.is_end]
-    cut: np.ndarray = ~((ends <= along.min(0) + AS_FAR).any(0) & (ends >= along.max(0) - AS_FAR).any(0))
+    low, high = along.min(0) + STRAIGHT_TOLERANCE, along.max(0) - STRAIGHT_TOLERANCE
+    cut: np.ndarray = ~((ends <= low).any(0) & (ends >= high).any(0))
     return cut
 
 
@@ -92,11 +93,11 @@ def _along(rim: Rim, angles: np.ndarray) -> np.ndarray:
 
 
 def _are_near(taxels: np.ndarray, others: np.ndarray, cols: int) -> np.ndarray:
-    """Return which of ``taxels`` are within APART of one of ``others``, all as numbers in rows of ``cols``."""
+    """Return which of ``taxels`` are within UNSEEN_REACH of one of ``others``, all as numbers in rows of ``cols``."""
     if not len(others):
         return np.zeros(len(taxels), bool)
     apart = [np.abs(of[:, np.newaxis] - to) for of, to in zip(np.divmod(taxels, cols), np.divmod(others, cols))]
-    near: np.ndarray = (np.maximum(*apart) <= APART).any(1)
+    near: np.ndarray = (np.maximum(*apart) <= UNSEEN_REACH).any(1)
     return near
 
 
@@ -113,4 +114,4 @@ def _steepness(values: np.ndarray, contact: np.ndarray) -> float:
     """
     inner = ~grown(~contact)
     deep = float(values[inner].mean()) if inner.any() else 0.0
-    return float(np.clip(values[contact & ~inner].mean() / (EVEN * deep), *STEEPNESS)) if deep > 0 else 1.0
+    return float(np.clip(values[contact & ~inner].mean() / (EVEN_SHARE * deep), *STEEPNESS_RANGE)) if deep > 0 else 1.0

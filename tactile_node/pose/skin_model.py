@@ -15,24 +15,24 @@ from tactile_node.pose.outlines import Outline, Window, coverages, moving_depth
 from tactile_node.pose.profiles import PUNCH, Profile, nested
 from tactile_node.read_only import read_only
 
-REACH = 6                 #: of the kernel [pitches]
-DEPTHS = 0.08, 2.2        #: for which it is known [pitches]
-NODES = 40                #: in equal ratios between them
-POINTS = 6                #: of a taxel, along each axis, that the stress is averaged over
-TERMS = 2
-LOG_DEPTHS = float(np.log(DEPTHS[0])), float(np.log(DEPTHS[1]))
+KERNEL_REACH = 6                 #: of the kernel [pitches]
+KERNEL_DEPTHS = 0.08, 2.2        #: for which it is known [pitches]
+DEPTH_NODES = 40                #: in equal ratios between them
+TAXEL_POINTS = 6                #: of a taxel, along each axis, that the stress is averaged over
+KERNEL_TERMS = 2
+LOG_DEPTHS = float(np.log(KERNEL_DEPTHS[0])), float(np.log(KERNEL_DEPTHS[1]))
 
 
 def taps_at(log_depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the kernel at a depth, by its natural logarithm [pitches], within the limits of DEPTHS.
+    """Return the kernel at a depth, by its natural logarithm [pitches], within the limits of KERNEL_DEPTHS.
 
-    It is the sum of sign * taps along rows * taps along columns, by distance. Signs, (TERMS, 1); taps, (TERMS,
-    REACH + 2), 0 beyond REACH; their derivatives by the logarithm.
+    It is the sum of sign * taps along rows * taps along columns, by distance. Signs, (KERNEL_TERMS, 1); taps,
+    (KERNEL_TERMS, KERNEL_REACH + 2), 0 beyond KERNEL_REACH; their derivatives by the logarithm.
     """
     signs, table = _table()
     low, high = LOG_DEPTHS
-    step = (high - low) / (NODES - 1)
-    place = min(max((log_depth - low) / step, 0.0), NODES - 1.001)
+    step = (high - low) / (DEPTH_NODES - 1)
+    place = min(max((log_depth - low) / step, 0.0), DEPTH_NODES - 1.001)
     node = int(place)
     share, change = place - node, table[node + 1] - table[node]
     return signs, table[node] + share * change, change / step
@@ -40,21 +40,21 @@ def taps_at(log_depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 @cache
 def _table() -> tuple[np.ndarray, np.ndarray]:
-    """Signs of the terms, and taps, (NODES, TERMS, REACH + 2)."""
-    found = [_terms(kernel(float(depth))) for depth in np.geomspace(*DEPTHS, NODES)]
+    """Signs of the terms, and taps, (DEPTH_NODES, KERNEL_TERMS, KERNEL_REACH + 2)."""
+    found = [_terms(kernel(float(depth))) for depth in np.geomspace(*KERNEL_DEPTHS, DEPTH_NODES)]
     return read_only(found[0][0][:, np.newaxis]), read_only(np.array([taps for _, taps in found]))
 
 
 def kernel(depth: float) -> np.ndarray:
-    """Return the mean stress over taxels up to REACH away under a pressure of 1 on one, (2 REACH + 1, 2 REACH + 1)."""
-    inner = (np.arange(POINTS) + 0.5) / POINTS - 0.5
-    away = (np.arange(-REACH, REACH + 1)[:, np.newaxis] + inner).reshape(-1)
+    """Return the mean stress over taxels up to KERNEL_REACH away, along either axis, under a pressure of 1 on one."""
+    inner = (np.arange(TAXEL_POINTS) + 0.5) / TAXEL_POINTS - 0.5
+    away = (np.arange(-KERNEL_REACH, KERNEL_REACH + 1)[:, np.newaxis] + inner).reshape(-1)
     corner = _newmark(np.concatenate((away - 0.5, away + 0.5))[:, np.newaxis],
                       np.concatenate((away - 0.5, away + 0.5)), depth)
     count = len(away)
     points = corner[count:, count:] - corner[:count, count:] - corner[count:, :count] + corner[:count, :count]
-    side = 2 * REACH + 1
-    mean: np.ndarray = points.reshape(side, POINTS, side, POINTS).mean((1, 3))
+    side = 2 * KERNEL_REACH + 1
+    mean: np.ndarray = points.reshape(side, TAXEL_POINTS, side, TAXEL_POINTS).mean((1, 3))
     return mean
 
 
@@ -67,15 +67,15 @@ def _newmark(y: np.ndarray, x: np.ndarray, z: float) -> np.ndarray:
 
 
 def _terms(whole: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The products that add up to a symmetric kernel: signs, and taps by distance, (TERMS, REACH + 2)."""
+    """The products that add up to a symmetric kernel: signs, and taps by distance, (KERNEL_TERMS, KERNEL_REACH + 2)."""
     values, vectors = np.linalg.eigh(whole)
-    largest = np.argsort(-np.abs(values))[:TERMS]
+    largest = np.argsort(-np.abs(values))[:KERNEL_TERMS]
     taps = (vectors[:, largest] * np.sqrt(np.abs(values[largest]))).T
-    taps *= np.sign(taps[:, REACH, np.newaxis])
-    return np.sign(values[largest]), np.pad(taps[:, REACH:], ((0, 0), (0, 1)))
+    taps *= np.sign(taps[:, KERNEL_REACH, np.newaxis])
+    return np.sign(values[largest]), np.pad(taps[:, KERNEL_REACH:], ((0, 0), (0, 1)))
 
 
-PEAKS = 0.0, 1.03    #: of an even pressure and of a flat punch's, as fits find it
+LIKELY_PEAKS = 0.0, 1.03    #: of an even pressure and of a flat punch's, as fits find it
 PEAK_NEAR = 0.4      #: a first fit is as near to one of them
 PEAK_SHOWN = 0.25    #: to this standard deviation or less
 PEAK_KNOWN = 0.08    #: standard deviation about it
@@ -183,7 +183,7 @@ class PressureModel(Model):
         return Prediction(values, jacobian, rim)
 
     def _kernels(self, log_depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Along rows (with the sign) and across them, and by the depth's logarithm: (TERMS, n, n) each."""
+        """Along rows (with the sign) and across them, and by the depth's logarithm: (KERNEL_TERMS, n, n) each."""
         signs, taps, by_log_depth = taps_at(log_depth)
         along, deeper_along = ((tap * signs).take(self._row_distance, 1) for tap in (taps, by_log_depth))
         across, deeper_across = (tap.take(self._col_distance, 1) for tap in (taps, by_log_depth))
@@ -197,7 +197,7 @@ class PressureModel(Model):
         """
         if self.profile is not PUNCH:
             return None
-        nearest = min(PEAKS, key=lambda peak: abs(peak - parameters[self.PEAK]))
+        nearest = min(LIKELY_PEAKS, key=lambda peak: abs(peak - parameters[self.PEAK]))
         if deviation > PEAK_SHOWN or abs(nearest - parameters[self.PEAK]) > PEAK_NEAR:
             return None
         return nearest, PEAK_KNOWN ** -2
@@ -209,5 +209,5 @@ class PressureModel(Model):
 
 def _distances(count: int) -> np.ndarray:
     place = np.arange(count)
-    apart: np.ndarray = np.minimum(np.abs(place[:, np.newaxis] - place), REACH + 1)
+    apart: np.ndarray = np.minimum(np.abs(place[:, np.newaxis] - place), KERNEL_REACH + 1)
     return apart

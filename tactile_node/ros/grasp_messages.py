@@ -11,7 +11,7 @@ from tactile_node.errors import RefusedRequirementError, RequirementRefusal
 from tactile_node.grasp.gripper import Line
 from tactile_node.grasp.opening import Opening
 from tactile_node.grasp.requirement import MOST_SHAPES, Missing, Requirement
-from tactile_node.grasp.steadiness import OF_FIT, OF_PATTERN, OF_PRESSURE
+from tactile_node.grasp.steadiness import FIT_RESOLUTION, PATTERN_RESOLUTION, PRESSURE_RESOLUTION
 from tactile_node.grasp.tracker import GraspState, SideResult, SideState
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.shape_messages import SHAPE_OF_NUMBER
@@ -54,14 +54,14 @@ def _is_largely_hidden(message: ContactShape) -> bool:
 
 def _of_fit(message: ContactShape) -> tuple[Point, float, bool]:
     """The centre, its resolution [m], and whether it is a bound: then it is that of the part that is seen."""
-    of_values = OF_PATTERN if math.isnan(message.force) else OF_FIT
+    of_values = PATTERN_RESOLUTION if math.isnan(message.force) else FIT_RESOLUTION
     uncertain = 2 * max(message.standard_deviations[:2], default=0.0)
     return message.pose.pose.position, max(of_values * _pitch(message), uncertain), message.size_is_bound
 
 
 def _of_pressure(message: ContactShape) -> tuple[Point, float, bool]:
     """Return the centre of pressure like `_of_fit`; saturation shifts it, and so does every hidden taxel at the rim."""
-    of_values = OF_PATTERN if math.isnan(message.force) else OF_PRESSURE
+    of_values = PATTERN_RESOLUTION if math.isnan(message.force) else PRESSURE_RESOLUTION
     return message.centre_of_pressure, of_values * _pitch(message), message.centre_of_pressure_is_bound
 
 

@@ -12,7 +12,7 @@ from tactile_node.conditioning.tare import TARE_LIMIT_BY_UNIT
 from tactile_node.contact.press import PRESS_BY_UNIT, RELEASE_RATIO, SMALLEST_CONTACT
 from tactile_node.grasp.opening import HIGHEST_GAP
 from tactile_node.press_levels import LEAST_BY_UNIT
-from tactile_node.shape.recognition import DEFAULT
+from tactile_node.shape.recognition import DEFAULT_METHOD
 
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
@@ -169,8 +169,8 @@ class ProcessorSettings(ReceiverSettings):
 
 @dataclass(frozen=True)
 class ClassifierSettings(ReceiverSettings):
-    method: str = parameter(DEFAULT, 'recognition method: learned, or volf (the three planes of Volf, Dvořák and '
-                            'Vlček)')
+    method: str = parameter(DEFAULT_METHOD, 'recognition method: learned, or volf (the three planes of Volf, Dvořák '
+                            'and Vlček)')
     model: str = parameter('', 'weights or curves of the method: a file, or a name in config/; empty: its own')
     fuse: bool = parameter(True, 'true: the shape is decided from successive frames; false: from each frame alone')
     fit: bool = parameter(True, 'true: fit pose and size; false: leave them out')

@@ -13,7 +13,7 @@ from tactile_node.contact.pattern import ContactPattern, in_line, number_contact
 from tactile_node.contact.visibility import Visibility
 from tactile_node.read_only import read_only
 
-SCATTERED = 0.1  #: of the ring: so many hidden taxels apart from each other are dead ones, which change little
+SCATTERED_SHARE = 0.1  #: of the ring: so many hidden taxels apart from each other are dead ones, which change little
 
 
 def hidden_taxels_matter(pattern: ContactPattern, visibility: Visibility) -> bool:
@@ -23,7 +23,7 @@ def hidden_taxels_matter(pattern: ContactPattern, visibility: Visibility) -> boo
     """
     if not visibility.hidden_in_ring and not visibility.hidden_in_contact:
         return False
-    if visibility.hidden_in_ring > SCATTERED * visibility.ring:
+    if visibility.hidden_in_ring > SCATTERED_SHARE * visibility.ring:
         return True
     if visibility.largest_hidden == 1:
         return False

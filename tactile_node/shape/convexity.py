@@ -8,9 +8,9 @@ from tactile_node.contact.neighbours import EIGHT_CONNECTED, box_of
 LEAST_CONVEXITY = 0.7  #: the five shapes fill more, gaps of speckle closed and rims filled; chosen on validation seeds
 PARTIAL_LEVEL = 0.2     #: of the contact's mean, pressures that belong to it
 #: directions in which the hull is measured, as columns of unit vectors
-ANGLES = np.radians(np.arange(0.0, 180.0, 7.5))
-AXES = np.stack((np.cos(ANGLES), np.sin(ANGLES)))
-ROUNDING = 0.01         #: places within so much of the hull are in it [pitches]
+HULL_ANGLES = np.radians(np.arange(0.0, 180.0, 7.5))
+HULL_AXES = np.stack((np.cos(HULL_ANGLES), np.sin(HULL_ANGLES)))
+HULL_ROUNDING = 0.01         #: places within so much of the hull are in it [pitches]
 
 
 def is_convex(values: np.ndarray, mask: np.ndarray) -> bool:
@@ -64,8 +64,8 @@ def _holes(rim: np.ndarray, at_edge: tuple[bool, bool, bool, bool]) -> np.ndarra
 def _hull(mask: np.ndarray) -> np.ndarray:
     """Return the taxels whose centres are in the hull of the centres of ``mask``."""
     row, col = np.nonzero(mask)
-    along = np.stack((col, row), 1) @ AXES
+    along = np.stack((col, row), 1) @ HULL_AXES
     row, col = np.indices(mask.shape).reshape(2, -1)
-    every = np.stack((col, row), 1) @ AXES
-    within: np.ndarray = ((every >= along.min(0) - ROUNDING) & (every <= along.max(0) + ROUNDING)).all(1)
+    every = np.stack((col, row), 1) @ HULL_AXES
+    within: np.ndarray = ((every >= along.min(0) - HULL_ROUNDING) & (every <= along.max(0) + HULL_ROUNDING)).all(1)
     return within.reshape(mask.shape)

@@ -16,28 +16,28 @@ from tactile_node.shape import likeness
 from tactile_node.shape.patch import SIDE
 
 DIRECTIONS = 48
-ANGLE = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
-TOWARDS = np.array([np.sin(ANGLE), np.cos(ANGLE)])
-PLACE = np.arange(SIDE, dtype=float)
+DIRECTION_ANGLES = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
+DIRECTION_VECTORS = np.array([np.sin(DIRECTION_ANGLES), np.cos(DIRECTION_ANGLES)])
+CELL_PLACES = np.arange(SIDE, dtype=float)
 HARMONICS = 8
-WAVES = np.exp(-1j * np.outer(ANGLE, np.arange(HARMONICS + 1))) / DIRECTIONS
-ORDERS = ((2, 0), (1, 1), (3, 0), (2, 1), (4, 0), (3, 1), (2, 2), (5, 0), (6, 0))  #: of complex moments c_pq
-HIGHEST = 6
-COUNT = 9 + 2 * len(ORDERS) + HARMONICS + likeness.COUNT  #: numbers a patch
+HARMONIC_WAVES = np.exp(-1j * np.outer(DIRECTION_ANGLES, np.arange(HARMONICS + 1))) / DIRECTIONS
+MOMENT_ORDERS = ((2, 0), (1, 1), (3, 0), (2, 1), (4, 0), (3, 1), (2, 2), (5, 0), (6, 0))  #: of complex moments c_pq
+HIGHEST_ORDER = 6
+COUNT = 9 + 2 * len(MOMENT_ORDERS) + HARMONICS + likeness.COUNT  #: numbers a patch
 
 
 def _expansion(p: int, q: int) -> np.ndarray:
-    """(x + iy)^p (x - iy)^q as coefficients of y^a x^b, shape ((HIGHEST + 1)^2,)."""
-    found = np.zeros((HIGHEST + 1, HIGHEST + 1), complex)
+    """(x + iy)^p (x - iy)^q as coefficients of y^a x^b, shape ((HIGHEST_ORDER + 1)^2,)."""
+    found = np.zeros((HIGHEST_ORDER + 1, HIGHEST_ORDER + 1), complex)
     for j in range(p + 1):
         for k in range(q + 1):
             found[j + k, p - j + q - k] += comb(p, j) * comb(q, k) * 1j ** j * (-1j) ** k
     return found.reshape(-1)
 
 
-EXPANSIONS = np.array([_expansion(p, q) for p, q in ORDERS]).T
-POWERS = np.arange(HIGHEST + 1)[:, None]
-BEFORE = np.arange(-1, DIRECTIONS - 1)
+MOMENT_EXPANSIONS = np.array([_expansion(p, q) for p, q in MOMENT_ORDERS]).T
+MOMENT_POWERS = np.arange(HIGHEST_ORDER + 1)[:, None]
+DIRECTION_BEFORE = np.arange(-1, DIRECTIONS - 1)
 
 
 def describe_all(levels: np.ndarray, unseen: np.ndarray, scales: np.ndarray) -> np.ndarray:
@@ -45,7 +45,7 @@ def describe_all(levels: np.ndarray, unseen: np.ndarray, scales: np.ndarray) -> 
     weight = np.clip(levels, 0, 1.5).astype(float)
     down, across = weight.sum(2), weight.sum(1)
     total = down.sum(1)
-    y, x = (PLACE - (profile @ PLACE / total)[:, None] for profile in (down, across))
+    y, x = (CELL_PLACES - (profile @ CELL_PLACES / total)[:, None] for profile in (down, across))
     sizes = np.array([np.log(total * scales ** 2), 10 / (total * scales ** 2), np.log(scales), unseen.mean((1, 2))])
     support = _support(levels > 0.5, y, x)
     moments = _moments(weight, y, x, total)
@@ -55,16 +55,16 @@ def describe_all(levels: np.ndarray, unseen: np.ndarray, scales: np.ndarray) -> 
 
 
 def _moments(weight: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray) -> np.ndarray:
-    """Means of y^a x^b, (K, HIGHEST + 1, HIGHEST + 1), lengths in units of the root of the area."""
+    """Means of y^a x^b, (K, HIGHEST_ORDER + 1, HIGHEST_ORDER + 1), lengths in units of the root of the area."""
     unit = 1 / np.sqrt(total)[:, None]
-    sums = ((y * unit)[:, None] ** POWERS) @ weight @ ((x * unit)[..., None] ** POWERS.T)
+    sums = ((y * unit)[:, None] ** MOMENT_POWERS) @ weight @ ((x * unit)[..., None] ** MOMENT_POWERS.T)
     moments: np.ndarray = sums / total[:, None, None]
     return moments
 
 
 def _magnitudes(moments: np.ndarray) -> np.ndarray:
     """Magnitudes of the complex moments."""
-    magnitudes: np.ndarray = np.abs(moments.reshape(len(moments), -1) @ EXPANSIONS)
+    magnitudes: np.ndarray = np.abs(moments.reshape(len(moments), -1) @ MOMENT_EXPANSIONS)
     return magnitudes
 
 
@@ -76,7 +76,7 @@ def _support(inside: np.ndarray, y: np.ndarray, x: np.ndarray) -> np.ndarray:
         inside[cells == 0, SIDE // 2, SIDE // 2] = True
         cells = np.maximum(cells, 1)
     k, row, col = inside.nonzero()
-    reach = np.array((y[k, row], x[k, col])).T @ TOWARDS
+    reach = np.array((y[k, row], x[k, col])).T @ DIRECTION_VECTORS
     return np.maximum.reduceat(reach, cells.cumsum() - cells, 0) + 0.5
 
 
@@ -85,8 +85,8 @@ def _widths(support: np.ndarray, total: np.ndarray) -> np.ndarray:
     half, quarter = DIRECTIONS // 2, DIRECTIONS // 4
     width = support[:, :half] + support[:, half:]
     box = width[:, :quarter] * width[:, quarter:]
-    harmonics = np.abs(support @ WAVES)
-    slope = (support - support[:, BEFORE]) * (DIRECTIONS / (2 * np.pi))
+    harmonics = np.abs(support @ HARMONIC_WAVES)
+    slope = (support - support[:, DIRECTION_BEFORE]) * (DIRECTIONS / (2 * np.pi))
     area = np.pi * (support * support - slope * slope).sum(1) / DIRECTIONS
     fills = np.array((total / np.maximum(area, 1), total / box.min(1), width.min(1) / width.max(1),
                       harmonics[:, 0] / np.sqrt(total)))
@@ -95,8 +95,8 @@ def _widths(support: np.ndarray, total: np.ndarray) -> np.ndarray:
 
 def _hull_moments(support: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray) -> np.ndarray:
     """How much of the hull is covered, and the moments of the hull filled, its rim shaded over a cell."""
-    towards = support[:, :, None, None] + 0.5 - TOWARDS[0, :, None, None] * y[:, None, :, None]
-    depth = (towards - TOWARDS[1, :, None, None] * x[:, None, None, :]).min(1)
+    towards = support[:, :, None, None] + 0.5 - DIRECTION_VECTORS[0, :, None, None] * y[:, None, :, None]
+    depth = (towards - DIRECTION_VECTORS[1, :, None, None] * x[:, None, None, :]).min(1)
     filled = np.clip(depth, 0, 1)
     down, across = filled.sum(2), filled.sum(1)
     area = down.sum(1)

@@ -8,12 +8,14 @@ phase of the fourth moment. The overlap is that of areas, with edges as soft as 
 import numpy as np
 
 COUNT = 5         #: numbers a patch: intersection over union with each figure, and the whitened third moment
-FLATTEST = 0.02   #: least second moment across, of the mean of both
-SIDES = np.arange(4) * np.pi / 2                   #: directions of a rectangle's sides
-CORNERS = np.array((1, -1 / 3, 1 / 3, 1)) * np.pi  #: of an equilateral triangle's, one twice, at a real third moment
-TRIANGLE = 2 ** 0.5  #: distance of an equilateral triangle's sides from its centre where its second moments are 1
-DISC = np.pi ** -0.5
-HALF = np.float32(0.5)
+FLATTEST_RATIO = 0.02   #: least second moment across, of the mean of both
+SIDE_ANGLES = np.arange(4) * np.pi / 2                   #: directions of a rectangle's sides
+#: of an equilateral triangle's, one twice, at a real third moment
+CORNER_ANGLES = np.array((1, -1 / 3, 1 / 3, 1)) * np.pi
+#: distance of an equilateral triangle's sides from its centre where its second moments are 1
+TRIANGLE_DISTANCE = 2 ** 0.5
+DISC_RADIUS = np.pi ** -0.5
+HALF_CELL = np.float32(0.5)
 
 
 def likeness(weight: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray, moments: np.ndarray) -> np.ndarray:
@@ -31,8 +33,8 @@ def likeness(weight: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray
     depth = np.empty((len(weight), 4, *weight.shape[1:]), np.float32)
     np.min(down[..., :, None] - across[..., None, :], axis=2, out=depth[:, :3])
     square = (x * x)[:, None, :] + (y * y)[:, :, None]
-    depth[:, 3] = (DISC * root).astype(np.float32)[:, None, None] - np.sqrt(square)
-    depth += HALF
+    depth[:, 3] = (DISC_RADIUS * root).astype(np.float32)[:, None, None] - np.sqrt(square)
+    depth += HALF_CELL
     shapes = np.clip(depth, 0, 1, out=depth).reshape(len(weight), 4, -1)
     level = np.minimum(weight, 1).astype(np.float32).reshape(len(weight), 1, -1)
     common = np.minimum(level, shapes).sum(2)
@@ -48,21 +50,21 @@ def _sides(moments: np.ndarray, cell: np.ndarray) -> tuple[np.ndarray, np.ndarra
     xx, yy, xy = moments[:, 0, 2] + cell, moments[:, 2, 0] + cell, moments[:, 1, 1]
     size, stretch = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
     along = np.arctan2(2 * xy, xx - yy) / 2
-    long, short = np.sqrt(size + stretch), np.sqrt(np.maximum(size - stretch, FLATTEST * size))
+    long, short = np.sqrt(size + stretch), np.sqrt(np.maximum(size - stretch, FLATTEST_RATIO * size))
     turn = np.exp(-1j * along)
     to_x, to_y = turn.real / long + 1j * turn.imag / short, -turn.imag / long + 1j * turn.real / short
     third = (to_x ** 3 * moments[:, 0, 3] + 3 * to_x ** 2 * to_y * moments[:, 1, 2]
              + 3 * to_x * to_y ** 2 * moments[:, 2, 1] + to_y ** 3 * moments[:, 3, 0])
     fourth = np.angle(6 * moments[:, 2, 2] - moments[:, 0, 4] - moments[:, 4, 0]
                       + 4j * (moments[:, 3, 1] - moments[:, 1, 3])) / 4
-    angles = np.stack((along, fourth), 1)[..., None] + SIDES
+    angles = np.stack((along, fourth), 1)[..., None] + SIDE_ANGLES
     white = np.sqrt(long * short)[:, None]
-    towards = white * np.exp(-1j * (np.angle(third)[:, None] / 3 + CORNERS))
+    towards = white * np.exp(-1j * (np.angle(third)[:, None] / 3 + CORNER_ANGLES))
     nx = np.concatenate((np.cos(angles), (towards * to_x[:, None]).real[:, None]), 1)
     ny = np.concatenate((np.sin(angles), (towards * to_y[:, None]).real[:, None]), 1)
     distance = np.empty(nx.shape)
     distance[:, 0, ::2] = np.sqrt(long / short)[:, None] / 2
     distance[:, 0, 1::2] = np.sqrt(short / long)[:, None] / 2
     distance[:, 1] = 0.5
-    distance[:, 2] = TRIANGLE * white
+    distance[:, 2] = TRIANGLE_DISTANCE * white
     return nx, ny, distance, third

@@ -10,15 +10,23 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.package_files import config_path
 from tactile_node.shape.completion import completions, distinct, hidden_taxels_matter
 from tactile_node.shape.recogniser import ShapeRecogniser
-from tactile_node.shape.recognition import DEFAULT, FILES, LEARNED, VOLF, Recognition, ShapeClass, UnknownReason
+from tactile_node.shape.recognition import (
+    DEFAULT_METHOD,
+    LEARNED,
+    METHOD_FILES,
+    VOLF,
+    Recognition,
+    ShapeClass,
+    UnknownReason,
+)
 from tactile_node.shape.shapeless import is_shapeless
 from tactile_node.shape.volf import VolfClassifier
 
 #: of the frame as it is, and of each of its completions: any of these that differs keeps the confidence below 0.9
-WEIGHTS = (1 / 2, 1 / 6, 1 / 6, 1 / 6)
+READING_WEIGHTS = (1 / 2, 1 / 6, 1 / 6, 1 / 6)
 #: Less than FEW_HIDDEN of the ring is hidden, as the network was trained with: two or three that differ keep it below
 #: 0.9, one does not. Chosen on validation contacts.
-FEW_HIDDEN, WEIGHTS_OF_FEW = 0.25, (0.79, 0.07, 0.07, 0.07)
+FEW_HIDDEN, FEW_WEIGHTS = 0.25, (0.79, 0.07, 0.07, 0.07)
 
 
 class RecognitionMethod(Protocol):
@@ -65,19 +73,19 @@ class VisibilityGuard:
         if found[0].reason is UnknownReason.TOO_SMALL:
             return Recognition.unknown(UnknownReason.NOT_SEEN)
         is_little = visibility.hidden_in_ring < FEW_HIDDEN * visibility.ring
-        return Recognition.of_alternatives(WEIGHTS_OF_FEW if is_little else WEIGHTS, [found[k] for k in which])
+        return Recognition.of_alternatives(FEW_WEIGHTS if is_little else READING_WEIGHTS, [found[k] for k in which])
 
 
 METHODS: dict[str, Callable[[Path], RecognitionMethod]] = {LEARNED: ShapeRecogniser.from_file,
                                                            VOLF: VolfClassifier.from_file}
 
 
-def make_recogniser(method: str = DEFAULT, file: str = '') -> VisibilityGuard:
+def make_recogniser(method: str = DEFAULT_METHOD, file: str = '') -> VisibilityGuard:
     """Return the recogniser called ``method``; ``file``: its weights or curves, '' for those of config/.
 
     Raises ConfigurationError for a name that is none, or a file that cannot be used.
     """
     if method not in METHODS:
         raise ConfigurationError('recognition method', expected='one of ' + ', '.join(METHODS), got=repr(method),
-                                 remedy=f'Use {DEFAULT!r} unless you want the paper as published.')
-    return VisibilityGuard(METHODS[method](config_path(file or FILES[method])))
+                                 remedy=f'Use {DEFAULT_METHOD!r} unless you want the paper as published.')
+    return VisibilityGuard(METHODS[method](config_path(file or METHOD_FILES[method])))

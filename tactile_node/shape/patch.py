@@ -15,10 +15,10 @@ from tactile_node.contact.press import are_on_off
 from tactile_node.read_only import read_only
 
 SIDE = 20        #: rows and columns of a patch
-ROOM = 18        #: a contact wider than this is scaled down to it
-BRIDGED = 2      #: pieces with up to so many taxels between them are one contact [taxels]
-PIECE = 3        #: fewer taxels beside a contact are no piece of it
-RIM = 2          #: how far beyond the mask partial pressures reach [taxels]
+PATCH_ROOM = 18        #: a contact wider than this is scaled down to it
+BRIDGED_TAXELS = 2      #: pieces with up to so many taxels between them are one contact [taxels]
+PIECE_TAXELS = 3        #: fewer taxels beside a contact are no piece of it
+RIM_REACH = 2          #: how far beyond the mask partial pressures reach [taxels]
 HIGHEST_LEVEL = 255 / 160  #: of a taxel: training keeps levels as bytes, so no network has seen a higher one
 ROWS_AROUND, COLS_AROUND = np.indices((3, 3)).reshape(2, -1)
 
@@ -35,18 +35,18 @@ class Patch(NamedTuple):
 def joined(pattern: ContactPattern) -> np.ndarray:
     """Return the mask with the pressed pieces near it, and those near them, bool, shape (rows, cols).
 
-    Specks are left out: groups of fewer than PIECE taxels with at most one taxel between each other.
+    Specks are left out: groups of fewer than PIECE_TAXELS taxels with at most one taxel between each other.
     """
     if pattern.contacts <= 1:
         return pattern.mask
     least = np.nanmin(pattern.values[pattern.mask], initial=np.inf)
     others = (pattern.values >= least) & ~pattern.mask
     groups = linked(others, 1)
-    others &= (np.bincount(groups[others], minlength=groups.max() + 1) >= PIECE)[groups]
+    others &= (np.bincount(groups[others], minlength=groups.max() + 1) >= PIECE_TAXELS)[groups]
     pressed = pattern.mask | others
-    groups = linked(pressed, BRIDGED)
+    groups = linked(pressed, BRIDGED_TAXELS)
     of_contact = np.zeros(int(groups.max()) + 1, bool)
-    of_contact[groups[pattern.mask]] = True  # hidden taxels may keep its pieces farther apart than BRIDGED
+    of_contact[groups[pattern.mask]] = True  # hidden taxels may keep its pieces farther apart than BRIDGED_TAXELS
     together: np.ndarray = pressed & of_contact[groups]
     return together
 
@@ -68,11 +68,11 @@ def join_pieces(pattern: ContactPattern) -> ContactPattern:
 
 def make_patch(values: np.ndarray, mask: np.ndarray) -> Patch:
     """Return the patch of the contact ``mask``, bool with a taxel in it, of a frame ``values``."""
-    (low, high), around = np.array([(used.start, used.stop) for used in box_of(mask)]).T, box_of(mask, RIM)
+    (low, high), around = np.array([(used.start, used.stop) for used in box_of(mask)]).T, box_of(mask, RIM_REACH)
     level, dead, graded = _levels(values[around], mask[around])
     first = np.array([shown.start for shown in around])
     level, dead, shown, extent = _standing(level, dead, low - first, high - low)
-    scale = max(extent) / ROOM
+    scale = max(extent) / PATCH_ROOM
     if scale <= 1:
         place = [(SIDE - size) // 2 - margin for size, margin in zip(extent, shown)]
         return Patch(_placed(level, place, 0.0), _placed(dead, place, 1.0), 1.0, graded)
@@ -114,7 +114,7 @@ def _levels(values: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarra
     inside = known * mask
     graded = bool(inside.any()) and not are_on_off(values)
     if graded:
-        known = known * grown(grown(mask))  # RIM taxels
+        known = known * grown(grown(mask))  # RIM_REACH taxels
         level = np.minimum(known * (inside.sum() / np.square(inside).sum()), HIGHEST_LEVEL)
     else:
         level = mask.astype(float)

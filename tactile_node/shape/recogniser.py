@@ -28,12 +28,12 @@ from tactile_node.shape.taught import Head, join, read_taught
 OUTPUTS = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE, Shape.UNKNOWN)
 #: a pattern of fewer taxels is UNKNOWN: it stands for a contact of less than nine taxels' area, of which
 #: pressures show the rim
-SMALLEST = {'on_off': 6, 'graded': 4}
-DOUBT = 0.2   #: by so much the whole must be likelier unknown than its largest piece to be given up
+FEWEST_TAXELS = {'on_off': 6, 'graded': 4}
+DOUBT_GAIN = 0.2   #: by so much the whole must be likelier unknown than its largest piece to be given up
 MOST_OF_PIECES = 0.5  #: it has so many of their taxels; several pieces alike are one contact of several parts
-NOT_CONVEX = 0.99     #: probability of UNKNOWN, at least, of a contact that is not convex
+NOT_CONVEX_PROBABILITY = 0.99     #: probability of UNKNOWN, at least, of a contact that is not convex
 LAYERS = len(TAPS) + 3
-MOST_BYTES = 1 << 24  #: of the arrays of a file, far more than ours have
+MOST_ARRAY_BYTES = 1 << 24  #: of the arrays of a file, far more than ours have
 KINDS = ('on_off', 'graded')  #: of frames: without and with values between none and full
 SIZES = (12, 17, 24, 34, 48, 68, 96, 136, 200, 300)  #: taxels at which the evidence for UNKNOWN is calibrated
 LOG_SIZES = np.log(SIZES)
@@ -82,7 +82,7 @@ class ShapeRecogniser:
             raise _unusable(path, ' '.join(str(error).split())) from None
 
     def recognise(self, pattern: ContactPattern) -> Recognition:
-        """Return the most probable shape; NONE for an empty pattern, UNKNOWN below SMALLEST taxels.
+        """Return the most probable shape; NONE for an empty pattern, UNKNOWN below FEWEST_TAXELS taxels.
 
         Pieces that may belong to one torn contact are looked at as one, unless that is much more
         likely to be no known shape than the largest of them alone.
@@ -100,12 +100,12 @@ class ShapeRecogniser:
         if np.count_nonzero(together) == np.count_nonzero(pattern.mask):
             return whole
         whole = whole._replace(joined=whole.shape is not Shape.UNKNOWN)
-        if (whole.probabilities[Shape.UNKNOWN] <= DOUBT
+        if (whole.probabilities[Shape.UNKNOWN] <= DOUBT_GAIN
                 or np.count_nonzero(pattern.mask) < MOST_OF_PIECES * np.count_nonzero(together)):
             return whole
         largest = self._recognise_contacts([(pattern.values, pattern.mask)])[0]
         gain = whole.probabilities[Shape.UNKNOWN] - largest.probabilities[Shape.UNKNOWN]
-        return largest if gain > DOUBT else whole
+        return largest if gain > DOUBT_GAIN else whole
 
     def _recognise_contacts(self, contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Recognition]:
         """Return the recognition of each contact, given as values and mask."""
@@ -116,7 +116,7 @@ class ShapeRecogniser:
             if not taxels:
                 continue
             patch = make_patch(values, mask)
-            if taxels < SMALLEST[KINDS[patch.graded]]:
+            if taxels < FEWEST_TAXELS[KINDS[patch.graded]]:
                 found[k] = Recognition.unknown(UnknownReason.TOO_SMALL)
             else:
                 patches[patch.graded].append((k, patch))
@@ -158,8 +158,8 @@ class ShapeRecogniser:
 
 
 def _as_foreign(probabilities: np.ndarray) -> np.ndarray:
-    """Return probabilities of OUTPUTS, (K, 6), with that of UNKNOWN raised to NOT_CONVEX where it is less."""
-    unknown = np.maximum(probabilities[:, -1:], NOT_CONVEX)
+    """Return probabilities of OUTPUTS, (K, 6), with that of UNKNOWN at least NOT_CONVEX_PROBABILITY."""
+    unknown = np.maximum(probabilities[:, -1:], NOT_CONVEX_PROBABILITY)
     known = probabilities[:, :-1] * (1 - unknown) / np.maximum(1 - probabilities[:, -1:], 1e-12)
     return np.concatenate((known, unknown), 1)
 
@@ -173,8 +173,8 @@ def read_arrays(path: str | Path) -> dict[str, np.ndarray]:
         members = packed.infolist()
     if not {each.compress_type for each in members} <= {ZIP_STORED, ZIP_DEFLATED}:
         raise ValueError('another compression than that of NumPy')
-    if (size := sum(each.file_size for each in members)) > MOST_BYTES:
-        raise ValueError(f'{size} bytes of arrays, more than {MOST_BYTES}')
+    if (size := sum(each.file_size for each in members)) > MOST_ARRAY_BYTES:
+        raise ValueError(f'{size} bytes of arrays, more than {MOST_ARRAY_BYTES}')
     with np.load(path, allow_pickle=False) as data:
         arrays = dict(data)
     for name, array in arrays.items():

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 #: The recognition methods by name; here, so that a command line knows them at once.
 LEARNED, VOLF = 'learned', 'volf'
-DEFAULT = LEARNED
-FILES = {LEARNED: 'recogniser.npz', VOLF: 'volf_curves.yaml'}  #: what each reads by default, in config/
+DEFAULT_METHOD = LEARNED
+METHOD_FILES = {LEARNED: 'recogniser.npz', VOLF: 'volf_curves.yaml'}  #: what each reads by default, in config/
 
 
 class Shape(str, Enum):

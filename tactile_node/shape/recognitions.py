@@ -22,7 +22,7 @@ import numpy as np
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.shape.recognition import Alternative, Recognition, Shape, ShapeClass, UnknownReason
 
-TOUCHING: tuple[ShapeClass, ...] = tuple(shape for shape in Shape if shape is not Shape.NONE)
+TOUCHING_CLASSES: tuple[ShapeClass, ...] = tuple(shape for shape in Shape if shape is not Shape.NONE)
 
 
 @dataclass(frozen=True)
@@ -38,10 +38,10 @@ class FusionSettings:
 
     def __post_init__(self) -> None:
         values = (self.correlation_time, self.memory, self.floor, self.lead, self.max_gap)
-        if not (all(0 < value < float('inf') for value in values) and self.floor < 1 / len(TOUCHING)
+        if not (all(0 < value < float('inf') for value in values) and self.floor < 1 / len(TOUCHING_CLASSES)
                 and 0 <= self.switch < min(self.lead, self.memory / self.correlation_time)):
             raise ConfigurationError(
-                'fusion settings', expected=f'times > 0, floor below 1/{len(TOUCHING)}, 0 <= switch < lead '
+                'fusion settings', expected=f'times > 0, floor below 1/{len(TOUCHING_CLASSES)}, 0 <= switch < lead '
                 'and < memory / correlation_time',
                 got=str(self), remedy='Leave them out for the defaults.')
 
@@ -82,12 +82,12 @@ class RecognitionFusion:
         """Forget everything, as when another object is known to be touched."""
         self._stamp: float | None = None
         self._shape: ShapeClass | None = None
-        self._touching = TOUCHING
+        self._touching = TOUCHING_CLASSES
         self._since = 0.0
         self._frames = 0
         self._reason = UnknownReason.UNFAMILIAR
         self._is_over = True
-        self._evidence = np.zeros((1, len(TOUCHING)))  # a row for each alternative
+        self._evidence = np.zeros((1, len(TOUCHING_CLASSES)))  # a row for each alternative
         self._weights = np.ones(1)
 
     def update(self, stamp: float, frame: Recognition) -> FusedRecognition:

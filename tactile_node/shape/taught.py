@@ -14,14 +14,14 @@ import numpy as np
 
 from tactile_node.shape.recognition import Shape, TaughtShape
 
-VERSION = 1      #: of the arrays below; embeddings of other code are other numbers
+HEAD_VERSION = 1      #: of the arrays below; embeddings of other code are other numbers
 MOST_TAUGHT = 16
-NAME = re.compile(r'[a-z][a-z0-9_]{0,31}')
+NAME_FORM = re.compile(r'[a-z][a-z0-9_]{0,31}')
 #: Those of shapes, and of the codes of ContactShape.msg that are no shape
 NOT_NAMES = frozenset(shape.value for shape in Shape) | {'other', 'not_known'}
-LIMIT = 5.0      #: standard numbers beyond are outliers
-PARTS = 'weights', 'biases', 'middle', 'spread', 'sizes'
-OWN = '_taught_', '_touch_'  #: in the names of arrays that are no part of the base
+OUTLIER_LIMIT = 5.0      #: standard numbers beyond are outliers
+HEAD_PARTS = 'weights', 'biases', 'middle', 'spread', 'sizes'
+OWN_PARTS = '_taught_', '_touch_'  #: in the names of arrays that are no part of the base
 
 
 class Head(NamedTuple):
@@ -40,8 +40,8 @@ class Head(NamedTuple):
         return np.where((self.sizes[:, 0] <= sizes) & (sizes <= self.sizes[:, 1]), found, -np.inf)
 
     def standard(self, embedding: np.ndarray) -> np.ndarray:
-        """Return (embedding - middle) / spread, (K, F), outliers within LIMIT."""
-        standard: np.ndarray = np.clip((embedding - self.middle) / self.spread, -LIMIT, LIMIT)
+        """Return (embedding - middle) / spread, (K, F), outliers within OUTLIER_LIMIT."""
+        standard: np.ndarray = np.clip((embedding - self.middle) / self.spread, -OUTLIER_LIMIT, OUTLIER_LIMIT)
         return standard
 
 
@@ -66,8 +66,8 @@ def read_taught(data: Mapping[str, np.ndarray],
     if not any(name.startswith('taught_') for name in data):
         return (), {}
     version = data['taught_version']
-    if version.shape != () or version.dtype.kind not in 'iu' or version != VERSION:
-        raise ValueError(f'taught shapes of version {version}, not {VERSION}')
+    if version.shape != () or version.dtype.kind not in 'iu' or version != HEAD_VERSION:
+        raise ValueError(f'taught shapes of version {version}, not {HEAD_VERSION}')
     names = data['taught_names']
     if names.dtype.kind != 'U' or names.ndim != 1 or not 0 < len(names) <= MOST_TAUGHT:
         raise ValueError(f'taught_names that are not 1 to {MOST_TAUGHT} names')
@@ -90,7 +90,7 @@ def is_name(name: str) -> bool:
     >>> is_name('my_plug'), is_name('circle'), is_name('other'), is_name('My plug')
     (True, False, False, False)
     """
-    return NAME.fullmatch(name) is not None and name not in NOT_NAMES
+    return NAME_FORM.fullmatch(name) is not None and name not in NOT_NAMES
 
 
 def digest_of(data: Mapping[str, np.ndarray]) -> str:
@@ -106,11 +106,11 @@ def digest_of(data: Mapping[str, np.ndarray]) -> str:
 
 def is_own(name: str) -> bool:
     """Return whether an array is of the taught shapes, not of the base."""
-    return name.startswith('taught_') or any(part in name for part in OWN)
+    return name.startswith('taught_') or any(part in name for part in OWN_PARTS)
 
 
 def _head(data: Mapping[str, np.ndarray], kind: str, count: int, width: int) -> Head:
-    arrays = [data[f'{kind}_taught_{part}'] for part in PARTS]
+    arrays = [data[f'{kind}_taught_{part}'] for part in HEAD_PARTS]
     if any(array.dtype.kind != 'f' for array in arrays):
         raise ValueError(f'taught arrays of {kind} that are no numbers')
     head = Head(*(array.astype(np.float32) for array in arrays))

@@ -59,7 +59,7 @@ def axes(horizontal: ArrayLike, vertical: ArrayLike) -> tuple[np.ndarray, np.nda
 
 SMALLEST = 15  #: a pattern of fewer taxels is UNKNOWN
 PLANES = ('rectangle', 'right_triangle', 'isosceles_triangle', 'square')
-BANDS = (15, 20, 25, 35, 50, 75, 100, 150)  #: of N, by their least taxel
+TAXEL_BANDS = (15, 20, 25, 35, 50, 75, 100, 150)  #: of N, by their least taxel
 #: what the planes answer, in their order of decision: that of the labels of the reproduction, and of each list of
 #: probabilities in the file
 ANSWERS = (*(Shape(name) for name in PLANES), Shape.CIRCLE)
@@ -118,8 +118,8 @@ class VolfClassifier:
 
 
 def band_of(count: ArrayLike) -> np.ndarray | np.intp:
-    """Index into BANDS of a number of taxels."""
-    return np.searchsorted(BANDS[1:], count, 'right')
+    """Index into TAXEL_BANDS of a number of taxels."""
+    return np.searchsorted(TAXEL_BANDS[1:], count, 'right')
 
 
 def by_curves(heights: np.ndarray) -> np.ndarray:
@@ -143,9 +143,9 @@ def _plane(data: Mapping[str, Any]) -> Plane:
 def _shares(data: Mapping[str, Any]) -> np.ndarray:
     """Probabilities by band and answer; KeyError, TypeError, ValueError where they are none."""
     shares = np.array([data[shape.value] for shape in ANSWERS], float).swapaxes(0, 1)
-    if shares.shape != (len(BANDS), len(ANSWERS), len(ANSWERS)) or not (shares >= 0).all() \
+    if shares.shape != (len(TAXEL_BANDS), len(ANSWERS), len(ANSWERS)) or not (shares >= 0).all() \
             or not ((sums := shares.sum(2)) > 0).all() or not np.isfinite(sums).all():
-        raise ValueError(f'shares that are not {len(BANDS)} rows of {len(ANSWERS)} probabilities an answer')
+        raise ValueError(f'shares that are not {len(TAXEL_BANDS)} rows of {len(ANSWERS)} probabilities an answer')
     probabilities: np.ndarray = shares / sums[..., np.newaxis]
     return probabilities
 

@@ -7,7 +7,7 @@ import numpy as np
 from tactile_node.colour_map import PALETTE, levels
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.package_files import config_path
-from tactile_node.shape.recognition import FILES, VOLF
+from tactile_node.shape.recognition import METHOD_FILES, VOLF
 from tactile_node.shape.volf import SMALLEST, Plane, VolfClassifier, axes, plane_feature
 from tactile_node.taxel_frame import TaxelStatus
 from tactile_node.viewing.states import PadState
@@ -29,7 +29,7 @@ class Planes:
     """The curves of the classifier, read once."""
 
     def __init__(self) -> None:
-        self._planes = VolfClassifier.from_file(config_path(FILES[VOLF])).planes
+        self._planes = VolfClassifier.from_file(config_path(METHOD_FILES[VOLF])).planes
 
     def pictures(self, masks: dict[int, np.ndarray]) -> str:
         """Return all planes with a point for each of ``masks``, bool (rows, cols), by the number of the pad."""
