@@ -12,7 +12,7 @@ from tactile_node.pose.skin_model import Model, PressureModel
 from tactile_node.pose.solids import pose_covariance, prism, solid
 from tactile_node.shape.recognition import Shape
 from tactile_node.simulator.figures import Skin, pressure_frame
-from tactile_node.simulator.world import CLASSES, Purpose, generator, random_contact
+from tactile_node.simulator.world import CLASSES, Contact, Purpose, generator, random_contact
 from training.ground_truth.raster import coverage
 
 WINDOW = Window(0, 0, 20, 20)
@@ -102,6 +102,16 @@ def test_field_conditions_leave_the_fit_near(contact):
     fit = fit_shape(values, pressed(values), Shape(contact.shape))
     assert np.hypot(fit.centre[0] - contact.x, fit.centre[1] - contact.y) < 0.15
     assert fit.dimensions == pytest.approx(contact.dimensions[:len(fit.dimensions)], rel=0.05)
+
+
+def test_a_frame_with_a_hole_is_a_square_by_its_outline():
+    outer = Contact('square', (9.0,), 10.2, 9.8, angle=0.4)
+    inner = Contact('square', (4.0,), 10.2, 9.8, angle=0.4)
+    rng = generator(Purpose.TEST, 4)
+    values = pressure_frame(outer, rng, 20, 20) - pressure_frame(inner, rng, 20, 20)
+    fit = fit_shape(values, values > 15e3, Shape.SQUARE)
+    assert fit.dimensions[0] == pytest.approx(9.0, abs=0.1)
+    assert fit.centre == pytest.approx((10.2, 9.8), abs=0.1)
 
 
 def test_shapes_without_an_outline_have_no_fit_and_wrong_input_is_refused():
