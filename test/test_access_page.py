@@ -22,11 +22,10 @@ ROOT = Path(__file__).resolve().parents[1]
 POLICY = ElementTree.parse(ROOT / 'examples/sros2_policy.xml').getroot()
 PADS, LAYOUT = ['left', 'right'], 'sim16x16.yaml'
 TIMEOUT = 60.0  # s, for a busy machine
-
-
+SUBSCRIBED = 'topics', 'subscribe'
 #: What a policy allows, and how ROS calls the endpoints
-ENDPOINTS = {('topics', 'publish'): 'publisher', ('topics', 'subscribe'): 'subscriber',
-             ('services', 'reply'): 'service', ('services', 'request'): 'client'}
+ENDPOINTS = {('topics', 'publish'): 'publisher', SUBSCRIBED: 'subscriber', ('services', 'reply'): 'service',
+             ('services', 'request'): 'client'}
 
 
 def graph_of(watcher, nodes) -> dict:
@@ -52,12 +51,11 @@ def graph() -> dict:
         watcher = rclpy.create_node('watcher')
         stack.callback(watcher.destroy_node)
         stack.enter_context(spinning(system.nodes))
-        before = settled(watcher, system.nodes).subscribed  # as apart: what is handed over is not subscribed to later
+        before = settled(watcher, system.nodes)[SUBSCRIBED]  # as apart: what is handed over is not subscribed to later
         system.autostart(Event())
         found = settled(watcher, system.nodes)
-        assert all(found.subscribed[key].items() <= before[key].items() for key in before)
-        found.subscribed = before
-        return found
+        assert all(found[SUBSCRIBED][key] <= before[key] for key in before)
+        return found | {SUBSCRIBED: before}
 
 
 def settled(watcher, nodes) -> dict:
