@@ -53,8 +53,9 @@ def page_of(report: Report) -> str:
     return environment().get_template('report.html').render(
         functions, report=report, recording=report.recording, begin=begin, end=report.recording.end, bus=report.bus,
         at=lambda stamp, digits=3: f'{stamp - begin:.{digits}f}', found=findings(report),
-        missing=damage_lines(report.recording.damages), smallest_contact=SMALLEST_CONTACT, absent_text=ABSENT_TEXT,
-        most_touches=MOST_TOUCHES, most_pictures=MOST_PICTURES, sample_period=f'{RECOGNITION_PERIOD:g}')
+        missing=[('missing', line) for line in damage_lines(report.recording.damages)],
+        smallest_contact=SMALLEST_CONTACT, absent_text=ABSENT_TEXT, most_touches=MOST_TOUCHES,
+        most_pictures=MOST_PICTURES, sample_period=f'{RECOGNITION_PERIOD:g}')
 
 
 def count_text(ends: Ends) -> str:
